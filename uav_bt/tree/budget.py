@@ -10,6 +10,7 @@ import logging
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.mission_tree import MissionTree
@@ -17,8 +18,8 @@ from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.observer import NodeEvent, observe
 
-_LOG = logging.getLogger(__name__)
-_BEGINNINGS = (NodeEvent.STARTED, NodeEvent.RAN, NodeEvent.HALTING)
+_log: Final = logging.getLogger(__name__)
+_BEGINNINGS: Final = (NodeEvent.STARTED, NodeEvent.RAN, NodeEvent.HALTING)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,39 +32,28 @@ class SlowLeaf:
 
 
 class BudgetWatch:
-    """Measures `initialise`, `update` and `terminate` of every leaf of a tree.
+    """Measures `initialise`, `update` and `terminate` of every leaf that is not of the format.
 
-    The format's built-in leaves never block and are not measured.
-
-    Args:
-        tree: the tree.
-        timer: the wall clock, seconds.
+    `timer` is the wall clock, in seconds.
     """
 
     def __init__(
         self, tree: MissionTree, *, timer: Callable[[], float] = time.perf_counter
     ) -> None:
+        self.worst_s: dict[str, float] = {}  # longest times beyond the budget, by path
         self._timer = timer
         self._began_s: float | None = None  # start time of the running leaf; at most one runs
         self._new: list[SlowLeaf] = []
-        self._worst_s: dict[str, float] = {}
         self.follow(tree)
 
     def follow(self, tree: MissionTree) -> None:
         """Measure the leaves of another tree as well."""
-        leaves = [leaf for leaf in tree.leaves() if type(leaf) not in BUILTIN_NODES]
-        observe(leaves, self._note)
-
-    @property
-    def worst_s(self) -> dict[str, float]:
-        """The longest time of each leaf that ever exceeded its budget, by path."""
-        return dict(self._worst_s)
+        observe([leaf for leaf in tree.leaves() if type(leaf) not in BUILTIN_NODES], self._note)
 
     def take(self) -> tuple[SlowLeaf, ...]:
         """Return the leaves that exceeded their budgets since the last call."""
-        taken = tuple(self._new)
-        self._new.clear()
-        return taken
+        taken, self._new = self._new, []
+        return tuple(taken)
 
     def _note(self, node: Node, event: NodeEvent) -> None:
         if event in _BEGINNINGS:
@@ -75,13 +65,12 @@ class BudgetWatch:
 
     def _exceeded(self, leaf: Leaf, took_s: float) -> None:
         self._new.append(SlowLeaf(path=leaf.path, took_s=took_s, budget_s=leaf.budget_s))
-        if took_s <= self._worst_s.get(leaf.path, 0.0):
-            return  # already reported with a longer time
-        self._worst_s[leaf.path] = took_s
-        _LOG.warning(
-            "leaf '%s' blocked for %.2f s, its budget is %.2f s: "
-            "it must answer at once and go on in the next tick",
-            leaf.path,
-            took_s,
-            leaf.budget_s,
-        )
+        if took_s > self.worst_s.get(leaf.path, 0.0):  # else reported with a longer time
+            self.worst_s[leaf.path] = took_s
+            _log.warning(
+                "leaf '%s' blocked for %.2f s, its budget is %.2f s: "
+                "it must answer at once and go on in the next tick",
+                leaf.path,
+                took_s,
+                leaf.budget_s,
+            )

@@ -10,18 +10,11 @@ from uav_bt.tree.script.values import truth
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 
 # In the engine's order, each with the status that a true one gives the node.
-_FORESTALLING: Final = (("_failureIf", FAILURE), ("_successIf", SUCCESS), ("_skipIf", SKIPPED))
-_WHILE: Final = "_while"
-ASKED: Final = frozenset({*dict(_FORESTALLING), _WHILE})
+_FORESTALLING: Final = {"_failureIf": FAILURE, "_successIf": SUCCESS, "_skipIf": SKIPPED}
+ASKED: Final = frozenset({*_FORESTALLING, "_while"})
 """The conditions whose value must be true or false."""
-_ON_SUCCESS: Final = "_onSuccess"
-_ON_FAILURE: Final = "_onFailure"
-_POST: Final = "_post"
-_ON_HALTED: Final = "_onHalted"
 
-CONDITION_ATTRIBUTES: Final = frozenset(
-    {*dict(_FORESTALLING), _WHILE, _ON_SUCCESS, _ON_FAILURE, _POST, _ON_HALTED}
-)
+CONDITION_ATTRIBUTES: Final = ASKED | {"_onSuccess", "_onFailure", "_post", "_onHalted"}
 
 
 def check_condition(text: str) -> str | None:
@@ -34,40 +27,21 @@ def check_condition(text: str) -> str | None:
 
 
 class Conditions:
-    """The conditions of one node.
-
-    Args:
-        given: scripts by attribute.
-
-    Raises:
-        ScriptError: one of them cannot be parsed.
-    """
+    """The conditions of one node, from its scripts by attribute."""
 
     def __init__(self, given: Mapping[str, str]) -> None:
         self.scripts: dict[str, Script] = {name: parse_script(text) for name, text in given.items()}
         self._forestalling = [
-            (self.scripts[name], status) for name, status in _FORESTALLING if name in self.scripts
+            (self.scripts[name], status)
+            for name, status in _FORESTALLING.items()
+            if name in self.scripts
         ]
-        self._while = self.scripts.get(_WHILE)
-        self._ended = {
-            SUCCESS: self._scripts(_ON_SUCCESS, _POST),
-            FAILURE: self._scripts(_ON_FAILURE, _POST),
-        }
-        self._halted = self._scripts(_ON_HALTED)
-
-    def _scripts(self, *names: str) -> list[Script]:
-        return [self.scripts[name] for name in names if name in self.scripts]
+        self._while = self.scripts.get("_while")
 
     def forestall(self, standing: Status, environment: Environment) -> Status | None:
         """Return the status that replaces the node's tick, or None to tick the node.
 
-        Args:
-            standing: the node's status. A running node is only asked `_while`; when that answers
-                SKIPPED, the caller halts the node.
-            environment: the names of the scripts.
-
-        Raises:
-            ScriptError: a script fails.
+        A running node is only asked `_while`; when that answers SKIPPED, the caller halts the node.
         """
         if standing is IDLE:
             for script, status in self._forestalling:
@@ -80,23 +54,15 @@ class Conditions:
         return None
 
     def ended(self, status: Status, environment: Environment) -> None:
-        """Run what belongs to an end with SUCCESS or FAILURE.
-
-        Args:
-            status: how the node ended.
-            environment: the names of the scripts.
-
-        Raises:
-            ScriptError: a script fails.
-        """
-        for script in self._ended[status]:
-            script.run(environment)
+        """Run what belongs to an end with SUCCESS or FAILURE."""
+        self._run("_onSuccess" if status is SUCCESS else "_onFailure", environment)
+        self._run("_post", environment)
 
     def halted(self, environment: Environment) -> None:
-        """Run what belongs to a halt.
+        """Run what belongs to a halt."""
+        self._run("_onHalted", environment)
 
-        Raises:
-            ScriptError: a script fails.
-        """
-        for script in self._halted:
+    def _run(self, name: str, environment: Environment) -> None:
+        script = self.scripts.get(name)
+        if script is not None:
             script.run(environment)

@@ -1,11 +1,11 @@
-"""Plain py_trees behaviours as leaves of tree files."""
+"""Behaviours of py_trees in our trees: plain ones as leaves, and a tree of theirs as the root."""
 
 from __future__ import annotations
 
 import enum
 import inspect
 import logging
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from functools import cache
 from typing import Any, ClassVar, Final, get_type_hints
 
@@ -13,9 +13,9 @@ from py_trees import common, decorators, timers
 from py_trees.behaviour import Behaviour
 
 from uav_bt.board.context import MissionContext
-from uav_bt.errors import InputError, MissionError
+from uav_bt.errors import InputError, MissionError, NodeFailedError
 from uav_bt.tree.leaf import Leaf
-from uav_bt.tree.node import Node
+from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.port import Port, Reference, parse_reference
 from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS, Status
 
@@ -30,11 +30,7 @@ class _ConstructorPort(Port[Any]):
     """A constructor argument. It must be a literal, since it is needed before the tree runs."""
 
     def bind(self, given: object) -> Any | Reference:
-        """Return the typed value.
-
-        Raises:
-            ValueError: the value is a reference or does not fit the port.
-        """
+        """Return the typed value; a reference is refused."""
         if isinstance(given, str) and parse_reference(given, self.name) is not None:
             raise ValueError(
                 f"a py_trees behaviour is constructed before any variable has a value: "
@@ -83,8 +79,8 @@ class ForeignLeaf(Leaf):
         """Set the behaviour up."""
         del mission
         self.behaviour.setup_with_descendants()
-        theirs = (one for one in self.behaviour.iterate() if not isinstance(one, Node))
-        warn_of_wall_clock(self.path, theirs)
+        for behaviour in _foreign(self.behaviour):
+            _warn_of_wall_clock(self, behaviour)
 
     def on_shutdown(self) -> None:
         """Shut down the behaviour and its descendants."""
@@ -94,10 +90,7 @@ class ForeignLeaf(Leaf):
     def update(self) -> Status:
         """Tick the behaviour and return its answer."""
         self._active = True
-        for ticked in self.behaviour.tick():
-            inside = ticked is not self.behaviour and not isinstance(ticked, Node)
-            if inside and ticked.status is common.Status.INVALID:
-                raise no_status(ticked, "INVALID or another value")
+        _tick(self.behaviour, above=self.behaviour)
         self.feedback_message = self.behaviour.feedback_message
         answered = self.behaviour.status
         status = SKIPPED if answered is common.Status.INVALID else Status[answered.name]
@@ -112,43 +105,116 @@ class ForeignLeaf(Leaf):
             self.behaviour.stop(common.Status.INVALID)
 
 
+class PyTreesRoot(Node):
+    """Ticks a tree of py_trees, in which nodes of ours may stand.
+
+    Composites of py_trees tick by the rules of py_trees. Their behaviours are set up as by
+    `BehaviourTree.setup(mission=...)`: `setup(**kwargs)` gets the `MissionContext` as `mission`.
+    The children of this node are the nodes of ours, each below the root's path; the behaviours of
+    py_trees between them are no nodes and have no events.
+    """
+
+    kind = NodeKind.CONTROL
+    max_children = None
+
+    def __init__(self, root: Behaviour) -> None:
+        if root.parent is not None:
+            raise InputError(
+                f"behaviour '{root.name}' stands below '{root.parent.name}': give the root of the "
+                "tree"
+            )
+        super().__init__(root.name)
+        self.behaviour = root
+        self.children = list(_uppermost(root))  # their parents stay those of py_trees
+        self._set_up: list[Behaviour] = []
+        self._active = False  # ticked and still running
+
+    @property
+    def author(self) -> type:
+        """The class of the root."""
+        return type(self.behaviour)
+
+    def _setup(self) -> None:
+        for behaviour in _foreign(self.behaviour):
+            behaviour.setup(mission=self.mission)
+            self._set_up.append(behaviour)
+        for behaviour in self._set_up:
+            _warn_of_wall_clock(self, behaviour)
+
+    def shutdown(self) -> None:
+        """Shut the behaviours of py_trees down; of several that raise, the first is raised."""
+        first: NodeFailedError | None = None
+        while self._set_up:
+            behaviour = self._set_up.pop(0)
+            try:
+                behaviour.shutdown()
+            except Exception as error:  # noqa: BLE001  (raised below, when all are shut down)
+                first = first or NodeFailedError(self.path, error, type(behaviour))
+        if first is not None:
+            raise first
+
+    def update(self) -> Status:
+        """Tick the tree of py_trees and return the answer of its root."""
+        self._active = True
+        _tick(self.behaviour)
+        self.feedback_message = self.behaviour.feedback_message
+        status = Status[self.behaviour.status.name]
+        self._active = status is RUNNING
+        return status
+
+    def _halt(self) -> None:
+        if self._active:
+            self._active = False
+            self.behaviour.stop(common.Status.INVALID)
+        super()._halt()
+
+
+def _uppermost(behaviour: Behaviour) -> Iterator[Node]:
+    """Yield the nodes of ours that stand directly below behaviours of py_trees."""
+    for child in behaviour.children:
+        if isinstance(child, Node):
+            yield child
+        else:
+            yield from _uppermost(child)
+
+
+def _foreign(behaviour: Behaviour) -> Iterator[Behaviour]:
+    """Yield the behaviours of py_trees, children first, as py_trees sets them up."""
+    return (each for each in behaviour.iterate() if not isinstance(each, Node))
+
+
+def _tick(behaviour: Behaviour, above: Behaviour | None = None) -> None:
+    """Tick a tree of py_trees; refuse INVALID of a behaviour other than `above`."""
+    for ticked in behaviour.tick():
+        invalid = ticked is not above and not isinstance(ticked, Node)
+        if invalid and ticked.status is common.Status.INVALID:
+            raise _no_status(ticked, "INVALID or another value")
+
+
 def _answering(behaviour: type[Behaviour]) -> type[Behaviour]:
     """Return a subclass whose `update` raises MissionError for an answer that is not a status."""
 
     def update(self: Behaviour) -> common.Status:
         status = behaviour.update(self)
         if not isinstance(status, common.Status):
-            raise no_status(self, repr(status))
+            raise _no_status(self, repr(status))
         return status
 
     body = {"__module__": behaviour.__module__, "__qualname__": behaviour.__qualname__}
     return type(behaviour.__name__, (behaviour,), {**body, "update": update})
 
 
-def warn_of_wall_clock(path: str, behaviours: Iterable[Behaviour]) -> None:
-    """Log a warning for each timer of py_trees.
-
-    Args:
-        path: Path of the node that ticks the behaviours.
-        behaviours: Behaviours of py_trees.
-    """
-    for behaviour in behaviours:
-        if isinstance(behaviour, _OF_WALL_CLOCK):
-            _log.warning(
-                "Warning: node '%s': '%s' of py_trees measures the computer's clock, not the "
-                "mission's; in a tree file use Sleep, Delay or Timeout",
-                path,
-                type(behaviour).__name__,
-            )
+def _warn_of_wall_clock(node: Node, behaviour: Behaviour) -> None:
+    if isinstance(behaviour, _OF_WALL_CLOCK):
+        _log.warning(
+            "Warning: node '%s': '%s' of py_trees measures the computer's clock, not the "
+            "mission's; in a tree file use Sleep, Delay or Timeout",
+            node.path,
+            type(behaviour).__name__,
+        )
 
 
-def no_status(behaviour: Behaviour, answer: str) -> MissionError:
-    """Return the error for an answer of a behaviour that is not a status.
-
-    Args:
-        behaviour: Behaviour of py_trees.
-        answer: Description of its answer.
-    """
+def _no_status(behaviour: Behaviour, answer: str) -> MissionError:
     name = type(behaviour).__qualname__
     return MissionError(f"update() of {name} must return a status of py_trees, got {answer}")
 
@@ -166,55 +232,44 @@ def leaf_of(behaviour: type[Behaviour]) -> type[ForeignLeaf]:
     """
     if not issubclass(behaviour, Behaviour) or issubclass(behaviour, Node):
         raise InputError(f"expected a class of py_trees behaviours, got {behaviour!r}")
-    where = f"{behaviour.__module__}.{behaviour.__qualname__}"
-    ports: list[Port[Any]] = []
     enums: dict[str, type[enum.Enum]] = {}
-    for name, parameter, kind in _arguments(where, behaviour):
-        if isinstance(kind, type) and issubclass(kind, enum.Enum):
-            enums[name] = kind
-        ports.append(_port(where, name, parameter, kind))
     body = {
         "__doc__": behaviour.__doc__,
         "__module__": behaviour.__module__,
         "__qualname__": behaviour.__qualname__,
         "node_id": behaviour.__name__,
-        "ports": tuple(ports),
+        "ports": tuple(_constructor_ports(behaviour, enums)),
         "behaviour_class": behaviour,
         "enums": enums,
     }
     return type(behaviour.__name__, (ForeignLeaf,), body)
 
 
-def _arguments(
-    where: str, behaviour: type[Behaviour]
-) -> Iterator[tuple[str, inspect.Parameter, Any]]:
+def _constructor_ports(
+    behaviour: type[Behaviour], enums: dict[str, type[enum.Enum]]
+) -> Iterator[Port[Any]]:
+    """Yield a port for each argument; `enums` gets the enumerations by argument."""
+    where = f"{behaviour.__module__}.{behaviour.__qualname__}"
     try:
         hints = get_type_hints(behaviour.__init__)
     except NameError as error:
         raise InputError(f"{where}: an annotation of its constructor: {error}") from error
-    skipped = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
-    for name, parameter in inspect.signature(behaviour).parameters.items():
-        if name == "name" or parameter.kind in skipped:
+    for name, argument in inspect.signature(behaviour).parameters.items():
+        if name == "name" or argument.kind in (argument.VAR_POSITIONAL, argument.VAR_KEYWORD):
             continue
+        what = f"{where}: argument '{name}' of its constructor"
         if name not in hints:
-            raise InputError(
-                f"{where}: argument '{name}' of its constructor has no annotation; {_EXPECTED}"
-            )
-        yield name, parameter, hints[name]
-
-
-def _port(where: str, name: str, parameter: inspect.Parameter, kind: Any) -> _ConstructorPort:
-    default = Port.REQUIRED if parameter.default is inspect.Parameter.empty else parameter.default
-    choices: tuple[str, ...] = ()
-    if isinstance(kind, type) and issubclass(kind, enum.Enum):
-        choices, default = tuple(kind.__members__), getattr(default, "name", default)
-        kind = str
-    if kind not in _TYPES:
-        raise InputError(
-            f"{where}: argument '{name}' of its constructor has a type that no port has: {kind}; "
-            f"{_EXPECTED}"
-        )
-    try:
-        return _ConstructorPort(name, kind, default, choices=choices)
-    except ValueError as error:
-        raise InputError(f"{where}: argument '{name}' of its constructor: {error}") from error
+            raise InputError(f"{what} has no annotation; {_EXPECTED}")
+        kind: Any = hints[name]
+        default = Port.REQUIRED if argument.default is argument.empty else argument.default
+        choices: tuple[str, ...] = ()
+        if isinstance(kind, type) and issubclass(kind, enum.Enum):
+            enums[name] = kind
+            choices, default = tuple(kind.__members__), getattr(default, "name", default)
+            kind = str
+        if kind not in _TYPES:
+            raise InputError(f"{what} has a type that no port has: {kind}; {_EXPECTED}")
+        try:
+            yield _ConstructorPort(name, kind, default, choices=choices)
+        except ValueError as error:
+            raise InputError(f"{what}: {error}") from error

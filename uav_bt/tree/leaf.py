@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, ClassVar, Self, TypeVar
 
 from uav_bt.board.blackboard import BoardView, Key, Reading
 from uav_bt.board.context import MissionContext
 from uav_bt.board.keys import PHASE
-from uav_bt.errors import MissionError, NodeFailedError, UnknownValueError
+from uav_bt.errors import MissionError, UnknownValueError
 from uav_bt.tree.flow import After, Follow, Known
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.observer import NodeEvent, Observer
@@ -60,11 +61,7 @@ class Leaf(Node):
 
     @classmethod
     def values_taken(cls, by_key: Mapping[Key[Any], Mapping[str, str]]) -> dict[str, str]:
-        """Select the attributes that this leaf accepts from those given for writers of board keys.
-
-        Args:
-            by_key: for each board key, the attribute values of the leaf that writes it.
-        """
+        """Select the attributes that this leaf accepts from those for writers of board keys."""
         ports = {port.name for port in cls.ports}
         given = (by_key.get(key, {}) for key in cls.writes)
         return {name: text for each in given for name, text in each.items() if name in ports}
@@ -148,31 +145,6 @@ class Leaf(Node):
         """Propose a camera direction for this tick."""
         self.mission.proposals.propose_gimbal(self.path, gimbal)
 
-    def inherit(self, former: Self) -> None:
-        """Call `on_inherit`; used by `MissionTree`.
-
-        Raises:
-            NodeFailedError: `on_inherit` raised.
-        """
-        try:
-            self.on_inherit(former)
-        except Exception as error:
-            raise NodeFailedError(self.path, error, self.author) from error
-
-    def shutdown(self) -> None:
-        """Call `on_shutdown` if the leaf is set up; used by `MissionTree` and trees of py_trees.
-
-        Raises:
-            NodeFailedError: `on_shutdown` raised.
-        """
-        if not self._is_open:
-            return
-        self._is_open = False
-        try:
-            self.on_shutdown()
-        except Exception as error:
-            raise NodeFailedError(self.path, error, self.author) from error
-
     # --- the engine's side ------------------------------------------------------------------------
 
     @property
@@ -199,11 +171,27 @@ class Leaf(Node):
         self.on_setup(mission)
         self._is_open = True
 
+    def inherit(self, former: Self) -> None:
+        """Call `on_inherit`; used by `MissionTree`."""
+        with self._naming_the_node():
+            self.on_inherit(former)
+
+    def shutdown(self) -> None:
+        """Call `on_shutdown` if the leaf is set up; used by `MissionTree` and trees of py_trees."""
+        if self._is_open:
+            self._is_open = False
+            with self._naming_the_node():
+                self.on_shutdown()
+
+    @contextmanager
+    def _naming_the_node(self) -> Iterator[None]:
+        try:
+            yield
+        except Exception as error:
+            raise self._failure(error) from error
+
     def _notify_work(self, observer: Observer) -> None:
-        if self.condition or self.node_status in (
-            IDLE,
-            RUNNING,
-        ):  # else not ticked again
+        if self.condition or self.node_status in (IDLE, RUNNING):  # else not ticked again
             super()._notify_work(observer)
 
     def _tick(self) -> Status:
@@ -248,10 +236,8 @@ class Leaf(Node):
     def _wrong_answer(self, status: object) -> str:
         *most, last = (answer.name for answer in self.answers)
         allowed = f"{', '.join(most)} or {last}" if most else last
-        return (
-            f"update() of {type(self).__qualname__} must return {allowed}, got {status!r}"
-            f"{': name it in `answers`' if isinstance(status, Status) else ''}"
-        )
+        hint = ": name it in `answers`" if isinstance(status, Status) else ""
+        return f"update() of {type(self).__qualname__} must return {allowed}, got {status!r}{hint}"
 
     def _end(self, new_status: Status) -> None:
         try:

@@ -29,65 +29,45 @@ LEAVES_FLAG: Final = "--leaves"
 
 @dataclass(frozen=True, kw_only=True)
 class OwnParts:
-    """Classes that Python files define.
+    """Classes that Python files define."""
 
-    Attributes:
-        nodes: Node classes and plain py_trees behaviours.
-        policies: Classes with `decide`, by name.
-        drones: Configuration dataclasses with `create`, by name.
-    """
-
-    nodes: tuple[type[Node | Behaviour], ...]
-    policies: Mapping[str, Any]
-    drones: Mapping[str, Any]
+    nodes: tuple[type[Node | Behaviour], ...]  # node classes and plain py_trees behaviours
+    policies: Mapping[str, Any]  # classes with `decide`, by name
+    drones: Mapping[str, Any]  # configuration dataclasses with `create`, by name
 
 
 def parts_of_files(files: Sequence[Path]) -> OwnParts:
     """Return the leaves, policies and drones that Python files define.
 
     A class counts if the file defines it, its name has no leading underscore, and it is not
-    abstract. A file is run once in a process; a second call returns the same classes.
-
-    Args:
-        files: Python files. Each is run with the rights of this process.
-
-    Raises:
-        FileError: A file does not exist, raises when it is run, defines nothing of the kind, or
-            defines a policy or a drone whose name is taken.
+    abstract. A file is run once in a process, with the rights of this process; a second call
+    returns the same classes.
     """
     nodes: list[type[Node | Behaviour]] = []
     policies: dict[str, Any] = {}
     drones: dict[str, Any] = {}
     for file in dict.fromkeys(files):
-        found = list(_classes_of(file))
-        leaves = [one for one in found if issubclass(one, Behaviour)]
-        others = [one for one in found if not issubclass(one, Behaviour)]
-        deciding = [one for one in others if callable(getattr(one, "decide", None))]
-        created = [one for one in others if _is_drone_config(one)]
-        if not (leaves or deciding or created):
+        before = len(nodes) + len(policies) + len(drones)
+        for one in _classes_of(file):
+            if issubclass(one, Behaviour):
+                nodes.append(one)
+                continue
+            if callable(getattr(one, "decide", None)):
+                _add(file, plugins.POLICIES, one, policies)
+            if is_dataclass(one) and callable(getattr(one, "create", None)):
+                _add(file, plugins.DRONES, one, drones)
+        if len(nodes) + len(policies) + len(drones) == before:
             raise FileError(
                 file,
                 "defines no leaf, policy or drone: expected a class that inherits "
                 "uav_bt.tree.Leaf or a behaviour, a class with `decide`, or a dataclass with "
                 "`create`",
             )
-        nodes += leaves
-        _add(file, plugins.POLICIES, deciding, policies)
-        _add(file, plugins.DRONES, created, drones)
     return OwnParts(nodes=tuple(nodes), policies=policies, drones=drones)
 
 
 def with_leaves(registry: NodeRegistry, files: Sequence[Path]) -> NodeRegistry:
-    """Return a registry that has the leaves and policies of Python files, too.
-
-    Args:
-        registry: Other nodes and policies.
-        files: Python files; see `parts_of_files`.
-
-    Raises:
-        FileError: A file cannot be used.
-        InputError: The id of a leaf is taken.
-    """
+    """Return a registry that has the leaves and policies of Python files, too."""
     if not files:
         return registry
     own = parts_of_files(files)
@@ -102,21 +82,11 @@ def _classes_of(file: Path) -> Iterator[type]:
             yield value
 
 
-def _is_drone_config(one: type) -> bool:
-    return is_dataclass(one) and callable(getattr(one, "create", None))
-
-
-def _add(file: Path, group: str, found: Sequence[type], known: dict[str, Any]) -> None:
-    """Add classes by their names.
-
-    Raises:
-        FileError: The name is taken, by an installed package or by another file.
-    """
-    for one in found:
-        name = one.__name__
-        if name in known or name in plugins.names(group):
-            raise FileError(file, f"'{name}' is taken already: give the class another name")
-        known[name] = one
+def _add(file: Path, group: str, one: type, known: dict[str, Any]) -> None:
+    name = one.__name__
+    if name in known or name in plugins.names(group):
+        raise FileError(file, f"'{name}' is taken already: give the class another name")
+    known[name] = one
 
 
 def _module_of(file: Path) -> ModuleType:
@@ -136,11 +106,10 @@ def _module_of(file: Path) -> ModuleType:
     sys.modules[name] = module  # dataclasses look their module up while it runs
     try:
         spec.loader.exec_module(module)
-    except SyntaxError as error:
-        del sys.modules[name]
-        where = error.filename or str(file)
-        raise FileError(where, f"is not valid Python: {error.msg}", error.lineno) from error
     except (Exception, SystemExit) as error:  # a user's file may raise anything
         del sys.modules[name]
+        if isinstance(error, SyntaxError):
+            where = error.filename or str(file)
+            raise FileError(where, f"is not valid Python: {error.msg}", error.lineno) from error
         raise FileError(file, f"cannot be run: {describe_failure(error)}") from error
     return module

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -15,12 +15,12 @@ from uav_bt.board import Key
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import InputError, MissionError, NodeFailedError, UavBtError, did_you_mean
+from uav_bt.tree.foreign import PyTreesRoot
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.findings import Position
 from uav_bt.tree.loading.lookup import Inclusion
 from uav_bt.tree.node import Node
 from uav_bt.tree.placing import place_tree
-from uav_bt.tree.py_trees_root import PyTreesRoot
 from uav_bt.tree.script import SCRIPTS, parse_script, parsed_by
 from uav_bt.tree.script.values import ONLY_LEAVES_WRITE
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
@@ -98,10 +98,8 @@ class MissionTree:
         allow_depth(max(node.path.count("/") for node in self.nodes()))
 
     def __repr__(self) -> str:
-        count, origin = sum(1 for _ in self.nodes()), self.origin
-        if self.sources and self.path.is_file():
-            origin = str(self.path)
-        return f"<MissionTree '{self.name}': {count} nodes, {origin}>"
+        origin = str(self.path) if self.sources and self.path.is_file() else self.origin
+        return f"<MissionTree '{self.name}': {sum(1 for _ in self.nodes())} nodes, {origin}>"
 
     def _repr_svg_(self) -> str:
         """Return the drawing that a notebook shows."""
@@ -139,9 +137,7 @@ class MissionTree:
 
     def leaves(self) -> Iterator[Leaf]:
         """Iterate over all leaves in the order of the file."""
-        for node in self.nodes():
-            if isinstance(node, Leaf):
-                yield node
+        return (node for node in self.nodes() if isinstance(node, Leaf))
 
     def find(self, name: str) -> Node:
         """Return the node of a path, or the only node of a name.
@@ -186,9 +182,7 @@ class MissionTree:
                 self.replaced.setdefault(node.path, {}).update(given)
 
     def setup(self, context: MissionContext) -> None:
-        """Set all nodes up for a mission, in the order of the file.
-
-        Where a leaf raises, those before it are shut down.
+        """Set all nodes up for a mission; where a leaf raises, those before it are shut down.
 
         Raises:
             InputError: a leaf cannot use a value given to it (a missing file, an unknown policy).
@@ -210,47 +204,25 @@ class MissionTree:
         self._ready = True
 
     def _check_scripts(self, board: Blackboard) -> None:
-        """Refuse scripts that write board keys; in a file the loader has done so.
-
-        Raises:
-            InputError: a script writes a key.
-        """
+        """Refuse scripts that write board keys; in a file the loader has done so."""
         for node in self.nodes():
             scripts = [parse_script(text) for text in node.condition_scripts.values()]
             for port in node.ports:
                 text = node.literals.get(port.name) if port.check in SCRIPTS else None
                 scripts += [parsed_by(port.check, text)] if isinstance(text, str) else []
-            for script in scripts:
-                for key in script.board_writes:
-                    if not board.scripts_may_write(key):
-                        what = f"node '{node.path}': '@{key}' is a board key"
-                        raise InputError(f"{what}; {ONLY_LEAVES_WRITE}")
+            for key in (key for script in scripts for key in script.board_writes):
+                if not board.scripts_may_write(key):
+                    what = f"node '{node.path}': '@{key}' is a board key"
+                    raise InputError(f"{what}; {ONLY_LEAVES_WRITE}")
 
     def shutdown(self) -> None:
-        """Shut all nodes down, also where an earlier one raises.
-
-        Raises:
-            NodeFailedError: a leaf's `on_shutdown` raised; the first of them.
-        """
-        first: NodeFailedError | None = None
-        for node in self.nodes():
-            try:
-                node.shutdown()
-            except NodeFailedError as error:
-                first = first or error
-        if first is not None:
-            raise first
+        """Shut all nodes down; of several that raise, the first error is raised at the end."""
+        _for_all(self.nodes(), lambda node: node.shutdown())
 
     def inherit(self, former: MissionTree) -> None:
-        """Hand the leaves the knowledge of a tree that this one replaces in flight.
+        """Hand the leaves the knowledge of a tree, halted, that this one replaces in flight.
 
         The first leaf of a class goes on from the first of that class there, and so on.
-
-        Args:
-            former: the other tree, halted; this one is set up for the same mission.
-
-        Raises:
-            NodeFailedError: an exception in a leaf's `on_inherit`.
         """
         leaves = list(former.leaves())
         for leaf in self.leaves():
@@ -276,15 +248,12 @@ class MissionTree:
             root.reset()
         try:
             return root.execute_tick()
-        except NodeFailedError as error:
-            self._halt_after(error)
+        except NodeFailedError as failure:
+            try:
+                self.halt()
+            except NodeFailedError as second:
+                failure.add_note(f"while halting the tree, also: {second}")
             raise
-
-    def _halt_after(self, failure: NodeFailedError) -> None:
-        try:
-            self.halt()
-        except NodeFailedError as second:
-            failure.add_note(f"while halting the tree, also: {second}")
 
     def halt(self) -> None:
         """Stop whatever runs; `terminate` of every running leaf is called, even if another raises.
@@ -292,32 +261,38 @@ class MissionTree:
         Raises:
             NodeFailedError: a leaf's `terminate` raised; the first of them, when all are halted.
         """
-        first: NodeFailedError | None = None
         if self.root.node_status is not RUNNING:
             self.root.set_status(IDLE)  # to the engine a finished root is idle at once
-        # As the engine does: the root, which passes it on, and then each node by itself, for those
-        # that it did not reach. `_onHalted` scripts of nodes that do not run are run, too.
-        for node in (self.root, *self.nodes()):
-            try:
-                node.halt()
-            except NodeFailedError as error:
-                first = first or error
-        for node in self.nodes():
-            node.set_status(IDLE)
-        if first is not None:
-            raise first
+        try:
+            # As the engine does: the root, which passes it on, and then each node by itself, for
+            # those that it did not reach. `_onHalted` scripts of all nodes are run.
+            _for_all((self.root, *self.nodes()), lambda node: node.halt())
+        finally:
+            for node in self.nodes():
+                node.set_status(IDLE)
 
     def active_nodes(self) -> tuple[Node, ...]:
         """Return the nodes along the running branch, from the root down; empty when idle."""
         nodes: list[Node] = []
-        node: Node | None = self.root if self.root.node_status is RUNNING else None
-        while node is not None:
-            nodes.append(node)
-            running = [child for child in node.children if child.node_status is RUNNING]
+        running = [self.root] if self.root.node_status is RUNNING else []
+        while running:
             # Of several, the last one: the mission comes after the perception that feeds it.
-            node = running[-1] if running else None
+            nodes.append(running[-1])
+            running = [each for each in nodes[-1].children if each.node_status is RUNNING]
         return tuple(nodes)
 
     def active_path(self) -> tuple[str, ...]:
         """Return the names along the running branch, from the root down; empty when idle."""
         return tuple(node.name for node in self.active_nodes())
+
+
+def _for_all(nodes: Iterable[Node], act: Callable[[Node], None]) -> None:
+    """Act on all nodes, then raise the first error."""
+    first: NodeFailedError | None = None
+    for node in nodes:
+        try:
+            act(node)
+        except NodeFailedError as error:
+            first = first or error
+    if first is not None:
+        raise first

@@ -132,19 +132,11 @@ class Node(NodeFlow, Behaviour):
         return {name: script.source for name, script in self._conditions.scripts.items()}
 
     def open_scope(self, outer: Variables) -> Variables:
-        """Return the variables that the children use: those of the node's own tree.
-
-        Args:
-            outer: the variables of the tree that the node stands in.
-        """
+        """Return the variables that the children use; `outer` are those of the node's tree."""
         return outer
 
     def setup(self, mission: MissionContext | None = None, **_kwargs: Any) -> None:
-        """Hand the node its mission; py_trees' own `BehaviourTree.setup(mission=...)` works too.
-
-        Raises:
-            MissionError: no mission was given.
-        """
+        """Hand the node its mission; py_trees' own `BehaviourTree.setup(mission=...)` works too."""
         if mission is None:
             raise MissionError(f"node '{self.path}': {NO_CONTEXT}")
         self._mission = mission
@@ -155,7 +147,7 @@ class Node(NodeFlow, Behaviour):
         except InputError:
             raise
         except Exception as error:
-            raise NodeFailedError(self.path, error, self.author) from error
+            raise self._failure(error) from error
 
     def _setup(self) -> None:
         """Get ready for the first tick; for subclasses."""
@@ -170,53 +162,36 @@ class Node(NodeFlow, Behaviour):
         Raises:
             NodeFailedError: an exception came out of this node or of one below it.
         """
-        if self.observer is not None or self._conditions is not None:
-            return self._tick_watched()
-        # The same for a node that is not observed and has no conditions, which most are.
+        observer = self.observer
         try:
             try:
-                status = self._tick()
+                if observer is None and self._conditions is None:  # as most nodes are
+                    status = self._tick()
+                else:
+                    status = self._tick_guarded(observer)
             except UnknownValueError as unknown:
                 status = self._fail(unknown)
-        except NodeFailedError:
-            raise
         except Exception as error:
-            raise NodeFailedError(self.path, error, self.author) from error
-        if status is not SKIPPED:
+            failure = error if isinstance(error, NodeFailedError) else self._failure(error)
+            if observer is not None and failure.node_path == self.path:
+                observer(self, NodeEvent.RAISED)
+            if failure is error:
+                raise
+            raise failure from error
+        if observer is not None:
+            if status is not SKIPPED:
+                self.set_status(status)
+            observer(self, _ANSWERED[status.value])
+        elif status is not SKIPPED:
             self.node_status = status
         return status
 
-    def _tick_watched(self) -> Status:
-        observer = self.observer
+    def _tick_guarded(self, observer: Observer | None) -> Status:
         conditions = self._conditions
         try:
-            if conditions is None:
-                if observer is not None:
-                    self._notify_work(observer)
-                try:
-                    status = self._tick()
-                except UnknownValueError as unknown:
-                    status = self._fail(unknown)
-            else:
-                status = self._guarded(conditions, observer)
-        except Exception as error:
-            failure = error if isinstance(error, NodeFailedError) else None
-            if observer is not None and (failure is None or failure.node_path == self.path):
-                observer(self, NodeEvent.RAISED)
-            if failure is None:
-                raise NodeFailedError(self.path, error, self.author) from error
-            raise
-        if status is not self.node_status and status is not SKIPPED:
-            self.node_status = status
-            if observer is not None:
-                observer(self, NodeEvent.STATUS)
-        if observer is not None:
-            observer(self, _ANSWERED[status.value])
-        return status
-
-    def _guarded(self, conditions: Conditions, observer: Observer | None) -> Status:
-        try:
-            status = conditions.forestall(self.node_status, self.environment)
+            status = None
+            if conditions is not None:
+                status = conditions.forestall(self.node_status, self.environment)
             if status is None:
                 if observer is not None:
                     self._notify_work(observer)
@@ -225,13 +200,16 @@ class Node(NodeFlow, Behaviour):
                 self.halt()
         except UnknownValueError as unknown:
             status = self._fail(unknown)
-        if status is SUCCESS or status is FAILURE:
+        if conditions is not None and (status is SUCCESS or status is FAILURE):
             try:
                 conditions.ended(status, self.environment)
             except UnknownValueError as unknown:
                 self._tell(unknown)
                 status = FAILURE
         return status
+
+    def _failure(self, error: Exception) -> NodeFailedError:
+        return NodeFailedError(self.path, error, self.author)
 
     def _fail(self, unknown: UnknownValueError) -> Status:
         """End the node because it reads a value that is not known; halt what runs below it."""
@@ -248,11 +226,7 @@ class Node(NodeFlow, Behaviour):
             _log.warning("Warning: node '%s' fails: %s", self.path, unknown)
 
     def update(self) -> Status:
-        """Do the work of one tick without blocking and return the status. Conditions come before.
-
-        Raises:
-            NotImplementedError: the class does not override this method.
-        """
+        """Do the work of one tick, without blocking, and return the status."""
         raise NotImplementedError(f"{type(self).__qualname__} must define update()")
 
     def _notify_work(self, observer: Observer) -> None:
@@ -266,11 +240,7 @@ class Node(NodeFlow, Behaviour):
                 self.observer(self, NodeEvent.STATUS)
 
     def halt(self) -> None:
-        """Stop this node and all below; running leaves get `terminate`.
-
-        Raises:
-            NodeFailedError: a leaf's `terminate` or a script raised.
-        """
+        """Stop this node and all below; running leaves get `terminate`."""
         observer = self.observer if self.node_status is RUNNING else None
         if observer is not None:
             observer(self, NodeEvent.HALTING)
@@ -283,7 +253,7 @@ class Node(NodeFlow, Behaviour):
         except NodeFailedError:
             raise
         except Exception as error:
-            raise NodeFailedError(self.path, error, self.author) from error
+            raise self._failure(error) from error
         finally:
             if observer is not None:
                 observer(self, NodeEvent.HALTED)

@@ -35,11 +35,7 @@ class NodePorts:
 
     @classmethod
     def ports_over(cls, children: int) -> tuple[Port[Any], ...]:
-        """Return the ports with the ranges that hold over a number of children.
-
-        Args:
-            children: how many children the node has in its tree.
-        """
+        """Return the ports with the ranges that hold over a number of children."""
         del children
         return cls.ports
 
@@ -76,11 +72,7 @@ class NodePorts:
 
     @property
     def mission(self) -> MissionContext:
-        """The mission that the tree was set up for.
-
-        Raises:
-            MissionError: it was not.
-        """
+        """The mission that the tree was set up for."""
         if self._mission is None:
             raise MissionError(f"node '{self.path}' is not set up: call MissionTree.setup first")
         return self._mission
@@ -136,23 +128,15 @@ class NodePorts:
         self.place(self.path, self._variables)
 
     def place(self, path: str, variables: Variables) -> None:
-        """Give the node its place in a tree; `MissionTree` does.
-
-        Args:
-            path: of the node, unique in its tree.
-            variables: of the tree that it stands in.
-        """
+        """Give the node its path and the variables of its tree; `MissionTree` does."""
         self.path = path
         self._variables = variables
         self._environment = None
-        self._references = {
-            name: self._placed(reference, variables) for name, reference in self._given.items()
-        }
-
-    @staticmethod
-    def _placed(reference: Reference, variables: Variables) -> Reference:
-        key = None if reference.on_board else variables.board_key(reference.key)
-        return reference if key is None else Reference(key, on_board=True)
+        self._references = dict(self._given)
+        for name, reference in self._given.items():
+            key = None if reference.on_board else variables.board_key(reference.key)
+            if key is not None:
+                self._references[name] = Reference(key, on_board=True)
 
     @property
     def _board(self) -> Blackboard | BoardView:
@@ -187,18 +171,9 @@ class NodePorts:
         return self._resolve(self._declared(name)) if value is _NO_LITERAL else value
 
     def initial_value(self, port: Port[T]) -> T | None:
-        """Return a port's value before the tree runs.
+        """Return a port's value before the tree runs; None where only the flight gives one.
 
         It is the literal, or the entry of a subtree that is the variable's first value.
-
-        Args:
-            port: one of the node's.
-
-        Returns:
-            The value. None where only the flight gives one, or a board key does.
-
-        Raises:
-            BoardAccessError: the variable's value does not fit the port.
         """
         if port.name in self._literals:
             return self.port(port)
@@ -214,22 +189,16 @@ class NodePorts:
         if reference is None:
             return Reading(self.port(port), 0.0)
         if reference.on_board:
-            reading = self._board.read(self._board_key(reference))
-            if reading.value is None:
-                return Reading(None, reading.age_s)
-            return Reading(self._converted(port, reading.value), reading.age_s)
-        entry = self._variables.entry(reference.key)
-        if entry is None:
-            return Reading(None, float("inf"))
-        return Reading(self._converted(port, entry.value), 0.0)
+            reading: Reading[Any] = self._board.read(self._board_key(reference))
+        else:
+            entry = self._variables.entry(reference.key)
+            reading = Reading(None, math.inf) if entry is None else Reading(entry.value, 0.0)
+        if reading.value is None:
+            return reading
+        return Reading(self._converted(port, reading.value), reading.age_s)
 
     def set_port(self, port: Port[T], value: T) -> None:
-        """Write an output port's variable or board key; an unconnected port writes nothing.
-
-        Args:
-            port: the output port.
-            value: in the unit of the port.
-        """
+        """Write an output port's variable or board key; an unconnected port writes nothing."""
         reference = self._references.get(port.name)
         if reference is None:
             return  # not connected
@@ -257,24 +226,17 @@ class NodePorts:
         else:
             entry = self._variables.entry(reference.key)
             value = None if entry is None else entry.value
-        if value is None:
-            error = UnknownValueError if reference.on_board else BoardAccessError
-            raise error(
-                f"node '{self.path}', port '{port.name}': {self._given[port.name]} "
-                f"{self._emptiness(port, reference)}"
-            )
-        return self._converted(port, value)
-
-    def _emptiness(self, port: Port[Any], reference: Reference) -> str:
-        """Return why a reference has no value: unset, too old, or never written, and by whom."""
+        if value is not None:
+            return self._converted(port, value)
+        what = f"node '{self.path}', port '{port.name}': {self._given[port.name]}"
         if not reference.on_board:
-            return "holds nothing"
+            raise BoardAccessError(f"{what} holds nothing")
         age_s = self.port_reading(port).age_s
         if math.isfinite(age_s):
-            return f"holds nothing fresh (age {age_s:.2f} s)"
-        key = self._keys.get(reference.key)
-        writer = "" if key is None else key.writer
-        return f"was never written{f'; {writer} writes it' if writer else ''}"
+            raise UnknownValueError(f"{what} holds nothing fresh (age {age_s:.2f} s)")
+        writer = self._board_key(reference).writer
+        hint = f"; {writer} writes it" if writer else ""
+        raise UnknownValueError(f"{what} was never written{hint}")
 
     def _converted(self, port: Port[T], value: object) -> T:
         if type(value) is port.type and port.takes_all:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 
@@ -38,45 +37,34 @@ class Observed(Protocol):
     observer: Observer | None
 
 
-@dataclass(frozen=True)
-class _Observers:
+class _Observers(tuple[Observer, ...]):
     """Several observers in one slot."""
 
-    observers: tuple[Observer, ...]
+    __slots__ = ()
 
     def __call__(self, node: Observed, event: NodeEvent) -> None:
-        for observer in self.observers:
+        for observer in self:
             observer(node, event)
 
 
 def observe(nodes: Iterable[Observed], observer: Observer) -> None:
-    """Notify an observer from now on, after those that the nodes already have.
-
-    Args:
-        nodes: which nodes.
-        observer: is called with each node and event.
-    """
+    """Notify an observer from now on, after those that the nodes already have."""
     for node in nodes:
-        node.observer = _joined((*_observers(node), observer))
+        _fill(node, [*_observers(node), observer])
 
 
 def unobserve(nodes: Iterable[Observed], observer: Observer) -> None:
-    """Notify an observer no longer; nodes that do not have it are left as they are.
-
-    Args:
-        nodes: which nodes.
-        observer: the one that was given to `observe`.
-    """
+    """Notify an observer no longer; nodes that do not have it are left as they are."""
     for node in nodes:
-        node.observer = _joined(tuple(one for one in _observers(node) if one != observer))
+        _fill(node, [one for one in _observers(node) if one != observer])
 
 
 def _observers(node: Observed) -> tuple[Observer, ...]:
     slot = node.observer
-    if slot is None:
-        return ()
-    return slot.observers if isinstance(slot, _Observers) else (slot,)
+    if isinstance(slot, _Observers):
+        return slot
+    return () if slot is None else (slot,)
 
 
-def _joined(observers: tuple[Observer, ...]) -> Observer | None:
-    return _Observers(observers) if len(observers) > 1 else next(iter(observers), None)
+def _fill(node: Observed, observers: list[Observer]) -> None:
+    node.observer = _Observers(observers) if len(observers) > 1 else next(iter(observers), None)

@@ -10,29 +10,17 @@ from uav_bt.tree.variables import Variables
 
 
 def child_paths(parent: str, names: Sequence[str]) -> list[str]:
-    """Return the paths of a node's children; the second of one name gets `#2`.
-
-    Args:
-        parent: the parent's path.
-        names: of its children, in order.
-    """
+    """Return the paths of a node's children by their names; the second of one name gets `#2`."""
     seen: Counter[str] = Counter()
     paths: list[str] = []
     for name in names:
         seen[name] += 1
-        number = f"#{seen[name]}" if seen[name] > 1 else ""
-        paths.append(f"{parent}/{name}{number}")
+        paths.append(f"{parent}/{name}" + (f"#{seen[name]}" if seen[name] > 1 else ""))
     return paths
 
 
 def place_tree(root: Node, path: str, variables: Variables) -> None:
-    """Place a node and all nodes below it.
-
-    Args:
-        root: the uppermost node.
-        path: of the root.
-        variables: of the tree that the root stands in; every subtree below gets a scope in them.
-    """
+    """Place a node in the variables of its tree, and all below; each subtree gets a scope."""
     root.place(path, variables)
     inner = root.open_scope(variables)
     paths = child_paths(path, [child.name for child in root.children])

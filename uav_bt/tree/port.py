@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Final, Generic, Literal, TypeVar
+from typing import Any, ClassVar, Final, Generic, Literal, NamedTuple, TypeVar
 
 from uav_bt.errors import InputError, did_you_mean
 from uav_bt.tree.script import parse_text
@@ -20,20 +20,19 @@ T = TypeVar("T")
 RESERVED_ATTRIBUTES: Final = frozenset({"ID", "name"})
 
 _MAX_INTEGER: Final = 2**63  # largest magnitude that the format's engine reads
+_MAX_DIGITS: Final = 400  # more than any number needs; Python refuses to read 5,000
 _PORT_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 REFERENCE_KEY: Final = r"[A-Za-z_][A-Za-z0-9_.\-]*|="
 _REFERENCE: Final = re.compile(rf"\s*\{{\s*(?P<board>@?)(?P<key>{REFERENCE_KEY})\s*\}}\s*")
 
 
-@dataclass(frozen=True)
-class PortType:
+class PortType(NamedTuple):
     """How the values of a type are written."""
 
     words: str  # name in messages
     cpp_name: str  # name in graphical editors and other engines of the format
-    # Regular expression of the literals, for Python and XML Schema; None: any text. It accepts only
-    # literals that the format's engine reads: no underscores, "inf", hexadecimal digits or plus
-    # sign. Only blanks may follow a number.
+    # Of the literals, for Python and XML Schema; None: any text. Only literals that the format's
+    # engine reads: no underscores, "inf", hexadecimal digits or plus sign; blanks only at the end.
     pattern: str | None = None
 
 
@@ -60,14 +59,9 @@ class Reference:
 
 
 def parse_reference(text: str, port_name: str) -> Reference | None:
-    """Parse an attribute's text as a reference; return None when it is a literal.
+    """Return the reference that an attribute's text is, or None when it is a literal.
 
-    Args:
-        text: the attribute's value.
-        port_name: the key that `{=}` stands for.
-
-    Raises:
-        ValueError: the text has the braces of a reference but contains no valid key.
+    `{=}` stands for the port's name. Braces around no valid key raise a ValueError.
     """
     match = _REFERENCE.fullmatch(text)
     if match is not None:
@@ -86,52 +80,30 @@ class _Required:
 
 @dataclass(frozen=True)
 class Port(Generic[T]):
-    """A typed attribute of a node.
-
-    Attributes:
-        name: name of the attribute in a tree file and of the keyword argument in Python.
-        type: type of the value. int, float, bool and str are written as literals; a port of any
-            other type takes references only.
-        default: a value, a reference such as "{@mark}" (in braces), or `Port.REQUIRED`.
-        doc: description in one line, with the unit.
-        direction: whether the node reads the value, writes it, or both.
-        choices: the allowed values; empty: any value of the type.
-        least: lower bound of a number, inclusive; None: no bound.
-        most: upper bound of a number, inclusive; None: no bound.
-        check: raises a ValueError or an InputError for an invalid value; its message names the
-            expected value.
-        look_up: raises such an error when the named file or network does not exist. `uav-bt check`
-            calls it; dry runs and benches, which load nothing, do not.
-        takes: of a port of type `object`, the types of the values that it can use; None: all.
-        at_setup: whether the leaf reads the port in `on_setup`, so that its value is needed before
-            the take-off.
-        sample: a value for examples of a required port with a check.
-        places: whether the value is a list of places, in which a tree file may name files of
-            places (`file:rounds.csv`). The loader replaces them by their content.
-        caution: returns a warning about a valid but unusual value, such as one beyond the usual
-            limits, or None. `uav-bt check` prints the warning.
-
-    Raises:
-        ValueError: the name is not a valid attribute name, or a port with a range is not a number.
-    """
+    """A typed attribute of a node, given in a tree file or as a keyword argument in Python."""
 
     REQUIRED: ClassVar[Any] = _Required()
 
     name: str
+    # int, float, bool and str are written as literals; any other type takes references only.
     type: type[T]
-    default: T | str = REQUIRED
-    doc: str = ""
-    direction: Literal["input", "output", "inout"] = "input"
-    choices: tuple[T, ...] = ()
-    least: float | None = None
+    default: T | str = REQUIRED  # a value, a reference such as "{@mark}" in braces, or REQUIRED
+    doc: str = ""  # in one line, with the unit
+    direction: Literal["input", "output", "inout"] = "input"  # reads the value, writes it, or both
+    choices: tuple[T, ...] = ()  # the allowed values; empty: any value of the type
+    least: float | None = None  # bounds of a number, inclusive
     most: float | None = None
+    # Raises a ValueError or InputError for an invalid value, which says what is expected.
     check: Callable[[T], object] | None = None
+    # Raises likewise when the named file or network does not exist. `uav-bt check` calls it; dry
+    # runs and benches, which load nothing, do not.
     look_up: Callable[[T], object] | None = None
+    # Returns a warning of `uav-bt check` about a valid but unusual value, or None.
     caution: Callable[[T], str | None] | None = None
-    sample: str = ""
-    takes: tuple[Any, ...] | None = None
-    at_setup: bool = False
-    places: bool = False
+    sample: str = ""  # a value for examples of a required port with a check
+    takes: tuple[Any, ...] | None = None  # for type `object`: the types that it can use; None: all
+    at_setup: bool = False  # read in `on_setup`, so that its value is needed before the take-off
+    places: bool = False  # a list of places, which may come from a file (`file:rounds.csv`)
 
     def __post_init__(self) -> None:
         if not _PORT_NAME.fullmatch(self.name) or self.name in RESERVED_ATTRIBUTES:
@@ -160,25 +132,15 @@ class Port(Generic[T]):
         """Allowed range of a number, in words; empty without a range."""
         if self.least is None:
             return "" if self.most is None else f"{self.most:g} or less"
-        return (
-            f"{self.least:g} or more" if self.most is None else f"{self.least:g} to {self.most:g}"
-        )
+        return f"{self.least:g} " + ("or more" if self.most is None else f"to {self.most:g}")
 
     @cached_property
     def bound_default(self) -> T | Reference:
-        """The default as `bind` returns it, computed once because most nodes use it.
-
-        Raises:
-            ValueError: the default does not fit the port.
-        """
+        """The default as `bind` returns it, computed once because most nodes use it."""
         return self.bind(self.default)
 
     def bind(self, given: object) -> T | Reference:
-        """Convert a value of a tree file or of Python to a checked value or a reference.
-
-        Raises:
-            ValueError: the value fits neither; the message names the expected type.
-        """
+        """Return a value of a tree file or of Python, checked, or a reference."""
         if isinstance(given, str) and self.check is not parse_text:  # it fills in its own names
             reference = parse_reference(given, self.name)
             if reference is not None:
@@ -188,19 +150,14 @@ class Port(Generic[T]):
         return self.convert(given)
 
     def convert(self, value: object) -> T:
-        """Return a value as this port's type; texts are parsed.
-
-        Raises:
-            ValueError: the value does not fit; the message names the expected type.
-        """
+        """Return a value as this port's type; a ValueError says which one it expects."""
         typed: Any = self._parse(value) if isinstance(value, str) else self._cast(value)
         if self.choices and typed not in self.choices:
             known = [str(choice) for choice in self.choices]
             hint = did_you_mean(str(typed), known)
             raise ValueError(f"expected one of {', '.join(known)}; got '{typed}'{hint}")
-        if not (self.least is None or typed >= self.least) or not (
-            self.most is None or typed <= self.most
-        ):
+        least, most = (-math.inf if self.least is None else self.least), self.most
+        if self.range and not least <= typed <= (math.inf if most is None else most):
             raise ValueError(f"expected {self.range}, got {typed}")
         if self.check is not None:
             try:
@@ -214,9 +171,6 @@ class Port(Generic[T]):
 
         As the engine does, and unlike `convert`, this takes 0 and 1 (what scripts make of `false`
         and `true`) as truth values and writes numbers out as texts.
-
-        Raises:
-            ValueError: the value does not fit; the message names the expected type.
         """
         if isinstance(value, (int, float)) and not isinstance(value, bool):
             if self.type is bool and value in {0, 1}:
@@ -229,16 +183,16 @@ class Port(Generic[T]):
         if self.type in {str, object}:
             return text
         known = PORT_TYPES.get(self.type)
-        if known is not None and known.pattern and re.fullmatch(known.pattern, text):
+        pattern = known.pattern if known is not None and known.pattern else "(?!)"
+        if len(text) <= _MAX_DIGITS and re.fullmatch(pattern, text):
             if self.type is bool:
                 return text.lower() in {"true", "1"}
             value: Any = self.type(text)  # type: ignore[call-arg]  # int or float
             if abs(value) < (_MAX_INTEGER if self.type is int else math.inf):
                 return value
-        hint = ""
         bare = text.strip().removeprefix("+")
-        if known is not None and known.pattern and re.fullmatch(known.pattern, bare):
-            hint = f": write '{bare}', without blanks or a plus before it"
+        cure = bare != text and re.fullmatch(pattern, bare) is not None
+        hint = f": write '{bare}', without blanks or a plus before it" if cure else ""
         raise ValueError(f"expected {self._type_words()}, got '{text}'{hint}")
 
     def _cast(self, value: object) -> object:
@@ -260,31 +214,23 @@ class Port(Generic[T]):
 
 def port_text(value: object) -> str:
     """Return a port's value as a tree file has it."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return str(value)
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def bind_ports(
-    ports: Iterable[Port[Any]], given: dict[str, object], also: Iterable[str] = ()
+    ports: Iterable[Port[Any]], given: Mapping[str, object], also: Iterable[str] = ()
 ) -> tuple[dict[str, Any], dict[str, str]]:
-    """Bind all ports of a node at once.
+    """Return the bound values or references by port, and the errors by attribute.
 
-    Args:
-        ports: the node's declared ports.
-        given: values by attribute name.
-        also: other attributes that the node may have, for suggestions.
-
-    Returns:
-        The bound values or references by port, and the errors by attribute.
+    `also` are other attributes that the node may have, for suggestions.
     """
     bound: dict[str, Any] = {}
-    wrong: dict[str, str] = {}
     by_name = {port.name: port for port in ports}
-    for name in given:
-        if name not in by_name:
-            hint = did_you_mean(name, [*by_name, *also])
-            wrong[name] = f"unknown attribute '{name}'{hint}"
+    wrong = {
+        name: f"unknown attribute '{name}'{did_you_mean(name, [*by_name, *also])}"
+        for name in given
+        if name not in by_name
+    }
     for name, port in by_name.items():
         if name not in given and port.default is Port.REQUIRED:
             if port.required:
@@ -298,16 +244,7 @@ def bind_ports(
 
 
 def check_declared(owner: type, name: str, kind: type) -> None:
-    """Refuse a class attribute that is not a tuple or list of objects of one kind.
-
-    Args:
-        owner: the node class.
-        name: the attribute.
-        kind: of its elements.
-
-    Raises:
-        TypeError: it is something else, such as `(HEIGHT)` without the comma.
-    """
+    """Refuse a class attribute that is no tuple of objects of one kind, as `(HEIGHT)` is none."""
     declared = getattr(owner, name)
     if not isinstance(declared, (tuple, list)) or not all(isinstance(e, kind) for e in declared):
         raise TypeError(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import InitVar, dataclass, field, replace
 from typing import Any, Final
 
 from py_trees.behaviour import Behaviour
@@ -20,25 +21,18 @@ from uav_bt.tree.nodes import BUILTIN_NODES
 _log: Final = logging.getLogger(__name__)
 
 
+@dataclass(eq=False, kw_only=True)
 class NodeRegistry:
-    """Node classes by their id. Holds the format's own from the start.
+    """Node classes by their id: the format's own, and further nodes or py_trees behaviours."""
 
-    Args:
-        nodes: further classes: nodes, or plain py_trees behaviours, which become leaf classes.
-        policies: names of the leaf policies that a tree file may name; None: any.
+    nodes: InitVar[Iterable[type[Node | Behaviour]]] = field(default=(), kw_only=False)
+    policies: Collection[str] | None = None  # leaf policies that a tree may name; None: any
+    factories: Mapping[str, Any] = field(default_factory=dict)  # of policies of no package, by name
+    faults: tuple[str, ...] = ()  # of installed packages, whose nodes are missing here
+    enum_members: Mapping[str, int] = field(default_factory=dict)  # of a palette, for scripts
+    foreign_board: bool = False  # trees of another engine name keys of a board that is not ours
 
-    Raises:
-        InputError: a class is neither, its id is taken, or an argument cannot be a port.
-    """
-
-    def __init__(
-        self, nodes: Iterable[type[Node | Behaviour]] = (), *, policies: Iterable[str] | None = None
-    ) -> None:
-        self.policies = None if policies is None else frozenset(policies)
-        self.factories: dict[str, Any] = {}  # of policies that no package registers, by name
-        self.faults: tuple[str, ...] = ()  # of installed packages, whose nodes are missing here
-        self.enum_members: dict[str, int] = {}  # of a palette's enumerations, for scripts
-        self.foreign_board = False  # trees of another engine name keys of a board that is not ours
+    def __post_init__(self, nodes: Iterable[type[Node | Behaviour]]) -> None:
         self._nodes: dict[str, type[Node]] = {}
         for node in (*BUILTIN_NODES, *nodes):
             self._add(node)
@@ -52,12 +46,10 @@ class NodeRegistry:
 
         An entry point of the group `uav_bt.behaviours` names an iterable of node classes, or of
         py_trees behaviours. Unusable entries are left out: `faults` has them with the reasons, a
-        warning is logged, and a tree file with such a node is refused with the reason.
-
-        Raises:
-            InputError: two packages use one name for different nodes.
+        warning is logged, and a tree file with such a node is refused with the reason. Two packages
+        that use one name for different nodes raise an InputError.
         """
-        registry = cls(policies=plugins.names(plugins.POLICIES))
+        registry = cls(policies=frozenset(plugins.names(plugins.POLICIES)))
         for name in plugins.names(plugins.BEHAVIOURS):
             try:
                 nodes = _nodes_of(name)
@@ -76,44 +68,22 @@ class NodeRegistry:
         return registry
 
     def with_nodes(self, *nodes: type[Node | Behaviour]) -> NodeRegistry:
-        """Return a registry that has further nodes: `NodeRegistry.installed().with_nodes(Peek)`.
-
-        Args:
-            nodes: node classes, or plain py_trees behaviours, which become leaf classes.
-
-        Raises:
-            InputError: it is neither, its id is taken, or an argument cannot be a port.
-        """
-        return self._copy((*self._nodes.values(), *nodes), self.policies)
+        """Return a registry that has further nodes: `NodeRegistry.installed().with_nodes(Peek)`."""
+        return replace(self, nodes=(*self._nodes.values(), *nodes))
 
     def with_replaced(self, nodes: Mapping[str, type[Node]]) -> NodeRegistry:
         """Return a registry that has other classes for nodes of these ids."""
-        return self._copy({**self._nodes, **nodes}.values(), self.policies)
+        return replace(self, nodes={**self._nodes, **nodes}.values())
 
     def with_policies(self, factories: Mapping[str, Any]) -> NodeRegistry:
-        """Return a registry of the same nodes that has further policies.
-
-        Args:
-            factories: classes of policies, or policies, by the names that tree files give them.
-        """
-        known = None if self.policies is None else self.policies.union(factories)
-        registry = self._copy(self._nodes.values(), known)
-        registry.factories.update(factories)
-        return registry
+        """Return a registry of the same nodes with further policies, or their classes, by name."""
+        known = None if self.policies is None else {*self.policies, *factories}
+        both = {**self.factories, **factories}
+        return replace(self, nodes=self._nodes.values(), policies=known, factories=both)
 
     def with_any_policy(self) -> NodeRegistry:
         """Return a registry of the same nodes that accepts any policy's name, for benches."""
-        return self._copy(self._nodes.values(), None)
-
-    def _copy(
-        self, nodes: Iterable[type[Node | Behaviour]], policies: Iterable[str] | None
-    ) -> NodeRegistry:
-        registry = NodeRegistry(nodes, policies=policies)
-        registry.faults = self.faults
-        registry.factories = dict(self.factories)
-        registry.foreign_board = self.foreign_board
-        registry.enum_members = dict(self.enum_members)
-        return registry
+        return replace(self, nodes=self._nodes.values(), policies=None)
 
     def _add(self, node: type[Node | Behaviour]) -> None:
         if not (isinstance(node, type) and issubclass(node, Behaviour)):
@@ -122,21 +92,17 @@ class NodeRegistry:
             node = leaf_of(node)
         known = self._nodes.setdefault(node.node_id, node)
         if known is not node:
+            first, second = (f"{one.__module__}.{one.__qualname__}" for one in (known, node))
             raise InputError(
-                f"node '{node.node_id}' is registered twice: by {_origin(known)} and by "
-                f"{_origin(node)}; set another node_id on one of them"
+                f"node '{node.node_id}' is registered twice: by {first} and by {second}; set "
+                "another node_id on one of them"
             )
 
     def __getitem__(self, node_id: str) -> type[Node]:
-        """Return a node class.
-
-        Raises:
-            UnknownNameError: no such node is registered.
-        """
-        try:
-            return self._nodes[node_id]
-        except KeyError:
-            raise UnknownNameError("node", node_id, self._nodes) from None
+        """Return a node class."""
+        if node_id not in self._nodes:
+            raise UnknownNameError("node", node_id, self._nodes)
+        return self._nodes[node_id]
 
     def get(self, node_id: str) -> type[Node] | None:
         """Return a node class; None for an unknown id."""
@@ -162,11 +128,7 @@ class NodeRegistry:
 
 
 def _nodes_of(name: str) -> tuple[type[Node | Behaviour], ...]:
-    """Return what an entry point contributes.
-
-    Raises:
-        InputError: it cannot be imported, or is not iterable.
-    """
+    """Return what an entry point contributes."""
     loaded = plugins.load(plugins.BEHAVIOURS, name)
     if not isinstance(loaded, Iterable) or isinstance(loaded, str):
         raise InputError(
@@ -174,7 +136,3 @@ def _nodes_of(name: str) -> tuple[type[Node | Behaviour], ...]:
             f"of node classes, got {type(loaded).__name__}"
         )
     return tuple(loaded)
-
-
-def _origin(node: type[Node]) -> str:
-    return f"{node.__module__}.{node.__qualname__}"

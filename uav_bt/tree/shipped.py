@@ -16,9 +16,6 @@ def resolve_tree(tree: str | Path) -> Path:
 
     A name with a suffix or a folder always means a file, so that a mistyped path never flies a
     shipped mission instead.
-
-    Raises:
-        FileError: neither a file nor a shipped mission has that name, or it is a YAML file.
     """
     path = Path(tree)
     if path.suffix in (".yaml", ".yml"):
@@ -44,28 +41,17 @@ def resolve_tree(tree: str | Path) -> Path:
 
 def shipped_missions() -> dict[str, Path]:
     """Return the files of the shipped missions by name, those of the paper in `paper/` included."""
-    folder = shipped_trees()
-    return {
-        file.stem: file for file in sorted([*folder.glob("*.xml"), *folder.glob("paper/*.xml")])
-    }
+    found = [*shipped_trees().glob("*.xml"), *shipped_trees().glob("paper/*.xml")]
+    return {file.stem: file for file in sorted(found)}
 
 
 def tree_files(tree: str | Path) -> tuple[Path, ...]:
-    """Return the tree files that a path or a name stands for.
-
-    Args:
-        tree: a file, a shipped mission's name, or a folder: all tree files in it and below, hidden
-            folders left out.
-
-    Raises:
-        FileError: the file does not exist, or the folder contains no tree files.
-    """
-    folder = Path(tree)
-    if not folder.is_dir():
+    """Return the tree file of a path or name; of a folder all in it and below, none hidden."""
+    if not Path(tree).is_dir():
         return (resolve_tree(tree),)
-    found = files_in(folder)
+    found = files_in(Path(tree))
     if not found:
-        raise FileError(folder, "no tree file (*.xml) in this folder or below")
+        raise FileError(Path(tree), "no tree file (*.xml) in this folder or below")
     return found
 
 
@@ -106,36 +92,20 @@ _COMMENT: Final = """\
 """
 
 
-def starter_mission(start: str = "hover") -> str:
-    """Return a tree file to begin with.
-
-    Args:
-        start: one of `STARTERS`.
-
-    Raises:
-        UnknownNameError: `start` is not one of `STARTERS`.
-    """
-    if start not in STARTERS:
-        raise UnknownNameError("starter mission", start, STARTERS)
-    name = STARTERS[start]
-    text = (shipped_trees() / f"{name}.xml").read_text(encoding="utf-8")
-    return _ROOT_TAG.sub(lambda tag: tag[0] + _COMMENT.format(name=name), text, count=1)
-
-
 def write_starter(path: Path, start: str = "hover") -> None:
     """Write a tree file to begin with; an existing file is never overwritten.
 
     Args:
         path: the new file, `*.xml`.
         start: one of `STARTERS`.
-
-    Raises:
-        UnknownNameError: `start` is not one of `STARTERS`.
-        FileError: the file exists, has another suffix or cannot be written.
     """
-    text = starter_mission(start)
+    if start not in STARTERS:
+        raise UnknownNameError("starter mission", start, STARTERS)
     if path.suffix != ".xml":
         raise FileError(path, "expected a name that ends in .xml, as tree files have")
+    name = STARTERS[start]
+    text = (shipped_trees() / f"{name}.xml").read_text(encoding="utf-8")
+    text = _ROOT_TAG.sub(lambda tag: tag[0] + _COMMENT.format(name=name), text, count=1)
     with writing(path):
         try:
             with path.open("x", encoding="utf-8") as file:

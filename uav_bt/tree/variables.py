@@ -18,8 +18,11 @@ class Entry:
 
 
 @dataclass(slots=True)
-class _Texts:
-    characters: int = 0  # that the variables of a whole tree hold
+class _Whole:
+    """What all scopes of a tree share."""
+
+    enum_members: dict[str, int]
+    characters: int = 0  # of the texts that the variables hold
 
 
 class Variables:
@@ -43,88 +46,68 @@ class Variables:
         constants: Mapping[str, Any] | None = None,
         autoremap: bool = False,
     ) -> None:
-        self._parent = parent
-        self._remapped = dict(remapped or {})
-        self._board = dict(board or {})
-        self._autoremap = autoremap
-        self._texts: _Texts = _Texts() if parent is None else parent._texts  # noqa: SLF001  # of the same class
-        # Of enumerations: constants of scripts, the same in all scopes of a tree.
-        self.enum_members: dict[str, int] = {} if parent is None else parent.enum_members
-        self._entries = {key: Entry(value) for key, value in (constants or {}).items()}
+        self.parent = parent
+        self.remapped = dict(remapped or {})
+        self.board = dict(board or {})
+        self.autoremap = autoremap
+        self.whole: _Whole = _Whole({}) if parent is None else parent.whole
+        self.entries = {key: Entry(value) for key, value in (constants or {}).items()}
         # Where names lead, found once: the walk through the doors is most of a read.
         self._places: dict[str, tuple[Variables, str]] = {}
 
+    @property
+    def enum_members(self) -> dict[str, int]:
+        """Of enumerations: constants of scripts, the same in all scopes of a tree."""
+        return self.whole.enum_members
+
+    @property
+    def characters(self) -> int:
+        """Of the texts that the variables of the whole tree hold."""
+        return self.whole.characters
+
     def location(self, key: str) -> tuple[Variables, str]:
         """Return the scope that holds a variable, and its name there."""
-        return self._place(key)
-
-    def _place(self, key: str) -> tuple[Variables, str]:
-        """Return the scope that holds a name, and its name there."""
         place = self._places.get(key)
-        return self._find_place(key) if place is None else place
-
-    def _find_place(self, key: str) -> tuple[Variables, str]:
+        if place is not None:
+            return place
         scope, name, lasting = self, key, True
-        while scope._parent is not None and name not in scope._board:
-            if name in scope._remapped:
-                name = scope._remapped[name]
-            elif not scope._autoremap or name.startswith("_"):
+        while scope.parent is not None and name not in scope.board:
+            if name in scope.remapped:
+                name = scope.remapped[name]
+            elif not scope.autoremap or name.startswith("_"):
                 break
-            elif name in scope._entries:
+            elif name in scope.entries:
                 lasting = False  # a constant that is removed uncovers the parent's variable
                 break
-            scope = scope._parent
+            scope = scope.parent
         if lasting:
             self._places[key] = (scope, name)
         return scope, name
 
-    def _own(self, key: str) -> tuple[dict[str, Entry], str]:
-        scope, name = self._place(key)
-        if name in scope._board:  # noqa: SLF001  # of the same class
-            raise BoardAccessError(
-                f"variable '{key}' is the board key {{@{scope._board[name]}}}: only a leaf's "  # noqa: SLF001
-                "output port writes that"
-            )
-        return scope._entries, name  # noqa: SLF001
-
     def board_key(self, key: str) -> str | None:
         """Return the key of the mission board that a name is, or None for a variable."""
-        scope, name = self._place(key)
-        return scope._board.get(name)  # noqa: SLF001  # of the same class
+        scope, name = self.location(key)
+        return scope.board.get(name)
 
     def entry(self, key: str) -> Entry | None:
         """Return a variable, or None when it was never written or is a board key."""
-        place = self._places.get(key)
-        scope, name = self._find_place(key) if place is None else place
-        return scope._entries.get(name)  # noqa: SLF001  # of the same class
+        scope, name = self._places.get(key) or self.location(key)
+        return scope.entries.get(name)
 
     def __getitem__(self, key: str) -> Any:
-        """Return a variable's value.
-
-        Raises:
-            KeyError: it was never written; the message has a suggestion.
-        """
+        """Return a variable's value; KeyError with a suggestion when it was never written."""
         entry = self.entry(key)
         if entry is None:
             raise KeyError(f"variable '{key}' has no value{did_you_mean(key, self)}")
         return entry.value
 
     def get(self, key: str, default: Any = None) -> Any:
-        """Return a variable's value, or the default when it was never written.
-
-        Args:
-            key: the variable.
-            default: returned when the variable has no value.
-        """
+        """Return a variable's value, or the default when it was never written."""
         entry = self.entry(key)
         return default if entry is None else entry.value
 
     def __setitem__(self, key: str, value: Any) -> None:
-        """Write a variable.
-
-        Raises:
-            BoardAccessError: the name is a key of the mission board.
-        """
+        """Write a variable; BoardAccessError when the name is a key of the mission board."""
         entries, name = self._own(key)
         entry = entries.get(name)
         self._count(value, entry)
@@ -135,24 +118,24 @@ class Variables:
             entry.writes += 1
 
     def __delitem__(self, key: str) -> None:
-        """Remove a variable; one that does not exist is fine.
-
-        Raises:
-            BoardAccessError: the name is a key of the mission board.
-        """
+        """Remove a variable, if it exists."""
         entries, name = self._own(key)
         self._count(None, entries.pop(name, None))
 
+    def _own(self, key: str) -> tuple[dict[str, Entry], str]:
+        scope, name = self.location(key)
+        if name in scope.board:
+            raise BoardAccessError(
+                f"variable '{key}' is the board key {{@{scope.board[name]}}}: only a leaf's "
+                "output port writes that"
+            )
+        return scope.entries, name
+
     def _count(self, new: object, old: Entry | None) -> None:
         if isinstance(new, str):
-            self._texts.characters += len(new)
+            self.whole.characters += len(new)
         if old is not None and isinstance(old.value, str):
-            self._texts.characters -= len(old.value)
-
-    @property
-    def characters(self) -> int:
-        """Of the texts that the variables of the whole tree hold."""
-        return self._texts.characters
+            self.whole.characters -= len(old.value)
 
     def __contains__(self, key: str) -> bool:
         """Return whether the variable has a value."""
@@ -160,8 +143,8 @@ class Variables:
 
     def __iter__(self) -> Iterator[str]:
         """Iterate over the names written in this scope."""
-        return iter(tuple(self._entries))
+        return iter(tuple(self.entries))
 
     def snapshot(self) -> dict[str, Any]:
         """Return name and value of everything written in this scope."""
-        return {name: entry.value for name, entry in self._entries.items()}
+        return {name: entry.value for name, entry in self.entries.items()}

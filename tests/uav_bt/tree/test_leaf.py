@@ -1,12 +1,13 @@
-"""Leaves: calls of their methods, allowed access, and exceptions."""
+"""Leaves: calls of their methods, allowed access, exceptions, and board keys without a value."""
 
 from __future__ import annotations
 
+import logging
 from typing import Any, ClassVar
 
 import pytest
 
-from tests.worlds.trees import World
+from tests.worlds.trees import World, document, subtree
 from uav_bt.board import ELAPSED, HEIGHT, STATE
 from uav_bt.board.blackboard import Key
 from uav_bt.errors import (
@@ -16,18 +17,15 @@ from uav_bt.errors import (
     NodeFailedError,
     ProposalConflictError,
 )
-from uav_bt.tree import Leaf, MissionTree, Node, NodeKind, Port, Status
-from uav_bt.tree.nodes import Fallback, Parallel, ReactiveFallback, Sequence
-from uav_bt.types import GimbalTo, Hover, Land, Velocity
+from uav_bt.tree import Leaf, MissionTree, Node, NodeKind, NodeRegistry, Port, Status, parse_tree
+from uav_bt.tree.nodes import Fallback, Parallel, Sequence
+from uav_bt.types import GimbalTo, Hover, Velocity
 
 SPEED = Key("speed_mps", float, "a plug-in's own key", unit="m/s", writer="Radar", max_age_s=1.0)
 
 
 class Probe(Leaf):
-    """Writes down its life.
-
-    A second paragraph that no list shows.
-    """
+    """Writes down its life."""
 
     answers = (Status.SUCCESS, Status.FAILURE, Status.RUNNING, Status.SKIPPED)
     ports = (Port("answers", str, default="R", doc="one letter a tick"),)
@@ -67,6 +65,12 @@ class BoolProbe(Probe):
     condition = True
 
 
+class Narrow(Probe):
+    """Declares that it never fails."""
+
+    answers = (Status.SUCCESS, Status.RUNNING)
+
+
 def ready(world: World, root: Node) -> MissionTree:
     tree = MissionTree(root, name="Mission")
     tree.setup(world.context)
@@ -75,42 +79,19 @@ def ready(world: World, root: Node) -> MissionTree:
 
 def test_methods_run_when_py_trees_says(world: World) -> None:
     """Setup runs once, initialise at the start and terminate at the end of an activation."""
-    probe = Probe("p", answers="RSS")
+    probe = Probe("p", answers="RSSR")
     tree = ready(world, probe)
-    for _ in range(3):
+    tree.halt()  # an idle leaf is not terminated
+    for _ in range(4):
         tree.tick()
-    first = ["setup", "initialise", "update", "update", "terminate SUCCESS"]
-    assert probe.life == [*first, "initialise", "update", "terminate SUCCESS"]
-
-
-def test_a_halted_leaf_is_terminated_once(world: World) -> None:
-    """Two halts call `terminate` of a running leaf once, and of an idle one never."""
-    probe = Probe("p")
-    tree = ready(world, probe)
-    tree.halt()
-    tree.tick()
     tree.halt()
     tree.halt()
-    assert probe.life == ["setup", "initialise", "update", "terminate IDLE"]
+    assert probe.life == [
+        *("setup", "initialise", "update", "update", "terminate SUCCESS"),
+        *("initialise", "update", "terminate SUCCESS"),
+        *("initialise", "update", "terminate IDLE"),
+    ]
     assert probe.node_status is Status.IDLE
-
-
-def test_a_finished_leaf_is_not_terminated_again(world: World) -> None:
-    """`terminate` is not called again when the parent of a finished leaf is halted."""
-    done, going = Probe("done", answers="S"), Probe("going")
-    tree = ready(world, Sequence("s", [done, going]))
-    tree.tick()
-    tree.halt()
-    assert done.life[-1] == "terminate SUCCESS"
-    assert going.life[-1] == "terminate IDLE"
-
-
-def test_a_leaf_that_skips_itself_ends(world: World) -> None:
-    """SKIPPED from the first update ends the activation; the parent continues."""
-    skips, acts = Probe("skips", answers="K"), Probe("acts", answers="S")
-    tree = ready(world, Sequence("s", [skips, acts]))
-    assert tree.tick() is Status.SUCCESS
-    assert skips.life == ["setup", "initialise", "update", "terminate IDLE"]
 
 
 @pytest.mark.parametrize("answers", ["!", "R!"])
@@ -124,10 +105,8 @@ def test_an_exception_names_the_node_and_leaves_nothing_running(world: World, an
         tree.tick()
     assert isinstance(error.value.__cause__, ZeroDivisionError)
     assert [node.node_status for node in tree.nodes()] == [Status.IDLE] * 3
-    assert fails.life.count("terminate IDLE") == 1
-    assert other.life.count("terminate IDLE") == 1
     tree.halt()
-    assert fails.life.count("terminate IDLE") == 1
+    assert [leaf.life.count("terminate IDLE") for leaf in (fails, other)] == [1, 1]
 
 
 def test_an_exception_in_terminate_does_not_stop_the_halting(world: World) -> None:
@@ -145,32 +124,34 @@ def test_an_exception_in_terminate_does_not_stop_the_halting(world: World) -> No
 
 def test_an_exception_after_an_exception_is_noted(world: World) -> None:
     """The original exception is raised; exceptions of the halt are its notes."""
-    tree = ready(
-        world, Parallel("both", [Probe("late", answers="RT"), Probe("fails", answers="!")])
-    )
+    leaves = [Probe("late", answers="RT"), Probe("fails", answers="!")]
     with pytest.raises(NodeFailedError, match="'Mission/both/fails'") as error:
-        tree.tick()
+        ready(world, Parallel("both", leaves)).tick()
     assert "Mission/both/late" in error.value.__notes__[0]
 
 
-@pytest.mark.parametrize(("kind", "answers"), [(Probe, "?"), (BoolProbe, "R")])
-def test_wrong_answers_are_refused(world: World, kind: type[Probe], answers: str) -> None:
-    """A leaf must return a status, and a condition must not return RUNNING."""
-    with pytest.raises(NodeFailedError, match="must return SUCCESS"):
+@pytest.mark.parametrize(
+    ("kind", "answers", "message"),
+    [
+        (Probe, "?", "must return SUCCESS, FAILURE, RUNNING or SKIPPED, got None$"),
+        (BoolProbe, "R", "must return SUCCESS, FAILURE or SKIPPED, got .*: name it in `answers`"),
+        (Narrow, "F", r"update\(\) of Narrow must return SUCCESS or RUNNING, got "),
+    ],
+)
+def test_wrong_answers_are_refused(
+    world: World, kind: type[Probe], answers: str, message: str
+) -> None:
+    """A leaf must return a status that it declares, and a condition must not return RUNNING."""
+    with pytest.raises(NodeFailedError, match=message):
         ready(world, kind("p", answers=answers)).tick()
 
 
 def test_conditions_and_actions_have_their_kind() -> None:
     """`condition = True` makes a Condition node; the id of a subclass is its name."""
-    assert Probe.kind is NodeKind.ACTION
-    assert BoolProbe.kind is NodeKind.CONDITION
+    assert (Probe.kind, BoolProbe.kind) == (NodeKind.ACTION, NodeKind.CONDITION)
     assert BoolProbe.node_id == "BoolProbe"
-
-
-def test_a_port_twice_is_refused() -> None:
-    """A class that declares a port twice is refused at its definition."""
-    with pytest.raises(TypeError, match="declares a port twice"):
-        type("Twice", (Leaf,), {"ports": (Port("a", int), Port("a", str))})
+    ask = type("Ask", (Leaf,), {"condition": True})
+    assert ask.answers == (Status.SUCCESS, Status.FAILURE)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(
@@ -179,6 +160,8 @@ def test_a_port_twice_is_refused() -> None:
         ({"ports": Port("a", int)}, r"Loose\.ports must be a tuple of Port objects, .*got Port\("),
         ({"reads": STATE}, r"Loose\.reads must be a tuple of Key objects, .*got Key\("),
         ({"writes": ("state",)}, r"Loose\.writes must be a tuple of Key objects, .*'state'"),
+        ({"answers": ("SUCCESS",)}, "answers must be a tuple of Status objects"),
+        ({"ports": (Port("a", int), Port("a", str))}, "declares a port twice"),
     ],
 )
 def test_what_is_declared_is_a_tuple(declared: dict[str, Any], message: str) -> None:
@@ -187,14 +170,9 @@ def test_what_is_declared_is_a_tuple(declared: dict[str, Any], message: str) -> 
         type("Loose", (Leaf,), declared)
 
 
-def test_a_class_is_no_child() -> None:
-    """The message suggests an object of the class."""
+def test_children_are_objects_in_one_place_of_a_tree() -> None:
     with pytest.raises(TypeError, match=r"got the class Probe: write Probe\(\.\.\.\)"):
         Sequence("s", [Probe])  # type: ignore[list-item]
-
-
-def test_an_object_stands_in_one_place_of_a_tree() -> None:
-    """An object at two places of a tree would mix the states of both."""
     probe = Probe("p")
     with pytest.raises(InputError, match="node 'p' stands in tree 'Tree' 2 times: make an object"):
         MissionTree(Sequence("s", [probe, Sequence("t", [probe])]))
@@ -206,6 +184,18 @@ def test_using_a_leaf_before_setup_says_so() -> None:
         MissionTree(Probe("p")).tick()
     with pytest.raises(MissionError, match=r"MissionTree\.setup"):
         _ = Probe("p").clock
+
+
+def test_siblings_of_one_name_get_numbers() -> None:
+    """Paths are unique, also with equal names."""
+    tree = MissionTree(Sequence("s", [Probe("a"), Probe("a"), Probe("b")]), name="M")
+    assert [leaf.path for leaf in tree.leaves()] == ["M/s/a", "M/s/a#2", "M/s/b"]
+    assert tree.find("M/s/a#2") is tree.root.children[1]
+    with pytest.raises(KeyError, match="2 nodes"):
+        tree.find("a")
+
+
+# --- the board ------------------------------------------------------------------------------------
 
 
 class Sensor(Leaf):
@@ -244,8 +234,7 @@ def test_declared_access_works(world: World) -> None:
     world.board.declare(HEIGHT)
     world.board.write(HEIGHT, 1.5)
     assert tree.tick() is Status.SUCCESS
-    assert world.board.read(SPEED).value == 3.0
-    assert tree.variables["copy"] == 3.0
+    assert world.board.read(SPEED).value == tree.variables["copy"] == 3.0
 
 
 @pytest.mark.parametrize(
@@ -259,52 +248,119 @@ def test_declared_access_works(world: World) -> None:
 )
 def test_undeclared_access_is_refused(world: World, mode: str, message: str) -> None:
     """The message names leaf and key."""
-    with pytest.raises(NodeFailedError) as error:
+    with pytest.raises(NodeFailedError, match=message) as error:
         ready(world, Sensor("s", mode=mode)).tick()
     assert isinstance(error.value.__cause__, BoardAccessError)
-    assert message in str(error.value)
 
 
-def test_a_leaf_whose_port_reads_an_unknown_key_fails(world: World) -> None:
-    """The feedback names the key; a mission goes on."""
+def test_a_leaf_whose_port_reads_a_key_without_a_value_fails(world: World) -> None:
+    """The feedback names the key; a reading tells the age; a mission goes on."""
     sensor = Sensor("s", mode="stale")
     tree = ready(world, sensor)
     assert tree.tick() is Status.FAILURE
     assert "port 'speed': {@speed_mps} was never written; Radar writes" in sensor.feedback_message
+    assert not sensor.port_reading(Sensor.ports[1]).known
     world.board.write(SPEED, 2.0)
     assert tree.tick() is Status.SUCCESS
+    assert sensor.port_reading(Sensor.ports[1]).value == 2.0
     world.clock.advance(3.0)
     assert tree.tick() is Status.FAILURE
     assert "{@speed_mps} holds nothing fresh (age 3.00 s)" in sensor.feedback_message
-
-
-def test_a_port_reading_tells_the_age(world: World) -> None:
-    """A leaf that accepts stale values uses the reading."""
-    sensor = Sensor("s", mode="")
-    ready(world, sensor)
-    assert not sensor.port_reading(Sensor.ports[1]).known
-    world.board.write(SPEED, 2.0)
-    assert sensor.port_reading(Sensor.ports[1]).value == 2.0
-    world.clock.advance(3.0)
     reading = sensor.port_reading(Sensor.ports[1])
-    assert reading.value is None
-    assert reading.age_s == pytest.approx(3.0)
+    assert (reading.value, reading.age_s) == (None, pytest.approx(3.0))
 
 
-class Asks(Leaf):
-    """Proposes."""
+SHARE = Key("share", float, "share of red in the picture", max_age_s=1.0)
+WAIT = Key("wait_ms", int, "how long", unit="ms")
+UNKNOWN = "@share &gt; 0.5"
+
+
+class Detect(Leaf):
+    """Declares the keys; the test writes them."""
+
+    writes = (SHARE, WAIT)
 
     def update(self) -> Status:
-        self.propose(Land() if self.name == "land" else Hover())
+        return Status.SUCCESS
+
+
+class Fly(Leaf):
+    """Proposes a movement, then reads its port."""
+
+    moves = True
+    ports = (Port("speed_mps", float, default=1.0, doc="m/s"),)
+    ended: tuple[Status, ...] = ()
+
+    def update(self) -> Status:
+        self.propose(Hover())
+        self.port_value("speed_mps")
         return Status.RUNNING
 
+    def terminate(self, new_status: Status) -> None:
+        self.ended = (*self.ended, new_status)
 
-def test_two_proposals_are_an_error_that_names_both(world: World) -> None:
-    """The owner of a proposal is the leaf's unique path."""
-    tree = ready(world, Parallel("p", [Asks("land"), Asks("hover")]))
-    with pytest.raises(NodeFailedError, match="'Mission/p/land' and 'Mission/p/hover'") as error:
-        tree.tick()
-    assert isinstance(error.value.__cause__, ProposalConflictError)
+
+def with_keys(world: World, body: str) -> tuple[MissionTree, Any]:
+    """Return a tree, set up, and its last leaf."""
+    inner = subtree("In", '<ScriptCondition code="red &gt; 0"/>')
+    text = document(f"<Sequence><Detect/>{body}</Sequence>", inner, tree_id="M")
+    tree = parse_tree(text, NodeRegistry([Detect, Fly]))
+    tree.setup(world.context)
+    return tree, [*tree.leaves()][-1]
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        f'<ScriptCondition code="{UNKNOWN}"/>',
+        '<Script code="x := @share"/>',
+        f'<AlwaysSuccess _skipIf="{UNKNOWN}"/>',
+        f'<AlwaysSuccess _successIf="{UNKNOWN}"/>',
+        f'<AlwaysSuccess _while="{UNKNOWN}"/>',
+        '<AlwaysSuccess _onSuccess="x := @share"/>',
+        f'<Precondition if="{UNKNOWN}" else="SUCCESS"><AlwaysSuccess/></Precondition>',
+        '<Timeout msec="{@wait_ms}"><AlwaysSuccess/></Timeout>',
+        '<SetBlackboard value="{@share}" output_key="x"/>',
+        '<Fly speed_mps="{@share}"/>',
+        '<SubTree ID="In" red="{@share}"/>',
+    ],
+)
+def test_a_node_that_reads_a_key_without_a_value_fails(world: World, body: str) -> None:
+    assert with_keys(world, body)[0].tick() is Status.FAILURE
+
+
+def test_the_log_names_node_and_key_once(world: World, caplog: pytest.LogCaptureFixture) -> None:
+    tree, _ = with_keys(world, f'<ScriptCondition name="red" code="{UNKNOWN}"/>')
+    with caplog.at_level(logging.WARNING):
+        assert [tree.tick(), tree.tick()] == [Status.FAILURE] * 2
+    (line,) = caplog.messages
+    assert line.startswith("Warning: node 'M/Sequence/red' fails: script '@share > 0.5'")
+    assert line.endswith("board key 'share' has no value yet")
+
+
+@pytest.mark.parametrize(
+    ("body", "ended"),
+    [
+        ('<Fly speed_mps="{@share}"/>', Status.FAILURE),
+        (f'<Sequence _while="{UNKNOWN}"><Fly/></Sequence>', Status.IDLE),
+        ('<Fly _onHalted="x := @share"/>', Status.IDLE),
+    ],
+)
+def test_what_runs_ends_when_a_key_becomes_unknown(world: World, body: str, ended: Status) -> None:
+    """Its proposal is taken back; a halt goes on where its own script reads the key."""
+    tree, flies = with_keys(world, body)
+    world.board.write(SHARE, 0.7)
+    assert tree.tick() is Status.RUNNING
+    world.clock.advance(2.0)
+    world.context.proposals.clear()
+    tree.tick()
+    tree.halt()
+    assert flies.ended == (ended,)
+    assert world.context.proposals.movement is None
+    assert "x" not in tree.variables
+
+
+# --- proposals ------------------------------------------------------------------------------------
 
 
 class Proposes(Leaf):
@@ -339,75 +395,19 @@ def test_a_leaf_that_has_ended_makes_way_for_the_next(
     leaves = [Proposes(number=at, answer=answer) for at, answer in enumerate(answers, start=1)]
     tree = ready(world, root("p", leaves))
     if number is None:
-        with pytest.raises(NodeFailedError, match="both propose a movement in one tick"):
+        with pytest.raises(NodeFailedError, match="both propose a movement in one tick") as error:
             tree.tick()
+        assert isinstance(error.value.__cause__, ProposalConflictError)
+        assert "'Mission/p/Proposes" in str(error.value)
         return
     tree.tick()
     assert world.proposals.movement == Velocity(forward_mps=number / 10)
     assert world.proposals.gimbal == GimbalTo(pitch_rad=number / 10)
 
 
-def test_siblings_of_one_name_get_numbers() -> None:
-    """Paths are unique, also with equal names."""
-    tree = MissionTree(Sequence("s", [Probe("a"), Probe("a"), Probe("b")]), name="M")
-    assert [leaf.path for leaf in tree.leaves()] == ["M/s/a", "M/s/a#2", "M/s/b"]
-    assert tree.find("M/s/a#2") is tree.root.children[1]
-    with pytest.raises(KeyError, match="2 nodes"):
-        tree.find("a")
-
-
-def test_active_path_follows_the_running_branch(world: World) -> None:
-    """The active path has the names from the root to the running leaf."""
-    inner = Sequence("explore", [Probe("Explore")])
-    tree = ready(world, ReactiveFallback("root", [Probe("check", answers="FFFF"), inner]))
-    assert tree.active_path() == ()
-    tree.tick()
-    assert tree.active_path() == ("root", "explore", "Explore")
-    tree.halt()
-    assert tree.active_path() == ()
-
-
-class Narrow(Probe):
-    """Declares that it never fails."""
-
-    answers = (Status.SUCCESS, Status.RUNNING)
-
-
-def test_an_answer_that_is_not_declared_is_refused(world: World) -> None:
-    assert ready(world, Narrow("n", answers="S")).tick() is Status.SUCCESS
-    with pytest.raises(NodeFailedError) as error:
-        ready(world, Narrow("n", answers="F")).tick()
-    assert "update() of Narrow must return SUCCESS or RUNNING" in str(error.value)
-    assert "name it in `answers`" in str(error.value)
-
-
-def test_a_condition_never_runs() -> None:
-    class Ask(Leaf):
-        """Asks."""
-
-        condition = True
-
-    assert Ask.answers == (Status.SUCCESS, Status.FAILURE)
-
-
-def test_answers_are_statuses() -> None:
-    with pytest.raises(TypeError, match="answers must be a tuple of Status objects"):
-        type("Odd", (Leaf,), {"answers": ("SUCCESS",)})
-
-
-class Mover(Leaf):
-    """Moves until it is halted."""
-
-    moves = True
-
-    def update(self) -> Status:
-        self.propose(Hover())
-        return Status.RUNNING
-
-
 def test_a_leaf_that_is_halted_loses_its_proposal(world: World) -> None:
     """Another leaf may move in the same tick."""
-    both = Parallel("both", [Mover("first"), Probe("fails", answers="F")])
-    tree = ready(world, Fallback("either", [both, Mover("second")]))
+    both = Parallel("both", [Proposes("first", number=1), Probe("fails", answers="F")])
+    tree = ready(world, Fallback("either", [both, Proposes("second", number=2)]))
     assert tree.tick() is Status.RUNNING
     assert world.proposals.movement_owner == "Mission/either/second"

@@ -2,155 +2,230 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+from typing import Any
+
 import pytest
+from py_trees import common
 
 from tests.conformance import Scripted
-from tests.worlds.trees import World, leaf
-from uav_bt.errors import InputError, MissionError, NodeFailedError, TreeError
-from uav_bt.tree import MissionTree, Status
-from uav_bt.tree.nodes import Inverter, Parallel, Repeat, Sequence, SubTree
+from tests.worlds.trees import World, document, leaf, subtree
+from uav_bt.board import HEIGHT, PHASE
+from uav_bt.errors import (
+    BoardAccessError,
+    InputError,
+    MissionError,
+    NodeFailedError,
+    TreeError,
+)
+from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, nodes, parse_tree
+from uav_bt.tree.nodes import (
+    AlwaysSuccess,
+    Inverter,
+    Parallel,
+    Repeat,
+    Sequence,
+    SubTree,
+)
+
+A, B = leaf("a", "S"), leaf("b", "S")
+CASES = " ".join(f'case_{n}="{n}"' for n in range(1, 6))
+SIX = "".join(leaf(name, "S") for name in "abcdef")
 
 
-def test_sequence_goes_on_where_it_was(world: World) -> None:
-    """A running child is ticked again, earlier children are not."""
-    tree = world.tree(f"<Sequence>{leaf('a', 'S')}{leaf('b', 'RS')}</Sequence>")
-    assert tree.tick() is Status.RUNNING
-    assert world.events() == ["start a", "start b"]
-    assert tree.tick() is Status.SUCCESS
-    assert world.events() == ["running b"]
-
-
-def test_reactive_sequence_asks_again_and_halts(world: World) -> None:
-    """A condition that becomes false halts the action behind it."""
-    tree = world.tree(
-        f"<ReactiveSequence>{leaf('safe', 'SSF')}{leaf('act', 'R')}</ReactiveSequence>"
-    )
-    assert [tree.tick(), tree.tick(), tree.tick()] == [
-        Status.RUNNING,
-        Status.RUNNING,
-        Status.FAILURE,
-    ]
-    assert world.events()[-2:] == ["start safe", "halt act"]
+def letters(tree: MissionTree, ticks: int) -> str:
+    return "".join(tree.tick().letter for _ in range(ticks))
 
 
 @pytest.mark.parametrize(
-    ("body", "answers"),
+    ("status", "number", "letter", "name_there"),
     [
-        (f"<Fallback>{leaf('a', 'F')}{leaf('b', 'RS')}</Fallback>", "RSS"),
-        (f"<Sequence>{leaf('a', 'K')}{leaf('b', 'K')}</Sequence>", "KK"),
-        (f"<Inverter>{leaf('a', 'RSF')}</Inverter>", "RFS"),
-        (f"<ForceSuccess>{leaf('a', 'RFS')}</ForceSuccess>", "RSS"),
-        (f"<ForceFailure>{leaf('a', 'RFS')}</ForceFailure>", "RFF"),
-        (f"<KeepRunningUntilFailure>{leaf('a', 'SSF')}</KeepRunningUntilFailure>", "RRF"),
-        (f'<Repeat num_cycles="2">{leaf("a", "SSF")}</Repeat>', "RSF"),
-        (f'<RetryUntilSuccessful num_attempts="2">{leaf("a", "F")}</RetryUntilSuccessful>', "RFR"),
-        (f"<RunOnce>{leaf('a', 'RS')}</RunOnce>", "RSKK"),
-        (f'<RunOnce then_skip="false">{leaf("a", "F")}</RunOnce>', "FFF"),
-        (f"<SequenceWithMemory>{leaf('a', 'S')}{leaf('b', 'FS')}</SequenceWithMemory>", "RFS"),
-        (f"<Parallel>{leaf('a', 'RS')}{leaf('b', 'S')}</Parallel>", "RS"),
-        (f'<Parallel success_count="1">{leaf("a", "R")}{leaf("b", "RS")}</Parallel>', "RS"),
-        ("<AlwaysSuccess/>", "SS"),
-        ("<AlwaysFailure/>", "FF"),
+        (Status.IDLE, 0, "I", "INVALID"),
+        (Status.RUNNING, 1, "R", "RUNNING"),
+        (Status.SUCCESS, 2, "S", "SUCCESS"),
+        (Status.FAILURE, 3, "F", "FAILURE"),
+        (Status.SKIPPED, 4, "K", "INVALID"),
     ],
 )
-def test_answers(world: World, body: str, answers: str) -> None:
-    """Each node answers according to its description in each tick."""
-    assert world.run(body, len(answers)) == answers
+def test_five_statuses(status: Status, number: int, letter: str, name_there: str) -> None:
+    """Each status has the engine's number, a letter, and a py_trees status."""
+    assert (status.value, status.letter) == (number, letter)
+    assert status.py_trees is common.Status[name_there]
 
 
-def test_timeout_halts_its_child(world: World) -> None:
+def test_a_class_in_a_module_of_the_package_is_a_node(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A new control node or decorator is one class in one file."""
+    (tmp_path / "own.py").write_text(
+        "from uav_bt.tree.nodes.base import ControlNode\n"
+        "class First(ControlNode):\n"
+        "    def update(self):\n"
+        "        return self.children[0].execute_tick()\n"
+    )
+    monkeypatch.setattr(nodes, "__path__", [*nodes.__path__, str(tmp_path)])
+    monkeypatch.delitem(sys.modules, f"{nodes.__name__}.own", raising=False)
+    assert {node.node_id for node in nodes.found()} - {*NodeRegistry()} == {"First"}
+    del sys.modules[f"{nodes.__name__}.own"]
+
+
+def timed(world: World, body: str, *steps_s: float) -> str:
+    """Return the answers of ticks; the clock goes on after each."""
+    tree, answers = world.tree(body), ""
+    for step_s in steps_s:
+        answers += tree.tick().letter
+        world.clock.advance(step_s)
+    return answers
+
+
+def test_timers_follow_the_missions_clock(world: World) -> None:
     """A child that runs at the deadline is halted once; the node fails and can restart."""
-    tree = world.tree(f'<Timeout msec="300">{leaf("a", "R")}</Timeout>')
-    answers = []
-    for _ in range(5):
-        answers.append(tree.tick())
-        world.clock.advance(0.1)
-    assert answers == [Status.RUNNING] * 3 + [Status.FAILURE, Status.RUNNING]
+    assert timed(world, f'<Timeout msec="300">{leaf("a", "R")}</Timeout>', *[0.1] * 5) == "RRRFR"
     assert world.events() == ["start a", "running a", "running a", "halt a", "start a"]
-
-
-def test_timeout_zero_is_no_limit(world: World) -> None:
-    """`msec="0"` means no timeout."""
-    tree = world.tree(f'<Timeout msec="0">{leaf("a", "R")}</Timeout>')
-    for _ in range(4):
-        assert tree.tick() is Status.RUNNING
-        world.clock.advance(1000.0)
-
-
-def test_delay_waits_on_the_mission_clock(world: World) -> None:
-    """The child starts after the time has passed, independent of the number of ticks."""
-    tree = world.tree(f'<Delay delay_msec="500">{leaf("a", "S")}</Delay>')
-    assert [tree.tick() for _ in range(3)] == [Status.RUNNING] * 3
-    assert world.events() == []
-    world.clock.advance(0.5)
-    assert tree.tick() is Status.SUCCESS
+    assert timed(world, f'<Timeout msec="0">{leaf("a", "R")}</Timeout>', *[1000.0] * 3) == "RRR"
+    world.events()
+    assert timed(world, f'<Delay delay_msec="500">{A}</Delay>', 0.0, 0.2, 0.3, 0.0) == "RRRS"
     assert world.events() == ["start a"]
 
 
 def test_halted_timers_start_over(world: World) -> None:
-    """A halt resets the waiting time."""
     tree = world.tree('<Sleep msec="200"/>')
     tree.tick()
     world.clock.advance(0.15)
     tree.halt()
-    assert tree.tick() is Status.RUNNING
-    world.clock.advance(0.15)
-    assert tree.tick() is Status.RUNNING
-    world.clock.advance(0.05)
-    assert tree.tick() is Status.SUCCESS
+    answers = ""
+    for step_s in (0.15, 0.05, 0.0):
+        answers += tree.tick().letter
+        world.clock.advance(step_s)
+    assert answers == "RRS"
 
 
 @pytest.mark.parametrize(
     ("before", "parallel"),
     [
-        ("", '<Parallel success_count="3">'),
-        ("", '<Parallel failure_count="3">'),
-        ("", '<ParallelAll max_failures="3">'),
-        ('<Script code="n := 3"/>', '<Parallel success_count="{n}">'),
-        ('<SetBlackboard value="3" output_key="n"/>', '<ParallelAll max_failures="{n}">'),
+        ("", 'Parallel success_count="3"'),
+        ("", 'Parallel failure_count="3"'),
+        ("", 'ParallelAll max_failures="3"'),
+        ('<Script code="n := 3"/>', 'Parallel success_count="{n}"'),
+        ('<SetBlackboard value="3" output_key="n"/>', 'ParallelAll max_failures="{n}"'),
+        ('<Script code="n := 1; n := n + 2"/>', 'Parallel success_count="{n}"'),  # in flight
     ],
 )
-def test_a_parallel_is_refused_that_counts_more_children_than_it_has(
+def test_a_parallel_counts_no_more_children_than_it_has(
     world: World, before: str, parallel: str
 ) -> None:
-    end = "</Parallel>" if "<Parallel " in parallel else "</ParallelAll>"
-    children = f"{leaf('a', 'R')}{leaf('b', 'R')}"
-    with pytest.raises(TreeError, match="expected at most its 2 children, got 3"):
-        world.tree(f"<Sequence>{before}{parallel}{children}{end}</Sequence>")
-
-
-def test_a_parallel_raises_when_a_variable_counts_more_children_than_it_has(world: World) -> None:
-    tree = world.tree(
-        '<Sequence><Script code="n := 1; n := n + 2"/><Parallel success_count="{n}">'
-        f"{leaf('a', 'R')}{leaf('b', 'R')}</Parallel></Sequence>"
-    )
+    body = f"<Sequence>{before}<{parallel}>{A}{B}</{parallel.split(maxsplit=1)[0]}></Sequence>"
+    if "n + 2" not in before:
+        with pytest.raises(TreeError, match="expected at most its 2 children, got 3"):
+            world.tree(body)
+        return
     with pytest.raises(NodeFailedError, match="must not exceed the 2 children") as error:
+        world.tree(body).tick()
+    assert isinstance(error.value.__cause__, MissionError)
+
+
+@pytest.mark.parametrize(
+    ("variable", "child"), [("1", "a"), (3, "c"), ("5.0", "e"), (5.0, "e"), ("x", "f"), (None, "f")]
+)
+def test_switch5_compares_texts_and_numbers(world: World, variable: object, child: str) -> None:
+    """The first equal case is chosen; without a value or a match it is the last child."""
+    tree = world.tree(f'<Switch5 variable="{{v}}" {CASES}>{SIX}</Switch5>')
+    if variable is not None:
+        tree.variables["v"] = variable
+    assert tree.tick() is Status.SUCCESS
+    assert world.events() == [f"start {child}"]
+
+
+@pytest.mark.parametrize(
+    ("node", "queue", "elements"),
+    [
+        ("LoopDouble", "1.5;2", [1.5, 2.0]),
+        ("LoopBool", "true;0", [True, False]),
+        ("LoopString", "a;b;", ["a", "b"]),
+        ("LoopInt", "", []),
+    ],
+)
+def test_loops_convert_their_elements(
+    world: World, node: str, queue: str, elements: list[object]
+) -> None:
+    """Each element has the loop's type; a text in a variable is gone through each time."""
+    for given in (queue, "{q}", "{q}"):
+        tree = world.tree(f'<{node} queue="{given}" value="{{v}}" if_empty="FAILURE">{A}</{node}>')
+        tree.variables["q"] = queue
+        seen = []
+        while tree.tick() is Status.RUNNING:
+            seen.append(tree.variables["v"])
+        assert seen == elements
+        assert [type(value) for value in seen] == [type(element) for element in elements]
+
+
+def test_a_queue_in_a_variable_is_used_up(world: World) -> None:
+    """The list in the variable becomes empty, so a second loop has no elements."""
+    tree = world.tree(f'<LoopInt queue="{{q}}" value="{{v}}">{A}</LoopInt>')
+    queue = [4, 5]
+    tree.variables["q"] = queue
+    assert letters(tree, 4) == "RRSS"
+    assert (queue, tree.variables["v"]) == ([], 5)
+    for wrong, message in ((3, "expected a list, or a text like 1;2;3, got int"), ("x", "'x'")):
+        tree.variables["q"] = wrong
+        with pytest.raises(NodeFailedError, match=message):
+            tree.tick()
+
+
+def test_set_copies_and_keeps_types(world: World) -> None:
+    """`{source}` copies any value; a text is converted to the type of an existing variable."""
+    tree = world.tree(
+        '<Sequence><SetBlackboard value="{source}" output_key="copy"/>'
+        '<SetBlackboard value="7" output_key="count"/>'
+        '<SetBlackboard value="7" output_key="word"/><UnsetBlackboard key="gone"/></Sequence>'
+    )
+    thing = object()
+    for name, value in (("source", thing), ("count", 1), ("gone", 1)):
+        tree.variables[name] = value
+    assert letters(tree, 2) == "SS"
+    assert tree.variables.snapshot() == {"source": thing, "copy": thing, "count": 7, "word": "7"}
+    tree.variables["count"] = 1.5
+    del tree.variables["source"]
+    with pytest.raises(NodeFailedError, match=r"port 'value': \{source\} holds nothing"):
+        tree.tick()
+
+
+@pytest.mark.parametrize("node", ["IfThenElse", "WhileDoElse"])
+def test_a_skipped_condition_is_an_error(world: World, node: str) -> None:
+    """The engine throws an exception here, too."""
+    tree = world.tree(f"<{node}>{leaf('a', 'K')}{B}</{node}>")
+    with pytest.raises(NodeFailedError, match="must not be skipped") as error:
         tree.tick()
     assert isinstance(error.value.__cause__, MissionError)
 
 
+def test_a_failing_condition_names_its_node(world: World) -> None:
+    """A script that fails stops the tree like an exception in a leaf; one not asked does not."""
+    tree = world.tree(f'<Sequence>{leaf("a", "R")}<AlwaysSuccess _skipIf="no > 1"/></Sequence>')
+    assert tree.tick() is Status.RUNNING
+    tree = world.tree('<AlwaysSuccess name="x" _onSuccess="n += 1"/>')
+    with pytest.raises(NodeFailedError, match="node 'Main/x' failed: ScriptError: script 'n"):
+        tree.tick()
+    assert tree.root.node_status is Status.IDLE
+
+
 def test_ports_can_follow_variables(world: World) -> None:
-    """A port given as `{key}` is read at every tick."""
-    tree = world.tree(f'<Repeat num_cycles="{{n}}">{leaf("a", "S")}</Repeat>')
+    """A port given as `{key}` is read at every tick, as the engine reads numbers and truths."""
+    tree = world.tree(f'<Repeat num_cycles="{{n}}">{A}</Repeat>')
     tree.variables["n"] = "2"
-    assert [tree.tick(), tree.tick()] == [Status.RUNNING, Status.SUCCESS]
+    assert letters(tree, 2) == "RS"
     tree.variables["n"] = 1
-    assert tree.tick() is Status.SUCCESS
-
-
-def test_subtree_shares_what_it_says(world: World) -> None:
-    """An entry in braces is an outer variable, a plain one a constant; others are private."""
-    inner = (
-        '<BehaviorTree ID="Inner"><Sequence>'
-        f'<Repeat num_cycles="{{n}}">{leaf("a", "S")}</Repeat>'
-        f'<Repeat num_cycles="{{m}}">{leaf("b", "S")}</Repeat>'
-        "</Sequence></BehaviorTree>"
+    assert letters(tree, 1) == "S"
+    once = (
+        f'<Sequence><Script code="f := true"/><RunOnce then_skip="{{f}}">{A}</RunOnce></Sequence>'
     )
-    tree = world.tree('<SubTree ID="Inner" n="{outer}" m="1"/>', inner)
-    tree.variables["outer"] = 2
-    tree.variables["m"] = 5
-    assert [tree.tick(), tree.tick()] == [Status.RUNNING, Status.SUCCESS]
-    assert world.events() == ["start a", "start a", "start b"]
+    world.events()
+    assert world.run(once, 2) == "SS"
+    assert world.events() == ["start a"]
+
+
+# --- trees composed in Python ---------------------------------------------------------------------
 
 
 def test_trees_are_composed_in_python_too(world: World) -> None:
@@ -161,12 +236,15 @@ def test_trees_are_composed_in_python_too(world: World) -> None:
             Repeat("twice", Scripted("a", script="S"), num_cycles=2),
             Inverter(None, Scripted("b", script="F")),
             SubTree("inside", Scripted("c", script="{text}"), {"text": "S"}),
+            AlwaysSuccess("x", _skipIf="n > 1", _post="n += 1"),
         ],
     )
     tree = MissionTree(root, name="Mission")
     tree.setup(world.context)
-    assert [tree.tick(), tree.tick()] == [Status.RUNNING, Status.SUCCESS]
-    assert [node.path for node in tree.leaves()] == [
+    tree.variables["n"] = 1
+    assert letters(tree, 2) == "RS"
+    assert tree.variables["n"] == 2.0
+    assert [node.path for node in tree.leaves()][:3] == [
         "Mission/root/twice/a",
         "Mission/root/Inverter/b",
         "Mission/root/inside/c",
@@ -179,3 +257,96 @@ def test_composing_checks_ports_and_children() -> None:
         Repeat("r", Scripted("a", script="S"), num_cycle=2)
     with pytest.raises(TypeError, match=r"uav_bt\.tree node"):
         Parallel("p", [object()])  # type: ignore[list-item]
+
+
+# --- variables of subtrees, and keys of the board as their entries --------------------------------
+
+
+class Climb(Leaf):
+    """Climbs."""
+
+    HEIGHT_M = Port("height_m", float, doc="height, m")
+    PHASE_OUT = Port("phase", str, doc="what it does", direction="output")
+    ports = (HEIGHT_M, PHASE_OUT)
+
+    seen: float | None = None
+
+    def update(self) -> Status:
+        self.seen = self.port(self.HEIGHT_M)
+        self.set_port(self.PHASE_OUT, "climb")
+        return Status.SUCCESS
+
+
+CLIMB = '<Climb height_m="{h}" phase="{p}"/>'
+ENTRIES = 'h="{@height_above_ground_m}" p="{@phase}"'
+
+
+def fly(world: World, attributes: str, inside: str, *more: str) -> tuple[MissionTree, Any]:
+    """Return a tree that is only a subtree, set up on a board with a height, and its first leaf."""
+    text = document(f'<SubTree ID="In" {attributes}/>', subtree("In", inside), *more)
+    tree = parse_tree(text, NodeRegistry([Climb]))
+    world.board.declare(HEIGHT)
+    world.board.declare(PHASE)
+    tree.setup(world.context)
+    world.board.write(HEIGHT, 1.25)
+    return tree, next(tree.leaves())
+
+
+def test_a_literal_entry_is_the_subtrees_own_until_it_is_removed(world: World) -> None:
+    """With `_autoremap`, a literal hides the outer tree's variable, and does not overwrite it."""
+    code = '<Sequence><Script code="a := h"/><UnsetBlackboard key="h"/><Script code="b := h"/>'
+    inner = subtree("In", f"{code}</Sequence>")
+    tree = world.tree('<SubTree ID="In" _autoremap="true" h="2"/>', inner)
+    tree.variables["h"] = 7
+    assert tree.tick() is Status.SUCCESS
+    assert tree.variables.snapshot() == {"h": 7, "a": 2, "b": 7}
+
+
+@pytest.mark.parametrize("door", [None, 'h="{h}" p="{p}"', '_autoremap="true"'])
+def test_ports_read_and_write_the_board_through_subtrees(world: World, door: str | None) -> None:
+    """The inner variable is the board key, also where a further subtree shares it."""
+    inside = CLIMB if door is None else f'<SubTree ID="Deep" {door}/>'
+    more = () if door is None else (subtree("Deep", CLIMB),)
+    tree, climb = fly(world, ENTRIES, inside, *more)
+    assert tree.tick() is Status.SUCCESS
+    assert climb.seen == 1.25
+    assert world.board.read(PHASE).value == "climb"
+    assert list(tree.variables) == []
+
+
+def test_access_is_checked_leaf_by_leaf(world: World) -> None:
+    """A leaf whose port is not connected to a key cannot reach it."""
+    tree, climb = fly(world, 'h="2" p="{@phase}"', CLIMB)
+    assert tree.tick() is Status.SUCCESS
+    with pytest.raises(BoardAccessError, match="without declaring it"):
+        climb.read(HEIGHT)
+
+
+def test_a_board_entry_is_read_by_scripts_and_written_by_nobody(world: World) -> None:
+    """What is only known in flight is refused in flight."""
+    inside = '<Sequence><Script code="{code}"/><AlwaysSuccess _failureIf="h &lt; 2"/></Sequence>'
+    tree, _ = fly(world, f'code="{{c}}" {ENTRIES}', inside)
+    tree.variables["c"] = "x := h * 2"
+    assert tree.tick() is Status.FAILURE
+    world.board.write(HEIGHT, 2.5)
+    assert tree.tick() is Status.SUCCESS
+    tree.variables["c"] = "h = 3"
+    with pytest.raises(NodeFailedError, match="'h' is '@height_above_ground_m'; leaves write"):
+        tree.tick()
+    sets = '<SetBlackboard value="1" output_key="{target}"/>'
+    tree, _ = fly(world, f'target="{{n}}" {ENTRIES}', sets)
+    tree.variables["n"] = "fine"
+    assert tree.tick() is Status.SUCCESS
+    tree.variables["n"] = "h"
+    with pytest.raises(NodeFailedError, match="variable 'h' is the board key"):
+        tree.tick()
+
+
+@pytest.mark.parametrize("entry", ["{h}", "h", "{@height_above_ground_m}"])
+def test_updates_of_the_board_are_seen(world: World, entry: str) -> None:
+    """A key of the mission board that was written again counts as updated."""
+    tree, _ = fly(world, ENTRIES, f'<WasEntryUpdated entry="{entry}"/>')
+    answers = letters(tree, 2)
+    world.clock.advance(0.1)
+    world.board.write(HEIGHT, 1.25)
+    assert answers + letters(tree, 2) == "SFSF"

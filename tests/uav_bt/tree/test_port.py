@@ -11,64 +11,85 @@ from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
 
 
 @pytest.mark.parametrize(
-    ("kind", "text", "value"),
+    ("kind", "given", "value"),
     [
         (int, "3", 3),
         (int, "-3 ", -3),
+        (int, 2.0, 2),
         (float, "1.5", 1.5),
         (float, "2", 2.0),
         (float, "1e-3", 1e-3),
         (float, ".5", 0.5),
+        (float, 2, 2.0),
         (bool, "true", True),
         (bool, "False", False),
         (bool, "0", False),
         (str, " as it is ", " as it is "),
     ],
 )
-def test_literals_are_typed(kind: type, text: str, value: object) -> None:
-    """A text becomes a value of the port's type."""
-    bound = Port("p", kind).bind(text)
+def test_values_are_typed(kind: type, given: object, value: object) -> None:
+    """A text of a file and a number of Python become a value of the port's type."""
+    bound = Port("p", kind).bind(given)
     assert bound == value
     assert type(bound) is kind
 
 
 @pytest.mark.parametrize(
-    ("kind", "text"),
+    ("kind", "given", "expected"),
     [
-        (int, "3.0"),
-        (int, "0x10"),
-        (int, "1_000"),
-        (int, ""),
-        (float, "nan"),
-        (float, "inf"),
-        (float, "1e999"),
-        (float, "1,5"),
-        (float, "1_0"),
-        (bool, "yes"),
-        (bool, "2"),
-        (list, "[1]"),
+        (int, "3.0", "an integer, got '3.0'"),
+        (int, "0x10", "an integer"),
+        (int, "1_000", "an integer"),
+        (int, "+3", "an integer, got '.3': write '3', without blanks or a plus before it"),
+        (int, "", "an integer"),
+        (int, "9" * 19, "an integer"),  # 64 bits, for the arithmetic of a Timeout
+        (int, "-" + "9" * 400, "an integer"),
+        (int, "9" * 5000, "an integer"),
+        (float, "nan", "a number"),
+        (float, "inf", "a number"),
+        (float, "1e999", "a number"),
+        (float, "1,5", "a number"),
+        (float, "1_0", "a number"),
+        (bool, "yes", "true or false"),
+        (bool, "2", "true or false"),
+        (list, "[1]", "a list"),
+        (int, True, "an integer, got True"),
+        (float, "x", "a number"),
+        (int, 1.5, "an integer, got float 1.5"),
+        (bool, 1, "true or false, got int 1"),
+        (str, 3, "a text, got int 3"),
     ],
 )
-def test_mistyped_literals_are_refused(kind: type, text: str) -> None:
+def test_mistyped_values_are_refused(kind: type, given: object, expected: str) -> None:
     """Only texts of the format are accepted; the message has the expected form."""
-    with pytest.raises(ValueError, match="expected"):
-        Port("p", kind).bind(text)
+    with pytest.raises(ValueError, match=f"expected {expected}"):
+        Port("p", kind).bind(given)
 
 
 @pytest.mark.parametrize(
-    ("kind", "value"), [(int, True), (float, "x"), (int, 1.5), (bool, 1), (str, 3)]
+    ("kind", "value", "read"),
+    [
+        (str, 3, "3"),
+        (str, 1.5, "1.500000"),
+        (str, "t", "t"),
+        (str, True, None),
+        (bool, 1, True),
+        (bool, 0.0, False),
+        (bool, "false", False),
+        (bool, 2, None),
+        (bool, 0.5, None),
+    ],
 )
-def test_mistyped_python_values_are_refused(kind: type, value: object) -> None:
-    """A value from Python is checked like a text."""
-    with pytest.raises(ValueError, match="expected"):
-        Port("p", kind).bind(value)
-
-
-def test_python_numbers_widen() -> None:
-    """An integer is accepted as a float, and a float with an integral value as an integer."""
-    assert Port("p", float).bind(2) == 2.0
-    assert type(Port("p", float).bind(2)) is float
-    assert Port("p", int).bind(2.0) == 2
+def test_variables_are_read_as_the_engine_reads_them(
+    kind: type, value: object, read: object
+) -> None:
+    """A script's `true` is valid for a port of booleans, its number for a port of texts."""
+    port = Port("p", kind)
+    if read is None:
+        with pytest.raises(ValueError, match="expected"):
+            port.read(value)
+    else:
+        assert port.read(value) == read
 
 
 @pytest.mark.parametrize(
@@ -95,22 +116,10 @@ def test_broken_references_are_refused(text: str) -> None:
 
 
 def test_choices_come_with_a_suggestion() -> None:
-    """A value outside the choices is refused, and the nearest choice is named."""
     port = Port("side", str, choices=("left", "right"))
     assert port.bind("left") == "left"
     with pytest.raises(ValueError, match="left, right; got 'lefft'; did you mean 'left'"):
         port.bind("lefft")
-
-
-def test_checks_speak_for_themselves() -> None:
-    """The message of a port's check is kept, also that of our errors."""
-
-    def positive(value: float) -> None:
-        if value <= 0:
-            raise ValueRangeError("must be above 0")
-
-    with pytest.raises(ValueError, match="must be above 0"):
-        Port("p", float, check=positive).bind("-1")
 
 
 @pytest.mark.parametrize(
@@ -126,30 +135,26 @@ def test_numbers_keep_to_their_range(
     assert not port.takes_all
     for bound in (least, most):
         assert bound is None or port.bind(f"{bound}") == bound
-    with pytest.raises(ValueError, match=f"expected {words}, got {wrong}"):
-        port.bind(wrong)
-    with pytest.raises(ValueError, match=f"expected {words}, got {wrong}"):
-        port.read(float(wrong))
+    for take in (port.bind, lambda text: port.read(float(text))):
+        with pytest.raises(ValueError, match=f"expected {words}, got {wrong}"):
+            take(wrong)
 
 
-def test_only_numbers_have_a_range() -> None:
+def test_other_refusals() -> None:
+    """Ranges are of numbers; an output needs a reference; a check's own error is kept."""
     with pytest.raises(ValueError, match="only numbers have a range"):
         Port("p", str, most=3)
-
-
-@pytest.mark.parametrize("text", ["9" * 19, "-" + "9" * 400, "9" * 5000])
-def test_integers_have_64_bits(text: str) -> None:
-    """Otherwise the arithmetic of a Timeout of 10**400 ms would end a mission."""
-    with pytest.raises(ValueError, match="integer"):
-        Port("p", int).bind(text)
-
-
-def test_output_ports_need_a_reference() -> None:
-    """An output port needs a reference."""
     port = Port("out", int, direction="output")
     assert port.bind("{x}") == Reference("x", on_board=False)
     with pytest.raises(ValueError, match="needs a reference"):
         port.bind("3")
+
+    def positive(value: float) -> None:
+        if value <= 0:
+            raise ValueRangeError("must be above 0")
+
+    with pytest.raises(ValueError, match="must be above 0"):
+        Port("p", float, check=positive).bind("-1")
 
 
 @pytest.mark.parametrize("name", ["name", "ID", "_x", "", "a b", "1a"])

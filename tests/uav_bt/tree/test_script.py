@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uav_bt.board import ELAPSED, HEIGHT, MARK
+from uav_bt.board import HEIGHT
 from uav_bt.board.blackboard import Blackboard, Key
 from uav_bt.clock import ManualClock
 from uav_bt.errors import UnknownValueError
 from uav_bt.tree.script import Environment, ScriptError, parse_question, parse_script
+from uav_bt.tree.script.expressions import FUNCTIONS
 from uav_bt.tree.variables import Variables
 
 
@@ -123,6 +126,10 @@ def test_assignments(source: str, before: dict[str, object], result: dict[str, o
         ("-" * 50 + "1", "nested deeper than 40"),
         ("+".join(["1"] * 300), "more than 200 operators"),
         ("1" * 5000, "longer than 4000"),
+        ("known()", r"column 7: expected a variable or an @key, got '\)'"),
+        ("known(1)", "expected a variable or an @key, got '1'"),
+        ("known(a + b)", r"expected '\)', got '\+'"),
+        ("f(1), 2", "expected a value, got ','"),
     ],
 )
 def test_refused_scripts(source: str, message: str) -> None:
@@ -151,25 +158,18 @@ def test_refused_scripts(source: str, message: str) -> None:
         ("@height", "there is no mission board"),
         ("@height = 2", "'@height' is a board key; leaves write those, scripts only read"),
         ("9" * 400 + " + 1", "int too large"),
+        ("false && missing", "'missing' has no value"),  # both sides are evaluated
+        ("long += long", "longer than 100000"),
+        ("!word", "expected a number, got 'w'"),  # no text that spells a truth value
+        ("word && 1", "expected a number, got 'w'"),
+        ("0 || word", "expected a number, got 'w'"),
+        ("word ? 60 : 1", "expected a number, got 'w'"),
     ],
 )
 def test_failing_scripts(source: str, message: str) -> None:
     """The message of a runtime error contains the script."""
     with pytest.raises(ScriptError, match=message):
-        run(source, count=1, word="w", thing=[1])
-
-
-def test_texts_cannot_fill_the_memory() -> None:
-    """The length of a text that doubles at each run is bounded."""
-    scope = _scope({"s": "x" * 60_000})
-    with pytest.raises(ScriptError, match="longer than 100000"):
-        parse_script("s += s").run(Environment(scope))
-
-
-def test_both_sides_are_evaluated() -> None:
-    """`&&` and `||` always evaluate both sides, as in the engine."""
-    with pytest.raises(ScriptError, match="'missing' has no value"):
-        run("false && missing")
+        run(source, count=1, word="w", thing=[1], long="x" * 60_000)
 
 
 def test_enumerations_come_before_variables() -> None:
@@ -179,15 +179,16 @@ def test_enumerations_come_before_variables() -> None:
     assert parse_script("RED + 1").run(Environment(scope)) == 3.0
 
 
-def test_the_board_is_read_with_an_at() -> None:
-    """Fresh numbers and texts of the board can be read."""
-    clock = ManualClock()
-    board = Blackboard(clock, (ELAPSED, HEIGHT, MARK))
-    board.write(ELAPSED, 91.0)
-    environment = Environment(Variables(), board)
-    assert parse_script("@elapsed_s > 90").run(environment) == 1.0
-    with pytest.raises(UnknownValueError, match="'height_above_ground_m' has no value yet"):
-        parse_script("@height_above_ground_m").run(environment)
+def test_a_new_function_is_an_entry_of_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(FUNCTIONS, "power", math.pow)
+    parse_script.cache_clear()
+    assert run("2 * power(x, 1 + 1) - 1", x=3) == 17.0
+    for wrong in ("power(1)", "power(1, 2, 3)", "power()"):
+        with pytest.raises(ScriptError, match="expected"):
+            parse_script(wrong)
+    with pytest.raises(ScriptError, match="expected a number, got 'w'"):
+        run("power(x, 1)", x="w")
+    parse_script.cache_clear()
 
 
 @pytest.mark.parametrize(
@@ -227,12 +228,6 @@ def test_a_key_that_no_leaf_declares_is_not_known() -> None:
     assert parse_script("known(@share) && @share > 1").run(environment) == 0.0
     with pytest.raises(UnknownValueError, match="unknown board key 'share'"):
         parse_script("@share").run(environment)
-
-
-@pytest.mark.parametrize("code", ["known()", "known(1)", "known(a + b)", "known(a"])
-def test_known_takes_one_name(code: str) -> None:
-    with pytest.raises(ScriptError, match="expected"):
-        parse_script(code)
 
 
 @given(st.text(alphabet="ab1.5'\" +-*/()<>=!&|?:;@~^,{}\n\\x", max_size=40))
@@ -275,9 +270,3 @@ def test_only_a_script_that_is_asked_needs_content() -> None:
     for empty in ("", " ; "):
         with pytest.raises(ScriptError, match="the script is empty"):
             parse_question(empty)
-
-
-@pytest.mark.parametrize("source", ["!far", "far && 1", "0 || far", "far ? 60 : 1"])
-def test_a_text_that_spells_no_truth_value_is_no_condition(source: str) -> None:
-    with pytest.raises(ScriptError, match="expected a number, got 'no'"):
-        run(source, far="no")

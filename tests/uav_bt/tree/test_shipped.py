@@ -36,18 +36,6 @@ def test_a_folder_stands_for_its_xml_files_in_order_without_hidden_ones(tmp_path
     assert found == ["a.xml", "b.xml", "deep/er/c.xml"]
 
 
-def test_a_hidden_folder_that_is_asked_for_is_looked_into(tmp_path: Path) -> None:
-    folder = tmp_path / ".missions"
-    folder.mkdir()
-    (folder / "a.xml").write_text("", encoding="utf-8")
-    assert tree_files(folder) == (folder / "a.xml",)
-
-
-def test_a_folder_without_tree_files_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="no tree file"):
-        tree_files(tmp_path)
-
-
 @pytest.mark.parametrize("start", STARTERS)
 def test_a_starter_is_good_and_is_the_shipped_mission_with_a_comment(
     tmp_path: Path, start: str
@@ -62,17 +50,16 @@ def test_a_starter_is_good_and_is_the_shipped_mission_with_a_comment(
     assert render(parse_tree(text), "svg") == render(shipped, "svg")
 
 
-def test_a_file_that_exists_is_never_touched(tmp_path: Path) -> None:
+def test_refusals_leave_the_files_as_they_are(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="no tree file"):
+        tree_files(tmp_path)
     path = tmp_path / "mine.xml"
     path.write_text("mine", encoding="utf-8")
-    with pytest.raises(FileError, match="not overwritten"):
-        write_starter(path)
-    assert path.read_text(encoding="utf-8") == "mine"
-
-
-def test_a_file_that_cannot_be_written_raises(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="cannot be written: No such file"):
-        write_starter(tmp_path / "absent" / "mine.xml")
-    with pytest.raises(FileError, match=r"ends in \.xml"):
-        write_starter(tmp_path / "mine.txt")
-    assert list(tmp_path.iterdir()) == []
+    for wrong, message in (
+        (path, "not overwritten"),
+        (tmp_path / "absent" / "mine.xml", "cannot be written: No such file"),
+        (tmp_path / "mine.txt", r"ends in \.xml"),
+    ):
+        with pytest.raises(FileError, match=message):
+            write_starter(wrong)
+    assert [one.read_text(encoding="utf-8") for one in tmp_path.iterdir()] == ["mine"]

@@ -17,18 +17,16 @@ from uav_bt.tree.port import Port
 from uav_bt.tree.script import parse_text
 from uav_bt.tree.script.expressions import (
     Assignment,
-    Binary,
-    Comparison,
     Expression,
     Name,
-    Unary,
+    Op,
     kind_of,
 )
 from uav_bt.tree.script.values import ScriptError, number
 
 _NUMBERS: Final = (int, float)
 _IN_SCRIPTS: Final = (int, float, str)
-_ARITHMETIC: Final = frozenset({"-", "*", "/", "&", "|", "^"})
+_ARITHMETIC: Final = frozenset({"-x", "~x", "-", "*", "/", "&", "|", "^"})
 
 
 @dataclass(frozen=True)
@@ -124,7 +122,7 @@ class _Values:
                     return
         for operand in _numbers_in(part):
             for value in self._named(node, operand):
-                if value.is_word or (value.kind is str and not isinstance(part, Comparison)):
+                if value.is_word or (value.kind is str and not _compares(part)):
                     yield f"needs a number, but '{_name(operand)}' may hold {value}"
                     return
 
@@ -155,16 +153,16 @@ class _Values:
 def _numbers_in(part: Expression) -> tuple[Expression, ...]:
     """Return the operands that must be numbers; of a comparison, also texts that are numbers."""
     if isinstance(part, Assignment) and part.sign not in {":=", "="}:
-        part = Binary(part.sign[0], Name(part.name), part.value)
-    if isinstance(part, Unary):
-        return part.parts() if part.sign != "!" else ()
-    if not isinstance(part, (Comparison, Binary)):
+        part = Op(part.sign[0], (Name(part.name), part.value))
+    if not isinstance(part, Op):
         return ()
-    mixes = any(kind_of(operand) in _NUMBERS for operand in part.parts())
-    if isinstance(part, Binary) and part.sign in _ARITHMETIC:
-        return part.parts()
-    compares = isinstance(part, Comparison) or part.sign == "+"
-    return part.parts() if compares and mixes else ()
+    mixes = any(kind_of(operand) in _NUMBERS for operand in part.parts)
+    compares = _compares(part) or part.sign == "+"
+    return part.parts if part.sign in _ARITHMETIC or (compares and mixes) else ()
+
+
+def _compares(part: Expression) -> bool:
+    return isinstance(part, Op) and part.links != ()
 
 
 def _name(part: Expression) -> str:

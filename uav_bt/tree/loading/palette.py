@@ -191,12 +191,12 @@ def with_palette(registry: NodeRegistry, palette: Palette) -> NodeRegistry:
         other = described.pop(node_id, None)
         ours = other is None or known in BUILTIN_NODES or _looks_like(other, known)
         chosen[node_id] = known if ours or other is None else other
-    both = NodeRegistry([*chosen.values(), *described.values()], policies=registry.policies)
-    both.faults = registry.faults
-    both.factories = dict(registry.factories)
-    both.foreign_board = True
-    both.enum_members = {**registry.enum_members, **palette.enum_members}
-    return both
+    return replace(
+        registry,
+        nodes=[*chosen.values(), *described.values()],
+        foreign_board=True,
+        enum_members={**registry.enum_members, **palette.enum_members},
+    )
 
 
 def _looks_like(model: type[Node], node: type[Node]) -> bool:

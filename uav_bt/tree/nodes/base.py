@@ -29,16 +29,7 @@ class ControlNode(Node):
 
 
 class DecoratorNode(Node):
-    """A node with one child.
-
-    Args:
-        name: the instance's name; default: the node's id.
-        child: the child.
-        given: values of the ports.
-
-    Raises:
-        TypeError: the child is not a node of this package.
-    """
+    """A node with one child."""
 
     kind = NodeKind.DECORATOR
     min_children = 1
@@ -49,11 +40,7 @@ class DecoratorNode(Node):
         self.child = child
 
     def execute_tick(self) -> Status:
-        """Tick once; a child that finished is reset, so that it can start again.
-
-        Raises:
-            NodeFailedError: an exception came out of this node or of one below it.
-        """
+        """Tick once; a child that finished is reset, so that it can start again."""
         status = super().execute_tick()
         child = self.child
         if child.node_status is SUCCESS or child.node_status is FAILURE:
@@ -67,10 +54,7 @@ _MAX_INTEGER: Final = 2**63
 
 
 def entry_value(text: str) -> int | float | str:
-    """Return the value of a SubTree's entry that is not a reference: a number or a text.
-
-    Engine 4.10 does so, too.
-    """
+    """Return the value of a SubTree's entry as engine 4.10 does: a number or a text."""
     if _INTEGER.fullmatch(text) and -_MAX_INTEGER <= int(text) < _MAX_INTEGER:
         return int(text)
     if _REAL.fullmatch(text) and math.isfinite(float(text)):
@@ -131,14 +115,7 @@ class SubTree(DecoratorNode):
                 self.shared[inner] = reference.key
 
     def rebind(self, given: Mapping[str, object]) -> None:
-        """Replace entries; to be done before the setup.
-
-        Args:
-            given: entries by name.
-
-        Raises:
-            InputError: an entry cannot be one.
-        """
+        """Replace entries by name; to be done before the setup."""
         entries = {name: port_text(value) for name, value in given.items()}
         self.attributes |= entries
         try:
@@ -152,11 +129,7 @@ class SubTree(DecoratorNode):
     variables_after = as_child
 
     def open_scope(self, outer: Variables) -> Variables:
-        """Return the variables of the tree inside.
-
-        Args:
-            outer: the variables of the tree that the node stands in.
-        """
+        """Return the variables of the tree inside; `outer` are those that the node stands in."""
         return Variables(
             outer,
             self.shared,

@@ -34,11 +34,7 @@ class _Counting(ControlNode):
 
     @classmethod
     def ports_over(cls, children: int) -> tuple[Port[Any], ...]:
-        """Return the ports; none counts more children than there are.
-
-        Args:
-            children: how many children the node has in its tree.
-        """
+        """Return the ports; none counts more children than there are."""
 
         def check(count: int) -> None:
             if count > children:

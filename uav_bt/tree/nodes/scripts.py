@@ -8,10 +8,9 @@ from typing import Any, Final
 
 from uav_bt.tree.flow import After, Follow, Known, Written, answered, joined
 from uav_bt.tree.leaf import Leaf
-from uav_bt.tree.node import Node
 from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port, parse_reference
-from uav_bt.tree.script import Script, parse_question, parse_script
+from uav_bt.tree.script import parse_question, parse_script
 from uav_bt.tree.script.values import assigned, truth
 from uav_bt.tree.status import ANSWER_NAMES, FAILURE, SUCCESS, Status
 
@@ -44,19 +43,6 @@ def _check_variable(text: str) -> None:
         raise ValueError(f"expected a variable's name, got '{text}'")
 
 
-class _Code:
-    """A script port's value, parsed again only when its text has changed."""
-
-    def __init__(self) -> None:
-        self._script: Script | None = None
-
-    def of(self, text: str) -> Script:
-        """Return the parsed script."""
-        if self._script is None or self._script.source != text:
-            self._script = parse_script(text)
-        return self._script
-
-
 class ScriptNode(Leaf):
     """Runs a script and succeeds."""
 
@@ -65,13 +51,9 @@ class ScriptNode(Leaf):
     CODE = Port("code", str, doc="statements, separated by ';'", check=parse_script)
     ports = (CODE,)
 
-    def __init__(self, name: str | None = None, /, **given: object) -> None:
-        super().__init__(name, **given)
-        self._code = _Code()
-
     def update(self) -> Status:
         """Run the script."""
-        self._code.of(self.port(self.CODE)).run(self.environment)
+        parse_script(self.port(self.CODE)).run(self.environment)
         return SUCCESS
 
 
@@ -82,34 +64,20 @@ class ScriptCondition(Leaf):
     ports = (CODE,)
     condition = True
 
-    def __init__(self, name: str | None = None, /, **given: object) -> None:
-        super().__init__(name, **given)
-        self._code = _Code()
-
     def update(self) -> Status:
         """Run the script and judge."""
-        result = self._code.of(self.port(self.CODE)).run(self.environment)
+        result = parse_script(self.port(self.CODE)).run(self.environment)
         return SUCCESS if truth(result) else FAILURE
 
 
 class Precondition(DecoratorNode):
-    """Evaluates a script before it starts its child, and answers `else` when that is false.
-
-    Args:
-        name: the instance's name; default: the node's id.
-        child: the child.
-        given: values of the ports.
-    """
+    """Evaluates a script before it starts its child, and answers `else` when that is false."""
 
     IF = Port("if", str, doc="a script that ends in true or false", check=parse_question)
     ELSE = Port("else", str, default="FAILURE", doc="the answer otherwise", choices=ANSWER_NAMES)
     ports = (IF, ELSE)
 
     _started = False
-
-    def __init__(self, name: str | None, child: Node, /, **given: object) -> None:
-        super().__init__(name, child, **given)
-        self._code = _Code()
 
     def variables_after(self, follow: Follow, known: Known) -> After:
         """Follow the child, which may not run."""
@@ -119,7 +87,7 @@ class Precondition(DecoratorNode):
     def update(self) -> Status:
         """Tick the child."""
         if not self._started:
-            script = self._code.of(self.port(self.IF))
+            script = parse_script(self.port(self.IF))
             self._started = truth(script.run(self.environment))
             if not self._started:
                 return Status[self.port(self.ELSE)]

@@ -20,64 +20,54 @@ def _check_entry(text: object) -> None:
 ENTRY = Port("entry", object, doc="the variable, as {name}", check=_check_entry)
 
 
-class _Watch:
-    """Remembers the state of a variable or board key at the last check."""
+def _state(node: Node) -> object:
+    """Return what a write of the node's entry changes; None when it has no value."""
+    reference = node.reference(ENTRY)
+    key = str(node.port(ENTRY)) if reference is None else reference.key
+    on_board = reference is not None and reference.on_board
+    board_key = key if on_board else node.variables.board_key(key)
+    if board_key is not None:
+        held = node.mission.board.snapshot().get(board_key)
+        # The board counts no writes; a new one is another object or has a later capture time.
+        return None if held is None else (id(held[0]), held[1])
+    entry = node.variables.entry(key)
+    return None if entry is None else entry.writes
 
-    def __init__(self, node: Node) -> None:
-        self._node = node
-        self._seen: object = None
 
-    def updated(self) -> bool:
-        """Return whether it was written since the last check."""
-        now = self._look()
-        if now is None:
+class _Watches(Node):
+    ports = (ENTRY,)
+
+    _seen: object = None
+
+    def _updated(self) -> bool:
+        """Return whether the entry was written since the last check."""
+        state = _state(self)
+        if state is None:
             return False
-        before, self._seen = self._seen, now
-        return before != now
-
-    def _look(self) -> object:
-        reference = self._node.reference(ENTRY)
-        key = str(self._node.port(ENTRY)) if reference is None else reference.key
-        on_board = reference is not None and reference.on_board
-        board_key = key if on_board else self._node.variables.board_key(key)
-        if board_key is not None:
-            held = self._node.mission.board.snapshot().get(board_key)
-            # The board counts no writes; a new one is another object or has a later capture time.
-            return None if held is None else (id(held[0]), held[1])
-        entry = self._node.variables.entry(key)
-        return None if entry is None else entry.writes
+        before, self._seen = self._seen, state
+        return before != state
 
 
-class WasEntryUpdated(Leaf):
+class WasEntryUpdated(_Watches, Leaf):
     """Succeeds when the variable was written since this node last looked."""
 
     answers = (SUCCESS, FAILURE)
-    ports = (ENTRY,)
-
-    def __init__(self, name: str | None = None, /, **given: object) -> None:
-        super().__init__(name, **given)
-        self._watch = _Watch(self)
 
     def update(self) -> Status:
         """Check the variable."""
-        return SUCCESS if self._watch.updated() else FAILURE
+        return SUCCESS if self._updated() else FAILURE
 
 
-class _UnlessUpdated(DecoratorNode):
-    ports = (ENTRY,)
+class _UnlessUpdated(_Watches, DecoratorNode):
     _otherwise: ClassVar[Status]
 
     variables_after = as_child
 
     _busy = False  # the child is running and is ticked without a check
 
-    def __init__(self, name: str | None, child: Node, /, **given: object) -> None:
-        super().__init__(name, child, **given)
-        self._watch = _Watch(self)
-
     def update(self) -> Status:
         """Tick the child."""
-        if not self._busy and not self._watch.updated():
+        if not self._busy and not self._updated():
             return self._otherwise
         status = self.child.execute_tick()
         self._busy = status is RUNNING

@@ -9,15 +9,7 @@ SCRIPTS = frozenset({parse_script, parse_question, parse_text})
 
 
 def parsed_by(check: object, source: str) -> Script:
-    """Return the script of a port's value.
-
-    Args:
-        check: Check of the port, one of `SCRIPTS`.
-        source: Value of the port.
-
-    Raises:
-        ScriptError: The value is no such script.
-    """
+    """Return the script of a port's value by the port's check, one of `SCRIPTS`."""
     return parse_text(source) if check is parse_text else parse_script(source)
 
 

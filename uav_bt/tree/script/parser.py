@@ -1,4 +1,4 @@
-"""From a script's text to words, and from words to expressions: an operator-precedence parser.
+"""From a script's text to expressions: an operator-precedence parser.
 
 Weakest to strongest: assignment, `? :`, `||`, `&&`, comparisons (which chain), `| ^`, `&`,
 `+ - ..`, `* /`, then `- ! ~` before an operand.
@@ -6,48 +6,58 @@ Weakest to strongest: assignment, `? :`, `||`, `&&`, comparisons (which chain), 
 
 from __future__ import annotations
 
+import inspect
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Final
+from typing import Final, NamedTuple
 
 from uav_bt.errors import UnknownValueError
 from uav_bt.tree.script.expressions import (
+    COMPARISONS,
+    FUNCTIONS,
     Assignment,
-    Binary,
-    Comparison,
-    Conditional,
     Expression,
     Known,
     Literal,
     Name,
-    Unary,
+    Op,
     certain_parts,
     is_constant,
+    walk,
 )
 from uav_bt.tree.script.values import Environment, ScriptError, Value, truth
 from uav_bt.tree.variables import Variables
 
-MAX_NESTING: Final = 40  # parentheses inside parentheses, and operators on operators
-
-KNOWN: Final = "known"
-"""The name of the function that asks whether a variable or board key has a value."""
-
-ASSIGNMENTS: Final = frozenset({":=", "=", "+=", "-=", "*=", "/="})
-_COMPARISONS: Final = frozenset({"==", "!=", "<", "<=", ">", ">="})
-_STRENGTHS: Final = (
-    ("||",),
-    ("&&",),
-    _COMPARISONS,
-    ("|", "^"),
-    ("&",),
-    ("+", "-", ".."),
-    ("*", "/"),
-)
-_STRENGTH: Final = {sign: level for level, signs in enumerate(_STRENGTHS, 1) for sign in signs}
-_COMPARISON: Final = _STRENGTH["=="]
+_MAX_SCRIPT: Final = 4_000  # characters; a script in an attribute has some dozens
+_MAX_NESTING: Final = 40  # parentheses inside parentheses, and operators on operators
 _MAX_OPERATORS: Final = 200  # in one script; each may be a level of the expression
+_ASSIGNMENTS: Final = (":=", "=", "+=", "-=", "*=", "/=")
+_STRENGTH: Final[dict[str, int]] = {
+    "||": 1,
+    "&&": 2,
+    **dict.fromkeys(COMPARISONS, 3),
+    "|": 4,
+    "^": 4,
+    "&": 5,
+    "+": 6,
+    "-": 6,
+    "..": 6,
+    "*": 7,
+    "/": 7,
+}
+_TRUTHS: Final = {"true": 1.0, "false": 0.0}
+_NUMBERS: Final = ("real", "integer")  # kinds of words
+_TOKEN: Final = re.compile(
+    r"(?P<real>[0-9]+(?:\.[0-9]+(?:[eE][+-]?[0-9]+)?|[eE][+-]?[0-9]+))"
+    r"|(?P<integer>0[xX][0-9A-Fa-f]+|[0-9]+)"
+    r"|(?P<text>'[^'\n]*'|\"[^\"\n]*\")"
+    r"|(?P<name>[@A-Za-z_]\w*)"
+    # Two characters first, so that the longer operator is found.
+    r"|(?P<operator>[:+\-*/=!<>]=|&&|\|\||\.\.|[=<>+\-*/&|^~!?:(),;])"
+    r"|(?P<space>\s+)"
+)
 
 
 @dataclass(frozen=True)
@@ -59,12 +69,7 @@ class Script:
     oddities: tuple[str, ...] = ()  # what runs, and is not as it should be written
 
     def run(self, environment: Environment) -> Value:
-        """Run all statements and return the value of the last one.
-
-        Raises:
-            ScriptError: one of them fails.
-            UnknownValueError: one of them reads a board key that has no fresh value.
-        """
+        """Run all statements and return the value of the last one."""
         result: Value = 0
         try:
             for statement in self.statements:
@@ -78,7 +83,7 @@ class Script:
     @cached_property
     def parts(self) -> tuple[Expression, ...]:
         """All parts."""
-        return tuple(part for statement in self.statements for part in statement.walk())
+        return tuple(part for statement in self.statements for part in walk(statement))
 
     @cached_property
     def asked_known(self) -> frozenset[str]:
@@ -103,12 +108,11 @@ class Script:
     def fault(self, members: Mapping[str, int], *, asked: bool) -> str | None:
         """Return why every run fails, whatever the variables hold; None when a run may work.
 
-        Args:
-            members: of enumerations, integers by name.
-            asked: whether the value of the last statement must be true or false.
+        `members` are those of enumerations; `asked`: the last value must be true or false.
         """
-        nothing = Environment(Variables())
-        nothing.members.update(members)
+        variables = Variables()
+        variables.enum_members.update(members)
+        nothing = Environment(variables)
         try:
             for part in filter(is_constant, self._certain_parts):
                 part.evaluate(nothing)
@@ -125,12 +129,8 @@ class Script:
 
 @lru_cache(maxsize=4096)  # loading a file meets each script several times
 def parse_script(source: str) -> Script:
-    """Parse a script.
-
-    Raises:
-        ScriptError: a syntax error; the message has the column and the expected token.
-    """
-    tokens = tokenize(source)
+    """Parse a script; the message of a ScriptError has the column and the expected word."""
+    tokens = _tokens(source)
     parser = _Parser(tokens)
     statements = tuple(parser.statements())
     odd = [f"column {at.column}: no ';' before '{at.text}'" for at in parser.unended]
@@ -140,174 +140,40 @@ def parse_script(source: str) -> Script:
 
 
 def parse_question(source: str) -> Script:
-    """Parse a script that is asked for its value; an empty one has none.
-
-    Raises:
-        ScriptError: it is empty, or no script.
-    """
+    """Parse a script that is asked for its value; an empty one has none."""
     script = parse_script(source)
     if not script.statements:
         raise ScriptError("the script is empty")
     return script
 
 
-class _Parser:
-    def __init__(self, tokens: list[Token]) -> None:
-        self._tokens = tokens
-        self._at = 0
-        self._nesting = 0
-        self._operators = 0
-        self.unended: list[Token] = []  # first words of statements that no ';' stands before
-
-    @property
-    def _next(self) -> Token:
-        return self._tokens[self._at]
-
-    def _take(self) -> Token:
-        token = self._next
-        self._at += 1
-        return token
-
-    def _is(self, *signs: str) -> bool:
-        return self._next.kind == "operator" and self._next.text in signs
-
-    def _fail(self, expected: str) -> ScriptError:
-        token = self._next
-        got = token.text if token.kind == "end" else f"'{token.text}'"
-        return ScriptError(f"column {token.column}: expected {expected}, got {got}")
-
-    def _expect(self, sign: str) -> None:
-        if not self._is(sign):
-            raise self._fail(f"'{sign}'")
-        self._take()
-
-    def statements(self) -> Iterator[Expression]:
-        """Parse everything; as in the engine, `;` may be left out or stand twice."""
-        ended = True
-        while self._next.kind != "end":
-            if self._is(";"):
-                ended = bool(self._take())
-                continue
-            if not ended:
-                self.unended.append(self._next)
-            ended = False
-            yield self._assignment()
-
-    def _nested(self, parse: Callable[[], Expression]) -> Expression:
-        self._nesting += 1
-        if self._nesting > MAX_NESTING:
-            raise ScriptError(f"column {self._next.column}: nested deeper than {MAX_NESTING}")
-        inner = parse()
-        self._nesting -= 1
-        return inner
-
-    def _assignment(self) -> Expression:
-        column = self._next.column
-        left = self._conditional()
-        if not self._is(*ASSIGNMENTS):
-            return left
-        sign = self._take().text
-        if not isinstance(left, Name):
-            raise ScriptError(f"column {column}: only a variable can stand left of '{sign}'")
-        return Assignment(left.name, sign, self._nested(self._assignment))
-
-    def _conditional(self) -> Expression:
-        condition = self._infix(1)
-        if not self._is("?"):
-            return condition
-        self._take()
-        then = self._nested(self._assignment)
-        self._expect(":")
-        return Conditional(condition, then, self._nested(self._conditional))
-
-    def _infix(self, weakest: int) -> Expression:
-        left = self._operand()
-        while self._next.kind == "operator":
-            strength = _STRENGTH.get(self._next.text, 0)
-            if strength < weakest:
-                break
-            self._operators += 1
-            if self._operators > _MAX_OPERATORS:
-                raise ScriptError(f"more than {_MAX_OPERATORS} operators in one script")
-            if strength == _COMPARISON:
-                left = self._comparison(left)
-            else:
-                left = Binary(self._take().text, left, self._infix(strength + 1))
-        return left
-
-    def _comparison(self, first: Expression) -> Expression:
-        rest: list[tuple[str, Expression]] = []
-        while self._is(*_COMPARISONS):
-            rest.append((self._take().text, self._infix(_COMPARISON + 1)))
-        return Comparison(first, tuple(rest))
-
-    def _operand(self) -> Expression:
-        token = self._next
-        if self._is("-", "!", "~"):
-            self._take()
-            return Unary(token.text, self._nested(self._operand))
-        if self._is("("):
-            self._take()
-            inner = self._nested(self._assignment)
-            self._expect(")")
-            return inner
-        if token.kind in {"end", "operator"}:
-            raise self._fail("a value")
-        self._take()
-        return self._known() if token.text == KNOWN and self._is("(") else _atom(token)
-
-    def _known(self) -> Expression:
-        self._expect("(")
-        if self._next.kind != "name":
-            raise self._fail("a variable or an @key")
-        name = self._take().text
-        self._expect(")")
-        return Known(name)
-
-
-def number_of(token: Token) -> int | float:
-    """Return the number that a word of kind `real` or `integer` is."""
-    if token.kind == "real":
-        return float(token.text)
-    return int(token.text, 16 if token.text[:2] in {"0x", "0X"} else 10)
-
-
-def _atom(token: Token) -> Expression:
-    if token.kind in NUMBERS:
-        return Literal(number_of(token))
-    if token.kind == "text":
-        return Literal(token.text[1:-1])
-    if token.text in {"true", "false"}:
-        return Literal(1.0 if token.text == "true" else 0.0)
-    return Name(token.text)
-
-
-MAX_SCRIPT: Final = 4_000  # characters; a script in an attribute has some dozens
-
-# Two characters first, so that the longer operator is found.
-_OPERATOR: Final = r"[:+\-*/=!<>]=|&&|\|\||\.\.|[=<>+\-*/&|^~!?:();]"
-_TOKEN: Final = re.compile(
-    r"(?P<real>[0-9]+(?:\.[0-9]+(?:[eE][+-]?[0-9]+)?|[eE][+-]?[0-9]+))"
-    r"|(?P<integer>0[xX][0-9A-Fa-f]+|[0-9]+)"
-    r"|(?P<text>'[^'\n]*'|\"[^\"\n]*\")"
-    r"|(?P<name>[@A-Za-z_]\w*)"
-    rf"|(?P<operator>{_OPERATOR})"
-    r"|(?P<space>\s+)"
-)
-NUMBERS: Final = frozenset({"real", "integer"})
-"""The kinds of words that are numbers."""
-
-
-@dataclass(frozen=True)
-class Token:
-    """A word of a script."""
-
+class _Token(NamedTuple):
     kind: str  # real, integer, text, name, operator or end
     text: str
     column: int  # in the script, from 1
 
 
-def _no_members(tokens: list[Token]) -> str:
+def _tokens(source: str) -> list[_Token]:
+    """Return the words of a script; the last one is of kind `end`."""
+    if len(source) > _MAX_SCRIPT:
+        raise ScriptError(f"the script is longer than {_MAX_SCRIPT} characters")
+    tokens: list[_Token] = []
+    at = 0
+    while at < len(source):
+        match = _TOKEN.match(source, at)
+        if match is None or match.lastgroup is None:
+            hint = _no_members(tokens) if source[at] == "." else ""
+            raise ScriptError(f"column {at + 1}: unexpected '{source[at]}'{hint}")
+        if match.lastgroup != "space":
+            glued = tokens and tokens[-1].column - 1 + len(tokens[-1].text) == at
+            if glued and match.lastgroup == "name" and tokens[-1].kind in _NUMBERS:
+                raise ScriptError(f"column {at + 1}: '{tokens[-1].text}{match[0]}' is not a number")
+            tokens.append(_Token(match.lastgroup, match[0], at + 1))
+        at = match.end()
+    return [*tokens, _Token("end", "the end", len(source) + 1)]
+
+
+def _no_members(tokens: list[_Token]) -> str:
     """Return what to write instead of `.member` after the last token."""
     name = tokens[-1].text if tokens and tokens[-1].kind == "name" else ""
     if not name.startswith("@"):
@@ -319,25 +185,124 @@ def _no_members(tokens: list[Token]) -> str:
     )
 
 
-def tokenize(source: str) -> list[Token]:
-    """Return the words of a script; the last one is of kind `end`.
+class _Parser:
+    def __init__(self, tokens: list[_Token]) -> None:
+        self._tokens = tokens
+        self._at = 0
+        self._nesting = 0
+        self._operators = 0
+        self.unended: list[_Token] = []  # first words of statements that no ';' stands before
 
-    Raises:
-        ScriptError: the script has an unknown character, or is too long.
-    """
-    if len(source) > MAX_SCRIPT:
-        raise ScriptError(f"the script is longer than {MAX_SCRIPT} characters")
-    tokens: list[Token] = []
-    at = 0
-    while at < len(source):
-        match = _TOKEN.match(source, at)
-        if match is None or match.lastgroup is None:
-            hint = _no_members(tokens) if source[at] == "." else ""
-            raise ScriptError(f"column {at + 1}: unexpected '{source[at]}'{hint}")
-        if match.lastgroup != "space":
-            glued = tokens and tokens[-1].column - 1 + len(tokens[-1].text) == at
-            if glued and match.lastgroup == "name" and tokens[-1].kind in NUMBERS:
-                raise ScriptError(f"column {at + 1}: '{tokens[-1].text}{match[0]}' is not a number")
-            tokens.append(Token(match.lastgroup, match[0], at + 1))
-        at = match.end()
-    return [*tokens, Token("end", "the end", len(source) + 1)]
+    @property
+    def _next(self) -> _Token:
+        return self._tokens[self._at]
+
+    def _take(self, *signs: str) -> str:
+        """Return the next word and go on, if it is one of the operators; else nothing."""
+        token = self._next
+        if token.kind != "operator" or token.text not in signs:
+            return ""
+        self._at += 1
+        return token.text
+
+    def _expect(self, sign: str) -> None:
+        if not self._take(sign):
+            raise self._fail(f"'{sign}'")
+
+    def _fail(self, expected: str) -> ScriptError:
+        token = self._next
+        got = token.text if token.kind == "end" else f"'{token.text}'"
+        return ScriptError(f"column {token.column}: expected {expected}, got {got}")
+
+    def statements(self) -> Iterator[Expression]:
+        """Parse everything; as in the engine, `;` may be left out or stand twice."""
+        ended = True
+        while self._next.kind != "end":
+            if self._take(";"):
+                ended = True
+                continue
+            if not ended:
+                self.unended.append(self._next)
+            ended = False
+            yield self._assignment()
+
+    def _nested(self, parse: Callable[[], Expression]) -> Expression:
+        self._nesting += 1
+        if self._nesting > _MAX_NESTING:
+            raise ScriptError(f"column {self._next.column}: nested deeper than {_MAX_NESTING}")
+        inner = parse()
+        self._nesting -= 1
+        return inner
+
+    def _assignment(self) -> Expression:
+        column = self._next.column
+        left = self._conditional()
+        sign = self._take(*_ASSIGNMENTS)
+        if not sign:
+            return left
+        if not isinstance(left, Name):
+            raise ScriptError(f"column {column}: only a variable can stand left of '{sign}'")
+        return Assignment(left.name, sign, self._nested(self._assignment))
+
+    def _conditional(self) -> Expression:
+        condition = self._infix(1)
+        if not self._take("?"):
+            return condition
+        then = self._nested(self._assignment)
+        self._expect(":")
+        return Op("?", (condition, then, self._nested(self._conditional)))
+
+    def _infix(self, weakest: int) -> Expression:
+        left = self._operand()
+        while sign := self._take(*(one for one in _STRENGTH if _STRENGTH[one] >= weakest)):
+            self._operators += 1
+            if self._operators > _MAX_OPERATORS:
+                raise ScriptError(f"more than {_MAX_OPERATORS} operators in one script")
+            operands, links = [left, self._infix(_STRENGTH[sign] + 1)], [sign]
+            while sign in COMPARISONS and (link := self._take(*COMPARISONS)):
+                links.append(link)
+                operands.append(self._infix(_STRENGTH[sign] + 1))
+            left = Op(sign, tuple(operands), tuple(links) if sign in COMPARISONS else ())
+        return left
+
+    def _operand(self) -> Expression:
+        token = self._next
+        if sign := self._take("-", "!", "~"):
+            return Op(f"{sign}x", (self._nested(self._operand),))
+        if self._take("("):
+            inner = self._nested(self._assignment)
+            self._expect(")")
+            return inner
+        if token.kind in {"end", "operator"}:
+            raise self._fail("a value")
+        self._at += 1
+        if token.text == "known" and self._take("("):
+            if self._next.kind != "name":
+                raise self._fail("a variable or an @key")
+            known = Known(self._next.text)
+            self._at += 1
+            self._expect(")")
+            return known
+        if token.text in FUNCTIONS and self._take("("):
+            return self._call(token.text)
+        return _atom(token)
+
+    def _call(self, function: str) -> Expression:
+        operands: list[Expression] = []
+        for _ in inspect.signature(FUNCTIONS[function]).parameters:
+            if operands:
+                self._expect(",")
+            operands.append(self._nested(self._assignment))
+        self._expect(")")
+        return Op(function, tuple(operands))
+
+
+def _atom(token: _Token) -> Expression:
+    text = token.text
+    if token.kind == "real":
+        return Literal(float(text))
+    if token.kind == "integer":
+        return Literal(int(text, 16 if text[:2] in {"0x", "0X"} else 10))
+    if token.kind == "text":
+        return Literal(text[1:-1])
+    return Literal(_TRUTHS[text]) if text in _TRUTHS else Name(text)

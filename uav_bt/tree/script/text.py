@@ -9,22 +9,16 @@ from typing import Final
 from uav_bt.errors import UnknownValueError
 from uav_bt.tree.script.expressions import Name
 from uav_bt.tree.script.parser import Script
-from uav_bt.tree.script.values import Environment, ScriptError, Value
+from uav_bt.tree.script.values import Environment, ScriptError
 
-UNKNOWN: Final = "unknown"
-"""Text in place of a name that has no value, or an old one."""
+UNKNOWN: Final = "unknown"  # in place of a name that has no value, or an old one
 
 _NAME: Final = re.compile(r"\{\s*(@?[A-Za-z_][A-Za-z0-9_.\-]*)\s*\}")
-_DIGITS: Final = 3  # decimal places of reals, at most
 
 
 @lru_cache(maxsize=4096)  # loading a file meets each text several times
 def parse_text(source: str) -> Script:
-    """Return the names in a text with placeholders, as a script that reads them.
-
-    Raises:
-        ScriptError: A brace belongs to no placeholder.
-    """
+    """Return the names in a text with placeholders, as a script that reads them."""
     stray = re.search(r"[{}]", _NAME.sub("", source))
     if stray is not None:
         raise ScriptError(
@@ -34,20 +28,13 @@ def parse_text(source: str) -> Script:
 
 
 def fill_text(source: str, environment: Environment) -> str:
-    """Return a text with the values of its placeholders. Reals have up to three decimal places.
+    """Return a text with the values of its placeholders. Reals have up to three decimal places."""
 
-    Args:
-        source: Text with placeholders.
-        environment: Variables and board that the names belong to.
-    """
-    return _NAME.sub(lambda match: _value(match[1], environment), source)
+    def value(match: re.Match[str]) -> str:
+        try:
+            value = environment.read(match[1])
+        except (ScriptError, UnknownValueError):
+            return UNKNOWN
+        return f"{value:.3f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
 
-
-def _value(name: str, environment: Environment) -> str:
-    try:
-        value: Value = environment.read(name)
-    except (ScriptError, UnknownValueError):
-        return UNKNOWN
-    if isinstance(value, float):
-        return f"{value:.{_DIGITS}f}".rstrip("0").rstrip(".")
-    return str(value)
+    return _NAME.sub(value, source)

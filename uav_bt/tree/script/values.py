@@ -32,11 +32,7 @@ class ScriptError(ValueError):
 
 
 def number(value: object) -> float:
-    """Return a value as a real; a text must be a number, `true` or `false`.
-
-    Raises:
-        ScriptError: the value is not a number.
-    """
+    """Return a value as a real; a text must be a number, `true` or `false`."""
     if isinstance(value, (int, float)):
         return float(value)
     if isinstance(value, str):
@@ -52,11 +48,7 @@ def number(value: object) -> float:
 
 
 def truth(value: object) -> bool:
-    """Return a value as true or false.
-
-    Raises:
-        ScriptError: the value is neither 1, 0 nor a text that spells a truth value.
-    """
+    """Return a value as true or false: it must be 1, 0 or a text that spells a truth value."""
     if isinstance(value, str) and value in _TRUTHS:
         return _TRUTHS[value]
     real = number(value)
@@ -66,25 +58,12 @@ def truth(value: object) -> bool:
 
 
 def compare_equal(left: float, right: float) -> bool:
-    """Return whether two reals count as equal.
-
-    Args:
-        left: a real.
-        right: another.
-    """
+    """Return whether two reals count as equal."""
     return left == right or abs(left - right) <= _EPSILON
 
 
 def assigned(old: Any, new: Value) -> Any:
-    """Return a new value in the type that the variable has.
-
-    Args:
-        old: the variable's present value; None when it does not exist yet.
-        new: the value to be written.
-
-    Raises:
-        ScriptError: the value does not fit.
-    """
+    """Return a new value in the type of the variable's present value; None: it has none yet."""
     if old is None:
         return new
     if isinstance(old, str):
@@ -108,34 +87,15 @@ def _words(value: object) -> str:
 
 
 class Environment:
-    """The names of a script.
+    """The names of a script: the tree's variables, and with `@` the keys of the mission board."""
 
-    Args:
-        variables: the tree's variables.
-        board: the mission board, for names that begin with `@`.
-    """
-
-    def __init__(
-        self,
-        variables: Variables,
-        board: Blackboard | None = None,
-    ) -> None:
+    def __init__(self, variables: Variables, board: Blackboard | None = None) -> None:
         self._variables = variables
         self._board = board
 
-    @property
-    def members(self) -> dict[str, int]:
-        """Members of enumerations, integers by name."""
-        return self._variables.enum_members
-
     def read(self, name: str) -> Value:
-        """Return the value of a name.
-
-        Raises:
-            ScriptError: the variable has no value, or the value has a type that scripts cannot use.
-            UnknownValueError: the board key has no fresh value.
-        """
-        members = self.members
+        """Return the value of a name; a board key without a fresh one raises UnknownValueError."""
+        members = self._variables.enum_members
         if name in members:  # an enumeration comes before a variable, as in the engine
             return float(members[name])
         key = self._board_key(name)
@@ -160,12 +120,8 @@ class Environment:
         return value is not None
 
     def number(self, value: Value) -> float:
-        """Return a value as a real; a text may be the name of an enumeration's member.
-
-        Raises:
-            ScriptError: it is neither a real nor a member's name.
-        """
-        members = self.members
+        """Return a value as a real; a text may be the name of an enumeration's member."""
+        members = self._variables.enum_members
         return float(members[value]) if value in members else number(value)
 
     def holds(self, name: str) -> bool:
@@ -176,15 +132,7 @@ class Environment:
         return name in self._variables or key is not None
 
     def write(self, name: str, value: Value) -> Any:
-        """Write a variable without changing its type, and return its new value.
-
-        Args:
-            name: the variable.
-            value: a number or a text.
-
-        Raises:
-            ScriptError: the value has another type, or the name is a board key.
-        """
+        """Write a variable without changing its type, and return its new value."""
         key = self._board_key(name)
         board = self._board
         if key is not None and board is not None and board.scripts_may_write(key):

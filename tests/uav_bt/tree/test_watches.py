@@ -1,0 +1,251 @@
+"""Watchers of nodes: the order of events, leaves that block, and branches that fail."""
+
+from __future__ import annotations
+
+import logging
+from typing import ClassVar
+
+import pytest
+
+from tests.worlds.trees import World, leaf
+from uav_bt.board import ELAPSED
+from uav_bt.clock import ManualClock
+from uav_bt.errors import NodeFailedError
+from uav_bt.testing import parse_tree
+from uav_bt.tree import Leaf, MissionTree, Node, Port, Status
+from uav_bt.tree.branch_watch import BranchEnds, BranchWatch
+from uav_bt.tree.budget import BudgetWatch, SlowLeaf
+from uav_bt.tree.nodes import AlwaysSuccess, Sequence
+from uav_bt.tree.observer import NodeEvent, observe, unobserve
+
+
+class Notes:
+    """Records events as `name event`."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def note(self, node: Node, event: NodeEvent) -> None:
+        """Record an event."""
+        self.lines.append(f"{node.name} {event.value}")
+
+    def take(self) -> list[str]:
+        lines, self.lines = self.lines, []
+        return lines
+
+
+def test_a_node_notifies_its_observer_of_everything(world: World) -> None:
+    """Start, status, answer; halts begin at the root and end at the leaves first."""
+    tree, notes = world.tree(f"<Sequence>{leaf('a', 'K')}{leaf('b', 'RR')}</Sequence>"), Notes()
+    observe(tree.nodes(), notes.note)
+    tree.tick()
+    assert notes.take() == [
+        *("Sequence started", "Sequence status", "a started", "a skipped"),
+        *("b started", "b status", "b continues", "Sequence continues"),
+    ]
+    tree.tick()
+    assert notes.take() == ["Sequence ran", "b ran", "b continues", "Sequence continues"]
+    tree.halt()
+    assert notes.take() == [
+        *("Sequence halting", "b halting", "b status", "b halted"),
+        *("Sequence status", "Sequence halted"),
+    ]
+
+
+def test_observers_come_and_go(world: World) -> None:
+    """They are called in the order of registration; the slot is empty after the last one."""
+    tree = world.tree(leaf("b", "R"))
+    first, second = Notes(), Notes()
+    for notes in (first, second):
+        observe(tree.nodes(), notes.note)
+    tree.tick()
+    assert first.take() == second.take() == ["b started", "b status", "b continues"]
+    unobserve(tree.nodes(), first.note)
+    unobserve(tree.nodes(), first.note)  # a second call has no effect
+    tree.tick()
+    assert (first.take(), second.take()) == ([], ["b ran", "b continues"])
+    unobserve(tree.nodes(), second.note)
+    assert tree.root.observer is None
+
+
+# --- leaves that block ----------------------------------------------------------------------------
+
+
+class Blocks(Leaf):
+    """Advances the test's wall clock in a configured method."""
+
+    ports = (
+        Port("blocks", str, default="", doc="in which method"),
+        Port("for_s", float, default=1.0, doc="seconds"),
+        Port("raises", bool, default=False, doc="and then raises"),
+    )
+    wall: ClassVar[ManualClock]
+
+    def _block(self, method: str) -> None:
+        if self.port_value("blocks") == method:
+            self.wall.advance(self.port_value("for_s"))
+            if self.port_value("raises"):
+                raise OSError("timed out")
+
+    def initialise(self) -> None:
+        self._block("initialise")
+
+    def update(self) -> Status:
+        self._block("update")
+        return Status.RUNNING
+
+    def terminate(self, new_status: Status) -> None:
+        del new_status
+        self._block("terminate")
+
+
+class MayTakeLonger(Blocks):
+    """Has a larger budget."""
+
+    budget_s = 2.0
+
+
+@pytest.fixture
+def wall() -> ManualClock:
+    Blocks.wall = ManualClock()
+    return Blocks.wall
+
+
+def watched(world: World, wall: ManualClock, *leaves: Leaf) -> tuple[MissionTree, BudgetWatch]:
+    tree = MissionTree(Sequence("s", leaves), name="Mission")
+    tree.setup(world.context)
+    return tree, BudgetWatch(tree, timer=wall.now)
+
+
+@pytest.mark.parametrize("method", ["initialise", "update", "terminate"])
+def test_whichever_method_blocks_the_leaf_is_named(
+    world: World, wall: ManualClock, method: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """It is named with path, time and budget, also in the log."""
+    tree, watch = watched(world, wall, AlwaysSuccess(), Blocks("b", blocks=method))
+    with caplog.at_level(logging.WARNING):
+        tree.tick()
+        tree.halt()
+    assert watch.take() == (SlowLeaf(path="Mission/s/b", took_s=1.0, budget_s=0.5),)
+    assert watch.take() == ()
+    (message,) = caplog.messages
+    assert message == (
+        "leaf 'Mission/s/b' blocked for 1.00 s, its budget is 0.50 s: "
+        "it must answer at once and go on in the next tick"
+    )
+
+
+def test_within_the_budget_no_warning_is_given(world: World, wall: ManualClock) -> None:
+    """The class sets the budget; a time equal to the budget is allowed."""
+    for one in (MayTakeLonger(blocks="update"), Blocks(blocks="update", for_s=0.5)):
+        tree, watch = watched(world, wall, one)
+        tree.tick()
+        assert watch.take() == ()
+
+
+def test_a_leaf_that_blocks_and_raises_is_named_for_both(world: World, wall: ManualClock) -> None:
+    """The exception does not hide the slow call."""
+    tree, watch = watched(world, wall, Blocks("b", blocks="update", raises=True))
+    with pytest.raises(NodeFailedError, match="'Mission/s/b' failed: OSError: timed out"):
+        tree.tick()
+    assert watch.worst_s == {"Mission/s/b": 1.0}
+
+
+def test_only_news_is_logged(
+    world: World, wall: ManualClock, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A leaf that blocks in every tick is reported each time, but logged only if it gets worse."""
+    tree, watch = watched(world, wall, Blocks("b", blocks="update", for_s="{for_s}"))
+    for for_s in (1.0, 1.0, 0.8, 3.0):
+        tree.variables["for_s"] = for_s
+        tree.tick()
+    assert [slow.took_s for slow in watch.take()] == [1.0, 1.0, pytest.approx(0.8), 3.0]
+    assert len(caplog.records) == 2
+    assert watch.worst_s == {"Mission/s/b": 3.0}
+
+
+# --- branches that fail ---------------------------------------------------------------------------
+
+ROOT = '<root BTCPP_format="4"><BehaviorTree ID="M">{}</BehaviorTree></root>'
+GUARDED = """
+<Fallback name="fly">
+  <ReactiveSequence name="guarded">
+    <Hovering/>
+    <Sequence name="survey"><Turn degrees="90"/><HoverFor/></Sequence>
+  </ReactiveSequence>
+  <EmergencyLand/>
+</Fallback>"""
+TIMED = '<Fallback name="f"><Timeout msec="100"><HoverFor/></Timeout><Turn degrees="9"/></Fallback>'
+
+
+@pytest.mark.parametrize(
+    ("text", "mocks", "ticks", "causes", "ended"),
+    [
+        (  # a condition that ends a running branch is the cause
+            GUARDED,
+            {"Hovering": "SSF", "Turn": "R", "HoverFor": "S", "EmergencyLand": "RF"},
+            4,
+            [[], [], ["M/fly/guarded/Hovering"], []],
+            "M/fly/EmergencyLand",
+        ),
+        (  # a leaf that fails is the cause once for all branches above
+            GUARDED,
+            {"Hovering": "S", "Turn": "RF", "HoverFor": "S", "EmergencyLand": "RR"},
+            2,
+            [[], ["M/fly/guarded/survey/Turn"]],
+            None,
+        ),
+        (  # a branch that fails in its first tick is no event
+            '<ReactiveFallback name="f"><Hovering/><HoverFor/></ReactiveFallback>',
+            {"Hovering": "F", "HoverFor": "R"},
+            3,
+            [[], [], []],
+            None,
+        ),
+        (  # a decorator that fails by itself is the cause
+            TIMED,
+            {"HoverFor": "R", "Turn": "R"},
+            3,
+            [[], ["M/f/Timeout"], []],
+            None,
+        ),
+    ],
+)
+def test_causes_of_failures(
+    text: str, mocks: dict[str, str], ticks: int, causes: list[list[str]], ended: str | None
+) -> None:
+    bench = parse_tree(ROOT.format(text), mocks=mocks)
+    watch, found = BranchWatch(bench.tree), []
+    ends = BranchEnds()
+    for _ in range(ticks):
+        bench.tick()
+        ends = watch.take()
+        found.append([node.path for node in ends.failed])
+    assert found == causes
+    assert (None if ends.ended is None else ends.ended.path) == ended
+
+
+def test_a_leaf_that_is_skipped_while_it_runs_did_not_fail() -> None:
+    tree = '<Fallback name="f"><HoverFor _while="@elapsed_s &lt; 1"/><Turn degrees="9"/></Fallback>'
+    bench = parse_tree(ROOT.format(tree), mocks={"HoverFor": "R", "Turn": "R"})
+    watch = BranchWatch(bench.tree)
+    for elapsed_s in (0.5, 1.5):
+        bench.board[ELAPSED] = elapsed_s
+        bench.tick()
+        assert watch.take() == BranchEnds()
+    bench.log.assert_halted("HoverFor", times=1)
+
+
+@pytest.mark.parametrize(("answer", "succeeded"), [("RS", True), ("RF", False)])
+def test_the_last_leaf_ends_the_tree(answer: str, *, succeeded: bool) -> None:
+    bench = parse_tree(
+        ROOT.format('<Sequence name="s"><Turn degrees="9"/><HelipadCenter/></Sequence>'),
+        mocks={"Turn": "S", "HelipadCenter": answer},
+    )
+    watch = BranchWatch(bench.tree)
+    bench.tick()
+    watch.take()
+    bench.tick()
+    ends = watch.take()
+    assert ends.ended is bench.tree.find("HelipadCenter")
+    assert (ends.succeeded, ends.failed) == (succeeded, ())
