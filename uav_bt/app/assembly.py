@@ -36,9 +36,8 @@ from uav_bt.errors import DroneError, InputError, NodeFailedError
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import load_lab
-from uav_bt.mission.flown_tree import NextTree
 from uav_bt.mission.judge import Judge
-from uav_bt.mission.runner import MissionRunner
+from uav_bt.mission.runner import MissionRunner, NextTree
 from uav_bt.mission.screening import FrameJudge
 from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone, Imageless, LeafPolicy, Segmenter

@@ -24,10 +24,6 @@ class AreaGuard:
     is reduced to the speed from which the drone stops at the boundary, a `MoveBy` is shortened. A
     drone outside may only move back in. While its place is unknown it may not move horizontally.
     Climbs, descents and turns pass.
-
-    Args:
-        area: The area, relative to the take-off pose.
-        airframe: Delay, lag and braking of the drone.
     """
 
     def __init__(self, area: Area, airframe: Airframe | None = None) -> None:
@@ -39,9 +35,9 @@ class AreaGuard:
         """Return a movement that stays in the area.
 
         Args:
-            movement: The movement to fly.
-            at: Pose of the drone relative to the take-off pose; None where it is unknown.
-            age_s: Age of the pose, seconds.
+            movement: the one to fly.
+            at: the drone's pose relative to the take-off pose; None where it is unknown.
+            age_s: age of that pose, seconds.
         """
         if isinstance(movement, MoveBy):
             return self._shortened(movement, at)

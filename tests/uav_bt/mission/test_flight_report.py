@@ -113,15 +113,13 @@ class Tale:
 
     def report(self, verdict: Verdict = LANDED) -> FlightReport:
         """Return the report."""
-        return self.log.report(
-            verdict,
-            scene="test-a",
-            seed=7,
-            tree="mission.xml",
+        stages: dict[str, list[float]] = {"segmentation": [0.002], "mark": []}
+        return values.report(
+            self.log,
             policies={"Mission/Explore": "segmentation"},
-            drone="twin",
-            profile="lab",
-            stage_times_s={"segmentation": [0.002], "mark": []},
+            outcome=verdict.outcome.value,
+            reason=verdict.reason,
+            perception_ms={name: Percentiles.of_seconds(each) for name, each in stages.items()},
         )
 
 

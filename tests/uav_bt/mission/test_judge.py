@@ -43,7 +43,7 @@ def ask(
     abort: str | None = None,
 ) -> Verdict | None:
     state = DroneState(captured_s=now_s, flying=flying)
-    return judge.verdict(now_s, state, truth, status, abort_reason=abort)
+    return judge.verdict(values.tick(state, truth=truth, tree_status=status), abort_reason=abort)
 
 
 def flown(config: JudgeConfig | None = None) -> Judge:
@@ -93,7 +93,7 @@ def test_motors_that_are_cut_end_the_flight_at_once(abort: str | None, reason: s
 def test_a_landing_that_nobody_hears_of_is_no_collision() -> None:
     """The last report is HOVERING, but the drone has landed since."""
     state = DroneState(captured_s=15.0, flying=FlyingState.HOVERING)
-    assert flown().verdict(20.0, state, ON_PAD, Status.RUNNING, abort_reason=None) is None
+    assert flown().verdict(values.tick(state, time_s=20.0, truth=ON_PAD), abort_reason=None) is None
 
 
 def test_a_tree_that_fails_on_the_ground_is_aborted_even_on_the_pad() -> None:
@@ -105,7 +105,9 @@ def test_a_failed_tree_states_its_last_failure() -> None:
     landed = DroneState(captured_s=90.0, flying=FlyingState.LANDED)
     failure = "senses_agree: the floor shows too little texture"
     verdict = flown().verdict(
-        90.0, landed, ON_PAD, Status.FAILURE, abort_reason=None, failure=failure
+        values.tick(landed, truth=ON_PAD, tree_status=Status.FAILURE),
+        abort_reason=None,
+        failure=failure,
     )
     assert verdict is not None
     assert verdict.reason == f"the tree failed; landed; last failure: {failure}"
@@ -257,11 +259,9 @@ def test_without_a_referee_the_last_belief_in_the_air_counts(
     """After the landing the camera sees nothing: a belief of then is worth nothing."""
     judge = flown(JudgeConfig(land_on=land_on))
     for flying, believed_m in ((FlyingState.LANDING, mark_m), (FlyingState.LANDED, 3.0)):
+        status = Status.RUNNING if flying is FlyingState.LANDING else Status.SUCCESS
         verdict = judge.verdict(
-            90.0,
-            DroneState(captured_s=90.0, flying=flying),
-            None,
-            Status.RUNNING if flying is FlyingState.LANDING else Status.SUCCESS,
+            values.tick(DroneState(captured_s=90.0, flying=flying), tree_status=status),
             abort_reason=None,
             belief=Belief(mark_m=believed_m),
         )
@@ -284,7 +284,9 @@ def test_the_referee_overrules_the_belief(truth: Truth, land_on: LandOn, outcome
     judge = flown(JudgeConfig(land_on=land_on))
     wrong = Belief(mark_m=0.0 if truth is ON_GROUND else 5.0)
     state = DroneState(captured_s=90.0, flying=FlyingState.LANDED)
-    verdict = judge.verdict(90.0, state, truth, Status.SUCCESS, abort_reason=None, belief=wrong)
+    verdict = judge.verdict(
+        values.tick(state, truth=truth, tree_status=Status.SUCCESS), abort_reason=None, belief=wrong
+    )
     assert verdict is not None
     assert verdict.outcome is outcome
 
@@ -323,7 +325,7 @@ def test_a_drone_that_is_far_outside_its_area_has_left_it(
 ) -> None:
     state = DroneState(captured_s=20.0, flying=FlyingState.HOVERING)
     verdict = flown().verdict(
-        20.0, state, None, Status.RUNNING, abort_reason=None, belief=Belief(area_margin_m=margin_m)
+        values.tick(state), abort_reason=None, belief=Belief(area_margin_m=margin_m)
     )
     assert (None if verdict is None else verdict.outcome) is outcome
 

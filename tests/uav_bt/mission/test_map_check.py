@@ -11,9 +11,7 @@ from tests.paper_lab import CLASSES
 from tests.worlds import values
 from uav_bt.mission.flight_log import FlightLog
 from uav_bt.mission.flight_report import FlightReport
-from uav_bt.mission.judge import Outcome, Verdict
-from uav_bt.mission.map_alignment import MapAlignment
-from uav_bt.mission.map_check import MapCheck
+from uav_bt.mission.map_check import MapAlignment, MapCheck
 from uav_bt.mission.tick import TickRecord
 from uav_bt.tree import Status
 from uav_bt.types import (
@@ -143,16 +141,7 @@ class Flight:
         self.log.on_tick(tick(time_s, pose, **told))
 
     def report(self) -> FlightReport:
-        return self.log.report(
-            Verdict(outcome=Outcome.SUCCESS, reason="landed"),
-            scene="a",
-            seed=0,
-            tree="t.xml",
-            policies={},
-            drone="twin",
-            profile=None,
-            stage_times_s={},
-        )
+        return values.report(self.log)
 
 
 def box(class_id: int | None, x_m: float, y_m: float) -> Standing:

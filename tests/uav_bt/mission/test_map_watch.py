@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.paper_lab import CLASSES
-from uav_bt.mission.map_watch import MapWatch
+from uav_bt.mission.map_check import MapWatch
 from uav_bt.types import Pose2D
 from uav_bt.types.site_map import MapMark, SiteMap
 

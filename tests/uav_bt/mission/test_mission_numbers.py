@@ -16,8 +16,7 @@ from uav_bt.board.flight_notes import FlightNotes
 from uav_bt.board.numbers import NUMBER_KEYS
 from uav_bt.clock import ManualClock
 from uav_bt.mission.judge import Judge, JudgeConfig
-from uav_bt.mission.mission_numbers import MissionNumbers
-from uav_bt.mission.whereabouts import Whereabouts
+from uav_bt.mission.mission_numbers import MissionNumbers, Whereabouts
 from uav_bt.testing import blank_frame
 from uav_bt.types import (
     CameraModel,

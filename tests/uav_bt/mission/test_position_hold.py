@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
-from uav_bt.mission.ground_watch import GroundWatch
-from uav_bt.mission.position_hold import HoldMode, PositionHold
+from uav_bt.mission.hold_model import GroundWatch
+from uav_bt.mission.position_hold import PositionHold
 from uav_bt.types import (
     Attitude,
     BodyVelocity,
@@ -284,12 +284,10 @@ def test_a_landing_is_held_down_to_the_same_height_from_wherever_it_begins(
 def test_the_drone_s_own_landing_is_not_taken_back_when_the_ground_is_seen_again() -> None:
     body = Body()
     body.fly(Land(), 1.0)
-    assert body.hold.mode is HoldMode.LANDING
     body.sees = False
     assert body.tick(Land()) == Land()
     body.sees = True
     assert body.tick(Land()) == Land()
-    assert body.hold.mode is HoldMode.OWN_LANDING
 
 
 def test_a_landing_after_another_flight_is_held_again() -> None:
@@ -300,19 +298,6 @@ def test_a_landing_after_another_flight_is_held_again() -> None:
     body.sees = True
     body.fly(Hover(), 1.0)
     assert isinstance(body.tick(Land()), Velocity)
-
-
-def test_the_mode_follows_the_movement() -> None:
-    body = Body()
-    assert body.hold.mode is HoldMode.RESTING
-    modes = []
-    for movement in (Hover(), Velocity(forward_mps=0.3), MoveBy(id=1, forward_m=1.0), Land()):
-        body.tick(movement)
-        modes.append(body.hold.mode)
-    assert modes == [HoldMode.HOVER, HoldMode.HOVER, HoldMode.MOVE, HoldMode.LANDING]
-    body.sees = False
-    body.tick(Hover())
-    assert body.hold.mode is HoldMode.RESTING
 
 
 def test_a_landing_by_a_height_that_does_not_sink_is_the_drone_s_in_the_end() -> None:

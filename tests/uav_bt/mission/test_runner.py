@@ -295,8 +295,8 @@ def test_a_tick_has_its_events() -> None:
     """Of the tree, the arbiter and the drone; each once."""
     body = '<Fallback name="f"><Sequence name="s"><Up/><Drift ticks="30" fails="true"/></Sequence>'
     flight = Flight(f"{body}<Down/></Fallback>")
-    take = At(12, lambda: flight.runner.set_manual(manual=True))
-    back = At(14, lambda: flight.runner.set_manual(manual=False))
+    take = At(12, lambda: setattr(flight.runner, "manual", True))
+    back = At(14, lambda: setattr(flight.runner, "manual", False))
     flight.runner = with_listeners(flight, take, back)
     flight.runner.run()
     told = [(event.kind.value, event.node) for event in flight.context.notes.events]
@@ -340,7 +340,7 @@ def test_real_time_stands_still_within_a_tick() -> None:
     tree = MissionTree(Computes())
     tree.setup(context)
     records = Records()
-    stops = At(1, lambda: runner.request_abort("enough"))
+    stops = At(1, lambda: runner.abort.request("enough"))
     runner = MissionRunner(drone, tree, context, Judge(), listeners=(records, stops), clock=clock)
     runner.run()
     assert seen == [0.0, 0.0, 0.1, 0.1]
@@ -408,7 +408,7 @@ def test_a_tick_observes_then_thinks_then_sends_then_tells_then_waits() -> None:
     tree = MissionTree(Thinks())
     tree.setup(context)
     tells = [At(index, lambda: calls.append("tell")) for index in (0, 1)]
-    stops = At(1, lambda: runner.request_abort("enough"))
+    stops = At(1, lambda: runner.abort.request("enough"))
     runner = MissionRunner(drone, tree, context, Judge(), listeners=(*tells, stops))
     runner.run()
     assert calls[:8] == [
@@ -699,8 +699,8 @@ def test_nobody_waits_for_a_landing_that_was_given_up() -> None:
     """The landing is still commanded, and the result says that the drone is in the air."""
 
     def stop_twice() -> None:
-        flight.runner.request_abort("stopped")
-        flight.runner.give_up()
+        flight.runner.abort.request("stopped")
+        flight.runner.abort.give_up()
 
     flight = Flight("<Sequence><Up/><Drift/></Sequence>", listeners=(At(9, stop_twice),))
     verdict = flight.runner.run()
@@ -730,7 +730,7 @@ def test_motors_that_the_drone_cut_stay_off() -> None:
 
 def abort_at(index: int, body: str = "<Sequence><Up/><Drift/></Sequence>") -> Flight:
     """Return a flight that an operator stops at a tick."""
-    stop = At(index, lambda: flight.runner.request_abort("the operator's wish"))
+    stop = At(index, lambda: flight.runner.abort.request("the operator's wish"))
     flight = Flight(body, listeners=(stop,))
     return flight
 
@@ -777,8 +777,8 @@ def test_the_first_reason_for_an_abort_counts() -> None:
     flight = Flight(
         "<Sequence><Up/><Drift/></Sequence>",
         listeners=(
-            At(8, lambda: flight.runner.request_abort("first")),
-            At(9, lambda: flight.runner.request_abort("second")),
+            At(8, lambda: flight.runner.abort.request("first")),
+            At(9, lambda: flight.runner.abort.request("second")),
         ),
     )
     assert flight.runner.run().reason == "first"
@@ -846,7 +846,7 @@ def test_an_abort_does_not_take_the_drone_from_a_pilot() -> None:
     flight = Flight(
         "<Sequence><Up/><Drift/></Sequence>",
         drone=Piloted(),
-        listeners=(At(12, lambda: flight.runner.request_abort("stop")),),
+        listeners=(At(12, lambda: flight.runner.abort.request("stop")),),
     )
     assert flight.runner.run().outcome is Outcome.ABORTED
     assert flight.sent == ["TakeOff", "Velocity", "Release", "Land"]
@@ -855,8 +855,8 @@ def test_an_abort_does_not_take_the_drone_from_a_pilot() -> None:
 def test_a_person_at_this_machine_takes_over_and_hands_back() -> None:
     """The mission pauses meanwhile: its leaf keeps its remaining ticks."""
     flight = Flight('<Sequence><Up/><Drift ticks="15"/><Down/></Sequence>')
-    take = At(8, lambda: flight.runner.set_manual(manual=True))
-    back = At(28, lambda: flight.runner.set_manual(manual=False))
+    take = At(8, lambda: setattr(flight.runner, "manual", True))
+    back = At(28, lambda: setattr(flight.runner, "manual", False))
     flight.runner = with_listeners(flight, take, back)
     assert flight.runner.run().outcome is Outcome.SUCCESS
     taken = [record for record in flight.records if record.override is Override.MANUAL]
@@ -868,8 +868,8 @@ def test_a_person_at_this_machine_takes_over_and_hands_back() -> None:
 
 def test_cut_motors_come_before_everything() -> None:
     flight = Flight("<Sequence><Up/><Drift/></Sequence>")
-    manual = At(8, lambda: flight.runner.set_manual(manual=True))
-    cut = At(12, lambda: flight.runner.cut_motors("a person cut the motors"))
+    manual = At(8, lambda: setattr(flight.runner, "manual", True))
+    cut = At(12, lambda: flight.runner.abort.cut_motors("a person cut the motors"))
     flight.runner = with_listeners(flight, manual, cut)
     verdict = flight.runner.run()
     assert verdict.outcome is Outcome.ABORTED
@@ -1063,7 +1063,7 @@ def test_leaves_go_on_from_those_of_their_class() -> None:
     two = '<Parallel success_count="2"><Count name="a"/><Count name="b"/></Parallel>'
     flight = Flight(f"<Sequence><Up/>{two}</Sequence>", then={9: '<Count name="c"/>', 14: two})
     flight.drone.send(Command(movement=TakeOff()))
-    flight.runner.listeners.following.append(At(20, lambda: flight.runner.request_abort("done")))
+    flight.runner.listeners.following.append(At(20, lambda: flight.runner.abort.request("done")))
     flight.runner.run()
     counts = [int(record.feedback) for record in flight.records if record.feedback.isdigit()]
     jumps = [after - before for before, after in itertools.pairwise(counts)]
@@ -1075,7 +1075,7 @@ def test_leaves_go_on_from_those_of_their_class() -> None:
 def test_no_other_tree_flies_once_the_mission_is_aborted() -> None:
     flight = Flight(
         "<Sequence><Up/><Wait/></Sequence>",
-        listeners=(At(8, lambda: flight.runner.request_abort("enough")),),
+        listeners=(At(8, lambda: flight.runner.abort.request("enough")),),
         then={9: "<Sequence><Up/><Drift/></Sequence>"},
     )
     assert flight.runner.run().outcome is Outcome.ABORTED
