@@ -65,7 +65,8 @@ class AreaGuard:
                 dx, dy = to_edge(edge, at.x_m, at.y_m)
                 room_m = math.hypot(dx, dy)
                 nearing_mps = (vx * dx + vy * dy) / room_m
-                most_mps = approach_speed_mps(room_m, self._airframe, age_s)
+                frame = self._airframe
+                most_mps = approach_speed_mps(room_m, frame.braking_mps2, frame, age_s)
                 if nearing_mps > most_mps:
                     share = min(share, most_mps / nearing_mps)
         return share

@@ -80,8 +80,9 @@ def limit_movement(
         return movement
     up_mps = down_mps = limits.climb_mps
     if not landing:
-        up_mps = min(up_mps, approach_speed_mps(up_m, airframe, state_age_s))
-        down_mps = min(down_mps, approach_speed_mps(down_m, airframe, state_age_s))
+        braking_mps2 = airframe.climb_braking_mps2
+        up_mps = min(up_mps, approach_speed_mps(up_m, braking_mps2, airframe, state_age_s))
+        down_mps = min(down_mps, approach_speed_mps(down_m, braking_mps2, airframe, state_age_s))
     ahead_mps, right_mps = limit_length(movement.forward_mps, movement.right_mps, limits.speed_mps)
     return Velocity(
         forward_mps=ahead_mps,
@@ -91,7 +92,9 @@ def limit_movement(
     )
 
 
-def approach_speed_mps(room_m: float, airframe: Airframe, state_age_s: float) -> float:
+def approach_speed_mps(
+    room_m: float, braking_mps2: float, airframe: Airframe, state_age_s: float
+) -> float:
     """Return the greatest speed towards a bound that a drone stops at without crossing it.
 
     The drone gets a new velocity in every tick and follows it late. A loop x' = -k x with a dead
@@ -105,5 +108,4 @@ def approach_speed_mps(room_m: float, airframe: Airframe, state_age_s: float) ->
     """
     delay_s = airframe.command_delay_s + state_age_s
     late_s = math.e * delay_s + 4.0 * airframe.command_lag_s
-    braking = airframe.climb_braking_mps2
-    return braking * (math.sqrt(late_s**2 + 2.0 * room_m / braking) - late_s)
+    return braking_mps2 * (math.sqrt(late_s**2 + 2.0 * room_m / braking_mps2) - late_s)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -58,6 +59,14 @@ def test_near_the_boundary_a_velocity_is_slower_in_the_same_direction() -> None:
     assert 0.0 < flown.forward_mps < 0.1
     assert flown.right_mps == pytest.approx(flown.forward_mps / 2.0)
     assert (flown.down_mps, flown.yaw_rate_radps) == (0.1, 0.5)
+
+
+def test_the_speed_towards_the_boundary_is_that_of_horizontal_braking() -> None:
+    """From v = sqrt(2 a s) a prompt drone stops 0.2 m on, however hard it brakes vertically."""
+    prompt = Airframe(command_delay_s=0.0, command_lag_s=0.0, climb_braking_mps2=9.0)
+    for airframe, speed_mps in ((prompt, 0.632), (replace(prompt, braking_mps2=0.1), 0.2)):
+        flown = AreaGuard(AREA, airframe).limited(Velocity(forward_mps=3.0), at(1.8, -1.0))
+        assert velocity(flown).forward_mps == pytest.approx(speed_mps, abs=1e-3)
 
 
 def test_along_the_boundary_and_away_from_it_nothing_is_cut() -> None:

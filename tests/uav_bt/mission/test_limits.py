@@ -65,8 +65,8 @@ def test_close_to_a_bound_a_velocity_is_reduced() -> None:
 def test_a_prompt_drone_brakes_with_its_deceleration() -> None:
     """V = sqrt(2 a s): from 0.6 m/s it stops within 0.18 m at 1 m/s^2."""
     prompt = Airframe(command_delay_s=0.0, command_lag_s=0.0, climb_braking_mps2=1.0)
-    assert approach_speed_mps(0.18, prompt, 0.0) == pytest.approx(0.6)
-    assert approach_speed_mps(0.0, prompt, 0.0) == 0.0
+    assert approach_speed_mps(0.18, 1.0, prompt, 0.0) == pytest.approx(0.6)
+    assert approach_speed_mps(0.0, 1.0, prompt, 0.0) == 0.0
 
 
 def test_a_landing_is_bound_in_speed_only() -> None:
