@@ -104,7 +104,7 @@ class Flight(Generic[DroneT]):
             site = site_of(options)
             area = area_of(self.rules, site or Site(), take_off_pose(site, drone))
         self.area = area
-        self._judge = judge or Judge(self.judge_config, self.mark)
+        self._judge = judge or Judge(self.judge_config, self.mark, area)
 
     def missed_faults(self) -> list[str]:
         """Return a warning for each fault of the drone that the flight did not have."""

@@ -12,7 +12,8 @@ from uav_bt.lab.shipped import default_mark
 from uav_bt.mission.tick import TickRecord
 from uav_bt.settings import check_numbers, member
 from uav_bt.tree import Status
-from uav_bt.types import FlyingState, LandingMark, Truth
+from uav_bt.types import FlyingState, LandingMark, Pose2D, Truth
+from uav_bt.types.area import Area
 from uav_bt.types.mission_rules import LandOn, MissionRules
 
 _NUMBERS: Final = re.compile(r"([-_]\d+)*")  # behind the kind, in an object's name
@@ -86,7 +87,8 @@ class JudgeConfig:
 
 # Chosen: with telemetry of twice the greatest age for leaves the drone may land by its firmware.
 _UNHEARD_S: Final = 1.0
-# Outside the mission's area. Chosen: the error of the odometry, and of the stop at the boundary.
+# Outside the mission's area. Chosen: the error of the odometry that the arbiter keeps the area by,
+# and of the stop at the boundary.
 _LEFT_M: Final = 0.3
 _MAY_TOUCH_GROUND: Final = frozenset(
     {FlyingState.LANDED, FlyingState.TAKING_OFF, FlyingState.LANDING, FlyingState.EMERGENCY}
@@ -95,16 +97,10 @@ _MAY_TOUCH_GROUND: Final = frozenset(
 
 @dataclass(frozen=True, kw_only=True)
 class Belief:
-    """The drone's estimate of its place.
+    """The drone's estimate of its place; None where it is unknown."""
 
-    Attributes:
-        mark_m: horizontal distance of the landing mark's centre; None where the mark is unknown.
-        area_margin_m: distance to the boundary of the mission's area, negative outside; None
-            without an area, or where the place is unknown.
-    """
-
-    mark_m: float | None = None
-    area_margin_m: float | None = None
+    mark_m: float | None = None  # horizontal distance of the landing mark's centre
+    place: Pose2D | None = None  # relative to the take-off pose, heading clockwise
 
 
 class Judge:
@@ -113,10 +109,18 @@ class Judge:
     Args:
         config: the rules of the flight.
         mark: size of the landing mark.
+        area: that the drone stays in, relative to the take-off pose; None: no bound.
     """
 
-    def __init__(self, config: JudgeConfig | None = None, mark: LandingMark | None = None) -> None:
+    def __init__(
+        self,
+        config: JudgeConfig | None = None,
+        mark: LandingMark | None = None,
+        area: Area | None = None,
+    ) -> None:
         self._config = config or JudgeConfig()
+        self._area = area
+        self._start: Pose2D | None = None  # the first true pose
         self._mark = mark or default_mark()
         self._land_on = self._config.land_on or LandOn.MARK
         self._mark_m: float | None = None  # when the drone was last in the air
@@ -193,18 +197,28 @@ class Judge:
         return Verdict(outcome=Outcome.ABORTED, reason=abort_reason)
 
     def _violation(self, record: TickRecord, belief: Belief) -> tuple[Outcome, str] | None:
-        truth, left_m = record.truth, -(belief.area_margin_m or 0.0)
+        truth, place = record.truth, belief.place
         if truth is not None:
+            place = self._true_place(truth)
             hit = self._hit(record, truth)
             if hit is not None:
                 return Outcome.COLLISION, f"touched {hit}"
             if self._took_off_s is not None and not truth.inside_ground:
                 at = f"({truth.pose.x_m:.2f}, {truth.pose.y_m:.2f}) m"
                 return Outcome.LEFT_AREA, f"flew beyond the ground's edge at {at}"
-        if left_m > _LEFT_M:
-            return Outcome.LEFT_AREA, f"left the mission's area by {left_m:.2f} m"
+        if self._area is not None and place is not None:
+            left_m = -self._area.margin_m(place.x_m, place.y_m)
+            if left_m > _LEFT_M:
+                return Outcome.LEFT_AREA, f"left the mission's area by {left_m:.2f} m"
         late = self._late(record.time_s)
         return None if late is None else (Outcome.TIMEOUT, late)
+
+    def _true_place(self, truth: Truth) -> Pose2D:
+        """Return the pose relative to the first one: metres ahead and to the right, clockwise."""
+        if self._start is None:
+            self._start = truth.pose
+        ahead = self._start.pose_to_body(truth.pose)
+        return Pose2D(x_m=ahead.x_m, y_m=-ahead.y_m, yaw_rad=-ahead.yaw_rad)
 
     def _late(self, now_s: float) -> str | None:
         if self._judged_s(now_s) > self._config.limit_s:

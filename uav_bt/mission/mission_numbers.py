@@ -62,8 +62,8 @@ class Whereabouts:
         return self.area.margin_m(self.place.x_m, self.place.y_m)
 
     def belief(self) -> Belief:
-        """Return the distances to mark and boundary, for the judge."""
-        return Belief(mark_m=self._mark_m(), area_margin_m=self.area_margin_m)
+        """Return what the judge takes where there is no truth."""
+        return Belief(mark_m=self._mark_m(), place=self.place)
 
     def _mark_m(self) -> float | None:
         """Return the distance of the landing mark, by its track or else by the fresh map."""

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from tests.worlds import values
 from uav_bt.mission.judge import Belief, Judge, JudgeConfig, Outcome, Verdict
 from uav_bt.tree import Status
-from uav_bt.types import DroneState, FlyingState, Pose, Truth
+from uav_bt.types import DroneState, FlyingState, Pose, Pose2D, Truth
+from uav_bt.types.area import Area
 from uav_bt.types.mission_rules import LandOn, MissionRules
 
 
@@ -317,17 +320,41 @@ def test_a_take_off_against_the_rules_is_no_success() -> None:
     assert (verdict.outcome, "forbid" in verdict.reason) == (Outcome.ABORTED, True)
 
 
+AHEAD = Area((((-0.5, -0.5), (3.0, -0.5), (3.0, 2.0), (-0.5, 2.0)),))
+OUTSIDE = Verdict(outcome=Outcome.LEFT_AREA, reason="left the mission's area by 0.40 m")
+
+
+def place(x_m: float, y_m: float) -> Pose2D:
+    return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=0.0)
+
+
 @pytest.mark.parametrize(
-    ("margin_m", "outcome"), [(None, None), (0.4, None), (-0.2, None), (-0.4, Outcome.LEFT_AREA)]
+    ("at", "verdict"),
+    [(None, None), (place(2.6, 0.0), None), (place(3.2, 0.0), None), (place(3.4, 0.0), OUTSIDE)],
 )
-def test_a_drone_that_is_far_outside_its_area_has_left_it(
-    margin_m: float | None, outcome: Outcome | None
+def test_without_a_referee_a_drone_that_believes_to_be_far_outside_has_left_its_area(
+    at: Pose2D | None, verdict: Verdict | None
 ) -> None:
-    state = DroneState(captured_s=20.0, flying=FlyingState.HOVERING)
-    verdict = flown().verdict(
-        values.tick(state), abort_reason=None, belief=Belief(area_margin_m=margin_m)
-    )
-    assert (None if verdict is None else verdict.outcome) is outcome
+    judge, state = Judge(area=AHEAD), DroneState(captured_s=20.0, flying=FlyingState.HOVERING)
+    belief = Belief(place=at)
+    assert judge.verdict(values.tick(state), abort_reason=None, belief=belief) == verdict
+
+
+@pytest.mark.parametrize(
+    ("x_m", "y_m", "verdict"),
+    [(1.0, 3.2, None), (1.0, 3.4, OUTSIDE), (0.3, 0.0, None), (0.1, 0.0, OUTSIDE), (2.9, 0, None)],
+)
+def test_where_there_is_a_referee_the_true_place_counts(
+    x_m: float, y_m: float, verdict: Verdict | None
+) -> None:
+    """It takes off at (1, 0) m, along y of the world: the area's right is the world's x."""
+    judge, state = Judge(area=AHEAD), DroneState(captured_s=20.0, flying=FlyingState.HOVERING)
+    start = values.truth(Pose(x_m=1.0, y_m=0.0, z_m=0.0, yaw_rad=math.pi / 2))
+    assert judge.verdict(values.tick(state, truth=start), abort_reason=None) is None
+    there = values.truth(Pose(x_m=x_m, y_m=y_m, z_m=1.5, yaw_rad=0.3))
+    wrong = Belief(place=place(9.0, 9.0) if verdict is None else place(0.0, 0.0))
+    seen = values.tick(state, truth=there)
+    assert judge.verdict(seen, abort_reason=None, belief=wrong) == verdict
 
 
 @pytest.mark.parametrize(
