@@ -32,13 +32,7 @@ class AreaGuard:
         self._cut: tuple[MoveBy, MoveBy] | None = None  # the last `MoveBy`: given, and shortened
 
     def limited(self, movement: Movement, at: Pose2D | None, *, age_s: float = 0.0) -> Movement:
-        """Return a movement that stays in the area.
-
-        Args:
-            movement: the one to fly.
-            at: the drone's pose relative to the take-off pose; None where it is unknown.
-            age_s: age of that pose, seconds.
-        """
+        """Return a movement that stays in the area, from a pose relative to the take-off pose."""
         if isinstance(movement, MoveBy):
             return self._shortened(movement, at)
         if not isinstance(movement, Velocity):

@@ -24,10 +24,8 @@ _OUT_OF_REACH = "it hovers, lands or returns by its own rules; take over with it
 class Abort:
     """The one place for every reason to end a mission early, and the wait for the landing.
 
-    Every method except `follow` may be called from a signal handler or another thread.
-
-    Args:
-        grace_s: longest wait for the landing, seconds.
+    Every method except `follow` may be called from a signal handler or another thread. The landing
+    is waited for by `grace_s`.
     """
 
     def __init__(self, grace_s: float) -> None:
@@ -66,11 +64,7 @@ class Abort:
 
 
 class Contingencies:
-    """Watches one mission for conditions that must end it.
-
-    Args:
-        limits: critical battery, and longest gaps of frames and telemetry.
-    """
+    """Watches one mission for conditions that must end it."""
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
@@ -88,11 +82,7 @@ class Contingencies:
     ) -> str | None:
         """Return the reason to abort the mission with a landing; None without one.
 
-        Args:
-            record: of this tick.
-            screening: of the drone's reports.
-            drift: why the place cannot be held; None while it can.
-            site_map: newest site map; None if the mission keeps none.
+        `drift` says why the place cannot be held, None while it can.
 
         Raises:
             DroneError: the connection is lost, or no telemetry has come for too long.

@@ -28,18 +28,12 @@ _LOW_M: Final = 0.3  # a part whose underside is lower leaves no free ground bel
 
 
 class GroundCells:
-    """The ground as cells: rows along y upwards, columns along x.
-
-    Attributes:
-        x_m: the columns' middles, world metres, (columns,).
-        y_m: the rows' middles, (rows,).
-        middles_m: of all cells, (rows, columns, 2).
-        free: cells without an object on them, (rows, columns).
-    """
+    """The ground as cells: rows along y upwards, columns along x; world metres."""
 
     def __init__(self, ground: Ground) -> None:
-        self.x_m, self.y_m = (_middles(side) for side in ground.size_m)
-        self.middles_m = np.stack(np.meshgrid(self.x_m, self.y_m), axis=-1)
+        self.x_m, self.y_m = (_middles(side) for side in ground.size_m)  # of columns, of rows
+        self.middles_m = np.stack(np.meshgrid(self.x_m, self.y_m), axis=-1)  # (rows, columns, 2)
+        # Without an object on them, (rows, columns).
         self.free: Flags = np.ones(self.middles_m.shape[:2], dtype=np.bool_)
         if ground.outline_m:
             self.free &= _inside(ground, self.middles_m)
@@ -68,15 +62,7 @@ class GroundCells:
 
 
 class CoveredGround:
-    """Follows a flight and measures its coverage of the ground.
-
-    Args:
-        ground: of the scene.
-        camera: of the drone; its distortion is ignored.
-
-    Attributes:
-        curve: every ten seconds from the take-off command: time, share passed, share seen.
-    """
+    """Follows a flight and measures its coverage of the ground; ignores the lens's distortion."""
 
     def __init__(self, ground: Ground, camera: CameraModel) -> None:
         self._cells = GroundCells(ground)
@@ -85,7 +71,7 @@ class CoveredGround:
         self._passed = np.zeros_like(self._cells.free)
         self._unseen = self._cells.free.copy()
         self._next_look_s = 0.0
-        self.curve: list[list[float]] = []
+        self.curve: list[list[float]] = []  # time from the take-off command, passed, seen
 
     @property
     def seen(self) -> Flags:

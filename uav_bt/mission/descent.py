@@ -22,13 +22,9 @@ class DescentListener(Protocol):
 
 
 class Descent:
-    """Commands a landing until the drone is down or lost, a pilot has it, or time is over.
+    """Commands a landing until the drone is down or lost, a pilot has it, or `grace_s` is over.
 
-    Args:
-        drone: connected; each of its methods may raise.
-        command_for: returns the command of a tick for the newest state.
-        grace_s: longest duration, seconds of the mission clock.
-        tick_s: time between two commands, seconds.
+    Each method of the drone may raise. `command_for` returns the command for the newest state.
     """
 
     def __init__(
@@ -47,13 +43,9 @@ class Descent:
         self.faults: dict[str, None] = {}  # errors in it, each once
 
     def run(self, reason: str, listeners: Sequence[object], given_up: Callable[[], bool]) -> None:
-        """Bring the drone down.
+        """Bring the drone down; a landing that was given up is commanded once, and not waited for.
 
-        Args:
-            reason: for the listeners.
-            listeners: each `DescentListener` among them is called after each command.
-            given_up: returns whether to stop waiting for the landing; it is commanded once even
-                then.
+        Each `DescentListener` among the listeners is called after each command.
         """
         state: DroneState | None = None
         clock = self._drone.clock

@@ -15,12 +15,7 @@ from uav_bt.types import FlyingState, MissionPhase, TakeOff, Truth
 
 
 class FlightLog:
-    """Listens to the runner and keeps the facts of the report.
-
-    Args:
-        coverage: measures the covered ground; None if the ground is unknown.
-        map_check: compares the mission's map with the truth; None if the ground is unknown.
-    """
+    """Listens to the runner and keeps the facts of the report; some need a known ground."""
 
     def __init__(
         self, coverage: CoveredGround | None = None, map_check: MapCheck | None = None

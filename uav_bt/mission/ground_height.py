@@ -74,11 +74,10 @@ class GroundHeight:
         self._frame: tuple[Frame, Frame] | None = None  # the newest, original and corrected
 
     def corrected(self, observation: Observation, now_s: float | None = None) -> Observation:
-        """Return an observation with the estimated heights above the ground.
+        """Return an observation with the estimated heights; the state's is that of `now_s`.
 
-        Args:
-            observation: in the order of time, with plausible measurements.
-            now_s: the time of the state's height, mission clock, s; None for the state's own.
+        Observations come in the order of time, with plausible measurements. Without `now_s` the
+        height of the state is that of its own time.
         """
         state, frame = observation.state, observation.frame
         if math.isfinite(state.captured_s):

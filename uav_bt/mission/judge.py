@@ -104,13 +104,7 @@ class Belief:
 
 
 class Judge:
-    """Watches a flight, by the referee's truth if there is one, else by telemetry and board.
-
-    Args:
-        config: the rules of the flight.
-        mark: size of the landing mark.
-        area: that the drone stays in, relative to the take-off pose; None: no bound.
-    """
+    """Watches a flight, by the referee's truth if there is one, else by telemetry and board."""
 
     def __init__(
         self,
@@ -164,12 +158,8 @@ class Judge:
     ) -> Verdict | None:
         """Return the verdict on the flight, None while it goes on.
 
-        Args:
-            record: of the tick.
-            abort_reason: why the mission is being aborted; None if it is not.
-            landing: whether the mission lands, by velocities or by the drone's own landing.
-            belief: the drone's estimate of its place.
-            failure: the last branch of the tree that failed, with its reason; empty: none.
+        `landing` tells that the mission lands, by velocities or by the drone's own landing, and
+        `failure` names the last branch of the tree that failed.
         """
         state, belief = record.observation.state, belief or Belief()
         self._lands = landing or state.flying in _MAY_TOUCH_GROUND

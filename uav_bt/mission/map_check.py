@@ -61,14 +61,7 @@ class MapAlignment:
     def add(
         self, time_s: float, pose: Pose2D, reported_yaw_rad: float, site_map: SiteMap | None
     ) -> None:
-        """Add a tick, beginning with the flight's first.
-
-        Args:
-            time_s: of the mission clock.
-            pose: of the drone in the world in that tick.
-            reported_yaw_rad: yaw of its telemetry, clockwise.
-            site_map: the mission's map in that tick, None before it has one.
-        """
+        """Add a tick, beginning with the first: the true pose, and the yaw of telemetry."""
         if self._first_s is None:
             self._first_s = time_s
         if time_s - self._first_s <= _MEAN_S:
@@ -93,12 +86,7 @@ class MapAlignment:
 
 
 class MapCheck:
-    """Follows a flight and compares its map with the truth.
-
-    Args:
-        ground: of the scene, with the objects on it.
-        read: returns the mission's present map; None without a map.
-    """
+    """Follows a flight and compares its map, which `read` returns, with the truth."""
 
     def __init__(self, ground: Ground, read: Callable[[], SiteMap | None]) -> None:
         self._objects = [each for each in ground.standing if each.class_id is not None]
@@ -109,12 +97,7 @@ class MapCheck:
         self._after_m: dict[int, float] = {}  # the drift, by seconds since the take-off command
 
     def add(self, record: TickRecord, *, since_s: float | None) -> None:
-        """Add a tick, beginning with the flight's first.
-
-        Args:
-            record: of the tick.
-            since_s: time of the take-off command; None before it.
-        """
+        """Add a tick, beginning with the first; the take-off was commanded at `since_s`."""
         site_map, truth = self._read(), record.truth
         if truth is None:
             return

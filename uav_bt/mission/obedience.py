@@ -58,13 +58,7 @@ class ObedienceWatch:
         self._hover_s = 0.0
 
     def complaint(self, command: Command, state: DroneState, now_s: float) -> str | None:
-        """Return a complaint about a disobedient drone, None while it obeys.
-
-        Args:
-            command: as it was sent in this tick.
-            state: telemetry of this tick.
-            now_s: mission clock, seconds.
-        """
+        """Return a complaint about a disobedient drone, by the command that was sent; or None."""
         passed_s = 0.0 if self._last_s is None else now_s - self._last_s
         turned_rad = math.remainder(state.attitude.yaw_rad - self._yaw_rad, math.tau)
         self._last_s, self._yaw_rad = now_s, state.attitude.yaw_rad

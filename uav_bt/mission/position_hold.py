@@ -105,14 +105,7 @@ class PositionHold:
     def correct(
         self, movement: Movement, state: DroneState, motion: MotionEstimate | None, now_s: float
     ) -> Movement:
-        """Return a proposed movement as it should be flown.
-
-        Args:
-            movement: the proposed one.
-            state: newest telemetry.
-            motion: over the ground; None where it is unknown.
-            now_s: mission clock, seconds.
-        """
+        """Return a proposed movement as it should be flown, by the motion over the ground."""
         passed_s = min(now_s - self._last_s, 1.0)
         self._last_s = now_s
         if isinstance(movement, Land) and self._lands_itself:
@@ -139,13 +132,7 @@ class PositionHold:
         return self._corrected(movement, order, motion.pose.yaw_rad, self._correction(motion))
 
     def against_drift(self, movement: Movement, state: DroneState, now_s: float) -> Movement:
-        """Return a movement against the disturbance of the last seconds with ground in view.
-
-        Args:
-            movement: the proposed one, or a hover without usable frames or telemetry.
-            state: newest telemetry.
-            now_s: mission clock, seconds.
-        """
+        """Return a movement against the disturbance of the last seconds with ground in view."""
         motion = self._known
         self.rest()
         if state.flying not in AIRBORNE or not isinstance(movement, Hover | Velocity):
@@ -182,14 +169,7 @@ class PositionHold:
         *,
         rests: bool = False,
     ) -> None:
-        """Note the movement that was decided in this tick.
-
-        Args:
-            movement: the one sent.
-            motion: over the ground; None where it is unknown.
-            now_s: mission clock, seconds.
-            rests: whether a safety rule decided, not the leaves.
-        """
+        """Note the movement that was sent in this tick; it `rests` where a safety rule decided."""
         self._watch.update(motion, now_s)
         lands = isinstance(movement, Land)
         if lands or rests:

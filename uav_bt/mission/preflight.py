@@ -15,6 +15,7 @@ from uav_bt.types import DroneState, FlyingState, Observation
 _STEP_S: Final = 0.1  # time between two observations, seconds; chosen, as a tick of a mission
 _FRAMES: Final = 3  # number of different frames that show a running video; chosen
 _OLD_S: Final = 1.0  # greatest age of telemetry and frames on the ground, seconds; chosen
+_HAND_OVER: Final = "hand over at the remote control"
 _RECONNECT: Final = "connect again; restart the drone if that does not help"
 
 
@@ -72,11 +73,7 @@ def check_drone(
 ) -> tuple[Check, ...]:
     """Observe a connected drone for a while and return the list of checks.
 
-    Args:
-        drone: connected, on the ground.
-        config: conditions for a take-off.
-        judge_frame: returns why a frame's image cannot be flown by, as in the flight; None trusts
-            all images.
+    `judge_frame` returns why a frame's image cannot be flown by, as in the flight.
 
     Raises:
         DroneError: the drone was lost during the check.
@@ -93,9 +90,7 @@ def check_drone(
             "control",
             state.flying is FlyingState.LANDED and not pilot,
             "a pilot has it" if pilot else f"the drone is {state.flying.value.replace('_', ' ')}",
-            "hand over at the remote control"
-            if pilot
-            else "a mission begins on the ground: land it first",
+            _HAND_OVER if pilot else "a mission begins on the ground: land it first",
         ),
         (
             "battery",
@@ -136,11 +131,7 @@ def refuse_faults(checks: Sequence[Check]) -> None:
 def _watch(
     drone: Drone, screening: Screening, wait_s: float, look_s: float
 ) -> tuple[Observation, int]:
-    """Observe until every check passes or the time is over; only the first frame may be bad.
-
-    Returns:
-        The newest observation, and the number of different frames.
-    """
+    """Observe until every check passes or the time is over; only the first frame may be bad."""
     clock = drone.clock
     start_s = clock.now()
     indices = set()

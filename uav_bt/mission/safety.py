@@ -144,11 +144,7 @@ def rule_in_force(now: Circumstances, limits: Limits) -> SafetyRule | None:
 class Arbiter:
     """Turns proposals and circumstances into the one command of the tick.
 
-    Args:
-        limits: of every movement.
-        airframe: of the drone; the limits allow for its delay.
-        area: that movements stay in; None: no bound.
-        grounded: whether the mission's rules forbid a take-off.
+    Movements stay in the area; a `grounded` mission's rules forbid a take-off.
     """
 
     def __init__(
@@ -176,11 +172,8 @@ class Arbiter:
     ) -> Command:
         """Return this tick's command.
 
-        Args:
-            proposals: of the leaves in this tick.
-            now: the input of the safety rules.
-            correct: returns a proposed movement as it should be flown, before it is limited.
-            hover: returns the hover that rules without a usable frame or telemetry order.
+        `correct` returns a proposed movement as it should be flown, before it is limited, `hover`
+        the hover that rules without a usable frame or telemetry order.
         """
         rule = rule_in_force(now, self._limits)
         self.override = None if rule is None else rule.override

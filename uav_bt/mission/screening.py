@@ -31,9 +31,7 @@ _AHEAD_S: Final = 0.5  # of a time over the mission clock: two clocks differ
 class Screening:
     """Replaces impossible telemetry and frames by the last plausible ones.
 
-    Args:
-        camera: intrinsics at the size that frames must have.
-        judge: checks the image of each new frame; None accepts every image.
+    Frames must have the size of the camera; the judge checks the image of each new one.
     """
 
     def __init__(self, camera: CameraModel, judge: FrameJudge | None = None) -> None:
