@@ -58,7 +58,7 @@ class Up(Leaf):
 
 
 class Down(Leaf):
-    """Lands; SUCCESS on the ground."""
+    """Lands; without fresh telemetry it proposes nothing."""
 
     reads = (STATE,)
 
@@ -66,7 +66,8 @@ class Down(Leaf):
         state = self.read(STATE).value
         if state is not None and state.flying is FlyingState.LANDED:
             return Status.SUCCESS
-        self.propose(Land())
+        if state is not None:
+            self.propose(Land())
         return Status.RUNNING
 
 
@@ -179,7 +180,7 @@ class Track(Leaf):
                 tracked_s=here.time_s,
             )
             self.write(ODOMETRY, motion)
-        return Status.RUNNING
+        return Status.SUCCESS
 
 
 class Count(Leaf):
@@ -555,7 +556,7 @@ def test_a_hover_without_frames_or_telemetry_is_held_against_the_known_drift(
     lost: Override,
 ) -> None:
     old = between(10.0, math.inf, captured_s=10.0) if lost is Override.LINK else of_frame(10.0)
-    body = "<ParallelAll><Track/><Sequence><Up/><Wait/></Sequence></ParallelAll>"
+    body = f"<ReactiveSequence><Track/>{WAIT}</ReactiveSequence>"
     flight = Flight(body, Told(old), time_limit_s=15.0)
     flight.fly()
     flown = [record.command.movement for record in flight.records if record.override is lost]
@@ -778,6 +779,62 @@ def test_only_a_connection_that_may_come_back_is_waited_for(
     assert flight.sent.endswith("L")
     assert not lost or flight.drone.commands[-2].movement != Land()
     assert flight.runner.descent.airborne is lost
+
+
+# --- landings -----------------------------------------------------------------------------------
+
+LANDS = "<ReactiveSequence><Track/><Sequence><Up/><Down/></Sequence></ReactiveSequence>"
+
+
+class Sinking(ScriptedDrone):
+    """Has a fault for some seconds, from the moment when it has descended to a height."""
+
+    def __init__(self, fault: str, *, below_m: float = 0.35, lasts_s: float = 3.0) -> None:
+        super().__init__()
+        self.fault, self.below_m, self.lasts_s = fault, below_m, lasts_s
+        self.first: Observation | None = None
+        self.since = 0  # the number of commands then
+
+    def observe(self) -> Observation:
+        seen = super().observe()
+        sinks = self.state.flying is FlyingState.FLYING and self.state.height_m <= self.below_m
+        if self.first is None and sinks:
+            self.first, self.since = seen, len(self.commands)
+        if self.first is None or len(self.commands) > self.since + self.lasts_s / TICK_S:
+            return seen
+        if self.fault == "battery":
+            return replace(seen, state=replace(seen.state, battery=0.05))
+        return replace(seen, **{self.fault: getattr(self.first, self.fault)})
+
+
+def test_a_landing_is_flown_down_to_the_drone_s_own() -> None:
+    """2.6 s from 1 m to 0.2 m by velocities, then the drone's own; another tree waits for it."""
+    flight = Flight(LANDS, then=dict.fromkeys(range(12, 60), FOR_EVER))
+    assert flight.fly() == ("success", "landed")
+    velocities = [c for c in flight.drone.commands if isinstance(c.movement, Velocity)]
+    assert flight.sent == "TVLH"
+    assert len(velocities) == pytest.approx(26, abs=2)
+
+
+@pytest.mark.parametrize("height_m", [0.35, 0.8])
+@pytest.mark.parametrize("old", ["frame", "state"])
+def test_a_landing_goes_on_as_the_drone_s_own_where_data_are_old(old: str, height_m: float) -> None:
+    """It neither hovers in ground effect nor returns to velocities when the data return."""
+    flight = Flight(LANDS, Sinking(old, below_m=height_m))
+    assert flight.fly() == ("success", "landed")
+    assert flight.sent == "TVLH"
+    since = flight.drone.since  # type: ignore[attr-defined]
+    own = next(i for i, c in enumerate(flight.drone.commands) if c.movement == Land())
+    assert own - since <= 8  # 0.7 s is the maximum age of a frame
+    assert len(flight.records) < since + 40
+    wanted = Override.LINK if old == "state" else Override.STALE_FRAME
+    assert wanted in {record.override for record in flight.records}
+
+
+def test_a_critical_battery_does_not_stop_a_landing() -> None:
+    flight = Flight(LANDS, Sinking("battery", lasts_s=math.inf))
+    assert flight.fly() == ("aborted", "critical battery: 5 %")
+    assert flight.sent == "TVL"
 
 
 # --- another tree in flight -------------------------------------------------------------------
