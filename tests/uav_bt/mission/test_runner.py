@@ -14,19 +14,18 @@ from tests.worlds.trees import document
 from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, ODOMETRY, PHASE, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
-from uav_bt.errors import DroneError, NodeFailedError, ProposalConflictError
+from uav_bt.errors import DroneError, NodeFailedError
 from uav_bt.mission.judge import Judge, JudgeConfig
 from uav_bt.mission.runner import MissionRunner, RunnerConfig
 from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickListener, TickRecord
-from uav_bt.testing import ScriptedDrone, blank_frame
+from uav_bt.testing import ScriptedDrone
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree
 from uav_bt.types import (
     BodyVelocity,
     Command,
     DroneState,
     FlyingState,
-    GimbalTo,
     Hover,
     Land,
     MoveBy,
@@ -92,31 +91,6 @@ class Drift(Leaf):
     def terminate(self, new_status: Status) -> None:
         if new_status is Status.IDLE:
             HALTED.append(self.path)
-
-
-class Slide(Leaf):
-    """Flies to the right for two ticks and writes no phase."""
-
-    def initialise(self) -> None:
-        self._left = 2
-
-    def update(self) -> Status:
-        if self._left == 0:
-            return Status.SUCCESS
-        self._left -= 1
-        self.propose(Velocity(right_mps=0.5))
-        return Status.RUNNING
-
-
-class Rest(Leaf):
-    """Proposes nothing for two ticks."""
-
-    def initialise(self) -> None:
-        self._left = 2
-
-    def update(self) -> Status:
-        self._left -= 1
-        return Status.SUCCESS if self._left < 0 else Status.RUNNING
 
 
 class Wait(Leaf):
@@ -207,7 +181,7 @@ class Count(Leaf):
         return Status.RUNNING
 
 
-REGISTRY = NodeRegistry([Up, Down, Drift, Slide, Rest, Wait, Break, Clumsy, Look, Track, Count])
+REGISTRY = NodeRegistry([Up, Down, Drift, Wait, Break, Clumsy, Look, Track, Count])
 
 
 class Told(ScriptedDrone):
@@ -484,16 +458,6 @@ def test_listeners_get_every_tick_with_what_was_sent() -> None:
     assert (records[-1].tree_status, records[-1].proposed_by) == (Status.SUCCESS, None)
 
 
-def test_a_moving_leaf_that_writes_no_phase_is_the_phase_itself() -> None:
-    """A leaf that proposes nothing leaves the phase as it is."""
-    flight = Flight(
-        '<Sequence><Up/><Drift ticks="2"/><Slide name="to the door"/><Rest/><Down/></Sequence>'
-    )
-    flight.fly()
-    phases = [name for name, _ in itertools.groupby(record.phase for record in flight.records)]
-    assert phases == ["Up", "drift", "to the door", "Down"]
-
-
 def test_a_tick_observes_then_thinks_then_sends_then_tells_then_waits() -> None:
     """Each tick observes the effect of the last command; leaves see one time within it."""
     calls: list[str] = []
@@ -533,24 +497,6 @@ def test_the_board_holds_what_was_observed_in_this_tick() -> None:
     assert elapsed == pytest.approx(times)  # the take-off was in the first tick, at 0 s
 
 
-def test_a_frozen_camera_is_noticed() -> None:
-    """A frame that no longer changes becomes stale: the drone stops, and leaves see no frame."""
-
-    def freeze(seen: Observation, now_s: float) -> Observation:
-        frame = blank_frame(ScriptedDrone().camera, seen.state, captured_s=min(now_s, 1.0))
-        return replace(seen, frame=frame)
-
-    body = "<Sequence><Up/><ParallelAll><Drift/><Look/></ParallelAll></Sequence>"
-    flight = Flight(body, Told(freeze), time_limit_s=4.0)
-    flight.fly()
-    stopped = [record for record in flight.records if record.override is Override.STALE_FRAME]
-    assert 1.7 <= stopped[0].time_s <= 1.9
-    assert all(record.command.movement == Hover() for record in stopped)
-    assert stopped[0].proposed_by is not None  # proposed, and overridden
-    assert Look.seen[0][0] is not None
-    assert Look.seen[-1][0] is None
-
-
 @pytest.mark.parametrize("lost", [Override.STALE_FRAME, Override.LINK])
 def test_a_hover_without_frames_or_telemetry_is_held_against_the_known_drift(
     lost: Override,
@@ -578,18 +524,6 @@ def test_a_record_holds_what_was_really_sent() -> None:
     assert record.decided == Command(movement=Velocity(forward_mps=0.5))
 
 
-def test_a_gimbal_command_reaches_the_drone_with_the_movement() -> None:
-    class Nod(Leaf):
-        def update(self) -> Status:
-            self.point(GimbalTo(pitch_rad=-0.5))
-            return Status.RUNNING
-
-    flight = Flight(Nod(), patience_s=0.3)
-    flight.fly()
-    assert flight.drone.commands[0] == Command(movement=Hover(), gimbal=GimbalTo(pitch_rad=-0.5))
-    assert flight.drone.state.gimbal_pitch_rad == -0.5
-
-
 # --- faults -----------------------------------------------------------------------------------
 
 
@@ -606,15 +540,6 @@ def test_a_leaf_that_raises_stops_the_tree_lands_and_is_named() -> None:
     assert flight.tree.root.node_status is Status.IDLE
     assert HALTED == ["Main/mission/ParallelAll/beside"]
     assert flight.sent == "TVL"
-
-
-def test_two_leaves_that_both_move_are_an_error_that_names_both() -> None:
-    body = '<ParallelAll name="both"><Drift name="a"/><Drift name="b"/></ParallelAll>'
-    flight = Flight(f"<Sequence><Up/>{body}</Sequence>")
-    with pytest.raises(NodeFailedError, match=r"both/a' and .*both/b'") as caught:
-        flight.fly()
-    assert isinstance(caught.value.__cause__, ProposalConflictError)
-    assert flight.landed
 
 
 def test_a_leaf_that_raises_when_it_is_halted_does_not_keep_the_drone_up() -> None:
