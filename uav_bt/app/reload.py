@@ -16,6 +16,7 @@ from uav_bt.tree import MissionTree, NodeRegistry
 from uav_bt.tree.loading.findings import Finding
 
 _POLL_S: Final = 0.5  # wall time between two looks at the files
+_REFUSED: Final = "The edited tree is refused; the one before it flies on."
 
 
 class TreeReload:
@@ -45,10 +46,10 @@ class TreeReload:
         if self._timer() < self._next_s:
             return None
         self._next_s = self._timer() + _POLL_S
-        now = {path: data for path in self._known if (data := _content(path)) is not None}
-        if now.items() <= self._known.items():
+        files = {path: data for path in self._known if (data := _content(path)) is not None}
+        if files.items() <= self._known.items():
             return None
-        self._known |= now
+        self._known |= files
         flight, flown = self._flight, self._flight.mission
         try:
             tree = load_mission(self._path, flight.options, self._registry)
@@ -56,14 +57,15 @@ class TreeReload:
                 tree.setup(flight.context)
         except UavBtError as error:  # whatever is wrong with the file, its leaves or its policies
             for each in error.details if isinstance(error, TreeError) else ():
-                file = Path(each.path).resolve() if isinstance(each, Finding) else self._path
-                self._known.setdefault(file, _content(file) or b"")  # an edit there may cure it
-            self._refuse(str(error))
+                if isinstance(each, Finding):  # an edit of its file may cure it
+                    file = Path(each.path).resolve()
+                    self._known.setdefault(file, _content(file) or b"")
+            self._note(f"{error}\n{_REFUSED}")
             return None
         self._known = self._contents(tree)
         if rules_of(tree) != flight.rules:
             words = "its Rules differ from those that were read before the take-off"
-            self._refuse(f"{self._path}: {words}")
+            self._note(f"{self._path}: {words}\n{_REFUSED}")
             return None
         if tree.sources == flown.sources:
             self._note(f"{self._path}: again the tree that flies; it goes on")
@@ -71,9 +73,6 @@ class TreeReload:
         flight.mission = tree
         self._note(f"{self._path}: the edited tree flies, from its root on")
         return tree
-
-    def _refuse(self, why: str) -> None:
-        self._note(f"{why}\nThe edited tree is refused; the one before it flies on.")
 
     def _contents(self, tree: MissionTree) -> dict[Path, bytes]:
         """Return the files that a tree was read from, with a link to its file."""
@@ -89,11 +88,7 @@ def _content(path: Path) -> bytes | None:
 
 
 def reloadable_file(tree: Mission, drone: Drone, outputs: Mapping[str, Path | None]) -> Path:
-    """Return the tree file that can be watched while it flies; outputs would show one tree only.
-
-    Raises:
-        InputError: the mission is no file, the drone is real, or an output is wanted.
-    """
+    """Return the tree file to watch; refuse a real drone, and outputs, which show one tree only."""
     if drone.live:
         raise InputError("watch: a tree is replaced in flight on simulated drones only")
     if not isinstance(tree, str | Path) or is_text(tree) or not Path(tree).is_file():

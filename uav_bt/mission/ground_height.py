@@ -46,7 +46,7 @@ _STEP_M: Final = 0.15
 _STEP_S: Final = 0.3
 _CALM_S: Final = 1.0  # after a second step within it, the vertical velocity is wrong
 _GAP_S: Final = 1.0  # without velocity or altitude for longer, the height begins anew
-_AGREE_M: Final = 0.1  # so near to the altimeter, the rangefinder measures the ground in any case
+_AGREE_M: Final = 0.1  # within it of the altimeter, the rangefinder measures the ground in any case
 _DIFFER_M: Final = 0.25  # further off it does not: the altimeter is never wrong by more
 _MEMORY_S: Final = 3.0  # largest age of a frame
 

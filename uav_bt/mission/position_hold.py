@@ -63,7 +63,9 @@ _BEGIN_MPS: Final = 0.03  # least correction of a hover; below it the drone's ow
 _END_MPS: Final = 0.012  # a corrected hover is left to the drone below it, without chatter
 _LEASH_M: Final = 0.4  # from the drone to its place; its size: freed, it must not dash
 _LEAP_MPS: Final = 2.0  # a faster dead reckoning leaps, and the place with it; twice the limit
-_LOST_S: Final = 4.0  # beyond the leash for so long, the place cannot be held; gusts pass in 1.5 s
+_LOST_S: Final = (
+    4.0  # beyond the leash for this time, the place cannot be held; gusts pass in 1.5 s
+)
 _MOVE_S: Final = 1.3  # of a `MoveBy` besides its flight: gaining speed, braking, settling (twin)
 _MOVE_MPS: Final = 0.5  # mean speed of a `MoveBy` of 0.3 to 1 m in the twin
 _AIM_MPS: Final = 0.04  # least disturbance that a `MoveBy` is aimed against; twice the twin's noise
