@@ -117,16 +117,6 @@ def test_the_seen_ground_is_what_an_image_shows_of_the_ground(
     assert disagree.sum() == 0
 
 
-def test_what_is_far_or_behind_is_not_seen() -> None:
-    """The lower edge of a level camera's image at 1.5 m hides the ground within 3 m ahead."""
-    level = CoveredGround(BARE, CAMERA)
-    level.add(0.0, truth(-2.0, 0.0, pitch_rad=0.0))
-    assert level.shares()[1] == 0.0
-    away = CoveredGround(BARE, CAMERA)
-    away.add(0.0, truth(2.5, 0.0, pitch_rad=-0.5))  # looks beyond the edge of the ground
-    assert away.shares()[1] == 0.0
-
-
 def test_looks_are_taken_five_times_a_second() -> None:
     coverage = CoveredGround(BARE, CAMERA)
     coverage.add(0.0, truth(-2.0, 0.0))
@@ -135,19 +125,3 @@ def test_looks_are_taken_five_times_a_second() -> None:
     assert coverage.shares()[1] == first
     coverage.add(0.2, truth(-2.0, 0.0, math.pi / 4))
     assert coverage.shares()[1] > first
-
-
-def test_a_truth_without_a_camera_sees_nothing() -> None:
-    coverage = CoveredGround(BARE, CAMERA)
-    coverage.add(0.0, truth(-2.0, 0.0, pitch_rad=None))
-    assert coverage.shares()[1] == 0.0
-    assert coverage.shares()[0] > 0.0
-
-
-def test_the_curve_has_a_point_every_ten_seconds() -> None:
-    coverage = CoveredGround(BARE, CAMERA)
-    for step in range(251):
-        coverage.add(step / 10, truth(-2.5 + step / 100, 0.0))
-    (begin_s, first, _), (end_s, second, _) = coverage.curve
-    assert (begin_s, end_s) == (10.0, 20.0)
-    assert 0.0 < first < second < coverage.shares()[0]

@@ -11,7 +11,7 @@ from uav_bt.mission.event_watch import EventWatch
 from uav_bt.mission.safety import Override
 from uav_bt.tree.branch_watch import BranchEnds
 from uav_bt.tree.scripted import ScriptedLeaf
-from uav_bt.types import FlyingState, Hover
+from uav_bt.types import FlyingState
 from uav_bt.types.flight_results import EventKind
 
 QUIET: dict[str, Any] = {
@@ -66,15 +66,6 @@ def test_a_change_is_an_event(
     ticks: tuple[dict[str, Any], ...], events: list[tuple[str, str]]
 ) -> None:
     assert events_of(*ticks) == events
-
-
-def test_each_phase_is_an_event_with_the_leaf_that_moves() -> None:
-    context = MissionContext()
-    context.proposals.propose("M/Explore", Hover())
-    explore, search = {"phase": "explore"}, {"phase": "search"}
-    told = events_of({}, explore, explore, search, context=context)
-    assert told == [(EventKind.PHASE, "explore"), (EventKind.PHASE, "search")]
-    assert context.notes.events[0].node == "M/Explore"
 
 
 def test_failed_branches_and_the_end_have_path_and_reason() -> None:

@@ -148,12 +148,6 @@ def test_a_drift_is_held_and_a_wrong_velocity_moves_nothing_for_long(
     assert rates == {proposed.yaw_rate_radps if isinstance(proposed, Velocity) else 0.0}
 
 
-def test_what_hovers_well_is_left_to_itself() -> None:
-    body = Body(drift_mps=(0.005, 0.0))
-    body.fly(Hover(), 3.0)
-    assert set(map(type, body.sent)) == {Hover}
-
-
 def test_a_velocity_flight_goes_where_it_is_ordered_to() -> None:
     """It drifts sideways by less than 0.2 m until the drift is known, and then no further."""
     body = Body(drift_mps=(0.0, 0.1))
@@ -266,16 +260,6 @@ def test_where_dead_reckoning_leaps_the_drone_stays(proposed: Movement, leap_m: 
     assert body.fly(proposed, 2.0) < 0.05
 
 
-@pytest.mark.parametrize("height_m", [0.6, 3.0, 4.0, 8.0])
-def test_a_landing_is_held_down_to_the_same_height_from_wherever_it_begins(
-    height_m: float,
-) -> None:
-    body = Body(height_m=height_m)
-    while isinstance(body.tick(Land()), Velocity):
-        assert body.now_s < 60.0
-    assert body.height_m == pytest.approx(0.2, abs=0.06)
-
-
 def test_the_speed_of_a_landing_follows_the_height_until_it_does_not_sink() -> None:
     """0.6 per second: 0.45 m/s from 0.75 m up, 0.3 m/s at 0.5 m, 0.2 m/s from 0.33 m down."""
     landing = HeldLanding(2.0)
@@ -376,16 +360,6 @@ def test_the_correction_is_limited_and_what_cannot_be_held_is_named() -> None:
     speeds = [math.hypot(s.forward_mps, s.right_mps) for s in body.sent if isinstance(s, Velocity)]
     assert max(speeds) <= 0.5 + 1e-9
     assert drifting().hold.trouble is None
-
-
-def test_another_place_is_kept_after_somebody_else_flew() -> None:
-    body = Body()
-    body.fly(Hover(), 1.0)
-    body.hold.rest()
-    body.x_m = 2.0
-    body.fly(Hover(), 5.0)
-
-    assert body.x_m == pytest.approx(2.0, abs=0.01)
 
 
 # --- the watch ------------------------------------------------------------------------------------

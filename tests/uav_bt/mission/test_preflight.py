@@ -144,25 +144,15 @@ def noisy(now_s: float) -> NDArray[np.float64]:
     return LAB + RANDOM.normal(0.0, 3.0, LAB.shape)
 
 
-@pytest.mark.parametrize(
-    ("image_at", "why"),
-    [
-        (lambda _: np.zeros((36, 64, 3)), "the image is dark"),
-        (lambda _: np.full((36, 64, 3), 90.0), "the image shows nothing"),
-        (lambda _: 1.0 * LAB, "the video is frozen"),
-        (lambda now_s: noisy(now_s) if now_s < 1.5 else 1.0 * LAB, "the video is frozen"),
-        (lambda now_s: noisy(now_s) if now_s < 2.0 else np.zeros((36, 64, 3)), "dark"),
-    ],
-    ids=["black", "covered", "frozen from the start", "freezes", "goes dark"],
-)
+@pytest.mark.parametrize("dark_from_s", [0.0, 2.0])
 def test_images_that_cannot_be_flown_by_are_refused_by_the_judge_of_the_flight(
-    image_at: Callable[[float], NDArray[np.float64]], why: str
+    dark_from_s: float,
 ) -> None:
-    drone = Filming(image_at)
+    drone = Filming(lambda now_s: noisy(now_s) * (now_s < dark_from_s))
     judged = check_drone(drone, judge_frame=frame_judge(drone))
     (video,) = (check for check in judged if not check.good)
     assert video.what == "video"
-    assert f", {why}" in video.found or f", the image is {why}" in video.found
+    assert ", the image is dark" in video.found
     assert "the lens is clean and the place is lit" in str(video)
 
 
