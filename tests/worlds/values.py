@@ -7,7 +7,23 @@ from typing import Any
 
 import numpy as np
 
-from uav_bt.types import BodyVelocity, Corridor, Frame, MarkFix, Pose, Truth
+from uav_bt.mission.flight_log import FlightLog
+from uav_bt.mission.flight_report import FlightReport
+from uav_bt.mission.tick import TickRecord
+from uav_bt.tree import Status
+from uav_bt.types import (
+    BodyVelocity,
+    Command,
+    Corridor,
+    DroneState,
+    Frame,
+    Hover,
+    MarkFix,
+    Movement,
+    Observation,
+    Pose,
+    Truth,
+)
 from uav_bt.types.arrays import Image
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 
@@ -88,3 +104,43 @@ def truth(pose: Pose, time_s: float = 0.0, **more: Any) -> Truth:
         **more,
     }
     return Truth(time_s=time_s, pose=pose, **given)
+
+
+def tick(
+    state: DroneState, movement: Movement | None = None, *, time_s: float | None = None, **more: Any
+) -> TickRecord:
+    """Return a tick in which a leaf hovers, at the time of the state."""
+    given = {
+        "index": 0,
+        "tree_status": Status.RUNNING,
+        "phase": "",
+        "active": (),
+        "proposed_by": None,
+        "override": None,
+        "compute_s": 0.001,
+        "truth": None,
+        **more,
+    }
+    return TickRecord(
+        time_s=state.captured_s if time_s is None else time_s,
+        observation=Observation(frame=None, state=state),
+        command=Command(movement=movement or Hover()),
+        **given,
+    )
+
+
+def report(log: FlightLog, **more: Any) -> FlightReport:
+    """Return the report of a flight of the twin that was a success."""
+    given = {
+        "scene": "test-a",
+        "seed": 7,
+        "tree": "mission.xml",
+        "policies": {},
+        "drone": "twin",
+        "profile": "lab",
+        "outcome": "success",
+        "reason": "landed",
+        "warnings": list(log.warnings),
+        **more,
+    }
+    return FlightReport(**given, **log.fields())

@@ -36,9 +36,8 @@ from uav_bt.errors import DroneError, InputError, NodeFailedError
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import load_lab
-from uav_bt.mission.flown_tree import NextTree
 from uav_bt.mission.judge import Judge
-from uav_bt.mission.runner import MissionRunner
+from uav_bt.mission.runner import MissionRunner, NextTree
 from uav_bt.mission.screening import FrameJudge
 from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone, Imageless, LeafPolicy, Segmenter
@@ -105,7 +104,7 @@ class Flight(Generic[DroneT]):
             site = site_of(options)
             area = area_of(self.rules, site or Site(), take_off_pose(site, drone))
         self.area = area
-        self._judge = judge or Judge(self.judge_config, self.mark)
+        self._judge = judge or Judge(self.judge_config, self.mark, area)
 
     def missed_faults(self) -> list[str]:
         """Return a warning for each fault of the drone that the flight did not have."""

@@ -33,12 +33,16 @@ from uav_bt.board import SITE_MAP
 from uav_bt.errors import InputError, UavBtError
 from uav_bt.mission.covered_ground import CoveredGround
 from uav_bt.mission.flight_log import FlightLog
-from uav_bt.mission.flight_report import FlightChanges, FlightReport, write_report
-from uav_bt.mission.flown_tree import NextTree
+from uav_bt.mission.flight_report import (
+    FlightChanges,
+    FlightReport,
+    Percentiles,
+    write_report,
+)
 from uav_bt.mission.judge import Outcome, Verdict
 from uav_bt.mission.map_check import MapCheck
 from uav_bt.mission.preflight import Check, check_drone, refuse_faults
-from uav_bt.mission.runner import MissionRunner
+from uav_bt.mission.runner import MissionRunner, NextTree
 from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, NodeRegistry
@@ -226,24 +230,28 @@ def _run(
 
     def finish(verdict: Verdict) -> FlightReport:
         options = flight.options
-        result = log.report(
-            verdict,
+        times_s, notes = flight.context.stage_times_s, flight.context.notes
+        result = FlightReport(
+            **vars(changes_of(options)),
+            **log.fields(),
             scene=flight.scene_name,
             lab=None if flight.lab is None else flight.lab.name,
             seed=options.seed,
             tree=flight.mission.origin,
             policies=_policies(flight.mission),
-            changes=changes_of(options),
             drone=options.drone_name,
             profile=_profile(flight),
-            stage_times_s=flight.context.stage_times_s,
-            slow_leaves_s=runner.slow_leaves_s,
+            outcome=verdict.outcome.value,
+            reason=verdict.reason,
+            perception_ms={name: Percentiles.of_seconds(each) for name, each in times_s.items()},
+            slow_leaves={leaf: round(1e3 * s, 1) for leaf, s in runner.budgets.worst_s.items()},
+            warnings=[*log.warnings, *flight.missed_faults()],
             airborne_at_end=runner.descent.airborne or _flies(flight.drone),
-            lost_outputs=runner.listeners.lost,
-            notes=flight.context.notes,
+            lost_outputs=dict(runner.listeners.lost),
             objects=objects_of(last_map(flight.context.board)),
+            photos=list(notes.photos),
+            events=list(notes.events),
         )
-        result = replace(result, warnings=[*result.warnings, *flight.missed_faults()])
         for what, write in keep.items():
             try:
                 write(result)

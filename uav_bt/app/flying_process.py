@@ -38,9 +38,9 @@ class _Stop:
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         del frame
         self._count += 1
-        self._runner.request_abort(f"stopped by {signal.Signals(number).name}")
+        self._runner.abort.request(f"stopped by {signal.Signals(number).name}")
         if self._count > 1:
-            self._runner.give_up()
+            self._runner.abort.give_up()
             self.restore()  # a third one ends a program that hangs
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Final
 
 from uav_bt.app.assembly import Flight
-from uav_bt.app.file_watch import FileWatch
 from uav_bt.app.loading import Mission, is_text, load_mission
 from uav_bt.app.rules import rules_of
 from uav_bt.errors import InputError, TreeError, UavBtError
@@ -15,19 +15,16 @@ from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, NodeRegistry
 from uav_bt.tree.loading.findings import Finding
 
+_POLL_S: Final = 0.5  # wall time between two looks at the files
+_REFUSED: Final = "The edited tree is refused; the one before it flies on."
+
 
 class TreeReload:
-    """Gives a runner the tree of a file that was edited: one of its `next_tree`.
+    """Gives a runner the tree of a file that was edited, and calls `note` with what comes of it.
 
-    The new tree is loaded with the options and nodes of the first one, and is set up for the same
-    mission. A tree that is refused is reported, and the present one flies on.
-
-    Args:
-        flight: connected; its tree is that of the file.
-        path: the tree file.
-        registry: Nodes that the tree may use. Default: all installed.
-        note: Called with the result of each edit.
-        timer: Wall clock for polling the files, seconds.
+    The tree is loaded with the options and nodes of the first one, and set up for the same mission.
+    One that is refused is reported, and the present one flies on. A missing file is awaited:
+    editors may write into the file, or write a new one and rename it.
     """
 
     def __init__(
@@ -39,33 +36,41 @@ class TreeReload:
         *,
         timer: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._flight = flight
-        self._path = path
-        self._registry = registry
-        self._note = note
-        self._watch = FileWatch(self._contents(flight.mission), timer=timer)
+        self._flight, self._path, self._registry = flight, path, registry
+        self._note, self._timer = note, timer
+        self._next_s = timer() + _POLL_S
+        self._known = self._contents(flight.mission)
 
     def __call__(self) -> MissionTree | None:
         """Return the tree of the edited file. None: there is no new tree to fly."""
-        if not self._watch.changed():
+        if self._timer() < self._next_s:
             return None
+        self._next_s = self._timer() + _POLL_S
+        files = {path: data for path in self._known if (data := _content(path)) is not None}
+        if files.items() <= self._known.items():
+            return None
+        self._known |= files
+        flight, flown = self._flight, self._flight.mission
         try:
-            tree = self._load()
+            tree = load_mission(self._path, flight.options, self._registry)
+            if tree.sources != flown.sources:
+                tree.setup(flight.context)
         except UavBtError as error:  # whatever is wrong with the file, its leaves or its policies
-            self._watch.add(_files_of(error))
-            self._note(f"{error}\nThe edited tree is refused; the one before it flies on.")
+            for each in error.details if isinstance(error, TreeError) else ():
+                if isinstance(each, Finding):  # an edit of its file may cure it
+                    file = Path(each.path).resolve()
+                    self._known.setdefault(file, _content(file) or b"")
+            self._note(f"{error}\n{_REFUSED}")
             return None
-        self._watch.know(self._contents(tree))
-        if rules_of(tree) != self._flight.rules:
-            self._note(
-                f"{self._path}: its Rules differ from those that were read before the take-off\n"
-                "The edited tree is refused; the one before it flies on."
-            )
+        self._known = self._contents(tree)
+        if rules_of(tree) != flight.rules:
+            words = "its Rules differ from those that were read before the take-off"
+            self._note(f"{self._path}: {words}\n{_REFUSED}")
             return None
-        if tree.sources == self._flight.mission.sources:
+        if tree.sources == flown.sources:
             self._note(f"{self._path}: again the tree that flies; it goes on")
             return None
-        self._flight.mission = tree
+        flight.mission = tree
         self._note(f"{self._path}: the edited tree flies, from its root on")
         return tree
 
@@ -73,33 +78,17 @@ class TreeReload:
         """Return the files that a tree was read from, with a link to its file."""
         return {self._path: next(iter(tree.sources.values())), **tree.sources}
 
-    def _load(self) -> MissionTree:
-        flight = self._flight
-        tree = load_mission(self._path, flight.options, self._registry)
-        if tree.sources != flight.mission.sources:
-            tree.setup(flight.context)
-        return tree
 
-
-def _files_of(error: UavBtError) -> Iterator[Path]:
-    """Yield the files in which something was found: an edit there may cure it."""
-    for finding in error.details if isinstance(error, TreeError) else ():
-        if isinstance(finding, Finding):
-            yield Path(finding.path).resolve()
+def _content(path: Path) -> bytes | None:
+    """Return what a file holds; None while there is none. A pipe would block."""
+    try:
+        return path.read_bytes() if path.is_file() else None
+    except OSError:
+        return None
 
 
 def reloadable_file(tree: Mission, drone: Drone, outputs: Mapping[str, Path | None]) -> Path:
-    """Return the tree file that can be watched while it flies.
-
-    Args:
-        tree: the mission as it was given.
-        drone: Drone that flies.
-        outputs: files that the flight writes, by name; None where it does not.
-
-    Raises:
-        InputError: the mission is no file, the drone is real, or an output is wanted, which would
-            show one tree only.
-    """
+    """Return the tree file to watch; refuse a real drone, and outputs, which show one tree only."""
     if drone.live:
         raise InputError("watch: a tree is replaced in flight on simulated drones only")
     if not isinstance(tree, str | Path) or is_text(tree) or not Path(tree).is_file():

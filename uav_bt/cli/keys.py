@@ -29,12 +29,12 @@ def obey(key: str, runner: MissionRunner) -> None:
         runner: of the mission that flies.
     """
     if key == "m":
-        runner.set_manual(manual=not runner.manual)
+        runner.manual = not runner.manual
     elif key == "l":
-        runner.set_manual(manual=False)
-        runner.request_abort("a person pressed l")
+        runner.manual = False
+        runner.abort.request("a person pressed l")
     elif key == "X":
-        runner.cut_motors("a person cut the motors")
+        runner.abort.cut_motors("a person cut the motors")
 
 
 @contextmanager

@@ -32,7 +32,7 @@ from uav_bt.display.lab_map import (
     phase_colours,
 )
 from uav_bt.display.site_map_pane import FOOTER_PX, draw_site_map
-from uav_bt.mission.map_alignment import MapAlignment
+from uav_bt.mission.map_check import MapAlignment
 from uav_bt.types import CameraModel, MarkFix, Pose
 from uav_bt.types.arrays import Image
 from uav_bt.types.projection import pixel_rays

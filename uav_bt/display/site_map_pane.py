@@ -10,7 +10,7 @@ import numpy as np
 from uav_bt.display.canvas import BACKDROP, INK, Colour, line, polygon, put, text_width_px
 from uav_bt.display.lab_map import LabMap, MapFrame, draw_scale
 from uav_bt.lab.classes import LabClasses
-from uav_bt.mission.map_alignment import MapPlacement
+from uav_bt.mission.map_check import MapPlacement
 from uav_bt.types.arrays import Image
 from uav_bt.types.site_map import MapMover, MapObject, SiteMap
 

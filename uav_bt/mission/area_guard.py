@@ -24,10 +24,6 @@ class AreaGuard:
     is reduced to the speed from which the drone stops at the boundary, a `MoveBy` is shortened. A
     drone outside may only move back in. While its place is unknown it may not move horizontally.
     Climbs, descents and turns pass.
-
-    Args:
-        area: The area, relative to the take-off pose.
-        airframe: Delay, lag and braking of the drone.
     """
 
     def __init__(self, area: Area, airframe: Airframe | None = None) -> None:
@@ -36,13 +32,7 @@ class AreaGuard:
         self._cut: tuple[MoveBy, MoveBy] | None = None  # the last `MoveBy`: given, and shortened
 
     def limited(self, movement: Movement, at: Pose2D | None, *, age_s: float = 0.0) -> Movement:
-        """Return a movement that stays in the area.
-
-        Args:
-            movement: The movement to fly.
-            at: Pose of the drone relative to the take-off pose; None where it is unknown.
-            age_s: Age of the pose, seconds.
-        """
+        """Return a movement that stays in the area, from a pose relative to the take-off pose."""
         if isinstance(movement, MoveBy):
             return self._shortened(movement, at)
         if not isinstance(movement, Velocity):
@@ -69,7 +59,8 @@ class AreaGuard:
                 dx, dy = to_edge(edge, at.x_m, at.y_m)
                 room_m = math.hypot(dx, dy)
                 nearing_mps = (vx * dx + vy * dy) / room_m
-                most_mps = approach_speed_mps(room_m, self._airframe, age_s)
+                frame = self._airframe
+                most_mps = approach_speed_mps(room_m, frame.braking_mps2, frame, age_s)
                 if nearing_mps > most_mps:
                     share = min(share, most_mps / nearing_mps)
         return share

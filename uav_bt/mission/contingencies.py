@@ -1,31 +1,70 @@
-"""The conditions that end a mission early: battery, disobedience, no images, ground or link.
+"""The early end of a mission: lasting conditions, an operator's stop, a tree that ends in the air.
 
-The safety table (`safety.py`) answers within the tick. This module answers a lasting condition by
-an abort, which is a landing, or by an error if the drone is out of reach.
+The safety table (`safety.py`) answers within the tick. A lasting condition is answered here, by an
+abort, which is a landing, or by an error if the drone is out of reach.
 """
 
 from __future__ import annotations
 
 from uav_bt.board.keys import STATE
 from uav_bt.errors import DroneError
+from uav_bt.mission.judge import Outcome, Verdict
 from uav_bt.mission.lasting import Lasting
 from uav_bt.mission.limits import Limits
-from uav_bt.mission.map_watch import MapWatch
+from uav_bt.mission.map_check import MapWatch
 from uav_bt.mission.obedience import ObedienceWatch
 from uav_bt.mission.safety import AIRBORNE, Override
 from uav_bt.mission.screening import Screening
-from uav_bt.types import Command, DroneState
+from uav_bt.mission.tick import TickRecord
 from uav_bt.types.site_map import SiteMap
 
 _OUT_OF_REACH = "it hovers, lands or returns by its own rules; take over with its remote control"
 
 
-class Contingencies:
-    """Watches one mission for conditions that must end it.
+class Abort:
+    """The one place for every reason to end a mission early, and the wait for the landing.
 
-    Args:
-        limits: critical battery, and longest gaps of frames and telemetry.
+    Every method except `follow` may be called from a signal handler or another thread. The landing
+    is waited for by `grace_s`.
     """
+
+    def __init__(self, grace_s: float) -> None:
+        self._grace_s = grace_s
+        self._landing = Lasting()
+        self.reason: str | None = None  # None: not aborted
+        self.cut = False  # stop the motors
+        self.given_up = False  # do not wait for the landing
+
+    def __bool__(self) -> bool:
+        """Return whether the mission is being aborted."""
+        return self.reason is not None
+
+    def request(self, reason: str) -> None:
+        """Request a landing with the next tick; the first reason counts."""
+        if self.reason is None:
+            self.reason = reason
+
+    def cut_motors(self, reason: str) -> None:
+        """Stop the motors with the next tick."""
+        self.cut = True
+        self.request(reason)
+
+    def give_up(self) -> None:
+        """Command one last landing and return."""
+        self.given_up = True
+
+    def follow(self, record: TickRecord) -> Verdict | None:
+        """Return the verdict of an aborted mission, None while it waits for the landing."""
+        lands = record.override is Override.ABORT
+        if self._landing.update(record.time_s, holds=lands) > self._grace_s:
+            self.given_up = True
+        if self.reason is None or not self.given_up:
+            return None
+        return Verdict(outcome=Outcome.ABORTED, reason=self.reason)
+
+
+class Contingencies:
+    """Watches one mission for conditions that must end it."""
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
@@ -35,33 +74,24 @@ class Contingencies:
 
     def abort_reason(
         self,
-        now_s: float,
-        state: DroneState,
-        command: Command,
-        override: Override | None,
-        *,
+        record: TickRecord,
         screening: Screening,
+        *,
         drift: str | None,
-        site_map: SiteMap | None = None,
+        site_map: SiteMap | None,
     ) -> str | None:
         """Return the reason to abort the mission with a landing; None without one.
 
-        Args:
-            now_s: mission clock, seconds.
-            state: of the drone.
-            command: as it was sent in this tick.
-            override: the safety rule that decided this tick; None if the leaves did.
-            screening: of the drone's reports.
-            drift: why the place cannot be held; None while it can.
-            site_map: newest site map; None if the mission keeps none.
+        `drift` says why the place cannot be held, None while it can.
 
         Raises:
             DroneError: the connection is lost, or no telemetry has come for too long.
         """
+        now_s, state, override = record.time_s, record.observation.state, record.override
         self._map.update(site_map, now_s, airborne=state.flying in AIRBORNE)
         if state.lost:
             raise DroneError(f"the connection to the drone is broken: {_OUT_OF_REACH}")
-        fault = self._obedience.complaint(command, state, now_s) or drift
+        fault = self._obedience.complaint(record.command, state, now_s) or drift
         # The override holds for one tick; the abort holds until the drone has landed.
         if override is Override.BATTERY:
             return f"critical battery: {100 * (state.battery or 0.0):.0f} %"

@@ -9,11 +9,11 @@ legs only, and hides the ground behind its top.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
+from uav_bt.mission.flight_report import EXPLORE_S
 from uav_bt.types import CameraModel, Pose, Truth, projection
 from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.ground import Block, Footprint, Ground
@@ -28,23 +28,18 @@ _LOW_M: Final = 0.3  # a part whose underside is lower leaves no free ground bel
 
 
 class GroundCells:
-    """The ground as cells: rows along y upwards, columns along x.
-
-    Attributes:
-        x_m: the columns' middles, world metres, (columns,).
-        y_m: the rows' middles, (rows,).
-        free: cells without an object on them, (rows, columns).
-    """
+    """The ground as cells: rows along y upwards, columns along x; world metres."""
 
     def __init__(self, ground: Ground) -> None:
-        self.x_m, self.y_m = (_middles(side) for side in ground.size_m)
-        x, y = np.meshgrid(self.x_m, self.y_m)
-        self.free: Flags = np.ones(x.shape, dtype=np.bool_)
+        self.x_m, self.y_m = (_middles(side) for side in ground.size_m)  # of columns, of rows
+        self.middles_m = np.stack(np.meshgrid(self.x_m, self.y_m), axis=-1)  # (rows, columns, 2)
+        # Without an object on them, (rows, columns).
+        self.free: Flags = np.ones(self.middles_m.shape[:2], dtype=np.bool_)
         if ground.outline_m:
-            self.free &= _inside(ground, x, y)
+            self.free &= _inside(ground, self.middles_m)
         for block in (each for item in ground.standing for each in item.blocks):
             if block.base_m < _LOW_M:
-                self.free &= ~_under(block.footprint, x, y)
+                self.free &= ~_under(block.footprint, self.middles_m)
 
     def share(self, cells: Flags) -> float:
         """Return the share of the free ground that cells cover, 0 to 1; 0 without free ground."""
@@ -66,37 +61,8 @@ class GroundCells:
         return slice(first_y, last_y), slice(first_x, last_x)
 
 
-def _middles(side_m: float) -> Floats:
-    count = max(1, round(side_m / CELL_M))
-    return np.asarray((np.arange(count) + 0.5) * side_m / count - side_m / 2)
-
-
-def _from_box(box: Footprint, x_m: Floats, y_m: Floats) -> tuple[Floats, Floats]:
-    """Return world points in the axes of a box, from its centre."""
-    c, s = math.cos(box.yaw_rad), math.sin(box.yaw_rad)
-    dx, dy = x_m - box.x_m, y_m - box.y_m
-    return c * dx + s * dy, c * dy - s * dx
-
-
-@dataclass(frozen=True, kw_only=True)
-class CoveragePoint:
-    """A point of a flight's curve."""
-
-    time_s: float  # from the take-off command
-    passed: float  # share of the free ground, 0 to 1
-    seen: float
-
-
 class CoveredGround:
-    """Follows a flight and measures its coverage of the ground.
-
-    Args:
-        ground: of the scene.
-        camera: of the drone; its distortion is ignored.
-
-    Attributes:
-        curve: a point every ten seconds from the take-off command.
-    """
+    """Follows a flight and measures its coverage of the ground; ignores the lens's distortion."""
 
     def __init__(self, ground: Ground, camera: CameraModel) -> None:
         self._cells = GroundCells(ground)
@@ -105,91 +71,87 @@ class CoveredGround:
         self._passed = np.zeros_like(self._cells.free)
         self._unseen = self._cells.free.copy()
         self._next_look_s = 0.0
-        self.curve: list[CoveragePoint] = []
+        self.curve: list[list[float]] = []  # time from the take-off command, passed, seen
 
     @property
     def seen(self) -> Flags:
         """The free cells that have been seen, (rows, columns)."""
         return self._cells.free & ~self._unseen
 
-    def now(self, time_s: float) -> CoveragePoint:
-        """Return the present coverage as the point of a time from the take-off command."""
-        return CoveragePoint(
-            time_s=time_s,
-            passed=self._cells.share(self._passed),
-            seen=self._cells.share(self.seen),
-        )
+    def shares(self) -> tuple[float, float]:
+        """Return the passed and the seen share of the free ground until now, 0 to 1."""
+        return self._cells.share(self._passed), self._cells.share(self.seen)
 
-    def at(self, time_s: float) -> CoveragePoint | None:
-        """Return the curve's point of a time; None if the flight was shorter."""
-        return next((p for p in self.curve if abs(p.time_s - time_s) < _SLACK_S), None)
+    def fields(self) -> dict[str, Any]:
+        """Return the fields of the flight's report."""
+        passed, seen = self.shares()
+        early = next((row for row in self.curve if row[0] == EXPLORE_S), (None, None, None))
+        return {
+            "coverage_passed_90s": early[1],
+            "coverage_passed": round(passed, 4),
+            "coverage_seen_90s": early[2],
+            "coverage_seen": round(seen, 4),
+            "coverage_curve": self.curve,
+        }
 
     def add(self, time_s: float, truth: Truth) -> None:
-        """Add a tick.
-
-        Args:
-            time_s: from the take-off command.
-            truth: of the tick.
-        """
+        """Add the truth of a tick, at a time from the take-off command."""
         self._cells.mark_passed(self._passed, truth.pose.x_m, truth.pose.y_m)
         if truth.gimbal_pitch_rad is not None and time_s >= self._next_look_s - _SLACK_S:
             self._next_look_s = time_s + _LOOK_S
             self._look(truth.pose, truth.gimbal_pitch_rad)
         due_s = CURVE_S * (len(self.curve) + 1)
         while time_s >= due_s - _SLACK_S:
-            self.curve.append(self.now(due_s))
+            self.curve.append([due_s, *(round(share, 4) for share in self.shares())])
             due_s += CURVE_S
 
     def _look(self, body: Pose, pitch_rad: float) -> None:
         """Mark the cells that are in view."""
-        lens_x, lens_y = body.to_world(self._camera.forward_offset_m, 0.0)
         if not 0.0 < body.z_m < SEEN_M:
             return
-        reach_m = math.sqrt(SEEN_M**2 - body.z_m**2)
-        window = self._cells.window(lens_x, lens_y, reach_m)
+        x_m, y_m = body.to_world(self._camera.forward_offset_m, 0.0)
+        lens = Pose(x_m=x_m, y_m=y_m, z_m=body.z_m, yaw_rad=body.yaw_rad)
+        window = self._cells.window(x_m, y_m, math.sqrt(SEEN_M**2 - body.z_m**2))
         unseen = self._unseen[window]
         rows, columns = np.nonzero(unseen)
-        x, y = self._cells.x_m[window[1]][columns], self._cells.y_m[window[0]][rows]
-        lens = Pose(x_m=lens_x, y_m=lens_y, z_m=body.z_m, yaw_rad=body.yaw_rad)
-        seen = np.flatnonzero(self._in_view(lens, pitch_rad, x, y, reach_m))
+        middles_m = self._cells.middles_m[window][rows, columns]
+        seen = np.flatnonzero(self._in_view(lens, pitch_rad, middles_m))
         if not len(seen):
             return
-        x_range = min(lens_x, x[seen].min()), max(lens_x, x[seen].max())
-        y_range = min(lens_y, y[seen].min()), max(lens_y, y[seen].max())
+        low_m = np.minimum(middles_m[seen].min(axis=0), (x_m, y_m))
+        high_m = np.maximum(middles_m[seen].max(axis=0), (x_m, y_m))
         for block in self._blocks:
-            if _may_lie_in(block.footprint, x_range, y_range):
-                seen = seen[~_hidden(lens, block, x[seen], y[seen])]
+            if _may_lie_in(block.footprint, low_m, high_m):
+                seen = seen[~_hidden(lens, block, middles_m[seen])]
         unseen[rows[seen], columns[seen]] = False
 
-    def _in_view(self, lens: Pose, pitch_rad: float, x: Floats, y: Floats, reach_m: float) -> Flags:
-        """Return which ground points, (N,) each, lie in the image and within reach."""
-        c, s = math.cos(lens.yaw_rad), math.sin(lens.yaw_rad)
-        dx, dy = x - lens.x_m, y - lens.y_m
-        level = np.stack([c * dx + s * dy, s * dx - c * dy, np.full_like(x, lens.z_m)], axis=-1)
+    def _in_view(self, lens: Pose, pitch_rad: float, points_m: Floats) -> Flags:
+        """Return which ground points, (N, 2), lie in the image and within reach."""
+        ahead_m, left_m = lens.points_to_body(points_m).T
+        level = np.stack([ahead_m, -left_m, np.full_like(ahead_m, lens.z_m)], axis=-1)
         pixels = projection.project(level, self._camera, pitch_rad)
         column, row = pixels[:, 0], pixels[:, 1]  # NaN behind the camera, in no bounds
         inside = (column >= -0.5) & (column <= self._camera.width_px - 0.5)
         inside &= (row >= -0.5) & (row <= self._camera.height_px - 0.5)
-        return np.asarray(inside & (dx**2 + dy**2 <= reach_m**2))
+        return np.asarray(inside & (ahead_m**2 + left_m**2 <= SEEN_M**2 - lens.z_m**2))
 
 
-def _may_lie_in(box: Footprint, x_m: tuple[float, float], y_m: tuple[float, float]) -> bool:
-    """Return whether part of a box may lie between two world x and two world y."""
-    around_m = box.half_x_m + box.half_y_m
-    in_x = x_m[0] - around_m <= box.x_m <= x_m[1] + around_m
-    return in_x and y_m[0] - around_m <= box.y_m <= y_m[1] + around_m
+def _middles(side_m: float) -> Floats:
+    count = max(1, round(side_m / CELL_M))
+    return np.asarray((np.arange(count) + 0.5) * side_m / count - side_m / 2)
 
 
-def _under(box: Footprint, x_m: Floats, y_m: Floats) -> Flags:
-    """Return which world points lie below an outline."""
-    u, v = _from_box(box, x_m, y_m)
+def _under(box: Footprint, points_m: Floats) -> Flags:
+    """Return which world points, (..., 2), lie below an outline."""
+    u, v = np.moveaxis(box.points_to_body(points_m), -1, 0)
     if box.round:
         return np.asarray(u**2 + v**2 <= box.half_x_m**2)
     return np.asarray((np.abs(u) <= box.half_x_m) & (np.abs(v) <= box.half_y_m))
 
 
-def _inside(ground: Ground, x_m: Floats, y_m: Floats) -> Flags:
+def _inside(ground: Ground, points_m: Floats) -> Flags:
     """Return which world points lie in the ground's polygon: a ray crosses its sides oddly."""
+    x_m, y_m = points_m[..., 0], points_m[..., 1]
     inside = np.zeros(x_m.shape, dtype=np.bool_)
     for ax, ay, ex, ey in ground.area.edges[0]:
         if ey != 0.0:
@@ -197,25 +159,30 @@ def _inside(ground: Ground, x_m: Floats, y_m: Floats) -> Flags:
     return inside
 
 
-def _hidden(lens: Pose, block: Block, x_m: Floats, y_m: Floats) -> Flags:
-    """Return which ground points, (N,) each, a part of an object hides from the lens.
+def _may_lie_in(box: Footprint, low_m: Floats, high_m: Floats) -> bool:
+    """Return whether part of a box may lie in a rectangle between two corners: a quick look."""
+    around_m = box.half_x_m + box.half_y_m
+    in_x = low_m[0] - around_m <= box.x_m <= high_m[0] + around_m
+    return bool(in_x and low_m[1] - around_m <= box.y_m <= high_m[1] + around_m)
+
+
+def _hidden(lens: Pose, block: Block, points_m: Floats) -> Flags:
+    """Return which ground points, (N, 2), a part of an object hides from the lens.
 
     A line of sight goes from 0 at the lens to 1 on the ground. It meets the part where it is
     between the part's base and top, and over the part's outline (slab method).
     """
     box = block.footprint
-    enters = np.full(x_m.shape, max(0.0, 1.0 - block.top_m / lens.z_m))
-    leaves = np.full(x_m.shape, 1.0 - block.base_m / lens.z_m)
-    points = _from_box(box, x_m, y_m)
-    starts = box.to_body(lens.x_m, lens.y_m)
+    enters = np.full(len(points_m), max(0.0, 1.0 - block.top_m / lens.z_m))
+    leaves = np.full(len(points_m), 1.0 - block.base_m / lens.z_m)
+    starts, ends = box.to_body(lens.x_m, lens.y_m), box.points_to_body(points_m).T
     if box.round:
-        (u, v), (du, dv) = starts, (end - start for start, end in zip(starts, points, strict=True))
+        (u, v), (du, dv) = starts, (end - start for start, end in zip(starts, ends, strict=True))
         square = np.maximum(du**2 + dv**2, 1e-12)
         along = -(u * du + v * dv) / square
         root = np.sqrt(np.maximum(along**2 - (u**2 + v**2 - box.half_x_m**2) / square, 0.0))
-        enters, leaves = np.maximum(enters, along - root), np.minimum(leaves, along + root)
-        return np.asarray(enters < leaves)
-    for start, end, half in zip(starts, points, (box.half_x_m, box.half_y_m), strict=True):
+        return np.asarray(np.maximum(enters, along - root) < np.minimum(leaves, along + root))
+    for start, end, half in zip(starts, ends, (box.half_x_m, box.half_y_m), strict=True):
         along = end - start
         along = np.where(np.abs(along) < 1e-12, 1e-12, along)  # parallel to the faces
         one, other = (-half - start) / along, (half - start) / along

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 from uav_bt.protocols import Drone
@@ -18,32 +17,14 @@ class DescentListener(Protocol):
     """A tick listener that also follows the landing after the last tick."""
 
     def on_descent(self, state: DroneState | None, reason: str) -> None:
-        """Called after each landing command; must not block.
-
-        Args:
-            state: newest state, None before the first.
-            reason: reason for the landing.
-        """
+        """Called after each landing command; must not block. The state is None before the first."""
         ...
 
 
-@dataclass(frozen=True, kw_only=True)
-class DescentEnd:
-    """The end of a descent."""
-
-    airborne: bool  # as far as is known
-    faults: tuple[str, ...]  # errors during the descent, each once
-
-
 class Descent:
-    """Commands a landing until the drone is down or lost, a pilot has it, or time is over.
+    """Commands a landing until the drone is down or lost, a pilot has it, or `grace_s` is over.
 
-    Args:
-        drone: connected; each of its methods may raise.
-        command_for: returns the command of a tick for the newest state.
-        listeners: each `DescentListener` among them is called after each command.
-        grace_s: longest duration, seconds of the mission clock.
-        tick_s: time between two commands, seconds.
+    Each method of the drone may raise. `command_for` returns the command for the newest state.
     """
 
     def __init__(
@@ -51,24 +32,20 @@ class Descent:
         drone: Drone,
         command_for: Callable[[DroneState | None], Command],
         *,
-        listeners: Sequence[object] = (),
         grace_s: float,
         tick_s: float,
     ) -> None:
         self._drone = drone
         self._command_for = command_for
-        self._listeners = [each for each in listeners if isinstance(each, DescentListener)]
         self._grace_s = grace_s
         self._tick_s = tick_s
-        self._faults: dict[str, None] = {}
+        self.airborne = False  # at its end, as far as is known
+        self.faults: dict[str, None] = {}  # errors in it, each once
 
-    def run(self, reason: str, *, given_up: Callable[[], bool]) -> DescentEnd:
-        """Bring the drone down.
+    def run(self, reason: str, listeners: Sequence[object], given_up: Callable[[], bool]) -> None:
+        """Bring the drone down; a landing that was given up is commanded once, and not waited for.
 
-        Args:
-            reason: for the listeners.
-            given_up: returns whether to stop waiting for the landing; it is commanded once even
-                then.
+        Each `DescentListener` among the listeners is called after each command.
         """
         state: DroneState | None = None
         clock = self._drone.clock
@@ -82,22 +59,24 @@ class Descent:
                 break
             if now_s >= start_s + self._grace_s:
                 break
-            self._attempt(lambda: self._drone.send(self._command_for(state)))  # noqa: B023
-            for listener in self._listeners:
-                self._attempt(lambda: listener.on_descent(state, reason))  # noqa: B023
+            self._attempt(self._send, state)
+            for listener in listeners:
+                if isinstance(listener, DescentListener):
+                    self._attempt(listener.on_descent, state, reason)
             if given_up() or (state is not None and state.lost):
                 break  # nobody waits for the landing, or the drone cannot be reached
-            self._attempt(lambda: clock.sleep_until(now_s + self._tick_s))  # noqa: B023
-        return DescentEnd(
-            airborne=state is None or not self._is_down(state), faults=tuple(self._faults)
-        )
+            self._attempt(clock.sleep_until, now_s + self._tick_s)
+        self.airborne = state is None or not self._is_down(state)
 
-    def _attempt(self, action: Callable[[], Any]) -> Any:
+    def _send(self, state: DroneState | None) -> None:
+        self._drone.send(self._command_for(state))
+
+    def _attempt(self, action: Callable[..., Any], *given: Any) -> Any:
         """Return what an action returns, None when it raises."""
         try:
-            return action()
+            return action(*given)
         except Exception as fault:  # noqa: BLE001  # whatever it is, the drone must come down
-            self._faults[f"{type(fault).__name__}: {fault}"] = None
+            self.faults[f"{type(fault).__name__}: {fault}"] = None
             return None
 
     def _is_down(self, state: DroneState) -> bool:

@@ -8,19 +8,11 @@ from uav_bt.types import Airframe, CameraModel, Command, Observation
 
 
 class DroneWrapper:
-    """Forwards all members to an inner drone; derive from it and override members.
-
-    Args:
-        drone: the inner drone, not connected.
-    """
+    """Hands out the members of an inner drone; derive from it and override some."""
 
     def __init__(self, drone: Drone) -> None:
-        self._drone = drone
-
-    @property
-    def inner(self) -> Drone:
-        """The inner drone."""
-        return self._drone
+        """Keep the drone, which is not connected."""
+        self.inner = self._drone = drone
 
     @property
     def clock(self) -> Clock:

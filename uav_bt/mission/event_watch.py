@@ -11,11 +11,7 @@ from uav_bt.types.flight_results import EventKind
 
 
 class EventWatch:
-    """Compares each tick with the last one, and adds the changes to a flight's notes.
-
-    Args:
-        context: Context of the mission; its notes get the events.
-    """
+    """Compares each tick with the last one, and adds the changes to a flight's notes."""
 
     def __init__(self, context: MissionContext) -> None:
         self._context = context
@@ -33,15 +29,7 @@ class EventWatch:
         flying: FlyingState,
         ends: BranchEnds,
     ) -> None:
-        """Add the events of a tick.
-
-        Args:
-            phase: Phase of the mission.
-            override: Override in force.
-            reasons: Why frame or telemetry were refused in this tick.
-            flying: Flying state by telemetry.
-            ends: Branches that ended in this tick.
-        """
+        """Add the events of a tick; `reasons` say why frame or telemetry were refused in it."""
         add = self._context.add_event
         for node in ends.failed:
             self.failure = _words(node)

@@ -131,12 +131,7 @@ class FlightReport(FlightChanges):
 
 
 def write_report(report: FlightReport, path: Path, *, new_folders: bool = False) -> None:
-    """Write a report as JSON; a reader never sees half of it.
-
-    Args:
-        report: report of a flight.
-        path: the file.
-        new_folders: whether to make its folder.
+    """Write a report as JSON, for `new_folders` in a new folder; a reader never sees half of it.
 
     Raises:
         FileError: the file cannot be written.

@@ -15,7 +15,7 @@ from __future__ import annotations
 import bisect
 import math
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from operator import itemgetter
 from typing import Final
 
@@ -29,47 +29,26 @@ _SAME_M: Final = 1e-6
 _CLIMBS_MPS: Final = 0.1  # least vertical velocity of a drone that reports one; chosen
 
 
-@dataclass(frozen=True, kw_only=True)
-class GroundHeightConfig:
-    """Errors of the sensors. All numbers are chosen for the twin's profiles `lab` and `harsh`.
-
-    Attributes:
-        altimeter_m: standard deviation of the altitude's white noise, m.
-        rangefinder_m: standard deviation of the white noise of the height above the surface, m.
-        wander_m: standard deviation of the altimeter's slow error, m; it is 0 at the take-off.
-        wander_s: correlation time of that error, s.
-        walk_m: standard deviation of the integrated vertical velocity after one second, m. Least
-            error of three flights of 100 s in each profile, against 0.02 and 0.04.
-        gate_stds: A rangefinder further from its expected value sees another surface. An altitude
-            further off means that the altimeter has stepped, or that the vertical velocity is wrong
-            and the height begins anew.
-        step_m: Least change of an altitude's error from one altitude to the next that is a step of
-            the altimeter, m. A wrong vertical velocity changes it by less: 0.1 m at 0.5 m/s and
-            5 Hz. Chosen.
-        step_s: Longest time between these altitudes, s. Chosen.
-        calm_s: After a second step within this time the vertical velocity counts as wrong, s.
-            Chosen.
-        gap_s: The height also begins anew after a longer time without velocity or altitude, s.
-        agree_m: Below this difference from the altimeter the rangefinder measures the ground, m,
-            independent of the estimate.
-        differ_m: Above this difference it measures something else, m: the altimeter is never
-            wrong by more.
-        memory_s: largest age of a frame, s.
-    """
-
-    altimeter_m: float = 0.03
-    rangefinder_m: float = 0.03
-    wander_m: float = 0.05
-    wander_s: float = 20.0
-    walk_m: float = 0.03
-    gate_stds: float = 4.0
-    step_m: float = 0.15
-    step_s: float = 0.3
-    calm_s: float = 1.0
-    gap_s: float = 1.0
-    agree_m: float = 0.1
-    differ_m: float = 0.25
-    memory_s: float = 3.0
+# Errors of the sensors, chosen for the twin's profiles `lab` and `harsh`.
+_ALTIMETER_M: Final = 0.03  # standard deviation of the altitude's white noise
+_RANGEFINDER_M: Final = 0.03  # the same of the height above the surface
+_WANDER_M: Final = 0.05  # standard deviation of the altimeter's slow error, 0 at the take-off
+_WANDER_S: Final = 20.0  # correlation time of that error
+# Standard deviation of the integrated vertical velocity after one second; least error of three
+# flights of 100 s in each profile, against 0.02 and 0.04.
+_WALK_M: Final = 0.03
+# A rangefinder further off sees another surface. An altitude further off means that the altimeter
+# has stepped, or that the vertical velocity is wrong and the height begins anew.
+_GATE_STDS: Final = 4.0
+# Least change of an altitude's error to the next altitude, within `_STEP_S`, that is a step of the
+# altimeter. A wrong vertical velocity changes it by less: 0.1 m at 0.5 m/s and 5 Hz.
+_STEP_M: Final = 0.15
+_STEP_S: Final = 0.3
+_CALM_S: Final = 1.0  # after a second step within it, the vertical velocity is wrong
+_GAP_S: Final = 1.0  # without velocity or altitude for longer, the height begins anew
+_AGREE_M: Final = 0.1  # within it of the altimeter, the rangefinder measures the ground in any case
+_DIFFER_M: Final = 0.25  # further off it does not: the altimeter is never wrong by more
+_MEMORY_S: Final = 3.0  # largest age of a frame
 
 
 class GroundHeight:
@@ -77,13 +56,9 @@ class GroundHeight:
 
     Altitude, rangefinder and vertical velocity each count at their capture time. After the newest
     velocity the height is extrapolated for at most `CARRY_S`.
-
-    Args:
-        config: errors of the sensors.
     """
 
-    def __init__(self, config: GroundHeightConfig | None = None) -> None:
-        self._config = config or GroundHeightConfig()
+    def __init__(self) -> None:
         self._times: MeasurementTimes | None = None  # of the newest measurements used
         self._standing_m = 0.0  # height above the ground where the altimeter shows 0
         self._apart_m = 0.0  # the first difference of rangefinder and altimeter
@@ -99,11 +74,10 @@ class GroundHeight:
         self._frame: tuple[Frame, Frame] | None = None  # the newest, original and corrected
 
     def corrected(self, observation: Observation, now_s: float | None = None) -> Observation:
-        """Return an observation with the estimated heights above the ground.
+        """Return an observation with the estimated heights; the state's is that of `now_s`.
 
-        Args:
-            observation: in the order of time, with plausible measurements.
-            now_s: the time of the state's height, mission clock, s; None for the state's own.
+        Observations come in the order of time, with plausible measurements. Without `now_s` the
+        height of the state is that of its own time.
         """
         state, frame = observation.state, observation.frame
         if math.isfinite(state.captured_s):
@@ -136,7 +110,7 @@ class GroundHeight:
 
     def _take(self, state: DroneState) -> None:
         """Use the measurements that are newer than the former ones."""
-        cfg, before, times = self._config, self._times, state.times
+        before, times = self._times, state.times
         self._times = times
         if before is None:
             self._standing_m = state.height_above_ground_m - state.altitude_m
@@ -145,7 +119,7 @@ class GroundHeight:
             return
         fallen_s = times.velocity_s - before.velocity_s
         passed_s = times.altitude_s - before.altitude_s
-        if max(fallen_s, passed_s) > cfg.gap_s:
+        if max(fallen_s, passed_s) > _GAP_S:
             self._begin(state)
             return
         if fallen_s > 0.0:
@@ -153,7 +127,7 @@ class GroundHeight:
             self._sunk_m.append((times.velocity_s, self._sunk_m[-1][1] + mean_mps * fallen_s))
             self._down_mps = state.velocity.down_mps
             self._reports |= abs(self._down_mps) > _CLIMBS_MPS
-            while self._sunk_m[0][0] < times.velocity_s - cfg.memory_s:
+            while self._sunk_m[0][0] < times.velocity_s - _MEMORY_S:
                 self._sunk_m.popleft()
         if passed_s > 0.0:
             self._climb(state, passed_s)
@@ -162,24 +136,23 @@ class GroundHeight:
 
     def _climb(self, state: DroneState, passed_s: float) -> None:
         """Use an altitude."""
-        cfg = self._config
-        keeps = math.exp(-passed_s / cfg.wander_s)
+        keeps = math.exp(-passed_s / _WANDER_S)
         hh_m2, he_m2, eh_m2, ee_m2 = self._covariance
         self._error_m *= keeps
         self._covariance = (
-            hh_m2 + cfg.walk_m**2 * passed_s,
+            hh_m2 + _WALK_M**2 * passed_s,
             keeps * he_m2,
             keeps * eh_m2,
-            keeps * ee_m2 * keeps + cfg.wander_m**2 * (1.0 - keeps**2),
+            keeps * ee_m2 * keeps + _WANDER_M**2 * (1.0 - keeps**2),
         )
         altitude_s = state.times.altitude_s
         altitude_m = self._standing_m + state.altitude_m + self._sunk_at(altitude_s)
         before_m, self._off_m = self._off_m, altitude_m - (self._height_m + self._error_m)
-        if self._measure(_ALTIMETER, altitude_m, cfg.altimeter_m):
+        if self._measure(_ALTIMETER, altitude_m, _ALTIMETER_M):
             return
-        steps = abs(self._off_m - before_m) > cfg.step_m and passed_s <= cfg.step_s
+        steps = abs(self._off_m - before_m) > _STEP_M and passed_s <= _STEP_S
         # Each climb of a drone that reports no vertical velocity looks like steps.
-        if self._reports and steps and altitude_s - self._stepped_s > cfg.calm_s:
+        if self._reports and steps and altitude_s - self._stepped_s > _CALM_S:
             self._standing_m -= self._off_m  # the drone cannot have moved this far
             self._off_m, self._stepped_s = 0.0, altitude_s
         else:
@@ -187,13 +160,13 @@ class GroundHeight:
 
     def _range(self, state: DroneState) -> None:
         """Use the rangefinder, if there is one and it measures to the ground."""
-        cfg, apart_m = self._config, state.height_m - state.altitude_m
+        apart_m = state.height_m - state.altitude_m
         self._ranges |= abs(apart_m - self._apart_m) > _SAME_M
         differs_m = abs(apart_m - self._standing_m)
-        if self._ranges and differs_m <= cfg.differ_m:
+        if self._ranges and differs_m <= _DIFFER_M:
             below_m = state.height_m + self._sunk_at(state.times.height_s)
-            agrees = differs_m <= cfg.agree_m
-            self._measure(_RANGEFINDER, below_m, cfg.rangefinder_m, sure=agrees)
+            agrees = differs_m <= _AGREE_M
+            self._measure(_RANGEFINDER, below_m, _RANGEFINDER_M, sure=agrees)
 
     def _begin(self, state: DroneState) -> None:
         """Start from the altimeter minus its known error."""
@@ -203,7 +176,7 @@ class GroundHeight:
         sunk_m = self._sunk_at(state.times.altitude_s)
         self._height_m = self._standing_m + state.altitude_m - self._error_m + sunk_m
         self._off_m, ee_m2 = 0.0, self._covariance[3]
-        self._covariance = self._config.altimeter_m**2 + ee_m2, -ee_m2, -ee_m2, ee_m2
+        self._covariance = _ALTIMETER_M**2 + ee_m2, -ee_m2, -ee_m2, ee_m2
 
     def _measure(self, share: float, value_m: float, std_m: float, *, sure: bool = False) -> bool:
         """Correct by a measurement of the height plus a share of the altimeter's error.
@@ -216,7 +189,7 @@ class GroundHeight:
         row = hh_m2 + share * eh_m2, he_m2 + share * ee_m2
         column = hh_m2 + share * he_m2, eh_m2 + share * ee_m2
         variance_m2 = row[0] + share * row[1] + std_m**2
-        if not sure and abs(off_m) > self._config.gate_stds * math.sqrt(variance_m2):
+        if not sure and abs(off_m) > _GATE_STDS * math.sqrt(variance_m2):
             return False
         height_gain, error_gain = column[0] / variance_m2, column[1] / variance_m2
         self._height_m += height_gain * off_m

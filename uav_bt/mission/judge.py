@@ -9,9 +9,11 @@ from typing import Final
 
 from uav_bt.clock import TIME_LIMIT_S
 from uav_bt.lab.shipped import default_mark
+from uav_bt.mission.tick import TickRecord
 from uav_bt.settings import check_numbers, member
 from uav_bt.tree import Status
-from uav_bt.types import DroneState, FlyingState, LandingMark, Truth
+from uav_bt.types import FlyingState, LandingMark, Pose2D, Truth
+from uav_bt.types.area import Area
 from uav_bt.types.mission_rules import LandOn, MissionRules
 
 _NUMBERS: Final = re.compile(r"([-_]\d+)*")  # behind the kind, in an object's name
@@ -83,41 +85,36 @@ class JudgeConfig:
         return replace(self, time_limit_s=time_limit_s, land_on=self.land_on or rules.land_on)
 
 
-# Age of telemetry above which the drone may be landing by its firmware, seconds. Chosen: twice the
-# greatest age for leaves.
-_UNHEARD_S = 1.0
-# Distance outside the mission's area from which the flight has left it, metres. Chosen: the error
-# of the odometry, and of the stop at the boundary.
-_LEFT_M = 0.3
-_MAY_TOUCH_GROUND = frozenset(
+# Chosen: with telemetry of twice the greatest age for leaves the drone may land by its firmware.
+_UNHEARD_S: Final = 1.0
+# Outside the mission's area. Chosen: the error of the odometry that the arbiter keeps the area by,
+# and of the stop at the boundary.
+_LEFT_M: Final = 0.3
+_MAY_TOUCH_GROUND: Final = frozenset(
     {FlyingState.LANDED, FlyingState.TAKING_OFF, FlyingState.LANDING, FlyingState.EMERGENCY}
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Belief:
-    """The drone's estimate of its place.
+    """The drone's estimate of its place; None where it is unknown."""
 
-    Attributes:
-        mark_m: horizontal distance of the landing mark's centre; None where the mark is unknown.
-        area_margin_m: distance to the boundary of the mission's area, negative outside; None
-            without an area, or where the place is unknown.
-    """
-
-    mark_m: float | None = None
-    area_margin_m: float | None = None
+    mark_m: float | None = None  # horizontal distance of the landing mark's centre
+    place: Pose2D | None = None  # relative to the take-off pose, heading clockwise
 
 
 class Judge:
-    """Watches a flight, by the referee's truth if there is one, else by telemetry and board.
+    """Watches a flight, by the referee's truth if there is one, else by telemetry and board."""
 
-    Args:
-        config: the rules of the flight.
-        mark: size of the landing mark.
-    """
-
-    def __init__(self, config: JudgeConfig | None = None, mark: LandingMark | None = None) -> None:
+    def __init__(
+        self,
+        config: JudgeConfig | None = None,
+        mark: LandingMark | None = None,
+        area: Area | None = None,
+    ) -> None:
         self._config = config or JudgeConfig()
+        self._area = area
+        self._start: Pose2D | None = None  # the first true pose
         self._mark = mark or default_mark()
         self._land_on = self._config.land_on or LandOn.MARK
         self._mark_m: float | None = None  # when the drone was last in the air
@@ -152,10 +149,7 @@ class Judge:
 
     def verdict(
         self,
-        now_s: float,
-        state: DroneState,
-        truth: Truth | None,
-        tree_status: Status,
+        record: TickRecord,
         *,
         abort_reason: str | None,
         landing: bool = False,
@@ -164,56 +158,57 @@ class Judge:
     ) -> Verdict | None:
         """Return the verdict on the flight, None while it goes on.
 
-        Args:
-            now_s: the mission clock's time.
-            state: of the drone.
-            truth: of this tick; None without a referee.
-            tree_status: of the mission's tree.
-            abort_reason: why the mission is being aborted; None if it is not.
-            landing: whether the mission lands, by velocities or by the drone's own landing.
-            belief: the drone's estimate of its place.
-            failure: the last branch of the tree that failed, with its reason; empty: none.
+        `landing` tells that the mission lands, by velocities or by the drone's own landing, and
+        `failure` names the last branch of the tree that failed.
         """
-        belief = belief or Belief()
+        state, belief = record.observation.state, belief or Belief()
         self._lands = landing or state.flying in _MAY_TOUCH_GROUND
         if self._started_s is None:
-            self._started_s = now_s
+            self._started_s = record.time_s
         landed = state.flying is FlyingState.LANDED
         self._flew = self._flew or not landed
         if not landed:
             self._mark_m = belief.mark_m
-        violation = self._violation(now_s, state, truth, belief)
+        violation = self._violation(record, belief)
         if violation is not None:
-            return violation
+            return Verdict(outcome=violation[0], reason=violation[1])
         if state.flying is FlyingState.EMERGENCY:  # it falls, or lies on the ground
             reason = abort_reason or "the drone cut its motors"
             return Verdict(outcome=Outcome.ABORTED, reason=reason)
-        if abort_reason is not None:
-            return Verdict(outcome=Outcome.ABORTED, reason=abort_reason) if landed else None
-        if tree_status in (Status.SUCCESS, Status.FAILURE):
-            return self._mission_ended(tree_status, truth, failure, landed=landed)
-        return None
+        if not landed:  # an abort waits; the runner aborts a tree that ended
+            return None
+        if abort_reason is None and record.tree_status in (Status.SUCCESS, Status.FAILURE):
+            abort_reason = self._objection(record.tree_status, record.truth, failure)
+            if abort_reason is None:
+                how = "the tree succeeded on the ground" if self.stays_grounded else "landed"
+                return Verdict(outcome=Outcome.SUCCESS, reason=how)
+        if abort_reason is None:
+            return None
+        return Verdict(outcome=Outcome.ABORTED, reason=abort_reason)
 
-    def _violation(
-        self, now_s: float, state: DroneState, truth: Truth | None, belief: Belief
-    ) -> Verdict | None:
+    def _violation(self, record: TickRecord, belief: Belief) -> tuple[Outcome, str] | None:
+        truth, place = record.truth, belief.place
         if truth is not None:
-            hit = self._hit(now_s, state, truth)
+            place = self._true_place(truth)
+            hit = self._hit(record, truth)
             if hit is not None:
-                return Verdict(outcome=Outcome.COLLISION, reason=f"touched {hit}")
+                return Outcome.COLLISION, f"touched {hit}"
             if self._took_off_s is not None and not truth.inside_ground:
-                x_m, y_m = truth.pose.x_m, truth.pose.y_m
-                return Verdict(
-                    outcome=Outcome.LEFT_AREA,
-                    reason=f"flew beyond the ground's edge at ({x_m:.2f}, {y_m:.2f}) m",
-                )
-        if belief.area_margin_m is not None and belief.area_margin_m < -_LEFT_M:
-            return Verdict(
-                outcome=Outcome.LEFT_AREA,
-                reason=f"left the mission's area by {-belief.area_margin_m:.2f} m",
-            )
-        late = self._late(now_s)
-        return None if late is None else Verdict(outcome=Outcome.TIMEOUT, reason=late)
+                at = f"({truth.pose.x_m:.2f}, {truth.pose.y_m:.2f}) m"
+                return Outcome.LEFT_AREA, f"flew beyond the ground's edge at {at}"
+        if self._area is not None and place is not None:
+            left_m = -self._area.margin_m(place.x_m, place.y_m)
+            if left_m > _LEFT_M:
+                return Outcome.LEFT_AREA, f"left the mission's area by {left_m:.2f} m"
+        late = self._late(record.time_s)
+        return None if late is None else (Outcome.TIMEOUT, late)
+
+    def _true_place(self, truth: Truth) -> Pose2D:
+        """Return the pose relative to the first one: metres ahead and to the right, clockwise."""
+        if self._start is None:
+            self._start = truth.pose
+        ahead = self._start.pose_to_body(truth.pose)
+        return Pose2D(x_m=ahead.x_m, y_m=-ahead.y_m, yaw_rad=-ahead.yaw_rad)
 
     def _late(self, now_s: float) -> str | None:
         if self._judged_s(now_s) > self._config.limit_s:
@@ -221,28 +216,17 @@ class Judge:
         if self.stays_grounded or self._took_off_s is not None or self._started_s is None:
             return None
         waited_s = now_s - self._started_s
-        return (
-            f"no take-off within {waited_s:.0f} s" if waited_s > self._config.patience_s else None
+        waits = waited_s <= self._config.patience_s
+        return None if waits else f"no take-off within {waited_s:.0f} s"
+
+    def _hit(self, record: TickRecord, truth: Truth) -> str | None:
+        """Return what was touched, a landing surface aside while the drone may be landing."""
+        unheard = record.time_s - record.observation.state.captured_s > _UNHEARD_S
+        lands = unheard or self._lands
+        touched = (
+            name for name in truth.contacts if not (lands and self._config.is_landing_surface(name))
         )
-
-    def _hit(self, now_s: float, state: DroneState, truth: Truth) -> str | None:
-        unheard = now_s - state.captured_s > _UNHEARD_S
-        for geom in truth.contacts:
-            landing_surface = self._config.is_landing_surface(geom)
-            if not (landing_surface and (unheard or self._lands)):
-                return geom
-        return None
-
-    def _mission_ended(
-        self, status: Status, truth: Truth | None, failure: str, *, landed: bool
-    ) -> Verdict | None:
-        if not landed:
-            return None  # the runner brings it down, which aborts the flight
-        objection = self._objection(status, truth, failure)
-        if objection is not None:
-            return Verdict(outcome=Outcome.ABORTED, reason=objection)
-        reason = "the tree succeeded on the ground" if self.stays_grounded else "landed"
-        return Verdict(outcome=Outcome.SUCCESS, reason=reason)
+        return next(touched, None)
 
     def _objection(self, status: Status, truth: Truth | None, failure: str) -> str | None:
         """Return why a flight that ended on the ground is no success; None if it is one."""

@@ -2,32 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 
 class Lasting:
-    """Measures for how long a condition has held without a gap.
+    """Measures for how long a condition has held; a gap shorter than `gap_s` does not end it.
 
-    Args:
-        gap_s: a shorter gap does not end it, seconds. Default: chosen, so that a video whose
-            latency lies at its limit (fresh and stale in turn) counts as stale throughout. With 0
-            the first tick in which the condition does not hold ends it.
+    So a video whose latency lies at its limit, fresh and stale in turn, counts as stale throughout.
+    With a gap of 0 the first tick in which the condition does not hold ends it.
     """
 
-    _GAP_S: Final = 1.0
-
-    def __init__(self, *, gap_s: float = _GAP_S) -> None:
+    def __init__(self, *, gap_s: float = 1.0) -> None:
         self._gap_s = gap_s
         self._since_s: float | None = None  # None: it does not hold
         self._last_s = 0.0  # last time at which it held
 
     def update(self, now_s: float, *, holds: bool) -> float:
-        """Return the seconds for which the condition has held, 0 if it does not hold.
-
-        Args:
-            now_s: mission clock, seconds.
-            holds: whether the condition holds in this tick.
-        """
+        """Return the seconds for which the condition has held, 0 if it does not hold now."""
         ends = self._gap_s > 0.0 or not holds
         if ends and now_s - self._last_s > self._gap_s:
             self._since_s = None

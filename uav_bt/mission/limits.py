@@ -63,16 +63,7 @@ def limit_movement(
     state_age_s: float = 0.0,
     landing: bool = False,
 ) -> Movement:
-    """Return a movement within the limits.
-
-    Args:
-        movement: the movement to fly.
-        state: newest telemetry.
-        limits: of every movement.
-        airframe: delay, lag and braking of the drone.
-        state_age_s: age of the telemetry, seconds.
-        landing: whether the movement is part of a landing, which is limited in speed only.
-    """
+    """Return a movement within the limits; a `landing` is limited in speed only."""
     height_m = state.height_above_ground_m
     up_m = max(0.0, limits.ceiling_m - height_m)
     down_m = max(0.0, height_m - limits.floor_m)
@@ -89,20 +80,21 @@ def limit_movement(
         return movement
     up_mps = down_mps = limits.climb_mps
     if not landing:
-        up_mps = min(up_mps, approach_speed_mps(up_m, airframe, state_age_s))
-        down_mps = min(down_mps, approach_speed_mps(down_m, airframe, state_age_s))
-    forward_mps, right_mps = limit_length(
-        movement.forward_mps, movement.right_mps, limits.speed_mps
-    )
+        braking_mps2 = airframe.climb_braking_mps2
+        up_mps = min(up_mps, approach_speed_mps(up_m, braking_mps2, airframe, state_age_s))
+        down_mps = min(down_mps, approach_speed_mps(down_m, braking_mps2, airframe, state_age_s))
+    ahead_mps, right_mps = limit_length(movement.forward_mps, movement.right_mps, limits.speed_mps)
     return Velocity(
-        forward_mps=forward_mps,
+        forward_mps=ahead_mps,
         right_mps=right_mps,
         down_mps=min(max(movement.down_mps, -up_mps), down_mps),
         yaw_rate_radps=clamp(movement.yaw_rate_radps, limits.yaw_rate_radps),
     )
 
 
-def approach_speed_mps(room_m: float, airframe: Airframe, state_age_s: float) -> float:
+def approach_speed_mps(
+    room_m: float, braking_mps2: float, airframe: Airframe, state_age_s: float
+) -> float:
     """Return the greatest speed towards a bound that a drone stops at without crossing it.
 
     The drone gets a new velocity in every tick and follows it late. A loop x' = -k x with a dead
@@ -112,12 +104,8 @@ def approach_speed_mps(room_m: float, airframe: Airframe, state_age_s: float) ->
 
         room = (e d + 4 T) v + v^2 / (2 a)
 
-    Args:
-        room_m: distance to the bound, metres.
-        airframe: command delay, lag and braking.
-        state_age_s: age of the height that the distance is computed from, seconds.
+    `room_m` is the distance to the bound, `state_age_s` the age of the value that it is from.
     """
     delay_s = airframe.command_delay_s + state_age_s
     late_s = math.e * delay_s + 4.0 * airframe.command_lag_s
-    braking = airframe.climb_braking_mps2
-    return braking * (math.sqrt(late_s**2 + 2.0 * room_m / braking) - late_s)
+    return braking_mps2 * (math.sqrt(late_s**2 + 2.0 * room_m / braking_mps2) - late_s)

@@ -1,4 +1,4 @@
-"""Writes the numbers of a mission to the board in every tick (`uav_bt.board.numbers`)."""
+"""The drone's place, and the numbers of a mission on the board (`uav_bt.board.numbers`)."""
 
 from __future__ import annotations
 
@@ -9,31 +9,76 @@ import numpy as np
 
 from uav_bt.board import MARK, ODOMETRY, SITE_MAP
 from uav_bt.board import numbers as keys
-from uav_bt.board.blackboard import Blackboard
+from uav_bt.board.blackboard import Blackboard, Key
 from uav_bt.board.flight_notes import FlightNotes
 from uav_bt.board.numbers import UNKNOWN, UNKNOWN_PLACE
-from uav_bt.mission.battery_use import BatteryUse
-from uav_bt.mission.hold_model import HoldConfig
-from uav_bt.mission.judge import Judge
-from uav_bt.mission.whereabouts import Whereabouts
-from uav_bt.types import Observation
+from uav_bt.mission.judge import Belief, Judge
+from uav_bt.mission.position_hold import BLIND_S
+from uav_bt.types import Observation, Pose2D, wrap_angle
+from uav_bt.types.area import Area
 from uav_bt.types.site_map import SiteMap
 
 _DOUBTED_S: Final = 1.0  # contradiction for which a map is doubted, as the planner does
 _COVERED_EVERY_S: Final = 1.0  # between two counts of covered cells
+_BATTERY_STEP: Final = 0.01  # of a battery that reports whole per cent
+_BATTERY_S: Final = 20.0  # of flight before the use of the battery is known; chosen
+
+
+class Whereabouts:
+    """The drone's place by odometry and site map, relative to the take-off pose.
+
+    The take-off pose is the first pose of the odometry, or that of the site map once there is one.
+    The map's last correction of the drift is kept while the map is stale.
+    """
+
+    def __init__(self, board: Blackboard, area: Area | None = None) -> None:
+        self._board = board
+        self.area = area
+        self.place: Pose2D | None = None  # of the last update; None where it is unknown
+        self.site_map: SiteMap | None = None  # the newest one, which may be stale
+        self._start: Pose2D | None = None
+
+    def update(self) -> Pose2D | None:
+        """Return the present pose: metres ahead and to the right, heading clockwise, or None."""
+        motion, site_map = self._board.value(ODOMETRY), self._board.value(SITE_MAP)
+        if site_map is not None:
+            self.site_map, self._start = site_map, site_map.start
+        self.place = None if motion is None else self._relative(motion.pose)
+        return self.place
+
+    def _relative(self, here: Pose2D) -> Pose2D:
+        if self._start is None:
+            self._start = here
+        if self.site_map is not None:
+            here = self.site_map.correction.pose_to_world(here)
+        x_m, y_m = self._start.to_body(here.x_m, here.y_m)
+        return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=wrap_angle(here.yaw_rad - self._start.yaw_rad))
+
+    @property
+    def area_margin_m(self) -> float | None:
+        """Distance to the area's boundary, negative outside; None without area or place."""
+        if self.area is None or self.place is None:
+            return None
+        return self.area.margin_m(self.place.x_m, self.place.y_m)
+
+    def belief(self) -> Belief:
+        """Return what the judge takes where there is no truth."""
+        return Belief(mark_m=self._mark_m(), place=self.place)
+
+    def _mark_m(self) -> float | None:
+        """Return the distance of the landing mark, by its track or else by the fresh map."""
+        fix = self._board.value(MARK)
+        if fix is not None:
+            return fix.range_m
+        site_map = self._board.value(SITE_MAP)
+        if site_map is None or site_map.mark is None:
+            return None
+        mark, pose = site_map.mark, site_map.pose
+        return math.hypot(mark.x_m - pose.x_m, mark.y_m - pose.y_m)
 
 
 class MissionNumbers:
-    """Keeps the numbers of one mission.
-
-    Place, map and mark are those that the leaves wrote in the tick before.
-
-    Args:
-        board: The mission's board.
-        notes: Photographs of the flight.
-        whereabouts: Of the drone, updated in every tick.
-        judge: Has the time limit.
-    """
+    """Keeps the numbers of one mission; place, map and mark are those of the tick before."""
 
     def __init__(
         self, board: Blackboard, notes: FlightNotes, whereabouts: Whereabouts, judge: Judge
@@ -41,92 +86,53 @@ class MissionNumbers:
         self._board, self._notes = board, notes
         self._whereabouts = whereabouts
         self._judge = judge
-        self._battery = BatteryUse()
-        self._covered, self._covered_s = UNKNOWN, -math.inf
-        self._blind = _BlindTime()
-
-    def write(self, observation: Observation, now_s: float) -> None:
-        """Write all numbers.
-
-        Args:
-            observation: Of this tick.
-            now_s: Mission clock, seconds.
-        """
-        write, state = self._board.write, observation.state
-        flying = state.in_air
-        self._battery.update(now_s, state.battery, flying=flying)
-        write(keys.BATTERY_SHARE, UNKNOWN if state.battery is None else state.battery)
-        per_min = self._battery.per_min
-        write(keys.BATTERY_PER_MIN, UNKNOWN if per_min is None else per_min)
-        write(keys.LINK_SHARE, UNKNOWN if state.link is None else state.link)
-        write(keys.FLYING, float(flying))
-        write(keys.TIME_LEFT, self._judge.time_left(now_s))
-        frame = observation.frame
-        captured_s = None if frame is None else frame.captured_s
-        write(keys.BLIND, self._blind.update(captured_s, self._whereabouts.site_map, now_s))
-        write(keys.UNHEARD, max(now_s - state.captured_s, 0.0))
-        write(keys.PHOTOS_COUNT, len(self._notes.photos))
-        self._write_place()
-        self._write_map(now_s)
-
-    def _write_place(self) -> None:
-        write, at = self._board.write, self._whereabouts.place
-        if at is None:
-            for key in (keys.X, keys.Y, keys.HEADING):
-                write(key, UNKNOWN_PLACE)
-            write(keys.HOME, UNKNOWN)
-        else:
-            write(keys.X, at.x_m)
-            write(keys.Y, at.y_m)
-            write(keys.HEADING, math.degrees(at.yaw_rad))
-            write(keys.HOME, math.hypot(at.x_m, at.y_m))
-        margin_m = self._whereabouts.area_margin_m
-        if margin_m is None:
-            margin_m = UNKNOWN_PLACE if self._whereabouts.area is None else -UNKNOWN_PLACE
-        write(keys.AREA_MARGIN, margin_m)
-
-    def _write_map(self, now_s: float) -> None:
-        write, site_map = self._board.write, self._whereabouts.site_map
-        mapped = site_map is not None and site_map.mark is not None
-        write(keys.MARK_KNOWN, float(mapped or self._board.value(MARK) is not None))
-        write(keys.LOCALISED, float(self._localised()))
-        write(keys.OBJECTS_COUNT, UNKNOWN if site_map is None else len(site_map.objects))
-        if site_map is not None and now_s - self._covered_s >= _COVERED_EVERY_S:
-            ground = site_map.ground
-            known = int(np.count_nonzero(ground))
-            self._covered = np.count_nonzero(ground & site_map.passed) / known if known else 0.0
-            self._covered_s = now_s
-        write(keys.COVERAGE_SHARE, self._covered)
-
-    def _localised(self) -> bool:
-        motion, site_map = self._board.value(ODOMETRY), self._board.value(SITE_MAP)
-        return (
-            motion is not None
-            and site_map is not None
-            and motion.untracked_s <= HoldConfig.blind_s
-            and site_map.contradicted_s <= _DOUBTED_S
-        )
-
-
-class _BlindTime:
-    """Measures the time without a new frame, or without ground in the views of the map."""
-
-    def __init__(self) -> None:
+        self._took_off: tuple[float, float] | None = None  # time and charge at the take-off
+        self._battery_per_min = self._covered = UNKNOWN
+        self._covered_s = -math.inf
         self._map_since_s = math.inf  # when the first map was seen
         self._viewed: float | None = None  # capture time of the map whose ground was looked up
         self._ground_s = -math.inf
 
-    def update(self, captured_s: float | None, site_map: SiteMap | None, now_s: float) -> float:
-        """Return the time in seconds, -1 before the first frame.
+    def write(self, observation: Observation, now_s: float) -> None:
+        """Write all numbers; `now_s` is the mission clock's time."""
+        state, frame = observation.state, observation.frame
+        self._use_battery(now_s, state.battery, flying=state.in_air)
+        numbers = {
+            keys.BATTERY_SHARE: UNKNOWN if state.battery is None else state.battery,
+            keys.BATTERY_PER_MIN: self._battery_per_min,
+            keys.LINK_SHARE: UNKNOWN if state.link is None else state.link,
+            keys.FLYING: float(state.in_air),
+            keys.TIME_LEFT: self._judge.time_left(now_s),
+            keys.BLIND: UNKNOWN if frame is None else self._blind_s(frame.captured_s, now_s),
+            keys.UNHEARD: max(now_s - state.captured_s, 0.0),
+            keys.PHOTOS_COUNT: len(self._notes.photos),
+            **self._place(),
+            **self._map(now_s),
+        }
+        for key, value in numbers.items():
+            self._board.write(key, value)
 
-        Args:
-            captured_s: Capture time of the newest frame; None before the first.
-            site_map: The newest map; None without one.
-            now_s: Mission clock, seconds.
+    def _use_battery(self, now_s: float, charge: float | None, *, flying: bool) -> None:
+        """Measure the mean use since the last take-off; on the ground the last one is kept.
+
+        A battery that reports whole per cent may have lost almost a step more than it shows. The
+        step is counted, so that the use is overestimated at first and never underestimated.
         """
-        if captured_s is None:
-            return UNKNOWN
-        blind_s = max(now_s - captured_s, 0.0)
+        if not flying:
+            self._took_off = None
+            return
+        if charge is None:
+            return
+        if self._took_off is None:
+            self._took_off = now_s, charge
+        begin_s, full = self._took_off
+        if now_s - begin_s >= _BATTERY_S:
+            used = max(full - charge, 0.0) + _BATTERY_STEP
+            self._battery_per_min = 60.0 * used / (now_s - begin_s)
+
+    def _blind_s(self, captured_s: float, now_s: float) -> float:
+        """Return the time without a new frame, or without ground in the views of the map."""
+        blind_s, site_map = max(now_s - captured_s, 0.0), self._whereabouts.site_map
         if site_map is None or site_map.captured_s == -math.inf:
             return blind_s
         self._map_since_s = min(self._map_since_s, site_map.captured_s)
@@ -134,3 +140,39 @@ class _BlindTime:
             self._viewed, self._ground_s = site_map.captured_s, site_map.ground_s
         # Views steeply down are not on the map, so time counts up to its newest view.
         return max(blind_s, site_map.captured_s - max(self._ground_s, self._map_since_s))
+
+    def _place(self) -> dict[Key[float], float]:
+        at, margin_m = self._whereabouts.place, self._whereabouts.area_margin_m
+        if margin_m is None:
+            margin_m = UNKNOWN_PLACE if self._whereabouts.area is None else -UNKNOWN_PLACE
+        return {
+            keys.X: UNKNOWN_PLACE if at is None else at.x_m,
+            keys.Y: UNKNOWN_PLACE if at is None else at.y_m,
+            keys.HEADING: UNKNOWN_PLACE if at is None else math.degrees(at.yaw_rad),
+            keys.HOME: UNKNOWN if at is None else math.hypot(at.x_m, at.y_m),
+            keys.AREA_MARGIN: margin_m,
+        }
+
+    def _map(self, now_s: float) -> dict[Key[float], float]:
+        site_map = self._whereabouts.site_map
+        if site_map is not None and now_s - self._covered_s >= _COVERED_EVERY_S:
+            ground = site_map.ground
+            known = int(np.count_nonzero(ground))
+            covered = np.count_nonzero(ground & site_map.passed)
+            self._covered, self._covered_s = covered / known if known else 0.0, now_s
+        mapped = site_map is not None and site_map.mark is not None
+        return {
+            keys.MARK_KNOWN: float(mapped or self._board.value(MARK) is not None),
+            keys.LOCALISED: float(self._localised()),
+            keys.OBJECTS_COUNT: UNKNOWN if site_map is None else len(site_map.objects),
+            keys.COVERAGE_SHARE: self._covered,
+        }
+
+    def _localised(self) -> bool:
+        motion, site_map = self._board.value(ODOMETRY), self._board.value(SITE_MAP)
+        return (
+            motion is not None
+            and site_map is not None
+            and motion.untracked_s <= BLIND_S
+            and site_map.contradicted_s <= _DOUBTED_S
+        )

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import Final
 
 from uav_bt.board.keys import STATE
 from uav_bt.mission.lasting import Lasting
+from uav_bt.mission.safety import AIRBORNE
 from uav_bt.types import (
     Command,
     DroneState,
@@ -19,57 +20,25 @@ from uav_bt.types import (
     Velocity,
 )
 
-
-@dataclass(frozen=True, kw_only=True)
-class ObedienceConfig:
-    """Times and thresholds after which a drone counts as disobedient.
-
-    Attributes:
-        start_s: longest time until a gimbal points or a landing begins, seconds; a take-off may
-            take twice as long. Chosen: a take-off order is repeated every second.
-        movement_s: a movement that is superseded after this time, seconds, counts as undone.
-            Chosen: a step of 0.3 m takes 2 s.
-        undone: number of undone movements in a row. Chosen: one or two are lost messages.
-        longest_s: longest duration of one movement, seconds. Chosen: 10 m with 0.25 m/s.
-        gimbal_rad: greatest error of the camera's pitch, radians. Chosen: three times the slack
-            with which leaves accept a pitch (2 degrees).
-        turned_share: least share of the ordered turns that telemetry must show. Chosen: a drone
-            that turns with half the ordered rate obeys.
-        turn_rad: ordered turn over which the share is taken, radians. Chosen: 4.4 s at 0.6 rad/s.
-        turn_answer_s: a turn by velocity counts after it was ordered in one direction for this
-            time, seconds, and the heading for this time longer. Chosen: command delay, lag and one
-            period of telemetry.
-        interruptions: number of movements in a row that the drone interrupts or rejects. Chosen: a
-            leaf makes five attempts at one movement.
-        interrupted_s: least time from the first to the last of them, seconds. Chosen: a gust is
-            shorter.
-        drift_mps: greatest mean speed of a hovering drone, m/s. Chosen: 1 m within `drift_s`.
-        drift_s: time over which the mean is taken, seconds. Chosen: gusts are shorter.
-    """
-
-    start_s: float = 6.0
-    movement_s: float = 4.0
-    undone: int = 3
-    longest_s: float = 40.0
-    gimbal_rad: float = math.radians(6)
-    turned_share: float = 0.3
-    turn_rad: float = math.radians(150)
-    turn_answer_s: float = 0.6
-    interruptions: int = 6
-    interrupted_s: float = 5.0
-    drift_mps: float = 0.25
-    drift_s: float = 4.0
+# All chosen.
+_START_S: Final = 6.0  # until a gimbal points or a landing begins; a take-off has twice as long
+_MOVEMENT_S: Final = 4.0  # superseded later, a movement is undone; a step of 0.3 m takes 2 s
+_UNDONE: Final = 3  # such movements in a row; one or two are lost messages
+_LONGEST_S: Final = 40.0  # of one movement; 10 m with 0.25 m/s
+_GIMBAL_RAD: Final = math.radians(6)  # error of the pitch; three times what leaves accept
+_TURNED_SHARE: Final = 0.3  # least, of the ordered turns; half the ordered rate obeys
+_TURN_RAD: Final = math.radians(150)  # ordered turn that the share is of; 4.4 s at 0.6 rad/s
+_TURN_ANSWER_S: Final = 0.6  # until an ordered turn shows; delay, lag and a period of telemetry
+_INTERRUPTIONS: Final = 6  # in a row; a leaf makes five attempts at one movement
+_INTERRUPTED_S: Final = 5.0  # from the first to the last of them; a gust is shorter
+_DRIFT_MPS: Final = 0.25  # mean speed of a hovering drone; 1 m within `_DRIFT_S`
+_DRIFT_S: Final = 4.0  # of that mean; gusts are shorter
 
 
 class ObedienceWatch:
-    """Compares commands with telemetry, tick by tick.
+    """Compares commands with telemetry, tick by tick."""
 
-    Args:
-        config: times and thresholds.
-    """
-
-    def __init__(self, config: ObedienceConfig | None = None) -> None:
-        self._config = config or ObedienceConfig()
+    def __init__(self) -> None:
         self._last_s: float | None = None
         self._yaw_rad = 0.0
         self._move: MoveBy | None = None
@@ -85,17 +54,11 @@ class ObedienceWatch:
         self._ended = False  # whether telemetry reported the end of that movement
         self._interrupted = self._undone = 0  # movements in a row
         self._gimbal_rad: float | None = None
-        self._drift_m = [0.0, 0.0]
+        self._drift_m = (0.0, 0.0)
         self._hover_s = 0.0
 
     def complaint(self, command: Command, state: DroneState, now_s: float) -> str | None:
-        """Return a complaint about a disobedient drone, None while it obeys.
-
-        Args:
-            command: as it was sent in this tick.
-            state: telemetry of this tick.
-            now_s: mission clock, seconds.
-        """
+        """Return a complaint about a disobedient drone, by the command that was sent; or None."""
         passed_s = 0.0 if self._last_s is None else now_s - self._last_s
         turned_rad = math.remainder(state.attitude.yaw_rad - self._yaw_rad, math.tau)
         self._last_s, self._yaw_rad = now_s, state.attitude.yaw_rad
@@ -115,12 +78,11 @@ class ObedienceWatch:
         return next((each for each in found if each is not None), None)
 
     def _landing(self, command: Command, state: DroneState, now_s: float) -> str | None:
-        flies = state.flying in {FlyingState.HOVERING, FlyingState.FLYING}
-        refused = isinstance(command.movement, Land) and flies
-        if self._not_landing.update(now_s, holds=refused) > self._config.start_s:
+        refused = isinstance(command.movement, Land) and state.flying in AIRBORNE
+        if self._not_landing.update(now_s, holds=refused) > _START_S:
             return "it does not land"
         grounded = isinstance(command.movement, TakeOff) and state.flying is FlyingState.LANDED
-        if self._not_rising.update(now_s, holds=grounded) > 2 * self._config.start_s:
+        if self._not_rising.update(now_s, holds=grounded) > 2 * _START_S:
             return "it does not take off"
         return None
 
@@ -132,17 +94,15 @@ class ObedienceWatch:
         lasted_s = self._unended.update(now_s, holds=self._move is not None)
         if move is None or self._move is None or move.id != self._move.id:
             # A step may be superseded early by the next one.
-            unended = self._move is not None and not self._ended
-            if unended and lasted_s > self._config.movement_s:
+            if self._move is not None and not self._ended and lasted_s > _MOVEMENT_S:
                 self._undone += 1
             self._unended.reset()
             self._ended = False
             self._move_turned_rad = 0.0
         self._move = move
-        config = self._config
-        if self._interrupted >= config.interruptions and interrupted_s > config.interrupted_s:
+        if self._interrupted >= _INTERRUPTIONS and interrupted_s > _INTERRUPTED_S:
             return f"{self._interrupted} movements in a row were interrupted"
-        if self._undone >= config.undone or lasted_s > config.longest_s:
+        if self._undone >= _UNDONE or lasted_s > _LONGEST_S:
             return "its movements are not done"
         return None
 
@@ -174,43 +134,41 @@ class ObedienceWatch:
         if rate_radps * self._direction <= 0.0:
             self._turning.reset()
             self._direction = _sign(rate_radps)
-        ordered_s = self._turning.update(now_s, holds=rate_radps != 0.0)
-        if ordered_s > self._config.turn_answer_s:
+        if self._turning.update(now_s, holds=rate_radps != 0.0) > _TURN_ANSWER_S:
             self._asked_rad += abs(rate_radps) * passed_s
             self._answered = self._direction
-            self._answered_until_s = now_s + self._config.turn_answer_s
+            self._answered_until_s = now_s + _TURN_ANSWER_S
         if now_s <= self._answered_until_s:
             self._turned_rad += self._answered * turned_rad
-        if self._asked_rad < self._config.turn_rad:
+        if self._asked_rad < _TURN_RAD:
             return None
         share = self._turned_rad / self._asked_rad
         self._asked_rad = self._turned_rad = 0.0
-        return "it does not turn" if share < self._config.turned_share else None
+        return "it does not turn" if share < _TURNED_SHARE else None
 
     def _camera(self, command: Command, state: DroneState, now_s: float) -> str | None:
         if command.gimbal is not None:
             self._gimbal_rad = command.gimbal.pitch_rad
         if self._gimbal_rad is None or state.times.gimbal_s == -math.inf:  # it reports no pitch
             return None
-        away = abs(state.gimbal_pitch_rad - self._gimbal_rad) > self._config.gimbal_rad
-        if self._away.update(now_s, holds=away) > self._config.start_s:
+        away = abs(state.gimbal_pitch_rad - self._gimbal_rad) > _GIMBAL_RAD
+        if self._away.update(now_s, holds=away) > _START_S:
             return "its camera does not point where it should: is the gimbal stuck?"
         return None
 
     def _drifting(self, command: Command, state: DroneState, passed_s: float) -> str | None:
         """Complain about a drone that drifts while it hovers."""
-        if not isinstance(command.movement, Hover) or state.flying is not FlyingState.HOVERING:
-            self._drift_m = [0.0, 0.0]
-            self._hover_s = 0.0
-            return None
-        self._hover_s += passed_s
-        self._drift_m[0] += state.velocity.forward_mps * passed_s
-        self._drift_m[1] += state.velocity.right_mps * passed_s
-        if self._hover_s < self._config.drift_s:
-            return None
-        speed_mps = math.hypot(*self._drift_m) / self._hover_s
-        self._hover_s, self._drift_m = 0.0, [0.0, 0.0]
-        if speed_mps <= self._config.drift_mps:
+        hovers = isinstance(command.movement, Hover) and state.flying is FlyingState.HOVERING
+        if hovers:
+            forward_m, right_m = self._drift_m
+            forward_m += state.velocity.forward_mps * passed_s
+            right_m += state.velocity.right_mps * passed_s
+            self._drift_m, self._hover_s = (forward_m, right_m), self._hover_s + passed_s
+            if self._hover_s < _DRIFT_S:
+                return None
+        speed_mps = math.hypot(*self._drift_m) / self._hover_s if hovers else 0.0
+        self._drift_m, self._hover_s = (0.0, 0.0), 0.0
+        if speed_mps <= _DRIFT_MPS:
             return None
         return f"it drifts at {speed_mps:.2f} m/s while it should hover: is there wind?"
 

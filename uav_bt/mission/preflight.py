@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -15,6 +15,8 @@ from uav_bt.types import DroneState, FlyingState, Observation
 _STEP_S: Final = 0.1  # time between two observations, seconds; chosen, as a tick of a mission
 _FRAMES: Final = 3  # number of different frames that show a running video; chosen
 _OLD_S: Final = 1.0  # greatest age of telemetry and frames on the ground, seconds; chosen
+_HAND_OVER: Final = "hand over at the remote control"
+_RECONNECT: Final = "connect again; restart the drone if that does not help"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,25 +73,47 @@ def check_drone(
 ) -> tuple[Check, ...]:
     """Observe a connected drone for a while and return the list of checks.
 
-    Args:
-        drone: connected, on the ground.
-        config: conditions for a take-off.
-        judge_frame: returns why a frame's image cannot be flown by, as in the flight; None trusts
-            all images.
+    `judge_frame` returns why a frame's image cannot be flown by, as in the flight.
 
     Raises:
         DroneError: the drone was lost during the check.
     """
-    config = config or PreflightConfig()
-    seen = _watch(drone, config, judge_frame)
-    state, now_s = seen.newest.state, drone.clock.now()
-    return (
-        _telemetry(state, seen.state_fault, now_s),
-        _standing(state),
-        _battery(state, config),
-        _link(state, config),
-        _video(seen, now_s, config),
-        *_reported(state),
+    config, screening = config or PreflightConfig(), Screening(drone.camera, judge_frame)
+    look_s = 0.0 if judge_frame is None else config.look_s
+    newest, frames = _watch(drone, screening, config.wait_s, look_s)
+    state, now_s = newest.state, drone.clock.now()
+    pilot, charge, link = state.pilot_has_control, _percent(state.battery), state.link
+    within = f"within {config.wait_s:.0f} s"
+    rows = [
+        ("telemetry", *_telemetry(state, screening.state_fault, now_s), _RECONNECT),
+        (
+            "control",
+            state.flying is FlyingState.LANDED and not pilot,
+            "a pilot has it" if pilot else f"the drone is {state.flying.value.replace('_', ' ')}",
+            _HAND_OVER if pilot else "a mission begins on the ground: land it first",
+        ),
+        (
+            "battery",
+            state.battery is not None and state.battery >= config.battery,
+            f"{charge or 'not reported ' + within}, at least {_percent(config.battery)} wanted",
+            _RECONNECT if state.battery is None else "charge it",
+        ),
+        (
+            "link",  # not all drones rate it; the row of telemetry says whether they are heard
+            link is None or link >= config.link,
+            "its quality is not reported"
+            if link is None
+            else f"{_percent(link)}, at least {_percent(config.link)} wanted",
+            "come nearer, or choose a Wi-Fi channel that fewer others use",
+        ),
+        ("video", *_video(newest, frames, screening.frame_fault, now_s, within)),
+        *((fault.what, False, fault.found, fault.remedy) for fault in state.faults),
+    ]
+    if not state.faults:
+        rows.append(("self-report", True, "no faults", ""))
+    return tuple(
+        Check(what=what, good=good, found=found, remedy=remedy)
+        for what, good, found, remedy in rows
     )
 
 
@@ -104,21 +128,12 @@ def refuse_faults(checks: Sequence[Check]) -> None:
         raise DroneError("\n  ".join(["not ready to take off, nothing was flown", *faults]))
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Seen:
-    """The observations of a check."""
-
-    newest: Observation
-    frames: int  # number of different ones
-    frame_fault: str | None  # of the newest frame
-    state_fault: str | None  # of the newest telemetry
-
-
-def _watch(drone: Drone, config: PreflightConfig, judge_frame: FrameJudge | None) -> _Seen:
+def _watch(
+    drone: Drone, screening: Screening, wait_s: float, look_s: float
+) -> tuple[Observation, int]:
     """Observe until every check passes or the time is over; only the first frame may be bad."""
-    clock, screening = drone.clock, Screening(drone.camera, judge_frame)
+    clock = drone.clock
     start_s = clock.now()
-    look_s = 0.0 if judge_frame is None else config.look_s
     indices = set()
     while True:
         now_s = clock.now()
@@ -129,100 +144,38 @@ def _watch(drone: Drone, config: PreflightConfig, judge_frame: FrameJudge | None
         fresh = now_s - newest.state.captured_s <= _OLD_S
         known = None not in (newest.state.battery, newest.state.link)
         well = fresh and known and len(indices) >= _FRAMES and not screening.refused
-        if now_s >= start_s + config.wait_s or (well and now_s >= start_s + look_s):
-            return _Seen(
-                newest=newest,
-                frames=len(indices),
-                frame_fault=screening.frame_fault,
-                state_fault=screening.state_fault,
-            )
+        if now_s >= start_s + wait_s or (well and now_s >= start_s + look_s):
+            return newest, len(indices)
         clock.sleep_until(now_s + _STEP_S)
 
 
-def _telemetry(state: DroneState, fault: str | None, now_s: float) -> Check:
+def _percent(share: float | None) -> str | None:
+    return None if share is None else f"{100 * share:.0f} %"
+
+
+def _telemetry(state: DroneState, fault: str | None, now_s: float) -> tuple[bool, str]:
+    """Return whether telemetry is good, and what was found."""
     age_s = now_s - state.captured_s
     found = f"last heard {age_s:.1f} s ago" if age_s < 1e6 else "nothing was heard"
     if not state.connected:
         found += ", and the connection is broken"
     elif fault is not None:
         found += f", and {fault}"
-    return Check(
-        what="telemetry",
-        good=age_s <= _OLD_S and state.connected and fault is None,
-        found=found,
-        remedy="connect again; restart the drone if that does not help",
-    )
+    return age_s <= _OLD_S and state.connected and fault is None, found
 
 
-def _standing(state: DroneState) -> Check:
-    if state.pilot_has_control:
-        return Check(
-            what="control",
-            good=False,
-            found="a pilot has it",
-            remedy="hand over at the remote control",
-        )
-    return Check(
-        what="control",
-        good=state.flying is FlyingState.LANDED,
-        found=f"the drone is {state.flying.value.replace('_', ' ')}",
-        remedy="a mission begins on the ground: land it first",
-    )
-
-
-def _battery(state: DroneState, config: PreflightConfig) -> Check:
-    wanted = f"at least {100 * config.battery:.0f} % wanted"
-    if state.battery is None:
-        return Check(
-            what="battery",
-            good=False,
-            found=f"not reported within {config.wait_s:.0f} s, {wanted}",
-            remedy="connect again; restart the drone if that does not help",
-        )
-    return Check(
-        what="battery",
-        good=state.battery >= config.battery,
-        found=f"{100 * state.battery:.0f} %, {wanted}",
-        remedy="charge it",
-    )
-
-
-def _link(state: DroneState, config: PreflightConfig) -> Check:
-    if state.link is None:
-        # Not all drones rate their link; `_telemetry` checks that they are heard.
-        return Check(what="link", good=True, found="its quality is not reported")
-    return Check(
-        what="link",
-        good=state.link >= config.link,
-        found=f"{100 * state.link:.0f} %, at least {100 * config.link:.0f} % wanted",
-        remedy="come nearer, or choose a Wi-Fi channel that fewer others use",
-    )
-
-
-def _video(seen: _Seen, now_s: float, config: PreflightConfig) -> Check:
-    frame, fault = seen.newest.frame, seen.frame_fault
+def _video(
+    newest: Observation, frames: int, fault: str | None, now_s: float, within: str
+) -> tuple[bool, str, str]:
+    """Return whether the video is good, what was found, and the remedy."""
+    frame = newest.frame
     remedy = "see that no firewall keeps UDP out and nobody else watches the drone's video"
     if frame is None:
-        return Check(
-            what="video", good=False, found=f"no frame within {config.wait_s:.0f} s", remedy=remedy
-        )
+        return False, f"no frame {within}", remedy
     height, width = frame.image.shape[:2]
     age_s = now_s - frame.captured_s
-    found = f"{width}x{height}, {seen.frames} frames seen, the newest {age_s:.2f} s old"
+    found = f"{width}x{height}, {frames} frames seen, the newest {age_s:.2f} s old"
     if fault is not None:
         found += f", {fault}"
         remedy = "see that the lens is clean and the place is lit; restart the drone if it is"
-    return Check(
-        what="video",
-        good=seen.frames >= _FRAMES and age_s <= _OLD_S and fault is None,
-        found=found,
-        remedy=remedy,
-    )
-
-
-def _reported(state: DroneState) -> Iterator[Check]:
-    """Check the faults that the drone reports about itself."""
-    for fault in state.faults:
-        yield Check(what=fault.what, good=False, found=fault.found, remedy=fault.remedy)
-    if not state.faults:
-        yield Check(what="self-report", good=True, found="no faults")
+    return frames >= _FRAMES and age_s <= _OLD_S and fault is None, found, remedy

@@ -5,37 +5,39 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 
 from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, ODOMETRY, PHASE, SITE_MAP, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
-from uav_bt.mission.abort import Abort
-from uav_bt.mission.contingencies import Contingencies
-from uav_bt.mission.descent import Descent, DescentEnd
+from uav_bt.errors import NodeFailedError
+from uav_bt.mission.contingencies import Abort, Contingencies
+from uav_bt.mission.descent import Descent
 from uav_bt.mission.event_watch import EventWatch
-from uav_bt.mission.flown_tree import FlownTree, NextTree
 from uav_bt.mission.ground_height import GroundHeight
-from uav_bt.mission.hold_model import HoldConfig
 from uav_bt.mission.judge import Judge, Verdict
 from uav_bt.mission.limits import Limits
-from uav_bt.mission.mission_numbers import MissionNumbers
+from uav_bt.mission.mission_numbers import MissionNumbers, Whereabouts
 from uav_bt.mission.position_hold import PositionHold
-from uav_bt.mission.safety import Arbiter, Circumstances, Override
+from uav_bt.mission.safety import Arbiter, Circumstances
 from uav_bt.mission.screening import FrameJudge, Screening
 from uav_bt.mission.tick import TickListener, TickListeners, TickRecord
-from uav_bt.mission.whereabouts import Whereabouts
 from uav_bt.protocols import Drone
 from uav_bt.settings import check_numbers
 from uav_bt.tree import MissionTree, Status
+from uav_bt.tree.branch_watch import BranchWatch
+from uav_bt.tree.budget import BudgetWatch
 from uav_bt.types import Command, DroneState, FlyingState, Hover, Land, Observation, TakeOff
 from uav_bt.types.area import Area
+
+NextTree = Callable[[], MissionTree | None]
+"""Called between two ticks: returns a new tree, set up, or None to keep the present one."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunnerConfig:
-    """Pace of a mission, longest landing and position hold.
+    """Pace of a mission, and its longest landing.
 
     Attributes:
         tick_s: length of a tick, seconds; the drone's own `tick_s` replaces it. Chosen: three
@@ -43,7 +45,6 @@ class RunnerConfig:
         landing_grace_s: longest duration of a landing after a fault or an abort, seconds; then the
             drone is left to its firmware. Chosen: 8 m of descent with the twin's 0.5 m/s, and a
             margin.
-        hold: gains and thresholds of the position hold.
 
     Raises:
         ValueRangeError: a time is not positive, or the tick is longer than a second.
@@ -51,13 +52,9 @@ class RunnerConfig:
 
     tick_s: float = 0.1
     landing_grace_s: float = 20.0
-    hold: HoldConfig = field(default_factory=HoldConfig)
 
     def __post_init__(self) -> None:
         check_numbers(self, most={"tick_s": 1.0})
-
-
-_OVER = frozenset({Status.SUCCESS, Status.FAILURE})
 
 
 class MissionRunner:
@@ -69,7 +66,7 @@ class MissionRunner:
         context: the board, proposals and settings that the leaves were set up with.
         judge: decides when and how the flight has ended.
         limits: of every command.
-        config: pace, landing and position hold.
+        config: pace and landing.
         listeners: called after every tick.
         judge_frame: returns why a frame's image cannot be flown by; None trusts all images.
         clock: the context's clock, which stands still within a tick; None if the drone's clock
@@ -77,6 +74,14 @@ class MissionRunner:
         timer: wall clock for the computing times, seconds.
         next_tree: called between two ticks for a tree that replaces the present one.
         area: that the drone stays in; None: no bound.
+
+    Attributes:
+        abort: ends the mission early; safe to use from a signal handler or another thread.
+        manual: whether a person took over, safe to set from another thread: from the next tick
+            nothing is sent and the tree is not ticked; after the hand-back it resumes. A pilot who
+            takes the drone's remote control has the same effect.
+        budgets: the leaves that blocked, including the last halt.
+        descent: the landing after the last tick.
     """
 
     def __init__(
@@ -96,59 +101,32 @@ class MissionRunner:
         area: Area | None = None,
     ) -> None:
         self._drone = drone
+        self._tree = tree
         self._context = context
         self._judge = judge
-        self._config = config or RunnerConfig()
-        limits = limits or Limits()
+        config, limits = config or RunnerConfig(), limits or Limits()
+        self._tick_s = config.tick_s
         self._arbiter = Arbiter(limits, drone.airframe, area=area, grounded=judge.stays_grounded)
         self._whereabouts = Whereabouts(context.board, area)
         self._numbers = MissionNumbers(context.board, context.notes, self._whereabouts, judge)
         self.listeners = TickListeners(listeners)
         self._clock = clock
         self._timer = timer
+        self._next_tree = next_tree
         self._screening = Screening(drone.camera, judge_frame)
         self._height = GroundHeight()
         self._contingencies = Contingencies(limits)
-        self._hold = PositionHold(self._config.hold, drone.airframe)
-        self._flown = FlownTree(tree, next_tree, timer=timer)
+        self._hold = PositionHold(drone.airframe)
+        self.budgets = BudgetWatch(tree, timer=timer)
+        self._branches = BranchWatch(tree)
+        self._is_halted = True  # the tree: not ticked since the last halt
         self._events = EventWatch(context)
         self._index = 0
-        self._abort = Abort(self._config.landing_grace_s)
-        self._manual = False
-        self.descent = DescentEnd(airborne=False, faults=())  # set when the run is over
-
-    @property
-    def slow_leaves_s(self) -> dict[str, float]:
-        """Longest time of each leaf that blocked, seconds, by path; including the last halt."""
-        return self._flown.budgets.worst_s
-
-    def request_abort(self, reason: str) -> None:
-        """Request a landing with the next tick; safe to call from a signal handler.
-
-        The first reason counts.
-        """
-        self._abort.request(reason)
-
-    def give_up(self) -> None:
-        """Command one last landing and return; safe to call from a signal handler."""
-        self._abort.give_up()
-
-    def set_manual(self, *, manual: bool) -> None:
-        """Let a person take over, or hand back; safe to call from another thread.
-
-        From the next tick nothing is sent and the tree is not ticked. After the hand-back it
-        resumes. A pilot who takes the drone's remote control has the same effect.
-        """
-        self._manual = manual
-
-    @property
-    def manual(self) -> bool:
-        """Whether a person at this machine took over."""
-        return self._manual
-
-    def cut_motors(self, reason: str) -> None:
-        """Stop the motors with the next tick, wherever the drone is. Cannot be undone."""
-        self._abort.cut_motors(reason)
+        self.abort = Abort(config.landing_grace_s)
+        self.manual = False
+        self.descent = Descent(
+            drone, self._landing_command, grace_s=config.landing_grace_s, tick_s=config.tick_s
+        )
 
     def run(self) -> Verdict:
         """Fly until the mission has ended and return the verdict.
@@ -174,8 +152,8 @@ class MissionRunner:
 
     def _tick(self) -> Verdict | None:
         """Observe, check, write the board, tick, arbitrate, send, record, judge."""
-        if not (self._abort or self._arbiter.landing):  # another tree would cancel a landing
-            self._flown.renew()
+        if not (self.abort or self._arbiter.landing):  # another tree would cancel a landing
+            self._renew_tree()
         clock = self._drone.clock
         start_s = clock.now() if self._clock is None else self._clock.begin_tick()
         usable = self._screening.usable(self._drone.observe(), start_s)
@@ -193,9 +171,33 @@ class MissionRunner:
         self._index += 1
         verdict = self._verdict(record)
         if verdict is None:
-            self._look_for_trouble(record)
-            clock.sleep_until(start_s + self._config.tick_s)
+            trouble = self._contingencies.abort_reason(
+                record,
+                self._screening,
+                drift=self._hold.trouble,
+                site_map=self._context.board.read(SITE_MAP).value,
+            )
+            if trouble is not None:
+                self.abort.request(trouble)
+            clock.sleep_until(start_s + self._tick_s)
         return verdict
+
+    # --- the tree ---------------------------------------------------------------------------------
+
+    def _renew_tree(self) -> None:
+        """Halt the tree for the next one, which begins at its root, on the same board.
+
+        Its leaves may inherit the state of the old ones. Then the old tree is shut down.
+        """
+        tree = None if self._next_tree is None else self._next_tree()
+        if tree is None:
+            return
+        self._halt_tree()
+        former, self._tree = self._tree, tree
+        self.budgets.follow(tree)
+        self._branches.follow(tree)
+        tree.inherit(former)
+        former.shutdown()
 
     def _run_tree(self, state: DroneState) -> tuple[Status, float]:
         """Tick the tree; it is not ticked while a person flies, and is halted by an abort.
@@ -205,15 +207,40 @@ class MissionRunner:
         """
         self._context.proposals.clear()
         began_s = self._timer()
-        rests = not self._abort and (self._manual or state.pilot_has_control)
+        rests = not self.abort and (self.manual or state.pilot_has_control)
         status = Status.RUNNING if rests else self._tick_tree()
         compute_s = self._timer() - began_s
-        if self._abort:
-            self._flown.halt()
+        if self.abort:
+            self._halt_tree()
         return status, compute_s
 
     def _tick_tree(self) -> Status:
-        return Status.IDLE if self._abort else self._flown.tick()
+        if self.abort:
+            return Status.IDLE
+        self._is_halted = False
+        try:
+            return self._tree.tick()
+        except NodeFailedError:
+            self._is_halted = True  # it has halted itself
+            raise
+
+    def _halt_tree(self) -> None:
+        """Halt the tree once: each further halt would run its `_onHalted` scripts again."""
+        if not self._is_halted:
+            self._is_halted = True
+            self._tree.halt()
+
+    # --- the parts of a tick ----------------------------------------------------------------------
+
+    def _write_board(self, observation: Observation, now_s: float) -> None:
+        board, state = self._context.board, observation.state
+        board.write(STATE, state, captured_s=state.captured_s)
+        board.write(HEIGHT, state.height_above_ground_m, captured_s=state.captured_s)
+        board.write(ELAPSED, self._judge.elapsed(now_s))
+        board.write(CAMERA, self._drone.camera)
+        if observation.frame is not None:
+            board.write(FRAME, observation.frame, captured_s=observation.frame.captured_s)
+        self._numbers.write(observation, now_s)
 
     def _arbitrate(self, observation: Observation, now_s: float) -> Command:
         frame, state = observation.frame, observation.state
@@ -221,9 +248,9 @@ class MissionRunner:
             state=state,
             frame_age_s=math.inf if frame is None else now_s - frame.captured_s,
             state_age_s=now_s - state.captured_s,
-            abort=bool(self._abort),
-            manual=self._manual,
-            cut=self._abort.cut,
+            abort=bool(self.abort),
+            manual=self.manual,
+            cut=self.abort.cut,
             place=self._whereabouts.update(),
         )
         motion = self._context.board.read(ODOMETRY).value
@@ -243,14 +270,14 @@ class MissionRunner:
         start_s: float,
         compute_s: float,
     ) -> TickRecord:
-        active = self._flown.tree.active_nodes()
+        active = self._tree.active_nodes()
         phase = self._context.board.read(PHASE).value or ""
         self._events.update(
             phase=phase,
             override=self._arbiter.override,
             reasons=self._screening.refused,
             flying=observation.state.flying,
-            ends=self._flown.branches.take(),
+            ends=self._branches.take(),
         )
         return TickRecord(
             index=self._index,
@@ -265,7 +292,7 @@ class MissionRunner:
             compute_s=compute_s,
             truth=self._drone.referee.truth() if self._drone.referee else None,
             feedback=active[-1].feedback_message if active else "",
-            slow=self._flown.budgets.take(),
+            slow=self.budgets.take(),
             refused=self._screening.refused,
             decided=decided,
             warnings=(*self._hold.warnings, *self._contingencies.warnings),
@@ -273,44 +300,18 @@ class MissionRunner:
         )
 
     def _verdict(self, record: TickRecord) -> Verdict | None:
-        state, status = record.observation.state, record.tree_status
         verdict = self._judge.verdict(
-            record.time_s,
-            state,
-            record.truth,
-            status,
-            abort_reason=self._abort.reason,
+            record,
+            abort_reason=self.abort.reason,
             landing=self._arbiter.landing,
             belief=self._whereabouts.belief(),
             failure=self._events.failure,
         )
-        given_up = self._abort.follow(record.time_s, lands=record.override is Override.ABORT)
-        if status in _OVER and state.flying is not FlyingState.LANDED:
-            self._abort.request(f"the tree ended with {status.name} in the air")
+        given_up = self.abort.follow(record)
+        over = record.tree_status in (Status.SUCCESS, Status.FAILURE)
+        if over and record.observation.state.flying is not FlyingState.LANDED:
+            self.abort.request(f"the tree ended with {record.tree_status.name} in the air")
         return verdict or given_up
-
-    def _look_for_trouble(self, record: TickRecord) -> None:
-        trouble = self._contingencies.abort_reason(
-            record.time_s,
-            record.observation.state,
-            record.command,
-            record.override,
-            screening=self._screening,
-            drift=self._hold.trouble,
-            site_map=self._context.board.read(SITE_MAP).value,
-        )
-        if trouble is not None:
-            self._abort.request(trouble)
-
-    def _write_board(self, observation: Observation, now_s: float) -> None:
-        board, state = self._context.board, observation.state
-        board.write(STATE, state, captured_s=state.captured_s)
-        board.write(HEIGHT, state.height_above_ground_m, captured_s=state.captured_s)
-        board.write(ELAPSED, self._judge.elapsed(now_s))
-        board.write(CAMERA, self._drone.camera)
-        if observation.frame is not None:
-            board.write(FRAME, observation.frame, captured_s=observation.frame.captured_s)
-        self._numbers.write(observation, now_s)
 
     def _stop_and_land(self, reason: str) -> None:
         """Halt the tree, and bring the drone down if it is still up.
@@ -319,20 +320,13 @@ class MissionRunner:
             NodeFailedError: a leaf raised when it was halted; the drone was landed.
         """
         try:
-            self._flown.halt()
+            self._halt_tree()
         finally:
             self._context.proposals.clear()
-            descent = Descent(
-                self._drone,
-                self._landing_command,
-                listeners=self.listeners.following,
-                grace_s=self._config.landing_grace_s,
-                tick_s=self._config.tick_s,
-            )
-            self.descent = descent.run(reason, given_up=lambda: self._abort.given_up)
+            self.descent.run(reason, self.listeners.following, lambda: self.abort.given_up)
 
     def _landing_command(self, state: DroneState | None) -> Command:
         if state is None:
             return Command(movement=Land())
-        now = Circumstances(state=state, abort=True, manual=self._manual, cut=self._abort.cut)
+        now = Circumstances(state=state, abort=True, manual=self.manual, cut=self.abort.cut)
         return self._arbiter.decide(self._context.proposals, now)

@@ -55,25 +55,15 @@ class Override(enum.Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Circumstances:
-    """The input of the rules.
+    """The input of the rules."""
 
-    Attributes:
-        state: newest telemetry.
-        frame_age_s: age of the newest frame, seconds; inf before the first one.
-        state_age_s: age of the newest telemetry, seconds.
-        manual: a person at this machine took over.
-        abort: the mission is being aborted.
-        cut: a person orders the motors off, wherever the drone falls.
-        place: pose relative to the take-off pose; None where it is unknown.
-    """
-
-    state: DroneState
-    frame_age_s: float = 0.0
+    state: DroneState  # newest telemetry
+    frame_age_s: float = 0.0  # of the newest frame; inf before the first one
     state_age_s: float = 0.0
-    manual: bool = False
-    abort: bool = False
-    cut: bool = False
-    place: Pose2D | None = None
+    manual: bool = False  # a person at this machine took over
+    abort: bool = False  # the mission is being aborted
+    cut: bool = False  # a person orders the motors off, wherever the drone falls
+    place: Pose2D | None = None  # relative to the take-off pose; None where it is unknown
 
     @property
     def airborne(self) -> bool:
@@ -83,25 +73,15 @@ class Circumstances:
 
 @dataclass(frozen=True, kw_only=True)
 class SafetyRule:
-    """One line of the table.
-
-    Attributes:
-        override: name of the rule.
-        holds: whether the rule holds.
-        movement: the movement that is sent.
-        gimbal_too: the leaves still point the camera.
-        spares_landing: a landing is flown instead of the movement.
-        held: the position hold flies the hover against the last drift.
-        why: reason, for people and for the docs.
-    """
+    """One line of the table."""
 
     override: Override
     holds: Callable[[Circumstances, Limits], bool]
-    movement: Movement
-    gimbal_too: bool = False
-    spares_landing: bool = False
-    held: bool = False
-    why: str
+    movement: Movement  # that is sent
+    gimbal_too: bool = False  # the leaves still point the camera
+    spares_landing: bool = False  # a landing is flown instead of the movement
+    held: bool = False  # the position hold flies the hover against the last drift
+    why: str  # for people and for the docs
 
 
 SAFETY: Final = (
@@ -164,11 +144,7 @@ def rule_in_force(now: Circumstances, limits: Limits) -> SafetyRule | None:
 class Arbiter:
     """Turns proposals and circumstances into the one command of the tick.
 
-    Args:
-        limits: of every movement.
-        airframe: of the drone; the limits allow for its delay.
-        area: that movements stay in; None: no bound.
-        grounded: whether the mission's rules forbid a take-off.
+    Movements stay in the area; a `grounded` mission's rules forbid a take-off.
     """
 
     def __init__(
@@ -181,7 +157,7 @@ class Arbiter:
     ) -> None:
         self._limits = limits
         self._airframe = airframe or Airframe()
-        self._guard = None if area is None else AreaGuard(area, self._airframe)
+        self._guard = None if area is None else AreaGuard(area, airframe)
         self._grounded = grounded
         self.override: Override | None = None  # the one in force since the last decision
         self.landing = False  # whether the last decision was to land
@@ -196,11 +172,8 @@ class Arbiter:
     ) -> Command:
         """Return this tick's command.
 
-        Args:
-            proposals: of the leaves in this tick.
-            now: the input of the safety rules.
-            correct: returns a proposed movement as it should be flown, before it is limited.
-            hover: returns the hover that rules without a usable frame or telemetry order.
+        `correct` returns a proposed movement as it should be flown, before it is limited, `hover`
+        the hover that rules without a usable frame or telemetry order.
         """
         rule = rule_in_force(now, self._limits)
         self.override = None if rule is None else rule.override

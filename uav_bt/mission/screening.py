@@ -7,56 +7,36 @@ measurement as a missing one.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Final
 
 from uav_bt.types import CameraModel, DroneState, Frame, Observation
 
 FrameJudge = Callable[[Frame, DroneState], str | None]
 """Returns why a frame cannot be flown by, None if it can."""
 
+_Bound = tuple[str, float, float]
 
-@dataclass(frozen=True, kw_only=True)
-class ScreeningConfig:
-    """Bounds of a small camera drone's reports. All are chosen, far beyond an ANAFI's flight.
 
-    Attributes:
-        tilt_rad: largest roll and pitch, rad: a right angle.
-        height_m: largest altitude and height, above or below, m.
-        speed_mps: largest speed on each axis, m/s.
-        vertical_speed_mps: fastest change of the altitude between two measurements, m/s.
-        altitude_noise_m: change of the altitude that is allowed at once, m. Barometers forget a
-            gust or an opened door slowly.
-        ahead_s: largest lead of a time over the mission clock, s, because two clocks differ.
-    """
-
-    tilt_rad: float = math.pi / 2
-    height_m: float = 150.0
-    speed_mps: float = 20.0
-    vertical_speed_mps: float = 4.0
-    altitude_noise_m: float = 1.6
-    ahead_s: float = 0.5
+# Bounds of a small camera drone's reports. All are chosen, far beyond an ANAFI's flight.
+_TILT_RAD: Final = math.pi / 2  # roll and pitch
+_HEIGHT_M: Final = 150.0  # altitude and height, above or below
+_SPEED_MPS: Final = 20.0  # on each axis
+_CLIMB_MPS: Final = 4.0  # change of the altitude between two measurements
+_NOISE_M: Final = 1.6  # of the altitude at once: barometers forget a gust or an opened door slowly
+_AHEAD_S: Final = 0.5  # of a time over the mission clock: two clocks differ
 
 
 class Screening:
     """Replaces impossible telemetry and frames by the last plausible ones.
 
-    Args:
-        camera: intrinsics at the size that frames must have.
-        judge: checks the image of each new frame; None accepts every image.
-        config: bounds of plausible values.
+    Frames must have the size of the camera; the judge checks the image of each new one.
     """
 
-    def __init__(
-        self,
-        camera: CameraModel,
-        judge: FrameJudge | None = None,
-        config: ScreeningConfig | None = None,
-    ) -> None:
+    def __init__(self, camera: CameraModel, judge: FrameJudge | None = None) -> None:
         self._size_px = (camera.width_px, camera.height_px)
         self._judge = judge
-        self._config = config or ScreeningConfig()
         self._state: DroneState | None = None
         self._frame: Frame | None = None
         self._newest: tuple[int, float] | None = None  # index and time of the last frame judged
@@ -70,22 +50,13 @@ class Screening:
         return tuple(f"{what}: {fault}" for what, fault in faults if fault is not None)
 
     def usable(self, observation: Observation, now_s: float) -> Observation:
-        """Return the observation, impossible values replaced by the last plausible ones.
-
-        Args:
-            observation: the drone's.
-            now_s: mission clock, s.
-        """
+        """Return the observation, impossible values replaced by the last plausible ones."""
         state = self._usable_state(observation.state, now_s)
         self._take_frame(observation.frame, state, now_s)
         return Observation(frame=self._frame, state=state)
 
     def _usable_state(self, state: DroneState, now_s: float) -> DroneState:
-        self.state_fault = _first(
-            *(self._late_or_early(time_s, now_s) for time_s in vars(state.times).values()),
-            self._impossible(state),
-            self._jump(state),
-        )
+        self.state_fault = next(_state_faults(state, self._state, now_s), None)
         if self.state_fault is None:
             self._state = replace(state, battery=_known(state.battery), link=_known(state.link))
             return self._state
@@ -107,73 +78,66 @@ class Screening:
         if self._frame is not None and frame.captured_s < self._frame.captured_s:
             return  # a link may deliver frames in another order
         self._newest = frame.index, frame.captured_s
-        self.frame_fault = _first(
-            self._late_or_early(frame.captured_s, now_s),
-            self._impossible(frame),
-            self._wrong_size(frame),
-        )
-        if self.frame_fault is None and self._judge is not None:
-            self.frame_fault = self._judge(frame, state)
+        self.frame_fault = next(self._frame_faults(frame, state, now_s), None)
         if self.frame_fault is None:
             self._frame = frame
 
-    def _wrong_size(self, frame: Frame) -> str | None:
+    def _frame_faults(self, frame: Frame, state: DroneState, now_s: float) -> Iterator[str]:
+        yield from _early(frame.captured_s, now_s)
+        yield from _impossible(_bounds(frame))
         height_px, width_px = frame.image.shape[:2]
-        if (width_px, height_px) == self._size_px:
-            return None
-        expected = "{}x{}".format(*self._size_px)
-        return f"its image is {width_px}x{height_px}, expected {expected} as the camera's"
+        if (width_px, height_px) != self._size_px:
+            expected = "{}x{}".format(*self._size_px)
+            yield f"its image is {width_px}x{height_px}, expected {expected} as the camera's"
+        elif self._judge is not None and (fault := self._judge(frame, state)) is not None:
+            yield fault
 
-    def _late_or_early(self, captured_s: float, now_s: float) -> str | None:
-        if math.isnan(captured_s) or captured_s - now_s > self._config.ahead_s:
-            return f"its time is {captured_s - now_s:.1f} s in the future"
-        return None
 
-    def _impossible(self, report: DroneState | Frame) -> str | None:
-        """Return the first value out of its bounds; None if all are within."""
-        config = self._config
-        bounds: list[tuple[str, Any, float]] = [
-            ("roll", report.attitude.roll_rad, config.tilt_rad),
-            ("pitch", report.attitude.pitch_rad, config.tilt_rad),
-            ("yaw", report.attitude.yaw_rad, math.inf),
-            ("gimbal pitch", report.gimbal_pitch_rad, math.pi),
-            ("altitude", report.altitude_m, config.height_m),
-            ("height", report.height_m, config.height_m),
-            ("height above the ground", report.height_above_ground_m, config.height_m),
+def _state_faults(state: DroneState, good: DroneState | None, now_s: float) -> Iterator[str]:
+    for time_s in vars(state.times).values():
+        yield from _early(time_s, now_s)
+    velocity = state.velocity
+    yield from _impossible(
+        [
+            *_bounds(state),
+            ("speed", velocity.forward_mps, _SPEED_MPS),
+            ("speed", velocity.right_mps, _SPEED_MPS),
+            ("vertical speed", velocity.down_mps, _SPEED_MPS),
+            ("battery", state.battery or 0.0, 1.0),
+            ("link", state.link or 0.0, 1.0),
         ]
-        if isinstance(report, DroneState):
-            velocity = report.velocity
-            bounds += [
-                ("speed", velocity.forward_mps, config.speed_mps),
-                ("speed", velocity.right_mps, config.speed_mps),
-                ("vertical speed", velocity.down_mps, config.speed_mps),
-            ]
-            bounds += [
-                (name, share, 1.0)
-                for name, share in (("battery", report.battery), ("link", report.link))
-                if share is not None
-            ]
-        for name, value, most in bounds:
-            if not (math.isfinite(value) and abs(value) <= most):
-                return f"its {name} is {value:g}"
-        return None
-
-    def _jump(self, state: DroneState) -> str | None:
-        good = self._state
-        if good is None:
-            return None
+    )
+    if good is not None:
         passed_s = max(0.0, state.times.altitude_s - good.times.altitude_s)
-        max_m = self._config.altitude_noise_m + self._config.vertical_speed_mps * passed_s
         climbed_m = state.altitude_m - good.altitude_m
-        if abs(climbed_m) > max_m:
-            return f"its altitude changed by {climbed_m:.1f} m in {passed_s:.1f} s"
-        return None
+        if abs(climbed_m) > _NOISE_M + _CLIMB_MPS * passed_s:
+            yield f"its altitude changed by {climbed_m:.1f} m in {passed_s:.1f} s"
+
+
+def _early(captured_s: float, now_s: float) -> Iterator[str]:
+    if math.isnan(captured_s) or captured_s - now_s > _AHEAD_S:
+        yield f"its time is {captured_s - now_s:.1f} s in the future"
+
+
+def _bounds(report: DroneState | Frame) -> list[_Bound]:
+    """Return name, value and greatest size of what telemetry and frames both have."""
+    return [
+        ("roll", report.attitude.roll_rad, _TILT_RAD),
+        ("pitch", report.attitude.pitch_rad, _TILT_RAD),
+        ("yaw", report.attitude.yaw_rad, math.inf),
+        ("gimbal pitch", report.gimbal_pitch_rad, math.pi),
+        ("altitude", report.altitude_m, _HEIGHT_M),
+        ("height", report.height_m, _HEIGHT_M),
+        ("height above the ground", report.height_above_ground_m, _HEIGHT_M),
+    ]
+
+
+def _impossible(bounds: list[_Bound]) -> Iterator[str]:
+    for name, value, most in bounds:
+        if not (math.isfinite(value) and abs(value) <= most):
+            yield f"its {name} is {value:g}"
 
 
 def _known(share: float | None) -> float | None:
     """Return a share from 0 to 1; None for a negative one, by which autopilots say unknown."""
     return None if share is not None and share < 0.0 else share
-
-
-def _first(*faults: str | None) -> str | None:
-    return next((fault for fault in faults if fault is not None), None)

@@ -49,9 +49,6 @@ class TickListeners:
     """The listeners of one flight. A listener that raises is not called again.
 
     So a failed display or a full disk does not end a flight.
-
-    Args:
-        listeners: in the order in which they are called.
     """
 
     def __init__(self, listeners: Sequence[TickListener]) -> None:

@@ -24,6 +24,7 @@ class Airframe:
             Default: an estimate, not measured on a drone; the twin's thrust lags by 0.12 s.
         climb_braking_mps2: vertical deceleration that the drone reaches, metres per second squared.
             Default: an estimate, the acceleration limit of the twin's profile `lab`.
+        braking_mps2: the same horizontally. Default: below the 1.2 m/s2 of that profile.
 
     Raises:
         ValueRangeError: a size or the braking is not positive, or a time is negative.
@@ -33,14 +34,15 @@ class Airframe:
     command_delay_s: float = 0.15
     command_lag_s: float = 0.25
     climb_braking_mps2: float = 1.0
+    braking_mps2: float = 1.0
 
     def __post_init__(self) -> None:
-        positive = (*self.body_size_m, self.climb_braking_mps2)
+        positive = (*self.body_size_m, self.climb_braking_mps2, self.braking_mps2)
         times = (self.command_delay_s, self.command_lag_s)
         if len(self.body_size_m) != 3 or not all(0.0 < value < math.inf for value in positive):
             raise ValueRangeError(
                 "an airframe needs three positive sizes (length, width, height in m) and a "
-                f"positive climb_braking_mps2, got {self}"
+                f"positive climb_braking_mps2 and braking_mps2, got {self}"
             )
         if not all(0.0 <= value < math.inf for value in times):
             raise ValueRangeError(

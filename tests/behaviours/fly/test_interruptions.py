@@ -118,7 +118,7 @@ class World:
             self._took_over_s = record.time_s + float(after_s)
         if self._took_over_s is not None:
             late_s = record.time_s - self._took_over_s
-            self.runner.set_manual(manual=-1e-6 <= late_s < 10.0)
+            self.runner.manual = -1e-6 <= late_s < 10.0
 
     def fly(self) -> Verdict:
         self.drone.connect()

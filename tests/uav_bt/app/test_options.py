@@ -22,8 +22,6 @@ from uav_bt.answers import Advance, Answer
 from uav_bt.app.perceive.inputs import PerceiveOptions
 from uav_bt.app.replay.replayer import ReplayOptions
 from uav_bt.errors import FileError, InputError, ValueRangeError
-from uav_bt.mission.held_landing import HeldLandingConfig
-from uav_bt.mission.hold_model import HoldConfig
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
 from uav_bt.protocols import PolicyView
@@ -110,7 +108,7 @@ def test_a_value_that_cannot_be_used_is_refused_when_it_is_given(
 
 
 SETTINGS = (
-    *(app.Limits, app.RunnerConfig, app.JudgeConfig, app.Site, HoldConfig, HeldLandingConfig),
+    *(app.Limits, app.RunnerConfig, app.JudgeConfig, app.Site),
     *(PreflightConfig, Clearances, PerceiveOptions, plan),
 )
 """What makes the settings that users hand over; all of its numbers have defaults."""

@@ -10,7 +10,6 @@ import pytest
 
 from uav_bt import app
 from uav_bt.app.assembly import Flight, assemble
-from uav_bt.app.file_watch import FileWatch
 from uav_bt.app.reload import TreeReload
 from uav_bt.board import FLIGHT_HEIGHT
 from uav_bt.clock import ManualClock
@@ -38,66 +37,6 @@ def path(tmp_path: Path) -> Path:
     return path
 
 
-# --- files ----------------------------------------------------------------------------------------
-
-
-def test_a_file_is_looked_at_twice_a_second(path: Path) -> None:
-    clock = ManualClock()
-    watch = FileWatch({path: path.read_bytes()}, timer=clock.now)
-    path.write_text("other", encoding="utf-8")
-    clock.advance(0.4)
-    assert not watch.changed()
-    clock.advance(0.2)
-    assert watch.changed()
-    clock.advance(1.0)
-    assert not watch.changed()
-
-
-def test_the_same_content_is_no_change(path: Path) -> None:
-    clock = ManualClock()
-    watch = FileWatch({path: path.read_bytes()}, timer=clock.now)
-    for at_s in (10, 20):
-        path.write_bytes(path.read_bytes())
-        os.utime(path, (at_s, at_s))
-        clock.advance(1.0)
-        assert not watch.changed()
-
-
-def test_an_edit_before_the_first_look_is_noticed(path: Path) -> None:
-    """The watch compares with the loaded content, not with the file at the watch's start."""
-    clock = ManualClock()
-    loaded = path.read_bytes()
-    path.write_text("other", encoding="utf-8")
-    watch = FileWatch({path: loaded}, timer=clock.now)
-    clock.advance(1.0)
-    assert watch.changed()
-
-
-def test_editors_that_rename_are_noticed_and_a_file_that_is_gone_is_waited_for(path: Path) -> None:
-    clock = ManualClock()
-    watch = FileWatch({path: path.read_bytes()}, timer=clock.now)
-    backup = path.rename(path.with_suffix(".bak"))
-    clock.advance(1.0)
-    assert not watch.changed()
-    new = path.with_suffix(".tmp")
-    new.write_text("other", encoding="utf-8")
-    new.rename(path)
-    clock.advance(1.0)
-    assert watch.changed()
-    backup.rename(path)
-    clock.advance(1.0)
-    assert watch.changed()
-
-
-def test_a_pipe_in_place_of_a_file_is_not_waited_for(path: Path) -> None:
-    clock = ManualClock()
-    watch = FileWatch({path: path.read_bytes()}, timer=clock.now)
-    path.unlink()
-    os.mkfifo(path)
-    clock.advance(1.0)
-    assert not watch.changed()
-
-
 # --- trees ----------------------------------------------------------------------------------------
 
 
@@ -114,19 +53,71 @@ class World:
         self.flight.mission.setup(self.flight.context)
         self.reload = TreeReload(self.flight, path, None, self.notes.append, timer=self.clock.now)
 
-    def ask(self) -> bool:
-        """Poll once, a second after the last poll; return whether there is a new tree."""
-        self.clock.advance(1.0)
+    def ask(self, after_s: float = 1.0) -> bool:
+        """Poll once, some time after the last poll; return whether there is a new tree."""
+        self.clock.advance(after_s)
         before = self.flight.mission
         tree = self.reload()
         assert (self.flight.mission is before) == (tree is None)
         return tree is not None
 
 
+HIGHER = text(ABOVE.format(height=1.2, name="higher"))
+
+
+def test_a_file_is_looked_at_twice_a_second(path: Path) -> None:
+    world = World(path)
+    path.write_text(HIGHER, encoding="utf-8")
+    assert not world.ask(after_s=0.4)
+    assert world.ask(after_s=0.2)
+    assert not world.ask()
+
+
+def test_the_same_content_is_no_change(path: Path) -> None:
+    world = World(path)
+    for at_s in (10, 20):
+        path.write_bytes(path.read_bytes())
+        os.utime(path, (at_s, at_s))
+        assert not world.ask()
+    assert world.notes == []
+
+
+def test_an_edit_before_the_first_look_is_noticed(path: Path) -> None:
+    """The loaded content counts, not the file's when the watch begins."""
+    drone = ScriptedDrone()
+    flight = assemble(path, app.FlightOptions(drone=drone))
+    drone.connect()
+    flight.mission.setup(flight.context)
+    path.write_text(HIGHER, encoding="utf-8")
+    clock = ManualClock()
+    reload = TreeReload(flight, path, None, print, timer=clock.now)
+    clock.advance(1.0)
+    assert reload() is not None
+
+
+def test_editors_that_rename_are_noticed_and_a_file_that_is_gone_is_waited_for(path: Path) -> None:
+    world = World(path)
+    backup = path.rename(path.with_suffix(".bak"))
+    assert not world.ask()
+    new = path.with_suffix(".tmp")
+    new.write_text(HIGHER, encoding="utf-8")
+    new.rename(path)
+    assert world.ask()
+    backup.rename(path)
+    assert world.ask()
+
+
+def test_a_pipe_in_place_of_a_file_is_not_waited_for(path: Path) -> None:
+    world = World(path)
+    path.unlink()
+    os.mkfifo(path)
+    assert not world.ask()
+
+
 def test_a_good_edit_is_ready_to_fly_for_the_same_mission(path: Path) -> None:
     world = World(path)
     assert not world.ask()
-    path.write_text(text(ABOVE.format(height=1.2, name="higher")), encoding="utf-8")
+    path.write_text(HIGHER, encoding="utf-8")
     assert world.ask()
     tree = world.flight.mission
     assert tree.is_set_up
@@ -154,7 +145,7 @@ def test_a_bad_edit_is_reported_once_and_its_cure_flies(path: Path, body: str, w
     (note,) = world.notes
     assert words in note
     assert "flies on" in note
-    path.write_text(text(ABOVE.format(height=1.2, name="higher")), encoding="utf-8")
+    path.write_text(HIGHER, encoding="utf-8")
     assert world.ask()
 
 
@@ -234,7 +225,7 @@ def test_trees_of_the_library_are_watched(
 
 def test_a_link_to_another_file_is_an_edit(path: Path, tmp_path: Path) -> None:
     link, other = tmp_path / "link.xml", tmp_path / "other.xml"
-    other.write_text(text(ABOVE.format(height=1.2, name="higher")), encoding="utf-8")
+    other.write_text(HIGHER, encoding="utf-8")
     link.symlink_to(path)
     world = World(link)
     link.unlink()
@@ -261,7 +252,7 @@ class Impatient(ScriptedDrone):
 
 def test_a_flight_goes_on_with_the_edited_tree(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Clock and board continue; halted leaves propose no more movements."""
-    monkeypatch.setattr("uav_bt.app.file_watch._POLL_S", 0.0)
+    monkeypatch.setattr("uav_bt.app.reload._POLL_S", 0.0)
     land = '<Sequence><TakeOff height_m="1.2"/><HoverFor name="low" seconds="1"/><Land/></Sequence>'
     drone = Impatient(
         {

@@ -420,7 +420,7 @@ def test_a_file_that_is_edited_in_flight_flies_from_the_next_tick_on(
         return fly(tree, replace(options, exact_masks=True), listeners=listeners, **given)
 
     monkeypatch.setattr(app, "fly", followed)
-    monkeypatch.setattr("uav_bt.app.file_watch._POLL_S", 0.0)  # period of the poll, wall time
+    monkeypatch.setattr("uav_bt.app.reload._POLL_S", 0.0)  # period of the poll, wall time
     small = ("--scene", "val-a", "--image-size", "320x180", "--profile", "ideal")
     result = run("fly", path, "--watch", *small)
     assert result.exit_code == 0, result.output

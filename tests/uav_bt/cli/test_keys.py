@@ -17,15 +17,21 @@ class Noted:
     """A runner that records its requests."""
 
     def __init__(self) -> None:
-        self.manual = False
+        self._manual = False
         self.asked: list[str] = []
         self.pressed = threading.Event()
+        self.abort = self
 
-    def set_manual(self, *, manual: bool) -> None:
-        self.manual = manual
+    @property
+    def manual(self) -> bool:
+        return self._manual
+
+    @manual.setter
+    def manual(self, manual: bool) -> None:
+        self._manual = manual
         self.pressed.set()
 
-    def request_abort(self, reason: str) -> None:
+    def request(self, reason: str) -> None:
         self.asked.append(f"land: {reason}")
 
     def cut_motors(self, reason: str) -> None:

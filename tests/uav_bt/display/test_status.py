@@ -163,7 +163,7 @@ def test_cut_motors_end_the_mission_at_once_and_are_shown(says: FlyingState) -> 
         def on_tick(self, record: TickRecord) -> None:
             ticks.append(record)
             if [each.phase for each in ticks].count("hover") == 11:
-                runner.cut_motors("a person cut the motors")
+                runner.abort.cut_motors("a person cut the motors")
 
     with LiveStatus(context.board, console=console) as status:
         followers = [each for each in (status, drone, Pilot()) if hasattr(each, "on_tick")]

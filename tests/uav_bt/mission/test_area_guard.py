@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -15,7 +16,6 @@ from uav_bt.mission.limits import Limits
 from uav_bt.mission.safety import Arbiter, Circumstances
 from uav_bt.types import (
     Airframe,
-    Command,
     DroneState,
     FlyingState,
     Hover,
@@ -58,6 +58,14 @@ def test_near_the_boundary_a_velocity_is_slower_in_the_same_direction() -> None:
     assert 0.0 < flown.forward_mps < 0.1
     assert flown.right_mps == pytest.approx(flown.forward_mps / 2.0)
     assert (flown.down_mps, flown.yaw_rate_radps) == (0.1, 0.5)
+
+
+def test_the_speed_towards_the_boundary_is_that_of_horizontal_braking() -> None:
+    """From v = sqrt(2 a s) a prompt drone stops 0.2 m on, however hard it brakes vertically."""
+    prompt = Airframe(command_delay_s=0.0, command_lag_s=0.0, climb_braking_mps2=9.0)
+    for airframe, speed_mps in ((prompt, 0.632), (replace(prompt, braking_mps2=0.1), 0.2)):
+        flown = AreaGuard(AREA, airframe).limited(Velocity(forward_mps=3.0), at(1.8, -1.0))
+        assert velocity(flown).forward_mps == pytest.approx(speed_mps, abs=1e-3)
 
 
 def test_along_the_boundary_and_away_from_it_nothing_is_cut() -> None:
@@ -151,40 +159,43 @@ def test_whatever_is_asked_a_late_drone_stays_inside(
 # --- in the arbiter -------------------------------------------------------------------------------
 
 
-def decided(movement: Movement, place: Pose2D | None, *, grounded: bool = False) -> Command:
+def decided(
+    movement: Movement,
+    place: Pose2D | None,
+    *,
+    grounded: bool = False,
+    held: Movement | None = None,
+) -> Movement:
     proposals = Proposals()
     proposals.propose("leaf", movement)
     state = DroneState(
         captured_s=0.0, flying=FlyingState.FLYING, height_m=1.5, height_above_ground_m=1.5
     )
+    now = Circumstances(state=state, place=place)
     arbiter = Arbiter(Limits(), area=AREA, grounded=grounded)
-    return arbiter.decide(proposals, Circumstances(state=state, place=place))
+    return arbiter.decide(proposals, now, lambda each: held or each).movement
 
 
-def test_the_arbiter_cuts_velocities_and_steps() -> None:
-    assert decided(Velocity(forward_mps=0.5), at(2.4, -1.0)) == Command(movement=Velocity())
-    assert decided(MoveBy(id=1, forward_m=0.5), at(2.4, -1.0)) == Command(movement=MoveBy(id=1))
-
-
-@pytest.mark.parametrize("place", [None, at(0.0, 0.0), at(2.4, -1.0)])
-def test_landings_and_take_offs_are_never_cut(place: Pose2D | None) -> None:
-    for movement in (Land(), TakeOff(), Hover()):
-        assert decided(movement, place) == Command(movement=movement)
+@pytest.mark.parametrize(
+    ("asked", "place", "flown"),
+    [
+        (Velocity(forward_mps=0.5), at(2.4, -1.0), Velocity()),
+        (MoveBy(id=1, forward_m=0.5), at(2.4, -1.0), MoveBy(id=1)),
+        *((move, place, move) for move in (Land(), TakeOff(), Hover())
+          for place in (None, at(0.0, 0.0), at(2.4, -1.0))),
+    ],
+)  # fmt: skip
+def test_the_arbiter_cuts_velocities_and_steps_never_landings_and_take_offs(
+    asked: Movement, place: Pose2D | None, flown: Movement
+) -> None:
+    assert decided(asked, place) == flown
 
 
 def test_a_landing_that_keeps_its_place_still_descends_outside() -> None:
     """The position hold flies a landing as a velocity."""
-    proposals = Proposals()
-    proposals.propose("leaf", Land())
-    state = DroneState(
-        captured_s=0.0, flying=FlyingState.FLYING, height_m=1.0, height_above_ground_m=1.0
-    )
     held = Velocity(forward_mps=0.1, down_mps=0.4)
-    command = Arbiter(Limits(), area=AREA).decide(
-        proposals, Circumstances(state=state, place=at(2.4, -1.0)), lambda _: held
-    )
-    assert command == Command(movement=Velocity(down_mps=0.4))
+    assert decided(Land(), at(2.4, -1.0), held=held) == Velocity(down_mps=0.4)
 
 
 def test_a_mission_that_stays_on_the_ground_gets_no_take_off() -> None:
-    assert decided(TakeOff(), at(0.0, 0.0), grounded=True) == Command(movement=Hover())
+    assert decided(TakeOff(), at(0.0, 0.0), grounded=True) == Hover()

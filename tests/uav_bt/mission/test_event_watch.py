@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
 from uav_bt.board.context import MissionContext
 from uav_bt.mission.event_watch import EventWatch
 from uav_bt.mission.safety import Override
 from uav_bt.tree.branch_watch import BranchEnds
 from uav_bt.tree.scripted import ScriptedLeaf
-from uav_bt.types import FlyingState, Hover
+from uav_bt.types import FlyingState
 from uav_bt.types.flight_results import EventKind
 
 QUIET: dict[str, Any] = {
@@ -32,46 +34,38 @@ def events_of(
     return [(event.kind, event.text) for event in context.notes.events]
 
 
-def test_a_quiet_tick_has_no_event() -> None:
-    assert events_of({}, {}, {}) == []
+STALE = {"override": Override.STALE_FRAME, "reasons": ("frame: black",)}
+LINK, MANUAL = {"override": Override.LINK}, {"override": Override.MANUAL}
+GROUND, AIR = {"flying": FlyingState.LANDED}, {"flying": FlyingState.HOVERING}
 
 
-def test_each_phase_is_an_event_with_the_leaf_that_moves() -> None:
-    context = MissionContext()
-    context.proposals.propose("M/Explore", Hover())
-    explore, search = {"phase": "explore"}, {"phase": "search"}
-    assert events_of({}, explore, explore, search, context=context) == [
-        (EventKind.PHASE, "explore"),
-        (EventKind.PHASE, "search"),
-    ]
-    assert context.notes.events[0].node == "M/Explore"
-
-
-def test_overrides_begin_and_end() -> None:
-    stale = {"override": Override.STALE_FRAME, "reasons": ("frame: black",)}
-    link = {"override": Override.LINK}
-    assert events_of({}, stale, stale, link, {}) == [
-        (EventKind.OVERRIDE, "stale frame: frame: black"),
-        (EventKind.OVERRIDE_OVER, "stale frame"),
-        (EventKind.OVERRIDE, "link lost"),
-        (EventKind.OVERRIDE_OVER, "link lost"),
-    ]
-
-
-def test_a_pilot_takes_over_and_hands_back() -> None:
-    manual = {"override": Override.MANUAL}
-    assert events_of(manual, manual, {}) == [
-        (EventKind.PILOT, "a person took over"),
-        (EventKind.PILOT_OVER, "the mission goes on"),
-    ]
-
-
-def test_the_landing_is_an_event_and_standing_is_none() -> None:
-    ground, air = {"flying": FlyingState.LANDED}, {"flying": FlyingState.HOVERING}
-    assert events_of(ground, air, ground, ground, air, ground) == [
-        (EventKind.LANDED, "the drone landed"),
-        (EventKind.LANDED, "the drone landed"),
-    ]
+@pytest.mark.parametrize(
+    ("ticks", "events"),
+    [
+        (({}, {}, {}), []),
+        (
+            ({}, STALE, STALE, LINK, {}),
+            [
+                (EventKind.OVERRIDE, "stale frame: frame: black"),
+                (EventKind.OVERRIDE_OVER, "stale frame"),
+                (EventKind.OVERRIDE, "link lost"),
+                (EventKind.OVERRIDE_OVER, "link lost"),
+            ],
+        ),
+        (
+            (MANUAL, MANUAL, {}),
+            [
+                (EventKind.PILOT, "a person took over"),
+                (EventKind.PILOT_OVER, "the mission goes on"),
+            ],
+        ),
+        ((GROUND, AIR, GROUND, GROUND, AIR, GROUND), [(EventKind.LANDED, "the drone landed")] * 2),
+    ],
+)
+def test_a_change_is_an_event(
+    ticks: tuple[dict[str, Any], ...], events: list[tuple[str, str]]
+) -> None:
+    assert events_of(*ticks) == events
 
 
 def test_failed_branches_and_the_end_have_path_and_reason() -> None:

@@ -57,11 +57,32 @@ def errors_m(report: Callable[[float], Observation], last_s: float = 60.0) -> li
     return found
 
 
-def test_the_altimeter_s_slow_error_is_taken_off() -> None:
-    def report(time_s: float) -> Observation:
-        return observed(time_s, altimeter_m=0.1 * math.sin(time_s / 20.0))
+def between(begin_s: float, end_s: float, time_s: float) -> float:
+    return 0.4 if begin_s < time_s < end_s else 0.0
 
-    assert np.abs(errors_m(report)).max() < 0.03
+
+@pytest.mark.parametrize(
+    ("report", "from_tick", "most_m"),
+    [
+        # The altimeter's slow error is taken off.
+        (lambda now_s: observed(now_s, altimeter_m=0.1 * math.sin(now_s / 20.0)), 0, 0.03),
+        # A box or the pad below is no ground; a take-off from a box counts from the ground.
+        (lambda now_s: observed(now_s, surface_m=between(10.0, 40.0, now_s)), 0, 1e-6),
+        (lambda now_s: observed(now_s, surface_m=0.4), 0, 1e-6),
+        # Without a rangefinder the height below stays at a constant distance from the altitude.
+        (lambda now_s: observed(now_s, surface_m=0.15), 0, 1e-6),
+        # With a false sink rate it hovers above the pad for 40 s; over ground it recovers.
+        (
+            lambda now_s: observed(now_s, surface_m=between(10.0, 50.0, now_s), down_mps=0.05),
+            530,
+            0.05,
+        ),
+    ],
+)
+def test_errors_and_objects_below_are_taken_off(
+    report: Callable[[float], Observation], from_tick: int, most_m: float
+) -> None:
+    assert np.abs(errors_m(report)[from_tick:]).max() < most_m
 
 
 def test_the_noise_of_both_is_smoothed() -> None:
@@ -74,35 +95,6 @@ def test_the_noise_of_both_is_smoothed() -> None:
     off_m = errors_m(report)
     assert np.std(off_m) < 0.015
     assert np.std(np.diff(off_m)) < 0.01
-
-
-def test_a_box_or_the_pad_below_is_no_ground() -> None:
-    def report(time_s: float) -> Observation:
-        over = 10.0 < time_s < 40.0
-        return observed(time_s, surface_m=0.4 if over else 0.0)
-
-    assert np.abs(errors_m(report)).max() < 1e-6
-
-
-def test_a_wrong_velocity_does_not_take_the_pad_for_the_ground_for_long() -> None:
-    """It hovers above the pad for 40 s with a false sink rate; over ground it recovers."""
-
-    def report(time_s: float) -> Observation:
-        surface_m = 0.4 if 10.0 < time_s < 50.0 else 0.0
-        return observed(time_s, surface_m=surface_m, down_mps=0.05)
-
-    assert np.abs(errors_m(report)[530:]).max() < 0.05
-
-
-def test_a_drone_without_a_rangefinder_flies_by_its_altimeter() -> None:
-    def report(time_s: float) -> Observation:
-        return observed(time_s, surface_m=0.15)  # at a constant distance from the altitude
-
-    assert np.abs(errors_m(report)).max() < 1e-6
-
-
-def test_a_take_off_from_a_box_counts_from_the_ground() -> None:
-    assert np.abs(errors_m(lambda time_s: observed(time_s, surface_m=0.4))).max() < 1e-6
 
 
 def test_a_climb_is_followed_at_once_and_late_frames_are_placed_where_they_were() -> None:

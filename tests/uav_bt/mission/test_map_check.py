@@ -1,8 +1,11 @@
-"""The mission's map against the truth: its pose in the world, its drift, its objects."""
+"""The mission's map: against the truth, and its faults; one without any ground ends the mission."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,79 +14,42 @@ from tests.paper_lab import CLASSES
 from tests.worlds import values
 from uav_bt.mission.flight_log import FlightLog
 from uav_bt.mission.flight_report import FlightReport
-from uav_bt.mission.judge import Outcome, Verdict
-from uav_bt.mission.map_alignment import MapAlignment
-from uav_bt.mission.map_check import MapCheck
-from uav_bt.mission.tick import TickRecord
-from uav_bt.tree import Status
-from uav_bt.types import (
-    Attitude,
-    Command,
-    DroneState,
-    FlyingState,
-    Hover,
-    Observation,
-    Pose,
-    Pose2D,
-    TakeOff,
-)
+from uav_bt.mission.map_check import MapAlignment, MapCheck, MapWatch
+from uav_bt.types import Attitude, DroneState, FlyingState, Pose, Pose2D, TakeOff
 from uav_bt.types.ground import Footprint, Ground, Standing
-from uav_bt.types.site_map import MapObject, SiteMap
+from uav_bt.types.site_map import MapMark, MapObject, SiteMap
 
 BOX_1, BOX_2 = 4, 5
 START = Pose(x_m=-1.0, y_m=0.5, z_m=0.0, yaw_rad=math.radians(30))
 REPORTED_RAD = math.radians(20)  # clockwise: the map's x axis is at 50 degrees in the world
-
-
-def tick(
-    time_s: float,
-    pose: Pose = START,
-    *,
-    reported_rad: float = REPORTED_RAD,
-    taking_off: bool = False,
-    referee: bool = True,
-) -> TickRecord:
-    truth = values.truth(pose, time_s, clearance_m=math.inf)
-    state = DroneState(
-        captured_s=time_s, flying=FlyingState.FLYING, attitude=Attitude(yaw_rad=reported_rad)
-    )
-    return TickRecord(
-        index=round(10 * time_s),
-        time_s=time_s,
-        observation=Observation(frame=None, state=state),
-        tree_status=Status.RUNNING,
-        phase="",
-        active=(),
-        command=Command(movement=TakeOff() if taking_off else Hover()),
-        proposed_by=None,
-        override=None,
-        compute_s=0.001,
-        truth=truth if referee else None,
-    )
+NONE = np.zeros((5, 5), dtype=np.bool_)
 
 
 def site_map(
-    x_m: float = 0.0, y_m: float = 0.0, *objects: tuple[int, float, float], restarts: int = 0
+    x_m: float = 0.0, y_m: float = 0.0, *objects: tuple[int, float, float], **changes: Any
 ) -> SiteMap:
-    none = np.zeros((2, 2), dtype=np.bool_)
-    return SiteMap(
-        classes=CLASSES,
-        pose=Pose2D(x_m=x_m, y_m=y_m, yaw_rad=REPORTED_RAD),
-        corner_m=(0.0, 0.0),
-        cell_m=0.1,
-        seen_s=np.full((2, 2), -np.inf),
-        free=none,
-        outside=none,
-        passed=none,
-        obstacles_m=np.empty((0, 2)),
-        edges_m=np.empty((0, 2)),
-        captured_s=0.0,
-        objects=tuple(
+    given = {
+        "classes": CLASSES,
+        "pose": Pose2D(x_m=x_m, y_m=y_m, yaw_rad=REPORTED_RAD),
+        "corner_m": (0.0, 0.0),
+        "cell_m": 0.1,
+        "seen_s": np.full((5, 5), -np.inf),
+        "free": ~NONE,
+        "outside": NONE,
+        "passed": NONE,
+        "obstacles_m": np.empty((0, 2)),
+        "edges_m": np.empty((0, 2)),
+        "captured_s": 0.0,
+        "objects": tuple(
             MapObject(class_id=class_id, x_m=x, y_m=y, size_m=0.4, std_m=0.1, seen_s=0.0)
             for class_id, x, y in objects
         ),
-        restarts=restarts,
-    )
+    }
+    return SiteMap(**{**given, **changes})
+
+
+def at(x_m: float, y_m: float) -> Pose:
+    return Pose(x_m=x_m, y_m=y_m, z_m=1.5, yaw_rad=START.yaw_rad)
 
 
 def in_map(x_m: float, y_m: float) -> tuple[float, float]:
@@ -95,11 +61,18 @@ def in_map(x_m: float, y_m: float) -> tuple[float, float]:
     return ahead, right
 
 
+# --- its place in the world -----------------------------------------------------------------------
+
+
 def test_a_map_is_mirrored_turned_and_moved_into_the_world() -> None:
+    """Noise of the reported yaw does not turn it, nor a drift in flight."""
     alignment = MapAlignment()
     alignment.add(0.0, START, REPORTED_RAD, None)
     assert alignment.placement is None
-    alignment.add(0.1, START, REPORTED_RAD, site_map())
+    for index in range(1, 11):
+        noise_rad = 0.05 if index % 2 else -0.05
+        alignment.add(index / 10, START, REPORTED_RAD + noise_rad, site_map())
+    alignment.add(5.0, START, REPORTED_RAD + 1.0, site_map())
     placement = alignment.placement
     assert placement is not None
     corner = np.array([in_map(2.0, -1.5), in_map(-1.0, 0.5)])
@@ -108,51 +81,40 @@ def test_a_map_is_mirrored_turned_and_moved_into_the_world() -> None:
     assert (pose.x_m, pose.y_m, pose.yaw_rad) == pytest.approx((-1.0, 0.5, math.radians(30)))
 
 
-def test_noise_of_the_reported_yaw_does_not_turn_the_map() -> None:
-    alignment = MapAlignment()
-    for index in range(11):
-        noise_rad = 0.05 if index % 2 else -0.05
-        alignment.add(index / 10, START, REPORTED_RAD + noise_rad, site_map())
-    alignment.add(5.0, START, REPORTED_RAD + 1.0, site_map())  # it drifts in flight
-    placement = alignment.placement
-    assert placement is not None
-    assert placement.frame.yaw_rad == pytest.approx(math.radians(50), abs=0.01)
-
-
 def test_a_map_that_begins_in_flight_is_aligned_where_it_began() -> None:
     alignment = MapAlignment()
     alignment.add(0.0, START, REPORTED_RAD, None)
-    there = Pose(x_m=1.0, y_m=1.0, z_m=1.5, yaw_rad=START.yaw_rad)
-    alignment.add(9.0, there, REPORTED_RAD, site_map(0.2, 0.0))
+    alignment.add(9.0, at(1.0, 1.0), REPORTED_RAD, site_map(0.2, 0.0))
     placement = alignment.placement
     assert placement is not None
     pose = placement.pose_to_world(site_map(0.2, 0.0).pose)
     assert (pose.x_m, pose.y_m) == pytest.approx((1.0, 1.0))
 
 
-class Flight:
-    """A flight's log, with a map that the test sets."""
+# --- against the truth ----------------------------------------------------------------------------
 
-    def __init__(self, *standing: Standing) -> None:
+
+class Flight:
+    """A flight's log, with a map that the test sets; the take-off is commanded at 1 s."""
+
+    def __init__(self, *standing: Standing, referee: bool = True) -> None:
         self.map: SiteMap | None = None
+        self.referee = referee
         ground = Ground(size_m=(5.0, 4.0), standing=standing)
         self.log = FlightLog(map_check=MapCheck(ground, lambda: self.map))
-        self.log.on_tick(tick(0.0))
+        self.at(0.0)
 
-    def at(self, time_s: float, pose: Pose = START, **told: bool) -> None:
-        self.log.on_tick(tick(time_s, pose, **told))
+    def at(self, time_s: float, pose: Pose = START) -> None:
+        state = DroneState(
+            captured_s=time_s,
+            flying=FlyingState.FLYING,
+            attitude=Attitude(yaw_rad=REPORTED_RAD),
+        )
+        truth = values.truth(pose, time_s, clearance_m=math.inf) if self.referee else None
+        self.log.on_tick(values.tick(state, TakeOff() if time_s == 1.0 else None, truth=truth))
 
     def report(self) -> FlightReport:
-        return self.log.report(
-            Verdict(outcome=Outcome.SUCCESS, reason="landed"),
-            scene="a",
-            seed=0,
-            tree="t.xml",
-            policies={},
-            drone="twin",
-            profile=None,
-            stage_times_s={},
-        )
+        return values.report(self.log)
 
 
 def box(class_id: int | None, x_m: float, y_m: float) -> Standing:
@@ -176,49 +138,102 @@ def test_objects_are_found_by_class_and_place() -> None:
     assert report.object_errors_m == pytest.approx([0.1])
 
 
-def test_the_drift_is_measured_after_the_take_off_and_at_the_end() -> None:
+@pytest.mark.parametrize(
+    ("ticks", "expected"),
+    [
+        (
+            [(90.9, (0.5, 0.0), (0.5, 0.1), 0), (91.0, (0.5, 0.0), (0.5, 0.2), 0),
+             (120.0, (0.5, 0.0), (0.5, 0.3), 0)],
+            (0.2, None, 0.3, 0),
+        ),
+        # Carried 2 m aside, it begins its map anew there, without drift.
+        ([(10.0, (0.0, 2.0), (0.0, 0.0), 1), (11.0, (0.0, 2.0), (0.0, 0.1), 1)],
+         (None, None, 0.1, 1)),
+        # A map that is not new is not compared with where the drone is by now.
+        ([(2.0, (3.0, 0.0), None, 0)], (None, None, 0.0, 0)),
+    ],
+)  # fmt: skip
+def test_the_drift_is_measured_after_the_take_off_and_at_the_end(
+    ticks: list[Any], expected: tuple[float | None, ...]
+) -> None:
+    """Each tick has a time, the true place, the believed one, and the number of new beginnings."""
     flight = Flight()
     flight.map = site_map()
-    flight.at(1.0, taking_off=True)
-    for time_s, off_m in ((90.9, 0.1), (91.0, 0.2), (120.0, 0.3)):
-        flight.map = site_map(*in_map(0.5, off_m))
-        flight.at(time_s, Pose(x_m=0.5, y_m=0.0, z_m=1.5, yaw_rad=0.0))
+    flight.at(1.0)
+    for time_s, true, believed, restarts in ticks:
+        if believed is not None:
+            flight.map = site_map(*in_map(*believed), restarts=restarts)
+        flight.at(time_s, at(*true))
     report = flight.report()
-    assert report.map_drift_90s_m == pytest.approx(0.2)
-    assert report.map_drift_180s_m is None
-    assert report.map_drift_m == pytest.approx(0.3)
-    assert report.map_restarts == 0
-
-
-def test_a_map_that_was_begun_anew_is_aligned_where_it_begins() -> None:
-    """After the drone was carried 2 m aside, its new map begins there without drift."""
-    flight = Flight()
-    flight.map = site_map()
-    flight.at(1.0, taking_off=True)
-    for time_s, off_m in ((10.0, 0.0), (11.0, 0.1)):
-        flight.map = site_map(*in_map(0.0, off_m), restarts=1)
-        flight.at(time_s, Pose(x_m=0.0, y_m=2.0, z_m=1.5, yaw_rad=0.0))
-    report = flight.report()
-    assert report.map_drift_m == pytest.approx(0.1)
-    assert report.map_restarts == 1
-
-
-def test_a_map_that_is_not_new_is_not_compared_with_where_the_drone_is_by_now() -> None:
-    flight = Flight()
-    flight.map = site_map()
-    flight.at(1.0, taking_off=True)
-    flight.at(2.0, Pose(x_m=3.0, y_m=0.0, z_m=1.5, yaw_rad=0.0))
-    assert flight.report().map_drift_m == pytest.approx(0.0)
+    drifts = (report.map_drift_90s_m, report.map_drift_180s_m, report.map_drift_m)
+    assert (*drifts, report.map_restarts) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("referee", [True, False])
 def test_without_a_map_or_a_referee_there_is_no_result(*, referee: bool) -> None:
-    flight = Flight(box(BOX_1, 1.0, 1.0))
+    flight = Flight(box(BOX_1, 1.0, 1.0), referee=referee)
     if not referee:
         flight.map = site_map()
-        flight.log = FlightLog(map_check=MapCheck(Ground(size_m=(5.0, 4.0)), lambda: flight.map))
-    flight.at(1.0, taking_off=True, referee=referee)
+    flight.at(1.0)
     report = flight.report().to_json()
     fields = {name for name in report if name.startswith(("map_", "object", "false"))}
     assert len(fields) == 9
     assert all(report[name] is None for name in fields)
+
+
+# --- its faults -----------------------------------------------------------------------------------
+
+TICK_S = 0.1
+MARK = MapMark(x_m=1.0, y_m=0.0, std_m=0.05, seen_s=0.0)
+GROUND = site_map(seen_s=np.zeros((5, 5)), mark=MARK)
+SEEN = replace(GROUND, seen_s=np.full((5, 5), 1e6))
+NO_GROUND = replace(GROUND, seen_s=np.full((5, 5), -np.inf), mark=None)
+LATER = replace(GROUND, seen_s=np.full((5, 5), 20.0))
+ANEW = [replace(SEEN, restarts=1)] * 50
+ONCE, TWICE = (replace(SEEN, mark=replace(MARK, moved_m=far_m)) for far_m in (1.2, 2.0))
+
+
+@pytest.mark.parametrize(
+    ("maps", "airborne", "words", "trouble"),
+    [
+        ([SEEN] * 400, True, "", None),
+        ([None] * 400, True, "", None),
+        ([NO_GROUND] * 70, True, "", None),
+        ([NO_GROUND] * 100, True, "no ground in view", None),
+        ([NO_GROUND] * 290, True, "no ground in view", None),
+        ([NO_GROUND] * 320, True, "no ground in view", "no ground in view for 32 s"),
+        ([*[NO_GROUND] * 320, SEEN], True, "", None),
+        ([NO_GROUND] * 400, False, "", None),
+        # The map's ground is old, but the drone may still return to it.
+        ([GROUND] * 400, True, "no ground in view", None),
+        ([LATER] * 400, True, "no ground in view", None),
+        ([replace(SEEN, full=True)] * 300, True, "larger than its map", None),
+        ([SEEN, *ANEW], True, "begun anew", None),
+        ([SEEN, *ANEW * 3], True, "", None),
+        ([SEEN, *ANEW * 3, replace(SEEN, restarts=2)], True, "begun anew", None),
+        ([SEEN, ONCE], True, "landing mark stands 1.2 m", None),
+        ([SEEN, ONCE, TWICE], True, "landing mark stands 0.8 m", None),
+        ([SEEN, *[ONCE] * 200], True, "", None),
+    ],
+)
+def test_what_is_wrong_is_named_for_some_seconds_or_while_it_lasts(
+    maps: Sequence[SiteMap | None], words: str, trouble: str | None, *, airborne: bool
+) -> None:
+    """Each map was captured in its tick."""
+    watch = MapWatch()
+    for tick, each in enumerate(maps):
+        now_s = tick * TICK_S
+        watch.update(each and replace(each, captured_s=now_s), now_s, airborne=airborne)
+    assert watch.trouble == trouble
+    assert words in "; ".join(watch.warnings)
+    assert bool(words) is bool(watch.warnings)
+
+
+def test_what_lasts_and_what_happens_again_is_logged_once_each(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    watch, anew = MapWatch(), [*ANEW * 3, *[replace(SEEN, restarts=2)] * 20]
+    for tick, each in enumerate([*[NO_GROUND] * 200, SEEN, *anew]):
+        watch.update(replace(each, captured_s=tick * TICK_S), tick * TICK_S, airborne=True)
+    logged = [record.message[:20] for record in caplog.records]
+    assert logged == ["no ground in view: t", "the map was begun an", "the map was begun an"]

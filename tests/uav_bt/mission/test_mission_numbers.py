@@ -16,8 +16,8 @@ from uav_bt.board.flight_notes import FlightNotes
 from uav_bt.board.numbers import NUMBER_KEYS
 from uav_bt.clock import ManualClock
 from uav_bt.mission.judge import Judge, JudgeConfig
-from uav_bt.mission.mission_numbers import MissionNumbers
-from uav_bt.mission.whereabouts import Whereabouts
+from uav_bt.mission.mission_numbers import MissionNumbers, Whereabouts
+from uav_bt.mission.position_hold import BLIND_S
 from uav_bt.testing import blank_frame
 from uav_bt.types import (
     CameraModel,
@@ -79,7 +79,7 @@ def site_map(captured_s: float, **changes: object) -> SiteMap:
     cells = np.zeros((10, 10), dtype=bool)
     passed = cells.copy()
     passed[:5, :5] = True
-    values: dict[str, object] = {
+    given: dict[str, object] = {
         "classes": CLASSES,
         "pose": Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0),
         "corner_m": (-0.5, -0.5),
@@ -92,7 +92,7 @@ def site_map(captured_s: float, **changes: object) -> SiteMap:
         "edges_m": np.empty((0, 2)),
         "captured_s": captured_s,
     }
-    return SiteMap(**(values | changes))  # type: ignore[arg-type]
+    return SiteMap(**(given | changes))  # type: ignore[arg-type]
 
 
 def test_a_mission_without_perception_knows_the_drone_alone() -> None:
@@ -118,23 +118,52 @@ def test_a_mission_without_perception_knows_the_drone_alone() -> None:
     }
 
 
-def test_old_telemetry_and_photographs_are_counted() -> None:
-    world = World()
-    heard = DroneState(captured_s=world.clock.now(), flying=FlyingState.FLYING)
-    world.clock.advance(4.0)
-    world.notes.photos.append(
-        Photo(
-            label="",
-            file=None,
-            class_map=None,
-            time_s=1.0,
-            pose=None,
-            height_m=1.5,
-            gimbal_pitch_deg=-30.0,
-        )
+def test_old_telemetry_photographs_and_the_time_left_are_counted() -> None:
+    judge = Judge(JudgeConfig(time_limit_s=50.0))
+    judge.took_off(0.0)
+    world = World(judge=judge)
+    heard = DroneState(
+        captured_s=world.clock.now(), flying=FlyingState.FLYING, battery=0.6, link=0.3
     )
-    numbers = world.tick(heard)
-    assert (numbers["unheard_s"], numbers["photos_count"]) == (4.0, 1.0)
+    world.clock.advance(4.0)
+    photo = {"label": "", "file": None, "class_map": None, "time_s": 1.0, "pose": None}
+    world.notes.photos.append(Photo(**photo, height_m=1.5, gimbal_pitch_deg=-30.0))  # type: ignore[arg-type]
+    now = world.tick(heard)
+    assert (now["unheard_s"], now["photos_count"], now["time_left_s"]) == (4.0, 1.0, 46.0)
+    assert (now["battery_share"], now["link_share"], now["flying"]) == (0.6, 0.3, 1.0)
+
+
+def charge(now_s: float, charge: float | None, *, flies: bool = True) -> DroneState:
+    flying = FlyingState.FLYING if flies else FlyingState.LANDED
+    return DroneState(captured_s=now_s, flying=flying, battery=charge)
+
+
+@pytest.mark.parametrize("step", [0.0, 0.01])
+@pytest.mark.parametrize("seconds", [19, 25, 60, 400])
+def test_the_use_of_the_battery_is_overestimated_by_a_step_at_most(
+    seconds: int, step: float
+) -> None:
+    """It is known after 20 s; the battery reports in steps."""
+    world, use = World(), -1.0
+    for now_s in range(seconds + 1):
+        left = 0.9 - 0.04 * now_s / 60.0
+        told = charge(now_s, round(left / step) * step if step else left)
+        use = world.tick(told)["battery_per_min"]
+        world.clock.advance(1.0)
+    assert (use == -1.0) is (seconds < 20)
+    assert seconds < 20 or 0.04 - 1e-9 <= use <= 0.04 + 60.0 * 0.021 / seconds
+
+
+def test_the_next_flight_is_measured_anew_and_time_on_the_ground_does_not_count() -> None:
+    """A battery that reports nothing is left out."""
+    world, uses = World(), []
+    for after_s, left, flies in (
+        *((0.0, 0.9, True), (50.0, None, True), (10.0, 0.86, True), (540.0, 0.8, False)),
+        *((100.0, 0.8, True), (60.0, 0.6, True)),
+    ):
+        world.clock.advance(after_s)
+        uses.append(world.tick(charge(world.clock.now(), left, flies=flies))["battery_per_min"])
+    assert uses == pytest.approx([-1.0, -1.0, 0.05, 0.05, 0.05, 0.21])
 
 
 def test_the_place_counts_from_the_take_off_pose() -> None:
@@ -167,11 +196,13 @@ def test_the_map_corrects_the_place_and_its_correction_outlives_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("untracked_s", "contradicted_s", "localised"), [(0.5, 0.0, 1), (9.0, 0.0, 0), (0.5, 1.5, 0)]
+    ("untracked_s", "contradicted_s", "localised"),
+    [(BLIND_S - 0.1, 0.9, 1), (BLIND_S + 0.1, 0.0, 0), (0.5, 1.1, 0)],
 )
 def test_a_drone_is_localised_while_ground_and_map_agree(
     untracked_s: float, contradicted_s: float, localised: int
 ) -> None:
+    """For as long as the position hold keeps its place."""
     world = World()
     world.move(0.0, 0.0, untracked_s=untracked_s)
     assert world.tick()["localised"] == 0, "without a map"
@@ -190,19 +221,13 @@ def test_the_map_is_counted_and_stays_counted_when_it_is_stale() -> None:
     assert (later["objects_count"], later["mark_known"], later["coverage_share"]) == (2, 1, 0.25)
 
 
-def test_a_tracked_mark_is_known_until_it_is_stale() -> None:
+def test_a_tracked_mark_is_known_until_it_is_stale_and_the_belief_falls_back_on_the_map() -> None:
     world = World()
     fix = MarkFix(captured_s=0.0, forward_m=1.0, right_m=0.0, height_m=0.4, detected=True)
     world.board.write(MARK, fix, captured_s=0.0)
-    assert world.tick()["mark_known"] == 1.0
-    assert world.whereabouts.belief().mark_m == 1.0
+    assert (world.tick()["mark_known"], world.whereabouts.belief().mark_m) == (1.0, 1.0)
     world.clock.advance(30.0)
-    assert world.tick()["mark_known"] == 0.0
-    assert world.whereabouts.belief().mark_m is None
-
-
-def test_the_belief_falls_back_on_the_marks_place_on_the_map() -> None:
-    world = World()
+    assert (world.tick()["mark_known"], world.whereabouts.belief().mark_m) == (0.0, None)
     mark = MapMark(x_m=3.0, y_m=4.0, std_m=0.1, seen_s=0.0)
     world.map(mark=mark, pose=Pose2D(x_m=3.0, y_m=3.5, yaw_rad=1.0))
     assert world.whereabouts.belief().mark_m == pytest.approx(0.5)
@@ -228,11 +253,3 @@ def test_a_map_that_never_saw_ground_is_blind_from_its_beginning() -> None:
         blind_s = world.tick(frame_s=world.clock.now())["blind_s"]
         world.clock.advance(3.0)
     assert blind_s == pytest.approx(3.0)
-
-
-def test_the_time_left_is_that_of_the_judge() -> None:
-    judge = Judge(JudgeConfig(time_limit_s=50.0))
-    world = World(judge=judge)
-    judge.took_off(0.0)
-    world.clock.advance(20.0)
-    assert world.tick()["time_left_s"] == pytest.approx(30.0)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from uav_bt.mission.lasting import Lasting
 from uav_bt.mission.obedience import ObedienceWatch
 from uav_bt.types import (
     Attitude,
@@ -35,111 +37,58 @@ Body = Callable[[float], tuple[Movement, DroneState]]
 """Returns the commanded movement and the drone's report at a time, s."""
 
 
-def first_complaint(body: Body, *, seconds: float = 60.0, gimbal_rad: float | None = None) -> str:
+def heard(
+    body: Body,
+    seconds: float = 60.0,
+    *,
+    gimbal_rad: float | None = None,
+    captured_s: float | None = None,
+) -> tuple[str, float]:
+    """Return the first complaint and its time, s; the telemetry is fresh if it has no own time."""
     watch = ObedienceWatch()
     gimbal = None if gimbal_rad is None else GimbalTo(pitch_rad=gimbal_rad)
     for tick in range(round(seconds / TICK_S)):
         now_s = tick * TICK_S
         movement, state = body(now_s)
-        command = Command(movement=movement, gimbal=gimbal)
-        found = watch.complaint(command, replace(state, captured_s=now_s), now_s)
+        state = replace(state, captured_s=now_s if captured_s is None else captured_s)
+        found = watch.complaint(Command(movement=movement, gimbal=gimbal), state, now_s)
         if found is not None:
-            return found
-    return ""
+            return found, now_s
+    return "", math.inf
 
 
-def status(number: int, state: MovementState) -> DroneState:
-    return replace(HOVERS, movement=MovementStatus(id=number, state=state))
-
-
-def steps(lasts_s: float, end: MovementState, *, yaw_rad: float = 0.0) -> Body:
+def steps(
+    lasts_s: float, end: MovementState, *, ordered_rad: float = 0.0, turned_rad: float = 0.0
+) -> Body:
     """Return a mission of consecutive steps, each reported as ended near the end of its time."""
 
     def body(now_s: float) -> tuple[Movement, DroneState]:
         number = int(now_s // lasts_s)
         over = now_s % lasts_s > lasts_s - 2.5 * TICK_S
-        word = end if over else MovementState.RUNNING
-        turned_rad = yaw_rad * (now_s / lasts_s)
-        state = replace(status(number, word), attitude=Attitude(yaw_rad=turned_rad))
-        return MoveBy(id=number, forward_m=0.3, yaw_rad=abs(yaw_rad)), state
+        word = MovementStatus(id=number, state=end if over else MovementState.RUNNING)
+        heading = Attitude(yaw_rad=turned_rad * (now_s / lasts_s))
+        state = replace(HOVERS, movement=word, attitude=heading)
+        return MoveBy(id=number, forward_m=0.3, yaw_rad=ordered_rad), state
 
     return body
 
 
-def test_steps_that_are_done_are_obedience() -> None:
-    assert first_complaint(steps(3.0, MovementState.DONE)) == ""
+def turns(ordered: Callable[[float], float], heading: Callable[[float], float]) -> Body:
+    return lambda now_s: (
+        Velocity(yaw_rate_radps=ordered(now_s)),
+        replace(HOVERS, attitude=Attitude(yaw_rad=math.remainder(heading(now_s), math.tau))),
+    )
 
 
-def test_steps_that_flow_into_each_other_need_no_end() -> None:
-    assert first_complaint(steps(1.5, MovementState.RUNNING)) == ""
+def steady(movement: Movement, **state: Any) -> Body:
+    return lambda _: (movement, replace(HOVERS, **state))
 
 
-def test_steps_that_never_end_are_named() -> None:
-    assert "movements are not done" in first_complaint(steps(6.0, MovementState.RUNNING))
-
-
-@pytest.mark.parametrize("end", [MovementState.INTERRUPTED, MovementState.REJECTED])
-def test_steps_that_the_drone_breaks_off_are_named(end: MovementState) -> None:
-    assert "in a row were interrupted" in first_complaint(steps(1.0, end))
-
-
-def test_a_turn_that_is_reported_and_not_seen_is_named() -> None:
-    stays = steps(2.0, MovementState.DONE, yaw_rad=0.0)
-
-    def body(now_s: float) -> tuple[Movement, DroneState]:
-        move, state = stays(now_s)
-        assert isinstance(move, MoveBy)
-        return replace(move, forward_m=0.0, yaw_rad=0.6), state
-
-    assert first_complaint(body) == "it does not turn"
-
-
-def test_a_turn_that_is_seen_is_obedience() -> None:
-    assert first_complaint(steps(2.0, MovementState.DONE, yaw_rad=0.6)) == ""
-
-
-@pytest.mark.parametrize(("rate_radps", "said"), [(0.0, "it does not turn"), (0.5, "")])
-def test_velocity_orders_must_turn_it_too(rate_radps: float, said: str) -> None:
-    def body(now_s: float) -> tuple[Movement, DroneState]:
-        heading = math.remainder(rate_radps * now_s, math.tau)
-        return Velocity(yaw_rate_radps=0.5), replace(HOVERS, attitude=Attitude(yaw_rad=heading))
-
-    assert first_complaint(body) == said
-
-
-@pytest.mark.parametrize("noise_rad", [0.0, 0.005, 0.015], ids=["no", "lab", "harsh"])
-@pytest.mark.parametrize("hovers_s", [0.0, 120.0])
-def test_noise_of_the_heading_is_not_taken_for_a_turn(noise_rad: float, hovers_s: float) -> None:
-    """150 degrees at 0.6 rad/s take 4.4 s, after 0.6 s of allowed delay."""
-    random = np.random.default_rng(3)
-    watch, found_s = ObedienceWatch(), math.inf
-    for tick in range(round((hovers_s + 20.0) / TICK_S)):
-        now_s = tick * TICK_S
-        turns = now_s >= hovers_s
-        heading = Attitude(yaw_rad=float(random.normal(0.0, noise_rad)))
-        state = replace(HOVERS, captured_s=now_s, attitude=heading)
-        command = Command(movement=Velocity(yaw_rate_radps=0.6 if turns else 0.0))
-        if watch.complaint(command, state, now_s) is not None:
-            found_s = now_s
-            break
-    assert found_s - hovers_s == pytest.approx(5.0, abs=0.3)
-
-
-def test_a_drone_that_turns_the_other_way_is_named() -> None:
-    def body(now_s: float) -> tuple[Movement, DroneState]:
-        heading = math.remainder(-0.5 * now_s, math.tau)
-        return Velocity(yaw_rate_radps=0.5), replace(HOVERS, attitude=Attitude(yaw_rad=heading))
-
-    assert first_complaint(body) == "it does not turn"
-
-
-def test_corrections_to_and_fro_are_no_ordered_turn() -> None:
-    """A heading controller that oscillates faster than the drone reacts commands no turn."""
-
-    def body(now_s: float) -> tuple[Movement, DroneState]:
-        return Velocity(yaw_rate_radps=0.4 * math.copysign(1.0, math.sin(9.0 * now_s))), HOVERS
-
-    assert first_complaint(body, seconds=120.0) == ""
+def swaying(speed_mps: Callable[[float], float]) -> Body:
+    return lambda now_s: (
+        Hover(),
+        replace(HOVERS, velocity=BodyVelocity(forward_mps=speed_mps(now_s))),
+    )
 
 
 # One period of a survey between two courses: the heading at every second tick, radians.
@@ -147,47 +96,79 @@ def test_corrections_to_and_fro_are_no_ordered_turn() -> None:
 TO_AND_FRO_RAD = (-0.652, -0.665, -0.839, -1.087, -1.259, -1.238, -1.060, -0.811)
 
 
-@pytest.mark.parametrize(("turns", "complaint"), [(True, ""), (False, "it does not turn")])
-def test_turns_to_and_fro_are_answered_late(*, turns: bool, complaint: str) -> None:
-    """The answer to each turn begins when most of the turn is over."""
+def step_of(now_s: float) -> int:
+    return round(now_s / TICK_S) % 16
 
-    def body(now_s: float) -> tuple[Movement, DroneState]:
-        step = round(now_s / TICK_S) % 16
-        heading = TO_AND_FRO_RAD[step // 2] if turns else 0.0
-        rate_radps = 1.0 if 4 <= step < 12 else -1.0
-        state = replace(HOVERS, attitude=Attitude(yaw_rad=heading))
-        return Velocity(yaw_rate_radps=rate_radps), state
 
-    assert first_complaint(body, seconds=120.0) == complaint
+def to_and_fro(now_s: float) -> float:
+    return 1.0 if 4 <= step_of(now_s) < 12 else -1.0
+
+
+RUNNING, DONE = MovementState.RUNNING, MovementState.DONE
+INTERRUPTED = "6 movements in a row were interrupted"
+NO_TURN, UNDONE = "it does not turn", "its movements are not done"
+
+
+@pytest.mark.parametrize(
+    ("body", "complaint"),
+    [
+        (steps(3.0, DONE), ""),
+        (steps(1.5, RUNNING), ""),  # steps that flow into each other need no end
+        (steps(6.0, RUNNING), UNDONE),
+        (steps(100.0, RUNNING), UNDONE),
+        (steps(1.0, MovementState.INTERRUPTED), INTERRUPTED),
+        (steps(1.0, MovementState.REJECTED), INTERRUPTED),
+        (steps(2.0, DONE, ordered_rad=0.6, turned_rad=0.6), ""),
+        (steps(2.0, DONE, ordered_rad=0.6), NO_TURN),
+        (steps(2.0, DONE, ordered_rad=0.6, turned_rad=-0.6), NO_TURN),
+        (turns(lambda _: 0.5, lambda _: 0.0), NO_TURN),
+        (turns(lambda _: 0.5, lambda now_s: 0.5 * now_s), ""),
+        (turns(lambda _: 0.5, lambda now_s: -0.5 * now_s), NO_TURN),
+        # A heading controller that oscillates faster than the drone reacts orders no turn.
+        (turns(lambda now_s: math.copysign(0.4, math.sin(9.0 * now_s)), lambda _: 0.0), ""),
+        # The answer to each turn begins when most of the turn is over.
+        (turns(to_and_fro, lambda now_s: TO_AND_FRO_RAD[step_of(now_s) // 2]), ""),
+        (turns(to_and_fro, lambda _: 0.0), NO_TURN),
+        (steady(Land()), "it does not land"),
+        (steady(Land(), flying=FlyingState.LANDING), ""),
+        (steady(TakeOff(), flying=FlyingState.LANDED), "it does not take off"),
+        (swaying(lambda _: 0.4), "it drifts at 0.40 m/s while it should hover: is there wind?"),
+        (swaying(lambda _: 0.1), ""),
+        (swaying(lambda now_s: 0.5 * math.sin(6.0 * now_s)), ""),
+    ],
+)
+def test_only_disobedience_is_named(body: Body, complaint: str) -> None:
+    assert heard(body, 120.0)[0] == complaint
+
+
+@pytest.mark.parametrize(
+    ("body", "after_s"),
+    [(steady(Land()), 6.0), (steady(TakeOff(), flying=FlyingState.LANDED), 12.0),
+     (swaying(lambda _: 0.4), 4.0), (steps(100.0, RUNNING), 40.0)],
+)  # fmt: skip
+def test_a_drone_has_time_to_obey(body: Body, after_s: float) -> None:
+    assert heard(body)[1] == pytest.approx(after_s, abs=0.21)
+
+
+@pytest.mark.parametrize("noise_rad", [0.0, 0.005, 0.015], ids=["no", "lab", "harsh"])
+@pytest.mark.parametrize("begins_s", [0.0, 120.0])
+def test_noise_of_the_heading_is_not_taken_for_a_turn(noise_rad: float, begins_s: float) -> None:
+    """150 degrees at 0.6 rad/s take 4.4 s, after 0.6 s of allowed delay."""
+    random = np.random.default_rng(3)
+    body = turns(
+        lambda now_s: 0.6 if now_s >= begins_s else 0.0,
+        lambda _: float(random.normal(0.0, noise_rad)),
+    )
+    assert heard(body, begins_s + 20.0)[1] - begins_s == pytest.approx(5.0, abs=0.3)
 
 
 def test_short_corrections_do_not_hide_a_drone_that_has_ceased_to_turn() -> None:
     """Corrections that are too short to count as asked must not count as turned."""
-    watch, found_s = ObedienceWatch(), math.inf
-    for tick in range(round(140.0 / TICK_S)):
-        now_s = tick * TICK_S
-        swings = now_s < 120.0
-        rate_radps = 0.5 * math.copysign(1.0, math.sin(7.0 * now_s)) if swings else 0.6
-        heading = Attitude(yaw_rad=0.07 * abs(math.sin(3.5 * now_s)) if swings else 0.0)
-        state = replace(HOVERS, captured_s=now_s, attitude=heading)
-        command = Command(movement=Velocity(yaw_rate_radps=rate_radps))
-        if watch.complaint(command, state, now_s) is not None:
-            found_s = now_s
-            break
-    assert found_s - 120.0 == pytest.approx(5.0, abs=0.3)
-
-
-@pytest.mark.parametrize("turns_rad", [0.0, -0.6])
-def test_movements_that_turn_too_little_or_the_wrong_way_are_named(turns_rad: float) -> None:
-    assert first_complaint(steps(2.0, MovementState.DONE, yaw_rad=0.6)) == ""
-    wrong = steps(2.0, MovementState.DONE, yaw_rad=turns_rad)
-
-    def body(now_s: float) -> tuple[Movement, DroneState]:
-        move, state = wrong(now_s)
-        assert isinstance(move, MoveBy)
-        return replace(move, yaw_rad=0.6), state
-
-    assert first_complaint(body) == "it does not turn"
+    body = turns(
+        lambda now_s: math.copysign(0.5, math.sin(7.0 * now_s)) if now_s < 120.0 else 0.6,
+        lambda now_s: 0.07 * abs(math.sin(3.5 * now_s)) if now_s < 120.0 else 0.0,
+    )
+    assert heard(body, 140.0)[1] - 120.0 == pytest.approx(5.0, abs=0.3)
 
 
 @pytest.mark.parametrize(
@@ -204,7 +185,7 @@ def test_a_camera_that_stays_is_named(pitch_rad: float, age_s: float, complaint:
         state = replace(HOVERS, captured_s=now_s, measured=times, gimbal_pitch_rad=pitch_rad)
         return Hover(), state
 
-    assert first_complaint(body, gimbal_rad=-1.0) == complaint
+    assert heard(body, gimbal_rad=-1.0)[0] == complaint
 
 
 def test_an_outage_is_no_time_in_which_the_camera_stays() -> None:
@@ -219,39 +200,27 @@ def test_an_outage_is_no_time_in_which_the_camera_stays() -> None:
     assert complaints == {None}
 
 
-def test_a_landing_that_does_not_begin_is_named() -> None:
-    assert first_complaint(lambda _: (Land(), HOVERS)) == "it does not land"
-    lands = replace(HOVERS, flying=FlyingState.LANDING)
-    assert first_complaint(lambda _: (Land(), lands)) == ""
+@pytest.mark.parametrize("body", [steady(Land()), swaying(lambda _: 2.0)])
+def test_old_telemetry_is_held_against_nobody(body: Body) -> None:
+    assert heard(body, captured_s=-1.0)[0] == ""
 
 
-def test_a_take_off_that_does_not_begin_is_named() -> None:
-    stands = replace(HOVERS, flying=FlyingState.LANDED)
-    assert first_complaint(lambda _: (TakeOff(), stands)) == "it does not take off"
+# --- how long a condition has held ----------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("speed_mps", "said"), [(0.4, True), (0.1, False)])
-def test_a_drone_that_is_carried_away_is_named(speed_mps: float, said: bool) -> None:  # noqa: FBT001
-    blown = replace(HOVERS, velocity=BodyVelocity(right_mps=speed_mps))
-    assert ("is there wind?" in first_complaint(lambda _: (Hover(), blown))) is said
-
-
-def test_to_and_fro_is_no_drift() -> None:
-    def body(now_s: float) -> tuple[Movement, DroneState]:
-        sway = BodyVelocity(forward_mps=0.5 * math.sin(6.0 * now_s))
-        return Hover(), replace(HOVERS, velocity=sway)
-
-    assert first_complaint(body) == ""
-
-
-def test_old_telemetry_is_held_against_nobody() -> None:
-    watch = ObedienceWatch()
-    blown = replace(HOVERS, velocity=BodyVelocity(right_mps=2.0))
-    for tick in range(200):
-        assert watch.complaint(Command(movement=Hover()), blown, 5.0 + tick * TICK_S) is None
-
-
-def test_old_telemetry_does_not_say_that_a_landing_has_not_begun() -> None:
-    watch = ObedienceWatch()
-    for tick in range(200):
-        assert watch.complaint(Command(movement=Land()), HOVERS, 1.0 + tick * TICK_S) is None
+@pytest.mark.parametrize(
+    ("gap_s", "ticks"),
+    [
+        (1.0, [(5.0, 0.0), (5.5, 0.5), (6.5, 1.5)]),
+        # Frames with a latency near the limit are alternately fresh and stale.
+        (1.0, [(1.0, 0.0), (-1.4, 0.0), (1.8, 0.8), (3.0, 0.0)]),
+        (0.0, [(1.0, 0.0), (2.5, 1.5), (-2.6, 0.0), (2.7, 0.0)]),
+    ],
+)
+def test_a_condition_lasts_over_a_short_gap(gap_s: float, ticks: list[tuple[float, float]]) -> None:
+    """At negative times it does not hold."""
+    lasting = Lasting(gap_s=gap_s)
+    for at_s, lasted_s in ticks:
+        assert lasting.update(abs(at_s), holds=at_s > 0.0) == pytest.approx(lasted_s)
+    lasting.reset()
+    assert lasting.update(9.0, holds=True) == 0.0

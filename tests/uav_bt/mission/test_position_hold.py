@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
-from uav_bt.mission.ground_watch import GroundWatch
-from uav_bt.mission.position_hold import HoldMode, PositionHold
+from uav_bt.mission.hold_model import GroundWatch, HeldLanding
+from uav_bt.mission.position_hold import PositionHold
 from uav_bt.types import (
     Attitude,
     BodyVelocity,
@@ -123,38 +123,29 @@ ON_THE_SPOT = pytest.mark.parametrize("proposed", [Hover(), Velocity(yaw_rate_ra
 
 
 @ON_THE_SPOT
-@pytest.mark.parametrize("drift", [(0.1, 0.0), (-0.1, 0.15)])
-def test_a_drift_is_held(proposed: Movement, drift: tuple[float, float]) -> None:
-    body = Body(drift_mps=drift)
-
-    assert body.fly(proposed, 20.0) < 1.6 * math.hypot(*drift)
-    assert math.hypot(body.x_m, body.y_m) < 0.04
-
-
-@ON_THE_SPOT
-@pytest.mark.parametrize("bias_mps", [0.2, -0.2])
-def test_a_wrong_reported_velocity_moves_nothing_for_long(
-    proposed: Movement, bias_mps: float
+@pytest.mark.parametrize(
+    ("drift_mps", "bias_mps", "most_m", "end_m"),
+    [
+        ((0.1, 0.0), 0.0, 0.16, 0.04),
+        ((-0.1, 0.15), 0.0, 0.288, 0.04),
+        # The drone's own position is correct, so the hold must not act against it.
+        ((0.0, 0.0), 0.2, 0.25, 0.12),
+        ((0.0, 0.0), -0.2, 0.25, 0.12),
+    ],
+)
+def test_a_drift_is_held_and_a_wrong_velocity_moves_nothing_for_long(
+    proposed: Movement,
+    drift_mps: tuple[float, float],
+    bias_mps: float,
+    most_m: float,
+    end_m: float,
 ) -> None:
-    """The drone's own position is correct, so the hold must not act against it."""
-    body = Body(bias_mps=bias_mps)
-
-    assert body.fly(proposed, 20.0) < 0.25
-    assert math.hypot(body.x_m, body.y_m) < 0.12
-
-
-def test_what_hovers_well_is_left_to_itself() -> None:
-    body = Body(drift_mps=(0.005, 0.0))
-    body.fly(Hover(), 3.0)
-
-    assert set(map(type, body.sent)) == {Hover}
-
-
-def test_a_turn_keeps_its_rate() -> None:
-    body = Body(drift_mps=(0.1, 0.0))
-    body.fly(Velocity(yaw_rate_radps=0.6), 5.0)
-
-    assert {turn.yaw_rate_radps for turn in body.sent if isinstance(turn, Velocity)} == {0.6}
+    """A turn keeps its rate."""
+    body = Body(drift_mps=drift_mps, bias_mps=bias_mps)
+    assert body.fly(proposed, 20.0) < most_m
+    assert math.hypot(body.x_m, body.y_m) < end_m
+    rates = {sent.yaw_rate_radps for sent in body.sent if isinstance(sent, Velocity)}
+    assert rates == {proposed.yaw_rate_radps if isinstance(proposed, Velocity) else 0.0}
 
 
 def test_a_velocity_flight_goes_where_it_is_ordered_to() -> None:
@@ -214,20 +205,14 @@ def test_a_movement_goes_on_as_it_was_sent_after_a_moment_without_ground() -> No
     assert body.x_m == pytest.approx(x_m, abs=0.05)
 
 
-def test_a_movement_is_flown_as_it_is_where_nothing_is_known_to_drift() -> None:
-    body, move = Body(drift_mps=(0.02, 0.0)), MoveBy(id=7, forward_m=0.3)
+def test_a_movement_without_a_known_drift_is_flown_as_it_is_and_broken_off_has_no_goal() -> None:
+    body, move = Body(drift_mps=(0.02, 0.0)), MoveBy(id=7, forward_m=2.0)
     body.fly(Hover(), 5.0)
-
     assert body.tick(move) == move
-
-
-def test_a_movement_that_was_broken_off_leaves_no_goal() -> None:
-    body = Body()
-    body.tick(MoveBy(id=7, forward_m=2.0))
     body.movement = MovementStatus(id=7, state=MovementState.INTERRUPTED)
+    x_m = body.x_m
     body.fly(Hover(), 5.0)
-
-    assert body.x_m == pytest.approx(0.0, abs=0.01)
+    assert body.x_m == pytest.approx(x_m, abs=0.03)
 
 
 def test_braking_after_a_broken_off_movement_is_no_disturbance() -> None:
@@ -244,15 +229,19 @@ def test_braking_after_a_broken_off_movement_is_no_disturbance() -> None:
 
 
 def test_a_landing_keeps_its_place_and_ends_with_the_drone_s_own() -> None:
+    """That is not taken back by noise of the height, nor when the ground is seen again."""
     body = drifting()
     body.fly(Land(), 0.3)
     x_m = body.x_m
     while isinstance(body.tick(Land()), Velocity):
         assert abs(body.x_m - x_m) < 0.03
     assert body.height_m == pytest.approx(0.2, abs=0.05)
-
-    body.height_m = 0.25  # noise of the height
-    assert body.tick(Land()) == Land()
+    body.height_m = 0.25
+    for body.sees in (True, False, True):
+        assert body.tick(Land()) == Land()
+    body.fly(Hover(), 1.0)
+    body.height_m = 1.5
+    assert isinstance(body.tick(Land()), Velocity)
 
 
 @pytest.mark.parametrize("proposed", [Hover(), Land()], ids=str)
@@ -271,57 +260,16 @@ def test_where_dead_reckoning_leaps_the_drone_stays(proposed: Movement, leap_m: 
     assert body.fly(proposed, 2.0) < 0.05
 
 
-@pytest.mark.parametrize("height_m", [0.6, 3.0, 4.0, 8.0])
-def test_a_landing_is_held_down_to_the_same_height_from_wherever_it_begins(
-    height_m: float,
-) -> None:
-    body = Body(height_m=height_m)
-    while isinstance(body.tick(Land()), Velocity):
-        assert body.now_s < 60.0
-    assert body.height_m == pytest.approx(0.2, abs=0.06)
-
-
-def test_the_drone_s_own_landing_is_not_taken_back_when_the_ground_is_seen_again() -> None:
-    body = Body()
-    body.fly(Land(), 1.0)
-    assert body.hold.mode is HoldMode.LANDING
-    body.sees = False
-    assert body.tick(Land()) == Land()
-    body.sees = True
-    assert body.tick(Land()) == Land()
-    assert body.hold.mode is HoldMode.OWN_LANDING
-
-
-def test_a_landing_after_another_flight_is_held_again() -> None:
-    body = Body()
-    body.fly(Land(), 1.0)
-    body.sees = False
-    body.tick(Land())
-    body.sees = True
-    body.fly(Hover(), 1.0)
-    assert isinstance(body.tick(Land()), Velocity)
-
-
-def test_the_mode_follows_the_movement() -> None:
-    body = Body()
-    assert body.hold.mode is HoldMode.RESTING
-    modes = []
-    for movement in (Hover(), Velocity(forward_mps=0.3), MoveBy(id=1, forward_m=1.0), Land()):
-        body.tick(movement)
-        modes.append(body.hold.mode)
-    assert modes == [HoldMode.HOVER, HoldMode.HOVER, HoldMode.MOVE, HoldMode.LANDING]
-    body.sees = False
-    body.tick(Hover())
-    assert body.hold.mode is HoldMode.RESTING
-
-
-def test_a_landing_by_a_height_that_does_not_sink_is_the_drone_s_in_the_end() -> None:
-    body = Body()
-    for _ in range(70):
-        body.height_m = 1.5
-        body.tick(Land())
-
-    assert body.sent[-1] == Land()
+def test_the_speed_of_a_landing_follows_the_height_until_it_does_not_sink() -> None:
+    """0.6 per second: 0.45 m/s from 0.75 m up, 0.3 m/s at 0.5 m, 0.2 m/s from 0.33 m down."""
+    landing = HeldLanding(2.0)
+    speeds = [landing.order(height_m, 0.0) for height_m in (2.0, 0.75, 0.5, 0.3, 0.2)]
+    assert speeds == [0.45, pytest.approx(0.45), pytest.approx(0.3), 0.2, None]
+    for begin_m, after_s in ((1.5, 5.0), (3.0, 10.0)):  # 1.5 times the height at 0.45 m/s
+        landing, ticks = HeldLanding(begin_m), 0
+        while landing.order(begin_m, TICK_S) is not None:
+            ticks += 1
+        assert ticks * TICK_S == pytest.approx(after_s, abs=2 * TICK_S)
 
 
 ALL: tuple[Movement, ...] = (
@@ -349,12 +297,15 @@ def test_without_a_fresh_estimate_nothing_is_corrected(why: str, proposed: Movem
     assert body.tick(proposed) == proposed
 
 
+def assert_held(sent: Movement, forward_mps: float) -> None:
+    assert isinstance(sent, Velocity)
+    assert (sent.forward_mps, sent.right_mps) == pytest.approx((forward_mps, 0.0), abs=2e-2)
+
+
 def test_a_hover_without_frames_or_telemetry_is_held_against_the_drift_for_a_time() -> None:
     body = drifting()
     since_s = body.now_s
-    sent = body.hold.against_drift(Hover(), body.state(), since_s + 19.0)
-    assert isinstance(sent, Velocity)
-    assert (sent.forward_mps, sent.right_mps) == pytest.approx((-0.1, 0.0), abs=1e-2)
+    assert_held(body.hold.against_drift(Hover(), body.state(), since_s + 19.0), -0.1)
     assert body.hold.against_drift(Hover(), body.state(), since_s + 21.0) == Hover()
 
     body.flying = FlyingState.LANDED
@@ -364,9 +315,7 @@ def test_a_hover_without_frames_or_telemetry_is_held_against_the_drift_for_a_tim
 def test_a_drift_is_held_against_in_the_world_when_the_drone_turns_without_frames() -> None:
     body = drifting()
     turned = replace(body.state(), attitude=Attitude(yaw_rad=math.pi))
-    sent = body.hold.against_drift(Hover(), turned, body.now_s)
-    assert isinstance(sent, Velocity)
-    assert (sent.forward_mps, sent.right_mps) == pytest.approx((0.1, 0.0), abs=1e-2)
+    assert_held(body.hold.against_drift(Hover(), turned, body.now_s), 0.1)
 
 
 def test_a_disturbance_of_the_last_moment_does_not_count_without_frames() -> None:
@@ -375,9 +324,7 @@ def test_a_disturbance_of_the_last_moment_does_not_count_without_frames() -> Non
     body.drift_mps = (0.1, -0.3)
     body.fly(Hover(), 1.5)
 
-    sent = body.hold.against_drift(Hover(), body.state(), body.now_s)
-    assert isinstance(sent, Velocity)
-    assert (sent.forward_mps, sent.right_mps) == pytest.approx((-0.1, 0.0), abs=2e-2)
+    assert_held(body.hold.against_drift(Hover(), body.state(), body.now_s), -0.1)
 
 
 def test_a_drift_that_was_not_measured_for_long_is_not_known() -> None:
@@ -401,9 +348,7 @@ def test_without_ground_the_known_drift_is_held_and_no_place_is_kept() -> None:
 
     assert body.fly(Hover(), 10.0) < 0.2 + abs(began_m)
     body.x_m += 0.5
-    sent = body.tick(Hover())
-    assert isinstance(sent, Velocity)
-    assert (sent.forward_mps, sent.right_mps) == pytest.approx((-0.1, 0.0), abs=1e-3)
+    assert_held(body.tick(Hover()), -0.1)
 
 
 def test_the_correction_is_limited_and_what_cannot_be_held_is_named() -> None:
@@ -417,50 +362,24 @@ def test_the_correction_is_limited_and_what_cannot_be_held_is_named() -> None:
     assert drifting().hold.trouble is None
 
 
-def test_another_place_is_kept_after_somebody_else_flew() -> None:
-    body = Body()
-    body.fly(Hover(), 1.0)
-    body.hold.rest()
-    body.x_m = 2.0
-    body.fly(Hover(), 5.0)
-
-    assert body.x_m == pytest.approx(2.0, abs=0.01)
-
-
 # --- the watch ------------------------------------------------------------------------------------
 
 
-def warnings(error_mps: float, seconds: float) -> set[str | None]:
+@pytest.mark.parametrize(
+    ("error_mps", "seconds", "named"), [(0.12, 10.0, True), (0.06, 10.0, False), (0.2, 2.5, False)]
+)
+def test_ground_that_moves_otherwise_than_telemetry_says_for_long_is_named(
+    error_mps: float, seconds: float, *, named: bool
+) -> None:
+    """The warning ends with its cause."""
     watch, motion = GroundWatch(), Body().motion()
-    off = replace(motion, error=BodyVelocity(right_mps=error_mps))
-    said = set()
+    off, said = replace(motion, error=BodyVelocity(right_mps=error_mps)), set()
     for tick in range(round(seconds / TICK_S)):
         watch.update(off, tick * TICK_S)
         said.add(watch.warning)
-    return said
-
-
-def test_ground_that_moves_otherwise_than_telemetry_says_is_named_once() -> None:
-    said = warnings(0.12, 10.0) - {None}
-
-    assert len(said) == 1
-    assert "0.12 m/s" in str(said)
-    assert "velocity" in str(said)
-
-
-@pytest.mark.parametrize(("error_mps", "seconds"), [(0.06, 10.0), (0.2, 2.5)])
-def test_a_small_or_short_difference_is_none(error_mps: float, seconds: float) -> None:
-    assert warnings(error_mps, seconds) == {None}
-
-
-def test_a_warning_ends_with_its_cause() -> None:
-    watch, motion = GroundWatch(), Body().motion()
-    for tick in range(50):
-        watch.update(replace(motion, error=BodyVelocity(right_mps=0.2)), tick * TICK_S)
-    assert watch.warning is not None
-    watch.update(motion, 5.0)
-    assert watch.warning is None
-    watch.update(None, 5.1)
+    (words,) = said - {None} or {""}
+    assert (f"{error_mps:.2f} m/s" in str(words)) is named
+    watch.update(motion if named else None, seconds)
     assert watch.warning is None
 
 

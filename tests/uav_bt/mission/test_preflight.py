@@ -111,16 +111,9 @@ def test_a_link_that_is_not_rated_is_named_and_no_fault() -> None:
 
 
 def test_all_faults_come_together() -> None:
-    assert set(faults(Parked(battery=0.0, link=0.0, frames=False))) == {"battery", "link", "video"}
-
-
-def test_a_video_that_stands_still_is_a_fault() -> None:
-    class Stuck(Parked):
-        def observe(self) -> Observation:
-            self._count = 0
-            return super().observe()
-
-    assert "1 frames seen" in faults(Stuck())["video"].found
+    bad = faults(Parked(battery=0.0, link=0.0, frames=False, altitude_m=math.nan))
+    assert set(bad) == {"battery", "link", "video", "telemetry"}
+    assert "its altitude is nan" in bad["telemetry"].found
 
 
 def test_waiting_is_bounded() -> None:
@@ -151,25 +144,15 @@ def noisy(now_s: float) -> NDArray[np.float64]:
     return LAB + RANDOM.normal(0.0, 3.0, LAB.shape)
 
 
-@pytest.mark.parametrize(
-    ("image_at", "why"),
-    [
-        (lambda _: np.zeros((36, 64, 3)), "the image is dark"),
-        (lambda _: np.full((36, 64, 3), 90.0), "the image shows nothing"),
-        (lambda _: 1.0 * LAB, "the video is frozen"),
-        (lambda now_s: noisy(now_s) if now_s < 1.5 else 1.0 * LAB, "the video is frozen"),
-        (lambda now_s: noisy(now_s) if now_s < 2.0 else np.zeros((36, 64, 3)), "dark"),
-    ],
-    ids=["black", "covered", "frozen from the start", "freezes", "goes dark"],
-)
+@pytest.mark.parametrize("dark_from_s", [0.0, 2.0])
 def test_images_that_cannot_be_flown_by_are_refused_by_the_judge_of_the_flight(
-    image_at: Callable[[float], NDArray[np.float64]], why: str
+    dark_from_s: float,
 ) -> None:
-    drone = Filming(image_at)
+    drone = Filming(lambda now_s: noisy(now_s) * (now_s < dark_from_s))
     judged = check_drone(drone, judge_frame=frame_judge(drone))
     (video,) = (check for check in judged if not check.good)
     assert video.what == "video"
-    assert f", {why}" in video.found or f", the image is {why}" in video.found
+    assert ", the image is dark" in video.found
     assert "the lens is clean and the place is lit" in str(video)
 
 
@@ -177,10 +160,6 @@ def test_images_that_can_be_flown_by_are_looked_at_for_as_long_as_a_frozen_video
     drone = Filming(lambda now_s: noisy(now_s) if now_s > 0.3 else np.zeros((36, 64, 3)))
     refuse_faults(check_drone(drone, judge_frame=frame_judge(drone)))
     assert drone.clock.now() == pytest.approx(PreflightConfig.look_s, abs=0.2)
-
-
-def test_telemetry_that_cannot_be_is_no_telemetry() -> None:
-    assert "its altitude is nan" in faults(Parked(altitude_m=math.nan))["telemetry"].found
 
 
 def test_frames_of_another_size_than_the_cameras_are_a_fault() -> None:

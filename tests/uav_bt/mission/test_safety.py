@@ -1,19 +1,22 @@
-"""The safety table: its order, the command of each rule, and time limits."""
+"""The arbiter: order of the safety rules, the command of each, landings, and limits."""
 
 from __future__ import annotations
 
 import dataclasses
 import itertools
 import math
+from collections import deque
+from typing import Any
 
 import pytest
 
 from uav_bt.board import FRAME
 from uav_bt.board.context import Proposals
 from uav_bt.errors import ProposalConflictError, ValueRangeError
-from uav_bt.mission.limits import Limits
+from uav_bt.mission.limits import Limits, approach_speed_mps, limit_movement
 from uav_bt.mission.safety import SAFETY, Arbiter, Circumstances, Override, rule_in_force
 from uav_bt.types import (
+    Airframe,
     Command,
     CutMotors,
     DroneState,
@@ -28,147 +31,39 @@ from uav_bt.types import (
     Velocity,
 )
 
-# The cause of each rule, as changes of normal circumstances.
-CAUSES = {
-    Override.CUT: {"cut": True},
-    Override.MANUAL: {"manual": True},
-    Override.ABORT: {"abort": True},
-    Override.BATTERY: {"battery": 0.05},
-    Override.LINK: {"state_age_s": 2.0},
-    Override.STALE_FRAME: {"frame_age_s": math.inf},
+LIMITS = Limits(speed_mps=1.0, climb_mps=0.5, yaw_rate_radps=1.5, ceiling_m=2.4)
+DOWN = GimbalTo(pitch_rad=-1.0)
+AHEAD = MoveBy(id=1, forward_m=1.0)
+
+# The cause of each rule, as changes of normal circumstances; its command.
+RULES: dict[Override, tuple[dict[str, Any], Command]] = {
+    Override.CUT: ({"cut": True}, Command(movement=CutMotors())),
+    Override.MANUAL: ({"manual": True}, Command(movement=Release())),
+    Override.ABORT: ({"abort": True}, Command(movement=Land())),
+    Override.BATTERY: ({"battery": 0.05}, Command(movement=Land())),
+    Override.LINK: ({"state_age_s": 2.0}, Command(movement=Hover())),
+    Override.STALE_FRAME: ({"frame_age_s": math.inf}, Command(movement=Hover(), gimbal=DOWN)),
 }
 
 
-def circumstances(*causes: Override, flying: FlyingState = FlyingState.HOVERING) -> Circumstances:
-    changes = {name: value for cause in causes for name, value in CAUSES[cause].items()}
-    state = DroneState(captured_s=0.0, flying=flying, battery=changes.pop("battery", 1.0))
+def now(
+    flying: FlyingState = FlyingState.HOVERING, *, height_m: float = 1.5, **changes: Any
+) -> Circumstances:
+    """Return normal circumstances, with changes of them or of the state."""
+    told = {name: changes.pop(name) for name in ("battery", "connected") if name in changes}
+    pilot = changes.pop("pilot", False)
+    state = DroneState(
+        captured_s=0.0,
+        flying=flying,
+        height_m=height_m,
+        height_above_ground_m=height_m,
+        pilot_has_control=pilot,
+        **told,
+    )
     return Circumstances(state=state, **changes)
 
 
-def test_the_order_is_the_documented_one() -> None:
-    assert [rule.override for rule in SAFETY] == [
-        Override.CUT,
-        Override.MANUAL,
-        Override.ABORT,
-        Override.BATTERY,
-        Override.LINK,
-        Override.STALE_FRAME,
-    ]
-    assert list(Override) == [rule.override for rule in SAFETY]
-
-
-@pytest.mark.parametrize(
-    ("override", "command"),
-    [
-        (Override.CUT, Command(movement=CutMotors())),
-        (Override.MANUAL, Command(movement=Release())),
-        (Override.ABORT, Command(movement=Land())),
-        (Override.BATTERY, Command(movement=Land())),
-        (Override.LINK, Command(movement=Hover())),
-        (Override.STALE_FRAME, Command(movement=Hover(), gimbal=GimbalTo(pitch_rad=-0.5))),
-    ],
-)
-def test_each_rule_has_one_answer(override: Override, command: Command) -> None:
-    proposals = Proposals()
-    proposals.propose("leaf", Velocity(forward_mps=0.5))
-    proposals.propose_gimbal("leaf", GimbalTo(pitch_rad=-0.5))
-    arbiter = Arbiter(LIMITS)
-    decided = arbiter.decide(proposals, circumstances(override))
-    assert decided == command
-    assert arbiter.override is override
-
-
-@pytest.mark.parametrize("count", range(1, len(SAFETY) + 1))
-def test_whatever_else_is_wrong_the_strongest_rule_decides(count: int) -> None:
-    """All combinations of simultaneous causes."""
-    for causes in itertools.combinations(list(Override), count):
-        rule = rule_in_force(circumstances(*causes), LIMITS)
-        assert rule is not None
-        assert rule.override is causes[0], causes
-
-
-def test_a_pilot_at_the_remote_control_is_a_take_over() -> None:
-    state = DroneState(captured_s=0.0, flying=FlyingState.FLYING, pilot_has_control=True)
-    rule = rule_in_force(Circumstances(state=state, abort=True), LIMITS)
-    assert rule is not None
-    assert rule.override is Override.MANUAL
-
-
-@pytest.mark.parametrize(
-    ("override", "flying"),
-    [
-        *(
-            (Override.BATTERY, FlyingState.TAKING_OFF),
-            (Override.STALE_FRAME, FlyingState.TAKING_OFF),
-        ),
-        *(
-            (each, FlyingState.LANDED)
-            for each in (Override.BATTERY, Override.LINK, Override.STALE_FRAME)
-        ),
-        *(
-            (each, FlyingState.LANDING)
-            for each in (Override.BATTERY, Override.LINK, Override.STALE_FRAME)
-        ),
-    ],
-)
-def test_what_only_matters_in_the_air_matters_only_there(
-    override: Override, flying: FlyingState
-) -> None:
-    assert rule_in_force(circumstances(override, flying=flying), LIMITS) is None
-
-
-def test_a_broken_connection_is_a_lost_link_at_once() -> None:
-    """The link is lost even while the drone's last report is fresh."""
-    state = DroneState(captured_s=0.0, flying=FlyingState.FLYING, connected=False)
-    rule = rule_in_force(Circumstances(state=state), LIMITS)
-    assert rule is not None
-    assert rule.override is Override.LINK
-
-
-def test_a_battery_that_nobody_reported_is_not_critical() -> None:
-    state = DroneState(captured_s=0.0, flying=FlyingState.FLYING, battery=None)
-    assert rule_in_force(Circumstances(state=state), LIMITS) is None
-
-
-def test_calm_circumstances_leave_the_word_to_the_leaves() -> None:
-    assert rule_in_force(circumstances(), LIMITS) is None
-
-
-def test_a_corrected_movement_is_limited_like_any_other_and_no_rule_is_corrected() -> None:
-    faster = Velocity(forward_mps=30.0)
-    arbiter, proposals = Arbiter(Limits(speed_mps=0.5)), proposals_of(Hover())
-    flying = Circumstances(state=DroneState(captured_s=0.0, flying=FlyingState.FLYING))
-    decided = arbiter.decide(proposals, flying, lambda _: faster)
-    aborted = arbiter.decide(proposals, dataclasses.replace(flying, abort=True), lambda _: faster)
-    assert decided.movement == Velocity(forward_mps=0.5)
-    assert aborted.movement == Land()
-
-
-def test_every_rule_says_why() -> None:
-    assert all(rule.why for rule in SAFETY)
-
-
-LIMITS = Limits(speed_mps=1.0, climb_mps=0.5, yaw_rate_radps=1.5, ceiling_m=2.4)
-DOWN = GimbalTo(pitch_rad=-1.0)
-
-
-def state_of(
-    flying: FlyingState = FlyingState.HOVERING,
-    *,
-    height_m: float = 1.5,
-    battery: float = 1.0,
-    pilot: bool = False,
-) -> DroneState:
-    return DroneState(
-        captured_s=0.0,
-        flying=flying,
-        height_above_ground_m=height_m,
-        battery=battery,
-        pilot_has_control=pilot,
-    )
-
-
-def proposals_of(movement: Movement | None = None, gimbal: GimbalTo | None = None) -> Proposals:
+def proposing(movement: Movement | None = None, gimbal: GimbalTo | None = None) -> Proposals:
     proposals = Proposals()
     if movement is not None:
         proposals.propose("Mission/leaf", movement)
@@ -177,63 +72,98 @@ def proposals_of(movement: Movement | None = None, gimbal: GimbalTo | None = Non
     return proposals
 
 
-def decide(movement: Movement, *, height_m: float = 1.5) -> Movement:
-    """Return the command for a proposal in normal circumstances."""
+def decide(movement: Movement | None, limits: Limits = LIMITS, **changes: Any) -> Movement:
+    return Arbiter(limits).decide(proposing(movement), now(**changes)).movement
+
+
+# --- the rules ------------------------------------------------------------------------------------
+
+
+def test_the_order_is_the_documented_one_and_each_rule_says_why() -> None:
+    assert [rule.override for rule in SAFETY] == list(RULES) == list(Override)
+    assert all(rule.why for rule in SAFETY)
+
+
+@pytest.mark.parametrize("override", Override)
+def test_each_rule_has_one_answer_and_ends_with_its_cause(override: Override) -> None:
+    """Only where a frame is stale the leaves still point the camera, which may end it."""
+    cause, command = RULES[override]
     arbiter = Arbiter(LIMITS)
-    state = state_of(height_m=height_m)
-    return arbiter.decide(proposals_of(movement), Circumstances(state=state)).movement
+    assert arbiter.decide(proposing(AHEAD, DOWN), now(**cause)) == command
+    assert arbiter.override is override
+    assert arbiter.decide(proposing(AHEAD, DOWN), now()) == Command(movement=AHEAD, gimbal=DOWN)
+    assert arbiter.override is None
+
+
+@pytest.mark.parametrize("count", range(1, len(SAFETY) + 1))
+def test_whatever_else_is_wrong_the_strongest_rule_decides(count: int) -> None:
+    """All combinations of simultaneous causes."""
+    for causes in itertools.combinations(list(Override), count):
+        changes = {name: value for cause in causes for name, value in RULES[cause][0].items()}
+        arbiter = Arbiter(LIMITS)
+        assert arbiter.decide(proposing(AHEAD, DOWN), now(**changes)) == RULES[causes[0]][1], causes
+        assert arbiter.override is causes[0]
+
+
+ON_GROUND = {"flying": FlyingState.LANDED}
+RISING, LANDING = {"flying": FlyingState.TAKING_OFF}, {"flying": FlyingState.LANDING}
+
+
+@pytest.mark.parametrize(
+    ("changes", "override"),
+    [
+        ({}, None),
+        ({"pilot": True, "abort": True}, Override.MANUAL),
+        ({"connected": False}, Override.LINK),  # even while the last report is fresh
+        ({"connected": False, **RISING}, Override.LINK),
+        ({"battery": None}, None),
+        ({"battery": 0.05, **RISING}, None),
+        ({"frame_age_s": 9.0, **RISING}, None),
+        *((cause | there, None) for cause in ({"battery": 0.05}, {"state_age_s": 2.0},
+          {"frame_age_s": 9.0}) for there in (ON_GROUND, LANDING)),
+        ({"battery": LIMITS.critical_battery, "frame_age_s": FRAME.max_age_s}, None),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_matters_where_it_matters(
+    changes: dict[str, Any], override: Override | None
+) -> None:
+    """Limits are reached only beyond them."""
+    rule = rule_in_force(now(**changes), LIMITS)
+    assert (rule and rule.override) is override
 
 
 # --- proposals ------------------------------------------------------------------------------------
 
 
-def test_nothing_proposed_means_hover() -> None:
-    arbiter = Arbiter(LIMITS)
-    command = arbiter.decide(Proposals(), Circumstances(state=state_of()))
-    assert command == Command(movement=Hover(), gimbal=None)
-    assert arbiter.override is None
+@pytest.mark.parametrize(
+    ("movement", "gimbal"), [(None, None), (Land(), DOWN), (None, DOWN), (TakeOff(), None)]
+)
+def test_movement_and_gimbal_are_channels_of_their_own_and_nothing_means_hover(
+    movement: Movement | None, gimbal: GimbalTo | None
+) -> None:
+    command = Arbiter(LIMITS).decide(proposing(movement, gimbal), now())
+    assert command == Command(movement=movement or Hover(), gimbal=gimbal)
 
 
-def test_movement_and_gimbal_are_channels_of_their_own() -> None:
-    """Two leaves may propose in the same tick on different channels."""
-    proposals = Proposals()
-    proposals.propose("a", Land())
-    proposals.propose_gimbal("b", DOWN)
-    command = Arbiter(LIMITS).decide(proposals, Circumstances(state=state_of()))
-    assert command == Command(movement=Land(), gimbal=DOWN)
-    assert proposals.movement_owner == "a"
-
-
-def test_a_gimbal_alone_points_a_hovering_drone() -> None:
-    command = Arbiter(LIMITS).decide(proposals_of(gimbal=DOWN), Circumstances(state=state_of()))
-    assert command == Command(movement=Hover(), gimbal=DOWN)
-
-
-def test_a_conflict_of_movements_names_both_leaves_and_keeps_the_first() -> None:
-    proposals = proposals_of(Land())
-    with pytest.raises(
-        ProposalConflictError, match=r"'Mission/leaf' and 'Mission/other'.*movement"
-    ):
+def test_a_conflict_names_both_leaves_and_keeps_the_first() -> None:
+    proposals = proposing(Land(), DOWN)
+    names = "'Mission/leaf' and 'Mission/other'"
+    with pytest.raises(ProposalConflictError, match=f"{names}.*movement"):
         proposals.propose("Mission/other", Land())
-    assert proposals.movement == Land()
-
-
-def test_a_conflict_of_camera_directions_names_both_leaves() -> None:
-    proposals = proposals_of(gimbal=DOWN)
-    with pytest.raises(ProposalConflictError, match=r"'Mission/leaf' and 'Mission/other'.*gimbal"):
+    with pytest.raises(ProposalConflictError, match=f"{names}.*gimbal"):
         proposals.propose_gimbal("Mission/other", DOWN)
+    assert (proposals.movement, proposals.movement_owner) == (Land(), "Mission/leaf")
 
 
 def test_a_leaf_may_change_its_mind_within_a_tick() -> None:
-    proposals = proposals_of(Land(), DOWN)
+    proposals = proposing(Land(), DOWN)
     proposals.propose("Mission/leaf", Hover())
     proposals.propose_gimbal("Mission/leaf", GimbalTo(pitch_rad=0.0))
-    assert proposals.movement == Hover()
-    assert proposals.gimbal == GimbalTo(pitch_rad=0.0)
+    assert (proposals.movement, proposals.gimbal) == (Hover(), GimbalTo(pitch_rad=0.0))
 
 
 def test_clearing_forgets_all_but_the_count_of_ids() -> None:
-    proposals = proposals_of(Land(), DOWN)
+    proposals = proposing(Land(), DOWN)
     first = proposals.next_id()
     proposals.clear()
     assert (proposals.movement, proposals.movement_owner, proposals.gimbal) == (None, None, None)
@@ -241,150 +171,135 @@ def test_clearing_forgets_all_but_the_count_of_ids() -> None:
     assert proposals.next_id() == first + 1
 
 
-# --- overrides ------------------------------------------------------------------------------------
+# --- landings -------------------------------------------------------------------------------------
 
-# Overrides in order of priority, with the sent movement.
-OVERRIDES = [
-    (Override.MANUAL, Release()),
-    (Override.ABORT, Land()),
-    (Override.BATTERY, Land()),
-    (Override.STALE_FRAME, Hover()),
-]
+OLD = [{"frame_age_s": 5.0}, {"state_age_s": 5.0}, {"state_age_s": 0.8}, {"frame_age_s": 0.8}]
 
 
-@pytest.mark.parametrize("first", range(len(OVERRIDES)))
-def test_the_strongest_override_wins_over_all_weaker_ones(first: int) -> None:
-    """The causes of all lower overrides hold, too."""
-    override, movement = OVERRIDES[first]
+def landing() -> Arbiter:
     arbiter = Arbiter(LIMITS)
-    command = arbiter.decide(
-        proposals_of(MoveBy(id=1, forward_m=1.0)),
-        Circumstances(
-            state=state_of(pilot=first == 0, battery=0.05 if first <= 2 else 1.0),
-            frame_age_s=5.0,
-            abort=first <= 1,
-        ),
-    )
-    assert arbiter.override is override
-    assert command.movement == movement
+    arbiter.decide(proposing(Land()), now(FlyingState.FLYING))
+    assert arbiter.landing
+    return arbiter
 
 
-def test_an_override_ends_with_its_reason() -> None:
-    arbiter = Arbiter(LIMITS)
-    proposals = proposals_of(MoveBy(id=1, forward_m=1.0))
-    arbiter.decide(proposals, Circumstances(state=state_of(), frame_age_s=5.0))
-    assert arbiter.override is Override.STALE_FRAME
-    command = arbiter.decide(proposals, Circumstances(state=state_of(), frame_age_s=0.1))
-    assert arbiter.override is None
-    assert command.movement == MoveBy(id=1, forward_m=1.0)
+@pytest.mark.parametrize("old", OLD)
+def test_no_leaf_takes_a_landing_back_by_old_data(old: dict[str, float]) -> None:
+    for proposed in (None, Hover(), MoveBy(id=1, down_m=-1.0)):
+        assert landing().decide(proposing(proposed), now(**old)).movement == Land()
+    assert decide(Land(), **old) == Land()
+    assert decide(Velocity(down_mps=0.2), **old) == Hover()
+    for stronger in ({"abort": True}, {"battery": 0.05}):
+        assert landing().decide(proposing(None), now(**(stronger | old))).movement == Land()
 
 
-def test_only_a_stale_frame_leaves_the_camera_to_the_leaves() -> None:
-    """Pointing the camera may end the override; landings and pilots are not disturbed."""
-    proposals = proposals_of(Hover(), DOWN)
-    arbiter = Arbiter(LIMITS)
-    assert (
-        arbiter.decide(proposals, Circumstances(state=state_of(), frame_age_s=5.0)).gimbal == DOWN
-    )
-    assert arbiter.decide(proposals, Circumstances(state=state_of(battery=0.0))).gimbal is None
-    assert arbiter.decide(proposals, Circumstances(state=state_of(pilot=True))).gimbal is None
-    assert arbiter.decide(proposals, Circumstances(state=state_of(), abort=True)).gimbal is None
+def test_with_fresh_data_a_mission_may_change_its_mind() -> None:
+    arbiter = landing()
+    assert arbiter.decide(proposing(MoveBy(id=1)), now()).movement == MoveBy(id=1)
+    assert not arbiter.landing
+    assert arbiter.decide(proposing(None), now(frame_age_s=5.0)).movement == Hover()
 
 
-def test_a_drone_on_the_ground_may_take_off_before_its_first_frame() -> None:
-    arbiter = Arbiter(LIMITS)
-    standing = state_of(FlyingState.LANDED, height_m=0.0)
-    command = arbiter.decide(
-        proposals_of(TakeOff()), Circumstances(state=standing, frame_age_s=math.inf)
-    )
-    assert command.movement == TakeOff()
+def test_a_leaf_that_is_silent_for_a_tick_does_not_stop_a_drone_that_is_landing() -> None:
+    assert landing().decide(proposing(None), now(FlyingState.LANDING)).movement == Land()
 
 
-@pytest.mark.parametrize(
-    ("flying", "movement"), [(FlyingState.TAKING_OFF, TakeOff()), (FlyingState.LANDING, Land())]
-)
-def test_a_stale_frame_interrupts_neither_take_off_nor_landing(
-    flying: FlyingState, movement: Movement
-) -> None:
-    arbiter = Arbiter(LIMITS)
-    command = arbiter.decide(
-        proposals_of(movement), Circumstances(state=state_of(flying), frame_age_s=9.0)
-    )
-    assert command.movement == movement
-    assert arbiter.override is None
-
-
-def test_limits_are_reached_only_beyond_them() -> None:
-    """The critical charge and the maximum age of a frame are still valid values."""
-    arbiter = Arbiter(LIMITS)
-    proposals = proposals_of(CutMotors())
-    arbiter.decide(
-        proposals,
-        Circumstances(state=state_of(battery=LIMITS.critical_battery), frame_age_s=FRAME.max_age_s),
-    )
-    assert arbiter.override is None
+@pytest.mark.parametrize("override", [Override.MANUAL, Override.CUT])
+def test_a_pilot_and_the_motor_cut_end_a_landing(override: Override) -> None:
+    """Afterwards, with old data, the drone hovers until a leaf proposes the landing again."""
+    arbiter, (cause, command) = landing(), RULES[override]
+    assert arbiter.decide(proposing(Land()), now(**cause)) == command
+    assert not arbiter.landing
+    assert arbiter.decide(proposing(None), now(frame_age_s=5.0)).movement == Hover()
 
 
 # --- limits ---------------------------------------------------------------------------------------
 
 
-def test_what_lies_within_the_limits_passes_unchanged() -> None:
-    for movement in (
-        Velocity(forward_mps=0.6, right_mps=-0.8, down_mps=0.5, yaw_rate_radps=-1.5),
-        Velocity(),
-        MoveBy(id=3, forward_m=0.3, right_m=0.1, down_m=-0.8, yaw_rad=1.0),
-        Land(),
-    ):
-        assert decide(movement) == movement
+@pytest.mark.parametrize(
+    ("asked", "height_m", "flown"),
+    [
+        *((movement, 1.5, movement) for movement in (
+            Velocity(forward_mps=0.6, right_mps=-0.8, down_mps=0.5, yaw_rate_radps=-1.5),
+            MoveBy(id=3, forward_m=0.3, right_m=0.1, down_m=-0.8, yaw_rad=1.0), Land())),
+        (Velocity(forward_mps=6.0, right_mps=-8.0), 1.5, Velocity(forward_mps=0.6, right_mps=-0.8)),
+        (Velocity(down_mps=2.0, yaw_rate_radps=9.0), 1.5,
+         Velocity(down_mps=0.5, yaw_rate_radps=1.5)),
+        (Velocity(down_mps=-2.0, yaw_rate_radps=-9.0), 1.5,
+         Velocity(down_mps=-0.5, yaw_rate_radps=-1.5)),
+        (MoveBy(id=1, forward_m=3e9, right_m=-4e9, yaw_rad=1e6), 1.5,
+         MoveBy(id=1, forward_m=6.0, right_m=-8.0, yaw_rad=2 * math.pi)),
+        (MoveBy(id=1, down_m=50.0), 1.5, MoveBy(id=1, down_m=1.2)),
+        (MoveBy(id=1, down_m=0.2), 0.1, MoveBy(id=1)),
+        (MoveBy(id=1, forward_m=0.3, down_m=-2.0), 1.5, MoveBy(id=1, forward_m=0.3, down_m=-0.9)),
+        (MoveBy(id=1, down_m=-0.1), 2.6, MoveBy(id=1)),
+        (MoveBy(id=1, down_m=0.4), 2.6, MoveBy(id=1, down_m=0.4)),
+        (Velocity(down_mps=0.5), 0.1, Velocity()),
+        (Velocity(down_mps=-0.5), 0.1, Velocity(down_mps=-0.5)),
+        (Velocity(down_mps=-0.5), 2.4, Velocity()),
+        (Velocity(down_mps=0.3), 2.5, Velocity(down_mps=0.3)),
+        # One centimetre is left: with 0.15 s of delay and 0.25 s of lag, 0.7 cm/s.
+        (Velocity(down_mps=-0.5), 2.39, Velocity(down_mps=-0.0071)),
+        (Velocity(down_mps=0.5), 0.31, Velocity(down_mps=0.0071)),
+    ],
+)  # fmt: skip
+def test_a_movement_is_flown_within_the_limits_in_its_direction(
+    asked: Movement, height_m: float, flown: Movement
+) -> None:
+    decided = decide(asked, height_m=height_m)
+    assert type(decided) is type(flown)
+    assert vars(decided) == pytest.approx(vars(flown), abs=1e-4)
 
 
-def test_horizontal_speed_is_shortened_and_keeps_its_direction() -> None:
-    fast = decide(Velocity(forward_mps=3.0, right_mps=-4.0))
-    assert isinstance(fast, Velocity)
-    assert (fast.forward_mps, fast.right_mps) == pytest.approx((0.6, -0.8))
+def test_a_corrected_movement_is_limited_a_landing_in_speed_only_and_no_rule_is_corrected() -> None:
+    """The position hold flies the landing as a velocity, also below the floor."""
+
+    def flown(movement: Movement, held: Velocity, **changes: Any) -> Movement:
+        low = now(height_m=0.25, **changes)
+        return Arbiter(LIMITS).decide(proposing(movement), low, lambda _: held).movement
+
+    fast = Velocity(forward_mps=30.0, down_mps=0.9)
+    assert flown(Hover(), fast) == Velocity(forward_mps=1.0)
+    assert flown(Land(), fast) == Velocity(forward_mps=1.0, down_mps=0.5)
+    assert flown(Hover(), fast, abort=True) == Land()
 
 
-@pytest.mark.parametrize(("asked", "given"), [(2.0, 0.5), (-2.0, -0.5)])
-def test_climbing_and_sinking_are_limited(asked: float, given: float) -> None:
-    assert decide(Velocity(down_mps=asked)) == Velocity(down_mps=given)
+def test_a_prompt_drone_brakes_with_its_deceleration() -> None:
+    """V = sqrt(2 a s): from 0.6 m/s it stops within 0.18 m at 1 m/s^2."""
+    prompt = Airframe(command_delay_s=0.0, command_lag_s=0.0)
+    assert approach_speed_mps(0.18, 1.0, prompt, 0.0) == pytest.approx(0.6)
+    assert approach_speed_mps(0.0, 1.0, prompt, 0.0) == 0.0
 
 
-@pytest.mark.parametrize(("asked", "given"), [(9.0, 1.5), (-9.0, -1.5)])
-def test_turning_is_limited_both_ways(asked: float, given: float) -> None:
-    assert decide(Velocity(yaw_rate_radps=asked)) == Velocity(yaw_rate_radps=given)
-
-
-def test_a_step_is_bounded_and_keeps_its_direction() -> None:
-    far = decide(MoveBy(id=1, forward_m=3e9, right_m=-4e9, yaw_rad=1e6))
-    assert isinstance(far, MoveBy)
-    assert (far.forward_m, far.right_m) == pytest.approx((6.0, -8.0))
-    assert far.yaw_rad == pytest.approx(2 * math.pi)
-
-
-def test_no_step_leads_into_the_ground() -> None:
-    """From 1.2 m it descends to 0.3 m; from below 0.3 m it does not descend."""
-    state = state_of()
-    down = decide(MoveBy(id=1, down_m=50.0))
-    assert isinstance(down, MoveBy)
-    assert down.down_m == pytest.approx(state.height_above_ground_m - LIMITS.floor_m)
-    low = Arbiter(dataclasses.replace(LIMITS, floor_m=2.0)).decide(
-        proposals_of(MoveBy(id=1, down_m=0.1)), Circumstances(state=state)
-    )
-    assert low.movement == MoveBy(id=1)
-
-
-def test_nobody_climbs_through_the_ceiling() -> None:
-    """A step ends at the ceiling; above it only descents remain."""
-    step = decide(MoveBy(id=1, forward_m=0.3, down_m=-2.0), height_m=1.5)
-    assert isinstance(step, MoveBy)
-    assert step.down_m == pytest.approx(-0.9)
-    assert (step.id, step.forward_m) == (1, 0.3)
-    above = decide(MoveBy(id=1, down_m=-0.1), height_m=2.6)
-    assert isinstance(above, MoveBy)
-    assert above.down_m == 0.0
-    assert decide(MoveBy(id=1, down_m=0.4), height_m=2.6) == MoveBy(id=1, down_m=0.4)
-    assert decide(Velocity(down_mps=-0.3), height_m=2.4) == Velocity(down_mps=0.0)
-    assert decide(Velocity(down_mps=0.3), height_m=2.4) == Velocity(down_mps=0.3)
+@pytest.mark.parametrize("climbs", [False, True])
+@pytest.mark.parametrize("report_s", [0.1, 0.4])
+@pytest.mark.parametrize(("delay_s", "lag_s"), [(0.0, 0.3), (0.15, 0.25), (0.5, 0.0), (0.5, 0.25)])
+def test_a_late_drone_stops_at_the_bound(
+    delay_s: float, lag_s: float, report_s: float, *, climbs: bool
+) -> None:
+    """0.6 m/s is proposed for 30 s; the height is reported every `report_s`."""
+    airframe = Airframe(command_delay_s=delay_s, command_lag_s=lag_s)
+    height_m, mps, step_s, seen_s = 1.35, 0.0, 0.01, 0.0
+    waiting: deque[tuple[float, float]] = deque()
+    order_mps, seen, heights = 0.0, now(height_m=height_m).state, []
+    for step in range(3000):
+        now_s = step * step_s
+        if step % round(report_s / step_s) == 0:
+            seen, seen_s = now(height_m=height_m).state, now_s
+        if step % 10 == 0:
+            asked = Velocity(down_mps=-0.6 if climbs else 0.6)
+            flown = limit_movement(asked, seen, Limits(), airframe, state_age_s=now_s - seen_s)
+            assert isinstance(flown, Velocity)
+            waiting.append((now_s + delay_s, flown.down_mps))
+        while waiting and waiting[0][0] <= now_s:
+            order_mps = waiting.popleft()[1]
+        mps += (order_mps - mps) * (1.0 - math.exp(-step_s / lag_s) if lag_s else 1.0)
+        height_m -= mps * step_s
+        heights.append(height_m)
+    bound_m = 2.4 if climbs else 0.3
+    beyond_m = max(heights) - bound_m if climbs else bound_m - min(heights)
+    assert beyond_m < 0.015
+    assert heights[-1] == pytest.approx(bound_m, abs=0.02)
 
 
 def test_the_floor_is_below_the_ceiling() -> None:

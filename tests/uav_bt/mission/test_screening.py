@@ -31,15 +31,6 @@ def observed(state: DroneState, *, index: int = 0, **changes: Any) -> Observatio
     return Observation(frame=replace(frame, **changes), state=state)
 
 
-def test_what_can_be_passes_unchanged() -> None:
-    screening = Screening(CAMERA)
-    first = observed(STATE)
-    assert screening.usable(first, 1.0) == first
-    later = observed(replace(STATE, captured_s=1.1, altitude_m=1.55), index=1)
-    assert screening.usable(later, 1.1) == later
-    assert screening.refused == ()
-
-
 @pytest.mark.parametrize(
     ("changes", "why"),
     [
@@ -108,14 +99,8 @@ def test_an_unknown_battery_is_no_fault(unknown: float | None) -> None:
 @pytest.mark.parametrize(
     ("changes", "why"),
     [
-        (
-            {"image": HALF},
-            "its image is 32x18, expected 64x36 as the camera's",
-        ),
-        (
-            {"image": np.zeros((0, 0, 3), np.uint8)},
-            "its image is 0x0, expected 64x36 as the camera's",
-        ),
+        ({"image": HALF}, "its image is 32x18, expected 64x36 as the camera's"),
+        ({"image": HALF[:0, :0]}, "its image is 0x0, expected 64x36 as the camera's"),
         ({"gimbal_pitch_rad": math.nan}, "its gimbal pitch is nan"),
         ({"captured_s": 9.0}, "its time is 7.9 s in the future"),
     ],

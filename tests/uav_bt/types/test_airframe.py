@@ -16,6 +16,7 @@ from uav_bt.types import Airframe
         ({"body_size_m": (0.2, 0.0, 0.1)}, "three positive sizes"),
         ({"body_size_m": (0.2, 0.3)}, "three positive sizes"),
         ({"climb_braking_mps2": 0.0}, "positive climb_braking_mps2"),
+        ({"braking_mps2": 0.0}, "and braking_mps2"),
         ({"command_delay_s": -0.1}, "zero or positive seconds"),
         ({"command_lag_s": math.nan}, "zero or positive seconds"),
     ],

@@ -22,13 +22,13 @@ from uav_bt.errors import FileError, NodeFailedError
 from uav_bt.mission.judge import Belief, Judge, JudgeConfig, Outcome, Verdict
 from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.safety import Override
+from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import LeafPolicy
 from uav_bt.record import channels
 from uav_bt.record.moment import Moment
 from uav_bt.record.reader import RecordReader
 from uav_bt.tree import MissionTree, NodeRegistry, Status
 from uav_bt.tree.loading.folders import TreeFolders
-from uav_bt.types import DroneState, Truth
 from uav_bt.types.area import Area
 
 Masks = Literal["network", "recorded"]
@@ -257,10 +257,7 @@ class ReplayJudge(Judge):
 
     def verdict(
         self,
-        now_s: float,
-        state: DroneState,
-        truth: Truth | None,
-        tree_status: Status,
+        record: TickRecord,
         *,
         abort_reason: str | None,
         landing: bool = False,
@@ -268,7 +265,7 @@ class ReplayJudge(Judge):
         failure: str = "",
     ) -> Verdict | None:
         """Return that the recording is over, None while it goes on."""
-        del now_s, state, truth, tree_status, abort_reason, landing, belief, failure
+        del record, abort_reason, landing, belief, failure
         if self._drone.at_end:
             return Verdict(outcome=Outcome.SUCCESS, reason="the recording is over")
         return None
@@ -292,10 +289,10 @@ class ReplayRunner(MissionRunner):
         stopped = _stopped_by_operator(self._recorded.before, moment)
         # A stop between two ticks keeps the tree from being ticked; one within comes after.
         if stopped and moment.tick.tree_status == Status.IDLE.name:
-            self.request_abort(_AS_RECORDED)
+            self.abort.request(_AS_RECORDED)
         status = super()._tick_tree()
         if stopped:
-            self.request_abort(_AS_RECORDED)
+            self.abort.request(_AS_RECORDED)
         return status
 
 

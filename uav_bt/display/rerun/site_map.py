@@ -11,7 +11,7 @@ from uav_bt.display.flown_path import FlownPath
 from uav_bt.display.lab_map import LabMap, MapFrame
 from uav_bt.display.rerun.setting import SITE_MAP
 from uav_bt.display.site_map_pane import FOOTER_PX, draw_site_map
-from uav_bt.mission.map_alignment import MapAlignment
+from uav_bt.mission.map_check import MapAlignment
 from uav_bt.mission.tick import TickRecord
 from uav_bt.record.images import encode_image
 from uav_bt.types.site_map import SiteMap

@@ -175,13 +175,13 @@ def test_an_operators_stop_is_repeated_in_its_tick(
 
     def stop_before(self: MissionRunner) -> Status:
         if self._index == 14:
-            self.request_abort("stopped by SIGINT")
+            self.abort.request("stopped by SIGINT")
         return tick_tree(self)
 
     def stop_within(self: MissionRunner) -> Status:
         status = tick_tree(self)
         if self._index == 14:
-            self.request_abort("stopped by SIGINT")
+            self.abort.request("stopped by SIGINT")
         return status
 
     with pytest.MonkeyPatch.context() as patch:
