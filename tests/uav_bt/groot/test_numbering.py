@@ -32,7 +32,7 @@ def test_nodes_are_numbered_from_one_parents_first() -> None:
     numbering, _ = numbered(
         f"<Sequence>{leaf('a', 'S')}<Inverter>{leaf('b', 'S')}</Inverter></Sequence>"
     )
-    assert [(numbering.uid(node), node.name) for node in numbering.nodes] == [
+    assert [(numbering.uids[node.path], node.name) for node in numbering.nodes] == [
         (1, "Sequence"),
         (2, "a"),
         (3, "Inverter"),
