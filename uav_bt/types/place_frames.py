@@ -22,28 +22,17 @@ from uav_bt.types.site_map import SiteMap
 
 @dataclass(frozen=True, kw_only=True)
 class Goal:
-    """A place on the map.
+    """A place on the map; None: the height of the flight, any heading."""
 
-    Attributes:
-        x_m: x in the map's frame.
-        y_m: y in the map's frame.
-        height_m: Height above the ground; None for the height that the mission flies at.
-        yaw_rad: Heading in the map's frame; None for any.
-    """
-
-    x_m: float
+    x_m: float  # in the map's frame
     y_m: float
-    height_m: float | None = None
-    yaw_rad: float | None = None
+    height_m: float | None = None  # above the ground
+    yaw_rad: float | None = None  # in the map's frame
 
 
 @dataclass(frozen=True, kw_only=True)
 class Unresolved:
-    """A place that the map does not know yet.
-
-    Attributes:
-        reason: The reason in a few words, for the status line and the report.
-    """
+    """A place that the map does not know yet; the reason is for status line and report."""
 
     reason: str
 
@@ -118,12 +107,7 @@ def _goal(place: Place, at_m: tuple[float, float], yaw_rad: float | None) -> Goa
 def from_start(place: Place, take_off: Pose2D | None = None) -> tuple[float, float] | None:
     """Return a place ahead of the take-off pose and to its right, metres.
 
-    Args:
-        place: The place.
-        take_off: Take-off pose in the drawing of the lab, yaw counter-clockwise; None if unknown.
-
-    Returns:
-        None for a place that is known in flight only, or that needs a take-off pose.
+    None for a place that is known in flight only, or that needs an unknown take-off pose.
     """
     if place.frame is PlaceFrame.START:
         return place.x_m, place.y_m
@@ -136,29 +120,14 @@ def from_start(place: Place, take_off: Pose2D | None = None) -> tuple[float, flo
 def start_place(
     site_map: SiteMap, x_m: float, y_m: float, *, yaw_rad: float | None = None
 ) -> Place:
-    """Return a place of the map relative to the take-off pose, as users write it.
-
-    Args:
-        site_map: The newest map.
-        x_m: x in the map's frame.
-        y_m: y in the map's frame.
-        yaw_rad: Heading in the map's frame; None for any.
-    """
+    """Return a place of the map relative to the take-off pose, as users write it."""
     forward_m, right_m = site_map.start.to_body(x_m, y_m)
     heading_rad = None if yaw_rad is None else wrap_angle(yaw_rad - site_map.start.yaw_rad)
     return Place(frame=PlaceFrame.START, x_m=forward_m, y_m=right_m, heading_rad=heading_rad)
 
 
 def lab_to_start(place: Pose2D, take_off: Pose2D) -> Pose2D:
-    """Return a pose of the lab's drawing relative to the take-off pose.
-
-    Args:
-        place: x, y and yaw in the drawing, counter-clockwise.
-        take_off: Take-off pose in the drawing.
-
-    Returns:
-        Distance ahead and to the right, and heading clockwise.
-    """
+    """Return a pose of the lab's drawing (yaw counter-clockwise) from the take-off pose."""
     forward_m, left_m = take_off.to_body(place.x_m, place.y_m)
     yaw_rad = wrap_angle(take_off.yaw_rad - place.yaw_rad)
     return Pose2D(x_m=forward_m, y_m=-left_m, yaw_rad=yaw_rad)
