@@ -31,9 +31,6 @@ def refuse_inputs(output: Path, given: Iterable[object], shipped: Path) -> None:
         given: the inputs: files, folders, names, and mappings, sequences and dataclass objects
             that contain them; other values are ignored.
         shipped: the folder of the shipped missions, which are given by name.
-
-    Raises:
-        FileError: the output would overwrite an input.
     """
     if output.exists() and any(same_file(output, source) for source in _inputs(given, shipped)):
         raise FileError(output, "is an input and would be overwritten; choose another name")

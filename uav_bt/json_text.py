@@ -12,15 +12,7 @@ _MAX_DEPTH: Final = 64  # ours has less than ten; `repr` and our walks recurse
 
 
 def parse_json(text: bytes | str) -> Any:
-    """Return the value of a JSON text.
-
-    Args:
-        text: bytes are UTF-8.
-
-    Raises:
-        InputError: the text is not JSON, is nested too deeply, or has a number beyond a double's
-            range.
-    """
+    """Return the value of a JSON text (bytes are UTF-8); InputError for any other."""
     try:
         text = text.decode() if isinstance(text, bytes) else text
         value = _DECODER.decode(text)

@@ -44,14 +44,7 @@ _EXPECTED: Final = {
 
 @dataclass(frozen=True)
 class YamlFile(Generic[T]):
-    """The content of a file, with the line of each value.
-
-    Attributes:
-        path: the file.
-        value: its content.
-        places: all its values.
-        failure: class of the error that `error` returns.
-    """
+    """The content of a file, with the line of each value; `failure` makes the errors."""
 
     path: Path
     value: T
@@ -81,11 +74,8 @@ def read_yaml(
         path: the file. Validators find its folder in their context, as `folder`.
         form: the type of its content; other keys are refused.
         what: the kind of file, for messages.
-        failure: class of the error.
+        failure: class of the error, which has one line per problem.
         remedy: advice for a missing file.
-
-    Raises:
-        FileError: the file is absent, not YAML, or not of that form; one line per problem.
     """
     with reading(path, failure):
         if not path.exists():

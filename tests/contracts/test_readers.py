@@ -381,7 +381,7 @@ def with_wrong_value(whole: bytes, seed: int, value: object) -> bytes:
         inner = inner[key]
 
 
-@pytest.mark.parametrize("kind", [*TEXTS, "record", "log of Groot2"])
+@pytest.mark.parametrize("kind", [*TEXTS, "record"])
 @given(edits=EDITS)
 @settings(SAME, max_examples=25)
 def test_an_edited_file_is_read_or_refused(kind: str, tmp_path: Path, edits: list[Edit]) -> None:
@@ -429,7 +429,6 @@ def test_whole_records_with_wrong_messages_are_read_or_refused(
         ("tree", b'format="4"', b'format="5"'),
         ("lab", b"version: 1", b"version: 9"),
         ("campaign", b'"format": 1', b'"format": 9'),
-        ("log of Groot2", b"FileLogger2\x01", b"FileLogger2\x09"),
         ("weights", b'\\"version\\": 2', b'\\"version\\": 9'),
     ],
 )
