@@ -14,7 +14,7 @@ from uav_bt.lab.classes import Colour, LabClass, LabClasses
 from uav_bt.lab.drawn_area import area_problem
 from uav_bt.lab.flight_keys import FlightKeys, TeacherKeys, take_off_pose
 from uav_bt.lab.lab import LAB_FILE, Lab
-from uav_bt.lab.mark_section import WholeMarkSection, mark_of_section, mark_pose
+from uav_bt.lab.mark_section import MarkSection, mark_of_section, mark_pose
 from uav_bt.lab.roles import RoleName
 from uav_bt.lab.room import RoomSection
 from uav_bt.lab.room_reader import read_room
@@ -28,14 +28,7 @@ _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
 def read_lab(path: Path) -> Lab:
-    """Read the lab file of a folder.
-
-    Args:
-        path: The folder, or the lab file.
-
-    Raises:
-        FileError: The file is absent, malformed, or of a newer version.
-    """
+    """Read the lab file of a folder, or a lab file."""
     file = _read(path / LAB_FILE if path.is_dir() else path)
     if file.value.version > VERSION:
         raise file.error(
@@ -43,7 +36,7 @@ def read_lab(path: Path) -> Lab:
             f"{VERSION}: update uav-bt",
             "version",
         )
-    classes, pose, room = _classes(file), _mark_pose(file), file.value.room
+    classes, (mark, pose), room = _classes(file), _mark(file), file.value.room
     _check_ground(file, classes)
     _check_area(file, pose)
     folder = file.path.parent
@@ -52,7 +45,7 @@ def read_lab(path: Path) -> Lab:
         folder=folder,
         file=file.path,
         classes=classes,
-        mark=_mark(file),
+        mark=mark,
         mark_pose=pose,
         flight=FlightKeys(
             **{each.name: getattr(file.value, each.name) for each in fields(FlightKeys)}
@@ -63,13 +56,7 @@ def read_lab(path: Path) -> Lab:
 
 
 def lab_error(file: Path, message: str, *steps: str | int) -> FileError:
-    """Return an error about a value of a lab file, with its line.
-
-    Args:
-        file: The lab file.
-        message: Text of the error.
-        steps: Keys and indices that lead to the value in the lab file.
-    """
+    """Return an error about the value of a lab file that keys and indices lead to."""
     return _read(file).error(message, *steps)
 
 
@@ -85,18 +72,12 @@ def _classes(file: YamlFile[LabFile]) -> LabClasses:
                 "classes",
                 name,
             )
-    listed = [
-        LabClass(
-            name=name,
-            role=each.role,
-            colour=_colour(each.colour),
-            top=each.top,
-            legs_m=each.legs_m,
-        )
-        for name, each in file.value.classes.items()
-    ]
+    listed = file.value.classes.items()
     try:
-        return LabClasses(listed)
+        return LabClasses(
+            LabClass(**{**vars(each), "name": name, "colour": _colour(each.colour)})
+            for name, each in listed
+        )
     except (UnknownNameError, ValueRangeError) as error:
         raise file.error(str(error), "classes") from error
 
@@ -108,18 +89,11 @@ def _check_ground(file: YamlFile[LabFile], classes: LabClasses) -> None:
             raise file.error(str(error), "ground", index)
 
 
-def _mark(file: YamlFile[LabFile]) -> LandingMark | None:
+def _mark(file: YamlFile[LabFile]) -> tuple[LandingMark | None, Pose2D | None]:
     section = file.value.mark
     try:
-        return None if section is None else mark_of_section(section)
+        return None if section is None else mark_of_section(section), mark_pose(section)
     except InputError as error:
-        raise file.error(str(error), "mark") from error
-
-
-def _mark_pose(file: YamlFile[LabFile]) -> Pose2D | None:
-    try:
-        return mark_pose(file.value.mark)
-    except ValueRangeError as error:
         raise file.error(str(error), "mark") from error
 
 
@@ -167,7 +141,7 @@ class LabFile(FlightKeys):
         TeacherKeys | None,
         Field(description="Network that labels images for training, in place of picks."),
     ] = None
-    mark: Annotated[WholeMarkSection | None, Field(description="The landing mark.")] = None
+    mark: Annotated[MarkSection | None, Field(description="The landing mark.")] = None
     room: Annotated[
         RoomSection | None, Field(description="What the twin builds; a real flight needs none.")
     ] = None

@@ -32,15 +32,9 @@ _MAX_SHELVES: Final = 12
 
 @dataclass(frozen=True, kw_only=True)
 class PaintedLine:
-    """A painted line on the ground.
+    """A painted line on the ground."""
 
-    Attributes:
-        points_m: Its corners, world x and y.
-        width_m: Its width.
-        colour: Its colour.
-    """
-
-    points_m: Annotated[tuple[Vector2, ...], Field(min_length=2, max_length=MAX_CORNERS)]
+    points_m: Annotated[tuple[Vector2, ...], Field(min_length=2, max_length=MAX_CORNERS)]  # corners
     width_m: Annotated[float, Field(ge=0.01, le=2.0)] = 0.1
     colour: ColourText = "#d9b526"
 
@@ -56,9 +50,6 @@ class Surface:
         tile_m: Width and height of one repetition of the picture; by default 1 m each way, and
             the whole ground.
         lines: Painted lines; only on the ground.
-
-    Raises:
-        ValueRangeError: Keys exclude one another, or none states a look.
     """
 
     generator: Literal["paint", "concrete", "wood", "carpet"] | None = None
@@ -85,19 +76,10 @@ _Outline = Annotated[tuple[Vector2, ...], Field(min_length=3, max_length=MAX_COR
 
 @dataclass(frozen=True, kw_only=True)
 class GroundSection:
-    """The ground below the flight: a rectangle around the origin, or a polygon.
-
-    Attributes:
-        size_m: Sides of the rectangle along x and y.
-        outline_m: Corners of the polygon in order, in place of `size_m`.
-        surface: Its look; by default the paper's carpet.
-
-    Raises:
-        ValueRangeError: The size is missing or out of range, or the polygon is invalid.
-    """
+    """The ground below the flight: a rectangle around the origin, or a polygon."""
 
     size_m: Vector2 | None = None
-    outline_m: _Outline | None = None
+    outline_m: _Outline | None = None  # corners of a polygon, in place of `size_m`
     surface: Surface = field(default_factory=lambda: Surface(generator="carpet"))
 
     def __post_init__(self) -> None:
@@ -123,23 +105,12 @@ class GroundSection:
 
 @dataclass(frozen=True, kw_only=True)
 class WallSection:
-    """Walls, floor beside the ground, and ceiling.
-
-    Attributes:
-        height_m: Height of the walls.
-        beside_m: Distance from the ground to the walls. At 0 they follow its outline; otherwise
-            they are a rectangle around it.
-        surface: Look of the walls; by default light grey.
-        floor: Look of the floor beside the ground; by default grey.
-
-    Raises:
-        ValueRangeError: A length is out of range.
-    """
+    """Walls, floor beside the ground, and ceiling."""
 
     height_m: float = 5.0
-    beside_m: float = 2.5
-    surface: Surface | None = None
-    floor: Surface | None = None
+    beside_m: float = 2.5  # from the ground to them; at 0 they follow its outline, else a rectangle
+    surface: Surface | None = None  # of the walls; by default light grey
+    floor: Surface | None = None  # beside the ground; by default grey
 
     def __post_init__(self) -> None:
         low, high = _WALL_HEIGHTS_M
@@ -151,20 +122,11 @@ class WallSection:
 
 @dataclass(frozen=True, kw_only=True)
 class Lamp:
-    """A lamp that shines downwards from a place, brightest below it.
-
-    Attributes:
-        position_m: World x, y and z.
-        brightness: Light at the lamp; 1 shows a surface straight below it in its own colours.
-        reach_m: Distance at which half of the light is left.
-
-    Raises:
-        ValueRangeError: A number is out of range.
-    """
+    """A lamp that shines downwards from a place, brightest below it."""
 
     position_m: Vector3
-    brightness: float = 1.0
-    reach_m: float = 4.0
+    brightness: float = 1.0  # at the lamp; 1 shows a surface below it in its own colours
+    reach_m: float = 4.0  # distance at which half of the light is left
 
     def __post_init__(self) -> None:
         if not all(map(math.isfinite, self.position_m)) or not self.position_m[2] > 0.0:
@@ -177,12 +139,7 @@ class Lamp:
 
 @dataclass(frozen=True, kw_only=True)
 class LightSection:
-    """The light of the place.
-
-    Attributes:
-        ambient: Share of light without a direction, 0 to 1.
-        lamps: Lamps at the ceiling.
-    """
+    """The light of the place."""
 
     ambient: Annotated[float, Field(ge=0.0, le=1.0)] = 0.35
     lamps: Annotated[tuple[Lamp, ...], Field(min_length=1, max_length=MAX_LAMPS)]
@@ -205,9 +162,6 @@ class ObjectKind:
         shelves: Number of shelves of a rack.
         file: Name of the OBJ file of a mesh, in the lab's folder. It is scaled to `size_m`.
         moves: Whether `--movers` may draw movers of this kind.
-
-    Raises:
-        ValueRangeError: A number is out of range, or a key does not fit the shape.
     """
 
     class_name: Annotated[str, Field(alias="class")]
@@ -263,33 +217,20 @@ class ObjectKind:
 
 @dataclass(frozen=True, kw_only=True)
 class RoomSection:
-    """Form of the section `room`. Keys that are absent are as in the paper's lab.
-
-    Attributes:
-        ground: The ground; without it scenes state its size.
-        walls: Walls, floor and ceiling.
-        light: The light of scenes without `lighting`.
-        objects: Kinds of objects by name.
-    """
+    """Form of the section `room`. Keys that are absent are as in the paper's lab."""
 
     ground: GroundSection | None = None
     walls: WallSection | None = None
-    light: LightSection | None = None
+    light: LightSection | None = None  # of scenes without `lighting`
     objects: Mapping[str, ObjectKind] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Room:
-    """A room that was read and checked.
-
-    Attributes:
-        section: The section of the lab file.
-        folder: The lab's folder, with pictures and meshes.
-        meshes: Triangles of each kind of mesh, (N, 3, 3) metres, from the middle of its base.
-        files: Pictures and meshes that the section names.
-    """
+    """A room that was read and checked."""
 
     section: RoomSection
-    folder: Path
+    folder: Path  # of the lab
+    # Triangles of each kind of mesh, (N, 3, 3) metres, from the middle of its base.
     meshes: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
-    files: tuple[Path, ...] = ()
+    files: tuple[Path, ...] = ()  # pictures and meshes that the section names

@@ -18,12 +18,11 @@ from uav_bt.lab.roles import OBSTACLE
 from uav_bt.lab.room import Room, RoomSection, Surface
 from uav_bt.yaml_file import YamlFile
 
+# Names in contacts and messages that objects cannot have.
 CONTACT_NAMES: Final = (
     *("box", "mover", "mark", "drone"),
     *("floor", "ceiling", "wall", "ground", "take_off"),
 )
-"""Names in contacts and messages that objects cannot have."""
-
 _NAME: Final = re.compile(r"[a-z][a-z0-9_]*")
 _FILE: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 _SECTION: Final = "room"
@@ -32,17 +31,7 @@ Steps = tuple[str, ...]
 
 
 def read_room(file: YamlFile[Any], section: RoomSection, folder: Path, classes: LabClasses) -> Room:
-    """Return the room that a section describes.
-
-    Args:
-        file: The lab file, for the lines of messages.
-        section: Its section `room`.
-        folder: The lab's folder.
-        classes: Classes of the lab.
-
-    Raises:
-        FileError: A name, a class, a picture or a mesh is wrong.
-    """
+    """Return the room that the section of a lab file describes, with its pictures and meshes."""
     meshes: dict[str, NDArray[np.float64]] = {}
     files: list[Path] = []
     at: Steps
@@ -103,15 +92,10 @@ def _inside(file: YamlFile[Any], folder: Path, name: str, steps: Steps) -> Path:
 
 def _surfaces(section: RoomSection) -> Iterator[tuple[Surface, Steps]]:
     """Yield all surfaces with their places in the file."""
-    if section.ground is not None:
-        yield section.ground.surface, (_SECTION, "ground", "surface")
-    if section.walls is not None:
-        for key in ("surface", "floor"):
-            surface = getattr(section.walls, key)
+    parts = [(("ground",), section.ground), (("walls",), section.walls)]
+    parts += [(("objects", name), kind) for name, kind in section.objects.items()]
+    for steps, part in parts:
+        for key in ("surface", "floor", "top", "frame"):
+            surface = getattr(part, key, None)
             if surface is not None:
-                yield surface, (_SECTION, "walls", key)
-    for name, kind in section.objects.items():
-        for key in ("surface", "top", "frame"):
-            surface = getattr(kind, key)
-            if surface is not None:
-                yield surface, (_SECTION, "objects", name, key)
+                yield surface, (_SECTION, *steps, key)

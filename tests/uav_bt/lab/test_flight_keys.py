@@ -165,4 +165,4 @@ def test_the_schema_refuses_what_the_reader_refuses() -> None:
     assert set(schema["properties"]) >= {"flight_height_m", "area", "mark", "classes"}
     assert all(each.get("description") for each in schema["properties"].values())
     assert schema["$defs"]["LimitKeys"]["additionalProperties"] is False
-    assert schema["$defs"]["WholeMarkSection"]["required"] == ["size_m", "height_m"]
+    assert schema["$defs"]["MarkSection"]["additionalProperties"] is False
