@@ -120,7 +120,7 @@ class Places:
             content[name.value] = self.plain(item, (*steps, name.value), name)
         return content
 
-    def _scalar(self, node: yaml.ScalarNode, steps: Steps) -> bool | float | str | None:
+    def _scalar(self, node: yaml.ScalarNode, steps: Steps) -> Any:
         try:
             value = self._loader.construct_object(node)
         except RefusedValueError as error:

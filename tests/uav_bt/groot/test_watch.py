@@ -12,16 +12,12 @@ import pytest
 from tests.uav_bt.groot.groot_world import (
     GrootClient,
     free_ports,
-    leaf,
-    make_context,
-    make_tree,
     read_log,
 )
 from tests.worlds.trees import tree_file
 from uav_bt import app, plugins
-from uav_bt.clock import ManualClock
 from uav_bt.errors import FileError, InputError
-from uav_bt.groot import BtlogWriter, TreeWatch, watched_live
+from uav_bt.groot import watched_live
 from uav_bt.mission.tick import TickRecord
 from uav_bt.testing import ScriptedDroneConfig
 from uav_bt.tree import Status
@@ -87,38 +83,6 @@ def test_groot2_sees_the_flight_while_it_goes_on(mission: Path) -> None:
     assert any(statuses == {1: 1, 2: 2, 3: 1, 4: 0} for statuses in seen)
     assert seen[-1] == {1: 12, 2: 12, 3: 12, 4: 12}
     assert max(heights) == pytest.approx(1.0, abs=0.2)
-
-
-def test_an_aborted_mission_is_logged_up_to_its_halt(tmp_path: Path) -> None:
-    """Nodes that are halted after the last tick are still recorded."""
-    path = tmp_path / "flight.btlog"
-    tree, clock = make_tree(f"<Sequence>{leaf('a', 'R')}</Sequence>"), ManualClock(5.0)
-    context = make_context(clock)
-    tree.setup(context)
-    with BtlogWriter(path) as log:
-        watch = TreeWatch(tree, context, log=log)
-        tree.tick()
-        watch.on_tick()
-        clock.advance(1.0)
-        tree.halt()
-        watch.finish()
-        watch.finish()
-    assert read_log(path)[1:] == (
-        5_000_000,
-        [
-            (0, 1, Status.RUNNING),
-            (0, 2, Status.RUNNING),
-            (1_000_000, 2, Status.IDLE),
-            (1_000_000, 1, Status.IDLE),
-        ],
-    )
-
-
-def test_nothing_is_watched_unless_asked(mission: Path) -> None:
-    with watched_live() as listeners:
-        tree = make_tree(leaf("a", "S"))
-        assert listeners(tree, make_context()) == ()
-        assert app.fly(mission, SCRIPTED, listeners=[following(listeners)]).outcome == "success"
 
 
 def test_ports_and_names_are_refused_before_anything_flies(tmp_path: Path) -> None:

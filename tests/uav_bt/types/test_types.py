@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tests.paper_lab import paper_map
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import (
+    Airframe,
     CameraModel,
     DepthMap,
     DroneState,
@@ -25,6 +26,8 @@ from uav_bt.types import (
     MoveBy,
     NearObstacles,
     Velocity,
+    clamp,
+    limit_length,
     wrap_angle,
 )
 
@@ -47,6 +50,14 @@ def obstacles(*points_m: tuple[float, float], **more: NDArray[np.float64]) -> Ne
 )
 def test_known_angles_are_folded(angle_rad: float, wrapped_rad: float) -> None:
     assert wrap_angle(angle_rad) == pytest.approx(wrapped_rad)
+
+
+@pytest.mark.parametrize(("value", "bounded"), [(2.0, 1.5), (-2.0, -1.5), (0.3, 0.3)])
+def test_numbers_and_vectors_are_bounded(value: float, bounded: float) -> None:
+    assert clamp(value, 1.5) == bounded
+    assert limit_length(3.0, -4.0, 1.0) == pytest.approx((0.6, -0.8))
+    assert limit_length(0.3, -0.4, 1.0) == (0.3, -0.4)
+    assert limit_length(0.0, 0.0, 0.0) == limit_length(3.0, 4.0, 0.0) == (0.0, 0.0)
 
 
 # --- the camera -----------------------------------------------------------------------------------
@@ -86,38 +97,36 @@ def test_class_and_depth_maps_are_flat() -> None:
 
 @pytest.mark.parametrize("shape", [(3,), (2, 3), (0, 3)])
 def test_obstacle_points_come_in_pairs(shape: tuple[int, ...]) -> None:
-    wrong = np.zeros(shape)
-    with pytest.raises(ShapeError, match="obstacle points must be Nx2"):
-        NearObstacles(points_m=wrong, captured_s=0.0)
-    with pytest.raises(ShapeError, match="obstacle points must be Nx2"):
-        obstacles((1.0, 0.0), assumed_m=wrong)
-    with pytest.raises(ShapeError, match="obstacle points must be Nx2"):
-        obstacles((1.0, 0.0), edges_m=wrong)
+    for name in ("points_m", "assumed_m", "edges_m"):
+        wrong: dict[str, Any] = {name: np.zeros(shape)}
+        with pytest.raises(ShapeError, match="obstacle points must be Nx2"):
+            NearObstacles(captured_s=0.0, **wrong)
 
 
 # --- commands -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize("name", ["forward_m", "right_m", "down_m", "yaw_rad"])
-def test_a_movement_must_be_finite(name: str, value: float) -> None:
-    with pytest.raises(ValueRangeError, match="movement must be finite"):
-        MoveBy(id=1, **{name: value})
-
-
-@pytest.mark.parametrize("value", [math.nan, math.inf])
-@pytest.mark.parametrize("name", ["forward_mps", "right_mps", "down_mps", "yaw_rate_radps"])
-def test_a_velocity_must_be_finite(name: str, value: float) -> None:
-    with pytest.raises(ValueRangeError, match="velocity must be finite"):
-        Velocity(**{name: value})
-
-
-@pytest.mark.parametrize("pitch_rad", [1.6, -1.6, math.nan])
-def test_a_gimbal_points_neither_beyond_straight_up_nor_down(pitch_rad: float) -> None:
-    GimbalTo(pitch_rad=-math.pi / 2)
+@pytest.mark.parametrize(
+    ("kind", "given", "words"),
+    [
+        *((MoveBy, {"id": 1, f"{way}_m": math.nan}, "movement must") for way in ("right", "down")),
+        *((MoveBy, {"id": 1, "forward_m": bad}, "movement must") for bad in (math.inf, -math.inf)),
+        (MoveBy, {"id": 1, "yaw_rad": math.nan}, "movement must be finite"),
+        *((Velocity, {f"{way}_mps": math.nan}, "velocity must") for way in ("right", "down")),
+        (Velocity, {"forward_mps": math.inf}, "velocity must be finite"),
+        (Velocity, {"yaw_rate_radps": math.nan}, "velocity must be finite"),
+        *((GimbalTo, {"pitch_rad": bad}, "pitch must lie within") for bad in (1.6, -1.6, math.nan)),
+        (Airframe, {"body_size_m": (0.2, 0.0, 0.1)}, "three positive sizes"),
+        (Airframe, {"body_size_m": (0.2, 0.3)}, "three positive sizes"),
+        (Airframe, {"climb_braking_mps2": 0.0}, "positive climb_braking_mps2"),
+        (Airframe, {"command_delay_s": -0.1}, "zero or positive seconds"),
+        (Airframe, {"command_lag_s": math.nan}, "zero or positive seconds"),
+    ],
+)
+def test_impossible_numbers_are_refused(kind: Any, given: dict[str, Any], words: str) -> None:
     GimbalTo(pitch_rad=math.radians(-90))
-    with pytest.raises(ValueRangeError, match="gimbal pitch must lie within"):
-        GimbalTo(pitch_rad=pitch_rad)
+    with pytest.raises(ValueRangeError, match=words):
+        kind(**given)
 
 
 # --- results of perception ------------------------------------------------------------------------
