@@ -15,6 +15,8 @@ from __future__ import annotations
 
 import functools
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Generic, TypeVar, cast
@@ -23,7 +25,7 @@ import yaml
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
-from uav_bt.errors import FileError, did_you_mean
+from uav_bt.errors import FileError, InputError, did_you_mean
 from uav_bt.files import did_you_mean_file, read_bounded, reading
 from uav_bt.yaml_values import BoundedLoader, Places, RefusedValueError, Steps, located
 
@@ -54,6 +56,14 @@ class YamlFile(Generic[T]):
     def line(self, *steps: str | int) -> int:
         """Return the line of a value, given by keys and indices."""
         return self.places.line(steps)
+
+    @contextmanager
+    def at(self, *steps: str | int) -> Iterator[None]:
+        """Give errors of a block the line of a value, given by keys and indices."""
+        try:
+            yield
+        except InputError as error:
+            raise self.error(str(error), *steps) from error
 
     def error(self, message: str, *steps: str | int) -> FileError:
         """Return an error about a value, given by keys and indices."""

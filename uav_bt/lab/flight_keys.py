@@ -80,7 +80,13 @@ _Switch = Annotated[bool, WithJsonSchema({"enum": [True, False, "on", "off"]})]
 
 
 class NetworkKeys(TypedDict, total=False):
-    """The networks, files or names of shipped ones, and the class mapping of `model`."""
+    """The networks: files or names of shipped ones.
+
+    Attributes:
+        model: Segmentation network.
+        classes: Class mapping of the segmentation network.
+        depth: Depth network.
+    """
 
     model: Annotated[str, AfterValidator(_network)]
     classes: _FileBeside

@@ -9,7 +9,7 @@ from typing import Annotated, Final
 
 from pydantic import Field
 
-from uav_bt.errors import FileError, InputError, UnknownNameError, ValueRangeError
+from uav_bt.errors import FileError
 from uav_bt.lab.classes import Colour, LabClass, LabClasses
 from uav_bt.lab.drawn_area import area_problem
 from uav_bt.lab.flight_keys import FlightKeys, TeacherKeys, take_off_pose
@@ -18,8 +18,6 @@ from uav_bt.lab.mark_section import MarkSection, mark_of_section, mark_pose
 from uav_bt.lab.roles import RoleName
 from uav_bt.lab.room import RoomSection
 from uav_bt.lab.room_reader import read_room
-from uav_bt.types.landing_mark import LandingMark
-from uav_bt.types.pose import Pose2D
 from uav_bt.yaml_file import YamlFile, read_yaml
 
 VERSION: Final = 1
@@ -30,16 +28,25 @@ _NAME = re.compile(r"[a-z][a-z0-9_]*")
 def read_lab(path: Path) -> Lab:
     """Read the lab file of a folder, or a lab file."""
     file = _read(path / LAB_FILE if path.is_dir() else path)
-    if file.value.version > VERSION:
+    value, folder = file.value, file.path.parent
+    if value.version > VERSION:
         raise file.error(
-            f"this lab is of version {file.value.version}, and this program reads versions up to "
+            f"this lab is of version {value.version}, and this program reads versions up to "
             f"{VERSION}: update uav-bt",
             "version",
         )
-    classes, (mark, pose), room = _classes(file), _mark(file), file.value.room
-    _check_ground(file, classes)
-    _check_area(file, pose)
-    folder = file.path.parent
+    classes = _classes(file)
+    with file.at("mark"):
+        pose = mark_pose(value.mark)
+        mark = None if value.mark is None else mark_of_section(value.mark)
+    for index, name in enumerate(value.ground):
+        with file.at("ground", index):
+            classes.id_of(name)
+    with file.at("take_off"):
+        take_off = take_off_pose(value, pose)
+    problem = area_problem(value.area, take_off=take_off, mark=pose) if value.area else None
+    if problem is not None:
+        raise file.error(problem, "area")
     return Lab(
         name=folder.resolve().name,
         folder=folder,
@@ -47,11 +54,9 @@ def read_lab(path: Path) -> Lab:
         classes=classes,
         mark=mark,
         mark_pose=pose,
-        flight=FlightKeys(
-            **{each.name: getattr(file.value, each.name) for each in fields(FlightKeys)}
-        ),
-        teacher=file.value.teacher,
-        room=None if room is None else read_room(file, room, folder, classes),
+        flight=FlightKeys(**{each.name: getattr(value, each.name) for each in fields(FlightKeys)}),
+        teacher=value.teacher,
+        room=None if value.room is None else read_room(file, value.room, folder, classes),
     )
 
 
@@ -72,41 +77,11 @@ def _classes(file: YamlFile[LabFile]) -> LabClasses:
                 "classes",
                 name,
             )
-    listed = file.value.classes.items()
-    try:
+    with file.at("classes"):
         return LabClasses(
             LabClass(**{**vars(each), "name": name, "colour": _colour(each.colour)})
-            for name, each in listed
+            for name, each in file.value.classes.items()
         )
-    except (UnknownNameError, ValueRangeError) as error:
-        raise file.error(str(error), "classes") from error
-
-
-def _check_ground(file: YamlFile[LabFile], classes: LabClasses) -> None:
-    for index, name in enumerate(file.value.ground):
-        if name not in classes.names:
-            error = UnknownNameError("class", name, classes.names)
-            raise file.error(str(error), "ground", index)
-
-
-def _mark(file: YamlFile[LabFile]) -> tuple[LandingMark | None, Pose2D | None]:
-    section = file.value.mark
-    try:
-        return None if section is None else mark_of_section(section), mark_pose(section)
-    except InputError as error:
-        raise file.error(str(error), "mark") from error
-
-
-def _check_area(file: YamlFile[LabFile], mark: Pose2D | None) -> None:
-    try:
-        take_off = take_off_pose(file.value, mark)
-    except ValueRangeError as error:
-        raise file.error(str(error), "take_off") from error
-    if file.value.area is None:
-        return
-    problem = area_problem(file.value.area, take_off=take_off, mark=mark)
-    if problem is not None:
-        raise file.error(problem, "area")
 
 
 def _colour(text: str) -> Colour:

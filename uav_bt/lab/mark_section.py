@@ -21,8 +21,13 @@ class MarkSection(TypedDict, total=False):
     """Form of the section. A lab file states size and height; a site file keeps the lab's.
 
     Attributes:
-        position_m: Where the mark stands in the lab's drawing.
-        yaw_deg: Direction of the mark's x axis there; its upper edge is towards its y axis.
+        kind: Registered name of the plug-in that finds the mark.
+        options: Settings of the plug-in.
+        size_m: Length and width of the top, metres.
+        height_m: Height of the top above the ground, metres; 0 for a mat.
+        position_m: Where the mark stands in the lab's drawing, metres.
+        yaw_deg: Direction of the mark's x axis there, counter-clockwise; its upper edge is towards
+            its y axis.
     """
 
     kind: Annotated[str, Field(description="Kind of landing mark; default: helipad.")]

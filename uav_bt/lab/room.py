@@ -32,9 +32,15 @@ _MAX_SHELVES: Final = 12
 
 @dataclass(frozen=True, kw_only=True)
 class PaintedLine:
-    """A painted line on the ground."""
+    """A painted line on the ground.
 
-    points_m: Annotated[tuple[Vector2, ...], Field(min_length=2, max_length=MAX_CORNERS)]  # corners
+    Attributes:
+        points_m: Its corners, world x and y.
+        width_m: Its width.
+        colour: Its colour.
+    """
+
+    points_m: Annotated[tuple[Vector2, ...], Field(min_length=2, max_length=MAX_CORNERS)]
     width_m: Annotated[float, Field(ge=0.01, le=2.0)] = 0.1
     colour: ColourText = "#d9b526"
 
@@ -76,10 +82,16 @@ _Outline = Annotated[tuple[Vector2, ...], Field(min_length=3, max_length=MAX_COR
 
 @dataclass(frozen=True, kw_only=True)
 class GroundSection:
-    """The ground below the flight: a rectangle around the origin, or a polygon."""
+    """The ground below the flight: a rectangle around the origin, or a polygon.
+
+    Attributes:
+        size_m: Sides of the rectangle along x and y.
+        outline_m: Corners of the polygon in order, in place of `size_m`.
+        surface: Its look; by default the paper's carpet.
+    """
 
     size_m: Vector2 | None = None
-    outline_m: _Outline | None = None  # corners of a polygon, in place of `size_m`
+    outline_m: _Outline | None = None
     surface: Surface = field(default_factory=lambda: Surface(generator="carpet"))
 
     def __post_init__(self) -> None:
@@ -105,12 +117,20 @@ class GroundSection:
 
 @dataclass(frozen=True, kw_only=True)
 class WallSection:
-    """Walls, floor beside the ground, and ceiling."""
+    """Walls, floor beside the ground, and ceiling.
+
+    Attributes:
+        height_m: Height of the walls.
+        beside_m: Distance from the ground to the walls. At 0 they follow its outline; otherwise
+            they are a rectangle around it.
+        surface: Look of the walls; by default light grey.
+        floor: Look of the floor beside the ground; by default grey.
+    """
 
     height_m: float = 5.0
-    beside_m: float = 2.5  # from the ground to them; at 0 they follow its outline, else a rectangle
-    surface: Surface | None = None  # of the walls; by default light grey
-    floor: Surface | None = None  # beside the ground; by default grey
+    beside_m: float = 2.5
+    surface: Surface | None = None
+    floor: Surface | None = None
 
     def __post_init__(self) -> None:
         low, high = _WALL_HEIGHTS_M
@@ -122,11 +142,17 @@ class WallSection:
 
 @dataclass(frozen=True, kw_only=True)
 class Lamp:
-    """A lamp that shines downwards from a place, brightest below it."""
+    """A lamp that shines downwards from a place, brightest below it.
+
+    Attributes:
+        position_m: World x, y and z.
+        brightness: Light at the lamp; 1 shows a surface straight below it in its own colours.
+        reach_m: Distance at which half of the light is left.
+    """
 
     position_m: Vector3
-    brightness: float = 1.0  # at the lamp; 1 shows a surface below it in its own colours
-    reach_m: float = 4.0  # distance at which half of the light is left
+    brightness: float = 1.0
+    reach_m: float = 4.0
 
     def __post_init__(self) -> None:
         if not all(map(math.isfinite, self.position_m)) or not self.position_m[2] > 0.0:
@@ -139,7 +165,12 @@ class Lamp:
 
 @dataclass(frozen=True, kw_only=True)
 class LightSection:
-    """The light of the place."""
+    """The light of the place.
+
+    Attributes:
+        ambient: Share of light without a direction, 0 to 1.
+        lamps: Lamps at the ceiling.
+    """
 
     ambient: Annotated[float, Field(ge=0.0, le=1.0)] = 0.35
     lamps: Annotated[tuple[Lamp, ...], Field(min_length=1, max_length=MAX_LAMPS)]
@@ -217,11 +248,18 @@ class ObjectKind:
 
 @dataclass(frozen=True, kw_only=True)
 class RoomSection:
-    """Form of the section `room`. Keys that are absent are as in the paper's lab."""
+    """Form of the section `room`. Keys that are absent are as in the paper's lab.
+
+    Attributes:
+        ground: The ground; without it scenes state its size.
+        walls: Walls, floor and ceiling.
+        light: The light of scenes without `lighting`.
+        objects: Kinds of objects by name.
+    """
 
     ground: GroundSection | None = None
     walls: WallSection | None = None
-    light: LightSection | None = None  # of scenes without `lighting`
+    light: LightSection | None = None
     objects: Mapping[str, ObjectKind] = field(default_factory=dict)
 
 

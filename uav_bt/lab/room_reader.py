@@ -10,7 +10,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.errors import FileError, UnknownNameError
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.obj_file import read_obj
 from uav_bt.lab.picture import check_picture
@@ -51,28 +50,22 @@ def read_room(file: YamlFile[Any], section: RoomSection, folder: Path, classes: 
         if kind.file is not None:
             at = (*steps, "file")
             path = _inside(file, folder, kind.file, at)
-            try:
+            with file.at(*at):
                 meshes[name] = read_obj(path, kind.size_m)
-            except FileError as error:
-                raise file.error(str(error), *at) from error
             files.append(path)
     for surface, steps in _surfaces(section):
         if surface.image is not None:
             at = (*steps, "image")
             path = _inside(file, folder, surface.image, at)
-            try:
+            with file.at(*at):
                 check_picture(path)
-            except FileError as error:
-                raise file.error(str(error), *at) from error
             files.append(path)
     return Room(section=section, folder=folder, meshes=meshes, files=tuple(files))
 
 
 def _check_class(file: YamlFile[Any], name: str, classes: LabClasses, steps: Steps) -> None:
-    try:
+    with file.at(*steps):
         class_id = classes.id_of(name)
-    except UnknownNameError as error:
-        raise file.error(str(error), *steps) from error
     if class_id not in classes.of_role(OBSTACLE):
         role = next(each.role for each in classes if each.name == name)
         raise file.error(

@@ -13,7 +13,7 @@ Users write the last three. The map's frame stays inside the program.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from uav_bt.types.place import Place, PlaceFrame
 from uav_bt.types.pose import Pose2D, wrap_angle
@@ -54,54 +54,44 @@ def resolve(
         take_off: Take-off pose in the drawing of the lab, yaw counter-clockwise; None if unknown.
         mark: Pose of the landing mark there, likewise; its upper edge is towards its y axis.
     """
-    if place.frame is PlaceFrame.LAB:
-        return _resolve_drawn(place, site_map, take_off, mark)
-    if place.frame is PlaceFrame.MARK:
-        if site_map.mark is None:
+    origin = _origin(place, site_map, take_off, mark)
+    if isinstance(origin, Unresolved):
+        return origin
+    here, drawn = origin
+    offset = Pose2D(x_m=place.x_m, y_m=place.y_m, yaw_rad=place.heading_rad or 0.0)
+    at = here.pose_to_world(offset if drawn is None else lab_to_start(offset, drawn))
+    yaw_rad = None if place.heading_rad is None else wrap_angle(at.yaw_rad)
+    return Goal(x_m=at.x_m, y_m=at.y_m, height_m=place.height_m, yaw_rad=yaw_rad)
+
+
+def _origin(
+    place: Place, site_map: SiteMap, take_off: Pose2D | None, mark: Pose2D | None
+) -> tuple[Pose2D, Pose2D | None] | Unresolved:
+    """Return the pose that a place counts from on the map; and in the drawing, if it counts there.
+
+    Headings at the mark and at objects count from the take-off heading.
+    """
+    seen, here = site_map.mark, site_map.start
+    drawn = take_off if place.frame is PlaceFrame.LAB else None
+    if place.frame is PlaceFrame.BODY:
+        here = site_map.pose
+    elif place.frame is PlaceFrame.MARK:
+        if seen is None:
             return Unresolved(reason="the landing mark was not seen yet")
-        at_m = site_map.mark.x_m, site_map.mark.y_m
+        here = replace(here, x_m=seen.x_m, y_m=seen.y_m)
     elif place.frame is PlaceFrame.OBJECT:
         found = site_map.object(place.object_id)
         if found is None:
             return Unresolved(reason=f"the map has no object {place.object_id}")
-        at_m = found.x_m, found.y_m
-    else:
-        origin = site_map.pose if place.frame is PlaceFrame.BODY else site_map.start
-        yaw_rad = None if place.heading_rad is None else origin.yaw_rad + place.heading_rad
-        return _goal(place, origin.to_world(place.x_m, place.y_m), yaw_rad)
-    heading_rad = place.heading_rad
-    return _goal(place, at_m, None if heading_rad is None else site_map.start.yaw_rad + heading_rad)
-
-
-def _resolve_drawn(
-    place: Place, site_map: SiteMap, take_off: Pose2D | None, mark: Pose2D | None
-) -> Goal | Unresolved:
-    """Return a place of the drawing in the map's frame, from one pose that is known in both."""
-    seen = site_map.mark
-    if take_off is not None:
-        here, drawn = site_map.start, take_off
-    elif mark is None:
-        return Unresolved(reason="the take-off pose in the lab's drawing is unknown")
-    elif seen is None or seen.yaw_rad is None:
-        return Unresolved(reason="the landing mark and its heading were not seen yet")
-    else:
+        here = replace(here, x_m=found.x_m, y_m=found.y_m)
+    elif place.frame is PlaceFrame.LAB and take_off is None:
+        if mark is None:
+            return Unresolved(reason="the take-off pose in the lab's drawing is unknown")
+        if seen is None or seen.yaw_rad is None:
+            return Unresolved(reason="the landing mark and its heading were not seen yet")
         here = Pose2D(x_m=seen.x_m, y_m=seen.y_m, yaw_rad=seen.yaw_rad)
-        drawn = Pose2D(x_m=mark.x_m, y_m=mark.y_m, yaw_rad=mark.yaw_rad + math.pi / 2)
-    at = lab_to_start(Pose2D(x_m=place.x_m, y_m=place.y_m, yaw_rad=0.0), drawn)
-    yaw_rad = None
-    if place.heading_rad is not None:
-        yaw_rad = here.yaw_rad + drawn.yaw_rad - place.heading_rad
-    return _goal(place, here.to_world(at.x_m, at.y_m), yaw_rad)
-
-
-def _goal(place: Place, at_m: tuple[float, float], yaw_rad: float | None) -> Goal:
-    x_m, y_m = at_m
-    return Goal(
-        x_m=x_m,
-        y_m=y_m,
-        height_m=place.height_m,
-        yaw_rad=None if yaw_rad is None else wrap_angle(yaw_rad),
-    )
+        drawn = replace(mark, yaw_rad=mark.yaw_rad + math.pi / 2)
+    return here, drawn
 
 
 def from_start(place: Place, take_off: Pose2D | None = None) -> tuple[float, float] | None:
