@@ -85,6 +85,7 @@ def _inside(file: YamlFile[Any], folder: Path, name: str, steps: Steps) -> Path:
 
 def _surfaces(section: RoomSection) -> Iterator[tuple[Surface, Steps]]:
     """Yield all surfaces with their places in the file."""
+    parts: list[tuple[Steps, object]]
     parts = [(("ground",), section.ground), (("walls",), section.walls)]
     parts += [(("objects", name), kind) for name, kind in section.objects.items()]
     for steps, part in parts:
