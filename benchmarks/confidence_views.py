@@ -36,6 +36,7 @@ from uav_bt.lab.shipped import DEFAULT_LAB, load_lab
 from uav_bt.learning.views import DepthViewPlan, scene_seed
 from uav_bt.types import Frame
 from uav_bt.types.arrays import Flags, Floats32, Image
+from uav_bt.yaml_values import plain_yaml
 
 OTHER_LAB: Final = "depot"
 ROOM: Final = "room"
@@ -105,7 +106,7 @@ def _painted(lab: Lab, folder: Path, seed: int) -> Lab:
         return f"#{bytes(rng.integers(30, 230, 3).tolist()).hex()}"
 
     file = copy_lab(lab, folder).lab.folder / LAB_FILE
-    content = yaml.safe_load(file.read_text(encoding="utf-8"))
+    content = plain_yaml(file)
     room = content["room"]
     generator = ("concrete", "wood")[seed % 2]
     room["ground"]["surface"] = {"generator": generator, "colour": colour()}

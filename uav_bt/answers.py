@@ -1,4 +1,8 @@
-"""The answers of a leaf policy to a view: advance, follow a leg, rotate, blocked or done."""
+"""The answers of a leaf policy to a view: advance, follow a leg, rotate, blocked or done.
+
+Each has a `reason`, one or two words for the status line and the records. A number of another type
+or out of its range raises ValueRangeError.
+"""
 
 from __future__ import annotations
 
@@ -20,10 +24,7 @@ class Advance:
         yaw_rad: The turn during the step, clockwise positive, at most one full turn.
         free_m: The way ahead is free of obstacles up to this distance, even where the ground ends
             earlier. A policy reports at most its longest step; None means that it does not know.
-        reason: One or two words for the status line and the records.
-
-    Raises:
-        ValueRangeError: A number is of another type or out of its range.
+        reason: One or two words.
     """
 
     forward_m: float
@@ -32,8 +33,7 @@ class Advance:
     reason: str = ""
 
     def __post_init__(self) -> None:
-        _check_finite(self, "forward_m", self.forward_m)
-        if self.forward_m <= 0.0:
+        if _finite(self, "forward_m", self.forward_m) <= 0.0:
             raise ValueRangeError(
                 f"forward_m of an Advance must be positive, got {self.forward_m:g}: "
                 "where the way is not free return Blocked"
@@ -49,10 +49,7 @@ class FollowLeg:
     Attributes:
         yaw_rad: The bearing of the leg, clockwise positive, at most one full turn.
         speed_mps: The forward speed. At 0 the drone waits, for example for something that passes.
-        reason: One or two words for the status line and the records.
-
-    Raises:
-        ValueRangeError: A number is of another type or out of its range.
+        reason: One or two words.
     """
 
     yaw_rad: float = 0.0
@@ -61,8 +58,7 @@ class FollowLeg:
 
     def __post_init__(self) -> None:
         _check_yaw(self, self.yaw_rad)
-        _check_finite(self, "speed_mps", self.speed_mps)
-        if self.speed_mps < 0.0:
+        if _finite(self, "speed_mps", self.speed_mps) < 0.0:
             raise ValueRangeError(
                 f"speed_mps of a FollowLeg must be zero or positive, got {self.speed_mps:g}"
             )
@@ -73,12 +69,8 @@ class Rotate:
     """Turn on the spot towards a heading, until the next answer. The way may be free.
 
     Attributes:
-        yaw_rad: The heading, relative to the present one, clockwise positive, at most one full
-            turn.
-        reason: One or two words for the status line and the records.
-
-    Raises:
-        ValueRangeError: The angle is of another type or out of its range.
+        yaw_rad: The heading, relative to the present one, clockwise, at most one full turn.
+        reason: One or two words.
     """
 
     yaw_rad: float
@@ -95,12 +87,8 @@ class Blocked:
     Attributes:
         yaw_rad: The least turn, clockwise positive, at most one full turn.
         ground_ends: The ground ends ahead.
-        free_m: The way ahead is free of obstacles up to this distance, even where the ground ends
-            earlier. A policy reports at most its longest step; None means that it does not know.
-        reason: One or two words for the status line and the records.
-
-    Raises:
-        ValueRangeError: A value is of another type, or a number is out of its range.
+        free_m: As of `Advance`.
+        reason: One or two words.
     """
 
     yaw_rad: float
@@ -119,49 +107,39 @@ class Blocked:
 
 @dataclass(frozen=True, kw_only=True)
 class Done:
-    """Nothing is left to do.
-
-    Attributes:
-        reason: One or two words for the status line and the records.
-    """
+    """Nothing is left to do."""
 
     reason: str = ""
 
 
-Answer = Advance | FollowLeg | Rotate | Blocked | Done
-"""The result of `LeafPolicy.decide`."""
+Answer = Advance | FollowLeg | Rotate | Blocked | Done  # the result of `LeafPolicy.decide`
 
 
-def _check_number(answer: object, name: str, value: object) -> None:
+def _of(answer: object, name: str) -> str:
+    kind = type(answer).__name__
+    return f"{name} of {'an' if kind[0] in 'AEIOU' else 'a'} {kind} must be"
+
+
+def _number(answer: object, name: str, value: float) -> float:
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise ValueRangeError(f"{name} of {_named(answer)} must be a number, got {value!r}")
+        raise ValueRangeError(f"{_of(answer, name)} a number, got {value!r}")
+    return value
 
 
-def _check_finite(answer: object, name: str, value: float) -> None:
-    _check_number(answer, name, value)
-    if not math.isfinite(value):
-        raise ValueRangeError(f"{name} of {_named(answer)} must be finite, got {value}")
+def _finite(answer: object, name: str, value: float) -> float:
+    if not math.isfinite(_number(answer, name, value)):
+        raise ValueRangeError(f"{_of(answer, name)} finite, got {value}")
+    return value
 
 
 def _check_yaw(answer: object, yaw_rad: float) -> None:
-    _check_number(answer, "yaw_rad", yaw_rad)
-    if not abs(yaw_rad) <= 2.0 * math.pi:
+    if not abs(_number(answer, "yaw_rad", yaw_rad)) <= 2.0 * math.pi:
         raise ValueRangeError(
-            f"yaw_rad of {_named(answer)} must be a turn in radians, from -2 pi to 2 pi, "
-            f"got {yaw_rad:g}: for degrees write math.radians(...)"
+            f"{_of(answer, 'yaw_rad')} a turn in radians, from -2 pi to 2 pi, got {yaw_rad:g}: "
+            "for degrees write math.radians(...)"
         )
 
 
 def _check_free(answer: object, free_m: float | None) -> None:
-    if free_m is None:
-        return
-    _check_number(answer, "free_m", free_m)
-    if not free_m >= 0.0:
-        raise ValueRangeError(
-            f"free_m of {_named(answer)} must be zero or positive, got {free_m:g}"
-        )
-
-
-def _named(answer: object) -> str:
-    name = type(answer).__name__
-    return f"an {name}" if name[0] in "AEIOU" else f"a {name}"
+    if free_m is not None and not _number(answer, "free_m", free_m) >= 0.0:
+        raise ValueRangeError(f"{_of(answer, 'free_m')} zero or positive, got {free_m:g}")

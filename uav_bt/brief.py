@@ -1,4 +1,4 @@
-"""Short texts of objects, for consoles and notebooks."""
+"""Short texts of objects: `__repr__ = brief_repr` in the body of a dataclass."""
 
 from __future__ import annotations
 
@@ -10,11 +10,7 @@ import numpy as np
 
 
 def brief_repr(value: Any) -> str:
-    """Return a dataclass object as the code that creates it, without default values.
-
-    Args:
-        value: the object; `__repr__ = brief_repr` in the body of its class.
-    """
+    """Return a dataclass object as the code that creates it, without default values."""
     return f"{type(value).__qualname__}({', '.join(_given(value))})"
 
 
@@ -27,11 +23,7 @@ def _given(value: Any) -> Iterator[str]:
 
 
 def shapes_repr(value: Any) -> str:
-    """Return the fields of a dataclass object, arrays only by shape and type.
-
-    Args:
-        value: the object; `__repr__ = shapes_repr` in the body of its class.
-    """
+    """Return the fields of a dataclass object, arrays only by shape and type."""
     shown = (f"{each.name}={_shape(getattr(value, each.name))}" for each in fields(value))
     return f"{type(value).__qualname__}({', '.join(shown)})"
 

@@ -8,9 +8,9 @@ from typing import Final
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import Clock
 
+# Default time limit of a mission, seconds from the take-off command. Chosen: a fifth of the time
+# that an ANAFI's battery lasts.
 TIME_LIMIT_S: Final = 300.0
-"""Default time limit of a mission, seconds from the take-off command. Chosen: a fifth of the time
-that an ANAFI's battery lasts."""
 
 
 class ManualClock:
@@ -24,11 +24,7 @@ class ManualClock:
         return self._now_s
 
     def advance(self, duration_s: float) -> None:
-        """Move time forward.
-
-        Raises:
-            ValueRangeError: the duration is negative.
-        """
+        """Move time forward."""
         if duration_s < 0.0:
             raise ValueRangeError(f"time only moves forward, got {duration_s} s")
         self._now_s += duration_s
@@ -58,9 +54,6 @@ class TickClock:
 
     Simulated time stands still while a tick is computed. Real time does not, and a replay could
     not reproduce the times that leaves read.
-
-    Args:
-        clock: the drone's.
     """
 
     def __init__(self, clock: Clock) -> None:

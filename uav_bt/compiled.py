@@ -31,11 +31,9 @@ _shown: set[str] = set()  # messages; each is shown once in a process
 def compiled(signature: str) -> Callable[[Callable[Given, Result]], Callable[Given, Result]]:
     """Return a decorator that compiles a function to machine code.
 
-    The function runs without the interpreter lock. Division by zero gives infinity or NaN.
-
-    Args:
-        signature: types of the result and of the arguments, in Numba's notation, such as
-            `float64(float64[:, ::1], int64)`. `::1` marks an array that is contiguous in C order.
+    The function runs without the interpreter lock. Division by zero gives infinity or NaN. The
+    signature has the types of the result and of the arguments, in Numba's notation, such as
+    `float64(float64[:, ::1], int64)`. `::1` marks an array that is contiguous in C order.
     """
 
     def decorate(function: Callable[Given, Result]) -> Callable[Given, Result]:

@@ -32,11 +32,7 @@ from typing import Any, ClassVar, Final
 def did_you_mean(name: str, known: Iterable[str], *, cutoff: float = 0.6, suffix: str = "") -> str:
     """Return ``"; did you mean 'x'?"`` for the closest known name, or an empty string.
 
-    Args:
-        name: the unknown name.
-        known: all valid names.
-        cutoff: smallest similarity of a suggestion, 0 to 1, as `difflib` measures it.
-        suffix: written behind the suggestion.
+    `cutoff` is the smallest similarity, 0 to 1, as `difflib` measures it; `suffix` is added.
     """
     close = difflib.get_close_matches(name, list(known), n=1, cutoff=cutoff)
     return f"; did you mean '{close[0]}{suffix}'?" if close else ""
@@ -99,12 +95,7 @@ class AnswerError(WeightsError):
 
 
 class TreeError(FileError):
-    """A tree file was refused; `findings` has all lines of the report.
-
-    Args:
-        path: the file.
-        findings: texts, or values whose `str` is the line; `details` keeps the values.
-    """
+    """A tree file was refused; `findings` are the lines of the report, `details` their values."""
 
     def __init__(self, path: Path | str, findings: Sequence[object]) -> None:
         self.details = tuple(findings)
@@ -146,12 +137,7 @@ class UnknownValueError(BoardAccessError):
 
 
 class PolicyFailedError(MissionError):
-    """A leaf policy raised; the message has file and line of its code.
-
-    Args:
-        policy: the policy.
-        cause: the exception.
-    """
+    """A leaf policy raised; the message has file and line of its code."""
 
     def __init__(self, policy: object, cause: Exception) -> None:
         kind = type(policy)
@@ -163,11 +149,8 @@ class PolicyFailedError(MissionError):
 class NodeFailedError(MissionError):
     """An exception in a node of the tree.
 
-    Args:
-        node_path: of the node.
-        cause: the exception.
-        author: class of the node; the message has the innermost line of its package (or of the
-            nearest base class that the exception passed through).
+    The message has the innermost line of the package of its class, the author's, or of the nearest
+    base class that the exception passed through.
     """
 
     def __init__(self, node_path: str, cause: BaseException, author: type | None = None) -> None:

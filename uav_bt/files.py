@@ -14,10 +14,7 @@ Failure = Callable[[Path, str], FileError]  # makes the error of a path and a me
 
 
 def did_you_mean_file(path: Path) -> str:
-    """Return ``"; did you mean 'x'?"`` for a missing file, or an empty string.
-
-    The suggestion is a file or a folder in the same folder, with the same suffix.
-    """
+    """Return ``"; did you mean 'x'?"`` for a file or folder beside a missing one, or nothing."""
     beside = path.parent.iterdir() if path.parent.is_dir() else ()
     stems = [one.stem for one in beside if one.suffix == path.suffix]
     return did_you_mean(path.stem, stems, suffix=path.suffix)
@@ -25,15 +22,7 @@ def did_you_mean_file(path: Path) -> str:
 
 @contextmanager
 def reading(path: Path, error: Failure = FileError) -> Iterator[None]:
-    """Translate the errors of a block that reads a file.
-
-    Args:
-        path: the file, for the message.
-        error: makes the exception.
-
-    Raises:
-        FileError: the block raised an OSError, or the file is not UTF-8 text.
-    """
+    """Translate the errors of a block that reads a file, also that it is not UTF-8 text."""
     try:
         yield
     except UnicodeDecodeError as cause:
@@ -47,17 +36,7 @@ def reading(path: Path, error: Failure = FileError) -> Iterator[None]:
 def read_bounded(
     path: Path, max_bytes: int, error: Failure = FileError, *, cure: str = ""
 ) -> bytes:
-    """Return a file's bytes.
-
-    Args:
-        path: the file.
-        max_bytes: largest size.
-        error: makes the exception.
-        cure: remedy for a file that is too large.
-
-    Raises:
-        FileError: the file is absent, not regular, too large, or cannot be read.
-    """
+    """Return a file's bytes; refuse one that is absent, not regular or too large."""
     with reading(path, error):
         if path.exists() and not path.is_file():
             raise error(path, f"is a {'folder' if path.is_dir() else 'device or a pipe'}, no file")
@@ -70,14 +49,7 @@ def read_bounded(
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Translate the errors of a block that writes a file.
-
-    Args:
-        path: the file, for the message.
-
-    Raises:
-        FileError: the block raised an OSError.
-    """
+    """Translate the errors of the system in a block that writes a file."""
     try:
         yield
     except OSError as cause:
@@ -87,13 +59,7 @@ def writing(path: Path) -> Iterator[None]:
 def check_output(path: Path, *, new_folders: bool = False) -> None:
     """Refuse a file that cannot be written, before the work whose result it will have.
 
-    Args:
-        path: the file; an existing one may be replaced.
-        new_folders: whether its folder may be missing, because it will be made.
-
-    Raises:
-        FileError: the path is not a regular file, or its folder is missing, not a folder, or not
-            writable.
+    With `new_folders` its folder may be missing, because it will be made.
     """
     if not path.name:
         raise FileError(path, f"expected the name of a file, got '{path}'")
@@ -108,11 +74,7 @@ def check_output(path: Path, *, new_folders: bool = False) -> None:
 
 
 def check_output_folder(folder: Path) -> None:
-    """Refuse a folder that cannot be written to or made.
-
-    Raises:
-        FileError: the path is not a folder, or not writable.
-    """
+    """Refuse a folder that cannot be written to or made."""
     with writing(folder):
         there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
         if not there.is_dir():
@@ -123,15 +85,7 @@ def check_output_folder(folder: Path) -> None:
 
 
 def check_empty_folder(folder: Path, writer: str) -> None:
-    """Refuse a folder that has files, or that cannot be written to or made.
-
-    Args:
-        folder: the folder; a missing one will be made.
-        writer: what writes to it, for the message.
-
-    Raises:
-        FileError: the path is no folder, has files, or is not writable.
-    """
+    """Refuse a folder that has files, or that cannot be written to or made, for a writer."""
     check_output_folder(folder)
     with writing(folder):
         if folder.is_dir() and any(folder.iterdir()):
@@ -146,17 +100,8 @@ def check_empty_folder(folder: Path, writer: str) -> None:
 def whole_file(path: Path) -> Iterator[Path]:
     """Write a file so that a reader never sees half of it.
 
-    The block writes to a temporary path beside the final one. If it ends without an error, that
+    The block writes to the yielded path beside the final one. If it ends without an error, that
     file replaces the final one; otherwise it is removed.
-
-    Args:
-        path: the file; an existing one stays until the new one is complete.
-
-    Yields:
-        The temporary path.
-
-    Raises:
-        FileError: the file cannot be written.
     """
     # Several processes may write one file at once, such as an index: each has a separate part.
     partial = path.with_name(f"{path.name}.{os.getpid()}.part")
@@ -169,14 +114,6 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def write_whole(path: Path, content: bytes | str) -> None:
-    """Write a file so that a reader never sees half of it.
-
-    Args:
-        path: the file; an existing one is replaced.
-        content: of the whole file; text becomes UTF-8.
-
-    Raises:
-        FileError: the file cannot be written.
-    """
+    """Write a file so that a reader never sees half of it; text becomes UTF-8."""
     with whole_file(path) as partial:
         partial.write_bytes(content.encode() if isinstance(content, str) else content)

@@ -15,12 +15,9 @@ from uav_bt.errors import FileError
 _NAMING: Final = {".xml", ".yaml", ".yml"}  # files that name further ones
 # How a file names others: quoted in XML, after a colon or a dash in YAML.
 _NAMED: Final = re.compile(r"""["']([^"'\n]+)["']|[:\-][ \t]+([^"'\n#]+)""")
-# Suffixes and names of the files that are read from a folder. Its other JSON files are outputs.
-_IN_FOLDERS: Final = {
-    *(".mcap", ".jsonl", ".csv", ".onnx", ".obj", *_NAMING),
-    *(".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp"),
-    *("campaign.json", "classes.json"),
-}
+# In a folder every file is an input, but those that a command may have written there before.
+_REWRITTEN: Final = {".json", ".html", ".mp4", ".rrd", ".svg", ".btlog"}
+_READ: Final = {"campaign.json", "classes.json"}
 
 
 def refuse_inputs(output: Path, given: Iterable[object], shipped: Path) -> None:
@@ -28,12 +25,8 @@ def refuse_inputs(output: Path, given: Iterable[object], shipped: Path) -> None:
 
     Args:
         output: the file to be written.
-        given: the inputs: files, folders, names, and mappings, sequences and dataclass objects
-            that contain them; other values are ignored.
+        given: files, folders, names, and values that contain them; other values are ignored.
         shipped: the folder of the shipped missions, which are given by name.
-
-    Raises:
-        FileError: the output would overwrite an input.
     """
     if output.exists() and any(same_file(output, source) for source in _inputs(given, shipped)):
         raise FileError(output, "is an input and would be overwritten; choose another name")
@@ -47,8 +40,8 @@ def same_file(one: Path, other: Path) -> bool:
 
 
 def _inputs(given: Iterable[object], shipped: Path) -> Iterator[Path]:
-    found: dict[Path, None] = {}
-    for text in (text for value in given for text in _texts(value)):
+    found: set[Path] = set()
+    for text in _texts(tuple(given)):
         _add(_files(text, Path()), found)
         _add(_files(f"{Path(text).stem}.xml", shipped), found)
     yield from found
@@ -56,27 +49,29 @@ def _inputs(given: Iterable[object], shipped: Path) -> Iterator[Path]:
 
 def _texts(value: object) -> Iterator[str]:
     """Yield the texts in a value."""
+    parts: Iterable[object] = ()
     if isinstance(value, (str, Path)):
         yield str(value)
     elif isinstance(value, Mapping):
-        yield from (text for each in value.values() for text in _texts(each))
+        parts = value.values()
     elif isinstance(value, (tuple, list)):
-        yield from (text for each in value for text in _texts(each))
+        parts = value
     elif is_dataclass(value):
-        yield from (text for each in fields(value) for text in _texts(getattr(value, each.name)))
+        parts = [getattr(value, each.name) for each in fields(value)]
+    for part in parts:
+        yield from _texts(part)
 
 
-def _add(paths: Iterable[Path], found: dict[Path, None]) -> None:
+def _add(paths: Iterable[Path], found: set[Path]) -> None:
     for path in paths:
         if path in found:
             continue
-        found[path] = None
+        found.add(path)
         if path.suffix.lower() in _NAMING and os.access(path, os.R_OK):
             text = path.read_bytes().decode("utf-8", "replace")
             for match in _NAMED.finditer(text):
-                name = match[1] or match[2]
-                _add(_files(name.strip(), path.parent), found)
-                _add(_files(name.strip(), Path()), found)
+                for folder in (path.parent, Path()):
+                    _add(_files((match[1] or match[2]).strip(), folder), found)
 
 
 def _files(text: str, folder: Path) -> Iterator[Path]:
@@ -88,5 +83,5 @@ def _files(text: str, folder: Path) -> Iterator[Path]:
                 yield path.resolve()
             elif part == text and folder == Path() and path.is_dir():
                 for file in path.rglob("*"):
-                    if {file.suffix.lower(), file.name} & _IN_FOLDERS:
+                    if file.suffix.lower() not in _REWRITTEN or file.name in _READ:
                         yield file

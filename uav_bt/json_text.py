@@ -12,42 +12,26 @@ _MAX_DEPTH: Final = 64  # ours has less than ten; `repr` and our walks recurse
 
 
 def parse_json(text: bytes | str) -> Any:
-    """Return the value of a JSON text.
-
-    Args:
-        text: bytes are UTF-8.
-
-    Raises:
-        InputError: the text is not JSON, is nested too deeply, or has a number beyond a double's
-            range.
-    """
+    """Return the value of a JSON text (bytes are UTF-8); InputError for any other."""
     try:
         text = text.decode() if isinstance(text, bytes) else text
         value = _DECODER.decode(text)
+        deep = text.count("[") + text.count("{") > _MAX_DEPTH and _depth(value) > _MAX_DEPTH
     except json.JSONDecodeError as error:
         where = f"line {error.lineno}, column {error.colno}"
         raise InputError(f"no JSON: {error.msg} at {where}") from error
     except ValueError as error:  # not UTF-8, or an integer of thousands of digits
         raise InputError(f"no JSON: {error}") from error
-    except RecursionError as error:
-        raise InputError("no JSON that can be read: nested too deeply") from error
-    if text.count("[") + text.count("{") > _MAX_DEPTH and _deeper(value, _MAX_DEPTH):
+    except RecursionError:
+        deep = True
+    if deep:
         raise InputError(f"no JSON that can be read: nested deeper than {_MAX_DEPTH}")
     return value
 
 
-def _deeper(value: Any, most: int) -> bool:
-    """Return whether lists and objects are nested deeper than `most`."""
-    level = [value]
-    for _ in range(most + 1):
-        below: list[Any] = []
-        for one in level:
-            if isinstance(one, dict):
-                below += one.values()
-            elif isinstance(one, list):
-                below += one
-        level = below
-    return bool(level)
+def _depth(value: Any) -> int:
+    inner = value.values() if isinstance(value, dict) else value
+    return 1 + max(map(_depth, inner), default=0) if isinstance(value, dict | list) else 0
 
 
 def _finite(text: str) -> float:

@@ -30,8 +30,7 @@ class MarkView:
     """Input of a finder: one frame, its camera and its class map.
 
     Attributes:
-        frame: Undistorted image, gimbal pitch, and height of the camera above the ground at its
-            capture.
+        frame: Undistorted image, gimbal pitch, and height of the camera above the ground.
         camera: Intrinsics at any size with the image's aspect ratio.
         class_map: Class map of the frame; None without one.
         take_off: Take-off pose relative to the body at the capture, by map and odometry: x
@@ -55,9 +54,6 @@ class MarkSighting:
         confidence: 0 to 1.
         heading_deg: Heading of the drone relative to the mark, clockwise, -180 to 180; 0 if the
             drone looks towards the mark's upper edge. None if the mark does not show it.
-
-    Raises:
-        ValueRangeError: A number is not finite, or out of its range.
     """
 
     forward_m: float
@@ -94,11 +90,6 @@ class MarkFinder(Protocol):
 
     def find(self, view: MarkView) -> MarkSighting | None:
         """Return the mark in a view; None if it is not there."""
-        ...
 
     def picture(self) -> NDArray[np.uint8] | None:
-        """Return the image of the mark's whole top, (H, W, 3) RGB, for a simulator.
-
-        The image's upper edge is the mark's. None if the simulator draws the mark.
-        """
-        ...
+        """Return the mark's top, (H, W, 3) RGB, upright; None if the simulator draws the mark."""

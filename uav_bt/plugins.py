@@ -25,59 +25,36 @@ POLICIES: Final = "uav_bt.policies"  # each names a callable that makes a LeafPo
 DRONES: Final = "uav_bt.drones"  # each names a DroneConfig class
 LANDING_MARKS: Final = "uav_bt.landing_marks"  # each names a MarkFinder class
 
-_KINDS: Final = {
-    BEHAVIOURS: "behaviours package",
-    POLICIES: "policy",
-    DRONES: "drone",
-    LANDING_MARKS: "landing mark",
-}
+_KINDS: Final = {POLICIES: "policy", DRONES: "drone", LANDING_MARKS: "landing mark"}
 # Modules that only some commands import, with the extra that installs each.
 _EXTRAS: Final = {
+    **dict.fromkeys(("jinja2", "matplotlib", "pebble"), "campaign"),
     "control": "design",
     "distributed": "dask",
-    "foxglove": "record",
-    "jinja2": "campaign",
-    "lsprotocol": "lsp",
-    "matplotlib": "campaign",
-    "mcap": "record",
-    "msgpack": "live",
-    "nncf": "train",
-    "onnx": "train",
-    "onnxruntime": "train",
-    "pebble": "campaign",
-    "pygls": "lsp",
     "rerun": "view",
-    "torch": "train",
-    "zmq": "live",
+    **dict.fromkeys(("msgpack", "zmq"), "live"),
+    **dict.fromkeys(("lsprotocol", "pygls"), "lsp"),
+    **dict.fromkeys(("foxglove", "mcap"), "record"),
+    **dict.fromkeys(("nncf", "onnx", "onnxruntime", "torch"), "train"),
 }
 
 
 def check_packages(home: Path | None = None, names: Sequence[str] = _PACKAGES) -> None:
-    """Refuse to start if a foreign folder hides one of our packages, whose names are common.
-
-    Args:
-        home: the folder of our packages; default: that of `uav_bt`.
-        names: the packages' names.
-
-    Raises:
-        InputError: a package is missing or hidden; the message has the remedy.
-    """
+    """Refuse to start if a foreign folder hides one of our packages, whose names are common."""
     home = Path(__file__).resolve().parents[1] if home is None else home
     for name in names:
-        ours = home / name
-        spec = importlib.util.find_spec(name)
-        found = [] if spec is None else list(spec.submodule_search_locations or [])
-        if any(Path(folder).resolve() == ours for folder in found):
-            continue
-        if not found and (spec is None or spec.origin is None):
+        ours, spec = home / name, importlib.util.find_spec(name)
+        found = [] if spec is None else [*(spec.submodule_search_locations or []), spec.origin]
+        theirs = [place for place in found if place is not None]
+        if not theirs:
             raise InputError(
                 f"the package '{name}' that belongs to uav-bt is not installed; reinstall uav-bt"
             )
-        theirs = found[0] if found else spec.origin if spec is not None else ""
-        raise InputError(
-            f"Python finds '{theirs}' where uav-bt needs its own '{ours}'; rename that "
-            f"'{name}', start from another folder, or take it off PYTHONPATH"
-        )
+        if ours not in [Path(place).resolve() for place in theirs]:
+            raise InputError(
+                f"Python finds '{theirs[0]}' where uav-bt needs its own '{ours}'; rename that "
+                f"'{name}', start from another folder, or take it off PYTHONPATH"
+            )
 
 
 @lru_cache(maxsize=1)
@@ -103,14 +80,9 @@ def names(group: str) -> tuple[str, ...]:
 
 
 def load(group: str, name: str) -> Any:
-    """Import and return the object registered under a name.
-
-    Raises:
-        UnknownNameError: the name is not registered; the message has a suggestion.
-        InputError: two packages registered the name, or the object cannot be imported.
-    """
+    """Import and return the object registered under a name."""
     points = _entry_points(group)
-    kind = _KINDS.get(group, group)
+    kind = _KINDS.get(group, "behaviours package")
     if name not in points:
         raise UnknownNameError(kind, name, points)
     point, *others = points[name]
@@ -144,13 +116,7 @@ def describe_failure(error: BaseException) -> str:
 def need(extra: str, *modules: str, what: str = "this") -> None:
     """Refuse to begin work if a package that it needs is not installed.
 
-    Args:
-        extra: the extra of this project that installs the package.
-        modules: modules to import, top-level names.
-        what: the user of the package, for the message.
-
-    Raises:
-        MissingDependencyError: a module is absent; the message has the command to install it.
+    The message names the user of the modules and the command that installs their extra.
     """
     absent = [name for name in modules if not _is_installed(name)]
     if absent:
@@ -182,16 +148,9 @@ def _is_installed(module: str) -> bool:
 
 
 def look_up_policy(name: str, own: Mapping[str, Any] | None = None) -> None:
-    """Refuse a policy that cannot be made, without making it.
+    """Refuse a policy that cannot be made, NAME or NAME:ARGUMENT, without making it.
 
-    Args:
-        name: NAME, or NAME:ARGUMENT for a policy with `from_text`. The policy's `look_up`, if any,
-            checks the argument.
-        own: classes of policies by name, besides the registered ones.
-
-    Raises:
-        UnknownNameError: the name is not registered.
-        InputError: the policy takes no argument, or refuses this one.
+    The policy's `look_up`, if any, checks the argument. `own` has further classes of policies.
     """
     registered, colon, argument = name.partition(":")
     if not colon:
@@ -207,10 +166,6 @@ def make_policy(name: str, own: Mapping[str, Any] | None = None) -> LeafPolicy:
     Args:
         name: NAME, or NAME:ARGUMENT for a policy with `from_text`: `student:FILE.onnx`.
         own: classes of policies by name, besides the registered ones.
-
-    Raises:
-        UnknownNameError: the name is not registered.
-        InputError: the policy takes no argument, refuses this one, or cannot be made.
     """
     from uav_bt.protocols import LeafPolicy  # noqa: PLC0415  (NumPy, and `--help` needs this module)
 
@@ -229,15 +184,7 @@ def make_policy(name: str, own: Mapping[str, Any] | None = None) -> LeafPolicy:
 
 
 def make_mark_finder(mark: LandingMark) -> MarkFinder:
-    """Return a finder of a landing mark.
-
-    Args:
-        mark: kind, size and options of the mark.
-
-    Raises:
-        UnknownNameError: the kind is not registered.
-        InputError: the kind refuses the size or an option, or is no `MarkFinder`.
-    """
+    """Return a finder of a landing mark, whose kind must be registered and take the mark."""
     from uav_bt.landing_marks import MarkFinder  # noqa: PLC0415  (NumPy, as above)
 
     kind = load(LANDING_MARKS, mark.kind)
@@ -258,12 +205,7 @@ def make_mark_finder(mark: LandingMark) -> MarkFinder:
 
 
 def _policy_factory(registered: str, argument: str | None, own: Mapping[str, Any]) -> Any:
-    """Return the factory that is registered as a policy, or is one of these.
-
-    Raises:
-        UnknownNameError: the name is not registered.
-        InputError: the policy takes no argument, but one is given.
-    """
+    """Return the factory that is registered as a policy, or is one of these."""
     factory = own[registered] if registered in own else load(POLICIES, registered)
     if argument is not None and not hasattr(factory, "from_text"):
         raise InputError(f"policy '{registered}' takes no argument, got '{registered}:{argument}'")

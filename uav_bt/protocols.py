@@ -36,11 +36,9 @@ class Clock(Protocol):
 
     def now(self) -> float:
         """Return the present time."""
-        ...
 
     def sleep_until(self, time_s: float) -> None:
         """Wait until a time (in the twin: step the physics up to it)."""
-        ...
 
 
 @runtime_checkable
@@ -50,32 +48,26 @@ class Scene(Protocol):
     @property
     def name(self) -> str:
         """Name in reports."""
-        ...
 
     @property
     def mark(self) -> LandingMark | None:
         """Size of the landing mark; None without one."""
-        ...
 
     @property
     def mark_pose(self) -> Pose2D | None:
         """Pose of the mark in the scene's drawing, yaw counter-clockwise; None without one."""
-        ...
 
     @property
     def lab(self) -> str:
         """Name or path of the lab that the scene belongs to."""
-        ...
 
     @property
     def classes(self) -> LabClasses:
         """Classes of that lab."""
-        ...
 
     @property
     def take_off_pose(self) -> Pose2D | None:
         """Take-off pose in the scene's drawing, yaw counter-clockwise; None where it is random."""
-        ...
 
 
 @runtime_checkable
@@ -85,57 +77,42 @@ class Drone(Protocol):
     @property
     def clock(self) -> Clock:
         """The clock that the whole mission uses."""
-        ...
 
     @property
     def camera(self) -> CameraModel:
         """The camera's intrinsics at the size of the frames it sends."""
-        ...
 
     @property
     def referee(self) -> Referee | None:
         """The truth of a simulation; None on a real drone."""
-        ...
 
     @property
     def scene(self) -> Scene | None:
         """Scene of a simulated drone; None on a real drone."""
-        ...
 
     @property
     def live(self) -> bool:
         """Whether battery, link, telemetry and video are checked before take-off."""
-        ...
 
     @property
     def tick_s(self) -> float | None:
         """Length of a tick, seconds, if the drone sets the pace; else None."""
-        ...
 
     @property
     def airframe(self) -> Airframe:
         """Size and reaction of the body; `Airframe()` without better numbers."""
-        ...
 
     def connect(self) -> None:
-        """Connect to the drone.
-
-        Raises:
-            DroneError: the drone cannot be reached.
-        """
-        ...
+        """Connect to the drone; DroneError if it cannot be reached."""
 
     def observe(self) -> Observation:
         """Return the newest frame and state; never blocks."""
-        ...
 
     def send(self, command: Command) -> Command:
         """Send a command; return the one sent after the drone's limits."""
-        ...
 
     def disconnect(self) -> None:
         """Disconnect; safe to call twice."""
-        ...
 
 
 class DroneConfig(Protocol):
@@ -147,12 +124,7 @@ class DroneConfig(Protocol):
     """
 
     def create(self) -> Drone:
-        """Return an unconnected drone.
-
-        Raises:
-            InputError: the drone cannot be made with these settings.
-        """
-        ...
+        """Return an unconnected drone; InputError if these settings make none."""
 
 
 @runtime_checkable
@@ -161,19 +133,15 @@ class Referee(Protocol):
 
     def truth(self) -> Truth:
         """Return the present truth."""
-        ...
 
     def ground(self) -> Ground | None:
         """Return the ground of the scene; None if unknown, then coverage is not measured."""
-        ...
 
     def class_ids(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.uint8]:
         """Return the exact class ids of a delivered frame's view, (height_px, width_px)."""
-        ...
 
     def depth(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.float32]:
         """Return the exact depth along the optical axis, metres, (height_px, width_px)."""
-        ...
 
 
 @runtime_checkable
@@ -182,7 +150,6 @@ class Segmenter(Protocol):
 
     def segment(self, frame: Frame) -> ClassMap:
         """Return a class id for every pixel of the (resized) frame."""
-        ...
 
 
 @runtime_checkable
@@ -192,7 +159,6 @@ class DepthBeside(Protocol):
     @property
     def relative_depth(self) -> DepthMap | None:
         """Relative depth of the frame that was segmented last; None before the first."""
-        ...
 
 
 @runtime_checkable
@@ -201,7 +167,6 @@ class DepthEstimator(Protocol):
 
     def estimate(self, frame: Frame) -> DepthMap:
         """Return the depth of every pixel of the (resized) frame."""
-        ...
 
 
 @runtime_checkable
@@ -210,22 +175,15 @@ class Sight(Protocol):
 
     def segment(self, frame: Frame) -> ClassMap:
         """Return the class map of a delivered frame, with the errors of a network."""
-        ...
 
     def estimate(self, frame: Frame) -> DepthMap:
         """Return the relative depth of a delivered frame, with the errors of a network."""
-        ...
 
     def mark(self, frame: Frame) -> MarkSighting | None:
         """Return the landing mark in a delivered frame, with the errors of a finder in images."""
-        ...
 
     def motion(self, first: Frame, second: Frame) -> Pose2D | None:
-        """Return the pose of the second lens in the level frame of the first, with errors.
-
-        None without enough ground in view.
-        """
-        ...
+        """Return the second lens's pose in the first's level frame; None without enough ground."""
 
 
 @runtime_checkable
@@ -235,7 +193,6 @@ class Imageless(Protocol):
     @property
     def sight(self) -> Sight | None:
         """The perception; None before connecting, and if frames are looked at."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -293,4 +250,3 @@ class LeafPolicy(Protocol):
 
     def decide(self, view: PolicyView) -> Answer:
         """Return the answer to a view."""
-        ...

@@ -24,13 +24,8 @@ def check_numbers(
 ) -> None:
     """Refuse numbers that are not finite or out of their range.
 
-    Args:
-        settings: A dataclass object; its fields of the types int and float, or None, are checked.
-        least: Smallest values by field; all other numbers are positive.
-        most: Greatest values by field.
-
-    Raises:
-        ValueRangeError: A number is not finite, out of its range, or of another type.
+    Fields of the types int and float, or None, of a dataclass object are checked. A number without
+    a least value must be positive.
     """
     for each in fields(settings):
         name, optional, _ = str(each.type).partition(" | None")

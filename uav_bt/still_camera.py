@@ -21,17 +21,11 @@ class StillState(enum.Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Still:
-    """A photograph that was asked for.
-
-    Attributes:
-        state: Whether it is saved.
-        media: Identifier of the saved photograph on the drone; empty before.
-        reason: Why it failed, such as "the memory card is full"; empty otherwise.
-    """
+    """A photograph that was asked for."""
 
     state: StillState = StillState.TAKING
-    media: str = ""
-    reason: str = ""
+    media: str = ""  # identifier of the saved photograph on the drone; empty before
+    reason: str = ""  # why it failed, such as "the memory card is full"; empty otherwise
 
 
 @runtime_checkable
@@ -40,27 +34,16 @@ class StillCamera(Protocol):
 
     def take_still(self) -> int:
         """Ask for a photograph of this moment; return its number."""
-        ...
 
     def still(self, number: int) -> Still:
-        """Return the present state of a photograph.
-
-        Args:
-            number: As `take_still` returned it.
-        """
-        ...
+        """Return the present state of a photograph, by its number."""
 
     def fetch_still(self, media: str, limit_s: float) -> bytes:
-        """Return a saved photograph as a JPEG file.
-
-        Args:
-            media: Identifier of the photograph on the drone.
-            limit_s: Longest wait, s.
+        """Return a saved photograph as a JPEG file, within a limit of seconds.
 
         Raises:
             DroneError: The drone does not hand it out in time, or it is no JPEG.
         """
-        ...
 
 
 @runtime_checkable
@@ -70,4 +53,3 @@ class Photographing(Protocol):
     @property
     def stills(self) -> StillCamera | None:
         """The camera; None before connecting, and for a drone without a camera."""
-        ...

@@ -15,6 +15,8 @@ from __future__ import annotations
 
 import functools
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Generic, TypeVar, cast
@@ -23,7 +25,7 @@ import yaml
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
-from uav_bt.errors import FileError, did_you_mean
+from uav_bt.errors import FileError, InputError, did_you_mean
 from uav_bt.files import did_you_mean_file, read_bounded, reading
 from uav_bt.yaml_values import BoundedLoader, Places, RefusedValueError, Steps, located
 
@@ -44,14 +46,7 @@ _EXPECTED: Final = {
 
 @dataclass(frozen=True)
 class YamlFile(Generic[T]):
-    """The content of a file, with the line of each value.
-
-    Attributes:
-        path: the file.
-        value: its content.
-        places: all its values.
-        failure: class of the error that `error` returns.
-    """
+    """The content of a file, with the line of each value; `failure` makes the errors."""
 
     path: Path
     value: T
@@ -61,6 +56,14 @@ class YamlFile(Generic[T]):
     def line(self, *steps: str | int) -> int:
         """Return the line of a value, given by keys and indices."""
         return self.places.line(steps)
+
+    @contextmanager
+    def at(self, *steps: str | int) -> Iterator[None]:
+        """Give errors of a block the line of a value, given by keys and indices."""
+        try:
+            yield
+        except InputError as error:
+            raise self.error(str(error), *steps) from error
 
     def error(self, message: str, *steps: str | int) -> FileError:
         """Return an error about a value, given by keys and indices."""
@@ -81,11 +84,8 @@ def read_yaml(
         path: the file. Validators find its folder in their context, as `folder`.
         form: the type of its content; other keys are refused.
         what: the kind of file, for messages.
-        failure: class of the error.
+        failure: class of the error, which has one line per problem.
         remedy: advice for a missing file.
-
-    Raises:
-        FileError: the file is absent, not YAML, or not of that form; one line per problem.
     """
     with reading(path, failure):
         if not path.exists():

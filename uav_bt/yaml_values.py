@@ -1,7 +1,13 @@
-"""The content of a YAML file as plain values with their lines; bounded, also with aliases."""
+"""The content of a YAML file as plain values with their lines; bounded, also with aliases.
+
+`BoundedLoader` reads all YAML of the program. Its numbers are those of YAML 1.2: 010 is ten, 1e3 is
+a thousand, 1:30 and 1_0 are texts.
+"""
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import Any, Final
 
 import yaml
@@ -12,12 +18,21 @@ _MAX_SIZE: Final = 500_000  # characters and values; a few lines of nested alias
 _MAX_DEPTH: Final = 40
 _MAX_SHOWN: Final = 80  # characters of a value in a message
 _MAX_INTEGER: Final = 2**63
-_COLLECTIONS: Final = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
+_TAG: Final = "tag:yaml.org,2002:"
+_INTEGER: Final = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
+_FLOAT: Final = re.compile(
+    r"(?:[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|"
+    r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))\Z"
+)
 
 
 class BoundedLoader(yaml.SafeLoader):
-    """PyYAML's safe loader with bounded depth; it recurses."""
+    """PyYAML's safe loader with bounded depth, as it recurses, and the numbers of YAML 1.2."""
 
+    yaml_implicit_resolvers = {  # noqa: RUF012  (as PyYAML declares it)
+        first: [rule for rule in rules if rule[0] not in {f"{_TAG}int", f"{_TAG}float"}]
+        for first, rules in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    }
     _depth = 0
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
@@ -30,6 +45,24 @@ class BoundedLoader(yaml.SafeLoader):
         node = super().compose_node(parent, index)
         self._depth -= 1
         return node
+
+    def integer(self, node: yaml.ScalarNode) -> int:
+        """Return the whole number of a node."""
+        if not _INTEGER.fullmatch(node.value):
+            raise RefusedValueError(node, (), f"not valid YAML: got {_shown(node)}")
+        return int(node.value, {"0o": 8, "0x": 16}.get(node.value[:2], 10))
+
+
+BoundedLoader.add_constructor(f"{_TAG}int", BoundedLoader.integer)
+BoundedLoader.add_implicit_resolver(
+    f"{_TAG}int", re.compile(rf"(?:{_INTEGER.pattern})\Z"), list("-+0123456789")
+)
+BoundedLoader.add_implicit_resolver(f"{_TAG}float", _FLOAT, list("-+.0123456789"))
+
+
+def plain_yaml(path: Path) -> Any:
+    """Return the values of a YAML file of ours, without a form."""
+    return BoundedLoader(path.read_text(encoding="utf-8")).get_single_data()
 
 
 class RefusedValueError(yaml.MarkedYAMLError):
@@ -44,7 +77,7 @@ class Places:
 
     def __init__(self) -> None:
         self._left = _MAX_SIZE
-        self._construct = yaml.constructor.SafeConstructor()
+        self._loader = BoundedLoader("")
         self._found: dict[Steps, tuple[int, str]] = {(): (1, "nothing")}  # line, in words
 
     def line(self, steps: Steps) -> int:
@@ -74,7 +107,7 @@ class Places:
         self._found[steps] = ((key or node).start_mark.line + 1, _shown(node))
         if isinstance(node, yaml.ScalarNode):
             return self._scalar(node, steps)
-        if node.tag not in _COLLECTIONS:
+        if node.tag not in {f"{_TAG}map", f"{_TAG}seq"}:
             raise RefusedValueError(node, (), f"not valid YAML: the tag {node.tag} is not allowed")
         if isinstance(node, yaml.SequenceNode):
             return [self.plain(item, (*steps, index)) for index, item in enumerate(node.value)]
@@ -87,22 +120,21 @@ class Places:
             content[name.value] = self.plain(item, (*steps, name.value), name)
         return content
 
-    def _scalar(self, node: yaml.ScalarNode, steps: Steps) -> bool | float | str | None:
+    def _scalar(self, node: yaml.ScalarNode, steps: Steps) -> Any:
         try:
-            value = self._construct.construct_object(node)
+            value = self._loader.construct_object(node)
+        except RefusedValueError as error:
+            raise RefusedValueError(node, steps, str(error.problem)) from error
         except yaml.YAMLError:
             raise
         except Exception as error:  # PyYAML passes on Python's, as for 45 May
             known = f"{error}, " if isinstance(error, ValueError) else "not valid YAML: "
             raise RefusedValueError(node, steps, f"{known:.80}got {_shown(node)}") from error
-        if isinstance(value, int) and abs(value) >= _MAX_INTEGER:
-            raise RefusedValueError(
-                node, steps, f"expected a number below 2**63, got {_shown(node)}"
-            )
-        if value is None or isinstance(value, bool | int | float | str):
+        fits = value is None or isinstance(value, bool | int | float | str)
+        if fits and not (isinstance(value, int) and abs(value) >= _MAX_INTEGER):
             return value
-        expected = "expected a number, a text, true or false"
-        raise RefusedValueError(node, steps, f"{expected}, got {_shown(node)}")
+        expected = "a number below 2**63" if fits else "a number, a text, true or false"
+        raise RefusedValueError(node, steps, f"expected {expected}, got {_shown(node)}")
 
 
 def _shown(node: yaml.Node) -> str:

@@ -30,6 +30,7 @@ from uav_bt.lab.shipped import load_lab
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone
+from uav_bt.yaml_values import plain_yaml
 
 SIZE_PX: Final = (320, 180)
 CAMERA_FILE: Final = "camera.yaml"
@@ -128,8 +129,8 @@ BAD_ROOMS: Final = (
 def write_bad_room(room: BadRoom, folder: Path) -> Path:
     """Write a bad room as a new lab folder without a network, and return its scene."""
     depot = load_lab("depot")
-    lab = yaml.safe_load(depot.file.read_text(encoding="utf-8"))
-    scene = yaml.safe_load(depot.scenes["depot-val-a"].read_text(encoding="utf-8"))
+    lab = plain_yaml(depot.file)
+    scene = plain_yaml(depot.scenes["depot-val-a"])
     lab.pop("network", None)
     lab = {**lab, "limits": {"speed_mps": 0.6, "ceiling_m": 2.6}}
     scene = {"objects": scene["objects"], "take_off": {"from": [-2.4, 1.4], "yaw_deg": -35}}

@@ -42,7 +42,6 @@ from uav_bt.campaign.flight_lines import read_flights
 from uav_bt.campaign.plan import CampaignPlan, PlannedFile, PlannedTree
 from uav_bt.campaign.store import PLAN_FILE, read_plan
 from uav_bt.errors import InputError, TreeError
-from uav_bt.groot import BtlogReader, BtlogWriter, Transition
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.obj_file import read_obj
 from uav_bt.lab.picture import check_picture
@@ -52,7 +51,7 @@ from uav_bt.record.channels import CHANNELS, START
 from uav_bt.record.info import record_info
 from uav_bt.record.reader import RecordReader
 from uav_bt.record.record_file import RecordFile
-from uav_bt.tree import Status, load_tree
+from uav_bt.tree import load_tree
 from uav_bt.tree.dry_run.script_file import read_script
 from uav_bt.tree.loading.palette import read_palette
 from uav_bt.tree.loading.parameter_file import read_parameters
@@ -103,11 +102,6 @@ def read_record(path: Path) -> None:
             moment.frame.frame()
 
 
-def read_log(path: Path) -> None:
-    with BtlogReader(path) as log:
-        list(log)
-
-
 def read_places(path: Path) -> None:
     tree = path.with_suffix(".xml")
     tree.write_text(VISIT.format(path.name), encoding="utf-8")
@@ -142,12 +136,6 @@ def write_views(path: Path) -> None:
             labels=views,
         ),
     )
-
-
-def write_log(path: Path) -> None:
-    with BtlogWriter(path) as log:
-        log.begin('<root BTCPP_format="4"/>', 0)
-        log.write([Transition(time, 1, Status.RUNNING) for time in range(20)])
 
 
 def write_film(path: Path) -> None:
@@ -240,7 +228,6 @@ BINARIES: Final = {
     "picture": Reader(check_picture, "a.jpg", (DEPOT.folder / "crate.jpg").read_bytes()),
     "JPEG": Reader(read_pixels, "a.jpg", image(".jpg")),
     "video": Reader(read_video, "a.mp4", write_film),
-    "log of Groot2": Reader(read_log, "a.btlog", write_log),
     "labels": Reader(
         read_labels,
         "a.npz",
@@ -394,7 +381,7 @@ def with_wrong_value(whole: bytes, seed: int, value: object) -> bytes:
         inner = inner[key]
 
 
-@pytest.mark.parametrize("kind", [*TEXTS, "record", "log of Groot2"])
+@pytest.mark.parametrize("kind", [*TEXTS, "record"])
 @given(edits=EDITS)
 @settings(SAME, max_examples=25)
 def test_an_edited_file_is_read_or_refused(kind: str, tmp_path: Path, edits: list[Edit]) -> None:
@@ -442,7 +429,6 @@ def test_whole_records_with_wrong_messages_are_read_or_refused(
         ("tree", b'format="4"', b'format="5"'),
         ("lab", b"version: 1", b"version: 9"),
         ("campaign", b'"format": 1', b'"format": 9'),
-        ("log of Groot2", b"FileLogger2\x01", b"FileLogger2\x09"),
         ("weights", b'\\"version\\": 2', b'\\"version\\": 9'),
     ],
 )

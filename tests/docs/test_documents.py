@@ -92,7 +92,7 @@ NOT_HERE: Final = {
 # Pages whose commands are measurements of hours.
 MEASURED: Final = {"docs/results.md"}
 # Python that flies or needs the files of a flight.
-LONG_PYTHON: Final = ("app.fly(", "campaign.run(", "BtlogReader(", "RecordedFlight(")
+LONG_PYTHON: Final = ("app.fly(", "campaign.run(", "RecordedFlight(")
 # Files that a reader provides.
 BROUGHT: Final = {
     "docs/camera.md": ("boards/1.jpg", "walk.mp4"),

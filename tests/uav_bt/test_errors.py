@@ -12,16 +12,13 @@ from behaviours.fly.explore import Explore
 from tests.worlds.leaves import steering_bench
 from uav_bt import errors
 from uav_bt.errors import (
-    DroneError,
     FileError,
     InputError,
-    MissionError,
     NodeFailedError,
     ShapeError,
     TreeError,
     UavBtError,
     UnknownNameError,
-    did_you_mean,
 )
 from uav_bt.testing import LeafBench, TreeBench
 from uav_bt.testing.world import live
@@ -32,12 +29,6 @@ from uav_bt.tree.nodes import ScriptNode
 def classes() -> list[type[UavBtError]]:
     found = vars(errors).values()
     return [one for one in found if isinstance(one, type) and issubclass(one, UavBtError)]
-
-
-@pytest.mark.parametrize("error", classes())
-def test_refused_input_exits_with_2_and_everything_else_with_1(error: type[UavBtError]) -> None:
-    assert issubclass(error, UavBtError)
-    assert error.exit_code == (2 if issubclass(error, InputError) else 1)
 
 
 @pytest.mark.parametrize("error", classes())
@@ -52,47 +43,26 @@ def test_the_drawing_at_the_top_shows_every_class_below_its_base(error: type[Uav
     assert base.split()[0] == error.__mro__[1].__name__
 
 
-def test_a_wrong_shape_is_reported_with_the_right_one() -> None:
-    error = ShapeError("class map", expected="HxW", actual=(2, 3, 4))
-    assert str(error) == "class map must be HxW, got 2x3x4"
-
-
-def test_an_error_in_a_file_begins_with_the_place() -> None:
-    error = FileError("lab.yaml", "no boxes", line=12)
-    assert str(error) == "lab.yaml:12: no boxes"
-    assert (error.path, error.line) == (Path("lab.yaml"), 12)
-    assert str(FileError(Path("lab.yaml"), "no boxes")) == "lab.yaml: no boxes"
-
-
-def test_a_refused_tree_carries_all_findings_and_counts_them() -> None:
-    error = TreeError("m.xml", ["m.xml:3:1: a", "m.xml:9:2: b"])
-    assert error.findings == ("m.xml:3:1: a", "m.xml:9:2: b")
-    assert str(error).splitlines() == [
-        "m.xml: refused, 2 errors",
-        "  m.xml:3:1: a",
-        "  m.xml:9:2: b",
-    ]
-    assert "refused, 1 error\n" in str(TreeError("m.xml", ["a"]))
-
-
-def test_an_unknown_name_is_reported_with_the_most_similar_and_all_known_ones() -> None:
-    error = UnknownNameError("policy", "segmentaton", ["wander", "segmentation"])
-    assert str(error) == (
-        "unknown policy 'segmentaton'; did you mean 'segmentation'? (known: segmentation, wander)"
-    )
-    assert str(UnknownNameError("drone", "x", [])) == "unknown drone 'x' (known: none)"
-
-
-def test_nothing_is_suggested_for_a_name_like_no_other() -> None:
-    assert did_you_mean("zzz", ["alpha", "beta"]) == ""
-
-
-def test_a_failed_node_is_reported_with_its_path_and_cause() -> None:
-    error = NodeFailedError("Main/seq/leaf", LookupError("gone"))
-    assert error.node_path == "Main/seq/leaf"
-    assert str(error) == "node 'Main/seq/leaf' failed: LookupError: gone"
-    assert isinstance(error, MissionError)
-    assert not isinstance(error, DroneError)
+@pytest.mark.parametrize(
+    ("error", "text"),
+    [
+        (ShapeError("map", expected="HxW", actual=(2, 3, 4)), "map must be HxW, got 2x3x4"),
+        (FileError("lab.yaml", "no boxes", line=12), "lab.yaml:12: no boxes"),
+        (FileError(Path("lab.yaml"), "no boxes"), "lab.yaml: no boxes"),
+        (TreeError("m.xml", ["a", "b"]), "m.xml: refused, 2 errors\n  a\n  b"),
+        (TreeError("m.xml", ["a"]), "m.xml: refused, 1 error\n  a"),
+        (
+            UnknownNameError("policy", "segmentaton", ["wander", "segment"]),
+            "unknown policy 'segmentaton'; did you mean 'segment'? (known: segment, wander)",
+        ),
+        (UnknownNameError("drone", "zzz", ["alpha"]), "unknown drone 'zzz' (known: alpha)"),
+        (UnknownNameError("drone", "x", []), "unknown drone 'x' (known: none)"),
+        (NodeFailedError("M/leaf", LookupError("gone")), "node 'M/leaf' failed: LookupError: gone"),
+    ],
+)
+def test_messages(error: UavBtError, text: str) -> None:
+    assert str(error) == text
+    assert error.exit_code == (2 if isinstance(error, InputError) else 1)
 
 
 # --- where a leaf failed --------------------------------------------------------------------------

@@ -34,25 +34,14 @@ def test_a_break_leaves_the_old_file(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_block_that_writes_nothing_is_an_error(tmp_path: Path) -> None:
-    with (
-        pytest.raises(FileError, match="a: cannot be written: No such file"),
-        whole_file(tmp_path / "a"),
-    ):
-        pass
-
-
-def test_a_folder_of_that_name_raises_and_nothing_is_left(tmp_path: Path) -> None:
+def test_what_cannot_be_written_raises_and_nothing_is_left(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     with pytest.raises(FileError, match="a: cannot be written: Is a directory"):
         write_whole(tmp_path / "a", "new")
-    assert [path.name for path in tmp_path.iterdir()] == ["a"]
-
-
-def test_a_missing_folder_raises(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="cannot be written: No such file") as caught:
         write_whole(tmp_path / "absent" / "a", "new")
     assert caught.value.path == tmp_path / "absent" / "a"
+    assert [path.name for path in tmp_path.iterdir()] == ["a"]
 
 
 def test_an_error_without_the_systems_words_tells_its_own(tmp_path: Path) -> None:

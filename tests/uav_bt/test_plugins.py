@@ -14,10 +14,6 @@ from uav_bt.plugins import need
 from uav_bt.types import LandingMark
 
 
-def test_what_is_installed_is_not_missed() -> None:
-    need("record", "json", "xml")
-
-
 def test_everything_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "json", None)
     with pytest.raises(MissingDependencyError) as missing:
@@ -65,12 +61,6 @@ def registered(monkeypatch: pytest.MonkeyPatch, kind: object) -> None:
     monkeypatch.setattr(plugins, "load", lambda *_: kind)
 
 
-def test_a_landing_mark_of_another_package(monkeypatch: pytest.MonkeyPatch) -> None:
-    registered(monkeypatch, Beacon)
-
-    assert isinstance(plugins.make_mark_finder(MARK), Beacon)
-
-
 @pytest.mark.parametrize(
     ("kind", "message"),
     [
@@ -81,8 +71,9 @@ def test_a_landing_mark_of_another_package(monkeypatch: pytest.MonkeyPatch) -> N
 def test_what_is_no_landing_mark_is_refused(
     monkeypatch: pytest.MonkeyPatch, kind: object, message: str
 ) -> None:
+    registered(monkeypatch, Beacon)
+    assert isinstance(plugins.make_mark_finder(MARK), Beacon)
     registered(monkeypatch, kind)
-
     with pytest.raises(InputError, match=message):
         plugins.make_mark_finder(MARK)
 

@@ -59,6 +59,20 @@ def test_every_kind_of_value_arrives(tmp_path: Path) -> None:
     assert isinstance(file.value.size_m[0], float)
 
 
+@pytest.mark.parametrize(
+    ("text", "number"),
+    [
+        *(("010", 10), ("00010", 10), ("045", 45), ("-09", -9), ("+7", 7), ("0o17", 15)),
+        *(("0x1F", 31), ("1e3", 1000.0), ("2.5E-1", 0.25), ("010.5", 10.5), ("-.5", -0.5)),
+        *(("1:30", "1:30"), ("1_0", "1_0"), ("0b11", "0b11"), ("1.5:2", "1.5:2"), ("'010'", "010")),
+    ],
+)
+def test_numbers_are_those_of_yaml_1_2(tmp_path: Path, text: str, number: float | str) -> None:
+    """In YAML 1.1 a leading zero makes an octal number, and a colon minutes."""
+    value = read(tmp_path, f"size_m: [5, 4]\nnotes: {{a: {text}}}").value.notes["a"]
+    assert (type(value), value) == (type(number), number)
+
+
 def test_values_know_their_lines(tmp_path: Path) -> None:
     file = read(tmp_path, "size_m: [5, 4]\ndoors:\n- name: a\n- name: b\n  width_m: 1\n")
     assert file.line() == 1

@@ -102,10 +102,8 @@ def load_site(path: str | Path) -> Site:
     """
     file = read_yaml(Path(path), _SiteFile, "site file")
     section = file.value.mark
-    try:
+    with file.at("mark"):
         pose = mark_pose(section)
-    except ValueRangeError as error:
-        raise file.error(str(error), "mark") from error
     return _site(
         file.value,
         file.error,
@@ -204,10 +202,8 @@ def check_clearances(site: Site, airframe: Airframe) -> None:
 
 
 def _mark(file: YamlFile[_SiteFile], section: MarkSection) -> LandingMark:
-    try:
+    with file.at("mark"):
         return mark_of_section(section, default_mark())
-    except InputError as error:
-        raise file.error(str(error), "mark") from error
 
 
 # --- the form of the file -------------------------------------------------------------------------

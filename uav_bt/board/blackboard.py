@@ -52,30 +52,19 @@ class Reading(Generic[T_co]):
         return self.value is not None
 
 
-@dataclass
-class _Entry:
-    value: Any
-    captured_s: float
-
-
 class Blackboard:
     """The store of one mission. Leaves access it through a `BoardView`."""
 
     def __init__(self, clock: Clock, keys: Iterable[Key[Any]]) -> None:
         self._clock = clock
         self._keys: dict[str, Key[Any]] = {}
-        self._entries: dict[str, _Entry] = {}
+        self._entries: dict[str, tuple[Any, float]] = {}  # value, capture time
         for key in keys:
             self.declare(key)
 
     def declare(self, key: Key[Any]) -> None:
-        """Add a key. Adding it again is allowed; another key of that name is not.
-
-        Raises:
-            BoardAccessError: another key of that name exists.
-        """
-        known = self._keys.setdefault(key.name, key)
-        if known != key:
+        """Add a key. Adding it again is allowed; another key of that name is not."""
+        if self._keys.setdefault(key.name, key) != key:
             raise BoardAccessError(f"board key '{key.name}' is declared twice, differently")
 
     @property
@@ -84,33 +73,18 @@ class Blackboard:
         return dict(self._keys)
 
     def scripts_may_write(self, name: str) -> bool:
-        """Return whether scripts may write a key: never on a mission's board, where leaves do.
-
-        Args:
-            name: of the key.
-        """
+        """Return whether scripts may write a key: never on a mission's board, where leaves do."""
         del name
         return False
 
     def key(self, name: str) -> Key[Any]:
-        """Return a key by name.
-
-        Raises:
-            BoardAccessError: it was not declared.
-        """
-        try:
-            return self._keys[name]
-        except KeyError:
-            raise BoardAccessError(
-                f"unknown board key '{name}'{did_you_mean(name, self._keys)}"
-            ) from None
+        """Return a declared key by name."""
+        if name not in self._keys:
+            raise BoardAccessError(f"unknown board key '{name}'{did_you_mean(name, self._keys)}")
+        return self._keys[name]
 
     def write(self, key: Key[T], value: T, captured_s: float | None = None) -> None:
-        """Store a value; `captured_s` is its capture time (default: now).
-
-        Raises:
-            BoardAccessError: the key is unknown or the value is of another type.
-        """
+        """Store a value; `captured_s` is its capture time (default: now)."""
         known = self._keys.get(key.name)
         if known is not key and known != key:  # most are the same object
             raise BoardAccessError(f"board key '{key.name}' was never declared on this board")
@@ -121,23 +95,24 @@ class Blackboard:
                 f"board key '{key.name}' holds {key.type.__name__}, got {type(value).__name__}"
             )
         now = self._clock.now()
-        self._entries[key.name] = _Entry(value, now if captured_s is None else captured_s)
+        self._entries[key.name] = (value, now if captured_s is None else captured_s)
 
     def read(self, key: Key[T]) -> Reading[T]:
         """Return the value when it is fresh, and its age."""
         entry = self._entries.get(key.name)
         if entry is None:
             return Reading(None, math.inf)
-        age_s = self._clock.now() - entry.captured_s
+        value, captured_s = entry
+        age_s = self._clock.now() - captured_s
         # The epsilon allows for rounding: ages are differences of sums of ticks.
         fresh = age_s <= key.max_age_s + 1e-9
-        return Reading(cast("T", entry.value) if fresh else None, age_s)
+        return Reading(cast("T", value) if fresh else None, age_s)
 
     def value(self, key: Key[T]) -> T | None:
         """Return the value if it is fresh, else None: `read` without the age, but faster."""
         entry = self._entries.get(key.name)
         if entry is None or key.max_age_s == math.inf:
-            return None if entry is None else cast("T", entry.value)
+            return None if entry is None else cast("T", entry[0])
         return self.read(key).value
 
     def forget(self, key: Key[Any]) -> None:
@@ -146,7 +121,7 @@ class Blackboard:
 
     def snapshot(self) -> dict[str, tuple[Any, float]]:
         """Return (value, capture time) by key name, for records and displays."""
-        return {name: (entry.value, entry.captured_s) for name, entry in self._entries.items()}
+        return dict(self._entries)
 
 
 class BoardView:
@@ -162,35 +137,22 @@ class BoardView:
     ) -> None:
         self._board = board
         self._owner = owner
-        self._reads = frozenset(key.name for key in reads)
         self._writes = frozenset(key.name for key in writes)
+        self._reads = self._writes.union(key.name for key in reads)
 
     def read(self, key: Key[T]) -> Reading[T]:
-        """Read a declared key.
-
-        Raises:
-            BoardAccessError: the leaf did not declare that it reads the key.
-        """
-        self._check_reads(key)
+        """Return a declared key's value when it is fresh, and its age."""
+        self._check(key, "reads", self._reads)
         return self._board.read(key)
 
     def value(self, key: Key[T]) -> T | None:
-        """Return a declared key's value when it is fresh, else None.
-
-        Raises:
-            BoardAccessError: the leaf did not declare that it reads the key.
-        """
-        if key.name not in self._reads:
-            self._check_reads(key)
+        """Return a declared key's value when it is fresh, else None."""
+        self._check(key, "reads", self._reads)
         return self._board.value(key)
 
     def write(self, key: Key[T], value: T, captured_s: float | None = None) -> None:
-        """Write a declared key.
-
-        Raises:
-            BoardAccessError: the leaf did not declare the key, or the value has another type.
-        """
-        self._check_writes(key)
+        """Write a declared key; `captured_s` is its capture time (default: now)."""
+        self._check(key, "writes", self._writes)
         try:
             self._board.write(key, value, captured_s)
         except BoardAccessError as error:
@@ -198,19 +160,12 @@ class BoardView:
 
     def forget(self, key: Key[Any]) -> None:
         """Drop a declared key's value."""
-        self._check_writes(key)
+        self._check(key, "writes", self._writes)
         self._board.forget(key)
 
-    def _check_reads(self, key: Key[Any]) -> None:
-        if key.name not in self._reads and key.name not in self._writes:
+    def _check(self, key: Key[Any], what: str, declared: frozenset[str]) -> None:
+        if key.name not in declared:
             raise BoardAccessError(
-                f"leaf '{self._owner}' reads board key '{key.name}' without declaring it: "
-                "add the key to its `reads`"
-            )
-
-    def _check_writes(self, key: Key[Any]) -> None:
-        if key.name not in self._writes:
-            raise BoardAccessError(
-                f"leaf '{self._owner}' writes board key '{key.name}' without declaring it: "
-                "add the key to its `writes`"
+                f"leaf '{self._owner}' {what} board key '{key.name}' without declaring it: "
+                f"add the key to its `{what}`"
             )

@@ -28,8 +28,10 @@ class Proposals:
     """The proposals of the leaves in one tick; cleared before each tick."""
 
     def __init__(self) -> None:
-        self._movement: tuple[str, Movement] | None = None
-        self._gimbal: tuple[str, GimbalTo] | None = None
+        self.movement: Movement | None = None
+        self.movement_owner: str | None = None  # path of the leaf that proposed it
+        self.gimbal: GimbalTo | None = None
+        self.gimbal_owner: str | None = None
         self._ended: set[str] = set()  # leaves that have ended in this tick
         self._next_id = 1
 
@@ -40,31 +42,20 @@ class Proposals:
 
     def clear(self) -> None:
         """Drop all proposals; ids continue."""
-        self._movement = None
-        self._gimbal = None
+        self.movement = self.movement_owner = self.gimbal = self.gimbal_owner = None
         self._ended.clear()
 
     def propose(self, owner: str, movement: Movement) -> None:
-        """Propose a movement.
-
-        Raises:
-            TypeError: the value is not a movement.
-            ProposalConflictError: a leaf that runs on has already proposed one in this tick.
-        """
+        """Propose a movement; refused if a leaf that runs on has proposed one in this tick."""
         _check_type(movement, Movement, "a movement")
         self._check_free(self.movement_owner, owner, "a movement")
-        self._movement = (owner, movement)
+        self.movement, self.movement_owner = movement, owner
 
     def propose_gimbal(self, owner: str, gimbal: GimbalTo) -> None:
-        """Propose a camera direction.
-
-        Raises:
-            TypeError: the value is not a camera direction.
-            ProposalConflictError: a leaf that runs on has already proposed one in this tick.
-        """
+        """Propose a camera direction; refused as a second movement is."""
         _check_type(gimbal, GimbalTo, "a camera direction")
         self._check_free(self.gimbal_owner, owner, "a gimbal pitch")
-        self._gimbal = (owner, gimbal)
+        self.gimbal, self.gimbal_owner = gimbal, owner
 
     def _check_free(self, other: str | None, owner: str, what: str) -> None:
         if other not in {None, owner} and other not in self._ended:
@@ -78,35 +69,11 @@ class Proposals:
         self._ended.add(owner)
 
     def withdraw(self, owner: str) -> None:
-        """Take back the proposals of a leaf in this tick.
-
-        Args:
-            owner: the leaf's path.
-        """
-        if self._movement is not None and self._movement[0] == owner:
-            self._movement = None
-        if self._gimbal is not None and self._gimbal[0] == owner:
-            self._gimbal = None
-
-    @property
-    def movement(self) -> Movement | None:
-        """The proposed movement of this tick."""
-        return self._movement[1] if self._movement else None
-
-    @property
-    def movement_owner(self) -> str | None:
-        """The leaf that proposed the movement."""
-        return self._movement[0] if self._movement else None
-
-    @property
-    def gimbal_owner(self) -> str | None:
-        """The leaf that proposed the camera direction."""
-        return self._gimbal[0] if self._gimbal else None
-
-    @property
-    def gimbal(self) -> GimbalTo | None:
-        """The proposed camera direction of this tick."""
-        return self._gimbal[1] if self._gimbal else None
+        """Take back the proposals of a leaf in this tick, by path."""
+        if self.movement_owner == owner:
+            self.movement = self.movement_owner = None
+        if self.gimbal_owner == owner:
+            self.gimbal = self.gimbal_owner = None
 
 
 def _check_type(value: object, kind: Any, words: str) -> None:
@@ -173,13 +140,7 @@ class MissionContext:
         return np.random.default_rng([self.seed, *owner.encode()])
 
     def add_event(self, kind: EventKind, text: str, node: str = "") -> None:
-        """Add an event of this moment to the flight's notes.
-
-        Args:
-            kind: kind of the event.
-            text: one line for people.
-            node: path of the node that it belongs to; empty if it has none.
-        """
+        """Add an event of this moment to the flight's notes; `node` is the path of its node."""
         elapsed_s = self.board.read(ELAPSED).value or 0.0
         self.notes.add(FlightEvent(time_s=round(elapsed_s, 3), kind=kind, text=text, node=node))
 

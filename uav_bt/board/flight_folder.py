@@ -14,14 +14,11 @@ _NAME: Final = re.compile(r"[A-Za-z0-9][\w.\-]{0,99}", re.ASCII)
 
 
 class FlightFolder:
-    """The output folder of one flight. It is made when the first file is written.
+    """The output folder of one flight, new or empty. It is made with the first file.
 
     Args:
-        folder: New, or empty.
-        reserved: Names that leaves may not use, because other outputs have them.
-
-    Raises:
-        FileError: The folder has files already, or it cannot be written to.
+        folder: the folder.
+        reserved: names that leaves may not use, because other outputs have them.
     """
 
     def __init__(self, folder: Path, reserved: Iterable[str] = ()) -> None:
@@ -30,14 +27,11 @@ class FlightFolder:
         self._reserved = frozenset(reserved)
 
     def write(self, name: str, content: bytes | str) -> None:
-        """Write a new file. A reader never sees half of it.
+        """Write a new file; a reader never sees half of it.
 
         Args:
-            name: Letters, digits, `_`, `-` and `.`; at most 100 characters.
-            content: Content of the whole file; text becomes UTF-8.
-
-        Raises:
-            FileError: The name is not allowed or exists already, or the file cannot be written.
+            name: letters, digits, `_`, `-` and `.`; at most 100 characters.
+            content: of the whole file; text becomes UTF-8.
         """
         path = self.folder / name
         if not _NAME.fullmatch(name):
@@ -55,10 +49,6 @@ class FlightFolder:
         write_whole(path, content)
 
     def make(self) -> None:
-        """Make the folder.
-
-        Raises:
-            FileError: It cannot be made.
-        """
+        """Make the folder."""
         with writing(self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)

@@ -10,15 +10,10 @@ _MAX_EVENTS: Final = 2000  # a leaf in a loop may report in every tick; chosen
 
 
 class FlightNotes:
-    """Collects the events and photographs of one flight.
-
-    Attributes:
-        events: All events. After the first 2000 only one more is kept, which says so.
-        photos: All photographs.
-    """
+    """Collects the events and photographs of one flight."""
 
     def __init__(self) -> None:
-        self.events: list[FlightEvent] = []
+        self.events: list[FlightEvent] = []  # the first 2000, and one that says so
         self.photos: list[Photo] = []
         self._taken = 0
         self._photo = 0

@@ -21,83 +21,58 @@ from uav_bt.types import (
 from uav_bt.types.dead_reckoning import MotionEstimate
 from uav_bt.types.site_map import SiteMap
 
-# Greatest age of a frame, seconds, for leaves and for the arbiter's rule "stale frame". Chosen: the
-# time in which a step of 0.3 m starts.
-_FRAME_MAX_AGE_S = 0.7
-# Greatest age of telemetry, seconds, for leaves and for the arbiter's rule "link lost". Chosen: an
-# ANAFI sends 5 samples a second; with a delay of 0.1 s and two lost samples one is 0.7 s old.
-_STATE_MAX_AGE_S = 0.7
-# Without a detection the tracker predicts the pad for the duration of a detour round a box. Then an
-# approach ends and the search begins again. Chosen.
-_MARK_MAX_AGE_S = 20.0
+# Greatest ages, seconds, for leaves and the arbiter's rules "stale frame", "link lost". Chosen.
+_FRAME_S: Final = 0.7  # the time in which a step of 0.3 m starts
+_STATE_S: Final = 0.7  # an ANAFI sends 5 samples a second: delayed by 0.1 s, with two lost
+# The duration of a detour round a box, for which the tracker predicts a mark that is not detected.
+# Then an approach ends and the search begins again.
+_MARK_S: Final = 20.0
 
-FRAME: Final = Key(
-    "frame", Frame, "newest camera frame", writer="runner", max_age_s=_FRAME_MAX_AGE_S
-)
-STATE: Final = Key(
-    "state", DroneState, "newest telemetry", writer="runner", max_age_s=_STATE_MAX_AGE_S
-)
-CAMERA: Final = Key("camera", CameraModel, "intrinsics at the frame's size", writer="runner")
-ELAPSED: Final = Key(
-    "elapsed_s", float, "time since the take-off command", unit="s", writer="runner"
-)
-HEIGHT: Final = Key(
-    "height_above_ground_m",
-    float,
-    "height above the ground",
-    unit="m",
-    writer="runner",
-)
-CLASS_MAP: Final = Key(
-    "class_map",
-    ClassMap,
-    "class id of every pixel",
-    writer="Segment",
-    max_age_s=_FRAME_MAX_AGE_S,
-)
+FRAME: Final = Key("frame", Frame, "newest camera frame", "", "runner", _FRAME_S)
+STATE: Final = Key("state", DroneState, "newest telemetry", "", "runner", _STATE_S)
+CAMERA: Final = Key("camera", CameraModel, "intrinsics at the frame's size", "", "runner")
+ELAPSED: Final = Key("elapsed_s", float, "time since the take-off command", "s", "runner")
+HEIGHT: Final = Key("height_above_ground_m", float, "height above the ground", "m", "runner")
+CLASS_MAP: Final = Key("class_map", ClassMap, "class id of every pixel", "", "Segment", _FRAME_S)
 RELATIVE_DEPTH: Final = Key(
     "relative_depth",
     DepthMap,
     "depth of every pixel as the network gives it, without unit",
-    writer="EstimateDepth",
-    max_age_s=_FRAME_MAX_AGE_S,
+    "",
+    "EstimateDepth",
+    _FRAME_S,
 )
 METRIC_DEPTH: Final = Key(
     "metric_depth",
     DepthMap,
     "depth of every pixel, scaled by the ground plane",
-    unit="m",
-    writer="EstimateDepth",
-    max_age_s=_FRAME_MAX_AGE_S,
+    "m",
+    "EstimateDepth",
+    _FRAME_S,
 )
 CORRIDOR: Final = Key(
     "corridor",
     Corridor,
     "obstacles in the five-plane safety corridor",
-    writer="BuildCorridor",
-    max_age_s=_FRAME_MAX_AGE_S,
+    "",
+    "BuildCorridor",
+    _FRAME_S,
 )
-MARK: Final = Key(
-    "mark",
-    MarkFix,
-    "where the landing mark lies",
-    writer="FindMark",
-    max_age_s=_MARK_MAX_AGE_S,
-)
-
+MARK: Final = Key("mark", MarkFix, "where the landing mark lies", "", "FindMark", _MARK_S)
 ODOMETRY: Final = Key(
     "odometry",
     MotionEstimate,
     "pose and velocity of the drone over the ground",
-    writer="TrackMotion",
-    max_age_s=_STATE_MAX_AGE_S,
+    "",
+    "TrackMotion",
+    _STATE_S,
 )
 SITE_MAP: Final = Key(
     "site_map",
     SiteMap,
     "map of the site: ground, obstacles, edges, objects, landing mark, obstacles near the drone",
     writer="MapSite",
-    max_age_s=_FRAME_MAX_AGE_S,
+    max_age_s=_FRAME_S,
 )
 PHASE: Final = Key(
     "phase",
@@ -109,66 +84,37 @@ FLIGHT_HEIGHT: Final = Key(
     "flight_height_m",
     float,
     "height above the ground that the mission flies at",
-    unit="m",
-    writer="the take-off",
+    "m",
+    "the take-off",
 )
 RAISED: Final = Key(
     "raised_m",
     float,
     "height above the flight height that the drone keeps among movers",
-    unit="m",
-    writer="leaves that give way",
-    max_age_s=_STATE_MAX_AGE_S,
+    "m",
+    "leaves that give way",
+    _STATE_S,
 )
 FLIGHT_PITCH: Final = Key(
-    "flight_pitch_rad",
-    float,
-    "the camera's pitch in flight, negative down",
-    unit="rad",
-    writer="the take-off",
+    "flight_pitch_rad", float, "the camera's pitch in flight, negative down", "rad", "the take-off"
 )
-
 HELD_TURN: Final = Key(
     "held_turn",
     HeldTurn,
     "the turn held since the last advance",
     writer="Explore, Avoid, leaves of ReturnToBase",
 )
-
 RECENT_VIEWS: Final = Key(
     "recent_views",
     RecentViews,
     "frames of the last seconds, and the poses of their capture",
-    writer="RememberViews",
-    max_age_s=_FRAME_MAX_AGE_S,
+    "",
+    "RememberViews",
+    _FRAME_S,
 )
 ADVICE: Final = Key(
-    "advice",
-    Advice,
-    "a policy's advice on the newest view",
-    writer="Advise",
-    max_age_s=_FRAME_MAX_AGE_S,
+    "advice", Advice, "a policy's advice on the newest view", "", "Advise", _FRAME_S
 )
 
-MISSION_KEYS: Final[tuple[Key[Any], ...]] = (
-    FRAME,
-    STATE,
-    CAMERA,
-    ELAPSED,
-    HEIGHT,
-    CLASS_MAP,
-    RELATIVE_DEPTH,
-    METRIC_DEPTH,
-    CORRIDOR,
-    MARK,
-    ODOMETRY,
-    SITE_MAP,
-    PHASE,
-    FLIGHT_HEIGHT,
-    RAISED,
-    FLIGHT_PITCH,
-    HELD_TURN,
-    RECENT_VIEWS,
-    ADVICE,
-    *NUMBER_KEYS,
-)
+_HERE: Final = tuple(value for value in tuple(globals().values()) if isinstance(value, Key))
+MISSION_KEYS: Final[tuple[Key[Any], ...]] = (*_HERE, *NUMBER_KEYS)

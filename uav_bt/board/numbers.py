@@ -10,17 +10,12 @@ from typing import Any, Final
 from uav_bt.board.blackboard import Key
 from uav_bt.clock import TIME_LIMIT_S
 
-UNKNOWN: Final = -1.0
-"""Value of an unknown number that is never negative."""
-
-UNKNOWN_PLACE: Final = 9999.0
-"""Value of an unknown coordinate or heading."""
-
-_WRITER: Final = "runner"
+UNKNOWN: Final = -1.0  # an unknown number that is never negative
+UNKNOWN_PLACE: Final = 9999.0  # an unknown coordinate or heading
 
 
 def _number(name: str, doc: str, unit: str = "") -> Key[float]:
-    return Key(name, float, doc, unit=unit, writer=_WRITER)
+    return Key(name, float, doc, unit, "runner")
 
 
 BATTERY_SHARE: Final = _number("battery_share", "charge of the battery, 0 to 1; -1: unknown")
@@ -58,6 +53,7 @@ AREA_MARGIN: Final = _number(
     "m",
 )
 
+# The numbers of a dry run, unless its script gives others: without faults and progress.
 QUIET: Final[tuple[tuple[Key[float], float], ...]] = (
     (BATTERY_SHARE, 1.0),
     (BATTERY_PER_MIN, UNKNOWN),
@@ -77,6 +73,5 @@ QUIET: Final[tuple[tuple[Key[float], float], ...]] = (
     (PHOTOS_COUNT, 0.0),
     (AREA_MARGIN, UNKNOWN_PLACE),
 )
-"""The numbers of a dry run, unless its script gives others: without faults and progress."""
 
 NUMBER_KEYS: Final[tuple[Key[Any], ...]] = tuple(key for key, _ in QUIET)

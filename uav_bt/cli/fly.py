@@ -23,7 +23,7 @@ from uav_bt.cli.keys import pilot_keys
 from uav_bt.cli.options import FOLDER, grouped, output_option
 from uav_bt.display.status import OrderLines, summary
 from uav_bt.errors import FileError, MissionError
-from uav_bt.groot import GrootConfig, watched_live
+from uav_bt.groot import watched_live
 from uav_bt.mission.judge import Outcome
 from uav_bt.protocols import Drone
 
@@ -173,11 +173,7 @@ def fly(
             # Lives as long as the command: a browser still shows it when the summary is printed.
             viewed = ctx.with_resource(live_view(web=view == "web", on_url=click.echo))
             watchers.append(viewed)
-        follow = stack.enter_context(
-            watched_live(
-                btlog=outputs.btlog, groot=None if groot is None else GrootConfig(port=groot)
-            )
-        )
+        follow = stack.enter_context(watched_live(btlog=outputs.btlog, groot=groot))
         watchers.append(lambda flown: follow(flown.mission, flown.context))
         begun: list[app.Flight[Drone]] = []
 

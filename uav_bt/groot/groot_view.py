@@ -1,71 +1,92 @@
-"""State of a tree for Groot2 clients, passed from the ticking thread to the answering thread.
+"""State of a tree for Groot2, and the answers to its requests, as bytes.
 
 The ticking thread replaces whole values and appends to a bounded queue, without locks or waits. A
 request during a tick gets the state at the end of the tick before.
+
+Source: BehaviorTree.CPP's `groot2_protocol.h`. The first frame of a request is protocol (u8), type
+(u8) and id (u32), little endian. The first frame of its answer is the same six bytes and the
+16-byte id of the tree. The second frame holds the content.
 """
 
 from __future__ import annotations
 
 import struct
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any, Final
-from uuid import UUID, uuid4
+from uuid import uuid4
 
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.plain_values import plain
-from uav_bt.groot.groot_protocol import ProtocolError, Request, RequestType
+from uav_bt.errors import InputError
 from uav_bt.groot.numbering import TreeNumbering, tree_xml
-from uav_bt.groot.transitions import NEWLY_IDLE, Transition, pack
+from uav_bt.groot.transitions import Transition, pack
 from uav_bt.tree.status import Status
 
 # Number of transitions kept between two requests of a recording client. Older ones are lost, as in
 # BehaviorTree.CPP, which keeps a thousand.
 MAX_RECORDED: Final = 10_000
+NEWLY_IDLE: Final = 10  # added to the former status of a node that has become idle
+
 _ENTRY: Final = struct.Struct("<HB")  # uid, status
+_HEADER: Final = struct.Struct("<BBI")
+_PROTOCOL: Final = 2
+_CHANGING: Final = "IRDAXUN"  # requests about hooks and breakpoints
+
+
+class ProtocolError(InputError):
+    """A request that cannot be answered; the message is the answer."""
+
+
+def _request_type(frames: list[bytes]) -> str:
+    """Return the type of a request, a letter; refuse a message that is not of the protocol."""
+    if len(frames) not in {1, 2}:
+        raise ProtocolError(f"a request has 1 or 2 parts, got {len(frames)}")
+    if len(frames[0]) != _HEADER.size:
+        raise ProtocolError(
+            f"wrong request header: expected {_HEADER.size} bytes, got {len(frames[0])}"
+        )
+    protocol, kind, _ = _HEADER.unpack(frames[0])
+    if protocol != _PROTOCOL:
+        raise ProtocolError(f"expected protocol {_PROTOCOL}, got {protocol}")
+    if chr(kind) in _CHANGING:
+        raise ProtocolError(
+            f"not supported: this tree can be watched, not changed (request '{chr(kind)}')"
+        )
+    if chr(kind) not in "TSBrt":
+        raise ProtocolError(f"request not recognized: type {kind}")
+    return chr(kind)
+
+
+def _text(frames: list[bytes]) -> str:
+    if len(frames) == 1:
+        raise ProtocolError("must be 2 parts message")
+    try:
+        return frames[1].decode()
+    except UnicodeDecodeError:
+        raise ProtocolError("the second part must be UTF-8 text") from None
 
 
 class GrootView:
-    """State of one tree in the format of the protocol.
+    """State of one tree. The board is shown with the main tree's variables, as `@key`."""
 
-    Args:
-        numbering: numbering of the tree.
-        board: board of the mission, shown with the main tree's variables as `@key`.
-        now_us: mission time, microseconds.
-        tree_id: id by which clients recognise the same tree; default: a new one.
-    """
-
-    def __init__(
-        self,
-        numbering: TreeNumbering,
-        board: Blackboard,
-        *,
-        now_us: int = 0,
-        tree_id: UUID | None = None,
-    ) -> None:
-        self.tree_id = tree_id or uuid4()
+    def __init__(self, numbering: TreeNumbering, board: Blackboard, now_us: int) -> None:
+        self._tree_id = uuid4().bytes  # by which clients recognise the same tree
         self._instances = numbering.instances
         self._board = board
         self._xml = tree_xml(numbering).encode()
         self._codes = [node.node_status.value for node in numbering.nodes]
         entries = (_ENTRY.pack(uid, code) for uid, code in enumerate(self._codes, 1))
         self._table = bytearray(b"".join(entries))
-        self._now_us = now_us
         self._recording = False
         self._recorded_from_us = 0
         self._recorded: deque[Transition] = deque(maxlen=MAX_RECORDED)
-        self._statuses = bytes(self._table)
-        self._values = self._snapshot()
+        self.update((), now_us)
 
     # --- the ticking thread -----------------------------------------------------------------------
 
     def update(self, transitions: Iterable[Transition], now_us: int) -> None:
-        """Add the changes of a tick.
-
-        Args:
-            transitions: all transitions of the tick.
-            now_us: mission time, microseconds.
-        """
+        """Add all transitions of a tick; `now_us` is the mission time, microseconds."""
         recording = self._recording
         for transition in transitions:
             place = transition.uid - 1
@@ -77,60 +98,44 @@ class GrootView:
             if recording:
                 self._recorded.append(transition)
         self._statuses = bytes(self._table)
-        self._values = self._snapshot()
-        self._now_us = now_us
-
-    def _snapshot(self) -> dict[str, Mapping[str, Any]]:
         values = {item.board_name: item.variables.snapshot() for item in self._instances}
         keys = self._board.snapshot()
-        main = values[self._instances[0].board_name]
-        main |= {f"@{name}": value for name, (value, _) in keys.items()}
-        return dict(values)
+        values[self._instances[0].board_name] |= {f"@{key}": keys[key][0] for key in keys}
+        self._values = values
+        self._now_us = now_us
 
     # --- the answering thread ---------------------------------------------------------------------
 
-    def answer(self, request: Request) -> bytes | None:
-        """Return the second frame of the answer; None without content.
-
-        Raises:
-            ProtocolError: the request cannot be answered.
-        """
-        match request.type:
-            case RequestType.FULL_TREE:
-                return self._xml
-            case RequestType.STATUS:
-                return self._statuses
-            case RequestType.BLACKBOARD:
-                return self._blackboards(request.text())
-            case RequestType.TOGGLE_RECORDING:
-                return self._toggle(request.text())
-            case RequestType.GET_TRANSITIONS:
-                return self._transitions()
-        raise ProtocolError(
-            f"not supported: this tree can be watched, not changed (request '{request.type.value}')"
-        )
+    def answer(self, frames: list[bytes]) -> list[bytes]:
+        """Return the frames of the answer to a request."""
+        kind = _request_type(frames)
+        head = frames[0] + self._tree_id
+        match kind:
+            case "T":
+                return [head, self._xml]
+            case "S":
+                return [head, self._statuses]
+            case "B":
+                return [head, self._blackboards(_text(frames))]
+            case "r":
+                return [head, *self._toggle(_text(frames))]
+        # Only the present entries, because the other thread continues to append.
+        taken = [self._recorded.popleft() for _ in range(len(self._recorded))]
+        return [head, pack(taken, self._recorded_from_us)]
 
     def _blackboards(self, names: str) -> bytes:
         import msgpack  # noqa: PLC0415  # of the extra `live`
 
-        values = self._values
+        values: dict[str, Any] = self._values
         wanted = [name for name in names.split(";") if name in values]
-        dump = {name: plain(values[name]) for name in wanted}
-        packed: bytes = msgpack.packb(dump)
+        packed: bytes = msgpack.packb({name: plain(values[name]) for name in wanted})
         return packed
 
-    def _toggle(self, word: str) -> bytes | None:
+    def _toggle(self, word: str) -> list[bytes]:
+        if word not in {"start", "stop"}:
+            raise ProtocolError(f"recording is switched by 'start' or 'stop', got '{word:.40}'")
         if word == "start":
             self._recorded.clear()
             self._recorded_from_us = self._now_us
-            self._recording = True
-            return str(self._now_us).encode()
-        if word == "stop":
-            self._recording = False
-            return None
-        raise ProtocolError(f"recording is switched by 'start' or 'stop', got '{word:.40}'")
-
-    def _transitions(self) -> bytes:
-        # Only the present entries, because the other thread continues to append.
-        taken = [self._recorded.popleft() for _ in range(len(self._recorded))]
-        return pack(taken, self._recorded_from_us)
+        self._recording = word == "start"
+        return [str(self._recorded_from_us).encode()] if self._recording else []

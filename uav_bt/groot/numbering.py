@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 from xml.etree import ElementTree as ET
@@ -34,11 +35,11 @@ class TreeInstance:
 class TreeNumbering:
     """Numbers of a tree's nodes, from 1, parents first, in the order of the file.
 
-    Args:
-        tree: the tree; it must not change afterwards.
-
-    Raises:
-        InputError: the tree has more nodes than numbers.
+    Attributes:
+        nodes: all nodes; the tree must not change.
+        uids: their numbers, by path.
+        full_paths: names of the instances, by path of the SubTree node.
+        instances: the main tree, and all others in the order of the file.
     """
 
     def __init__(self, tree: MissionTree) -> None:
@@ -47,50 +48,35 @@ class TreeNumbering:
             raise InputError(
                 f"tree '{tree.name}' has {len(self.nodes)} nodes; at most {MAX_UID} can be numbered"
             )
-        self._uids = {node.path: uid for uid, node in enumerate(self.nodes, 1)}
-        self._full_paths: dict[str, str] = {}
+        self.uids = {node.path: uid for uid, node in enumerate(self.nodes, 1)}
+        self.full_paths: dict[str, str] = {}
         main = TreeInstance(
             tree_id=tree.name, full_path="", root=tree.root, variables=tree.variables
         )
-        self.instances = (main, *self._instances_below(tree.root, ""))
+        self.instances = (main, *self._below(tree.root, ""))
 
-    def uid(self, node: Node) -> int:
-        """Return the number of a node."""
-        return self._uids[node.path]
-
-    def full_path(self, subtree: SubTree) -> str:
-        """Return the full path of the instance of a SubTree node."""
-        return self._full_paths[subtree.path]
-
-    def _instances_below(self, root: Node, outer: str) -> list[TreeInstance]:
-        """Return the instances in a tree, including nested ones, in the order of the file."""
-        instances: list[TreeInstance] = []
+    def _below(self, root: Node, outer: str) -> Iterator[TreeInstance]:
         stack = [root]
         while stack:
             node = stack.pop()
             if not isinstance(node, SubTree):
                 stack.extend(reversed(node.children))
                 continue
-            full_path = self._name(node, outer)
-            self._full_paths[node.path] = full_path
-            instances.append(
-                TreeInstance(
-                    tree_id=node.tree_id,
-                    full_path=full_path,
-                    root=node.child,
-                    variables=node.child.variables,
-                )
+            full_path = self.full_paths[node.path] = self._name(node, outer)
+            yield TreeInstance(
+                tree_id=node.tree_id,
+                full_path=full_path,
+                root=node.child,
+                variables=node.child.variables,
             )
-            instances += self._instances_below(node.child, full_path)
-        return instances
+            yield from self._below(node.child, full_path)
 
     def _name(self, node: SubTree, outer: str) -> str:
-        prefix = f"{outer}/" if outer else ""
-        full_path = f"{prefix}{node.name}"
+        full_path = f"{outer}/{node.name}" if outer else node.name
         # BehaviorTree.CPP numbers an unnamed instance. Here unnamed means that name and id are
         # equal. A name used twice is numbered, too, because the paths name the blackboards.
-        if node.name == node.tree_id or full_path in self._full_paths.values():
-            return f"{prefix}{node.name}::{self.uid(node)}"
+        if node.name == node.tree_id or full_path in self.full_paths.values():
+            return f"{full_path}::{self.uids[node.path]}"
         return full_path
 
 
@@ -107,7 +93,8 @@ def tree_xml(numbering: TreeNumbering) -> str:
     """
     root = ET.Element("root", BTCPP_format="4", main_tree_to_execute=numbering.instances[0].tree_id)
     for instance in numbering.instances:
-        _add_instance(root, instance, numbering)
+        names = {"ID": instance.tree_id, "_fullpath": instance.full_path}
+        _add_node(_added(root, "BehaviorTree", names), instance.root, numbering)
     model = ET.SubElement(root, "TreeNodesModel")
     classes = {node.node_id: type(node) for node in numbering.nodes}
     for node_id in sorted(classes):
@@ -117,30 +104,21 @@ def tree_xml(numbering: TreeNumbering) -> str:
     return ET.tostring(root, encoding="unicode") + "\n"
 
 
-def _add_instance(root: ET.Element, instance: TreeInstance, numbering: TreeNumbering) -> None:
-    tree = ET.SubElement(
-        root,
-        "BehaviorTree",
-        ID=_writable(instance.tree_id),
-        _fullpath=_writable(instance.full_path),
-    )
-    _add_node(tree, instance.root, numbering)
-
-
 def _add_node(parent: ET.Element, node: Node, numbering: TreeNumbering) -> None:
-    element = ET.SubElement(parent, SubTree.node_id if isinstance(node, SubTree) else node.node_id)
-    if isinstance(node, SubTree):
-        element.set("ID", _writable(node.tree_id))
-        element.set("name", _writable(node.name))
-        element.set("_fullpath", _writable(numbering.full_path(node)))
-    else:
-        element.set("name", _writable(node.name))
-    element.set("_uid", str(numbering.uid(node)))
-    for name, text in _attributes(node).items():
-        element.set(name, _writable(text))
-    if not isinstance(node, SubTree):
-        for child in node.children:
-            _add_node(element, child, numbering)
+    subtree = node if isinstance(node, SubTree) else None
+    names = {"name": node.name}
+    if subtree is not None:
+        names = {"ID": subtree.tree_id, **names, "_fullpath": numbering.full_paths[node.path]}
+    names["_uid"] = str(numbering.uids[node.path])
+    tag = node.node_id if subtree is None else SubTree.node_id
+    element = _added(parent, tag, names | _attributes(node))
+    for child in node.children if subtree is None else ():
+        _add_node(element, child, numbering)
+
+
+def _added(parent: ET.Element, tag: str, attributes: dict[str, str]) -> ET.Element:
+    attributes = {name: _UNWRITABLE.sub("\ufffd", text) for name, text in attributes.items()}
+    return ET.SubElement(parent, tag, attributes)
 
 
 def _attributes(node: Node) -> dict[str, str]:
@@ -155,7 +133,3 @@ def _attributes(node: Node) -> dict[str, str]:
     if isinstance(node, SubTree):
         attributes |= node.attributes
     return attributes | node.condition_scripts
-
-
-def _writable(text: str) -> str:
-    return _UNWRITABLE.sub("\ufffd", text)

@@ -2,10 +2,6 @@
 
 Source: BehaviorTree.CPP's `groot2_publisher.cpp` and `bt_file_logger_v2.cpp`. A record has six
 bytes of microseconds, two of the node's uid and one of the status, little endian.
-
-`TransitionRecorder` records transitions when they happen, in the same order as the loggers of
-BehaviorTree.CPP. A node that starts and ends in one tick gives a RUNNING (if it has one), a result
-and an IDLE. SKIPPED gives no transition: it is an answer, not a status of a node.
 """
 
 from __future__ import annotations
@@ -14,75 +10,39 @@ import struct
 from collections.abc import Iterable
 from typing import Final, NamedTuple
 
-from uav_bt.errors import ValueRangeError
 from uav_bt.groot.numbering import TreeNumbering
 from uav_bt.protocols import Clock
 from uav_bt.tree import Node
 from uav_bt.tree.observer import NodeEvent, observe, unobserve
 from uav_bt.tree.status import FAILURE, IDLE, SUCCESS, Status
 
-NEWLY_IDLE: Final = 10  # added to the former status of a node that has become idle
-
-# The lower four and the upper two bytes of the time, uid, status.
-_RECORD: Final = struct.Struct("<IHHB")
-RECORD_BYTES: Final = _RECORD.size
-MAX_TIME_US: Final = (1 << 48) - 1  # almost nine years
+_RECORD: Final = struct.Struct("<IHHB")  # lower four and upper two bytes of the time, uid, status
+_ROOT_UID: Final = 1
 
 
 class Transition(NamedTuple):
     """A change of a node's status."""
 
-    time_us: int  # microseconds of mission time, or since the start of a log
+    time_us: int  # microseconds of mission time
     uid: int
     status: Status
 
 
-def pack(transitions: Iterable[Transition], first_time_us: int = 0) -> bytes:
-    """Return transitions as records, nine bytes each.
-
-    Args:
-        transitions: the transitions.
-        first_time_us: time that is subtracted.
-
-    Raises:
-        ValueRangeError: a time is before the first time or does not fit six bytes.
-    """
-    records = bytearray()
-    for time_us, uid, status in transitions:
-        since_us = time_us - first_time_us
-        if not 0 <= since_us <= MAX_TIME_US:
-            raise ValueRangeError(
-                f"a transition's time must lie within 0 and {MAX_TIME_US} us after the log began, "
-                f"got {since_us} us"
-            )
-        records += _RECORD.pack(since_us & 0xFFFFFFFF, since_us >> 32, uid, status.value)
-    return bytes(records)
-
-
-def unpack(record: bytes) -> Transition:
-    """Return the transition of one record, with its time since the start of the log.
-
-    Raises:
-        ValueRangeError: the record is not nine bytes long, or the status is unknown.
-    """
-    if len(record) != RECORD_BYTES:
-        raise ValueRangeError(f"a record has {RECORD_BYTES} bytes, got {len(record)}")
-    low, high, uid, status = _RECORD.unpack(record)
-    try:
-        return Transition(high << 32 | low, uid, Status(status))
-    except ValueError:
-        raise ValueRangeError(f"a status is a number from 0 to 4, got {status}") from None
-
-
-_ROOT_UID: Final = 1
+def pack(transitions: Iterable[Transition], first_time_us: int) -> bytes:
+    """Return transitions as records, with their times since the first time."""
+    times = ((time_us - first_time_us, uid, status) for time_us, uid, status in transitions)
+    return b"".join(
+        _RECORD.pack(since_us & 0xFFFFFFFF, since_us >> 32, uid, status.value)
+        for since_us, uid, status in times
+    )
 
 
 class TransitionRecorder:
     """Records the transitions of a tree from `attach` to `detach`.
 
-    Args:
-        numbering: numbering of the tree.
-        clock: mission clock, source of the times.
+    They come when they happen, in the order of BehaviorTree.CPP's loggers. A node that starts and
+    ends in one tick gives a RUNNING (if it has one), a result and an IDLE. SKIPPED gives no
+    transition: it is an answer, not a status of a node.
     """
 
     def __init__(self, numbering: TreeNumbering, clock: Clock) -> None:
@@ -115,7 +75,7 @@ class TransitionRecorder:
     def _note(self, node: Node, event: NodeEvent) -> None:
         if event is not NodeEvent.STATUS:
             return
-        uid = self._numbering.uid(node)
+        uid = self._numbering.uids[node.path]
         if uid == _ROOT_UID:
             reset, self._root_ended = self._root_ended, False
             if reset and node.node_status is IDLE:

@@ -1,18 +1,18 @@
 """Monitoring of a flight's tree: sends its transitions to a log, to Groot2, or both.
 
-with watched_live(btlog=Path("flight.btlog"), groot=GrootConfig()) as watch:
+with watched_live(btlog="flight.btlog", groot=1667) as watch:
     app.fly("land_only", listeners=[lambda flight: watch(flight.mission, flight.context)])
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from uav_bt.board.context import MissionContext
 from uav_bt.groot.btlog import BtlogWriter
-from uav_bt.groot.groot_publisher import GrootConfig, GrootPublisher
+from uav_bt.groot.groot_publisher import GrootPublisher
 from uav_bt.groot.groot_view import GrootView
 from uav_bt.groot.numbering import TreeNumbering, tree_xml
 from uav_bt.groot.transitions import TransitionRecorder
@@ -21,17 +21,13 @@ from uav_bt.tree import MissionTree
 
 
 class TreeWatch:
-    """Watches one tree from its creation until `finish`.
+    """Watches one tree, set up but not ticked yet, until `finish`.
 
     Args:
-        tree: the tree, set up but not ticked yet.
+        tree: the tree.
         context: context of the mission.
         log: log for the transitions, which begins here; or None.
         publisher: open publisher that shows the tree; or None.
-
-    Raises:
-        FileError: the log cannot be opened.
-        InputError: the tree has more nodes than can be numbered.
     """
 
     def __init__(
@@ -51,16 +47,11 @@ class TreeWatch:
         if log is not None:
             log.begin(tree_xml(numbering), self._last_us)
         if publisher is not None:
-            self._view = GrootView(numbering, context.board, now_us=self._last_us)
+            self._view = GrootView(numbering, context.board, self._last_us)
             publisher.show(self._view)
         self._recorder.attach()
 
-    def on_tick(self, record: TickRecord) -> None:
-        """Send the transitions of the runner's tick."""
-        del record  # the transitions contain more detail
-        self.after_tick()
-
-    def after_tick(self) -> None:
+    def on_tick(self, _record: TickRecord | None = None) -> None:
         """Send the transitions since the last call; never waits for a client."""
         self._hand_on(self._time_us())
 
@@ -71,54 +62,25 @@ class TreeWatch:
 
     def _hand_on(self, now_us: int) -> None:
         transitions = self._recorder.take()
-        if transitions:
-            now_us = max(now_us, transitions[-1].time_us)
-        self._last_us = now_us
+        self._last_us = max([now_us, *(each.time_us for each in transitions[-1:])])
         if self._log is not None:
             self._log.write(transitions)
         if self._view is not None:
-            self._view.update(transitions, now_us)
+            self._view.update(transitions, self._last_us)
 
     def _time_us(self) -> int:
         return round(self._clock.now() * 1e6)
 
 
-class LiveListeners:
-    """Makes the listeners of a tree before its flight.
-
-    Args:
-        log: log for the transitions; or None.
-        publisher: open publisher that shows the tree; or None.
-    """
-
-    def __init__(self, log: BtlogWriter | None, publisher: GrootPublisher | None) -> None:
-        self._log = log
-        self.publisher = publisher  # open, so that its port is known
-        self._watches: list[TreeWatch] = []
-
-    def __call__(self, tree: MissionTree, context: MissionContext) -> Sequence[TickListener]:
-        """Start watching a tree before its flight."""
-        if self._log is None and self.publisher is None:
-            return []
-        watch = TreeWatch(tree, context, log=self._log, publisher=self.publisher)
-        self._watches.append(watch)
-        return [watch]
-
-    def finish(self) -> None:
-        """Stop watching."""
-        for watch in self._watches:
-            watch.finish()
-
-
 @contextmanager
 def watched_live(
-    *, btlog: str | Path | None = None, groot: GrootConfig | None = None
-) -> Iterator[LiveListeners]:
-    """Watch the tree of the flight in the context.
+    *, btlog: str | Path | None = None, groot: int | None = None
+) -> Iterator[Callable[[MissionTree, MissionContext], Sequence[TickListener]]]:
+    """Watch the trees of flights in the context, by the listeners of what it yields.
 
     Args:
         btlog: the log to write, `*.btlog`.
-        groot: address for Groot2 during the flight.
+        groot: port for Groot2 on this machine; the next one is used as well.
 
     Raises:
         FileError: the log cannot be written (before the flight), or is incomplete (after it).
@@ -128,6 +90,12 @@ def watched_live(
     with ExitStack() as stack:
         publisher = None if groot is None else stack.enter_context(GrootPublisher(groot))
         log = None if btlog is None else stack.enter_context(BtlogWriter(Path(btlog)))
-        listeners = LiveListeners(log, publisher)
-        stack.callback(listeners.finish)
-        yield listeners
+
+        def follow(tree: MissionTree, context: MissionContext) -> Sequence[TickListener]:
+            if log is None and publisher is None:
+                return ()
+            watch = TreeWatch(tree, context, log=log, publisher=publisher)
+            stack.callback(watch.finish)
+            return (watch,)
+
+        yield follow

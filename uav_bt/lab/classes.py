@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final, Self
+from typing import Final, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from uav_bt.errors import UnknownNameError, ValueRangeError
 from uav_bt.lab.roles import GROUND, MARK, NO_ROLE, OBSTACLE, ROLE_NAMES, RoleName
 
 Colour = tuple[int, int, int]  # red, green, blue, 0 to 255
+Value = TypeVar("Value", bound=np.generic)
 
 MAX_CLASSES: Final = 64
 MAX_LEGS_M: Final = 10.0  # the largest object of a room
@@ -31,35 +32,18 @@ _ROLE_COLOURS: Final[dict[RoleName, Colour]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class LabClass:
-    """One class of a lab.
+    """One class of a lab."""
 
-    Attributes:
-        name: Name in files, reports and messages.
-        role: Meaning for a mission.
-        colour: Colour in images of class maps, RGB.
-        top: Name of the class of the level upper face; None if the class has no other one.
-        legs_m: Largest distance between two legs of one of its objects, from corner to corner;
-            None if they do not stand on legs.
-    """
-
-    name: str
+    name: str  # in files, reports and messages
     role: RoleName
-    colour: Colour
-    top: str | None = None
+    colour: Colour  # in images of class maps
+    top: str | None = None  # class of the level upper face, if that is another one
+    # Largest distance between two legs of an object, from corner to corner; None: without legs.
     legs_m: float | None = None
 
 
 class LabClasses:
-    """The classes of a lab in the order of their ids.
-
-    Args:
-        classes: The classes; the first one has id 0 and must lie outside.
-
-    Raises:
-        ValueRangeError: A name comes twice, a top is unknown or has another role, the first class
-            does not lie outside, a class with legs is no obstacle or an upper face, or there are
-            too many classes.
-    """
+    """The classes of a lab in the order of their ids; the first one, id 0, lies outside."""
 
     def __init__(self, classes: Iterable[LabClass]) -> None:
         self._classes = tuple(classes)
@@ -89,11 +73,7 @@ class LabClasses:
         return f"<{len(self)} classes>"
 
     def id_of(self, name: str) -> int:
-        """Return the id of a class.
-
-        Raises:
-            UnknownNameError: There is no such class; the message suggests the closest one.
-        """
+        """Return the id of a class; a name that is none is refused with the closest one."""
         if name not in self.names:
             raise UnknownNameError("class", name, self.names)
         return self.names.index(name)
@@ -126,9 +106,7 @@ class LabClasses:
     @cached_property
     def legs_m(self) -> NDArray[np.float64]:
         """(number of classes,): largest distance between legs of an object, m; 0 without legs."""
-        spans_m = np.array([each.legs_m or 0.0 for each in self._classes])
-        spans_m.flags.writeable = False
-        return spans_m
+        return _frozen(np.array([each.legs_m or 0.0 for each in self._classes]))
 
     @cached_property
     def mark_sides(self) -> int | None:
@@ -144,15 +122,10 @@ class LabClasses:
 
     @cached_property
     def ground(self) -> int:
-        """The id of the first class that is ground.
-
-        Raises:
-            ValueRangeError: No class is ground.
-        """
-        ids = self.of_role(GROUND)
-        if not ids:
-            raise ValueRangeError("no class has the role ground")
-        return ids[0]
+        """The id of the first class that is ground."""
+        for first in self.of_role(GROUND):
+            return first
+        raise ValueRangeError("no class has the role ground")
 
     def with_one_ground(self, ids: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Return class ids with the first ground class in place of all ground classes."""
@@ -164,17 +137,7 @@ class LabClasses:
         return table[ids]
 
     def roles(self, ids: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Return the roles of class ids.
-
-        Args:
-            ids: Class ids, uint8, any shape.
-
-        Returns:
-            Role ids, uint8, of the same shape.
-
-        Raises:
-            ValueRangeError: An id is not that of a class, or the array is not uint8.
-        """
+        """Return the roles of class ids, both uint8 of any shape; refuse an id without a class."""
         if ids.dtype != np.uint8:
             raise ValueRangeError(f"class ids must be uint8, got {ids.dtype}")
         roles = self._roles.take(ids)
@@ -193,17 +156,7 @@ class LabClasses:
         return np.asarray(self.roles(ids) >= MARK)
 
     def colourise(self, ids: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Return a class map as a colour image.
-
-        Args:
-            ids: (H, W) uint8 class ids.
-
-        Returns:
-            (H, W, 3) uint8 RGB.
-
-        Raises:
-            ValueRangeError: An id is not that of a class.
-        """
+        """Return a class map, (H, W) uint8 ids, as a colour image, (H, W, 3) uint8 RGB."""
         self.roles(ids)  # refuses bad ids
         return self.colours[ids]
 
@@ -251,6 +204,6 @@ class LabClasses:
             )
 
 
-def _frozen(array: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _frozen(array: NDArray[Value]) -> NDArray[Value]:
     array.flags.writeable = False
     return array

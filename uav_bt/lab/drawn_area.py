@@ -18,13 +18,6 @@ def check_area(text: str) -> None:
 
     Whether corners in the lab's drawing contain the take-off pose depends on the scene, and is
     checked when the flight is put together; so are corners in both frames.
-
-    Args:
-        text: Corners of the area, as `area_corners` reads them.
-
-    Raises:
-        ValueRangeError: A corner cannot be read, sides cross or enclose no surface, or corners
-            in the frame start do not contain the take-off pose.
     """
     if len({corner.frame for corner in area_corners(text)}) > 1:
         return
@@ -36,10 +29,7 @@ def check_area(text: str) -> None:
 def area_problem(text: str, *, take_off: Pose2D | None, mark: Pose2D | None) -> str | None:
     """Return the fault of the area of a lab; None without one.
 
-    Args:
-        text: Corners of the area, as `area_corners` reads them.
-        take_off: Take-off pose in the lab's drawing; None if unknown.
-        mark: Pose of the landing mark there; None if unknown.
+    Take-off pose and mark are those in the lab's drawing; None if unknown.
     """
     corners = area_corners(text)
     frames = {corner.frame for corner in corners}

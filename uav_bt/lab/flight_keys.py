@@ -62,8 +62,7 @@ def _area(value: str) -> str:
     return value
 
 
-Coordinate = Annotated[float, Field(ge=-1000.0, le=1000.0)]
-"""A coordinate in metres, or an angle in degrees."""
+Coordinate = Annotated[float, Field(ge=-1000.0, le=1000.0)]  # metres, or an angle in degrees
 Position = Annotated[
     tuple[Coordinate, Coordinate], Field(description="x to the right and y up the drawing, metres")
 ]
@@ -199,15 +198,7 @@ class FlightKeys:
 
 
 def take_off_pose(keys: FlightKeys, mark: Pose2D | None) -> Pose2D | None:
-    """Return the take-off pose in the lab's drawing, yaw counter-clockwise; None if not stated.
-
-    Args:
-        keys: Keys of the file.
-        mark: Pose of the landing mark in the drawing; None if unknown.
-
-    Raises:
-        ValueRangeError: The section `take_off` has no position, and that of the mark is unknown.
-    """
+    """Return the take-off pose in the lab's drawing, yaw counter-clockwise; None if not stated."""
     section = keys.take_off
     if section is None:
         return None

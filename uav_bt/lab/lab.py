@@ -19,22 +19,13 @@ if TYPE_CHECKING:
     from uav_bt.lab.room import Room
 
 LAB_FILE: Final = "lab.yaml"
-NETWORK_FILE: Final = "segmentation.onnx"
-"""Segmentation network of a lab, in the folder of the lab file; `uav-bt lab train` writes it."""
-
-SCENES_FOLDER: Final = "scenes"
-"""Folder of a lab's scene files, in the folder of the lab file."""
-
-
+NETWORK_FILE: Final = "segmentation.onnx"  # beside the lab file; `uav-bt lab train` writes it
+SCENES_FOLDER: Final = "scenes"  # beside the lab file
 _NAME: Final = re.compile(r"[a-z][a-z0-9_-]*")
 
 
 def check_lab_name(name: str) -> None:
-    """Refuse a text that cannot be the name of a lab's folder.
-
-    Raises:
-        InputError: It has other characters than small letters, digits, _ and -.
-    """
+    """Refuse a text that cannot be the name of a lab's folder."""
     if not _NAME.fullmatch(name):
         raise InputError(
             "the name of a lab consists of small letters, digits, _ and -, and begins with a "
@@ -44,29 +35,17 @@ def check_lab_name(name: str) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Lab:
-    """A place, and how it is flown; `read_lab` reads one from its folder.
+    """A place, and how it is flown; `read_lab` reads one from its folder."""
 
-    Attributes:
-        name: Name of the folder.
-        folder: Folder of the lab file, with the scenes and networks.
-        classes: Classes of the place.
-        file: The lab file.
-        flight: How the place is flown.
-        teacher: Network that labels the images for training; None: a teacher learns from picks.
-        mark: Landing mark of the place; None without one.
-        mark_pose: Pose of the mark in the drawing, yaw counter-clockwise; None if not stated.
-        room: Room that the twin builds; None: the paper's.
-    """
-
-    name: str
-    folder: Path
+    name: str  # of the folder
+    folder: Path  # with the lab file, scenes and networks
     classes: LabClasses
     file: Path
     flight: FlightKeys
-    teacher: TeacherKeys | None = None
+    teacher: TeacherKeys | None = None  # labels images; None: a teacher learns from picks
     mark: LandingMark | None = None
-    mark_pose: Pose2D | None = None
-    room: Room | None = None
+    mark_pose: Pose2D | None = None  # in the drawing, yaw counter-clockwise; None: not stated
+    room: Room | None = None  # that the twin builds; None: the paper's
 
     __repr__ = brief_repr
 
@@ -74,8 +53,7 @@ class Lab:
     def network(self) -> NetworkKeys:
         """The networks that the lab is flown with; empty without any.
 
-        They are those of the lab file. The segmentation network is else the one in the folder of
-        the lab.
+        They are those of the lab file. The segmentation network is else the one in its folder.
         """
         stated, trained = self.flight.network or {}, self.folder / NETWORK_FILE
         if "model" in stated or not trained.is_file():

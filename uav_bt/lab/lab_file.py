@@ -9,17 +9,15 @@ from typing import Annotated, Final
 
 from pydantic import Field
 
-from uav_bt.errors import FileError, InputError, UnknownNameError, ValueRangeError
+from uav_bt.errors import FileError
 from uav_bt.lab.classes import Colour, LabClass, LabClasses
 from uav_bt.lab.drawn_area import area_problem
 from uav_bt.lab.flight_keys import FlightKeys, TeacherKeys, take_off_pose
 from uav_bt.lab.lab import LAB_FILE, Lab
-from uav_bt.lab.mark_section import WholeMarkSection, mark_of_section, mark_pose
+from uav_bt.lab.mark_section import MarkSection, mark_of_section, mark_pose
 from uav_bt.lab.roles import RoleName
 from uav_bt.lab.room import RoomSection
 from uav_bt.lab.room_reader import read_room
-from uav_bt.types.landing_mark import LandingMark
-from uav_bt.types.pose import Pose2D
 from uav_bt.yaml_file import YamlFile, read_yaml
 
 VERSION: Final = 1
@@ -28,48 +26,42 @@ _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
 def read_lab(path: Path) -> Lab:
-    """Read the lab file of a folder.
-
-    Args:
-        path: The folder, or the lab file.
-
-    Raises:
-        FileError: The file is absent, malformed, or of a newer version.
-    """
+    """Read the lab file of a folder, or a lab file."""
     file = _read(path / LAB_FILE if path.is_dir() else path)
-    if file.value.version > VERSION:
+    value, folder = file.value, file.path.parent
+    if value.version > VERSION:
         raise file.error(
-            f"this lab is of version {file.value.version}, and this program reads versions up to "
+            f"this lab is of version {value.version}, and this program reads versions up to "
             f"{VERSION}: update uav-bt",
             "version",
         )
-    classes, pose, room = _classes(file), _mark_pose(file), file.value.room
-    _check_ground(file, classes)
-    _check_area(file, pose)
-    folder = file.path.parent
+    classes = _classes(file)
+    with file.at("mark"):
+        pose = mark_pose(value.mark)
+        mark = None if value.mark is None else mark_of_section(value.mark)
+    for index, name in enumerate(value.ground):
+        with file.at("ground", index):
+            classes.id_of(name)
+    with file.at("take_off"):
+        take_off = take_off_pose(value, pose)
+    problem = area_problem(value.area, take_off=take_off, mark=pose) if value.area else None
+    if problem is not None:
+        raise file.error(problem, "area")
     return Lab(
         name=folder.resolve().name,
         folder=folder,
         file=file.path,
         classes=classes,
-        mark=_mark(file),
+        mark=mark,
         mark_pose=pose,
-        flight=FlightKeys(
-            **{each.name: getattr(file.value, each.name) for each in fields(FlightKeys)}
-        ),
-        teacher=file.value.teacher,
-        room=None if room is None else read_room(file, room, folder, classes),
+        flight=FlightKeys(**{each.name: getattr(value, each.name) for each in fields(FlightKeys)}),
+        teacher=value.teacher,
+        room=None if value.room is None else read_room(file, value.room, folder, classes),
     )
 
 
 def lab_error(file: Path, message: str, *steps: str | int) -> FileError:
-    """Return an error about a value of a lab file, with its line.
-
-    Args:
-        file: The lab file.
-        message: Text of the error.
-        steps: Keys and indices that lead to the value in the lab file.
-    """
+    """Return an error about the value of a lab file that keys and indices lead to."""
     return _read(file).error(message, *steps)
 
 
@@ -85,54 +77,11 @@ def _classes(file: YamlFile[LabFile]) -> LabClasses:
                 "classes",
                 name,
             )
-    listed = [
-        LabClass(
-            name=name,
-            role=each.role,
-            colour=_colour(each.colour),
-            top=each.top,
-            legs_m=each.legs_m,
+    with file.at("classes"):
+        return LabClasses(
+            LabClass(**{**vars(each), "name": name, "colour": _colour(each.colour)})
+            for name, each in file.value.classes.items()
         )
-        for name, each in file.value.classes.items()
-    ]
-    try:
-        return LabClasses(listed)
-    except (UnknownNameError, ValueRangeError) as error:
-        raise file.error(str(error), "classes") from error
-
-
-def _check_ground(file: YamlFile[LabFile], classes: LabClasses) -> None:
-    for index, name in enumerate(file.value.ground):
-        if name not in classes.names:
-            error = UnknownNameError("class", name, classes.names)
-            raise file.error(str(error), "ground", index)
-
-
-def _mark(file: YamlFile[LabFile]) -> LandingMark | None:
-    section = file.value.mark
-    try:
-        return None if section is None else mark_of_section(section)
-    except InputError as error:
-        raise file.error(str(error), "mark") from error
-
-
-def _mark_pose(file: YamlFile[LabFile]) -> Pose2D | None:
-    try:
-        return mark_pose(file.value.mark)
-    except ValueRangeError as error:
-        raise file.error(str(error), "mark") from error
-
-
-def _check_area(file: YamlFile[LabFile], mark: Pose2D | None) -> None:
-    try:
-        take_off = take_off_pose(file.value, mark)
-    except ValueRangeError as error:
-        raise file.error(str(error), "take_off") from error
-    if file.value.area is None:
-        return
-    problem = area_problem(file.value.area, take_off=take_off, mark=mark)
-    if problem is not None:
-        raise file.error(problem, "area")
 
 
 def _colour(text: str) -> Colour:
@@ -167,7 +116,7 @@ class LabFile(FlightKeys):
         TeacherKeys | None,
         Field(description="Network that labels images for training, in place of picks."),
     ] = None
-    mark: Annotated[WholeMarkSection | None, Field(description="The landing mark.")] = None
+    mark: Annotated[MarkSection | None, Field(description="The landing mark.")] = None
     room: Annotated[
         RoomSection | None, Field(description="What the twin builds; a real flight needs none.")
     ] = None

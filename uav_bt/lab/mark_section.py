@@ -17,18 +17,8 @@ from uav_bt.types.pose import Pose2D
 _Side = Annotated[float, Field(gt=0.0, le=5.0)]
 
 
-_Height = Annotated[float, Field(ge=0.0, lt=MAX_HEIGHT_M)]
-
-
-class _Common(TypedDict, total=False):
-    kind: Annotated[str, Field(description="Kind of landing mark; default: helipad.")]
-    options: Annotated[dict[str, Any], Field(description="Settings of that kind.")]
-    position_m: Position
-    yaw_deg: Yaw
-
-
-class MarkSection(_Common, total=False):
-    """Form of the section of a site file. Missing keys keep the values of the lab's mark.
+class MarkSection(TypedDict, total=False):
+    """Form of the section. A lab file states size and height; a site file keeps the lab's.
 
     Attributes:
         kind: Registered name of the plug-in that finds the mark.
@@ -40,54 +30,39 @@ class MarkSection(_Common, total=False):
             its y axis.
     """
 
+    kind: Annotated[str, Field(description="Kind of landing mark; default: helipad.")]
+    options: Annotated[dict[str, Any], Field(description="Settings of that kind.")]
+    position_m: Position
+    yaw_deg: Yaw
     size_m: tuple[_Side, _Side]
-    height_m: _Height
+    height_m: Annotated[float, Field(ge=0.0, lt=MAX_HEIGHT_M)]
 
 
-class WholeMarkSection(_Common):
-    """Form of the section of a lab file, which states the size."""
+def mark_of_section(section: MarkSection, usual: LandingMark | None = None) -> LandingMark:
+    """Return the landing mark of a section, whose missing keys are those of the usual mark.
 
-    size_m: tuple[_Side, _Side]
-    height_m: _Height
-
-
-def mark_of_section(
-    section: MarkSection | WholeMarkSection, usual: LandingMark | None = None
-) -> LandingMark:
-    """Return the landing mark that a section describes.
-
-    Args:
-        section: Content of the section.
-        usual: Source of the missing keys; None if the section is whole. Options belong to a kind,
-            so another kind begins without options.
-
-    Raises:
-        InputError: The kind is not registered, or refuses an option.
+    Options belong to a kind, so another kind begins without options.
     """
-    kind = section.get("kind", "helipad" if usual is None else usual.kind)
-    kept = {} if usual is None or usual.kind != kind else usual.options
-    length_m, width_m = section["size_m"] if usual is None else section.get("size_m", usual.top_m)
+    lacking = [key for key in ("size_m", "height_m") if usual is None and key not in section]
+    if lacking:
+        raise ValueRangeError(f"lacks the key '{lacking[0]}'")
+    usual = usual or LandingMark(length_m=1.0, width_m=1.0, height_m=0.0)
+    kind = section.get("kind", usual.kind)
+    length_m, width_m = section.get("size_m", usual.top_m)
     mark = LandingMark(
         kind=kind,
         length_m=length_m,
         width_m=width_m,
-        height_m=section["height_m"] if usual is None else section.get("height_m", usual.height_m),
-        options=section.get("options", kept),
+        height_m=section.get("height_m", usual.height_m),
+        options=section.get("options", usual.options if usual.kind == kind else {}),
     )
     if "kind" in section or "options" in section:
         make_mark_finder(mark)  # refuses wrong options
     return mark
 
 
-def mark_pose(section: MarkSection | WholeMarkSection | None) -> Pose2D | None:
-    """Return the pose of the landing mark in the lab's drawing; None if it is not stated.
-
-    Args:
-        section: Content of the section; None without one.
-
-    Raises:
-        ValueRangeError: The section has a yaw and no position.
-    """
+def mark_pose(section: MarkSection | None) -> Pose2D | None:
+    """Return the pose of the mark in the drawing, yaw counter-clockwise; None if not stated."""
     if section is None or "position_m" not in section:
         if section is not None and "yaw_deg" in section:
             raise ValueRangeError("yaw_deg needs position_m: where the mark stands in the drawing")

@@ -16,11 +16,7 @@ _NO_SIZE: Final = (0xC4, 0xC8, 0xCC)  # JPEG segments among those of sizes that 
 
 
 def check_picture(path: Path) -> None:
-    """Refuse a file that is no picture, or a large one.
-
-    Raises:
-        FileError: The file is absent, neither PNG nor JPEG, or too large.
-    """
+    """Refuse a file that is no picture, or a large one."""
     data = read_bounded(path, MAX_BYTES)
     size_px = _png_size(data) if data.startswith(_PNG) else _jpeg_size(data)
     if size_px is None or min(size_px) < 1:

@@ -22,5 +22,4 @@ obstacle  Everything that the drone must not touch.
 The roles are the four categories of Mocanu et al. (arXiv 2510.16624).
 """
 
-NO_ROLE: Final = 255
-"""Value of a sample outside the image: neither a class nor a role."""
+NO_ROLE: Final = 255  # of a sample outside the image: neither a class nor a role

@@ -56,9 +56,6 @@ class Surface:
         tile_m: Width and height of one repetition of the picture; by default 1 m each way, and
             the whole ground.
         lines: Painted lines; only on the ground.
-
-    Raises:
-        ValueRangeError: Keys exclude one another, or none states a look.
     """
 
     generator: Literal["paint", "concrete", "wood", "carpet"] | None = None
@@ -91,9 +88,6 @@ class GroundSection:
         size_m: Sides of the rectangle along x and y.
         outline_m: Corners of the polygon in order, in place of `size_m`.
         surface: Its look; by default the paper's carpet.
-
-    Raises:
-        ValueRangeError: The size is missing or out of range, or the polygon is invalid.
     """
 
     size_m: Vector2 | None = None
@@ -131,9 +125,6 @@ class WallSection:
             they are a rectangle around it.
         surface: Look of the walls; by default light grey.
         floor: Look of the floor beside the ground; by default grey.
-
-    Raises:
-        ValueRangeError: A length is out of range.
     """
 
     height_m: float = 5.0
@@ -157,9 +148,6 @@ class Lamp:
         position_m: World x, y and z.
         brightness: Light at the lamp; 1 shows a surface straight below it in its own colours.
         reach_m: Distance at which half of the light is left.
-
-    Raises:
-        ValueRangeError: A number is out of range.
     """
 
     position_m: Vector3
@@ -205,9 +193,6 @@ class ObjectKind:
         shelves: Number of shelves of a rack.
         file: Name of the OBJ file of a mesh, in the lab's folder. It is scaled to `size_m`.
         moves: Whether `--movers` may draw movers of this kind.
-
-    Raises:
-        ValueRangeError: A number is out of range, or a key does not fit the shape.
     """
 
     class_name: Annotated[str, Field(alias="class")]
@@ -280,16 +265,10 @@ class RoomSection:
 
 @dataclass(frozen=True, kw_only=True)
 class Room:
-    """A room that was read and checked.
-
-    Attributes:
-        section: The section of the lab file.
-        folder: The lab's folder, with pictures and meshes.
-        meshes: Triangles of each kind of mesh, (N, 3, 3) metres, from the middle of its base.
-        files: Pictures and meshes that the section names.
-    """
+    """A room that was read and checked."""
 
     section: RoomSection
-    folder: Path
+    folder: Path  # of the lab
+    # Triangles of each kind of mesh, (N, 3, 3) metres, from the middle of its base.
     meshes: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
-    files: tuple[Path, ...] = ()
+    files: tuple[Path, ...] = ()  # pictures and meshes that the section names

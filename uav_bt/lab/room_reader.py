@@ -10,7 +10,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.errors import FileError, UnknownNameError
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.obj_file import read_obj
 from uav_bt.lab.picture import check_picture
@@ -18,12 +17,11 @@ from uav_bt.lab.roles import OBSTACLE
 from uav_bt.lab.room import Room, RoomSection, Surface
 from uav_bt.yaml_file import YamlFile
 
+# Names in contacts and messages that objects cannot have.
 CONTACT_NAMES: Final = (
     *("box", "mover", "mark", "drone"),
     *("floor", "ceiling", "wall", "ground", "take_off"),
 )
-"""Names in contacts and messages that objects cannot have."""
-
 _NAME: Final = re.compile(r"[a-z][a-z0-9_]*")
 _FILE: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 _SECTION: Final = "room"
@@ -32,17 +30,7 @@ Steps = tuple[str, ...]
 
 
 def read_room(file: YamlFile[Any], section: RoomSection, folder: Path, classes: LabClasses) -> Room:
-    """Return the room that a section describes.
-
-    Args:
-        file: The lab file, for the lines of messages.
-        section: Its section `room`.
-        folder: The lab's folder.
-        classes: Classes of the lab.
-
-    Raises:
-        FileError: A name, a class, a picture or a mesh is wrong.
-    """
+    """Return the room that the section of a lab file describes, with its pictures and meshes."""
     meshes: dict[str, NDArray[np.float64]] = {}
     files: list[Path] = []
     at: Steps
@@ -62,28 +50,22 @@ def read_room(file: YamlFile[Any], section: RoomSection, folder: Path, classes: 
         if kind.file is not None:
             at = (*steps, "file")
             path = _inside(file, folder, kind.file, at)
-            try:
+            with file.at(*at):
                 meshes[name] = read_obj(path, kind.size_m)
-            except FileError as error:
-                raise file.error(str(error), *at) from error
             files.append(path)
     for surface, steps in _surfaces(section):
         if surface.image is not None:
             at = (*steps, "image")
             path = _inside(file, folder, surface.image, at)
-            try:
+            with file.at(*at):
                 check_picture(path)
-            except FileError as error:
-                raise file.error(str(error), *at) from error
             files.append(path)
     return Room(section=section, folder=folder, meshes=meshes, files=tuple(files))
 
 
 def _check_class(file: YamlFile[Any], name: str, classes: LabClasses, steps: Steps) -> None:
-    try:
+    with file.at(*steps):
         class_id = classes.id_of(name)
-    except UnknownNameError as error:
-        raise file.error(str(error), *steps) from error
     if class_id not in classes.of_role(OBSTACLE):
         role = next(each.role for each in classes if each.name == name)
         raise file.error(
@@ -103,15 +85,11 @@ def _inside(file: YamlFile[Any], folder: Path, name: str, steps: Steps) -> Path:
 
 def _surfaces(section: RoomSection) -> Iterator[tuple[Surface, Steps]]:
     """Yield all surfaces with their places in the file."""
-    if section.ground is not None:
-        yield section.ground.surface, (_SECTION, "ground", "surface")
-    if section.walls is not None:
-        for key in ("surface", "floor"):
-            surface = getattr(section.walls, key)
+    parts: list[tuple[Steps, object]]
+    parts = [(("ground",), section.ground), (("walls",), section.walls)]
+    parts += [(("objects", name), kind) for name, kind in section.objects.items()]
+    for steps, part in parts:
+        for key in ("surface", "floor", "top", "frame"):
+            surface = getattr(part, key, None)
             if surface is not None:
-                yield surface, (_SECTION, "walls", key)
-    for name, kind in section.objects.items():
-        for key in ("surface", "top", "frame"):
-            surface = getattr(kind, key)
-            if surface is not None:
-                yield surface, (_SECTION, "objects", name, key)
+                yield surface, (_SECTION, *steps, key)

@@ -24,16 +24,9 @@ def shipped_labs() -> Mapping[str, Path]:
 
 
 def load_lab(name_or_path: str | Path = DEFAULT_LAB) -> Lab:
-    """Read a lab.
+    """Read a lab by the name of one that ships, or by the path of a folder with a lab file.
 
-    Args:
-        name_or_path: Name of a lab that ships, or the path of a folder with a lab file. A name may
-            also be that of a folder in `labs/` below the working directory.
-
-    Raises:
-        UnknownNameError: The name is neither a lab nor a folder.
-        InputError: The name fits a shipped lab and another folder.
-        FileError: The lab file is absent or malformed.
+    A name may also be that of a folder in `labs/` below the working directory.
     """
     name, path, shipped = str(name_or_path), Path(name_or_path), shipped_labs()
     if "/" in name or len(path.parts) != 1 or path.suffix in (".yaml", ".yml"):
@@ -63,11 +56,7 @@ def lab_address(lab: Lab) -> str:
 
 
 def default_mark() -> LandingMark:
-    """Return the landing mark of the default lab, for places that state none.
-
-    Raises:
-        InputError: The lab file states no mark.
-    """
+    """Return the landing mark of the default lab, for places that state none."""
     lab = load_lab()
     if lab.mark is None:
         raise InputError(f"the lab '{lab.name}' states no landing mark: add 'mark' to its lab file")

@@ -48,16 +48,7 @@ limits: {speed_mps: 0.6, ceiling_m: 2.0}
 
 
 def write_lab(name: str, folder: Path) -> Path:
-    """Write the commented lab file of a new place, and return its path.
-
-    Args:
-        name: Name of the place: small letters, digits, _ and -.
-        folder: Folder of the labs; it is made if it is absent.
-
-    Raises:
-        InputError: The name cannot be one, or a lab of that name ships with uav-bt.
-        FileError: The place exists, or the file cannot be written.
-    """
+    """Write the commented lab file of a new place into the folder of the labs; return its path."""
     check_lab_name(name)
     if name in shipped_labs():
         raise InputError(f"a lab '{name}' ships with uav-bt: choose another name")

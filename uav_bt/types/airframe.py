@@ -10,24 +10,17 @@ from uav_bt.errors import ValueRangeError
 
 @dataclass(frozen=True, kw_only=True)
 class Airframe:
-    """Size and reaction of a drone.
-
-    The defaults describe a camera drone of 0.3 kg (a Parrot ANAFI). A drone without better numbers
-    uses them: `airframe = Airframe()`.
+    """Size and reaction of a drone; the defaults are an ANAFI's, a camera drone of 0.3 kg.
 
     Attributes:
-        body_size_m: length, width and height of the body with its propellers, metres. Default: the
-            size of an ANAFI, rounded to a centimetre.
-        command_delay_s: time from sending a command to its first effect, seconds. Default: an
-            estimate, not measured on a drone; the twin's profiles delay by 0.09 s and 0.17 s.
-        command_lag_s: time constant of the velocity behind a command that has arrived, seconds.
-            Default: an estimate, not measured on a drone; the twin's thrust lags by 0.12 s.
-        climb_braking_mps2: vertical deceleration that the drone reaches, metres per second squared.
-            Default: an estimate, the acceleration limit of the twin's profile `lab`.
-        braking_mps2: the same horizontally. Default: below the 1.2 m/s2 of that profile.
-
-    Raises:
-        ValueRangeError: a size or the braking is not positive, or a time is negative.
+        body_size_m: length, width and height of the body with its propellers; an ANAFI's, rounded.
+        command_delay_s: time from sending a command to its first effect; an estimate, not measured
+            on a drone: the twin's profiles delay by 0.09 s and 0.17 s.
+        command_lag_s: time constant of the velocity behind a command that has arrived; an estimate:
+            the twin's thrust lags by 0.12 s.
+        climb_braking_mps2: vertical deceleration that the drone reaches; an estimate: the
+            acceleration limit of the twin's profile `lab`.
+        braking_mps2: the same horizontally; below the 1.2 m/s2 of that profile.
     """
 
     body_size_m: tuple[float, float, float] = (0.24, 0.32, 0.10)
@@ -38,13 +31,12 @@ class Airframe:
 
     def __post_init__(self) -> None:
         positive = (*self.body_size_m, self.climb_braking_mps2, self.braking_mps2)
-        times = (self.command_delay_s, self.command_lag_s)
         if len(self.body_size_m) != 3 or not all(0.0 < value < math.inf for value in positive):
             raise ValueRangeError(
                 "an airframe needs three positive sizes (length, width, height in m) and a "
                 f"positive climb_braking_mps2 and braking_mps2, got {self}"
             )
-        if not all(0.0 <= value < math.inf for value in times):
+        if not all(0.0 <= time < math.inf for time in (self.command_delay_s, self.command_lag_s)):
             raise ValueRangeError(
                 f"command_delay_s and command_lag_s must be zero or positive seconds, got {self}"
             )

@@ -17,15 +17,7 @@ Polygon = tuple[Point, ...]
 
 @dataclass(frozen=True)
 class Area:
-    """The intersection of polygons, in metres ahead and to the right of the take-off pose.
-
-    Attributes:
-        polygons: Corners of each polygon, in either direction.
-
-    Raises:
-        ValueRangeError: There is no polygon, one has fewer than three corners or no surface, or its
-            sides cross.
-    """
+    """The intersection of polygons, in metres ahead and to the right of the take-off pose."""
 
     polygons: tuple[Polygon, ...]
 
@@ -41,12 +33,7 @@ class Area:
         return tuple(tuple(_edges(polygon)) for polygon in self.polygons)
 
     def margin_m(self, x_m: float, y_m: float) -> float:
-        """Return the distance to the boundary: positive inside, negative outside.
-
-        Args:
-            x_m: Distance ahead of the take-off pose.
-            y_m: Distance to the right of it.
-        """
+        """Return the distance to the boundary: positive inside, negative outside."""
         return min(margin_m(edges, x_m, y_m) for edges in self.edges)
 
 
@@ -64,13 +51,7 @@ def _edges(polygon: Sequence[Point]) -> Iterator[Edge]:
 
 
 def margin_m(edges: Sequence[Edge], x_m: float, y_m: float) -> float:
-    """Return the distance of a point to the sides of a polygon: positive inside.
-
-    Args:
-        edges: The sides.
-        x_m: Distance ahead of the take-off pose.
-        y_m: Distance to the right of it.
-    """
+    """Return the distance of a point to the sides of a polygon: positive inside."""
     inside, nearest_m = False, math.inf
     for edge in edges:
         nearest_m = min(nearest_m, math.hypot(*to_edge(edge, x_m, y_m)))

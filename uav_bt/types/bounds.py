@@ -6,23 +6,12 @@ import math
 
 
 def clamp(value: float, limit: float) -> float:
-    """Return a value bounded to [-limit, limit].
-
-    Args:
-        value: any unit.
-        limit: zero or positive, same unit.
-    """
+    """Return a value bounded to [-limit, limit]."""
     return max(-limit, min(limit, value))
 
 
 def limit_length(x: float, y: float, limit: float) -> tuple[float, float]:
-    """Return a horizontal vector shortened to a length; its direction stays.
-
-    Args:
-        x: first component, any unit and frame.
-        y: second component, same unit and frame.
-        limit: greatest length, zero or positive, same unit.
-    """
+    """Return a horizontal vector shortened to a length; its direction stays."""
     length = math.hypot(x, y)
     if length <= limit:
         return x, y

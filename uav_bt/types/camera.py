@@ -83,13 +83,7 @@ class Frame:
 
 @dataclass(frozen=True, kw_only=True)
 class ClassMap:
-    """A class id for every pixel of a (resized) frame.
-
-    Attributes:
-        ids: Class ids, (H, W) uint8.
-        classes: Meaning of the ids.
-        captured_s: Capture time of the frame that it was made from.
-    """
+    """A class id for every pixel of a (resized) frame."""
 
     ids: NDArray[np.uint8]
     classes: LabClasses

@@ -9,20 +9,14 @@ from uav_bt.settings import check_numbers
 
 @dataclass(frozen=True, kw_only=True)
 class Clearances:
-    """Distances from the body's centre that routes keep.
-
-    The defaults were chosen in flights on the training scenes.
+    """Distances from the body's centre that routes keep, metres; chosen in flights.
 
     Attributes:
-        obstacle_m: Distance from obstacles, metres: 0.2 m of hull, the map's drift and the drone's
-            sway. Narrow passages keep up to `NARROWER_M` less.
-        edge_m: Distance from the edge of the ground, metres.
-        unknown_m: Distance from cells that were never seen, metres: they may be the hidden side of
-            an obstacle.
-        lane_m: Distance from the path of a mover that may come back unseen, metres.
-
-    Raises:
-        ValueRangeError: a distance is negative or not finite.
+        obstacle_m: from obstacles: 0.2 m of hull, the map's drift and the drone's sway. Narrow
+            passages keep up to `NARROWER_M` less.
+        edge_m: from the edge of the ground.
+        unknown_m: from cells that were never seen: they may be an obstacle's hidden side.
+        lane_m: from the path of a mover that may come back unseen.
     """
 
     obstacle_m: float = 0.40
@@ -34,15 +28,10 @@ class Clearances:
         check_numbers(self, dict.fromkeys(vars(self), 0.0))
 
     def below(self, radius_m: float) -> dict[str, float]:
-        """Return the least value of each distance that is too small for a hull, by its name.
-
-        Args:
-            radius_m: Radius of the hull, metres.
-        """
+        """Return the least value of each distance that is too small for a hull, by name."""
         least_m = {each.name: radius_m for each in fields(self)}
         least_m["obstacle_m"] = round(radius_m + NARROWER_M, 6)  # 0.2 and 0.1 are 0.3
         return {name: least for name, least in least_m.items() if getattr(self, name) < least}
 
 
-NARROWER_M = 0.10
-"""The tightest passage keeps this much less from obstacles than `obstacle_m`, metres. Chosen."""
+NARROWER_M = 0.10  # the tightest passage keeps this much less from obstacles; chosen

@@ -36,29 +36,16 @@ class Release:
 
 @dataclass(frozen=True, kw_only=True)
 class MoveBy:
-    """A relative movement in the body frame at its start; ends with an event.
+    """A relative movement in the body frame at its start, whose end `MovementStatus` reports."""
 
-    Attributes:
-        id: of this movement; `MovementStatus` reports its progress and end under it.
-        forward_m: along the heading, metres.
-        right_m: to the right of the heading, metres.
-        down_m: downwards, metres.
-        yaw_rad: the turn, clockwise positive, seen from above.
-
-    Raises:
-        ValueRangeError: a number is not finite.
-    """
-
-    id: int
+    id: int  # of this movement
     forward_m: float = 0.0
     right_m: float = 0.0
     down_m: float = 0.0
     yaw_rad: float = 0.0
 
     def __post_init__(self) -> None:
-        values = (self.forward_m, self.right_m, self.down_m, self.yaw_rad)
-        if not all(math.isfinite(value) for value in values):
-            raise ValueRangeError(f"a movement must be finite, got {self}")
+        _check_finite(self, "a movement")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,9 +58,12 @@ class Velocity:
     yaw_rate_radps: float = 0.0
 
     def __post_init__(self) -> None:
-        values = (self.forward_mps, self.right_mps, self.down_mps, self.yaw_rate_radps)
-        if not all(math.isfinite(value) for value in values):
-            raise ValueRangeError(f"a velocity must be finite, got {self}")
+        _check_finite(self, "a velocity")
+
+
+def _check_finite(command: MoveBy | Velocity, what: str) -> None:
+    if not all(map(math.isfinite, vars(command).values())):
+        raise ValueRangeError(f"{what} must be finite, got {command}")
 
 
 Movement = TakeOff | Land | Hover | CutMotors | Release | MoveBy | Velocity
@@ -104,12 +94,7 @@ HOVER = Command(movement=Hover())
 
 
 class Phase(enum.StrEnum):
-    """Base class of all phases; a plug-in derives an enumeration with more members from it.
-
-    Example:
-        >>> class SurveyPhase(Phase):
-        ...     MAP = "map"
-    """
+    """Base class of all phases; a plug-in derives an enumeration with more members from it."""
 
 
 class MissionPhase(Phase):

@@ -20,11 +20,7 @@ _TIME_SLACK_S: Final = 1e-6  # s; accuracy of differences of times
 
 
 class PoseHistory(Generic[SomePose]):
-    """The poses of the last seconds, which place a late frame where it was captured.
-
-    Args:
-        memory_s: age up to which poses are kept, s.
-    """
+    """The poses of the last seconds, which place a late frame where it was captured."""
 
     def __init__(self, memory_s: float) -> None:
         self._memory_s = memory_s
@@ -132,13 +128,7 @@ class Odometry:
     measurements and extrapolated for `CARRY_S` after the newest, so a frame or a command between
     two reports has a pose. Later the velocity is unknown, and the newest pose stays unchanged.
     In a gap of more than two `CARRY_S` each of the velocities at its ends counts for `CARRY_S`,
-    because a drone without telemetry hovers.
-
-    Attributes:
-        unflown_s: time of all gaps for which no velocity counts, s.
-
-    Args:
-        memory_s: how long poses are kept, s.
+    because a drone without telemetry hovers. `unflown_s` is the time of all gaps without velocity.
     """
 
     def __init__(self, memory_s: float = 3.0) -> None:
@@ -160,15 +150,10 @@ class Odometry:
         return -math.inf if self._history.newest is None else self._history.newest.time_s
 
     def update(self, state: DroneState, now_s: float | None = None) -> OdometryPose:
-        """Add telemetry and return the newest pose.
+        """Add telemetry and return the pose at `now_s`, or at the newest of velocity and heading.
 
-        Quantities that are not newer are ignored. Telemetry with a time, velocity or heading
-        that is not finite is ignored.
-
-        Args:
-            state: the telemetry.
-            now_s: time to which the pose is extrapolated, s; None for the newest of velocity and
-                heading.
+        Quantities that are not newer are ignored, and telemetry with a time, velocity or heading
+        that is not finite.
         """
         times, velocity, yaw_rad = state.times, state.velocity, state.attitude.yaw_rad
         speeds = (velocity.forward_mps, velocity.right_mps)
@@ -181,12 +166,7 @@ class Odometry:
         return self.now or OdometryPose(time_s=state.captured_s, x_m=0.0, y_m=0.0, yaw_rad=0.0)
 
     def add_heading(self, time_s: float, yaw_rad: float) -> None:
-        """Add a heading from another source than telemetry, such as a frame.
-
-        Args:
-            time_s: capture time, s; it may be older than telemetry's newest.
-            yaw_rad: clockwise.
-        """
+        """Add a heading (clockwise) from a frame, which may be older than telemetry's newest."""
         if math.isfinite(time_s) and math.isfinite(yaw_rad):
             self._headings.add(time_s, yaw_rad)
 
@@ -220,10 +200,7 @@ class Odometry:
         return self.at(math.inf)
 
     def at(self, time_s: float) -> OdometryPose | None:
-        """Return the pose at a time within the last seconds; None before the first sample.
-
-        Before the memory it is the oldest pose, in the future the newest.
-        """
+        """Return the pose at a time: the oldest before the memory, the newest in the future."""
         oldest, newest = self._history.at(-math.inf), self._history.newest
         if oldest is None or newest is None:
             return None

@@ -102,9 +102,6 @@ class DroneState:
 
     A drone that stamps each quantity gives `measured`, and `captured_s` is its oldest part. A drone
     that has one time for all gives only `captured_s`.
-
-    Raises:
-        ValueRangeError: `captured_s` is not the oldest part of `measured`.
     """
 
     captured_s: float

@@ -10,8 +10,8 @@ from typing import Final
 from uav_bt.types.pose import Pose2D
 from uav_bt.types.site_map import MapObject
 
+# Frame of the positions in results: origin and x axis of the take-off pose, y to its right.
 FRAME_OF_RESULTS: Final = "start"
-"""Frame of the positions in results: origin and x axis of the take-off pose, y to its right."""
 
 
 class EventKind(enum.StrEnum):
@@ -56,64 +56,37 @@ class ReportedPose:
 
 @dataclass(frozen=True, kw_only=True)
 class Photo:
-    """A photograph that a mission stored.
+    """A photograph that a mission stored."""
 
-    Attributes:
-        label: Text of the mission.
-        file: Name of the image in the flight's folder. None: the drone has no images.
-        class_map: Name of the PNG of class ids. None: no class map was made from this frame.
-        time_s: Time of the capture since the take-off command.
-        pose: Pose of the drone. None: unknown.
-        height_m: Height of the drone above the ground plane.
-        gimbal_pitch_deg: 0 level, negative down.
-        camera_file: Name of the file with the photograph of the drone's own camera, which is
-            fetched after the landing. None: the camera took none.
-        camera_media: Identifier of this photograph on the drone's memory card. None: the same.
-    """
-
-    label: str
-    file: str | None
-    class_map: str | None
-    time_s: float
+    label: str  # text of the mission
+    file: str | None  # name of the image in the flight's folder; None: the drone has no images
+    class_map: str | None  # name of the PNG of class ids; None: this frame has no class map
+    time_s: float  # of the capture, since the take-off command
     pose: ReportedPose | None
-    height_m: float
-    gimbal_pitch_deg: float
+    height_m: float  # above the ground plane
+    gimbal_pitch_deg: float  # 0 level, negative down
+    # The photograph of the drone's own camera: its file, fetched after the landing, and its
+    # identifier on the drone's memory card. None: the camera took none.
     camera_file: str | None = None
     camera_media: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class FoundObject:
-    """An object of the site map at the end of a flight.
+    """An object of the site map at the end of a flight, in `FRAME_OF_RESULTS`."""
 
-    Attributes:
-        id: Number of the object in the map, as in the place `object:ID`.
-        class_name: Its class.
-        x_m: Position of the middle of its base, in `FRAME_OF_RESULTS`.
-        y_m: The same.
-        size_m: Seen length of the longer side of its base.
-        width_m: Seen length of the shorter side.
-        heading_deg: Direction of the longer side, clockwise, 0 to 180.
-        std_m: One standard deviation of the position.
-    """
-
-    id: int
+    id: int  # as in the place `object:ID`
     class_name: str
-    x_m: float
+    x_m: float  # of the middle of its base
     y_m: float
-    size_m: float
-    width_m: float
-    heading_deg: float
-    std_m: float
+    size_m: float  # seen length of the longer side of its base
+    width_m: float  # of the shorter side
+    heading_deg: float  # direction of the longer side, clockwise, 0 to 180
+    std_m: float  # one standard deviation of the position
 
 
 def reported_pose(pose: Pose2D, start: Pose2D) -> ReportedPose:
-    """Return a pose of the map's frame as results state it.
-
-    Args:
-        pose: In the frame of the site map.
-        start: Take-off pose in the same frame.
-    """
+    """Return a pose as results state it; both are in the site map's frame."""
     forward_m, right_m = start.to_body(pose.x_m, pose.y_m)
     return ReportedPose(
         x_m=round(forward_m, 3),
@@ -123,13 +96,7 @@ def reported_pose(pose: Pose2D, start: Pose2D) -> ReportedPose:
 
 
 def found_object(seen: MapObject, class_name: str, start: Pose2D) -> FoundObject:
-    """Return an object of the map as results state it.
-
-    Args:
-        seen: Object of the site map.
-        class_name: Name of its class.
-        start: Take-off pose in the map's frame.
-    """
+    """Return an object of the map as results state it; `start` is the take-off pose in the map."""
     pose = reported_pose(Pose2D(x_m=seen.x_m, y_m=seen.y_m, yaw_rad=seen.yaw_rad), start)
     return FoundObject(
         id=seen.id,

@@ -59,13 +59,7 @@ class Footprint(Pose2D):
 
 @dataclass(frozen=True, kw_only=True)
 class Block:
-    """A part of an object: an outline from one height to another.
-
-    Attributes:
-        footprint: The outline.
-        base_m: Height of its underside above the ground.
-        top_m: Height of its upper side.
-    """
+    """A part of an object: an outline from one height above the ground to another."""
 
     footprint: Footprint
     base_m: float
@@ -89,11 +83,7 @@ class Standing:
 
 @dataclass(frozen=True, kw_only=True)
 class Ground:
-    """A level rectangle around the world's origin at z = 0, or a polygon in it, with its objects.
-
-    Raises:
-        ValueRangeError: a size is not positive, or the outline is no polygon.
-    """
+    """A level rectangle around the world's origin, or a polygon in it, with its objects."""
 
     size_m: tuple[float, float]  # along world x and y
     standing: tuple[Standing, ...] = ()

@@ -18,13 +18,10 @@ class LandingMark:
 
     Attributes:
         kind: Registered name of the plug-in that finds the mark.
-        length_m: Length of the top, metres.
-        width_m: Width of the top, metres.
-        height_m: Height of the top above the ground, metres; 0 for a mark on the ground.
+        length_m: Length of the top.
+        width_m: Width of the top.
+        height_m: Height of the top above the ground; 0 for a mark on the ground.
         options: Settings of that plug-in, such as the family and size of a tag.
-
-    Raises:
-        ValueRangeError: Length or width is not positive, or the height is negative.
     """
 
     kind: str = "helipad"

@@ -19,14 +19,8 @@ class LandOn(enum.StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class MissionRules:
-    """The rules of a mission. None: the mission does not say.
+    """The rules of a mission. None: the mission does not say."""
 
-    Attributes:
-        time_limit_s: longest duration from the take-off command, seconds.
-        land_on: where it may land.
-        area: corners of the polygon that the drone stays in, in the frames start or lab.
-    """
-
-    time_limit_s: float | None = None
+    time_limit_s: float | None = None  # from the take-off command
     land_on: LandOn | None = None
-    area: tuple[Place, ...] | None = None
+    area: tuple[Place, ...] | None = None  # corners of a polygon, in the frames start or lab

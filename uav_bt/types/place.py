@@ -26,26 +26,20 @@ from typing import Final, Self
 
 from uav_bt.errors import ValueRangeError
 
-SEPARATOR: Final = ";"
-"""Between the places of a list, as between the elements of the format's loops."""
-FILE_PREFIX: Final = "file:"
-"""Before the name of a file beside the tree file whose places stand in a list."""
+SEPARATOR: Final = ";"  # of the places of a list, as of the elements of the format's loops
+FILE_PREFIX: Final = "file:"  # before the name of a file beside the tree file, in a list
 FILE_SUFFIXES: Final = (".csv", ".txt")
-"""Of such files."""
+NUMBER: Final = (
+    r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"  # as Python and spreadsheets write it
+)
 
 _FURTHEST_M: Final = 1000.0  # largest coordinate; chosen, a typing error beyond it
-_HIGHEST_M: Final = 20.0  # as the largest flight height of the take-off
+_HEIGHTS_M: Final = (0.3, 20.0)  # as the flight heights of the take-off
 _LEAST_CORNERS: Final = 3  # of an area
-_LOWEST_M: Final = 0.3  # as the least flight height of the take-off
-NUMBER: Final = r"[+-]?(?:\d+\.?\d*|\.\d+)"
-"""Pattern of the numbers in a place."""
-_NAMED: Final = re.compile(
-    rf"mark(?:@(?P<mark_deg>{NUMBER}))?|"
-    rf"object:(?P<object>\d+)(?:@(?P<object_deg>{NUMBER}))?"
-)
-_POINT: Final = re.compile(
-    rf"(?P<frame>start|body|lab):(?P<x>{NUMBER}),(?P<y>{NUMBER})(?:,(?P<height>{NUMBER}))?"
-    rf"(?:@(?P<deg>{NUMBER}))?"
+_PLACE: Final = re.compile(
+    rf"(?:mark|object\s*:\s*(?P<object>\d{{1,9}})|"
+    rf"(?P<frame>start|body|lab)\s*:\s*(?P<x>{NUMBER})\s*,\s*(?P<y>{NUMBER})"
+    rf"(?:\s*,\s*(?P<height>{NUMBER}))?)(?:\s*@\s*(?P<deg>{NUMBER}))?"
 )
 _EXPECTED: Final = (
     "expected a place such as start:2,0 (metres ahead and to the right of the take-off pose), "
@@ -86,35 +80,26 @@ class Place:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Return the place of a text.
-
-        Raises:
-            ValueRangeError: The text is not a place, or a number is out of range.
-        """
-        bare = re.sub(r"\s+", "", text)
+        """Return the place of a text; blanks may stand around its separators."""
+        bare = text.strip()
         if bare.startswith(FILE_PREFIX):
             raise ValueRangeError(
                 f"{_EXPECTED}, got '{text}': a file of places ends in "
                 f"{' or '.join(FILE_SUFFIXES)}, and a list in a tree file names it"
             )
-        named = _NAMED.fullmatch(bare)
-        if named is not None:
-            if named["object"] is None:
-                return cls(frame=PlaceFrame.MARK, heading_rad=_heading(named["mark_deg"]))
-            return cls(
-                frame=PlaceFrame.OBJECT,
-                object_id=int(named["object"]),
-                heading_rad=_heading(named["object_deg"]),
-            )
-        point = _POINT.fullmatch(bare)
-        if point is None:
+        found = _PLACE.fullmatch(bare)
+        if found is None:
             raise ValueRangeError(f"{_EXPECTED}, got '{text}'")
+        named = PlaceFrame.MARK if found["object"] is None else PlaceFrame.OBJECT
+        sides = (-_FURTHEST_M, _FURTHEST_M)
+        height, deg = found["height"], found["deg"]
         return cls(
-            frame=PlaceFrame(point["frame"]),
-            x_m=_bounded(point["x"], -_FURTHEST_M, _FURTHEST_M, "a coordinate", text),
-            y_m=_bounded(point["y"], -_FURTHEST_M, _FURTHEST_M, "a coordinate", text),
-            height_m=_height(point["height"], text),
-            heading_rad=_heading(point["deg"]),
+            frame=PlaceFrame(found["frame"]) if found["frame"] else named,
+            x_m=_bounded(found["x"] or "0", sides, "a coordinate", text),
+            y_m=_bounded(found["y"] or "0", sides, "a coordinate", text),
+            height_m=None if height is None else _bounded(height, _HEIGHTS_M, "a height", text),
+            heading_rad=None if deg is None else _heading(deg, text),
+            object_id=None if found["object"] is None else int(found["object"]),
         )
 
     def at_height(self, height_m: float | None) -> Self:
@@ -137,14 +122,7 @@ class Place:
 
 
 def parse_places(text: str) -> tuple[Place, ...]:
-    """Return the places of a list, in its order.
-
-    Args:
-        text: Places with `;` between them.
-
-    Raises:
-        ValueRangeError: The list is empty, or an element is not a place.
-    """
+    """Return the places of a list, with `;` between them, in its order."""
     elements = [element for element in text.split(SEPARATOR) if element.strip()]
     if not elements:
         raise ValueRangeError(f"{_EXPECTED}, got an empty list")
@@ -152,15 +130,7 @@ def parse_places(text: str) -> tuple[Place, ...]:
 
 
 def area_corners(text: str) -> tuple[Place, ...]:
-    """Return the corners of an area from a list of places in the frames start and lab.
-
-    Args:
-        text: At least three places with `;` between them.
-
-    Raises:
-        ValueRangeError: A place cannot be read, has another frame, a height or a heading, or there
-            are too few.
-    """
+    """Return the corners of an area from a list of places in the frames start and lab."""
     corners = parse_places(text)
     for corner in corners:
         flat = corner.height_m is None and corner.heading_rad is None
@@ -176,19 +146,19 @@ def area_corners(text: str) -> tuple[Place, ...]:
     return corners
 
 
-def _height(text: str | None, place: str) -> float | None:
-    return None if text is None else _bounded(text, _LOWEST_M, _HIGHEST_M, "a height", place)
-
-
-def _heading(text: str | None) -> float | None:
-    return None if text is None else math.radians(math.remainder(float(text), 360.0))
-
-
-def _bounded(text: str, least: float, most: float, what: str, place: str) -> float:
+def _heading(text: str, place: str) -> float:
     value = float(text)
-    if not least <= value <= most:
+    if not math.isfinite(value):
+        raise ValueRangeError(f"expected a heading in degrees, got {text} in the place '{place}'")
+    return math.radians(math.remainder(value, 360.0))
+
+
+def _bounded(text: str, bounds: tuple[float, float], what: str, place: str) -> float:
+    value = float(text)
+    if not bounds[0] <= value <= bounds[1]:
         raise ValueRangeError(
-            f"expected {what} of {least:g} to {most:g} m, got {text} in the place '{place}'"
+            f"expected {what} of {bounds[0]:g} to {bounds[1]:g} m, got {text} in the place "
+            f"'{place}'"
         )
     return value
 

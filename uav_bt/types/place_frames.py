@@ -13,7 +13,7 @@ Users write the last three. The map's frame stays inside the program.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from uav_bt.types.place import Place, PlaceFrame
 from uav_bt.types.pose import Pose2D, wrap_angle
@@ -22,28 +22,17 @@ from uav_bt.types.site_map import SiteMap
 
 @dataclass(frozen=True, kw_only=True)
 class Goal:
-    """A place on the map.
+    """A place on the map; None: the height of the flight, any heading."""
 
-    Attributes:
-        x_m: x in the map's frame.
-        y_m: y in the map's frame.
-        height_m: Height above the ground; None for the height that the mission flies at.
-        yaw_rad: Heading in the map's frame; None for any.
-    """
-
-    x_m: float
+    x_m: float  # in the map's frame
     y_m: float
-    height_m: float | None = None
-    yaw_rad: float | None = None
+    height_m: float | None = None  # above the ground
+    yaw_rad: float | None = None  # in the map's frame
 
 
 @dataclass(frozen=True, kw_only=True)
 class Unresolved:
-    """A place that the map does not know yet.
-
-    Attributes:
-        reason: The reason in a few words, for the status line and the report.
-    """
+    """A place that the map does not know yet; the reason is for status line and report."""
 
     reason: str
 
@@ -65,65 +54,50 @@ def resolve(
         take_off: Take-off pose in the drawing of the lab, yaw counter-clockwise; None if unknown.
         mark: Pose of the landing mark there, likewise; its upper edge is towards its y axis.
     """
-    if place.frame is PlaceFrame.LAB:
-        return _resolve_drawn(place, site_map, take_off, mark)
-    if place.frame is PlaceFrame.MARK:
-        if site_map.mark is None:
+    origin = _origin(place, site_map, take_off, mark)
+    if isinstance(origin, Unresolved):
+        return origin
+    here, drawn = origin
+    offset = Pose2D(x_m=place.x_m, y_m=place.y_m, yaw_rad=place.heading_rad or 0.0)
+    at = here.pose_to_world(offset if drawn is None else lab_to_start(offset, drawn))
+    yaw_rad = None if place.heading_rad is None else wrap_angle(at.yaw_rad)
+    return Goal(x_m=at.x_m, y_m=at.y_m, height_m=place.height_m, yaw_rad=yaw_rad)
+
+
+def _origin(
+    place: Place, site_map: SiteMap, take_off: Pose2D | None, mark: Pose2D | None
+) -> tuple[Pose2D, Pose2D | None] | Unresolved:
+    """Return the pose that a place counts from on the map; and in the drawing, if it counts there.
+
+    Headings at the mark and at objects count from the take-off heading.
+    """
+    seen, here = site_map.mark, site_map.start
+    drawn = take_off if place.frame is PlaceFrame.LAB else None
+    if place.frame is PlaceFrame.BODY:
+        here = site_map.pose
+    elif place.frame is PlaceFrame.MARK:
+        if seen is None:
             return Unresolved(reason="the landing mark was not seen yet")
-        at_m = site_map.mark.x_m, site_map.mark.y_m
+        here = replace(here, x_m=seen.x_m, y_m=seen.y_m)
     elif place.frame is PlaceFrame.OBJECT:
         found = site_map.object(place.object_id)
         if found is None:
             return Unresolved(reason=f"the map has no object {place.object_id}")
-        at_m = found.x_m, found.y_m
-    else:
-        origin = site_map.pose if place.frame is PlaceFrame.BODY else site_map.start
-        yaw_rad = None if place.heading_rad is None else origin.yaw_rad + place.heading_rad
-        return _goal(place, origin.to_world(place.x_m, place.y_m), yaw_rad)
-    heading_rad = place.heading_rad
-    return _goal(place, at_m, None if heading_rad is None else site_map.start.yaw_rad + heading_rad)
-
-
-def _resolve_drawn(
-    place: Place, site_map: SiteMap, take_off: Pose2D | None, mark: Pose2D | None
-) -> Goal | Unresolved:
-    """Return a place of the drawing in the map's frame, from one pose that is known in both."""
-    seen = site_map.mark
-    if take_off is not None:
-        here, drawn = site_map.start, take_off
-    elif mark is None:
-        return Unresolved(reason="the take-off pose in the lab's drawing is unknown")
-    elif seen is None or seen.yaw_rad is None:
-        return Unresolved(reason="the landing mark and its heading were not seen yet")
-    else:
+        here = replace(here, x_m=found.x_m, y_m=found.y_m)
+    elif place.frame is PlaceFrame.LAB and take_off is None:
+        if mark is None:
+            return Unresolved(reason="the take-off pose in the lab's drawing is unknown")
+        if seen is None or seen.yaw_rad is None:
+            return Unresolved(reason="the landing mark and its heading were not seen yet")
         here = Pose2D(x_m=seen.x_m, y_m=seen.y_m, yaw_rad=seen.yaw_rad)
-        drawn = Pose2D(x_m=mark.x_m, y_m=mark.y_m, yaw_rad=mark.yaw_rad + math.pi / 2)
-    at = lab_to_start(Pose2D(x_m=place.x_m, y_m=place.y_m, yaw_rad=0.0), drawn)
-    yaw_rad = None
-    if place.heading_rad is not None:
-        yaw_rad = here.yaw_rad + drawn.yaw_rad - place.heading_rad
-    return _goal(place, here.to_world(at.x_m, at.y_m), yaw_rad)
-
-
-def _goal(place: Place, at_m: tuple[float, float], yaw_rad: float | None) -> Goal:
-    x_m, y_m = at_m
-    return Goal(
-        x_m=x_m,
-        y_m=y_m,
-        height_m=place.height_m,
-        yaw_rad=None if yaw_rad is None else wrap_angle(yaw_rad),
-    )
+        drawn = replace(mark, yaw_rad=mark.yaw_rad + math.pi / 2)
+    return here, drawn
 
 
 def from_start(place: Place, take_off: Pose2D | None = None) -> tuple[float, float] | None:
     """Return a place ahead of the take-off pose and to its right, metres.
 
-    Args:
-        place: The place.
-        take_off: Take-off pose in the drawing of the lab, yaw counter-clockwise; None if unknown.
-
-    Returns:
-        None for a place that is known in flight only, or that needs a take-off pose.
+    None for a place that is known in flight only, or that needs an unknown take-off pose.
     """
     if place.frame is PlaceFrame.START:
         return place.x_m, place.y_m
@@ -136,29 +110,14 @@ def from_start(place: Place, take_off: Pose2D | None = None) -> tuple[float, flo
 def start_place(
     site_map: SiteMap, x_m: float, y_m: float, *, yaw_rad: float | None = None
 ) -> Place:
-    """Return a place of the map relative to the take-off pose, as users write it.
-
-    Args:
-        site_map: The newest map.
-        x_m: x in the map's frame.
-        y_m: y in the map's frame.
-        yaw_rad: Heading in the map's frame; None for any.
-    """
+    """Return a place of the map relative to the take-off pose, as users write it."""
     forward_m, right_m = site_map.start.to_body(x_m, y_m)
     heading_rad = None if yaw_rad is None else wrap_angle(yaw_rad - site_map.start.yaw_rad)
     return Place(frame=PlaceFrame.START, x_m=forward_m, y_m=right_m, heading_rad=heading_rad)
 
 
 def lab_to_start(place: Pose2D, take_off: Pose2D) -> Pose2D:
-    """Return a pose of the lab's drawing relative to the take-off pose.
-
-    Args:
-        place: x, y and yaw in the drawing, counter-clockwise.
-        take_off: Take-off pose in the drawing.
-
-    Returns:
-        Distance ahead and to the right, and heading clockwise.
-    """
+    """Return a pose of the lab's drawing (yaw counter-clockwise) from the take-off pose."""
     forward_m, left_m = take_off.to_body(place.x_m, place.y_m)
     yaw_rad = wrap_angle(take_off.yaw_rad - place.yaw_rad)
     return Pose2D(x_m=forward_m, y_m=-left_m, yaw_rad=yaw_rad)

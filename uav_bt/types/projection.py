@@ -29,10 +29,7 @@ _BESIDE_RAD = math.pi / 2 - 1e-6  # from the optical axis; beyond, rays do not m
 def camera_axes(gimbal_pitch_rad: float, roll_rad: float = 0.0) -> NDArray[np.float64]:
     """Return the rotation from the camera frame to the level frame, (3, 3).
 
-    Args:
-        gimbal_pitch_rad: of the optical axis to the horizon, negative down.
-        roll_rad: of the image about the optical axis, right side down positive: the error of the
-            gimbal.
+    `roll_rad` is that of the image about the optical axis, right side down positive.
     """
     c, s = math.cos(gimbal_pitch_rad), math.sin(gimbal_pitch_rad)
     upright = np.array([[0.0, s, c], [1.0, 0.0, 0.0], [0.0, c, -s]])
@@ -52,19 +49,9 @@ def _pixels(points: ArrayLike) -> NDArray[np.float64]:
 def pixel_rays(
     pixels: ArrayLike, camera: CameraModel, gimbal_pitch_rad: float, roll_rad: float = 0.0
 ) -> NDArray[np.float64]:
-    """Cast pixels into the level frame.
+    """Return pixels, (..., 2) as (column, row), as rays (..., 3) of unit depth in the level frame.
 
-    Args:
-        pixels: (..., 2) as (column, row), at the camera model's size.
-        camera: intrinsics at that size; its distortion is not applied (undistort first).
-        gimbal_pitch_rad: 0 level, negative down.
-        roll_rad: as for `camera_axes`.
-
-    Returns:
-        (..., 3) rays of unit depth along the optical axis, in the level frame.
-
-    Raises:
-        ShapeError: the last axis is not column and row.
+    The camera is that of the pixels' image size; its distortion is not applied.
     """
     array = _pixels(pixels)
     x = (array[..., 0] - camera.cx_px) / camera.fx_px
@@ -76,21 +63,10 @@ def pixel_rays(
 def ground_points(
     pixels: ArrayLike, camera: CameraModel, gimbal_pitch_rad: float, height_m: float
 ) -> NDArray[np.float64]:
-    """Intersect pixels' rays with a level plane below the camera.
+    """Return where pixels, (..., 2), see a level plane at a height below the camera.
 
-    Args:
-        pixels: (..., 2) as (column, row).
-        camera: intrinsics at the pixels' image size.
-        gimbal_pitch_rad: 0 level, negative down.
-        height_m: of the camera above the plane, positive.
-
-    Returns:
-        (..., 2) metres forward and right of the point below the camera; NaN where a ray does not
-        go down.
-
-    Raises:
-        ShapeError: the last axis is not column and row.
-        ValueRangeError: the camera is not above the plane.
+    (..., 2) metres forward and right of the point below the camera; NaN where a ray does not go
+    down.
     """
     if not height_m > 0.0:
         raise ValueRangeError(f"the camera must be above the plane, got {height_m} m")
@@ -102,20 +78,7 @@ def ground_points(
 def project(
     points: ArrayLike, camera: CameraModel, gimbal_pitch_rad: float, roll_rad: float = 0.0
 ) -> NDArray[np.float64]:
-    """Project points of the level frame into the image.
-
-    Args:
-        points: (..., 3) metres forward, right and down of the camera.
-        camera: intrinsics at the size of the image.
-        gimbal_pitch_rad: 0 level, negative down.
-        roll_rad: as for `camera_axes`.
-
-    Returns:
-        (..., 2) pixels as (column, row); NaN for points not in front of the camera.
-
-    Raises:
-        ShapeError: the last axis is not forward, right and down.
-    """
+    """Return points of the level frame, (..., 3), as pixels (..., 2); NaN behind the camera."""
     array = np.asarray(points, dtype=np.float64)
     if array.ndim < 1 or array.shape[-1] != 3:
         raise ShapeError("points", expected="...x3", actual=array.shape)
@@ -131,8 +94,7 @@ def elevation_to_row(elevation_rad: float, camera: CameraModel, gimbal_pitch_rad
 
     For a ray beside or behind the camera the row lies far outside the image.
     """
-    below_axis_rad = gimbal_pitch_rad - elevation_rad
-    below_axis_rad = clamp(below_axis_rad, _BESIDE_RAD)
+    below_axis_rad = clamp(gimbal_pitch_rad - elevation_rad, _BESIDE_RAD)
     return camera.cy_px + camera.fy_px * math.tan(below_axis_rad)
 
 

@@ -50,11 +50,7 @@ class MapObject:
         return np.array(middle.rectangle(self.size_m / 2 + margin_m, self.width_m / 2 + margin_m))
 
     def outline_m(self, step_m: float) -> Floats:
-        """Return points on the sides of its base, (N, 2) in the map's frame.
-
-        Args:
-            step_m: Largest distance between two points.
-        """
+        """Return points, (N, 2), on the sides of its base, at most a step apart."""
         corners_m = self.corners_m()
         count = max(1, math.ceil(max(self.size_m, self.width_m) / step_m))
         shares = np.arange(count)[:, None] / count
@@ -96,11 +92,7 @@ class MapMover:
         return math.hypot(self.x_mps, self.y_mps)
 
     def at(self, ahead_s: float | Floats) -> Floats:
-        """Return its position at constant velocity, (..., 2) in the map's frame.
-
-        Args:
-            ahead_s: seconds after the time of the map's pose, any shape.
-        """
+        """Return where it is some seconds after the map's pose, (..., 2) in the map's frame."""
         later = np.asarray(ahead_s, dtype=float)[..., None]
         return np.asarray((self.x_m, self.y_m) + later * (self.x_mps, self.y_mps))
 
@@ -204,12 +196,7 @@ class SiteMap(SiteMapBase):
         )
 
     def lies_on(self, cells: Flags, places_m: Floats) -> Flags:
-        """Return which places lie on set cells of a grid.
-
-        Args:
-            cells: (rows, columns).
-            places_m: (..., 2); False outside the grid and for NaN.
-        """
+        """Return which places, (..., 2), lie on set cells of a grid; False outside and for NaN."""
         steps = (places_m - np.array(self.corner_m)) / self.cell_m
         inside = ((steps >= -0.5) & (steps < np.array(cells.shape) - 0.5)).all(axis=-1)
         found = np.zeros(inside.shape, dtype=bool)
@@ -225,22 +212,14 @@ class SiteMap(SiteMapBase):
         return self.middles_m(np.moveaxis(np.indices(self.seen_s.shape), 0, -1))
 
     def middles_m(self, cells: NDArray[np.intp]) -> Floats:
-        """Return the centres of cells, (..., 2).
-
-        Args:
-            cells: (..., 2) rows and columns; they may lie outside the grid.
-        """
+        """Return the centres, (..., 2), of rows and columns, (..., 2), also outside the grid."""
         return np.asarray(np.array(self.corner_m) + self.cell_m * cells)
 
 
 def is_beyond_edge(beyond: Flags | NDArray[np.int8], row: int, column: int, cell_m: float) -> bool:
     """Return whether a cell and all around it lie beyond the edge of the ground.
 
-    Args:
-        beyond: (rows, columns) positive for cells beyond the edge.
-        row: of the cell, which may lie outside the grid.
-        column: of the cell, the same.
-        cell_m: side of a cell.
+    `beyond` is positive for cells beyond the edge; the cell may lie outside the grid.
     """
     reach = round(EDGE_MARGIN_M / cell_m)
     rows = slice(max(row - reach, 0), max(row + reach + 1, 0))

@@ -79,10 +79,8 @@ class NearObstacles:
         for points in (self.points_m, self.assumed_m, self.edges_m):
             if points.ndim != 2 or points.shape[1] != 2:
                 raise ShapeError("obstacle points", expected="Nx2", actual=points.shape)
-        for points, age_s in (
-            (self.points_m, self.points_age_s),
-            (self.edges_m, self.edges_age_s),
-        ):
+        ages = ((self.points_m, self.points_age_s), (self.edges_m, self.edges_age_s))
+        for points, age_s in ages:
             if age_s.shape not in {(0,), points.shape[:1]}:
                 expected = str(points.shape[:1])
                 raise ShapeError("ages of obstacle points", expected=expected, actual=age_s.shape)
@@ -108,15 +106,9 @@ class NearObstacles:
     def allows(
         self, forward_m: float, right_m: float = 0.0, *, margin_m: float, assumed: bool = True
     ) -> bool:
-        """Return whether a straight path keeps a margin from every point.
+        """Return whether a straight path keeps a margin from every point, assumed ones included.
 
         A point nearer than the margin may be passed and left, but not approached.
-
-        Args:
-            forward_m: the end of the path, ahead of the body's centre.
-            right_m: the end of the path, to the right of the body's centre.
-            margin_m: least distance of a point from the path.
-            assumed: whether assumed points count, too.
         """
         length_m = math.hypot(forward_m, right_m)
         points = np.vstack([self.points_m, self.assumed_m]) if assumed else self.points_m
@@ -151,9 +143,6 @@ class HeldTurn:
         return self.relief_turns + int(self.turned_rad / (2.0 * math.pi))
 
 
+# Least height of a camera above a surface, metres; projections raise lower ones to it: with noise
+# that of a standing drone can be zero or less. Chosen: half of the body's height.
 MIN_VIEW_HEIGHT_M: Final = 0.05
-"""Least height of a camera above a surface, metres; projections raise lower ones to it.
-
-With noise the height of a standing drone can be zero or less, at which no ground is in view.
-Chosen: half of the body's height, lower than any camera in flight.
-"""

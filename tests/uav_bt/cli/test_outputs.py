@@ -45,6 +45,7 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         *("camera.yaml", "script.yaml", "palette.xml", "net.onnx", "pilot.onnx", "old.mcap"),
         *("classes.yaml", "flight.mp4", "w.safetensors", "flights.jsonl", "photos/board.png"),
         *("photos/board.webp", "campaign/campaign.json", "picks.csv", "telemetry.mcap"),
+        *("photos/labels.npz", "photos/notes"),
     ):
         (tmp_path / name).write_text(f"this is {name}")
     return tmp_path
@@ -84,6 +85,8 @@ def contents(folder: Path) -> dict[str, bytes]:
         "net perceive flight.mp4 --segmentation net.onnx --json net.onnx",
         "net perceive photos --json photos/board.png",
         "net perceive photos --json photos/board.webp",
+        "net perceive photos --json photos/labels.npz",
+        "net perceive photos --json photos/notes",
         "net perceive campaign --json campaign/campaign.json",
         "net train depth old.mcap --start w.safetensors --out w.safetensors",
         "net train student old.mcap --start w.safetensors --out w.safetensors",

@@ -5,9 +5,10 @@ The client is written from the protocol's specification and shares no code with 
 
 from __future__ import annotations
 
+import socket
 import struct
-from dataclasses import dataclass
-from types import TracebackType
+from contextlib import suppress
+from pathlib import Path
 from typing import Any, Self
 from xml.etree import ElementTree as ET
 
@@ -15,7 +16,7 @@ import msgpack
 import zmq
 
 from uav_bt.board.blackboard import Blackboard, Key
-from uav_bt.board.context import MissionContext, Proposals
+from uav_bt.board.context import MissionContext
 from uav_bt.clock import ManualClock
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree
 from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS
@@ -56,23 +57,39 @@ def make_tree(body: str, *more: str) -> MissionTree:
 def make_context(clock: ManualClock | None = None) -> MissionContext:
     """Return a mission context with an almost empty board."""
     clock = clock or ManualClock()
-    return MissionContext(
-        board=Blackboard(clock, (HEIGHT,)),
-        clock=clock,
-        proposals=Proposals(),
-        policy=lambda name: (_ for _ in ()).throw(LookupError(name)),
+    return MissionContext(board=Blackboard(clock, (HEIGHT,)), clock=clock)
+
+
+def free_ports() -> int:
+    """Return a port that is free, as the next one is."""
+    while True:
+        with socket.socket() as one, socket.socket() as other:
+            one.bind(("127.0.0.1", 0))
+            port: int = one.getsockname()[1]
+            with suppress(OSError, OverflowError):
+                other.bind(("127.0.0.1", port + 1))
+                return port
+
+
+def read_log(path: Path) -> tuple[str, int, list[tuple[int, int, Status]]]:
+    """Return the XML, the first time, and the complete transitions of a log."""
+    data = path.read_bytes()
+    assert data[:19] == b"BTCPP4-FileLogger2\x01"
+    (length,) = struct.unpack_from("<i", data, 19)
+    (first_us,) = struct.unpack_from("<q", data, 23 + length)
+    records = data[31 + length :]
+    return (
+        data[23 : 23 + length].decode(),
+        first_us,
+        [(time, uid, Status(code)) for time, uid, code in _records(records)],
     )
 
 
-@dataclass(frozen=True)
-class Reply:
-    """A parsed answer."""
-
-    protocol: int
-    type: str
-    id: int
-    tree_id: bytes
-    body: list[bytes]
+def _records(data: bytes) -> list[tuple[int, int, int]]:
+    """Return microseconds, uid and status of records."""
+    assert len(data) % 9 == 0
+    parts = struct.iter_unpack("<IHHB", data)
+    return [(high << 32 | low, uid, code) for low, high, uid, code in parts]
 
 
 class GrootClient:
@@ -90,20 +107,13 @@ class GrootClient:
         self._socket.send_multipart(frames)
         return self._socket.recv_multipart()
 
-    def ask(self, type_: str, *body: bytes) -> Reply:
+    def ask(self, type_: str, *body: bytes) -> tuple[bytes, list[bytes]]:
+        """Return the tree's id and the content of an answer."""
         self._id += 1
-        answer = self.raw(b"\x02" + type_.encode() + self._id.to_bytes(4, "little"), *body)
-        head = answer[0]
-        assert len(head) == 22, answer
-        reply = Reply(
-            protocol=head[0],
-            type=chr(head[1]),
-            id=int.from_bytes(head[2:6], "little"),
-            tree_id=head[6:],
-            body=answer[1:],
-        )
-        assert (reply.protocol, reply.type, reply.id) == (2, type_, self._id)
-        return reply
+        head = b"\x02" + type_.encode() + self._id.to_bytes(4, "little")
+        answer = self.raw(head, *body)
+        assert (answer[0][:6], len(answer[0])) == (head, 22), answer
+        return answer[0][6:], answer[1:]
 
     def refusal(self, *frames: bytes) -> str:
         word, reason = self.raw(*frames)
@@ -111,41 +121,20 @@ class GrootClient:
         return reason.decode()
 
     def tree(self) -> ET.Element:
-        (xml,) = self.ask("T").body
-        return ET.fromstring(xml)  # noqa: S314  # written by the publisher
+        return ET.fromstring(self.ask("T")[1][0])  # noqa: S314  # written by the publisher
 
     def statuses(self) -> dict[int, int]:
-        (table,) = self.ask("S").body
-        assert len(table) % 3 == 0
-        return dict(struct.iter_unpack("<HB", table))
+        return dict(struct.iter_unpack("<HB", self.ask("S")[1][0]))
 
     def boards(self, *names: str) -> Any:
-        (packed,) = self.ask("B", ";".join(names).encode()).body
-        return msgpack.unpackb(packed)
+        return msgpack.unpackb(self.ask("B", ";".join(names).encode())[1][0])
 
     def transitions(self) -> list[tuple[int, int, int]]:
-        (records,) = self.ask("t").body
-        assert len(records) % 9 == 0
-        return [
-            (
-                int.from_bytes(records[at : at + 6], "little"),
-                int.from_bytes(records[at + 6 : at + 8], "little"),
-                records[at + 8],
-            )
-            for at in range(0, len(records), 9)
-        ]
-
-    def close(self) -> None:
-        self._socket.close()
-        self._context.term()
+        return _records(self.ask("t")[1][0])
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
+    def __exit__(self, *_error: object) -> None:
+        self._socket.close()
+        self._context.term()

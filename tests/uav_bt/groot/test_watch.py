@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import pytest
 
-from tests.uav_bt.groot.groot_world import GrootClient, leaf, make_context, make_tree
+from tests.uav_bt.groot.groot_world import (
+    GrootClient,
+    free_ports,
+    read_log,
+)
 from tests.worlds.trees import tree_file
 from uav_bt import app, plugins
-from uav_bt.clock import ManualClock
 from uav_bt.errors import FileError, InputError
-from uav_bt.groot import BtlogReader, BtlogWriter, GrootConfig, TreeWatch, watched_live
-from uav_bt.groot.transitions import Transition
-from uav_bt.groot.watch import LiveListeners
+from uav_bt.groot import watched_live
 from uav_bt.mission.tick import TickRecord
 from uav_bt.testing import ScriptedDroneConfig
 from uav_bt.tree import Status
@@ -39,7 +42,7 @@ def mission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 SCRIPTED = app.FlightOptions(drone="scripted", judge=app.JudgeConfig(land_on=app.LandOn.ANY))
 
 
-def following(watch: LiveListeners) -> app.Listeners:
+def following(watch: Callable[..., Any]) -> app.Listeners:
     return lambda flight: watch(flight.mission, flight.context)
 
 
@@ -47,10 +50,8 @@ def test_a_flight_is_logged_from_its_first_tick_to_its_end(mission: Path, tmp_pa
     path = tmp_path / "flight.btlog"
     with watched_live(btlog=path) as listeners:
         report = app.fly(mission, SCRIPTED, listeners=[following(listeners)])
-    with BtlogReader(path) as log:
-        root = ET.fromstring(log.xml)  # noqa: S314  # written by this test
-        transitions = list(log)
-    assert log.partial_bytes == 0
+    xml, _, transitions = read_log(path)
+    root = ET.fromstring(xml)  # noqa: S314  # written by this test
     names = {int(node.attrib["_uid"]): node.attrib["name"] for node in root.iterfind(".//*[@_uid]")}
     changes: dict[str, list[Status]] = {}
     for _, uid, status in transitions:
@@ -59,7 +60,7 @@ def test_a_flight_is_logged_from_its_first_tick_to_its_end(mission: Path, tmp_pa
     once = [Status.RUNNING, Status.SUCCESS, Status.IDLE]
     assert all(statuses == once for statuses in changes.values())
     assert report.duration_s is not None
-    assert transitions[-1].time_us / 1e6 == pytest.approx(report.duration_s, abs=0.2)
+    assert transitions[-1][0] / 1e6 == pytest.approx(report.duration_s, abs=0.2)
 
 
 def test_groot2_sees_the_flight_while_it_goes_on(mission: Path) -> None:
@@ -67,20 +68,16 @@ def test_groot2_sees_the_flight_while_it_goes_on(mission: Path) -> None:
     seen: list[dict[int, int]] = []
     heights: list[float] = []
 
-    with watched_live(groot=GrootConfig(port=0)) as listeners:
-        assert listeners.publisher is not None
-        with GrootClient(listeners.publisher.port) as client:
+    port = free_ports()
+    with watched_live(groot=port) as watch, GrootClient(port) as client:
 
-            class Asking:
-                def on_tick(self, _: TickRecord) -> None:
-                    seen.append(client.statuses())
-                    heights.append(client.boards("Main")["Main"]["@height_above_ground_m"])
+        class Asking:
+            def on_tick(self, _: TickRecord) -> None:
+                seen.append(client.statuses())
+                heights.append(client.boards("Main")["Main"]["@height_above_ground_m"])
 
-            report = app.fly(
-                mission,
-                SCRIPTED,
-                listeners=[following(listeners), lambda _: [Asking()]],
-            )
+        asking = [following(watch), lambda _: [Asking()]]
+        report = app.fly(mission, SCRIPTED, listeners=asking)
     assert len(seen) == report.ticks
     assert seen[0] == {1: 1, 2: 1, 3: 0, 4: 0}
     assert any(statuses == {1: 1, 2: 2, 3: 1, 4: 0} for statuses in seen)
@@ -88,42 +85,13 @@ def test_groot2_sees_the_flight_while_it_goes_on(mission: Path) -> None:
     assert max(heights) == pytest.approx(1.0, abs=0.2)
 
 
-def test_an_aborted_mission_is_logged_up_to_its_halt(tmp_path: Path) -> None:
-    """Nodes that are halted after the last tick are still recorded."""
-    path = tmp_path / "flight.btlog"
-    tree, clock = make_tree(f"<Sequence>{leaf('a', 'R')}</Sequence>"), ManualClock(5.0)
-    context = make_context(clock)
-    tree.setup(context)
-    with BtlogWriter(path) as log:
-        watch = TreeWatch(tree, context, log=log)
-        tree.tick()
-        watch.after_tick()
-        clock.advance(1.0)
-        tree.halt()
-        watch.finish()
-        watch.finish()
-    with BtlogReader(path) as reader:
-        assert reader.first_time_us == 5_000_000
-        assert list(reader) == [
-            Transition(0, 1, Status.RUNNING),
-            Transition(0, 2, Status.RUNNING),
-            Transition(1_000_000, 2, Status.IDLE),
-            Transition(1_000_000, 1, Status.IDLE),
-        ]
-
-
-def test_nothing_is_watched_unless_asked(mission: Path) -> None:
-    with watched_live() as listeners:
-        tree = make_tree(leaf("a", "S"))
-        assert listeners(tree, make_context()) == []
-        assert app.fly(mission, SCRIPTED, listeners=[following(listeners)]).outcome == "success"
-
-
 def test_ports_and_names_are_refused_before_anything_flies(tmp_path: Path) -> None:
-    with watched_live(groot=GrootConfig(port=0)) as listeners:
-        assert listeners.publisher is not None
-        taken = GrootConfig(port=listeners.publisher.port)
-        with pytest.raises(InputError, match="Groot2 needs ports"), watched_live(groot=taken):
-            pytest.fail("flown without its port")
+    port = free_ports()
+    with (
+        watched_live(groot=port),
+        pytest.raises(InputError, match="Groot2 needs ports"),
+        watched_live(groot=port),
+    ):
+        pytest.fail("flown without its port")
     with pytest.raises(FileError, match="only files named"), watched_live(btlog=tmp_path / "a.txt"):
         pytest.fail("flown without its log")

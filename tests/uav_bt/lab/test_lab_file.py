@@ -8,7 +8,8 @@ import pytest
 
 from uav_bt.errors import FileError, InputError, UnknownNameError
 from uav_bt.lab.lab_file import read_lab
-from uav_bt.lab.shipped import load_lab, shipped_labs
+from uav_bt.lab.shipped import default_mark, load_lab, shipped_labs
+from uav_bt.types import LandingMark
 
 GOOD = """\
 version: 1
@@ -36,12 +37,6 @@ def test_a_lab_file_gives_names_roles_colours_and_tops(tmp_path: Path) -> None:
     assert not lab.classes.legs_m.any()
 
 
-def test_a_class_may_stand_on_legs(tmp_path: Path) -> None:
-    lab = read_lab(lab_folder(tmp_path, GOOD.replace("top: lid", "top: lid, legs_m: 1.25")))
-
-    assert lab.classes.legs_m.tolist() == [0.0, 0.0, 1.25, 0.0]
-
-
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -64,6 +59,31 @@ def test_a_mistake_is_reported_with_its_line(
 
     with pytest.raises(FileError, match=message):
         read_lab(folder)
+
+
+MARK = "mark: {kind: aruco, size_m: [0.4, 0.6], height_m: 0, options: {id: 1, size_m: 0.3}}\n"
+
+
+def test_a_lab_states_kind_size_and_options_of_its_mark(tmp_path: Path) -> None:
+    assert read_lab(lab_folder(tmp_path, GOOD)).mark is None
+    assert read_lab(lab_folder(tmp_path, GOOD + MARK)).mark == LandingMark(
+        kind="aruco", length_m=0.4, width_m=0.6, height_m=0.0, options={"id": 1, "size_m": 0.3}
+    )
+    assert default_mark() == LandingMark(length_m=0.5, width_m=0.5, height_m=0.4)
+
+
+@pytest.mark.parametrize(
+    ("mark", "message"),
+    [
+        ("{size_m: [0.5, 0.5]}", "7: mark: lacks the key 'height_m'"),
+        ("{height_m: 0.1}", "7: mark: lacks the key 'size_m'"),
+        ("{size_m: [0.5, 0.5], height_m: -0.1}", "7: mark.height_m: expected a number greater"),
+        ("{size_m: [0.5, 0.5], height_m: 0, kind: tag}", "7: mark: unknown landing mark 'tag'"),
+    ],
+)
+def test_a_wrong_mark_is_refused_with_its_line(tmp_path: Path, mark: str, message: str) -> None:
+    with pytest.raises(FileError, match=message):
+        read_lab(lab_folder(tmp_path, f"{GOOD}mark: {mark}\n"))
 
 
 def test_the_paper_ships_and_is_the_default() -> None:

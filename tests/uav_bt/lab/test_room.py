@@ -30,10 +30,6 @@ def test_a_room_gives_kinds_ground_walls_and_light(tmp_path: Path) -> None:
     assert lab.room.meshes["cone"].shape == (10, 3, 3)
 
 
-def test_the_paper_has_no_room() -> None:
-    assert read_lab(Path("labs/paper")).room is None
-
-
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import math
-
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from uav_bt.errors import ValueRangeError
 from uav_bt.types.area import Area
@@ -43,13 +39,6 @@ def test_of_two_areas_both_hold() -> None:
     assert area.margin_m(-0.5, 0.0) < 0.0
     assert area.margin_m(3.5, 0.5) < 0.0
     assert area.margin_m(2.0, 0.5) == pytest.approx(0.5)
-
-
-@given(st.floats(-6.0, 6.0), st.floats(-6.0, 6.0), st.floats(-math.pi, math.pi))
-def test_the_margin_changes_by_at_most_the_distance(x_m: float, y_m: float, way_rad: float) -> None:
-    area = Area((CORNER,))
-    there = area.margin_m(x_m + 0.1 * math.cos(way_rad), y_m + 0.1 * math.sin(way_rad))
-    assert abs(there - area.margin_m(x_m, y_m)) <= 0.1 + 1e-9
 
 
 @pytest.mark.parametrize(

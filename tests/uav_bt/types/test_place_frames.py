@@ -41,21 +41,44 @@ def goal_of(text: str, site_map: SiteMap | None = None, take_off: Pose2D | None 
     return found
 
 
-def test_ahead_of_the_take_off_is_along_its_heading() -> None:
-    goal = goal_of("start:2,0.5@90")
-    assert (goal.x_m, goal.y_m) == pytest.approx((0.0, 1.75))
-    assert goal.yaw_rad is not None
-    assert abs(goal.yaw_rad) == pytest.approx(math.pi)
+MARK = MapMark(x_m=0.25, y_m=0.5, std_m=0.1, seen_s=1.0)
 
 
-def test_a_place_of_the_drawing_counts_from_a_mark_that_shows_its_heading() -> None:
-    """The mark's y axis points up the drawing, and along the map's y: x is opposite to it."""
-    mark = MapMark(x_m=0.25, y_m=0.5, std_m=0.1, seen_s=1.0, yaw_rad=math.radians(90))
-    drawn = Pose2D(x_m=2.0, y_m=1.0, yaw_rad=0.0)
-    found = resolve(Place.parse("lab:2.5,2@90"), replace(the_map(), mark=mark), None, drawn)
-    assert isinstance(found, Goal)
-    assert (found.x_m, found.y_m) == pytest.approx((-0.25, 1.5))
-    assert found.yaw_rad == pytest.approx(math.radians(90))
+@pytest.mark.parametrize(
+    ("text", "goal"),
+    [  # x, y and heading, degrees
+        ("start:2,0.5@90", (0.0, 1.75, 180.0)),
+        ("body:0.5,0.25@0", (0.5, 0.75, 180.0)),
+        ("object:3", (1.0, 2.0, None)),
+        ("mark@-90", (0.25, 0.5, 0.0)),
+    ],
+)
+def test_places_in_the_frame_of_the_map(text: str, goal: tuple[float, float, float | None]) -> None:
+    found = goal_of(text, replace(the_map(), mark=MARK))
+    assert (found.x_m, found.y_m) == pytest.approx(goal[:2])
+    assert (found.yaw_rad is None) == (goal[2] is None)
+    if found.yaw_rad is not None and goal[2] is not None:
+        turn_rad = math.remainder(found.yaw_rad - math.radians(goal[2]), math.tau)
+        assert turn_rad == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "mark", "reason"),
+    [
+        ("mark", None, "not seen"),
+        ("object:7", None, "no object 7"),
+        ("lab:0,0", None, "take-off pose"),
+        ("lab:1,0", Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0), "mark and its heading were not seen"),
+    ],
+)
+def test_what_the_map_does_not_know_is_unresolved(
+    text: str, mark: Pose2D | None, reason: str
+) -> None:
+    found = resolve(Place.parse(text), the_map(), None, mark)
+    assert isinstance(found, Unresolved)
+    assert reason in found.reason
+    if mark is not None:  # a mark without a heading does not help
+        assert resolve(Place.parse(text), replace(the_map(), mark=MARK), None, mark) == found
 
 
 def test_take_off_pose_and_mark_lead_to_the_same_place() -> None:
@@ -73,39 +96,6 @@ def test_take_off_pose_and_mark_lead_to_the_same_place() -> None:
     assert isinstance(other, Goal)
     assert (one.x_m, one.y_m) == pytest.approx((other.x_m, other.y_m))
     assert one.yaw_rad == pytest.approx(other.yaw_rad)
-
-
-def test_without_a_heading_a_mark_leads_to_no_place_of_the_drawing() -> None:
-    drawn = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
-    seen = replace(the_map(), mark=MapMark(x_m=0.25, y_m=0.5, std_m=0.1, seen_s=1.0))
-    for site_map in (the_map(), seen):
-        found = resolve(Place.parse("lab:1,0"), site_map, None, drawn)
-        assert found == Unresolved(reason="the landing mark and its heading were not seen yet")
-
-
-def test_body_counts_from_the_drone() -> None:
-    goal = goal_of("body:0.5,0.25@0")
-    assert (goal.x_m, goal.y_m) == pytest.approx((0.5, 0.75))
-
-
-def test_an_object_has_its_place() -> None:
-    goal = goal_of("object:3")
-    assert (goal.x_m, goal.y_m, goal.yaw_rad) == (1.0, 2.0, None)
-
-
-def test_the_mark_once_it_was_seen() -> None:
-    seen = replace(the_map(), mark=MapMark(x_m=0.25, y_m=0.5, std_m=0.1, seen_s=1.0))
-    assert (goal_of("mark", seen).x_m, goal_of("mark", seen).y_m) == (0.25, 0.5)
-
-
-@pytest.mark.parametrize(
-    ("text", "reason"),
-    [("mark", "not seen"), ("object:7", "no object 7"), ("lab:0,0", "take-off pose")],
-)
-def test_what_the_map_does_not_know_is_unresolved(text: str, reason: str) -> None:
-    found = resolve(Place.parse(text), the_map())
-    assert isinstance(found, Unresolved)
-    assert reason in found.reason
 
 
 def test_the_drawing_is_counter_clockwise() -> None:

@@ -18,14 +18,6 @@ def test_heading_east_ahead_is_y() -> None:
     assert pose.to_world(0.0, 3.0) == pytest.approx((-2.0, 2.0))
 
 
-@pytest.mark.parametrize("yaw_rad", [-3.0, 0.0, 0.7, 2.5])
-def test_world_and_body_undo_each_other(yaw_rad: float) -> None:
-    """Both conversions are inverse."""
-    pose = Pose2D(x_m=-0.4, y_m=1.3, yaw_rad=yaw_rad)
-
-    assert pose.to_body(*pose.to_world(1.2, -0.7)) == pytest.approx((1.2, -0.7))
-
-
 def test_points_go_to_the_world_and_back_as_single_ones_do() -> None:
     """Arrays give the same results as numbers."""
     here = Pose2D(x_m=1.0, y_m=2.0, yaw_rad=0.7)

@@ -18,7 +18,6 @@ from tests.paper_lab import CARPET
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import CameraModel
 from uav_bt.types.projection import (
-    camera_axes,
     elevation_to_row,
     ground_points,
     ground_range_to_row,
@@ -36,38 +35,10 @@ pitches = st.floats(-math.pi / 2, 0.3)
 # --- known values ---------------------------------------------------------------------------------
 
 
-def test_axes_of_a_level_camera() -> None:
-    """Level: image right is right, image down is down, the optical axis is forward."""
-    assert camera_axes(0.0) == pytest.approx(np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]]))
-
-
-def test_axes_looking_straight_down() -> None:
-    """Straight down: the image's top is ahead, the optical axis is down."""
-    right, down, axis = camera_axes(-math.pi / 2).T
-
-    assert right == pytest.approx([0, 1, 0])
-    assert down == pytest.approx([-1, 0, 0])
-    assert axis == pytest.approx([0, 0, 1])
-
-
-@settings(deadline=None)  # the machine may be busy
-@given(pitches)
-def test_axes_are_a_rotation(pitch_rad: float) -> None:
-    """Orthonormal and right-handed at any pitch."""
-    axes = camera_axes(pitch_rad)
-
-    assert axes @ axes.T == pytest.approx(np.eye(3), abs=1e-12)
-    assert np.linalg.det(axes) == pytest.approx(1.0)
-
-
 @pytest.mark.parametrize(
     ("pixel", "pitch_deg", "expected"),
     [
-        (
-            CENTRE,
-            -45,
-            (2.0, 0.0),
-        ),  # the axis meets the ground at a range equal to the height
+        (CENTRE, -45, (2.0, 0.0)),  # the axis meets the ground at a range equal to the height
         (CENTRE, -90, (0.0, 0.0)),
         ((150.0, 50.0), -90, (0.0, 1.0)),  # half a focal length to the right: half the height
         ((100.0, 10.0), -90, (1.0, 0.0)),  # up in the image is ahead
@@ -98,15 +69,6 @@ def test_points_behind_the_camera_have_no_pixel() -> None:
 
     assert np.isnan(pixels[:2]).all()
     assert pixels[2] == pytest.approx(CENTRE)
-
-
-def test_rays_have_unit_depth() -> None:
-    """A ray times the depth along the axis is the point itself."""
-    axis = camera_axes(-0.5)[:, 2]
-
-    rays = pixel_rays([(0.0, 0.0), (200.0, 100.0), CENTRE], CAMERA, -0.5)
-
-    assert rays @ axis == pytest.approx([1.0, 1.0, 1.0])
 
 
 # --- round trips ----------------------------------------------------------------------------------
@@ -150,12 +112,6 @@ def test_row_of_a_range_sees_that_range(pitch_rad: float, range_m: float, height
     assert point == pytest.approx((range_m, 0.0), rel=1e-4, abs=1e-6)
 
 
-def test_elevation_rows() -> None:
-    """The axis is at the centre; 45 degrees below it is one focal length further down."""
-    assert elevation_to_row(-0.5, CAMERA, -0.5) == pytest.approx(50.0)
-    assert elevation_to_row(-math.pi / 4, CAMERA, 0.0) == pytest.approx(130.0)
-
-
 @pytest.mark.parametrize(("pitch_deg", "side"), [(30, 1), (-90, -1)])
 def test_elevation_behind_the_image_plane_is_far_outside(pitch_deg: float, side: int) -> None:
     """Straight down from a raised camera is far below the image, above the horizon far above it."""
@@ -171,16 +127,12 @@ def test_elevation_behind_the_image_plane_is_far_outside(pitch_deg: float, side:
 
 
 @pytest.mark.parametrize("bad", [3.0, np.zeros(3), np.zeros((2, 4))])
-def test_pixels_must_be_pairs(bad: object) -> None:
+def test_pixels_are_pairs_and_points_triples(bad: object) -> None:
     """The error of a wrong last axis has the given shape."""
-    with pytest.raises(ShapeError, match=r"pixels must be \.\.\.x2, got"):
-        ground_points(bad, CAMERA, 0.0, 1.0)
-
-
-def test_points_must_be_triples() -> None:
-    """The same holds for points of the level frame."""
     with pytest.raises(ShapeError, match=r"points must be \.\.\.x3, got 5x2"):
         project(np.zeros((5, 2)), CAMERA, 0.0)
+    with pytest.raises(ShapeError, match=r"pixels must be \.\.\.x2, got"):
+        ground_points(bad, CAMERA, 0.0, 1.0)
 
 
 @pytest.mark.parametrize("height_m", [0.0, -0.4, math.nan])
