@@ -1,6 +1,6 @@
 """The mission board: typed keys, ages, proposals, and the context of leaves."""
 
-from uav_bt.board.blackboard import Blackboard, BoardView, Key, Reading
+from uav_bt.board.blackboard import Blackboard, Key
 from uav_bt.board.context import MissionContext
 from uav_bt.board.keys import (
     ADVICE,
@@ -47,8 +47,6 @@ __all__ = [
     "SITE_MAP",
     "STATE",
     "Blackboard",
-    "BoardView",
     "Key",
     "MissionContext",
-    "Reading",
 ]

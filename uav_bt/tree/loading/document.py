@@ -157,8 +157,7 @@ def _check_root(root: Element, findings: Findings) -> bool:
         return False
     check_attributes(root, _ROOT_ATTRIBUTES, findings)
     check_no_text(root, findings)
-    for position in root.raw:
-        message = "a raw '&' or '<' in an attribute is not XML: write &amp; or &lt;"
+    for position, message in root.mended:
         findings.add(path, position, message, severity=WARNING, rule=Rule.FILE)
     version = root.attributes.get("BTCPP_format")
     expected = 'expected BTCPP_format="4", got'
