@@ -17,7 +17,6 @@ from uav_bt.board.context import MissionContext
 from uav_bt.errors import InputError, MissionError, NodeFailedError, UavBtError, did_you_mean
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.findings import Position
-from uav_bt.tree.loading.lookup import Inclusion
 from uav_bt.tree.node import Node
 from uav_bt.tree.placing import place_tree
 from uav_bt.tree.py_trees_root import PyTreesRoot
@@ -58,7 +57,7 @@ class MissionTree:
         name: the tree's name, first part of all paths.
         sources: the texts of the tree file and of the files it takes trees from, by path, the tree
             file first; empty for a tree composed in Python.
-        inclusions: which of these files each `<include>` stands for.
+        whole: one tree file with all that the tree takes from these.
         places: where the tree file has the nodes, by path; empty for a tree composed in Python.
         replaced: attribute values that replace those of the tree file, by path.
         enum_members: of enumerations, integers by the names that scripts read.
@@ -71,7 +70,7 @@ class MissionTree:
         *,
         name: str = "Tree",
         sources: Mapping[Path, bytes] | None = None,
-        inclusions: Mapping[Inclusion, Path] | None = None,
+        whole: bytes = b"",
         places: Mapping[str, Place] | None = None,
         replaced: Mapping[str, Mapping[str, str]] | None = None,
         enum_members: Mapping[str, int] | None = None,
@@ -80,7 +79,7 @@ class MissionTree:
         self.root = root if isinstance(root, Node) else PyTreesRoot(root)
         self.name = name
         self.sources = dict(sources or {})
-        self.inclusions = dict(inclusions or {})
+        self.whole = whole
         self.places = dict(places or {})
         self.replaced = {path: dict(given) for path, given in (replaced or {}).items()}
         self.unset = tuple(unset)

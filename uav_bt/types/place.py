@@ -41,7 +41,7 @@ NUMBER: Final = r"[+-]?(?:\d+\.?\d*|\.\d+)"
 """Pattern of the numbers in a place."""
 _NAMED: Final = re.compile(
     rf"mark(?:@(?P<mark_deg>{NUMBER}))?|"
-    rf"object:(?P<object>\d+)(?:@(?P<object_deg>{NUMBER}))?"
+    rf"object:(?P<object>\d{{1,9}})(?:@(?P<object_deg>{NUMBER}))?"
 )
 _POINT: Final = re.compile(
     rf"(?P<frame>start|body|lab):(?P<x>{NUMBER}),(?P<y>{NUMBER})(?:,(?P<height>{NUMBER}))?"
@@ -181,7 +181,11 @@ def _height(text: str | None, place: str) -> float | None:
 
 
 def _heading(text: str | None) -> float | None:
-    return None if text is None else math.radians(math.remainder(float(text), 360.0))
+    if text is None:
+        return None
+    if not math.isfinite(degrees := float(text)):
+        raise ValueRangeError(f"expected a heading in degrees, got {text:.20}...")
+    return math.radians(math.remainder(degrees, 360.0))
 
 
 def _bounded(text: str, least: float, most: float, what: str, place: str) -> float:

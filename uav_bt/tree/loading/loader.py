@@ -27,6 +27,7 @@ from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.remarks import remarks_on
 from uav_bt.tree.loading.source import parse_source, read_source
 from uav_bt.tree.loading.variable_uses import unset_slots
+from uav_bt.tree.loading.whole_file import whole_file
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
 from uav_bt.tree.registry import NodeRegistry
@@ -174,7 +175,7 @@ class _Read:
             root,
             name=document.main,
             sources={document.path.resolve(): self._data, **document.included},
-            inclusions=document.inclusions,
+            whole=whole_file(document, self._data),
             places=builder.places,
             replaced=builder.replaced,
             enum_members=document.enum_members,
