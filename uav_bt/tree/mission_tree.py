@@ -12,7 +12,6 @@ from typing import Any, Final
 from py_trees.behaviour import Behaviour
 
 from uav_bt.board import Key
-from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import InputError, MissionError, NodeFailedError, UavBtError, did_you_mean
 from uav_bt.tree.leaf import Leaf
@@ -196,7 +195,7 @@ class MissionTree:
         for leaf in self.leaves():
             for key in (*leaf.reads, *leaf.writes):
                 context.board.declare(key)
-        self._check_scripts(context.board)
+        self._check_scripts()
         try:
             for node in self.nodes():
                 node.setup(mission=context)
@@ -208,7 +207,7 @@ class MissionTree:
             raise
         self._ready = True
 
-    def _check_scripts(self, board: Blackboard) -> None:
+    def _check_scripts(self) -> None:
         """Refuse scripts that write board keys; in a file the loader has done so.
 
         Raises:
@@ -221,9 +220,8 @@ class MissionTree:
                 scripts += [parsed_by(port.check, text)] if isinstance(text, str) else []
             for script in scripts:
                 for key in script.board_writes:
-                    if not board.scripts_may_write(key):
-                        what = f"node '{node.path}': '@{key}' is a board key"
-                        raise InputError(f"{what}; {ONLY_LEAVES_WRITE}")
+                    what = f"node '{node.path}': '@{key}' is a board key"
+                    raise InputError(f"{what}; {ONLY_LEAVES_WRITE}")
 
     def shutdown(self) -> None:
         """Shut all nodes down, also where an earlier one raises.

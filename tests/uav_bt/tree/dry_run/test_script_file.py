@@ -8,7 +8,6 @@ import pytest
 
 from uav_bt.errors import FileError
 from uav_bt.tree.dry_run import read_script
-from uav_bt.tree.dry_run.script_file import Scalar
 
 
 def written(folder: Path, text: str) -> Path:
@@ -38,7 +37,7 @@ def test_everything_that_a_script_can_say_is_read(tmp_path: Path) -> None:
     places = [mock.place for mock in script.mocks.values()]
     assert [place.position.line for place in places if place] == [2, 3, 6, 4]
     assert script.variables == {"laps": 3, "on": True}
-    assert script.board == {"phase": Scalar("explore", 8)}
+    assert (script.board, script.line("board", "phase")) == ({"phase": "explore"}, 8)
 
 
 @pytest.mark.parametrize(
@@ -48,7 +47,7 @@ def test_everything_that_a_script_can_say_is_read(tmp_path: Path) -> None:
         (
             "- a",
             1,
-            "expected a mapping with leaves, default, outputs, variables, board, nodes, got",
+            "expected a mapping with leaves, default, outputs, variables, board, got",
         ),
         ("variables: {a: 1}", 1, "expected 'leaves' with answers of leaves, or a 'default'"),
         ("default: S\nleafs: {}", 2, "leafs: unknown key; did you mean 'leaves'?"),

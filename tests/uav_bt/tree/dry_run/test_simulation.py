@@ -10,7 +10,6 @@ from uav_bt.board import PHASE
 from uav_bt.errors import FileError, NodeFailedError, TreeError, ValueRangeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status
 from uav_bt.tree.dry_run import Answer, SimulatedTick, Simulation, read_script
-from uav_bt.tree.loading.palette import PaletteControl
 
 S, F, R, K = Status.SUCCESS, Status.FAILURE, Status.RUNNING, Status.SKIPPED
 
@@ -42,11 +41,7 @@ class Sees(Leaf):
         raise AssertionError("a dry run must not look")
 
 
-class Foreign(PaletteControl):
-    """Known from a palette only."""
-
-
-REGISTRY = NodeRegistry([Fly, Measure, Sees, Foreign])
+REGISTRY = NodeRegistry([Fly, Measure, Sees])
 
 
 def simulation(
