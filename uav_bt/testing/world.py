@@ -46,9 +46,7 @@ class Says:
         bench = LeafBench(Explore, policy="says")
         bench.policies["says"] = Says(Advance(forward_m=0.3, reason="clear"))
 
-    Attributes:
-        answers: the answers that are still to come; a test may replace them.
-        views: the views that the policy was asked about, in order.
+    `answers` are still to come; `views` are those that the policy was asked about, in order.
     """
 
     def __init__(self, first: Answer, *others: Answer) -> None:
@@ -118,10 +116,6 @@ def show(
 
 
 def live(bench: LeafBench, **world: Unpack[InFlight]) -> Status:
-    """Show the leaf the drone in flight (see `show`), tick it once and return its answer.
-
-    Raises:
-        NodeFailedError: the leaf raised.
-    """
+    """Show the leaf the drone in flight (see `show`), tick it once and return its answer."""
     show(bench, **world)
     return bench.tick()

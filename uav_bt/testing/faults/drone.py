@@ -44,15 +44,7 @@ class Disturbed(Protocol):
 
 
 class FaultyDrone(DroneWrapper):
-    """Flies another drone with one fault.
-
-    Args:
-        drone: the drone to fly; not connected yet.
-        fault: the fault to add.
-
-    Raises:
-        InputError: the fault is a disturbance, and the drone has no method for it.
-    """
+    """Flies another drone, which is not connected yet, with one fault."""
 
     def __init__(self, drone: Drone, fault: Fault) -> None:
         innermost = drone
@@ -102,8 +94,7 @@ class FaultyDrone(DroneWrapper):
     def connect(self) -> None:
         """Connect the inner drone."""
         self._drone.connect()
-        if self.fault.phase == START:
-            self._phase_s = self.clock.now()
+        self._phase_s = self.clock.now() if self.fault.phase == START else None
 
     def observe(self) -> Observation:
         """Return the inner drone's observation as the fault changes it."""
