@@ -12,7 +12,7 @@ from uav_bt.errors import NodeFailedError, TreeError
 from uav_bt.tree import Leaf, NodeKind, NodeRegistry, Port, Status, load_tree, parse_tree
 from uav_bt.tree.describe import palette_xml
 from uav_bt.tree.expanded import ExpandedNode
-from uav_bt.tree.loading.palette import PaletteLeaf, read_palette, with_palette
+from uav_bt.tree.loading.palette import PaletteNode, read_palette, with_palette
 from uav_bt.tree.nodes import Sequence
 
 FOREIGN = """<TreeNodesModel>
@@ -167,7 +167,7 @@ def test_an_installed_node_stays_when_described_as_it_is(tmp_path: Path) -> None
 def test_another_node_of_the_same_name_replaces_an_installed_one(tmp_path: Path) -> None:
     text = '<TreeNodesModel><Action ID="Land"><input_port name="topic"/></Action></TreeNodesModel>'
     registry = with_palette(NodeRegistry([Land]), read_palette(written(tmp_path, text)))
-    assert issubclass(registry["Land"], PaletteLeaf)
+    assert issubclass(registry["Land"], PaletteNode)
     parse_tree(document('<Land topic="/land"/>'), registry)
 
 

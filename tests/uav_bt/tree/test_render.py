@@ -13,7 +13,7 @@ from tests.conformance import Scripted
 from tests.worlds.trees import document
 from uav_bt.board import STATE
 from uav_bt.tree import Leaf, MissionTree, Node, NodeRegistry, Port, Status, load_tree, parse_tree
-from uav_bt.tree.loading.palette import PaletteLeaf, PalettePort
+from uav_bt.tree.loading.palette import PaletteNode, PalettePort
 from uav_bt.tree.nodes import AlwaysSuccess, Inverter, Sequence
 from uav_bt.tree.render import FORMATS, Box, render, sketch
 
@@ -74,7 +74,7 @@ def test_long_texts_and_control_characters_are_cut() -> None:
 
 
 def test_a_port_of_a_palette_that_nobody_gave_is_left_out() -> None:
-    class Foreign(PaletteLeaf):
+    class Foreign(PaletteNode, Leaf):
         ports = (PalettePort("goal", str), PalettePort("hz", float))
 
     assert sketch(Foreign(None, hz=2.0)).attributes == ("hz=2",)
