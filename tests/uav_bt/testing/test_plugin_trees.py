@@ -1,4 +1,4 @@
-"""The pytest plug-in's collection of tree files as tests."""
+"""The pytest plug-in: its fixtures, and its collection of tree files as tests."""
 
 from __future__ import annotations
 
@@ -112,9 +112,14 @@ def test_fixtures(pytester: pytest.Pytester) -> None:
         from uav_bt.errors import BoardAccessError
         from uav_bt.board.blackboard import Key
         from uav_bt.tree import Status
+        from uav_bt.tree.nodes import AlwaysFailure
 
         def test_tree(tree_bench):
             assert tree_bench("mission.xml", mocks={"AlwaysSuccess": "F"}).tick() is Status.FAILURE
+
+        def test_leaf_and_drone(leaf_bench, scripted_drone, manual_clock):
+            assert leaf_bench(AlwaysFailure).tick() is Status.FAILURE
+            assert scripted_drone.clock is manual_clock
 
         def test_board(strict_board, manual_clock):
             strict_board.write(HEIGHT, 1.0)
@@ -125,4 +130,4 @@ def test_fixtures(pytester: pytest.Pytester) -> None:
                 strict_board.read(Key("height_above_ground_m", int, "mistyped"))
         """
     )
-    run(pytester).assert_outcomes(passed=2)
+    run(pytester).assert_outcomes(passed=3)
