@@ -68,9 +68,10 @@ def test_a_subtree_is_shown_with_its_entries_and_what_is_in_it() -> None:
     assert box_of('<SubTree ID="Other" name="here"/>', other).name == "here"
 
 
-def test_long_texts_and_control_characters_are_cut() -> None:
+def test_long_texts_and_control_characters_are_cut_and_other_letters_are_codes() -> None:
     box = sketch(AlwaysSuccess("a\nb\x00c" + 50 * "x"))
     assert box.name == "a b c" + 28 * "x" + "..."
+    assert "'\\xfcber'" in render(tree_of('<AlwaysSuccess name="über"/>'), "ascii")
 
 
 def test_a_port_of_a_palette_that_nobody_gave_is_left_out() -> None:
@@ -103,10 +104,6 @@ def test_ascii_has_a_line_for_each_node() -> None:
         "    |   `-- Measure speed_mps=0.5 title=x\n"
         "    `-- AlwaysSuccess\n"
     )
-
-
-def test_ascii_writes_other_letters_as_codes() -> None:
-    assert "'\\xfcber'" in render(tree_of('<AlwaysSuccess name="über"/>'), "ascii")
 
 
 NASTY = 'a"b\\<c>&amp;&quot;]]#;`d'
