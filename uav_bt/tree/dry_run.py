@@ -243,13 +243,13 @@ class Simulation:
         for number, value in QUIET:
             if number.name not in written:
                 self._board.write(number, value)
-        for name, value in self._script.board.items():
+        for name, given in self._script.board.items():
             # A value that a leaf wrote over it stays.
             if name in self._given and written[name][0] is not self._given[name]:
                 continue
-            self._given[name] = value
+            self._given[name] = given
             try:
-                self._board.write(self._board.key(name), value)
+                self._board.write(self._board.key(name), given)
             except BoardAccessError as error:
                 line = self._script.line("board", name)
                 raise FileError(self._script.path, str(error), line) from error

@@ -83,7 +83,7 @@ def test_a_port_of_a_palette_that_nobody_gave_is_left_out() -> None:
 
 def test_a_tree_of_any_depth_is_drawn() -> None:
     """A tree composed in Python may have any depth, and can still be drawn."""
-    node = AlwaysSuccess()
+    node: Node = AlwaysSuccess()
     for _ in range(1500):
         node = Inverter(None, node)
     for draw in FORMATS.values():

@@ -138,7 +138,7 @@ def test_a_mock_writes_its_outputs_when_it_succeeds(world: World) -> None:
         ports = (Port("depth_m", float, direction="output", doc="depth, m"),)
 
     text = document('<Sequence><Measure name="m" depth_m="{d}"/><AlwaysSuccess/></Sequence>')
-    mocks = {"Measure": Mock(outputs={"depth_m": "2.5"}), "m": "RS"}
+    mocks: dict[str, str | Mock] = {"Measure": Mock(outputs={"depth_m": "2.5"}), "m": "RS"}
     tree = parse_tree(text, NodeRegistry([Measure]), mocks=mocks)
     tree.setup(world.context)
     assert tree.tick() is Status.RUNNING

@@ -36,7 +36,7 @@ def whole_file(document: Document, source: bytes) -> bytes:
                 default = document.subtree_ports[node_id].get(port.get("name", ""))
                 if default is not None:  # with the places of files
                     port.set("default", default)
-    return ET.tostring(root, encoding="utf-8")
+    return ET.tostring(root, encoding="unicode").encode()
 
 
 def _copied(element: Element, parent: ET.Element) -> ET.Element:
