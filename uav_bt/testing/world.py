@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TypedDict, Unpack
+from typing import Any
 
 import numpy as np
 
@@ -24,20 +24,6 @@ from uav_bt.types import (
     SiteMap,
 )
 from uav_bt.types.arrays import Image
-
-
-class InFlight(TypedDict, total=False):
-    """Keyword arguments of `live`; `show` describes them."""
-
-    seconds: float
-    site_map: SiteMap | None
-    ids: Image | None
-    flying: FlyingState
-    height_m: float
-    yaw_rad: float | None
-    gimbal_deg: float
-    movement: MovementStatus | None
-    velocity: BodyVelocity | None
 
 
 class Says:
@@ -115,7 +101,7 @@ def show(
         bench.board[SITE_MAP] = replace(site_map, captured_s=now_s)
 
 
-def live(bench: LeafBench, **world: Unpack[InFlight]) -> Status:
+def live(bench: LeafBench, **world: Any) -> Status:
     """Show the leaf the drone in flight (see `show`), tick it once and return its answer."""
     show(bench, **world)
     return bench.tick()

@@ -22,7 +22,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Unpack
 
 from pydantic import AfterValidator, Field
 
@@ -34,8 +34,8 @@ from uav_bt.clock import ManualClock
 from uav_bt.errors import BoardAccessError, FileError, NodeFailedError, TreeError, ValueRangeError
 from uav_bt.tree import MissionTree, Node, NodeRegistry, Status, load_tree
 from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Position
-from uav_bt.tree.loading.lookup import Lookup
-from uav_bt.tree.loading.parameters import Parameters, Plain
+from uav_bt.tree.loading.loader import TreeOptions
+from uav_bt.tree.loading.parameters import Plain
 from uav_bt.tree.mission_tree import Place
 from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.nodes.base import SubTree
@@ -151,22 +151,14 @@ class Simulation:
         registry: NodeRegistry | None = None,
         *,
         tick_s: float = 0.1,
-        tree_id: str | None = None,
-        lookup: Lookup | None = None,
-        parameters: Parameters | None = None,
+        **options: Unpack[TreeOptions],
     ) -> None:
         if not tick_s > 0.0:
             raise ValueRangeError(f"ticks come one after another, got {tick_s} s between them")
         # Scripted leaves ask for no policy.
         registry = (NodeRegistry.installed() if registry is None else registry).with_any_policy()
-        self.tree: Final = load_tree(
-            tree,
-            registry,
-            tree_id=tree_id,
-            lookup=lookup,
-            mocks=script.mocks,
-            parameters=parameters,
-        )
+        options["mocks"] = script.mocks
+        self.tree: Final = load_tree(tree, registry, **options)
         for name, value in script.variables.items():
             if name not in self.tree.variables:
                 self.tree.variables[name] = value
@@ -229,8 +221,7 @@ class Simulation:
 
     def _name_unset(self, error: NodeFailedError) -> None:
         """Add all variables that the script has yet to give, as the first may not be the last."""
-        unset = [name for name in self.tree.unset if name not in self._script.variables]
-        if unset:
+        if unset := [name for name in self.tree.unset if name not in self._script.variables]:
             values = ", ".join(f"{name}: 0" for name in unset)
             error.add_note(
                 f"nothing in the tree file sets {', '.join(unset)}: give them values in "

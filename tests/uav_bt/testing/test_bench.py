@@ -43,7 +43,6 @@ class Step(Leaf):
 
     def on_setup(self, mission: MissionContext) -> None:
         self.policy: LeafPolicy = mission.policy(self.port_value("policy"))
-        self.halts = 0
         self._id = 0
 
     def update(self) -> Status:
@@ -61,9 +60,6 @@ class Step(Leaf):
         self.point(GimbalTo(pitch_rad=-0.5))
         self.propose(MoveBy(id=self._id, forward_m=self.port_value("step_m")))
         return Status.RUNNING
-
-    def terminate(self, new_status: Status) -> None:
-        self.halts += new_status is Status.IDLE
 
 
 def bench_of(**attributes: object) -> LeafBench:
@@ -147,17 +143,6 @@ def test_undeclared_and_mistyped_access_fail_the_test() -> None:
         bench.board[CLASS_MAP] = 3  # type: ignore[misc]
 
 
-def test_halting() -> None:
-    """`terminate` of a halted leaf is called once."""
-    bench = bench_of()
-    bench.hover()
-    bench.tick()
-    bench.halt()
-    bench.halt()
-    assert isinstance(bench.leaf, Step)
-    assert bench.leaf.halts == 1
-
-
 def test_wrong_use_is_explained() -> None:
     """Unknown attributes, unknown policies and the end of no movement are refused."""
     with pytest.raises(InputError, match="did you mean 'step_m'"):
@@ -168,13 +153,3 @@ def test_wrong_use_is_explained() -> None:
         bench_of().finish_movement()
     with pytest.raises(InputError, match=r"expected a leaf's class, .*: LeafBench\(Step\)"):
         LeafBench(Step())  # type: ignore[arg-type]
-
-
-def test_benches_do_not_meet() -> None:
-    """Two benches are independent."""
-    one, other = bench_of(), bench_of()
-    one.hover()
-    assert STATE in one.board
-    assert STATE not in other.board
-    del one.board[STATE]
-    assert STATE not in one.board

@@ -49,16 +49,6 @@ def test_what_fails_for_good_ends_in_an_emergency_landing(mocks: dict[str, str])
     bench.log.assert_order("return_and_land failed", "EmergencyLand started", "mission failed")
 
 
-def test_hovering_looks_around_once() -> None:
-    """Four quarter turns with a pause after each, then the landing."""
-    flies = {"TakeOff": "RS", "HoverFor": "(RS)", "Turn": "(RS)", "HelipadCenter": "S", "Land": "S"}
-    bench = load_tree(TREES / "hover_and_look.xml", mocks={**LOOKS, **flies})
-    bench.tick_until(Status.SUCCESS, max_ticks=40)
-    bench.log.assert_succeeded("Turn", times=4)
-    bench.log.assert_succeeded("HoverFor", times=5)
-    bench.log.assert_order("Turn started", "look_around succeeded", "HelipadCenter started")
-
-
 def test_exploring_ends_after_its_time_in_the_middle_of_a_step() -> None:
     """It turns away after a blocked step; after 90 s it returns, during any movement."""
     flies = {"TakeOff": "S", "Explore": "(RRF)", "Avoid": "(RS)", "HelipadCenter": "S", "Land": "S"}

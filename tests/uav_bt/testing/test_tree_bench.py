@@ -9,7 +9,7 @@ import pytest
 from uav_bt.board import ELAPSED, HEIGHT, STATE
 from uav_bt.errors import NodeFailedError, TreeError, ValueRangeError
 from uav_bt.testing import TreeBench, load_tree, parse_tree
-from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, TreeFolders
+from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status
 from uav_bt.tree.scripted import ScriptedLeaf
 from uav_bt.types import GimbalTo, Hover, MoveBy
 
@@ -77,23 +77,6 @@ def test_telemetry_goes_on_until_it_is_lost() -> None:
         bench.tick()
     bench.allow_stale()
     assert bench.tick() is Status.FAILURE
-
-
-def test_subtrees_of_another_folder_are_mocked_like_the_rest(tmp_path: Path) -> None:
-    parts, path = tmp_path / "parts", tmp_path / "missions" / "mission.xml"
-    for folder in (parts, path.parent):
-        folder.mkdir()
-    path.write_text(text_of('<Sequence><SubTree ID="Up"/><Late/></Sequence>'), encoding="utf-8")
-    (parts / "up.xml").write_text(text_of("<Climb/>").replace("Main", "Up"), encoding="utf-8")
-    mocks = {"Main/Sequence/Up/Climb": "RS", "Late": "S"}
-    lookup = TreeFolders(trees=[parts]).lookup()
-    bench = load_tree(path, REGISTRY, lookup=lookup, mocks=mocks)
-    assert bench.tick_until(Status.SUCCESS, max_ticks=5) == 2
-    bench.log.assert_order("Climb succeeded", "Late started")
-    text = path.read_text(encoding="utf-8")
-    assert parse_tree(text, REGISTRY, lookup=lookup, mocks=mocks).tick() is Status.RUNNING
-    with pytest.raises(TreeError, match="Up"):
-        load_tree(path, REGISTRY, mocks=mocks)
 
 
 def test_waiting_in_vain_tells_what_happened() -> None:

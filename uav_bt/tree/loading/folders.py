@@ -58,11 +58,7 @@ class TreeFolders:
         )
 
     def lookup(self) -> Lookup:
-        """Read the trees of the folders, and return where to look for what files do not hold.
-
-        Raises:
-            FileError: a folder does not exist, or has too many files.
-        """
+        """Read the trees of the folders, and return where to look for what files do not hold."""
         files = [file for folder in self.trees for file in files_in(_folder(folder))]
         root = None if self.include_root is None else _folder(self.include_root)
         packages = {name: _folder(path) for name, path in self.packages.items()}

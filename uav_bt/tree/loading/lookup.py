@@ -29,11 +29,7 @@ def shipped_trees() -> Path:
 
 
 def files_in(folder: Path) -> tuple[Path, ...]:
-    """Return the tree files of a folder and below, hidden folders left out.
-
-    Raises:
-        FileError: there are too many to be read.
-    """
+    """Return the tree files of a folder and below, hidden ones left out."""
     found: list[Path] = []
     passed = 0
     for place, folders, names in os.walk(folder):
@@ -62,18 +58,11 @@ _Found = list[tuple[Element, LibraryFile]]  # trees, each with its file
 
 
 class Library:
-    """The trees of whole folders, for SubTrees whose tree is in another file.
-
-    Args:
-        files: tree files; one that cannot be read has no trees here.
-
-    Attributes:
-        trees: all trees by ID, with their files.
-    """
+    """The trees of tree files, for SubTrees whose tree is in another file."""
 
     def __init__(self, files: Iterable[Path] = ()) -> None:
         self._files = tuple(dict.fromkeys(path.resolve() for path in files))
-        self.trees: dict[str, _Found] = {}
+        self.trees: dict[str, _Found] = {}  # by ID
         self._faults: list[str] = []  # why files could not be read
         for path in self._files:
             try:
@@ -104,17 +93,11 @@ class Library:
 
 @dataclass(frozen=True)
 class Lookup:
-    """Sources of the trees and files that a tree file names but does not hold.
-
-    Attributes:
-        library: trees of other files.
-        include_root: a folder that files may be included from, besides the file's own and below.
-        packages: folders of ROS packages, for `<include ros_pkg="...">`.
-    """
+    """Sources of the trees and files that a tree file names but does not hold."""
 
     library: Library = field(default_factory=Library)
-    include_root: Path | None = None
-    packages: Mapping[str, Path] = field(default_factory=dict)
+    include_root: Path | None = None  # files may be included from there, too
+    packages: Mapping[str, Path] = field(default_factory=dict)  # of ROS, for `<include ros_pkg=`
 
     @cached_property
     def shipped(self) -> Library:
@@ -127,15 +110,7 @@ class Lookup:
 
 
 class Includes:
-    """Reads included files, each once.
-
-    Args:
-        main: the file that was asked for; its folder bounds what may be included.
-        lookup: where else files may be included from.
-
-    Attributes:
-        sources: the texts of the included files, by path.
-    """
+    """Reads included files, each once; the folder of the main file bounds what may be included."""
 
     def __init__(self, main: Path, lookup: Lookup) -> None:
         self._main = main.resolve()
@@ -146,15 +121,11 @@ class Includes:
             *([] if root is None else [root.resolve()]),
             *self._packages.values(),
         ]
-        self.sources: dict[Path, bytes] = {}
+        self.sources: dict[Path, bytes] = {}  # texts of the included files
         self._after: dict[Path, list[tuple[Element, Path]]] = {}  # what each file includes
 
     def read(self, include: Element, findings: Findings) -> list[Element]:
-        """Return the root of the included file; nothing when it was read before or is refused.
-
-        Raises:
-            TreeError: the file cannot be read or is not XML.
-        """
+        """Return the root of the included file; nothing when it was read before or is refused."""
         try:
             target = self._target(include)
         except InputError as error:

@@ -35,15 +35,10 @@ _NAMED: Final = re.compile(
 
 
 class PlaceLists:
-    """Replaces files of places by their content; each is read once.
-
-    Args:
-        sources: Takes the texts of the files, by path.
-        findings: Collects the findings.
-    """
+    """Replaces files of places by their content; each is read once."""
 
     def __init__(self, sources: dict[Path, bytes], findings: Findings) -> None:
-        self._sources = sources
+        self._sources = sources  # takes the texts of the files
         self._findings = findings
         self._texts: dict[Path, str] = {}
 
@@ -67,14 +62,7 @@ class PlaceLists:
         return self._at(port, "default", text)
 
     def in_override(self, text: str, port: str, home: Path, place: Place) -> str:
-        """Return the value of a port from outside with the places of files.
-
-        Args:
-            text: The value.
-            port: Name of the port in messages.
-            home: The mission's tree file.
-            place: Of the value.
-        """
+        """Return the value of a port from outside, at a place, with files beside the mission."""
         return self._expanded(text, home, place, f"port '{port}'")
 
     def in_parameters(self, parameters: Parameters, home: Path) -> Parameters:
@@ -91,15 +79,7 @@ class PlaceLists:
         return self._expanded(text, element.path, place, f"attribute '{name}'", element.label)
 
     def _expanded(self, text: str, home: Path, place: Place, what: str, node: str = "") -> str:
-        """Return a list with the places of the files that it names.
-
-        Args:
-            text: The list.
-            home: The tree file whose folder has the files.
-            place: Of the text.
-            what: Attribute or variable, with its name.
-            node: How messages name the node.
-        """
+        """Return a list with the places of the files beside `home`; messages name what and node."""
         parts = text.split(SEPARATOR)
         for index, part in enumerate(parts):
             named = _NAMED.fullmatch(part)
@@ -114,11 +94,7 @@ class PlaceLists:
         return SEPARATOR.join(parts)
 
     def _places(self, name: str, home: Path, place: Place, what: str, node: str) -> str:
-        """Return the places of a file; note its faults.
-
-        Raises:
-            InputError: It cannot be read, is too large, or there are too many.
-        """
+        """Return the places of a file and note its faults, or raise an InputError."""
         target = _target(name, home.resolve())
         if target in self._texts:
             return self._texts[target]
@@ -139,13 +115,7 @@ class PlaceLists:
 
 
 def takes_places(element: Element, name: str, registry: NodeRegistry) -> bool:
-    """Return whether an attribute can be a list of places: a declared port, or a SubTree's entry.
-
-    Args:
-        element: A node of a tree file.
-        name: Of the attribute.
-        registry: The nodes that may occur.
-    """
+    """Return whether an attribute can be a list of places: a declared port or a SubTree's entry."""
     if name in CONDITION_ATTRIBUTES:
         return False
     if element.tag == NodeKind.SUBTREE.value or expanded_class(element, registry) is not None:
@@ -155,11 +125,7 @@ def takes_places(element: Element, name: str, registry: NodeRegistry) -> bool:
 
 
 def _target(name: str, home: Path) -> Path:
-    """Return the file that a tree file names.
-
-    Raises:
-        InputError: The file is absent, or lies neither in the folder of the tree file nor below.
-    """
+    """Return the file that a tree file names, or raise an InputError."""
     folder = home.parent
     if not home.is_file():
         raise InputError(f"'{name}': only a tree that is loaded from a file can name one of places")

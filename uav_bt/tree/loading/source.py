@@ -142,15 +142,7 @@ def _position(text: str, at: int, here: Position) -> Position:
 
 
 def parse_source(data: bytes, path: Path) -> Element:
-    """Return the root element of a document.
-
-    Args:
-        data: the file's bytes.
-        path: what messages call the file.
-
-    Raises:
-        TreeError: the document is not well-formed XML, or exceeds a limit of tree files.
-    """
+    """Return the root element of a document, or raise a TreeError: no XML, or beyond a limit."""
     if len(data) > MAX_BYTES:
         raise _refused(path, f"larger than {MAX_BYTES} bytes: {_SMALLER}")
     text = _decoded(data, path)
@@ -252,11 +244,8 @@ def circles(
 ) -> Iterator[tuple[_E, list[_T]]]:
     """Yield each use that closes a circle, with the circle from its first member to itself.
 
-    Depth first with an explicit stack, because a chain can exceed Python's recursion limit.
-
-    Args:
-        starts: trees or files to begin with.
-        after: returns the uses of a tree or file, each with the element and the used one.
+    `after` returns the uses of a tree or file, each with the element and the used one. Depth first
+    with an explicit stack, because a chain can exceed Python's recursion limit.
     """
     done: set[_T] = set()
     for start in starts:
