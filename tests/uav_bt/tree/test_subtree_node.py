@@ -18,7 +18,7 @@ from uav_bt.errors import InputError, TreeError
 from uav_bt.groot.numbering import TreeNumbering, tree_xml
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, SubtreeNode, parse_tree
 from uav_bt.tree.describe import describe, palette_xml
-from uav_bt.tree.dry_run.script_file import read_script, scripted_tree
+from uav_bt.tree.dry_run import Simulation, read_script
 from uav_bt.tree.loading.loader import check_text
 from uav_bt.tree.loading.lookup import Library, Lookup
 from uav_bt.tree.nodes import AlwaysSuccess, Sequence
@@ -344,7 +344,7 @@ def test_a_dry_run_has_answers_for_the_whole_node_or_for_leaves_inside(
     mission, script = tmp_path / "m.xml", tmp_path / "s.yaml"
     mission.write_text(text_of("<GoBack/>"), encoding="utf-8")
     script.write_text(answers, encoding="utf-8")
-    tree = scripted_tree(mission, read_script(script), REGISTRY)
+    tree = Simulation(mission, read_script(script), REGISTRY).tree
     scripted = [leaf for leaf in tree.leaves() if isinstance(leaf, ScriptedLeaf)]
     assert {leaf.path: leaf.node_id for leaf in scripted} == ticked
 
