@@ -88,9 +88,10 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder of the copy")
     given = parser.parse_args()
     lab = load_lab(given.lab)
-    scenes = scenes_of(lab, "*train-*")
+    prefix = "*" if lab.scenes else ""  # scenes of the default lab have no lab in their name
+    scenes = scenes_of(lab, f"{prefix}train-*")
     plan = ViewPlan(scenes=scenes, views=given.views, profile="lab", lowered=0.25, seed=1)
-    check = replace(plan, scenes=scenes_of(lab, "*val-*"), views=CHECK_VIEWS)
+    check = replace(plan, scenes=scenes_of(lab, f"{prefix}val-*"), views=CHECK_VIEWS)
     material = copy_lab(lab, given.out)
     write_views(material, {"train": plan, "check": check}, TeacherConfig())
     print(f"{material.lab.folder}: next uav-bt lab train {material.lab.folder}")

@@ -8,6 +8,7 @@ import shutil
 import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -38,8 +39,9 @@ def main() -> int:
         program = Program(given.program, Path(scratch), given.python)
         if given.action == "make" and not given.only:
             make_inputs(program, inputs, given.traces)
-            for line in [] if given.quick else TABLE["make"]:
-                program.long(inputs, line, inputs)
+            with ThreadPoolExecutor(given.jobs) as pool:
+                lines = [] if given.quick else TABLE["make"]
+                list(pool.map(partial(program.long, inputs, folder=inputs), lines))
         found: dict[str, Any] = {}
         with ThreadPoolExecutor(given.jobs) as pool:
             for part in parts:

@@ -31,7 +31,9 @@ class Program:
         groups = project["entry-points"].items()
         texts = ["\n".join([f"[{name}]", *map(" = ".join, each.items())]) for name, each in groups]
         (info / "entry_points.txt").write_text("\n".join(texts))
-        self.environment = {**os.environ, "PYTHONPATH": f"{self.root}:{scratch}", "COLUMNS": "100"}
+        given = {"PYTHONPATH": f"{self.root}:{scratch}", "COLUMNS": "100"}
+        given["OPENCV_FOR_THREADS_NUM"] = "1"  # sums of several threads round by the load
+        self.environment = {**os.environ, **given}
         self.trees = sorted(f.stem for f in root.glob("trees/**/*.xml") if f.parent.name != "lib")
 
     def lines(self, line: str) -> list[str]:

@@ -20,9 +20,20 @@ def call(words: list[str]) -> tuple[int, str]:
     return 0, out.getvalue()
 
 
+fork = multiprocessing.get_context("fork").Process
 lines = json.load(sys.stdin)
 for first in {line[0]: line for line in lines[::-1]}.values():
     call(first)  # loads the modules
 gc.freeze()  # a collection would copy all memory in each fork
-with multiprocessing.get_context("fork").Pool(1, maxtasksperchild=1) as pool:
-    json.dump(pool.map(call, lines, chunksize=1), sys.stdout)
+ends = []
+for line in lines:
+    reader, writer = multiprocessing.Pipe(duplex=False)
+    process = fork(target=lambda: writer.send(call(line)))  # noqa: B023
+    process.start()
+    writer.close()
+    try:
+        ends.append(reader.recv())
+    except EOFError:
+        ends.append((1, "raised"))
+    process.join()
+json.dump(ends, sys.stdout)

@@ -39,6 +39,11 @@ def write_weights(
         {name: np.ascontiguousarray(tensor) for name, tensor in tensors.items()},
         metadata={"kind": kind, "details": json.dumps(details, sort_keys=True)},
     )
+    # The library writes metadata in no fixed order; the same weights are to give the same bytes.
+    start = 8 + int.from_bytes(content[:8], "little")
+    header = json.dumps(json.loads(content[8:start]), sort_keys=True).encode()
+    header += b" " * (-len(header) % 8)
+    content = len(header).to_bytes(8, "little") + header + content[start:]
     path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, content)
 
