@@ -52,7 +52,7 @@ from uav_bt.record.info import record_info
 from uav_bt.record.reader import RecordReader
 from uav_bt.record.record_file import RecordFile
 from uav_bt.tree import load_tree
-from uav_bt.tree.dry_run.script_file import read_script
+from uav_bt.tree.dry_run import read_script
 from uav_bt.tree.loading.palette import read_palette
 from uav_bt.tree.loading.parameter_file import read_parameters
 from uav_bt.tree.shipped import resolve_tree

@@ -35,7 +35,7 @@ from uav_bt.cli.command import OutputFile, OutputFolder
 from uav_bt.cli.registry_options import registry_with
 from uav_bt.cli.root import uav_bt
 from uav_bt.tree import NodeRegistry, parse_tree
-from uav_bt.tree.dry_run.script_file import read_script
+from uav_bt.tree.dry_run import read_script
 from uav_bt.tree.loading.loader import check_file
 from uav_bt.tree.shipped import tree_files
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 
 from tests.paper_lab import CLASSES
 from uav_bt.answers import Advance, Blocked
 from uav_bt.testing import LeafBench
-from uav_bt.testing.world import InFlight, Says, live
+from uav_bt.testing.world import Says, live
 from uav_bt.tree import Leaf, MissionTree, Status, shipped_subtree
 from uav_bt.types import (
     NearObstacles,
@@ -34,7 +34,7 @@ def steering_bench(leaf: type[Leaf], policy: Says, **attributes: object) -> Leaf
     return bench
 
 
-def wait(bench: LeafBench, seconds: float, **world: Unpack[InFlight]) -> Status:
+def wait(bench: LeafBench, seconds: float, **world: Any) -> Status:
     """Let a leaf run for a while, in ticks of half a second at most, until it ends."""
     status = Status.RUNNING
     while seconds > 1e-9 and status is Status.RUNNING:

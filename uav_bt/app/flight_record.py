@@ -21,7 +21,7 @@ import uav_bt
 from uav_bt.app import provenance
 from uav_bt.app.assembly import Flight
 from uav_bt.app.place_of_flight import limits_of, site_of
-from uav_bt.app.recorded_files import lab_files, scene_files, tree_facts, tree_files
+from uav_bt.app.recorded_files import lab_files, scene_files, tree_files
 from uav_bt.app.site import Site
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import writing
@@ -86,7 +86,7 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
         for name, value in values.items()
     }
     return FlightFacts(
-        values={**texts, **tree_facts(mission)},
+        values=texts,
         attachments=[*tree_files(mission), *scene_files(scene), *lab_files(options)],
     )
 

@@ -21,7 +21,6 @@ from uav_bt.tree import MissionTree, Node, NodeRegistry, load_tree, parse_tree
 from uav_bt.tree.leaves_file import with_leaves
 from uav_bt.tree.loading.before_flight import faults_of
 from uav_bt.tree.loading.folders import TreeFolders
-from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.parameter_file import ParameterFile
 from uav_bt.tree.loading.parameters import split_port
 from uav_bt.tree.shipped import resolve_tree
@@ -72,7 +71,6 @@ def read_mission(
     registry: NodeRegistry | None = None,
     *,
     replaced: Mapping[str, Mapping[str, str]] | None = None,
-    lookup: Lookup | None = None,
 ) -> MissionTree:
     """Load a tree with the values that options and site replace in it.
 
@@ -81,7 +79,6 @@ def read_mission(
         options: which tree of a file, where else trees are, policies by node, and the site.
         registry: the nodes that may occur; default: all installed.
         replaced: further attribute values that replace the tree's, by a node's name or path.
-        lookup: where else trees and included files are; default: as the options say.
 
     Raises:
         TreeError: the file was refused, or a policy is unknown.
@@ -136,7 +133,7 @@ def read_mission(
             tree_id=options.tree_id,
             overrides=overrides,
             by_key=by_key,
-            lookup=lookup or options.tree_folders.lookup(),
+            lookup=options.tree_folders.lookup(),
             parameters=options.parameters,
         )
         _check_site_reaches(loaded, stated, source)

@@ -72,11 +72,6 @@ class Blackboard:
         """All declared keys by name (a copy)."""
         return dict(self._keys)
 
-    def scripts_may_write(self, name: str) -> bool:
-        """Return whether scripts may write a key: never on a mission's board, where leaves do."""
-        del name
-        return False
-
     def key(self, name: str) -> Key[Any]:
         """Return a declared key by name."""
         if name not in self._keys:

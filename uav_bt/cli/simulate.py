@@ -13,7 +13,7 @@ from uav_bt.cli.command import Command
 from uav_bt.cli.lab_option import lab_option, refuse_in_lab
 from uav_bt.cli.options import INPUT, format_option, tree_folders_option, tree_option
 from uav_bt.cli.parameter_options import parameter_options, single
-from uav_bt.cli.registry_options import registry_options
+from uav_bt.cli.registry_options import leaves_option
 from uav_bt.cli.values import Number, WholeNumber
 from uav_bt.errors import MissionError
 from uav_bt.lab.shipped import load_lab
@@ -47,7 +47,7 @@ from uav_bt.tree.shipped import resolve_tree
 )
 @format_option("table", "json", help_="json: one object with all ticks.")
 @tree_option
-@registry_options
+@leaves_option
 @tree_folders_option
 @parameter_options
 @lab_option
@@ -83,7 +83,6 @@ def simulate(
         Measure: {depth_m: 1.5}
       variables: {laps: 3}    # before the first tick; --var takes precedence
       board: {phase: explore}
-      nodes: {RecoveryNode: Fallback}  # for a palette's control nodes
 
     \b
     Examples:

@@ -90,21 +90,8 @@ class BenchWorld:
     ) -> None:
         """Write the board values of a drone in the air with a black image, as the runner does.
 
-        A drone with a velocity is FLYING.
-
-        Args:
-            height_m: above the ground and above the take-off point.
-            gimbal_pitch_rad: 0 is level, negative is down.
-            attitude: default: level, heading 0.
-            forward_mps: velocity along the heading.
-            right_mps: velocity to the right of the heading.
-            down_mps: velocity downwards.
-            battery_share: charge, 0 to 1.
-            link_share: quality of the radio link, 0 to 1.
-            pilot_has_control: whether a person has taken over.
-
-        Raises:
-            ValueRangeError: a share lies outside 0 to 1.
+        Heights are above the ground and the take-off point, a negative pitch is down, velocities
+        are along the heading and to its right, shares 0 to 1. A drone with a velocity is FLYING.
         """
         for name, share in (("battery_share", battery_share), ("link_share", link_share)):
             if not 0.0 <= share <= 1.0:
@@ -139,11 +126,7 @@ class BenchWorld:
         self._frames += 1
 
     def finish_movement(self, state: MovementState = MovementState.DONE) -> None:
-        """Report the end of the movement that was proposed in the last tick.
-
-        Raises:
-            MissionError: no `MoveBy` was proposed in the last tick.
-        """
+        """Report the end of the `MoveBy` that was proposed in the last tick."""
         move = self.proposed
         if not isinstance(move, MoveBy):
             raise MissionError(f"no MoveBy was proposed in the last tick, but {move}")
@@ -165,12 +148,7 @@ class BenchWorld:
     # --- the tree ---------------------------------------------------------------------------------
 
     def setup(self) -> None:
-        """Set the tree up; otherwise the first tick does.
-
-        Raises:
-            InputError: a leaf cannot use its ports' values.
-            NodeFailedError: another exception in a leaf's `on_setup`.
-        """
+        """Set the tree up; otherwise the first tick does."""
         context = MissionContext(
             board=self.strict_board,
             clock=self.clock,
@@ -228,12 +206,8 @@ class LeafBench(BenchWorld):
         assert bench.proposed == MoveBy(id=1, forward_m=0.3)
         bench.finish_movement()
 
-    Access to the board that is undeclared, mistyped or stale raises `NodeFailedError` from
-    `BoardAccessError`.
-
-    Args:
-        leaf: the leaf's class.
-        attributes: its attributes, as in a tree file or typed.
+    Attributes are as in a tree file, or typed. Access to the board that is undeclared, mistyped or
+    stale raises `NodeFailedError` from `BoardAccessError`.
     """
 
     def __init__(self, leaf: type[Leaf], /, **attributes: object) -> None:
@@ -244,11 +218,7 @@ class LeafBench(BenchWorld):
         super().__init__(MissionTree(self.leaf, name="Bench"))
 
     def tick(self, advance_s: float = 0.0) -> Status:
-        """Let time pass, tick the leaf once and return its answer.
-
-        Raises:
-            NodeFailedError: the leaf raised.
-        """
+        """Let time pass, tick the leaf once and return its answer."""
         self.clock.advance(advance_s)
         self._prepare()
         return self._tick_tree()

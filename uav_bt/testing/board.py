@@ -25,12 +25,7 @@ class StrictBlackboard(Blackboard):
         self.allow_stale = False
 
     def read(self, key: Key[T]) -> Reading[T]:
-        """Return a fresh value, or an empty reading if none was ever written.
-
-        Raises:
-            BoardAccessError: the key is not declared as it is read, or the value is stale and
-                `allow_stale` is False.
-        """
+        """Return a fresh value, or an empty reading if none was ever written."""
         declared = self._keys.get(key.name)
         if declared is None:
             raise BoardAccessError(

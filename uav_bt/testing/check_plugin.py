@@ -2,33 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
 import pytest
 
-from uav_bt.errors import InputError
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.loading.findings import errors_of
-from uav_bt.tree.loading.folders import TreeFolders
-from uav_bt.tree.loading.palette import read_palette, with_palette
+from uav_bt.tree.loading.lookup import Library, Lookup
 from uav_bt.tree.loading.together import FilesTogether
 
 _HEAD_BYTES: Final = 20_000  # a long comment may come before the root element; chosen
-_TOGETHER: Final[pytest.StashKey[FilesTogether]] = pytest.StashKey()
 
 
 class CheckPlugin:
-    """Collects tree files. The collected files use each other's trees.
+    """Collects tree files. The collected files use each other's trees."""
 
-    Args:
-        given: paths by option: `folder`, `include_root` and `palette`.
-    """
-
-    def __init__(self, given: Mapping[str, Sequence[Path]]) -> None:
-        self._given = given
+    def __init__(self) -> None:
         self._files: list[Path] = []
 
     def pytest_collect_file(
@@ -44,22 +35,16 @@ class CheckPlugin:
         return _TreeFile.from_parent(parent, path=file_path)
 
     def pytest_collection_finish(self, session: pytest.Session) -> None:
-        """Read where else trees and nodes are."""
-        if not self._files:
-            return
-        roots = self._given["include_root"]
-        folders = TreeFolders(
-            trees=tuple(self._given["folder"]), include_root=roots[-1] if roots else None
-        )
-        try:
-            registry, lookup = NodeRegistry.installed(), folders.lookup()
-            for palette in self._given["palette"]:
-                registry = with_palette(registry, read_palette(palette))
-        except InputError as error:
-            raise pytest.UsageError(f"--check-trees: {error}") from error
-        lookup = replace(lookup, library=lookup.library.joined_by(self._files))
-        files = map(_short, self._files)
-        session.config.stash[_TOGETHER] = FilesTogether(files, registry, lookup=lookup)
+        """Read all collected files."""
+        if self._files:
+            lookup = Lookup(Library(self._files))
+            files = map(_short, self._files)
+            session.config.stash[_TOGETHER] = FilesTogether(
+                files, NodeRegistry.installed(), lookup=lookup
+            )
+
+
+_TOGETHER: Final[pytest.StashKey[FilesTogether]] = pytest.StashKey()
 
 
 def _short(path: Path) -> Path:

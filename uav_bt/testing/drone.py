@@ -87,11 +87,6 @@ class ScriptedDrone:
 
     With `observations` it shows one of them per `observe`, and repeats the last. Without them it
     simulates an ideal drone: each movement is done exactly, after a number of ticks.
-
-    Args:
-        observations: the observations to show; empty: those that follow from the commands.
-        config: the durations of its movements.
-        clock: the mission's clock; default: a new one.
     """
 
     def __init__(
@@ -114,7 +109,6 @@ class ScriptedDrone:
         self.x_m = 0.0  # world, relative to the take-off point
         self.y_m = 0.0
         self._script = list(observations)
-        self._shown = 0
         self._frames = 0
         self._ticks_left = 0
         self._move: MoveBy | None = None
@@ -129,16 +123,12 @@ class ScriptedDrone:
         self.connected = False
 
     def observe(self) -> Observation:
-        """Return the script's next observation, or the present state and a frame of bright stripes.
-
-        The stripes move from frame to frame, because the runner takes an image that does not change
-        while the drone moves for a frozen video.
-        """
+        """Return the script's next observation, or the present state and a frame of stripes."""
         if self._script:
-            self._shown = min(self._shown + 1, len(self._script))
-            return self._script[self._shown - 1]
+            return self._script.pop(0) if len(self._script) > 1 else self._script[0]
         self.state = self.state.dated(self.clock.now())
         frame = blank_frame(self.camera, self.state, index=self._frames)
+        # They move: the runner takes an image that does not change in flight for a frozen video.
         stripes = (np.arange(self.camera.width_px) + self._frames) % 16 < 8
         frame.image[:, stripes] = _STRIPE_GREY
         self._frames += 1
@@ -152,18 +142,19 @@ class ScriptedDrone:
         movement = command.movement
         if not isinstance(movement, MoveBy):
             self._interrupt()
-        if isinstance(movement, CutMotors):
-            self._set_height(0.0, FlyingState.LANDED)
-        elif isinstance(movement, TakeOff):
-            self._take_off()
-        elif isinstance(movement, Land):
-            self._land()
-        elif isinstance(movement, MoveBy):
-            self._move_by(movement)
-        elif isinstance(movement, Velocity):
-            self._fly(movement)
-        elif self._airborne:
-            self.state = replace(self.state, flying=FlyingState.HOVERING)
+        match movement:
+            case CutMotors():
+                self._set_height(0.0, FlyingState.LANDED)
+            case TakeOff():
+                self._take_off()
+            case Land():
+                self._land()
+            case MoveBy():
+                self._move_by(movement)
+            case Velocity():
+                self._fly(movement)
+            case _ if self._airborne:
+                self.state = replace(self.state, flying=FlyingState.HOVERING)
         return command
 
     @property
@@ -181,21 +172,23 @@ class ScriptedDrone:
 
     def _take_off(self) -> None:
         if self.state.flying is FlyingState.LANDED:
-            self._ticks_left = self.config.take_off_ticks
-            self.state = replace(self.state, flying=FlyingState.TAKING_OFF)
-        if self.state.flying is FlyingState.TAKING_OFF:
-            self._ticks_left -= 1
-            if self._ticks_left <= 0:
-                self._set_height(self.config.take_off_height_m, FlyingState.HOVERING)
+            self._begin(FlyingState.TAKING_OFF, self.config.take_off_ticks)
+        if self.state.flying is FlyingState.TAKING_OFF and self._is_over():
+            self._set_height(self.config.take_off_height_m, FlyingState.HOVERING)
 
     def _land(self) -> None:
         if self._airborne or self.state.flying is FlyingState.TAKING_OFF:
-            self._ticks_left = self.config.landing_ticks
-            self.state = replace(self.state, flying=FlyingState.LANDING)
-        if self.state.flying is FlyingState.LANDING:
-            self._ticks_left -= 1
-            if self._ticks_left <= 0:
-                self._set_height(0.0, FlyingState.LANDED)
+            self._begin(FlyingState.LANDING, self.config.landing_ticks)
+        if self.state.flying is FlyingState.LANDING and self._is_over():
+            self._set_height(0.0, FlyingState.LANDED)
+
+    def _begin(self, flying: FlyingState, ticks: int) -> None:
+        self._ticks_left = ticks
+        self.state = replace(self.state, flying=flying)
+
+    def _is_over(self) -> bool:
+        self._ticks_left -= 1
+        return self._ticks_left <= 0
 
     def _interrupt(self) -> None:
         if self._move is not None:
@@ -216,11 +209,9 @@ class ScriptedDrone:
         if self._move is None or self._move.id != move.id:
             self._interrupt()
             self._move = move
-            self._ticks_left = self.config.movement_ticks
-            self.state = replace(self.state, flying=FlyingState.FLYING)
+            self._begin(FlyingState.FLYING, self.config.movement_ticks)
             self._report(move.id, MovementState.RUNNING)
-        self._ticks_left -= 1
-        if self._ticks_left <= 0:
+        if self._is_over():
             self._shift(move.forward_m, move.right_m, move.down_m, move.yaw_rad)
             self.state = replace(self.state, flying=FlyingState.HOVERING)
             self._report(move.id, MovementState.DONE)

@@ -37,7 +37,6 @@ class Event:
     kind: NodeEvent
 
     def __str__(self) -> str:
-        """Return a line of the table."""
         return f"{self.tick:>5}  {self.time_s:>7.2f}  {self.kind.value:<9}  {self.path}"
 
 
@@ -47,10 +46,6 @@ class EventLog:
     A node is named by its path, its name or its node id; a name of several nodes stands for any of
     them. The assertions count events of a node: at least one, or exactly `times`, in the
     whole log or in one `tick`. Every failing assertion shows the whole log.
-
-    Args:
-        tree: the tree to watch.
-        clock: the mission's clock.
     """
 
     def __init__(self, tree: MissionTree, clock: Clock) -> None:
@@ -72,16 +67,7 @@ class EventLog:
     # --- questions --------------------------------------------------------------------------------
 
     def of(self, node: str, *kinds: NodeEvent | str, tick: int | None = None) -> tuple[Event, ...]:
-        """Return the events of a node.
-
-        Args:
-            node: its path, name or node id.
-            kinds: the kinds of events; default: all.
-            tick: only the events of this tick.
-
-        Raises:
-            UnknownNameError: the node or the kind is unknown.
-        """
+        """Return the events of a node: of some kinds, in one tick, or all."""
         paths = _known("node", node, self._paths)
         words = [kind.value if isinstance(kind, NodeEvent) else kind for kind in kinds or _KINDS]
         wanted = {_known("event", word, _KINDS) for word in words}
@@ -140,20 +126,13 @@ class EventLog:
 
             log.assert_order("look_around started", "Avoid started", "look_around halted")
 
-        Args:
-            steps: a node and an event: started, ran, succeeded, failed, skipped, halted or raised.
-
-        Raises:
-            UnknownNameError: the node or the event is unknown.
+        A step is a node and an event: started, ran, succeeded, failed, skipped, halted or raised.
         """
-        wanted = []
-        for step in steps:
-            node, _, word = step.strip().rpartition(" ")
-            paths = _known("node", node.strip(), self._paths)
-            wanted.append((paths, _known("event", word, _KINDS)))
+        words = [step.strip().rpartition(" ") for step in steps]
+        wanted = [set(map(id, self.of(node.strip(), word))) for node, _, word in words]
         events = iter(self.events)
-        for index, (paths, kind) in enumerate(wanted):
-            if not any(e.path in paths and e.kind is kind for e in events):
+        for index, fitting in enumerate(wanted):
+            if not any(id(event) in fitting for event in events):
                 after = f" after '{steps[index - 1]}'" if index else ""
                 raise AssertionError(
                     f"expected in this order: {', '.join(steps)}; "

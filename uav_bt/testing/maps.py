@@ -47,10 +47,6 @@ def drawn_map(
             0.1 m and reach 1 m beyond the ground; `drawn_map().places_m()` has the places of the
             cells.
         passed: cells near the flown path. Default: none.
-
-    Raises:
-        ShapeError: a grid does not have the shape of the map, or `obstacles` is not (N, 2).
-        ValueRangeError: the side of the ground is not positive.
     """
     if not 0.0 < ground_m < math.inf:
         raise ValueRangeError(f"ground_m must be positive, got {ground_m}")

@@ -7,47 +7,26 @@ run on the machine.
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
-from typing import Final
 
 import pytest
 
 from uav_bt import testing
 
-_ELSEWHERE: Final = {
-    "folder": ("DIR", "a folder whose trees SubTrees may use, too"),
-    "include_root": ("DIR", "a folder that files may be included from, besides the file's own"),
-    "palette": ("FILE", "a file that describes nodes that are not installed"),
-}
-
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Declare the options of the test kit."""
+    """Declare the option of the test kit."""
     group = parser.getgroup("uav_bt", "tree files (uav_bt.testing)")
-    group.addoption(
-        "--check-trees",
-        action="store_true",
-        help="collect all tree files (*.xml with BTCPP_format) as tests that check them",
-    )
+    about = "collect all tree files (*.xml with BTCPP_format) as tests that check them"
+    group.addoption("--check-trees", action="store_true", help=about)
     parser.addini("uav_bt_check_trees", "as --check-trees", type="bool", default=False)
-    for name, (metavar, what) in _ELSEWHERE.items():
-        flag, about = f"--check-trees-{name.replace('_', '-')}", f"with --check-trees: {what}"
-        group.addoption(flag, action="append", default=[], metavar=metavar, help=about)
-        parser.addini(f"uav_bt_check_trees_{name}", f"as {flag}", type="paths", default=[])
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Check tree files when an option asks for it."""
-    if not (config.getoption("check_trees") or config.getini("uav_bt_check_trees")):
-        return
-    from uav_bt.testing.check_plugin import CheckPlugin  # noqa: PLC0415  # see above
+    """Check tree files when the option asks for it."""
+    if config.getoption("check_trees") or config.getini("uav_bt_check_trees"):
+        from uav_bt.testing.check_plugin import CheckPlugin  # noqa: PLC0415  # see above
 
-    given = {
-        name: [Path(each) for each in config.getoption(f"check_trees_{name}")]
-        or config.getini(f"uav_bt_check_trees_{name}")
-        for name in _ELSEWHERE
-    }
-    config.pluginmanager.register(CheckPlugin(given), "uav_bt_check_trees")
+        config.pluginmanager.register(CheckPlugin(), "uav_bt_check_trees")
 
 
 @pytest.fixture

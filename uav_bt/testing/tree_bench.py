@@ -67,11 +67,7 @@ class TreeBench(BenchWorld):
         self.clock.advance(seconds)
 
     def tick(self) -> Status:
-        """Tick the tree once and return the root's answer.
-
-        Raises:
-            NodeFailedError: a node raised; the tree has been halted.
-        """
+        """Tick the tree once and return the root's answer."""
         if self.outcomes:
             self.clock.advance(self.tick_s)
         self._prepare()
@@ -94,12 +90,7 @@ class TreeBench(BenchWorld):
         return status
 
     def tick_until(self, status: Status, max_ticks: int) -> int:
-        """Tick until the root answers a status, and return the number of ticks.
-
-        Raises:
-            AssertionError: the root did not give that answer within the limit.
-            NodeFailedError: a node raised.
-        """
+        """Tick until the root answers a status, else fail; return the number of ticks."""
         __tracebackhide__ = True
         for count in range(1, max_ticks + 1):
             if self.tick() is status:
@@ -124,17 +115,10 @@ def load_tree(
     tick_s: float = 0.1,
     **options: Unpack[TreeOptions],
 ) -> TreeBench:
-    """Put a tree file on a bench.
+    """Put a tree file on a bench, with ticks `tick_s` apart.
 
-    Args:
-        path: the file.
-        registry: the nodes that may occur; default: all installed.
-        tick_s: time between two ticks.
-        options: `mocks` (scripts such as `RRS`, or `Mock`) and the other keyword arguments of
-            `uav_bt.tree.parse_tree`.
-
-    Raises:
-        TreeError: the file was refused, or a mock or an override does not fit.
+    Options are `mocks` (scripts such as `RRS`, or `Mock`) and what `uav_bt.tree.parse_tree` takes.
+    A refused file, or a mock that does not fit, raises a `TreeError`.
     """
     return TreeBench(load_mission(path, _nodes(registry), **options), tick_s=tick_s)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TypedDict, Unpack
+from typing import Any
 
 import numpy as np
 
@@ -26,29 +26,13 @@ from uav_bt.types import (
 from uav_bt.types.arrays import Image
 
 
-class InFlight(TypedDict, total=False):
-    """Keyword arguments of `live`; `show` describes them."""
-
-    seconds: float
-    site_map: SiteMap | None
-    ids: Image | None
-    flying: FlyingState
-    height_m: float
-    yaw_rad: float | None
-    gimbal_deg: float
-    movement: MovementStatus | None
-    velocity: BodyVelocity | None
-
-
 class Says:
     """A policy that gives its answers in turn, the last one for ever.
 
         bench = LeafBench(Explore, policy="says")
         bench.policies["says"] = Says(Advance(forward_m=0.3, reason="clear"))
 
-    Attributes:
-        answers: the answers that are still to come; a test may replace them.
-        views: the views that the policy was asked about, in order.
+    `answers` are still to come; `views` are those that the policy was asked about, in order.
     """
 
     def __init__(self, first: Answer, *others: Answer) -> None:
@@ -117,11 +101,7 @@ def show(
         bench.board[SITE_MAP] = replace(site_map, captured_s=now_s)
 
 
-def live(bench: LeafBench, **world: Unpack[InFlight]) -> Status:
-    """Show the leaf the drone in flight (see `show`), tick it once and return its answer.
-
-    Raises:
-        NodeFailedError: the leaf raised.
-    """
+def live(bench: LeafBench, **world: Any) -> Status:
+    """Show the leaf the drone in flight (see `show`), tick it once and return its answer."""
     show(bench, **world)
     return bench.tick()

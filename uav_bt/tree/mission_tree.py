@@ -12,13 +12,11 @@ from typing import Any, Final
 from py_trees.behaviour import Behaviour
 
 from uav_bt.board import Key
-from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import InputError, MissionError, NodeFailedError, UavBtError, did_you_mean
 from uav_bt.tree.foreign import PyTreesRoot
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.findings import Position
-from uav_bt.tree.loading.lookup import Inclusion
 from uav_bt.tree.node import Node
 from uav_bt.tree.placing import place_tree
 from uav_bt.tree.script import SCRIPTS, parse_script, parsed_by
@@ -58,7 +56,7 @@ class MissionTree:
         name: the tree's name, first part of all paths.
         sources: the texts of the tree file and of the files it takes trees from, by path, the tree
             file first; empty for a tree composed in Python.
-        inclusions: which of these files each `<include>` stands for.
+        whole: one tree file with all that the tree takes from these.
         places: where the tree file has the nodes, by path; empty for a tree composed in Python.
         replaced: attribute values that replace those of the tree file, by path.
         enum_members: of enumerations, integers by the names that scripts read.
@@ -71,7 +69,7 @@ class MissionTree:
         *,
         name: str = "Tree",
         sources: Mapping[Path, bytes] | None = None,
-        inclusions: Mapping[Inclusion, Path] | None = None,
+        whole: bytes = b"",
         places: Mapping[str, Place] | None = None,
         replaced: Mapping[str, Mapping[str, str]] | None = None,
         enum_members: Mapping[str, int] | None = None,
@@ -80,7 +78,7 @@ class MissionTree:
         self.root = root if isinstance(root, Node) else PyTreesRoot(root)
         self.name = name
         self.sources = dict(sources or {})
-        self.inclusions = dict(inclusions or {})
+        self.whole = whole
         self.places = dict(places or {})
         self.replaced = {path: dict(given) for path, given in (replaced or {}).items()}
         self.unset = tuple(unset)
@@ -191,7 +189,7 @@ class MissionTree:
         for leaf in self.leaves():
             for key in (*leaf.reads, *leaf.writes):
                 context.board.declare(key)
-        self._check_scripts(context.board)
+        self._check_scripts()
         try:
             for node in self.nodes():
                 node.setup(mission=context)
@@ -203,15 +201,15 @@ class MissionTree:
             raise
         self._ready = True
 
-    def _check_scripts(self, board: Blackboard) -> None:
+    def _check_scripts(self) -> None:
         """Refuse scripts that write board keys; in a file the loader has done so."""
         for node in self.nodes():
             scripts = [parse_script(text) for text in node.condition_scripts.values()]
             for port in node.ports:
                 text = node.literals.get(port.name) if port.check in SCRIPTS else None
                 scripts += [parsed_by(port.check, text)] if isinstance(text, str) else []
-            for key in (key for script in scripts for key in script.board_writes):
-                if not board.scripts_may_write(key):
+            for script in scripts:
+                for key in script.board_writes:
                     what = f"node '{node.path}': '@{key}' is a board key"
                     raise InputError(f"{what}; {ONLY_LEAVES_WRITE}")
 

@@ -24,16 +24,9 @@ class AnswerScript:
     """Answers of a scripted leaf, one letter a tick: R running, S success, F failure, K skipped.
 
     One letter is used up each time the leaf is ticked, whether an activation begins, goes on or was
-    halted in between. After the last letter the last one is answered for ever; letters in brackets
-    at the end are answered over and over instead:
-
-    - `RRS`: running, running, and from then on success at every tick;
-    - `(RRS)`: takes three ticks every time it is started;
-    - `F(RS)`: fails once, then takes two ticks every time;
-    - `R`: runs until it is halted.
-
-    This is how the scripted leaves of BehaviorTree.CPP's reference traces answer; the brackets are
-    an addition.
+    halted in between. After the last letter the last one is answered for ever (`RRS`); letters in
+    brackets at the end are answered over and over instead (`F(RS)`). BehaviorTree.CPP's reference
+    traces answer so; the brackets are an addition.
     """
 
     once: tuple[Status, ...]  # answered first
@@ -41,11 +34,7 @@ class AnswerScript:
 
     @classmethod
     def parse(cls, text: str) -> AnswerScript:
-        """Return the script that a text is; spaces between the letters mean nothing.
-
-        Raises:
-            ValueRangeError: it is empty, or has other letters, or brackets elsewhere.
-        """
+        """Return the script that a text is; spaces between the letters mean nothing."""
         letters = "".join(text.split())
         match = _SCRIPT.fullmatch(letters)
         if match is None or not letters:
@@ -90,17 +79,7 @@ class Mock:
 
 
 class ScriptedLeaf(Leaf):
-    """Answers by its script and does nothing else.
-
-    Args:
-        name: the instance's name; default: the node's id.
-        script: the script's text, see `AnswerScript`; or a mock with outputs.
-        given: values of the ports.
-
-    Raises:
-        ValueRangeError: the script cannot be read, a condition's script has an R, or an output does
-            not fit.
-    """
+    """Answers by its script, a text or a mock with outputs, and does nothing else."""
 
     answers = (SUCCESS, FAILURE, RUNNING, SKIPPED)
     mocked: ClassVar[type[Leaf] | None] = None  # the class that it replaces
@@ -115,12 +94,7 @@ class ScriptedLeaf(Leaf):
 
     @classmethod
     def check(cls, mock: Mock) -> tuple[AnswerScript, dict[Port[Any], Any]]:
-        """Return the script and the output values that a mock gives to leaves of this class.
-
-        Raises:
-            ValueRangeError: there are no answers, the script cannot be read, a condition's script
-                has an R, or an output does not fit.
-        """
+        """Return the script and the output values that a mock gives to leaves of this class."""
         if mock.answers is None:
             raise ValueRangeError(f"it has outputs, but {cls.node_id} has no answers")
         script = AnswerScript.parse(mock.answers)
@@ -160,10 +134,6 @@ def undeclared_answers(node: type[Leaf], mock: Mock) -> str | None:
     """Return the error of a mock with answers that the leaf never gives; None for a good one.
 
     A mock may always answer SKIPPED, for a condition that skips the leaf.
-
-    Args:
-        node: the class of the mocked leaf.
-        mock: its answers are valid.
     """
     script = AnswerScript.parse(mock.answers or "")
     if not (others := script.statuses - {SKIPPED, *node.answers}):

@@ -11,11 +11,10 @@ import pytest
 
 from sim_bridge.plain import PlainConfig
 from sim_bridge.twin import TwinConfig
-from tests.sim_bridge.olympe.fake_olympe import FakeWorld, bridge
 from uav_bt.errors import InputError, UnknownNameError, ValueRangeError
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone
-from uav_bt.testing import FAULTS, Fault, FaultKind, FaultyDrone, InjectedError, ScriptedDrone
+from uav_bt.testing import FAULTS, Fault, FaultyDrone, InjectedError, ScriptedDrone
 from uav_bt.tree import Status
 from uav_bt.types import (
     Command,
@@ -25,6 +24,7 @@ from uav_bt.types import (
     Hover,
     Land,
     MoveBy,
+    Movement,
     MovementState,
     Observation,
     Release,
@@ -50,18 +50,16 @@ def faulty(text: str) -> tuple[FaultyDrone, World]:
     return drone, world
 
 
-def ticks(drone: FaultyDrone, world: World, *commands: Command) -> list[Observation]:
-    """Observe and send once per command; return the observations."""
+def ticks(drone: FaultyDrone, world: World, *movements: Any, phase: str = "") -> list[Observation]:
+    """Observe and send once per movement; return the observations."""
     seen = []
-    for command in commands:
+    for movement in movements:
         seen.append(drone.observe())
-        drone.send(command)
+        drone.send(Command(movement=movement))
+        if phase:
+            drone.on_tick(tick_of(phase, seen[-1], world.clock.now()))
         world.clock.advance(0.1)
     return seen
-
-
-def go(*movements: Any) -> list[Command]:
-    return [Command(movement=movement) for movement in movements]
 
 
 def tick_of(phase: str, observation: Observation, time_s: float) -> TickRecord:
@@ -83,7 +81,7 @@ def tick_of(phase: str, observation: Observation, time_s: float) -> TickRecord:
 def last(text: str) -> Observation:
     """Return the observation of the fourth tick, the second one after the fault's start."""
     drone, world = faulty(text)
-    return ticks(drone, world, *go(TakeOff(), Hover(), Hover(), Hover()))[-1]
+    return ticks(drone, world, TakeOff(), Hover(), Hover(), Hover())[-1]
 
 
 # --- text and time --------------------------------------------------------------------------------
@@ -104,18 +102,12 @@ def test_a_fault_is_written_as_it_was_read(text: str) -> None:
         ("late=old", ValueRangeError, "fault 'late=old': expected a number as level, got 'old'"),
         ("late@", ValueRangeError, r"is written KIND\[=LEVEL\]"),
         ("late~-1", ValueRangeError, "expected a duration of more than 0 s, got -1; a fault with"),
-        ("late~0", ValueRangeError, "expected a duration of more than 0 s, got 0"),
         ("late~nan", ValueRangeError, "expected a duration of more than 0 s, got nan"),
         ("late@explore+nan", ValueRangeError, "expected a delay of 0 s or more, got nan"),
         ("black=3", ValueRangeError, "takes no level, got 3"),
         ("noise=-1", ValueRangeError, "expected a level from 0 to 255 grey levels, got -1"),
         ("slow=0", ValueRangeError, "expected a level from 0.2 to 30 frames/s, got 0"),
-        ("slow=-1", ValueRangeError, "expected a level from 0.2 to 30 frames/s, got -1"),
-        ("late=-1", ValueRangeError, "expected a level from 0 to 6 s, got -1"),
         ("covered=9", ValueRangeError, "expected a level from 0 to 1 of the light, got 9"),
-        ("battery-low=6", ValueRangeError, "expected a level from 0 to 1 of the charge, got 6"),
-        ("battery-low=-0.1", ValueRangeError, "from 0 to 1 of the charge, got -0.1"),
-        ("battery-drains=-1", ValueRangeError, "from 0 to 1 of the charge per s, got -1"),
     ],
 )
 def test_other_texts_are_refused(text: str, error: type[Exception], said: str) -> None:
@@ -123,50 +115,33 @@ def test_other_texts_are_refused(text: str, error: type[Exception], said: str) -
         Fault.parse(text)
 
 
-def test_a_fault_begins_and_ends_by_the_clock() -> None:
-    drone, world = faulty("battery-low@start+0.2~0.2")
-    seen = ticks(drone, world, *go(Hover(), Hover(), Hover(), Hover(), Hover(), Hover()))
-    assert [each.state.battery for each in seen] == [1.0, 1.0, 0.05, 0.05, 1.0, 1.0]
-    assert drone.began_s == pytest.approx(0.2)
-
-
 @pytest.mark.parametrize(
-    ("time", "count"),
+    ("time", "first", "count"),
     [
-        ("+0.1~1.1", 11),
-        ("+0.1~0.2", 2),
-        ("+0.3~0.3", 3),
-        ("~0.1", 1),
-        ("+0.02~0.05", 1),
-        ("~1e-9", 1),
+        ("+0.2~0.2", 2, 2),
+        ("+0.1~1.1", 1, 11),
+        ("+0.3~0.3", 3, 3),
+        ("~0.1", 0, 1),
+        ("+0.02~0.05", 1, 1),  # one that is shorter than a tick lasts a tick
+        ("~1e-9", 0, 1),
     ],
 )
-def test_a_fault_lasts_as_long_as_it_says(time: str, count: int) -> None:
-    """One that is shorter than a tick lasts a tick."""
+def test_a_fault_begins_and_lasts_by_the_clock(time: str, first: int, count: int) -> None:
     drone, world = faulty(f"battery-low@start{time}")
-    seen = ticks(drone, world, *go(*[Hover()] * 20))
-    assert sum(each.state.battery == 0.05 for each in seen) == count
+    low = [each.state.battery == 0.05 for each in ticks(drone, world, *[Hover()] * 20)]
+    assert low.index(True) == first
+    assert sum(low) == count
+    assert drone.began_s == pytest.approx(0.1 * first)
 
 
-def test_a_fault_lasts_from_its_first_tick_on() -> None:
-    drone, world = faulty("battery-low@land~0.2")
-    charges = []
-    for _ in range(4):
-        seen = drone.observe()
-        charges.append(seen.state.battery)
-        drone.on_tick(tick_of("land", seen, world.clock.now()))
-        world.clock.advance(0.1)
-    assert charges == [1.0, 0.05, 0.05, 1.0]
-
-
-def test_a_fault_waits_for_its_phase() -> None:
-    drone, world = faulty("battery-low@explore+0.1")
-    for phase in ("take-off", "explore", "explore", "land"):
-        seen = drone.observe()
-        assert seen.state.battery == 1.0 or phase == "land"
-        drone.on_tick(tick_of(phase, seen, world.clock.now()))
-        world.clock.advance(0.05)
-    assert drone.observe().state.battery == 0.05
+@pytest.mark.parametrize("written", ["go to", "go_to"])
+def test_a_fault_waits_for_its_phase_and_lasts_from_its_first_tick_on(written: str) -> None:
+    drone, world = faulty(f"battery-low@{written}+0.1~0.2")
+    assert drone.missed == f"the flight did not enter the phase '{written}'"
+    ticks(drone, world, Hover(), Hover(), phase="land")
+    seen = ticks(drone, world, *[Hover()] * 4, phase="go to")
+    assert [each.state.battery for each in seen] == [1.0, 0.05, 0.05, 1.0]
+    assert drone.missed is None
 
 
 # --- observations ---------------------------------------------------------------------------------
@@ -174,63 +149,26 @@ def test_a_fault_waits_for_its_phase() -> None:
 
 def test_a_jump_of_the_position_happens_in_the_tick_after_its_phase_began() -> None:
     drone, world = faulty("position-jump=1@center")
-    speeds = []
-    for _ in range(4):
-        seen = drone.observe()
-        speeds.append(seen.state.velocity.forward_mps)
-        drone.send(Command(movement=Hover()))
-        drone.on_tick(tick_of("center", seen, world.clock.now()))
-        world.clock.advance(0.1)
-    assert speeds == [0.0, 10.0, 0.0, 0.0]
+    seen = ticks(drone, world, *[Hover()] * 4, phase="center")
+    assert [each.state.velocity.forward_mps for each in seen] == [0.0, 10.0, 0.0, 0.0]
 
 
-@pytest.mark.parametrize("kind", ["no-telemetry", "link-lost"])
-def test_telemetry_that_is_lost_from_the_start_stays_the_first(kind: str) -> None:
+@pytest.mark.parametrize("kind", ["no-telemetry", "video-lost", "link-lost"])
+def test_what_is_lost_from_the_start_stays_the_first(kind: str) -> None:
     drone, world = faulty(kind)
-    seen = ticks(drone, world, *go(*[Hover()] * 100))
-    assert {each.state.captured_s for each in seen} == {0.0}
-
-
-@pytest.mark.parametrize("kind", ["video-lost", "link-lost"])
-def test_video_that_is_lost_from_the_start_stays_the_first_frame(kind: str) -> None:
-    drone, world = faulty(kind)
-    frames = [each.frame for each in ticks(drone, world, *go(*[Hover()] * 100))]
-    assert {None if frame is None else frame.index for frame in frames} == {0}
-
-
-def test_images_that_are_frozen_from_the_start_are_all_the_first() -> None:
-    """The first observation of a twin has no frame yet."""
-    drone = FaultyDrone(TwinConfig(image_size_px=(32, 18)).create(), Fault.parse("frozen@start"))
-    drone.connect()
-    images, frames = [], []
-    for _ in range(100):
-        frame = drone.observe().frame
-        if frame is not None:
-            images.append(frame.image)
-            frames.append(drone.source_of(frame).index)
-        drone.send(Command(movement=TakeOff()))
-        drone.clock.sleep_until(drone.clock.now() + 0.1)
-    drone.disconnect()
-    assert len(images) > 80
-    assert all(image is images[0] for image in images)
-    assert set(frames) == {frames[0]}
-
-
-@pytest.mark.parametrize("phase", ["go to", "go_to"])
-def test_a_phase_with_a_blank_may_be_written_with_an_underscore(phase: str) -> None:
-    drone, world = faulty(f"battery-low=0.05@{phase}")
-    (seen,) = ticks(drone, world, *go(Hover()))
-    assert seen.state.battery == 1.0
-    drone.on_tick(tick_of("go to", seen, world.clock.now()))
-    (seen,) = ticks(drone, world, *go(Hover()))
-    assert seen.state.battery == 0.05
+    seen = ticks(drone, world, *[Hover()] * 20)
+    if kind != "video-lost":
+        assert {each.state.captured_s for each in seen} == {0.0}
+    if kind != "no-telemetry":
+        assert {each.frame.index for each in seen if each.frame} == {0}
 
 
 def test_a_frozen_image_has_fresh_stamps() -> None:
     seen = last("frozen@start+0.2")
     assert seen.frame is not None
     assert seen.frame.image.max() == 11  # the image of the second tick
-    assert (seen.frame.index, seen.frame.captured_s) == (3, pytest.approx(0.3))
+    assert seen.frame.index == 3
+    assert seen.frame.captured_s == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize(
@@ -344,11 +282,9 @@ TURN = MoveBy(id=7, forward_m=0.2, yaw_rad=0.5)
         ("yaw-ignored", TURN, replace(TURN, yaw_rad=0.0)),
         ("yaw-ignored", Velocity(forward_mps=0.1, yaw_rate_radps=1.0), Velocity(forward_mps=0.1)),
         ("motors-cut", Hover(), CutMotors()),
-        ("motors-cut~9@start", Hover(), CutMotors()),
     ],
 )
 def test_another_movement_arrives_than_was_sent(kind: str, sent: Any, arrives: Any) -> None:
-    kind = kind.partition("~")[0]
     drone, world = faulty(kind)
     drone.observe()
     meant = Command(movement=sent)
@@ -365,7 +301,7 @@ def test_a_stuck_gimbal_hears_nothing() -> None:
 
 def test_motors_are_cut_once() -> None:
     drone, world = faulty("motors-cut")
-    ticks(drone, world, *go(*[Hover()] * 7))
+    ticks(drone, world, *[Hover()] * 7)
     cuts = [isinstance(command.movement, CutMotors) for command in world.commands]
     assert cuts == [True] * 5 + [False] * 2
 
@@ -376,7 +312,7 @@ def test_motors_are_cut_once() -> None:
 )
 def test_movements_do_not_end_as_they_should(kind: str, state: MovementState) -> None:
     drone, world = faulty(kind)
-    ticks(drone, world, *go(*[TakeOff()] * 12, *[TURN] * 12))
+    ticks(drone, world, *[TakeOff()] * 12, *[TURN] * 12)
     moving = drone.observe().state.movement
     assert moving is not None
     assert (moving.id, moving.state) == (TURN.id, state)
@@ -386,17 +322,10 @@ def test_movements_do_not_end_as_they_should(kind: str, state: MovementState) ->
 
 
 def test_drones_and_listeners_raise() -> None:
-    with pytest.raises(InjectedError):
-        faulty("observe-raises")[0].observe()
-    drone = faulty("send-raises")[0]
-    seen = drone.observe()
-    with pytest.raises(InjectedError):
-        drone.send(Command(movement=Land()))
-    drone = faulty("listener-raises")[0]
-    drone.observe()
-    drone.send(Command(movement=Land()))
-    with pytest.raises(InjectedError):
-        drone.on_tick(tick_of("land", seen, 0.0))
+    for kind in ("observe-raises", "send-raises", "listener-raises"):
+        drone, world = faulty(kind)
+        with pytest.raises(InjectedError):
+            ticks(drone, world, Land(), phase="land")
 
 
 def test_an_error_of_a_fault_names_it() -> None:
@@ -406,21 +335,6 @@ def test_an_error_of_a_fault_names_it() -> None:
         drone.observe()
     notes = caught.value.__notes__
     assert notes == ["the injected fault observe-raises@start~3 raised this error"]
-
-
-# --- with an ANAFI --------------------------------------------------------------------------------
-
-
-def test_the_driver_of_an_anafi_flies_with_faults() -> None:
-    world = FakeWorld()
-    drone = FaultyDrone(bridge(world), Fault.parse("no-landing"))
-    drone.connect()
-    world.drone.event("ardrone3.PilotingState.FlyingStateChanged", state="hovering")
-    world.drone.sent.clear()
-    drone.observe()
-    assert drone.send(Command(movement=Land())) == Command(movement=Land())
-    assert not any("Landing" in name for name in world.drone.names())
-    drone.disconnect()
 
 
 # --- with the twin --------------------------------------------------------------------------------
@@ -439,7 +353,8 @@ def hovering_off_m(*faults: str) -> tuple[float, float]:
     drone.connect()
     assert drone.referee is not None
     start, believed_m = drone.referee.truth().pose.x_m, 0.0
-    for movement in [TakeOff(), *[Hover()] * 99]:
+    movements: list[Movement] = [TakeOff(), *[Hover()] * 99]
+    for movement in movements:
         state = drone.observe().state
         world_x_mps = state.velocity.forward_mps * math.cos(state.attitude.yaw_rad)
         world_x_mps -= state.velocity.right_mps * math.sin(state.attitude.yaw_rad)
@@ -451,17 +366,12 @@ def hovering_off_m(*faults: str) -> tuple[float, float]:
     return moved_m, believed_m
 
 
-def test_wind_pushes_and_drift_is_not_noticed() -> None:
-    calm, wind = hovering_off_m(), hovering_off_m("wind=0.8@start+4")
-    drift = hovering_off_m("drift=0.2@start+4")
-    assert calm[0] == pytest.approx(0.0, abs=0.02)
+def test_wind_pushes_drift_is_not_noticed_and_several_faults_add_up() -> None:
+    """An image fault in between passes them on, and one that is over takes nothing away."""
+    wind, drift = hovering_off_m("wind=0.8@start+4"), hovering_off_m("drift=0.2@start+4")
     assert wind[0] == pytest.approx(0.2, abs=0.05)  # the drone tilts against the wind
     assert drift[0] == pytest.approx(1.2, abs=0.15)
     assert drift[1] == pytest.approx(0.0, abs=0.1)
-
-
-def test_disturbances_of_several_faults_add_up() -> None:
-    """An image fault in between passes them on, and one that is over takes nothing away."""
     both = hovering_off_m("drift=0.2@start+4", "frozen", "drift=0.1@start+4", "wind=0.8~1")
     assert both[0] == pytest.approx(1.8, abs=0.3)
 
@@ -472,16 +382,17 @@ def test_exact_masks_are_of_what_a_frame_shows() -> None:
     drone.connect()
     assert drone.referee is not None
     masks = []
-    for number in range(100):
+    for number in range(60):
         frame = drone.observe().frame
-        if number in {39, 99}:
+        if number in {39, 59}:
             assert frame is not None
             masks.append(drone.referee.class_ids(frame, 80, 45))
-        turn = Velocity(yaw_rate_radps=0.8) if number > 45 else TakeOff()
-        drone.send(Command(movement=turn))
+        drone.send(Command(movement=Velocity(yaw_rate_radps=0.8) if number > 40 else TakeOff()))
         drone.clock.sleep_until(drone.clock.now() + 0.1)
-    assert twin.observe().frame is not None
-    true = twin.referee.class_ids(twin.observe().frame, 80, 45)  # type: ignore[union-attr,arg-type]
+    frame = twin.observe().frame
+    assert frame is not None
+    assert twin.referee is not None
+    true = twin.referee.class_ids(frame, 80, 45)
     drone.disconnect()
     assert np.array_equal(masks[0], masks[1])
     assert not np.array_equal(masks[1], true)
@@ -493,12 +404,4 @@ def test_every_kind_has_words_and_an_effect() -> None:
         assert kind.what
         assert bool(kind.unit) == (kind.level is not None)
         assert kind.level is None or kind.least <= kind.level <= kind.most
-        assert kind != FaultKind(
-            name=name,
-            what=kind.what,
-            level=kind.level,
-            unit=kind.unit,
-            least=kind.least,
-            most=kind.most,
-            in_image=kind.in_image,
-        )
+        assert any((kind.observe, kind.send, kind.disturb, kind.follow))

@@ -9,18 +9,12 @@ from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.testing import drawn_map
 
 
-@pytest.mark.parametrize("ground_m", [2.0, 4.0, 5.0])
-def test_the_ground_is_a_square_around_the_origin(ground_m: float) -> None:
-    site_map = drawn_map(ground_m=ground_m)
-    inside, beyond = ground_m / 2 - 0.05, ground_m / 2 + 0.15
-    for x_m, y_m in ((inside, inside), (-inside, inside), (0.0, -inside)):
-        assert site_map.ground[site_map.cell_of(x_m, y_m)]
-        assert not site_map.outside[site_map.cell_of(x_m, y_m)]
-    for x_m, y_m in ((beyond, 0.0), (0.0, -beyond)):
-        assert not site_map.ground[site_map.cell_of(x_m, y_m)]
-        assert site_map.outside[site_map.cell_of(x_m, y_m)]
-    corner = site_map.places_m()[0, 0]
-    assert tuple(corner) == pytest.approx((-ground_m / 2 - 1.0,) * 2)
+def test_the_ground_is_a_square_around_the_origin() -> None:
+    site_map = drawn_map(ground_m=5.0)
+    for x_m, y_m, inside in ((2.45, -2.45, True), (2.65, 0.0, False), (0.0, -2.65, False)):
+        assert site_map.ground[site_map.cell_of(x_m, y_m)] == inside
+        assert site_map.outside[site_map.cell_of(x_m, y_m)] != inside
+    assert tuple(site_map.places_m()[0, 0]) == pytest.approx((-3.5, -3.5))
 
 
 def test_walls_have_points_from_end_to_end() -> None:

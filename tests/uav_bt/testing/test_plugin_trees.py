@@ -1,4 +1,4 @@
-"""The pytest plug-in's collection of tree files as tests."""
+"""The pytest plug-in: its fixtures, and its collection of tree files as tests."""
 
 from __future__ import annotations
 
@@ -66,34 +66,6 @@ def test_collected_tree_files_use_each_others_trees(pytester: pytest.Pytester) -
     result.stdout.fnmatch_lines(["part.xml:1:48: AlwaySuccess: unknown node*"])
 
 
-@pytest.mark.parametrize("way", ["option", "ini"])
-def test_trees_includes_and_nodes_may_be_elsewhere(pytester: pytest.Pytester, way: str) -> None:
-    parts, tests = pytester.mkdir("parts"), pytester.mkdir("tests")
-    parts.joinpath("part.xml").write_text(PART, encoding="utf-8")
-    parts.joinpath("more.xml").write_text(PART.replace("Part", "More"), encoding="utf-8")
-    model = '<TreeNodesModel><Action ID="Fetch"/></TreeNodesModel>'
-    palette = f'<root BTCPP_format="4">{model}</root>'
-    pytester.path.joinpath("palette.xml").write_text(palette, encoding="utf-8")
-    body = '<Sequence><SubTree ID="Part"/><SubTree ID="More"/><Fetch/></Sequence>'
-    text = GOOD.replace("<AlwaysSuccess/>", body)
-    text = text.replace("<BehaviorTree", '<include path="../parts/more.xml"/><BehaviorTree')
-    tests.joinpath("main.xml").write_text(text, encoding="utf-8")
-    given = {"folder": "parts", "include-root": ".", "palette": "palette.xml"}
-    if way == "ini":
-        lines = [f"uav_bt_check_trees_{name.replace('-', '_')} = {v}" for name, v in given.items()]
-        pytester.makeini("\n".join(["[pytest]", *lines]))
-        given = {}
-    options = [f"--check-trees-{name}={value}" for name, value in given.items()]
-    run(pytester, "--check-trees", *options, "tests").assert_outcomes(passed=1)
-
-
-def test_a_folder_of_trees_that_is_not_there_is_refused(pytester: pytest.Pytester) -> None:
-    pytester.path.joinpath("main.xml").write_text(GOOD, encoding="utf-8")
-    result = run(pytester, "--check-trees", "--check-trees-folder=absent")
-    assert result.ret == pytest.ExitCode.USAGE_ERROR
-    result.stderr.fnmatch_lines(["*--check-trees: absent: no such folder to look for tree files*"])
-
-
 def test_the_ini_file_can_ask_for_the_collection(pytester: pytest.Pytester) -> None:
     """Without the option and the ini entry, tree files are not collected."""
     pytester.path.joinpath("mission.xml").write_text(GOOD, encoding="utf-8")
@@ -112,9 +84,14 @@ def test_fixtures(pytester: pytest.Pytester) -> None:
         from uav_bt.errors import BoardAccessError
         from uav_bt.board.blackboard import Key
         from uav_bt.tree import Status
+        from uav_bt.tree.nodes import AlwaysFailure
 
         def test_tree(tree_bench):
             assert tree_bench("mission.xml", mocks={"AlwaysSuccess": "F"}).tick() is Status.FAILURE
+
+        def test_leaf_and_drone(leaf_bench, scripted_drone, manual_clock):
+            assert leaf_bench(AlwaysFailure).tick() is Status.FAILURE
+            assert scripted_drone.clock is manual_clock
 
         def test_board(strict_board, manual_clock):
             strict_board.write(HEIGHT, 1.0)
@@ -125,4 +102,4 @@ def test_fixtures(pytester: pytest.Pytester) -> None:
                 strict_board.read(Key("height_above_ground_m", int, "mistyped"))
         """
     )
-    run(pytester).assert_outcomes(passed=2)
+    run(pytester).assert_outcomes(passed=3)

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from uav_bt.board import ELAPSED, HEIGHT, STATE
-from uav_bt.errors import BoardAccessError, NodeFailedError, TreeError, ValueRangeError
+from uav_bt.errors import NodeFailedError, TreeError, ValueRangeError
 from uav_bt.testing import TreeBench, load_tree, parse_tree
-from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, TreeFolders
+from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status
 from uav_bt.tree.scripted import ScriptedLeaf
 from uav_bt.types import GimbalTo, Hover, MoveBy
 
@@ -79,40 +79,10 @@ def test_telemetry_goes_on_until_it_is_lost() -> None:
     assert bench.tick() is Status.FAILURE
 
 
-def test_access_that_is_not_declared_fails_the_test() -> None:
-    """The rule is that of the leaf bench."""
-    with pytest.raises(NodeFailedError, match="'Main/Late' reads board key 'elapsed_s'") as error:
-        parse_tree(text_of("<Late/>"), REGISTRY).tick()
-    assert isinstance(error.value.__cause__, BoardAccessError)
-
-
-def test_subtrees_of_another_folder_are_mocked_like_the_rest(tmp_path: Path) -> None:
-    parts, path = tmp_path / "parts", tmp_path / "missions" / "mission.xml"
-    for folder in (parts, path.parent):
-        folder.mkdir()
-    path.write_text(text_of('<Sequence><SubTree ID="Up"/><Late/></Sequence>'), encoding="utf-8")
-    (parts / "up.xml").write_text(text_of("<Climb/>").replace("Main", "Up"), encoding="utf-8")
-    mocks = {"Main/Sequence/Up/Climb": "RS", "Late": "S"}
-    lookup = TreeFolders(trees=[parts]).lookup()
-    bench = load_tree(path, REGISTRY, lookup=lookup, mocks=mocks)
-    assert bench.tick_until(Status.SUCCESS, max_ticks=5) == 2
-    bench.log.assert_order("Climb succeeded", "Late started")
-    text = path.read_text(encoding="utf-8")
-    assert parse_tree(text, REGISTRY, lookup=lookup, mocks=mocks).tick() is Status.RUNNING
-    with pytest.raises(TreeError, match="Up"):
-        load_tree(path, REGISTRY, mocks=mocks)
-
-
 def test_waiting_in_vain_tells_what_happened() -> None:
     """The message has the status, the limit, the answers, the running nodes and the log."""
-    bench = parse_tree(
-        text_of("<Sequence><Late/><Climb/></Sequence>"),
-        REGISTRY,
-        mocks={
-            "Late": "S",
-            "Climb": "R",
-        },
-    )
+    text = text_of("<Sequence><Late/><Climb/></Sequence>")
+    bench = parse_tree(text, REGISTRY, mocks={"Late": "S", "Climb": "R"})
     with pytest.raises(AssertionError) as failure:
         bench.tick_until(Status.FAILURE, max_ticks=3)
     message = str(failure.value)
@@ -123,17 +93,13 @@ def test_waiting_in_vain_tells_what_happened() -> None:
 
 
 def test_a_root_that_is_skipped() -> None:
-    """`tick_until` can wait for SKIPPED."""
     bench = parse_tree(text_of('<Late _skipIf="late"/>'), REGISTRY, mocks={"Late": "R"})
     bench.variables["late"] = False
     assert bench.tick() is Status.RUNNING
     bench.halt()
-    with pytest.raises(AssertionError, match="expected SKIPPED within 2 ticks"):
-        bench.tick_until(Status.SKIPPED, max_ticks=2)
-    bench.halt()
     bench.variables["late"] = True
     assert bench.tick_until(Status.SKIPPED, max_ticks=1) == 1
-    assert bench.answers == "RRRK"
+    assert bench.answers == "RK"
 
 
 def test_the_board_can_be_refreshed_before_each_tick() -> None:

@@ -396,17 +396,15 @@ def test_the_deepest_allowed_tree_ticks(world: World) -> None:
     [
         ('<!DOCTYPE root [<!ENTITY a "b">]><root>&a;</root>', "document type declarations"),
         ('<!DOCTYPE root SYSTEM "file:///etc/passwd"><root/>', "document type declarations"),
-        ("<root>&nbsp;</root>", "undefined entity"),
         ("<a>" * 300 + "</a>" * 300, "nested deeper than 256"),
         ("<root>" + "<a/>" * 20_001 + "</root>", "more than 20000 elements"),
         (f"<root>{' ' * 2_000_000}</root>", "larger than 2000000 bytes"),
-        (f"<{'x' * 256}/>", "a name is longer than 255 characters"),
-        (f"<root {'x' * 256}='1'/>", "a name is longer than 255 characters"),
+        (f"<{'x' * 20_001}/>", "a name or an attribute is longer than 20000 characters"),
         (
             "<root " + " ".join(f"a{n}='1'" for n in range(201)) + "/>",
             "an element has more than 200 attributes",
         ),
-        ("<root a='" + "x" * 20_001 + "'/>", "attribute 'a' is longer than 20000 characters"),
+        ("<root a='" + "x" * 20_001 + "'/>", "is longer than 20000 characters"),
         (document("<Safe/>")[:-20], "not well-formed XML"),
         (document("<Safe/>")[:-7], "not well-formed XML: no element found"),
     ],
@@ -428,7 +426,10 @@ def test_a_file_of_many_megabytes_is_refused_with_a_cure(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (f"<{'x' * 1_000_000} a='1'/>", "1:1000010: a name is longer than 255 characters"),
+        (
+            f"<{'x' * 1_000_000} a='1'/>",
+            "1:1: a name or an attribute is longer than 20000 characters",
+        ),
         (
             "<root " + " ".join(f"a{n}='{'x' * 9_000}'" for n in range(200)) + "/>",
             "1:1: root: the file has no BehaviorTree",

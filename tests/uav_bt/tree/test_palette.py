@@ -11,7 +11,7 @@ from tests.worlds.trees import World, document
 from uav_bt.errors import NodeFailedError, TreeError
 from uav_bt.tree import Leaf, NodeKind, NodeRegistry, Port, Status, load_tree, parse_tree
 from uav_bt.tree.describe import palette_xml
-from uav_bt.tree.loading.palette import PaletteLeaf, read_palette, with_palette
+from uav_bt.tree.loading.palette import PaletteNode, read_palette, with_palette
 from uav_bt.tree.nodes import Sequence
 
 FOREIGN = """<TreeNodesModel>
@@ -118,14 +118,6 @@ def test_attributes_of_foreign_nodes_are_checked(
     assert message in finding
 
 
-def test_children_of_foreign_nodes_are_counted_as_their_kind_allows(foreign: NodeRegistry) -> None:
-    body = (
-        "<Sequence><RateController><IsStuck/><IsStuck/></RateController>"
-        "<IsStuck><IsStuck/></IsStuck></Sequence>"
-    )
-    assert len(findings(body, foreign)) == 2
-
-
 def test_a_foreign_node_is_not_ticked(foreign: NodeRegistry, world: World) -> None:
     for body in ("<IsStuck/>", "<PipelineSequence><AlwaysSuccess/></PipelineSequence>"):
         tree = parse_tree(document(body), foreign)
@@ -149,28 +141,20 @@ def test_the_palette_of_our_own_nodes_can_be_read_again(tmp_path: Path) -> None:
             assert port.doc == (f"{own.doc} ({own.range})" if own.range else own.doc)
 
 
-def test_a_node_of_the_format_stays_what_it_is(tmp_path: Path) -> None:
+def test_a_described_node_stays_or_is_replaced(tmp_path: Path) -> None:
+    """The format's own and one that is described as it is stay; another of its name comes in."""
     text = '<TreeNodesModel><Action ID="Sequence"/></TreeNodesModel>'
-    registry = with_palette(NodeRegistry(), read_palette(written(tmp_path, text)))
-    assert registry["Sequence"] is Sequence
-
-
-def test_an_installed_node_stays_when_described_as_it_is(tmp_path: Path) -> None:
-    installed = NodeRegistry([Land])
+    assert (
+        with_palette(NodeRegistry(), read_palette(written(tmp_path, text)))["Sequence"] is Sequence
+    )
+    installed = NodeRegistry([Land, Scripted])
     read = read_palette(written(tmp_path, palette_xml(installed)))
     assert with_palette(installed, read)["Land"] is Land
-
-
-def test_another_node_of_the_same_name_replaces_an_installed_one(tmp_path: Path) -> None:
     text = '<TreeNodesModel><Action ID="Land"><input_port name="topic"/></Action></TreeNodesModel>'
-    registry = with_palette(NodeRegistry([Land]), read_palette(written(tmp_path, text)))
-    assert issubclass(registry["Land"], PaletteLeaf)
-    parse_tree(document('<Land topic="/land"/>'), registry)
-
-
-def test_installed_nodes_remain_beside_the_palette(tmp_path: Path) -> None:
-    registry = with_palette(NodeRegistry([Scripted]), read_palette(written(tmp_path, FOREIGN)))
+    registry = with_palette(installed, read_palette(written(tmp_path, text)))
     assert registry["Scripted"] is Scripted
+    assert issubclass(registry["Land"], PaletteNode)
+    parse_tree(document('<Land topic="/land"/>'), registry)
 
 
 def test_a_project_file_with_trees_and_includes_is_a_palette_too(tmp_path: Path) -> None:

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from uav_bt.errors import FileError, TreeError
-from uav_bt.testing import load_tree as load_bench
-from uav_bt.tree import MissionTree, Parameters, Status, parse_tree
+from uav_bt.tree import MissionTree, Parameters, parse_tree
 from uav_bt.tree.loading.loader import check_text
 from uav_bt.tree.loading.parameter_file import read_parameters
 from uav_bt.tree.loading.parameters import Plain
@@ -51,10 +50,6 @@ def test_variables_reach_the_ports_that_read_them_and_the_scripts() -> None:
     assert at["Main/Sequence/Side/Sequence/Explore"].port_value("policy") == "corridor"
     assert tree.variables["laps"] == 2
     assert tree.unset == ()
-
-
-def test_check_takes_variables_from_outside_for_set() -> None:
-    assert len(findings(None)) >= 4  # nothing sets them
     assert findings(Parameters(variables=GIVEN)) == []
 
 
@@ -210,12 +205,3 @@ def test_a_wrong_parameter_file_is_refused(tmp_path: Path, text: str, message: s
     with pytest.raises(FileError) as refused:
         read_parameters(written(tmp_path, text))
     assert message in str(refused.value)
-
-
-def test_the_test_kit_takes_parameters(tmp_path: Path) -> None:
-    tree = tmp_path / "patrol.xml"
-    tree.write_text(PATROL)
-    bench = load_bench(
-        tree, mocks={"*": "S"}, parameters=Parameters(variables={**GIVEN, "laps": 1})
-    )
-    bench.tick_until(Status.FAILURE, max_ticks=9)  # of `laps > 1`

@@ -112,20 +112,23 @@ def test_mocks_keep_everything_but_the_code(tmp_path: Path, world: World) -> Non
     assert tree.find("Main/Sequence/Home/Fallback/back").node_status is Status.RUNNING
 
 
-def test_the_most_exact_selector_counts(tmp_path: Path, world: World) -> None:
-    """A path has priority over a name, a name over an id; a name mocks all its nodes."""
-    path = "Main/Sequence/Home/Fallback/back#2"
-    scripts = {path: "S", "Clear": "S", "Fly": "RS", "back": "F"}
-    tree = loaded_by(tmp_path, world, scripts)
-    assert [tree.tick() for _ in range(2)] == [Status.RUNNING, Status.SUCCESS]
+@pytest.mark.parametrize(
+    ("mocks", "answers"),
+    [
+        (
+            {"Main/Sequence/Home/Fallback/back#2": "S", "Clear": "S", "Fly": "RS", "back": "F"},
+            ("S", "RS", "F", "S"),
+        ),
+        ({"*": "S", "out": "F"}, ("S", "F", "S", "S")),
+    ],
+)
+def test_the_most_exact_selector_counts(
+    mocks: dict[str, str], answers: tuple[str, ...], tmp_path: Path, world: World
+) -> None:
+    """A path before a name, a name before an id, and the star for the rest."""
+    tree = loaded_by(tmp_path, world, mocks)
     texts = [leaf.script for leaf in tree.leaves() if isinstance(leaf, ScriptedLeaf)]
-    assert texts == [AnswerScript.parse(text) for text in ("S", "RS", "F", "S")]
-
-
-def test_a_star_mocks_all_leaves_that_have_no_other_answers(tmp_path: Path, world: World) -> None:
-    tree = loaded_by(tmp_path, world, {"*": "S", "out": "F"})
-    texts = [leaf.script for leaf in tree.leaves() if isinstance(leaf, ScriptedLeaf)]
-    assert texts == [AnswerScript.parse(text) for text in ("S", "F", "S", "S")]
+    assert texts == [AnswerScript.parse(text) for text in answers]
 
 
 def test_a_mock_writes_its_outputs_when_it_succeeds(world: World) -> None:
@@ -135,7 +138,7 @@ def test_a_mock_writes_its_outputs_when_it_succeeds(world: World) -> None:
         ports = (Port("depth_m", float, direction="output", doc="depth, m"),)
 
     text = document('<Sequence><Measure name="m" depth_m="{d}"/><AlwaysSuccess/></Sequence>')
-    mocks = {"Measure": Mock(outputs={"depth_m": "2.5"}), "m": "RS"}
+    mocks: dict[str, str | Mock] = {"Measure": Mock(outputs={"depth_m": "2.5"}), "m": "RS"}
     tree = parse_tree(text, NodeRegistry([Measure]), mocks=mocks)
     tree.setup(world.context)
     assert tree.tick() is Status.RUNNING
@@ -176,11 +179,3 @@ def test_attributes_of_a_mock_are_checked() -> None:
     """A wrong value is an error, as for the leaf itself."""
     with pytest.raises(InputError, match=r"speed_mps.*expected a number"):
         mock_class(Fly)("x", "S", speed_mps="fast")
-
-
-def test_nodes_know_their_place_in_the_file(tmp_path: Path, world: World) -> None:
-    """Each path has a file, line and column; both uses of a subtree share the position."""
-    tree = loaded(tmp_path, world, Fly="S", Clear="S")
-    assert set(tree.places) == {node.path for node in tree.nodes()}
-    place = tree.places["Main/Sequence/Clear"]
-    assert str(place) == f"{tmp_path / 'mission.xml'}:1:{TREE.index('<Clear') + 1}"

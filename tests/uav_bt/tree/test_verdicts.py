@@ -8,7 +8,6 @@ import pytest
 import yaml
 
 from uav_bt.tree import NodeRegistry
-from uav_bt.tree.dry_run import Simulation, read_script
 from uav_bt.tree.loading.findings import errors_of
 from uav_bt.tree.loading.loader import check_file
 from uav_bt.tree.loading.lookup import Library, Lookup, files_in
@@ -35,22 +34,3 @@ def test_verdict(name: str) -> None:
 
 def test_every_file_has_a_verdict() -> None:
     assert {str(path.relative_to(FILES)) for path in files_in(FILES)} == {*VERDICTS, "palette.xml"}
-
-
-@pytest.mark.parametrize(
-    ("name", "answer"),
-    [
-        ("double_quotes.xml", "SUCCESS"),
-        ("loose_script.xml", "SUCCESS"),
-        ("counting_subtree.xml", "SUCCESS"),
-        ("kind_differs.xml", "SUCCESS"),
-        ("deactivated.xml", "SUCCESS"),
-        ("deep.xml", "SUCCESS"),
-        ("workspace/main.xml", "SUCCESS"),
-    ],
-)
-def test_it_ticks(name: str, answer: str, tmp_path: Path) -> None:
-    script = tmp_path / "answers.yaml"
-    script.write_text("default: S")
-    simulation = Simulation(FILES / name, read_script(script), REGISTRY, lookup=WORKSPACE)
-    assert list(simulation.run(10))[-1].status.name == answer

@@ -237,9 +237,7 @@ def _recorded_mission(
                 "--tree, or with ReplayOptions(tree=...)",
             )
         options = replace(options, tree_id=reader.metadata.get("tree_name"))
-        mission = read_mission(
-            attached.tree, options, registry, replaced=recorded.replaced, lookup=attached.lookup
-        )
+        mission = read_mission(attached.tree, options, registry, replaced=recorded.replaced)
     for name, value in recorded.variables.items():
         mission.variables[name] = value
     return mission

@@ -31,7 +31,6 @@ from uav_bt.progress import Advance, silent
 from uav_bt.record.playback import Playback
 from uav_bt.record.reader import RecordReader
 from uav_bt.tree import MissionTree, load_tree
-from uav_bt.tree.loading.lookup import Lookup
 
 if TYPE_CHECKING:
     import numpy as np
@@ -75,7 +74,7 @@ class RecordedFlight:
         with TemporaryDirectory(prefix="uav-bt-record-") as folder:
             files = recorded_files(self.reader, Path(folder))
             name = self.reader.metadata.get("tree_name")
-            self.tree = None if files.tree is None else known_tree(files.tree, name, files.lookup)
+            self.tree = None if files.tree is None else known_tree(files.tree, name)
             self.lab_map = None if files.scene is None else map_of_scene(load_scene(files.scene))
 
     @property
@@ -259,7 +258,7 @@ class RecordedFlight:
                 video.conclude(outcome.replace("_", " "), [end.get("reason", "")], good=good)
 
 
-def known_tree(file: Path, tree_id: str | None, lookup: Lookup | None = None) -> MissionTree | None:
+def known_tree(file: Path, tree_id: str | None) -> MissionTree | None:
     """Return a tree of a file; None where it has nodes that are not installed here.
 
     The record suffices for the graph of such a tree, not for its corridor.
@@ -267,9 +266,8 @@ def known_tree(file: Path, tree_id: str | None, lookup: Lookup | None = None) ->
     Args:
         file: the tree file.
         tree_id: which of its trees; None in a record that does not say.
-        lookup: where its other files are.
     """
     try:
-        return load_tree(file, tree_id=tree_id, lookup=lookup)
+        return load_tree(file, tree_id=tree_id)
     except TreeError:
         return None

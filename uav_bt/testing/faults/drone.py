@@ -1,9 +1,4 @@
-"""A wrapper that adds one fault to any drone, from a phase of the mission on.
-
-Fly it in place of the wrapped drone; it follows the flight, so that it knows the phase::
-
-    app.fly(tree, drone=FaultyDrone(twin, Fault.parse("video-lost@explore+1~30")))
-"""
+"""A wrapper that adds one fault to any drone, from a phase of the mission on."""
 
 from __future__ import annotations
 
@@ -44,14 +39,9 @@ class Disturbed(Protocol):
 
 
 class FaultyDrone(DroneWrapper):
-    """Flies another drone with one fault.
+    """Flies another drone, which is not connected yet, with one fault.
 
-    Args:
-        drone: the drone to fly; not connected yet.
-        fault: the fault to add.
-
-    Raises:
-        InputError: the fault is a disturbance, and the drone has no method for it.
+    app.fly(tree, drone=FaultyDrone(twin, Fault.parse("video-lost@explore+1~30")))
     """
 
     def __init__(self, drone: Drone, fault: Fault) -> None:
@@ -78,14 +68,14 @@ class FaultyDrone(DroneWrapper):
     @property
     def missed(self) -> str | None:
         """The reason why the fault has had no effect; None once it has had one."""
+        phase, delay_s = self.fault.phase, self.fault.delay_s
         if self.began_s is not None:
             return None
-        phase, delay_s = self.fault.phase, self.fault.delay_s
         if self._phase_s is None:
             return f"the flight did not enter the phase '{phase}'"
-        if not delay_s:
-            return f"the flight ended in the first tick of '{phase}'"
-        return f"the flight ended before {delay_s:g} s of '{phase}'"
+        if delay_s:
+            return f"the flight ended before {delay_s:g} s of '{phase}'"
+        return f"the flight ended in the first tick of '{phase}'"
 
     @property
     def referee(self) -> Referee | None:
@@ -102,8 +92,7 @@ class FaultyDrone(DroneWrapper):
     def connect(self) -> None:
         """Connect the inner drone."""
         self._drone.connect()
-        if self.fault.phase == START:
-            self._phase_s = self.clock.now()
+        self._phase_s = self.clock.now() if self.fault.phase == START else None
 
     def observe(self) -> Observation:
         """Return the inner drone's observation as the fault changes it."""
@@ -182,8 +171,7 @@ class FaultyDrone(DroneWrapper):
             return None
         if now_s < self._phase_s + fault.delay_s - _SLACK_S:
             return None
-        if self.began_s is None:
-            self.began_s = now_s
+        self.began_s = now_s if self.began_s is None else self.began_s
         since_s = now_s - self.began_s
         if since_s > 0.0 and since_s >= fault.duration_s - _SLACK_S:
             return None

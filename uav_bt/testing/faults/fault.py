@@ -23,12 +23,7 @@ _TEXT: Final = re.compile(
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """A kind of fault with its level and its time.
-
-    Raises:
-        ValueRangeError: the delay is negative, the duration is not positive, the level is out of
-            the kind's range, or a kind without a level has one.
-    """
+    """A kind of fault with its level and its time."""
 
     kind: FaultKind
     level: float | None = None  # None: the kind's default
@@ -62,10 +57,6 @@ class Fault:
         Args:
             text: ``KIND[=LEVEL][@PHASE[+DELAY]][~DURATION]``, times in seconds.
             kinds: by name.
-
-        Raises:
-            UnknownNameError: the kind is unknown.
-            ValueRangeError: the text has another form, or a number is out of its range.
         """
         found = _TEXT.fullmatch(text)
         if found is None:

@@ -41,7 +41,7 @@ class FaultKind:
     least: float = -math.inf  # levels from here
     most: float = math.inf  # to here can be given
     send: Send | None = None  # changes the command
-    # Arguments of `disturb` of the drone, from the level.
+    # Arguments of the drone's `disturb`, from the level.
     disturb: Callable[[float], Mapping[str, tuple[float, float]]] | None = None
     follow: Callable[[], None] | None = None  # happens in every tick
     in_image: bool = False  # only networks notice it; exact masks stay as they are

@@ -16,7 +16,7 @@ from uav_bt.tree.loading.elements import (
     node_id_of,
 )
 from uav_bt.tree.loading.findings import WARNING, Findings, Rule
-from uav_bt.tree.loading.lookup import Includes, Inclusion, Lookup
+from uav_bt.tree.loading.lookup import Includes, Lookup
 from uav_bt.tree.loading.models import read_enumerations, read_models
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.place_lists import PlaceLists
@@ -47,7 +47,7 @@ class Document:
     trees: dict[str, Element] = field(default_factory=dict)
     own: tuple[str, ...] = ()  # those of the file and its includes; the others are a library's
     included: dict[Path, bytes] = field(default_factory=dict)  # texts of all other files, by path
-    inclusions: dict[Inclusion, Path] = field(default_factory=dict)  # what each <include> is
+    models: list[Element] = field(default_factory=list)  # each TreeNodesModel
     elsewhere: tuple[str, ...] = ()  # trees of other files, for suggestions where one is missing
     unread: str = ""  # text for messages about library files that could not be read
     # Ports of the trees that the file describes as SubTree in its TreeNodesModel: default by name,
@@ -108,10 +108,9 @@ def outline(
     document = Document(
         root.path,
         registry,
-        PlaceLists(lookup.included, included.sources, included.found, findings),
+        PlaceLists(included.sources, findings),
         lookup,
         included=included.sources,
-        inclusions=included.found,
         enum_members=dict(registry.enum_members),
     )
     waiting = [root]
@@ -139,8 +138,7 @@ def _check_root(root: Element, findings: Findings) -> bool:
         return False
     check_attributes(root, _ROOT_ATTRIBUTES, findings)
     check_no_text(root, findings)
-    for position in root.raw:
-        message = "a raw '&' or '<' in an attribute is not XML: write &amp; or &lt;"
+    for position, message in root.mended:
         findings.add(path, position, message, severity=WARNING, rule=Rule.FILE)
     version = root.attributes.get("BTCPP_format")
     expected = 'expected BTCPP_format="4", got'
@@ -322,6 +320,7 @@ def find_main(document: Document, root: Element, findings: Findings, tree_id: st
 
 
 def _read_models(models: Element, document: Document, findings: Findings) -> None:
+    document.models.append(models)
     read_enumerations(models, document.enum_members, findings)
     for model in read_models(models, findings):
         if model.kind is NodeKind.SUBTREE:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
 from typing import Final, Protocol
@@ -91,7 +91,7 @@ def errors_of(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 
 class Findings:
-    """Collects findings; the same one twice counts once."""
+    """Collects findings; the same one twice counts once. Too many errors raise a TreeError."""
 
     def __init__(self) -> None:
         self._errors: dict[Finding, None] = {}
@@ -107,23 +107,9 @@ class Findings:
         severity: str = ERROR,
         rule: Rule = Rule.OTHER,
     ) -> None:
-        """Note a finding.
-
-        Args:
-            path: of the file.
-            position: in the file.
-            message: the fault.
-            node: the node concerned, as `Tag 'name'`.
-            severity: ERROR; or WARNING, for which the file is not refused.
-            rule: the finding's rule.
-
-        Raises:
-            TreeError: there are too many.
-        """
-        self._add(Finding(str(path), position, message, node, severity, rule))
-
-    def _add(self, finding: Finding) -> None:
-        if finding.severity == WARNING:
+        """Note a fault at a place of a file."""
+        finding = Finding(str(path), position, message, node, severity, rule)
+        if severity == WARNING:
             if len(self._warnings) < MAX_FINDINGS:
                 self._warnings[finding] = None
             return
@@ -143,19 +129,7 @@ class Findings:
         label: str | None = None,
         severity: str = ERROR,
     ) -> None:
-        """Note a fault of an element.
-
-        Args:
-            element: of a tree file.
-            message: the fault.
-            attribute: the attribute concerned; default: the whole element.
-            rule: the finding's rule.
-            label: names the element in the message; default: the element's own label.
-            severity: ERROR or WARNING.
-
-        Raises:
-            TreeError: there are too many errors.
-        """
+        """Note a fault of an element, at one of its attributes if it is named."""
         node = element.label if label is None else label
         self.add(element.path, element.at(attribute), message, node, severity=severity, rule=rule)
 
@@ -168,13 +142,13 @@ class Findings:
         rule: Rule = Rule.NO_MEANING,
         label: str | None = None,
     ) -> None:
-        """Note a fault of an element for which the file is not refused; see `note`."""
+        """Note a fault of an element for which the file is not refused."""
         self.note(element, message, attribute, rule=rule, label=label, severity=WARNING)
 
     def take_as_warnings(self, other: Findings) -> None:
         """Add the findings of another collection as warnings."""
-        for finding in other:
-            self._add(replace(finding, severity=WARNING))
+        for one in other:
+            self.add(one.path, one.position, one.message, one.node, severity=WARNING, rule=one.rule)
 
     def __iter__(self) -> Iterator[Finding]:
         """Iterate in the order of the file."""
@@ -185,10 +159,6 @@ class Findings:
         return len(self._errors) + len(self._warnings)
 
     def raise_any(self, path: Path | str) -> None:
-        """Raise the errors that were found, all at once.
-
-        Raises:
-            TreeError: there were some.
-        """
+        """Raise the errors, all at once, as a TreeError."""
         if self._errors:
             raise TreeError(path, sorted(self._errors))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -49,43 +49,34 @@ class TreeFolders:
                 f"{{'robot': 'src/robot'}}, got {self.packages!r:.80}"
             )
         root = self.include_root
-        values = {
-            "trees": tuple(_path("trees", folder) for folder in self.trees),
-            "include_root": None if root is None else _path("include_root", root),
-            "packages": {
-                name: _path(f"packages['{name}']", folder) for name, folder in self.packages.items()
-            },
-        }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)  # as the class is frozen for all others
+        trees = tuple(_path("trees", folder) for folder in self.trees)
+        named = {name: _path(f"packages['{name}']", path) for name, path in self.packages.items()}
+        object.__setattr__(self, "trees", trees)  # as the class is frozen for all others
+        object.__setattr__(self, "packages", named)
+        object.__setattr__(
+            self, "include_root", None if root is None else _path("include_root", root)
+        )
 
     def lookup(self) -> Lookup:
-        """Read the trees of the folders, and return where to look for what files do not hold.
-
-        Raises:
-            FileError: a folder does not exist, or has too many files.
-        """
-        packages = {name: _folder(path) for name, path in self.packages.items()}
-        root = None if self.include_root is None else _folder(self.include_root)
+        """Read the trees of the folders, and return where to look for what files do not hold."""
         files = [file for folder in self.trees for file in files_in(_folder(folder))]
+        root = None if self.include_root is None else _folder(self.include_root)
+        packages = {name: _folder(path) for name, path in self.packages.items()}
         return Lookup(Library(files), root, packages)
 
     def absolute(self) -> TreeFolders:
         """Return the same folders, found from any folder."""
-        root = self.include_root
-        return TreeFolders(
-            trees=[Path(folder).absolute() for folder in self.trees],
-            include_root=None if root is None else Path(root).absolute(),
-            packages={name: Path(folder).absolute() for name, folder in self.packages.items()},
-        )
+        return TreeFolders(**self._each(lambda folder: Path(folder).absolute()))
 
     def to_json(self) -> dict[str, Any]:
         """Return the fields as plain JSON values, from which the class is made again."""
-        root = self.include_root
+        return self._each(str)
+
+    def _each(self, change: Callable[[str | Path], str | Path]) -> dict[str, Any]:
         return {
-            "trees": [str(folder) for folder in self.trees],
-            "include_root": None if root is None else str(root),
-            "packages": {name: str(folder) for name, folder in self.packages.items()},
+            "trees": [change(folder) for folder in self.trees],
+            "include_root": None if self.include_root is None else change(self.include_root),
+            "packages": {name: change(folder) for name, folder in self.packages.items()},
         }
 
 

@@ -28,6 +28,7 @@ from uav_bt.tree.loading.replacements import Replacements
 from uav_bt.tree.loading.source import parse_source, read_source
 from uav_bt.tree.loading.structure import check_recursion
 from uav_bt.tree.loading.variable_faults import check_variables
+from uav_bt.tree.loading.whole_file import whole_file
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.port import port_text
@@ -179,7 +180,7 @@ class _Read:
         if built is not None:
             tree = built.tree
             tree.sources = {document.path.resolve(): self._data, **document.included}
-            tree.inclusions = dict(document.inclusions)
+            tree.whole = whole_file(document, self._data)
             for name, value in document.parameters.variables.items():
                 tree.variables[name] = value
             check_variables(built, document, self._findings)

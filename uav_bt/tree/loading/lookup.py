@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -10,13 +9,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Final
 
-from uav_bt.errors import FileError, TreeError
+from uav_bt.errors import FileError, InputError, TreeError
 from uav_bt.tree.loading.findings import Findings, Rule
-from uav_bt.tree.loading.source import MAX_BYTES, Element, circles, parse_source, read_source
+from uav_bt.tree.loading.source import Element, circles, parse_source, read_source
 
 MAX_INCLUDES: Final = 50
 MAX_LIBRARY_FILES: Final = 5_000
-MAX_LIBRARY_BYTES: Final = 50_000_000  # of all of them
 MAX_FOLDER_FILES: Final = 200_000  # of any kind, so that a whole disk is not searched
 TREE_SUFFIXES: Final = (".xml", ".btproj")
 """Of the files that hold trees; `.btproj` is a project of Groot2, which includes its files."""
@@ -31,25 +29,16 @@ def shipped_trees() -> Path:
 
 
 def files_in(folder: Path) -> tuple[Path, ...]:
-    """Return the tree files of a folder and below, hidden folders left out.
-
-    Raises:
-        FileError: there are too many to be read.
-    """
+    """Return the tree files of a folder and below, hidden ones left out."""
     found: list[Path] = []
-    passed, size = 0, 0
+    passed = 0
     for place, folders, names in os.walk(folder):
         folders[:] = [name for name in folders if not name.startswith(".")]
         passed += len(names)
-        for name in names:
-            path = Path(place, name)
-            if path.suffix in TREE_SUFFIXES and not name.startswith(".") and path.is_file():
-                found.append(path)
-                with contextlib.suppress(FileNotFoundError):  # gone by now
-                    size += min(path.stat().st_size, MAX_BYTES)  # of a larger one no more is read
+        shown = (Path(place, name) for name in names if not name.startswith("."))
+        found += [path for path in shown if path.suffix in TREE_SUFFIXES and path.is_file()]
         for count, most, what in (
             (len(found), MAX_LIBRARY_FILES, "tree files"),
-            (size, MAX_LIBRARY_BYTES, "bytes of tree files"),
             (passed, MAX_FOLDER_FILES, "files"),
         ):
             if count > most:
@@ -65,49 +54,36 @@ class LibraryFile:
     source: bytes
 
 
-class Library:
-    """The trees of whole folders, for SubTrees whose tree is in another file.
+_Found = list[tuple[Element, LibraryFile]]  # trees, each with its file
 
-    Args:
-        files: tree files; one that cannot be read has no trees here.
-    """
+
+class Library:
+    """The trees of tree files, for SubTrees whose tree is in another file."""
 
     def __init__(self, files: Iterable[Path] = ()) -> None:
         self._files = tuple(dict.fromkeys(path.resolve() for path in files))
-        self._trees: dict[str, list[tuple[Element, LibraryFile]]] = {}
-        self.faults: list[str] = []  # why files could not be read
+        self.trees: dict[str, _Found] = {}  # by ID
+        self._faults: list[str] = []  # why files could not be read
         for path in self._files:
             try:
                 source = read_source(path)
                 file = LibraryFile(parse_source(source, path), source)
             except TreeError as error:
-                self.faults.append(error.findings[0])
+                self._faults.append(error.findings[0])
                 continue
             for element in file.root.children:
                 if element.tag == "BehaviorTree" and element.attributes.get("ID"):
-                    places = self._trees.setdefault(element.attributes["ID"], [])
-                    places.append((element, file))
+                    self.trees.setdefault(element.attributes["ID"], []).append((element, file))
 
-    @property
-    def trees(self) -> Mapping[str, list[tuple[Element, LibraryFile]]]:
-        """All trees by ID, with their files."""
-        return self._trees
-
-    def find(self, tree_id: str, path: Path) -> list[tuple[Element, LibraryFile]]:
-        """Return the trees of an ID, with their files.
-
-        Args:
-            tree_id: the ID.
-            path: the file that refers to the tree; its trees are left out.
-        """
+    def find(self, tree_id: str, path: Path) -> _Found:
+        """Return the trees of an ID, those of the file that asks left out."""
         own = path.resolve()
-        return [each for each in self._trees.get(tree_id, []) if each[0].path != own]
+        return [each for each in self.trees.get(tree_id, []) if each[0].path != own]
 
     def hint(self) -> str:
         """Return the files that could not be read, for the message that a tree does not exist."""
-        shown = self.faults[:_FAULTS_SHOWN]
-        more = len(self.faults) - len(shown)
-        parts = [*shown, f"{more} more like this"] if more else shown
+        more = len(self._faults) - _FAULTS_SHOWN
+        parts = self._faults[:_FAULTS_SHOWN] + [f"{more} more like this"] * (more > 0)
         return "".join(f"; could not be read: {fault}" for fault in parts)
 
     def joined_by(self, files: Iterable[Path]) -> Library:
@@ -115,30 +91,13 @@ class Library:
         return Library((*self._files, *files))
 
 
-@dataclass(frozen=True, order=True)
-class Inclusion:
-    """An `<include>` of a file."""
-
-    path: Path  # of the file that includes
-    package: str | None  # the ROS package that is named
-    name: str  # the path as it is written
-
-
 @dataclass(frozen=True)
 class Lookup:
-    """Sources of the trees and files that a tree file names but does not hold.
-
-    Attributes:
-        library: trees of other files.
-        include_root: a folder that files may be included from, besides the file's own and below.
-        packages: folders of ROS packages, for `<include ros_pkg="...">`.
-        included: the target of each include, from an earlier reading in another place.
-    """
+    """Sources of the trees and files that a tree file names but does not hold."""
 
     library: Library = field(default_factory=Library)
-    include_root: Path | None = None
-    packages: Mapping[str, Path] = field(default_factory=dict)
-    included: Mapping[Inclusion, Path] = field(default_factory=dict)
+    include_root: Path | None = None  # files may be included from there, too
+    packages: Mapping[str, Path] = field(default_factory=dict)  # of ROS, for `<include ros_pkg=`
 
     @cached_property
     def shipped(self) -> Library:
@@ -158,113 +117,74 @@ class Lookup:
             if model.attributes.get("ID", "") in self.shipped.trees
         }
 
-    def find(self, tree_id: str, path: Path) -> list[tuple[Element, LibraryFile]]:
-        """Return the trees of an ID, with their files: the library's, or else the shipped one.
-
-        Args:
-            tree_id: the ID.
-            path: the file that asks.
-        """
+    def find(self, tree_id: str, path: Path) -> _Found:
+        """Return the trees of an ID: the library's, or else the shipped one."""
         return self.library.find(tree_id, path) or self.shipped.find(tree_id, path)
 
 
 class Includes:
-    """Reads included files, each once.
-
-    Args:
-        main: the file that was asked for; its folder bounds what may be included.
-        lookup: where else files may be included from.
-
-    Attributes:
-        sources: the texts of the included files, by path.
-        found: which file each `<include>` stands for.
-    """
+    """Reads included files, each once; the folder of the main file bounds what may be included."""
 
     def __init__(self, main: Path, lookup: Lookup) -> None:
         self._main = main.resolve()
         self._packages = {name: path.resolve() for name, path in lookup.packages.items()}
-        self._folders = [self._main.parent] if main.is_file() else []
-        if lookup.include_root is not None:
-            self._folders.append(lookup.include_root.resolve())
-        self._folders += self._packages.values()
-        self._known = lookup.included
-        self.sources: dict[Path, bytes] = {}
-        self.found: dict[Inclusion, Path] = {}
-        self._elements: dict[Inclusion, Element] = {}
+        root = lookup.include_root
+        self._folders = [
+            *([self._main.parent] if main.is_file() else []),
+            *([] if root is None else [root.resolve()]),
+            *self._packages.values(),
+        ]
+        self.sources: dict[Path, bytes] = {}  # texts of the included files
+        self._after: dict[Path, list[tuple[Element, Path]]] = {}  # what each file includes
 
     def read(self, include: Element, findings: Findings) -> list[Element]:
-        """Return the root of the included file; nothing when it was read before or is refused.
-
-        Args:
-            include: the element that names the file.
-            findings: collects the findings.
-
-        Raises:
-            TreeError: the file cannot be read or is not XML.
-        """
-        attributes = include.attributes
-        package = attributes.get("ros_pkg")
-        message = ""
-        inclusion = Inclusion(include.path.resolve(), package, attributes.get("path", ""))
-        if inclusion in self._known:
-            return self._taken(include, inclusion, self._known[inclusion])
-        if set(attributes) - {"ros_pkg"} != {"path"} or not attributes["path"]:
-            message = "needs exactly the attribute 'path', and may have 'ros_pkg'"
-        elif package is not None and package not in self._packages:
-            message = f"ROS package '{package}' is not known here: add --ros-pkg {package}=DIR"
-        elif not self._folders:
-            message = "only a tree that is loaded from a file can include another"
-        elif len(self.sources) >= MAX_INCLUDES:
-            message = f"more than {MAX_INCLUDES} files are included"
-        else:
-            start = include.path.parent if package is None else self._packages[package]
-            return self._read(include, inclusion, findings, start)
-        findings.add(include.path, include.at("path"), message, "include", rule=Rule.INCLUDE)
-        return []
-
-    def _read(
-        self, include: Element, inclusion: Inclusion, findings: Findings, start: Path
-    ) -> list[Element]:
-        name = inclusion.name
+        """Return the root of the included file; nothing when it was read before or is refused."""
         try:
-            target = (start / name).resolve()
-            there = target.is_file()
-        except OSError as error:  # a name may be too long for the system
-            message = f"'{name:.40}...': {error.strerror}"
-        else:
-            if target == self._main or target in self.sources:
-                return self._taken(include, inclusion, target)
-            if not any(target.is_relative_to(folder) for folder in self._folders):
-                message = (
-                    f"'{name}' lies outside the folder {self._folders[0]}: allow it with "
-                    "--include-root DIR"
-                )
-            elif not there:
-                message = f"'{name}': no such file in {start}"
-            else:
-                return self._taken(include, inclusion, target)
-        findings.add(include.path, include.at("path"), message, "include", rule=Rule.INCLUDE)
-        return []
-
-    def _taken(self, include: Element, inclusion: Inclusion, target: Path) -> list[Element]:
-        """Return the root of a file that may be included; nothing when it was read before."""
-        self.found[inclusion] = target
-        self._elements[inclusion] = include
+            target = self._target(include)
+        except InputError as error:
+            where = include.at("path")
+            findings.add(include.path, where, str(error), "include", rule=Rule.INCLUDE)
+            return []
+        self._after.setdefault(include.path.resolve(), []).append((include, target))
         if target == self._main or target in self.sources:
             return []
         self.sources[target] = read_source(target)
         return [parse_source(self.sources[target], target)]
 
-    def note_circles(self, findings: Findings) -> None:
-        """Note files that include each other in a circle, of which the engine finds no end.
+    def _target(self, include: Element) -> Path:
+        """Return the file that an include names, or raise an InputError."""
+        package = include.attributes.get("ros_pkg")
+        name = include.attributes.get("path", "")
+        if set(include.attributes) - {"ros_pkg"} != {"path"} or not name:
+            raise InputError("needs exactly the attribute 'path', and may have 'ros_pkg'")
+        if package is not None and package not in self._packages:
+            raise InputError(
+                f"ROS package '{package}' is not known here: add --ros-pkg {package}=DIR"
+            )
+        if not self._folders:
+            raise InputError("only a tree that is loaded from a file can include another")
+        if len(self.sources) >= MAX_INCLUDES:
+            raise InputError(f"more than {MAX_INCLUDES} files are included")
+        start = include.path.parent if package is None else self._packages[package]
+        try:
+            target = (start / name).resolve()
+            there = target.is_file()
+        except OSError as error:  # a name may be too long for the system
+            raise InputError(f"'{name:.40}...': {error.strerror}") from error
+        if target == self._main or target in self.sources:
+            return target
+        if not any(target.is_relative_to(folder) for folder in self._folders):
+            raise InputError(
+                f"'{name}' lies outside the folder {self._folders[0]}: allow it with "
+                "--include-root DIR"
+            )
+        if not there:
+            raise InputError(f"'{name}': no such file in {start}")
+        return target
 
-        Args:
-            findings: where each include is added that closes a circle.
-        """
-        after: dict[Path, list[tuple[Element, Path]]] = {}
-        for inclusion, element in self._elements.items():
-            after.setdefault(inclusion.path, []).append((element, self.found[inclusion]))
-        for include, files in circles([self._main], lambda path: after.get(path, ())):
+    def note_circles(self, findings: Findings) -> None:
+        """Note files that include each other in a circle, of which the engine finds no end."""
+        for include, files in circles([self._main], lambda path: self._after.get(path, ())):
             message = (
                 f"the files include each other in a circle, {' > '.join(p.name for p in files)}: "
                 "take one of these includes out"

@@ -45,10 +45,6 @@ def read_models(models: Element, findings: Findings) -> list[NodeModel]:
 
     It does read the subtrees' entries: a SubTree without ID, and a port of one without a name, are
     errors.
-
-    Args:
-        models: the TreeNodesModel.
-        findings: collects the findings.
     """
     check_attributes(models, frozenset(), findings)
     found: dict[str, NodeModel] = {}
@@ -62,7 +58,7 @@ def read_models(models: Element, findings: Findings) -> list[NodeModel]:
         check_attributes(model, _MODEL_ATTRIBUTES, findings)
         node_id = model.attributes.get("ID", "")
         if not node_id:
-            _note(model, model, "attribute 'ID' is missing", findings)
+            _note(model, model, "attribute 'ID' is missing", findings, is_read=True)
         elif node_id in found:
             findings.warn(model, "described twice; the first counts", "ID", rule=Rule.NODE_MODEL)
         else:
@@ -70,16 +66,43 @@ def read_models(models: Element, findings: Findings) -> list[NodeModel]:
     return list(found.values())
 
 
+def _read_ports(model: Element, findings: Findings) -> dict[str, Element]:
+    ports: dict[str, Element] = {}
+    for port in model.children:
+        if port.tag in _REMARKS:
+            continue
+        if port.tag not in PORT_DIRECTIONS:
+            hint = did_you_mean(port.tag, PORT_DIRECTIONS)
+            _note(
+                model, port, f"<{port.tag}> is not a port: its meaning is unknown{hint}", findings
+            )
+            continue
+        check_attributes(port, _PORT_ATTRIBUTES, findings)
+        name = port.attributes.get("name", "")
+        if not name:
+            _note(model, port, "attribute 'name' is missing", findings, is_read=True)
+        elif name in ports:
+            _note(model, port, f"port '{name}' is described twice; the first counts", findings)
+        else:
+            ports[name] = port
+    return ports
+
+
+def _note(
+    model: Element, part: Element, message: str, findings: Findings, *, is_read: bool = False
+) -> None:
+    """Note a fault: an error where the engine reads it of a SubTree, a warning elsewhere."""
+    refused = is_read and model.tag == NodeKind.SUBTREE.value
+    severity = ERROR if refused else WARNING
+    label, rule = model.label, Rule.NODE_MODEL
+    findings.note(part, message, "name", rule=rule, label=label, severity=severity)
+
+
 def read_enumerations(models: Element, enum_members: dict[str, int], findings: Findings) -> None:
-    """Read the enumerations in a TreeNodesModel.
+    """Add the members of the enumerations in a TreeNodesModel to those that are known.
 
     BehaviorTree.CPP has no form for them in a file: there, a program registers them. It refuses
     a name with two values, too.
-
-    Args:
-        models: the TreeNodesModel.
-        enum_members: the members that are known, to which these are added.
-        findings: where errors are added.
     """
     for enumeration in models.children:
         if enumeration.tag != ENUMERATION:
@@ -104,34 +127,3 @@ def _wrong_member(member: Element, known: dict[str, int]) -> str:
     if known.get(name, int(value)) != int(value):
         return f"'{name}' is {known[name]} already: scripts could not tell which is meant"
     return ""
-
-
-def _read_ports(model: Element, findings: Findings) -> dict[str, Element]:
-    ports: dict[str, Element] = {}
-    for port in model.children:
-        if port.tag in _REMARKS:
-            continue
-        if port.tag not in PORT_DIRECTIONS:
-            hint = did_you_mean(port.tag, PORT_DIRECTIONS)
-            message = f"<{port.tag}> is not a port: its meaning is unknown{hint}"
-            _warn(model, port, message, findings)
-            continue
-        check_attributes(port, _PORT_ATTRIBUTES, findings)
-        name = port.attributes.get("name", "")
-        if not name:
-            _note(model, port, "attribute 'name' is missing", findings)
-        elif name in ports:
-            _warn(model, port, f"port '{name}' is described twice; the first counts", findings)
-        else:
-            ports[name] = port
-    return ports
-
-
-def _warn(model: Element, part: Element, message: str, findings: Findings) -> None:
-    findings.warn(part, message, "name", rule=Rule.NODE_MODEL, label=model.label)
-
-
-def _note(model: Element, part: Element, message: str, findings: Findings) -> None:
-    severity = ERROR if model.tag == NodeKind.SUBTREE.value else WARNING
-    label, rule = model.label, Rule.NODE_MODEL
-    findings.note(part, message, rule=rule, label=label, severity=severity)

@@ -49,35 +49,21 @@ class PalettePort(Port[Any]):
         return False
 
 
-class _PaletteNode(Node):
-    def update(self) -> Status:
-        """Refuse.
+class PaletteNode(Node):
+    """A node of a palette, which cannot be ticked."""
 
-        Raises:
-            MissionError: always.
-        """
+    def update(self) -> Status:
+        """Refuse."""
         raise MissionError(
             f"'{self.node_id}' is known from a palette only: it can be checked, not ticked"
         )
 
 
-class PaletteLeaf(_PaletteNode, Leaf):
-    """An action or a condition of a palette."""
-
-
-class PaletteControl(_PaletteNode, ControlNode):
-    """A control node of a palette."""
-
-
-class PaletteDecorator(_PaletteNode, DecoratorNode):
-    """A decorator of a palette."""
-
-
 _BASES: Final[dict[NodeKind, type[Node]]] = {
-    NodeKind.ACTION: PaletteLeaf,
-    NodeKind.CONDITION: PaletteLeaf,
-    NodeKind.CONTROL: PaletteControl,
-    NodeKind.DECORATOR: PaletteDecorator,
+    NodeKind.ACTION: Leaf,
+    NodeKind.CONDITION: Leaf,
+    NodeKind.CONTROL: ControlNode,
+    NodeKind.DECORATOR: DecoratorNode,
 }
 
 
@@ -104,8 +90,7 @@ def read_palette(path: Path, odd: Findings | None = None) -> Palette:
     """
     root = parse_source(read_source(path), path)
     findings = Findings() if odd is None else odd
-    candidates = [root] if root.tag == "TreeNodesModel" else root.children
-    models = [element for element in candidates if element.tag == "TreeNodesModel"]
+    models = [one for one in (root, *root.children) if one.tag == "TreeNodesModel"]
     if not models:
         expected = f"expected a <TreeNodesModel>, or a <root> that holds one; got <{root.tag}>"
         findings.add(path, root.position, expected, rule=Rule.NODE_MODEL)
@@ -124,7 +109,7 @@ def _node_of(model: NodeModel, findings: Findings) -> type[Node]:
     ports = (_port_of(model, name, element, findings) for name, element in model.ports.items())
     return type(
         model.node_id,
-        (_BASES[model.kind],),
+        (PaletteNode, _BASES[model.kind]),
         {
             "__doc__": "Known from a palette only.",
             "node_id": model.node_id,
@@ -138,51 +123,35 @@ def _port_of(
     model: NodeModel, name: str, element: Element, findings: Findings
 ) -> PalettePort | None:
     type_name = " ".join(element.attributes.get("type", "").split())
-    type_, choices = _type_of(type_name)
+    is_status, is_unsigned = type_name in _STATUSES, type_name in _UNSIGNED
+    port, about, what = None, "name", ""
     try:
         port = PalettePort(
             name=name,
-            type=type_,
+            type=str if is_status else int if is_unsigned else _TYPES.get(type_name, object),
             doc=" ".join(element.text.split()),
             direction=PORT_DIRECTIONS[element.tag],  # type: ignore[arg-type]  # one of the three
-            choices=choices,
-            least=0 if type_name in _UNSIGNED else None,
+            choices=_STATUS_NAMES if is_status else (),
+            least=0 if is_unsigned else None,
         )
+        if default := element.attributes.get("default", ""):
+            about, what = "default", f"port '{name}': "
+            port.bind(default)
+            return replace(port, default=default)
     except ValueError as error:
-        message = f"{error}; the port is left out"
-        findings.warn(element, message, "name", rule=Rule.NODE_MODEL, label=model.element.label)
-        return None
-    default = element.attributes.get("default", "")
-    if not default:
-        return port
-    try:
-        port.bind(default)
-        return replace(port, default=default)
-    except ValueError as error:
-        message = f"port '{name}': {error}; no default is used"
-        findings.warn(element, message, "default", rule=Rule.NODE_MODEL, label=model.element.label)
-        return port
-
-
-def _type_of(name: str) -> tuple[type, tuple[str, ...]]:
-    if name in _STATUSES:
-        return str, _STATUS_NAMES
-    return int if name in _UNSIGNED else _TYPES.get(name, object), ()
+        left = "no default is used" if port else "the port is left out"
+        message, label = f"{what}{error}; {left}", model.element.label
+        findings.warn(element, message, about, rule=Rule.NODE_MODEL, label=label)
+    return port
 
 
 def with_palette(registry: NodeRegistry, palette: Palette) -> NodeRegistry:
     """Return a registry with the nodes of a palette beside those of another registry.
 
-    Its trees may name any key of a board, as theirs has others than ours.
-
-    A palette that repeats a node of the format changes nothing about it. One that describes an
-    installed node as it is (same kind, same ports) leaves it in place, because we know more about
-    it; one that describes another node of the same name replaces it, because the tree was made for
-    that one.
-
-    Args:
-        registry: the installed nodes.
-        palette: the nodes and enumerations to add.
+    Its trees may name any key of a board, as theirs has others than ours. A node of the format
+    stays what it is. So does an installed node that the palette describes as it is (same kind, same
+    ports), because we know more about it. Another node of that name replaces it, because the tree
+    was made for that one.
     """
     described = {node.node_id: node for node in palette.nodes}
     chosen: dict[str, type[Node]] = {}

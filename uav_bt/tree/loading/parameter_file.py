@@ -30,26 +30,15 @@ from uav_bt.yaml_file import YamlFile, read_yaml
 
 @dataclass(frozen=True, kw_only=True)
 class ParameterFile:
-    """The content of a parameter file.
-
-    Attributes:
-        path: The file.
-        common: The values of the whole file.
-        variants: The values of its variants by name, each with those of the whole file.
-    """
+    """The content of a parameter file."""
 
     path: Path
-    common: Parameters = field(default_factory=Parameters)
-    variants: Mapping[str, Parameters] = field(default_factory=dict)
+    common: Parameters = field(default_factory=Parameters)  # of the whole file
+    variants: Mapping[str, Parameters] = field(default_factory=dict)  # each with those of the file
 
 
 def read_parameters(path: Path | str) -> ParameterFile:
-    """Read a parameter file.
-
-    Raises:
-        FileError: The file cannot be read, is not valid YAML, or has an unknown entry. The message
-            names the line.
-    """
+    """Read a parameter file, or raise a FileError that names the line."""
     file = read_yaml(Path(path), _ParameterFile, "parameter file")
     common = _parameters(file, file.value)
     return ParameterFile(
@@ -76,28 +65,28 @@ def _variant_name(name: str) -> str:
 
 
 _Value = bool | int | Annotated[float, Field(allow_inf_nan=False)] | str
+_NodePort = Annotated[str, AfterValidator(_node_port)]
+_VariantName = Annotated[str, AfterValidator(_variant_name)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Values:
-    set: dict[Annotated[str, AfterValidator(_node_port)], _Value] = field(default_factory=dict)
+    set: dict[_NodePort, _Value] = field(default_factory=dict)
     var: dict[str, _Value] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
 class _ParameterFile(_Values):
-    variants: dict[Annotated[str, AfterValidator(_variant_name)], _Values] = field(
-        default_factory=dict
-    )
+    variants: dict[_VariantName, _Values] = field(default_factory=dict)
 
 
 def _parameters(file: YamlFile[_ParameterFile], values: _Values, *steps: str) -> Parameters:
-    named = [*((SET, name) for name in values.set), *((VAR, name) for name in values.var)]
     return Parameters(
         ports={name: port_text(value) for name, value in values.set.items()},
         variables=values.var,
         places={
             (kind, name): Place(file.path, Position(file.line(*steps, kind, name), 1))
-            for kind, name in named
+            for kind, names in ((SET, values.set), (VAR, values.var))
+            for name in names
         },
     )

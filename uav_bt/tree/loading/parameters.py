@@ -46,26 +46,17 @@ class Parameters:
 
     def over(self, other: Parameters) -> Parameters:
         """Return the values of both; where both have one, that of this object."""
+        mine = {*((SET, name) for name in self.ports), *((VAR, name) for name in self.variables)}
+        theirs = {one: place for one, place in other.places.items() if one not in mine}
         return Parameters(
             ports={**other.ports, **self.ports},
             variables={**other.variables, **self.variables},
-            places={
-                **{
-                    (kind, name): place
-                    for (kind, name), place in other.places.items()
-                    if name not in (self.ports if kind == SET else self.variables)
-                },
-                **self.places,
-            },
+            places={**theirs, **self.places},
         )
 
 
 def split_port(name: str) -> tuple[str, str]:
-    """Return node and port of a NODE.PORT, split at the last dot.
-
-    Raises:
-        ValueRangeError: It lacks one of them.
-    """
+    """Return node and port of a NODE.PORT, split at the last dot, or raise a ValueRangeError."""
     node, _, port = name.rpartition(".")
     if not (node and port):
         raise ValueRangeError(f"expected {NODE_PORT}, got '{name}'")

@@ -1,12 +1,8 @@
 """An XML Schema (XSD 1.0) of tree files, for editors: it completes, explains and underlines.
 
-It allows everything that the loader accepts without a warning. It refuses most errors and warnings
-of the loader: unknown nodes and attributes, missing ones, literals of another type, wrong counts of
-children. `uav-bt check` also checks the rest: scripts, subtrees that do not exist, what a
-variable holds, the attributes of a SubTree and of the explicit form `<Action ID="..."/>`.
-
-An editor finds the schema by its settings or by a line at the head of the tree file, which the
-loader passes over: `<?xml-model href="uav-bt.xsd"?>`.
+It allows everything that the loader accepts without a warning, and refuses unknown nodes and
+attributes, missing ones, literals of another type and wrong counts of children. The rest (scripts,
+variables, subtrees) is left to `uav-bt check`.
 """
 
 from __future__ import annotations
@@ -99,8 +95,7 @@ def _add_attribute_groups(schema: ET.Element) -> None:
     for name in sorted(EDITOR_ATTRIBUTES):
         _add_attribute(editors, name, "xs:string")
     common = _add(schema, "attributeGroup", name="common")
-    _add_attribute(common, "name", "xs:string")
-    for name in sorted(CONDITION_ATTRIBUTES):
+    for name in ("name", *sorted(CONDITION_ATTRIBUTES)):
         _add_attribute(common, name, "xs:string")
     _add(common, "attributeGroup", ref="editor")
 
@@ -130,8 +125,8 @@ def _add_models(schema: ET.Element) -> None:
     port = _add(schema, "complexType", name="model.port")
     text = _add(_add(port, "simpleContent"), "extension", base="xs:string")
     _add_attribute(text, "name", "value.name", required=True)
-    _add_attribute(text, "type", "xs:string")
-    _add_attribute(text, "default", "xs:string")
+    for name in ("type", "default"):
+        _add_attribute(text, name, "xs:string")
     _add(text, "attributeGroup", ref="editor")
     model = _add(schema, "complexType", name="model")
     parts = _add(model, "choice", minOccurs="0", maxOccurs="unbounded")
@@ -185,8 +180,8 @@ def _documentation(info: NodeInfo) -> str:
 def _add_port(content: ET.Element, port: Port[Any]) -> None:
     use = "required" if port.required else "optional"
     attribute = _add(content, "attribute", name=port.name, use=use)
-    has_default = port.default is not Port.REQUIRED
-    default = f"default: {port_text(port.default)}" if has_default else ""
+    is_given = port.default is Port.REQUIRED
+    default = "" if is_given else f"default: {port_text(port.default)}"
     _document(attribute, "; ".join(text for text in (port.doc, port.range, default) if text))
     if port.direction != "input":
         attribute.set("type", "value.reference")

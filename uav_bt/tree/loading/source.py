@@ -1,24 +1,23 @@
-"""Reader of tree files: XML without entities, with limits, and with the position of every part.
+"""Reader of tree files: XML without document types and entities, with the place of every part.
 
-Expat gives line and column of every element. A document type declaration, which all entity attacks
-need, is refused where it begins.
+The engine's reader takes some text that is no XML. It is mended without moving anything, so that
+expat's lines and columns hold, and noted in `Element.mended`.
 """
 
 from __future__ import annotations
 
-import codecs
 import contextlib
 import re
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import Final, NoReturn, TypeVar
 from xml.parsers import expat
 
 from uav_bt.errors import TreeError
 from uav_bt.files import read_bounded
-from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Position, Rule
+from uav_bt.tree.loading.findings import MAX_FINDINGS, WHOLE_FILE, Finding, Position, Rule
 
 _T = TypeVar("_T", bound=Hashable)
 _E = TypeVar("_E")
@@ -26,16 +25,14 @@ _E = TypeVar("_E")
 MAX_BYTES: Final = 2_000_000  # a mission has some kilobytes
 _SMALLER: Final = "SubTrees can stand in other files"
 MAX_DEPTH: Final = 256  # levels; the engine's own limit
-MAX_ELEMENTS: Final = 20_000
-MAX_NODES: Final = 20_000  # of a tree; subtrees inside subtrees multiply
-MAX_ATTRIBUTES: Final = 200  # of one element; nodes have less than ten
-MAX_NAME: Final = 255  # characters of a tag or of an attribute's name
-MAX_VALUE: Final = 20_000  # characters of an attribute; scripts have some dozens
+MAX_NODES: Final = 20_000  # of a file, and of a tree: subtrees inside subtrees multiply
+_MAX_ATTRIBUTES: Final = 200  # of one element; nodes have less than ten
+_MAX_WORD: Final = 20_000  # characters of a name or an attribute; scripts have some dozens
 _MAX_TEXT: Final = 1_000  # characters kept of a text between tags; it only serves messages
 
-# Of what expat has accepted; nothing is tried twice, so that the time is linear in the length.
-_TAG: Final = re.compile(rb"<[^\s/>]++")
-_ATTRIBUTE: Final = re.compile(rb"\s++([^\s=]++)\s*+=\s*+(?:\"[^\"]*+\"|'[^']*+')")
+# Of what expat has accepted.
+_TAG: Final = re.compile(rb"<(?:[^\"'>]++|\"[^\"]*+\"|'[^']*+')*+>")
+_ATTRIBUTE: Final = re.compile(r"\s([^\s=]++)\s*+=\s*+(?:\"[^\"]*+\"|'[^']*+')")
 
 
 @dataclass
@@ -50,7 +47,7 @@ class Element:
     locate: Callable[[], dict[str, Position]] = field(repr=False, compare=False)
     children: list[Element] = field(default_factory=list)
     text: str = ""
-    raw: tuple[Position, ...] = ()  # of a root: where attributes have a raw `&` or `<`
+    mended: list[tuple[Position, str]] = field(default_factory=list)  # of a root: what is no XML
 
     @property
     def label(self) -> str:
@@ -68,155 +65,178 @@ class Element:
         return self.attribute_positions.get(attribute, self.position)
 
 
-class _RefusedError(Exception):
-    def __init__(self, message: str) -> None:
-        super().__init__(message)
-        self.message = message
+def read_source(path: Path) -> bytes:
+    """Return a tree file's bytes, or raise a TreeError: it cannot be read, or is too large."""
+    return read_bounded(path, MAX_BYTES, _refused, cure=_SMALLER)
 
 
 class _Builder:
-    def __init__(self, data: bytes, path: Path) -> None:
-        self.root: Element | None = None
-        self._path = path
-        self._data = data
+    """Makes the elements of a document."""
+
+    def __init__(self, text: str, path: Path) -> None:
+        self._path, self._data = path, text.encode()
         self._open: list[Element] = []
         self._count = 0
         # Whatever the declaration says, as the format's own engine has it.
-        self.parser = expat.ParserCreate("UTF-8")
-        self.parser.buffer_text = True
-        self.parser.StartElementHandler = self._start
-        self.parser.EndElementHandler = self._end
-        self.parser.CharacterDataHandler = self._text
-        self.parser.StartDoctypeDeclHandler = self._doctype
+        self._parser = expat.ParserCreate("UTF-8")
+        self._parser.buffer_text = True
+        self._parser.StartElementHandler = self._start
+        self._parser.EndElementHandler = self._end
+        self._parser.CharacterDataHandler = self._text
+        self._parser.StartDoctypeDeclHandler = self._doctype
 
-    def here(self) -> Position:
-        return Position(self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1)
+    def root(self) -> Element:
+        self._parser.Parse(self._data, True)
+        return self._root
+
+    def _here(self) -> Position:
+        return Position(self._parser.CurrentLineNumber, self._parser.CurrentColumnNumber + 1)
+
+    def _refuse(self, message: str) -> NoReturn:
+        raise _refused(self._path, message, self._here())
 
     def _doctype(self, *_arguments: object) -> None:
-        raise _RefusedError("document type declarations and entities are not allowed")
+        self._refuse("document type declarations and entities are not allowed")
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         self._count += 1
-        if self._count > MAX_ELEMENTS:
-            raise _RefusedError(f"more than {MAX_ELEMENTS} elements")
+        if self._count > MAX_NODES:
+            self._refuse(f"more than {MAX_NODES} elements")
         if len(self._open) >= MAX_DEPTH + 2:  # the nodes stand in <root> and <BehaviorTree>
-            raise _RefusedError(f"nodes are nested deeper than {MAX_DEPTH}")
-        if len(attributes) > MAX_ATTRIBUTES:
-            raise _RefusedError(f"an element has more than {MAX_ATTRIBUTES} attributes")
-        if max(len(tag), *map(len, attributes), 0) > MAX_NAME:
-            raise _RefusedError(f"a name is longer than {MAX_NAME} characters")
-        for name, text in attributes.items():
-            if len(text) > MAX_VALUE:
-                raise _RefusedError(f"attribute '{name}' is longer than {MAX_VALUE} characters")
-        here = self.here()
-        locate = partial(_locate, self._data, self.parser.CurrentByteIndex, here)
-        element = Element(self._path, tag, attributes, here, locate)
+            self._refuse(f"nodes are nested deeper than {MAX_DEPTH}")
+        if len(attributes) > _MAX_ATTRIBUTES:
+            self._refuse(f"an element has more than {_MAX_ATTRIBUTES} attributes")
+        if max(map(len, (tag, *attributes, *attributes.values()))) > _MAX_WORD:
+            self._refuse(f"a name or an attribute is longer than {_MAX_WORD} characters")
+        here = self._here()
+        locate = partial(_locate, self._data, self._parser.CurrentByteIndex, here)
+        given = {name: value.translate(_RAW_OF) for name, value in attributes.items()}
+        element = Element(self._path, tag, given, here, locate)
         if self._open:
             self._open[-1].children.append(element)
         else:
-            self.root = element
+            self._root = element
         self._open.append(element)
 
     def _end(self, _tag: str) -> None:
         self._open.pop()
 
     def _text(self, text: str) -> None:
-        element, words = self._open[-1], text.strip()
+        element, words = self._open[-1], text.strip().translate(_RAW_OF)
         if words and len(element.text) < _MAX_TEXT:
             element.text += words[:_MAX_TEXT]
 
 
 def _locate(data: bytes, start: int, here: Position) -> dict[str, Position]:
-    """Return where each attribute of a tag stands, by name.
-
-    Args:
-        data: the document.
-        start: of the tag, in bytes.
-        here: the tag's place.
-    """
-    line, column = here.line, here.column
-    found: dict[str, Position] = {}
-    done = start
-    match = _TAG.match(data, done)
-    while match is not None:
-        match = _ATTRIBUTE.match(data, match.end())
-        if match is None:
-            break
-        passed = data[done : match.start(1)]
-        newlines = passed.count(b"\n")
-        line += newlines
-        column = len(passed.rpartition(b"\n")[2].decode(errors="replace")) + (
-            1 if newlines else column
-        )
-        done = match.start(1)
-        found[match[1].decode(errors="replace")] = Position(line, column)
-    return found
+    """Return where each attribute of a tag stands, by name; the tag begins `here`, at a byte."""
+    tag = _TAG.match(data, start)
+    text = tag[0].decode() if tag else ""
+    return {one[1]: _position(text, one.start(1), here) for one in _ATTRIBUTE.finditer(text)}
 
 
-def read_source(path: Path) -> bytes:
-    """Return a tree file's bytes.
-
-    Raises:
-        TreeError: the file does not exist, cannot be read or is too large.
-    """
-    return read_bounded(path, MAX_BYTES, _refused, cure=_SMALLER)
+def _position(text: str, at: int, here: Position) -> Position:
+    """Return the place of a character in a text that begins `here`."""
+    newlines = text.count("\n", 0, at)
+    column = at - text.rfind("\n", 0, at) if newlines else here.column + at
+    return Position(here.line + newlines, column)
 
 
 def parse_source(data: bytes, path: Path) -> Element:
-    """Return the root element of a document.
-
-    Args:
-        data: the file's bytes.
-        path: what messages call the file.
-
-    Raises:
-        TreeError: the document is not well-formed XML, or exceeds a limit of tree files.
-    """
+    """Return the root element of a document, or raise a TreeError: no XML, or beyond a limit."""
     if len(data) > MAX_BYTES:
         raise _refused(path, f"larger than {MAX_BYTES} bytes: {_SMALLER}")
-    _check_utf8(data, path)
+    text = _decoded(data, path)
     try:
-        return _parsed(data, path)
+        return _Builder(text, path).root()
     except expat.ExpatError as error:
-        escaped = _escape_raw(data)
-        if escaped is not None:
-            with contextlib.suppress(expat.ExpatError):
-                return _placed_back(_parsed(escaped.data, path), escaped)
-        where = Position(error.lineno, error.offset + 1)
+        changes, letters = _changes(text), list(text)
+        for at, new, _ in changes:
+            letters[at : at + len(new)] = new
+        with contextlib.suppress(expat.ExpatError):
+            root = _Builder("".join(letters), path).root()
+            start = Position(1, 1)
+            root.mended = [
+                (_position(text, at, start), why) for at, _, why in changes[:MAX_FINDINGS]
+            ]
+            return root
         reason = expat.errors.messages[error.code]
-        begin = data.removeprefix(codecs.BOM_UTF8).strip()
-        if begin and not begin.startswith(b"<"):
-            line = begin.partition(b"\n")[0].decode()[:40].rstrip()
+        begin = text.removeprefix(_BOM).strip()
+        if begin and not begin.startswith("<"):
+            line = begin.partition("\n")[0][:40].rstrip()
             reason = f"expected a tag such as <root>, got '{line}'"
+        where = Position(error.lineno, error.offset + 1)
         raise _refused(path, f"not well-formed XML: {reason}", where) from error
 
 
-def _parsed(data: bytes, path: Path) -> Element:
-    builder = _Builder(data, path)
-    try:
-        builder.parser.Parse(data, True)
-    except (_RefusedError, LookupError, ValueError) as error:
-        raise _refused(path, str(error), builder.here()) from error
-    if builder.root is None:
-        raise _refused(path, "no root element", Position(1, 1))
-    return builder.root
-
-
-def _check_utf8(data: bytes, path: Path) -> None:
+def _decoded(data: bytes, path: Path) -> str:
     """Refuse other encodings than UTF-8: positions in UTF-16, which expat reads, would be wrong."""
     try:
-        if "\0" not in data.decode():
-            return
-        place = data.index(b"\0")  # UTF-16, or no text at all
+        text, place = data.decode(), data.find(b"\0")  # a zero byte: UTF-16, or no text at all
     except UnicodeDecodeError as error:
-        place = error.start
-    line = data.count(b"\n", 0, place) + 1
-    message = "not well-formed XML: expected UTF-8 text: save it as UTF-8"
-    raise _refused(path, message, Position(line, 1))
+        text, place = "", error.start
+    if place >= 0:
+        message = "not well-formed XML: expected UTF-8 text: save it as UTF-8"
+        raise _refused(path, message, Position(data.count(b"\n", 0, place) + 1, 1))
+    return text
 
 
 def _refused(path: Path, message: str, position: Position = WHOLE_FILE) -> TreeError:
     return TreeError(path, [Finding(str(path), position, message, rule=Rule.FILE)])
+
+
+# --- what is no XML, but the engine reads it ------------------------------------------------------
+
+_BOM: Final = "\ufeff"
+# Raw `&` and `<` become these, and are themselves again when the tag is read.
+_STAND_INS: Final = {"&": "\ufdd0", "<": "\ufdd1"}
+_RAW_OF: Final = {ord(stand_in): letter for letter, stand_in in _STAND_INS.items()}
+_PART: Final = re.compile(
+    rf"\A{_BOM}?\s+(?P<declaration><\?xml\s.*?\?>)|<\?.*?\?>|<!\[CDATA\[.*?\]\]>"
+    r"|<!--(?P<comment>.*?)-->|(?P<tag></?[^\s\"'<>!?/](?:[^\"'<>]++|\"[^\"]*+\"|'[^']*+')*+>)"
+    r"|(?P<text>[^<]++)",
+    re.DOTALL,
+)
+_QUOTED: Final = re.compile(r"\"[^\"]*+\"|'[^']*+'")
+_RAW: Final = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#[0-9]++|#x[0-9A-Fa-f]++);)(\w++;)?|<")
+
+_Change = tuple[int, str, str]  # the place, the text that comes there, and a message
+
+
+def _changes(text: str) -> list[_Change]:
+    """Return what makes a document XML; none where no part of XML can be recognised."""
+    changes: list[_Change] = []
+    done = 0
+    while done < len(text):  # part after part, so that the time is linear in the length
+        part = _PART.match(text, done)
+        if part is None:
+            return []
+        done = part.end()
+        if part["declaration"]:
+            blank = re.sub(r"\S", " ", part["declaration"])
+            message = "blanks before '<?xml' are not XML: remove them"
+            changes.append((part.start("declaration"), blank, message))
+        elif part["comment"] and "--" in f"{part['comment']}-":
+            dashes = f"{part['comment']}-".index("--")
+            blank = re.sub(r"\S", " ", part["comment"][dashes:])
+            message = "'--' in a comment is not XML: write something else"
+            changes.append((part.start("comment") + dashes, blank, message))
+        elif part["text"]:
+            changes += _escapes(part["text"], part.start())
+        elif part["tag"]:
+            for value in _QUOTED.finditer(part["tag"]):
+                changes += _escapes(value[0], part.start() + value.start())
+    return changes
+
+
+def _escapes(text: str, start: int) -> Iterator[_Change]:
+    for raw in _RAW.finditer(text):
+        message = "a raw '&' or '<' is not XML: write &amp; or &lt;"
+        if raw[1]:
+            message = f"XML has no entity '{raw[0]}': it stays text; write &amp;{raw[1]}"
+        yield start + raw.start(), _STAND_INS[raw[0][0]], message
+
+
+# --- walks over elements --------------------------------------------------------------------------
 
 
 def circles(
@@ -224,11 +244,8 @@ def circles(
 ) -> Iterator[tuple[_E, list[_T]]]:
     """Yield each use that closes a circle, with the circle from its first member to itself.
 
-    Depth first with an explicit stack, because a chain can exceed Python's recursion limit.
-
-    Args:
-        starts: trees or files to begin with.
-        after: returns the uses of a tree or file, each with the element and the used one.
+    `after` returns the uses of a tree or file, each with the element and the used one. Depth first
+    with an explicit stack, because a chain can exceed Python's recursion limit.
     """
     done: set[_T] = set()
     for start in starts:
@@ -255,71 +272,3 @@ def walk(element: Element) -> Iterator[Element]:
         child = waiting.pop()
         yield child
         waiting += child.children[::-1]
-
-
-# --- raw `&` and `<` in attributes: no XML, but the engine reads them -----------------------------
-
-# Comments and the like are matched to be passed over; every quantifier is possessive.
-_RAW_TAG: Final = re.compile(
-    rb"<!--.*?-->|<!\[CDATA\[.*?\]\]>|<\?.*?\?>"
-    rb"|<(?P<tag>[A-Za-z_:](?:[^\"'<>]++|\"[^\"]*+\"|'[^']*+')*+)>",
-    re.DOTALL,
-)
-_VALUE: Final = re.compile(rb"\"[^\"]*+\"|'[^']*+'")
-_RAW: Final = re.compile(rb"&(?!(?:[A-Za-z]+|#[0-9]+|#x[0-9A-Fa-f]+);)|<")
-_ESCAPED: Final = {b"&": b"&amp;", b"<": b"&lt;"}
-
-
-@dataclass(frozen=True)
-class _Escaped:
-    """A document whose attributes are XML."""
-
-    data: bytes
-    raw: tuple[Position, ...]  # of the escaped characters in the file
-    added: dict[int, list[tuple[int, int]]]  # by line: columns, and how many more there are then
-
-    def position(self, at: Position) -> Position:
-        """Return where the file has what stands at a place of the escaped document."""
-        added = sum(more for column, more in self.added.get(at.line, ()) if column < at.column)
-        return Position(at.line, at.column - added)
-
-
-def _escape_raw(data: bytes) -> _Escaped | None:
-    """Return a document with its attributes escaped, or None when that changes nothing.
-
-    Args:
-        data: UTF-8 text.
-    """
-    places = [
-        raw.start() + value.start() + tag.start("tag")
-        for tag in _RAW_TAG.finditer(data)
-        if tag["tag"] is not None
-        for value in _VALUE.finditer(tag["tag"])
-        for raw in _RAW.finditer(value[0])
-    ]
-    if not places:
-        return None
-    parts: list[bytes] = []
-    raw: list[Position] = []
-    added: dict[int, list[tuple[int, int]]] = {}
-    done, line = 0, 1
-    for place in places:
-        passed, letter = data[done:place], data[place : place + 1]
-        line += passed.count(b"\n")
-        begin = data.rfind(b"\n", 0, place) + 1
-        column = len(data[begin:place].decode(errors="replace")) + 1
-        before = added.setdefault(line, [])
-        raw.append(Position(line, column))
-        before.append((column + sum(more for _, more in before), len(_ESCAPED[letter]) - 1))
-        parts += [passed, _ESCAPED[letter]]
-        done = place + 1
-    return _Escaped(b"".join([*parts, data[done:]]), tuple(raw), added)
-
-
-def _placed_back(root: Element, escaped: _Escaped) -> Element:
-    for element in (root, *walk(root)):
-        element.position = escaped.position(element.position)
-        for name, position in element.attribute_positions.items():
-            element.attribute_positions[name] = escaped.position(position)
-    root.raw = escaped.raw
-    return root

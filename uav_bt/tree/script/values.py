@@ -100,7 +100,7 @@ class Environment:
             return float(members[name])
         key = self._board_key(name)
         value = self._variables.get(name) if key is None else self._read_board(key)
-        if value is None and key is not None and not self._may_write(key):
+        if value is None and key is not None:
             raise UnknownValueError(self._lack(key))
         if value is None:
             hint = did_you_mean(name, [*self._variables, *members])
@@ -125,18 +125,12 @@ class Environment:
         return float(members[value]) if value in members else number(value)
 
     def holds(self, name: str) -> bool:
-        """Return whether a variable exists, or a board key that scripts may write has a value."""
-        key = self._board_key(name)
-        if key is not None and self._may_write(key):
-            return self._read_board(key) is not None
-        return name in self._variables or key is not None
+        """Return whether a variable exists, or a board key of that name."""
+        return name in self._variables or self._board_key(name) is not None
 
     def write(self, name: str, value: Value) -> Any:
         """Write a variable without changing its type, and return its new value."""
         key = self._board_key(name)
-        board = self._board
-        if key is not None and board is not None and board.scripts_may_write(key):
-            return self._write_board(board, key, value)
         if key is not None:
             what = f"'{name}' is a board key" if name == f"@{key}" else f"'{name}' is '@{key}'"
             raise ScriptError(f"{what}; {ONLY_LEAVES_WRITE}")
@@ -155,23 +149,12 @@ class Environment:
     def _board_key(self, name: str) -> str | None:
         return name[1:] if name.startswith("@") else self._variables.board_key(name)
 
-    def _may_write(self, key: str) -> bool:
-        return self._board is not None and self._board.scripts_may_write(key)
-
     def _lack(self, key: str) -> str:
         """Return which value of a board key is missing: one at all, or a fresh one."""
         age_s = math.inf if self._board is None else self._board.read(self._board.key(key)).age_s
         if math.isinf(age_s):
             return f"board key '{key}' has no value yet"
         return f"board key '{key}' has no fresh value (age {age_s:.2f} s)"
-
-    def _write_board(self, board: Blackboard, key: str, value: Value) -> Value:
-        try:
-            kept: Value = assigned(self._read_board(key), value)
-        except ScriptError as error:
-            raise ScriptError(f"'@{key}': {error}") from error
-        board.write(board.key(key), kept)
-        return kept
 
     def _read_board(self, key: str) -> Any:
         if self._board is None:

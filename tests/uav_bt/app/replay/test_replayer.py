@@ -10,7 +10,7 @@ import pytest
 
 from behaviours.fly.land import Land
 from behaviours.policies.segmentation_rule import SegmentationRule
-from tests.worlds.records import FLIGHT, NoisyDrone, copy_part, fly_noisy
+from tests.worlds.records import FLIGHT, copy_part, fly_noisy
 from tests.worlds.trees import tree_file
 from uav_bt import app
 from uav_bt.answers import Advance, Answer
@@ -247,30 +247,6 @@ def test_an_attachment_that_leads_out_of_its_folder_is_refused(
     record, _ = fly_noisy(tmp_path, monkeypatch)
     monkeypatch.undo()
     with pytest.raises(FileError, match="lies outside its folder"):
-        replay(record)
-
-
-def fly_with_include(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, facts: str) -> Path:
-    """Return the record of a mission in two files, with these facts about its includes."""
-    monkeypatch.setattr("uav_bt.app.assembly.make_drone", lambda _: NoisyDrone())
-    monkeypatch.setattr("uav_bt.app.flight_record.tree_facts", lambda _: {"tree_includes": facts})
-    (tmp_path / "parts").mkdir()
-    part = tree_file(tmp_path / "parts", FLIGHT, "part.xml")
-    part.write_text(part.read_text().replace("Main", "Part"))
-    main = tree_file(tmp_path, '<SubTree ID="Part"/>')
-    include = '<include path="parts/part.xml"/><BehaviorTree'
-    main.write_text(main.read_text().replace("<BehaviorTree", include, 1))
-    record = tmp_path / "flight.mcap"
-    app.fly(main, app.FlightOptions(seed=5, record=record))
-    return record
-
-
-@pytest.mark.parametrize("facts", ["", "{", '[["tree/mission.xml"]]', '[["a", null, "b", "c"]]'])
-def test_damaged_facts_about_includes_are_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, facts: str
-) -> None:
-    record = fly_with_include(tmp_path, monkeypatch, facts)
-    with pytest.raises(FileError, match="metadata is damaged: tree_includes"):
         replay(record)
 
 

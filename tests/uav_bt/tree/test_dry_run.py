@@ -10,7 +10,6 @@ from uav_bt.board import PHASE
 from uav_bt.errors import FileError, NodeFailedError, TreeError, ValueRangeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status
 from uav_bt.tree.dry_run import Answer, SimulatedTick, Simulation, read_script
-from uav_bt.tree.loading.palette import PaletteControl
 
 S, F, R, K = Status.SUCCESS, Status.FAILURE, Status.RUNNING, Status.SKIPPED
 
@@ -42,11 +41,7 @@ class Sees(Leaf):
         raise AssertionError("a dry run must not look")
 
 
-class Foreign(PaletteControl):
-    """Known from a palette only."""
-
-
-REGISTRY = NodeRegistry([Fly, Measure, Sees, Foreign])
+REGISTRY = NodeRegistry([Fly, Measure, Sees])
 
 
 def simulation(
@@ -74,34 +69,11 @@ def test_leaves_answer_their_scripts_until_the_root_ends(tmp_path: Path) -> None
     assert done[1].answers == (Answer("up", S), Answer("Sees", S), Answer("down", S))
 
 
-def test_a_tree_that_does_not_end_is_ticked_as_often_as_asked(tmp_path: Path) -> None:
-    done = ticks(tmp_path, "<Fly/>", "default: R", count=5)
-    assert [step.status for step in done] == [R] * 5
-
-
 def test_halted_nodes_are_reported(tmp_path: Path) -> None:
     body = "<ReactiveSequence><Sees/><Fly/></ReactiveSequence>"
     *_, last = ticks(tmp_path, body, "leaves: {Sees: SSF, Fly: R}")
     assert (last.tick, last.status, last.halted) == (3, F, ("Fly",))
     assert last.answers == (Answer("Sees", F),)
-
-
-def test_timers_read_the_clock_of_the_dry_run(tmp_path: Path) -> None:
-    run = simulation(tmp_path, '<Timeout msec="60000"><Fly/></Timeout>', "default: R", tick_s=20.0)
-    done = list(run.run(10))
-    assert [step.time_s for step in done] == [0.0, 20.0, 40.0, 60.0]
-    assert (done[-1].status, done[-1].halted) == (F, ("Fly",))
-
-
-def test_a_leaf_that_is_ticked_twice_in_a_tick_answers_twice(tmp_path: Path) -> None:
-    body = '<Repeat num_cycles="2"><Fly/></Repeat>'
-    _, second = ticks(tmp_path, body, "leaves: {Fly: RSS}")
-    assert second.answers == (Answer("Fly", S), Answer("Fly", S))
-
-
-def test_a_leaf_that_a_condition_passes_over_is_skipped(tmp_path: Path) -> None:
-    (step,) = ticks(tmp_path, '<Fly _skipIf="true"/>', "default: S")
-    assert (step.status, step.answers) == (K, (Answer("Fly", K),))
 
 
 def test_the_default_is_for_leaves_without_answers_only(tmp_path: Path) -> None:
@@ -121,11 +93,6 @@ def test_built_in_leaves_run_and_their_changes_are_reported(tmp_path: Path) -> N
     first, second = ticks(tmp_path, body, "default: RS")
     assert first.changed == {"a": 1, "b": 2}
     assert second.changed == {"a": None, "b": 3}
-
-
-def test_the_formats_own_leaves_can_be_scripted_too(tmp_path: Path) -> None:
-    (step,) = ticks(tmp_path, "<AlwaysSuccess/>", "leaves: {AlwaysSuccess: F}")
-    assert step.status is F
 
 
 def test_outputs_are_written_when_the_leaf_succeeds(tmp_path: Path) -> None:
@@ -148,8 +115,8 @@ def test_variables_and_board_are_there_from_the_first_tick(tmp_path: Path) -> No
 def test_the_board_tells_the_time_and_does_not_grow_old(tmp_path: Path) -> None:
     condition = '<ScriptCondition code="@elapsed_s &lt; 5.5"/>'
     body = f"<KeepRunningUntilFailure>{condition}</KeepRunningUntilFailure>"
-    run = simulation(tmp_path, body, "default: S", tick_s=1.0)
-    assert len(list(run.run(20))) == 7
+    done = list(simulation(tmp_path, body, "default: S", tick_s=1.0).run(20))
+    assert [step.time_s for step in done] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
 
 
 def test_variables_of_subtrees_are_reported_under_their_names(tmp_path: Path) -> None:
@@ -157,11 +124,6 @@ def test_variables_of_subtrees_are_reported_under_their_names(tmp_path: Path) ->
     run = simulation(tmp_path, '<SubTree ID="Inner" name="in"/>', "default: S", more=inner)
     (step,) = run.run(1)
     assert step.changed == {"in.x": 1}
-
-
-def test_leaves_of_one_name_are_identified_by_their_paths(tmp_path: Path) -> None:
-    (step,) = ticks(tmp_path, "<Sequence><Fly/><Fly/></Sequence>", "default: S")
-    assert [one.leaf for one in step.answers] == ["Main/Sequence/Fly", "Main/Sequence/Fly#2"]
 
 
 def test_leaves_without_answers_are_all_named_with_their_places(tmp_path: Path) -> None:
@@ -217,16 +179,68 @@ def test_board_values_that_do_not_fit_are_refused_with_their_line(
     assert (error.value.path, error.value.line) == (tmp_path / "script.yaml", line)
 
 
-def test_a_bad_tree_is_refused_as_ever(tmp_path: Path) -> None:
-    with pytest.raises(TreeError, match="unknown node 'Flyy'"):
-        simulation(tmp_path, "<Flyy/>", "default: S")
-
-
 def test_time_must_pass(tmp_path: Path) -> None:
     with pytest.raises(ValueRangeError, match=r"got 0\.0 s"):
         simulation(tmp_path, "<Fly/>", "default: S", tick_s=0.0)
 
 
-def test_a_node_that_raises_ends_the_dry_run(tmp_path: Path) -> None:
-    with pytest.raises(NodeFailedError):
+def test_a_node_that_raises_ends_the_dry_run_and_names_what_is_unset(tmp_path: Path) -> None:
+    with pytest.raises(NodeFailedError) as caught:
         ticks(tmp_path, '<Script code="a := 1 / nothing"/>', "default: S")
+    assert "in variables: {nothing: 0}" in caught.value.__notes__[0]
+
+
+# --- the script ----------------------------------------------------------------------------------
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "script.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_everything_that_a_script_can_say_is_read(tmp_path: Path) -> None:
+    script = read_script(
+        written(
+            tmp_path,
+            "leaves:\n  TakeOff: RRS\n  Main/step/Explore: (RRS)\n"
+            "default: S\n"
+            "outputs:\n  Measure: {depth_m: 1.5, text: far}\n"
+            "variables: {laps: 3, on: true}\n"
+            "board: {phase: explore}\n",
+        )
+    )
+    answers = {selector: (mock.answers, mock.outputs) for selector, mock in script.mocks.items()}
+    assert answers == {
+        "TakeOff": ("RRS", {}),
+        "Main/step/Explore": ("(RRS)", {}),
+        "Measure": (None, {"depth_m": 1.5, "text": "far"}),
+        "*": ("S", {}),
+    }
+    places = [mock.place for mock in script.mocks.values()]
+    assert [place.position.line for place in places if place] == [2, 3, 6, 4]
+    assert script.variables == {"laps": 3, "on": True}
+    assert (script.board, script.line("board", "phase")) == ({"phase": "explore"}, 8)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "message"),
+    [
+        ("", 1, "expected 'leaves' with answers of leaves, or a 'default'"),
+        ("- a", 1, "expected a mapping with leaves, default, outputs, variables, board, got"),
+        ("variables: {a: 1}", 1, "expected 'leaves' with answers of leaves, or a 'default'"),
+        ("default: S\nleafs: {}", 2, "leafs: unknown key; did you mean 'leaves'?"),
+        ("leaves:\n  A: RRX", 2, "a script has the letters R (running), S (success)"),
+        ("leaves:\n  A: RRS\n  A: S", 3, "leaves: the key 'A' is given twice"),
+        ("leaves:\n  A: [R, S]", 2, "or a number or a text, got a list of 2"),
+        ("default: ()", 1, "a script has the letters"),
+    ],
+)
+def test_what_no_script_can_say_is_refused_with_its_line(
+    tmp_path: Path, text: str, line: int, message: str
+) -> None:
+    path = written(tmp_path, text)
+    with pytest.raises(FileError) as error:
+        read_script(path)
+    assert message in str(error.value)
+    assert error.value.line == line

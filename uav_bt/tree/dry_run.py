@@ -1,0 +1,273 @@
+"""Dry runs: a mission's tree ticked with leaves that answer by a script; nothing flies.
+
+The tree is the real one, with its control nodes, decorators, conditions, scripts and timers. The
+format's own leaves (`Script`, `Sleep`, ...) do what they always do, unless the script has answers
+for them. A script is a YAML file:
+
+    leaves:                  # by path, name or node id, as `uav-bt tree render` shows them
+      TakeOff: RRS           # running, running, success; the last letter is answered for ever
+      Explore: (RRS)         # letters in brackets are answered over and over
+    default: S               # for all leaves without a script
+    outputs:                 # values that a leaf writes to its output ports at each success
+      Measure: {depth_m: 1.5}
+    variables: {laps: 3}     # of the main tree, before the first tick
+    board: {phase: explore}  # keys of the mission board; numbers, texts, true and false
+
+Only `leaves` or `default` must be there. The letters are those of `uav_bt.tree.scripted`.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Final, Unpack
+
+from pydantic import AfterValidator, Field
+
+from uav_bt.board import ELAPSED, MISSION_KEYS
+from uav_bt.board.blackboard import Blackboard
+from uav_bt.board.context import MissionContext
+from uav_bt.board.numbers import QUIET
+from uav_bt.clock import ManualClock
+from uav_bt.errors import BoardAccessError, FileError, NodeFailedError, TreeError, ValueRangeError
+from uav_bt.tree import MissionTree, Node, NodeRegistry, Status, load_tree
+from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Position
+from uav_bt.tree.loading.loader import TreeOptions
+from uav_bt.tree.loading.parameters import Plain
+from uav_bt.tree.mission_tree import Place
+from uav_bt.tree.nodes import BUILTIN_NODES
+from uav_bt.tree.nodes.base import SubTree
+from uav_bt.tree.observer import NodeEvent, observe
+from uav_bt.tree.scripted import ALL_LEAVES, AnswerScript, Mock, ScriptedLeaf
+from uav_bt.tree.status import RUNNING
+from uav_bt.yaml_file import read_yaml
+
+_PLAIN: Final = (bool, int, float, str)
+_ANSWERS: Final = {
+    NodeEvent.CONTINUES: Status.RUNNING,
+    NodeEvent.SUCCEEDED: Status.SUCCESS,
+    NodeEvent.FAILED: Status.FAILURE,
+    NodeEvent.SKIPPED: Status.SKIPPED,
+}
+
+
+# --- the script -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulationScript:
+    """The content of a script file."""
+
+    path: Path
+    mocks: Mapping[str, Mock]  # as `load_tree` takes them
+    variables: Mapping[str, Plain]
+    board: Mapping[str, Plain]
+    line: Callable[..., int]  # of an entry, by its keys
+
+
+def _answers(value: Plain) -> Plain:
+    AnswerScript.parse(str(value))
+    return value
+
+
+# A variable may be infinite; nothing else may.
+_Value = bool | int | Annotated[float, Field(allow_inf_nan=True)] | str
+_Answers = Annotated[_Value, AfterValidator(_answers)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _ScriptFile:
+    leaves: dict[str, _Answers] = field(default_factory=dict)
+    default: _Answers | None = None
+    outputs: dict[str, dict[str, _Value]] = field(default_factory=dict)
+    variables: dict[str, _Value] = field(default_factory=dict)
+    board: dict[str, _Value] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.leaves and self.default is None:
+            raise ValueRangeError("expected 'leaves' with answers of leaves, or a 'default'")
+
+
+def read_script(path: Path) -> SimulationScript:
+    """Read a script file, or raise a FileError that names the line."""
+    file = read_yaml(path, _ScriptFile, "script file")
+    found = file.value
+
+    def mock(answers: Plain | None, outputs: Mapping[str, object], *steps: str) -> Mock:
+        place = Place(path, Position(file.line(*steps), 1))
+        return Mock(None if answers is None else str(answers), outputs, place)
+
+    mocks = {
+        name: mock(
+            found.leaves.get(name),
+            found.outputs.get(name, {}),
+            "leaves" if name in found.leaves else "outputs",
+            name,
+        )
+        for name in {**found.leaves, **found.outputs}
+    }
+    if found.default is not None:
+        mocks[ALL_LEAVES] = mock(found.default, {}, "default")
+    return SimulationScript(
+        path=path, mocks=mocks, variables=found.variables, board=found.board, line=file.line
+    )
+
+
+# --- the run --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The answer of a leaf."""
+
+    leaf: str
+    status: Status
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulatedTick:
+    """What happened in a tick."""
+
+    tick: int  # counted from 1
+    time_s: float  # of the mission clock
+    status: Status  # of the root
+    answers: tuple[Answer, ...]  # in the order in which the leaves answered
+    halted: tuple[str, ...]  # leaves that were stopped while they ran
+    changed: Mapping[str, Any]  # variables (those of subtrees as `subtree.name`) and `@board_key`s
+
+
+class Simulation:
+    """A mission file with scripted leaves, ready to be ticked.
+
+    Parameters take precedence over the script's variables; the rest is as for `load_tree`.
+    """
+
+    def __init__(
+        self,
+        tree: Path,
+        script: SimulationScript,
+        registry: NodeRegistry | None = None,
+        *,
+        tick_s: float = 0.1,
+        **options: Unpack[TreeOptions],
+    ) -> None:
+        if not tick_s > 0.0:
+            raise ValueRangeError(f"ticks come one after another, got {tick_s} s between them")
+        # Scripted leaves ask for no policy.
+        registry = (NodeRegistry.installed() if registry is None else registry).with_any_policy()
+        options["mocks"] = script.mocks
+        self.tree: Final = load_tree(tree, registry, **options)
+        for name, value in script.variables.items():
+            if name not in self.tree.variables:
+                self.tree.variables[name] = value
+        if faults := list(_unscripted(self.tree, script)):
+            raise TreeError(tree, faults)
+        self._script = script
+        self._tick_s = tick_s
+        self._clock = ManualClock()
+        self._board = Blackboard(self._clock, MISSION_KEYS)
+        count = Counter(leaf.name for leaf in self.tree.leaves())
+        self._names = {
+            leaf.path: leaf.name if count[leaf.name] == 1 else leaf.path
+            for leaf in self.tree.leaves()
+        }
+        self._answers: list[Answer] = []
+        self._halted: list[str] = []
+        self._given: dict[str, Any] = {}  # values that the script wrote to the board
+        self.tree.setup(MissionContext(board=self._board, clock=self._clock))
+        self._write_board()
+        observe(self.tree.leaves(), self._note)
+
+    def run(self, max_ticks: int) -> Iterator[SimulatedTick]:
+        """Tick until the root ends or the limit of ticks is reached, and yield each tick."""
+        before = self._values()
+        for tick in range(1, max_ticks + 1):
+            if tick > 1:
+                self._clock.sleep_until((tick - 1) * self._tick_s)
+            self._write_board()
+            self._answers.clear()
+            self._halted.clear()
+            try:
+                status = self.tree.tick()
+            except NodeFailedError as error:
+                self._name_unset(error)
+                raise
+            now = self._values()
+            changed = {
+                name: value
+                for name, value in now.items()
+                if name not in before or _differs(before[name], value)
+            }
+            yield SimulatedTick(
+                tick=tick,
+                time_s=self._clock.now(),
+                status=status,
+                answers=tuple(self._answers),
+                halted=tuple(self._halted),
+                changed=changed | {name: None for name in before if name not in now},
+            )
+            before = now
+            if status is not RUNNING:
+                return
+
+    def _note(self, node: Node, event: NodeEvent) -> None:
+        name = self._names[node.path]
+        if event is NodeEvent.HALTED:
+            self._halted.append(name)
+        elif event in _ANSWERS:
+            self._answers.append(Answer(name, _ANSWERS[event]))
+
+    def _name_unset(self, error: NodeFailedError) -> None:
+        """Add all variables that the script has yet to give, as the first may not be the last."""
+        if unset := [name for name in self.tree.unset if name not in self._script.variables]:
+            values = ", ".join(f"{name}: 0" for name in unset)
+            error.add_note(
+                f"nothing in the tree file sets {', '.join(unset)}: give them values in "
+                f"{self._script.path}, as in variables: {{{values}}}"
+            )
+
+    def _write_board(self) -> None:
+        self._board.write(ELAPSED, self._clock.now())
+        written = self._board.snapshot()
+        for number, value in QUIET:
+            if number.name not in written:
+                self._board.write(number, value)
+        for name, given in self._script.board.items():
+            # A value that a leaf wrote over it stays.
+            if name in self._given and written[name][0] is not self._given[name]:
+                continue
+            self._given[name] = given
+            try:
+                self._board.write(self._board.key(name), given)
+            except BoardAccessError as error:
+                line = self._script.line("board", name)
+                raise FileError(self._script.path, str(error), line) from error
+
+    def _values(self) -> dict[str, Any]:
+        values = self.tree.variables.snapshot()
+        for node in self.tree.nodes():
+            if isinstance(node, SubTree):
+                inner = node.child.variables.snapshot()
+                values |= {f"{node.name}.{name}": value for name, value in inner.items()}
+        board = self._board.snapshot()
+        del board[ELAPSED.name]  # it changes every tick
+        return values | {f"@{name}": value for name, (value, _) in board.items()}
+
+
+def _unscripted(tree: MissionTree, script: SimulationScript) -> Iterator[Finding]:
+    """Yield a finding for each leaf without a script, but for the format's own."""
+    for leaf in tree.leaves():
+        if isinstance(leaf, ScriptedLeaf) or type(leaf) in BUILTIN_NODES:
+            continue
+        place = tree.places.get(leaf.path, Place(tree.path, WHOLE_FILE))
+        message = f"has no answers in {script.path}: add '{leaf.name}' to its leaves, or a default"
+        yield Finding(str(place.path), place.position, message, f"{leaf.node_id} '{leaf.name}'")
+
+
+def _differs(before: Any, now: Any) -> bool:
+    if before is now:
+        return False
+    # Only plain values are compared: equality of others may not be defined.
+    return type(before) is not type(now) or not isinstance(now, _PLAIN) or before != now
