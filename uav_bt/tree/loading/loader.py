@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
@@ -175,7 +176,7 @@ class _Read:
             root,
             name=document.main,
             sources={document.path.resolve(): self._data, **document.included},
-            whole=whole_file(document, self._data),
+            whole=partial(whole_file, document, self._data),
             places=builder.places,
             replaced=builder.replaced,
             enum_members=document.enum_members,
