@@ -26,7 +26,7 @@ def tree_files(mission: MissionTree) -> Iterator[Attachment]:
     """Yield a tree file that holds all trees and places of a mission; nothing without a file."""
     if mission.sources:
         name = f"{_TREE_FOLDER}{mission.path.name}"
-        yield Attachment(name=name, media_type="application/xml", data=mission.whole)
+        yield Attachment(name=name, media_type="application/xml", data=mission.whole())
 
 
 def scene_files(scene: object) -> Iterator[Attachment]:

@@ -56,7 +56,7 @@ class MissionTree:
         name: the tree's name, first part of all paths.
         sources: the texts of the tree file and of the files it takes trees from, by path, the tree
             file first; empty for a tree composed in Python.
-        whole: one tree file with all that the tree takes from these.
+        whole: writes one tree file with all that the tree takes from these.
         places: where the tree file has the nodes, by path; empty for a tree composed in Python.
         replaced: attribute values that replace those of the tree file, by path.
         enum_members: of enumerations, integers by the names that scripts read.
@@ -69,7 +69,7 @@ class MissionTree:
         *,
         name: str = "Tree",
         sources: Mapping[Path, bytes] | None = None,
-        whole: bytes = b"",
+        whole: Callable[[], bytes] = bytes,
         places: Mapping[str, Place] | None = None,
         replaced: Mapping[str, Mapping[str, str]] | None = None,
         enum_members: Mapping[str, int] | None = None,

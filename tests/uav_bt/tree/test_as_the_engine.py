@@ -177,12 +177,13 @@ def test_trees_of_two_files_that_use_each_other_in_a_circle_are_refused(tmp_path
     assert "the tree contains itself: Here > There > Here" in found[0].message
 
 
-def test_a_folder_with_too_many_files_is_refused(
+def test_a_folder_with_too_many_files_or_bytes_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("a.xml", "b.xml"):
         (tmp_path / name).write_text(tree("A", "<Safe/>"))
-    for limit, words in (("LIBRARY_FILES", "1 tree files"), ("FOLDER_FILES", "1 files")):
+    limits = {"LIBRARY_FILES": "1 tree files", "FOLDER_FILES": "1 files"}
+    for limit, words in (*limits.items(), ("LIBRARY_BYTES", "1 bytes of tree files")):
         with monkeypatch.context() as patch:
             patch.setattr(f"uav_bt.tree.loading.lookup.MAX_{limit}", 1)
             with pytest.raises(FileError, match=f"more than {words}: choose a folder inside it"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 from xml.sax.saxutils import quoteattr
@@ -180,7 +181,7 @@ class _Read:
         if built is not None:
             tree = built.tree
             tree.sources = {document.path.resolve(): self._data, **document.included}
-            tree.whole = whole_file(document, self._data)
+            tree.whole = partial(whole_file, document, self._data)
             for name, value in document.parameters.variables.items():
                 tree.variables[name] = value
             check_variables(built, document, self._findings)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -11,10 +12,11 @@ from typing import Final
 
 from uav_bt.errors import FileError, InputError, TreeError
 from uav_bt.tree.loading.findings import Findings, Rule
-from uav_bt.tree.loading.source import Element, circles, parse_source, read_source
+from uav_bt.tree.loading.source import MAX_BYTES, Element, circles, parse_source, read_source
 
 MAX_INCLUDES: Final = 50
 MAX_LIBRARY_FILES: Final = 5_000
+MAX_LIBRARY_BYTES: Final = 50_000_000  # of all of them
 MAX_FOLDER_FILES: Final = 200_000  # of any kind, so that a whole disk is not searched
 TREE_SUFFIXES: Final = (".xml", ".btproj")
 """Of the files that hold trees; `.btproj` is a project of Groot2, which includes its files."""
@@ -31,14 +33,19 @@ def shipped_trees() -> Path:
 def files_in(folder: Path) -> tuple[Path, ...]:
     """Return the tree files of a folder and below, hidden ones left out."""
     found: list[Path] = []
-    passed = 0
+    passed, size = 0, 0
     for place, folders, names in os.walk(folder):
         folders[:] = [name for name in folders if not name.startswith(".")]
         passed += len(names)
         shown = (Path(place, name) for name in names if not name.startswith("."))
-        found += [path for path in shown if path.suffix in TREE_SUFFIXES and path.is_file()]
+        new = [path for path in shown if path.suffix in TREE_SUFFIXES and path.is_file()]
+        found += new
+        for path in new:
+            with contextlib.suppress(FileNotFoundError):  # gone by now
+                size += min(path.stat().st_size, MAX_BYTES)  # of a larger one no more is read
         for count, most, what in (
             (len(found), MAX_LIBRARY_FILES, "tree files"),
+            (size, MAX_LIBRARY_BYTES, "bytes of tree files"),
             (passed, MAX_FOLDER_FILES, "files"),
         ):
             if count > most:
