@@ -16,7 +16,6 @@ from tests.conformance import Scripted
 from tests.worlds.trees import World, document, leaf
 from uav_bt.board import HEIGHT, MissionContext
 from uav_bt.errors import InputError, MissionError, NodeFailedError, TreeError
-from uav_bt.mission.flown_tree import FlownTree
 from uav_bt.testing import TreeBench
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, leaf_of, parse_tree
 from uav_bt.tree.describe import describe
@@ -434,14 +433,6 @@ def test_a_setup_that_fails_closes_what_was_opened_before(world: World, log: lis
     with pytest.raises(NodeFailedError, match="s/b' failed: OSError: no device"):
         devices("", "open", "").setup(world.context)
     assert log == ["a opened", "a closed"]
-
-
-def test_a_tree_that_is_replaced_in_flight_is_shut_down(world: World, log: list[str]) -> None:
-    first, second = devices(""), devices("", "")
-    first.setup(world.context)
-    second.setup(world.context)
-    FlownTree(first, lambda: second).renew()
-    assert log == ["a opened", "a opened", "b opened", "a closed"]
 
 
 def test_a_tree_of_py_trees_shuts_our_leaves_down(world: World, log: list[str]) -> None:
