@@ -165,7 +165,7 @@ class Uses:
             self._script(parse_script(source), Use(node, attribute))
         if isinstance(node, SubTree):
             self._enter(node)
-        for port in node.ports:
+        for port in node.ports_over(len(node.children)):
             at, text = node.given_references.get(port.name), node.literals.get(port.name)
             if at is not None and not at.on_board:
                 self._port(node, port, at)
