@@ -12,7 +12,7 @@ from behaviours.nodes import NODES
 from uav_bt.errors import NodeFailedError
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Leaf, Port, Status
-from uav_bt.tree.loading.builder import POLICY_PORT
+from uav_bt.tree.loading.attributes import POLICY_PORT
 
 LEAVES = [node for node in NODES if issubclass(node, Leaf)]
 WORDS = {"SUCCESS": Status.SUCCESS, "FAILURE": Status.FAILURE}

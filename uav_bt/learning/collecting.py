@@ -22,7 +22,7 @@ from uav_bt.campaign.fly import Progress, silent_progress
 from uav_bt.campaign.runner import Backend
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.learning.views import TRAINING_SCENES
-from uav_bt.tree.loading.builder import POLICY_PORT
+from uav_bt.tree.loading.attributes import POLICY_PORT
 
 
 @dataclass(frozen=True, kw_only=True)

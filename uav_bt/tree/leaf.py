@@ -9,6 +9,7 @@ from uav_bt.board.blackboard import BoardView, Key, Reading
 from uav_bt.board.context import MissionContext
 from uav_bt.board.keys import PHASE
 from uav_bt.errors import MissionError, NodeFailedError, UnknownValueError
+from uav_bt.tree.flow import After, Follow, Known
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.observer import NodeEvent, Observer
 from uav_bt.tree.port import check_declared
@@ -67,6 +68,13 @@ class Leaf(Node):
         ports = {port.name for port in cls.ports}
         given = (by_key.get(key, {}) for key in cls.writes)
         return {name: text for each in given for name, text in each.items() if name in ports}
+
+    def variables_after(self, follow: Follow, known: Known) -> After:
+        """Return the variables with a value after each of the `answers`, outputs left out."""
+        del follow
+        return After(
+            *(known if one in self.answers else None for one in (SUCCESS, FAILURE, SKIPPED))
+        )
 
     def may_point(self) -> bool:
         """Return whether the leaf may propose a camera direction with the values of its ports."""

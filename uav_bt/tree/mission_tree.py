@@ -43,7 +43,7 @@ _FRAMES_PER_LEVEL: Final = 8  # of Python's, in a tick that is watched, asks con
 _FRAMES_OF_OTHERS: Final = 500  # what calls the tree, and what its leaves call
 
 
-def _allow_depth(levels: int) -> None:
+def allow_depth(levels: int) -> None:
     """Raise Python's limit of 1000 nested calls to the need of a tick of such a tree."""
     needed = levels * _FRAMES_PER_LEVEL + _FRAMES_OF_OTHERS
     sys.setrecursionlimit(max(sys.getrecursionlimit(), needed))
@@ -95,7 +95,7 @@ class MissionTree:
             )
         self._used = any(node.has_mission for node in counts)
         place_tree(self.root, f"{name}/{self.root.name}", self.variables)
-        _allow_depth(max(node.path.count("/") for node in self.nodes()))
+        allow_depth(max(node.path.count("/") for node in self.nodes()))
 
     def __repr__(self) -> str:
         count, origin = sum(1 for _ in self.nodes()), self.origin

@@ -19,7 +19,7 @@ from py_trees import common
 from uav_bt.board.context import NO_CONTEXT, MissionContext
 from uav_bt.errors import InputError, MissionError, NodeFailedError, UnknownValueError
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, Conditions, check_condition
-from uav_bt.tree.node_ports import NodePorts
+from uav_bt.tree.flow import NodeFlow
 from uav_bt.tree.observer import NodeEvent, Observer, observe, unobserve
 from uav_bt.tree.port import Port, check_declared
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
@@ -68,7 +68,7 @@ class NodeKind(enum.Enum):
     SUBTREE = "SubTree"
 
 
-class Node(NodePorts, Behaviour):
+class Node(NodeFlow, Behaviour):
     """Base of every node.
 
     Args:

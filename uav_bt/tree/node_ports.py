@@ -18,6 +18,7 @@ from uav_bt.tree.variables import Variables
 T = TypeVar("T")
 
 _NO_LITERAL: Final = object()
+BOUND: Final = "="  # the keyword of bound values; no attribute has this name
 
 
 class NodePorts:
@@ -46,7 +47,7 @@ class NodePorts:
         """Bind the ports to the given values.
 
         Args:
-            given: values by port.
+            given: values by port; or those that the loader has bound, as `BOUND`.
             children: how many children the node has.
             wrong: errors of other attributes, for the same message.
 
@@ -54,9 +55,11 @@ class NodePorts:
             InputError: a port is missing, unknown or has a value of another type.
         """
         self._ports = self.ports_over(children)
-        bound, wrong_ports = bind_ports(self._ports, given, CONDITION_ATTRIBUTES)
-        if messages := [*wrong_ports.values(), *wrong.values()]:
-            raise InputError(f"node '{self.name}' ({self.node_id}): {'; '.join(messages)}")
+        bound: Any = given.pop(BOUND, None)
+        if bound is None:
+            bound, wrong_ports = bind_ports(self._ports, given, CONDITION_ATTRIBUTES)
+            if messages := [*wrong_ports.values(), *wrong.values()]:
+                raise InputError(f"node '{self.name}' ({self.node_id}): {'; '.join(messages)}")
         self._given = {key: at for key, at in bound.items() if isinstance(at, Reference)}
         self._references = self._given  # once placed: a subtree's variable may be a board key
         self._literals = {key: at for key, at in bound.items() if key not in self._given}
@@ -155,6 +158,11 @@ class NodePorts:
     def _board(self) -> Blackboard | BoardView:
         """The mission's board; for a leaf a view that allows the declared keys."""
         return self.mission.board
+
+    @property
+    def given_references(self) -> Mapping[str, Reference]:
+        """The references of ports as they were given, by port."""
+        return self._given
 
     @property
     def literals(self) -> Mapping[str, Any]:

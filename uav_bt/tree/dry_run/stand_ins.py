@@ -15,6 +15,7 @@ from typing import Any, Final
 from uav_bt.errors import ValueRangeError, did_you_mean
 from uav_bt.tree.loading.palette import PaletteControl, PaletteDecorator
 from uav_bt.tree.node import Node
+from uav_bt.tree.node_ports import BOUND
 from uav_bt.tree.nodes import (
     BUILTIN_NODES,
     Fallback,
@@ -23,6 +24,7 @@ from uav_bt.tree.nodes import (
     Sequence,
 )
 from uav_bt.tree.nodes.base import ControlNode, DecoratorNode
+from uav_bt.tree.port import Reference
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.status import IDLE, RUNNING, Status
 
@@ -56,7 +58,9 @@ class _Inside(ControlNode):
             first = Fallback("attempt", [first, ForceFailure("between", steps)])
         own = {port.name for port in self.decorator.ports}
         values = {port.name: port.default for port in self.ports if port.name in own}
-        inner = {key: given.get(key, value) for key, value in values.items()}
+        bound: Any = given.get(BOUND, given)
+        texts = {key: str(at) for key, at in bound.items() if isinstance(at, Reference)}
+        inner = {key: texts.get(key, bound.get(key, value)) for key, value in values.items()}
         self._inner = self.decorator("inside", first, **inner)
         super().__init__(name, [self._inner], **given)
 

@@ -1,72 +1,190 @@
-"""Faults of a whole tree that would end its flight: values that are missing, two movers."""
+"""Faults of a whole tree that would end its flight, each found by one function.
+
+A new check is a function that yields faults, below `everywhere` or `in_missions`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from typing import Any, Final
+from collections.abc import Callable, Iterator
+from typing import Any, Final, NamedTuple
 
-from uav_bt.board import MISSION_KEYS, Key
+from uav_bt.board import FLIGHT_HEIGHT, MISSION_KEYS, ODOMETRY, Key
 from uav_bt.tree.leaf import Leaf
-from uav_bt.tree.loading.assigned import early_reads, named_scripts
-from uav_bt.tree.loading.builder import POLICY_PORT
-from uav_bt.tree.loading.findings import Finding, Rule
-from uav_bt.tree.loading.kept_rules import faults_of_rules
+from uav_bt.tree.loading.attributes import POLICY_PORT
+from uav_bt.tree.loading.early_reads import early_reads
+from uav_bt.tree.loading.findings import Finding, Position, Rule
 from uav_bt.tree.loading.kinds import misfits
-from uav_bt.tree.loading.node_findings import finding_at
+from uav_bt.tree.loading.uses import Use, Uses, is_named, named_scripts
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
-from uav_bt.tree.nodes import (
-    IfThenElse,
-    LoopBool,
-    LoopDouble,
-    LoopInt,
-    Parallel,
-    ParallelAll,
-    WhileDoElse,
-)
-from uav_bt.tree.port import Port
+from uav_bt.tree.nodes import LoopBool, LoopDouble, LoopInt
+from uav_bt.tree.rules import Rules
 from uav_bt.tree.script.expressions import Name
+from uav_bt.types.mission_rules import LandOn
 
 _RUNNER: Final = "runner"  # the writer of the keys that every mission has
 
 
-def faults_of(tree: MissionTree, given: Iterable[str] = ()) -> Iterator[Finding]:
-    """Yield the faults of a tree that is flown as it is.
+class Fault(NamedTuple):
+    """What would end the flight, at a node."""
 
-    Args:
-        tree: loaded from a file.
-        given: variables of the tree that get a value from outside before the flight.
-    """
-    yield from faults_of_part(tree)
-    yield from _unwritten_keys(tree)
-    yield from _late_values(tree)
-    for early in early_reads(tree, given):
-        message = (
-            f"attribute '{early.attribute}': variable '{early.name}' may have no value here: what "
-            "sets it may run later, or not at all; give it a value in a Script before"
-        )
-        yield finding_at(tree, early.node, message, Rule.VARIABLE)
-    for odd in misfits(tree):
-        message = f"attribute '{odd.attribute}' {odd.message}"
-        yield finding_at(tree, odd.node, message, Rule.VARIABLE)
+    node: Node
+    message: str  # the mistake and the remedy
+    rule: Rule
+
+
+_Check = Callable[[MissionTree], Iterator[Fault]]
+_EVERYWHERE: list[_Check] = []
+_IN_MISSIONS: list[_Check] = []
+
+
+def everywhere(check: _Check) -> _Check:
+    """Run a check on every tree: its faults are faults in each mission that uses the tree."""
+    _EVERYWHERE.append(check)
+    return check
+
+
+def in_missions(check: _Check) -> _Check:
+    """Run a check on trees that are flown as they are."""
+    _IN_MISSIONS.append(check)
+    return check
+
+
+def faults_of(tree: MissionTree) -> Iterator[Finding]:
+    """Yield the faults of a tree that is flown as it is."""
+    yield from _found(tree, *_EVERYWHERE, *_IN_MISSIONS)
 
 
 def faults_of_part(tree: MissionTree) -> Iterator[Finding]:
-    """Yield the faults that a tree has in every mission that uses it.
+    """Yield the faults that a tree has in every mission that uses it."""
+    yield from _found(tree, *_EVERYWHERE)
 
-    Args:
-        tree: loaded from a file.
+
+def _found(tree: MissionTree, *checks: _Check) -> Iterator[Finding]:
+    for check in checks:
+        for node, message, rule in check(tree):
+            place = tree.places.get(node.path)
+            at = (tree.path, Position(1, 1)) if place is None else (place.path, place.position)
+            yield Finding(str(at[0]), at[1], message, node.path, rule=rule)
+
+
+def unset_reads(tree: MissionTree) -> dict[str, Use]:
+    """Return the variables of a tree that its file reads and nothing sets, with a reader each.
+
+    The reader is a node with the attribute.
     """
-    yield from _loops_over_words(tree)
-    yield from _two_movers(tree)
-    yield from _skipped_conditions(tree)
-    yield from faults_of_rules(tree)
+    slots = (slot for slot in Uses(tree).slots.values() if slot.scope is tree.variables)
+    unset = ((one.name, read) for one in slots if not one.created for read in one.reads)
+    first: dict[str, Use] = {}
+    for name, read in unset:
+        if read.needed or read.named:
+            first.setdefault(name, read.use)
+    return first
 
 
-# --- board keys -----------------------------------------------------------------------------------
+# --- nodes with children --------------------------------------------------------------------------
 
 
-def _unwritten_keys(tree: MissionTree) -> Iterator[Finding]:
+@everywhere
+def _loops_over_words(tree: MissionTree) -> Iterator[Fault]:
+    """Yield loops over numbers or truth values whose queue is a board key that holds a text."""
+    texts = {key.name for leaf in tree.leaves() for key in leaf.writes if key.type is str}
+    for node in tree.nodes():
+        if isinstance(node, LoopBool | LoopDouble | LoopInt):
+            at = node.reference(node.QUEUE)
+            if at is not None and at.on_board and at.key in texts:
+                message = (
+                    f"attribute 'queue': board key '{at.key}' holds a text, which may be no queue "
+                    f"of {node.VALUE.type.__name__}: use LoopString"
+                )
+                yield Fault(node, message, Rule.BOARD_KEY)
+
+
+@everywhere
+def _two_movers(tree: MissionTree) -> Iterator[Fault]:
+    """Yield nodes that tick children together of which two may ask for the same thing."""
+    for node in (one for one in tree.nodes() if one.ticks_together):
+        leaves = [list(_leaves_below(child)) for child in node.children]
+        movers = [next((leaf for leaf in below if leaf.moves), None) for below in leaves]
+        pointers = [next((leaf for leaf in below if leaf.may_point()), None) for below in leaves]
+        for what, found in (("a movement", movers), ("a camera direction", pointers)):
+            asks = [leaf for leaf in found if leaf is not None]
+            if len(asks) > 1:
+                message = (
+                    f"'{asks[0].name}' and '{asks[1].name}' may ask for {what} in the same tick, "
+                    "and only one leaf may: run them one after another"
+                )
+                yield Fault(node, message, Rule.CHILDREN)
+
+
+def _leaves_below(node: Node) -> Iterator[Leaf]:
+    """Yield the leaves of a branch, itself included; none of a branch that is deactivated."""
+    if node.condition_scripts.get("_skipIf", "").strip() in {"true", "1"}:
+        return
+    if isinstance(node, Leaf):
+        yield node
+    for child in node.children:
+        yield from _leaves_below(child)
+
+
+@everywhere
+def _skipped_conditions(tree: MissionTree) -> Iterator[Fault]:
+    """Yield conditions of nodes such as `IfThenElse` that may be skipped."""
+    for node in tree.nodes():
+        asked = node.children[0] if node.asks_first else None
+        for attribute in ("_skipIf", "_while") if asked is not None else ():
+            if asked is not None and attribute in asked.condition_scripts:
+                message = (
+                    f"attribute '{attribute}': the condition of {node.node_id} must not be "
+                    "skipped: ask this in a ScriptCondition before"
+                )
+                yield Fault(asked, message, Rule.CHILDREN)
+
+
+# --- rules of a mission ---------------------------------------------------------------------------
+
+
+@everywhere
+def _rules(tree: MissionTree) -> Iterator[Fault]:
+    """Yield rules that cannot be read before the take-off, or that the tree cannot keep."""
+    found = [leaf for leaf in tree.leaves() if isinstance(leaf, Rules)]
+    for leaf in found[1:]:
+        message = f"the mission has its rules already, in '{found[0].path}': put all in one node"
+        yield Fault(leaf, message, Rule.CHILDREN)
+    for leaf in found[:1]:
+        late = [port.name for port in leaf.ports if leaf.initial_value(port) is None]
+        for name in late:
+            message = (
+                f"attribute '{name}': the rules are read before the take-off, when the reference "
+                "has no value: write the value here, or in an entry of the SubTree"
+            )
+            yield Fault(leaf, message, Rule.ATTRIBUTE)
+        if not late:
+            yield from _unkept(tree, leaf)
+
+
+def _unkept(tree: MissionTree, leaf: Rules) -> Iterator[Fault]:
+    rules = leaf.stated()
+    written = {key: each for each in tree.leaves() for key in each.writes}
+    if rules.land_on is LandOn.NONE and FLIGHT_HEIGHT in written:
+        message = (
+            f"attribute 'land_on': 'none' says that the mission never takes off, but "
+            f"'{written[FLIGHT_HEIGHT].name}' does: write where it may land, or leave that node out"
+        )
+        yield Fault(leaf, message, Rule.ATTRIBUTE)
+    if rules.area is not None and ODOMETRY not in written:
+        message = (
+            f"attribute 'area': the drone keeps within it by board key '{ODOMETRY.name}', which no "
+            f"leaf of the tree writes: add {ODOMETRY.writer}"
+        )
+        yield Fault(leaf, message, Rule.BOARD_KEY)
+
+
+# --- values that are missing ----------------------------------------------------------------------
+
+
+@in_missions
+def _unwritten_keys(tree: MissionTree) -> Iterator[Fault]:
     """Yield reads of keys which neither the runner nor a leaf of the tree writes."""
     written = {key.name for key in MISSION_KEYS if key.writer == _RUNNER}
     keys: dict[str, Key[Any]] = {key.name: key for key in MISSION_KEYS}
@@ -76,23 +194,20 @@ def _unwritten_keys(tree: MissionTree) -> Iterator[Finding]:
         outputs = (leaf.reference(port) for port in leaf.ports if port.direction != "input")
         written |= {at.key for at in outputs if at is not None and at.on_board}
     for node in tree.nodes():
-        reads = [*_keys_of_ports(node), *_keys_of_scripts(node)]
-        for attribute, key in reads:
+        for attribute, key in (*_keys_of_ports(node), *_keys_of_scripts(node)):
             if key not in written:
                 writer = f": {keys[key].writer} writes it" if key in keys else ""
                 message = (
                     f"attribute '{attribute}': no leaf of the tree writes board key '{key}'{writer}"
                 )
-                yield finding_at(tree, node, message, Rule.BOARD_KEY)
+                yield Fault(node, message, Rule.BOARD_KEY)
 
 
 def _keys_of_ports(node: Node) -> Iterator[tuple[str, str]]:
     """Yield port and board key of the input ports that the file connects to the board."""
     for port in node.ports:
         at = node.reference(port)
-        if at is None or not at.on_board or port.direction == "output":
-            continue
-        if port.default is Port.REQUIRED or port.bound_default != at:
+        if at is not None and at.on_board and port.direction != "output" and is_named(port, at):
             yield port.name, at.key
 
 
@@ -107,80 +222,33 @@ def _keys_of_scripts(node: Node) -> Iterator[tuple[str, str]]:
         yield from ((attribute, key) for key in sorted(key for key in at if key is not None))
 
 
-def _loops_over_words(tree: MissionTree) -> Iterator[Finding]:
-    """Yield loops over numbers or truth values whose queue is a board key that holds a text."""
-    texts = {key.name for leaf in tree.leaves() for key in leaf.writes if key.type is str}
-    for node in tree.nodes():
-        if isinstance(node, LoopBool | LoopDouble | LoopInt):
-            at = node.reference(node.QUEUE)
-            if at is not None and at.on_board and at.key in texts:
-                message = (
-                    f"attribute 'queue': board key '{at.key}' holds a text, which may be no queue "
-                    f"of {node.VALUE.type.__name__}: use LoopString"
-                )
-                yield finding_at(tree, node, message, Rule.BOARD_KEY)
-
-
-# --- values that are needed before the take-off ---------------------------------------------------
-
-
-def _late_values(tree: MissionTree) -> Iterator[Finding]:
+@in_missions
+def _late_values(tree: MissionTree) -> Iterator[Fault]:
     """Yield ports that are read before the take-off, when their variable has no value."""
     for leaf in tree.leaves():
         for port in leaf.ports:
-            at = leaf.reference(port)
-            if at is not None and _is_read_early(port) and leaf.initial_value(port) is None:
+            at, is_early = leaf.reference(port), port.name == POLICY_PORT or port.at_setup
+            if at is not None and is_early and leaf.initial_value(port) is None:
                 message = (
                     f"attribute '{port.name}': its value is needed before the take-off, when {at} "
                     "has none: write the value here, or in an entry of the SubTree"
                 )
-                yield finding_at(tree, leaf, message, Rule.ATTRIBUTE)
+                yield Fault(leaf, message, Rule.ATTRIBUTE)
 
 
-def _is_read_early(port: Port[Any]) -> bool:
-    return port.name == POLICY_PORT or port.at_setup
+@in_missions
+def _early_reads(tree: MissionTree) -> Iterator[Fault]:
+    """Yield reads of variables that may have no value yet."""
+    for early in early_reads(tree):
+        message = (
+            f"attribute '{early.attribute}': variable '{early.name}' may have no value here: what "
+            "sets it may run later, or not at all; give it a value in a Script before"
+        )
+        yield Fault(early.node, message, Rule.VARIABLE)
 
 
-# --- nodes with children --------------------------------------------------------------------------
-
-
-def _skipped_conditions(tree: MissionTree) -> Iterator[Finding]:
-    """Yield conditions of `IfThenElse` and `WhileDoElse` that may be skipped."""
-    for node in tree.nodes():
-        if isinstance(node, IfThenElse | WhileDoElse):
-            asked = node.children[0]
-            for attribute in ("_skipIf", "_while"):
-                if attribute in asked.condition_scripts:
-                    message = (
-                        f"attribute '{attribute}': the condition of {node.node_id} must not be "
-                        "skipped: ask this in a ScriptCondition before"
-                    )
-                    yield finding_at(tree, asked, message, Rule.CHILDREN)
-
-
-def _two_movers(tree: MissionTree) -> Iterator[Finding]:
-    """Yield Parallels of which two children have leaves that may ask for the same thing."""
-    for node in tree.nodes():
-        if not isinstance(node, Parallel | ParallelAll):
-            continue
-        leaves = [list(_leaves_below(child)) for child in node.children]
-        movers = [next((leaf for leaf in below if leaf.moves), None) for below in leaves]
-        pointers = [next((leaf for leaf in below if leaf.may_point()), None) for below in leaves]
-        for what, found in (("a movement", movers), ("a camera direction", pointers)):
-            asks = [leaf for leaf in found if leaf is not None]
-            if len(asks) > 1:
-                message = (
-                    f"'{asks[0].name}' and '{asks[1].name}' may ask for {what} in the same tick, "
-                    "and only one leaf may: run them one after another"
-                )
-                yield finding_at(tree, node, message, Rule.CHILDREN)
-
-
-def _leaves_below(node: Node) -> Iterator[Leaf]:
-    """Yield the leaves of a branch, itself included; none of a branch that is deactivated."""
-    if node.condition_scripts.get("_skipIf", "").strip() in {"true", "1"}:
-        return
-    if isinstance(node, Leaf):
-        yield node
-    for child in node.children:
-        yield from _leaves_below(child)
+@in_missions
+def _misfits(tree: MissionTree) -> Iterator[Fault]:
+    """Yield values that a reader may not be able to use."""
+    for odd in misfits(tree):
+        yield Fault(odd.node, f"attribute '{odd.attribute}' {odd.message}", Rule.VARIABLE)

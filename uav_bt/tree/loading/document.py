@@ -102,17 +102,7 @@ def autoremaps(subtree: Element) -> bool:
 def outline(
     root: Element, registry: NodeRegistry, findings: Findings, lookup: Lookup | None = None
 ) -> Document:
-    """Read the outline of a file and of the files that it includes.
-
-    Args:
-        root: the file's root element.
-        registry: the nodes that may occur.
-        findings: collects the findings.
-        lookup: where to look for included files and trees; default: the file's folder.
-
-    Raises:
-        TreeError: an included file cannot be read or is not XML.
-    """
+    """Read the outline of a file and of the files that it includes."""
     lookup = lookup or Lookup()
     included = Includes(root.path, lookup)
     document = Document(
@@ -306,15 +296,7 @@ class _Short:
 
 
 def find_main(document: Document, root: Element, findings: Findings, tree_id: str | None) -> None:
-    """Find the tree that is to be flown, and note when it is not clear which.
-
-    Args:
-        document: the file's outline; its `main` is filled.
-        root: the file's root element.
-        findings: collects the findings.
-        tree_id: the tree that was asked for; None: the one that the file names, or the only one
-            that no other uses.
-    """
+    """Find the tree that is to be flown, and note when it is not clear which."""
     named = root.attributes.get("main_tree_to_execute")
     wanted = tree_id if tree_id is not None else named
     if root.tag != "root" or (wanted is not None and wanted in document.trees):

@@ -17,13 +17,7 @@ EDITOR_ATTRIBUTES: Final = frozenset({"_collapsed", "_description", "_fullpath",
 
 
 def check_attributes(element: Element, known: frozenset[str], findings: Findings) -> None:
-    """Warn of attributes without meaning on an element that is not a node.
-
-    Args:
-        element: of a tree file.
-        known: the attributes that it can have.
-        findings: collects the findings.
-    """
+    """Warn of attributes without meaning on an element that is not a node."""
     for attribute in element.attributes:
         if attribute in known or attribute in EDITOR_ATTRIBUTES:
             continue
@@ -32,12 +26,7 @@ def check_attributes(element: Element, known: frozenset[str], findings: Findings
 
 
 def check_no_text(element: Element, findings: Findings) -> None:
-    """Warn of text between tags, which means nothing in a tree file.
-
-    Args:
-        element: of a tree file.
-        findings: collects the findings.
-    """
+    """Warn of text between tags, which means nothing in a tree file."""
     text = element.text.strip()
     if text:
         findings.warn(element, f"text between tags means nothing: '{text[:40]}'")
@@ -51,11 +40,7 @@ def node_id_of(element: Element) -> str:
 
 
 def doors(tree: Element) -> list[tuple[Element, str]]:
-    """Return the SubTrees of a tree, each with the ID of its tree.
-
-    Args:
-        tree: the BehaviorTree element.
-    """
+    """Return the SubTrees of a tree, each with the ID of its tree."""
     subtrees = (node for node in walk(tree) if node.tag == NodeKind.SUBTREE.value)
     return [(node, node.attributes.get("ID", "")) for node in subtrees]
 
@@ -73,12 +58,7 @@ def node_attributes(element: Element) -> dict[str, str]:
 
 
 def check_private_attributes(element: Element, findings: Findings) -> None:
-    """Warn of a node's attributes that begin with `_` and mean nothing.
-
-    Args:
-        element: a node.
-        findings: collects the findings.
-    """
+    """Warn of a node's attributes that begin with `_` and mean nothing."""
     known = {*CONDITION_ATTRIBUTES, *EDITOR_ATTRIBUTES}
     if element.tag == NodeKind.SUBTREE.value:
         known.add("_autoremap")

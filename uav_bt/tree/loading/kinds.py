@@ -1,4 +1,4 @@
-"""Values of variables that a reader cannot use: texts for numbers, objects for scripts."""
+"""Values that a reader may be unable to take: texts for numbers, objects for scripts."""
 
 from __future__ import annotations
 
@@ -7,13 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from uav_bt.board import MISSION_KEYS
+from uav_bt.tree.flow import Variable
 from uav_bt.tree.leaf import Leaf
-from uav_bt.tree.loading.after_children import Variable
-from uav_bt.tree.loading.assigned import named_scripts, variable_at
-from uav_bt.tree.loading.variable_checker import may_convert
+from uav_bt.tree.loading.uses import Use, Uses, named_scripts, variable_at
+from uav_bt.tree.loading.variable_faults import may_convert
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
-from uav_bt.tree.nodes import LoopString, SetBlackboard
 from uav_bt.tree.port import Port
 from uav_bt.tree.script import parse_text
 from uav_bt.tree.script.expressions import (
@@ -23,7 +22,6 @@ from uav_bt.tree.script.expressions import (
     Expression,
     Name,
     Unary,
-    constant_value,
     kind_of,
 )
 from uav_bt.tree.script.values import ScriptError, number
@@ -35,27 +33,22 @@ _ARITHMETIC: Final = frozenset({"-", "*", "/", "&", "|", "^"})
 
 @dataclass(frozen=True)
 class _Value:
-    """A value that a node, or the entry of a SubTree, gives a variable."""
+    """A value that a variable may get."""
 
     kind: type
     value: Any = None  # where the file has it
-    node: Node | None = None  # None: an entry
-    attribute: str = ""
-    keeps_type: bool = False  # written by a script: an existing variable keeps its type
+    use: Use | None = None  # that writes it; None: its first value
+    keeps_type: bool = False  # an existing variable keeps its type
+    is_element: bool = False  # one of a loop's
 
     @property
     def is_word(self) -> bool:
         """Whether it is a text that no script can take for a number."""
         return self.kind is str and (self.value is None or not _is_number(self.value))
 
-    @property
-    def unknown(self) -> _Value:
-        """Another value of the type, unknown before the flight."""
-        return replace(self, value=None)
-
     def __str__(self) -> str:
         what = self.kind.__name__ if self.value is None else repr(self.value)
-        return what if self.node is None else f"{what} (from '{self.node.name}')"
+        return what if self.use is None else f"{what} (from '{self.use.node.name}')"
 
 
 @dataclass(frozen=True)
@@ -68,11 +61,7 @@ class Misfit:
 
 
 def misfits(tree: MissionTree) -> Iterator[Misfit]:
-    """Yield the reads and writes that fail with a value of the tree.
-
-    Args:
-        tree: loaded from a file.
-    """
+    """Yield the reads and writes that fail with a value of the tree."""
     values = _Values(tree)
     for node in tree.nodes():
         for port in node.ports:
@@ -94,40 +83,19 @@ class _Values:
         self._words = {key.name for key in MISSION_KEYS if key.type is str}  # keys with texts
         for leaf in tree.leaves():
             self._words |= {key.name for key in leaf.writes if key.type is str}
-        for node in tree.nodes():
-            for port in node.ports:
-                at = node.reference(port)
-                if at is not None and not at.on_board and port.direction != "input":
-                    of = self._of(node.variables.location(at.key))
-                    for element in _elements(node):
-                        of.append(_Value(port.type, element, node, port.name))
-            for attribute, script in named_scripts(node):
-                for part in script.walk():
-                    if isinstance(part, Assignment) and part.sign in {":=", "="}:
-                        self._assign(node, attribute, part)
-            if isinstance(node, SetBlackboard):
-                self._set(node)
+        for variable, slot in Uses(tree).slots.items():
+            entry = variable[0].entry(variable[1])
+            found = [] if entry is None else [_Value(type(entry.value), entry.value)]
+            for write in slot.writes:
+                is_sure = not write.keeps_type or write.kind is not object
+                if not write.is_entry and is_sure and (write.creates or write.keeps_type):
+                    for value in write.elements or (write.value,):
+                        kept = (write.keeps_type, bool(write.elements))
+                        found.append(_Value(write.kind, value, write.use, *kept))
+            self._values[variable] = found
 
     def _of(self, variable: Variable) -> list[_Value]:
-        if variable not in self._values:
-            scope, name = variable
-            entry = scope.entry(name)
-            first = [] if entry is None else [_Value(type(entry.value), entry.value)]
-            self._values[variable] = first
-        return self._values[variable]
-
-    def _assign(self, node: Node, attribute: str, part: Assignment) -> None:
-        variable, kind = variable_at(node, part.name), kind_of(part.value)
-        if variable is not None and kind is not None:
-            written = _Value(kind, constant_value(part.value), node, attribute, keeps_type=True)
-            self._of(variable).append(written)
-
-    def _set(self, node: Node) -> None:
-        name = node.literals.get(SetBlackboard.OUTPUT_KEY.name)
-        text = node.literals.get(SetBlackboard.VALUE.name)
-        variable = variable_at(node, name) if isinstance(name, str) else None
-        if variable is not None and isinstance(text, str):
-            self._of(variable).append(_Value(str, text, node, "value", keeps_type=True))
+        return self._values.get(variable, [])
 
     # --- readers ----------------------------------------------------------------------------------
 
@@ -138,10 +106,11 @@ class _Values:
             return
         variable = node.variables.location(at.key)
         values = self._of(variable)
-        sure = variable not in self._asked and len({id(value.node) for value in values}) == 1
+        writers = {None if value.use is None else value.use.node for value in values}
+        sure = variable not in self._asked and len(writers) == 1
         for value in values:
             why = _refusal(port, value) if sure else ""
-            known = value if sure or not isinstance(value.node, LoopString) else value.unknown
+            known = value if sure or not value.is_element else replace(value, value=None)
             if why or not _fits(port, known):
                 yield f"takes {port.words}, but variable '{at.key}' may hold {value}{why}"
                 return
@@ -174,12 +143,12 @@ class _Values:
         for (_, name), values in self._values.items():
             for value in values:
                 other = next((one for one in values if _clash(value, one)), None)
-                if value.keeps_type and value.node is not None and other is not None:
+                if value.keeps_type and value.use is not None and other is not None:
                     message = (
                         f"writes {value} to variable '{name}', which may hold {other} and "
                         "keeps the type of its first value"
                     )
-                    yield Misfit(value.node, value.attribute, message)
+                    yield Misfit(*value.use, message)
                     break
 
 
@@ -248,16 +217,6 @@ def _asked_by(node: Node) -> Iterator[Variable]:
                 variable = variable_at(node, part.name) if isinstance(part, Name) else None
                 if variable is not None:
                     yield variable
-
-
-def _elements(node: Node) -> list[str | None]:
-    """Return the values that a node writes: elements of a loop over texts; None: unknown."""
-    if not isinstance(node, LoopString):
-        return [None]
-    at = node.reference(node.QUEUE)
-    entry = None if at is None or at.on_board else node.variables.entry(at.key)
-    queue = node.literals.get(node.QUEUE.name) if entry is None else entry.value
-    return [*queue.removesuffix(";").split(";")] if isinstance(queue, str) and queue else [None]
 
 
 def _is_number(value: object) -> bool:

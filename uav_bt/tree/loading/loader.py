@@ -10,9 +10,8 @@ from xml.sax.saxutils import quoteattr
 
 from uav_bt.board import Key
 from uav_bt.errors import FileError, InputError, TreeError, UnknownNameError
-from uav_bt.tree.loading.before_flight import faults_of, faults_of_part
-from uav_bt.tree.loading.builder import Builder
-from uav_bt.tree.loading.checker import Checker
+from uav_bt.tree.loading.before_flight import faults_of, faults_of_part, unset_reads
+from uav_bt.tree.loading.build import Builder, Built
 from uav_bt.tree.loading.document import find_main, outline
 from uav_bt.tree.loading.findings import (
     WHOLE_FILE,
@@ -22,12 +21,13 @@ from uav_bt.tree.loading.findings import (
     Rule,
     errors_of,
 )
-from uav_bt.tree.loading.given_variables import check_given_variables
+from uav_bt.tree.loading.given import check_policies, remarks
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.parameters import Parameters
-from uav_bt.tree.loading.remarks import remarks_on
+from uav_bt.tree.loading.replacements import Replacements
 from uav_bt.tree.loading.source import parse_source, read_source
-from uav_bt.tree.loading.variable_uses import unset_slots
+from uav_bt.tree.loading.structure import check_recursion
+from uav_bt.tree.loading.variable_faults import check_variables
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.port import port_text
@@ -99,18 +99,20 @@ def parse_tree(
     Raises:
         TreeError: the text was refused. The error lists all findings with their places.
     """
-    data = source.encode() if isinstance(source, str) else source
-    registry = NodeRegistry.installed() if registry is None else registry
     findings = Findings()
-    read = _Read(data, Path(path), registry, findings, lookup)
-    read.take_parameters(parameters or Parameters())
+    read = _Read(source, Path(path), registry, findings, lookup=lookup, parameters=parameters)
     find_main(read.document, read.root, findings, tree_id)
-    Checker(read.document, findings).check(read.roots)
-    check_given_variables(read.document, findings)
+    replacements = Replacements(read.document, findings, overrides, by_key, mocks)
+    built = read.build(read.document.main, replacements)
+    read.check_others()
+    if built is not None and not errors_of(findings):
+        read.check_policies(built)
     findings.raise_any(path)
+    assert built is not None  # noqa: S101  # else there is a finding
     for finding in findings:
         _log.warning("Warning: %s", str(finding).replace(": warning:", ":", 1))
-    return read.build(overrides or {}, by_key=by_key or {}, mocks=mocks or {})
+    built.tree.unset = tuple(unset_reads(built.tree))
+    return built.tree
 
 
 def shipped_subtree(tree_id: str, name: str | None = None, /, **entries: object) -> SubTree:
@@ -138,95 +140,91 @@ def shipped_subtree(tree_id: str, name: str | None = None, /, **entries: object)
 
 
 class _Read:
-    """A tree file that was read."""
+    """A tree file that was read.
+
+    Raises:
+        TreeError: it is no XML, or an included file cannot be read.
+    """
 
     def __init__(
         self,
-        data: bytes,
+        source: str | bytes,
         path: Path,
-        registry: NodeRegistry,
+        registry: NodeRegistry | None,
         findings: Findings,
+        *,
         lookup: Lookup | None,
+        parameters: Parameters | None,
     ) -> None:
-        self.root = parse_source(data, path)
-        self.document = outline(self.root, registry, findings, lookup)
-        self._data = data
+        self._data = source.encode() if isinstance(source, str) else source
         self._findings = findings
+        self.root = parse_source(self._data, path)
+        self._registry = NodeRegistry.installed() if registry is None else registry
+        self.document = document = outline(self.root, self._registry, findings, lookup)
+        if parameters is not None:
+            document.parameters = document.place_lists.in_parameters(parameters, document.path)
+        self._builder = Builder(document, findings)
 
     @property
     def roots(self) -> tuple[str, ...]:
         """The trees that may be flown."""
         return (self.document.main,) if self.document.main else self.document.unused
 
-    def take_parameters(self, parameters: Parameters) -> None:
-        """Take values from outside, with the places of the files that variables name."""
+    def build(self, tree_id: str, replacements: Replacements | None = None) -> Built | None:
+        """Return a tree that may be flown; None if there is no such tree, or it grows too large."""
         document = self.document
-        document.parameters = document.place_lists.in_parameters(parameters, document.path)
+        if tree_id not in document.trees:
+            return None
+        built = self._builder.build(tree_id, replacements)
+        if built is not None:
+            tree = built.tree
+            tree.sources = {document.path.resolve(): self._data, **document.included}
+            tree.inclusions = dict(document.inclusions)
+            for name, value in document.parameters.variables.items():
+                tree.variables[name] = value
+            check_variables(built, document, self._findings)
+        return built
 
-    def build(
-        self,
-        overrides: Mapping[str, Mapping[str, str]],
-        *,
-        by_key: Mapping[Key[Any], Mapping[str, str]],
-        mocks: Mapping[str, str | Mock],
-    ) -> MissionTree:
-        """Return the main tree.
+    def check_others(self) -> None:
+        """Check the trees that are not flown.
 
-        Raises:
-            TreeError: the tree grows too large, or an override or a mock does not fit.
+        Of these only the structure must be right, as the engine has it: the rest is a warning.
         """
         document = self.document
-        builder = Builder(document, self._findings)
-        root = builder.build(overrides, by_key=by_key, mocks=mocks)
-        self._given = builder.given
-        tree = MissionTree(
-            root,
-            name=document.main,
-            sources={document.path.resolve(): self._data, **document.included},
-            inclusions=document.inclusions,
-            places=builder.places,
-            replaced=builder.replaced,
-            enum_members=document.enum_members,
-            unset=[
-                slot.name
-                for slot in unset_slots(document, [document.main])
-                if any(read.asks or read.named for read in slot.reads)
-            ],
-        )
-        for name, value in document.parameters.variables.items():
-            tree.variables[name] = value
-        return tree
+        flown = document.within(self.roots)
+        idle = Findings()
+        builder = Builder(document, self._findings, idle, flown)
+        for tree_id in (*document.unused, *document.trees):
+            if tree_id not in flown and tree_id not in builder.entered:
+                built = builder.build(tree_id)
+                if built is not None and tree_id in document.unused:
+                    check_variables(built, document, idle)
+        check_recursion(document, self._findings)
+        self._findings.take_as_warnings(idle)
 
-    def remarks(self) -> Iterator[Finding]:
-        """Build the main tree; yield findings for names not installed, and for values of caution.
+    def check_policies(self, built: Built) -> None:
+        """Refuse policies that are not registered."""
+        check_policies(built, self.document.parameters, self._registry, self._findings)
 
-        Raises:
-            TreeError: it grows too large.
-        """
-        tree = self.build({}, by_key={}, mocks={})
-        for port, value in self._given:
-            yield from remarks_on(port, value, self.document.registry)
-        if self.document.registry.foreign_board:
+    def remarks(self, built: Built) -> Iterator[Finding]:
+        """Yield what is not installed, values of caution, and what would end the flight."""
+        yield from remarks(built, self.document.parameters, self._registry)
+        if self._registry.foreign_board:
             return
-        if self.document.is_mission:
-            yield from faults_of(tree)
-            yield from self._unset_variables()
-        else:
-            yield from faults_of_part(tree)
-
-    def _unset_variables(self) -> Iterator[Finding]:
-        """Yield the reads of variables of the main tree that nothing gives a value."""
-        for slot in unset_slots(self.document, [self.document.main]):
-            uses = [read.use for read in slot.reads if read.asks or read.named]
-            for use in uses[:1]:
-                yield Finding(
-                    str(use.element.path),
-                    use.element.at(use.attribute),
-                    f"attribute '{use.attribute}': nothing sets variable '{slot.name}' of the main "
-                    f"tree: give it a value in a Script before, or with --var {slot.name}=VALUE",
-                    use.element.label,
-                    rule=Rule.VARIABLE,
-                )
+        if not self.document.is_mission:
+            yield from faults_of_part(built.tree)
+            return
+        yield from faults_of(built.tree)
+        for name, (node, attribute) in unset_reads(built.tree).items():
+            element = built.parts[node.path].element
+            yield Finding(
+                str(element.path),
+                element.at(attribute),
+                f"attribute '{attribute}': nothing sets variable '{name}' of the main tree: "
+                f"give it a value in a Script before, or with --var {name}=VALUE",
+                element.label,
+                rule=Rule.VARIABLE,
+            )
 
 
 def check_file(
@@ -276,26 +274,26 @@ def check_text(
         lookup: where to look for trees and included files; default: the file's folder.
         parameters: values from outside, for the one tree that is flown; see `parse_tree`.
     """
-    data = source.encode() if isinstance(source, str) else source
-    registry = registry or NodeRegistry.installed()
     findings = Findings()
-    remarks: list[Finding] = []
+    more: list[Finding] = []
     try:
-        read = _Read(data, path, registry, findings, lookup)
+        read = _Read(source, path, registry, findings, lookup=lookup, parameters=parameters)
         if parameters is None:
             _find_main_to_check(read, findings, tree_id)
         else:
-            read.take_parameters(parameters)
             find_main(read.document, read.root, findings, tree_id)
-        roots = read.roots
-        Checker(read.document, findings).check(roots)
-        check_given_variables(read.document, findings)
-        if not errors_of(findings):
-            for read.document.main in roots:
-                remarks += read.remarks()
+        given = None if parameters is None else Replacements(read.document, findings)
+        trees = [read.build(root, given) for root in read.roots]
+        read.check_others()
+        for built in trees if not errors_of(findings) else ():
+            if built is not None:
+                read.check_policies(built)
+        for built in trees if not errors_of(findings) else ():
+            if built is not None:
+                more += read.remarks(built)
     except InputError as error:
         return findings_of(error, path)
-    return (*findings, *remarks)
+    return (*findings, *more)
 
 
 def _find_main_to_check(read: _Read, findings: Findings, tree_id: str | None) -> None:

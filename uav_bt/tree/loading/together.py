@@ -13,14 +13,7 @@ from uav_bt.tree.registry import NodeRegistry
 
 
 class FilesTogether:
-    """Tree files of one workspace; each is checked when it is first asked for.
-
-    Args:
-        files: the files, by the names that findings give them.
-        registry: the nodes that may occur.
-        tree_id: the tree that is to be flown; default: the one that each file names.
-        lookup: where to look for trees and included files.
-    """
+    """Tree files of one workspace; each is checked when it is first asked for."""
 
     def __init__(
         self,

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import ClassVar, Final
 
 from uav_bt.errors import InputError
+from uav_bt.tree.flow import as_child
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.placing import place_tree
 from uav_bt.tree.port import Port, parse_reference, port_text
@@ -113,21 +114,21 @@ class SubTree(DecoratorNode):
         self.attributes = dict(entries or {})  # as a tree file has them, for those who write one
         if autoremap:
             self.attributes["_autoremap"] = "true"
-        self._autoremap = autoremap
+        self.autoremap = autoremap
         self._take_entries(entries or {})
 
     def _take_entries(self, entries: Mapping[str, str]) -> None:
-        self._shared: dict[str, str] = {}
-        self._board_keys: dict[str, str] = {}
-        self._constants: dict[str, int | float | str] = {}
+        self.shared: dict[str, str] = {}  # names outside, by those inside
+        self.board_keys: dict[str, str] = {}
+        self.constants: dict[str, int | float | str] = {}
         for inner, text in entries.items():
             reference = parse_reference(text, inner)
             if reference is None:
-                self._constants[inner] = entry_value(text)
+                self.constants[inner] = entry_value(text)
             elif reference.on_board:
-                self._board_keys[inner] = reference.key
+                self.board_keys[inner] = reference.key
             else:
-                self._shared[inner] = reference.key
+                self.shared[inner] = reference.key
 
     def rebind(self, given: Mapping[str, object]) -> None:
         """Replace entries; to be done before the setup.
@@ -148,6 +149,8 @@ class SubTree(DecoratorNode):
             raise InputError(f"SubTree '{self.name}': {error}") from error
         place_tree(self, self.path, self.variables)
 
+    variables_after = as_child
+
     def open_scope(self, outer: Variables) -> Variables:
         """Return the variables of the tree inside.
 
@@ -156,10 +159,10 @@ class SubTree(DecoratorNode):
         """
         return Variables(
             outer,
-            self._shared,
-            board=self._board_keys,
-            constants=self._constants,
-            autoremap=self._autoremap,
+            self.shared,
+            board=self.board_keys,
+            constants=self.constants,
+            autoremap=self.autoremap,
         )
 
     def update(self) -> Status:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import ClassVar, Final
 
 from uav_bt.errors import MissionError
+from uav_bt.tree.flow import After, Follow, Known, in_order, joined
 from uav_bt.tree.nodes.base import ControlNode
 from uav_bt.tree.port import Port
 from uav_bt.tree.script.values import compare_equal
@@ -15,11 +16,26 @@ from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 _REAL: Final = re.compile(r"-?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 
-class IfThenElse(ControlNode):
-    """Ticks its first child once, then the second on success or the third on failure to its end."""
+class _Choice(ControlNode):
+    """Ticks its second or third child, as the first answers."""
 
     min_children = 2
     max_children = 3
+    asks_first = True
+
+    def variables_after(self, follow: Follow, known: Known) -> After:
+        """Follow each branch after the answer that chooses it."""
+        asked = follow(self.children[0], known)
+        ways = (asked.success, asked.failure)
+        chosen = [
+            follow(child, known if way is None else way)
+            for child, way in zip(self.children[1:], ways, strict=False)
+        ]
+        return joined(After(None, asked.failure if len(chosen) == 1 else None), *chosen)
+
+
+class IfThenElse(_Choice):
+    """Ticks its first child once, then the second on success or the third on failure to its end."""
 
     _chosen = 0  # index of the branch, 0 while the condition is asked
 
@@ -47,11 +63,10 @@ class IfThenElse(ControlNode):
         super()._halt()
 
 
-class WhileDoElse(ControlNode):
+class WhileDoElse(_Choice):
     """Ticks its first child in every tick, and the second on success or the third on failure."""
 
-    min_children = 2
-    max_children = 3
+    ticks_again = True
 
     def update(self) -> Status:
         """Tick the children."""
@@ -98,6 +113,10 @@ class _Switch(ControlNode):
     cases: ClassVar[tuple[Port[str], ...]] = ()
 
     _running: int | None = None
+
+    def variables_after(self, follow: Follow, known: Known) -> After:
+        """Follow each child from the same start."""
+        return joined(*(follow(child, known) for child in self.children))
 
     def update(self) -> Status:
         """Tick the children."""
@@ -162,6 +181,13 @@ class TryCatch(ControlNode):
     _index = 0
     _skipped = 0
     _catching = False
+
+    def variables_after(self, follow: Follow, known: Known) -> After:
+        """Follow all but the last in order; the last may also run after a halt."""
+        *tried, last = self.children
+        after = in_order(tried, follow, known, falls_back=False)
+        follow(last, known)
+        return after
 
     def update(self) -> Status:
         """Tick the children."""

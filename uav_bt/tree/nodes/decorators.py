@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
+from uav_bt.tree.flow import After, Follow, Known, Out, as_child, both, joined
 from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
@@ -14,6 +15,15 @@ class _Translated(DecoratorNode):
     """Ticks its child and maps its answer by a table; other answers are passed on."""
 
     _answers: ClassVar[Mapping[Status, Status]]
+
+    def variables_after(self, follow: Follow, known: Known) -> After:
+        """Follow the child, and map its answers."""
+        after = as_child(self, follow, known)
+        ends: dict[Status, Out] = dict.fromkeys((SUCCESS, FAILURE, RUNNING))
+        for answer, out in ((SUCCESS, after.success), (FAILURE, after.failure)):
+            translated = self._answers.get(answer, answer)
+            ends[translated] = both(ends[translated], out)
+        return After(ends[SUCCESS], ends[FAILURE], after.skipped)
 
     def update(self) -> Status:
         """Tick the child."""
@@ -44,6 +54,7 @@ class KeepRunningUntilFailure(_Translated):
     """Starts its child again and again until it fails."""
 
     _answers: ClassVar = {SUCCESS: RUNNING, SKIPPED: RUNNING}
+    ticks_again = True
 
 
 class _Counted(DecoratorNode):
@@ -54,7 +65,24 @@ class _Counted(DecoratorNode):
     _ends: ClassVar[Status]  # the answer that ends it at once
     _rereads: ClassVar[bool] = False  # the limit's port after each round
 
+    ticks_again = True
+
     _done = 0
+
+    def variables_after(self, follow: Follow, known: Known) -> After:
+        """Follow the child; without a limit, the counted answer never comes."""
+        after = as_child(self, follow, known)
+        count = self.literals.get(self._limit.name)
+        if not count:  # zero, or known in flight only
+            return joined(after, After(known, known))
+        if count > 0:
+            return after
+        counted = self._counts
+        return After(
+            None if counted is SUCCESS else after.success,
+            None if counted is FAILURE else after.failure,
+            after.skipped,
+        )
 
     def update(self) -> Status:
         """Tick the child."""
@@ -119,6 +147,12 @@ class RunOnce(DecoratorNode):
     ports = (THEN_SKIP,)
 
     _answer: Status | None = None
+
+    def variables_after(self, follow: Follow, known: Known) -> After:
+        """Follow the child; later it is skipped."""
+        after = as_child(self, follow, known)
+        ended = both(after.success, after.failure)
+        return After(after.success, after.failure, both(after.skipped, ended))
 
     def update(self) -> Status:
         """Tick the child."""

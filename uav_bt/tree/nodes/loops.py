@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import MutableSequence
+from collections.abc import Iterator, MutableSequence
+from dataclasses import replace
 from typing import Any, ClassVar
 
 from uav_bt.errors import BoardAccessError
+from uav_bt.tree.flow import After, Follow, Known, Written, answered, joined
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port
@@ -48,6 +50,8 @@ class _Loop(DecoratorNode):
     QUEUE: ClassVar[Port[Any]]
     VALUE: ClassVar[Port[Any]]
 
+    ticks_again = True
+
     def __init_subclass__(cls, *, element: type, **kwargs: Any) -> None:
         cls.VALUE = Port("value", element, doc="where the element goes", direction="output")
         cls.QUEUE = _queue(cls.VALUE)
@@ -58,6 +62,11 @@ class _Loop(DecoratorNode):
         super().__init__(name, child, **given)
         self._busy = False  # the child runs: no new element until it ends
         self._own: deque[Any] | None = None  # of a text; None: the variable's list
+
+    def variables_after(self, follow: Follow, known: Known) -> After:
+        """Follow the child, which may not run."""
+        after = follow(self.child, known)
+        return joined(after, answered(known, self.literals.get(IF_EMPTY.name)))
 
     def update(self) -> Status:
         """Tick the child."""
@@ -102,3 +111,12 @@ class LoopInt(_Loop, element=int):
 
 class LoopString(_Loop, element=str):
     """Ticks its child once for each element of a queue of texts."""
+
+    def variables_written(self) -> Iterator[Written]:
+        """Yield the variable of the element, with the elements where the file has them."""
+        at = self.reference(self.QUEUE)
+        entry = None if at is None or at.on_board else self.variables.entry(at.key)
+        queue = self.literals.get(self.QUEUE.name) if entry is None else entry.value
+        texts = queue.removesuffix(SEPARATOR).split(SEPARATOR) if isinstance(queue, str) else ()
+        for written in super().variables_written():
+            yield replace(written, elements=tuple(texts) if queue else ())

@@ -4,15 +4,25 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from uav_bt.tree.flow import After, Follow, Known, in_order
 from uav_bt.tree.nodes.base import ControlNode
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 
 
-class _Ordered(ControlNode):
-    """Ticks its children one after another, going on with the one that it had reached."""
+class _Deciding(ControlNode):
+    """Ticks its children one after another until one decides."""
 
     _decides: ClassVar[Status]  # the answer of a child that is the answer of all
     _otherwise: ClassVar[Status]  # the answer when no child has decided
+
+    def variables_after(self, follow: Follow, known: Known) -> After:
+        """Follow each child after those before it have not decided."""
+        return in_order(self.children, follow, known, falls_back=self._decides is SUCCESS)
+
+
+class _Ordered(_Deciding):
+    """Ticks its children one after another, going on with the one that it had reached."""
+
     _yields: ClassVar[bool] = False  # a tick ends after each child that answered at once
     _restarts: ClassVar[bool] = True  # a decision or a halt resets the position
 
@@ -94,11 +104,10 @@ class AsyncFallback(Fallback):
     _yields = True
 
 
-class _Reactive(ControlNode):
+class _Reactive(_Deciding):
     """Ticks all its children again at every tick."""
 
-    _decides: ClassVar[Status]
-    _otherwise: ClassVar[Status]
+    ticks_again = True
 
     def update(self) -> Status:
         """Tick the children from the first."""

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from uav_bt.errors import MissionError
+from uav_bt.tree.flow import After, Follow, Known, both
 from uav_bt.tree.nodes.base import ControlNode
 from uav_bt.tree.port import Port
 from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS, Status
@@ -18,6 +19,18 @@ def _threshold(count: int, children: int) -> int:
 
 class _Counting(ControlNode):
     """A node whose ports count its children."""
+
+    ticks_together = True
+
+    def variables_after(self, follow: Follow, known: Known) -> After:
+        """Follow all children from the same start; before a smaller count, some may still run."""
+        ended, skips = known, True
+        for child in self.children:
+            after = follow(child, known)
+            ended |= both(both(after.success, after.failure), after.skipped) or known
+            skips = skips and after.skipped is not None
+        every = self.literals.get("success_count", -1) == -1
+        return After(ended if every else known, known, known if skips else None)
 
     @classmethod
     def ports_over(cls, children: int) -> tuple[Port[Any], ...]:

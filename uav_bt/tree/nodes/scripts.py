@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
-from typing import Final
+from collections.abc import Iterator
+from typing import Any, Final
 
+from uav_bt.tree.flow import After, Follow, Known, Written, answered, joined
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes.base import DecoratorNode
@@ -109,6 +111,11 @@ class Precondition(DecoratorNode):
         super().__init__(name, child, **given)
         self._code = _Code()
 
+    def variables_after(self, follow: Follow, known: Known) -> After:
+        """Follow the child, which may not run."""
+        after = follow(self.child, known)
+        return joined(after, answered(known, self.literals.get(self.ELSE.name)))
+
     def update(self) -> Status:
         """Tick the child."""
         if not self._started:
@@ -130,6 +137,23 @@ class SetBlackboard(Leaf):
     OUTPUT_KEY = Port("output_key", str, doc="the variable's name", check=_check_variable)
     ports = (VALUE, OUTPUT_KEY)
 
+    def variables_written(self) -> Iterator[Written]:
+        """Yield the variable, with its text or the variable that is copied."""
+        text = self.literals.get(self.VALUE.name)
+        yield Written(
+            self.OUTPUT_KEY.name,
+            self.literals.get(self.OUTPUT_KEY.name),
+            str if isinstance(text, str) else object,
+            text if isinstance(text, str) else None,
+            copied=self.given_references.get(self.VALUE.name),
+            keeps_type=True,
+        )
+
+    def needs_value(self, port: Port[Any]) -> bool:
+        """Return True: what is to be copied must have a value."""
+        del port
+        return True
+
     def update(self) -> Status:
         """Write the variable; an existing variable keeps its type."""
         key = self.port(self.OUTPUT_KEY)
@@ -146,6 +170,12 @@ class UnsetBlackboard(Leaf):
     answers = (SUCCESS,)
     KEY = Port("key", str, doc="the variable's name", check=_check_variable)
     ports = (KEY,)
+
+    def variables_removed(self) -> Iterator[str]:
+        """Yield the variable's name."""
+        name = self.literals.get(self.KEY.name)
+        if isinstance(name, str):
+            yield name
 
     def update(self) -> Status:
         """Remove the variable; a missing one is not an error."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from uav_bt.tree.flow import After, Follow, Known, as_child, both
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port
@@ -19,6 +20,11 @@ class Timeout(DecoratorNode):
 
     _deadline_s: float | None = None  # None: not started
     _expired = False
+
+    def variables_after(self, follow: Follow, known: Known) -> After:
+        """Follow the child, which may be halted in its first tick."""
+        after = as_child(self, follow, known)
+        return After(after.success, both(after.failure, known), after.skipped)
 
     def update(self) -> Status:
         """Tick the child."""
@@ -50,6 +56,8 @@ class Delay(DecoratorNode):
 
     DELAY_MSEC = Port("delay_msec", int, doc="milliseconds", least=0)
     ports = (DELAY_MSEC,)
+
+    variables_after = as_child
 
     _start_at_s: float | None = None  # None: not waiting
 

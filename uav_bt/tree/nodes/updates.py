@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from uav_bt.tree.flow import After, Follow, Known, as_child
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes.base import DecoratorNode
@@ -66,6 +67,8 @@ class _UnlessUpdated(DecoratorNode):
     ports = (ENTRY,)
     _otherwise: ClassVar[Status]
 
+    variables_after = as_child
+
     _busy = False  # the child is running and is ticked without a check
 
     def __init__(self, name: str | None, child: Node, /, **given: object) -> None:
@@ -89,6 +92,11 @@ class SkipUnlessUpdated(_UnlessUpdated):
     """Ticks its child when the variable was written since the last time, else skips."""
 
     _otherwise = SKIPPED
+
+    def variables_after(self, follow: Follow, known: Known) -> After:
+        """Follow the child, which may be skipped."""
+        after = as_child(self, follow, known)
+        return After(after.success, after.failure, known)
 
 
 class WaitValueUpdate(_UnlessUpdated):

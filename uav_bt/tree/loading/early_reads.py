@@ -7,28 +7,19 @@ leaf's output has written by then has a value; the rest may have none.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
+from uav_bt.tree.flow import After, Known, Out, Variable, both
 from uav_bt.tree.leaf import Leaf
-from uav_bt.tree.loading.after_children import (
-    ROUNDS,
-    After,
-    Known,
-    Out,
-    Variable,
-    after_children,
-    both,
-)
+from uav_bt.tree.loading.uses import named_scripts, variable_at
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
-from uav_bt.tree.nodes import SetBlackboard, UnsetBlackboard
 from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port
 from uav_bt.tree.script import SCRIPTS, Script, parse_script, parsed_by
 from uav_bt.tree.script.expressions import Assignment, Expression, Name, certain_parts
-from uav_bt.tree.status import FAILURE, SKIPPED, SUCCESS
 
 
 @dataclass(frozen=True)
@@ -40,18 +31,13 @@ class EarlyRead:
     name: str
 
 
-def early_reads(tree: MissionTree, given: Iterable[str] = ()) -> Iterator[EarlyRead]:
+def early_reads(tree: MissionTree) -> Iterator[EarlyRead]:
     """Yield the reads of variables that may have no value yet.
 
-    Variables of the main tree that no node writes are left out: `MissionTree.unset` has them.
-
-    Args:
-        tree: loaded from a file.
-        given: variables of the tree that have a value before the first tick, besides those that
-            `tree.variables` holds.
+    Variables of the main tree that no node writes are left out: `unset_reads` has them.
     """
     flow = _Flow(tree)
-    first = {tree.variables.location(name) for name in (*given, *tree.variables)}
+    first = {tree.variables.location(name) for name in tree.variables}
     flow.follow(tree.root, frozenset(first))
     seen: set[tuple[str, Variable]] = set()
     for node, attribute, variable in flow.early:
@@ -59,24 +45,6 @@ def early_reads(tree: MissionTree, given: Iterable[str] = ()) -> Iterator[EarlyR
         if ours and (node.path, variable) not in seen:
             seen.add((node.path, variable))
             yield EarlyRead(node, attribute, variable[1])
-
-
-def named_scripts(node: Node) -> Iterator[tuple[str, Script]]:
-    """Yield the scripts of a node by attribute: its conditions, and its ports."""
-    for attribute, source in node.condition_scripts.items():
-        yield attribute, parse_script(source)
-    for port in node.ports:
-        text = node.literals.get(port.name)
-        if port.check in SCRIPTS and isinstance(text, str):
-            yield port.name, parsed_by(port.check, text)
-
-
-def variable_at(node: Node, name: str) -> Variable | None:
-    """Return the variable that a name in a node's script is; None for a board key or a constant."""
-    variables = node.variables
-    if name.startswith("@") or name in variables.enum_members:
-        return None
-    return None if variables.board_key(name) is not None else variables.location(name)
 
 
 class _Flow:
@@ -96,15 +64,10 @@ class _Flow:
     # --- one node ---------------------------------------------------------------------------------
 
     def follow(self, node: Node, known: Known) -> After:
-        """Return the variables with a value after a node; note its early reads.
-
-        Args:
-            node: is about to be ticked.
-            known: the variables with a value.
-        """
+        """Return the variables with a value after a node; note its early reads."""
         if isinstance(node.parent, DecoratorNode):
             known |= self.outputs(node.parent)  # the element of a loop
-        if node.node_id in ROUNDS:
+        if node.ticks_again:
             known -= self._unset[node]  # a later round may find them removed
         scripts = node.condition_scripts
         answered: dict[str, Known] = {}
@@ -139,20 +102,14 @@ class _Flow:
                 known = self._run(node, port.name, parsed_by(port.check, text), known)
             else:
                 self._read_port(node, port, known)
-        if isinstance(node, Leaf):
-            success = (known | self.outputs(node)) - self._removed(node)
-            answers = node.answers
-            return After(
-                success if SUCCESS in answers else None,
-                known if FAILURE in answers else None,
-                known if SKIPPED in answers else None,
-            )
-        return after_children(self.follow, node, known)
+        after = node.variables_after(self.follow, known)
+        if not isinstance(node, Leaf) or after.success is None:
+            return after
+        return replace(after, success=(known | self.outputs(node)) - self._removed(node))
 
     def _read_port(self, node: Node, port: Port[Any], known: Known) -> None:
         at = node.reference(port)
-        asks = port.type is not object or port is SetBlackboard.VALUE
-        if at is None or at.on_board or port.direction == "output" or not asks:
+        if at is None or at.on_board or port.direction == "output" or not node.needs_value(port):
             return
         self._need(node, port.name, node.variables.location(at.key), known)
 
@@ -180,20 +137,13 @@ class _Flow:
 
     def outputs(self, node: Node) -> Known:
         """Return the variables that a node writes when it succeeds."""
-        found: set[Variable] = set()
-        for port in node.ports:
-            at = node.reference(port)
-            if port.direction != "input" and at is not None and not at.on_board:
-                found.add(node.variables.location(at.key))
-        name = node.literals.get(SetBlackboard.OUTPUT_KEY.name)
-        if isinstance(node, SetBlackboard) and isinstance(name, str):
-            found |= self._variable(node, name)
-        return frozenset(found)
+        names = (written.name for written in node.variables_written() if written.name is not None)
+        return frozenset[Variable]().union(*(self._variable(node, name) for name in names))
 
     def _removed(self, node: Node) -> Known:
-        name = node.literals.get(UnsetBlackboard.KEY.name)
-        unsets = isinstance(node, UnsetBlackboard) and isinstance(name, str)
-        return self._variable(node, str(name)) if unsets else frozenset()
+        return frozenset[Variable]().union(
+            *(self._variable(node, one) for one in node.variables_removed())
+        )
 
     def _reads_board(self, node: Node) -> bool:
         """Return whether a node may fail because a board key is unknown."""

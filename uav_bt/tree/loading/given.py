@@ -1,0 +1,116 @@
+"""Texts that a file gives to ports of leaves: names that are not installed, values for caution."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from typing import Any, NamedTuple
+
+from uav_bt import plugins
+from uav_bt.errors import InputError, UnknownNameError
+from uav_bt.tree.loading.attributes import POLICY_PORT
+from uav_bt.tree.loading.build import Built
+from uav_bt.tree.loading.document import autoremaps
+from uav_bt.tree.loading.findings import WARNING, Finding, Findings, Rule
+from uav_bt.tree.loading.palette import PalettePort
+from uav_bt.tree.loading.parameters import VAR, Parameters
+from uav_bt.tree.loading.source import Element
+from uav_bt.tree.node import Node
+from uav_bt.tree.nodes import SubTree
+from uav_bt.tree.port import Port, parse_reference, port_text
+from uav_bt.tree.registry import NodeRegistry
+from uav_bt.tree.script import parse_text
+from uav_bt.tree.scripted import ScriptedLeaf
+
+
+class Given(NamedTuple):
+    """A text that is given to a port, directly, as the entry of a subtree or by a variable."""
+
+    port: Port[Any]
+    element: Element  # that has the text
+    attribute: str
+    path: str  # of the node that has it
+    text: str
+    what: str = "attribute"  # or variable: its value comes from outside
+
+    def finding(self, message: str, rule: Rule, **severity: str) -> Finding:
+        """Return a finding about it."""
+        where = self.element.at(self.attribute)
+        return Finding(str(self.element.path), where, message, self.path, rule=rule, **severity)
+
+
+def given_texts(built: Built, outside: Parameters) -> Iterator[Given]:
+    """Yield the texts of the input ports of leaves, also by entries and by values from outside.
+
+    Left out are mocked leaves, ports of a palette, texts with placeholders, and ports that only the
+    flight gives a value.
+    """
+
+    def find(port: Port[Any], node: Node, name: str, default: str) -> Given | None:
+        part = built.parts[node.path]
+        text = part.given.get(name, default)
+        at = parse_reference(text, name)
+        if at is None:
+            return Given(port, part.element, name, node.path, text)
+        door: Any = node.parent
+        while door is not None and not isinstance(door, SubTree):
+            door = door.parent
+        if door is not None and not at.on_board:
+            outer = built.parts[door.path]
+            is_given = at.key in outer.given or autoremaps(outer.element)
+            return find(port, door, at.key, f"{{{at.key}}}") if is_given else None
+        if at.on_board or at.key not in outside.variables:
+            return None
+        element, place = part.element, outside.places.get((VAR, at.key))
+        if place is not None:
+            element = replace(element, path=place.path, position=place.position, locate=dict)
+        value = port_text(outside.variables[at.key])
+        return Given(port, element, at.key, node.path, value, what="variable")
+
+    found = (
+        find(port, leaf, port.name, port_text(port.default))
+        for leaf in built.tree.leaves()
+        for port in leaf.ports
+        if not isinstance(leaf, ScriptedLeaf) and _is_asked(port)
+    )
+    yield from (given for given in found if given is not None)
+
+
+def _is_asked(port: Port[Any]) -> bool:
+    is_plain = not isinstance(port, PalettePort) and port.check is not parse_text
+    return port.direction == "input" and is_plain
+
+
+def check_policies(built: Built, outside: Parameters, registry: NodeRegistry, to: Findings) -> None:
+    """Refuse names of policies that are not registered; the flight shows those it makes up."""
+    known = registry.policies
+    for given in given_texts(built, outside) if known is not None else ():
+        name = given.text.partition(":")[0]  # what follows is the policy's own business
+        if given.port.name == POLICY_PORT and known is not None and name not in known:
+            message = str(UnknownNameError("policy", name, known))
+            where = given.element.at(given.attribute)
+            to.add(given.element.path, where, message, given.path, rule=Rule.NOT_INSTALLED)
+
+
+def remarks(built: Built, outside: Parameters, registry: NodeRegistry) -> Iterator[Finding]:
+    """Yield names that are not installed, and values that need caution."""
+    for given in given_texts(built, outside):
+        port, look_up = given.port, given.port.look_up
+        if port.name == POLICY_PORT:
+            look_up = partial(plugins.look_up_policy, own=registry.factories)
+        if look_up is None and port.caution is None:
+            continue
+        try:
+            typed = port.convert(given.text)
+        except ValueError:  # the first value of a variable that another one replaces
+            continue
+        lead = f"{given.what} '{given.attribute}': "
+        if look_up is not None:
+            try:
+                look_up(typed)
+            except InputError as error:
+                yield given.finding(f"{lead}{error}", Rule.NOT_INSTALLED)
+        odd = None if port.caution is None else port.caution(typed)
+        if odd is not None:
+            yield given.finding(f"{lead}{odd}", Rule.LIMIT, severity=WARNING)

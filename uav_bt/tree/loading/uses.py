@@ -1,0 +1,288 @@
+"""Writers and readers of each variable of a tree, before the flight."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Final, NamedTuple
+
+from uav_bt.board import Key
+from uav_bt.tree.flow import Variable, Written
+from uav_bt.tree.loading.build import Placeholder
+from uav_bt.tree.mission_tree import MissionTree
+from uav_bt.tree.node import Node
+from uav_bt.tree.nodes import SubTree
+from uav_bt.tree.port import Port, Reference
+from uav_bt.tree.script import SCRIPTS, Script, parse_script, parsed_by
+from uav_bt.tree.script.expressions import Assignment, Name, constant_value, kind_of
+from uav_bt.tree.variables import Variables
+
+_MAX_SOURCES: Final = 100  # of one variable
+
+
+class Use(NamedTuple):
+    """An attribute that uses a variable."""
+
+    node: Node
+    attribute: str
+
+
+@dataclass(frozen=True, eq=False)
+class Write:
+    """Something that may write a variable."""
+
+    use: Use
+    kind: type  # of the value; object: unknown
+    value: Any = None  # where the file has it
+    elements: tuple[str, ...] = ()  # the values, one after another, where the file has them
+    copied: Slot | None = None  # the variable whose value it is
+    creates: bool = True  # False: only changes a variable that exists
+    keeps_type: bool = False  # an existing variable keeps its type
+    is_entry: bool = False  # the entry of a SubTree
+
+
+@dataclass(frozen=True, eq=False)
+class Read:
+    """Something that reads a variable."""
+
+    use: Use
+    port: Port[Any] | None  # None: a script
+    needed: bool  # without a value the reader fails
+    named: bool = True  # the file names the variable; False: the port's default does
+
+
+@dataclass(frozen=True)
+class BoardUse:
+    """A use of a board key by the name of a subtree's variable."""
+
+    use: Use
+    name: str  # of the variable
+    key: str
+    port: Port[Any] | None = None  # None: a script, or a node that writes variables by name
+    writes: bool = False  # without a port
+
+
+@dataclass(eq=False)
+class Slot:
+    """A variable."""
+
+    scope: Variables
+    name: str
+    writes: list[Write] = field(default_factory=list)
+    reads: list[Read] = field(default_factory=list)
+    ports: list[tuple[Use, Port[Any]]] = field(default_factory=list)  # as they are made
+    obscure: bool = False  # something writes it that the file does not show
+    given: bool = False  # its first value comes from outside the file
+
+    @property
+    def created(self) -> bool:
+        """True when something gives it its first value, or may."""
+        return self.obscure or self.given or any(write.creates for write in self.writes)
+
+    def sources(self) -> list[Write] | None:
+        """Return what gives it its values, copies followed back; None when that is not known.
+
+        Of equal writes the first stands for all. More than `_MAX_SOURCES` different ones count as
+        not known.
+        """
+        found: dict[tuple[type, Any], Write] = {}
+        seen: set[int] = set()
+        waiting = [self]
+        while waiting:
+            slot = waiting.pop()
+            if id(slot) in seen:
+                continue
+            seen.add(id(slot))
+            if not slot.created or slot.obscure or slot.given:
+                return None
+            changed = any(not write.creates for write in slot.writes)
+            for write in slot.writes:
+                if not write.creates:
+                    continue  # it keeps the type that there is
+                if write.copied is not None:
+                    waiting.append(write.copied)
+                else:
+                    kept = replace(write, value=None) if changed else write
+                    found.setdefault((kept.kind, kept.value), kept)
+                if len(seen) + len(found) > _MAX_SOURCES:
+                    return None
+        return list(found.values())
+
+
+class Uses:
+    """The variables of a tree, with all that writes and reads them."""
+
+    def __init__(self, tree: MissionTree, keys: Mapping[str, Key[Any]] | None = None) -> None:
+        self._keys = keys or {}
+        self.main = tree.variables
+        self.slots: dict[Variable, Slot] = {}
+        self.doors: dict[Variables, SubTree] = {}  # by the scope of the tree inside
+        self.touched: dict[Variables, set[str]] = {}  # names that something inside uses
+        self.on_board: list[BoardUse] = []
+        obscured: list[Variables] = []
+        for name in tree.variables:
+            self._slot(tree.variables, name).given = True
+        for node in tree.nodes():
+            if isinstance(node, Placeholder) and node.hides:
+                obscured.append(node.variables)
+            obscured += self._add(node)
+        for scope in obscured:
+            self._obscure(scope)
+
+    def place(self, scope: Variables, name: str) -> Slot | str:
+        """Return the variable that a name is, or the board key."""
+        self.touched.setdefault(scope, set()).add(name)
+        door = self.doors.get(scope)
+        if door is not None:
+            if name in door.board_keys:
+                return door.board_keys[name]
+            if name in door.shared:
+                return self.place(door.variables, door.shared[name])
+            if door.autoremap and not name.startswith("_") and name not in door.constants:
+                return self.place(door.variables, name)
+        return self._slot(scope, name)
+
+    def _slot(self, scope: Variables, name: str) -> Slot:
+        return self.slots.setdefault((scope, name), Slot(scope, name))
+
+    def _obscure(self, scope: Variables) -> None:
+        """Note that anything may be written from here."""
+        for (where, _), slot in self.slots.items():
+            slot.obscure |= where is scope
+        if (door := self.doors.get(scope)) is not None:
+            for name in door.shared.values():
+                outer = self.place(door.variables, name)
+                if isinstance(outer, Slot):
+                    outer.obscure = True
+            if door.autoremap:
+                self._obscure(door.variables)
+
+    # --- one node ---------------------------------------------------------------------------------
+
+    def _add(self, node: Node) -> Iterator[Variables]:
+        """Add what a node writes and reads; yield a scope of which it may write any variable."""
+        for attribute, source in node.condition_scripts.items():
+            self._script(parse_script(source), Use(node, attribute))
+        if isinstance(node, SubTree):
+            self._enter(node)
+        for port in node.ports_over(len(node.children)):
+            at, text = node.given_references.get(port.name), node.literals.get(port.name)
+            if at is not None and not at.on_board:
+                self._port(node, port, at)
+            if port.check in SCRIPTS and isinstance(text, str):
+                self._script(parsed_by(port.check, text), Use(node, port.name))
+            elif port.check in SCRIPTS and at is not None:
+                yield node.variables  # a script that only the flight shows
+        for written in node.variables_written():
+            if written.name is None:
+                yield node.variables
+            else:
+                self._write(node, written, written.name)
+        for name in node.variables_removed():
+            self._remove(node, name)
+
+    def _enter(self, node: SubTree) -> None:
+        inner = node.child.variables
+        self.doors[inner] = node
+        for name, value in node.constants.items():
+            write = Write(Use(node, name), type(value), value, is_entry=True)
+            self._slot(inner, name).writes.append(write)
+
+    def _write(self, node: Node, written: Written, name: str) -> None:
+        slot, use = self.place(node.variables, name), Use(node, written.attribute)
+        if isinstance(slot, Slot):
+            kind, copied = self._source(node, written.copied, written.kind)
+            more = (written.elements, copied, True, written.keeps_type)
+            slot.writes.append(Write(use, kind, written.value, *more))
+        elif written.port is None:
+            self.on_board.append(BoardUse(use, name, slot, writes=True))
+
+    def _remove(self, node: Node, name: str) -> None:
+        slot, door = self.place(node.variables, name), self.doors.get(node.variables)
+        if isinstance(slot, str):
+            use = Use(node, node.ports[0].name)
+            self.on_board.append(BoardUse(use, name, slot, writes=True))
+        elif door and door.autoremap and name in door.constants and not name.startswith("_"):
+            slot.obscure = True  # without the entry, the name is the outer tree's
+
+    def _source(self, node: Node, at: Reference | None, kind: type) -> tuple[type, Slot | None]:
+        """Return the type of a value that may be a copy, and the variable that is copied."""
+        if at is None:
+            return kind, None
+        source = at.key if at.on_board else self.place(node.variables, at.key)
+        if isinstance(source, Slot):
+            return object, source
+        return self._keys[source].type if source in self._keys else object, None
+
+    def _port(self, node: Node, port: Port[Any], at: Reference) -> None:
+        slot, use = self.place(node.variables, at.key), Use(node, port.name)
+        if isinstance(slot, str):
+            self.on_board.append(BoardUse(use, at.key, slot, port))
+            return
+        slot.ports.append((use, port))
+        if port.direction != "output":
+            named = is_named(port, at)
+            needed = named and port.required and port.type is not object
+            slot.reads.append(Read(use, port, needed, named))
+
+    def _script(self, script: Script, use: Use) -> None:
+        for part in script.walk():
+            if isinstance(part, Assignment):
+                self._assignment(part, use)
+            elif isinstance(part, Name) and part.name not in script.asked_known:
+                self._read(part.name, use, needed=id(part) in script.certain)
+        for statement in script.statements:
+            if isinstance(statement, Assignment) and statement.sign != ":=":
+                self._read(statement.name, use, needed=True, is_told=True)
+
+    def _read(self, name: str, use: Use, *, needed: bool, is_told: bool = False) -> None:
+        if not self._is_variable(name, use.node):
+            return
+        slot = self.place(use.node.variables, name)
+        if isinstance(slot, Slot):
+            slot.reads.append(Read(use, None, needed))
+        elif not is_told:
+            self.on_board.append(BoardUse(use, name, slot))
+
+    @staticmethod
+    def _is_variable(name: str, node: Node) -> bool:
+        return not name.startswith("@") and name not in node.variables.enum_members
+
+    def _assignment(self, part: Assignment, use: Use) -> None:
+        if part.name.startswith("@"):
+            return  # on another engine's board; all others are refused
+        slot = self.place(use.node.variables, part.name)
+        if isinstance(slot, str):
+            self.on_board.append(BoardUse(use, part.name, slot, writes=True))
+            return
+        at = None
+        if isinstance(part.value, Name) and self._is_variable(part.value.name, use.node):
+            at = Reference(part.value.name, on_board=False)
+        kind, copied = self._source(use.node, at, kind_of(part.value) or object)
+        creates, value = part.sign == ":=", constant_value(part.value)
+        slot.writes.append(
+            Write(use, kind, value, (), copied, creates, keeps_type=part.sign in {":=", "="})
+        )
+
+
+def is_named(port: Port[Any], at: Reference) -> bool:
+    """Return whether a node names a variable or key at a port, and not only the port's default."""
+    return port.default is Port.REQUIRED or port.bound_default != at
+
+
+def named_scripts(node: Node) -> Iterable[tuple[str, Script]]:
+    """Yield the scripts of a node by attribute: its conditions, and its ports."""
+    for attribute, source in node.condition_scripts.items():
+        yield attribute, parse_script(source)
+    for port in node.ports:
+        text = node.literals.get(port.name)
+        if port.check in SCRIPTS and isinstance(text, str):
+            yield port.name, parsed_by(port.check, text)
+
+
+def variable_at(node: Node, name: str) -> Variable | None:
+    """Return the variable that a name in a node's script is; None for a board key or a constant."""
+    variables = node.variables
+    if name.startswith("@") or name in variables.enum_members:
+        return None
+    return None if variables.board_key(name) is not None else variables.location(name)
