@@ -180,6 +180,7 @@ class ViewPoints(MapLeaf):
         doc="places such as start:1,0@90;start:2,1@180, for LoopString",
     )
     answers = (Status.SUCCESS, Status.FAILURE)
+    needed = (SITE_MAP,)
     ports = (
         OF,
         Port(

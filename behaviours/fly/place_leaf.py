@@ -13,7 +13,9 @@ from uav_bt.board.context import MissionContext
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.plugins import make_mark_finder
 from uav_bt.tree import Port, Status
-from uav_bt.types import DroneState
+from uav_bt.types import DroneState, Pose2D
+from uav_bt.types.area import Area
+from uav_bt.types.mission_rules import MissionRules
 from uav_bt.types.place import Place, PlaceFrame
 from uav_bt.types.place_frames import Goal, Unresolved, from_start, resolve, start_place
 from uav_bt.types.site_map import SiteMap
@@ -56,6 +58,7 @@ class PlaceLeaf(CourseLeaf):
     config: ClassVar[PlaceConfig] = PlaceConfig()
     place_port: ClassVar[Port[str] | None] = None  # the port that names the place
     reads = (*CourseLeaf.reads, FLIGHT_PITCH)
+    needed = (SITE_MAP,)
 
     def on_setup(self, mission: MissionContext) -> None:
         """Note poses and area, and check a place that is known before the take-off.
@@ -72,6 +75,18 @@ class PlaceLeaf(CourseLeaf):
         if text is not None:
             self._check_before_flight(text)
 
+    def refuses(self, rules: MissionRules) -> str | None:
+        """Refuse a place outside the area of the rules, as far as the file tells."""
+        corners = rules.area or ()
+        text = None if self.place_port is None else self.initial_value(self.place_port)
+        if text is None or not corners or any(one.frame is not PlaceFrame.START for one in corners):
+            return None
+        area = Area((tuple((one.x_m, one.y_m) for one in corners),))
+        try:
+            return _outside(text, Place.parse(text), None, area)
+        except ValueRangeError:  # a heading
+            return None
+
     def _check_before_flight(self, text: str) -> None:
         try:
             place = Place.parse(text)
@@ -79,12 +94,8 @@ class PlaceLeaf(CourseLeaf):
             return
         if place.frame is PlaceFrame.LAB and self._take_off is None:
             self._check_mark(text)
-        at_m = from_start(place, self._take_off)
-        if at_m is not None and self._area is not None and self._area.margin_m(*at_m) < 0.0:
-            raise InputError(
-                f"the place '{text}' lies {-self._area.margin_m(*at_m):.1f} m outside the area "
-                "of the mission: move it, or widen the area of <Rules/> and of the site or lab file"
-            )
+        if (message := _outside(text, place, self._take_off, self._area)) is not None:
+            raise InputError(message)
 
     def _check_mark(self, text: str) -> None:
         """Refuse a place of the drawing that no landing mark leads to."""
@@ -154,3 +165,14 @@ class PlaceLeaf(CourseLeaf):
         """Return FAILURE, with its reason on the status line."""
         self.feedback_message = reason
         return Status.FAILURE
+
+
+def _outside(text: str, place: Place, take_off: Pose2D | None, area: Area | None) -> str | None:
+    """Return the message that a place lies outside an area; None where it does not, or may not."""
+    at_m = from_start(place, take_off)
+    if at_m is None or area is None or area.margin_m(*at_m) >= 0.0:
+        return None
+    return (
+        f"the place '{text}' lies {-area.margin_m(*at_m):.1f} m outside the area of the mission: "
+        "move it, or widen the area of <Rules/> and of the site or lab file"
+    )

@@ -67,6 +67,7 @@ class TakeOff(MovingLeaf):
     )
     reads = (STATE, FRAME)
     writes = (PHASE, FLIGHT_HEIGHT, FLIGHT_PITCH)
+    takes_off = True
 
     def initialise(self) -> None:
         """Write the mission's flight height and camera pitch, and note the time."""

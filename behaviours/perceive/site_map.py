@@ -33,6 +33,7 @@ class MapSite(Leaf):
     answers = (Status.SUCCESS,)
     mapping: ClassVar[SiteMapperConfig | None] = None  # None: the defaults
     reads = (FRAME, CLASS_MAP, CAMERA, ODOMETRY, MARK)
+    needed = (ODOMETRY,)
     writes = (SITE_MAP,)
 
     def on_setup(self, mission: MissionContext) -> None:

@@ -20,6 +20,7 @@ from uav_bt.mission.limits import Limits
 from uav_bt.tree import MissionTree, Node, NodeRegistry, load_tree, parse_tree
 from uav_bt.tree.leaves_file import with_leaves
 from uav_bt.tree.loading.before_flight import faults_of
+from uav_bt.tree.loading.findings import errors_of
 from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.parameter_file import ParameterFile
@@ -59,7 +60,7 @@ def load_mission(
         TreeError: the tree would surely fail in flight.
     """
     mission = read_mission(tree, options, registry)
-    if faults := list(faults_of(mission)):
+    if faults := errors_of(faults_of(mission)):
         raise TreeError(mission.path, faults)
     _check_variables(mission)
     check_ceiling(mission, limits_of(options))

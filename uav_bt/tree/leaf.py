@@ -15,6 +15,7 @@ from uav_bt.tree.observer import NodeEvent, Observer
 from uav_bt.tree.port import check_declared
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 from uav_bt.types import GimbalTo, Movement
+from uav_bt.types.mission_rules import MissionRules
 
 T = TypeVar("T")
 
@@ -34,10 +35,12 @@ class Leaf(Node):
 
     reads: ClassVar[tuple[Key[Any], ...]] = ()  # board keys this leaf reads
     writes: ClassVar[tuple[Key[Any], ...]] = ()  # board keys this leaf writes
+    needed: ClassVar[tuple[Key[Any], ...]] = ()  # those of `reads` without which it cannot succeed
     # What `update` may return. SKIPPED is among them only where a leaf names it.
     answers: ClassVar[tuple[Status, ...]] = (SUCCESS, FAILURE, RUNNING)
     moves: ClassVar[bool] = False  # True: it may propose a movement while it is RUNNING
     points: ClassVar[bool] = False  # True: likewise a camera direction
+    takes_off: ClassVar[bool] = False  # True: the flight begins with it
     lands: ClassVar[bool] = False  # True: it ends with the drone on the ground
     condition: ClassVar[bool] = False  # True: answers at once, never RUNNING
     # Wall time that one tick of this leaf may take. Several ticks long, as a machine may be busy.
@@ -46,7 +49,7 @@ class Leaf(Node):
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
-        for name in ("reads", "writes"):
+        for name in ("reads", "writes", "needed"):
             check_declared(cls, name, Key)
         check_declared(cls, "answers", Status)
         if cls.condition:
@@ -81,6 +84,10 @@ class Leaf(Node):
         return self.points
 
     # --- for authors to override ------------------------------------------------------------------
+
+    def refuses(self, rules: MissionRules) -> str | None:
+        """Return why the leaf cannot keep the mission's rules with the values that its file has."""
+        del rules
 
     def on_setup(self, mission: MissionContext) -> None:
         """Load the resources of the whole mission; raise when one is missing."""

@@ -188,6 +188,7 @@ def mock_class(node: type[Leaf]) -> type[ScriptedLeaf]:
             "ports": node.ports,
             "moves": node.moves,
             "points": node.points,
+            "takes_off": node.takes_off,
             "lands": node.lands,
             "condition": node.condition,
             "reads": node.reads,

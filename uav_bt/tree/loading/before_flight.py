@@ -12,12 +12,12 @@ from uav_bt.board import FLIGHT_HEIGHT, MISSION_KEYS, ODOMETRY, Key
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.attributes import POLICY_PORT
 from uav_bt.tree.loading.early_reads import early_reads
-from uav_bt.tree.loading.findings import Finding, Position, Rule
+from uav_bt.tree.loading.findings import ERROR, WARNING, Finding, Position, Rule
 from uav_bt.tree.loading.kinds import misfits
 from uav_bt.tree.loading.uses import Use, Uses, is_named, named_scripts
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
-from uav_bt.tree.nodes import LoopBool, LoopDouble, LoopInt
+from uav_bt.tree.nodes import LoopBool, LoopDouble, LoopInt, SetBlackboard
 from uav_bt.tree.rules import Rules
 from uav_bt.tree.script.expressions import Name
 from uav_bt.types.mission_rules import LandOn
@@ -31,6 +31,7 @@ class Fault(NamedTuple):
     node: Node
     message: str  # the mistake and the remedy
     rule: Rule
+    severity: str = ERROR
 
 
 _Check = Callable[[MissionTree], Iterator[Fault]]
@@ -62,10 +63,10 @@ def faults_of_part(tree: MissionTree) -> Iterator[Finding]:
 
 def _found(tree: MissionTree, *checks: _Check) -> Iterator[Finding]:
     for check in checks:
-        for node, message, rule in check(tree):
+        for node, message, rule, severity in check(tree):
             place = tree.places.get(node.path)
             at = (tree.path, Position(1, 1)) if place is None else (place.path, place.position)
-            yield Finding(str(at[0]), at[1], message, node.path, rule=rule)
+            yield Finding(str(at[0]), at[1], message, node.path, severity, rule)
 
 
 def unset_reads(tree: MissionTree) -> dict[str, Use]:
@@ -180,6 +181,32 @@ def _unkept(tree: MissionTree, leaf: Rules) -> Iterator[Fault]:
         yield Fault(leaf, message, Rule.BOARD_KEY)
 
 
+@in_missions
+def _refused_by_leaves(tree: MissionTree) -> Iterator[Fault]:
+    """Yield values of leaves that the rules exclude, such as a place outside the area."""
+    rules = next((leaf for leaf in tree.leaves() if isinstance(leaf, Rules)), None)
+    if rules is None or any(rules.initial_value(port) is None for port in rules.ports):
+        return
+    for leaf in tree.leaves():
+        if (message := leaf.refuses(rules.stated())) is not None:
+            yield Fault(leaf, message, Rule.ATTRIBUTE)
+
+
+@in_missions
+def _ends_in_the_air(tree: MissionTree) -> Iterator[Fault]:
+    """Yield a warning where no leaf takes off, or none lands."""
+    starts = next((leaf for leaf in tree.leaves() if leaf.takes_off), None)
+    mover = next((leaf for leaf in tree.leaves() if leaf.moves), None)
+    rules = [leaf for leaf in tree.leaves() if isinstance(leaf, Rules)]
+    stays = any(leaf.initial_value(leaf.ports[1]) == LandOn.NONE.value for leaf in rules)
+    if mover is not None and starts is None and not stays:
+        message = "no leaf of the mission takes off: add TakeOff before this"
+        yield Fault(mover, message, Rule.MISSION, WARNING)
+    if starts is not None and not any(leaf.lands for leaf in tree.leaves()):
+        message = "no leaf of the mission lands, so it ends in the air: add Land"
+        yield Fault(starts, message, Rule.MISSION, WARNING)
+
+
 # --- values that are missing ----------------------------------------------------------------------
 
 
@@ -220,6 +247,37 @@ def _keys_of_scripts(node: Node) -> Iterator[tuple[str, str]]:
             for name in names - script.asked_known
         }
         yield from ((attribute, key) for key in sorted(key for key in at if key is not None))
+
+
+@in_missions
+def _needed_keys(tree: MissionTree) -> Iterator[Fault]:
+    """Yield leaves that cannot succeed, because no leaf writes a board key that they need."""
+    written = {key for leaf in tree.leaves() for key in leaf.writes}
+    for leaf in tree.leaves():
+        for key in leaf.needed:
+            if key not in written:
+                message = (
+                    f"it needs board key '{key.name}', which no leaf of the tree writes: add "
+                    f"{key.writer}"
+                )
+                yield Fault(leaf, message, Rule.BOARD_KEY)
+
+
+@in_missions
+def _names_from_nowhere(tree: MissionTree) -> Iterator[Fault]:
+    """Yield SetBlackboard nodes whose `output_key` is in braces, where nothing gives the name."""
+    slots = Uses(tree).slots
+    for node in (one for one in tree.nodes() if isinstance(one, SetBlackboard)):
+        at = node.reference(node.OUTPUT_KEY)
+        if at is None or at.on_board:
+            continue
+        slot = slots[node.variables.location(at.key)]
+        if not slot.given and not any(write.creates for write in slot.writes):
+            message = (
+                f"attribute 'output_key': nothing sets variable '{at.key}', from which the name is "
+                f'read: write output_key="{at.key}", without braces'
+            )
+            yield Fault(node, message, Rule.VARIABLE)
 
 
 @in_missions

@@ -125,7 +125,8 @@ def outline(
     document.own = tuple(document.trees)
     included.note_circles(findings)
     document.unread = lookup.library.hint()
-    _fetch(document, lookup, findings)
+    named = root.attributes.get("main_tree_to_execute")
+    _fetch(document, lookup, findings, [] if named is None else [(root, named)])
     for tree_id, tree in document.trees.items():
         document.trees[tree_id] = document.place_lists.in_tree(tree, registry)
     return document
@@ -213,12 +214,15 @@ def _check_id(element: Element, tree_id: str, registry: NodeRegistry, findings: 
         findings.note(element, message, "ID", rule=Rule.TREE_ID)
 
 
-def _fetch(document: Document, lookup: Lookup, findings: Findings) -> None:
+def _fetch(
+    document: Document, lookup: Lookup, findings: Findings, main: list[tuple[Element, str]]
+) -> None:
     """Take over the trees of other files that the document's own use."""
     short = _Short(document, findings)
     for tree_id, tree in document.trees.items():
         document.trees[tree_id] = short.replaced(tree)
     waiting = [door for tree in document.trees.values() for door in doors(tree)]
+    waiting += [one for one in main if one[1] in lookup.library.trees]
     while waiting:
         node, tree_id = waiting.pop()
         found = [] if tree_id in document.trees else lookup.find(tree_id, document.path)

@@ -12,7 +12,7 @@ from uav_bt.errors import InputError, UnknownNameError
 from uav_bt.tree.loading.attributes import POLICY_PORT
 from uav_bt.tree.loading.build import Built
 from uav_bt.tree.loading.document import autoremaps
-from uav_bt.tree.loading.findings import WARNING, Finding, Findings, Rule
+from uav_bt.tree.loading.findings import WARNING, Finding, Rule
 from uav_bt.tree.loading.palette import PalettePort
 from uav_bt.tree.loading.parameters import VAR, Parameters
 from uav_bt.tree.loading.source import Element
@@ -82,15 +82,18 @@ def _is_asked(port: Port[Any]) -> bool:
     return port.direction == "input" and is_plain
 
 
-def check_policies(built: Built, outside: Parameters, registry: NodeRegistry, to: Findings) -> None:
-    """Refuse names of policies that are not registered; the flight shows those it makes up."""
+def unknown_policies(
+    built: Built, outside: Parameters, registry: NodeRegistry
+) -> Iterator[Finding]:
+    """Yield the names of policies that are not registered; the flight shows those it makes up."""
     known = registry.policies
-    for given in given_texts(built, outside) if known is not None else ():
+    if known is None:
+        return
+    for given in given_texts(built, outside):
         name = given.text.partition(":")[0]  # what follows is the policy's own business
-        if given.port.name == POLICY_PORT and known is not None and name not in known:
+        if given.port.name == POLICY_PORT and name not in known:
             message = str(UnknownNameError("policy", name, known))
-            where = given.element.at(given.attribute)
-            to.add(given.element.path, where, message, given.path, rule=Rule.NOT_INSTALLED)
+            yield given.finding(message, Rule.NOT_INSTALLED)
 
 
 def remarks(built: Built, outside: Parameters, registry: NodeRegistry) -> Iterator[Finding]:

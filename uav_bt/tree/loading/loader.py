@@ -21,7 +21,7 @@ from uav_bt.tree.loading.findings import (
     Rule,
     errors_of,
 )
-from uav_bt.tree.loading.given import check_policies, remarks
+from uav_bt.tree.loading.given import remarks, unknown_policies
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.replacements import Replacements
@@ -105,10 +105,10 @@ def parse_tree(
     replacements = Replacements(read.document, findings, overrides, by_key, mocks)
     built = read.build(read.document.main, replacements)
     read.check_others()
-    if built is not None and not errors_of(findings):
-        read.check_policies(built)
     findings.raise_any(path)
     assert built is not None  # noqa: S101  # else there is a finding
+    if unknown := sorted(read.unknown_policies(built)):
+        raise TreeError(path, unknown)
     for finding in findings:
         _log.warning("Warning: %s", str(finding).replace(": warning:", ":", 1))
     built.tree.unset = tuple(unset_reads(built.tree))
@@ -140,11 +140,7 @@ def shipped_subtree(tree_id: str, name: str | None = None, /, **entries: object)
 
 
 class _Read:
-    """A tree file that was read.
-
-    Raises:
-        TreeError: it is no XML, or an included file cannot be read.
-    """
+    """A tree file that was read."""
 
     def __init__(
         self,
@@ -164,6 +160,13 @@ class _Read:
         if parameters is not None:
             document.parameters = document.place_lists.in_parameters(parameters, document.path)
         self._builder = Builder(document, findings)
+
+    @property
+    def names_main(self) -> bool:
+        """Whether the file says which tree is flown, or has no tree and should have one."""
+        is_palette = any(part.tag == "TreeNodesModel" for part in self.root.children)
+        has_trees = bool(self.document.trees) or is_palette
+        return "main_tree_to_execute" in self.root.attributes or not has_trees
 
     @property
     def roots(self) -> tuple[str, ...]:
@@ -202,9 +205,9 @@ class _Read:
         check_recursion(document, self._findings)
         self._findings.take_as_warnings(idle)
 
-    def check_policies(self, built: Built) -> None:
-        """Refuse policies that are not registered."""
-        check_policies(built, self.document.parameters, self._registry, self._findings)
+    def unknown_policies(self, built: Built) -> Iterator[Finding]:
+        """Yield policies that are not registered."""
+        return unknown_policies(built, self.document.parameters, self._registry)
 
     def remarks(self, built: Built) -> Iterator[Finding]:
         """Yield what is not installed, values of caution, and what would end the flight."""
@@ -235,15 +238,7 @@ def check_file(
     lookup: Lookup | None = None,
     parameters: Parameters | None = None,
 ) -> tuple[Finding, ...]:
-    """Return all findings of a tree file; none for a good one. See `check_text`.
-
-    Args:
-        path: the file.
-        registry: the nodes that may occur; default: all installed.
-        tree_id: the tree that is to be flown; default: the one that the file names.
-        lookup: where to look for trees and included files; default: the file's folder.
-        parameters: values from outside; see `parse_tree`.
-    """
+    """Return all findings of a tree file; none for a good one. See `check_text`."""
     try:
         source = read_source(path)
     except InputError as error:
@@ -262,55 +257,29 @@ def check_text(
     lookup: Lookup | None = None,
     parameters: Parameters | None = None,
 ) -> tuple[Finding, ...]:
-    """Return all findings of a tree file's text; none for a good one.
+    """Return all findings of a tree file's text; none for a good one. See `parse_tree`.
 
     If the file does not say which tree is flown, all trees that no other uses are checked.
-
-    Args:
-        source: the text, which may differ from the file on the disk.
-        registry: the nodes that may occur; default: all installed.
-        path: the file.
-        tree_id: the tree that is to be flown; default: the one that the file names.
-        lookup: where to look for trees and included files; default: the file's folder.
-        parameters: values from outside, for the one tree that is flown; see `parse_tree`.
     """
     findings = Findings()
     more: list[Finding] = []
     try:
         read = _Read(source, path, registry, findings, lookup=lookup, parameters=parameters)
-        if parameters is None:
-            _find_main_to_check(read, findings, tree_id)
-        else:
+        if parameters is not None or tree_id is not None or read.names_main:
             find_main(read.document, read.root, findings, tree_id)
         given = None if parameters is None else Replacements(read.document, findings)
         trees = [read.build(root, given) for root in read.roots]
         read.check_others()
-        for built in trees if not errors_of(findings) else ():
-            if built is not None:
-                read.check_policies(built)
-        for built in trees if not errors_of(findings) else ():
-            if built is not None:
-                more += read.remarks(built)
+        for step in (read.unknown_policies, read.remarks):
+            for built in trees if not errors_of((*findings, *more)) else ():
+                more += [] if built is None else step(built)
     except InputError as error:
         return findings_of(error, path)
     return (*findings, *more)
 
 
-def _find_main_to_check(read: _Read, findings: Findings, tree_id: str | None) -> None:
-    is_palette = any(part.tag == "TreeNodesModel" for part in read.root.children)
-    if tree_id is not None or "main_tree_to_execute" in read.root.attributes:
-        find_main(read.document, read.root, findings, tree_id)
-    elif not read.document.trees and not is_palette:
-        find_main(read.document, read.root, findings, None)
-
-
 def findings_of(error: InputError, path: Path) -> tuple[Finding, ...]:
-    """Return an error as findings.
-
-    Args:
-        error: raised while a tree file was loaded.
-        path: the file.
-    """
+    """Return an error that was raised while a tree file was loaded as findings."""
     if isinstance(error, FileError) and not isinstance(error, TreeError):
         position = WHOLE_FILE if error.line is None else Position(error.line, 1)
         where = error.path if error.line is None else f"{error.path}:{error.line}"

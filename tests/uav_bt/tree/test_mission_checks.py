@@ -1,0 +1,65 @@
+"""What a mission's file alone shows before its flight: places, take-off, landing, keys, names."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.worlds.trees import document
+from uav_bt.tree import NodeRegistry
+from uav_bt.tree.loading.loader import check_file, check_text
+from uav_bt.tree.loading.lookup import Library, Lookup, files_in
+
+REGISTRY = NodeRegistry.installed()
+AREA = "start:-0.5,-0.5; start:1,-0.5; start:1,0.5; start:-0.5,0.5"
+UP, DOWN, MAP = '<TakeOff height_m="1.2"/>', "<Land/>", '<SubTree ID="Perceive"/>'
+
+
+def found(*body: str, rules: str = '<Rules land_on="any"/>') -> list[str]:
+    text = document(f"<Sequence>{rules}{''.join(body)}</Sequence>")
+    return [str(one) for one in check_text(text, REGISTRY, path=Path("m.xml"))]
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ((MAP, UP, '<GoTo to="start:1.8,0"/>', DOWN), "lies 0.8 m outside the area of the mission"),
+        ((MAP, '<GoTo to="start:0.5,0"/>', DOWN), "warning: .*no leaf of the mission takes off"),
+        ((MAP, UP, '<HoverFor seconds="1"/>'), "warning: .*no leaf of the mission lands"),
+        (
+            (UP, '<GoTo to="start:0.5,0"/>', DOWN),
+            "'site_map', which no leaf .* writes: add MapSite",
+        ),
+        ((UP, "<Segment/>", "<MapSite/>", DOWN), "'odometry', which no leaf .* add TrackMotion"),
+        (
+            (UP, '<SetBlackboard value="x" output_key="{goal}"/>', DOWN),
+            "nothing sets variable 'goal', .*write output_key=\"goal\", without braces",
+        ),
+    ],
+)
+def test_what_the_file_alone_shows(body: tuple[str, ...], message: str) -> None:
+    rules = (
+        f'<Rules land_on="any" area="{AREA}"/>' if "area" in message else '<Rules land_on="any"/>'
+    )
+    (text,) = found(*body, rules=rules)
+    assert re.search(message, text), text
+
+
+def test_what_can_be_flown_is_not_refused() -> None:
+    named = '<Script code="goal := \'there\'"/><SetBlackboard value="x" output_key="{goal}"/>'
+    inside = f'<Rules land_on="any" area="{AREA}"/>'
+    assert found(MAP, UP, named, '<GoTo to="start:0.9,0"/>', DOWN, rules=inside) == []
+    assert found('<HoverFor seconds="1"/>', rules='<Rules land_on="none"/>') == []
+
+
+def test_a_main_tree_may_stand_in_another_file_of_the_folder(tmp_path: Path) -> None:
+    spin = tmp_path / "spin.xml"
+    part = '<BehaviorTree ID="Spin"><Sleep msec="100"/></BehaviorTree>'
+    spin.write_text(f'<root BTCPP_format="4" main_tree_to_execute="Try">{part}</root>')
+    other = '<BehaviorTree ID="Try"><SubTree ID="Spin"/></BehaviorTree>'
+    (tmp_path / "try.xml").write_text(f'<root BTCPP_format="4">{other}</root>')
+    assert check_file(spin, REGISTRY, lookup=Lookup(Library(files_in(tmp_path)))) == ()
+    (alone,) = check_file(spin, REGISTRY)
+    assert "there is no tree 'Try'" in str(alone)
