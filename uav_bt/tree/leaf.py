@@ -88,6 +88,7 @@ class Leaf(Node):
     def refuses(self, rules: MissionRules) -> str | None:
         """Return why the leaf cannot keep the mission's rules with the values that its file has."""
         del rules
+        return None
 
     def on_setup(self, mission: MissionContext) -> None:
         """Load the resources of the whole mission; raise when one is missing."""

@@ -14,7 +14,7 @@ from uav_bt.tree.loading.attributes import POLICY_PORT
 from uav_bt.tree.loading.early_reads import early_reads
 from uav_bt.tree.loading.findings import ERROR, WARNING, Finding, Position, Rule
 from uav_bt.tree.loading.kinds import misfits
-from uav_bt.tree.loading.uses import Use, Uses, is_named, named_scripts
+from uav_bt.tree.loading.uses import Slot, Use, Uses, is_named, named_scripts
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import LoopBool, LoopDouble, LoopInt, SetBlackboard
@@ -69,12 +69,9 @@ def _found(tree: MissionTree, *checks: _Check) -> Iterator[Finding]:
             yield Finding(str(at[0]), at[1], message, node.path, severity, rule)
 
 
-def unset_reads(tree: MissionTree) -> dict[str, Use]:
-    """Return the variables of a tree that its file reads and nothing sets, with a reader each.
-
-    The reader is a node with the attribute.
-    """
-    slots = (slot for slot in Uses(tree).slots.values() if slot.scope is tree.variables)
+def unset_reads(uses: Uses) -> dict[str, Use]:
+    """Return the variables of a main tree that its file reads and nothing sets, with a reader."""
+    slots = (slot for slot in uses.slots.values() if slot.scope is uses.main)
     unset = ((one.name, read) for one in slots if not one.created for read in one.reads)
     first: dict[str, Use] = {}
     for name, read in unset:
@@ -266,12 +263,11 @@ def _needed_keys(tree: MissionTree) -> Iterator[Fault]:
 @in_missions
 def _names_from_nowhere(tree: MissionTree) -> Iterator[Fault]:
     """Yield SetBlackboard nodes whose `output_key` is in braces, where nothing gives the name."""
-    slots = Uses(tree).slots
-    for node in (one for one in tree.nodes() if isinstance(one, SetBlackboard)):
-        at = node.reference(node.OUTPUT_KEY)
-        if at is None or at.on_board:
-            continue
-        slot = slots[node.variables.location(at.key)]
+    setters = [one for one in tree.nodes() if isinstance(one, SetBlackboard)]
+    named = [(one, at) for one in setters if (at := one.reference(one.OUTPUT_KEY)) is not None]
+    slots = Uses(tree).slots if named else {}
+    for node, at in named:
+        slot = slots.get(node.variables.location(at.key), Slot(tree.variables, "", given=True))
         if not slot.given and not any(write.creates for write in slot.writes):
             message = (
                 f"attribute 'output_key': nothing sets variable '{at.key}', from which the name is "

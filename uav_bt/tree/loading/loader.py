@@ -27,6 +27,7 @@ from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.replacements import Replacements
 from uav_bt.tree.loading.source import parse_source, read_source
 from uav_bt.tree.loading.structure import check_recursion
+from uav_bt.tree.loading.uses import Uses
 from uav_bt.tree.loading.variable_faults import check_variables
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.nodes import SubTree
@@ -111,7 +112,7 @@ def parse_tree(
         raise TreeError(path, unknown)
     for finding in findings:
         _log.warning("Warning: %s", str(finding).replace(": warning:", ":", 1))
-    built.tree.unset = tuple(unset_reads(built.tree))
+    built.tree.unset = tuple(unset_reads(read.uses[built.tree.name]))
     return built.tree
 
 
@@ -160,6 +161,7 @@ class _Read:
         if parameters is not None:
             document.parameters = document.place_lists.in_parameters(parameters, document.path)
         self._builder = Builder(document, findings)
+        self.uses: dict[str, Uses] = {}  # of the trees that were built, by ID
 
     @property
     def names_main(self) -> bool:
@@ -185,7 +187,7 @@ class _Read:
             tree.inclusions = dict(document.inclusions)
             for name, value in document.parameters.variables.items():
                 tree.variables[name] = value
-            check_variables(built, document, self._findings)
+            self.uses[tree_id] = check_variables(built, document, self._findings)
         return built
 
     def check_others(self) -> None:
@@ -218,7 +220,7 @@ class _Read:
             yield from faults_of_part(built.tree)
             return
         yield from faults_of(built.tree)
-        for name, (node, attribute) in unset_reads(built.tree).items():
+        for name, (node, attribute) in unset_reads(self.uses[built.tree.name]).items():
             element = built.parts[node.path].element
             yield Finding(
                 str(element.path),

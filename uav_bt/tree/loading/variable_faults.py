@@ -28,9 +28,11 @@ _PLAIN: Final = (bool, int, float, str)
 _NUMBERS: Final = (int, float)
 
 
-def check_variables(built: Built, document: Document, findings: Findings) -> None:
+def check_variables(built: Built, document: Document, findings: Findings) -> Uses:
     """Add a finding for each use of a variable that must fail, and for unused outside values."""
-    _VariableFaults(built, document, findings).check()
+    faults = _VariableFaults(built, document, findings)
+    faults.check()
+    return faults.uses
 
 
 class _VariableFaults:
@@ -39,12 +41,12 @@ class _VariableFaults:
         self._document = document
         self._findings = findings
         self._keys: Mapping[str, Key[Any]] = document.registry.board_keys
-        self._uses = Uses(built.tree, self._keys)
+        self.uses = Uses(built.tree, self._keys)
 
     def check(self) -> None:
-        for door in self._uses.doors.items():
+        for door in self.uses.doors.items():
             self._check_entries(*door)
-        for slot in [*self._uses.slots.values()]:
+        for slot in [*self.uses.slots.values()]:
             self._check_ports(slot)
             sources = slot.sources()
             for read in slot.reads:
@@ -52,7 +54,7 @@ class _VariableFaults:
                     self._check_read(slot, read, sources)
                 elif read.needed and not slot.created:
                     self._check_unwritten(slot, read)
-        for board_use in self._uses.on_board:
+        for board_use in self.uses.on_board:
             self._check_board_use(board_use)
         self._check_given()
 
@@ -104,15 +106,15 @@ class _VariableFaults:
         )
 
     def _check_unwritten(self, slot: Slot, read: Read) -> None:
-        door = self._uses.doors.get(slot.scope)
+        door = self.uses.doors.get(slot.scope)
         if door is None or slot.name.startswith("_"):
             return
         part = self._built.parts[door.path]
         element, tree = part.element, door.tree_id
-        used = self._uses.touched.get(slot.scope, set())
+        used = self.uses.touched.get(slot.scope, set())
         created = [
             one.name
-            for (scope, _), one in self._uses.slots.items()
+            for (scope, _), one in self.uses.slots.items()
             if scope is slot.scope and one.created
         ]
         hint = did_you_mean(slot.name, [*created, *door.shared, *door.board_keys])
@@ -136,9 +138,9 @@ class _VariableFaults:
         described = self._document.subtree_ports.get(door.tree_id)
         if described is None:
             return
-        obscure = any(slot.obscure for slot in self._uses.slots.values() if slot.scope is scope)
+        obscure = any(slot.obscure for slot in self.uses.slots.values() if slot.scope is scope)
         element = self._built.parts[door.path].element
-        used = self._uses.touched.get(scope, set())
+        used = self.uses.touched.get(scope, set())
         for name in (*door.shared, *door.board_keys, *door.constants):
             if name in described or name not in element.attributes:
                 continue
@@ -188,8 +190,8 @@ class _VariableFaults:
         }
 
     def _faults_of_given(self, name: str, value: Plain) -> Iterator[tuple[str, str]]:
-        slot = self._uses.slots[self._uses.main, name]
-        touched = self._uses.touched.get(self._uses.main, set()) | self._replaced()
+        slot = self.uses.slots[self.uses.main, name]
+        touched = self.uses.touched.get(self.uses.main, set()) | self._replaced()
         if name not in touched and not slot.obscure:
             hint = did_you_mean(name, touched)
             yield f"no node uses a variable '{name}' of tree '{self._document.main}'{hint}", ERROR
