@@ -234,18 +234,14 @@ def _fetch(
             places = " and ".join(f"{each.path}:{each.position}" for each, _ in found)
             message = f"tree '{tree_id}' stands in several files: {places}; rename one"
             findings.note(node, message, "ID", rule=Rule.UNKNOWN_TREE)
-        tree, file = found[0]
-        tree = short.replaced(tree)
+        tree, file = short.replaced(found[0][0]), found[0][1]
         _read_tree(tree, document, findings, alone=False)
         document.included[tree.path] = file.source
         for models in file.root.children:
             if models.tag == "TreeNodesModel":
                 _read_models(models, document, findings)
         waiting += doors(tree)
-    for (
-        tree_id,
-        model,
-    ) in short.used.items():  # where a user's tree takes the place of a shipped one
+    for tree_id, model in short.used.items():  # a user's tree may stand in for a shipped one
         if tree_id not in document.subtree_ports:
             _read_models(replace(model, children=[model]), document, findings)
 
