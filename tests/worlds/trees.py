@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from tests.conformance import Scripted
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext, Proposals
 from uav_bt.clock import ManualClock
 from uav_bt.tree import MissionTree, NodeRegistry, parse_tree
+from uav_bt.tree.loading.findings import Finding, Rule
+from uav_bt.tree.loading.loader import check_text
 
 
 class World:
@@ -47,6 +50,12 @@ class World:
         """Tick a new tree and return its answers, one letter each."""
         tree = self.tree(body)
         return "".join(tree.tick().letter for _ in range(ticks))
+
+
+def check(text: str, registry: NodeRegistry | None = None, **given: Any) -> tuple[Finding, ...]:
+    """Return the findings about a part of a mission, which neither takes off nor lands."""
+    found = check_text(text, registry, path=Path("m.xml"), **given)
+    return tuple(one for one in found if one.rule is not Rule.MISSION)
 
 
 def document(body: str, *more: str, tree_id: str = "Main") -> str:

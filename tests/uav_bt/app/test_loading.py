@@ -7,14 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from tests.worlds.trees import document
+from tests.worlds.trees import check, document
 from uav_bt.app.assembly import assemble
 from uav_bt.app.loading import load_mission
 from uav_bt.app.options import FlightOptions
 from uav_bt.errors import InputError
 from uav_bt.tree import NodeRegistry, parse_tree
 from uav_bt.tree.leaves_file import with_leaves
-from uav_bt.tree.loading.loader import check_text
 
 
 @pytest.mark.parametrize(
@@ -196,4 +195,4 @@ def test_policies_and_drones_of_a_python_file(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="unknown drone 'Slow'"):
         assemble("land_only", drone="Slow")
     registry = with_leaves(NodeRegistry.installed(), [file])
-    assert check_text(text, registry, path=Path("m.xml")) == ()
+    assert check(text, registry) == ()

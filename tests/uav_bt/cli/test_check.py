@@ -313,7 +313,7 @@ def test_what_is_wrong_with_a_used_file_is_reported_once(
     (folder / "sub").mkdir(parents=True)
     part = folder / "sub" / "b.xml"
     include = '<include path="sub/b.xml"/>' if through == "include" else ""
-    user = tree_file(folder, '<SubTree ID="B"/>', "a.xml")
+    user = tree_file(folder, '<Sequence><TakeOff/><SubTree ID="B"/><Land/></Sequence>', "a.xml")
     user.write_text(user.read_text().replace('4">', f'4" main_tree_to_execute="Main">{include}'))
     part.write_text(
         f'<root BTCPP_format="4">\n<BehaviorTree ID="B">\n\n{body}\n</BehaviorTree>\n</root>\n'

@@ -19,9 +19,11 @@ MISSION = """\
     <Sequence name="all">
       <Script code="speed := 0.5; goal := 1"/>
       <SubTree ID="Round" count="{goal}"/>
+      <TakeOff/>
       <Explore policy="corridor"/>
       <AlwaysSuccess _skipIf="speed &gt; 1 &amp;&amp; @height_above_ground_m &lt; 2"/>
       <SubTree ID="Lib"/>
+      <Land/>
     </Sequence>
   </BehaviorTree>
   <BehaviorTree ID="Round">

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import pytest
 
 from behaviours.fly.say import Say
-from tests.worlds.trees import document, subtree
+from tests.worlds.trees import check, document, subtree
 from uav_bt.board import ODOMETRY, PHASE
 from uav_bt.board.blackboard import Key
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status
 from uav_bt.tree.loading.findings import WARNING
-from uav_bt.tree.loading.loader import check_text
 from uav_bt.tree.loading.parameters import Parameters
 
 RED = Key("red_share", float, "share of red in the picture", writer="RedDetector")
@@ -82,12 +80,7 @@ def findings(
 ) -> list[str]:
     """Return the messages on a mission; warnings begin with `warning:`."""
     text = document(body, subtree("Inner", inner))
-    found = check_text(
-        text,
-        REGISTRY,
-        path=Path("m.xml"),
-        parameters=Parameters(variables=given) if given else None,
-    )
+    found = check(text, REGISTRY, parameters=Parameters(variables=given) if given else None)
     return ["warning: " * (one.severity == WARNING) + one.message for one in found]
 
 
@@ -334,7 +327,7 @@ def test_a_place_in_a_queue_from_outside_is_checked() -> None:
     text = document(VISITS.format(queue="{points}", visit='<Visit to="{p}"/>'))
     for points, good in (("door;window", True), ("door;wndow", False)):
         given = Parameters(variables={"points": points})
-        found = check_text(text, REGISTRY, path=Path("m.xml"), parameters=given)
+        found = check(text, REGISTRY, parameters=given)
         assert (found == ()) is good
 
 
@@ -343,7 +336,7 @@ def test_an_entry_from_outside_is_checked() -> None:
     text = document('<SubTree ID="Inner" at="door"/>', inner)
     for place, good in (("window", True), ("wndow", False)):
         given = Parameters(ports={"Inner.at": place})
-        found = check_text(text, REGISTRY, path=Path("m.xml"), parameters=given)
+        found = check(text, REGISTRY, parameters=given)
         assert (found == ()) is good
 
 
@@ -425,5 +418,5 @@ def test_a_part_is_refused_for_what_fails_in_every_mission() -> None:
     reads = '<ScriptCondition code="v &gt; 1 &amp;&amp; @red_share &gt; 1"/>'
     body = f"<Sequence>{reads}<Parallel><Fly/><Fly/></Parallel></Sequence>"
     text = f'<root BTCPP_format="4"><BehaviorTree ID="Part">{body}</BehaviorTree></root>'
-    (found,) = check_text(text, REGISTRY, path=Path("part.xml"))
+    (found,) = check(text, REGISTRY)
     assert "may ask for a movement in the same tick" in found.message

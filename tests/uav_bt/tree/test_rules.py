@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
-from tests.worlds.trees import document, subtree
+from tests.worlds.trees import check, document, subtree
 from uav_bt.board import FLIGHT_HEIGHT, ODOMETRY
 from uav_bt.errors import InputError
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Status, parse_tree
-from uav_bt.tree.loading.loader import check_text
 from uav_bt.tree.rules import Rules
 from uav_bt.types.mission_rules import LandOn, MissionRules
 
@@ -40,7 +37,7 @@ SQUARE = "start:-1,-1; start:3,-1; lab:3,1; start:-1,1"
 
 def messages(body: str, inner: str = "<AlwaysSuccess/>") -> list[str]:
     text = document(body, subtree("Inner", inner))
-    return [each.message for each in check_text(text, REGISTRY, path=Path("m.xml"))]
+    return [each.message for each in check(text, REGISTRY)]
 
 
 def stated(body: str, inner: str = "<AlwaysSuccess/>") -> MissionRules:

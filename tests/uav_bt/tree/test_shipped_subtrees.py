@@ -6,14 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from tests.worlds.trees import document
+from tests.worlds.trees import check, document
 from uav_bt.board import MISSION_KEYS, Blackboard
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import ManualClock
 from uav_bt.errors import InputError, TreeError
 from uav_bt.tree import NodeRegistry, Status, load_tree, parse_tree, shipped_subtree
 from uav_bt.tree.describe import palette_xml
-from uav_bt.tree.loading.loader import check_text
 from uav_bt.tree.loading.lookup import Library, Lookup
 
 REGISTRY = NodeRegistry.installed()
@@ -21,7 +20,7 @@ OWN = '<BehaviorTree ID="ReturnToBase"><AlwaysSuccess name="own"/></BehaviorTree
 
 
 def messages(body: str, more: str = "") -> list[str]:
-    found = check_text(document(body, more), REGISTRY, path=Path("m.xml"))
+    found = check(document(body, more), REGISTRY)
     return [f"{one.position.column}: {one.message}" for one in found]
 
 

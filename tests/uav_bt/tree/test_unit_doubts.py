@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
-from tests.worlds.trees import document
+from tests.worlds.trees import check, document
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.tree.loading.findings import Finding, Rule, errors_of
-from uav_bt.tree.loading.loader import check_text
 
 
 def findings(body: str) -> tuple[Finding, ...]:
-    return check_text(document(body), path=Path("mission.xml"))
+    return check(document(body))
 
 
 def doubt(body: str) -> str:

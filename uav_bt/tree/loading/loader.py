@@ -110,7 +110,7 @@ def parse_tree(
     read.check_others()
     findings.raise_any(path)
     assert built is not None  # noqa: S101  # else there is a finding
-    if unknown := sorted(read.unknown_policies(built)):
+    if unknown := sorted({*read.unknown_policies(built)}):
         raise TreeError(path, unknown)
     for finding in findings:
         _log.warning("Warning: %s", str(finding).replace(": warning:", ":", 1))
@@ -279,7 +279,7 @@ def check_text(
                 more += [] if built is None else step(built)
     except InputError as error:
         return findings_of(error, path)
-    return (*findings, *more)
+    return (*findings, *dict.fromkeys(more))  # two leaves may read one wrong value
 
 
 def findings_of(error: InputError, path: Path) -> tuple[Finding, ...]:
