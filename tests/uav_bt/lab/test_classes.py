@@ -38,14 +38,6 @@ def test_the_papers_lab_has_seventeen_classes_with_unique_colours() -> None:
     assert LabClasses.by_role().names == ROLE_NAMES
 
 
-def test_the_papers_boxes_carry_roofs_and_the_landing_box_carries_the_mark() -> None:
-    assert PAPER.names[PAPER.ground] == "carpet"
-    assert PAPER.mark_sides == PAPER.id_of("helipad_box")
-    assert PAPER.mark_top == PAPER.id_of("helipad_h")
-    assert [PAPER.names[each] for each in PAPER.standing] == [f"box_{k}" for k in range(1, 9)]
-    assert PAPER.top_of[PAPER.id_of("box_7")] == PAPER.id_of("roof_2")
-
-
 def test_ids_beyond_the_classes_or_of_another_type_are_refused() -> None:
     with pytest.raises(ValueRangeError, match="within 0 and 16, got 17"):
         PAPER.roles(np.array([[3, 17]], dtype=np.uint8))

@@ -166,13 +166,6 @@ def test_a_file_outside_the_folder_stands_alone(
     (folder / "part.xml").unlink()
 
 
-def test_a_document_that_is_no_file_is_checked_too(editor: Editor) -> None:
-    uri = "untitled:Untitled-1"
-    (found,) = editor.open(uri, USER.replace('<SubTree ID="Part"/>', "<Lnad/>"))
-    assert "did you mean 'Land'" in found.message
-    assert editor.close_document(uri) == []
-
-
 def test_a_folder_that_is_too_large_is_a_message(tmp_path: Path) -> None:
     for number in range(26):
         with (tmp_path / f"{number}.xml").open("wb") as file:

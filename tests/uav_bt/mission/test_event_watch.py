@@ -68,24 +68,6 @@ def test_a_change_is_an_event(
     assert events_of(*ticks) == events
 
 
-def test_failed_branches_and_the_end_have_path_and_reason() -> None:
-    context = MissionContext()
-    turn, land = ScriptedLeaf("Turn"), ScriptedLeaf("Land")
-    turn.path, land.path = "M/s/Turn", "M/Land"
-    turn.feedback_message = "kept from turning"
-    assert events_of(
-        {"ends": BranchEnds(failed=(turn,))},
-        {"ends": BranchEnds(ended=land, succeeded=True)},
-        {"ends": BranchEnds(ended=turn)},
-        context=context,
-    ) == [
-        (EventKind.FAILED, "Turn: kept from turning"),
-        (EventKind.ENDED, "the tree succeeded at Land"),
-        (EventKind.ENDED, "the tree failed at Turn: kept from turning"),
-    ]
-    assert [event.node for event in context.notes.events] == ["M/s/Turn", "M/Land", "M/s/Turn"]
-
-
 def test_the_last_failure_is_kept_unless_the_tree_fails_with_a_reason() -> None:
     watch = EventWatch(MissionContext())
     lost, landing = ScriptedLeaf("lost"), ScriptedLeaf("landing")

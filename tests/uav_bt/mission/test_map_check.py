@@ -81,16 +81,6 @@ def test_a_map_is_mirrored_turned_and_moved_into_the_world() -> None:
     assert (pose.x_m, pose.y_m, pose.yaw_rad) == pytest.approx((-1.0, 0.5, math.radians(30)))
 
 
-def test_a_map_that_begins_in_flight_is_aligned_where_it_began() -> None:
-    alignment = MapAlignment()
-    alignment.add(0.0, START, REPORTED_RAD, None)
-    alignment.add(9.0, at(1.0, 1.0), REPORTED_RAD, site_map(0.2, 0.0))
-    placement = alignment.placement
-    assert placement is not None
-    pose = placement.pose_to_world(site_map(0.2, 0.0).pose)
-    assert (pose.x_m, pose.y_m) == pytest.approx((1.0, 1.0))
-
-
 # --- against the truth ----------------------------------------------------------------------------
 
 
@@ -227,13 +217,3 @@ def test_what_is_wrong_is_named_for_some_seconds_or_while_it_lasts(
     assert watch.trouble == trouble
     assert words in "; ".join(watch.warnings)
     assert bool(words) is bool(watch.warnings)
-
-
-def test_what_lasts_and_what_happens_again_is_logged_once_each(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    watch, anew = MapWatch(), [*ANEW * 3, *[replace(SEEN, restarts=2)] * 20]
-    for tick, each in enumerate([*[NO_GROUND] * 200, SEEN, *anew]):
-        watch.update(replace(each, captured_s=tick * TICK_S), tick * TICK_S, airborne=True)
-    logged = [record.message[:20] for record in caplog.records]
-    assert logged == ["no ground in view: t", "the map was begun an", "the map was begun an"]

@@ -14,7 +14,7 @@ from sim_bridge.twin import TwinConfig
 from uav_bt.errors import InputError, UnknownNameError, ValueRangeError
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone
-from uav_bt.testing import FAULTS, Fault, FaultyDrone, InjectedError, ScriptedDrone
+from uav_bt.testing import Fault, FaultyDrone, InjectedError, ScriptedDrone
 from uav_bt.tree import Status
 from uav_bt.types import (
     Command,
@@ -85,14 +85,6 @@ def last(text: str) -> Observation:
 
 
 # --- text and time --------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["black@start", "late=0.7@explore+1~30", "height-nan@emergency landing", "slow@land~0.5"],
-)
-def test_a_fault_is_written_as_it_was_read(text: str) -> None:
-    assert str(Fault.parse(text)) == text
 
 
 @pytest.mark.parametrize(
@@ -181,14 +173,6 @@ def test_images_change(text: str, low: int, high: int) -> None:
     assert low <= frame.image.min() <= frame.image.max() <= high
     assert frame.image.shape == (36, 64, 3)
     assert (frame.image != 13).any()
-
-
-def test_noise_is_the_same_for_the_same_frame() -> None:
-    first, second = last("noise").frame, last("noise").frame
-    assert first is not None
-    assert second is not None
-    assert np.array_equal(first.image, second.image)
-    assert first.image.std() > 20
 
 
 @pytest.mark.parametrize(
@@ -396,12 +380,3 @@ def test_exact_masks_are_of_what_a_frame_shows() -> None:
     drone.disconnect()
     assert np.array_equal(masks[0], masks[1])
     assert not np.array_equal(masks[1], true)
-
-
-def test_every_kind_has_words_and_an_effect() -> None:
-    for name, kind in FAULTS.items():
-        assert name == kind.name
-        assert kind.what
-        assert bool(kind.unit) == (kind.level is not None)
-        assert kind.level is None or kind.least <= kind.level <= kind.most
-        assert any((kind.observe, kind.send, kind.disturb, kind.follow))

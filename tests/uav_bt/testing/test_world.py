@@ -9,7 +9,7 @@ import pytest
 from tests.paper_lab import CARPET
 from uav_bt.answers import Advance, Done
 from uav_bt.board import CLASS_MAP, FRAME, SITE_MAP, STATE
-from uav_bt.testing import LeafBench, Says, drawn_map, live, show
+from uav_bt.testing import LeafBench, drawn_map, show
 from uav_bt.tree import Leaf, Status
 
 ADVANCE, DONE = Advance(forward_m=0.3, reason="clear"), Done(reason="covered")
@@ -39,17 +39,3 @@ def test_everything_is_of_now() -> None:
     assert (state.attitude.yaw_rad, state.height_m) == (0.7, 1.2)
     assert state.gimbal_pitch_rad == pytest.approx(math.radians(-30.0))
     assert (bench.board[CLASS_MAP].ids == CARPET).all()
-
-
-def test_live_shows_and_ticks() -> None:
-    bench = LeafBench(Waits)
-    assert live(bench) is Status.RUNNING
-    assert live(bench, site_map=drawn_map()) is Status.FAILURE
-    assert live(bench, yaw_rad=1.5) is Status.SUCCESS  # the map stays, while it is fresh
-
-
-def test_a_policy_answers_in_turn_and_the_last_answer_for_ever() -> None:
-    policy = Says(ADVANCE, DONE)
-    views = [object() for _ in range(3)]
-    assert [policy.decide(view) for view in views] == [ADVANCE, DONE, DONE]  # type: ignore[arg-type]
-    assert policy.views == views

@@ -55,12 +55,6 @@ def test_what_editors_write_is_no_warning() -> None:
     assert parse_tree(text, REGISTRY).root.name == "Steer"
 
 
-def test_hundreds_of_warnings_refuse_nothing() -> None:
-    """Only errors end a report; only the first warnings are listed."""
-    body = "<Sequence>" + "<Steer _x='1'/>" * 1_000 + "</Sequence>"
-    assert len(warnings_of(document(body))) == 500
-
-
 def test_a_tree_can_be_chosen(caplog: pytest.LogCaptureFixture) -> None:
     """A file that Groot2 saved does not name the tree to fly."""
     trees = (
@@ -167,14 +161,6 @@ def test_a_tree_in_a_file_that_cannot_be_read_is_missed_with_the_reason(
     assert "there is no tree 'Gone'" in finding.message
     assert f"could not be read: {lost}" in finding.message
     assert reason in finding.message
-
-
-def test_trees_of_two_files_that_use_each_other_in_a_circle_are_refused(tmp_path: Path) -> None:
-    (tmp_path / "there.xml").write_text(tree("There", '<SubTree ID="Here"/>'))
-    here = tmp_path / "here.xml"
-    here.write_text(tree("Here", '<SubTree ID="There"/>'))
-    found = check_file(here, REGISTRY, lookup=Lookup(Library(files_in(tmp_path))))
-    assert "the tree contains itself: Here > There > Here" in found[0].message
 
 
 def test_a_folder_with_too_many_files_or_bytes_is_refused(

@@ -122,11 +122,6 @@ def test_a_variable_that_nothing_sets_is_refused_where_it_is_not_always_read(bod
     assert "--var points=VALUE" in message
 
 
-def test_a_variable_from_outside_is_good() -> None:
-    body = '<Sequence><Fly speed_mps="{v}"/><ScriptCondition code="v &gt; 1"/></Sequence>'
-    assert findings(body, given={"v": 1.0}) == []
-
-
 def test_a_script_that_asks_whether_a_variable_is_known_may_read_it() -> None:
     assert findings('<ScriptCondition code="known(v) ? v == 1 : false"/>') == []
 
@@ -238,11 +233,6 @@ def test_a_value_that_the_reader_converts_is_good(body: str) -> None:
     assert findings(body) == []
 
 
-def test_a_variable_that_a_script_sets_is_good() -> None:
-    body = '<Sequence><Script code="v := 2"/><Fly speed_mps="{v}"/></Sequence>'
-    assert findings(body, inner='<Fly speed_mps="{v}"/>') == []
-
-
 # --- board keys -----------------------------------------------------------------------------------
 
 
@@ -284,11 +274,6 @@ def test_a_script_that_asks_whether_a_key_is_known_may_read_it() -> None:
 def test_a_loop_or_script_on_a_key_of_another_type_is_refused(body: str, message: str) -> None:
     (found,) = findings(f'<Sequence><Steer policy="a"/><Fly/>{body}</Sequence>')
     assert message in found
-
-
-def test_a_loop_over_a_text_of_the_board_is_good() -> None:
-    loop = '<LoopString queue="{@phase}" value="{p}"><AlwaysSuccess/></LoopString>'
-    assert findings(f"<Sequence><Fly/>{loop}</Sequence>") == []
 
 
 ASK = "<ScriptCondition code=\"@phase == 'x'\"/>"

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.conformance import main, mismatch, read_traces
+from tests.conformance import mismatch, read_traces
 
 SAMPLE = Path(__file__).parents[2] / "data" / "bt_traces_sample.jsonl"
 TRACES = list(read_traces(SAMPLE))
@@ -29,11 +29,3 @@ def test_a_false_trace_is_noticed(part: str) -> None:
     reason = mismatch(trace)
     assert reason is not None
     assert reason.startswith("tick 3")
-
-
-def test_script_reports_per_feature_set(capsys: pytest.CaptureFixture[str]) -> None:
-    """The script prints a line per feature set, and exits with 0 if all traces agree."""
-    assert main([str(SAMPLE)]) == 0
-    out = capsys.readouterr().out
-    assert "reactive+decorators" in out
-    assert f"{len(TRACES)} of   {len(TRACES)}  all" in out

@@ -8,7 +8,7 @@ from tests.conformance import Scripted
 from tests.worlds.trees import document
 from uav_bt.board import HEIGHT, STATE
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status, parse_tree
-from uav_bt.tree.describe import PortInfo, describe, describe_all, palette_xml
+from uav_bt.tree.describe import describe_all, palette_xml
 from uav_bt.tree.loading.loader import check_text
 
 
@@ -35,38 +35,6 @@ class Pretty(Leaf):
 REGISTRY = NodeRegistry([Scripted, Pretty])
 
 
-def test_a_node_in_one_line() -> None:
-    """Name, kind, first docstring line, ports and board keys."""
-    info = describe(Pretty)
-    assert (info.node_id, info.kind, info.doc) == (
-        "Pretty",
-        "Condition",
-        "Draw <something> & stop.",
-    )
-    assert (info.reads, info.writes) == (("height_above_ground_m",), ("state",))
-    assert info.ports[0] == PortInfo(
-        name="side",
-        type="str",
-        default=None,
-        doc="left & right",
-        direction="input",
-        choices=("left", "right"),
-        required=True,
-    )
-    assert [port.required for port in info.ports] == [True, False, False, False]
-    assert [port.default for port in info.ports] == [
-        None,
-        "true",
-        "{@height_above_ground_m}",
-        None,
-    ]
-    assert [(p.least, p.most, p.range) for p in info.ports[1:3]] == [
-        (None, None, ""),
-        (0.1, 5, "0.1 to 5"),
-    ]
-    assert not info.builtin
-
-
 def test_every_number_of_a_shipped_leaf_has_a_range() -> None:
     """Ports that a tree sets for a drone have bounds, which are checked before any flight."""
     infos = [info for info in describe_all(NodeRegistry.installed()) if not info.builtin]
@@ -88,12 +56,6 @@ def test_every_node_of_the_format_describes_itself() -> None:
         assert info.builtin
         assert info.doc.endswith("."), info.node_id
         assert all(port.doc for port in info.ports), info.node_id
-
-
-def test_missions_own_nodes_come_first() -> None:
-    """The nodes that are not of the format come first."""
-    names = [info.node_id for info in describe_all(REGISTRY)]
-    assert names[:2] == ["Scripted", "Pretty"]
 
 
 def test_the_palette_is_a_model_that_the_loader_accepts() -> None:

@@ -69,13 +69,6 @@ def test_leaves_answer_their_scripts_until_the_root_ends(tmp_path: Path) -> None
     assert done[1].answers == (Answer("up", S), Answer("Sees", S), Answer("down", S))
 
 
-def test_halted_nodes_are_reported(tmp_path: Path) -> None:
-    body = "<ReactiveSequence><Sees/><Fly/></ReactiveSequence>"
-    *_, last = ticks(tmp_path, body, "leaves: {Sees: SSF, Fly: R}")
-    assert (last.tick, last.status, last.halted) == (3, F, ("Fly",))
-    assert last.answers == (Answer("Sees", F),)
-
-
 def test_the_default_is_for_leaves_without_answers_only(tmp_path: Path) -> None:
     """This also holds if the name of a leaf with answers is the id of another leaf."""
     body = '<Sequence><Fly name="Measure"/><Measure name="m"/><Fly/></Sequence>'
@@ -117,13 +110,6 @@ def test_the_board_tells_the_time_and_does_not_grow_old(tmp_path: Path) -> None:
     body = f"<KeepRunningUntilFailure>{condition}</KeepRunningUntilFailure>"
     done = list(simulation(tmp_path, body, "default: S", tick_s=1.0).run(20))
     assert [step.time_s for step in done] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
-
-
-def test_variables_of_subtrees_are_reported_under_their_names(tmp_path: Path) -> None:
-    inner = '<BehaviorTree ID="Inner"><Script code="x := 1"/></BehaviorTree>'
-    run = simulation(tmp_path, '<SubTree ID="Inner" name="in"/>', "default: S", more=inner)
-    (step,) = run.run(1)
-    assert step.changed == {"in.x": 1}
 
 
 def test_leaves_without_answers_are_all_named_with_their_places(tmp_path: Path) -> None:

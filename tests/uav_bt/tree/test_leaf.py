@@ -17,7 +17,7 @@ from uav_bt.errors import (
     NodeFailedError,
     ProposalConflictError,
 )
-from uav_bt.tree import Leaf, MissionTree, Node, NodeKind, NodeRegistry, Port, Status, parse_tree
+from uav_bt.tree import Leaf, MissionTree, Node, NodeRegistry, Port, Status, parse_tree
 from uav_bt.tree.nodes import Fallback, Parallel, Sequence
 from uav_bt.types import GimbalTo, Hover, Velocity
 
@@ -144,14 +144,6 @@ def test_wrong_answers_are_refused(
     """A leaf must return a status that it declares, and a condition must not return RUNNING."""
     with pytest.raises(NodeFailedError, match=message):
         ready(world, kind("p", answers=answers)).tick()
-
-
-def test_conditions_and_actions_have_their_kind() -> None:
-    """`condition = True` makes a Condition node; the id of a subclass is its name."""
-    assert (Probe.kind, BoolProbe.kind) == (NodeKind.ACTION, NodeKind.CONDITION)
-    assert BoolProbe.node_id == "BoolProbe"
-    ask = type("Ask", (Leaf,), {"condition": True})
-    assert ask.answers == (Status.SUCCESS, Status.FAILURE)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(

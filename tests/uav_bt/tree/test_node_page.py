@@ -27,12 +27,3 @@ def test_the_page_of_the_docs_is_that_of_the_source() -> None:
 def test_an_example_loads(node: type[Node]) -> None:
     tree = f'<BehaviorTree ID="T">{example(describe(node))}</BehaviorTree>'
     assert parse_tree(f'<root BTCPP_format="4">{tree}</root>', registry=REGISTRY)
-
-
-def test_each_port_has_a_row_with_its_default_and_range() -> None:
-    page = node_page(REGISTRY)
-    assert (
-        "| `front_m` | float | `2.0` | front plane from the drone's centre, m (0.05 to 50) |"
-        in page
-    )
-    assert "| `degrees` | float | required |" in page

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import pytest
-from py_trees import common
 
 from tests.conformance import Scripted
 from tests.worlds.trees import World, document, leaf, subtree
@@ -19,7 +16,7 @@ from uav_bt.errors import (
     NodeFailedError,
     TreeError,
 )
-from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, nodes, parse_tree
+from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree
 from uav_bt.tree.nodes import (
     AlwaysSuccess,
     Inverter,
@@ -36,38 +33,6 @@ SIX = "".join(leaf(name, "S") for name in "abcdef")
 
 def letters(tree: MissionTree, ticks: int) -> str:
     return "".join(tree.tick().letter for _ in range(ticks))
-
-
-@pytest.mark.parametrize(
-    ("status", "number", "letter", "name_there"),
-    [
-        (Status.IDLE, 0, "I", "INVALID"),
-        (Status.RUNNING, 1, "R", "RUNNING"),
-        (Status.SUCCESS, 2, "S", "SUCCESS"),
-        (Status.FAILURE, 3, "F", "FAILURE"),
-        (Status.SKIPPED, 4, "K", "INVALID"),
-    ],
-)
-def test_five_statuses(status: Status, number: int, letter: str, name_there: str) -> None:
-    """Each status has the engine's number, a letter, and a py_trees status."""
-    assert (status.value, status.letter) == (number, letter)
-    assert status.py_trees is common.Status[name_there]
-
-
-def test_a_class_in_a_module_of_the_package_is_a_node(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A new control node or decorator is one class in one file."""
-    (tmp_path / "own.py").write_text(
-        "from uav_bt.tree.nodes.base import ControlNode\n"
-        "class First(ControlNode):\n"
-        "    def update(self):\n"
-        "        return self.children[0].execute_tick()\n"
-    )
-    monkeypatch.setattr(nodes, "__path__", [*nodes.__path__, str(tmp_path)])
-    monkeypatch.delitem(sys.modules, f"{nodes.__name__}.own", raising=False)
-    assert {node.node_id for node in nodes.found()} - {*NodeRegistry()} == {"First"}
-    del sys.modules[f"{nodes.__name__}.own"]
 
 
 def timed(world: World, body: str, *steps_s: float) -> str:

@@ -157,14 +157,6 @@ def test_a_described_node_stays_or_is_replaced(tmp_path: Path) -> None:
     parse_tree(document('<Land topic="/land"/>'), registry)
 
 
-def test_a_project_file_with_trees_and_includes_is_a_palette_too(tmp_path: Path) -> None:
-    text = (
-        '<root BTCPP_format="4" project_name="P"><include path="../x.xml"/>'
-        f'<BehaviorTree ID="A"><Unknown/></BehaviorTree>{FOREIGN}</root>'
-    )
-    assert len(read_palette(written(tmp_path, text)).nodes) == 4
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -159,14 +159,6 @@ def test_a_variant_has_the_values_of_the_file_beneath_its_own(tmp_path: Path) ->
     assert fast.places["var", "height"].position.line == 4
 
 
-def test_what_counts_before_a_file_has_no_place_in_it(tmp_path: Path) -> None:
-    file = read_parameters(written(tmp_path, FILE))
-    both = Parameters(variables={"laps": 9}).over(file.common)
-    assert both.variables["laps"] == 9
-    assert ("var", "laps") not in both.places
-    assert ("var", "height") in both.places
-
-
 @pytest.mark.parametrize(
     ("old", "new", "line", "message"),
     [

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 
 from uav_bt.errors import ValueRangeError
-from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
+from uav_bt.tree.port import Port, Reference, parse_reference
 
 
 @pytest.mark.parametrize(
@@ -162,19 +160,3 @@ def test_reserved_port_names(name: str) -> None:
     """A port cannot have a reserved name of the format."""
     with pytest.raises(ValueError, match="cannot be a port's name"):
         Port(name, int)
-
-
-def test_bind_ports_reports_everything() -> None:
-    """Missing, unknown and mistyped attributes are all reported, by attribute."""
-    ports: list[Port[Any]] = [
-        Port("height_m", float, doc="height, m"),
-        Port("count", int, default=2),
-        Port("fast", bool, default=False),
-    ]
-    bound, wrong = bind_ports(ports, {"heigth_m": "1", "fast": "maybe"})
-    assert bound == {"count": 2}
-    assert wrong == {
-        "heigth_m": "unknown attribute 'heigth_m'; did you mean 'height_m'?",
-        "height_m": "attribute 'height_m' is missing (height, m)",
-        "fast": "attribute 'fast': expected true or false, got 'maybe'",
-    }

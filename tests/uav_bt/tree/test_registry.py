@@ -9,7 +9,6 @@ import pytest
 
 from tests.conformance import Scripted
 from uav_bt import plugins
-from uav_bt.board import HEIGHT
 from uav_bt.board.blackboard import Key
 from uav_bt.errors import InputError, UnknownNameError
 from uav_bt.tree import Leaf, NodeRegistry, Status
@@ -66,13 +65,6 @@ def test_further_nodes_leave_the_registry_as_it_was() -> None:
         assert larger["Own"] is own
         assert larger.policies == ["rule"]
     assert "Own" not in registry
-
-
-def test_board_keys_of_plugins_are_known() -> None:
-    """A leaf's own keys are added to those of the mission."""
-    keys = NodeRegistry([Plugged]).board_keys
-    assert keys["own_key"] is OWN
-    assert keys[HEIGHT.name] is HEIGHT
 
 
 @pytest.mark.parametrize(

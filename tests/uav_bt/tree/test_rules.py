@@ -49,10 +49,6 @@ def stated(body: str, inner: str = "<AlwaysSuccess/>") -> MissionRules:
     return leaf.stated()
 
 
-def test_it_succeeds_and_changes_nothing() -> None:
-    assert Rules().update() is Status.SUCCESS
-
-
 def test_rules_are_read_from_the_file() -> None:
     assert stated("<Rules/>") == MissionRules(land_on=LandOn.MARK)
     rules = stated(f'<Rules time_limit_s="90" land_on="any" area="{SQUARE}"/>')

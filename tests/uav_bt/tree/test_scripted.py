@@ -20,7 +20,7 @@ from uav_bt.tree import (
     load_tree,
     parse_tree,
 )
-from uav_bt.tree.scripted import AnswerScript, Mock, ScriptedLeaf, mock_class
+from uav_bt.tree.scripted import AnswerScript, Mock, ScriptedLeaf
 
 OWN = Key("own", float, "a plug-in's own key")
 
@@ -87,14 +87,6 @@ def test_other_texts_are_refused(text: str) -> None:
     """The message shows the form of a script and the refused text."""
     with pytest.raises(ValueRangeError, match=r"R \(running\), S .* as in 'RRS' or 'F\(RS\)'"):
         AnswerScript.parse(text)
-
-
-def test_a_scripted_leaf_stands_alone(world: World) -> None:
-    """Trees composed in Python can use it directly; each setup restarts the script."""
-    tree = MissionTree(ScriptedLeaf("a", "RS"))
-    for _ in range(2):
-        tree.setup(world.context)
-        assert [tree.tick() for _ in range(2)] == [Status.RUNNING, Status.SUCCESS]
 
 
 def test_mocks_keep_everything_but_the_code(tmp_path: Path, world: World) -> None:
@@ -173,9 +165,3 @@ def test_mocks_that_do_not_fit_are_refused(
     with pytest.raises(TreeError, match=message) as error:
         loaded_by(tmp_path, world, {"Fly": "S", "Clear": "S", selector: script})
     assert isinstance(error.value, InputError)
-
-
-def test_attributes_of_a_mock_are_checked() -> None:
-    """A wrong value is an error, as for the leaf itself."""
-    with pytest.raises(InputError, match=r"speed_mps.*expected a number"):
-        mock_class(Fly)("x", "S", speed_mps="fast")

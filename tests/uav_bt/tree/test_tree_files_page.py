@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import ClassVar
 
-import py_trees
 import pytest
-from py_trees.parsers.behaviour_tree_xml import parse_behaviour_tree_xml
-from py_trees.ports import BehaviourWithPorts
 
 from tests.conformance import read_traces
 from tests.worlds.trees import World
@@ -118,45 +114,3 @@ def test_the_python_example_runs(world: World) -> None:
 def _run(code: str, **names: object) -> dict[str, object]:
     exec(compile(code, "docs/tree-files.md", "exec"), names)  # noqa: S102  # our own page
     return names
-
-
-class Lamp(BehaviourWithPorts):
-    """A leaf for the parser of py_trees."""
-
-    INPUT_PORTS: ClassVar[dict[str, object]] = {}
-    OUTPUT_PORTS: ClassVar[dict[str, object]] = {}
-
-    def __init__(self, name: str, speed: float = 1.0, **given: object) -> None:
-        super().__init__(name, **given)
-        self.speed = speed
-
-    def update(self) -> py_trees.common.Status:
-        return py_trees.common.Status.SUCCESS
-
-
-@pytest.mark.parametrize(
-    ("body", "speed"),
-    [
-        ('<Sequence memry="false" _skipIf="true"><Lamp name="a"/></Sequence>', 1.0),
-        ('<Sequence><Lamp name="a" speed="fast"/></Sequence>', "fast"),
-        ('<Sequence><Lamp name="&a;"/></Sequence>', 1.0),
-        ('<Sequence><Lamp name="a"/><Lamp name="a"/></Sequence>', None),
-        ('<Sequence><Lamp name="a" spede="2"/></Sequence>', None),
-        ('<ReactiveSequence><Lamp name="a"/></ReactiveSequence>', None),
-    ],
-)
-def test_the_parser_of_py_trees_differs_as_the_page_says(
-    tmp_path: Path, body: str, speed: object
-) -> None:
-    """The parameter `speed` is the value at the leaf, None for a refused file."""
-    path = tmp_path / "tree.xml"
-    path.write_text(
-        '<!DOCTYPE root [<!ENTITY a "a">]><root main_tree_to_execute="M">'
-        f'<BehaviorTree ID="M">{body}</BehaviorTree></root>'
-    )
-    if speed is None:
-        with pytest.raises(Exception, match=r"Duplicate|unexpected keyword|Unsupported tag"):
-            parse_behaviour_tree_xml(str(path), node_registry={"Lamp": Lamp})
-        return
-    (lamp,) = parse_behaviour_tree_xml(str(path), node_registry={"Lamp": Lamp}).children
-    assert (lamp.name, lamp.speed) == ("a", speed)

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from tests.worlds.trees import document
 from uav_bt.board import HEIGHT, MARK
 from uav_bt.errors import TreeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status, parse_tree
-from uav_bt.tree.loading.findings import WARNING
-from uav_bt.tree.loading.loader import check_text
 from uav_bt.types import MarkFix
 
 
@@ -190,15 +186,6 @@ def test_what_must_fail_is_refused(writer: str, reader: str, message: str) -> No
     assert any(message in finding for finding in found), found
 
 
-def test_the_place_is_the_readers_attribute() -> None:
-    """Line and column are those of the reading attribute."""
-    text = document(sequence('<FindPad pad="{x}"/>', '<Use height_m="{x}"/>'))
-    column = text.index("height_m") + 1
-    assert findings(sequence('<FindPad pad="{x}"/>', '<Use height_m="{x}"/>'))[0].startswith(
-        f"1:{column}: Use: attribute 'height_m' takes float"
-    )
-
-
 # --- through subtrees -----------------------------------------------------------------------------
 
 
@@ -215,16 +202,6 @@ def test_types_pass_through_remapped_subtrees(door: str) -> None:
     found = findings(sequence('<FindPad pad="{x}"/>', door), *used)
     assert len(found) == 1
     assert "attribute 'height_m' takes float, but variable 'x' holds MarkFix" in found[0]
-
-
-def test_types_come_out_of_subtrees() -> None:
-    """A subtree that writes a shared variable gives it its type."""
-    found = findings(
-        sequence('<SubTree ID="In" y="{x}"/>', '<Use height_m="{x}"/>'),
-        inner('<FindPad pad="{y}"/>'),
-    )
-    assert len(found) == 1
-    assert "variable 'x' holds MarkFix, from FindPad" in found[0]
 
 
 def test_autoremapped_names_are_shared_and_private_ones_are_not() -> None:
@@ -267,14 +244,6 @@ def found_again(found: list[str]) -> list[str]:
     place, rest = found[0].split(": ", 1)
     line, column = place.split(":")
     return [f"{line}:{int(column) + shift}: {rest}"]
-
-
-def test_trees_that_nobody_uses_are_typed_too() -> None:
-    """An unused tree is checked like a tree that is flown directly."""
-    spare = inner('<FindPad pad="{x}"/>', '<Use height_m="{x}"/>')
-    (found,) = check_text(document("<AlwaysSuccess/>", spare), REGISTRY, path=Path("m.xml"))
-    assert found.severity == WARNING
-    assert "variable 'x' holds MarkFix" in found.message
 
 
 # --- variables without a writer -------------------------------------------------------------------
@@ -364,14 +333,6 @@ def test_board_keys_keep_their_type(nodes: str, message: str | None) -> None:
     else:
         assert len(found) == 1
         assert message in found[0]
-
-
-def test_a_bounded_part_of_a_multiplying_tree_is_typed() -> None:
-    """Trees that double at every level do not block the check."""
-    levels = [inner(*[f'<SubTree ID="T{n + 1}"/>'] * 2, tree_id=f"T{n}") for n in range(30)] + [
-        inner("<FindPad/>", tree_id="T30")
-    ]
-    assert "more than 20000 nodes" in findings('<SubTree ID="T0"/>', *levels)[0]
 
 
 @pytest.mark.parametrize(

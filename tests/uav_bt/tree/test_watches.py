@@ -16,7 +16,7 @@ from uav_bt.tree import Leaf, MissionTree, Node, Port, Status
 from uav_bt.tree.branch_watch import BranchEnds, BranchWatch
 from uav_bt.tree.budget import BudgetWatch, SlowLeaf
 from uav_bt.tree.nodes import AlwaysSuccess, Sequence
-from uav_bt.tree.observer import NodeEvent, observe, unobserve
+from uav_bt.tree.observer import NodeEvent, observe
 
 
 class Notes:
@@ -50,22 +50,6 @@ def test_a_node_notifies_its_observer_of_everything(world: World) -> None:
         *("Sequence halting", "b halting", "b status", "b halted"),
         *("Sequence status", "Sequence halted"),
     ]
-
-
-def test_observers_come_and_go(world: World) -> None:
-    """They are called in the order of registration; the slot is empty after the last one."""
-    tree = world.tree(leaf("b", "R"))
-    first, second = Notes(), Notes()
-    for notes in (first, second):
-        observe(tree.nodes(), notes.note)
-    tree.tick()
-    assert first.take() == second.take() == ["b started", "b status", "b continues"]
-    unobserve(tree.nodes(), first.note)
-    unobserve(tree.nodes(), first.note)  # a second call has no effect
-    tree.tick()
-    assert (first.take(), second.take()) == ([], ["b ran", "b continues"])
-    unobserve(tree.nodes(), second.note)
-    assert tree.root.observer is None
 
 
 # --- leaves that block ----------------------------------------------------------------------------
@@ -149,19 +133,6 @@ def test_a_leaf_that_blocks_and_raises_is_named_for_both(world: World, wall: Man
     with pytest.raises(NodeFailedError, match="'Mission/s/b' failed: OSError: timed out"):
         tree.tick()
     assert watch.worst_s == {"Mission/s/b": 1.0}
-
-
-def test_only_news_is_logged(
-    world: World, wall: ManualClock, caplog: pytest.LogCaptureFixture
-) -> None:
-    """A leaf that blocks in every tick is reported each time, but logged only if it gets worse."""
-    tree, watch = watched(world, wall, Blocks("b", blocks="update", for_s="{for_s}"))
-    for for_s in (1.0, 1.0, 0.8, 3.0):
-        tree.variables["for_s"] = for_s
-        tree.tick()
-    assert [slow.took_s for slow in watch.take()] == [1.0, 1.0, pytest.approx(0.8), 3.0]
-    assert len(caplog.records) == 2
-    assert watch.worst_s == {"Mission/s/b": 3.0}
 
 
 # --- branches that fail ---------------------------------------------------------------------------

@@ -93,15 +93,6 @@ def test_pixel_to_ground_and_back(
     assert back == pytest.approx((column, row), abs=1e-5)
 
 
-def test_any_leading_shape_is_kept() -> None:
-    """A grid of pixels gives a grid of points."""
-    grid = np.stack(np.meshgrid(np.arange(5), np.arange(60, 63)), axis=-1)
-
-    assert pixel_rays(grid, CAMERA, 0.0).shape == (3, 5, 3)
-    assert ground_points(grid, CAMERA, 0.0, 1.0).shape == (3, 5, 2)
-    assert project(np.ones((4, 1, 3)), CAMERA, 0.0).shape == (4, 1, 2)
-
-
 @settings(deadline=None)
 @given(st.floats(-math.pi / 2, 0.0), st.floats(0.3, 8.0), st.floats(0.3, 3.0))
 def test_row_of_a_range_sees_that_range(pitch_rad: float, range_m: float, height_m: float) -> None:

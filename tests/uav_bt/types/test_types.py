@@ -63,15 +63,6 @@ def test_numbers_and_vectors_are_bounded(value: float, bounded: float) -> None:
 # --- the camera -----------------------------------------------------------------------------------
 
 
-def test_resizing_there_and_back_changes_nothing() -> None:
-    given_camera = dataclasses.replace(CAMERA, distortion=(0.1, -0.2), forward_offset_m=0.2)
-    back = given_camera.resized(224, 112).resized(640, 360)
-    assert back.cx_px == pytest.approx(given_camera.cx_px)
-    assert back.fy_px == pytest.approx(given_camera.fy_px)
-    assert back.distortion == (0.1, -0.2)
-    assert back.forward_offset_m == 0.2
-
-
 @pytest.mark.parametrize("name", ["width_px", "height_px", "fx_px", "fy_px"])
 def test_a_camera_has_a_size_and_focal_lengths(name: str) -> None:
     zero: dict[str, Any] = {name: 0}
@@ -143,11 +134,6 @@ def test_full_turns_are_counted_when_they_are_complete(turned_deg: float, turns:
     assert HeldTurn(direction=1, turned_rad=math.radians(turned_deg)).full_turns == turns
 
 
-def test_the_nearest_obstacle_is_the_nearest_in_any_direction() -> None:
-    assert obstacles((3.0, 4.0), (-0.6, -0.8)).nearest_m == pytest.approx(1.0)
-    assert obstacles().nearest_m == math.inf
-
-
 @pytest.mark.parametrize(
     ("point_m", "free"),
     [
@@ -181,23 +167,10 @@ def test_what_is_too_near_already_may_be_left_and_passed_but_not_approached() ->
     assert not obstacles((0.2, 0.3)).allows(1.0, margin_m=0.5)  # nearer on the way
 
 
-def test_nowhere_is_always_a_free_way() -> None:
-    assert obstacles((0.1, 0.0)).allows(0.0, margin_m=0.5)
-    assert obstacles().allows(9.0, margin_m=0.5)
-
-
 def test_bearings_of_unknown_range_are_counted_on_both_sides() -> None:
     seen = obstacles(unplaced_rad=np.radians([-40.0, -9.0, 0.0, 9.0, 11.0]))
     assert seen.unplaced_within(math.radians(10)) == 3
     assert obstacles().unplaced_within(math.pi) == 0
-
-
-def test_arrays_print_as_their_shapes() -> None:
-    """The text of a tick's record has a few lines, without pixels."""
-    class_map = paper_map(ids=np.zeros((112, 224), dtype=np.uint8), captured_s=1.0)
-    assert repr(class_map) == "ClassMap(ids=<112x224 uint8>, classes=<17 classes>, captured_s=1.0)"
-    points = NearObstacles(points_m=np.zeros((3, 2)), captured_s=1.0)
-    assert "points_m=<3x2 float64>" in repr(points)
 
 
 # --- telemetry ------------------------------------------------------------------------------------
