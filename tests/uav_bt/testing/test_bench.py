@@ -70,7 +70,6 @@ def bench_of(**attributes: object) -> LeafBench:
     [(MovementState.DONE, Status.SUCCESS), (MovementState.INTERRUPTED, Status.FAILURE)],
 )
 def test_a_movement_from_proposal_to_end(word: MovementState, answer: Status) -> None:
-    """Attributes as in XML, telemetry, a proposal, and the drone's report on it."""
     bench = bench_of(step_m="0.25")
     bench.hover(height_m=1.5)
     assert bench.tick() is Status.RUNNING
@@ -110,7 +109,6 @@ def test_hover_takes_what_a_leaf_may_ask_the_telemetry() -> None:
 
 
 def test_stale_access_fails_the_test() -> None:
-    """A stale board is an error, unless the test allows it."""
     bench = bench_of()
     assert bench.tick() is Status.RUNNING
     assert bench.feedback == "no telemetry"  # what is missing is not stale
@@ -133,7 +131,6 @@ def test_undeclared_and_mistyped_access_fail_the_test() -> None:
 
 
 def test_wrong_use_is_explained() -> None:
-    """Unknown attributes, unknown policies and the end of no movement are refused."""
     with pytest.raises(InputError, match="did you mean 'step_m'"):
         LeafBench(Step, step="1")
     with pytest.raises(InputError, match="unknown policy 'none-of-these'"):

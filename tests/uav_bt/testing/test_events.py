@@ -44,7 +44,6 @@ REACTIVE = '<ReactiveSequence name="r"><Clear/><Fly/></ReactiveSequence>'
 
 
 def test_every_node_is_followed_from_start_to_end() -> None:
-    """Starts, further ticks, answers and halts, in order."""
     bench = bench_of(REACTIVE, Clear="SSF", Fly="R")
     for _ in range(3):
         bench.tick()
@@ -56,7 +55,6 @@ def test_every_node_is_followed_from_start_to_end() -> None:
 
 
 def test_conditions_forestall_and_skip() -> None:
-    """A node whose conditions give the answer never starts."""
     bench = bench_of('<Sequence><Fly _successIf="true"/><Look _skipIf="true"/></Sequence>')
     assert bench.tick() is Status.SUCCESS
     bench.log.assert_not_started("Fly")
@@ -65,7 +63,6 @@ def test_conditions_forestall_and_skip() -> None:
 
 
 def test_an_exception_is_an_event_of_its_node() -> None:
-    """The event belongs to the raising node, not to its parents; running nodes are halted."""
     bench = bench_of("<Parallel><Fly/><Look/></Parallel>", Fly="R")
     with pytest.raises(NodeFailedError, match="'M/Parallel/Look' failed"):
         bench.tick()
@@ -75,7 +72,6 @@ def test_an_exception_is_an_event_of_its_node() -> None:
 
 
 def test_a_failing_assertion_shows_the_log() -> None:
-    """The message has the expected event, its count, and a table of all events."""
     bench = bench_of("<Fly/>", Fly="RS")
     bench.tick_until(Status.SUCCESS, max_ticks=2)
     with pytest.raises(AssertionError) as failure:
@@ -94,7 +90,6 @@ def test_a_failing_assertion_shows_the_log() -> None:
 
 
 def test_misspelt_names_are_no_silent_pass() -> None:
-    """An unknown node or kind is an error, also in a negative assertion."""
     bench = bench_of("<Fly/>", Fly="R")
     with pytest.raises(UnknownNameError, match="unknown node 'Flu'; did you mean 'Fly'"):
         bench.log.assert_not_started("Flu")

@@ -313,7 +313,6 @@ def test_drones_and_listeners_raise() -> None:
 
 
 def test_an_error_of_a_fault_names_it() -> None:
-    """Other faults of the drone are not named."""
     drone = FaultyDrone(faulty("observe-raises@start~3")[0], Fault.parse("black"))
     with pytest.raises(InjectedError) as caught:
         drone.observe()
@@ -351,7 +350,6 @@ def hovering_off_m(*faults: str) -> tuple[float, float]:
 
 
 def test_wind_pushes_drift_is_not_noticed_and_several_faults_add_up() -> None:
-    """An image fault in between passes them on, and one that is over takes nothing away."""
     wind, drift = hovering_off_m("wind=0.8@start+4"), hovering_off_m("drift=0.2@start+4")
     assert wind[0] == pytest.approx(0.2, abs=0.05)  # the drone tilts against the wind
     assert drift[0] == pytest.approx(1.2, abs=0.15)

@@ -31,7 +31,6 @@ def word(drone: ScriptedDrone) -> tuple[int, MovementState] | None:
 
 
 def test_a_movement_ends_after_its_ticks() -> None:
-    """The same id continues the movement, which ends exactly and is not repeated."""
     drone = flying()
     move = MoveBy(id=4, forward_m=1.0, down_m=-0.5, yaw_rad=math.pi / 2)
     words = []
@@ -50,7 +49,6 @@ def test_a_movement_ends_after_its_ticks() -> None:
 
 
 def test_a_new_movement_supersedes_and_anything_else_cancels() -> None:
-    """A movement that is no longer proposed is interrupted."""
     drone = flying()
     drone.send(Command(movement=MoveBy(id=1, forward_m=1.0)))
     drone.send(Command(movement=MoveBy(id=2, forward_m=1.0)))

@@ -66,7 +66,6 @@ def test_a_file_with_a_real_and_a_mocked_leaf(tmp_path: Path) -> None:
 
 
 def test_telemetry_goes_on_until_it_is_lost() -> None:
-    """Reported telemetry stays fresh until it is lost; the kit refuses stale values."""
     bench = parse_tree(text_of('<Climb to_m="9"/>'), REGISTRY, tick_s=1.0)
     bench.hover()
     for _ in range(5):
@@ -79,7 +78,6 @@ def test_telemetry_goes_on_until_it_is_lost() -> None:
 
 
 def test_waiting_in_vain_tells_what_happened() -> None:
-    """The message has the status, the limit, the answers, the running nodes and the log."""
     text = text_of("<Sequence><Late/><Climb/></Sequence>")
     bench = parse_tree(text, REGISTRY, mocks={"Late": "S", "Climb": "R"})
     with pytest.raises(AssertionError) as failure:
@@ -92,7 +90,6 @@ def test_waiting_in_vain_tells_what_happened() -> None:
 
 
 def test_wrong_use_is_explained() -> None:
-    """Negative times and mocks of unknown nodes are refused."""
     with pytest.raises(ValueRangeError, match=r"got -0\.1 s between them"):
         parse_tree(text_of("<AlwaysSuccess/>"), tick_s=-0.1)
     with pytest.raises(TreeError, match=r"mock of 'Clim': .*did you mean 'Climb'"):

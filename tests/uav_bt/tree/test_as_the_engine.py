@@ -41,7 +41,6 @@ SPARE = '<BehaviorTree ID="B">{}</BehaviorTree>'
     ],
 )
 def test_what_the_engine_takes_is_a_warning(text: str, message: str) -> None:
-    """The file can be flown, with a warning."""
     found = warnings_of(text)
     assert len(found) == 1
     assert message in found[0]
@@ -49,7 +48,6 @@ def test_what_the_engine_takes_is_a_warning(text: str, message: str) -> None:
 
 
 def test_what_editors_write_is_no_warning() -> None:
-    """Editors write metadata, empty names and their own attributes."""
     text = document('<Steer name="" _uid="3"/>', "<MetadataFields><x y='1'/></MetadataFields>")
     assert warnings_of(text) == []
     assert parse_tree(text, REGISTRY).root.name == "Steer"
@@ -121,7 +119,6 @@ def tree(tree_id: str, body: str) -> str:
 
 
 def test_subtrees_are_found_in_other_files(tmp_path: Path) -> None:
-    """The files of a workspace use each other's trees, also over several files."""
     main = tmp_path / "main.xml"
     main.write_text(tree("Main", '<SubTree ID="A"/>'))
     (tmp_path / "a.xml").write_text(tree("A", '<SubTree ID="B" x="1"/>'))

@@ -406,7 +406,6 @@ def test_a_policy_that_a_variable_names_is_refused() -> None:
 
 
 def test_a_part_is_refused_for_what_fails_in_every_mission() -> None:
-    """What a part reads may come from the mission that uses it."""
     reads = '<ScriptCondition code="v &gt; 1 &amp;&amp; @red_share &gt; 1"/>'
     body = f"<Sequence>{reads}<Parallel><Fly/><Fly/></Parallel></Sequence>"
     text = f'<root BTCPP_format="4"><BehaviorTree ID="Part">{body}</BehaviorTree></root>'

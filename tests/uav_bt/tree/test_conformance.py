@@ -22,7 +22,6 @@ def test_trace_agrees(trace: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("part", ["root", "events", "blackboard"])
 def test_a_false_trace_is_noticed(part: str) -> None:
-    """The comparison sees a difference in each of its three parts."""
     trace = copy.deepcopy(TRACES[0])
     wrong: dict[str, Any] = {"root": "SKIPPED", "events": [["halt", "x"]], "blackboard": {"a": -7}}
     trace["ticks"][3][part] = wrong[part]

@@ -36,7 +36,6 @@ REGISTRY = NodeRegistry([Scripted, Pretty])
 
 
 def test_every_number_of_a_shipped_leaf_has_a_range() -> None:
-    """Ports that a tree sets for a drone have bounds, which are checked before any flight."""
     infos = [info for info in describe_all(NodeRegistry.installed()) if not info.builtin]
     numbers = [
         (info.node_id, port.name, port.least, port.most)
@@ -49,7 +48,6 @@ def test_every_number_of_a_shipped_leaf_has_a_range() -> None:
 
 
 def test_every_node_of_the_format_describes_itself() -> None:
-    """Each node and each port has a description."""
     infos = describe_all(NodeRegistry())
     assert {info.kind for info in infos} >= {"Action", "Control", "Decorator", "SubTree"}
     for info in infos:
@@ -59,7 +57,6 @@ def test_every_node_of_the_format_describes_itself() -> None:
 
 
 def test_the_palette_is_a_model_that_the_loader_accepts() -> None:
-    """A palette that an editor imports and saves stays valid."""
     palette = palette_xml(REGISTRY)
     assert (
         'type="double" default="{@height_above_ground_m}">size, m (0.1 to 5)</input_port>'

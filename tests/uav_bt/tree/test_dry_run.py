@@ -70,7 +70,6 @@ def test_leaves_answer_their_scripts_until_the_root_ends(tmp_path: Path) -> None
 
 
 def test_the_default_is_for_leaves_without_answers_only(tmp_path: Path) -> None:
-    """This also holds if the name of a leaf with answers is the id of another leaf."""
     body = '<Sequence><Fly name="Measure"/><Measure name="m"/><Fly/></Sequence>'
     (step,) = ticks(tmp_path, body, "leaves: {Main/Sequence/Measure: R}\ndefault: F", count=1)
     assert step.answers == (Answer("Measure", R),)

@@ -61,7 +61,6 @@ def warnings_of(text: str) -> list[str]:
 
 
 def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
-    """Models, explicit tags and attributes of editors are accepted."""
     text = """<?xml version="1.0" encoding="UTF-8"?>
     <root BTCPP_format="4" main_tree_to_execute="Mission" project_name="lab">
       <!-- a comment -->
@@ -159,7 +158,6 @@ def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
     ],
 )
 def test_refused_nodes(body: str, message: str) -> None:
-    """One mistake gives one error, with a remedy."""
     found = findings(document(body, '<BehaviorTree ID="Other"><Safe/></BehaviorTree>'))
     assert len(found) == 1
     assert message in found[0]
@@ -198,7 +196,6 @@ def test_refused_nodes(body: str, message: str) -> None:
     ],
 )
 def test_refused_documents(text: str, message: str) -> None:
-    """Mistakes outside of the nodes are reported, too."""
     assert any(message in found for found in findings(text))
 
 
@@ -217,7 +214,6 @@ def test_refused_models(model: str, message: str) -> None:
 
 
 def test_a_described_subtree_knows_its_ports() -> None:
-    """If the file describes a tree's ports, a misspelt entry is found."""
     text = document(
         '<SubTree ID="Home" sped="1"/>',
         '<BehaviorTree ID="Home"><Safe/></BehaviorTree>',
@@ -236,7 +232,6 @@ def test_a_described_subtree_knows_its_ports() -> None:
 
 
 def test_a_described_subtree_has_defaults(world: World) -> None:
-    """A SubTree without an entry gets the described default, with its type."""
     text = document(
         '<SubTree ID="Home"/>',
         '<BehaviorTree ID="Home"><Steer height_m="{speed}"/></BehaviorTree>',
@@ -256,7 +251,6 @@ def supply(*members: str) -> str:
 
 
 def test_scripts_read_the_members_of_the_files_enumerations(world: World) -> None:
-    """Members are known in subtrees, too, and take precedence over variables."""
     text = document(
         """<Sequence><Script code="FULL := 1; level := FULL"/><SubTree ID="In" at="{level}"/>
         </Sequence>""",
@@ -320,7 +314,6 @@ def test_a_member_has_one_value_in_all_files_and_the_palette(tmp_path: Path) -> 
 
 
 def test_all_errors_come_together_with_their_places() -> None:
-    """Line and column are those of the attribute; errors are in the file's order."""
     text = """<root BTCPP_format="4">
   <BehaviorTree ID="Main">
     <Sequence name="s" nme="t">
@@ -340,7 +333,6 @@ def test_all_errors_come_together_with_their_places() -> None:
 
 
 def test_recursion_is_found_across_trees() -> None:
-    """The message contains the loop."""
     text = document(
         '<SubTree ID="A"/>',
         '<BehaviorTree ID="A"><SubTree ID="B"/></BehaviorTree>',
@@ -351,7 +343,6 @@ def test_recursion_is_found_across_trees() -> None:
 
 
 def test_subtrees_cannot_explode() -> None:
-    """Trees that double at each level are refused above a number of nodes."""
     levels = [
         f'<BehaviorTree ID="T{n}"><Sequence><SubTree ID="T{n + 1}"/><SubTree ID="T{n + 1}"/>'
         "</Sequence></BehaviorTree>"
@@ -362,7 +353,6 @@ def test_subtrees_cannot_explode() -> None:
 
 
 def test_the_deepest_allowed_tree_ticks(world: World) -> None:
-    """A tree of maximum depth can be ticked with conditions and observers."""
     levels = 255
     body = '<Inverter _post="n := 1">' * levels + leaf("a", "RS") + "</Inverter>" * levels
     tree = world.tree(body)
@@ -394,7 +384,6 @@ def test_the_deepest_allowed_tree_ticks(world: World) -> None:
     ],
 )
 def test_hostile_documents_are_refused(text: str, message: str) -> None:
-    """Entities, external references, depth and size are refused fast, with one message each."""
     found = findings(text)
     assert len(found) == 1
     assert message in found[0]
@@ -436,28 +425,24 @@ def test_only_utf_8_is_read(encoding: str) -> None:
 
 
 def test_positions_count_characters_after_any_layout() -> None:
-    """Blanks, line ends and both kinds of quotes between attributes keep positions right."""
     text = "<root  BTCPP_format = '4'\n  \u00e4='x=\"1\"' wrong=\n'2'><!--c--></root>"
     found = check_text(text, REGISTRY, path=Path("m.xml"))
     assert {str(finding.position) for finding in found} == {"1:1", "2:3", "2:13"}
 
 
 def test_a_report_ends_somewhere() -> None:
-    """A file with thousands of errors is checked only up to the first hundreds."""
     found = findings(document(f"<Sequence>{'<Stear/>' * 15_000}</Sequence>"))
     assert len(found) == 501
     assert any("500 errors are enough: the rest of the file was not checked" in f for f in found)
 
 
 def test_text_in_thousands_of_pieces_is_read_once() -> None:
-    """Comments split a text into pieces; only the first ones are read."""
     found = warnings_of(document(f"<Safe>{'x<!---->' * 100_000}</Safe>"))
     assert len(found) == 1
     assert found[0].endswith(f"Safe: text between tags means nothing: '{'x' * 40}'")
 
 
 def test_a_chain_of_thousands_of_trees_is_refused() -> None:
-    """Neither the search for recursion nor the check of types follows the whole chain."""
     chain = [
         f'<BehaviorTree ID="T{n}"><SubTree ID="T{n + 1}"/></BehaviorTree>' for n in range(3_000)
     ]
@@ -466,7 +451,6 @@ def test_a_chain_of_thousands_of_trees_is_refused() -> None:
 
 
 def test_thousands_of_copies_are_followed_only_so_far() -> None:
-    """Beyond the limit nothing is proven; errors in the first part of the chain are refused."""
     copies = "".join(
         f'<SetBlackboard value="{{v{n}}}" output_key="v{n + 1}"/>'
         f'<Repeat num_cycles="{{v{n}}}"><Safe/></Repeat>'
@@ -486,7 +470,6 @@ def test_thousands_of_copies_are_followed_only_so_far() -> None:
     ],
 )
 def test_scripts_that_fail_say_so(world: World, code: str, message: str) -> None:
-    """Unknown names and division by zero stop the tree, with the node and the script."""
     tree = world.tree(f'<Script name="s" code="{code}"/>')
     with pytest.raises(NodeFailedError, match=re.escape(message)):
         tree.tick()
@@ -497,7 +480,6 @@ BODY = "<Sequence><Steer name='explore'/><Steer name='back'/><Steer name='back'/
 
 
 def test_overrides_replace_attributes() -> None:
-    """A name selects all nodes of that name, a path one node; other nodes do not change."""
     tree = parse_tree(
         document(BODY),
         REGISTRY,
@@ -522,7 +504,6 @@ def test_overrides_replace_attributes() -> None:
     ],
 )
 def test_overrides_are_checked(target: str, attributes: dict[str, str], message: str) -> None:
-    """An override without a target or with a wrong value is refused like the file's mistakes."""
     body = BODY.replace("</Sequence>", '<SubTree ID="Other" x="1"/></Sequence>')
     other = '<BehaviorTree ID="Other"><Safe/></BehaviorTree>'
     found = findings(document(body, other), **{target: attributes})
@@ -531,7 +512,6 @@ def test_overrides_are_checked(target: str, attributes: dict[str, str], message:
 
 
 def test_included_files_join(tmp_path: Path) -> None:
-    """Trees of files in the folder and below are found; a file included twice is read once."""
     (tmp_path / "parts").mkdir()
     tree = '<BehaviorTree ID="{}"><Safe/></BehaviorTree>'
     (tmp_path / "parts" / "a.xml").write_text(
@@ -577,7 +557,6 @@ def test_files_that_include_each_other_are_refused(tmp_path: Path) -> None:
     ],
 )
 def test_refused_includes(tmp_path: Path, include: str, message: str) -> None:
-    """An included file must exist, in the folder."""
     folder = tmp_path / "trees"
     folder.mkdir()
     (tmp_path / "secret.xml").write_text(document("<Safe/>"))
@@ -588,7 +567,6 @@ def test_refused_includes(tmp_path: Path, include: str, message: str) -> None:
 
 
 def test_a_link_does_not_leave_the_folder(tmp_path: Path) -> None:
-    """The real location of the file counts."""
     folder = tmp_path / "trees"
     folder.mkdir()
     (tmp_path / "secret.xml").write_text(document("<Safe/>"))
@@ -600,6 +578,5 @@ def test_a_link_does_not_leave_the_folder(tmp_path: Path) -> None:
 
 
 def test_a_text_includes_nothing() -> None:
-    """A text without a file has no folder for includes."""
     found = findings(document("<Safe/>", '<include path="x.xml"/>'))
     assert "only a tree that is loaded from a file" in found[0]

@@ -45,7 +45,6 @@ def timed(world: World, body: str, *steps_s: float) -> str:
 
 
 def test_timers_follow_the_missions_clock(world: World) -> None:
-    """A child that runs at the deadline is halted once; the node fails and can restart."""
     assert timed(world, f'<Timeout msec="300">{leaf("a", "R")}</Timeout>', *[0.1] * 5) == "RRRFR"
     assert world.events() == ["start a", "running a", "running a", "halt a", "start a"]
     assert timed(world, f'<Timeout msec="0">{leaf("a", "R")}</Timeout>', *[1000.0] * 3) == "RRR"
@@ -94,7 +93,6 @@ def test_a_parallel_counts_no_more_children_than_it_has(
     ("variable", "child"), [("1", "a"), (3, "c"), ("5.0", "e"), (5.0, "e"), ("x", "f"), (None, "f")]
 )
 def test_switch5_compares_texts_and_numbers(world: World, variable: object, child: str) -> None:
-    """The first equal case is chosen; without a value or a match it is the last child."""
     tree = world.tree(f'<Switch5 variable="{{v}}" {CASES}>{SIX}</Switch5>')
     if variable is not None:
         tree.variables["v"] = variable
@@ -114,7 +112,6 @@ def test_switch5_compares_texts_and_numbers(world: World, variable: object, chil
 def test_loops_convert_their_elements(
     world: World, node: str, queue: str, elements: list[object]
 ) -> None:
-    """Each element has the loop's type; a text in a variable is gone through each time."""
     for given in (queue, "{q}", "{q}"):
         tree = world.tree(f'<{node} queue="{given}" value="{{v}}" if_empty="FAILURE">{A}</{node}>')
         tree.variables["q"] = queue
@@ -126,7 +123,6 @@ def test_loops_convert_their_elements(
 
 
 def test_a_queue_in_a_variable_is_used_up(world: World) -> None:
-    """The list in the variable becomes empty, so a second loop has no elements."""
     tree = world.tree(f'<LoopInt queue="{{q}}" value="{{v}}">{A}</LoopInt>')
     queue = [4, 5]
     tree.variables["q"] = queue
@@ -166,7 +162,6 @@ def test_a_skipped_condition_is_an_error(world: World, node: str) -> None:
 
 
 def test_a_failing_condition_names_its_node(world: World) -> None:
-    """A script that fails stops the tree like an exception in a leaf; one not asked does not."""
     tree = world.tree(f'<Sequence>{leaf("a", "R")}<AlwaysSuccess _skipIf="no > 1"/></Sequence>')
     assert tree.tick() is Status.RUNNING
     tree = world.tree('<AlwaysSuccess name="x" _onSuccess="n += 1"/>')
@@ -194,7 +189,6 @@ def test_ports_can_follow_variables(world: World) -> None:
 
 
 def test_trees_are_composed_in_python_too(world: World) -> None:
-    """Nodes with typed arguments form a tree without a file."""
     root = Sequence(
         "root",
         [
@@ -217,7 +211,6 @@ def test_trees_are_composed_in_python_too(world: World) -> None:
 
 
 def test_composing_checks_ports_and_children() -> None:
-    """Mistakes that the loader refuses are refused in Python, too."""
     with pytest.raises(InputError, match="did you mean 'num_cycles'"):
         Repeat("r", Scripted("a", script="S"), num_cycle=2)
     with pytest.raises(TypeError, match=r"uav_bt\.tree node"):
@@ -269,7 +262,6 @@ def test_a_literal_entry_is_the_subtrees_own_until_it_is_removed(world: World) -
 
 @pytest.mark.parametrize("door", [None, 'h="{h}" p="{p}"', '_autoremap="true"'])
 def test_ports_read_and_write_the_board_through_subtrees(world: World, door: str | None) -> None:
-    """The inner variable is the board key, also where a further subtree shares it."""
     inside = CLIMB if door is None else f'<SubTree ID="Deep" {door}/>'
     more = () if door is None else (subtree("Deep", CLIMB),)
     tree, climb = fly(world, ENTRIES, inside, *more)
@@ -280,7 +272,6 @@ def test_ports_read_and_write_the_board_through_subtrees(world: World, door: str
 
 
 def test_access_is_checked_leaf_by_leaf(world: World) -> None:
-    """A leaf whose port is not connected to a key cannot reach it."""
     tree, climb = fly(world, 'h="2" p="{@phase}"', CLIMB)
     assert tree.tick() is Status.SUCCESS
     with pytest.raises(BoardAccessError, match="without declaring it"):
@@ -288,7 +279,6 @@ def test_access_is_checked_leaf_by_leaf(world: World) -> None:
 
 
 def test_a_board_entry_is_read_by_scripts_and_written_by_nobody(world: World) -> None:
-    """What is only known in flight is refused in flight."""
     inside = '<Sequence><Script code="{code}"/><AlwaysSuccess _failureIf="h &lt; 2"/></Sequence>'
     tree, _ = fly(world, f'code="{{c}}" {ENTRIES}', inside)
     tree.variables["c"] = "x := h * 2"
@@ -309,7 +299,6 @@ def test_a_board_entry_is_read_by_scripts_and_written_by_nobody(world: World) ->
 
 @pytest.mark.parametrize("entry", ["{h}", "h", "{@height_above_ground_m}"])
 def test_updates_of_the_board_are_seen(world: World, entry: str) -> None:
-    """A key of the mission board that was written again counts as updated."""
     tree, _ = fly(world, ENTRIES, f'<WasEntryUpdated entry="{entry}"/>')
     answers = letters(tree, 2)
     world.clock.advance(0.1)

@@ -85,7 +85,6 @@ def test_kinds_ports_and_descriptions_come_from_the_model(foreign: NodeRegistry)
 
 
 def test_a_foreign_tree_is_good_and_no_port_must_be_given(foreign: NodeRegistry) -> None:
-    """A model does not mark required ports, so none is required."""
     body = (
         '<PipelineSequence><RateController hz="1.0"><ComputePath goal="{goal}" path="{path}"/>'
         '</RateController><Inverter><IsStuck/></Inverter><ComputePath goal="1;2;3"/>'
@@ -127,7 +126,6 @@ def test_a_foreign_node_is_not_ticked(foreign: NodeRegistry, world: World) -> No
 
 
 def test_the_palette_of_our_own_nodes_can_be_read_again(tmp_path: Path) -> None:
-    """Ids, kinds and ports are equal after export and import of the model."""
     ours = NodeRegistry.installed()
     read = {node.node_id: node for node in read_palette(written(tmp_path, palette_xml(ours))).nodes}
     assert set(read) == set(ours) - set(NodeRegistry())
@@ -142,7 +140,6 @@ def test_the_palette_of_our_own_nodes_can_be_read_again(tmp_path: Path) -> None:
 
 
 def test_a_described_node_stays_or_is_replaced(tmp_path: Path) -> None:
-    """The format's own and one that is described as it is stay; another of its name comes in."""
     text = '<TreeNodesModel><Action ID="Sequence"/></TreeNodesModel>'
     assert (
         with_palette(NodeRegistry(), read_palette(written(tmp_path, text)))["Sequence"] is Sequence

@@ -26,7 +26,6 @@ from uav_bt.tree.port import Port, Reference, parse_reference
     ],
 )
 def test_values_are_typed(kind: type, given: object, value: object) -> None:
-    """A text of a file and a number of Python become a value of the port's type."""
     bound = Port("p", kind).bind(given)
     assert bound == value
     assert type(bound) is kind
@@ -59,7 +58,6 @@ def test_values_are_typed(kind: type, given: object, value: object) -> None:
     ],
 )
 def test_mistyped_values_are_refused(kind: type, given: object, expected: str) -> None:
-    """Only texts of the format are accepted; the message has the expected form."""
     with pytest.raises(ValueError, match=f"expected {expected}"):
         Port("p", kind).bind(given)
 
@@ -108,7 +106,6 @@ def test_references(text: str, reference: Reference | None) -> None:
 
 @pytest.mark.parametrize("text", ["{}", "{a b}", "{@}", "{1x}"])
 def test_broken_references_are_refused(text: str) -> None:
-    """An invalid reference does not become a literal."""
     with pytest.raises(ValueError, match="not a reference"):
         parse_reference(text, "p")
 
@@ -127,7 +124,6 @@ def test_choices_come_with_a_suggestion() -> None:
 def test_numbers_keep_to_their_range(
     least: float | None, most: float | None, words: str, wrong: str
 ) -> None:
-    """Bounds apply to literals and variables; they are inclusive."""
     port = Port("p", float, least=least, most=most)
     assert port.range == words
     assert not port.takes_all
@@ -139,7 +135,6 @@ def test_numbers_keep_to_their_range(
 
 
 def test_other_refusals() -> None:
-    """Ranges are of numbers; an output needs a reference; a check's own error is kept."""
     with pytest.raises(ValueError, match="only numbers have a range"):
         Port("p", str, most=3)
     port = Port("out", int, direction="output")
@@ -157,6 +152,5 @@ def test_other_refusals() -> None:
 
 @pytest.mark.parametrize("name", ["name", "ID", "_x", "", "a b", "1a"])
 def test_reserved_port_names(name: str) -> None:
-    """A port cannot have a reserved name of the format."""
     with pytest.raises(ValueError, match="cannot be a port's name"):
         Port(name, int)

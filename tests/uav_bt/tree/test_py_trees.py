@@ -27,7 +27,6 @@ from uav_bt.types import Hover
 
 
 def test_a_plain_tree_is_set_up_with_two_lines_that_its_error_says() -> None:
-    """The test executes the two lines of the error's text."""
     inner = Scripted("a", script="RS")
     behaviour_tree = py_trees.trees.BehaviourTree(py_trees.decorators.Inverter("not", child=inner))
     with pytest.raises(MissionError, match="node 'a': setup needs") as caught:
@@ -42,7 +41,6 @@ def test_a_plain_tree_is_set_up_with_two_lines_that_its_error_says() -> None:
 
 
 def test_our_leaves_work_under_py_trees_composites(world: World) -> None:
-    """Nodes of py_trees tick, restart and stop our leaves like any behaviour."""
     leaves = [Scripted("a", script="S"), Scripted("b", script="RSR")]
     root = py_trees.composites.Sequence("s", memory=True, children=leaves)
     manager = py_trees.trees.BehaviourTree(root)
@@ -141,7 +139,6 @@ def load(body: str, world: World) -> MissionTree:
 
 
 def test_ports_come_from_the_constructor() -> None:
-    """Annotated arguments become ports with defaults; enumerations use their members' names."""
     info = describe(leaf_of(Blink))
     assert [(p.name, p.type, p.default, p.required) for p in info.ports] == [
         ("times", "int", "1", False),
@@ -160,7 +157,6 @@ def test_ports_come_from_the_constructor() -> None:
 
 
 def test_its_life_is_the_one_that_py_trees_promises(world: World) -> None:
-    """Its methods are called for setup, start, ticks, end, restart and halt."""
     tree = load('<Blink name="b" times="2" lamp="GREEN" loud="true"/>', world)
     behaviour = tree.find("b").behaviour  # type: ignore[attr-defined]
     assert behaviour.given == (2, Lamp.GREEN, 2.0, True)
@@ -187,7 +183,6 @@ def test_its_life_is_the_one_that_py_trees_promises(world: World) -> None:
     ],
 )
 def test_answers_keep_their_meaning(world: World, answer: str, status: str) -> None:
-    """INVALID is neither success nor failure: the node counts as skipped."""
     assert load(f'<Blink answer="{answer}"/>', world).tick() is Status[status]
 
 

@@ -58,7 +58,6 @@ def test_a_box_shows_values_and_references_but_no_empty_or_usual_ones() -> None:
 
 
 def test_a_tree_of_any_depth_is_drawn() -> None:
-    """A tree composed in Python may have any depth, and can still be drawn."""
     node: Node = AlwaysSuccess()
     for _ in range(1500):
         node = Inverter(None, node)

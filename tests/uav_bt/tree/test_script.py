@@ -102,7 +102,6 @@ def test_expressions(source: str, value: object) -> None:
     ],
 )
 def test_assignments(source: str, before: dict[str, object], result: dict[str, object]) -> None:
-    """A variable keeps its first type."""
     changed = after(source, **before)
     assert changed == result
     assert [type(value) for value in changed.values()] == [type(v) for v in result.values()]
@@ -133,7 +132,6 @@ def test_assignments(source: str, before: dict[str, object], result: dict[str, o
     ],
 )
 def test_refused_scripts(source: str, message: str) -> None:
-    """Invalid scripts are refused by the parser, with the position."""
     with pytest.raises(ScriptError, match=message):
         parse_script(source)
 
@@ -167,13 +165,11 @@ def test_refused_scripts(source: str, message: str) -> None:
     ],
 )
 def test_failing_scripts(source: str, message: str) -> None:
-    """The message of a runtime error contains the script."""
     with pytest.raises(ScriptError, match=message):
         run(source, count=1, word="w", thing=[1], long="x" * 60_000)
 
 
 def test_enumerations_come_before_variables() -> None:
-    """A member of an enumeration can be used like a number."""
     scope = _scope({"RED": 7})
     scope.enum_members["RED"] = 2
     assert parse_script("RED + 1").run(Environment(scope)) == 3.0
@@ -232,7 +228,6 @@ def test_a_key_that_no_leaf_declares_is_not_known() -> None:
 
 @given(st.text(alphabet="ab1.5'\" +-*/()<>=!&|?:;@~^,{}\n\\x", max_size=40))
 def test_any_text_is_a_script_or_is_refused(source: str) -> None:
-    """Any text gives a value or a ScriptError."""
     try:
         run(source, a=1, b="x")
     except ScriptError:
@@ -240,7 +235,6 @@ def test_any_text_is_a_script_or_is_refused(source: str) -> None:
 
 
 def test_the_texts_of_a_tree_cannot_fill_the_memory_together() -> None:
-    """The sum of all texts is bounded; shorter or deleted texts free memory."""
     outer = Variables()
     inner = Environment(Variables(outer))
     for number in range(20):

@@ -77,20 +77,17 @@ def loaded_by(tmp_path: Path, world: World, mocks: dict[str, str]) -> MissionTre
     ],
 )
 def test_a_script_is_answered_letter_by_letter(text: str, answers: str) -> None:
-    """The last letter, or the part in brackets, repeats for ever."""
     script = AnswerScript.parse(text)
     assert "".join(script.answer(tick).letter for tick in range(7)) == answers
 
 
 @pytest.mark.parametrize("text", ["", "  ", "RRX", "rs", "(RS)F", "R()", "(R", "((R))", "R)"])
 def test_other_texts_are_refused(text: str) -> None:
-    """The message shows the form of a script and the refused text."""
     with pytest.raises(ValueRangeError, match=r"R \(running\), S .* as in 'RRS' or 'F\(RS\)'"):
         AnswerScript.parse(text)
 
 
 def test_mocks_keep_everything_but_the_code(tmp_path: Path, world: World) -> None:
-    """Name, path, kind, ports, board keys and conditions stay; the class's code never runs."""
     tree = loaded(tmp_path, world, Fly="R", Clear="S")
     out = tree.find("Main/Sequence/out")
     assert isinstance(out, ScriptedLeaf)
@@ -117,7 +114,6 @@ def test_mocks_keep_everything_but_the_code(tmp_path: Path, world: World) -> Non
 def test_the_most_exact_selector_counts(
     mocks: dict[str, str], answers: tuple[str, ...], tmp_path: Path, world: World
 ) -> None:
-    """A path before a name, a name before an id, and the star for the rest."""
     tree = loaded_by(tmp_path, world, mocks)
     texts = [leaf.script for leaf in tree.leaves() if isinstance(leaf, ScriptedLeaf)]
     assert texts == [AnswerScript.parse(text) for text in answers]
@@ -161,7 +157,6 @@ def test_a_mock_writes_its_outputs_when_it_succeeds(world: World) -> None:
 def test_mocks_that_do_not_fit_are_refused(
     tmp_path: Path, world: World, selector: str, script: str, message: str
 ) -> None:
-    """The message names the file, the selector and a suggestion."""
     with pytest.raises(TreeError, match=message) as error:
         loaded_by(tmp_path, world, {"Fly": "S", "Clear": "S", selector: script})
     assert isinstance(error.value, InputError)

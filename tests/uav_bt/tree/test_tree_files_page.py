@@ -30,13 +30,11 @@ INFOS = describe_all(NodeRegistry())
 
 
 def test_the_table_has_every_node_of_the_format() -> None:
-    """The table has exactly the built-in nodes."""
     assert set(ROWS) == {node.node_id for node in BUILTIN_NODES}
 
 
 @pytest.mark.parametrize("info", INFOS, ids=[info.node_id for info in INFOS])
 def test_a_row_says_what_the_node_is(info: NodeInfo) -> None:
-    """Kind, description, ports and defaults are those of the class."""
     _, kind, ports, doc, _ = ROWS[info.node_id]
     assert (kind, doc) == (info.kind, info.doc)
     if info.node_id.startswith("Switch"):
@@ -52,7 +50,6 @@ def test_a_row_says_what_the_node_is(info: NodeInfo) -> None:
 
 
 def test_proven_is_what_the_traces_contain() -> None:
-    """The last column agrees with the sample of the traces, which has all their nodes."""
     recorded: set[str] = set()
     for trace in read_traces(SAMPLE):
         recorded |= set(re.findall(r"<(\w+)", trace["xml"]))
@@ -61,12 +58,10 @@ def test_proven_is_what_the_traces_contain() -> None:
 
 
 def test_all_conditions_are_listed() -> None:
-    """The page explains each condition attribute."""
     assert all(f"`{name}`" in PAGE for name in CONDITION_ATTRIBUTES)
 
 
 def test_the_first_example_flies(world: World) -> None:
-    """It succeeds in its second round, after two naps."""
     tree = parse_tree(XML[0], NodeRegistry())
     tree.setup(world.context)
     answers = []
@@ -80,7 +75,6 @@ def test_the_first_example_flies(world: World) -> None:
 
 
 def test_the_board_example_guards(world: World) -> None:
-    """Its subtree reads the board under a different name."""
     world.board.declare(HEIGHT)
     tree = parse_tree(next(text for text in XML if "Guard" in text), NodeRegistry())
     tree.setup(world.context)
@@ -91,7 +85,6 @@ def test_the_board_example_guards(world: World) -> None:
 
 
 def test_a_misspelt_entry_is_refused_as_the_page_says() -> None:
-    """The page quotes the loader's message."""
     with pytest.raises(TreeError) as error:
         parse_tree(XML[0].replace(' count="', ' cuont="'), NodeRegistry(), path="mission.xml")
     message = (
@@ -102,7 +95,6 @@ def test_a_misspelt_entry_is_refused_as_the_page_says() -> None:
 
 
 def test_the_python_example_runs(world: World) -> None:
-    """A tree composed in Python ticks like one from a file."""
     tree = _run(PYTHON[0])["tree"]
     assert isinstance(tree, MissionTree)
     tree.setup(world.context)

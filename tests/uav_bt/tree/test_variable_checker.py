@@ -112,7 +112,6 @@ def findings(*parts: str) -> list[str]:
     ],
 )
 def test_what_may_go_well_is_accepted(writer: str, reader: str) -> None:
-    """Only certain failures are refused."""
     assert findings(sequence(writer, reader)) == []
 
 
@@ -181,7 +180,6 @@ def test_what_may_go_well_is_accepted(writer: str, reader: str) -> None:
     ],
 )
 def test_what_must_fail_is_refused(writer: str, reader: str, message: str) -> None:
-    """The report names the reader, the writer and both positions."""
     found = findings(sequence(writer, reader))
     assert any(message in finding for finding in found), found
 
@@ -194,7 +192,6 @@ def test_what_must_fail_is_refused(writer: str, reader: str, message: str) -> No
     ['<SubTree ID="In" y="{x}"/>', '<SubTree ID="Mid" z="{x}"/>'],
 )
 def test_types_pass_through_remapped_subtrees(door: str) -> None:
-    """A variable keeps its type under other names, also through two subtrees."""
     middle = inner('<SubTree ID="In" y="{z}"/>', tree_id="Mid")
     use = inner('<Use height_m="{y}"/>')
     used = [use, middle] if "Mid" in door else [use]
@@ -214,7 +211,6 @@ def test_autoremapped_names_are_shared_and_private_ones_are_not() -> None:
 
 
 def test_a_subtree_is_checked_for_each_of_its_uses() -> None:
-    """One use is valid, the other invalid: the report names the writer of the invalid one."""
     found = findings(
         sequence(
             '<Measure height_m="{a}"/>',
@@ -229,7 +225,6 @@ def test_a_subtree_is_checked_for_each_of_its_uses() -> None:
 
 
 def test_literal_entries_are_texts() -> None:
-    """They are parsed by the reading port, and invalid ones are found."""
     use = inner('<Use height_m="{y}"/>')
     assert findings('<SubTree ID="In" y="1.5"/>', use) == []
     found = findings('<SubTree ID="In" y="high"/>', use)
@@ -250,7 +245,6 @@ def found_again(found: list[str]) -> list[str]:
 
 
 def test_an_unwritten_variable_of_a_subtree_is_found() -> None:
-    """A private variable of a subtree can only be written in the file."""
     found = findings('<SubTree ID="In" name="go"/>', inner('<Need height_m="{speed}"/>'))
     assert len(found) == 1
     assert (
@@ -260,7 +254,6 @@ def test_an_unwritten_variable_of_a_subtree_is_found() -> None:
 
 
 def test_a_misspelt_entry_is_found_with_the_right_one() -> None:
-    """Both are reported: the unused entry, and the variable without a value."""
     found = findings('<SubTree ID="In" sped="1"/>', inner('<Need height_m="{speed}"/>'))
     assert len(found) == 2
     assert "entry 'sped' is used by no node of tree 'In'; did you mean 'speed'?" in found[0]
@@ -269,7 +262,6 @@ def test_a_misspelt_entry_is_found_with_the_right_one() -> None:
 
 
 def test_an_unwritten_name_in_a_script_is_found() -> None:
-    """A script that certainly fails is an error; one that may not be reached is accepted."""
     door = '<SubTree ID="In"/>'
     found = findings(door, inner('<AlwaysSuccess _skipIf="n &gt; 1"/>'))
     assert "attribute '_skipIf': nothing writes variable 'n' of tree 'In'" in found[0]
@@ -298,7 +290,6 @@ def test_an_unwritten_name_in_a_script_is_found() -> None:
     ],
 )
 def test_variables_that_may_have_a_value_are_accepted(door: str, nodes: str) -> None:
-    """Variables are accepted that come from outside or a script, or are not required."""
     assert findings(sequence("<Script code=\"c := 'speed := 1'\"/>", door), inner(nodes)) == []
 
 

@@ -35,7 +35,6 @@ class Notes:
 
 
 def test_a_node_notifies_its_observer_of_everything(world: World) -> None:
-    """Start, status, answer; halts begin at the root and end at the leaves first."""
     tree, notes = world.tree(f"<Sequence>{leaf('a', 'K')}{leaf('b', 'RR')}</Sequence>"), Notes()
     observe(tree.nodes(), notes.note)
     tree.tick()
@@ -105,7 +104,6 @@ def watched(world: World, wall: ManualClock, *leaves: Leaf) -> tuple[MissionTree
 def test_whichever_method_blocks_the_leaf_is_named(
     world: World, wall: ManualClock, method: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """It is named with path, time and budget, also in the log."""
     tree, watch = watched(world, wall, AlwaysSuccess(), Blocks("b", blocks=method))
     with caplog.at_level(logging.WARNING):
         tree.tick()
@@ -120,7 +118,6 @@ def test_whichever_method_blocks_the_leaf_is_named(
 
 
 def test_within_the_budget_no_warning_is_given(world: World, wall: ManualClock) -> None:
-    """The class sets the budget; a time equal to the budget is allowed."""
     for one in (MayTakeLonger(blocks="update"), Blocks(blocks="update", for_s=0.5)):
         tree, watch = watched(world, wall, one)
         tree.tick()
@@ -128,7 +125,6 @@ def test_within_the_budget_no_warning_is_given(world: World, wall: ManualClock) 
 
 
 def test_a_leaf_that_blocks_and_raises_is_named_for_both(world: World, wall: ManualClock) -> None:
-    """The exception does not hide the slow call."""
     tree, watch = watched(world, wall, Blocks("b", blocks="update", raises=True))
     with pytest.raises(NodeFailedError, match="'Mission/s/b' failed: OSError: timed out"):
         tree.tick()
