@@ -94,12 +94,10 @@ def last(text: str) -> Observation:
         ("late=old", ValueRangeError, "fault 'late=old': expected a number as level, got 'old'"),
         ("late@", ValueRangeError, r"is written KIND\[=LEVEL\]"),
         ("late~-1", ValueRangeError, "expected a duration of more than 0 s, got -1; a fault with"),
-        ("late~nan", ValueRangeError, "expected a duration of more than 0 s, got nan"),
         ("late@explore+nan", ValueRangeError, "expected a delay of 0 s or more, got nan"),
         ("black=3", ValueRangeError, "takes no level, got 3"),
         ("noise=-1", ValueRangeError, "expected a level from 0 to 255 grey levels, got -1"),
         ("slow=0", ValueRangeError, "expected a level from 0.2 to 30 frames/s, got 0"),
-        ("covered=9", ValueRangeError, "expected a level from 0 to 1 of the light, got 9"),
     ],
 )
 def test_other_texts_are_refused(text: str, error: type[Exception], said: str) -> None:
@@ -115,7 +113,6 @@ def test_other_texts_are_refused(text: str, error: type[Exception], said: str) -
         ("+0.3~0.3", 3, 3),
         ("~0.1", 0, 1),
         ("+0.02~0.05", 1, 1),  # one that is shorter than a tick lasts a tick
-        ("~1e-9", 0, 1),
     ],
 )
 def test_a_fault_begins_and_lasts_by_the_clock(time: str, first: int, count: int) -> None:
@@ -204,11 +201,9 @@ def test_frames_lose_their_form() -> None:
         ("height-absurd", "height_m", 1e4),
         ("height-bias=0.2", "altitude_m", 0.2),
         ("attitude-nan", "attitude.yaw_rad", math.nan),
-        ("attitude-absurd", "attitude.roll_rad", 100.0),
         ("yaw-jump=0.5", "attitude.yaw_rad", 0.5),
         ("yaw-drift=1@start+0.2", "attitude.yaw_rad", 0.1),
         ("gimbal-nan", "gimbal_pitch_rad", math.nan),
-        ("gimbal-absurd", "gimbal_pitch_rad", 50.0),
         ("time-jump", "captured_s", 5.3),
     ],
 )
@@ -229,7 +224,6 @@ def test_telemetry_of_state_and_frame_change_alike(kind: str, what: str, expecte
         ("velocity-bias=0.4", "velocity.forward_mps", 0.4),
         ("position-jump@start+0.3", "velocity.forward_mps", 10.0),
         ("position-jump@start+0.2", "velocity.forward_mps", 0.0),
-        ("battery-nan", "battery", math.nan),
         ("battery-drains=1@start+0.2", "battery", 0.9),
         ("no-telemetry@start+0.2", "captured_s", 0.1),
         ("link-lost@start+0.2", "captured_s", 0.1),

@@ -99,7 +99,6 @@ def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
     ("body", "message"),
     [
         ("<Stear/>", "unknown node 'Stear'; did you mean 'Steer'?"),
-        ('<Action ID="Stear"/>', "unknown node 'Stear'; did you mean 'Steer'?"),
         ("<Action/>", "<Action> needs an attribute 'ID'"),
         ('<Steer ID="x"/>', "unknown attribute 'ID'"),
         ("<Other/>", "unknown node 'Other'; it is a tree of this file: write <SubTree ID"),
@@ -108,20 +107,14 @@ def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
         ('<Steer height_m="{@hight}"/>', "the board has no key 'hight'"),
         ('<Steer height_m="{@mark}"/>', "takes float, but board key 'mark' holds MarkFix"),
         ('<Steer _skipIf="1 +"/>', "attribute '_skipIf': column 4: expected a value, got the end"),
-        ('<Steer _while="@hight &gt; 1"/>', "attribute '_while': the board has no key 'hight'"),
         ('<Script code="x := @mark"/>', "'mark' holds MarkFix, no number and no text"),
-        ('<Script code="x =: 1"/>', "attribute 'code': column 4: expected a value, got ':'"),
         ('<Script code="@elapsed_s = 1"/>', "leaves write those, scripts only read"),
         ('<Precondition if="1" else="MAYBE"><Safe/></Precondition>', "expected one of SUCCESS"),
         ('<Switch2 variable="{v}" case_1="1" case_2="2"><Safe/></Switch2>', "needs exactly 3"),
         ('<LoopInt queue="1;x" value="{v}"><Safe/></LoopInt>', "expected an integer, got 'x'"),
-        ('<LoopInt queue="1" value="v"><Safe/></LoopInt>', "output port needs a reference"),
-        ('<WasEntryUpdated entry="a b"/>', "expected a variable such as {x}, got 'a b'"),
         ('<SetBlackboard value="1" output_key="a b"/>', "expected a variable's name, got 'a b'"),
         ("<Scripted/>", "attribute 'script' is missing (S success"),
-        ("<Steer><Safe/></Steer>", "needs no children, has 1"),
         ("<Sequence/>", "needs at least 1, has 0"),
-        ("<Inverter/>", "needs exactly one child, has 0"),
         ("<Inverter><Safe/><Safe/></Inverter>", "needs exactly one child, has 2"),
         ('<Repeat num_cycles="two"><Safe/></Repeat>', "expected an integer, got 'two'"),
         ('<Timeout msec="-1"><Safe/></Timeout>', "expected 0 or more, got -1"),
@@ -131,16 +124,7 @@ def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
         ('<SubTree ID="Other"><Safe/></SubTree>', "needs no children, has 1"),
         ('<SubTree ID="Other" a-b.c="1" _autoremap="maybe"/>', "expected true or false"),
         ('<SubTree ID="Other" x="{@mrk}"/>', "no key 'mrk'; did you mean 'mark'"),
-        ('<SubTree ID="Other" x="{a b}"/>', "is not a reference"),
-        (
-            '<SubTree ID="Other" _onHalted="x )"/>',
-            "attribute '_onHalted': column 3: expected a value",
-        ),
         ('<SubTree ID="Steer"/>', "'Steer' is a node, no tree: write <Steer/>"),
-        (
-            "<SequenceStar><Safe/></SequenceStar>",
-            "'SequenceStar'; did you mean 'Sequence'?",
-        ),
         (
             (
                 "<ReactiveSequence><AsyncSequence><Safe/></AsyncSequence><AsyncSequence><Safe/>"
@@ -167,7 +151,6 @@ def test_refused_nodes(body: str, message: str) -> None:
     ("text", "message"),
     [
         ("", "1:1: not well-formed XML: no element found"),
-        ("<root>", "1:7: not well-formed XML: no element found"),
         ('<root a="1" a="2"/>', "duplicate attribute"),
         ("<tree/>", "expected the element <root>, got <tree>"),
         ('<root BTCPP_format="4"/>', "the file has no BehaviorTree"),
@@ -181,12 +164,9 @@ def test_refused_nodes(body: str, message: str) -> None:
         (document("<Safe/>", "<BehaviorTree><Safe/></BehaviorTree>"), "'ID' is missing"),
         (document("<Safe/>", '<BehaviorTree ID="Main"><Safe/></BehaviorTree>'), "is taken by"),
         (document("<Safe/>").replace('"Main"', '"My tree.1"'), "write 'My_tree_1'"),
-        (document("<Safe/>").replace('"Main"', '"root"'), "'root' is reserved"),
         (document("<Safe/>").replace('"Main"', '"Root"'), "'Root' is reserved"),
         (document("<Safe/>").replace('"Main"', '"Safe"'), "'Safe' is the name of a node"),
         (document("<Safe/>", "<TreeNodesModel/><TreeNodesModel/>"), "a file has one <TreeNodesMo"),
-        (document("<Safe/>", '<BehaviorTree ID="B"/>'), "needs exactly one child, has 0"),
-        (document("<Safe/>", '<BehaviorTree ID="B"><Stear/></BehaviorTree>'), "unknown node 'St"),
         (
             document("<Safe/>", '<BehaviorTree ID="B"><Safe/></BehaviorTree>').replace(
                 ' main_tree_to_execute="Main"', ""
@@ -285,7 +265,6 @@ def test_a_case_of_a_switch_may_be_a_member_of_an_enumeration(world: World, colo
     ("member", "message"),
     [
         ('name="2x" value="1"', "'name': expected a name that scripts can use, got '2x'"),
-        ('name="true" value="1"', "'name': expected a name that scripts can use, got 'true'"),
         ('name="LOW" value="0.5"', "'value': expected an integer, got '0.5'"),
         ('name="FULL" value="5"', "'FULL' is 4 already"),
         ('value="5"', "'name': expected a name"),
@@ -369,7 +348,6 @@ def test_the_deepest_allowed_tree_ticks(world: World) -> None:
     ("text", "message"),
     [
         ('<!DOCTYPE root [<!ENTITY a "b">]><root>&a;</root>', "document type declarations"),
-        ('<!DOCTYPE root SYSTEM "file:///etc/passwd"><root/>', "document type declarations"),
         ("<a>" * 300 + "</a>" * 300, "nested deeper than 256"),
         ("<root>" + "<a/>" * 20_001 + "</root>", "more than 20000 elements"),
         (f"<root>{' ' * 2_000_000}</root>", "larger than 2000000 bytes"),
@@ -379,7 +357,6 @@ def test_the_deepest_allowed_tree_ticks(world: World) -> None:
             "an element has more than 200 attributes",
         ),
         ("<root a='" + "x" * 20_001 + "'/>", "is longer than 20000 characters"),
-        (document("<Safe/>")[:-20], "not well-formed XML"),
         (document("<Safe/>")[:-7], "not well-formed XML: no element found"),
     ],
 )
@@ -496,10 +473,8 @@ def test_overrides_replace_attributes() -> None:
         ("explore", {"polcy": "x"}, "unknown attribute 'polcy'; did you mean 'policy'?"),
         ("explore", {"height_m": "x"}, "expected a number"),
         ("explore", {"height_m": "{@hight}"}, "the board has no key 'hight'"),
-        ("explore", {"_skipIf": "1 +"}, "attribute '_skipIf': column 4: expected a value"),
         ("explore", {"name": "x"}, "'name' cannot be replaced"),
         ("Other", {"x": "{a b}"}, "is not a reference"),
-        ("Other", {"x": "{@mrk}"}, "the board has no key 'mrk'; did you mean 'mark'"),
         ("Other", {"_autoremap": "true"}, "'_autoremap' cannot be replaced"),
     ],
 )
@@ -549,7 +524,6 @@ def test_files_that_include_each_other_are_refused(tmp_path: Path) -> None:
     ("include", "message"),
     [
         ('<include path="../secret.xml"/>', "lies outside the folder"),
-        ('<include path="/etc/hostname"/>', "lies outside the folder"),
         ('<include path="none.xml"/>', "no such file in"),
         (f'<include path="{"x" * 300}.xml"/>', "name too long"),
         ("<include/>", "needs exactly the attribute 'path'"),

@@ -102,18 +102,14 @@ BAD = {
     "not even infinity": '<Paint colour="red" width_m="inf"/>',
     "too many": '<Paint colour="red" coats="10"/>',
     "too little": '<Paint colour="red" edge_m="0.009"/>',
-    "no integer of a range": '<Paint colour="red" coats="1.5"/>',
     "no truth value": '<Paint colour="red" dry="maybe"/>',
     "a broken reference": '<Paint colour="red" layers="{a b}"/>',
     "a literal for an output": '<Paint colour="red" area="3"/>',
     "a literal of a type without any": '<Paint colour="red" of="me"/>',
     "a leaf with a child": '<Paint colour="red"><AlwaysSuccess/></Paint>',
     "a control node without children": "<Sequence/>",
-    "a decorator with two": "<Inverter><AlwaysSuccess/><AlwaysSuccess/></Inverter>",
     "too few branches": "<WhileDoElse><AlwaysSuccess/></WhileDoElse>",
-    "two roots": "<AlwaysSuccess/><AlwaysSuccess/>",
     "an explicit node of another kind": '<Action ID="Sequence"/>',
-    "an explicit node without ID": "<Action/>",
     "a subtree without ID": "<SubTree/>",
 }
 
