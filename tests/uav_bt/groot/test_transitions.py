@@ -70,15 +70,6 @@ def test_a_node_that_raises_leaves_everything_idle() -> None:
     assert taken(recorder) == "1R 2S 3R 2I 3I 1I"
 
 
-def test_transitions_are_dated_by_the_mission_clock() -> None:
-    tree, recorder, clock = watched(leaf("a", "RS"))
-    clock.advance(0.1)
-    tree.tick()
-    clock.advance(0.2)
-    tree.tick()
-    assert [item.time_us for item in recorder.take()] == [100_000, 300_000, 300_000]
-
-
 def test_watching_changes_nothing_and_misses_nothing() -> None:
     """For the recorded traces, the answers are those of an unwatched tree.
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import html
 import json
 import math
-import re
 from pathlib import Path
 from typing import Any
 
@@ -244,19 +242,6 @@ def test_coverage_counts_from_the_take_off_command_and_at_90_s() -> None:
 
 
 # --- texts and the file ---------------------------------------------------------------------------
-
-
-def test_a_prompt_and_a_notebook_show_what_was_reached() -> None:
-    tale = Tale()
-    tale.take_off()
-    report = tale.report(outcome="timeout", reason="<1 s")
-    lines = str(report).splitlines()
-    assert lines[:2] == ["outcome: timeout", "reason: <1 s"]
-    assert "seed: 7" in lines
-    assert not any(line.startswith("time_to_land_s") for line in lines)
-    rows = re.findall("<tr><th>(.*?)</th><td>(.*?)</td></tr>", report._repr_html_())
-    assert [": ".join(map(html.unescape, row)) for row in rows] == lines
-    assert "<td>&lt;1 s</td>" in report._repr_html_()
 
 
 def test_the_file_is_one_json_object_with_every_field_and_null_for_none(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Self
 
 import pytest
 
+from tests.worlds import values
 from tests.worlds.trees import document
 from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, ODOMETRY, PHASE, STATE
 from uav_bt.board.context import MissionContext
@@ -33,7 +34,7 @@ from uav_bt.types import (
     TakeOff,
     Velocity,
 )
-from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
+from uav_bt.types.dead_reckoning import OdometryPose
 from uav_bt.types.mission_rules import LandOn
 
 TICK_S = 0.1
@@ -146,14 +147,7 @@ class Track(Leaf):
     def update(self) -> Status:
         if self.read(FRAME).value is not None and self.read(STATE).value is not None:
             here = OdometryPose(x_m=0.0, y_m=0.0, yaw_rad=0.0, time_s=self.clock.now())
-            motion = MotionEstimate(
-                pose=here,
-                seen=here,
-                velocity=BodyVelocity(),
-                error=BodyVelocity(forward_mps=0.1),
-                tracked_s=here.time_s,
-            )
-            self.write(ODOMETRY, motion)
+            self.write(ODOMETRY, values.motion(here, error=BodyVelocity(forward_mps=0.1)))
         return Status.SUCCESS
 
 

@@ -11,11 +11,11 @@ import pytest
 
 from sim_bridge.plain import PlainConfig
 from sim_bridge.twin import TwinConfig
+from tests.worlds import values
 from uav_bt.errors import InputError, UnknownNameError, ValueRangeError
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.testing import Fault, FaultyDrone, InjectedError, ScriptedDrone
-from uav_bt.tree import Status
 from uav_bt.types import (
     Command,
     CutMotors,
@@ -63,19 +63,7 @@ def ticks(drone: FaultyDrone, world: World, *movements: Any, phase: str = "") ->
 
 
 def tick_of(phase: str, observation: Observation, time_s: float) -> TickRecord:
-    return TickRecord(
-        index=0,
-        time_s=time_s,
-        observation=observation,
-        tree_status=Status.RUNNING,
-        phase=phase,
-        active=(),
-        command=Command(movement=Hover()),
-        proposed_by=None,
-        override=None,
-        compute_s=0.0,
-        truth=None,
-    )
+    return values.tick(observation.state, time_s=time_s, phase=phase)
 
 
 def last(text: str) -> Observation:

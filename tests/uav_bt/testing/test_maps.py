@@ -20,15 +20,6 @@ def test_walls_have_points_from_end_to_end() -> None:
     assert (points[-2:] == (0.0, 1.0)).all()
 
 
-def test_unknown_ground_is_neither_seen_nor_free() -> None:
-    known = drawn_map().places_m()[..., 0] < 0.5
-    site_map = drawn_map(known=known)
-    ahead = site_map.cell_of(1.0, 0.0)
-    assert not site_map.ground[ahead]
-    assert not site_map.free[ahead]
-    assert not site_map.outside[ahead]
-
-
 def test_what_does_not_fit_is_refused() -> None:
     with pytest.raises(ShapeError, match="known"):
         drawn_map(known=np.ones((3, 3), dtype=bool))

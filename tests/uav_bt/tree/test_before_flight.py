@@ -267,17 +267,6 @@ def test_a_loop_or_script_on_a_key_of_another_type_is_refused(body: str, message
     assert message in found
 
 
-ASK = "<ScriptCondition code=\"@phase == 'x'\"/>"
-
-
-def test_keys_of_the_runner_and_of_leaves_may_be_read() -> None:
-    code = "@elapsed_s &gt; 1 &amp;&amp; @height_above_ground_m &gt; 1"
-    assert findings(f'<Sequence><ScriptCondition code="{code}"/></Sequence>') == []
-    (message,) = findings(f"<Sequence>{ASK}</Sequence>")
-    assert "board key 'phase'" in message
-    assert findings(f"<Sequence><Fly/>{ASK}</Sequence>") == []
-
-
 def test_names_in_the_text_of_a_message_are_checked_as_in_scripts() -> None:
     script = '<Script code="n := 1"/>'
     good = '<Say text="{n} of {n}: {@elapsed_s} s"/>'
@@ -304,14 +293,6 @@ def test_a_place_in_a_queue_is_checked() -> None:
     (message,) = findings(VISITS.format(queue="door;wndow;", visit=visit))
     assert "variable 'p' may hold 'wndow'" in message
     assert message.endswith("expected door or window, got 'wndow'")
-
-
-def test_a_place_in_a_queue_from_outside_is_checked() -> None:
-    text = document(VISITS.format(queue="{points}", visit='<Visit to="{p}"/>'))
-    for points, good in (("door;window", True), ("door;wndow", False)):
-        given = Parameters(variables={"points": points})
-        found = check_text(text, REGISTRY, path=Path("m.xml"), parameters=given)
-        assert (found == ()) is good
 
 
 def test_an_entry_from_outside_is_checked() -> None:

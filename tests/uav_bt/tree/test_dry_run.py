@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from uav_bt.board import PHASE
 from uav_bt.errors import FileError, NodeFailedError, TreeError, ValueRangeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status
 from uav_bt.tree.dry_run import Answer, SimulatedTick, Simulation, read_script
@@ -87,15 +86,6 @@ def test_built_in_leaves_run_and_their_changes_are_reported(tmp_path: Path) -> N
     assert second.changed == {"a": None, "b": 3}
 
 
-def test_outputs_are_written_when_the_leaf_succeeds(tmp_path: Path) -> None:
-    body = '<Measure depth_m="{d}" _onSuccess="twice := d * 2"/>'
-    first, second = ticks(
-        tmp_path, body, "leaves: {Measure: RS}\noutputs: {Measure: {depth_m: 3, phase: far}}"
-    )
-    assert first.changed == {}
-    assert second.changed == {"d": 3.0, "twice": 6.0, f"@{PHASE.name}": "far"}
-
-
 def test_variables_and_board_are_there_from_the_first_tick(tmp_path: Path) -> None:
     body = "<ScriptCondition code=\"laps == 3 &amp;&amp; @phase == 'search'\"/>"
     (step,) = ticks(
@@ -125,16 +115,9 @@ def test_leaves_without_answers_are_all_named_with_their_places(tmp_path: Path) 
     ("script", "line", "message"),
     [
         ("default: S\nleaves:\n  Flyy: S", 3, "the tree has no leaf of that path, name or node id"),
-        ("default: S\nleaves:\n  Flyy: S", 3, "did you mean 'Fly'?"),
         ("default: S\nleaves:\n  Sees: RS", 3, "the condition Sees answers at once"),
         ("default: R", 1, "the condition Sees answers at once"),
-        (
-            "default: S\noutputs:\n  Mesure: {depth_m: 1}",
-            3,
-            "mock of 'Mesure': the tree has no leaf",
-        ),
         ("default: S\noutputs:\n  Measure: {dept_m: 1}", 3, "has no output 'dept_m'"),
-        ("default: S\noutputs:\n  Measure: {depth_m: far}", 3, "expected a number, got 'far'"),
         ("leaves: {Sees: S, Fly: S}\noutputs:\n  Measure: {depth_m: 1}", 3, "has no answers"),
     ],
 )
@@ -184,30 +167,6 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-def test_everything_that_a_script_can_say_is_read(tmp_path: Path) -> None:
-    script = read_script(
-        written(
-            tmp_path,
-            "leaves:\n  TakeOff: RRS\n  Main/step/Explore: (RRS)\n"
-            "default: S\n"
-            "outputs:\n  Measure: {depth_m: 1.5, text: far}\n"
-            "variables: {laps: 3, on: true}\n"
-            "board: {phase: explore}\n",
-        )
-    )
-    answers = {selector: (mock.answers, mock.outputs) for selector, mock in script.mocks.items()}
-    assert answers == {
-        "TakeOff": ("RRS", {}),
-        "Main/step/Explore": ("(RRS)", {}),
-        "Measure": (None, {"depth_m": 1.5, "text": "far"}),
-        "*": ("S", {}),
-    }
-    places = [mock.place for mock in script.mocks.values()]
-    assert [place.position.line for place in places if place] == [2, 3, 6, 4]
-    assert script.variables == {"laps": 3, "on": True}
-    assert (script.board, script.line("board", "phase")) == ({"phase": "explore"}, 8)
-
-
 @pytest.mark.parametrize(
     ("text", "line", "message"),
     [
@@ -218,7 +177,6 @@ def test_everything_that_a_script_can_say_is_read(tmp_path: Path) -> None:
         ("leaves:\n  A: RRX", 2, "a script has the letters R (running), S (success)"),
         ("leaves:\n  A: RRS\n  A: S", 3, "leaves: the key 'A' is given twice"),
         ("leaves:\n  A: [R, S]", 2, "or a number or a text, got a list of 2"),
-        ("default: ()", 1, "a script has the letters"),
     ],
 )
 def test_what_no_script_can_say_is_refused_with_its_line(

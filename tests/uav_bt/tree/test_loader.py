@@ -230,19 +230,6 @@ def supply(*members: str) -> str:
     return f'<TreeNodesModel><Enumeration ID="Supply">{inner}</Enumeration></TreeNodesModel>'
 
 
-def test_scripts_read_the_members_of_the_files_enumerations(world: World) -> None:
-    text = document(
-        """<Sequence><Script code="FULL := 1; level := FULL"/><SubTree ID="In" at="{level}"/>
-        </Sequence>""",
-        '<BehaviorTree ID="In"><ScriptCondition code="at == FULL &amp;&amp; at - LOW == 5"/>',
-        "</BehaviorTree>",
-        supply('name="FULL" value="4"', 'name="LOW" value="-1"'),
-    )
-    tree = parse_tree(text, REGISTRY)
-    tree.setup(world.context)
-    assert tree.tick() is Status.SUCCESS
-
-
 @pytest.mark.parametrize("colour", ["Blue", "1", "'Blue'", "3 - 2"])
 def test_a_case_of_a_switch_may_be_a_member_of_an_enumeration(world: World, colour: str) -> None:
     model = (
@@ -464,26 +451,6 @@ def test_overrides_replace_attributes() -> None:
     )
     values = [(n.port_value("policy"), n.port_value("height_m")) for n in tree.leaves()]
     assert values == [("segmentation", 1.5), ("student", 1.5), ("student", 2.0)]
-
-
-@pytest.mark.parametrize(
-    ("target", "attributes", "message"),
-    [
-        ("explor", {"policy": "x"}, "no node of that name or path; did you mean 'explore'?"),
-        ("explore", {"polcy": "x"}, "unknown attribute 'polcy'; did you mean 'policy'?"),
-        ("explore", {"height_m": "x"}, "expected a number"),
-        ("explore", {"height_m": "{@hight}"}, "the board has no key 'hight'"),
-        ("explore", {"name": "x"}, "'name' cannot be replaced"),
-        ("Other", {"x": "{a b}"}, "is not a reference"),
-        ("Other", {"_autoremap": "true"}, "'_autoremap' cannot be replaced"),
-    ],
-)
-def test_overrides_are_checked(target: str, attributes: dict[str, str], message: str) -> None:
-    body = BODY.replace("</Sequence>", '<SubTree ID="Other" x="1"/></Sequence>')
-    other = '<BehaviorTree ID="Other"><Safe/></BehaviorTree>'
-    found = findings(document(body, other), **{target: attributes})
-    assert message in found[0]
-    assert f"override of '{target}'" in found[0]
 
 
 def test_included_files_join(tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ from tests.conformance import Scripted
 from tests.worlds.trees import World, document, leaf, subtree
 from uav_bt.board import HEIGHT, PHASE
 from uav_bt.errors import (
-    BoardAccessError,
     InputError,
     MissionError,
     NodeFailedError,
@@ -18,12 +17,8 @@ from uav_bt.errors import (
 )
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree
 from uav_bt.tree.nodes import (
-    AlwaysSuccess,
-    Inverter,
     Parallel,
     Repeat,
-    Sequence,
-    SubTree,
 )
 
 A, B = leaf("a", "S"), leaf("b", "S")
@@ -188,28 +183,6 @@ def test_ports_can_follow_variables(world: World) -> None:
 # --- trees composed in Python ---------------------------------------------------------------------
 
 
-def test_trees_are_composed_in_python_too(world: World) -> None:
-    root = Sequence(
-        "root",
-        [
-            Repeat("twice", Scripted("a", script="S"), num_cycles=2),
-            Inverter(None, Scripted("b", script="F")),
-            SubTree("inside", Scripted("c", script="{text}"), {"text": "S"}),
-            AlwaysSuccess("x", _skipIf="n > 1", _post="n += 1"),
-        ],
-    )
-    tree = MissionTree(root, name="Mission")
-    tree.setup(world.context)
-    tree.variables["n"] = 1
-    assert letters(tree, 2) == "RS"
-    assert tree.variables["n"] == 2.0
-    assert [node.path for node in tree.leaves()][:3] == [
-        "Mission/root/twice/a",
-        "Mission/root/Inverter/b",
-        "Mission/root/inside/c",
-    ]
-
-
 def test_composing_checks_ports_and_children() -> None:
     with pytest.raises(InputError, match="did you mean 'num_cycles'"):
         Repeat("r", Scripted("a", script="S"), num_cycle=2)
@@ -269,13 +242,6 @@ def test_ports_read_and_write_the_board_through_subtrees(world: World, door: str
     assert climb.seen == 1.25
     assert world.board.read(PHASE).value == "climb"
     assert list(tree.variables) == []
-
-
-def test_access_is_checked_leaf_by_leaf(world: World) -> None:
-    tree, climb = fly(world, 'h="2" p="{@phase}"', CLIMB)
-    assert tree.tick() is Status.SUCCESS
-    with pytest.raises(BoardAccessError, match="without declaring it"):
-        climb.read(HEIGHT)
 
 
 def test_a_board_entry_is_read_by_scripts_and_written_by_nobody(world: World) -> None:

@@ -40,19 +40,6 @@ def test_a_plain_tree_is_set_up_with_two_lines_that_its_error_says() -> None:
     assert behaviour_tree.root.status is Theirs.FAILURE
 
 
-def test_our_leaves_work_under_py_trees_composites(world: World) -> None:
-    leaves = [Scripted("a", script="S"), Scripted("b", script="RSR")]
-    root = py_trees.composites.Sequence("s", memory=True, children=leaves)
-    manager = py_trees.trees.BehaviourTree(root)
-    manager.setup(mission=world.context)
-    for expected in (Theirs.RUNNING, Theirs.SUCCESS, Theirs.RUNNING):
-        manager.tick()
-        assert root.status is expected
-    root.stop(Theirs.INVALID)
-    restarted = ["start a", "start b", "halt b"]
-    assert world.events() == ["start a", "start b", "running b", *restarted]
-
-
 # --- plain behaviours as leaves -------------------------------------------------------------------
 
 

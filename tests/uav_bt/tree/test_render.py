@@ -107,12 +107,3 @@ def test_every_shipped_tree_is_drawn_with_all_its_nodes(path: Path, format_: str
 
 
 # --- the layout -----------------------------------------------------------------------------------
-
-
-def test_a_notebook_shows_the_drawing_and_a_prompt_says_what_it_is() -> None:
-    tree = load_tree(TREES / "land_only.xml")
-    assert tree._repr_svg_() == render(tree, "svg")
-    count = sum(1 for _ in tree.nodes())
-    assert repr(tree) == f"<MissionTree '{tree.name}': {count} nodes, {TREES / 'land_only.xml'}>"
-    composed = MissionTree(Sequence("s", [AlwaysSuccess()]), name="Hop")
-    assert repr(composed) == "<MissionTree 'Hop': 2 nodes, Hop (composed in Python)>"
