@@ -11,7 +11,8 @@ import pytest
 import zmq
 
 from tests.uav_bt.groot import groot_world
-from tests.uav_bt.groot.groot_world import HEIGHT, GrootClient, leaf
+from tests.uav_bt.groot.groot_world import HEIGHT, GrootClient
+from tests.worlds.trees import leaf
 from uav_bt.clock import ManualClock
 from uav_bt.errors import InputError
 from uav_bt.groot import GrootPublisher, TreeWatch

@@ -8,7 +8,9 @@ from typing import Any
 
 import pytest
 
-from tests.uav_bt.groot.groot_world import REGISTRY, leaf, make_context, make_tree
+from tests.conformance import REGISTRY
+from tests.uav_bt.groot.groot_world import make_context, make_tree
+from tests.worlds.trees import leaf
 from uav_bt.clock import ManualClock
 from uav_bt.errors import NodeFailedError
 from uav_bt.groot import TransitionRecorder, TreeNumbering

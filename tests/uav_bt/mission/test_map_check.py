@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.paper_lab import CLASSES
 from tests.worlds import values
 from uav_bt.mission.flight_log import FlightLog
 from uav_bt.mission.flight_report import FlightReport
@@ -22,30 +21,19 @@ from uav_bt.types.site_map import MapMark, MapObject, SiteMap
 BOX_1, BOX_2 = 4, 5
 START = Pose(x_m=-1.0, y_m=0.5, z_m=0.0, yaw_rad=math.radians(30))
 REPORTED_RAD = math.radians(20)  # clockwise: the map's x axis is at 50 degrees in the world
-NONE = np.zeros((5, 5), dtype=np.bool_)
 
 
 def site_map(
     x_m: float = 0.0, y_m: float = 0.0, *objects: tuple[int, float, float], **changes: Any
 ) -> SiteMap:
     given = {
-        "classes": CLASSES,
         "pose": Pose2D(x_m=x_m, y_m=y_m, yaw_rad=REPORTED_RAD),
-        "corner_m": (0.0, 0.0),
-        "cell_m": 0.1,
-        "seen_s": np.full((5, 5), -np.inf),
-        "free": ~NONE,
-        "outside": NONE,
-        "passed": NONE,
-        "obstacles_m": np.empty((0, 2)),
-        "edges_m": np.empty((0, 2)),
-        "captured_s": 0.0,
         "objects": tuple(
             MapObject(class_id=class_id, x_m=x, y_m=y, size_m=0.4, std_m=0.1, seen_s=0.0)
             for class_id, x, y in objects
         ),
     }
-    return SiteMap(**{**given, **changes})
+    return values.site_map(5, **{**given, **changes})
 
 
 def at(x_m: float, y_m: float) -> Pose:

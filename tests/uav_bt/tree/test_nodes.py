@@ -156,15 +156,6 @@ def test_a_skipped_condition_is_an_error(world: World, node: str) -> None:
     assert isinstance(error.value.__cause__, MissionError)
 
 
-def test_a_failing_condition_names_its_node(world: World) -> None:
-    tree = world.tree(f'<Sequence>{leaf("a", "R")}<AlwaysSuccess _skipIf="no > 1"/></Sequence>')
-    assert tree.tick() is Status.RUNNING
-    tree = world.tree('<AlwaysSuccess name="x" _onSuccess="n += 1"/>')
-    with pytest.raises(NodeFailedError, match="node 'Main/x' failed: ScriptError: script 'n"):
-        tree.tick()
-    assert tree.root.node_status is Status.IDLE
-
-
 def test_ports_can_follow_variables(world: World) -> None:
     """A port given as `{key}` is read at every tick, as the engine reads numbers and truths."""
     tree = world.tree(f'<Repeat num_cycles="{{n}}">{A}</Repeat>')

@@ -34,11 +34,6 @@ def test_a_place_of_a_text(text: str, place: Place) -> None:
     assert Place.parse(text) == place
 
 
-@pytest.mark.parametrize("text", ["mark", "mark@90", "object:3", "object:12@-45"])
-def test_the_mark_and_objects_have_names(text: str) -> None:
-    assert str(Place.parse(text)) == text
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [
