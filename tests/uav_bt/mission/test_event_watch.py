@@ -42,7 +42,6 @@ GROUND, AIR = {"flying": FlyingState.LANDED}, {"flying": FlyingState.HOVERING}
 @pytest.mark.parametrize(
     ("ticks", "events"),
     [
-        (({}, {}, {}), []),
         (
             ({}, STALE, STALE, LINK, {}),
             [
@@ -50,13 +49,6 @@ GROUND, AIR = {"flying": FlyingState.LANDED}, {"flying": FlyingState.HOVERING}
                 (EventKind.OVERRIDE_OVER, "stale frame"),
                 (EventKind.OVERRIDE, "link lost"),
                 (EventKind.OVERRIDE_OVER, "link lost"),
-            ],
-        ),
-        (
-            (MANUAL, MANUAL, {}),
-            [
-                (EventKind.PILOT, "a person took over"),
-                (EventKind.PILOT_OVER, "the mission goes on"),
             ],
         ),
         ((GROUND, AIR, GROUND, GROUND, AIR, GROUND), [(EventKind.LANDED, "the drone landed")] * 2),

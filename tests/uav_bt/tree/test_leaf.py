@@ -296,11 +296,7 @@ def with_keys(world: World, body: str) -> tuple[MissionTree, Any]:
     "body",
     [
         f'<ScriptCondition code="{UNKNOWN}"/>',
-        '<Script code="x := @share"/>',
-        f'<AlwaysSuccess _skipIf="{UNKNOWN}"/>',
-        f'<AlwaysSuccess _successIf="{UNKNOWN}"/>',
         f'<AlwaysSuccess _while="{UNKNOWN}"/>',
-        '<AlwaysSuccess _onSuccess="x := @share"/>',
         f'<Precondition if="{UNKNOWN}" else="SUCCESS"><AlwaysSuccess/></Precondition>',
         '<Timeout msec="{@wait_ms}"><AlwaysSuccess/></Timeout>',
         '<SetBlackboard value="{@share}" output_key="x"/>',

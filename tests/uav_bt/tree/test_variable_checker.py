@@ -88,15 +88,11 @@ def findings(*parts: str) -> list[str]:
 @pytest.mark.parametrize(
     ("writer", "reader"),
     [
-        ('<Measure height_m="{x}"/>', '<Use height_m="{x}"/>'),
         ('<FindPad pad="{x}"/>', '<Use both="{x}"/>'),  # the port also writes
         ('<Measure word="{x}"/>', '<Use count="{x}"/>'),  # a text may be a number
         ('<Measure thing="{x}"/>', '<Use pad="{x}"/>'),
-        ('<FindPad pad="{x}"/>', '<Use pad="{x}"/>'),
-        ('<SetBlackboard value="1.5" output_key="x"/>', '<Use height_m="{x}"/>'),
         ('<SetBlackboard value="right" output_key="x"/>', '<Use side="{x}"/>'),
         ('<SetBlackboard value="{@mark}" output_key="x"/>', '<Use pad="{x}"/>'),
-        ('<Script code="x := 1"/>', '<Use count="{x}"/>'),
         ("<Script code=\"x := 'far'; x = '2'\"/>", '<Use count="{x}"/>'),
         ("<Script code=\"x := y ? 'far' : 2\"/>", '<Use count="{x}"/>'),
         ('<Script code="x := y"/>', '<Use pad="{x}"/>'),

@@ -201,18 +201,3 @@ def test_a_leaf_that_is_skipped_while_it_runs_did_not_fail() -> None:
         bench.tick()
         assert watch.take() == BranchEnds()
     bench.log.assert_halted("HoverFor", times=1)
-
-
-@pytest.mark.parametrize(("answer", "succeeded"), [("RS", True), ("RF", False)])
-def test_the_last_leaf_ends_the_tree(answer: str, *, succeeded: bool) -> None:
-    bench = parse_tree(
-        ROOT.format('<Sequence name="s"><Turn degrees="9"/><HelipadCenter/></Sequence>'),
-        mocks={"Turn": "S", "HelipadCenter": answer},
-    )
-    watch = BranchWatch(bench.tree)
-    bench.tick()
-    watch.take()
-    bench.tick()
-    ends = watch.take()
-    assert ends.ended is bench.tree.find("HelipadCenter")
-    assert (ends.succeeded, ends.failed) == (succeeded, ())
