@@ -20,15 +20,6 @@ def tree_file(folder: Path, body: str) -> Path:
     return path
 
 
-def test_findings_have_their_place_node_and_message(tmp_path: Path) -> None:
-    path = tree_file(tmp_path, '<Sequence name="s">\n  <Land hight="1"/><Lnad/>\n</Sequence>')
-    first, second = check_file(path)
-    assert (first.path, first.position, first.node) == (str(path), Position(4, 9), "Land")
-    assert first.message.startswith("unknown attribute 'hight'")
-    assert (second.position, second.node) == (Position(4, 20), "Lnad")
-    assert str(second).startswith(f"{path}:4:20: Lnad: unknown node 'Lnad'")
-
-
 def test_a_file_that_is_not_there_is_a_finding_about_the_whole_file(tmp_path: Path) -> None:
     path = tmp_path / "absent.xml"
     assert check_file(path) == (Finding(str(path), WHOLE_FILE, "no such file"),)

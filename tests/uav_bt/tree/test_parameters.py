@@ -116,12 +116,6 @@ def test_an_entry_of_a_subtree_is_a_port() -> None:
     assert tree.replaced == {"Main/Sequence/Side": {"wait": "4"}}
 
 
-def test_values_belong_to_one_main_tree() -> None:
-    text = PATROL.replace(' main_tree_to_execute="Main"', "").replace('ID="Side" wait', 'ID="S" w')
-    found = check_text(text, path=Path("m.xml"), parameters=Parameters(variables={"laps": 2}))
-    assert any("main_tree_to_execute" in str(one) for one in found)
-
-
 # --- parameter files ------------------------------------------------------------------------------
 
 FILE = """

@@ -160,17 +160,8 @@ def test_its_life_is_the_one_that_py_trees_promises(world: World) -> None:
     assert behaviour.life[-2:] == ["terminate INVALID", "shutdown"]
 
 
-@pytest.mark.parametrize(
-    ("answer", "status"),
-    [
-        ("RUNNING", "RUNNING"),
-        ("SUCCESS", "SUCCESS"),
-        ("FAILURE", "FAILURE"),
-        ("INVALID", "SKIPPED"),
-    ],
-)
-def test_answers_keep_their_meaning(world: World, answer: str, status: str) -> None:
-    assert load(f'<Blink answer="{answer}"/>', world).tick() is Status[status]
+def test_invalid_is_neither_success_nor_failure(world: World) -> None:
+    assert load('<Blink answer="INVALID"/>', world).tick() is Status.SKIPPED
 
 
 @pytest.mark.parametrize(

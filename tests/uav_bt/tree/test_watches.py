@@ -7,49 +7,15 @@ from typing import ClassVar
 
 import pytest
 
-from tests.worlds.trees import World, leaf
+from tests.worlds.trees import World
 from uav_bt.board import ELAPSED
 from uav_bt.clock import ManualClock
 from uav_bt.errors import NodeFailedError
 from uav_bt.testing import parse_tree
-from uav_bt.tree import Leaf, MissionTree, Node, Port, Status
+from uav_bt.tree import Leaf, MissionTree, Port, Status
 from uav_bt.tree.branch_watch import BranchEnds, BranchWatch
 from uav_bt.tree.budget import BudgetWatch, SlowLeaf
 from uav_bt.tree.nodes import AlwaysSuccess, Sequence
-from uav_bt.tree.observer import NodeEvent, observe
-
-
-class Notes:
-    """Records events as `name event`."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
-    def note(self, node: Node, event: NodeEvent) -> None:
-        """Record an event."""
-        self.lines.append(f"{node.name} {event.value}")
-
-    def take(self) -> list[str]:
-        lines, self.lines = self.lines, []
-        return lines
-
-
-def test_a_node_notifies_its_observer_of_everything(world: World) -> None:
-    tree, notes = world.tree(f"<Sequence>{leaf('a', 'K')}{leaf('b', 'RR')}</Sequence>"), Notes()
-    observe(tree.nodes(), notes.note)
-    tree.tick()
-    assert notes.take() == [
-        *("Sequence started", "Sequence status", "a started", "a skipped"),
-        *("b started", "b status", "b continues", "Sequence continues"),
-    ]
-    tree.tick()
-    assert notes.take() == ["Sequence ran", "b ran", "b continues", "Sequence continues"]
-    tree.halt()
-    assert notes.take() == [
-        *("Sequence halting", "b halting", "b status", "b halted"),
-        *("Sequence status", "Sequence halted"),
-    ]
-
 
 # --- leaves that block ----------------------------------------------------------------------------
 

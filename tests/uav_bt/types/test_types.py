@@ -28,7 +28,6 @@ from uav_bt.types import (
     Velocity,
     clamp,
     limit_length,
-    wrap_angle,
 )
 
 CAMERA = CameraModel(
@@ -42,14 +41,6 @@ def obstacles(*points_m: tuple[float, float], **more: NDArray[np.float64]) -> Ne
 
 
 # --- angles ---------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("angle_rad", "wrapped_rad"),
-    [(0.0, 0.0), (math.pi, -math.pi), (-math.pi, -math.pi), (3.5 * math.pi, -0.5 * math.pi)],
-)
-def test_known_angles_are_folded(angle_rad: float, wrapped_rad: float) -> None:
-    assert wrap_angle(angle_rad) == pytest.approx(wrapped_rad)
 
 
 @pytest.mark.parametrize(("value", "bounded"), [(2.0, 1.5), (-2.0, -1.5), (0.3, 0.3)])
