@@ -116,10 +116,6 @@ WHOLE = (
             ((6, a("explore", dx_m=0.3)), (1, a("center")), (1, a("land", motors_on=False))),
             {"time_to_find_mark_s": 0.0, "search_distance_m": 0.0, "time_to_land_s": 0.5},
         ),
-        (  # it never explored
-            ((1, a("center")), (1, a("land", motors_on=False))),
-            {"time_to_find_mark_s": None, "time_to_land_s": None},
-        ),
         (  # it ends in the exploration, in a scene without boxes
             ((1, a("explore", dx_m=0.5)),),
             {"duration_s": 0.5, "total_distance_m": 0.5, "search_distance_m": None,

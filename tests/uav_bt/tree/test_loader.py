@@ -95,6 +95,10 @@ def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
     assert steer.port_value("policy") == "segmentation"
 
 
+ASYNC = "<AsyncSequence><Safe/></AsyncSequence>"
+NAMED = '<SubTree ID="Other" name="o"/>'
+
+
 @pytest.mark.parametrize(
     ("body", "message"),
     [
@@ -125,20 +129,8 @@ def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
         ('<SubTree ID="Other" a-b.c="1" _autoremap="maybe"/>', "expected true or false"),
         ('<SubTree ID="Other" x="{@mrk}"/>', "no key 'mrk'; did you mean 'mark'"),
         ('<SubTree ID="Steer"/>', "'Steer' is a node, no tree: write <Steer/>"),
-        (
-            (
-                "<ReactiveSequence><AsyncSequence><Safe/></AsyncSequence><AsyncSequence><Safe/>"
-                "</AsyncSequence></ReactiveSequence>"
-            ),
-            "a ReactiveSequence can have one AsyncSequence",
-        ),
-        (
-            (
-                '<Sequence><SubTree ID="Other" name="o"/><Inverter><SubTree ID="Other" name="o"/>'
-                "</Inverter></Sequence>"
-            ),
-            "SubTree 'o': the SubTree at m.xml:1:",
-        ),
+        (f"<ReactiveSequence>{ASYNC * 2}</ReactiveSequence>", "can have one AsyncSequence"),
+        (f"<Sequence>{NAMED}<Inverter>{NAMED}</Inverter></Sequence>", "'o': the SubTree at m.xml"),
     ],
 )
 def test_refused_nodes(body: str, message: str) -> None:
