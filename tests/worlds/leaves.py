@@ -10,10 +10,7 @@ from uav_bt.answers import Advance, Blocked
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import Says, live
 from uav_bt.tree import Leaf, MissionTree, Status, shipped_subtree
-from uav_bt.types import (
-    NearObstacles,
-    SiteMap,
-)
+from uav_bt.types import NearObstacles, SiteMap
 
 ADVANCE = Advance(forward_m=0.3, reason="clear")
 TURN_RIGHT = Blocked(yaw_rad=0.5, reason="obstacle")

@@ -9,11 +9,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from tests.uav_bt.groot.groot_world import (
-    GrootClient,
-    free_ports,
-    read_log,
-)
+from tests.uav_bt.groot.groot_world import GrootClient, free_ports, read_log
 from tests.worlds.trees import tree_file
 from uav_bt import app, plugins
 from uav_bt.groot import watched_live

@@ -11,13 +11,7 @@ import pytest
 
 from tests.worlds import values
 from uav_bt.mission.ground_height import GroundHeight
-from uav_bt.types import (
-    BodyVelocity,
-    DroneState,
-    FlyingState,
-    MeasurementTimes,
-    Observation,
-)
+from uav_bt.types import BodyVelocity, DroneState, FlyingState, MeasurementTimes, Observation
 
 TICK_S = 0.1
 FLYING_M = 1.5

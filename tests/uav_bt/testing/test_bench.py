@@ -17,14 +17,7 @@ from uav_bt.errors import (
 from uav_bt.protocols import LeafPolicy
 from uav_bt.testing import LeafBench, Says
 from uav_bt.tree import Leaf, Port, Status
-from uav_bt.types import (
-    Attitude,
-    BodyVelocity,
-    FlyingState,
-    GimbalTo,
-    MoveBy,
-    MovementState,
-)
+from uav_bt.types import Attitude, BodyVelocity, FlyingState, GimbalTo, MoveBy, MovementState
 
 
 class Step(Leaf):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,14 @@ from tests.worlds import values
 from uav_bt.errors import InputError, UnknownNameError, ValueRangeError
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone
-from uav_bt.testing import Fault, FaultyDrone, InjectedError, ScriptedDrone
+from uav_bt.testing import (
+    FAULTS,
+    Fault,
+    FaultKind,
+    FaultyDrone,
+    InjectedError,
+    ScriptedDrone,
+)
 from uav_bt.types import (
     Command,
     CutMotors,
@@ -360,3 +368,23 @@ def test_exact_masks_are_of_what_a_frame_shows() -> None:
     drone.disconnect()
     assert np.array_equal(masks[0], masks[1])
     assert not np.array_equal(masks[1], true)
+
+
+# --- the page -------------------------------------------------------------------------------------
+
+PAGE = Path(__file__).parents[3] / "docs" / "faults.md"
+
+
+def row(kind: FaultKind) -> str:
+    level = "" if kind.level is None else f"{kind.level:g} {kind.unit}"
+    bounded = math.isfinite(kind.least) or math.isfinite(kind.most)
+    limits = f"{kind.least:g} to {kind.most:g}" if bounded else "any"
+    return f"| `{kind.name}` | {kind.what} | {level} | {limits if level else ''} |"
+
+
+def test_the_page_has_the_kinds_as_the_code_has_them() -> None:
+    rows = "\n".join(row(kind) for kind in FAULTS.values())
+    table = f"| kind | effect | default level | range |\n|---|---|---|---|\n{rows}\n"
+    assert table in PAGE.read_text(encoding="utf-8"), (
+        f"docs/faults.md: replace the table by\n{table}"
+    )

@@ -7,14 +7,7 @@ import math
 import pytest
 
 from uav_bt.testing import ScriptedDrone
-from uav_bt.types import (
-    Command,
-    FlyingState,
-    Hover,
-    MoveBy,
-    MovementState,
-    TakeOff,
-)
+from uav_bt.types import Command, FlyingState, Hover, MoveBy, MovementState, TakeOff
 
 
 def flying() -> ScriptedDrone:

@@ -9,17 +9,9 @@ import pytest
 from tests.conformance import Scripted
 from tests.worlds.trees import World, document, leaf, subtree
 from uav_bt.board import HEIGHT, PHASE
-from uav_bt.errors import (
-    InputError,
-    MissionError,
-    NodeFailedError,
-    TreeError,
-)
+from uav_bt.errors import InputError, MissionError, NodeFailedError, TreeError
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree
-from uav_bt.tree.nodes import (
-    Parallel,
-    Repeat,
-)
+from uav_bt.tree.nodes import Parallel, Repeat
 
 A, B = leaf("a", "S"), leaf("b", "S")
 CASES = " ".join(f'case_{n}="{n}"' for n in range(1, 6))

@@ -12,13 +12,7 @@ from hypothesis import strategies as st
 from uav_bt.testing.maps import drawn_map
 from uav_bt.types import Pose2D
 from uav_bt.types.place import Place
-from uav_bt.types.place_frames import (
-    Goal,
-    Unresolved,
-    lab_to_start,
-    resolve,
-    start_place,
-)
+from uav_bt.types.place_frames import Goal, Unresolved, lab_to_start, resolve, start_place
 from uav_bt.types.site_map import MapMark, MapObject, SiteMap
 
 START = Pose2D(x_m=0.5, y_m=-0.25, yaw_rad=math.radians(90))  # faces the map's y

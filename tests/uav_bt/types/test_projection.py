@@ -11,12 +11,7 @@ from hypothesis import strategies as st
 
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import CameraModel
-from uav_bt.types.projection import (
-    elevation_to_row,
-    ground_points,
-    ground_range_to_row,
-    project,
-)
+from uav_bt.types.projection import elevation_to_row, ground_points, ground_range_to_row, project
 
 # Round numbers, unequal focal lengths as after a resize that changes the aspect.
 CAMERA = CameraModel(width_px=201, height_px=101, fx_px=100.0, fy_px=80.0, cx_px=100.0, cy_px=50.0)
