@@ -203,20 +203,6 @@ def test_a_described_subtree_knows_its_ports() -> None:
         parse_tree(text.replace('sped="1"', right), REGISTRY)
 
 
-def test_a_described_subtree_has_defaults(world: World) -> None:
-    text = document(
-        '<SubTree ID="Home"/>',
-        '<BehaviorTree ID="Home"><Steer height_m="{speed}"/></BehaviorTree>',
-        '<TreeNodesModel><SubTree ID="Home"><input_port name="speed" default="2.5"/></SubTree>'
-        "</TreeNodesModel>",
-    )
-    tree = parse_tree(text, REGISTRY)
-    tree.setup(world.context)
-    assert tree.find("Steer").port_value("height_m") == 2.5
-    found = findings(text.replace("2.5", "fast"))
-    assert "variable 'speed' holds a value that does not fit (expected a number" in found[0]
-
-
 def supply(*members: str) -> str:
     inner = "".join(f"<Member {member}/>" for member in members)
     return f'<TreeNodesModel><Enumeration ID="Supply">{inner}</Enumeration></TreeNodesModel>'
