@@ -44,10 +44,10 @@ class Safe(Leaf):
 REGISTRY = NodeRegistry([Scripted, Steer, Safe])
 
 
-def findings(text: str, **overrides: dict[str, str]) -> list[str]:
+def findings(text: str) -> list[str]:
     """Return the errors, without the path."""
     with pytest.raises(TreeError) as error:
-        parse_tree(text, REGISTRY, path="m.xml", overrides=overrides)
+        parse_tree(text, REGISTRY, path="m.xml")
     assert error.value.exit_code == 2
     return [finding.removeprefix("m.xml:") for finding in error.value.findings]
 
