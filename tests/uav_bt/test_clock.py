@@ -7,20 +7,6 @@ import time
 import pytest
 
 from uav_bt.clock import ManualClock, TickClock, WallClock
-from uav_bt.errors import ValueRangeError
-
-
-def test_a_manual_clock_stands_until_it_is_advanced() -> None:
-    clock = ManualClock(5.0)
-    assert clock.now() == clock.now() == 5.0
-    clock.advance(0.25)
-    assert clock.now() == 5.25
-    with pytest.raises(ValueRangeError, match=r"only moves forward, got -0\.1 s"):
-        clock.advance(-0.1)
-    clock.sleep_until(3.0)
-    assert clock.now() == 5.25
-    clock.sleep_until(6.0)
-    assert clock.now() == 6.0
 
 
 def test_a_wall_clock_sleeps_what_is_left_and_not_at_all_when_it_is_late(

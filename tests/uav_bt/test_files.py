@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from uav_bt.errors import FileError, SceneError
-from uav_bt.files import did_you_mean_file, reading, whole_file, write_whole, writing
+from uav_bt.files import did_you_mean_file, reading, whole_file, write_whole
 
 
 @pytest.mark.parametrize("content", ["größer\n", b"\x00\xff"])
@@ -42,11 +42,6 @@ def test_what_cannot_be_written_raises_and_nothing_is_left(tmp_path: Path) -> No
         write_whole(tmp_path / "absent" / "a", "new")
     assert caught.value.path == tmp_path / "absent" / "a"
     assert [path.name for path in tmp_path.iterdir()] == ["a"]
-
-
-def test_an_error_without_the_systems_words_tells_its_own(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="cannot be written: encoder gave up"), writing(tmp_path):
-        raise OSError("encoder gave up")
 
 
 @pytest.mark.parametrize(

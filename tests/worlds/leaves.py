@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from functools import partial
 from typing import Any
 
-import numpy as np
-
-from tests.paper_lab import CLASSES
+from tests.worlds import values
 from uav_bt.answers import Advance, Blocked
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import Says, live
 from uav_bt.tree import Leaf, MissionTree, Status, shipped_subtree
-from uav_bt.types import (
-    NearObstacles,
-    Pose2D,
-    SiteMap,
-)
+from uav_bt.types import NearObstacles, SiteMap
 
 ADVANCE = Advance(forward_m=0.3, reason="clear")
 TURN_RIGHT = Blocked(yaw_rad=0.5, reason="obstacle")
@@ -54,19 +47,4 @@ def replace_tree(bench: LeafBench, leaf: Leaf) -> None:
 
 def map_with(near: NearObstacles) -> SiteMap:
     """Return a map that views contradict: only its near obstacles are used."""
-    nothing, cells = np.empty((0, 2)), np.zeros((3, 3), dtype=bool)
-    return SiteMap(
-        classes=CLASSES,
-        pose=Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0),
-        corner_m=(-0.1, -0.1),
-        cell_m=0.1,
-        seen_s=np.full((3, 3), -math.inf),
-        free=cells,
-        outside=cells,
-        passed=cells,
-        obstacles_m=nothing,
-        edges_m=nothing,
-        captured_s=near.captured_s,
-        contradicted_s=9.0,
-        near=near,
-    )
+    return values.site_map(3, captured_s=near.captured_s, contradicted_s=9.0, near=near)

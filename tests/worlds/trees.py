@@ -78,6 +78,6 @@ def tree_file(folder: Path, body: str, name: str = "mission.xml") -> Path:
     return path
 
 
-def leaf(name: str, script: str) -> str:
-    """Return the XML of a scripted leaf."""
-    return f'<Scripted name="{name}" script="{script}"/>'
+def leaf(name: str, script: str, more: str = "") -> str:
+    """Return the XML of a scripted leaf; `more` are further attributes."""
+    return f'<Scripted name="{name}" script="{script}" {more}/>'

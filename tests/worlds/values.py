@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from tests.paper_lab import CLASSES
 from uav_bt.mission.flight_log import FlightLog
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.tick import TickRecord
@@ -22,6 +23,8 @@ from uav_bt.types import (
     Movement,
     Observation,
     Pose,
+    Pose2D,
+    SiteMap,
     Truth,
 )
 from uav_bt.types.arrays import Image
@@ -90,6 +93,25 @@ def frame(
         height_above_ground_m=height_m,
         **more,
     )
+
+
+def site_map(cells: int, **changes: Any) -> SiteMap:
+    """Return a map of so many cells a side around the origin, in which nothing was seen."""
+    no = np.zeros((cells, cells), dtype=np.bool_)
+    given: dict[str, Any] = {
+        "classes": CLASSES,
+        "pose": Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0),
+        "corner_m": (-0.05 * cells, -0.05 * cells),
+        "cell_m": 0.1,
+        "seen_s": np.full(no.shape, -math.inf),
+        "free": no,
+        "outside": no,
+        "passed": no,
+        "obstacles_m": np.empty((0, 2)),
+        "edges_m": np.empty((0, 2)),
+        "captured_s": 0.0,
+    }
+    return SiteMap(**{**given, **changes})
 
 
 def truth(pose: Pose, time_s: float = 0.0, **more: Any) -> Truth:

@@ -95,14 +95,6 @@ def test_a_key_is_declared_once(board: Blackboard) -> None:
         board.key("nmae")
 
 
-def test_a_snapshot_has_stale_values_too(board: Blackboard, manual_clock: ManualClock) -> None:
-    board.write(SPEED, 1.0)
-    manual_clock.advance(9.0)
-    board.write(NAME, "x", captured_s=8.5)
-    assert board.snapshot() == {"speed_mps": (1.0, 0.0), "name": ("x", 8.5)}
-    assert Blackboard(manual_clock, (NAME,)).snapshot() == {}  # boards are apart
-
-
 def test_a_leaf_has_access_to_what_it_declared(board: Blackboard) -> None:
     """It may read what it writes. A refusal names leaf, key and remedy."""
     view = BoardView(board, "Mission/look", reads=(SPEED,), writes=(NAME,))

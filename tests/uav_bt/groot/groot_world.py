@@ -1,4 +1,4 @@
-"""Helpers of the Groot tests: a scripted leaf, trees of it, and a Groot2 client.
+"""Helpers of the Groot tests: trees of scripted leaves, and a Groot2 client.
 
 The client is written from the protocol's specification and shares no code with the publisher.
 """
@@ -15,43 +15,19 @@ from xml.etree import ElementTree as ET
 import msgpack
 import zmq
 
+from tests.conformance import REGISTRY
+from tests.worlds.trees import document
 from uav_bt.board.blackboard import Blackboard, Key
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import ManualClock
-from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree
-from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS
+from uav_bt.tree import MissionTree, Status, parse_tree
 
-_LETTERS = {"S": SUCCESS, "F": FAILURE, "R": RUNNING, "K": SKIPPED}
 HEIGHT = Key("height_m", float, "a height")
-
-
-class Scripted(Leaf):
-    """Returns one letter of its script per tick, and repeats the last one."""
-
-    answers = tuple(_LETTERS.values())
-    ports = (Port("script", str, doc="S success, F failure, R running, K skipped"),)
-    _ticks = 0
-
-    def update(self) -> Status:
-        script = self.port_value("script")
-        letter = script[min(self._ticks, len(script) - 1)]
-        self._ticks += 1
-        return _LETTERS[letter]
-
-
-REGISTRY = NodeRegistry([Scripted])
-
-
-def leaf(name: str, script: str, more: str = "") -> str:
-    """Return the XML of a scripted leaf."""
-    return f'<Scripted name="{name}" script="{script}" {more}/>'
 
 
 def make_tree(body: str, *more: str) -> MissionTree:
     """Return a tree from the XML of its root node, not set up; `more` are further trees."""
-    main = f'<BehaviorTree ID="Main">{body}</BehaviorTree>{"".join(more)}'
-    root = f'<root BTCPP_format="4" main_tree_to_execute="Main">{main}</root>'
-    return parse_tree(root, REGISTRY)
+    return parse_tree(document(body, *more), REGISTRY)
 
 
 def make_context(clock: ManualClock | None = None) -> MissionContext:

@@ -7,7 +7,8 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from tests.uav_bt.groot.groot_world import leaf, make_tree
+from tests.uav_bt.groot.groot_world import make_tree
+from tests.worlds.trees import leaf
 from uav_bt import app
 from uav_bt.errors import InputError
 from uav_bt.groot import TreeNumbering

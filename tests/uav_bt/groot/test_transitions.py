@@ -8,7 +8,9 @@ from typing import Any
 
 import pytest
 
-from tests.uav_bt.groot.groot_world import REGISTRY, leaf, make_context, make_tree
+from tests.conformance import REGISTRY
+from tests.uav_bt.groot.groot_world import make_context, make_tree
+from tests.worlds.trees import leaf
 from uav_bt.clock import ManualClock
 from uav_bt.errors import NodeFailedError
 from uav_bt.groot import TransitionRecorder, TreeNumbering
@@ -68,34 +70,6 @@ def test_a_node_that_raises_leaves_everything_idle() -> None:
     with pytest.raises(NodeFailedError, match="IndexError"):
         tree.tick()
     assert taken(recorder) == "1R 2S 3R 2I 3I 1I"
-
-
-def test_transitions_are_dated_by_the_mission_clock() -> None:
-    tree, recorder, clock = watched(leaf("a", "RS"))
-    clock.advance(0.1)
-    tree.tick()
-    clock.advance(0.2)
-    tree.tick()
-    assert [item.time_us for item in recorder.take()] == [100_000, 300_000, 300_000]
-
-
-def test_a_tree_is_left_as_it_was() -> None:
-    """After the detachment the recorder observes no node and records nothing."""
-    tree = make_tree(f"<Inverter>{leaf('a', 'S')}</Inverter>")
-    tree.setup(make_context())
-    tree.tick()
-    recorder, other = (TransitionRecorder(TreeNumbering(tree), ManualClock()) for _ in range(2))
-    recorder.attach()
-    other.attach()
-    other.detach()  # several can watch a tree
-    assert all(node.observer is not None for node in tree.nodes())
-    tree.tick()
-    recorder.detach()
-    recorder.detach()  # a second call has no effect
-    assert all(node.observer is None for node in tree.nodes())
-    tree.tick()
-    assert taken(recorder) == "1I 1R 2S 1F 2I 1I"  # the one tick in between
-    assert taken(other) == "1I"
 
 
 def test_watching_changes_nothing_and_misses_nothing() -> None:

@@ -9,14 +9,9 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from tests.uav_bt.groot.groot_world import (
-    GrootClient,
-    free_ports,
-    read_log,
-)
+from tests.uav_bt.groot.groot_world import GrootClient, free_ports, read_log
 from tests.worlds.trees import tree_file
 from uav_bt import app, plugins
-from uav_bt.errors import FileError, InputError
 from uav_bt.groot import watched_live
 from uav_bt.mission.tick import TickRecord
 from uav_bt.testing import ScriptedDroneConfig
@@ -83,15 +78,3 @@ def test_groot2_sees_the_flight_while_it_goes_on(mission: Path) -> None:
     assert any(statuses == {1: 1, 2: 2, 3: 1, 4: 0} for statuses in seen)
     assert seen[-1] == {1: 12, 2: 12, 3: 12, 4: 12}
     assert max(heights) == pytest.approx(1.0, abs=0.2)
-
-
-def test_ports_and_names_are_refused_before_anything_flies(tmp_path: Path) -> None:
-    port = free_ports()
-    with (
-        watched_live(groot=port),
-        pytest.raises(InputError, match="Groot2 needs ports"),
-        watched_live(groot=port),
-    ):
-        pytest.fail("flown without its port")
-    with pytest.raises(FileError, match="only files named"), watched_live(btlog=tmp_path / "a.txt"):
-        pytest.fail("flown without its log")

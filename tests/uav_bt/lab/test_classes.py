@@ -10,7 +10,7 @@ import pytest
 
 from uav_bt.errors import UnknownNameError, ValueRangeError
 from uav_bt.lab.classes import MAX_CLASSES, LabClass, LabClasses
-from uav_bt.lab.roles import GROUND, MARK, OBSTACLE, OUTSIDE, ROLE_NAMES, RoleName
+from uav_bt.lab.roles import GROUND, MARK, OBSTACLE, OUTSIDE, RoleName
 from uav_bt.lab.shipped import load_lab
 
 PAPER = load_lab("paper").classes
@@ -25,25 +25,6 @@ def on_legs(name: str, role: RoleName, legs_m: float) -> LabClass:
 
 
 WALL = a_class("wall", "outside")
-
-
-def test_the_papers_lab_has_seventeen_classes_with_unique_colours() -> None:
-    assert len(PAPER) == len(set(PAPER.names)) == 17
-    assert len({tuple(colour) for colour in PAPER.colours.tolist()}) == 17
-    assert PAPER.roles(np.arange(17, dtype=np.uint8)).tolist() == [0, 1, 2, 2] + [3] * 13
-    image = PAPER.colourise(np.array([[0, 16]], dtype=np.uint8))
-    assert image[0].tolist() == PAPER.colours[[0, 16]].tolist()
-    assert LabClasses(PAPER) == PAPER != LabClasses([*PAPER][:2])
-    assert hash(LabClasses(PAPER)) == hash(PAPER)
-    assert LabClasses.by_role().names == ROLE_NAMES
-
-
-def test_the_papers_boxes_carry_roofs_and_the_landing_box_carries_the_mark() -> None:
-    assert PAPER.names[PAPER.ground] == "carpet"
-    assert PAPER.mark_sides == PAPER.id_of("helipad_box")
-    assert PAPER.mark_top == PAPER.id_of("helipad_h")
-    assert [PAPER.names[each] for each in PAPER.standing] == [f"box_{k}" for k in range(1, 9)]
-    assert PAPER.top_of[PAPER.id_of("box_7")] == PAPER.id_of("roof_2")
 
 
 def test_ids_beyond_the_classes_or_of_another_type_are_refused() -> None:

@@ -42,11 +42,6 @@ def velocity(movement: Movement) -> Velocity:
     return movement
 
 
-def test_far_from_the_boundary_a_velocity_passes() -> None:
-    guard, fast = AreaGuard(AREA), Velocity(forward_mps=0.3, right_mps=-0.2, yaw_rate_radps=1.0)
-    assert guard.limited(fast, at(0.0, -0.8)) == fast
-
-
 def test_near_the_boundary_a_velocity_is_slower_in_the_same_direction() -> None:
     """A deflected movement could end in an obstacle."""
     flown = velocity(

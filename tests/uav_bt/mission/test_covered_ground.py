@@ -56,14 +56,6 @@ def test_hovering_passes_a_disc_and_a_straight_way_a_band() -> None:
     assert along.shares()[0] == pytest.approx(0.25, abs=0.002)
 
 
-def test_near_a_corner_only_the_ground_counts() -> None:
-    corner = CoveredGround(BARE, CAMERA)
-    corner.add(0.0, truth(2.5, 2.0))
-    assert corner.shares()[0] == pytest.approx(math.pi * 0.25 / 4 / 20.0, rel=0.03)
-    corner.add(0.1, truth(4.0, 9.0))  # outside the room
-    assert corner.shares()[0] == pytest.approx(math.pi * 0.25 / 4 / 20.0, rel=0.03)
-
-
 def _seen_by_rendering(pose: CameraPose, ids: NDArray[np.uint8]) -> tuple[Flags, Flags]:
     """Return the mask of cells that an image shows as ground, and of cells away from edges."""
     height_px, width_px = ids.shape

@@ -42,7 +42,6 @@ GROUND, AIR = {"flying": FlyingState.LANDED}, {"flying": FlyingState.HOVERING}
 @pytest.mark.parametrize(
     ("ticks", "events"),
     [
-        (({}, {}, {}), []),
         (
             ({}, STALE, STALE, LINK, {}),
             [
@@ -52,13 +51,6 @@ GROUND, AIR = {"flying": FlyingState.LANDED}, {"flying": FlyingState.HOVERING}
                 (EventKind.OVERRIDE_OVER, "link lost"),
             ],
         ),
-        (
-            (MANUAL, MANUAL, {}),
-            [
-                (EventKind.PILOT, "a person took over"),
-                (EventKind.PILOT_OVER, "the mission goes on"),
-            ],
-        ),
         ((GROUND, AIR, GROUND, GROUND, AIR, GROUND), [(EventKind.LANDED, "the drone landed")] * 2),
     ],
 )
@@ -66,24 +58,6 @@ def test_a_change_is_an_event(
     ticks: tuple[dict[str, Any], ...], events: list[tuple[str, str]]
 ) -> None:
     assert events_of(*ticks) == events
-
-
-def test_failed_branches_and_the_end_have_path_and_reason() -> None:
-    context = MissionContext()
-    turn, land = ScriptedLeaf("Turn"), ScriptedLeaf("Land")
-    turn.path, land.path = "M/s/Turn", "M/Land"
-    turn.feedback_message = "kept from turning"
-    assert events_of(
-        {"ends": BranchEnds(failed=(turn,))},
-        {"ends": BranchEnds(ended=land, succeeded=True)},
-        {"ends": BranchEnds(ended=turn)},
-        context=context,
-    ) == [
-        (EventKind.FAILED, "Turn: kept from turning"),
-        (EventKind.ENDED, "the tree succeeded at Land"),
-        (EventKind.ENDED, "the tree failed at Turn: kept from turning"),
-    ]
-    assert [event.node for event in context.notes.events] == ["M/s/Turn", "M/Land", "M/s/Turn"]
 
 
 def test_the_last_failure_is_kept_unless_the_tree_fails_with_a_reason() -> None:

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.paper_lab import CLASSES
 from tests.worlds import values
 from uav_bt.board import MARK, MISSION_KEYS, ODOMETRY, SITE_MAP
 from uav_bt.board.blackboard import Blackboard
@@ -28,7 +27,6 @@ from uav_bt.types import (
     MarkFix,
     Observation,
     Pose2D,
-    SiteMap,
 )
 from uav_bt.types.area import Area
 from uav_bt.types.dead_reckoning import OdometryPose
@@ -71,28 +69,11 @@ class World:
         self.board.write(ODOMETRY, motion, captured_s=now_s)
 
     def map(self, **changes: object) -> None:
-        self.board.write(SITE_MAP, site_map(self.clock.now(), **changes))
-
-
-def site_map(captured_s: float, **changes: object) -> SiteMap:
-    """Return a map of 10 x 10 cells of ground, a quarter of them passed."""
-    cells = np.zeros((10, 10), dtype=bool)
-    passed = cells.copy()
-    passed[:5, :5] = True
-    given: dict[str, object] = {
-        "classes": CLASSES,
-        "pose": Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0),
-        "corner_m": (-0.5, -0.5),
-        "cell_m": 0.1,
-        "seen_s": np.full((10, 10), captured_s),
-        "free": cells,
-        "outside": cells,
-        "passed": passed,
-        "obstacles_m": np.empty((0, 2)),
-        "edges_m": np.empty((0, 2)),
-        "captured_s": captured_s,
-    }
-    return SiteMap(**(given | changes))  # type: ignore[arg-type]
+        """Write a map of 10 x 10 cells that were seen now, a quarter of them passed."""
+        now_s, passed = self.clock.now(), np.zeros((10, 10), dtype=bool)
+        passed[:5, :5] = True
+        given = {"captured_s": now_s, "seen_s": np.full((10, 10), now_s), "passed": passed}
+        self.board.write(SITE_MAP, values.site_map(10, **(given | changes)))
 
 
 def test_a_mission_without_perception_knows_the_drone_alone() -> None:

@@ -115,9 +115,7 @@ NO_TURN, UNDONE = "it does not turn", "its movements are not done"
         (steps(3.0, DONE), ""),
         (steps(1.5, RUNNING), ""),  # steps that flow into each other need no end
         (steps(6.0, RUNNING), UNDONE),
-        (steps(100.0, RUNNING), UNDONE),
         (steps(1.0, MovementState.INTERRUPTED), INTERRUPTED),
-        (steps(1.0, MovementState.REJECTED), INTERRUPTED),
         (steps(2.0, DONE, ordered_rad=0.6, turned_rad=0.6), ""),
         (steps(2.0, DONE, ordered_rad=0.6), NO_TURN),
         (steps(2.0, DONE, ordered_rad=0.6, turned_rad=-0.6), NO_TURN),
@@ -130,7 +128,6 @@ NO_TURN, UNDONE = "it does not turn", "its movements are not done"
         (turns(to_and_fro, lambda now_s: TO_AND_FRO_RAD[step_of(now_s) // 2]), ""),
         (turns(to_and_fro, lambda _: 0.0), NO_TURN),
         (steady(Land()), "it does not land"),
-        (steady(Land(), flying=FlyingState.LANDING), ""),
         (steady(TakeOff(), flying=FlyingState.LANDED), "it does not take off"),
         (swaying(lambda _: 0.4), "it drifts at 0.40 m/s while it should hover: is there wind?"),
         (swaying(lambda _: 0.1), ""),

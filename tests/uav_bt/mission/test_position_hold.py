@@ -160,16 +160,6 @@ def test_a_velocity_flight_goes_where_it_is_ordered_to() -> None:
     assert body.x_m == pytest.approx(0.4 * 8.0, abs=0.2)
 
 
-def test_a_place_follows_a_slow_order() -> None:
-    """A turn that keeps a distance from an obstacle moves at a few cm/s."""
-    body = Body(drift_mps=(-0.1, 0.0))
-    body.fly(Hover(), 5.0)
-    x_m = body.x_m
-    body.fly(Velocity(forward_mps=0.08), 5.0)
-
-    assert body.x_m - x_m == pytest.approx(0.4, abs=0.06)
-
-
 def drifting() -> Body:
     body = Body(drift_mps=(0.1, 0.0))
     body.fly(Hover(), 10.0)
@@ -325,12 +315,6 @@ def test_a_disturbance_of_the_last_moment_does_not_count_without_frames() -> Non
     body.fly(Hover(), 1.5)
 
     assert_held(body.hold.against_drift(Hover(), body.state(), body.now_s), -0.1)
-
-
-def test_a_drift_that_was_not_measured_for_long_is_not_known() -> None:
-    body = Body(drift_mps=(0.1, 0.0))
-    body.fly(Hover(), 3.0)
-    assert body.hold.against_drift(Hover(), body.state(), body.now_s) == Hover()
 
 
 def test_a_known_bias_of_telemetry_is_no_disturbance_in_a_turn_without_ground() -> None:

@@ -116,12 +116,6 @@ def test_all_faults_come_together() -> None:
     assert "its altitude is nan" in bad["telemetry"].found
 
 
-def test_waiting_is_bounded() -> None:
-    drone = Parked(frames=False)
-    check_drone(drone, PreflightConfig(wait_s=2.0))
-    assert drone.clock.now() == pytest.approx(2.0, abs=0.2)
-
-
 RANDOM = np.random.default_rng(0)
 LAB = RANDOM.integers(60, 180, (4, 7, 3)).repeat(9, axis=0).repeat(10, axis=1)[:, :64]
 

@@ -155,22 +155,6 @@ def test_a_conflict_names_both_leaves_and_keeps_the_first() -> None:
     assert (proposals.movement, proposals.movement_owner) == (Land(), "Mission/leaf")
 
 
-def test_a_leaf_may_change_its_mind_within_a_tick() -> None:
-    proposals = proposing(Land(), DOWN)
-    proposals.propose("Mission/leaf", Hover())
-    proposals.propose_gimbal("Mission/leaf", GimbalTo(pitch_rad=0.0))
-    assert (proposals.movement, proposals.gimbal) == (Hover(), GimbalTo(pitch_rad=0.0))
-
-
-def test_clearing_forgets_all_but_the_count_of_ids() -> None:
-    proposals = proposing(Land(), DOWN)
-    first = proposals.next_id()
-    proposals.clear()
-    assert (proposals.movement, proposals.movement_owner, proposals.gimbal) == (None, None, None)
-    proposals.propose("Mission/other", Hover())
-    assert proposals.next_id() == first + 1
-
-
 # --- landings -------------------------------------------------------------------------------------
 
 OLD = [{"frame_age_s": 5.0}, {"state_age_s": 5.0}, {"state_age_s": 0.8}, {"frame_age_s": 0.8}]

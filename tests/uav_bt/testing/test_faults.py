@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,11 +12,18 @@ import pytest
 
 from sim_bridge.plain import PlainConfig
 from sim_bridge.twin import TwinConfig
+from tests.worlds import values
 from uav_bt.errors import InputError, UnknownNameError, ValueRangeError
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone
-from uav_bt.testing import FAULTS, Fault, FaultyDrone, InjectedError, ScriptedDrone
-from uav_bt.tree import Status
+from uav_bt.testing import (
+    FAULTS,
+    Fault,
+    FaultKind,
+    FaultyDrone,
+    InjectedError,
+    ScriptedDrone,
+)
 from uav_bt.types import (
     Command,
     CutMotors,
@@ -63,19 +71,7 @@ def ticks(drone: FaultyDrone, world: World, *movements: Any, phase: str = "") ->
 
 
 def tick_of(phase: str, observation: Observation, time_s: float) -> TickRecord:
-    return TickRecord(
-        index=0,
-        time_s=time_s,
-        observation=observation,
-        tree_status=Status.RUNNING,
-        phase=phase,
-        active=(),
-        command=Command(movement=Hover()),
-        proposed_by=None,
-        override=None,
-        compute_s=0.0,
-        truth=None,
-    )
+    return values.tick(observation.state, time_s=time_s, phase=phase)
 
 
 def last(text: str) -> Observation:
@@ -88,26 +84,16 @@ def last(text: str) -> Observation:
 
 
 @pytest.mark.parametrize(
-    "text",
-    ["black@start", "late=0.7@explore+1~30", "height-nan@emergency landing", "slow@land~0.5"],
-)
-def test_a_fault_is_written_as_it_was_read(text: str) -> None:
-    assert str(Fault.parse(text)) == text
-
-
-@pytest.mark.parametrize(
     ("text", "error", "said"),
     [
         ("blakc", UnknownNameError, "did you mean 'black'"),
         ("late=old", ValueRangeError, "fault 'late=old': expected a number as level, got 'old'"),
         ("late@", ValueRangeError, r"is written KIND\[=LEVEL\]"),
         ("late~-1", ValueRangeError, "expected a duration of more than 0 s, got -1; a fault with"),
-        ("late~nan", ValueRangeError, "expected a duration of more than 0 s, got nan"),
         ("late@explore+nan", ValueRangeError, "expected a delay of 0 s or more, got nan"),
         ("black=3", ValueRangeError, "takes no level, got 3"),
         ("noise=-1", ValueRangeError, "expected a level from 0 to 255 grey levels, got -1"),
         ("slow=0", ValueRangeError, "expected a level from 0.2 to 30 frames/s, got 0"),
-        ("covered=9", ValueRangeError, "expected a level from 0 to 1 of the light, got 9"),
     ],
 )
 def test_other_texts_are_refused(text: str, error: type[Exception], said: str) -> None:
@@ -123,7 +109,6 @@ def test_other_texts_are_refused(text: str, error: type[Exception], said: str) -
         ("+0.3~0.3", 3, 3),
         ("~0.1", 0, 1),
         ("+0.02~0.05", 1, 1),  # one that is shorter than a tick lasts a tick
-        ("~1e-9", 0, 1),
     ],
 )
 def test_a_fault_begins_and_lasts_by_the_clock(time: str, first: int, count: int) -> None:
@@ -183,14 +168,6 @@ def test_images_change(text: str, low: int, high: int) -> None:
     assert (frame.image != 13).any()
 
 
-def test_noise_is_the_same_for_the_same_frame() -> None:
-    first, second = last("noise").frame, last("noise").frame
-    assert first is not None
-    assert second is not None
-    assert np.array_equal(first.image, second.image)
-    assert first.image.std() > 20
-
-
 @pytest.mark.parametrize(
     ("text", "index"),
     [("late=0.2", 1), ("late=6", 0), ("slow=5@start", 2), ("video-lost@start+0.2", 1)],
@@ -220,11 +197,9 @@ def test_frames_lose_their_form() -> None:
         ("height-absurd", "height_m", 1e4),
         ("height-bias=0.2", "altitude_m", 0.2),
         ("attitude-nan", "attitude.yaw_rad", math.nan),
-        ("attitude-absurd", "attitude.roll_rad", 100.0),
         ("yaw-jump=0.5", "attitude.yaw_rad", 0.5),
         ("yaw-drift=1@start+0.2", "attitude.yaw_rad", 0.1),
         ("gimbal-nan", "gimbal_pitch_rad", math.nan),
-        ("gimbal-absurd", "gimbal_pitch_rad", 50.0),
         ("time-jump", "captured_s", 5.3),
     ],
 )
@@ -245,7 +220,6 @@ def test_telemetry_of_state_and_frame_change_alike(kind: str, what: str, expecte
         ("velocity-bias=0.4", "velocity.forward_mps", 0.4),
         ("position-jump@start+0.3", "velocity.forward_mps", 10.0),
         ("position-jump@start+0.2", "velocity.forward_mps", 0.0),
-        ("battery-nan", "battery", math.nan),
         ("battery-drains=1@start+0.2", "battery", 0.9),
         ("no-telemetry@start+0.2", "captured_s", 0.1),
         ("link-lost@start+0.2", "captured_s", 0.1),
@@ -329,7 +303,6 @@ def test_drones_and_listeners_raise() -> None:
 
 
 def test_an_error_of_a_fault_names_it() -> None:
-    """Other faults of the drone are not named."""
     drone = FaultyDrone(faulty("observe-raises@start~3")[0], Fault.parse("black"))
     with pytest.raises(InjectedError) as caught:
         drone.observe()
@@ -367,7 +340,6 @@ def hovering_off_m(*faults: str) -> tuple[float, float]:
 
 
 def test_wind_pushes_drift_is_not_noticed_and_several_faults_add_up() -> None:
-    """An image fault in between passes them on, and one that is over takes nothing away."""
     wind, drift = hovering_off_m("wind=0.8@start+4"), hovering_off_m("drift=0.2@start+4")
     assert wind[0] == pytest.approx(0.2, abs=0.05)  # the drone tilts against the wind
     assert drift[0] == pytest.approx(1.2, abs=0.15)
@@ -398,10 +370,21 @@ def test_exact_masks_are_of_what_a_frame_shows() -> None:
     assert not np.array_equal(masks[1], true)
 
 
-def test_every_kind_has_words_and_an_effect() -> None:
-    for name, kind in FAULTS.items():
-        assert name == kind.name
-        assert kind.what
-        assert bool(kind.unit) == (kind.level is not None)
-        assert kind.level is None or kind.least <= kind.level <= kind.most
-        assert any((kind.observe, kind.send, kind.disturb, kind.follow))
+# --- the page -------------------------------------------------------------------------------------
+
+PAGE = Path(__file__).parents[3] / "docs" / "faults.md"
+
+
+def row(kind: FaultKind) -> str:
+    level = "" if kind.level is None else f"{kind.level:g} {kind.unit}"
+    bounded = math.isfinite(kind.least) or math.isfinite(kind.most)
+    limits = f"{kind.least:g} to {kind.most:g}" if bounded else "any"
+    return f"| `{kind.name}` | {kind.what} | {level} | {limits if level else ''} |"
+
+
+def test_the_page_has_the_kinds_as_the_code_has_them() -> None:
+    rows = "\n".join(row(kind) for kind in FAULTS.values())
+    table = f"| kind | effect | default level | range |\n|---|---|---|---|\n{rows}\n"
+    assert table in PAGE.read_text(encoding="utf-8"), (
+        f"docs/faults.md: replace the table by\n{table}"
+    )

@@ -9,14 +9,6 @@ from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.testing import drawn_map
 
 
-def test_the_ground_is_a_square_around_the_origin() -> None:
-    site_map = drawn_map(ground_m=5.0)
-    for x_m, y_m, inside in ((2.45, -2.45, True), (2.65, 0.0, False), (0.0, -2.65, False)):
-        assert site_map.ground[site_map.cell_of(x_m, y_m)] == inside
-        assert site_map.outside[site_map.cell_of(x_m, y_m)] != inside
-    assert tuple(site_map.places_m()[0, 0]) == pytest.approx((-3.5, -3.5))
-
-
 def test_walls_have_points_from_end_to_end() -> None:
     points = drawn_map(
         walls=[((1.0, -0.5), (1.0, 0.5)), ((0.0, 1.0), (0.0, 1.0))], obstacles=np.array([[-1, 0]])
@@ -26,15 +18,6 @@ def test_walls_have_points_from_end_to_end() -> None:
     assert (wall[0, 1], wall[-1, 1]) == pytest.approx((-0.5, 0.5))
     assert np.diff(wall[:, 1]).max() <= 0.05 + 1e-9
     assert (points[-2:] == (0.0, 1.0)).all()
-
-
-def test_unknown_ground_is_neither_seen_nor_free() -> None:
-    known = drawn_map().places_m()[..., 0] < 0.5
-    site_map = drawn_map(known=known)
-    ahead = site_map.cell_of(1.0, 0.0)
-    assert not site_map.ground[ahead]
-    assert not site_map.free[ahead]
-    assert not site_map.outside[ahead]
 
 
 def test_what_does_not_fit_is_refused() -> None:

@@ -28,7 +28,6 @@ BAD = GOOD.replace("<AlwaysSuccess/>", '<Sequence><Alwayssuccess/><Sleep msecs="
 
 
 def test_tree_files_are_collected_and_checked(pytester: pytest.Pytester) -> None:
-    """Valid files pass, invalid ones show only their findings, other XML is not collected."""
     trees = pytester.mkdir("trees")
     for name, text in {
         "good": GOOD,
@@ -67,7 +66,6 @@ def test_collected_tree_files_use_each_others_trees(pytester: pytest.Pytester) -
 
 
 def test_the_ini_file_can_ask_for_the_collection(pytester: pytest.Pytester) -> None:
-    """Without the option and the ini entry, tree files are not collected."""
     pytester.path.joinpath("mission.xml").write_text(GOOD, encoding="utf-8")
     assert run(pytester).ret == pytest.ExitCode.NO_TESTS_COLLECTED
     pytester.makeini("[pytest]\nuav_bt_check_trees = true\n")
@@ -75,7 +73,6 @@ def test_the_ini_file_can_ask_for_the_collection(pytester: pytest.Pytester) -> N
 
 
 def test_fixtures(pytester: pytest.Pytester) -> None:
-    """A tree bench and a strict board are available as fixtures."""
     pytester.path.joinpath("mission.xml").write_text(GOOD, encoding="utf-8")
     pytester.makepyfile(
         """

@@ -6,23 +6,8 @@ import math
 
 import pytest
 
-from uav_bt.errors import ValueRangeError
-from uav_bt.protocols import Drone
-from uav_bt.testing import ScriptedDrone, ScriptedDroneConfig
-from uav_bt.types import (
-    Command,
-    CutMotors,
-    DroneState,
-    FlyingState,
-    GimbalTo,
-    Hover,
-    Land,
-    MoveBy,
-    MovementState,
-    Observation,
-    TakeOff,
-    Velocity,
-)
+from uav_bt.testing import ScriptedDrone
+from uav_bt.types import Command, FlyingState, Hover, MoveBy, MovementState, TakeOff
 
 
 def flying() -> ScriptedDrone:
@@ -38,28 +23,7 @@ def word(drone: ScriptedDrone) -> tuple[int, MovementState] | None:
     return (status.id, status.state) if status else None
 
 
-def test_it_is_a_drone() -> None:
-    drone = ScriptedDrone()
-    assert isinstance(drone, Drone)
-    drone.connect()
-    assert drone.connected
-    drone.disconnect()
-    assert not drone.connected
-
-
-def test_it_takes_off_and_lands() -> None:
-    """Take-off and landing take their configured number of commands."""
-    drone = ScriptedDrone(config=ScriptedDroneConfig(take_off_ticks=2, landing_ticks=2))
-    states = []
-    for movement in (TakeOff(), TakeOff(), Hover(), Land(), Land(), Hover()):
-        drone.send(Command(movement=movement))
-        states.append(drone.observe().state.flying.value)
-    assert states == ["taking_off", "hovering", "hovering", "landing", "landed", "landed"]
-    assert drone.state.height_m == 0.0
-
-
 def test_a_movement_ends_after_its_ticks() -> None:
-    """The same id continues the movement, which ends exactly and is not repeated."""
     drone = flying()
     move = MoveBy(id=4, forward_m=1.0, down_m=-0.5, yaw_rad=math.pi / 2)
     words = []
@@ -78,7 +42,6 @@ def test_a_movement_ends_after_its_ticks() -> None:
 
 
 def test_a_new_movement_supersedes_and_anything_else_cancels() -> None:
-    """A movement that is no longer proposed is interrupted."""
     drone = flying()
     drone.send(Command(movement=MoveBy(id=1, forward_m=1.0)))
     drone.send(Command(movement=MoveBy(id=2, forward_m=1.0)))
@@ -86,17 +49,6 @@ def test_a_new_movement_supersedes_and_anything_else_cancels() -> None:
     drone.send(Command(movement=Hover()))
     assert word(drone) == (2, MovementState.INTERRUPTED)
     assert drone.x_m == 0.0
-
-
-def test_velocity_and_gimbal_and_the_last_resort() -> None:
-    """A velocity moves it for a tick, the gimbal has a separate channel, a motor cut lands it."""
-    drone = flying()
-    sent = drone.send(Command(movement=Velocity(right_mps=1.0), gimbal=GimbalTo(pitch_rad=-1.0)))
-    assert drone.commands == [sent]
-    assert drone.y_m == pytest.approx(-0.1)
-    assert drone.observe().frame.gimbal_pitch_rad == -1.0  # type: ignore[union-attr]
-    drone.send(Command(movement=CutMotors()))
-    assert drone.state.flying is FlyingState.LANDED
 
 
 def test_on_the_ground_movements_are_rejected_and_frames_are_of_now() -> None:
@@ -108,19 +60,3 @@ def test_on_the_ground_movements_are_rejected_and_frames_are_of_now() -> None:
     assert frame is not None
     assert frame.index == 1
     assert frame.captured_s == pytest.approx(0.1)
-
-
-def test_a_script_is_shown_in_order() -> None:
-    """Given observations are returned in order, and the last one is repeated."""
-    shown = [
-        Observation(frame=None, state=DroneState(captured_s=s, flying=FlyingState.LANDED))
-        for s in (0.0, 1.0)
-    ]
-    drone = ScriptedDrone(shown)
-    assert [drone.observe() for _ in range(3)] == [shown[0], shown[1], shown[1]]
-
-
-def test_settings_are_checked() -> None:
-    """A duration of 0 ticks is refused."""
-    with pytest.raises(ValueRangeError, match="1 or more"):
-        ScriptedDroneConfig(movement_ticks=0)

@@ -22,7 +22,6 @@ def land_only(**mocks: str) -> TreeBench:
 
 
 def test_landing_follows_finding_the_pad() -> None:
-    """Perception runs in every tick, the emergency landing never."""
     bench = land_only()
     ticks = bench.tick_until(Status.SUCCESS, max_ticks=20)
     bench.log.assert_order(
@@ -34,7 +33,6 @@ def test_landing_follows_finding_the_pad() -> None:
 
 @pytest.mark.parametrize(("centring", "tries"), [("FFS", 3), ("FFFFS", 5)])
 def test_a_pad_that_is_lost_is_searched_for_again(centring: str, tries: int) -> None:
-    """It is searched for up to five times."""
     bench = land_only(HelipadCenter=centring)
     bench.tick_until(Status.SUCCESS, max_ticks=40)
     bench.log.assert_started("ReturnToBase", times=tries)
@@ -43,7 +41,6 @@ def test_a_pad_that_is_lost_is_searched_for_again(centring: str, tries: int) -> 
 
 @pytest.mark.parametrize("mocks", [{"HelipadCenter": "F"}, {"TakeOff": "RF"}])
 def test_what_fails_for_good_ends_in_an_emergency_landing(mocks: dict[str, str]) -> None:
-    """For any failing leaf the mission ends with FAILURE."""
     bench = land_only(**mocks)
     bench.tick_until(Status.FAILURE, max_ticks=40)
     bench.log.assert_order("return_and_land failed", "EmergencyLand started", "mission failed")
@@ -85,7 +82,6 @@ def test_exploring_ends_after_its_time_in_the_middle_of_a_step() -> None:
     ],
 )
 def test_near_the_edge_the_camera_is_lowered_to_the_ground(mission: str) -> None:
-    """Without ground in view a wrong velocity of the telemetry leads over the edge."""
     bench = load_tree(TREES / f"{mission}.xml", mocks={"*": "S", "Explore": "RRF", "Avoid": "R"})
     for _ in range(6):
         bench.tick()
@@ -104,7 +100,6 @@ def survey_any_room(senses: str, view: str) -> TreeBench:
 def test_nothing_is_flown_by_a_view_that_contradicts_itself(
     view: str, turns: int, explores: int
 ) -> None:
-    """It turns until the view agrees, and then explores on."""
     bench = survey_any_room("S", view)
     for _ in range(12):
         bench.tick()
@@ -114,7 +109,6 @@ def test_nothing_is_flown_by_a_view_that_contradicts_itself(
 
 @pytest.mark.parametrize("senses", ["SF", "SSSSSF"])
 def test_senses_that_disagree_for_long_end_the_survey(senses: str) -> None:
-    """During the take-off, too."""
     bench = survey_any_room(senses, "S")
     for _ in range(8):
         bench.tick()

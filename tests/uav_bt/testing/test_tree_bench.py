@@ -8,10 +8,9 @@ import pytest
 
 from uav_bt.board import ELAPSED, HEIGHT, STATE
 from uav_bt.errors import NodeFailedError, TreeError, ValueRangeError
-from uav_bt.testing import TreeBench, load_tree, parse_tree
-from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status
-from uav_bt.tree.scripted import ScriptedLeaf
-from uav_bt.types import GimbalTo, Hover, MoveBy
+from uav_bt.testing import load_tree, parse_tree
+from uav_bt.tree import Leaf, NodeRegistry, Port, Status
+from uav_bt.types import GimbalTo, Hover
 
 
 class Climb(Leaf):
@@ -67,7 +66,6 @@ def test_a_file_with_a_real_and_a_mocked_leaf(tmp_path: Path) -> None:
 
 
 def test_telemetry_goes_on_until_it_is_lost() -> None:
-    """Reported telemetry stays fresh until it is lost; the kit refuses stale values."""
     bench = parse_tree(text_of('<Climb to_m="9"/>'), REGISTRY, tick_s=1.0)
     bench.hover()
     for _ in range(5):
@@ -80,7 +78,6 @@ def test_telemetry_goes_on_until_it_is_lost() -> None:
 
 
 def test_waiting_in_vain_tells_what_happened() -> None:
-    """The message has the status, the limit, the answers, the running nodes and the log."""
     text = text_of("<Sequence><Late/><Climb/></Sequence>")
     bench = parse_tree(text, REGISTRY, mocks={"Late": "S", "Climb": "R"})
     with pytest.raises(AssertionError) as failure:
@@ -92,48 +89,7 @@ def test_waiting_in_vain_tells_what_happened() -> None:
     assert "    3     0.20  ran        Main/Sequence/Climb" in message
 
 
-def test_a_root_that_is_skipped() -> None:
-    bench = parse_tree(text_of('<Late _skipIf="late"/>'), REGISTRY, mocks={"Late": "R"})
-    bench.variables["late"] = False
-    assert bench.tick() is Status.RUNNING
-    bench.halt()
-    bench.variables["late"] = True
-    assert bench.tick_until(Status.SKIPPED, max_ticks=1) == 1
-    assert bench.answers == "RK"
-
-
-def test_the_board_can_be_refreshed_before_each_tick() -> None:
-    """The test's hook runs after the clock has advanced."""
-    bench = parse_tree(text_of('<Climb to_m="1.3"/>'), REGISTRY)
-
-    def climb(bench: TreeBench) -> None:
-        bench.hover(height_m=1.0 + bench.clock.now())
-
-    bench.before_tick = climb
-    assert bench.tick_until(Status.SUCCESS, max_ticks=9) == 4
-
-
-def test_a_tree_composed_in_python() -> None:
-    """The bench takes any tree, and can end its movements."""
-
-    class Step(Leaf):
-        """Proposes a step."""
-
-        moves = True
-
-        def update(self) -> Status:
-            self.propose(MoveBy(id=1, forward_m=0.3))
-            return Status.RUNNING
-
-    bench = TreeBench(MissionTree(Step()))
-    bench.tick()
-    bench.finish_movement()
-    assert bench.board[STATE].movement is not None
-    assert TreeBench(MissionTree(ScriptedLeaf("a", "S"))).tick() is Status.SUCCESS
-
-
 def test_wrong_use_is_explained() -> None:
-    """Negative times and mocks of unknown nodes are refused."""
     with pytest.raises(ValueRangeError, match=r"got -0\.1 s between them"):
         parse_tree(text_of("<AlwaysSuccess/>"), tick_s=-0.1)
     with pytest.raises(TreeError, match=r"mock of 'Clim': .*did you mean 'Climb'"):

@@ -20,37 +20,10 @@ def tree_file(folder: Path, body: str) -> Path:
     return path
 
 
-def test_findings_have_their_place_node_and_message(tmp_path: Path) -> None:
-    path = tree_file(tmp_path, '<Sequence name="s">\n  <Land hight="1"/><Lnad/>\n</Sequence>')
-    first, second = check_file(path)
-    assert (first.path, first.position, first.node) == (str(path), Position(4, 9), "Land")
-    assert first.message.startswith("unknown attribute 'hight'")
-    assert (second.position, second.node) == (Position(4, 20), "Lnad")
-    assert str(second).startswith(f"{path}:4:20: Lnad: unknown node 'Lnad'")
-
-
-def test_a_good_file_has_none(tmp_path: Path) -> None:
-    assert check_file(tree_file(tmp_path, "<AlwaysSuccess/>")) == ()
-
-
 def test_a_file_that_is_not_there_is_a_finding_about_the_whole_file(tmp_path: Path) -> None:
     path = tmp_path / "absent.xml"
     assert check_file(path) == (Finding(str(path), WHOLE_FILE, "no such file"),)
     assert str(check_file(path)[0]) == f"{path}: no such file"
-
-
-def test_an_included_file_has_findings_under_its_own_path(tmp_path: Path) -> None:
-    (tmp_path / "part.xml").write_text(
-        '<root BTCPP_format="4"><BehaviorTree ID="P"><Lnad/></BehaviorTree></root>',
-        encoding="utf-8",
-    )
-    path = tmp_path / "m.xml"
-    path.write_text(
-        '<root BTCPP_format="4" main_tree_to_execute="P"><include path="part.xml"/></root>',
-        encoding="utf-8",
-    )
-    (finding,) = check_file(path)
-    assert (finding.path, finding.position.line) == (str(tmp_path / "part.xml"), 1)
 
 
 def test_other_errors_become_findings_too() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.conformance import main, mismatch, read_traces
+from tests.conformance import mismatch, read_traces
 
 SAMPLE = Path(__file__).parents[2] / "data" / "bt_traces_sample.jsonl"
 TRACES = list(read_traces(SAMPLE))
@@ -22,18 +22,9 @@ def test_trace_agrees(trace: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("part", ["root", "events", "blackboard"])
 def test_a_false_trace_is_noticed(part: str) -> None:
-    """The comparison sees a difference in each of its three parts."""
     trace = copy.deepcopy(TRACES[0])
     wrong: dict[str, Any] = {"root": "SKIPPED", "events": [["halt", "x"]], "blackboard": {"a": -7}}
     trace["ticks"][3][part] = wrong[part]
     reason = mismatch(trace)
     assert reason is not None
     assert reason.startswith("tick 3")
-
-
-def test_script_reports_per_feature_set(capsys: pytest.CaptureFixture[str]) -> None:
-    """The script prints a line per feature set, and exits with 0 if all traces agree."""
-    assert main([str(SAMPLE)]) == 0
-    out = capsys.readouterr().out
-    assert "reactive+decorators" in out
-    assert f"{len(TRACES)} of   {len(TRACES)}  all" in out

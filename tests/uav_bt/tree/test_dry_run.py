@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from uav_bt.board import PHASE
 from uav_bt.errors import FileError, NodeFailedError, TreeError, ValueRangeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status
 from uav_bt.tree.dry_run import Answer, SimulatedTick, Simulation, read_script
@@ -69,15 +68,7 @@ def test_leaves_answer_their_scripts_until_the_root_ends(tmp_path: Path) -> None
     assert done[1].answers == (Answer("up", S), Answer("Sees", S), Answer("down", S))
 
 
-def test_halted_nodes_are_reported(tmp_path: Path) -> None:
-    body = "<ReactiveSequence><Sees/><Fly/></ReactiveSequence>"
-    *_, last = ticks(tmp_path, body, "leaves: {Sees: SSF, Fly: R}")
-    assert (last.tick, last.status, last.halted) == (3, F, ("Fly",))
-    assert last.answers == (Answer("Sees", F),)
-
-
 def test_the_default_is_for_leaves_without_answers_only(tmp_path: Path) -> None:
-    """This also holds if the name of a leaf with answers is the id of another leaf."""
     body = '<Sequence><Fly name="Measure"/><Measure name="m"/><Fly/></Sequence>'
     (step,) = ticks(tmp_path, body, "leaves: {Main/Sequence/Measure: R}\ndefault: F", count=1)
     assert step.answers == (Answer("Measure", R),)
@@ -95,15 +86,6 @@ def test_built_in_leaves_run_and_their_changes_are_reported(tmp_path: Path) -> N
     assert second.changed == {"a": None, "b": 3}
 
 
-def test_outputs_are_written_when_the_leaf_succeeds(tmp_path: Path) -> None:
-    body = '<Measure depth_m="{d}" _onSuccess="twice := d * 2"/>'
-    first, second = ticks(
-        tmp_path, body, "leaves: {Measure: RS}\noutputs: {Measure: {depth_m: 3, phase: far}}"
-    )
-    assert first.changed == {}
-    assert second.changed == {"d": 3.0, "twice": 6.0, f"@{PHASE.name}": "far"}
-
-
 def test_variables_and_board_are_there_from_the_first_tick(tmp_path: Path) -> None:
     body = "<ScriptCondition code=\"laps == 3 &amp;&amp; @phase == 'search'\"/>"
     (step,) = ticks(
@@ -117,13 +99,6 @@ def test_the_board_tells_the_time_and_does_not_grow_old(tmp_path: Path) -> None:
     body = f"<KeepRunningUntilFailure>{condition}</KeepRunningUntilFailure>"
     done = list(simulation(tmp_path, body, "default: S", tick_s=1.0).run(20))
     assert [step.time_s for step in done] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
-
-
-def test_variables_of_subtrees_are_reported_under_their_names(tmp_path: Path) -> None:
-    inner = '<BehaviorTree ID="Inner"><Script code="x := 1"/></BehaviorTree>'
-    run = simulation(tmp_path, '<SubTree ID="Inner" name="in"/>', "default: S", more=inner)
-    (step,) = run.run(1)
-    assert step.changed == {"in.x": 1}
 
 
 def test_leaves_without_answers_are_all_named_with_their_places(tmp_path: Path) -> None:
@@ -140,16 +115,9 @@ def test_leaves_without_answers_are_all_named_with_their_places(tmp_path: Path) 
     ("script", "line", "message"),
     [
         ("default: S\nleaves:\n  Flyy: S", 3, "the tree has no leaf of that path, name or node id"),
-        ("default: S\nleaves:\n  Flyy: S", 3, "did you mean 'Fly'?"),
         ("default: S\nleaves:\n  Sees: RS", 3, "the condition Sees answers at once"),
         ("default: R", 1, "the condition Sees answers at once"),
-        (
-            "default: S\noutputs:\n  Mesure: {depth_m: 1}",
-            3,
-            "mock of 'Mesure': the tree has no leaf",
-        ),
         ("default: S\noutputs:\n  Measure: {dept_m: 1}", 3, "has no output 'dept_m'"),
-        ("default: S\noutputs:\n  Measure: {depth_m: far}", 3, "expected a number, got 'far'"),
         ("leaves: {Sees: S, Fly: S}\noutputs:\n  Measure: {depth_m: 1}", 3, "has no answers"),
     ],
 )
@@ -199,30 +167,6 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-def test_everything_that_a_script_can_say_is_read(tmp_path: Path) -> None:
-    script = read_script(
-        written(
-            tmp_path,
-            "leaves:\n  TakeOff: RRS\n  Main/step/Explore: (RRS)\n"
-            "default: S\n"
-            "outputs:\n  Measure: {depth_m: 1.5, text: far}\n"
-            "variables: {laps: 3, on: true}\n"
-            "board: {phase: explore}\n",
-        )
-    )
-    answers = {selector: (mock.answers, mock.outputs) for selector, mock in script.mocks.items()}
-    assert answers == {
-        "TakeOff": ("RRS", {}),
-        "Main/step/Explore": ("(RRS)", {}),
-        "Measure": (None, {"depth_m": 1.5, "text": "far"}),
-        "*": ("S", {}),
-    }
-    places = [mock.place for mock in script.mocks.values()]
-    assert [place.position.line for place in places if place] == [2, 3, 6, 4]
-    assert script.variables == {"laps": 3, "on": True}
-    assert (script.board, script.line("board", "phase")) == ({"phase": "explore"}, 8)
-
-
 @pytest.mark.parametrize(
     ("text", "line", "message"),
     [
@@ -233,7 +177,6 @@ def test_everything_that_a_script_can_say_is_read(tmp_path: Path) -> None:
         ("leaves:\n  A: RRX", 2, "a script has the letters R (running), S (success)"),
         ("leaves:\n  A: RRS\n  A: S", 3, "leaves: the key 'A' is given twice"),
         ("leaves:\n  A: [R, S]", 2, "or a number or a text, got a list of 2"),
-        ("default: ()", 1, "a script has the letters"),
     ],
 )
 def test_what_no_script_can_say_is_refused_with_its_line(

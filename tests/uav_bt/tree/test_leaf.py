@@ -17,7 +17,7 @@ from uav_bt.errors import (
     NodeFailedError,
     ProposalConflictError,
 )
-from uav_bt.tree import Leaf, MissionTree, Node, NodeKind, NodeRegistry, Port, Status, parse_tree
+from uav_bt.tree import Leaf, MissionTree, Node, NodeRegistry, Port, Status, parse_tree
 from uav_bt.tree.nodes import Fallback, Parallel, Sequence
 from uav_bt.types import GimbalTo, Hover, Velocity
 
@@ -78,7 +78,6 @@ def ready(world: World, root: Node) -> MissionTree:
 
 
 def test_methods_run_when_py_trees_says(world: World) -> None:
-    """Setup runs once, initialise at the start and terminate at the end of an activation."""
     probe = Probe("p", answers="RSSR")
     tree = ready(world, probe)
     tree.halt()  # an idle leaf is not terminated
@@ -110,7 +109,6 @@ def test_an_exception_names_the_node_and_leaves_nothing_running(world: World, an
 
 
 def test_an_exception_in_terminate_does_not_stop_the_halting(world: World) -> None:
-    """The first exception is raised, with its path, after all others have been halted."""
     bad, good = Probe("bad", answers="RRT"), Probe("good")
     tree = ready(world, Parallel("both", [bad, good]))
     tree.tick()
@@ -123,7 +121,6 @@ def test_an_exception_in_terminate_does_not_stop_the_halting(world: World) -> No
 
 
 def test_an_exception_after_an_exception_is_noted(world: World) -> None:
-    """The original exception is raised; exceptions of the halt are its notes."""
     leaves = [Probe("late", answers="RT"), Probe("fails", answers="!")]
     with pytest.raises(NodeFailedError, match="'Mission/both/fails'") as error:
         ready(world, Parallel("both", leaves)).tick()
@@ -141,17 +138,8 @@ def test_an_exception_after_an_exception_is_noted(world: World) -> None:
 def test_wrong_answers_are_refused(
     world: World, kind: type[Probe], answers: str, message: str
 ) -> None:
-    """A leaf must return a status that it declares, and a condition must not return RUNNING."""
     with pytest.raises(NodeFailedError, match=message):
         ready(world, kind("p", answers=answers)).tick()
-
-
-def test_conditions_and_actions_have_their_kind() -> None:
-    """`condition = True` makes a Condition node; the id of a subclass is its name."""
-    assert (Probe.kind, BoolProbe.kind) == (NodeKind.ACTION, NodeKind.CONDITION)
-    assert BoolProbe.node_id == "BoolProbe"
-    ask = type("Ask", (Leaf,), {"condition": True})
-    assert ask.answers == (Status.SUCCESS, Status.FAILURE)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(
@@ -179,7 +167,6 @@ def test_children_are_objects_in_one_place_of_a_tree() -> None:
 
 
 def test_using_a_leaf_before_setup_says_so() -> None:
-    """A tree without setup is refused with a remedy."""
     with pytest.raises(MissionError, match="call setup"):
         MissionTree(Probe("p")).tick()
     with pytest.raises(MissionError, match=r"MissionTree\.setup"):
@@ -187,7 +174,6 @@ def test_using_a_leaf_before_setup_says_so() -> None:
 
 
 def test_siblings_of_one_name_get_numbers() -> None:
-    """Paths are unique, also with equal names."""
     tree = MissionTree(Sequence("s", [Probe("a"), Probe("a"), Probe("b")]), name="M")
     assert [leaf.path for leaf in tree.leaves()] == ["M/s/a", "M/s/a#2", "M/s/b"]
     assert tree.find("M/s/a#2") is tree.root.children[1]
@@ -229,7 +215,6 @@ class Sensor(Leaf):
 
 
 def test_declared_access_works(world: World) -> None:
-    """A leaf reads and writes its declared keys, including own keys and those of ports."""
     tree = ready(world, Sensor("s", mode="ok"))
     world.board.declare(HEIGHT)
     world.board.write(HEIGHT, 1.5)
@@ -247,14 +232,12 @@ def test_declared_access_works(world: World) -> None:
     ],
 )
 def test_undeclared_access_is_refused(world: World, mode: str, message: str) -> None:
-    """The message names leaf and key."""
     with pytest.raises(NodeFailedError, match=message) as error:
         ready(world, Sensor("s", mode=mode)).tick()
     assert isinstance(error.value.__cause__, BoardAccessError)
 
 
 def test_a_leaf_whose_port_reads_a_key_without_a_value_fails(world: World) -> None:
-    """The feedback names the key; a reading tells the age; a mission goes on."""
     sensor = Sensor("s", mode="stale")
     tree = ready(world, sensor)
     assert tree.tick() is Status.FAILURE
@@ -313,11 +296,7 @@ def with_keys(world: World, body: str) -> tuple[MissionTree, Any]:
     "body",
     [
         f'<ScriptCondition code="{UNKNOWN}"/>',
-        '<Script code="x := @share"/>',
-        f'<AlwaysSuccess _skipIf="{UNKNOWN}"/>',
-        f'<AlwaysSuccess _successIf="{UNKNOWN}"/>',
         f'<AlwaysSuccess _while="{UNKNOWN}"/>',
-        '<AlwaysSuccess _onSuccess="x := @share"/>',
         f'<Precondition if="{UNKNOWN}" else="SUCCESS"><AlwaysSuccess/></Precondition>',
         '<Timeout msec="{@wait_ms}"><AlwaysSuccess/></Timeout>',
         '<SetBlackboard value="{@share}" output_key="x"/>',
@@ -347,7 +326,6 @@ def test_the_log_names_node_and_key_once(world: World, caplog: pytest.LogCapture
     ],
 )
 def test_what_runs_ends_when_a_key_becomes_unknown(world: World, body: str, ended: Status) -> None:
-    """Its proposal is taken back; a halt goes on where its own script reads the key."""
     tree, flies = with_keys(world, body)
     world.board.write(SHARE, 0.7)
     assert tree.tick() is Status.RUNNING
@@ -406,7 +384,6 @@ def test_a_leaf_that_has_ended_makes_way_for_the_next(
 
 
 def test_a_leaf_that_is_halted_loses_its_proposal(world: World) -> None:
-    """Another leaf may move in the same tick."""
     both = Parallel("both", [Proposes("first", number=1), Probe("fails", answers="F")])
     tree = ready(world, Fallback("either", [both, Proposes("second", number=2)]))
     assert tree.tick() is Status.RUNNING

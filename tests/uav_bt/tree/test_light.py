@@ -13,7 +13,6 @@ HEAVY = "cv2 torch mujoco openvino sklearn matplotlib av rich onnx filterpy cont
 
 @pytest.mark.parametrize("module", ["uav_bt.tree", "uav_bt.plugins", "uav_bt.testing.plugin"])
 def test_no_heavy_imports(module: str) -> None:
-    """It imports no package with a long import time."""
     code = f"import sys, {module}; print([m for m in '{HEAVY}'.split() if m in sys.modules])"
     done = subprocess.run(  # noqa: S603  # our own interpreter and code
         [sys.executable, "-c", code],

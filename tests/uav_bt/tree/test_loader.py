@@ -44,10 +44,10 @@ class Safe(Leaf):
 REGISTRY = NodeRegistry([Scripted, Steer, Safe])
 
 
-def findings(text: str, **overrides: dict[str, str]) -> list[str]:
+def findings(text: str) -> list[str]:
     """Return the errors, without the path."""
     with pytest.raises(TreeError) as error:
-        parse_tree(text, REGISTRY, path="m.xml", overrides=overrides)
+        parse_tree(text, REGISTRY, path="m.xml")
     assert error.value.exit_code == 2
     return [finding.removeprefix("m.xml:") for finding in error.value.findings]
 
@@ -61,7 +61,6 @@ def warnings_of(text: str) -> list[str]:
 
 
 def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
-    """Models, explicit tags and attributes of editors are accepted."""
     text = """<?xml version="1.0" encoding="UTF-8"?>
     <root BTCPP_format="4" main_tree_to_execute="Mission" project_name="lab">
       <!-- a comment -->
@@ -96,11 +95,14 @@ def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
     assert steer.port_value("policy") == "segmentation"
 
 
+ASYNC = "<AsyncSequence><Safe/></AsyncSequence>"
+NAMED = '<SubTree ID="Other" name="o"/>'
+
+
 @pytest.mark.parametrize(
     ("body", "message"),
     [
         ("<Stear/>", "unknown node 'Stear'; did you mean 'Steer'?"),
-        ('<Action ID="Stear"/>', "unknown node 'Stear'; did you mean 'Steer'?"),
         ("<Action/>", "<Action> needs an attribute 'ID'"),
         ('<Steer ID="x"/>', "unknown attribute 'ID'"),
         ("<Other/>", "unknown node 'Other'; it is a tree of this file: write <SubTree ID"),
@@ -109,20 +111,14 @@ def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
         ('<Steer height_m="{@hight}"/>', "the board has no key 'hight'"),
         ('<Steer height_m="{@mark}"/>', "takes float, but board key 'mark' holds MarkFix"),
         ('<Steer _skipIf="1 +"/>', "attribute '_skipIf': column 4: expected a value, got the end"),
-        ('<Steer _while="@hight &gt; 1"/>', "attribute '_while': the board has no key 'hight'"),
         ('<Script code="x := @mark"/>', "'mark' holds MarkFix, no number and no text"),
-        ('<Script code="x =: 1"/>', "attribute 'code': column 4: expected a value, got ':'"),
         ('<Script code="@elapsed_s = 1"/>', "leaves write those, scripts only read"),
         ('<Precondition if="1" else="MAYBE"><Safe/></Precondition>', "expected one of SUCCESS"),
         ('<Switch2 variable="{v}" case_1="1" case_2="2"><Safe/></Switch2>', "needs exactly 3"),
         ('<LoopInt queue="1;x" value="{v}"><Safe/></LoopInt>', "expected an integer, got 'x'"),
-        ('<LoopInt queue="1" value="v"><Safe/></LoopInt>', "output port needs a reference"),
-        ('<WasEntryUpdated entry="a b"/>', "expected a variable such as {x}, got 'a b'"),
         ('<SetBlackboard value="1" output_key="a b"/>', "expected a variable's name, got 'a b'"),
         ("<Scripted/>", "attribute 'script' is missing (S success"),
-        ("<Steer><Safe/></Steer>", "needs no children, has 1"),
         ("<Sequence/>", "needs at least 1, has 0"),
-        ("<Inverter/>", "needs exactly one child, has 0"),
         ("<Inverter><Safe/><Safe/></Inverter>", "needs exactly one child, has 2"),
         ('<Repeat num_cycles="two"><Safe/></Repeat>', "expected an integer, got 'two'"),
         ('<Timeout msec="-1"><Safe/></Timeout>', "expected 0 or more, got -1"),
@@ -132,34 +128,12 @@ def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
         ('<SubTree ID="Other"><Safe/></SubTree>', "needs no children, has 1"),
         ('<SubTree ID="Other" a-b.c="1" _autoremap="maybe"/>', "expected true or false"),
         ('<SubTree ID="Other" x="{@mrk}"/>', "no key 'mrk'; did you mean 'mark'"),
-        ('<SubTree ID="Other" x="{a b}"/>', "is not a reference"),
-        (
-            '<SubTree ID="Other" _onHalted="x )"/>',
-            "attribute '_onHalted': column 3: expected a value",
-        ),
         ('<SubTree ID="Steer"/>', "'Steer' is a node, no tree: write <Steer/>"),
-        (
-            "<SequenceStar><Safe/></SequenceStar>",
-            "'SequenceStar'; did you mean 'Sequence'?",
-        ),
-        (
-            (
-                "<ReactiveSequence><AsyncSequence><Safe/></AsyncSequence><AsyncSequence><Safe/>"
-                "</AsyncSequence></ReactiveSequence>"
-            ),
-            "a ReactiveSequence can have one AsyncSequence",
-        ),
-        (
-            (
-                '<Sequence><SubTree ID="Other" name="o"/><Inverter><SubTree ID="Other" name="o"/>'
-                "</Inverter></Sequence>"
-            ),
-            "SubTree 'o': the SubTree at m.xml:1:",
-        ),
+        (f"<ReactiveSequence>{ASYNC * 2}</ReactiveSequence>", "can have one AsyncSequence"),
+        (f"<Sequence>{NAMED}<Inverter>{NAMED}</Inverter></Sequence>", "'o': the SubTree at m.xml"),
     ],
 )
 def test_refused_nodes(body: str, message: str) -> None:
-    """One mistake gives one error, with a remedy."""
     found = findings(document(body, '<BehaviorTree ID="Other"><Safe/></BehaviorTree>'))
     assert len(found) == 1
     assert message in found[0]
@@ -169,7 +143,6 @@ def test_refused_nodes(body: str, message: str) -> None:
     ("text", "message"),
     [
         ("", "1:1: not well-formed XML: no element found"),
-        ("<root>", "1:7: not well-formed XML: no element found"),
         ('<root a="1" a="2"/>', "duplicate attribute"),
         ("<tree/>", "expected the element <root>, got <tree>"),
         ('<root BTCPP_format="4"/>', "the file has no BehaviorTree"),
@@ -183,12 +156,9 @@ def test_refused_nodes(body: str, message: str) -> None:
         (document("<Safe/>", "<BehaviorTree><Safe/></BehaviorTree>"), "'ID' is missing"),
         (document("<Safe/>", '<BehaviorTree ID="Main"><Safe/></BehaviorTree>'), "is taken by"),
         (document("<Safe/>").replace('"Main"', '"My tree.1"'), "write 'My_tree_1'"),
-        (document("<Safe/>").replace('"Main"', '"root"'), "'root' is reserved"),
         (document("<Safe/>").replace('"Main"', '"Root"'), "'Root' is reserved"),
         (document("<Safe/>").replace('"Main"', '"Safe"'), "'Safe' is the name of a node"),
         (document("<Safe/>", "<TreeNodesModel/><TreeNodesModel/>"), "a file has one <TreeNodesMo"),
-        (document("<Safe/>", '<BehaviorTree ID="B"/>'), "needs exactly one child, has 0"),
-        (document("<Safe/>", '<BehaviorTree ID="B"><Stear/></BehaviorTree>'), "unknown node 'St"),
         (
             document("<Safe/>", '<BehaviorTree ID="B"><Safe/></BehaviorTree>').replace(
                 ' main_tree_to_execute="Main"', ""
@@ -198,7 +168,6 @@ def test_refused_nodes(body: str, message: str) -> None:
     ],
 )
 def test_refused_documents(text: str, message: str) -> None:
-    """Mistakes outside of the nodes are reported, too."""
     assert any(message in found for found in findings(text))
 
 
@@ -217,7 +186,6 @@ def test_refused_models(model: str, message: str) -> None:
 
 
 def test_a_described_subtree_knows_its_ports() -> None:
-    """If the file describes a tree's ports, a misspelt entry is found."""
     text = document(
         '<SubTree ID="Home" sped="1"/>',
         '<BehaviorTree ID="Home"><Safe/></BehaviorTree>',
@@ -235,38 +203,9 @@ def test_a_described_subtree_knows_its_ports() -> None:
         parse_tree(text.replace('sped="1"', right), REGISTRY)
 
 
-def test_a_described_subtree_has_defaults(world: World) -> None:
-    """A SubTree without an entry gets the described default, with its type."""
-    text = document(
-        '<SubTree ID="Home"/>',
-        '<BehaviorTree ID="Home"><Steer height_m="{speed}"/></BehaviorTree>',
-        '<TreeNodesModel><SubTree ID="Home"><input_port name="speed" default="2.5"/></SubTree>'
-        "</TreeNodesModel>",
-    )
-    tree = parse_tree(text, REGISTRY)
-    tree.setup(world.context)
-    assert tree.find("Steer").port_value("height_m") == 2.5
-    found = findings(text.replace("2.5", "fast"))
-    assert "variable 'speed' holds a value that does not fit (expected a number" in found[0]
-
-
 def supply(*members: str) -> str:
     inner = "".join(f"<Member {member}/>" for member in members)
     return f'<TreeNodesModel><Enumeration ID="Supply">{inner}</Enumeration></TreeNodesModel>'
-
-
-def test_scripts_read_the_members_of_the_files_enumerations(world: World) -> None:
-    """Members are known in subtrees, too, and take precedence over variables."""
-    text = document(
-        """<Sequence><Script code="FULL := 1; level := FULL"/><SubTree ID="In" at="{level}"/>
-        </Sequence>""",
-        '<BehaviorTree ID="In"><ScriptCondition code="at == FULL &amp;&amp; at - LOW == 5"/>',
-        "</BehaviorTree>",
-        supply('name="FULL" value="4"', 'name="LOW" value="-1"'),
-    )
-    tree = parse_tree(text, REGISTRY)
-    tree.setup(world.context)
-    assert tree.tick() is Status.SUCCESS
 
 
 @pytest.mark.parametrize("colour", ["Blue", "1", "'Blue'", "3 - 2"])
@@ -291,7 +230,6 @@ def test_a_case_of_a_switch_may_be_a_member_of_an_enumeration(world: World, colo
     ("member", "message"),
     [
         ('name="2x" value="1"', "'name': expected a name that scripts can use, got '2x'"),
-        ('name="true" value="1"', "'name': expected a name that scripts can use, got 'true'"),
         ('name="LOW" value="0.5"', "'value': expected an integer, got '0.5'"),
         ('name="FULL" value="5"', "'FULL' is 4 already"),
         ('value="5"', "'name': expected a name"),
@@ -320,7 +258,6 @@ def test_a_member_has_one_value_in_all_files_and_the_palette(tmp_path: Path) -> 
 
 
 def test_all_errors_come_together_with_their_places() -> None:
-    """Line and column are those of the attribute; errors are in the file's order."""
     text = """<root BTCPP_format="4">
   <BehaviorTree ID="Main">
     <Sequence name="s" nme="t">
@@ -339,14 +276,7 @@ def test_all_errors_come_together_with_their_places() -> None:
     ]
 
 
-def test_trees_that_nobody_uses_are_checked_too() -> None:
-    """Errors in unused trees are reported, too."""
-    text = document("<Safe/>", '<BehaviorTree ID="Spare"><Safr/></BehaviorTree>')
-    assert "unknown node 'Safr'; did you mean 'Safe'" in findings(text)[0]
-
-
 def test_recursion_is_found_across_trees() -> None:
-    """The message contains the loop."""
     text = document(
         '<SubTree ID="A"/>',
         '<BehaviorTree ID="A"><SubTree ID="B"/></BehaviorTree>',
@@ -357,7 +287,6 @@ def test_recursion_is_found_across_trees() -> None:
 
 
 def test_subtrees_cannot_explode() -> None:
-    """Trees that double at each level are refused above a number of nodes."""
     levels = [
         f'<BehaviorTree ID="T{n}"><Sequence><SubTree ID="T{n + 1}"/><SubTree ID="T{n + 1}"/>'
         "</Sequence></BehaviorTree>"
@@ -367,18 +296,7 @@ def test_subtrees_cannot_explode() -> None:
     assert "more than 20000 nodes" in findings(document('<SubTree ID="T0"/>', *levels))[0]
 
 
-def test_subtrees_cannot_nest_too_deeply() -> None:
-    """The depth of a chain of valid trees is bounded."""
-    chain = [
-        f'<BehaviorTree ID="T{n}"><Inverter><SubTree ID="T{n + 1}"/></Inverter></BehaviorTree>'
-        for n in range(180)
-    ]
-    chain.append('<BehaviorTree ID="T180"><Safe/></BehaviorTree>')
-    assert "deeper than 256" in findings(document('<SubTree ID="T0"/>', *chain))[0]
-
-
 def test_the_deepest_allowed_tree_ticks(world: World) -> None:
-    """A tree of maximum depth can be ticked with conditions and observers."""
     levels = 255
     body = '<Inverter _post="n := 1">' * levels + leaf("a", "RS") + "</Inverter>" * levels
     tree = world.tree(body)
@@ -395,7 +313,6 @@ def test_the_deepest_allowed_tree_ticks(world: World) -> None:
     ("text", "message"),
     [
         ('<!DOCTYPE root [<!ENTITY a "b">]><root>&a;</root>', "document type declarations"),
-        ('<!DOCTYPE root SYSTEM "file:///etc/passwd"><root/>', "document type declarations"),
         ("<a>" * 300 + "</a>" * 300, "nested deeper than 256"),
         ("<root>" + "<a/>" * 20_001 + "</root>", "more than 20000 elements"),
         (f"<root>{' ' * 2_000_000}</root>", "larger than 2000000 bytes"),
@@ -405,12 +322,10 @@ def test_the_deepest_allowed_tree_ticks(world: World) -> None:
             "an element has more than 200 attributes",
         ),
         ("<root a='" + "x" * 20_001 + "'/>", "is longer than 20000 characters"),
-        (document("<Safe/>")[:-20], "not well-formed XML"),
         (document("<Safe/>")[:-7], "not well-formed XML: no element found"),
     ],
 )
 def test_hostile_documents_are_refused(text: str, message: str) -> None:
-    """Entities, external references, depth and size are refused fast, with one message each."""
     found = findings(text)
     assert len(found) == 1
     assert message in found[0]
@@ -452,28 +367,24 @@ def test_only_utf_8_is_read(encoding: str) -> None:
 
 
 def test_positions_count_characters_after_any_layout() -> None:
-    """Blanks, line ends and both kinds of quotes between attributes keep positions right."""
     text = "<root  BTCPP_format = '4'\n  \u00e4='x=\"1\"' wrong=\n'2'><!--c--></root>"
     found = check_text(text, REGISTRY, path=Path("m.xml"))
     assert {str(finding.position) for finding in found} == {"1:1", "2:3", "2:13"}
 
 
 def test_a_report_ends_somewhere() -> None:
-    """A file with thousands of errors is checked only up to the first hundreds."""
     found = findings(document(f"<Sequence>{'<Stear/>' * 15_000}</Sequence>"))
     assert len(found) == 501
     assert any("500 errors are enough: the rest of the file was not checked" in f for f in found)
 
 
 def test_text_in_thousands_of_pieces_is_read_once() -> None:
-    """Comments split a text into pieces; only the first ones are read."""
     found = warnings_of(document(f"<Safe>{'x<!---->' * 100_000}</Safe>"))
     assert len(found) == 1
     assert found[0].endswith(f"Safe: text between tags means nothing: '{'x' * 40}'")
 
 
 def test_a_chain_of_thousands_of_trees_is_refused() -> None:
-    """Neither the search for recursion nor the check of types follows the whole chain."""
     chain = [
         f'<BehaviorTree ID="T{n}"><SubTree ID="T{n + 1}"/></BehaviorTree>' for n in range(3_000)
     ]
@@ -482,7 +393,6 @@ def test_a_chain_of_thousands_of_trees_is_refused() -> None:
 
 
 def test_thousands_of_copies_are_followed_only_so_far() -> None:
-    """Beyond the limit nothing is proven; errors in the first part of the chain are refused."""
     copies = "".join(
         f'<SetBlackboard value="{{v{n}}}" output_key="v{n + 1}"/>'
         f'<Repeat num_cycles="{{v{n}}}"><Safe/></Repeat>'
@@ -502,43 +412,16 @@ def test_thousands_of_copies_are_followed_only_so_far() -> None:
     ],
 )
 def test_scripts_that_fail_say_so(world: World, code: str, message: str) -> None:
-    """Unknown names and division by zero stop the tree, with the node and the script."""
     tree = world.tree(f'<Script name="s" code="{code}"/>')
     with pytest.raises(NodeFailedError, match=re.escape(message)):
         tree.tick()
     assert tree.root.node_status is Status.IDLE
 
 
-@pytest.mark.parametrize(
-    ("code", "message"),
-    [
-        (f"x := {'(' * 41}1{')' * 41}", "nested deeper than 40"),
-        (f"x := 1{' + 1' * 201}", "more than 200 operators"),
-        (f"x := {'1' * 4_001}", "longer than 4000 characters"),
-        ("x := import('os'", "expected ')', got the end"),
-        ("x := 1 ** 2", "expected a value, got '*'"),
-        ("x := 'open", "column 6: unexpected"),
-    ],
-)
-def test_scripts_are_bounded_and_no_python(code: str, message: str) -> None:
-    """Scripts that are too deep, too long or in another language are refused by the loader."""
-    found = findings(document(f'<Script code="{code}"/>'))
-    assert len(found) == 1
-    assert message in found[0]
-
-
-def test_columns_survive_accents_and_tabs() -> None:
-    """Columns are characters, not bytes."""
-    text = document('<Steer name="é" heigth_m="1"/>')
-    column = text.index("heigth_m") + 1
-    assert findings(text)[0].startswith(f"1:{column}: Steer 'é'")
-
-
 BODY = "<Sequence><Steer name='explore'/><Steer name='back'/><Steer name='back'/></Sequence>"
 
 
 def test_overrides_replace_attributes() -> None:
-    """A name selects all nodes of that name, a path one node; other nodes do not change."""
     tree = parse_tree(
         document(BODY),
         REGISTRY,
@@ -548,31 +431,7 @@ def test_overrides_replace_attributes() -> None:
     assert values == [("segmentation", 1.5), ("student", 1.5), ("student", 2.0)]
 
 
-@pytest.mark.parametrize(
-    ("target", "attributes", "message"),
-    [
-        ("explor", {"policy": "x"}, "no node of that name or path; did you mean 'explore'?"),
-        ("explore", {"polcy": "x"}, "unknown attribute 'polcy'; did you mean 'policy'?"),
-        ("explore", {"height_m": "x"}, "expected a number"),
-        ("explore", {"height_m": "{@hight}"}, "the board has no key 'hight'"),
-        ("explore", {"_skipIf": "1 +"}, "attribute '_skipIf': column 4: expected a value"),
-        ("explore", {"name": "x"}, "'name' cannot be replaced"),
-        ("Other", {"x": "{a b}"}, "is not a reference"),
-        ("Other", {"x": "{@mrk}"}, "the board has no key 'mrk'; did you mean 'mark'"),
-        ("Other", {"_autoremap": "true"}, "'_autoremap' cannot be replaced"),
-    ],
-)
-def test_overrides_are_checked(target: str, attributes: dict[str, str], message: str) -> None:
-    """An override without a target or with a wrong value is refused like the file's mistakes."""
-    body = BODY.replace("</Sequence>", '<SubTree ID="Other" x="1"/></Sequence>')
-    other = '<BehaviorTree ID="Other"><Safe/></BehaviorTree>'
-    found = findings(document(body, other), **{target: attributes})
-    assert message in found[0]
-    assert f"override of '{target}'" in found[0]
-
-
 def test_included_files_join(tmp_path: Path) -> None:
-    """Trees of files in the folder and below are found; a file included twice is read once."""
     (tmp_path / "parts").mkdir()
     tree = '<BehaviorTree ID="{}"><Safe/></BehaviorTree>'
     (tmp_path / "parts" / "a.xml").write_text(
@@ -610,7 +469,6 @@ def test_files_that_include_each_other_are_refused(tmp_path: Path) -> None:
     ("include", "message"),
     [
         ('<include path="../secret.xml"/>', "lies outside the folder"),
-        ('<include path="/etc/hostname"/>', "lies outside the folder"),
         ('<include path="none.xml"/>', "no such file in"),
         (f'<include path="{"x" * 300}.xml"/>', "name too long"),
         ("<include/>", "needs exactly the attribute 'path'"),
@@ -618,7 +476,6 @@ def test_files_that_include_each_other_are_refused(tmp_path: Path) -> None:
     ],
 )
 def test_refused_includes(tmp_path: Path, include: str, message: str) -> None:
-    """An included file must exist, in the folder."""
     folder = tmp_path / "trees"
     folder.mkdir()
     (tmp_path / "secret.xml").write_text(document("<Safe/>"))
@@ -629,7 +486,6 @@ def test_refused_includes(tmp_path: Path, include: str, message: str) -> None:
 
 
 def test_a_link_does_not_leave_the_folder(tmp_path: Path) -> None:
-    """The real location of the file counts."""
     folder = tmp_path / "trees"
     folder.mkdir()
     (tmp_path / "secret.xml").write_text(document("<Safe/>"))
@@ -641,6 +497,5 @@ def test_a_link_does_not_leave_the_folder(tmp_path: Path) -> None:
 
 
 def test_a_text_includes_nothing() -> None:
-    """A text without a file has no folder for includes."""
     found = findings(document("<Safe/>", '<include path="x.xml"/>'))
     assert "only a tree that is loaded from a file" in found[0]

@@ -27,23 +27,8 @@ SOURCES = [
 ]
 PIECE = re.compile(r"<[^>]*>|\w+=\"[^\"]*\"|\w+|[^\w\s]")
 WORDS = (
-    "Sequence",
-    "SubTree",
-    "name",
-    "script",
-    "1",
-    "-1",
-    "x",
-    "1.5",
-    "true",
-    "high",
-    "{a}",
-    "{@a}",
-    "{@mark}",
-    "{",
-    "&lt;",
-    "'",
-    "",
+    *("Sequence", "SubTree", "name", "script", "1", "-1", "x", "1.5", "true", "high"),
+    *("{a}", "{@a}", "{@mark}", "{", "&lt;", "'", ""),
 )
 
 

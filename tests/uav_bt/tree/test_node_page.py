@@ -8,7 +8,7 @@ import pytest
 
 from behaviours.nodes import NODES
 from uav_bt.tree import parse_tree
-from uav_bt.tree.describe import describe
+from uav_bt.tree.describe import describe, describe_all
 from uav_bt.tree.node import Node
 from uav_bt.tree.node_page import example, node_page
 from uav_bt.tree.registry import NodeRegistry
@@ -29,10 +29,22 @@ def test_an_example_loads(node: type[Node]) -> None:
     assert parse_tree(f'<root BTCPP_format="4">{tree}</root>', registry=REGISTRY)
 
 
-def test_each_port_has_a_row_with_its_default_and_range() -> None:
-    page = node_page(REGISTRY)
-    assert (
-        "| `front_m` | float | `2.0` | front plane from the drone's centre, m (0.05 to 50) |"
-        in page
-    )
-    assert "| `degrees` | float | required |" in page
+def test_every_number_of_a_shipped_leaf_has_a_range() -> None:
+    infos = [info for info in describe_all(NodeRegistry.installed()) if not info.builtin]
+    numbers = [
+        (info.node_id, port.name, port.least, port.most)
+        for info in infos
+        for port in info.ports
+        if port.type in ("int", "float") and port.direction == "input"
+    ]
+    assert len(numbers) > 20
+    assert [number for number in numbers if None in number] == []
+
+
+def test_every_node_of_the_format_describes_itself() -> None:
+    infos = describe_all(NodeRegistry())
+    assert {info.kind for info in infos} >= {"Action", "Control", "Decorator", "SubTree"}
+    for info in infos:
+        assert info.builtin
+        assert info.doc.endswith("."), info.node_id
+        assert all(port.doc for port in info.ports), info.node_id

@@ -2,32 +2,16 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import pytest
-from py_trees import common
 
 from tests.conformance import Scripted
 from tests.worlds.trees import World, document, leaf, subtree
 from uav_bt.board import HEIGHT, PHASE
-from uav_bt.errors import (
-    BoardAccessError,
-    InputError,
-    MissionError,
-    NodeFailedError,
-    TreeError,
-)
-from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, nodes, parse_tree
-from uav_bt.tree.nodes import (
-    AlwaysSuccess,
-    Inverter,
-    Parallel,
-    Repeat,
-    Sequence,
-    SubTree,
-)
+from uav_bt.errors import InputError, MissionError, NodeFailedError, TreeError
+from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree
+from uav_bt.tree.nodes import Parallel, Repeat
 
 A, B = leaf("a", "S"), leaf("b", "S")
 CASES = " ".join(f'case_{n}="{n}"' for n in range(1, 6))
@@ -36,38 +20,6 @@ SIX = "".join(leaf(name, "S") for name in "abcdef")
 
 def letters(tree: MissionTree, ticks: int) -> str:
     return "".join(tree.tick().letter for _ in range(ticks))
-
-
-@pytest.mark.parametrize(
-    ("status", "number", "letter", "name_there"),
-    [
-        (Status.IDLE, 0, "I", "INVALID"),
-        (Status.RUNNING, 1, "R", "RUNNING"),
-        (Status.SUCCESS, 2, "S", "SUCCESS"),
-        (Status.FAILURE, 3, "F", "FAILURE"),
-        (Status.SKIPPED, 4, "K", "INVALID"),
-    ],
-)
-def test_five_statuses(status: Status, number: int, letter: str, name_there: str) -> None:
-    """Each status has the engine's number, a letter, and a py_trees status."""
-    assert (status.value, status.letter) == (number, letter)
-    assert status.py_trees is common.Status[name_there]
-
-
-def test_a_class_in_a_module_of_the_package_is_a_node(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A new control node or decorator is one class in one file."""
-    (tmp_path / "own.py").write_text(
-        "from uav_bt.tree.nodes.base import ControlNode\n"
-        "class First(ControlNode):\n"
-        "    def update(self):\n"
-        "        return self.children[0].execute_tick()\n"
-    )
-    monkeypatch.setattr(nodes, "__path__", [*nodes.__path__, str(tmp_path)])
-    monkeypatch.delitem(sys.modules, f"{nodes.__name__}.own", raising=False)
-    assert {node.node_id for node in nodes.found()} - {*NodeRegistry()} == {"First"}
-    del sys.modules[f"{nodes.__name__}.own"]
 
 
 def timed(world: World, body: str, *steps_s: float) -> str:
@@ -80,7 +32,6 @@ def timed(world: World, body: str, *steps_s: float) -> str:
 
 
 def test_timers_follow_the_missions_clock(world: World) -> None:
-    """A child that runs at the deadline is halted once; the node fails and can restart."""
     assert timed(world, f'<Timeout msec="300">{leaf("a", "R")}</Timeout>', *[0.1] * 5) == "RRRFR"
     assert world.events() == ["start a", "running a", "running a", "halt a", "start a"]
     assert timed(world, f'<Timeout msec="0">{leaf("a", "R")}</Timeout>', *[1000.0] * 3) == "RRR"
@@ -129,7 +80,6 @@ def test_a_parallel_counts_no_more_children_than_it_has(
     ("variable", "child"), [("1", "a"), (3, "c"), ("5.0", "e"), (5.0, "e"), ("x", "f"), (None, "f")]
 )
 def test_switch5_compares_texts_and_numbers(world: World, variable: object, child: str) -> None:
-    """The first equal case is chosen; without a value or a match it is the last child."""
     tree = world.tree(f'<Switch5 variable="{{v}}" {CASES}>{SIX}</Switch5>')
     if variable is not None:
         tree.variables["v"] = variable
@@ -149,7 +99,6 @@ def test_switch5_compares_texts_and_numbers(world: World, variable: object, chil
 def test_loops_convert_their_elements(
     world: World, node: str, queue: str, elements: list[object]
 ) -> None:
-    """Each element has the loop's type; a text in a variable is gone through each time."""
     for given in (queue, "{q}", "{q}"):
         tree = world.tree(f'<{node} queue="{given}" value="{{v}}" if_empty="FAILURE">{A}</{node}>')
         tree.variables["q"] = queue
@@ -161,7 +110,6 @@ def test_loops_convert_their_elements(
 
 
 def test_a_queue_in_a_variable_is_used_up(world: World) -> None:
-    """The list in the variable becomes empty, so a second loop has no elements."""
     tree = world.tree(f'<LoopInt queue="{{q}}" value="{{v}}">{A}</LoopInt>')
     queue = [4, 5]
     tree.variables["q"] = queue
@@ -200,16 +148,6 @@ def test_a_skipped_condition_is_an_error(world: World, node: str) -> None:
     assert isinstance(error.value.__cause__, MissionError)
 
 
-def test_a_failing_condition_names_its_node(world: World) -> None:
-    """A script that fails stops the tree like an exception in a leaf; one not asked does not."""
-    tree = world.tree(f'<Sequence>{leaf("a", "R")}<AlwaysSuccess _skipIf="no > 1"/></Sequence>')
-    assert tree.tick() is Status.RUNNING
-    tree = world.tree('<AlwaysSuccess name="x" _onSuccess="n += 1"/>')
-    with pytest.raises(NodeFailedError, match="node 'Main/x' failed: ScriptError: script 'n"):
-        tree.tick()
-    assert tree.root.node_status is Status.IDLE
-
-
 def test_ports_can_follow_variables(world: World) -> None:
     """A port given as `{key}` is read at every tick, as the engine reads numbers and truths."""
     tree = world.tree(f'<Repeat num_cycles="{{n}}">{A}</Repeat>')
@@ -228,31 +166,7 @@ def test_ports_can_follow_variables(world: World) -> None:
 # --- trees composed in Python ---------------------------------------------------------------------
 
 
-def test_trees_are_composed_in_python_too(world: World) -> None:
-    """Nodes with typed arguments form a tree without a file."""
-    root = Sequence(
-        "root",
-        [
-            Repeat("twice", Scripted("a", script="S"), num_cycles=2),
-            Inverter(None, Scripted("b", script="F")),
-            SubTree("inside", Scripted("c", script="{text}"), {"text": "S"}),
-            AlwaysSuccess("x", _skipIf="n > 1", _post="n += 1"),
-        ],
-    )
-    tree = MissionTree(root, name="Mission")
-    tree.setup(world.context)
-    tree.variables["n"] = 1
-    assert letters(tree, 2) == "RS"
-    assert tree.variables["n"] == 2.0
-    assert [node.path for node in tree.leaves()][:3] == [
-        "Mission/root/twice/a",
-        "Mission/root/Inverter/b",
-        "Mission/root/inside/c",
-    ]
-
-
 def test_composing_checks_ports_and_children() -> None:
-    """Mistakes that the loader refuses are refused in Python, too."""
     with pytest.raises(InputError, match="did you mean 'num_cycles'"):
         Repeat("r", Scripted("a", script="S"), num_cycle=2)
     with pytest.raises(TypeError, match=r"uav_bt\.tree node"):
@@ -304,7 +218,6 @@ def test_a_literal_entry_is_the_subtrees_own_until_it_is_removed(world: World) -
 
 @pytest.mark.parametrize("door", [None, 'h="{h}" p="{p}"', '_autoremap="true"'])
 def test_ports_read_and_write_the_board_through_subtrees(world: World, door: str | None) -> None:
-    """The inner variable is the board key, also where a further subtree shares it."""
     inside = CLIMB if door is None else f'<SubTree ID="Deep" {door}/>'
     more = () if door is None else (subtree("Deep", CLIMB),)
     tree, climb = fly(world, ENTRIES, inside, *more)
@@ -314,16 +227,7 @@ def test_ports_read_and_write_the_board_through_subtrees(world: World, door: str
     assert list(tree.variables) == []
 
 
-def test_access_is_checked_leaf_by_leaf(world: World) -> None:
-    """A leaf whose port is not connected to a key cannot reach it."""
-    tree, climb = fly(world, 'h="2" p="{@phase}"', CLIMB)
-    assert tree.tick() is Status.SUCCESS
-    with pytest.raises(BoardAccessError, match="without declaring it"):
-        climb.read(HEIGHT)
-
-
 def test_a_board_entry_is_read_by_scripts_and_written_by_nobody(world: World) -> None:
-    """What is only known in flight is refused in flight."""
     inside = '<Sequence><Script code="{code}"/><AlwaysSuccess _failureIf="h &lt; 2"/></Sequence>'
     tree, _ = fly(world, f'code="{{c}}" {ENTRIES}', inside)
     tree.variables["c"] = "x := h * 2"
@@ -344,7 +248,6 @@ def test_a_board_entry_is_read_by_scripts_and_written_by_nobody(world: World) ->
 
 @pytest.mark.parametrize("entry", ["{h}", "h", "{@height_above_ground_m}"])
 def test_updates_of_the_board_are_seen(world: World, entry: str) -> None:
-    """A key of the mission board that was written again counts as updated."""
     tree, _ = fly(world, ENTRIES, f'<WasEntryUpdated entry="{entry}"/>')
     answers = letters(tree, 2)
     world.clock.advance(0.1)

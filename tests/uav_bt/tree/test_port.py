@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 
 from uav_bt.errors import ValueRangeError
-from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
+from uav_bt.tree.port import Port, Reference, parse_reference
 
 
 @pytest.mark.parametrize(
     ("kind", "given", "value"),
     [
         (int, "3", 3),
-        (int, "-3 ", -3),
         (int, 2.0, 2),
         (float, "1.5", 1.5),
-        (float, "2", 2.0),
         (float, "1e-3", 1e-3),
-        (float, ".5", 0.5),
         (float, 2, 2.0),
         (bool, "true", True),
         (bool, "False", False),
@@ -28,7 +23,6 @@ from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
     ],
 )
 def test_values_are_typed(kind: type, given: object, value: object) -> None:
-    """A text of a file and a number of Python become a value of the port's type."""
     bound = Port("p", kind).bind(given)
     assert bound == value
     assert type(bound) is kind
@@ -38,30 +32,22 @@ def test_values_are_typed(kind: type, given: object, value: object) -> None:
     ("kind", "given", "expected"),
     [
         (int, "3.0", "an integer, got '3.0'"),
-        (int, "0x10", "an integer"),
         (int, "1_000", "an integer"),
         (int, "+3", "an integer, got '.3': write '3', without blanks or a plus before it"),
-        (int, "", "an integer"),
         (int, "9" * 19, "an integer"),  # 64 bits, for the arithmetic of a Timeout
-        (int, "-" + "9" * 400, "an integer"),
         (int, "9" * 5000, "an integer"),
         (float, "nan", "a number"),
-        (float, "inf", "a number"),
         (float, "1e999", "a number"),
         (float, "1,5", "a number"),
-        (float, "1_0", "a number"),
         (bool, "yes", "true or false"),
-        (bool, "2", "true or false"),
         (list, "[1]", "a list"),
         (int, True, "an integer, got True"),
-        (float, "x", "a number"),
         (int, 1.5, "an integer, got float 1.5"),
         (bool, 1, "true or false, got int 1"),
         (str, 3, "a text, got int 3"),
     ],
 )
 def test_mistyped_values_are_refused(kind: type, given: object, expected: str) -> None:
-    """Only texts of the format are accepted; the message has the expected form."""
     with pytest.raises(ValueError, match=f"expected {expected}"):
         Port("p", kind).bind(given)
 
@@ -71,13 +57,11 @@ def test_mistyped_values_are_refused(kind: type, given: object, expected: str) -
     [
         (str, 3, "3"),
         (str, 1.5, "1.500000"),
-        (str, "t", "t"),
         (str, True, None),
         (bool, 1, True),
         (bool, 0.0, False),
         (bool, "false", False),
         (bool, 2, None),
-        (bool, 0.5, None),
     ],
 )
 def test_variables_are_read_as_the_engine_reads_them(
@@ -110,7 +94,6 @@ def test_references(text: str, reference: Reference | None) -> None:
 
 @pytest.mark.parametrize("text", ["{}", "{a b}", "{@}", "{1x}"])
 def test_broken_references_are_refused(text: str) -> None:
-    """An invalid reference does not become a literal."""
     with pytest.raises(ValueError, match="not a reference"):
         parse_reference(text, "p")
 
@@ -129,7 +112,6 @@ def test_choices_come_with_a_suggestion() -> None:
 def test_numbers_keep_to_their_range(
     least: float | None, most: float | None, words: str, wrong: str
 ) -> None:
-    """Bounds apply to literals and variables; they are inclusive."""
     port = Port("p", float, least=least, most=most)
     assert port.range == words
     assert not port.takes_all
@@ -141,7 +123,6 @@ def test_numbers_keep_to_their_range(
 
 
 def test_other_refusals() -> None:
-    """Ranges are of numbers; an output needs a reference; a check's own error is kept."""
     with pytest.raises(ValueError, match="only numbers have a range"):
         Port("p", str, most=3)
     port = Port("out", int, direction="output")
@@ -159,22 +140,5 @@ def test_other_refusals() -> None:
 
 @pytest.mark.parametrize("name", ["name", "ID", "_x", "", "a b", "1a"])
 def test_reserved_port_names(name: str) -> None:
-    """A port cannot have a reserved name of the format."""
     with pytest.raises(ValueError, match="cannot be a port's name"):
         Port(name, int)
-
-
-def test_bind_ports_reports_everything() -> None:
-    """Missing, unknown and mistyped attributes are all reported, by attribute."""
-    ports: list[Port[Any]] = [
-        Port("height_m", float, doc="height, m"),
-        Port("count", int, default=2),
-        Port("fast", bool, default=False),
-    ]
-    bound, wrong = bind_ports(ports, {"heigth_m": "1", "fast": "maybe"})
-    assert bound == {"count": 2}
-    assert wrong == {
-        "heigth_m": "unknown attribute 'heigth_m'; did you mean 'height_m'?",
-        "height_m": "attribute 'height_m' is missing (height, m)",
-        "fast": "attribute 'fast': expected true or false, got 'maybe'",
-    }

@@ -9,7 +9,6 @@ import pytest
 
 from tests.conformance import Scripted
 from uav_bt import plugins
-from uav_bt.board import HEIGHT
 from uav_bt.board.blackboard import Key
 from uav_bt.errors import InputError, UnknownNameError
 from uav_bt.tree import Leaf, NodeRegistry, Status
@@ -45,7 +44,6 @@ def test_ids_are_sorted_and_an_unknown_one_gets_a_suggestion() -> None:
 
 
 def test_duplicates_name_both() -> None:
-    """Two classes with the same id are refused; the same class twice is allowed."""
     registry = NodeRegistry([Scripted])
     assert registry.with_nodes(Scripted)["Scripted"] is Scripted
     other = type("Scripted", (Leaf,), {"__module__": "elsewhere"})
@@ -58,7 +56,6 @@ def test_duplicates_name_both() -> None:
 
 
 def test_further_nodes_leave_the_registry_as_it_was() -> None:
-    """A repeated notebook cell makes a new class of the same name; this is no conflict."""
     registry = NodeRegistry(policies=["rule"])
     for _ in range(2):
         own = type("Own", (Plugged,), {})
@@ -66,13 +63,6 @@ def test_further_nodes_leave_the_registry_as_it_was() -> None:
         assert larger["Own"] is own
         assert larger.policies == ["rule"]
     assert "Own" not in registry
-
-
-def test_board_keys_of_plugins_are_known() -> None:
-    """A leaf's own keys are added to those of the mission."""
-    keys = NodeRegistry([Plugged]).board_keys
-    assert keys["own_key"] is OWN
-    assert keys[HEIGHT.name] is HEIGHT
 
 
 @pytest.mark.parametrize(
@@ -87,7 +77,6 @@ def test_board_keys_of_plugins_are_known() -> None:
 def test_broken_packages_are_named(
     monkeypatch: pytest.MonkeyPatch, value: str, message: str
 ) -> None:
-    """The other packages can be used; the message names the entry point and a remedy."""
     _install(monkeypatch, (plugins.BEHAVIOURS, "mine", value), (plugins.BEHAVIOURS, "yours", YOURS))
     registry = NodeRegistry.installed()
     assert registry["Plugged"] is Plugged
@@ -97,7 +86,6 @@ def test_broken_packages_are_named(
 
 
 def test_loading_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Policies and drones are found by name, with a suggestion for a misspelt one."""
     _install(monkeypatch, (plugins.POLICIES, "rule", "builtins:dict"))
     assert plugins.names(plugins.POLICIES) == ("rule",)
     assert plugins.load(plugins.POLICIES, "rule") is dict
@@ -106,7 +94,6 @@ def test_loading_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_two_packages_of_one_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The error of a conflict names both; finding the same package twice is no conflict."""
     same = (plugins.DRONES, "twin", "a:make")
     _install(monkeypatch, same, same)
     assert plugins.names(plugins.DRONES) == ("twin",)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -13,7 +12,6 @@ from tests.conformance import Scripted
 from tests.worlds.trees import document
 from uav_bt.board import STATE
 from uav_bt.tree import Leaf, MissionTree, Node, NodeRegistry, Port, Status, load_tree, parse_tree
-from uav_bt.tree.loading.palette import PaletteNode, PalettePort
 from uav_bt.tree.nodes import AlwaysSuccess, Inverter, Sequence
 from uav_bt.tree.render import FORMATS, Box, render, sketch
 
@@ -59,30 +57,7 @@ def test_a_box_shows_values_and_references_but_no_empty_or_usual_ones() -> None:
     assert box_of('<Measure height_m="{h}"/>').attributes == ("speed_mps=0.5", "height_m={h}")
 
 
-def test_a_subtree_is_shown_with_its_entries_and_what_is_in_it() -> None:
-    other = '<BehaviorTree ID="Other"><AlwaysSuccess/></BehaviorTree>'
-    box = box_of('<SubTree ID="Other" speed="{v}" _autoremap="true"/>', other)
-    assert (box.tag, box.name) == ("SubTree Other", "")
-    assert set(box.attributes) == {"speed={v}", "_autoremap=true"}
-    assert [child.tag for child in box.children] == ["AlwaysSuccess"]
-    assert box_of('<SubTree ID="Other" name="here"/>', other).name == "here"
-
-
-def test_long_texts_and_control_characters_are_cut_and_other_letters_are_codes() -> None:
-    box = sketch(AlwaysSuccess("a\nb\x00c" + 50 * "x"))
-    assert box.name == "a b c" + 28 * "x" + "..."
-    assert "'\\xfcber'" in render(tree_of('<AlwaysSuccess name="über"/>'), "ascii")
-
-
-def test_a_port_of_a_palette_that_nobody_gave_is_left_out() -> None:
-    class Foreign(PaletteNode, Leaf):
-        ports = (PalettePort("goal", str), PalettePort("hz", float))
-
-    assert sketch(Foreign(None, hz=2.0)).attributes == ("hz=2",)
-
-
 def test_a_tree_of_any_depth_is_drawn() -> None:
-    """A tree composed in Python may have any depth, and can still be drawn."""
     node: Node = AlwaysSuccess()
     for _ in range(1500):
         node = Inverter(None, node)
@@ -132,32 +107,3 @@ def test_every_shipped_tree_is_drawn_with_all_its_nodes(path: Path, format_: str
 
 
 # --- the layout -----------------------------------------------------------------------------------
-
-
-def test_rows_go_down_and_children_are_indented_inside_the_picture() -> None:
-    tree = load_tree(TREES / "land_only.xml")
-    root = ET.fromstring(render(tree, "svg"))  # noqa: S314
-    rects = list(root.iter(f"{SVG}rect"))[1:]
-    tops = [float(rect.get("y", "")) for rect in rects]
-    assert tops == sorted(set(tops))
-    lefts = {float(rect.get("x", "")) for rect in rects}
-    assert len(lefts) == max(len(list(_above(node))) for node in tree.nodes()) + 1
-    width, height = float(root.get("width", "")), float(root.get("height", ""))
-    for text in root.iter(f"{SVG}text"):
-        assert float(text.get("x", "")) + 7.2 * len(text.text or "") <= width
-        assert float(text.get("y", "")) <= height
-
-
-def _above(node: Node) -> Iterator[Node]:
-    while isinstance(node.parent, Node):
-        node = node.parent
-        yield node
-
-
-def test_a_notebook_shows_the_drawing_and_a_prompt_says_what_it_is() -> None:
-    tree = load_tree(TREES / "land_only.xml")
-    assert tree._repr_svg_() == render(tree, "svg")
-    count = sum(1 for _ in tree.nodes())
-    assert repr(tree) == f"<MissionTree '{tree.name}': {count} nodes, {TREES / 'land_only.xml'}>"
-    composed = MissionTree(Sequence("s", [AlwaysSuccess()]), name="Hop")
-    assert repr(composed) == "<MissionTree 'Hop': 2 nodes, Hop (composed in Python)>"

@@ -40,14 +40,12 @@ def _scope(variables: dict[str, object]) -> Variables:
     ("source", "value"),
     [
         ("1", 1),
-        ("1.5e3", 1500.0),
         ("0x1F", 31),
         ("'a b'", "a b"),
         ('"it\'s"', "it's"),
         ("true", 1.0),
         ("1 + 2 * 3", 7.0),
         ("(1 + 2) * 3", 9.0),
-        ("7 - 2 - 1", 4.0),
         ("8 / 2 / 2", 2.0),
         ("-2 * -3", 6.0),
         ("3 / 2", 1.5),
@@ -56,7 +54,6 @@ def _scope(variables: dict[str, object]) -> Variables:
         ("~0", -1.0),
         ("!0 && !(1 == 2)", 1.0),
         ("1 < 2 <= 2 != 3", 1.0),
-        ("1 < 2 > 5", 0.0),
         ("true || false && false", 1.0),
         ("1 + 1 == 2 && 'a' < 'b'", 1.0),
         ("0.1 + 0.2 == 0.3", 1.0),
@@ -67,15 +64,9 @@ def _scope(variables: dict[str, object]) -> Variables:
         ("0 ? 1 : 0 ? 2 : 3", 3),
         ("'' ? 1 : 2", 2),
         ("'false' ? 60 : 1", 1),
-        ("'True' ? 60 : 1", 60),
-        ("'0' ? 60 : 1", 1),
         ("!'true'", 0.0),
-        ("!'FALSE'", 1.0),
-        ("!'0'", 1.0),
-        ("'true' && 1", 1.0),
         ("'false' || 'False'", 0.0),
         ("1; 2; 3", 3),
-        ("1; 2;", 2),
         ("1 +\n 2", 3.0),
     ],
 )
@@ -88,8 +79,6 @@ def test_expressions(source: str, value: object) -> None:
     ("source", "before", "result"),
     [
         ("x := 3", {}, {"x": 3}),
-        ("x := 1 + 1", {}, {"x": 2.0}),
-        ("x := 'a'", {}, {"x": "a"}),
         ("x = 4", {"x": 1}, {"x": 4}),
         ("x = 4.0", {"x": 1}, {"x": 4}),
         ("x = 4", {"x": 1.5}, {"x": 4.0}),
@@ -102,7 +91,6 @@ def test_expressions(source: str, value: object) -> None:
     ],
 )
 def test_assignments(source: str, before: dict[str, object], result: dict[str, object]) -> None:
-    """A variable keeps its first type."""
     changed = after(source, **before)
     assert changed == result
     assert [type(value) for value in changed.values()] == [type(v) for v in result.values()]
@@ -112,28 +100,20 @@ def test_assignments(source: str, before: dict[str, object], result: dict[str, o
     ("source", "message"),
     [
         ("1 +", "column 4: expected a value, got the end"),
-        ("(1", r"column 3: expected '\)', got the end"),
         ("1 ? 2", "column 6: expected ':'"),
         ("1 = 2", "column 1: only a variable can stand left of '='"),
-        ("a $ b", r"column 3: unexpected '\$'"),
         ("'open", "column 1: unexpected '''"),
         ("3x", "'3x' is not a number"),
-        ("a.b", r"column 2: unexpected '\.'"),
         ("state.battery", r"column 6: unexpected '\.'; a script reads whole values, no members"),
         ("@state.battery", r"column 7: unexpected '\.': board values have no members, so '@state'"),
         ("x := [1]", r"unexpected '\['"),
         ("(" * 50 + "1" + ")" * 50, "nested deeper than 40"),
-        ("-" * 50 + "1", "nested deeper than 40"),
         ("+".join(["1"] * 300), "more than 200 operators"),
         ("1" * 5000, "longer than 4000"),
         ("known()", r"column 7: expected a variable or an @key, got '\)'"),
-        ("known(1)", "expected a variable or an @key, got '1'"),
-        ("known(a + b)", r"expected '\)', got '\+'"),
-        ("f(1), 2", "expected a value, got ','"),
     ],
 )
 def test_refused_scripts(source: str, message: str) -> None:
-    """Invalid scripts are refused by the parser, with the position."""
     with pytest.raises(ScriptError, match=message):
         parse_script(source)
 
@@ -145,7 +125,6 @@ def test_refused_scripts(source: str, message: str) -> None:
         ("cout += 1", "there is no variable 'cout'; make a new one with ':='"),
         ("1 / 0", "division by zero"),
         ("count = 1.5", "'count': the variable holds an integer, got 1.5"),
-        ("count = 'x'", "expected a number, got 'x'"),
         ("word = 1", "the variable holds a text"),
         ("word + 1", r"'\+' cannot be applied to a text and a number"),
         ("-word", "'-' cannot be applied to a text"),
@@ -161,19 +140,15 @@ def test_refused_scripts(source: str, message: str) -> None:
         ("false && missing", "'missing' has no value"),  # both sides are evaluated
         ("long += long", "longer than 100000"),
         ("!word", "expected a number, got 'w'"),  # no text that spells a truth value
-        ("word && 1", "expected a number, got 'w'"),
-        ("0 || word", "expected a number, got 'w'"),
         ("word ? 60 : 1", "expected a number, got 'w'"),
     ],
 )
 def test_failing_scripts(source: str, message: str) -> None:
-    """The message of a runtime error contains the script."""
     with pytest.raises(ScriptError, match=message):
         run(source, count=1, word="w", thing=[1], long="x" * 60_000)
 
 
 def test_enumerations_come_before_variables() -> None:
-    """A member of an enumeration can be used like a number."""
     scope = _scope({"RED": 7})
     scope.enum_members["RED"] = 2
     assert parse_script("RED + 1").run(Environment(scope)) == 3.0
@@ -232,7 +207,6 @@ def test_a_key_that_no_leaf_declares_is_not_known() -> None:
 
 @given(st.text(alphabet="ab1.5'\" +-*/()<>=!&|?:;@~^,{}\n\\x", max_size=40))
 def test_any_text_is_a_script_or_is_refused(source: str) -> None:
-    """Any text gives a value or a ScriptError."""
     try:
         run(source, a=1, b="x")
     except ScriptError:
@@ -240,7 +214,6 @@ def test_any_text_is_a_script_or_is_refused(source: str) -> None:
 
 
 def test_the_texts_of_a_tree_cannot_fill_the_memory_together() -> None:
-    """The sum of all texts is bounded; shorter or deleted texts free memory."""
     outer = Variables()
     inner = Environment(Variables(outer))
     for number in range(20):

@@ -20,7 +20,7 @@ from uav_bt.tree import (
     load_tree,
     parse_tree,
 )
-from uav_bt.tree.scripted import AnswerScript, Mock, ScriptedLeaf, mock_class
+from uav_bt.tree.scripted import AnswerScript, Mock, ScriptedLeaf
 
 OWN = Key("own", float, "a plug-in's own key")
 
@@ -77,28 +77,17 @@ def loaded_by(tmp_path: Path, world: World, mocks: dict[str, str]) -> MissionTre
     ],
 )
 def test_a_script_is_answered_letter_by_letter(text: str, answers: str) -> None:
-    """The last letter, or the part in brackets, repeats for ever."""
     script = AnswerScript.parse(text)
     assert "".join(script.answer(tick).letter for tick in range(7)) == answers
 
 
 @pytest.mark.parametrize("text", ["", "  ", "RRX", "rs", "(RS)F", "R()", "(R", "((R))", "R)"])
 def test_other_texts_are_refused(text: str) -> None:
-    """The message shows the form of a script and the refused text."""
     with pytest.raises(ValueRangeError, match=r"R \(running\), S .* as in 'RRS' or 'F\(RS\)'"):
         AnswerScript.parse(text)
 
 
-def test_a_scripted_leaf_stands_alone(world: World) -> None:
-    """Trees composed in Python can use it directly; each setup restarts the script."""
-    tree = MissionTree(ScriptedLeaf("a", "RS"))
-    for _ in range(2):
-        tree.setup(world.context)
-        assert [tree.tick() for _ in range(2)] == [Status.RUNNING, Status.SUCCESS]
-
-
 def test_mocks_keep_everything_but_the_code(tmp_path: Path, world: World) -> None:
-    """Name, path, kind, ports, board keys and conditions stay; the class's code never runs."""
     tree = loaded(tmp_path, world, Fly="R", Clear="S")
     out = tree.find("Main/Sequence/out")
     assert isinstance(out, ScriptedLeaf)
@@ -125,7 +114,6 @@ def test_mocks_keep_everything_but_the_code(tmp_path: Path, world: World) -> Non
 def test_the_most_exact_selector_counts(
     mocks: dict[str, str], answers: tuple[str, ...], tmp_path: Path, world: World
 ) -> None:
-    """A path before a name, a name before an id, and the star for the rest."""
     tree = loaded_by(tmp_path, world, mocks)
     texts = [leaf.script for leaf in tree.leaves() if isinstance(leaf, ScriptedLeaf)]
     assert texts == [AnswerScript.parse(text) for text in answers]
@@ -169,13 +157,6 @@ def test_a_mock_writes_its_outputs_when_it_succeeds(world: World) -> None:
 def test_mocks_that_do_not_fit_are_refused(
     tmp_path: Path, world: World, selector: str, script: str, message: str
 ) -> None:
-    """The message names the file, the selector and a suggestion."""
     with pytest.raises(TreeError, match=message) as error:
         loaded_by(tmp_path, world, {"Fly": "S", "Clear": "S", selector: script})
     assert isinstance(error.value, InputError)
-
-
-def test_attributes_of_a_mock_are_checked() -> None:
-    """A wrong value is an error, as for the leaf itself."""
-    with pytest.raises(InputError, match=r"speed_mps.*expected a number"):
-        mock_class(Fly)("x", "S", speed_mps="fast")

@@ -11,12 +11,7 @@ from uav_bt.tree import load_tree, parse_tree
 from uav_bt.tree.loading.loader import check_file
 from uav_bt.tree.loading.lookup import shipped_trees
 from uav_bt.tree.render import render
-from uav_bt.tree.shipped import (
-    STARTERS,
-    resolve_tree,
-    tree_files,
-    write_starter,
-)
+from uav_bt.tree.shipped import STARTERS, resolve_tree, tree_files, write_starter
 
 
 def test_a_file_stands_for_itself_and_a_name_for_a_shipped_mission(tmp_path: Path) -> None:

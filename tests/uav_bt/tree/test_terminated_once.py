@@ -126,7 +126,6 @@ def _control(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
     steps=st.lists(st.sampled_from(["tick", "tick", "tick", "halt", "1", "2", "3"]), max_size=12),
 )
 def test_any_tree_any_script(body: str, steps: list[str]) -> None:
-    """Starts and ends alternate; after an exception or a halt all activations have ended."""
     tree = ready(body)
     for step in [*steps, "halt"]:
         if step in "123":

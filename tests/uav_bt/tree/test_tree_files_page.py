@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import ClassVar
 
-import py_trees
 import pytest
-from py_trees.parsers.behaviour_tree_xml import parse_behaviour_tree_xml
-from py_trees.ports import BehaviourWithPorts
 
 from tests.conformance import read_traces
 from tests.worlds.trees import World
@@ -34,13 +30,11 @@ INFOS = describe_all(NodeRegistry())
 
 
 def test_the_table_has_every_node_of_the_format() -> None:
-    """The table has exactly the built-in nodes."""
     assert set(ROWS) == {node.node_id for node in BUILTIN_NODES}
 
 
 @pytest.mark.parametrize("info", INFOS, ids=[info.node_id for info in INFOS])
 def test_a_row_says_what_the_node_is(info: NodeInfo) -> None:
-    """Kind, description, ports and defaults are those of the class."""
     _, kind, ports, doc, _ = ROWS[info.node_id]
     assert (kind, doc) == (info.kind, info.doc)
     if info.node_id.startswith("Switch"):
@@ -56,7 +50,6 @@ def test_a_row_says_what_the_node_is(info: NodeInfo) -> None:
 
 
 def test_proven_is_what_the_traces_contain() -> None:
-    """The last column agrees with the sample of the traces, which has all their nodes."""
     recorded: set[str] = set()
     for trace in read_traces(SAMPLE):
         recorded |= set(re.findall(r"<(\w+)", trace["xml"]))
@@ -65,12 +58,10 @@ def test_proven_is_what_the_traces_contain() -> None:
 
 
 def test_all_conditions_are_listed() -> None:
-    """The page explains each condition attribute."""
     assert all(f"`{name}`" in PAGE for name in CONDITION_ATTRIBUTES)
 
 
 def test_the_first_example_flies(world: World) -> None:
-    """It succeeds in its second round, after two naps."""
     tree = parse_tree(XML[0], NodeRegistry())
     tree.setup(world.context)
     answers = []
@@ -84,7 +75,6 @@ def test_the_first_example_flies(world: World) -> None:
 
 
 def test_the_board_example_guards(world: World) -> None:
-    """Its subtree reads the board under a different name."""
     world.board.declare(HEIGHT)
     tree = parse_tree(next(text for text in XML if "Guard" in text), NodeRegistry())
     tree.setup(world.context)
@@ -95,7 +85,6 @@ def test_the_board_example_guards(world: World) -> None:
 
 
 def test_a_misspelt_entry_is_refused_as_the_page_says() -> None:
-    """The page quotes the loader's message."""
     with pytest.raises(TreeError) as error:
         parse_tree(XML[0].replace(' count="', ' cuont="'), NodeRegistry(), path="mission.xml")
     message = (
@@ -106,7 +95,6 @@ def test_a_misspelt_entry_is_refused_as_the_page_says() -> None:
 
 
 def test_the_python_example_runs(world: World) -> None:
-    """A tree composed in Python ticks like one from a file."""
     tree = _run(PYTHON[0])["tree"]
     assert isinstance(tree, MissionTree)
     tree.setup(world.context)
@@ -118,45 +106,3 @@ def test_the_python_example_runs(world: World) -> None:
 def _run(code: str, **names: object) -> dict[str, object]:
     exec(compile(code, "docs/tree-files.md", "exec"), names)  # noqa: S102  # our own page
     return names
-
-
-class Lamp(BehaviourWithPorts):
-    """A leaf for the parser of py_trees."""
-
-    INPUT_PORTS: ClassVar[dict[str, object]] = {}
-    OUTPUT_PORTS: ClassVar[dict[str, object]] = {}
-
-    def __init__(self, name: str, speed: float = 1.0, **given: object) -> None:
-        super().__init__(name, **given)
-        self.speed = speed
-
-    def update(self) -> py_trees.common.Status:
-        return py_trees.common.Status.SUCCESS
-
-
-@pytest.mark.parametrize(
-    ("body", "speed"),
-    [
-        ('<Sequence memry="false" _skipIf="true"><Lamp name="a"/></Sequence>', 1.0),
-        ('<Sequence><Lamp name="a" speed="fast"/></Sequence>', "fast"),
-        ('<Sequence><Lamp name="&a;"/></Sequence>', 1.0),
-        ('<Sequence><Lamp name="a"/><Lamp name="a"/></Sequence>', None),
-        ('<Sequence><Lamp name="a" spede="2"/></Sequence>', None),
-        ('<ReactiveSequence><Lamp name="a"/></ReactiveSequence>', None),
-    ],
-)
-def test_the_parser_of_py_trees_differs_as_the_page_says(
-    tmp_path: Path, body: str, speed: object
-) -> None:
-    """The parameter `speed` is the value at the leaf, None for a refused file."""
-    path = tmp_path / "tree.xml"
-    path.write_text(
-        '<!DOCTYPE root [<!ENTITY a "a">]><root main_tree_to_execute="M">'
-        f'<BehaviorTree ID="M">{body}</BehaviorTree></root>'
-    )
-    if speed is None:
-        with pytest.raises(Exception, match=r"Duplicate|unexpected keyword|Unsupported tag"):
-            parse_behaviour_tree_xml(str(path), node_registry={"Lamp": Lamp})
-        return
-    (lamp,) = parse_behaviour_tree_xml(str(path), node_registry={"Lamp": Lamp}).children
-    assert (lamp.name, lamp.speed) == ("a", speed)

@@ -34,3 +34,25 @@ def test_verdict(name: str) -> None:
 
 def test_every_file_has_a_verdict() -> None:
     assert {str(path.relative_to(FILES)) for path in files_in(FILES)} == {*VERDICTS, "palette.xml"}
+
+
+# --- projects: each has a project.yaml, with its palette and words of its warnings ----------------
+
+PROJECTS = Path(__file__).parents[2] / "data" / "tree_projects"
+PROJECT_FILES = [
+    pytest.param(project.parent, path, id=f"{project.parent.name}/{path.name}")
+    for project in sorted(PROJECTS.glob("*/project.yaml"))
+    for path in files_in(project.parent)
+]
+
+
+@pytest.mark.parametrize(("project", "path"), PROJECT_FILES)
+def test_findings_of_a_file(project: Path, path: Path) -> None:
+    asked = yaml.safe_load((project / "project.yaml").read_text(encoding="utf-8"))
+    known = with_palette(NodeRegistry(), read_palette(project / asked["palette"]))
+    found = check_file(path, known, lookup=Lookup(Library(sorted(project.rglob("*.xml")))))
+    words = asked["warned"].get(str(path.relative_to(project)), [])
+    assert not errors_of(found)
+    assert bool(found) == bool(words), found
+    for each in words:
+        assert each in "\n".join(map(str, found))

@@ -7,66 +7,15 @@ from typing import ClassVar
 
 import pytest
 
-from tests.worlds.trees import World, leaf
+from tests.worlds.trees import World
 from uav_bt.board import ELAPSED
 from uav_bt.clock import ManualClock
 from uav_bt.errors import NodeFailedError
 from uav_bt.testing import parse_tree
-from uav_bt.tree import Leaf, MissionTree, Node, Port, Status
+from uav_bt.tree import Leaf, MissionTree, Port, Status
 from uav_bt.tree.branch_watch import BranchEnds, BranchWatch
 from uav_bt.tree.budget import BudgetWatch, SlowLeaf
 from uav_bt.tree.nodes import AlwaysSuccess, Sequence
-from uav_bt.tree.observer import NodeEvent, observe, unobserve
-
-
-class Notes:
-    """Records events as `name event`."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
-    def note(self, node: Node, event: NodeEvent) -> None:
-        """Record an event."""
-        self.lines.append(f"{node.name} {event.value}")
-
-    def take(self) -> list[str]:
-        lines, self.lines = self.lines, []
-        return lines
-
-
-def test_a_node_notifies_its_observer_of_everything(world: World) -> None:
-    """Start, status, answer; halts begin at the root and end at the leaves first."""
-    tree, notes = world.tree(f"<Sequence>{leaf('a', 'K')}{leaf('b', 'RR')}</Sequence>"), Notes()
-    observe(tree.nodes(), notes.note)
-    tree.tick()
-    assert notes.take() == [
-        *("Sequence started", "Sequence status", "a started", "a skipped"),
-        *("b started", "b status", "b continues", "Sequence continues"),
-    ]
-    tree.tick()
-    assert notes.take() == ["Sequence ran", "b ran", "b continues", "Sequence continues"]
-    tree.halt()
-    assert notes.take() == [
-        *("Sequence halting", "b halting", "b status", "b halted"),
-        *("Sequence status", "Sequence halted"),
-    ]
-
-
-def test_observers_come_and_go(world: World) -> None:
-    """They are called in the order of registration; the slot is empty after the last one."""
-    tree = world.tree(leaf("b", "R"))
-    first, second = Notes(), Notes()
-    for notes in (first, second):
-        observe(tree.nodes(), notes.note)
-    tree.tick()
-    assert first.take() == second.take() == ["b started", "b status", "b continues"]
-    unobserve(tree.nodes(), first.note)
-    unobserve(tree.nodes(), first.note)  # a second call has no effect
-    tree.tick()
-    assert (first.take(), second.take()) == ([], ["b ran", "b continues"])
-    unobserve(tree.nodes(), second.note)
-    assert tree.root.observer is None
-
 
 # --- leaves that block ----------------------------------------------------------------------------
 
@@ -121,7 +70,6 @@ def watched(world: World, wall: ManualClock, *leaves: Leaf) -> tuple[MissionTree
 def test_whichever_method_blocks_the_leaf_is_named(
     world: World, wall: ManualClock, method: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """It is named with path, time and budget, also in the log."""
     tree, watch = watched(world, wall, AlwaysSuccess(), Blocks("b", blocks=method))
     with caplog.at_level(logging.WARNING):
         tree.tick()
@@ -136,7 +84,6 @@ def test_whichever_method_blocks_the_leaf_is_named(
 
 
 def test_within_the_budget_no_warning_is_given(world: World, wall: ManualClock) -> None:
-    """The class sets the budget; a time equal to the budget is allowed."""
     for one in (MayTakeLonger(blocks="update"), Blocks(blocks="update", for_s=0.5)):
         tree, watch = watched(world, wall, one)
         tree.tick()
@@ -144,24 +91,10 @@ def test_within_the_budget_no_warning_is_given(world: World, wall: ManualClock) 
 
 
 def test_a_leaf_that_blocks_and_raises_is_named_for_both(world: World, wall: ManualClock) -> None:
-    """The exception does not hide the slow call."""
     tree, watch = watched(world, wall, Blocks("b", blocks="update", raises=True))
     with pytest.raises(NodeFailedError, match="'Mission/s/b' failed: OSError: timed out"):
         tree.tick()
     assert watch.worst_s == {"Mission/s/b": 1.0}
-
-
-def test_only_news_is_logged(
-    world: World, wall: ManualClock, caplog: pytest.LogCaptureFixture
-) -> None:
-    """A leaf that blocks in every tick is reported each time, but logged only if it gets worse."""
-    tree, watch = watched(world, wall, Blocks("b", blocks="update", for_s="{for_s}"))
-    for for_s in (1.0, 1.0, 0.8, 3.0):
-        tree.variables["for_s"] = for_s
-        tree.tick()
-    assert [slow.took_s for slow in watch.take()] == [1.0, 1.0, pytest.approx(0.8), 3.0]
-    assert len(caplog.records) == 2
-    assert watch.worst_s == {"Mission/s/b": 3.0}
 
 
 # --- branches that fail ---------------------------------------------------------------------------
@@ -234,18 +167,3 @@ def test_a_leaf_that_is_skipped_while_it_runs_did_not_fail() -> None:
         bench.tick()
         assert watch.take() == BranchEnds()
     bench.log.assert_halted("HoverFor", times=1)
-
-
-@pytest.mark.parametrize(("answer", "succeeded"), [("RS", True), ("RF", False)])
-def test_the_last_leaf_ends_the_tree(answer: str, *, succeeded: bool) -> None:
-    bench = parse_tree(
-        ROOT.format('<Sequence name="s"><Turn degrees="9"/><HelipadCenter/></Sequence>'),
-        mocks={"Turn": "S", "HelipadCenter": answer},
-    )
-    watch = BranchWatch(bench.tree)
-    bench.tick()
-    watch.take()
-    bench.tick()
-    ends = watch.take()
-    assert ends.ended is bench.tree.find("HelipadCenter")
-    assert (ends.succeeded, ends.failed) == (succeeded, ())

@@ -56,21 +56,6 @@ def test_odometry_passes_over_useless_samples(bad: DroneState) -> None:
     assert (pose.x_m, pose.y_m, pose.yaw_rad) == (0.0, 0.0, 0.0)
 
 
-def test_odometry_beyond_its_memory() -> None:
-    """No pose before the first sample; older times give the oldest, later times the newest."""
-    odometry = Odometry(memory_s=1.0)
-    assert odometry.at(0.0) is None
-    for tick in range(31):
-        odometry.update(state(TICK_S * tick, forward_mps=1.0))
-
-    oldest, newest = odometry.at(0.0), odometry.at(9.0)
-
-    assert oldest is not None
-    assert newest is not None
-    assert oldest.time_s == pytest.approx(2.0)
-    assert newest == odometry.now
-
-
 # --- quantities with different times --------------------------------------------------------------
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from uav_bt.types import Pose2D, rotate_points
+from uav_bt.types import Pose2D
 
 
 def test_heading_east_ahead_is_y() -> None:
@@ -25,11 +25,3 @@ def test_points_go_to_the_world_and_back_as_single_ones_do() -> None:
     there = here.points_to_world(points)
     assert there == pytest.approx(np.array([here.to_world(*point) for point in points.tolist()]))
     assert here.points_to_body(there) == pytest.approx(points)
-
-
-def test_points_turn_clockwise_where_y_is_to_the_right() -> None:
-    """To the west after a quarter turn to the left, whose right is north."""
-    points = np.array([[2.0, 0.0], [0.0, 1.0]])
-
-    assert rotate_points(points, 0.0) == pytest.approx(points)
-    assert rotate_points(points, -math.pi / 2) == pytest.approx(np.array([[0.0, -2.0], [1.0, 0.0]]))

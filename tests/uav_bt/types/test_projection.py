@@ -9,21 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_bridge.anafi import anafi_camera
-from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.objects import Helipad
-from sim_bridge.twin.scene import Scene
-from sim_bridge.twin.views import render_views
-from tests.paper_lab import CARPET
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import CameraModel
-from uav_bt.types.projection import (
-    elevation_to_row,
-    ground_points,
-    ground_range_to_row,
-    pixel_rays,
-    project,
-)
+from uav_bt.types.projection import elevation_to_row, ground_points, ground_range_to_row, project
 
 # Round numbers, unequal focal lengths as after a resize that changes the aspect.
 CAMERA = CameraModel(width_px=201, height_px=101, fx_px=100.0, fy_px=80.0, cx_px=100.0, cy_px=50.0)
@@ -93,15 +81,6 @@ def test_pixel_to_ground_and_back(
     assert back == pytest.approx((column, row), abs=1e-5)
 
 
-def test_any_leading_shape_is_kept() -> None:
-    """A grid of pixels gives a grid of points."""
-    grid = np.stack(np.meshgrid(np.arange(5), np.arange(60, 63)), axis=-1)
-
-    assert pixel_rays(grid, CAMERA, 0.0).shape == (3, 5, 3)
-    assert ground_points(grid, CAMERA, 0.0, 1.0).shape == (3, 5, 2)
-    assert project(np.ones((4, 1, 3)), CAMERA, 0.0).shape == (4, 1, 2)
-
-
 @settings(deadline=None)
 @given(st.floats(-math.pi / 2, 0.0), st.floats(0.3, 8.0), st.floats(0.3, 3.0))
 def test_row_of_a_range_sees_that_range(pitch_rad: float, range_m: float, height_m: float) -> None:
@@ -143,43 +122,3 @@ def test_the_camera_must_be_above_the_plane(height_m: float) -> None:
 
 
 # --- agreement with the twin ----------------------------------------------------------------------
-
-SCENE = Scene(name="pad", helipad=Helipad(position_m=(0.3, -0.2), yaw_deg=25), boxes=())
-POSES = [
-    CameraPose(x_m=-1.5, y_m=-0.6, z_m=1.5, yaw_rad=0.3, pitch_rad=math.radians(-28)),
-    CameraPose(x_m=1.2, y_m=1.1, z_m=1.2, yaw_rad=-2.2, pitch_rad=math.radians(-40)),
-    CameraPose(x_m=0.2, y_m=-0.1, z_m=1.7, yaw_rad=1.0, pitch_rad=-math.pi / 2),
-]
-
-
-def _level(pose: CameraPose, x_m: float, y_m: float, z_m: float) -> tuple[float, float, float]:
-    """A world point as forward, right and down of the camera."""
-    c, s = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-    dx, dy = x_m - pose.x_m, y_m - pose.y_m
-    return c * dx + s * dy, s * dx - c * dy, pose.z_m - z_m
-
-
-# The aspect of the network's image differs from the video's: its focal lengths are unequal.
-@pytest.mark.parametrize("size_px", [(640, 360), (224, 112)])
-def test_the_twin_sees_points_where_they_project(size_px: tuple[int, int]) -> None:
-    """The pad's mask spans its projected corners, and the ground's depth agrees with the rays."""
-    camera = anafi_camera(640, 360).resized(*size_px)
-    tops = [(x, y, 0.4) for x, y in SCENE.helipad.footprint.corners()]
-    feet = [(x, y, 0.0) for x, y in SCENE.helipad.footprint.corners()]
-
-    for view in render_views(SCENE, POSES, truth_size_px=size_px):
-        pose = view.pose
-        corners = project([_level(pose, *point) for point in tops + feet], camera, pose.pitch_rad)
-        rows, columns = np.nonzero((view.ids == 2) | (view.ids == 3))
-        # Pixel centres lie inside the outline, at most a pixel from it.
-        assert columns.min() == pytest.approx(corners[:, 0].min() + 0.5, abs=1.0)
-        assert columns.max() == pytest.approx(corners[:, 0].max() - 0.5, abs=1.0)
-        assert rows.min() == pytest.approx(corners[:, 1].min() + 0.5, abs=1.0)
-        assert rows.max() == pytest.approx(corners[:, 1].max() - 0.5, abs=1.0)
-
-        rows, columns = np.nonzero(view.ids == CARPET)
-        pixels = np.stack([columns, rows], axis=-1)
-        rays = pixel_rays(pixels, camera, pose.pitch_rad)
-        heights = rays[:, 2] * view.depth[rows, columns]
-        assert np.median(heights) == pytest.approx(pose.z_m, abs=0.002)
-        assert np.percentile(np.abs(heights - pose.z_m), 95) < 0.02
