@@ -218,10 +218,7 @@ class MissionTree:
         _for_all(self.nodes(), lambda node: node.shutdown())
 
     def inherit(self, former: MissionTree) -> None:
-        """Hand the leaves the knowledge of a tree, halted, that this one replaces in flight.
-
-        The first leaf of a class goes on from the first of that class there, and so on.
-        """
+        """Hand the leaves the knowledge of a tree, halted, that this one replaces in flight."""
         leaves = list(former.leaves())
         for leaf in self.leaves():
             alike = next((other for other in leaves if type(other) is type(leaf)), None)

@@ -22,10 +22,7 @@ BOUND: Final = "="  # the keyword of bound values; no attribute has this name
 
 
 class NodePorts:
-    """Ports of a node, and the mission and variables that they read and write.
-
-    `Node` adds the children and the tick.
-    """
+    """Ports of a node, and the mission and variables that they read and write."""
 
     node_id: ClassVar[str] = ""  # the XML tag; default: the class's name
     ports: ClassVar[tuple[Port[Any], ...]] = ()
@@ -40,16 +37,7 @@ class NodePorts:
         return cls.ports
 
     def _bind(self, given: dict[str, object], children: int, wrong: dict[str, str]) -> None:
-        """Bind the ports to the given values.
-
-        Args:
-            given: values by port; or those that the loader has bound, as `BOUND`.
-            children: how many children the node has.
-            wrong: errors of other attributes, for the same message.
-
-        Raises:
-            InputError: a port is missing, unknown or has a value of another type.
-        """
+        """Bind the ports to the given values."""
         self._ports = self.ports_over(children)
         bound: Any = given.pop(BOUND, None)
         if bound is None:
@@ -106,14 +94,7 @@ class NodePorts:
         return self._environment
 
     def rebind(self, given: Mapping[str, object]) -> None:
-        """Replace the values of ports, before the setup.
-
-        Args:
-            given: values by port, typed or as texts.
-
-        Raises:
-            InputError: the node has no such port, or a value does not fit.
-        """
+        """Replace the values of ports, before the setup."""
         unknown = given.keys() - {port.name for port in self._ports}
         ports = self._ports if unknown else [port for port in self._ports if port.name in given]
         bound, wrong = bind_ports(ports, dict(given))
@@ -171,10 +152,7 @@ class NodePorts:
         return self._resolve(self._declared(name)) if value is _NO_LITERAL else value
 
     def initial_value(self, port: Port[T]) -> T | None:
-        """Return a port's value before the tree runs; None where only the flight gives one.
-
-        It is the literal, or the entry of a subtree that is the variable's first value.
-        """
+        """Return a port's value before the tree runs; None where only the flight gives one."""
         if port.name in self._literals:
             return self.port(port)
         reference = self._references.get(port.name)

@@ -70,10 +70,7 @@ def _found(tree: MissionTree, *checks: _Check) -> Iterator[Finding]:
 
 
 def unset_reads(tree: MissionTree) -> dict[str, Use]:
-    """Return the variables of a tree that its file reads and nothing sets, with a reader each.
-
-    The reader is a node with the attribute.
-    """
+    """Return the variables of a tree that its file reads and nothing sets, with a reader each."""
     slots = (slot for slot in Uses(tree).slots.values() if slot.scope is tree.variables)
     unset = ((one.name, read) for one in slots if not one.created for read in one.reads)
     first: dict[str, Use] = {}

@@ -79,13 +79,10 @@ class Document:
         return frozenset(found)
 
     def entries(self, subtree: Element) -> dict[str, str]:
-        """Return a SubTree's entries and conditions, the described defaults included.
-
-        As in the engine, a subtree that shares all variables has no defaults.
-        """
+        """Return a SubTree's entries and conditions, the described defaults included."""
         given = node_attributes(subtree)
         ports = self.subtree_ports.get(subtree.attributes.get("ID", ""))
-        if not ports or autoremaps(subtree):
+        if not ports or autoremaps(subtree):  # as in the engine, then without defaults
             return given
         defaults = {name: text for name, text in ports.items() if text is not None}
         return {**defaults, **given}

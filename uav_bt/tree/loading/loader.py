@@ -191,13 +191,10 @@ class _Read:
         return built
 
     def check_others(self) -> None:
-        """Check the trees that are not flown.
-
-        Of these only the structure must be right, as the engine has it: the rest is a warning.
-        """
+        """Check the trees that are not flown."""
         document = self.document
         flown = document.within(self.roots)
-        idle = Findings()
+        idle = Findings()  # of these only the structure must be right, as the engine has it
         builder = Builder(document, self._findings, idle, flown)
         for tree_id in (*document.unused, *document.trees):
             if tree_id not in flown and tree_id not in builder.entered:

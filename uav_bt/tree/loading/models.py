@@ -41,11 +41,7 @@ class NodeModel:
 
 
 def read_models(models: Element, findings: Findings) -> list[NodeModel]:
-    """Read a TreeNodesModel. Most faults are warnings because the engine does not read it.
-
-    It does read the subtrees' entries: a SubTree without ID, and a port of one without a name, are
-    errors.
-    """
+    """Read a TreeNodesModel. Most faults are warnings because the engine does not read it."""
     check_attributes(models, frozenset(), findings)
     found: dict[str, NodeModel] = {}
     for model in models.children:

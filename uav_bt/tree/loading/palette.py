@@ -76,18 +76,7 @@ class Palette:
 
 
 def read_palette(path: Path, odd: Findings | None = None) -> Palette:
-    """Return node classes and enumerations from the TreeNodesModel of a file.
-
-    Trees and includes in the file are ignored, as are subtrees in the model, which are not nodes.
-    An unreadable type or default of a port is ignored, too; the node and the port stay.
-
-    Args:
-        path: the file; its root is a TreeNodesModel, or holds one or several.
-        odd: collects warnings of skipped parts; default: none are kept.
-
-    Raises:
-        TreeError: the file cannot be read, or has no model.
-    """
+    """Return node classes and enumerations from the TreeNodesModel of a file."""
     root = parse_source(read_source(path), path)
     findings = Findings() if odd is None else odd
     models = [one for one in (root, *root.children) if one.tag == "TreeNodesModel"]

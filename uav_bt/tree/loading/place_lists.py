@@ -43,10 +43,8 @@ class PlaceLists:
         self._texts: dict[Path, str] = {}
 
     def in_tree(self, element: Element, registry: NodeRegistry) -> Element:
-        """Return a tree with the places of the files that it names.
-
-        Elements are shared by the readings of a file, so those that change are copied.
-        """
+        """Return a tree with the places of the files that it names."""
+        # Elements are shared by the readings of a file, so those that change are copied.
         children = [self.in_tree(child, registry) for child in element.children]
         changed = {
             name: self._at(element, name, text)

@@ -26,12 +26,7 @@ _HEADER: Final = (
 
 
 def read_places(data: bytes, suffix: str) -> tuple[str, list[tuple[int, str]]]:
-    """Return the places of a file as a list in a tree file, and faults, each with its line.
-
-    Args:
-        data: The file's bytes.
-        suffix: `.csv` for a table; any other is a text.
-    """
+    """Return the places of a file as a list in a tree file, and faults, each with its line."""
     try:
         lines = data.decode("utf-8-sig").split("\n")
     except UnicodeDecodeError as error:

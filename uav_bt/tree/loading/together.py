@@ -30,11 +30,7 @@ class FilesTogether:
         self._found: dict[str, tuple[Finding, ...]] = {}
 
     def findings(self, path: Path) -> tuple[Finding, ...]:
-        """Return the findings of a file.
-
-        A finding in another of the files is in the report of that other file, except when it
-        depends on this file's use of it.
-        """
+        """Return the findings of a file."""
         return tuple(one for one in self._all(str(path)) if not self._is_reported(one, str(path)))
 
     def _is_reported(self, finding: Finding, path: str) -> bool:

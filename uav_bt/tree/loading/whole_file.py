@@ -11,12 +11,7 @@ from uav_bt.tree.node import NodeKind
 
 
 def whole_file(document: Document, source: bytes) -> bytes:
-    """Return the main tree with all that it uses as one file: its own where nothing is elsewhere.
-
-    Args:
-        document: the outline; the places of files are in its trees.
-        source: the mission's own file.
-    """
+    """Return the main tree with all that it uses as one file; its own where that has all."""
     if not document.included:
         return source
     root = ET.Element("root", BTCPP_format="4", main_tree_to_execute=document.main)

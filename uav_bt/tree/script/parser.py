@@ -106,10 +106,7 @@ class Script:
         return tuple(name[1:] for name in written if name.startswith("@"))
 
     def fault(self, members: Mapping[str, int], *, asked: bool) -> str | None:
-        """Return why every run fails, whatever the variables hold; None when a run may work.
-
-        `members` are those of enumerations; `asked`: the last value must be true or false.
-        """
+        """Return why every run fails, whatever the variables hold; None when a run may work."""
         variables = Variables()
         variables.enum_members.update(members)
         nothing = Environment(variables)
