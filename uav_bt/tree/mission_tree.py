@@ -17,8 +17,7 @@ from uav_bt.errors import InputError, MissionError, NodeFailedError, UavBtError,
 from uav_bt.tree.foreign import PyTreesRoot
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.findings import Position
-from uav_bt.tree.node import Node
-from uav_bt.tree.placing import place_tree
+from uav_bt.tree.node import Node, place_tree
 from uav_bt.tree.script import SCRIPTS, parse_script, parsed_by
 from uav_bt.tree.script.values import ONLY_LEAVES_WRITE
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, Final, TypeVar
 
 from uav_bt.board.blackboard import Blackboard, BoardView, Key, Reading
@@ -11,6 +11,7 @@ from uav_bt.board.context import MissionContext
 from uav_bt.errors import BoardAccessError, InputError, MissionError, UnknownValueError
 from uav_bt.protocols import Clock
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
+from uav_bt.tree.flow import After, Follow, Known, Written
 from uav_bt.tree.port import Port, Reference, bind_ports
 from uav_bt.tree.script import Environment
 from uav_bt.tree.variables import Variables
@@ -26,8 +27,12 @@ class NodePorts:
 
     node_id: ClassVar[str] = ""  # the XML tag; default: the class's name
     ports: ClassVar[tuple[Port[Any], ...]] = ()
+    ticks_again: ClassVar[bool] = False  # ticks its children in several rounds
+    ticks_together: ClassVar[bool] = False  # ticks several children in the same tick
+    asks_first: ClassVar[bool] = False  # its first child is a condition, which must not be skipped
 
     name: str
+    children: list[Any]
     path: str  # unique in its tree once the tree is made
 
     @classmethod
@@ -229,3 +234,26 @@ class NodePorts:
         if key is None:
             key = self._keys[reference.key] = self.mission.board.key(reference.key)
         return key
+
+    # --- what a class states about variables; a new node overrides what differs ------------------
+
+    def variables_after(self, follow: Follow, known: Known) -> After:
+        """Return the variables with a value after this node; nothing is assumed of its children."""
+        for child in self.children:
+            follow(child, known)
+        return After(known, known, known)
+
+    def variables_written(self) -> Iterator[Written]:
+        """Yield the variables that the node writes: those at its output ports."""
+        for port in self.ports:
+            at = self.given_references.get(port.name)
+            if port.direction != "input" and at is not None and not at.on_board:
+                yield Written(port.name, at.key, port.type, port=port)
+
+    def variables_removed(self) -> Iterator[str]:
+        """Yield the names of the variables that the node removes."""
+        return iter(())
+
+    def needs_value(self, port: Port[Any]) -> bool:
+        """Return whether the node fails where the variable at an input port has no value."""
+        return port.type is not object

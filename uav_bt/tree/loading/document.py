@@ -19,7 +19,7 @@ from uav_bt.tree.loading.findings import WARNING, Findings, Rule
 from uav_bt.tree.loading.lookup import Includes, Lookup
 from uav_bt.tree.loading.models import read_enumerations, read_models
 from uav_bt.tree.loading.parameters import Parameters
-from uav_bt.tree.loading.place_lists import PlaceLists
+from uav_bt.tree.loading.places_file import PlaceLists
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
@@ -326,7 +326,7 @@ def _read_models(models: Element, document: Document, findings: Findings) -> Non
     for model in read_models(models, findings):
         if model.kind is NodeKind.SUBTREE:
             document.subtree_ports[model.node_id] = {
-                name: document.place_lists.in_default(port, port.attributes.get("default", ""))
+                name: document.place_lists.at(port, "default", port.attributes.get("default", ""))
                 or None
                 for name, port in model.ports.items()
             }

@@ -9,8 +9,7 @@ from typing import ClassVar, Final
 
 from uav_bt.errors import InputError
 from uav_bt.tree.flow import as_child
-from uav_bt.tree.node import Node, NodeKind
-from uav_bt.tree.placing import place_tree
+from uav_bt.tree.node import Node, NodeKind, place_tree
 from uav_bt.tree.port import Port, parse_reference, port_text
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
 from uav_bt.tree.variables import Variables
