@@ -16,7 +16,7 @@ from uav_bt.tree.describe import section
 from uav_bt.tree.loading.attributes import POLICY_PORT, key_fits
 from uav_bt.tree.loading.elements import KIND_TAGS
 from uav_bt.tree.loading.lookup import Lookup
-from uav_bt.tree.loading.models import PORT_DIRECTIONS
+from uav_bt.tree.loading.palette import PORT_DIRECTIONS
 from uav_bt.tree.loading.source import walk
 from uav_bt.tree.node import NodeKind
 from uav_bt.tree.port import Port, port_text

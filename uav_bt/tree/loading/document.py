@@ -17,7 +17,7 @@ from uav_bt.tree.loading.elements import (
 )
 from uav_bt.tree.loading.findings import WARNING, Findings, Rule
 from uav_bt.tree.loading.lookup import Includes, Lookup
-from uav_bt.tree.loading.models import read_enumerations, read_models
+from uav_bt.tree.loading.palette import read_enumerations, read_models
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.places_file import PlaceLists
 from uav_bt.tree.loading.source import Element

@@ -5,7 +5,7 @@ from __future__ import annotations
 from xml.etree import ElementTree as ET
 
 from uav_bt.tree.loading.document import Document
-from uav_bt.tree.loading.models import ENUMERATION
+from uav_bt.tree.loading.palette import ENUMERATION
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import NodeKind
 
