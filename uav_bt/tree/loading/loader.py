@@ -15,6 +15,7 @@ from uav_bt.errors import FileError, InputError, TreeError, UnknownNameError
 from uav_bt.tree.loading.before_flight import faults_of, faults_of_part, unset_reads
 from uav_bt.tree.loading.build import Builder, Built
 from uav_bt.tree.loading.document import find_main, outline
+from uav_bt.tree.loading.elements import check_recursion
 from uav_bt.tree.loading.findings import (
     WHOLE_FILE,
     Finding,
@@ -28,7 +29,6 @@ from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.replacements import Replacements
 from uav_bt.tree.loading.source import parse_source, read_source
-from uav_bt.tree.loading.structure import check_recursion
 from uav_bt.tree.loading.variable_faults import check_variables
 from uav_bt.tree.loading.whole_file import whole_file
 from uav_bt.tree.mission_tree import MissionTree
