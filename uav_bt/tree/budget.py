@@ -32,10 +32,7 @@ class SlowLeaf:
 
 
 class BudgetWatch:
-    """Measures `initialise`, `update` and `terminate` of every leaf that is not of the format.
-
-    `timer` is the wall clock, in seconds.
-    """
+    """Measures `initialise`, `update` and `terminate` of every leaf that is not of the format."""
 
     def __init__(
         self, tree: MissionTree, *, timer: Callable[[], float] = time.perf_counter

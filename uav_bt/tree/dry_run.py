@@ -139,10 +139,7 @@ class SimulatedTick:
 
 
 class Simulation:
-    """A mission file with scripted leaves, ready to be ticked.
-
-    Parameters take precedence over the script's variables; the rest is as for `load_tree`.
-    """
+    """A mission file with scripted leaves, ready to be ticked."""
 
     def __init__(
         self,

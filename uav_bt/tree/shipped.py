@@ -93,12 +93,7 @@ _COMMENT: Final = """\
 
 
 def write_starter(path: Path, start: str = "hover") -> None:
-    """Write a tree file to begin with; an existing file is never overwritten.
-
-    Args:
-        path: the new file, `*.xml`.
-        start: one of `STARTERS`.
-    """
+    """Write a tree file to begin with; an existing file is never overwritten."""
     if start not in STARTERS:
         raise UnknownNameError("starter mission", start, STARTERS)
     if path.suffix != ".xml":
