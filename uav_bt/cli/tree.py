@@ -14,18 +14,11 @@ from uav_bt.cli.parameter_options import parameter_options, single
 from uav_bt.cli.registry_options import leaves_option, registry_options
 from uav_bt.files import writing
 from uav_bt.tree import NodeRegistry, load_tree
-from uav_bt.tree.describe import (
-    ABILITIES,
-    NodeInfo,
-    PortInfo,
-    describe,
-    describe_all,
-    node_page,
-    palette_xml,
-)
-from uav_bt.tree.loading.lookup import TreeFolders
+from uav_bt.tree.describe import ABILITIES, NodeInfo, PortInfo, describe, describe_all, palette_xml
+from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.schema import schema_xml
+from uav_bt.tree.node_page import node_page
 from uav_bt.tree.render import render as draw
 from uav_bt.tree.shipped import resolve_tree
 

@@ -32,7 +32,10 @@ class SlowLeaf:
 
 
 class BudgetWatch:
-    """Measures `initialise`, `update` and `terminate` of every leaf that is not of the format."""
+    """Measures `initialise`, `update` and `terminate` of every leaf that is not of the format.
+
+    `timer` is the wall clock, in seconds.
+    """
 
     def __init__(
         self, tree: MissionTree, *, timer: Callable[[], float] = time.perf_counter

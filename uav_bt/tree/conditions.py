@@ -39,7 +39,10 @@ class Conditions:
         self._while = self.scripts.get("_while")
 
     def forestall(self, standing: Status, environment: Environment) -> Status | None:
-        """Return the status that replaces the node's tick, or None to tick the node."""
+        """Return the status that replaces the node's tick, or None to tick the node.
+
+        A running node is only asked `_while`; when that answers SKIPPED, the caller halts the node.
+        """
         if standing is IDLE:
             for script, status in self._forestalling:
                 if truth(script.run(environment)):

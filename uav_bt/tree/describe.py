@@ -1,9 +1,8 @@
-"""What nodes there are: as data for lists, as a page, and as a model for graphical editors."""
+"""What nodes there are, as data for lists and as a model that graphical editors load."""
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Final
 from xml.etree import ElementTree as ET
@@ -53,8 +52,12 @@ class NodeInfo:
 
 ABILITIES: Final = {"moves": "moves", "points": "points the camera", "lands": "lands"}
 """Class attributes of leaves for their effect on the drone, each with its description."""
-# A value of each type, for ports that a tree file must give.
-_SAMPLES: Final = {"float": "1.0", "int": "1", "bool": "true", "str": "name"}
+
+
+def summary(node: type[Node]) -> str:
+    """Return the first line of a node class's docstring."""
+    lines = (node.__doc__ or "").strip().splitlines()
+    return lines[0].strip() if lines else ""
 
 
 def _describe_port(port: Port[Any]) -> PortInfo:
@@ -83,7 +86,7 @@ def describe(node: type[Node]) -> NodeInfo:
     return NodeInfo(
         node_id=node.node_id,
         kind=node.kind.value,
-        doc=(node.__doc__ or "").strip().partition("\n")[0].strip(),
+        doc=summary(node),
         ports=tuple(_describe_port(port) for port in node.ports),
         reads=_names(leaf.reads) if leaf else (),
         writes=_names(leaf.writes) if leaf else (),
@@ -99,59 +102,6 @@ def describe_all(registry: NodeRegistry) -> list[NodeInfo]:
     order = [kind.value for kind in NodeKind]
     infos = [describe(registry[node_id]) for node_id in registry]
     return sorted(infos, key=lambda info: (info.builtin, order.index(info.kind), info.node_id))
-
-
-def node_page(registry: NodeRegistry) -> str:
-    """Return a page of the nodes that are not the format's own, in Markdown."""
-    nodes = [registry[name] for name in registry if registry[name] not in BUILTIN_NODES]
-    links = ", ".join(f"[{node.node_id}](#{node.node_id.lower()})" for node in nodes)
-    sections = [f"# Nodes\n\n{links}"]
-    sections += ["\n\n".join(section(node)) for node in nodes]
-    return "\n\n".join(sections) + "\n"
-
-
-def example(info: NodeInfo) -> str:
-    """Return a tag of the node with a value for each port that a tree file must give."""
-    given = [
-        f' {port.name}="{port.sample or (*port.choices, _SAMPLES.get(port.type, "name"))[0]}"'
-        for port in info.ports
-        if port.required
-    ]
-    return f"<{info.node_id}{''.join(given)}/>"
-
-
-def section(node: type[Node]) -> Iterator[str]:
-    """Yield the paragraphs about a node, in Markdown."""
-    info = describe(node)
-    yield f"## {info.node_id}"
-    # The attributes of a class have a table here.
-    yield inspect.cleandoc(node.__doc__ or "").partition("\nArgs:")[0].strip()
-    yield f"Example: `{example(info)}`"
-    if info.ports:
-        rows = [f"| `{p.name}` | {p.type} | {_value(p)} | {_doc(p)} |" for p in info.ports]
-        yield "\n".join(["| port | type | default | meaning |", "|---|---|---|---|", *rows])
-    kind = f"{info.kind}."
-    answers = f" Answers {', '.join(info.answers)}." if info.answers else ""
-    abilities = [ABILITIES[name] for name in info.abilities]
-    does = f" It {' and '.join(abilities)}." if abilities else ""
-    reads, writes = (
-        f" {verb} {', '.join(f'`{key}`' for key in keys)}." if keys else ""
-        for verb, keys in (("Reads", info.reads), ("Writes", info.writes))
-    )
-    yield f"{kind}{answers}{does}{reads}{writes} Source: `{info.origin}`."
-
-
-def _value(port: PortInfo) -> str:
-    if port.required:
-        return "required"
-    if port.direction == "output":
-        return "output"
-    return f"`{port.default}`" if port.default else ""
-
-
-def _doc(port: PortInfo) -> str:
-    text = f"{port.doc} ({port.range})" if port.range else port.doc
-    return text.replace("|", "\\|")
 
 
 def palette_xml(registry: NodeRegistry) -> str:
@@ -178,7 +128,12 @@ def _copied(element: Element) -> ET.Element:
 
 
 def add_model(parent: ET.Element, node: type[Node]) -> None:
-    """Describe a node class to graphical editors."""
+    """Describe a node class to graphical editors.
+
+    Args:
+        parent: the TreeNodesModel.
+        node: the class.
+    """
     element = ET.SubElement(parent, node.kind.value, ID=node.node_id)
     for port in node.ports:
         known = PORT_TYPES.get(port.type)

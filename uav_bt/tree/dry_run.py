@@ -139,7 +139,10 @@ class SimulatedTick:
 
 
 class Simulation:
-    """A mission file with scripted leaves, ready to be ticked."""
+    """A mission file with scripted leaves, ready to be ticked.
+
+    Parameters take precedence over the script's variables; the rest is as for `load_tree`.
+    """
 
     def __init__(
         self,

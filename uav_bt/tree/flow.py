@@ -1,15 +1,16 @@
 """How variables pass through nodes: what each class states, for checks before the flight.
 
 The check of early reads follows the first tick through a tree. It asks each node which variables
-have a value after its answers, given those that have one before (`NodePorts.variables_after`).
+have a value after its answers, given those that have one before (`NodeFlow.variables_after`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
+from uav_bt.tree.node_ports import NodePorts
 from uav_bt.tree.port import Port, Reference
 from uav_bt.tree.variables import Variables
 
@@ -47,6 +48,37 @@ class Written:
     keeps_type: bool = False  # an existing variable keeps its type
 
 
+class NodeFlow(NodePorts):
+    """What a class of nodes states about variables; a new node overrides what differs."""
+
+    children: list[Any]
+
+    ticks_again: ClassVar[bool] = False  # ticks its children in several rounds
+    ticks_together: ClassVar[bool] = False  # ticks several children in the same tick
+    asks_first: ClassVar[bool] = False  # its first child is a condition, which must not be skipped
+
+    def variables_after(self, follow: Follow, known: Known) -> After:
+        """Return the variables with a value after this node; nothing is assumed of its children."""
+        for child in self.children:
+            follow(child, known)
+        return After(known, known, known)
+
+    def variables_written(self) -> Iterator[Written]:
+        """Yield the variables that the node writes: those at its output ports."""
+        for port in self.ports:
+            at = self.given_references.get(port.name)
+            if port.direction != "input" and at is not None and not at.on_board:
+                yield Written(port.name, at.key, port.type, port=port)
+
+    def variables_removed(self) -> Iterator[str]:
+        """Yield the names of the variables that the node removes."""
+        return iter(())
+
+    def needs_value(self, port: Port[Any]) -> bool:
+        """Return whether the node fails where the variable at an input port has no value."""
+        return port.type is not object
+
+
 def both(one: Out, other: Out) -> Out:
     """Return the variables with a value after either of two answers."""
     if one is None or other is None:
@@ -74,7 +106,7 @@ def answered(known: Known, answer: object) -> After:
 _ANSWERS = ("SUCCESS", "FAILURE", "SKIPPED")
 
 
-def as_child(node: Any, follow: Follow, known: Known) -> After:
+def as_child(node: NodeFlow, follow: Follow, known: Known) -> After:
     """Follow the only child, whose answers are the node's."""
     return follow(node.children[0], known)
 

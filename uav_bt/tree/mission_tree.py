@@ -17,7 +17,8 @@ from uav_bt.errors import InputError, MissionError, NodeFailedError, UavBtError,
 from uav_bt.tree.foreign import PyTreesRoot
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.findings import Position
-from uav_bt.tree.node import Node, place_tree
+from uav_bt.tree.node import Node
+from uav_bt.tree.placing import place_tree
 from uav_bt.tree.script import SCRIPTS, parse_script, parsed_by
 from uav_bt.tree.script.values import ONLY_LEAVES_WRITE
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
@@ -217,7 +218,10 @@ class MissionTree:
         _for_all(self.nodes(), lambda node: node.shutdown())
 
     def inherit(self, former: MissionTree) -> None:
-        """Hand the leaves the knowledge of a tree, halted, that this one replaces in flight."""
+        """Hand the leaves the knowledge of a tree, halted, that this one replaces in flight.
+
+        The first leaf of a class goes on from the first of that class there, and so on.
+        """
         leaves = list(former.leaves())
         for leaf in self.leaves():
             alike = next((other for other in leaves if type(other) is type(leaf)), None)

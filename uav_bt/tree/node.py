@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import enum
 import logging
-from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from py_trees import common
@@ -20,7 +19,7 @@ from py_trees import common
 from uav_bt.board.context import NO_CONTEXT, MissionContext
 from uav_bt.errors import InputError, MissionError, NodeFailedError, UnknownValueError
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, Conditions, check_condition
-from uav_bt.tree.node_ports import NodePorts
+from uav_bt.tree.flow import NodeFlow
 from uav_bt.tree.observer import NodeEvent, Observer, observe, unobserve
 from uav_bt.tree.port import Port, check_declared
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
@@ -69,7 +68,7 @@ class NodeKind(enum.Enum):
     SUBTREE = "SubTree"
 
 
-class Node(NodePorts, Behaviour):
+class Node(NodeFlow, Behaviour):
     """Base of every node.
 
     Args:
@@ -316,22 +315,3 @@ class Node(NodePorts, Behaviour):
             self.reset()
         else:
             self.set_status(Status[new_status.name])
-
-
-def child_paths(parent: str, names: Sequence[str]) -> list[str]:
-    """Return the paths of a node's children by their names; the second of one name gets `#2`."""
-    seen: Counter[str] = Counter()
-    paths: list[str] = []
-    for name in names:
-        seen[name] += 1
-        paths.append(f"{parent}/{name}" + (f"#{seen[name]}" if seen[name] > 1 else ""))
-    return paths
-
-
-def place_tree(root: Node, path: str, variables: Variables) -> None:
-    """Place a node in the variables of its tree, and all below; each subtree gets a scope."""
-    root.place(path, variables)
-    inner = root.open_scope(variables)
-    paths = child_paths(path, [child.name for child in root.children])
-    for child, child_path in zip(root.children, paths, strict=True):
-        place_tree(child, child_path, inner)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any, ClassVar, Final, TypeVar
 
 from uav_bt.board.blackboard import Blackboard, BoardView, Key, Reading
@@ -11,7 +11,6 @@ from uav_bt.board.context import MissionContext
 from uav_bt.errors import BoardAccessError, InputError, MissionError, UnknownValueError
 from uav_bt.protocols import Clock
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
-from uav_bt.tree.flow import After, Follow, Known, Written
 from uav_bt.tree.port import Port, Reference, bind_ports
 from uav_bt.tree.script import Environment
 from uav_bt.tree.variables import Variables
@@ -23,16 +22,15 @@ BOUND: Final = "="  # the keyword of bound values; no attribute has this name
 
 
 class NodePorts:
-    """Ports of a node, and the mission and variables that they read and write."""
+    """Ports of a node, and the mission and variables that they read and write.
+
+    `Node` adds the children and the tick.
+    """
 
     node_id: ClassVar[str] = ""  # the XML tag; default: the class's name
     ports: ClassVar[tuple[Port[Any], ...]] = ()
-    ticks_again: ClassVar[bool] = False  # ticks its children in several rounds
-    ticks_together: ClassVar[bool] = False  # ticks several children in the same tick
-    asks_first: ClassVar[bool] = False  # its first child is a condition, which must not be skipped
 
     name: str
-    children: list[Any]
     path: str  # unique in its tree once the tree is made
 
     @classmethod
@@ -42,7 +40,16 @@ class NodePorts:
         return cls.ports
 
     def _bind(self, given: dict[str, object], children: int, wrong: dict[str, str]) -> None:
-        """Bind the ports to the given values."""
+        """Bind the ports to the given values.
+
+        Args:
+            given: values by port; or those that the loader has bound, as `BOUND`.
+            children: how many children the node has.
+            wrong: errors of other attributes, for the same message.
+
+        Raises:
+            InputError: a port is missing, unknown or has a value of another type.
+        """
         self._ports = self.ports_over(children)
         bound: Any = given.pop(BOUND, None)
         if bound is None:
@@ -99,7 +106,14 @@ class NodePorts:
         return self._environment
 
     def rebind(self, given: Mapping[str, object]) -> None:
-        """Replace the values of ports, before the setup."""
+        """Replace the values of ports, before the setup.
+
+        Args:
+            given: values by port, typed or as texts.
+
+        Raises:
+            InputError: the node has no such port, or a value does not fit.
+        """
         unknown = given.keys() - {port.name for port in self._ports}
         ports = self._ports if unknown else [port for port in self._ports if port.name in given]
         bound, wrong = bind_ports(ports, dict(given))
@@ -157,7 +171,10 @@ class NodePorts:
         return self._resolve(self._declared(name)) if value is _NO_LITERAL else value
 
     def initial_value(self, port: Port[T]) -> T | None:
-        """Return a port's value before the tree runs; None where only the flight gives one."""
+        """Return a port's value before the tree runs; None where only the flight gives one.
+
+        It is the literal, or the entry of a subtree that is the variable's first value.
+        """
         if port.name in self._literals:
             return self.port(port)
         reference = self._references.get(port.name)
@@ -234,26 +251,3 @@ class NodePorts:
         if key is None:
             key = self._keys[reference.key] = self.mission.board.key(reference.key)
         return key
-
-    # --- what a class states about variables; a new node overrides what differs ------------------
-
-    def variables_after(self, follow: Follow, known: Known) -> After:
-        """Return the variables with a value after this node; nothing is assumed of its children."""
-        for child in self.children:
-            follow(child, known)
-        return After(known, known, known)
-
-    def variables_written(self) -> Iterator[Written]:
-        """Yield the variables that the node writes: those at its output ports."""
-        for port in self.ports:
-            at = self.given_references.get(port.name)
-            if port.direction != "input" and at is not None and not at.on_board:
-                yield Written(port.name, at.key, port.type, port=port)
-
-    def variables_removed(self) -> Iterator[str]:
-        """Yield the names of the variables that the node removes."""
-        return iter(())
-
-    def needs_value(self, port: Port[Any]) -> bool:
-        """Return whether the node fails where the variable at an input port has no value."""
-        return port.type is not object

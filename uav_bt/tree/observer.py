@@ -9,10 +9,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from uav_bt.tree.node import Node
+from typing import Any, Protocol
 
 
 class NodeEvent(enum.Enum):
@@ -34,34 +31,40 @@ Observer = Callable[[Any, NodeEvent], None]
 """Called with the node and each event as it happens."""
 
 
+class Observed(Protocol):
+    """Anything with an observer slot. Every node has one."""
+
+    observer: Observer | None
+
+
 class _Observers(tuple[Observer, ...]):
     """Several observers in one slot."""
 
     __slots__ = ()
 
-    def __call__(self, node: Node, event: NodeEvent) -> None:
+    def __call__(self, node: Observed, event: NodeEvent) -> None:
         for observer in self:
             observer(node, event)
 
 
-def observe(nodes: Iterable[Node], observer: Observer) -> None:
+def observe(nodes: Iterable[Observed], observer: Observer) -> None:
     """Notify an observer from now on, after those that the nodes already have."""
     for node in nodes:
         _fill(node, [*_observers(node), observer])
 
 
-def unobserve(nodes: Iterable[Node], observer: Observer) -> None:
+def unobserve(nodes: Iterable[Observed], observer: Observer) -> None:
     """Notify an observer no longer; nodes that do not have it are left as they are."""
     for node in nodes:
         _fill(node, [one for one in _observers(node) if one != observer])
 
 
-def _observers(node: Node) -> tuple[Observer, ...]:
+def _observers(node: Observed) -> tuple[Observer, ...]:
     slot = node.observer
     if isinstance(slot, _Observers):
         return slot
     return () if slot is None else (slot,)
 
 
-def _fill(node: Node, observers: list[Observer]) -> None:
+def _fill(node: Observed, observers: list[Observer]) -> None:
     node.observer = _Observers(observers) if len(observers) > 1 else next(iter(observers), None)

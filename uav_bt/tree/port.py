@@ -220,7 +220,10 @@ def port_text(value: object) -> str:
 def bind_ports(
     ports: Iterable[Port[Any]], given: Mapping[str, object], also: Iterable[str] = ()
 ) -> tuple[dict[str, Any], dict[str, str]]:
-    """Return the bound values or references by port, and the errors by attribute."""
+    """Return the bound values or references by port, and the errors by attribute.
+
+    `also` are other attributes that the node may have, for suggestions.
+    """
     bound: dict[str, Any] = {}
     by_name = {port.name: port for port in ports}
     wrong = {

@@ -10,7 +10,7 @@ from typing import Any, Final, Protocol
 from xml.sax.saxutils import escape
 
 from uav_bt.errors import BoardAccessError
-from uav_bt.tree.describe import describe
+from uav_bt.tree.describe import summary
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes.base import SubTree
@@ -71,7 +71,7 @@ def _box(node: Node, children: tuple[Box, ...]) -> Box:
         attributes=tuple(_one_line(f"{name}={text}") for name, text in _given(node)),
         keys=tuple(f"{word} {', '.join(key.name for key in some)}" for word, some in keys if some),
         path=_one_line(node.path, 500),
-        doc=_one_line(describe(type(node)).doc, 200),
+        doc=_one_line(summary(type(node)), 200),
         children=children,
     )
 

@@ -131,7 +131,10 @@ class ScriptedLeaf(Leaf):
 
 
 def undeclared_answers(node: type[Leaf], mock: Mock) -> str | None:
-    """Return the error of a mock with answers that the leaf never gives; None for a good one."""
+    """Return the error of a mock with answers that the leaf never gives; None for a good one.
+
+    A mock may always answer SKIPPED, for a condition that skips the leaf.
+    """
     script = AnswerScript.parse(mock.answers or "")
     if not (others := script.statuses - {SKIPPED, *node.answers}):
         return None
@@ -142,7 +145,10 @@ def undeclared_answers(node: type[Leaf], mock: Mock) -> str | None:
 
 @cache
 def mock_class(node: type[Leaf]) -> type[ScriptedLeaf]:
-    """Return a class of scripted leaves that stand in for a class of leaves."""
+    """Return a class of scripted leaves that stand in for a class of leaves.
+
+    They have its id, kind, ports and board keys, and run none of its code.
+    """
     return type(
         f"Scripted{node.__name__}",
         (ScriptedLeaf,),
@@ -163,6 +169,11 @@ def mock_class(node: type[Leaf]) -> type[ScriptedLeaf]:
 
 
 def subtree_mock(tree_id: str, entries: Iterable[str]) -> type[ScriptedLeaf]:
-    """Return a class of scripted leaves, of which one stands for a SubTree and all inside."""
+    """Return a class of scripted leaves, of which one stands for a SubTree and all inside.
+
+    Args:
+        tree_id: of the SubTree.
+        entries: their names; they are the ports.
+    """
     ports = tuple(Port(name, object, direction="inout") for name in entries)
     return type(f"Scripted{tree_id}", (ScriptedLeaf,), {"node_id": tree_id, "ports": ports})

@@ -93,7 +93,12 @@ _COMMENT: Final = """\
 
 
 def write_starter(path: Path, start: str = "hover") -> None:
-    """Write a tree file to begin with; an existing file is never overwritten."""
+    """Write a tree file to begin with; an existing file is never overwritten.
+
+    Args:
+        path: the new file, `*.xml`.
+        start: one of `STARTERS`.
+    """
     if start not in STARTERS:
         raise UnknownNameError("starter mission", start, STARTERS)
     if path.suffix != ".xml":

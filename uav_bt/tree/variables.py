@@ -26,16 +26,25 @@ class _Whole:
 
 
 class Variables:
-    """One tree's scope."""
+    """One tree's scope.
+
+    Args:
+        parent: the scope of the tree that contains this one as a `SubTree`.
+        remapped: names here that are other names in the parent.
+        board: names here that are keys of the mission board.
+        constants: first values of names here. They are this scope's own, even when all other names
+            are the parent's.
+        autoremap: every name that is not private (`_x`) is the parent's of the same name.
+    """
 
     def __init__(
         self,
-        parent: Variables | None = None,  # of the tree in which this one is a `SubTree`
-        remapped: Mapping[str, str] | None = None,  # names here that are other names in the parent
+        parent: Variables | None = None,
+        remapped: Mapping[str, str] | None = None,
         *,
-        board: Mapping[str, str] | None = None,  # names here that are keys of the mission board
-        constants: Mapping[str, Any] | None = None,  # first values of this scope's own names
-        autoremap: bool = False,  # every other name, unless private (`_x`), is the parent's
+        board: Mapping[str, str] | None = None,
+        constants: Mapping[str, Any] | None = None,
+        autoremap: bool = False,
     ) -> None:
         self.parent = parent
         self.remapped = dict(remapped or {})

@@ -8,8 +8,9 @@ import pytest
 
 from behaviours.nodes import NODES
 from uav_bt.tree import parse_tree
-from uav_bt.tree.describe import describe, describe_all, example, node_page
+from uav_bt.tree.describe import describe, describe_all
 from uav_bt.tree.node import Node
+from uav_bt.tree.node_page import example, node_page
 from uav_bt.tree.registry import NodeRegistry
 
 REGISTRY = NodeRegistry(NODES)

@@ -17,9 +17,9 @@ from uav_bt.tree.loading.elements import (
 )
 from uav_bt.tree.loading.findings import WARNING, Findings, Rule
 from uav_bt.tree.loading.lookup import Includes, Lookup
-from uav_bt.tree.loading.palette import read_enumerations, read_models
+from uav_bt.tree.loading.models import read_enumerations, read_models
 from uav_bt.tree.loading.parameters import Parameters
-from uav_bt.tree.loading.places_file import PlaceLists
+from uav_bt.tree.loading.place_lists import PlaceLists
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
@@ -79,10 +79,13 @@ class Document:
         return frozenset(found)
 
     def entries(self, subtree: Element) -> dict[str, str]:
-        """Return a SubTree's entries and conditions, the described defaults included."""
+        """Return a SubTree's entries and conditions, the described defaults included.
+
+        As in the engine, a subtree that shares all variables has no defaults.
+        """
         given = node_attributes(subtree)
         ports = self.subtree_ports.get(subtree.attributes.get("ID", ""))
-        if not ports or autoremaps(subtree):  # as in the engine, then without defaults
+        if not ports or autoremaps(subtree):
             return given
         defaults = {name: text for name, text in ports.items() if text is not None}
         return {**defaults, **given}
@@ -322,7 +325,7 @@ def _read_models(models: Element, document: Document, findings: Findings) -> Non
     for model in read_models(models, findings):
         if model.kind is NodeKind.SUBTREE:
             document.subtree_ports[model.node_id] = {
-                name: document.place_lists.at(port, "default", port.attributes.get("default", ""))
+                name: document.place_lists.in_default(port, port.attributes.get("default", ""))
                 or None
                 for name, port in model.ports.items()
             }

@@ -32,7 +32,10 @@ class EarlyRead:
 
 
 def early_reads(tree: MissionTree) -> Iterator[EarlyRead]:
-    """Yield the reads of variables that may have no value yet."""
+    """Yield the reads of variables that may have no value yet.
+
+    Variables of the main tree that no node writes are left out: `unset_reads` has them.
+    """
     flow = _Flow(tree)
     first = {tree.variables.location(name) for name in tree.variables}
     flow.follow(tree.root, frozenset(first))

@@ -6,12 +6,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final, Protocol
 
 from uav_bt.errors import TreeError
-
-if TYPE_CHECKING:
-    from uav_bt.tree.loading.source import Element
 
 MAX_FINDINGS: Final = 500  # more are not read, and each costs the search for a suggestion
 ERROR: Final = "error"
@@ -56,6 +53,19 @@ class Position:
 
 WHOLE_FILE: Final = Position(0, 0)
 """The position of a finding about the file as a whole."""
+
+
+class Placed(Protocol):
+    """An element of a file, as far as findings need it."""
+
+    path: Path
+
+    @property
+    def label(self) -> str:
+        """How messages name the element."""
+
+    def at(self, attribute: str) -> Position:
+        """Return the position of an attribute; without that attribute, of the element."""
 
 
 @dataclass(frozen=True, order=True)
@@ -112,7 +122,7 @@ class Findings:
 
     def note(
         self,
-        element: Element,
+        element: Placed,
         message: str,
         attribute: str = "",
         *,
@@ -126,7 +136,7 @@ class Findings:
 
     def warn(
         self,
-        element: Element,
+        element: Placed,
         message: str,
         attribute: str = "",
         *,

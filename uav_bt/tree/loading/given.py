@@ -41,7 +41,11 @@ class Given(NamedTuple):
 
 
 def given_texts(built: Built, outside: Parameters) -> Iterator[Given]:
-    """Yield the texts of the input ports of leaves, also by entries and by values from outside."""
+    """Yield the texts of the input ports of leaves, also by entries and by values from outside.
+
+    Left out are mocked leaves, ports of a palette, texts with placeholders, and ports that only the
+    flight gives a value.
+    """
 
     def find(port: Port[Any], node: Node, name: str, default: str) -> Given | None:
         part = built.parts[node.path]

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
@@ -15,7 +14,6 @@ from uav_bt.errors import FileError, InputError, TreeError, UnknownNameError
 from uav_bt.tree.loading.before_flight import faults_of, faults_of_part, unset_reads
 from uav_bt.tree.loading.build import Builder, Built
 from uav_bt.tree.loading.document import find_main, outline
-from uav_bt.tree.loading.elements import check_recursion
 from uav_bt.tree.loading.findings import (
     WHOLE_FILE,
     Finding,
@@ -29,6 +27,7 @@ from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.replacements import Replacements
 from uav_bt.tree.loading.source import parse_source, read_source
+from uav_bt.tree.loading.structure import check_recursion
 from uav_bt.tree.loading.uses import Uses
 from uav_bt.tree.loading.variable_faults import check_variables
 from uav_bt.tree.loading.whole_file import whole_file
@@ -194,10 +193,13 @@ class _Read:
         return built
 
     def check_others(self) -> None:
-        """Check the trees that are not flown."""
+        """Check the trees that are not flown.
+
+        Of these only the structure must be right, as the engine has it: the rest is a warning.
+        """
         document = self.document
         flown = document.within(self.roots)
-        idle = Findings()  # of these only the structure must be right, as the engine has it
+        idle = Findings()
         builder = Builder(document, self._findings, idle, flown)
         for tree_id in (*document.unused, *document.trees):
             if tree_id not in flown and tree_id not in builder.entered:
@@ -292,45 +294,3 @@ def findings_of(error: InputError, path: Path) -> tuple[Finding, ...]:
         detail if isinstance(detail, Finding) else Finding(str(path), WHOLE_FILE, str(detail))
         for detail in details
     )
-
-
-class FilesTogether:
-    """Tree files of one workspace; each is checked when it is first asked for."""
-
-    def __init__(
-        self,
-        files: Iterable[Path],
-        registry: NodeRegistry,
-        *,
-        tree_id: str | None = None,
-        lookup: Lookup,
-    ) -> None:
-        self._called = {str(path.resolve()): str(path) for path in files}
-        self._registry = registry
-        self._tree_id = tree_id
-        self._lookup = lookup
-        self._found: dict[str, tuple[Finding, ...]] = {}
-
-    def findings(self, path: Path) -> tuple[Finding, ...]:
-        """Return the findings of a file."""
-        return tuple(one for one in self._all(str(path)) if not self._is_reported(one, str(path)))
-
-    def _is_reported(self, finding: Finding, path: str) -> bool:
-        if finding.path == path or finding.path not in self._called.values():
-            return False
-        return _matter(finding) in map(_matter, self._all(finding.path))
-
-    def _all(self, path: str) -> tuple[Finding, ...]:
-        if path not in self._found:
-            found = check_file(
-                Path(path), self._registry, tree_id=self._tree_id, lookup=self._lookup
-            )
-            self._found[path] = tuple(
-                replace(one, path=self._called.get(one.path, one.path)) for one in found
-            )
-        return self._found[path]
-
-
-def _matter(finding: Finding) -> tuple[object, ...]:
-    """Return the subject of a finding, without the node's path, which depends on the tree."""
-    return finding.path, finding.position, finding.severity, finding.message

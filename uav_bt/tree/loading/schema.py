@@ -13,10 +13,10 @@ from typing import Any, Final
 from xml.etree import ElementTree as ET
 
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
-from uav_bt.tree.describe import describe
+from uav_bt.tree.describe import NodeInfo, describe
 from uav_bt.tree.loading.elements import EDITOR_ATTRIBUTES
 from uav_bt.tree.loading.lookup import Lookup
-from uav_bt.tree.loading.palette import ENUMERATION, MEMBER, PORT_DIRECTIONS
+from uav_bt.tree.loading.models import ENUMERATION, MEMBER, PORT_DIRECTIONS
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.port import PORT_TYPES, REFERENCE_KEY, Port, port_text
@@ -40,10 +40,7 @@ def schema_xml(registry: NodeRegistry) -> str:
     for add in (_add_values, _add_attribute_groups, _add_root, _add_models):
         add(schema)
     described = {name: one for name, one in Lookup().described.items() if name not in registry}
-    choice = _add(_add(schema, "group", name="node"), "choice")
-    node_ids = (*(node.node_id for node in nodes), *described)
-    for tag in (*filter(_TAG.fullmatch, node_ids), *_KIND_TAGS):
-        _add(choice, "element", name=tag, type=f"node.{tag}")
+    _add_group(schema, [*(node.node_id for node in nodes), *described])
     for node in nodes:
         if _TAG.fullmatch(node.node_id):
             _add_node(schema, node)
@@ -156,18 +153,28 @@ def _add_models(schema: ET.Element) -> None:
 # --- the nodes ------------------------------------------------------------------------------------
 
 
+def _add_group(schema: ET.Element, node_ids: Iterable[str]) -> None:
+    choice = _add(_add(schema, "group", name="node"), "choice")
+    for tag in (*filter(_TAG.fullmatch, node_ids), *_KIND_TAGS):
+        _add(choice, "element", name=tag, type=f"node.{tag}")
+
+
 def _add_node(schema: ET.Element, node: type[Node]) -> None:
     content = _add(schema, "complexType", name=f"node.{node.node_id}")
     info = describe(node)
-    keys = [("Reads", info.reads), ("Writes", info.writes)]
-    lists = [f"{word} {', '.join(names)}." for word, names in keys if names]
-    _document(content, " ".join([info.doc, *lists]))
+    _document(content, _documentation(info))
     if node.max_children != 0:
         most = "unbounded" if node.max_children is None else str(node.max_children)
         _add(content, "group", ref="node", minOccurs=str(node.min_children), maxOccurs=most)
     for port in node.ports:
         _add_port(content, port)
     _add(content, "attributeGroup", ref="common")
+
+
+def _documentation(info: NodeInfo) -> str:
+    keys = [("Reads", info.reads), ("Writes", info.writes)]
+    lists = [f"{word} {', '.join(names)}." for word, names in keys if names]
+    return " ".join([info.doc, *lists])
 
 
 def _add_port(content: ET.Element, port: Port[Any]) -> None:

@@ -242,7 +242,11 @@ def _escapes(text: str, start: int) -> Iterator[_Change]:
 def circles(
     starts: Iterable[_T], after: Callable[[_T], Iterable[tuple[_E, _T]]]
 ) -> Iterator[tuple[_E, list[_T]]]:
-    """Yield each use that closes a circle, with the circle from its first member to itself."""
+    """Yield each use that closes a circle, with the circle from its first member to itself.
+
+    `after` returns the uses of a tree or file, each with the element and the used one. Depth first
+    with an explicit stack, because a chain can exceed Python's recursion limit.
+    """
     done: set[_T] = set()
     for start in starts:
         chain = {} if start in done else {start: iter(after(start))}

@@ -131,7 +131,10 @@ class _VariableFaults:
                 self._findings.note(element, message, name, rule=Rule.VARIABLE)
 
     def _check_entries(self, scope: Variables, door: SubTree) -> None:
-        """Report entries that a description does not name; refuse those that nothing uses."""
+        """Report entries that a description does not name; refuse those that nothing uses.
+
+        Such an entry is probably a misspelt one, whose default would be flown.
+        """
         described = self._document.subtree_ports.get(door.tree_id)
         if described is None:
             return

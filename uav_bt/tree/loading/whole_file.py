@@ -5,13 +5,18 @@ from __future__ import annotations
 from xml.etree import ElementTree as ET
 
 from uav_bt.tree.loading.document import Document
-from uav_bt.tree.loading.palette import ENUMERATION
+from uav_bt.tree.loading.models import ENUMERATION
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import NodeKind
 
 
 def whole_file(document: Document, source: bytes) -> bytes:
-    """Return the main tree with all that it uses as one file; its own where that has all."""
+    """Return the main tree with all that it uses as one file: its own where nothing is elsewhere.
+
+    Args:
+        document: the outline; the places of files are in its trees.
+        source: the mission's own file.
+    """
     if not document.included:
         return source
     root = ET.Element("root", BTCPP_format="4", main_tree_to_execute=document.main)

@@ -9,7 +9,8 @@ from typing import ClassVar, Final
 
 from uav_bt.errors import InputError
 from uav_bt.tree.flow import as_child
-from uav_bt.tree.node import Node, NodeKind, place_tree
+from uav_bt.tree.node import Node, NodeKind
+from uav_bt.tree.placing import place_tree
 from uav_bt.tree.port import Port, parse_reference, port_text
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
 from uav_bt.tree.variables import Variables
@@ -62,7 +63,17 @@ def entry_value(text: str) -> int | float | str:
 
 
 class SubTree(DecoratorNode):
-    """Another tree of the file, with separate variables."""
+    """Another tree of the file, with separate variables.
+
+    Args:
+        name: the instance's name.
+        child: the root of the other tree.
+        entries: the inner tree's variables by name: `{outer}` shares the outer tree's variable,
+            `{@key}` is a key of the mission board, anything else is the variable's first value: a
+            number, or a text.
+        autoremap: all variables that are not private (`_x`) are the outer tree's.
+        tree_id: the other tree's id in its file; default: the instance's name.
+    """
 
     node_id = "SubTree"
     kind = NodeKind.SUBTREE
@@ -76,11 +87,10 @@ class SubTree(DecoratorNode):
         name: str | None,
         child: Node,
         /,
-        # By the inner variable's name: `{outer}`, `{@key}`, or else its first value.
         entries: Mapping[str, str] | None = None,
         *,
-        autoremap: bool = False,  # all variables that are not private (`_x`) are the outer tree's
-        tree_id: str = "",  # in its file; default: the node's name
+        autoremap: bool = False,
+        tree_id: str = "",
         **conditions: object,
     ) -> None:
         super().__init__(name, child, **conditions)

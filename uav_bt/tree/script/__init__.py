@@ -1,6 +1,7 @@
 """The scripting language of tree files: a small parser and interpreter, bounded, no `eval`."""
 
-from uav_bt.tree.script.parser import Script, fill_text, parse_question, parse_script, parse_text
+from uav_bt.tree.script.parser import Script, parse_question, parse_script
+from uav_bt.tree.script.text import fill_text, parse_text
 from uav_bt.tree.script.values import Environment, ScriptError
 
 SCRIPTS = frozenset({parse_script, parse_question, parse_text})

@@ -47,8 +47,6 @@ _STRENGTH: Final[dict[str, int]] = {
     "*": 7,
     "/": 7,
 }
-UNKNOWN: Final = "unknown"  # in place of a name in a text that has no value, or an old one
-_PLACEHOLDER: Final = re.compile(r"\{\s*(@?[A-Za-z_][A-Za-z0-9_.\-]*)\s*\}")
 _TRUTHS: Final = {"true": 1.0, "false": 0.0}
 _NUMBERS: Final = ("real", "integer")  # kinds of words
 _TOKEN: Final = re.compile(
@@ -108,7 +106,10 @@ class Script:
         return tuple(name[1:] for name in written if name.startswith("@"))
 
     def fault(self, members: Mapping[str, int], *, asked: bool) -> str | None:
-        """Return why every run fails, whatever the variables hold; None when a run may work."""
+        """Return why every run fails, whatever the variables hold; None when a run may work.
+
+        `members` are those of enumerations; `asked`: the last value must be true or false.
+        """
         variables = Variables()
         variables.enum_members.update(members)
         nothing = Environment(variables)
@@ -305,30 +306,3 @@ def _atom(token: _Token) -> Expression:
     if token.kind == "text":
         return Literal(text[1:-1])
     return Literal(_TRUTHS[text]) if text in _TRUTHS else Name(text)
-
-
-# --- texts with placeholders, `{variable}` and `{@board_key}` -------------------------------------
-
-
-@lru_cache(maxsize=4096)  # loading a file meets each text several times
-def parse_text(source: str) -> Script:
-    """Return the names in a text with placeholders, as a script that reads them."""
-    stray = re.search(r"[{}]", _PLACEHOLDER.sub("", source))
-    if stray is not None:
-        raise ScriptError(
-            f"'{stray[0]}' belongs to no placeholder: write {{variable}} or {{@board_key}}"
-        )
-    return Script(source, tuple(map(Name, _PLACEHOLDER.findall(source))))
-
-
-def fill_text(source: str, environment: Environment) -> str:
-    """Return a text with the values of its placeholders. Reals have up to three decimal places."""
-
-    def value(match: re.Match[str]) -> str:
-        try:
-            value = environment.read(match[1])
-        except (ScriptError, UnknownValueError):
-            return UNKNOWN
-        return f"{value:.3f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
-
-    return _PLACEHOLDER.sub(value, source)
