@@ -42,7 +42,7 @@ CEILINGS = {
     "tests/perception": 12_421,
     "tests/sim_bridge": 10_175,
     "tests/tools": 117,
-    "tests/uav_bt": 32_847,
+    "tests/uav_bt": 32_849,
     "tests/worlds": 554,
     "tools": 168,
     "trees": 1,
@@ -50,7 +50,7 @@ CEILINGS = {
     "uav_bt/app": 7_115,
     "uav_bt/board": 732,
     "uav_bt/campaign": 4_222,
-    "uav_bt/cli": 4_557,
+    "uav_bt/cli": 4_552,
     "uav_bt/display": 3_846,
     "uav_bt/groot": 689,
     "uav_bt/lab": 1_508,
@@ -59,7 +59,7 @@ CEILINGS = {
     "uav_bt/mission": 3_534,
     "uav_bt/record": 2_710,
     "uav_bt/testing": 1_942,
-    "uav_bt/tree": 10_193,
+    "uav_bt/tree": 10_453,
     "uav_bt/types": 2_254,
 }
 SLACK = 40  # a ceiling stands at most this far above its package
