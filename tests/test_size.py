@@ -59,7 +59,7 @@ CEILINGS = {
     "uav_bt/mission": 3_534,
     "uav_bt/record": 2_710,
     "uav_bt/testing": 1_942,
-    "uav_bt/tree": 10_453,
+    "uav_bt/tree": 10_459,
     "uav_bt/types": 2_254,
 }
 SLACK = 40  # a ceiling stands at most this far above its package

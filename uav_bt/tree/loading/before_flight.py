@@ -20,7 +20,7 @@ from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import LoopBool, LoopDouble, LoopInt, SetBlackboard
 from uav_bt.tree.rules import Rules
 from uav_bt.tree.script.expressions import Name
-from uav_bt.types.mission_rules import LandOn
+from uav_bt.types.mission_rules import LandOn, MissionRules
 
 _RUNNER: Final = "runner"  # the writer of the keys that every mission has
 
@@ -128,10 +128,10 @@ def _leaves_below(node: Node) -> Iterator[Leaf]:
 @everywhere
 def _skipped_conditions(tree: MissionTree) -> Iterator[Fault]:
     """Yield conditions of nodes such as `IfThenElse` that may be skipped."""
-    for node in tree.nodes():
-        asked = node.children[0] if node.asks_first else None
-        for attribute in ("_skipIf", "_while") if asked is not None else ():
-            if asked is not None and attribute in asked.condition_scripts:
+    for node in (one for one in tree.nodes() if one.asks_first):
+        asked = node.children[0]
+        for attribute in ("_skipIf", "_while"):
+            if attribute in asked.condition_scripts:
                 message = (
                     f"attribute '{attribute}': the condition of {node.node_id} must not be "
                     "skipped: ask this in a ScriptCondition before"
@@ -178,15 +178,21 @@ def _unkept(tree: MissionTree, leaf: Rules) -> Iterator[Fault]:
         yield Fault(leaf, message, Rule.BOARD_KEY)
 
 
+def _stated(tree: MissionTree) -> MissionRules | None:
+    """Return the rules of a mission; None without any, or where a value is not known yet."""
+    rules = next((leaf for leaf in tree.leaves() if isinstance(leaf, Rules)), None)
+    if rules is None or any(rules.initial_value(port) is None for port in rules.ports):
+        return None
+    return rules.stated()
+
+
 @in_missions
 def _refused_by_leaves(tree: MissionTree) -> Iterator[Fault]:
     """Yield values of leaves that the rules exclude, such as a place outside the area."""
-    rules = next((leaf for leaf in tree.leaves() if isinstance(leaf, Rules)), None)
-    if rules is None or any(rules.initial_value(port) is None for port in rules.ports):
-        return
-    for leaf in tree.leaves():
-        if (message := leaf.refuses(rules.stated())) is not None:
-            yield Fault(leaf, message, Rule.ATTRIBUTE)
+    if (rules := _stated(tree)) is not None:
+        for leaf in tree.leaves():
+            if (message := leaf.refuses(rules)) is not None:
+                yield Fault(leaf, message, Rule.ATTRIBUTE)
 
 
 @in_missions
@@ -194,8 +200,8 @@ def _ends_in_the_air(tree: MissionTree) -> Iterator[Fault]:
     """Yield a warning where no leaf takes off, or none lands."""
     starts = next((leaf for leaf in tree.leaves() if leaf.takes_off), None)
     mover = next((leaf for leaf in tree.leaves() if leaf.moves), None)
-    rules = [leaf for leaf in tree.leaves() if isinstance(leaf, Rules)]
-    stays = any(leaf.initial_value(leaf.ports[1]) == LandOn.NONE.value for leaf in rules)
+    rules = _stated(tree)
+    stays = rules is not None and rules.land_on is LandOn.NONE
     if mover is not None and starts is None and not stays:
         message = "no leaf of the mission takes off: add TakeOff before this"
         yield Fault(mover, message, Rule.MISSION, WARNING)
