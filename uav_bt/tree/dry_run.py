@@ -36,6 +36,7 @@ from uav_bt.tree import MissionTree, Node, NodeRegistry, Status, load_tree
 from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Position
 from uav_bt.tree.loading.loader import TreeOptions
 from uav_bt.tree.loading.parameters import Plain
+from uav_bt.tree.loading.uses import Uses
 from uav_bt.tree.mission_tree import Place
 from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.nodes.base import SubTree
@@ -221,7 +222,7 @@ class Simulation:
 
     def _name_unset(self, error: NodeFailedError) -> None:
         """Add all variables that the script has yet to give, as the first may not be the last."""
-        if unset := [name for name in self.tree.unset if name not in self._script.variables]:
+        if unset := [*Uses(self.tree).unset()]:
             values = ", ".join(f"{name}: 0" for name in unset)
             error.add_note(
                 f"nothing in the tree file sets {', '.join(unset)}: give them values in "
@@ -261,9 +262,10 @@ def _unscripted(tree: MissionTree, script: SimulationScript) -> Iterator[Finding
     for leaf in tree.leaves():
         if isinstance(leaf, ScriptedLeaf) or type(leaf) in BUILTIN_NODES:
             continue
-        place = tree.places.get(leaf.path, Place(tree.path, WHOLE_FILE))
+        place = tree.places.get(leaf.path)
         message = f"has no answers in {script.path}: add '{leaf.name}' to its leaves, or a default"
-        yield Finding(str(place.path), place.position, message, f"{leaf.node_id} '{leaf.name}'")
+        path, at = (tree.path, WHOLE_FILE) if place is None else (place.path, place.at(""))
+        yield Finding(str(path), at, message, f"{leaf.node_id} '{leaf.name}'")
 
 
 def _differs(before: Any, now: Any) -> bool:

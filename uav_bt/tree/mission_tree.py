@@ -16,7 +16,7 @@ from uav_bt.board.context import MissionContext
 from uav_bt.errors import InputError, MissionError, NodeFailedError, UavBtError, did_you_mean
 from uav_bt.tree.foreign import PyTreesRoot
 from uav_bt.tree.leaf import Leaf
-from uav_bt.tree.loading.findings import Position
+from uav_bt.tree.loading.findings import Placed, Position
 from uav_bt.tree.node import Node
 from uav_bt.tree.placing import place_tree
 from uav_bt.tree.script import SCRIPTS, parse_script, parsed_by
@@ -60,7 +60,6 @@ class MissionTree:
         places: where the tree file has the nodes, by path; empty for a tree composed in Python.
         replaced: attribute values that replace those of the tree file, by path.
         enum_members: of enumerations, integers by the names that scripts read.
-        unset: variables of this tree that its nodes need and nothing in the file sets.
     """
 
     def __init__(
@@ -70,10 +69,9 @@ class MissionTree:
         name: str = "Tree",
         sources: Mapping[Path, bytes] | None = None,
         whole: Callable[[], bytes] = bytes,
-        places: Mapping[str, Place] | None = None,
+        places: Mapping[str, Placed] | None = None,
         replaced: Mapping[str, Mapping[str, str]] | None = None,
         enum_members: Mapping[str, int] | None = None,
-        unset: Iterable[str] = (),
     ) -> None:
         self.root = root if isinstance(root, Node) else PyTreesRoot(root)
         self.name = name
@@ -81,7 +79,6 @@ class MissionTree:
         self.whole = whole
         self.places = dict(places or {})
         self.replaced = {path: dict(given) for path, given in (replaced or {}).items()}
-        self.unset = tuple(unset)
         self.variables = Variables()
         self.variables.enum_members.update(enum_members or {})
         self._ready = False

@@ -117,13 +117,10 @@ class Builder:
             return None
         if replacements is not None:
             replacements.check_names()
-        places = {
-            path: Place(one.element.path, one.element.position) for path, one in self._parts.items()
-        }
         tree = MissionTree(
             root,
             name=tree_id,
-            places=places,
+            places={path: part.element for path, part in self._parts.items()},
             replaced={} if replacements is None else replacements.replaced,
             enum_members=self._document.enum_members,
         )

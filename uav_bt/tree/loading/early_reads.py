@@ -13,7 +13,7 @@ from typing import Any
 
 from uav_bt.tree.flow import After, Known, Out, Variable, both
 from uav_bt.tree.leaf import Leaf
-from uav_bt.tree.loading.uses import named_scripts, variable_at
+from uav_bt.tree.loading.uses import Uses, named_scripts, variable_at
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes.base import DecoratorNode
@@ -31,11 +31,12 @@ class EarlyRead:
     name: str
 
 
-def early_reads(tree: MissionTree) -> Iterator[EarlyRead]:
+def early_reads(uses: Uses) -> Iterator[EarlyRead]:
     """Yield the reads of variables that may have no value yet.
 
-    Variables of the main tree that no node writes are left out: `unset_reads` has them.
+    Variables of the main tree that no node writes are left out: `Uses.unset` has them.
     """
+    tree = uses.tree
     flow = _Flow(tree)
     first = {tree.variables.location(name) for name in tree.variables}
     flow.follow(tree.root, frozenset(first))

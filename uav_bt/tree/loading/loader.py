@@ -11,7 +11,7 @@ from xml.sax.saxutils import quoteattr
 
 from uav_bt.board import Key
 from uav_bt.errors import FileError, InputError, TreeError, UnknownNameError
-from uav_bt.tree.loading.before_flight import faults_of, faults_of_part, unset_reads
+from uav_bt.tree.loading.before_flight import faults_of, faults_of_part
 from uav_bt.tree.loading.build import Builder, Built
 from uav_bt.tree.loading.document import find_main, outline
 from uav_bt.tree.loading.findings import (
@@ -114,7 +114,6 @@ def parse_tree(
         raise TreeError(path, unknown)
     for finding in findings:
         _log.warning("Warning: %s", str(finding).replace(": warning:", ":", 1))
-    built.tree.unset = tuple(unset_reads(read.uses[built.tree.name]))
     return built.tree
 
 
@@ -216,22 +215,8 @@ class _Read:
     def remarks(self, built: Built) -> Iterator[Finding]:
         """Yield what is not installed, values of caution, and what would end the flight."""
         yield from remarks(built, self.document.parameters, self._registry)
-        if self._registry.foreign_board:
-            return
-        if not self.document.is_mission:
-            yield from faults_of_part(built.tree)
-            return
-        yield from faults_of(built.tree)
-        for name, (node, attribute) in unset_reads(self.uses[built.tree.name]).items():
-            element = built.parts[node.path].element
-            yield Finding(
-                str(element.path),
-                element.at(attribute),
-                f"attribute '{attribute}': nothing sets variable '{name}' of the main tree: "
-                f"give it a value in a Script before, or with --var {name}=VALUE",
-                element.label,
-                rule=Rule.VARIABLE,
-            )
+        is_flown = self.document.is_mission and not self._registry.foreign_board
+        yield from (faults_of if is_flown else faults_of_part)(self.uses[built.tree.name])
 
 
 def check_file(
