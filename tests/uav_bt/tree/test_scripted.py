@@ -148,7 +148,7 @@ def test_a_mock_writes_its_outputs_when_it_succeeds(world: World) -> None:
         (
             "Sequence",
             "S",
-            "mock of 'Sequence': only leaves and SubTrees can be mocked, this is a Sequence",
+            "mock of 'Sequence': only leaves and SubTrees can be mocked",
         ),
         ("out", "RX", "1:.*: Fly 'out': mock of 'out': a script has the letters"),
         ("Clear", "RS", "the condition Clear answers at once, so its script cannot have an R"),

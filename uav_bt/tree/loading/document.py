@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
@@ -21,7 +20,7 @@ from uav_bt.tree.loading.models import read_enumerations, read_models
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.place_lists import PlaceLists
 from uav_bt.tree.loading.source import Element
-from uav_bt.tree.node import Node, NodeKind
+from uav_bt.tree.node import NodeKind
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.registry import NodeRegistry
 
@@ -66,17 +65,6 @@ class Document:
             if inner != tree_id
         }
         return tuple(tree_id for tree_id in self.own if tree_id not in used)
-
-    def within(self, tree_ids: Iterable[str]) -> frozenset[str]:
-        """Return trees with all that they use, however deep."""
-        found: set[str] = set()
-        waiting = list(tree_ids)
-        while waiting:
-            tree_id = waiting.pop()
-            if tree_id in self.trees and tree_id not in found:
-                found.add(tree_id)
-                waiting += [inner for _, inner in doors(self.trees[tree_id])]
-        return frozenset(found)
 
     def entries(self, subtree: Element) -> dict[str, str]:
         """Return a SubTree's entries and conditions, the described defaults included.
@@ -329,20 +317,3 @@ def _read_models(models: Element, document: Document, findings: Findings) -> Non
                 or None
                 for name, port in model.ports.items()
             }
-        elif model.node_id in document.registry:
-            node = document.registry[model.node_id]
-            _compare_model(model.element, model.ports, node, findings)
-
-
-def _compare_model(
-    model: Element, ports: dict[str, Element], node: type[Node], findings: Findings
-) -> None:
-    if node.kind.value != model.tag:
-        message = f"described as {model.tag}, but the node is of kind {node.kind.value}"
-        findings.warn(model, message, rule=Rule.NODE_MODEL)
-    known = [port.name for port in node.ports]
-    for name, element in ports.items():
-        if name not in known:
-            hint = did_you_mean(name, known)
-            message = f"the node has no port '{name}'{hint}"
-            findings.warn(element, message, "name", rule=Rule.NODE_MODEL, label=model.label)

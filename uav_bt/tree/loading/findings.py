@@ -147,8 +147,8 @@ class Findings:
         self.note(element, message, attribute, rule=rule, label=label, severity=WARNING)
 
     def take_as_warnings(self, other: Findings) -> None:
-        """Add the findings of another collection as warnings."""
-        for one in other:
+        """Add the findings of another collection as warnings, but for errors that are noted."""
+        for one in (finding for finding in other if finding not in self._errors):
             self.add(one.path, one.position, one.message, one.node, severity=WARNING, rule=one.rule)
 
     def __iter__(self) -> Iterator[Finding]:

@@ -27,7 +27,6 @@ from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.replacements import Replacements
 from uav_bt.tree.loading.source import parse_source, read_source
-from uav_bt.tree.loading.structure import check_recursion
 from uav_bt.tree.loading.uses import Uses
 from uav_bt.tree.loading.variable_faults import check_variables
 from uav_bt.tree.loading.whole_file import whole_file
@@ -197,15 +196,13 @@ class _Read:
         Of these only the structure must be right, as the engine has it: the rest is a warning.
         """
         document = self.document
-        flown = document.within(self.roots)
         idle = Findings()
-        builder = Builder(document, self._findings, idle, flown)
+        builder = Builder(document, self._findings, idle)
         for tree_id in (*document.unused, *document.trees):
-            if tree_id not in flown and tree_id not in builder.entered:
+            if tree_id not in self._builder.entered | builder.entered:
                 built = builder.build(tree_id)
                 if built is not None and tree_id in document.unused:
                     check_variables(built, document, idle)
-        check_recursion(document, self._findings)
         self._findings.take_as_warnings(idle)
 
     def unknown_policies(self, built: Built) -> Iterator[Finding]:
