@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, ClassVar, Self, TypeVar
 
@@ -10,6 +10,7 @@ from uav_bt.board.blackboard import BoardView, Key, Reading
 from uav_bt.board.context import MissionContext
 from uav_bt.board.keys import PHASE
 from uav_bt.errors import MissionError, UnknownValueError
+from uav_bt.lab.lab import Lab
 from uav_bt.tree.flow import After, Follow, Known
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.observer import NodeEvent, Observer
@@ -43,6 +44,7 @@ class Leaf(Node):
     points: ClassVar[bool] = False  # True: likewise a camera direction
     takes_off: ClassVar[bool] = False  # True: the flight begins with it
     lands: ClassVar[bool] = False  # True: it ends with the drone on the ground
+    repeats: ClassVar[bool] = False  # True: ticked after SUCCESS, it does its work once more
     condition: ClassVar[bool] = False  # True: answers at once, never RUNNING
     # Wall time that one tick of this leaf may take. Several ticks long, as a machine may be busy.
     budget_s: ClassVar[float] = 0.5
@@ -85,6 +87,11 @@ class Leaf(Node):
     def refuses(self, rules: MissionRules) -> str | None:
         """Return why the leaf cannot keep the mission's rules with the values that its file has."""
         del rules
+        return None
+
+    def refuses_lab(self, lab: Callable[[], Lab]) -> str | None:
+        """Return why the leaf cannot fly in a lab, which takes time to read, with its values."""
+        del lab
         return None
 
     def on_setup(self, mission: MissionContext) -> None:

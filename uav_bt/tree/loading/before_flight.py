@@ -5,10 +5,13 @@ A new check is a function that yields faults, below `everywhere` or `in_missions
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
 from uav_bt.board import FLIGHT_HEIGHT, MISSION_KEYS, ODOMETRY, Key
+from uav_bt.lab.lab import Lab
+from uav_bt.lab.shipped import load_lab
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.attributes import POLICY_PORT
 from uav_bt.tree.loading.early_reads import early_reads
@@ -16,7 +19,7 @@ from uav_bt.tree.loading.findings import ERROR, WARNING, Finding, Position, Rule
 from uav_bt.tree.loading.misfits import misfits
 from uav_bt.tree.loading.uses import Uses, is_named, named_scripts
 from uav_bt.tree.node import Node
-from uav_bt.tree.nodes import LoopBool, LoopDouble, LoopInt, SetBlackboard
+from uav_bt.tree.nodes import LoopBool, LoopDouble, LoopInt, ReactiveSequence, SetBlackboard
 from uav_bt.tree.rules import Rules
 from uav_bt.tree.script.expressions import Name
 from uav_bt.types.mission_rules import LandOn, MissionRules
@@ -52,22 +55,30 @@ def in_missions(check: _Check) -> _Check:
 
 
 def faults_of(uses: Uses) -> Iterator[Finding]:
-    """Yield the faults of a tree that is flown as it is."""
-    yield from _found(uses, *_EVERYWHERE, *_IN_MISSIONS)
+    """Return the faults of a tree that is flown as it is."""
+    checks = (*_EVERYWHERE, *_IN_MISSIONS)
+    return findings_at(uses, (fault for check in checks for fault in check(uses)))
 
 
 def faults_of_part(uses: Uses) -> Iterator[Finding]:
-    """Yield the faults that a tree has in every mission that uses it."""
-    yield from _found(uses, *_EVERYWHERE)
+    """Return the faults that a tree has in every mission that uses it."""
+    return findings_at(uses, (fault for check in _EVERYWHERE for fault in check(uses)))
 
 
-def _found(uses: Uses, *checks: _Check) -> Iterator[Finding]:
-    for check in checks:
-        for node, message, rule, severity, attribute in check(uses):
-            place = uses.tree.places.get(node.path)
-            path = uses.tree.path if place is None else place.path
-            position = Position(1, 1) if place is None else place.at(attribute)
-            yield Finding(str(path), position, message, node.path, severity, rule)
+def findings_at(uses: Uses, faults: Iterable[Fault]) -> Iterator[Finding]:
+    """Yield faults with their places in the file."""
+    for node, message, rule, severity, attribute in faults:
+        place = uses.tree.places.get(node.path)
+        path = uses.tree.path if place is None else place.path
+        position = Position(1, 1) if place is None else place.at(attribute)
+        yield Finding(str(path), position, message, node.path, severity, rule)
+
+
+def refused_by_lab(uses: Uses, lab: Callable[[], Lab]) -> Iterator[Fault]:
+    """Yield the leaves that cannot fly in a lab."""
+    for leaf in uses.tree.leaves():
+        if (message := leaf.refuses_lab(lab)) is not None:
+            yield Fault(leaf, message, Rule.LAB)
 
 
 # --- nodes with children --------------------------------------------------------------------------
@@ -129,6 +140,20 @@ def _skipped_conditions(uses: Uses) -> Iterator[Fault]:
                 yield Fault(asked, message, Rule.CHILDREN)
 
 
+@everywhere
+def _begun_anew(uses: Uses) -> Iterator[Fault]:
+    """Yield a warning for leaves that a ReactiveSequence begins anew while a later child runs."""
+    for node in uses.tree.nodes():
+        children = node.children if isinstance(node, ReactiveSequence) else []
+        for child, later in pairwise(children):
+            if isinstance(child, Leaf) and child.repeats:
+                message = (
+                    f"it begins anew in every tick and halts '{later.name}': a ReactiveSequence "
+                    "has one child that runs, so write Sequence"
+                )
+                yield Fault(child, message, Rule.CHILDREN, WARNING)
+
+
 # --- rules of a mission ---------------------------------------------------------------------------
 
 
@@ -183,6 +208,14 @@ def _refused_by_leaves(uses: Uses) -> Iterator[Fault]:
         for leaf in uses.tree.leaves():
             if (message := leaf.refuses(rules)) is not None:
                 yield Fault(leaf, message, Rule.ATTRIBUTE)
+
+
+@in_missions
+def _refused_by_default_lab(uses: Uses) -> Iterator[Fault]:
+    """Yield a warning for values that the default lab excludes, such as an unknown class."""
+    for fault in refused_by_lab(uses, load_lab):
+        message = f"in the default lab: {fault.message}; check with --lab for another one"
+        yield fault._replace(message=message, severity=WARNING)
 
 
 @in_missions

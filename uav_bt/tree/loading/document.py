@@ -66,6 +66,17 @@ class Document:
         }
         return tuple(tree_id for tree_id in self.own if tree_id not in used)
 
+    def within(self, tree_id: str) -> frozenset[str]:
+        """Return a tree with all that it uses, however deep."""
+        found: set[str] = set()
+        waiting = [tree_id]
+        while waiting:
+            one = waiting.pop()
+            if one in self.trees and one not in found:
+                found.add(one)
+                waiting += [inner for _, inner in doors(self.trees[one])]
+        return frozenset(found)
+
     def entries(self, subtree: Element) -> dict[str, str]:
         """Return a SubTree's entries and conditions, the described defaults included.
 

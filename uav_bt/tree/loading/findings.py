@@ -35,6 +35,7 @@ class Rule(Enum):
     UNIT = "unit"  # A value is in the unit of its port.
     LIMIT = "limit"  # A value lies beyond what a mission is allowed unless its site says so.
     MISSION = "mission"  # A mission takes off and lands.
+    LAB = "lab"  # A mission fits its lab.
     PLACES = "places"  # Files of places are found, and each of their lines is a place.
     OTHER = "tree-file"  # A tree file loads.
 
