@@ -73,7 +73,7 @@ def test_a_main_tree_may_stand_in_another_file_of_the_folder(tmp_path: Path) -> 
     ("first", "later", "warns"),
     [
         (UP, '<HoverFor seconds="2"/>', True),
-        ('<Turn angle_deg="90"/>', DOWN, True),
+        ('<Turn degrees="90"/>', DOWN, True),
         ("<Avoid/>", '<Explore policy="corridor"/>', False),
         (MAP, DOWN, False),
     ],
