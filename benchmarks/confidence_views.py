@@ -12,11 +12,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Final
+from typing import Any, Final
 
 import cv2
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from benchmarks.lab_views import copy_lab
@@ -36,7 +35,7 @@ from uav_bt.lab.shipped import DEFAULT_LAB, load_lab
 from uav_bt.learning.views import DepthViewPlan, scene_seed
 from uav_bt.types import Frame
 from uav_bt.types.arrays import Flags, Floats32, Image
-from uav_bt.yaml_values import plain_yaml
+from uav_bt.yaml_file import read_yaml, yaml_text
 
 OTHER_LAB: Final = "depot"
 ROOM: Final = "room"
@@ -106,13 +105,13 @@ def _painted(lab: Lab, folder: Path, seed: int) -> Lab:
         return f"#{bytes(rng.integers(30, 230, 3).tolist()).hex()}"
 
     file = copy_lab(lab, folder).lab.folder / LAB_FILE
-    content = plain_yaml(file)
+    content = read_yaml(file, dict[str, Any], "lab file").value
     room = content["room"]
     generator = ("concrete", "wood")[seed % 2]
     room["ground"]["surface"] = {"generator": generator, "colour": colour()}
     for part in (room["walls"], *room["objects"].values()):
         part["surface"] = {"colour": colour()}
-    file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    file.write_text(yaml_text(content), encoding="utf-8")
     return load_lab(folder)
 
 
