@@ -44,7 +44,7 @@ class GrootPublisher:
     """
 
     def __init__(self, port: int = DEFAULT_PORT) -> None:
-        need("live", "zmq", "msgpack", what="Groot2")
+        need("live", "Groot2")
         import zmq  # noqa: PLC0415  (an extra)
 
         self._zmq = zmq
