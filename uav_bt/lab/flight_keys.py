@@ -15,6 +15,7 @@
     video: {latency_s: 0.2}
     ports: {http: 8080, rtsp: 8554}
     return_home: off               # the drone's automatic return, during a flight
+    mark: {kind: apriltag, size_m: [0.5, 0.5], height_m: 0.2, options: {id: 7, size_m: 0.3}}
 
 Files that it names lie beside it, unless their path is absolute.
 """
@@ -33,6 +34,8 @@ from uav_bt.brief import brief_repr
 from uav_bt.errors import ValueRangeError
 from uav_bt.files import did_you_mean_file
 from uav_bt.lab.drawn_area import check_area
+from uav_bt.plugins import make_mark_finder
+from uav_bt.types.landing_mark import MAX_HEIGHT_M, LandingMark
 from uav_bt.types.pose import Pose2D
 
 
@@ -55,10 +58,7 @@ def _onnx(value: Path, info: ValidationInfo) -> Path:
 
 
 def _area(value: str) -> str:
-    try:
-        check_area(value)
-    except ValueRangeError as error:
-        raise ValueError(str(error)) from error
+    check_area(value)
     return value
 
 
@@ -72,6 +72,7 @@ Yaw = Annotated[
 _Number = Annotated[float, Field(ge=0.0, le=1000.0)]
 _Height = Annotated[float, Field(gt=0.0, le=1000.0)]
 _Distance = Annotated[float, Field(ge=0.0, le=5.0)]
+_Side = Annotated[float, Field(gt=0.0, le=5.0)]
 _Share = Annotated[float, Field(ge=0.0, le=1.0)]
 _Port = Annotated[int, Field(ge=1, le=65_535)]
 _FileBeside = Annotated[Path, AfterValidator(_beside)]
@@ -151,6 +152,27 @@ class PortKeys(TypedDict, total=False):
     rtsp: _Port
 
 
+class MarkSection(TypedDict, total=False):
+    """The landing mark. A lab file states size and height; a site file keeps the lab's.
+
+    Attributes:
+        kind: Registered name of the plug-in that finds the mark.
+        options: Settings of the plug-in.
+        size_m: Length and width of the top, metres.
+        height_m: Height of the top above the ground, metres; 0 for a mat.
+        position_m: Where the mark stands in the lab's drawing, metres.
+        yaw_deg: Direction of the mark's x axis there, counter-clockwise; its upper edge is towards
+            its y axis.
+    """
+
+    kind: Annotated[str, Field(description="Kind of landing mark; default: helipad.")]
+    options: Annotated[dict[str, Any], Field(description="Settings of that kind.")]
+    position_m: Position
+    yaw_deg: Yaw
+    size_m: tuple[_Side, _Side]
+    height_m: Annotated[float, Field(ge=0.0, lt=MAX_HEIGHT_M)]
+
+
 def _about(text: str) -> Any:
     return Field(description=text)
 
@@ -181,8 +203,7 @@ class FlightKeys:
     ] = ()
     limits: Annotated[LimitKeys | None, _about("Limits of every movement.")] = None
     area: Annotated[
-        str | None,
-        AfterValidator(lambda value: None if value is None else _area(value)),
+        Annotated[str, AfterValidator(_area)] | None,
         _about("Corners that every mission stays within: start:x,y or lab:x,y, with ; between."),
     ] = None
     margins: Annotated[MarginKeys | None, _about("Distances that routes keep.")] = None
@@ -193,19 +214,58 @@ class FlightKeys:
     return_home: Annotated[
         _Switch | None, _about("Whether the drone returns by itself during a flight.")
     ] = None
+    mark: Annotated[MarkSection | None, _about("The landing mark.")] = None
 
     __repr__ = brief_repr
 
 
-def take_off_pose(keys: FlightKeys, mark: Pose2D | None) -> Pose2D | None:
+def take_off_pose(keys: FlightKeys) -> Pose2D | None:
     """Return the take-off pose in the lab's drawing, yaw counter-clockwise; None if not stated."""
-    section = keys.take_off
-    if section is None:
+    if keys.take_off is None:
         return None
-    position_m = section.get("position_m") or (None if mark is None else (mark.x_m, mark.y_m))
+    position_m = keys.take_off.get("position_m") or (keys.mark or {}).get("position_m")
     if position_m is None:
         raise ValueRangeError(
             "lacks the key 'position_m', and the section 'mark' has none to take off from"
         )
-    x_m, y_m = position_m
-    return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=math.radians(section.get("yaw_deg", 0.0)))
+    return _pose(position_m, keys.take_off.get("yaw_deg", 0.0))
+
+
+def mark_pose(keys: FlightKeys) -> Pose2D | None:
+    """Return the pose of the mark in the drawing, yaw counter-clockwise; None if not stated."""
+    section = keys.mark or {}
+    if "position_m" in section:
+        return _pose(section["position_m"], section.get("yaw_deg", 0.0))
+    if "yaw_deg" in section:
+        raise ValueRangeError("yaw_deg needs position_m: where the mark stands in the drawing")
+    return None
+
+
+def _pose(position_m: tuple[float, float], yaw_deg: float) -> Pose2D:
+    return Pose2D(x_m=position_m[0], y_m=position_m[1], yaw_rad=math.radians(yaw_deg))
+
+
+def mark_of(keys: FlightKeys, usual: LandingMark | None = None) -> LandingMark | None:
+    """Return the landing mark, whose missing keys are those of the usual mark; None if not stated.
+
+    Options belong to a kind, so another kind begins without options.
+    """
+    section = keys.mark
+    if section is None:
+        return None
+    for key in ("size_m", "height_m"):
+        if usual is None and key not in section:
+            raise ValueRangeError(f"lacks the key '{key}'")
+    usual = usual or LandingMark(length_m=1.0, width_m=1.0, height_m=0.0)
+    kind = section.get("kind", usual.kind)
+    length_m, width_m = section.get("size_m", usual.top_m)
+    mark = LandingMark(
+        kind=kind,
+        length_m=length_m,
+        width_m=width_m,
+        height_m=section.get("height_m", usual.height_m),
+        options=section.get("options", usual.options if usual.kind == kind else {}),
+    )
+    if "kind" in section or "options" in section:
+        make_mark_finder(mark)  # refuses wrong options
+    return mark
