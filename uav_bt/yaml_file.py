@@ -21,7 +21,7 @@ import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Final, Generic, TypeVar, cast
 
 import yaml
 from pydantic import ConfigDict, TypeAdapter, ValidationError
@@ -170,12 +170,10 @@ class YamlFile(Generic[T]):
     # --- the values in their form -----------------------------------------------------------------
 
     def _validated(self, content: Any, form: type[T]) -> T:
+        # JSON's strict mode takes lists for tuples and texts for paths, but no number for a text.
+        text, context = json.dumps([content]), {"folder": self.path.parent}
         try:
-            # JSON's strict mode takes lists for tuples and texts for paths, but no number for a
-            # text.
-            (value,) = _adapter(form).validate_json(
-                json.dumps([content]), context={"folder": self.path.parent}
-            )
+            value: T = _adapter(cast("Any", form)).validate_json(text, context=context)[0]
         except ValidationError as error:
             first, *others = self._problems(error, TypeAdapter(form).json_schema())
             lines = [first[1], *(f"{self.path}:{line}: {text}" for line, text in others)]
