@@ -81,17 +81,14 @@ _Switch = Annotated[bool, WithJsonSchema({"enum": [True, False, "on", "off"]})]
 
 
 class NetworkKeys(TypedDict, total=False):
-    """The networks: files or names of shipped ones.
-
-    Attributes:
-        model: Segmentation network.
-        classes: Class mapping of the segmentation network.
-        depth: Depth network.
-    """
+    """The networks: files or names of shipped ones."""
 
     model: Annotated[str, AfterValidator(_network)]
+    """Segmentation network."""
     classes: _FileBeside
+    """Class mapping of the segmentation network."""
     depth: Annotated[str, AfterValidator(_network)]
+    """Depth network."""
 
 
 class TeacherKeys(TypedDict):
@@ -153,28 +150,19 @@ class PortKeys(TypedDict, total=False):
 
 
 class MarkSection(TypedDict, total=False):
-    """The landing mark. A lab file states size and height; a site file keeps the lab's.
+    """The landing mark. A lab file states size and height; a site file keeps the lab's."""
 
-    Attributes:
-        kind: Registered name of the plug-in that finds the mark.
-        options: Settings of the plug-in.
-        size_m: Length and width of the top, metres.
-        height_m: Height of the top above the ground, metres; 0 for a mat.
-        position_m: Where the mark stands in the lab's drawing, metres.
-        yaw_deg: Direction of the mark's x axis there, counter-clockwise; its upper edge is towards
-            its y axis.
-    """
-
-    kind: Annotated[str, Field(description="Kind of landing mark; default: helipad.")]
-    options: Annotated[dict[str, Any], Field(description="Settings of that kind.")]
+    kind: str
+    """Kind of landing mark, a registered plug-in; default: helipad."""
+    options: dict[str, Any]
+    """Settings of that kind."""
     position_m: Position
     yaw_deg: Yaw
+    """Direction of the mark's x axis; its upper edge is towards its y axis."""
     size_m: tuple[_Side, _Side]
+    """Length and width of the top, metres."""
     height_m: Annotated[float, Field(ge=0.0, lt=MAX_HEIGHT_M)]
-
-
-def _about(text: str) -> Any:
-    return Field(description=text)
+    """Height of the top above the ground, metres; 0 for a mat."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,37 +172,36 @@ class FlightKeys:
     Paths of files lead from the working directory, or are absolute.
     """
 
-    flight_height_m: Annotated[
-        _Height | None, _about("Flight height above the ground, instead of the tree's.")
-    ] = None
-    take_off_surface_m: Annotated[
-        _Number, _about("Height of the take-off surface above the ground.")
-    ] = 0.0
-    take_off: Annotated[
-        TakeOffKeys | None, _about("Take-off pose in the lab's drawing, for places such as lab:1,2")
-    ] = None
-    camera: Annotated[
-        _FileBeside | None, _about("Camera file of `uav-bt lab calibrate`, beside this file.")
-    ] = None
-    network: Annotated[NetworkKeys | None, _about("Network of all leaves that segment.")] = None
-    ground: Annotated[
-        tuple[str, ...],
-        Field(min_length=1, description="Classes that the drone may fly over and scale depth by."),
-    ] = ()
-    limits: Annotated[LimitKeys | None, _about("Limits of every movement.")] = None
-    area: Annotated[
-        Annotated[str, AfterValidator(_area)] | None,
-        _about("Corners that every mission stays within: start:x,y or lab:x,y, with ; between."),
-    ] = None
-    margins: Annotated[MarginKeys | None, _about("Distances that routes keep.")] = None
-    battery: Annotated[BatteryKeys | None, _about("Charge of a real drone's battery.")] = None
-    link: Annotated[LinkKeys | None, _about("Radio link of a real drone.")] = None
-    video: Annotated[VideoKeys | None, _about("Video of a real drone.")] = None
-    ports: Annotated[PortKeys | None, _about("Network ports of a real drone.")] = None
-    return_home: Annotated[
-        _Switch | None, _about("Whether the drone returns by itself during a flight.")
-    ] = None
-    mark: Annotated[MarkSection | None, _about("The landing mark.")] = None
+    flight_height_m: _Height | None = None
+    """Flight height above the ground, instead of the tree's."""
+    take_off_surface_m: _Number = 0.0
+    """Height of the take-off surface above the ground."""
+    take_off: TakeOffKeys | None = None
+    """Take-off pose in the lab's drawing, for places such as lab:1,2"""
+    camera: _FileBeside | None = None
+    """Camera file of `uav-bt lab calibrate`, beside this file."""
+    network: NetworkKeys | None = None
+    """Network of all leaves that segment."""
+    ground: Annotated[tuple[str, ...], Field(min_length=1)] = ()
+    """Classes that the drone may fly over and scale depth by."""
+    limits: LimitKeys | None = None
+    """Limits of every movement."""
+    area: Annotated[str, AfterValidator(_area)] | None = None
+    """Corners that every mission stays within: start:x,y or lab:x,y, with ; between."""
+    margins: MarginKeys | None = None
+    """Distances that routes keep."""
+    battery: BatteryKeys | None = None
+    """Charge of a real drone's battery."""
+    link: LinkKeys | None = None
+    """Radio link of a real drone."""
+    video: VideoKeys | None = None
+    """Video of a real drone."""
+    ports: PortKeys | None = None
+    """Network ports of a real drone."""
+    return_home: _Switch | None = None
+    """Whether the drone returns by itself during a flight."""
+    mark: MarkSection | None = None
+    """The landing mark."""
 
     __repr__ = brief_repr
 

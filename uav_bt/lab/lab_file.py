@@ -14,7 +14,7 @@ from uav_bt.lab.drawn_area import area_problem
 from uav_bt.lab.flight_keys import FlightKeys, TeacherKeys, mark_of, mark_pose, take_off_pose
 from uav_bt.lab.lab import LAB_FILE, Lab
 from uav_bt.lab.roles import RoleName
-from uav_bt.lab.room import RoomSection, check_name
+from uav_bt.lab.room import ColourText, RoomSection, check_name
 from uav_bt.lab.room_reader import read_room
 from uav_bt.yaml_file import YamlFile, read_yaml
 
@@ -83,27 +83,25 @@ def _colour(text: str) -> Colour:
 @dataclass(frozen=True, kw_only=True)
 class _Class:
     role: RoleName
-    colour: Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$", description="Colour in drawings.")]
-    top: Annotated[str | None, Field(description="Class of the level upper face.")] = None
-    legs_m: Annotated[
-        float | None,
-        Field(gt=0, le=10, description="Largest distance between two legs of an object, m."),
-    ] = None
+    colour: ColourText
+    """Colour in drawings."""
+    top: str | None = None
+    """Class of the level upper face."""
+    legs_m: Annotated[float, Field(gt=0, le=10)] | None = None
+    """Largest distance between two legs of an object, m."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LabFile(FlightKeys):
     """Form of a lab file."""
 
-    version: Annotated[int, Field(ge=1, description="Version of the form: 1.")]
+    version: Annotated[int, Field(ge=1)]
+    """Version of the form: 1."""
     classes: Annotated[
-        dict[Annotated[str, AfterValidator(check_name)], _Class],
-        Field(min_length=1, description="Classes by name; the order gives their ids."),
+        dict[Annotated[str, AfterValidator(check_name)], _Class], Field(min_length=1)
     ]
-    teacher: Annotated[
-        TeacherKeys | None,
-        Field(description="Network that labels images for training, in place of picks."),
-    ] = None
-    room: Annotated[
-        RoomSection | None, Field(description="What the twin builds; a real flight needs none.")
-    ] = None
+    """Classes by name; the order gives their ids."""
+    teacher: TeacherKeys | None = None
+    """Network that labels images for training, in place of picks."""
+    room: RoomSection | None = None
+    """What the twin builds; a real flight needs none."""
