@@ -31,6 +31,7 @@ from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import View, render_views
 from uav_bt.app.lab_network import network_of
 from uav_bt.lab.lab import LAB_FILE, Lab
+from uav_bt.lab.roles import GROUND, MARK
 from uav_bt.lab.shipped import DEFAULT_LAB, load_lab
 from uav_bt.learning.views import DepthViewPlan, scene_seed
 from uav_bt.types import Frame
@@ -205,7 +206,7 @@ class _Judge:
 
     def _exact(self, view: View, relative: Floats32) -> float | None:
         near = (view.depth > _NEAR_M[0]) & (view.depth < _NEAR_M[1])
-        for pixels in (near & self._classes.is_ground(view.ids), near):
+        for pixels in (near & (self._classes.roles(view.ids) == GROUND), near):
             if np.count_nonzero(pixels) > _ENOUGH_PX:
                 return float(np.median(view.depth[pixels] / relative[pixels]))
         return None
@@ -221,10 +222,10 @@ class _Judge:
             return
         yield "pitch wrong", own
         yield "height wrong", own
-        above = self._classes.is_above_ground(view.ids)
+        above = self._classes.roles(view.ids) >= MARK
         patch = np.zeros_like(own)
         patch[where] = True
-        yield "outside as ground", ~above & ~self._classes.is_ground(view.ids)
+        yield "outside as ground", ~above & (self._classes.roles(view.ids) != GROUND)
         yield "obstacles as ground", above
         yield "a patch as ground", patch
         yield "everything as ground", np.ones_like(own)

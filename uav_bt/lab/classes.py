@@ -146,14 +146,6 @@ class LabClasses:
             )
         return roles
 
-    def is_ground(self, ids: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """Return where class ids, uint8 of any shape, are ground."""
-        return np.asarray(self.roles(ids) == GROUND)
-
-    def is_above_ground(self, ids: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """Return where class ids, uint8 of any shape, are obstacles or the landing mark."""
-        return np.asarray(self.roles(ids) >= MARK)
-
     def colourise(self, ids: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Return a class map, (H, W) uint8 ids, as a colour image, (H, W, 3) uint8 RGB."""
         self.roles(ids)  # refuses bad ids

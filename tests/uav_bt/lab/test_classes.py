@@ -44,8 +44,6 @@ def test_the_order_of_the_classes_is_free_behind_the_first_one() -> None:
     ids = np.array([0, 1, 2, 3], dtype=np.uint8)
     assert classes.roles(ids).tolist() == [OUTSIDE, MARK, OBSTACLE, GROUND]
     assert (classes.ground, classes.mark_sides, classes.mark_top) == (3, None, 1)
-    assert classes.is_above_ground(ids).tolist() == [False, True, True, False]
-    assert classes.is_ground(ids).tolist() == [False, False, False, True]
 
 
 def test_several_ground_classes_become_the_first_one() -> None:
