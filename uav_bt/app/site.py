@@ -157,7 +157,7 @@ def _site(keys: FlightKeys, failure: Callable[..., InputError], **given: Any) ->
         ground=keys.ground,
         limits=allowed,
         area=None if keys.area is None else area_corners(keys.area),
-        clearances=Clearances(**(keys.margins or {})),
+        clearances=keys.margins or Clearances(),
         preflight=PreflightConfig(**preflight),
         video_latency_s=(keys.video or {}).get("latency_s", Site.video_latency_s),
         http_port=ports.get("http"),

@@ -35,6 +35,7 @@ from uav_bt.errors import ValueRangeError
 from uav_bt.files import did_you_mean_file
 from uav_bt.lab.drawn_area import check_area
 from uav_bt.plugins import make_mark_finder
+from uav_bt.types.clearances import Clearances
 from uav_bt.types.landing_mark import MAX_HEIGHT_M, LandingMark
 from uav_bt.types.pose import Pose2D
 
@@ -71,7 +72,6 @@ Yaw = Annotated[
 ]
 _Number = Annotated[float, Field(ge=0.0, le=1000.0)]
 _Height = Annotated[float, Field(gt=0.0, le=1000.0)]
-_Distance = Annotated[float, Field(ge=0.0, le=5.0)]
 _Side = Annotated[float, Field(gt=0.0, le=5.0)]
 _Share = Annotated[float, Field(ge=0.0, le=1.0)]
 _Port = Annotated[int, Field(ge=1, le=65_535)]
@@ -105,15 +105,6 @@ class LimitKeys(TypedDict, total=False):
     climb_mps: _Number
     yaw_rate_radps: _Number
     ceiling_m: _Number
-
-
-class MarginKeys(TypedDict, total=False):
-    """Distances from the drone's centre that routes keep, metres."""
-
-    obstacle_m: _Distance
-    edge_m: _Distance
-    unknown_m: _Distance
-    lane_m: _Distance
 
 
 class BatteryKeys(TypedDict, total=False):
@@ -188,7 +179,7 @@ class FlightKeys:
     """Limits of every movement."""
     area: Annotated[str, AfterValidator(_area)] | None = None
     """Corners that every mission stays within: start:x,y or lab:x,y, with ; between."""
-    margins: MarginKeys | None = None
+    margins: Clearances | None = None
     """Distances that routes keep."""
     battery: BatteryKeys | None = None
     """Charge of a real drone's battery."""
