@@ -232,7 +232,7 @@ class Simulation:
     def _write_board(self) -> None:
         self._board.write(ELAPSED, self._clock.now())
         written = self._board.snapshot()
-        for number, value in QUIET:
+        for number, value in QUIET.items():
             if number.name not in written:
                 self._board.write(number, value)
         for name, given in self._script.board.items():

@@ -175,7 +175,7 @@ def written(folder: Path, text: str) -> Path:
         ("variables: {a: 1}", 1, "expected 'leaves' with answers of leaves, or a 'default'"),
         ("default: S\nleafs: {}", 2, "leafs: unknown key; did you mean 'leaves'?"),
         ("leaves:\n  A: RRX", 2, "a script has the letters R (running), S (success)"),
-        ("leaves:\n  A: RRS\n  A: S", 3, "leaves: the key 'A' is given twice"),
+        ("leaves:\n  A: RRS\n  A: S", 3, "leaves.A: the key is given twice"),
         ("leaves:\n  A: [R, S]", 2, "or a number or a text, got a list of 2"),
     ],
 )
