@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from uav_bt.clock import ManualClock
     from uav_bt.testing.bench import LeafBench
     from uav_bt.testing.board import BenchBoard, StrictBlackboard
-    from uav_bt.testing.drone import ScriptedDrone, ScriptedDroneConfig, blank_frame, pinhole
+    from uav_bt.testing.drone import ScriptedDrone, blank_frame, pinhole
     from uav_bt.testing.events import Event, EventLog
     from uav_bt.testing.faults import FAULTS, Fault, FaultKind, FaultyDrone, InjectedError
     from uav_bt.testing.maps import drawn_map
@@ -37,7 +37,6 @@ __all__ = [
     "NodeEvent",
     "Says",
     "ScriptedDrone",
-    "ScriptedDroneConfig",
     "StrictBlackboard",
     "TickOutcome",
     "TreeBench",
