@@ -60,7 +60,7 @@ class Abort:
             self.given_up = True
         if self.reason is None or not self.given_up:
             return None
-        return Verdict(outcome=Outcome.ABORTED, reason=self.reason)
+        return Verdict(Outcome.ABORTED, self.reason)
 
 
 class Contingencies:

@@ -12,7 +12,7 @@ from uav_bt.board import numbers as keys
 from uav_bt.board.blackboard import Blackboard, Key
 from uav_bt.board.flight_notes import FlightNotes
 from uav_bt.board.numbers import UNKNOWN, UNKNOWN_PLACE
-from uav_bt.mission.judge import Belief, Judge
+from uav_bt.mission.judge import Judge
 from uav_bt.mission.position_hold import BLIND_S
 from uav_bt.types import Observation, Pose2D, wrap_angle
 from uav_bt.types.area import Area
@@ -61,12 +61,8 @@ class Whereabouts:
             return None
         return self.area.margin_m(self.place.x_m, self.place.y_m)
 
-    def belief(self) -> Belief:
-        """Return what the judge takes where there is no truth."""
-        return Belief(mark_m=self._mark_m(), place=self.place)
-
-    def _mark_m(self) -> float | None:
-        """Return the distance of the landing mark, by its track or else by the fresh map."""
+    def mark_m(self) -> float | None:
+        """Return the horizontal distance of the landing mark, by its track or the fresh map."""
         fix = self._board.value(MARK)
         if fix is not None:
             return fix.range_m

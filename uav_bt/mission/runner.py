@@ -304,7 +304,8 @@ class MissionRunner:
             record,
             abort_reason=self.abort.reason,
             landing=self._arbiter.landing,
-            belief=self._whereabouts.belief(),
+            mark_m=self._whereabouts.mark_m(),
+            place=self._whereabouts.place,
             failure=self._events.failure,
         )
         given_up = self.abort.follow(record)
