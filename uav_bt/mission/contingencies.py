@@ -69,7 +69,7 @@ class Contingencies:
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
         self._obedience = ObedienceWatch()
-        self._map = MapWatch()
+        self.map = MapWatch()
         self._blind, self._refused, self._unheard = (Lasting() for _ in range(3))
 
     def abort_reason(
@@ -88,7 +88,7 @@ class Contingencies:
             DroneError: the connection is lost, or no telemetry has come for too long.
         """
         now_s, state, override = record.time_s, record.observation.state, record.override
-        self._map.update(site_map, now_s, airborne=state.flying in AIRBORNE)
+        self.map.update(site_map, now_s, airborne=state.flying in AIRBORNE)
         if state.lost:
             raise DroneError(f"the connection to the drone is broken: {_OUT_OF_REACH}")
         fault = self._obedience.complaint(record.command, state, now_s) or drift
@@ -97,14 +97,9 @@ class Contingencies:
             return f"critical battery: {100 * (state.battery or 0.0):.0f} %"
         if fault is not None and override is not Override.MANUAL:
             return f"the drone does not obey: {fault}"
-        if self._map.trouble is not None and override is None:
-            return self._map.trouble
+        if self.map.trouble is not None and override is None:
+            return self.map.trouble
         return self._out_of_touch(now_s, override, screening, now_s - state.captured_s)
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Faults of the site map that do not end the mission, and its newest events."""
-        return self._map.warnings
 
     def _out_of_touch(
         self, now_s: float, override: Override | None, screening: Screening, state_age_s: float

@@ -105,7 +105,7 @@ class GroundWatch:
 
     def __init__(self) -> None:
         self._off = Lasting()
-        self.warning: str | None = None  # while they disagree
+        self.warnings: tuple[str, ...] = ()  # one while they disagree
 
     def update(self, motion: MotionEstimate | None, now_s: float) -> None:
         """Check the motion over the ground in a tick; None where it is unknown."""
@@ -113,13 +113,14 @@ class GroundWatch:
         off_mps = math.hypot(error.forward_mps, error.right_mps)
         lasted_s = self._off.update(now_s, holds=off_mps > _OFF_MPS)
         if off_mps <= _OFF_MPS:
-            self.warning = None
-        elif lasted_s > _OFF_S and self.warning is None:
-            self.warning = (
+            self.warnings = ()
+        elif lasted_s > _OFF_S and not self.warnings:
+            warning = (
                 f"the ground moves by {off_mps:.2f} m/s otherwise than the drone's velocity says: "
                 "it drifts without noticing, or reports a wrong velocity; flying by vision instead"
             )
-            _LOG.warning("%s", self.warning)
+            self.warnings = (warning,)
+            _LOG.warning("%s", warning)
 
 
 def add(first: Vector, factor: float, second: Vector) -> Vector:

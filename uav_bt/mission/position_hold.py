@@ -88,7 +88,7 @@ class PositionHold:
         self._last_s = self._learns_from_s = -math.inf
         self._holds = False  # a hover is being corrected
         self._lost = Lasting()
-        self._watch = GroundWatch()
+        self.watch = GroundWatch()
         self.trouble: str | None = None  # why the place cannot be held
 
     def correct(
@@ -160,7 +160,7 @@ class PositionHold:
         rests: bool = False,
     ) -> None:
         """Note the movement that was sent in this tick; it `rests` where a safety rule decided."""
-        self._watch.update(motion, now_s)
+        self.watch.update(motion, now_s)
         lands, order = isinstance(movement, Land), _velocity(movement)
         if lands or rests:
             self.rest()
@@ -174,11 +174,6 @@ class PositionHold:
         self._here = self._place = self._goal = self._landing = None
         self._lands_itself = self._holds = False
         self._stopping.reset()
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """The present disagreement of ground and telemetry, if any."""
-        return () if self._watch.warning is None else (self._watch.warning,)
 
     @property
     def disturbance_mps(self) -> float:

@@ -71,7 +71,6 @@ class MissionRunner:
         judge_frame: returns why a frame's image cannot be flown by; None trusts all images.
         clock: the context's clock, which stands still within a tick; None if the drone's clock
             does so, as simulated time does.
-        timer: wall clock for the computing times, seconds.
         next_tree: called between two ticks for a tree that replaces the present one.
         area: that the drone stays in; None: no bound.
 
@@ -96,7 +95,6 @@ class MissionRunner:
         listeners: Sequence[TickListener] = (),
         judge_frame: FrameJudge | None = None,
         clock: TickClock | None = None,
-        timer: Callable[[], float] = time.perf_counter,
         next_tree: NextTree | None = None,
         area: Area | None = None,
     ) -> None:
@@ -111,13 +109,12 @@ class MissionRunner:
         self._numbers = MissionNumbers(context.board, context.notes, self._whereabouts, judge)
         self.listeners = TickListeners(listeners)
         self._clock = clock
-        self._timer = timer
         self._next_tree = next_tree
         self._screening = Screening(drone.camera, judge_frame)
         self._height = GroundHeight()
         self._contingencies = Contingencies(limits)
         self._hold = PositionHold(drone.airframe)
-        self.budgets = BudgetWatch(tree, timer=timer)
+        self.budgets = BudgetWatch(tree)
         self._branches = BranchWatch(tree)
         self._is_halted = True  # the tree: not ticked since the last halt
         self._events = EventWatch(context)
@@ -151,11 +148,27 @@ class MissionRunner:
         return verdict
 
     def _tick(self) -> Verdict | None:
-        """Observe, check, write the board, tick, arbitrate, send, record, judge."""
+        """Fly one tick, record and judge it, and wait for the next one."""
         if not (self.abort or self._arbiter.landing):  # another tree would cancel a landing
             self._renew_tree()
         clock = self._drone.clock
         start_s = clock.now() if self._clock is None else self._clock.begin_tick()
+        record = self._flown(start_s)
+        self.listeners.on_tick(record)
+        self._index += 1
+        verdict = self._verdict(record)
+        if verdict is None:
+            site_map = self._context.board.read(SITE_MAP).value
+            trouble = self._contingencies.abort_reason(
+                record, self._screening, drift=self._hold.trouble, site_map=site_map
+            )
+            if trouble is not None:
+                self.abort.request(trouble)
+            clock.sleep_until(start_s + self._tick_s)
+        return verdict
+
+    def _flown(self, start_s: float) -> TickRecord:
+        """Observe, check, write the board, tick, arbitrate, send; return the tick's record."""
         usable = self._screening.usable(self._drone.observe(), start_s)
         observation = self._height.corrected(usable, start_s)
         self._write_board(observation, start_s)
@@ -164,23 +177,34 @@ class MissionRunner:
         sent = self._drone.send(decided)
         if isinstance(sent.movement, TakeOff):
             self._judge.took_off(start_s)
-        record = self._record(
-            observation, status, decided, sent, start_s=start_s, compute_s=compute_s
+        active = self._tree.active_nodes()
+        phase = self._context.board.read(PHASE).value or ""
+        self._events.update(
+            phase=phase,
+            override=self._arbiter.override,
+            reasons=self._screening.refused,
+            flying=observation.state.flying,
+            ends=self._branches.take(),
         )
-        self.listeners.on_tick(record)
-        self._index += 1
-        verdict = self._verdict(record)
-        if verdict is None:
-            trouble = self._contingencies.abort_reason(
-                record,
-                self._screening,
-                drift=self._hold.trouble,
-                site_map=self._context.board.read(SITE_MAP).value,
-            )
-            if trouble is not None:
-                self.abort.request(trouble)
-            clock.sleep_until(start_s + self._tick_s)
-        return verdict
+        return TickRecord(
+            index=self._index,
+            time_s=start_s,
+            observation=observation,
+            tree_status=status,
+            phase=phase,
+            active=tuple(node.name for node in active),
+            command=sent,
+            proposed_by=self._context.proposals.movement_owner,
+            override=self._arbiter.override,
+            compute_s=compute_s,
+            truth=self._drone.referee.truth() if self._drone.referee else None,
+            feedback=active[-1].feedback_message if active else "",
+            slow=self.budgets.take(),
+            refused=self._screening.refused,
+            decided=decided,
+            warnings=(*self._hold.watch.warnings, *self._contingencies.map.warnings),
+            events=self._context.notes.take(),
+        )
 
     # --- the tree ---------------------------------------------------------------------------------
 
@@ -206,10 +230,10 @@ class MissionRunner:
             The tree's status, and the wall time of its tick in seconds.
         """
         self._context.proposals.clear()
-        began_s = self._timer()
+        began_s = time.perf_counter()
         rests = not self.abort and (self.manual or state.pilot_has_control)
         status = Status.RUNNING if rests else self._tick_tree()
-        compute_s = self._timer() - began_s
+        compute_s = time.perf_counter() - began_s
         if self.abort:
             self._halt_tree()
         return status, compute_s
@@ -259,45 +283,6 @@ class MissionRunner:
         command = self._arbiter.decide(self._context.proposals, now, correct, hover)
         self._hold.sent(command.movement, motion, now_s, rests=not self._arbiter.is_held)
         return command
-
-    def _record(
-        self,
-        observation: Observation,
-        status: Status,
-        decided: Command,
-        sent: Command,
-        *,
-        start_s: float,
-        compute_s: float,
-    ) -> TickRecord:
-        active = self._tree.active_nodes()
-        phase = self._context.board.read(PHASE).value or ""
-        self._events.update(
-            phase=phase,
-            override=self._arbiter.override,
-            reasons=self._screening.refused,
-            flying=observation.state.flying,
-            ends=self._branches.take(),
-        )
-        return TickRecord(
-            index=self._index,
-            time_s=start_s,
-            observation=observation,
-            tree_status=status,
-            phase=phase,
-            active=tuple(node.name for node in active),
-            command=sent,
-            proposed_by=self._context.proposals.movement_owner,
-            override=self._arbiter.override,
-            compute_s=compute_s,
-            truth=self._drone.referee.truth() if self._drone.referee else None,
-            feedback=active[-1].feedback_message if active else "",
-            slow=self.budgets.take(),
-            refused=self._screening.refused,
-            decided=decided,
-            warnings=(*self._hold.warnings, *self._contingencies.warnings),
-            events=self._context.notes.take(),
-        )
 
     def _verdict(self, record: TickRecord) -> Verdict | None:
         verdict = self._judge.verdict(
