@@ -1,10 +1,16 @@
-"""The early end of a mission: lasting conditions, an operator's stop, a tree that ends in the air.
+"""The early end of a mission, and the landing after its end.
+
+Reasons to end it early are lasting conditions, an operator's stop, a tree that ends in the air.
 
 The safety table (`safety.py`) answers within the tick. A lasting condition is answered here, by an
 abort, which is a landing, or by an error if the drone is out of reach.
 """
 
 from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, Final, Protocol, runtime_checkable
 
 from uav_bt.board.keys import STATE
 from uav_bt.errors import DroneError
@@ -16,9 +22,13 @@ from uav_bt.mission.obedience import ObedienceWatch
 from uav_bt.mission.safety import AIRBORNE, Override
 from uav_bt.mission.screening import Screening
 from uav_bt.mission.tick import TickRecord
+from uav_bt.protocols import Drone
+from uav_bt.types import Command, DroneState, FlyingState
 from uav_bt.types.site_map import SiteMap
 
-_OUT_OF_REACH = "it hovers, lands or returns by its own rules; take over with its remote control"
+_OUT_OF_REACH: Final = (
+    "it hovers, lands or returns by its own rules; take over with its remote control"
+)
 
 
 class Abort:
@@ -118,3 +128,82 @@ class Contingencies:
         if refused_s > limits.link_lost_s:  # telemetry arrives with impossible values
             return f"no usable telemetry for {refused_s:.0f} s: {screening.state_fault}"
         return None
+
+
+# --- the landing ----------------------------------------------------------------------------------
+
+_DOWN: Final = {FlyingState.LANDED, FlyingState.EMERGENCY}  # motors off, intended or not
+
+
+@runtime_checkable
+class DescentListener(Protocol):
+    """A tick listener that also follows the landing after the last tick."""
+
+    def on_descent(self, state: DroneState | None, reason: str) -> None:
+        """Called after each landing command; must not block. The state is None before the first."""
+        ...
+
+
+class Descent:
+    """Commands a landing until the drone is down or lost, a pilot has it, or `grace_s` is over.
+
+    Each method of the drone may raise. `command_for` returns the command for the newest state.
+    """
+
+    def __init__(
+        self,
+        drone: Drone,
+        command_for: Callable[[DroneState | None], Command],
+        *,
+        grace_s: float,
+        tick_s: float,
+    ) -> None:
+        self._drone = drone
+        self._command_for = command_for
+        self._grace_s = grace_s
+        self._tick_s = tick_s
+        self.airborne = False  # at its end, as far as is known
+        self.faults: dict[str, None] = {}  # errors in it, each once
+
+    def run(self, reason: str, listeners: Sequence[object], given_up: Callable[[], bool]) -> None:
+        """Bring the drone down; a landing that was given up is commanded once, and not waited for.
+
+        Each `DescentListener` among the listeners is called after each command.
+        """
+        state: DroneState | None = None
+        clock = self._drone.clock
+        start_s = clock.now()
+        # The count ends the loop if the clock stands still.
+        for _ in range(math.ceil(self._grace_s / self._tick_s) + 1):
+            now_s = clock.now()
+            seen = self._attempt(self._drone.observe)
+            state = state if seen is None else seen.state
+            if state is not None and (self._is_down(state) or state.pilot_has_control):
+                break
+            if now_s >= start_s + self._grace_s:
+                break
+            self._attempt(self._send, state)
+            for listener in listeners:
+                if isinstance(listener, DescentListener):
+                    self._attempt(listener.on_descent, state, reason)
+            if given_up() or (state is not None and state.lost):
+                break  # nobody waits for the landing, or the drone cannot be reached
+            self._attempt(clock.sleep_until, now_s + self._tick_s)
+        self.airborne = state is None or not self._is_down(state)
+
+    def _send(self, state: DroneState | None) -> None:
+        self._drone.send(self._command_for(state))
+
+    def _attempt(self, action: Callable[..., Any], *given: Any) -> Any:
+        """Return what an action returns, None when it raises."""
+        try:
+            return action(*given)
+        except Exception as fault:  # noqa: BLE001  # whatever it is, the drone must come down
+            self.faults[f"{type(fault).__name__}: {fault}"] = None
+            return None
+
+    def _is_down(self, state: DroneState) -> bool:
+        if state.flying not in _DOWN:
+            return False
+        truth = self._attempt(self._drone.referee.truth) if self._drone.referee else None
+        return truth is None or not truth.motors_on

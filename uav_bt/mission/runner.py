@@ -12,8 +12,7 @@ from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, ODOMETRY, PHASE, SITE_M
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
 from uav_bt.errors import NodeFailedError
-from uav_bt.mission.contingencies import Abort, Contingencies
-from uav_bt.mission.descent import Descent
+from uav_bt.mission.contingencies import Abort, Contingencies, Descent
 from uav_bt.mission.event_watch import EventWatch
 from uav_bt.mission.ground_height import GroundHeight
 from uav_bt.mission.judge import Judge, Verdict

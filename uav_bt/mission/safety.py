@@ -21,8 +21,7 @@ from typing import Final
 
 from uav_bt.board.context import Proposals
 from uav_bt.board.keys import FRAME, STATE
-from uav_bt.mission.area_guard import AreaGuard
-from uav_bt.mission.limits import Limits, limit_movement
+from uav_bt.mission.limits import AreaGuard, Limits, limit_movement
 from uav_bt.types import (
     Airframe,
     Command,
