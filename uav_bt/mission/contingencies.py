@@ -39,7 +39,7 @@ class Abort:
     """
 
     def __init__(self, grace_s: float) -> None:
-        self._grace_s = grace_s
+        self.grace_s = grace_s
         self._landing = Lasting()
         self.reason: str | None = None  # None: not aborted
         self.cut = False  # stop the motors
@@ -66,7 +66,7 @@ class Abort:
     def follow(self, record: TickRecord) -> Verdict | None:
         """Return the verdict of an aborted mission, None while it waits for the landing."""
         lands = record.override is Override.ABORT
-        if self._landing.update(record.time_s, holds=lands) > self._grace_s:
+        if self._landing.update(record.time_s, holds=lands) > self.grace_s:
             self.given_up = True
         if self.reason is None or not self.given_up:
             return None
@@ -145,7 +145,7 @@ class DescentListener(Protocol):
 
 
 class Descent:
-    """Commands a landing until the drone is down or lost, a pilot has it, or `grace_s` is over.
+    """Commands a landing until the drone is down or lost, a pilot has it, or the grace is over.
 
     Each method of the drone may raise. `command_for` returns the command for the newest state.
     """
@@ -154,39 +154,38 @@ class Descent:
         self,
         drone: Drone,
         command_for: Callable[[DroneState | None], Command],
-        *,
-        grace_s: float,
+        abort: Abort,
         tick_s: float,
     ) -> None:
         self._drone = drone
         self._command_for = command_for
-        self._grace_s = grace_s
+        self._abort = abort
         self._tick_s = tick_s
         self.airborne = False  # at its end, as far as is known
         self.faults: dict[str, None] = {}  # errors in it, each once
 
-    def run(self, reason: str, listeners: Sequence[object], given_up: Callable[[], bool]) -> None:
+    def run(self, reason: str, listeners: Sequence[object]) -> None:
         """Bring the drone down; a landing that was given up is commanded once, and not waited for.
 
         Each `DescentListener` among the listeners is called after each command.
         """
         state: DroneState | None = None
-        clock = self._drone.clock
+        clock, grace_s = self._drone.clock, self._abort.grace_s
         start_s = clock.now()
         # The count ends the loop if the clock stands still.
-        for _ in range(math.ceil(self._grace_s / self._tick_s) + 1):
+        for _ in range(math.ceil(grace_s / self._tick_s) + 1):
             now_s = clock.now()
             seen = self._attempt(self._drone.observe)
             state = state if seen is None else seen.state
             if state is not None and (self._is_down(state) or state.pilot_has_control):
                 break
-            if now_s >= start_s + self._grace_s:
+            if now_s >= start_s + grace_s:
                 break
             self._attempt(self._send, state)
             for listener in listeners:
                 if isinstance(listener, DescentListener):
                     self._attempt(listener.on_descent, state, reason)
-            if given_up() or (state is not None and state.lost):
+            if self._abort.given_up or (state is not None and state.lost):
                 break  # nobody waits for the landing, or the drone cannot be reached
             self._attempt(clock.sleep_until, now_s + self._tick_s)
         self.airborne = state is None or not self._is_down(state)

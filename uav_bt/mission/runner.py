@@ -120,9 +120,7 @@ class MissionRunner:
         self._index = 0
         self.abort = Abort(config.landing_grace_s)
         self.manual = False
-        self.descent = Descent(
-            drone, self._landing_command, grace_s=config.landing_grace_s, tick_s=config.tick_s
-        )
+        self.descent = Descent(drone, self._landing_command, self.abort, self._tick_s)
 
     def run(self) -> Verdict:
         """Fly until the mission has ended and return the verdict.
@@ -308,7 +306,7 @@ class MissionRunner:
             self._halt_tree()
         finally:
             self._context.proposals.clear()
-            self.descent.run(reason, self.listeners.following, lambda: self.abort.given_up)
+            self.descent.run(reason, self.listeners.following)
 
     def _landing_command(self, state: DroneState | None) -> Command:
         if state is None:
