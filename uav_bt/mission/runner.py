@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, ODOMETRY, PHASE, SITE_MAP, STATE
+from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, ODOMETRY, SITE_MAP, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
 from uav_bt.errors import NodeFailedError
@@ -28,7 +28,6 @@ from uav_bt.tree import MissionTree, Status
 from uav_bt.tree.branch_watch import BranchWatch
 from uav_bt.tree.budget import BudgetWatch
 from uav_bt.types import Command, DroneState, FlyingState, Hover, Land, Observation, TakeOff
-from uav_bt.types.area import Area
 
 NextTree = Callable[[], MissionTree | None]
 """Called between two ticks: returns a new tree, set up, or None to keep the present one."""
@@ -68,10 +67,7 @@ class MissionRunner:
         config: pace and landing.
         listeners: called after every tick.
         judge_frame: returns why a frame's image cannot be flown by; None trusts all images.
-        clock: the context's clock, which stands still within a tick; None if the drone's clock
-            does so, as simulated time does.
         next_tree: called between two ticks for a tree that replaces the present one.
-        area: that the drone stays in; None: no bound.
 
     Attributes:
         abort: ends the mission early; safe to use from a signal handler or another thread.
@@ -93,9 +89,7 @@ class MissionRunner:
         config: RunnerConfig | None = None,
         listeners: Sequence[TickListener] = (),
         judge_frame: FrameJudge | None = None,
-        clock: TickClock | None = None,
         next_tree: NextTree | None = None,
-        area: Area | None = None,
     ) -> None:
         self._drone = drone
         self._tree = tree
@@ -103,11 +97,12 @@ class MissionRunner:
         self._judge = judge
         config, limits = config or RunnerConfig(), limits or Limits()
         self._tick_s = config.tick_s
-        self._arbiter = Arbiter(limits, drone.airframe, area=area, grounded=judge.stays_grounded)
-        self._whereabouts = Whereabouts(context.board, area)
+        self._arbiter = Arbiter(
+            limits, drone.airframe, area=context.area, grounded=judge.stays_grounded
+        )
+        self._whereabouts = Whereabouts(context.board, context.area)
         self._numbers = MissionNumbers(context.board, context.notes, self._whereabouts, judge)
         self.listeners = TickListeners(listeners)
-        self._clock = clock
         self._next_tree = next_tree
         self._screening = Screening(drone.camera, judge_frame)
         self._height = GroundHeight()
@@ -148,8 +143,9 @@ class MissionRunner:
         """Fly one tick, record and judge it, and wait for the next one."""
         if not (self.abort or self._arbiter.landing):  # another tree would cancel a landing
             self._renew_tree()
-        clock = self._drone.clock
-        start_s = clock.now() if self._clock is None else self._clock.begin_tick()
+        clock, shown = self._drone.clock, self._context.clock
+        # A clock that runs on is shown to the leaves as one that stands still within a tick.
+        start_s = shown.begin_tick() if isinstance(shown, TickClock) else clock.now()
         record = self._flown(start_s)
         self.listeners.on_tick(record)
         self._index += 1
@@ -175,29 +171,24 @@ class MissionRunner:
         if isinstance(sent.movement, TakeOff):
             self._judge.took_off(start_s)
         active = self._tree.active_nodes()
-        phase = self._context.board.read(PHASE).value or ""
-        self._events.update(
-            phase=phase,
-            override=self._arbiter.override,
-            reasons=self._screening.refused,
-            flying=observation.state.flying,
-            ends=self._branches.take(),
-        )
+        override, refused = self._arbiter.override, self._screening.refused
+        landed = observation.state.flying is FlyingState.LANDED
+        self._events.update(override, refused, self._branches.take(), landed=landed)
         return TickRecord(
             index=self._index,
             time_s=start_s,
             observation=observation,
             tree_status=status,
-            phase=phase,
+            phase=self._events.phase,
             active=tuple(node.name for node in active),
             command=sent,
             proposed_by=self._context.proposals.movement_owner,
-            override=self._arbiter.override,
+            override=override,
             compute_s=compute_s,
             truth=self._drone.referee.truth() if self._drone.referee else None,
             feedback=active[-1].feedback_message if active else "",
             slow=self.budgets.take(),
-            refused=self._screening.refused,
+            refused=refused,
             decided=decided,
             warnings=(*self._hold.watch.warnings, *self._contingencies.map.warnings),
             events=self._context.notes.take(),
