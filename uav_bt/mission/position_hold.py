@@ -27,19 +27,8 @@ from typing import Final
 from uav_bt.mission.hold_model import GroundWatch, HeldLanding, OrderedMotion, Vector, add
 from uav_bt.mission.lasting import Lasting
 from uav_bt.mission.safety import AIRBORNE
-from uav_bt.types import (
-    Airframe,
-    DroneState,
-    Hover,
-    Land,
-    MoveBy,
-    Movement,
-    MovementState,
-    MovementStatus,
-    Velocity,
-    limit_length,
-    rotate,
-)
+from uav_bt.types import Airframe, DroneState, MovementState, MovementStatus, limit_length, rotate
+from uav_bt.types.commands import Hover, Land, MoveBy, Movement, Velocity
 from uav_bt.types.dead_reckoning import MotionEstimate
 
 # Video is 0.15 to 0.4 s late. That delays only the part of the velocity that telemetry misses,

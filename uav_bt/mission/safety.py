@@ -22,21 +22,9 @@ from typing import Final
 from uav_bt.board.context import Proposals
 from uav_bt.board.keys import FRAME, STATE
 from uav_bt.mission.limits import AreaGuard, Limits, limit_movement
-from uav_bt.types import (
-    Airframe,
-    Command,
-    CutMotors,
-    DroneState,
-    FlyingState,
-    Hover,
-    Land,
-    MoveBy,
-    Movement,
-    Pose2D,
-    Release,
-    TakeOff,
-)
+from uav_bt.types import Airframe, Command, DroneState, FlyingState, Movement, Pose2D
 from uav_bt.types.area import Area
+from uav_bt.types.commands import CutMotors, Hover, Land, MoveBy, Release, TakeOff
 
 AIRBORNE: Final = frozenset({FlyingState.HOVERING, FlyingState.FLYING})
 

@@ -11,28 +11,14 @@ from uav_bt.board.blackboard import Blackboard, Key, Reading
 from uav_bt.board.context import MissionContext
 from uav_bt.board.numbers import BATTERY_SHARE, FLYING, LINK_SHARE, UNKNOWN
 from uav_bt.clock import ManualClock
-from uav_bt.errors import (
-    BoardAccessError,
-    InputError,
-    MissionError,
-    ValueRangeError,
-    did_you_mean,
-)
+from uav_bt.errors import BoardAccessError, InputError, MissionError, ValueRangeError, did_you_mean
 from uav_bt.plugins import make_policy
 from uav_bt.protocols import LeafPolicy
 from uav_bt.testing.drone import blank_frame, pinhole
 from uav_bt.tree import Leaf, MissionTree, Status
 from uav_bt.tree.describe import ABILITIES
-from uav_bt.types import (
-    BodyVelocity,
-    DroneState,
-    FlyingState,
-    GimbalTo,
-    MoveBy,
-    Movement,
-    MovementState,
-    MovementStatus,
-)
+from uav_bt.types import BodyVelocity, DroneState, FlyingState, MovementState, MovementStatus
+from uav_bt.types.commands import GimbalTo, MoveBy, Movement
 
 T = TypeVar("T")
 

@@ -9,24 +9,9 @@ from typing import Any, Final
 import numpy as np
 
 from uav_bt.clock import ManualClock
-from uav_bt.types import (
-    Airframe,
-    Attitude,
-    CameraModel,
-    Command,
-    CutMotors,
-    DroneState,
-    FlyingState,
-    Frame,
-    Land,
-    MoveBy,
-    MovementState,
-    MovementStatus,
-    Observation,
-    TakeOff,
-    Velocity,
-    wrap_angle,
-)
+from uav_bt.types import Airframe, CameraModel, DroneState, Frame, Observation, wrap_angle
+from uav_bt.types.commands import Command, CutMotors, Land, MoveBy, TakeOff, Velocity
+from uav_bt.types.drone_state import Attitude, FlyingState, MovementState, MovementStatus
 
 _STRIPE_GREY: Final = 180
 _TRANSITION_TICKS: Final = 5  # commands until a take-off or a landing is over

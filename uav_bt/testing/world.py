@@ -14,14 +14,7 @@ from uav_bt.lab.shipped import load_lab
 from uav_bt.protocols import PolicyView
 from uav_bt.testing.bench import LeafBench
 from uav_bt.tree import Status
-from uav_bt.types import (
-    Attitude,
-    BodyVelocity,
-    ClassMap,
-    FlyingState,
-    MovementStatus,
-    SiteMap,
-)
+from uav_bt.types import Attitude, BodyVelocity, ClassMap, FlyingState, MovementStatus, SiteMap
 from uav_bt.types.arrays import Image
 
 

@@ -13,27 +13,10 @@ from typing import Any, Final, Never
 
 import numpy as np
 
-from uav_bt.types import (
-    Attitude,
-    BodyVelocity,
-    Command,
-    CutMotors,
-    DroneState,
-    FlyingState,
-    Frame,
-    Hover,
-    Land,
-    MoveBy,
-    Movement,
-    MovementState,
-    MovementStatus,
-    Observation,
-    Release,
-    TakeOff,
-    Velocity,
-    wrap_angle,
-)
+from uav_bt.types import Command, DroneState, FlyingState, Frame, Movement, Observation, wrap_angle
 from uav_bt.types.arrays import Image
+from uav_bt.types.commands import CutMotors, Hover, Land, MoveBy, Release, TakeOff, Velocity
+from uav_bt.types.drone_state import Attitude, BodyVelocity, MovementState, MovementStatus
 
 
 class InjectedError(RuntimeError):
