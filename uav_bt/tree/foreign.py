@@ -57,7 +57,7 @@ class ForeignLeaf(Leaf):
         super().__init__(name, **given)
         arguments: dict[str, Any] = {
             key: self.enums[key][value] if key in self.enums else value
-            for key, value in self._literals.items()
+            for key, value in self.literals.items()
         }
         if "name" in inspect.signature(self.behaviour_class).parameters:
             arguments["name"] = self.name

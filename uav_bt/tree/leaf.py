@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from typing import Any, ClassVar, Self, TypeVar
 
 from uav_bt.board.blackboard import BoardView, Key, Reading
@@ -12,7 +11,7 @@ from uav_bt.board.keys import PHASE
 from uav_bt.errors import MissionError, UnknownValueError
 from uav_bt.tree.flow import After, Follow, Known
 from uav_bt.tree.node import Node, NodeKind
-from uav_bt.tree.observer import NodeEvent, Observer
+from uav_bt.tree.observer import NodeEvent
 from uav_bt.tree.port import check_declared
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 from uav_bt.types import GimbalTo, Movement
@@ -57,10 +56,11 @@ class Leaf(Node):
             cls.answers = tuple(answer for answer in cls.answers if answer is not RUNNING)
         cls.kind = NodeKind.CONDITION if cls.condition else NodeKind.ACTION
 
+    _view: BoardView | None = None
+    _is_open = False  # set up and not yet shut down
+
     def __init__(self, name: str | None = None, /, **given: object) -> None:
         super().__init__(name, **given)
-        self._view: BoardView | None = None
-        self._is_open = False  # set up and not yet shut down
 
     @classmethod
     def values_taken(cls, by_key: Mapping[Key[Any], Mapping[str, str]]) -> dict[str, str]:
@@ -181,26 +181,19 @@ class Leaf(Node):
 
     def inherit(self, former: Self) -> None:
         """Call `on_inherit`; used by `MissionTree`."""
-        with self._naming_the_node():
+        with self._failing():
             self.on_inherit(former)
 
     def shutdown(self) -> None:
         """Call `on_shutdown` if the leaf is set up; used by `MissionTree` and trees of py_trees."""
         if self._is_open:
             self._is_open = False
-            with self._naming_the_node():
+            with self._failing():
                 self.on_shutdown()
 
-    @contextmanager
-    def _naming_the_node(self) -> Iterator[None]:
-        try:
-            yield
-        except Exception as error:
-            raise self._failure(error) from error
-
-    def _notify_work(self, observer: Observer) -> None:
+    def _notify_work(self) -> None:
         if self.condition or self.node_status in (IDLE, RUNNING):  # else not ticked again
-            super()._notify_work(observer)
+            super()._notify_work()
 
     def _tick(self) -> Status:
         standing = self.node_status
@@ -229,8 +222,8 @@ class Leaf(Node):
             self.terminate(status)
         finally:
             self.node_status = status
-            if self.observer is not None:
-                self.observer(self, NodeEvent.STATUS)
+            if self.observers:
+                self._notify(NodeEvent.STATUS)
         return status
 
     def _fail(self, unknown: UnknownValueError) -> Status:

@@ -18,8 +18,6 @@ from uav_bt.tree.foreign import PyTreesRoot
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.findings import Position
 from uav_bt.tree.node import Node
-from uav_bt.tree.placing import place_tree
-from uav_bt.tree.script import SCRIPTS, parse_script, parsed_by
 from uav_bt.tree.script.values import ONLY_LEAVES_WRITE
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
 from uav_bt.tree.variables import Variables
@@ -92,7 +90,7 @@ class MissionTree:
                 "object for each of its places"
             )
         self._used = any(node.has_mission for node in counts)
-        place_tree(self.root, f"{name}/{self.root.name}", self.variables)
+        self.root.place(f"{name}/{self.root.name}", self.variables)
         allow_depth(max(node.path.count("/") for node in self.nodes()))
 
     def __repr__(self) -> str:
@@ -204,11 +202,7 @@ class MissionTree:
     def _check_scripts(self) -> None:
         """Refuse scripts that write board keys; in a file the loader has done so."""
         for node in self.nodes():
-            scripts = [parse_script(text) for text in node.condition_scripts.values()]
-            for port in node.ports:
-                text = node.literals.get(port.name) if port.check in SCRIPTS else None
-                scripts += [parsed_by(port.check, text)] if isinstance(text, str) else []
-            for script in scripts:
+            for _, script in node.scripts():
                 for key in script.board_writes:
                     what = f"node '{node.path}': '@{key}' is a board key"
                     raise InputError(f"{what}; {ONLY_LEAVES_WRITE}")

@@ -9,7 +9,7 @@ from typing import Any, Final
 from uav_bt.board import MISSION_KEYS
 from uav_bt.tree.flow import Variable
 from uav_bt.tree.leaf import Leaf
-from uav_bt.tree.loading.uses import Use, Uses, named_scripts, variable_at
+from uav_bt.tree.loading.uses import Use, Uses, variable_at
 from uav_bt.tree.loading.variable_faults import may_convert
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
@@ -65,8 +65,8 @@ def misfits(tree: MissionTree) -> Iterator[Misfit]:
         for port in node.ports:
             for message in values.misfits_of_port(node, port):
                 yield Misfit(node, port.name, message)
-        for attribute, script in named_scripts(node):
-            for part in script.walk():
+        for attribute, script in node.scripts():
+            for part in script.parts:
                 for message in values.misfits_of_part(node, part):
                     yield Misfit(node, attribute, message)
     yield from values.mixed()
@@ -209,9 +209,9 @@ def _asked_by(node: Node) -> Iterator[Variable]:
         if asks and at is not None and not at.on_board:
             yield node.variables.location(at.key)
     texts = {port.name for port in node.ports if port.check is parse_text}
-    for attribute, script in named_scripts(node):
+    for attribute, script in node.scripts():
         if attribute not in texts:
-            for part in script.walk():
+            for part in script.parts:
                 variable = variable_at(node, part.name) if isinstance(part, Name) else None
                 if variable is not None:
                     yield variable

@@ -1,13 +1,7 @@
-"""The nodes of the format, one module per family.
-
-Every module of this package is searched: a new class in it, or in a new module, is a node.
-"""
+"""The nodes of the format, one module per family. What is imported here is a node."""
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
-from collections.abc import Iterator
 from typing import Final
 
 from uav_bt.tree.node import Node
@@ -54,14 +48,7 @@ from uav_bt.tree.nodes.updates import SkipUnlessUpdated as SkipUnlessUpdated
 from uav_bt.tree.nodes.updates import WaitValueUpdate as WaitValueUpdate
 from uav_bt.tree.nodes.updates import WasEntryUpdated as WasEntryUpdated
 
-
-def found() -> Iterator[type[Node]]:
-    """Yield the classes of the package that tick: all but the bases."""
-    for module in pkgutil.iter_modules(__path__, f"{__name__}."):
-        for name, value in vars(importlib.import_module(module.name)).items():
-            own = isinstance(value, type) and issubclass(value, Node)
-            if own and value.update is not Node.update and not name.startswith("_"):
-                yield value
-
-
-BUILTIN_NODES: Final = tuple(sorted(set(found()), key=lambda node: node.__name__))
+_IMPORTED: Final = [
+    one for one in globals().values() if isinstance(one, type) and issubclass(one, Node)
+]
+BUILTIN_NODES: Final = tuple(sorted({*_IMPORTED} - {Node}, key=lambda node: node.__name__))

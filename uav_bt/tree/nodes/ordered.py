@@ -43,7 +43,10 @@ class _Ordered(_Deciding):
             if status is RUNNING:
                 return RUNNING
             if status is self._decides:
-                self._decided()
+                for other in children[0 if self._restarts else self._index :]:
+                    other.reset()
+                if self._restarts:
+                    self._index = 0
                 return status
             self._index += 1
             if status is SKIPPED:
@@ -51,23 +54,13 @@ class _Ordered(_Deciding):
             elif self._yields and was_idle and self._index < count:
                 return RUNNING
         all_skipped = self._skipped == count
-        self._reset_children()
-        self._index = 0
-        self._skipped = 0
+        self._restart()
+        self._index = self._skipped = 0
         return SKIPPED if all_skipped else self._otherwise
-
-    def _decided(self) -> None:
-        if self._restarts:
-            self._reset_children()
-            self._index = 0
-        else:
-            for child in self.children[self._index :]:
-                child.reset()
 
     def _halt(self) -> None:
         if self._restarts:
-            self._index = 0
-            self._skipped = 0
+            self._index = self._skipped = 0
         super()._halt()
 
 
@@ -126,9 +119,9 @@ class _Reactive(_Deciding):
                         other.reset()
                 return RUNNING
             if status is self._decides:
-                self._reset_children()
+                self._restart()
                 return status
-        self._reset_children()
+        self._restart()
         return SKIPPED if all_skipped else self._otherwise
 
 
