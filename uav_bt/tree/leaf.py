@@ -56,11 +56,10 @@ class Leaf(Node):
             cls.answers = tuple(answer for answer in cls.answers if answer is not RUNNING)
         cls.kind = NodeKind.CONDITION if cls.condition else NodeKind.ACTION
 
-    _view: BoardView | None = None
-    _is_open = False  # set up and not yet shut down
-
     def __init__(self, name: str | None = None, /, **given: object) -> None:
         super().__init__(name, **given)
+        self._view: BoardView | None = None
+        self._is_open = False  # set up and not yet shut down
 
     @classmethod
     def values_taken(cls, by_key: Mapping[Key[Any], Mapping[str, str]]) -> dict[str, str]:

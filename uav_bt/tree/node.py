@@ -23,7 +23,7 @@ from uav_bt.tree.flow import NodeFlow
 from uav_bt.tree.node_ports import child_paths
 from uav_bt.tree.observer import ANSWERS, NodeEvent, Observer, observe, unobserve
 from uav_bt.tree.port import CONDITION_ATTRIBUTES, Port, check_declared
-from uav_bt.tree.script import Script, ScriptError, parse_question
+from uav_bt.tree.script import Environment, Script, ScriptError, parse_question
 from uav_bt.tree.script.values import truth
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 from uav_bt.tree.variables import Variables
@@ -79,7 +79,6 @@ class Node(NodeFlow, Behaviour):
     max_children: ClassVar[int | None] = 0  # None: as many as one likes
 
     children: list[Node]
-    observers: tuple[Observer, ...] = ()  # filled by `uav_bt.tree.observer.observe`
     visited: Status | None = None  # shown to a visitor of py_trees instead of the status
     _told_unknown = False  # the log has a failure for an unknown value
 
@@ -97,6 +96,9 @@ class Node(NodeFlow, Behaviour):
     ) -> None:
         super().__init__(name or self.node_id)
         self.node_status = IDLE
+        self.observers: tuple[Observer, ...] = ()  # filled by `uav_bt.tree.observer.observe`
+        self._mission: MissionContext | None = None
+        self._environment: Environment | None = None
         self.children = list(children)
         for child in self.children:
             if not isinstance(child, Node):
@@ -156,11 +158,6 @@ class Node(NodeFlow, Behaviour):
 
     def _setup(self) -> None:
         """Get ready for the first tick; for subclasses."""
-
-    @property
-    def author(self) -> type:
-        """The class whose code runs when the node does; errors name its file and line."""
-        return type(self)
 
     def _failure(self, error: Exception) -> NodeFailedError:
         return NodeFailedError(self.path, error, self.author)
@@ -274,7 +271,8 @@ class Node(NodeFlow, Behaviour):
         """Set the status; for the engine and for nodes written in Python."""
         if self.node_status is not status:
             self.node_status = status
-            self._notify(NodeEvent.STATUS)
+            if self.observers:
+                self._notify(NodeEvent.STATUS)
 
     def halt(self) -> None:
         """Stop this node and all below; running leaves get `terminate`."""

@@ -36,9 +36,9 @@ class NodePorts:
     literals: dict[str, Any]  # values of ports that are no references, by port, with defaults
     given_references: dict[str, Reference]  # as they were given, by port
 
-    _mission: MissionContext | None = None
+    _mission: MissionContext | None
     _keys: dict[str, Key[Any]]  # of the mission's board, by name, as they are used
-    _environment: Environment | None = None
+    _environment: Environment | None
 
     @classmethod
     def ports_over(cls, children: int) -> tuple[Port[Any], ...]:
@@ -80,6 +80,11 @@ class NodePorts:
     def has_mission(self) -> bool:
         """Whether the node was set up for a mission, now or before."""
         return self._mission is not None
+
+    @property
+    def author(self) -> type:
+        """The class whose code runs when the node does; errors name its file and line."""
+        return type(self)
 
     @property
     def clock(self) -> Clock:
@@ -180,7 +185,8 @@ class NodePorts:
         if at.on_board:
             value = self._board.value(self._board_key(at))
         else:
-            value = self.variables.get(at.key)
+            entry = self.variables.entry(at.key)  # without the call of `get`: ticks come here
+            value = None if entry is None else entry.value
         if value is not None:
             return self._converted(port, value)
         what = f"node '{self.path}', port '{port.name}': {self.given_references[port.name]}"
