@@ -55,10 +55,9 @@ class _Foreign(Node):
         self._active = True
         for ticked in self.behaviour.tick():
             if not isinstance(ticked, Node) and ticked.status is common.Status.INVALID:
-                name = type(ticked).__qualname__
-                got = "INVALID or another value"  # of which py_trees makes INVALID
                 raise MissionError(
-                    f"update() of {name} must return a status of py_trees, got {got}"
+                    f"update() of {type(ticked).__qualname__} must return a status of py_trees, "
+                    "got INVALID or another value"  # of which py_trees makes INVALID
                 )
         self.feedback_message = self.behaviour.feedback_message
         status = Status[self.behaviour.status.name]
