@@ -14,11 +14,14 @@ from typing import Final
 
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.mission_tree import MissionTree
-from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.observer import NodeEvent, observe
 
 _log: Final = logging.getLogger(__name__)
+_BLOCKED: Final = (
+    "leaf '%s' blocked for %.2f s, its budget is %.2f s: "
+    "it must answer at once and go on in the next tick"
+)
 _BEGINNINGS: Final = (NodeEvent.STARTED, NodeEvent.RAN, NodeEvent.HALTING)
 
 
@@ -55,22 +58,13 @@ class BudgetWatch:
         taken, self._new = self._new, []
         return tuple(taken)
 
-    def _note(self, node: Node, event: NodeEvent) -> None:
+    def _note(self, leaf: Leaf, event: NodeEvent) -> None:
         if event in _BEGINNINGS:
             self._began_s = self._timer()
         elif event is not NodeEvent.STATUS and self._began_s is not None:
             took_s, self._began_s = self._timer() - self._began_s, None
-            if isinstance(node, Leaf) and took_s > node.budget_s:
-                self._exceeded(node, took_s)
-
-    def _exceeded(self, leaf: Leaf, took_s: float) -> None:
-        self._new.append(SlowLeaf(path=leaf.path, took_s=took_s, budget_s=leaf.budget_s))
-        if took_s > self.worst_s.get(leaf.path, 0.0):  # else reported with a longer time
-            self.worst_s[leaf.path] = took_s
-            _log.warning(
-                "leaf '%s' blocked for %.2f s, its budget is %.2f s: "
-                "it must answer at once and go on in the next tick",
-                leaf.path,
-                took_s,
-                leaf.budget_s,
-            )
+            if took_s > leaf.budget_s:
+                self._new.append(SlowLeaf(path=leaf.path, took_s=took_s, budget_s=leaf.budget_s))
+                if took_s > self.worst_s.get(leaf.path, 0.0):  # else reported with a longer time
+                    self.worst_s[leaf.path] = took_s
+                    _log.warning(_BLOCKED, leaf.path, took_s, leaf.budget_s)

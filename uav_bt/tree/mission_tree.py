@@ -89,7 +89,6 @@ class MissionTree:
                 f"node '{twice.name}' stands in tree '{name}' {counts[twice]} times: make an "
                 "object for each of its places"
             )
-        self._used = any(node.has_mission for node in counts)
         self.root.place(f"{name}/{self.root.name}", self.variables)
         allow_depth(max(node.path.count("/") for node in self.nodes()))
 
@@ -101,7 +100,7 @@ class MissionTree:
         """Return the drawing that a notebook shows."""
         from uav_bt.tree.render import render  # noqa: PLC0415 - only notebooks draw
 
-        return render(self, "svg")
+        return render(self.root, self.name, "svg")
 
     @property
     def path(self) -> Path:
@@ -116,7 +115,7 @@ class MissionTree:
     @property
     def is_set_up(self) -> bool:
         """Whether nodes of it were set up for a mission. A tree flies once: leaves keep state."""
-        return self._ready or self._used
+        return any(node.has_mission for node in self.nodes())
 
     @property
     def text(self) -> str:

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any, ClassVar, Final, TypeVar
 
-from uav_bt.board.blackboard import Blackboard, BoardView, Key, Reading
+from uav_bt.board.blackboard import Blackboard, BoardView, Key
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import BoardAccessError, InputError, MissionError, UnknownValueError
 from uav_bt.protocols import Clock
@@ -146,19 +146,21 @@ class NodePorts:
         value = None if at is None or at.on_board else self.variables.get(at.key)
         return None if value is None else self._converted(port, value)
 
-    def port_reading(self, port: Port[T]) -> Reading[T]:
-        """Return a port's value with its age, without an error for a missing or stale value."""
+    def held(self, port: Port[T]) -> T | None:
+        """Return a port's present value; None where its reference holds nothing, or nothing fresh.
+
+        A value of another type is a BoardAccessError, as is a port that the node does not have.
+        """
+        if port.name in self.literals:
+            return self.port(port)
         at = self._references.get(port.name)
         if at is None:
-            return Reading(self.port(port), 0.0)
+            raise BoardAccessError(f"node '{self.path}' declares no port '{port.name}'")
         if at.on_board:
-            reading: Reading[Any] = self._board.read(self._board_key(at))
+            value = self._board.value(self._board_key(at))
         else:
             value = self.variables.get(at.key)
-            reading = Reading(value, math.inf if value is None else 0.0)
-        if reading.value is None:
-            return reading
-        return Reading(self._converted(port, reading.value), reading.age_s)
+        return None if value is None else self._converted(port, value)
 
     def set_port(self, port: Port[T], value: T) -> None:
         """Write an output port's variable or board key; an unconnected port writes nothing."""
@@ -179,16 +181,10 @@ class NodePorts:
         return port.script(self.literals.get(port.name))
 
     def _resolve(self, port: Port[T]) -> T:
-        at = self._references.get(port.name)
-        if at is None:
-            raise BoardAccessError(f"node '{self.path}' declares no port '{port.name}'")
-        if at.on_board:
-            value = self._board.value(self._board_key(at))
-        else:
-            entry = self.variables.entry(at.key)  # without the call of `get`: ticks come here
-            value = None if entry is None else entry.value
+        value = self.held(port)
         if value is not None:
-            return self._converted(port, value)
+            return value
+        at = self._references[port.name]
         what = f"node '{self.path}', port '{port.name}': {self.given_references[port.name]}"
         if not at.on_board:
             raise BoardAccessError(f"{what} holds nothing")

@@ -135,12 +135,12 @@ class _Switch(ControlNode):
         return status
 
     def _choose(self) -> int:
-        reading = self.port_reading(self.VARIABLE)
+        value = self.held(self.VARIABLE)
         members = self.variables.enum_members
-        if reading.value is not None:
+        if value is not None:
             for index, case in enumerate(self.cases):
-                wanted = self.port_reading(case).value
-                if wanted is not None and _same(reading.value, wanted, members):
+                wanted = self.held(case)
+                if wanted is not None and _same(value, wanted, members):
                     return index
         return len(self.cases)
 

@@ -72,7 +72,7 @@ class _Loop(DecoratorNode):
         """Tick the child."""
         if self.node_status is IDLE:
             self._busy = False
-            text = self.port_reading(self.QUEUE).value
+            text = self.held(self.QUEUE)
             self._own = deque(_split(self.VALUE, text)) if isinstance(text, str) else None
         if not self._busy:
             left = self._shared_queue() if self._own is None else self._own
@@ -88,7 +88,7 @@ class _Loop(DecoratorNode):
         return FAILURE if status is FAILURE else RUNNING
 
     def _shared_queue(self) -> MutableSequence[Any] | None:
-        value = self.port_reading(self.QUEUE).value
+        value = self.held(self.QUEUE)
         if value is None or isinstance(value, MutableSequence):
             return value
         raise BoardAccessError(
