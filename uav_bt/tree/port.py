@@ -79,16 +79,11 @@ def parse_reference(text: str, port_name: str) -> Reference | None:
     return None
 
 
-class _Required:
-    def __repr__(self) -> str:
-        return "required"
-
-
 @dataclass(frozen=True)
 class Port(Generic[T]):
     """A typed attribute of a node, given in a tree file or as a keyword argument in Python."""
 
-    REQUIRED: ClassVar[Any] = _Required()
+    REQUIRED: ClassVar[Any] = object()
 
     name: str
     # int, float, bool and str are written as literals; any other type takes references only.

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from uav_bt.errors import MissionError
-from uav_bt.tree.flow import After, Follow, Known, in_order, joined
+from uav_bt.tree.flow import After, Follow, Known, joined
 from uav_bt.tree.nodes.base import ControlNode
 from uav_bt.tree.port import REAL, Port
 from uav_bt.tree.script.values import compare_equal
-from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
+from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS, Status
 
 
 class _Choice(ControlNode):
@@ -167,71 +167,3 @@ class Switch5(_Switch, cases=5):
 
 class Switch6(_Switch, cases=6):
     """Ticks the child whose case is the variable's value, or the last of its seven."""
-
-
-class TryCatch(ControlNode):
-    """Ticks all children but the last as a Sequence; when one fails, the last cleans up."""
-
-    CATCH_ON_HALT = Port(
-        "catch_on_halt", bool, default=False, doc="clean up also when halted (one tick of it)"
-    )
-    ports = (CATCH_ON_HALT,)
-    min_children = 2
-
-    _index = 0
-    _skipped = 0
-    _catching = False
-
-    def variables_after(self, follow: Follow, known: Known) -> After:
-        """Follow all but the last in order; the last may also run after a halt."""
-        *tried, last = self.children
-        after = in_order(tried, follow, known, falls_back=False)
-        follow(last, known)
-        return after
-
-    def update(self) -> Status:
-        """Tick the children."""
-        if self.node_status is IDLE:
-            self._skipped = 0
-            self._catching = False
-        self.set_status(RUNNING)
-        return self._catch() if self._catching else self._try()
-
-    def _try(self) -> Status:
-        children = self.children
-        count = len(children) - 1
-        while self._index < count:
-            status = children[self._index].execute_tick()
-            if status is RUNNING:
-                return RUNNING
-            if status is FAILURE:
-                self._restart()
-                self._catching = True
-                return self._catch()
-            self._index += 1
-            if status is SKIPPED:
-                self._skipped += 1
-        all_skipped = self._skipped == count
-        self._restart()
-        self._skipped = 0
-        return SKIPPED if all_skipped else SUCCESS
-
-    def _catch(self) -> Status:
-        if self.children[-1].execute_tick() is RUNNING:
-            return RUNNING
-        self._restart()
-        return FAILURE
-
-    def _restart(self) -> None:
-        self._index, self._catching = 0, False
-        super()._restart()
-
-    def _halt(self) -> None:
-        if self.node_status is not IDLE and not self._catching and self.port(self.CATCH_ON_HALT):
-            *tried, last = self.children
-            for child in tried:
-                child.reset()
-            if last.execute_tick() is RUNNING:
-                last.reset()
-        self._skipped = 0
-        super()._halt()
