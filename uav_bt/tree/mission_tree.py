@@ -52,36 +52,25 @@ class MissionTree:
         root: the root node, or the root of a tree of py_trees; it and all below belong to this
             tree from now on.
         name: the tree's name, first part of all paths.
+
+    Attributes:
         sources: the texts of the tree file and of the files it takes trees from, by path, the tree
             file first; empty for a tree composed in Python.
         whole: writes one tree file with all that the tree takes from these.
         places: where the tree file has the nodes, by path; empty for a tree composed in Python.
         replaced: attribute values that replace those of the tree file, by path.
-        enum_members: of enumerations, integers by the names that scripts read.
         unset: variables of this tree that its nodes need and nothing in the file sets.
     """
 
-    def __init__(
-        self,
-        root: Node | Behaviour,
-        *,
-        name: str = "Tree",
-        sources: Mapping[Path, bytes] | None = None,
-        whole: Callable[[], bytes] = bytes,
-        places: Mapping[str, Place] | None = None,
-        replaced: Mapping[str, Mapping[str, str]] | None = None,
-        enum_members: Mapping[str, int] | None = None,
-        unset: Iterable[str] = (),
-    ) -> None:
+    def __init__(self, root: Node | Behaviour, *, name: str = "Tree") -> None:
         self.root = root if isinstance(root, Node) else PyTreesRoot(root)
         self.name = name
-        self.sources = dict(sources or {})
-        self.whole = whole
-        self.places = dict(places or {})
-        self.replaced = {path: dict(given) for path, given in (replaced or {}).items()}
-        self.unset = tuple(unset)
+        self.sources: dict[Path, bytes] = {}
+        self.whole: Callable[[], bytes] = bytes
+        self.places: dict[str, Place] = {}
+        self.replaced: dict[str, dict[str, str]] = {}
+        self.unset: tuple[str, ...] = ()
         self.variables = Variables()
-        self.variables.enum_members.update(enum_members or {})
         self._ready = False
         counts = Counter(self.nodes())
         if (twice := next((node for node in counts if counts[node] > 1), None)) is not None:

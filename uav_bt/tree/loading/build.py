@@ -116,16 +116,12 @@ class Builder:
             return None
         if replacements is not None:
             replacements.check_names()
-        places = {
+        tree = MissionTree(root, name=tree_id)
+        tree.variables.enum_members.update(self._document.enum_members)
+        tree.places = {
             path: Place(one.element.path, one.element.position) for path, one in self._parts.items()
         }
-        tree = MissionTree(
-            root,
-            name=tree_id,
-            places=places,
-            replaced={} if replacements is None else replacements.replaced,
-            enum_members=self._document.enum_members,
-        )
+        tree.replaced = {} if replacements is None else replacements.replaced
         return Built(tree, self._parts)
 
     def _root(self, tree_id: str, lead: str, chain: tuple[str, ...], depth: int) -> Node:
