@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Self, TypeVar
 
 from uav_bt.board.blackboard import BoardView, Key, Reading
@@ -13,7 +12,7 @@ from uav_bt.errors import MissionError, UnknownValueError
 from uav_bt.lab.lab import Lab
 from uav_bt.tree.flow import After, Follow, Known
 from uav_bt.tree.node import Node, NodeKind
-from uav_bt.tree.observer import NodeEvent, Observer
+from uav_bt.tree.observer import NodeEvent
 from uav_bt.tree.port import check_declared
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 from uav_bt.types import GimbalTo, Movement
@@ -188,26 +187,19 @@ class Leaf(Node):
 
     def inherit(self, former: Self) -> None:
         """Call `on_inherit`; used by `MissionTree`."""
-        with self._naming_the_node():
+        with self._failing():
             self.on_inherit(former)
 
     def shutdown(self) -> None:
         """Call `on_shutdown` if the leaf is set up; used by `MissionTree` and trees of py_trees."""
         if self._is_open:
             self._is_open = False
-            with self._naming_the_node():
+            with self._failing():
                 self.on_shutdown()
 
-    @contextmanager
-    def _naming_the_node(self) -> Iterator[None]:
-        try:
-            yield
-        except Exception as error:
-            raise self._failure(error) from error
-
-    def _notify_work(self, observer: Observer) -> None:
+    def _notify_work(self) -> None:
         if self.condition or self.node_status in (IDLE, RUNNING):  # else not ticked again
-            super()._notify_work(observer)
+            super()._notify_work()
 
     def _tick(self) -> Status:
         standing = self.node_status
@@ -236,8 +228,8 @@ class Leaf(Node):
             self.terminate(status)
         finally:
             self.node_status = status
-            if self.observer is not None:
-                self.observer(self, NodeEvent.STATUS)
+            if self.observers:
+                self._notify(NodeEvent.STATUS)
         return status
 
     def _fail(self, unknown: UnknownValueError) -> Status:

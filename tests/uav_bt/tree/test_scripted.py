@@ -93,7 +93,7 @@ def test_mocks_keep_everything_but_the_code(tmp_path: Path, world: World) -> Non
     assert isinstance(out, ScriptedLeaf)
     assert (out.name, out.node_id, out.kind) == ("out", "Fly", NodeKind.ACTION)
     assert out.port_value("speed_mps") == 2.0
-    assert (out.reads, out.writes, out.mocked) == ((ELAPSED,), (OWN,), Fly)
+    assert (out.reads, out.writes) == ((ELAPSED,), (OWN,))
     assert tree.find("Clear").kind is NodeKind.CONDITION
     tree.variables["nothing_to_do"] = True
     tree.tick()

@@ -17,7 +17,7 @@ from uav_bt.tree.loading.attributes import POLICY_PORT
 from uav_bt.tree.loading.early_reads import early_reads
 from uav_bt.tree.loading.findings import ERROR, WARNING, Finding, Position, Rule
 from uav_bt.tree.loading.misfits import misfits
-from uav_bt.tree.loading.uses import Uses, is_named, named_scripts
+from uav_bt.tree.loading.uses import Uses, is_named
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import LoopBool, LoopDouble, LoopInt, ReactiveSequence, SetBlackboard
 from uav_bt.tree.rules import Rules
@@ -266,8 +266,8 @@ def _keys_of_ports(node: Node) -> Iterator[tuple[str, str]]:
 
 def _keys_of_scripts(node: Node) -> Iterator[tuple[str, str]]:
     """Yield attribute and board key of the scripts that read one without asking `known(...)`."""
-    for attribute, script in named_scripts(node):
-        names = {part.name for part in script.walk() if isinstance(part, Name)}
+    for attribute, script in node.scripts():
+        names = {part.name for part in script.parts if isinstance(part, Name)}
         at = {
             name[1:] if name.startswith("@") else node.variables.board_key(name)
             for name in names - script.asked_known

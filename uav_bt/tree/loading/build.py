@@ -12,7 +12,6 @@ from functools import cache
 from typing import Any, Final
 
 from uav_bt.errors import InputError, did_you_mean
-from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.loading.attributes import Attributes, Note
 from uav_bt.tree.loading.document import Document, autoremaps
 from uav_bt.tree.loading.elements import (
@@ -27,10 +26,10 @@ from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element
 from uav_bt.tree.loading.structure import check_names, check_subtree, node_class
 from uav_bt.tree.mission_tree import MissionTree, allow_depth
 from uav_bt.tree.node import Node, NodeKind
-from uav_bt.tree.node_ports import BOUND
+from uav_bt.tree.node_ports import BOUND, child_paths
 from uav_bt.tree.nodes import BUILTIN_NODES, AlwaysSuccess, SubTree
 from uav_bt.tree.nodes.base import ControlNode, DecoratorNode
-from uav_bt.tree.placing import child_paths
+from uav_bt.tree.port import CONDITION_ATTRIBUTES
 from uav_bt.tree.scripted import Mock, ScriptedLeaf
 
 _FIXED: Final = frozenset({"ID", "_autoremap", "name"})  # these say which nodes there are
@@ -102,12 +101,9 @@ class Builder:
         except _TooLargeError as error:
             self._others.note(element, str(error))
             return None
-        tree = MissionTree(
-            root,
-            name=tree_id,
-            places={path: part.element for path, part in self._parts.items()},
-            enum_members=self._document.enum_members,
-        )
+        tree = MissionTree(root, name=tree_id)
+        tree.variables.enum_members.update(self._document.enum_members)
+        tree.places = {path: part.element for path, part in self._parts.items()}
         if replacements is not None:
             replacements.check_mocks()
             replacements.replace(tree, self._parts, self._attributes)

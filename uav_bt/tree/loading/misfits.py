@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 from uav_bt.board import MISSION_KEYS
 from uav_bt.tree.flow import Variable
 from uav_bt.tree.leaf import Leaf
-from uav_bt.tree.loading.uses import Slot, Uses, Values, Write, named_scripts, variable_at
+from uav_bt.tree.loading.uses import Slot, Uses, Values, Write, variable_at
 from uav_bt.tree.node import Node
 from uav_bt.tree.port import Port
 from uav_bt.tree.script import parse_text
@@ -41,8 +41,8 @@ def misfits(uses: Uses) -> Iterator[Misfit]:
     words = {key.name for key in MISSION_KEYS if key.type is str}  # keys with texts
     words |= {key.name for leaf in uses.tree.leaves() for key in leaf.writes if key.type is str}
     for node in uses.tree.nodes():
-        for attribute, script in named_scripts(node):
-            for part in script.walk():
+        for attribute, script in node.scripts():
+            for part in script.parts:
                 for message, is_certain in _of_part(uses, node, part, words):
                     yield Misfit(node, attribute, message, is_certain)
 
@@ -124,9 +124,9 @@ def _asked_by(node: Node) -> Iterator[Variable]:
         if asks and at is not None and not at.on_board:
             yield node.variables.location(at.key)
     texts = {port.name for port in node.ports if port.check is parse_text}
-    for attribute, script in named_scripts(node):
+    for attribute, script in node.scripts():
         if attribute not in texts:
-            for part in script.walk():
+            for part in script.parts:
                 variable = variable_at(node, part.name) if isinstance(part, Name) else None
                 if variable is not None:
                     yield variable

@@ -13,7 +13,6 @@ from typing import Final
 
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import did_you_mean_file, read_bounded
-from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.loading.elements import node_attributes, node_id_of
 from uav_bt.tree.loading.findings import WHOLE_FILE, Findings, Position, Rule
 from uav_bt.tree.loading.parameters import VAR, Parameters
@@ -21,6 +20,7 @@ from uav_bt.tree.loading.places_file import MAX_BYTES, read_places
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.mission_tree import Place
 from uav_bt.tree.node import NodeKind
+from uav_bt.tree.port import CONDITION_ATTRIBUTES
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.types.place import FILE_PREFIX, FILE_SUFFIXES, SEPARATOR
 

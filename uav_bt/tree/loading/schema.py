@@ -12,14 +12,13 @@ from collections.abc import Iterable
 from typing import Any, Final
 from xml.etree import ElementTree as ET
 
-from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.describe import NodeInfo, describe
 from uav_bt.tree.loading.elements import EDITOR_ATTRIBUTES
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.models import ENUMERATION, MEMBER, PORT_DIRECTIONS
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import Node, NodeKind
-from uav_bt.tree.port import PORT_TYPES, REFERENCE_KEY, Port, port_text
+from uav_bt.tree.port import CONDITION_ATTRIBUTES, PORT_TYPES, REFERENCE_KEY, Port, port_text
 from uav_bt.tree.registry import NodeRegistry
 
 _TAG: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*")

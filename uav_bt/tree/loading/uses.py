@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, NamedTuple
 
@@ -13,7 +13,7 @@ from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.port import Port, Reference
-from uav_bt.tree.script import SCRIPTS, Script, parse_script, parsed_by
+from uav_bt.tree.script import SCRIPTS, Script, parse_script
 from uav_bt.tree.script.expressions import Assignment, Name, constant_value, kind_of
 from uav_bt.tree.variables import Variables
 
@@ -202,11 +202,11 @@ class Uses:
         if isinstance(node, SubTree):
             self._enter(node)
         for port in node.ports_over(len(node.children)):
-            at, text = node.given_references.get(port.name), node.literals.get(port.name)
+            at, script = node.given_references.get(port.name), node.script_at(port)
             if at is not None and not at.on_board:
                 self._port(node, port, at)
-            if port.check in SCRIPTS and isinstance(text, str):
-                self._script(parsed_by(port.check, text), Use(node, port.name))
+            if script is not None:
+                self._script(script, Use(node, port.name))
             elif port.check in SCRIPTS and at is not None:
                 yield node.variables  # a script that only the flight shows
         for written in node.variables_written():
@@ -263,11 +263,11 @@ class Uses:
             slot.reads.append(Read(use, port, needed, named))
 
     def _script(self, script: Script, use: Use) -> None:
-        for part in script.walk():
+        for part in script.parts:
             if isinstance(part, Assignment):
                 self._assignment(part, use)
             elif isinstance(part, Name) and part.name not in script.asked_known:
-                self._read(part.name, use, needed=id(part) in script.certain)
+                self._read(part.name, use, needed=any(part is one for one in script.certain))
         for statement in script.statements:
             if isinstance(statement, Assignment) and statement.sign != ":=":
                 self._read(statement.name, use, needed=True, is_told=True)
@@ -304,16 +304,6 @@ class Uses:
 def is_named(port: Port[Any], at: Reference) -> bool:
     """Return whether a node names a variable or key at a port, and not only the port's default."""
     return port.default is Port.REQUIRED or port.bound_default != at
-
-
-def named_scripts(node: Node) -> Iterable[tuple[str, Script]]:
-    """Yield the scripts of a node by attribute: its conditions, and its ports."""
-    for attribute, source in node.condition_scripts.items():
-        yield attribute, parse_script(source)
-    for port in node.ports:
-        text = node.literals.get(port.name)
-        if port.check in SCRIPTS and isinstance(text, str):
-            yield port.name, parsed_by(port.check, text)
 
 
 def variable_at(node: Node, name: str) -> Variable | None:
