@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -14,11 +14,19 @@ from uav_bt.cli.parameter_options import parameter_options, single
 from uav_bt.cli.registry_options import leaves_option, registry_options
 from uav_bt.files import writing
 from uav_bt.tree import NodeRegistry, load_tree
-from uav_bt.tree.describe import ABILITIES, NodeInfo, PortInfo, describe, describe_all, palette_xml
+from uav_bt.tree.describe import (
+    ABILITIES,
+    NodeInfo,
+    default_text,
+    describe,
+    describe_all,
+    node_page,
+    palette_xml,
+)
 from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.schema import schema_xml
-from uav_bt.tree.node_page import node_page
+from uav_bt.tree.port import Port, port_text
 from uav_bt.tree.render import render as draw
 from uav_bt.tree.shipped import resolve_tree
 
@@ -56,7 +64,7 @@ def nodes(*, names: tuple[str, ...], format_: str, registry: NodeRegistry) -> No
         return
     infos = [describe(registry[name]) for name in names] or describe_all(registry)
     if format_ == "json":
-        click.echo(json.dumps([asdict(info) for info in infos], indent=2))
+        click.echo(json.dumps([_as_json(info) for info in infos], indent=2))
         return
     click.echo("\n\n".join(_described(info) for info in infos))
 
@@ -77,9 +85,30 @@ def _described(info: NodeInfo) -> str:
     return "\n".join(lines)
 
 
-def _attribute(port: PortInfo) -> str:
-    given = f'{port.name}="{port.default}"' if port.default is not None else port.name
-    kind = " or ".join(port.choices) or port.type
+def _as_json(info: NodeInfo) -> dict[str, Any]:
+    ports = [
+        {
+            "name": port.name,
+            "type": port.type.__name__,
+            "default": default_text(port),
+            "doc": port.doc,
+            "direction": port.direction,
+            "choices": [*map(port_text, port.choices)],
+            "least": port.least,
+            "most": port.most,
+            "range": port.range,
+            "required": port.required,
+            "sample": port.sample,
+        }
+        for port in info.ports
+    ]
+    return {**vars(info), "ports": ports}
+
+
+def _attribute(port: Port[Any]) -> str:
+    default = default_text(port)
+    given = port.name if default is None else f'{port.name}="{default}"'
+    kind = " or ".join(map(port_text, port.choices)) or port.type.__name__
     kind += f", {port.range}" if port.range else ""
     direction = "" if port.direction == "input" else f", {port.direction}"
     return f"{given}  {kind}{direction}" + (f": {port.doc}" if port.doc else "")

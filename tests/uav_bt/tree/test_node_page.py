@@ -8,9 +8,8 @@ import pytest
 
 from behaviours.nodes import NODES
 from uav_bt.tree import parse_tree
-from uav_bt.tree.describe import describe, describe_all
+from uav_bt.tree.describe import describe_all, example, node_page
 from uav_bt.tree.node import Node
-from uav_bt.tree.node_page import example, node_page
 from uav_bt.tree.registry import NodeRegistry
 
 REGISTRY = NodeRegistry(NODES)
@@ -25,7 +24,7 @@ def test_the_page_of_the_docs_is_that_of_the_source() -> None:
 
 @pytest.mark.parametrize("node", NODES, ids=lambda node: node.node_id)
 def test_an_example_loads(node: type[Node]) -> None:
-    tree = f'<BehaviorTree ID="T">{example(describe(node))}</BehaviorTree>'
+    tree = f'<BehaviorTree ID="T">{example(node)}</BehaviorTree>'
     assert parse_tree(f'<root BTCPP_format="4">{tree}</root>', registry=REGISTRY)
 
 
@@ -35,7 +34,7 @@ def test_every_number_of_a_shipped_leaf_has_a_range() -> None:
         (info.node_id, port.name, port.least, port.most)
         for info in infos
         for port in info.ports
-        if port.type in ("int", "float") and port.direction == "input"
+        if port.type in (int, float) and port.direction == "input"
     ]
     assert len(numbers) > 20
     assert [number for number in numbers if None in number] == []

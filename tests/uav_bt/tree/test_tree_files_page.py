@@ -13,7 +13,7 @@ from uav_bt.board import HEIGHT
 from uav_bt.errors import TreeError
 from uav_bt.tree import MissionTree, NodeRegistry, Status, parse_tree
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
-from uav_bt.tree.describe import NodeInfo, describe_all
+from uav_bt.tree.describe import NodeInfo, default_text, describe_all
 from uav_bt.tree.nodes import BUILTIN_NODES
 
 ROOT = Path(__file__).parents[3]
@@ -42,7 +42,7 @@ def test_a_row_says_what_the_node_is(info: NodeInfo) -> None:
     elif info.node_id != "SubTree":
         written = [
             port.name
-            + ("" if port.default is None else f"={port.default}")
+            + ("" if default_text(port) is None else f"={default_text(port)}")
             + ("" if port.direction == "input" else " (out)")
             for port in info.ports
         ]

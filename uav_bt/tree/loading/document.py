@@ -47,7 +47,6 @@ class Document:
     trees: dict[str, Element] = field(default_factory=dict)
     own: tuple[str, ...] = ()  # those of the file and its includes; the others are a library's
     included: dict[Path, bytes] = field(default_factory=dict)  # texts of all other files, by path
-    models: list[Element] = field(default_factory=list)  # each TreeNodesModel
     elsewhere: tuple[str, ...] = ()  # trees of other files, for suggestions where one is missing
     unread: str = ""  # text for messages about library files that could not be read
     # Ports of the trees that the file describes as SubTree in its TreeNodesModel: default by name,
@@ -320,7 +319,6 @@ def find_main(document: Document, root: Element, findings: Findings, tree_id: st
 
 
 def _read_models(models: Element, document: Document, findings: Findings) -> None:
-    document.models.append(models)
     read_enumerations(models, document.enum_members, findings)
     for model in read_models(models, findings):
         if model.kind is NodeKind.SUBTREE:

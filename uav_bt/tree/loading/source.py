@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Final, NoReturn, TypeVar
+from xml.etree import ElementTree as ET
 from xml.parsers import expat
 
 from uav_bt.errors import TreeError
@@ -272,3 +273,11 @@ def walk(element: Element) -> Iterator[Element]:
         child = waiting.pop()
         yield child
         waiting += child.children[::-1]
+
+
+def to_xml(element: Element) -> ET.Element:
+    """Return an element with all below it for a writer of XML."""
+    copy = ET.Element(element.tag, element.attributes)
+    copy.text = element.text or None
+    copy.extend(map(to_xml, element.children))
+    return copy
