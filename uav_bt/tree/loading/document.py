@@ -17,7 +17,7 @@ from uav_bt.tree.loading.elements import (
 )
 from uav_bt.tree.loading.findings import WARNING, Findings, Rule
 from uav_bt.tree.loading.lookup import Includes, Lookup
-from uav_bt.tree.loading.models import read_enumerations, read_models
+from uav_bt.tree.loading.models import NodeModel, read_models
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.place_lists import PlaceLists
 from uav_bt.tree.loading.source import Element
@@ -319,22 +319,20 @@ def find_main(document: Document, root: Element, findings: Findings, tree_id: st
 
 
 def _read_models(models: Element, document: Document, findings: Findings) -> None:
-    read_enumerations(models, document.enum_members, findings)
-    for model in read_models(models, findings):
-        if model.kind is NodeKind.SUBTREE:
-            document.subtree_ports[model.node_id] = {
+    found = read_models(models, document.enum_members, findings)
+    for node_id, (model, ports) in found.items():
+        if model.tag == NodeKind.SUBTREE.value:
+            document.subtree_ports[node_id] = {
                 name: document.place_lists.in_default(port, port.attributes.get("default", ""))
                 or None
-                for name, port in model.ports.items()
+                for name, port in ports.items()
             }
-        elif model.node_id in document.registry:
-            node = document.registry[model.node_id]
-            _compare_model(model.element, model.ports, node, findings)
+        elif node_id in document.registry:
+            _compare_model((model, ports), document.registry[node_id], findings)
 
 
-def _compare_model(
-    model: Element, ports: dict[str, Element], node: type[Node], findings: Findings
-) -> None:
+def _compare_model(described: NodeModel, node: type[Node], findings: Findings) -> None:
+    model, ports = described
     if node.kind.value != model.tag:
         message = f"described as {model.tag}, but the node is of kind {node.kind.value}"
         findings.warn(model, message, rule=Rule.NODE_MODEL)

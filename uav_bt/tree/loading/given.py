@@ -13,7 +13,7 @@ from uav_bt.tree.loading.attributes import POLICY_PORT
 from uav_bt.tree.loading.build import Built
 from uav_bt.tree.loading.document import autoremaps
 from uav_bt.tree.loading.findings import WARNING, Finding, Rule
-from uav_bt.tree.loading.palette import PalettePort
+from uav_bt.tree.loading.models import PalettePort
 from uav_bt.tree.loading.parameters import VAR, Parameters
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import Node
