@@ -23,7 +23,7 @@ from uav_bt.tree.describe import (
     node_page,
     palette_xml,
 )
-from uav_bt.tree.loading.folders import TreeFolders
+from uav_bt.tree.loading.lookup import TreeFolders
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.schema import schema_xml
 from uav_bt.tree.port import Port, port_text

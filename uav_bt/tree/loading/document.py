@@ -19,7 +19,7 @@ from uav_bt.tree.loading.findings import WARNING, Findings, Rule
 from uav_bt.tree.loading.lookup import Includes, Lookup
 from uav_bt.tree.loading.models import NodeModel, read_models
 from uav_bt.tree.loading.parameters import Parameters
-from uav_bt.tree.loading.place_lists import PlaceLists
+from uav_bt.tree.loading.places import PlaceLists
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
@@ -323,8 +323,7 @@ def _read_models(models: Element, document: Document, findings: Findings) -> Non
     for node_id, (model, ports) in found.items():
         if model.tag == NodeKind.SUBTREE.value:
             document.subtree_ports[node_id] = {
-                name: document.place_lists.in_default(port, port.attributes.get("default", ""))
-                or None
+                name: document.place_lists.in_attribute(port, "default") or None
                 for name, port in ports.items()
             }
         elif node_id in document.registry:

@@ -217,13 +217,13 @@ def _names(node: type[Node]) -> set[str]:
 
 def _node_of(model: Element, ports: dict[str, Element], findings: Findings) -> type[Node]:
     found = (_port_of(model, name, element, findings) for name, element in ports.items())
-    members = {
+    members: dict[str, Any] = {
         "__doc__": "Known from a palette only.",
         "node_id": model.attributes["ID"],
         "condition": model.tag == NodeKind.CONDITION.value,
         "ports": tuple(port for port in found if port is not None),
     }
-    return type(members["node_id"], (PaletteNode, _BASES[model.tag]), members)
+    return type(model.attributes["ID"], (PaletteNode, _BASES[model.tag]), members)
 
 
 def _port_of(model: Element, name: str, element: Element, findings: Findings) -> PalettePort | None:

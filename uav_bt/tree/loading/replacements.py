@@ -11,7 +11,7 @@ from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.findings import Findings, Position
 from uav_bt.tree.loading.parameters import SET, split_port
-from uav_bt.tree.loading.place_lists import takes_places
+from uav_bt.tree.loading.places import takes_places
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.mission_tree import Place
 from uav_bt.tree.node import Node
@@ -106,7 +106,8 @@ class Replacements:
         if not takes_places(made.element, port, document.registry):
             return text
         at = place or Place(document.path, Position(1, 1))
-        return document.place_lists.in_override(text, f"{made.name}.{port}", document.path, at)
+        what = f"port '{made.name}.{port}'"
+        return document.place_lists.in_text(text, document.path, at, what)
 
     def mock(self, made: Made, entries: Iterable[str]) -> tuple[type[ScriptedLeaf], Mock] | None:
         """Return the class of the leaf that takes the place of a node, and its mock."""

@@ -30,7 +30,7 @@ def whole_file(document: Document, source: bytes) -> bytes:
         model = ET.SubElement(models, NodeKind.SUBTREE.value, ID=tree_id)
         for name, default in document.subtree_ports[tree_id].items():
             given = {} if default is None else {"default": default}
-            ET.SubElement(model, "input_port", name=name, **given)
+            ET.SubElement(model, "input_port", {"name": name, **given})
     enumeration = ET.SubElement(models, ENUMERATION)
     for name, value in document.enum_members.items():
         ET.SubElement(enumeration, MEMBER, name=name, value=str(value))
