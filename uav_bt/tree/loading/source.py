@@ -12,7 +12,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import Final, NoReturn, TypeVar
 from xml.etree import ElementTree as ET
 from xml.parsers import expat
 
@@ -77,34 +77,29 @@ def _parsed(text: str, path: Path) -> Element:
     # Whatever the declaration says, as the format's own engine has it.
     parser = expat.ParserCreate("UTF-8")
     parser.buffer_text = True
-    found: list[Element] = []
-    around: list[Element] = []
+    document = Element(path, "", {}, Position(1, 1), dict)
+    found, around = [document], [document]
 
     def here() -> Position:
         return Position(parser.CurrentLineNumber, parser.CurrentColumnNumber + 1)
 
+    def refuse(message: str, *_arguments: object) -> NoReturn:
+        raise _refused(path, message, here())
+
     def start(tag: str, attributes: dict[str, str]) -> None:
+        if len(found) > MAX_NODES:
+            refuse(f"more than {MAX_NODES} elements")
+        if len(around) >= MAX_DEPTH + 3:  # the nodes stand in <root> and <BehaviorTree>
+            refuse(f"nodes are nested deeper than {MAX_DEPTH}")
+        if len(attributes) > _MAX_ATTRIBUTES:
+            refuse(f"an element has more than {_MAX_ATTRIBUTES} attributes")
+        if max(map(len, (tag, *attributes, *attributes.values()))) > _MAX_WORD:
+            refuse(f"a name or an attribute is longer than {_MAX_WORD} characters")
         at = here()
-        for is_beyond, message in (
-            (len(found) >= MAX_NODES, f"more than {MAX_NODES} elements"),
-            # The nodes stand in <root> and <BehaviorTree>.
-            (len(around) >= MAX_DEPTH + 2, f"nodes are nested deeper than {MAX_DEPTH}"),
-            (
-                len(attributes) > _MAX_ATTRIBUTES,
-                f"an element has more than {_MAX_ATTRIBUTES} attributes",
-            ),
-            (
-                max(map(len, (tag, *attributes, *attributes.values()))) > _MAX_WORD,
-                f"a name or an attribute is longer than {_MAX_WORD} characters",
-            ),
-        ):
-            if is_beyond:
-                raise _refused(path, message, at)
         locate = partial(_locate, data, parser.CurrentByteIndex, at)
         given = {name: value.translate(_RAW_OF) for name, value in attributes.items()}
         element = Element(path, tag, given, at, locate)
-        for parent in around[-1:]:
-            parent.children.append(element)
+        around[-1].children.append(element)
         found.append(element)
         around.append(element)
 
@@ -113,16 +108,13 @@ def _parsed(text: str, path: Path) -> Element:
         if words and len(around[-1].text) < _MAX_TEXT:
             around[-1].text += words[:_MAX_TEXT]
 
-    def doctype(*_arguments: object) -> None:
-        message = "document type declarations and entities are not allowed"
-        raise _refused(path, message, here())
-
     parser.StartElementHandler = start
     parser.EndElementHandler = lambda _tag: around.pop()
     parser.CharacterDataHandler = characters
-    parser.StartDoctypeDeclHandler = doctype
+    no_types = "document type declarations and entities are not allowed"
+    parser.StartDoctypeDeclHandler = partial(refuse, no_types)
     parser.Parse(data, True)
-    return found[0]
+    return found[1]
 
 
 def _locate(data: bytes, start: int, here: Position) -> dict[str, Position]:
