@@ -116,9 +116,7 @@ class Library:
 
     def hint(self) -> str:
         """Return the files that could not be read, for the message that a tree does not exist."""
-        more = len(self._faults) - _FAULTS_SHOWN
-        parts = self._faults[:_FAULTS_SHOWN] + [f"{more} more like this"] * (more > 0)
-        return "".join(f"; could not be read: {fault}" for fault in parts)
+        return "".join(f"; could not be read: {fault}" for fault in self._faults[:_FAULTS_SHOWN])
 
 
 @dataclass(frozen=True)
