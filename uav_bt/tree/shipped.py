@@ -62,8 +62,33 @@ STARTERS: Final = {
 """Shipped missions that a new mission can start from, by short name, the smallest first."""
 
 _ROOT_TAG: Final = re.compile(r"<root\b[^>]*>\n")
-# Explains a tree file. A comment must not contain two hyphens in a row.
-_COMMENT: Final = Path(__file__).with_name("starter.txt")
+# A comment must not contain two hyphens in a row.
+_COMMENT: Final = """\
+  <!--
+    Begun from the shipped mission '{name}'. Change whatever you like, then:
+
+      uav-bt check FILE         reports all that is wrong with it, with line and column
+      uav-bt tree render FILE   draws it
+      uav-bt simulate FILE      ticks it with scripted leaves, to see what runs when
+      uav-bt fly FILE           flies it in the simulated lab
+      uav-bt tree nodes         lists all nodes with their attributes and defaults
+
+    How to read it:
+
+      Sequence               runs its children one after another, until one fails
+      Fallback               tries its children one after another, until one succeeds
+      ReactiveSequence       begins anew at its first child in every tick; a child that is done
+                             succeeds again, and the next one goes on
+      Repeat, Retry...,      have one child: run it again, try it again, stop it after
+      Timeout, Force...      some time, change its answer to success or failure
+      SubTree ID="X"         runs the tree X of this file, or of the trees that ship
+      attribute="{{name}}"     a variable of this tree
+      attribute="{{@name}}"    a key of the mission board, where perception writes what it sees
+
+    A leaf (TakeOff, Turn, Land, ...) answers RUNNING until it is done, then SUCCESS or FAILURE.
+    Its ports are in the drone's own frame: metres, degrees clockwise.
+  -->
+"""
 
 
 def write_starter(path: Path, start: str = "hover") -> None:
@@ -79,8 +104,7 @@ def write_starter(path: Path, start: str = "hover") -> None:
         raise FileError(path, "expected a name that ends in .xml, as tree files have")
     name = STARTERS[start]
     text = (shipped_trees() / f"{name}.xml").read_text(encoding="utf-8")
-    comment = _COMMENT.read_text(encoding="utf-8").replace("MISSION", name)
-    text = _ROOT_TAG.sub(lambda tag: tag[0] + comment, text, count=1)
+    text = _ROOT_TAG.sub(lambda tag: tag[0] + _COMMENT.format(name=name), text, count=1)
     with writing(path):
         try:
             with path.open("x", encoding="utf-8") as file:

@@ -46,12 +46,11 @@ def _given_texts(built: Built, document: Document) -> Iterator[_Given]:
     flight gives a value.
     """
     for leaf in built.tree.leaves():
-        ports = () if isinstance(leaf, ScriptedLeaf) else leaf.ports
-        for port in ports:
+        for port in () if isinstance(leaf, ScriptedLeaf) else leaf.ports:
             is_plain = not isinstance(port, PalettePort) and port.check is not parse_text
-            given = _given(port, leaf, built, document) if port.direction == "input" else None
-            if is_plain and given is not None:
-                yield given
+            if port.direction == "input" and is_plain:
+                given = _given(port, leaf, built, document)
+                yield from () if given is None else (given,)
 
 
 def _given(port: Port[Any], leaf: Leaf, built: Built, document: Document) -> _Given | None:
