@@ -381,16 +381,9 @@ def test_thousands_of_copies_are_followed_only_so_far() -> None:
     assert 90 < len(found) <= 100
 
 
-@pytest.mark.parametrize(
-    ("code", "message"),
-    [
-        ("y := 0; x := 1 / y", "node 'Main/s' failed: ScriptError: script 'y := 0; x := 1 / y'"),
-        ("x := nobody + 1", "script 'x := nobody + 1': 'nobody' has no value"),
-        ("x = 1", "script 'x = 1': there is no variable 'x'; make a new one with ':='"),
-    ],
-)
-def test_scripts_that_fail_say_so(world: World, code: str, message: str) -> None:
-    tree = world.tree(f'<Script name="s" code="{code}"/>')
+def test_a_script_that_fails_names_its_node(world: World) -> None:
+    tree = world.tree('<Script name="s" code="y := 0; x := 1 / y"/>')
+    message = "node 'Main/s' failed: ScriptError: script 'y := 0; x := 1 / y': division by zero"
     with pytest.raises(NodeFailedError, match=re.escape(message)):
         tree.tick()
     assert tree.root.node_status is Status.IDLE

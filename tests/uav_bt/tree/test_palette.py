@@ -84,20 +84,6 @@ def test_kinds_ports_and_descriptions_come_from_the_model(foreign: NodeRegistry)
     assert (ports["planner"].default, ports["planner"].doc) == ("GridBased", "which planner")
 
 
-def test_a_foreign_tree_is_good_and_no_port_must_be_given(foreign: NodeRegistry) -> None:
-    body = (
-        '<PipelineSequence><RateController hz="1.0"><ComputePath goal="{goal}" path="{path}"/>'
-        '</RateController><Inverter><IsStuck/></Inverter><ComputePath goal="1;2;3"/>'
-        "</PipelineSequence>"
-    )
-    tree = parse_tree(document(body), foreign)
-    assert [node.node_id for node in tree.nodes()][:3] == [
-        "PipelineSequence",
-        "RateController",
-        "ComputePath",
-    ]
-
-
 @pytest.mark.parametrize(
     ("attributes", "message"),
     [

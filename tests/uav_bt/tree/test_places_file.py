@@ -125,16 +125,13 @@ def test_a_file_stands_for_its_places(
 def test_the_entry_of_a_subtree_its_default_and_a_variable_are_lists_too(
     rounds: Path, tmp_path: Path
 ) -> None:
-    entry = load_tree(tree_file(tmp_path, SHARED, VISIT.format("mark")))
-    default = load_tree(
-        tree_file(tmp_path, '<SubTree ID="Visit"/>', VISIT.format("file:rounds.txt"))
-    )
-    for tree in (entry, default):
+    for body, default in ((SHARED, "mark"), ('<SubTree ID="Visit"/>', "file:rounds.txt")):
+        tree = load_tree(tree_file(tmp_path, body, VISIT.format(default)))
         assert tree.root.attributes["places"] == "start:2,0;mark"  # type: ignore[attr-defined]
+        assert rounds in tree.sources
     path = tree_file(tmp_path, LOOP.format("{places}"))
-    outside = load_tree(path, parameters=Parameters(variables={"places": "file:rounds.txt"}))
-    assert outside.variables["places"] == "start:2,0;mark"
-    assert all(rounds in tree.sources for tree in (entry, default, outside))
+    tree = load_tree(path, parameters=Parameters(variables={"places": "file:rounds.txt"}))
+    assert (tree.variables["places"], rounds in tree.sources) == ("start:2,0;mark", True)
 
 
 def test_an_area_may_stand_in_a_file(tmp_path: Path) -> None:
