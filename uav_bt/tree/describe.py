@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 from xml.etree import ElementTree as ET
 
 from uav_bt.board.blackboard import Key
@@ -24,20 +23,13 @@ ABILITIES: Final = {"moves": "moves", "points": "points the camera", "lands": "l
 _SAMPLES: Final = {float: "1.0", int: "1", bool: "true"}
 
 
-@dataclass(frozen=True, kw_only=True)
-class NodeInfo:
-    """A node, as a person reads it."""
+class Declared(NamedTuple):
+    """Names of what a leaf declares; nothing for another node."""
 
-    node_id: str
-    kind: str  # Action, Condition, Control, Decorator or SubTree
-    doc: str  # one line
-    ports: tuple[Port[Any], ...]
-    reads: tuple[str, ...]  # board keys
-    writes: tuple[str, ...]
-    answers: tuple[str, ...]  # of a leaf: the statuses that it gives
-    abilities: tuple[str, ...]  # of a leaf: moves, points, lands
-    builtin: bool  # one of the format's own
-    origin: str  # module and class
+    reads: tuple[str, ...] = ()  # board keys
+    writes: tuple[str, ...] = ()
+    answers: tuple[str, ...] = ()  # the statuses that it gives
+    abilities: tuple[str, ...] = ()  # moves, points, lands
 
 
 def summary(node: type[Node]) -> str:
@@ -54,28 +46,27 @@ def _names(keys: Iterable[Key[Any]]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(key.name for key in keys))
 
 
-def describe(node: type[Node]) -> NodeInfo:
-    """Return the description of a node for people."""
-    leaf = node if issubclass(node, Leaf) else None
-    return NodeInfo(
-        node_id=node.node_id,
-        kind=node.kind.value,
-        doc=summary(node),
-        ports=tuple(node.ports),
-        reads=_names(leaf.reads) if leaf else (),
-        writes=_names(leaf.writes) if leaf else (),
-        answers=tuple(answer.name for answer in leaf.answers) if leaf else (),
-        abilities=tuple(name for name in ABILITIES if getattr(leaf, name, False)),
-        builtin=node in BUILTIN_NODES,
-        origin=f"{node.__module__}.{node.__qualname__}",
+def declared(node: type[Node]) -> Declared:
+    """Return what a node declares besides its ports."""
+    if not issubclass(node, Leaf):
+        return Declared()
+    return Declared(
+        reads=_names(node.reads),
+        writes=_names(node.writes),
+        answers=tuple(answer.name for answer in node.answers),
+        abilities=tuple(name for name in ABILITIES if getattr(node, name, False)),
     )
 
 
-def describe_all(registry: NodeRegistry) -> list[NodeInfo]:
+def origin(node: type[Node]) -> str:
+    """Return module and name of a node's class."""
+    return f"{node.__module__}.{node.__qualname__}"
+
+
+def in_order(registry: NodeRegistry) -> list[type[Node]]:
     """Return all nodes of a registry: missions' own first, then the format's, by kind and name."""
-    order = [kind.value for kind in NodeKind]
-    infos = [describe(registry[node_id]) for node_id in registry]
-    return sorted(infos, key=lambda info: (info.builtin, order.index(info.kind), info.node_id))
+    kinds, nodes = list(NodeKind), (registry[node_id] for node_id in registry)
+    return sorted(nodes, key=lambda one: (one in BUILTIN_NODES, kinds.index(one.kind), one.node_id))
 
 
 def _own(registry: NodeRegistry) -> list[type[Node]]:
@@ -102,24 +93,23 @@ def example(node: type[Node]) -> str:
 
 def section(node: type[Node]) -> Iterator[str]:
     """Yield the paragraphs about a node."""
-    info = describe(node)
-    yield f"## {info.node_id}"
+    found = declared(node)
+    yield f"## {node.node_id}"
     # The attributes of a class have a table here.
     yield inspect.cleandoc(node.__doc__ or "").partition("\nArgs:")[0].strip()
     yield f"Example: `{example(node)}`"
-    if info.ports:
-        yield "\n".join(
-            ["| port | type | default | meaning |", "|---|---|---|---|", *map(_row, info.ports)]
-        )
-    answers = f" Answers {', '.join(info.answers)}." if info.answers else ""
-    abilities = [ABILITIES[name] for name in info.abilities]
+    if node.ports:
+        head = ["| port | type | default | meaning |", "|---|---|---|---|"]
+        yield "\n".join([*head, *map(_row, node.ports)])
+    answers = f" Answers {', '.join(found.answers)}." if found.answers else ""
+    abilities = [ABILITIES[name] for name in found.abilities]
     does = f" It {' and '.join(abilities)}." if abilities else ""
     keys = "".join(
         f" {verb} {', '.join(f'`{key}`' for key in keys)}."
-        for verb, keys in (("Reads", info.reads), ("Writes", info.writes))
+        for verb, keys in (("Reads", found.reads), ("Writes", found.writes))
         if keys
     )
-    yield f"{info.kind}.{answers}{does}{keys} Source: `{info.origin}`."
+    yield f"{node.kind.value}.{answers}{does}{keys} Source: `{origin(node)}`."
 
 
 def _sample(port: Port[Any]) -> str:

@@ -11,9 +11,9 @@ from tests.conformance import read_traces
 from tests.worlds.trees import World
 from uav_bt.board import HEIGHT
 from uav_bt.errors import TreeError
-from uav_bt.tree import MissionTree, NodeRegistry, Status, parse_tree
+from uav_bt.tree import MissionTree, Node, NodeRegistry, Status, parse_tree
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
-from uav_bt.tree.describe import NodeInfo, default_text, describe_all
+from uav_bt.tree.describe import default_text, summary
 from uav_bt.tree.nodes import BUILTIN_NODES
 
 ROOT = Path(__file__).parents[3]
@@ -26,25 +26,24 @@ ROWS = {
     if len(cells := [cell.strip() for cell in line.strip("|").split("|")]) == 5
     and re.fullmatch(r"`\w+`", cells[0])
 }
-INFOS = describe_all(NodeRegistry())
 
 
 def test_the_table_has_every_node_of_the_format() -> None:
     assert set(ROWS) == {node.node_id for node in BUILTIN_NODES}
 
 
-@pytest.mark.parametrize("info", INFOS, ids=[info.node_id for info in INFOS])
-def test_a_row_says_what_the_node_is(info: NodeInfo) -> None:
-    _, kind, ports, doc, _ = ROWS[info.node_id]
-    assert (kind, doc) == (info.kind, info.doc)
-    if info.node_id.startswith("Switch"):
-        assert ports == f"`variable`, `case_1` to `case_{len(info.ports) - 1}`"
-    elif info.node_id != "SubTree":
+@pytest.mark.parametrize("node", BUILTIN_NODES, ids=lambda node: node.node_id)
+def test_a_row_says_what_the_node_is(node: type[Node]) -> None:
+    _, kind, ports, doc, _ = ROWS[node.node_id]
+    assert (kind, doc) == (node.kind.value, summary(node))
+    if node.node_id.startswith("Switch"):
+        assert ports == f"`variable`, `case_1` to `case_{len(node.ports) - 1}`"
+    elif node.node_id != "SubTree":
         written = [
             port.name
             + ("" if default_text(port) is None else f"={default_text(port)}")
             + ("" if port.direction == "input" else " (out)")
-            for port in info.ports
+            for port in node.ports
         ]
         assert ports == ", ".join(f"`{port}`" for port in written)
 

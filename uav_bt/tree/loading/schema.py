@@ -13,7 +13,7 @@ from typing import Any, Final
 from xml.etree import ElementTree as ET
 
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
-from uav_bt.tree.describe import default_text, describe
+from uav_bt.tree.describe import declared, default_text, summary
 from uav_bt.tree.loading.elements import EDITOR_ATTRIBUTES, KIND_TAGS
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.source import Element
@@ -127,10 +127,10 @@ def _add_subtree(schema: ET.Element) -> None:
 
 def _add_node(schema: ET.Element, node: type[Node]) -> None:
     content = _add(schema, "complexType", name=f"node.{node.node_id}")
-    info = describe(node)
-    keys = [("Reads", info.reads), ("Writes", info.writes)]
+    found = declared(node)
+    keys = [("Reads", found.reads), ("Writes", found.writes)]
     lists = [f"{word} {', '.join(names)}." for word, names in keys if names]
-    _document(content, " ".join([info.doc, *lists]))
+    _document(content, " ".join([summary(node), *lists]))
     if node.max_children != 0:
         most = "unbounded" if node.max_children is None else str(node.max_children)
         _add(content, "group", ref="node", minOccurs=str(node.min_children), maxOccurs=most)
