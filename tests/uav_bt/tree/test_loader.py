@@ -95,10 +95,6 @@ def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
     assert steer.port_value("policy") == "segmentation"
 
 
-ASYNC = "<AsyncSequence><Safe/></AsyncSequence>"
-NAMED = '<SubTree ID="Other" name="o"/>'
-
-
 @pytest.mark.parametrize(
     ("body", "message"),
     [
@@ -129,8 +125,6 @@ NAMED = '<SubTree ID="Other" name="o"/>'
         ('<SubTree ID="Other" a-b.c="1" _autoremap="maybe"/>', "expected true or false"),
         ('<SubTree ID="Other" x="{@mrk}"/>', "no key 'mrk'; did you mean 'mark'"),
         ('<SubTree ID="Steer"/>', "'Steer' is a node, no tree: write <Steer/>"),
-        (f"<ReactiveSequence>{ASYNC * 2}</ReactiveSequence>", "can have one AsyncSequence"),
-        (f"<Sequence>{NAMED}<Inverter>{NAMED}</Inverter></Sequence>", "'o': the SubTree at m.xml"),
     ],
 )
 def test_refused_nodes(body: str, message: str) -> None:
@@ -162,8 +156,6 @@ def models(model: str) -> str:
         (document("<Safe/>", '<BehaviorTree ID="Main"><Safe/></BehaviorTree>'), "is taken by"),
         (document("<Safe/>").replace('"Main"', '"My tree.1"'), "write 'My_tree_1'"),
         (document("<Safe/>").replace('"Main"', '"Root"'), "'Root' is reserved"),
-        (document("<Safe/>").replace('"Main"', '"Safe"'), "'Safe' is the name of a node"),
-        (document("<Safe/>", "<TreeNodesModel/><TreeNodesModel/>"), "a file has one <TreeNodesMo"),
         (models("<SubTree/>"), "attribute 'ID' is missing"),
         (models('<SubTree ID="Main"><input_port/></SubTree>'), "attribute 'name' is missing"),
         (document("<Safe/>", '<include path="x.xml"/>'), "only a tree that is loaded from a file"),

@@ -9,9 +9,8 @@ import pytest
 
 from tests.conformance import read_traces
 from tests.worlds.trees import World
-from uav_bt.board import HEIGHT
 from uav_bt.errors import TreeError
-from uav_bt.tree import MissionTree, Node, NodeRegistry, Status, parse_tree
+from uav_bt.tree import Node, NodeRegistry, Status, parse_tree
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.describe import default_text, summary
 from uav_bt.tree.nodes import BUILTIN_NODES
@@ -19,7 +18,7 @@ from uav_bt.tree.nodes import BUILTIN_NODES
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "tree-files.md").read_text(encoding="utf-8")
 SAMPLE = ROOT / "tests" / "data" / "bt_traces_sample.jsonl"
-XML, PYTHON = (re.findall(rf"```{kind}\n(.*?)```", PAGE, re.DOTALL) for kind in ("xml", "python"))
+XML = re.findall(r"```xml\n(.*?)```", PAGE, re.DOTALL)
 ROWS = {
     cells[0].strip("`"): cells
     for line in PAGE.splitlines()
@@ -73,16 +72,6 @@ def test_the_first_example_flies(world: World) -> None:
     assert tree.variables["rounds"] == 2
 
 
-def test_the_board_example_guards(world: World) -> None:
-    world.board.declare(HEIGHT)
-    tree = parse_tree(next(text for text in XML if "Guard" in text), NodeRegistry())
-    tree.setup(world.context)
-    world.board.write(HEIGHT, 1.0)
-    assert tree.tick() is Status.SUCCESS
-    world.board.write(HEIGHT, 2.0)
-    assert tree.tick() is Status.FAILURE
-
-
 def test_a_misspelt_entry_is_refused_as_the_page_says() -> None:
     with pytest.raises(TreeError) as error:
         parse_tree(XML[0].replace(' count="', ' cuont="'), NodeRegistry(), path="mission.xml")
@@ -91,17 +80,3 @@ def test_a_misspelt_entry_is_refused_as_the_page_says() -> None:
     )
     assert message in " ".join(PAGE.split())
     assert any(message in finding for finding in error.value.findings)
-
-
-def test_the_python_example_runs(world: World) -> None:
-    tree = _run(PYTHON[0])["tree"]
-    assert isinstance(tree, MissionTree)
-    tree.setup(world.context)
-    answers = [tree.tick() for _ in range(3)]
-    assert answers == [Status.RUNNING, Status.RUNNING, Status.SUCCESS]
-    assert tree.variables["count"] == 2
-
-
-def _run(code: str, **names: object) -> dict[str, object]:
-    exec(compile(code, "docs/tree-files.md", "exec"), names)  # noqa: S102  # our own page
-    return names
