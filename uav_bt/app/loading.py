@@ -21,7 +21,7 @@ from uav_bt.tree import MissionTree, Node, NodeRegistry, load_tree, parse_tree
 from uav_bt.tree.leaves_file import with_leaves
 from uav_bt.tree.loading.before_flight import faults_of
 from uav_bt.tree.loading.findings import errors_of
-from uav_bt.tree.loading.folders import TreeFolders
+from uav_bt.tree.loading.lookup import TreeFolders
 from uav_bt.tree.loading.parameter_file import ParameterFile
 from uav_bt.tree.loading.parameters import split_port
 from uav_bt.tree.loading.uses import Uses

@@ -16,9 +16,9 @@ from uav_bt.tree.loading.elements import (
 )
 from uav_bt.tree.loading.findings import WARNING, Findings, Rule
 from uav_bt.tree.loading.lookup import Includes, Lookup
-from uav_bt.tree.loading.models import read_enumerations, read_models
+from uav_bt.tree.loading.models import read_models
 from uav_bt.tree.loading.parameters import Parameters
-from uav_bt.tree.loading.place_lists import PlaceLists
+from uav_bt.tree.loading.places import PlaceLists
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import NodeKind
 from uav_bt.tree.nodes import SubTree
@@ -46,7 +46,6 @@ class Document:
     trees: dict[str, Element] = field(default_factory=dict)
     own: tuple[str, ...] = ()  # those of the file and its includes; the others are a library's
     included: dict[Path, bytes] = field(default_factory=dict)  # texts of all other files, by path
-    models: list[Element] = field(default_factory=list)  # each TreeNodesModel
     elsewhere: tuple[str, ...] = ()  # trees of other files, for suggestions where one is missing
     unread: str = ""  # text for messages about library files that could not be read
     # Ports of the trees that the file describes as SubTree in its TreeNodesModel: default by name,
@@ -319,12 +318,10 @@ def find_main(document: Document, root: Element, findings: Findings, tree_id: st
 
 
 def _read_models(models: Element, document: Document, findings: Findings) -> None:
-    document.models.append(models)
-    read_enumerations(models, document.enum_members, findings)
-    for model in read_models(models, findings):
-        if model.kind is NodeKind.SUBTREE:
-            document.subtree_ports[model.node_id] = {
-                name: document.place_lists.in_default(port, port.attributes.get("default", ""))
-                or None
-                for name, port in model.ports.items()
+    found = read_models(models, document.enum_members, findings)
+    for node_id, (model, ports) in found.items():
+        if model.tag == NodeKind.SUBTREE.value:
+            document.subtree_ports[node_id] = {
+                name: document.place_lists.in_attribute(port, "default") or None
+                for name, port in ports.items()
             }

@@ -12,7 +12,7 @@ from uav_bt.tree.loading.attributes import Attributes
 from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.findings import ERROR, Findings, Position, Rule
 from uav_bt.tree.loading.parameters import SET, split_port
-from uav_bt.tree.loading.place_lists import takes_places
+from uav_bt.tree.loading.places import takes_places
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.mission_tree import MissionTree, Place
 from uav_bt.tree.node import Node
@@ -203,7 +203,8 @@ class _Values:
         if not takes_places(self._parts[node.path].element, port, document.registry):
             return text
         at = place or Place(document.path, Position(1, 1))
-        return document.place_lists.in_override(text, f"{node.name}.{port}", document.path, at)
+        what = f"port '{node.name}.{port}'"
+        return document.place_lists.in_text(text, document.path, at, what)
 
 
 def _nowhere(tree: MissionTree, target: str) -> str:
