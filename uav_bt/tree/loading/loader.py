@@ -206,11 +206,11 @@ class _Read:
 
     def unknown_policies(self, built: Built) -> Iterator[Finding]:
         """Yield policies that are not registered."""
-        return unknown_policies(built, self.document)
+        return unknown_policies(built, self.document, self.uses[built.tree.name])
 
     def remarks(self, built: Built) -> Iterator[Finding]:
         """Yield what is not installed, values of caution, and what would end the flight."""
-        yield from remarks(built, self.document)
+        yield from remarks(built, self.document, self.uses[built.tree.name])
         if self.document.registry.foreign_board:
             return
         if not self.document.is_mission:
