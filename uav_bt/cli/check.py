@@ -20,7 +20,7 @@ from uav_bt.cli.registry_options import registry_options
 from uav_bt.errors import FileError, InputError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.tree import NodeRegistry
-from uav_bt.tree.loading.findings import Finding, errors_of
+from uav_bt.tree.loading.findings import Finding, Rule, errors_of
 from uav_bt.tree.loading.loader import FilesTogether, check_text, findings_of
 from uav_bt.tree.loading.lookup import Library, Lookup, TreeFolders
 from uav_bt.tree.loading.parameters import Parameters
@@ -151,6 +151,8 @@ def _single(
         )
     )
     findings = tuple(dict.fromkeys(found))
+    if fits is not None:
+        findings = tuple(one for one in findings if one.rule is not Rule.LAB)
     if fits is not None and not errors_of(findings):
         try:
             fits(source.decode() if _is_pipe(tree) else path, parameters=parameters)

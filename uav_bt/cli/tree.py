@@ -151,7 +151,7 @@ def render(
         lookup=lookup,
         parameters=single(parameters),
     )
-    _print_or_write(draw(loaded, format_), out)
+    _print_or_write(draw(loaded.root, loaded.name, format_), out)
 
 
 @click.command(cls=Command)

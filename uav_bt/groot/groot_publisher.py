@@ -14,7 +14,7 @@ import threading
 from typing import TYPE_CHECKING, Final, Self
 
 from uav_bt.errors import InputError
-from uav_bt.groot.groot_view import GrootView, ProtocolError
+from uav_bt.groot.groot_view import GrootView
 from uav_bt.plugins import need
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class GrootPublisher:
     """
 
     def __init__(self, port: int = DEFAULT_PORT) -> None:
-        need("live", "zmq", "msgpack", what="Groot2")
+        need("live", "Groot2")
         import zmq  # noqa: PLC0415  (an extra)
 
         self._zmq = zmq
@@ -110,7 +110,7 @@ class GrootPublisher:
             return [b"error", b"no tree yet: the mission has not begun"]
         try:
             return self._view.answer(frames)
-        except ProtocolError as error:
+        except InputError as error:
             reason = str(error)
         except Exception as error:  # noqa: BLE001  # converting a value may raise any error
             _LOG.warning("a Groot2 request could not be answered", exc_info=True)

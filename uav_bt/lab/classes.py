@@ -21,7 +21,6 @@ Colour = tuple[int, int, int]  # red, green, blue, 0 to 255
 Value = TypeVar("Value", bound=np.generic)
 
 MAX_CLASSES: Final = 64
-MAX_LEGS_M: Final = 10.0  # the largest object of a room
 _ROLE_COLOURS: Final[dict[RoleName, Colour]] = {
     "outside": (40, 40, 48),
     "ground": (126, 158, 120),
@@ -147,14 +146,6 @@ class LabClasses:
             )
         return roles
 
-    def is_ground(self, ids: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """Return where class ids, uint8 of any shape, are ground."""
-        return np.asarray(self.roles(ids) == GROUND)
-
-    def is_above_ground(self, ids: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """Return where class ids, uint8 of any shape, are obstacles or the landing mark."""
-        return np.asarray(self.roles(ids) >= MARK)
-
     def colourise(self, ids: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Return a class map, (H, W) uint8 ids, as a colour image, (H, W, 3) uint8 RGB."""
         self.roles(ids)  # refuses bad ids
@@ -173,35 +164,24 @@ class LabClasses:
         twice = [name for name in self.names if self.names.count(name) > 1]
         if twice:
             raise ValueRangeError(f"the class '{twice[0]}' is listed twice")
-        first = self._classes[0]
+        first, tops = self._classes[0], {each.top for each in self._classes}
         if first.role != "outside":
             raise ValueRangeError(
                 f"the first class must have the role outside, because unknown pixels become it; "
                 f"'{first.name}' has the role {first.role}"
             )
         for each in self._classes:
-            if each.legs_m is not None:
-                self._check_legs(each)
-            if each.top is None:
-                continue
-            top = self._classes[self.id_of(each.top)]
-            if top.role != each.role or top.top is not None or top is each:
+            if each.legs_m is not None and (each.role != "obstacle" or each.name in tops):
+                raise ValueRangeError(
+                    f"'{each.name}' cannot stand on legs: only an obstacle that is no upper face "
+                    "can; remove its legs_m"
+                )
+            top = each if each.top is None else self._classes[self.id_of(each.top)]
+            if top.role != each.role or top.top is not None:
                 raise ValueRangeError(
                     f"'{top.name}' cannot be the top of '{each.name}': it must have the same role "
                     "and no top"
                 )
-
-    def _check_legs(self, item: LabClass) -> None:
-        if item.legs_m is None or not 0.0 < item.legs_m <= MAX_LEGS_M:
-            raise ValueRangeError(
-                f"legs_m of '{item.name}' must lie above 0 and up to {MAX_LEGS_M:.0f} m, "
-                f"got {item.legs_m}"
-            )
-        if item.role != "obstacle" or item.name in {each.top for each in self._classes}:
-            raise ValueRangeError(
-                f"'{item.name}' cannot stand on legs: only an obstacle that is no upper face can; "
-                "remove its legs_m"
-            )
 
 
 def _frozen(array: NDArray[Value]) -> NDArray[Value]:

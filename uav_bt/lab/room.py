@@ -5,7 +5,7 @@ A real flight does not need it. Lengths are metres; the origin is the middle of 
 
 from __future__ import annotations
 
-import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,21 +13,42 @@ from typing import Annotated, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from uav_bt.errors import ValueRangeError
 from uav_bt.types.area import Area
 
 Vector2 = tuple[float, float]
-Vector3 = tuple[float, float, float]
 ColourText = Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$")]
 
 GROUND_SIDES_M: Final = (2.0, 40.0)
 MAX_CORNERS: Final = 64
 MAX_LAMPS: Final = 7  # OpenGL has eight lights
-_WALL_HEIGHTS_M: Final = (2.0, 20.0)
-_SIZES_M: Final = (0.02, 10.0)
-_MAX_SHELVES: Final = 12
+# Names in contacts and messages that kinds of objects cannot have.
+_CONTACT_NAMES: Final = (
+    *("box", "mover", "mark", "drone"),
+    *("floor", "ceiling", "wall", "ground", "take_off"),
+)
+
+
+def check_name(value: str) -> str:
+    """Refuse a text that cannot be the name of a class or of a kind of objects."""
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", value):
+        raise ValueRangeError(
+            "a name consists of small letters, digits and _, and begins with a letter"
+        )
+    return value
+
+
+def _check_kind(value: str) -> str:
+    if value in _CONTACT_NAMES:
+        raise ValueRangeError(
+            f"'{value}' is a name in reports of contacts: give the kind another name"
+        )
+    return check_name(value)
+
+
+_Side = Annotated[float, Field(ge=0.02, le=10.0)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,7 +133,7 @@ class GroundSection:
         if self.size_m is not None:
             return self.size_m
         corners = self.outline_m or ()
-        return tuple(2.0 * max(abs(corner[axis]) for corner in corners) for axis in (0, 1))  # type: ignore[return-value]
+        return 2.0 * max(abs(x_m) for x_m, _ in corners), 2.0 * max(abs(y_m) for _, y_m in corners)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,17 +148,10 @@ class WallSection:
         floor: Look of the floor beside the ground; by default grey.
     """
 
-    height_m: float = 5.0
-    beside_m: float = 2.5
+    height_m: Annotated[float, Field(ge=2.0, le=20.0)] = 5.0
+    beside_m: Annotated[float, Field(ge=0.0, le=10.0)] = 2.5
     surface: Surface | None = None
     floor: Surface | None = None
-
-    def __post_init__(self) -> None:
-        low, high = _WALL_HEIGHTS_M
-        if not low <= self.height_m <= high:
-            raise ValueRangeError(f"height_m must be {low:g} to {high:g} m, got {self.height_m:g}")
-        if not 0.0 <= self.beside_m <= 10.0:
-            raise ValueRangeError(f"beside_m must be 0 to 10 m, got {self.beside_m:g}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,17 +164,9 @@ class Lamp:
         reach_m: Distance at which half of the light is left.
     """
 
-    position_m: Vector3
-    brightness: float = 1.0
-    reach_m: float = 4.0
-
-    def __post_init__(self) -> None:
-        if not all(map(math.isfinite, self.position_m)) or not self.position_m[2] > 0.0:
-            raise ValueRangeError(f"a lamp hangs above the ground, got {list(self.position_m)}")
-        if not 0.0 <= self.brightness <= 5.0:
-            raise ValueRangeError(f"brightness must be 0 to 5, got {self.brightness:g}")
-        if not 0.5 <= self.reach_m <= 50.0:
-            raise ValueRangeError(f"reach_m must be 0.5 to 50 m, got {self.reach_m:g}")
+    position_m: tuple[float, float, Annotated[float, Field(gt=0.0)]]
+    brightness: Annotated[float, Field(ge=0.0, le=5.0)] = 1.0
+    reach_m: Annotated[float, Field(ge=0.5, le=50.0)] = 4.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -197,22 +203,17 @@ class ObjectKind:
 
     class_name: Annotated[str, Field(alias="class")]
     shape: Literal["box", "cylinder", "table", "rack", "mesh"]
-    size_m: Vector3
+    size_m: tuple[_Side, _Side, _Side]
     surface: Surface
     top: Surface | None = None
     frame: Surface | None = None
-    board_m: float = 0.03
-    post_m: float = 0.05
-    shelves: int = 4
+    board_m: Annotated[float, Field(ge=0.005)] = 0.03
+    post_m: Annotated[float, Field(ge=0.01)] = 0.05
+    shelves: Annotated[int, Field(ge=1, le=12)] = 4
     file: str | None = None
     moves: bool = False
 
     def __post_init__(self) -> None:
-        low, high = _SIZES_M
-        if not all(low <= side <= high for side in self.size_m):
-            raise ValueRangeError(
-                f"size_m must be {low:g} to {high:g} m each way, got {list(self.size_m)}"
-            )
         if self.shape == "cylinder" and self.size_m[0] != self.size_m[1]:
             raise ValueRangeError(
                 "a cylinder is as wide as it is long: the first two numbers of size_m must be "
@@ -226,23 +227,16 @@ class ObjectKind:
             raise ValueRangeError(f"a {self.shape} has no legs or posts: remove 'frame'")
         if any(each is not None and each.lines for each in (self.surface, self.top, self.frame)):
             raise ValueRangeError("only the ground has painted lines")
-        self._check_boards()
-
-    def _check_boards(self) -> None:
         if self.shape not in ("table", "rack"):
             return
-        length_m, width_m, height_m = self.size_m
-        if not 1 <= self.shelves <= _MAX_SHELVES:
-            raise ValueRangeError(f"shelves must be 1 to {_MAX_SHELVES}, got {self.shelves}")
-        if not 0.01 <= self.post_m <= min(length_m, width_m) / 3:
+        if self.post_m > min(self.size_m[:2]) / 3:
             raise ValueRangeError(
-                f"post_m must be 0.01 m to a third of the width, got {self.post_m:g}"
+                f"post_m must be at most a third of the width, got {self.post_m:g}"
             )
         boards = self.shelves if self.shape == "rack" else 1
-        if not 0.005 <= self.board_m <= height_m / (2 * boards):
+        if self.board_m > self.size_m[2] / (2 * boards):
             raise ValueRangeError(
-                "board_m must be 0.005 m to half of the height between boards, got "
-                f"{self.board_m:g}"
+                f"board_m must be at most half of the height between boards, got {self.board_m:g}"
             )
 
 
@@ -260,7 +254,9 @@ class RoomSection:
     ground: GroundSection | None = None
     walls: WallSection | None = None
     light: LightSection | None = None
-    objects: Mapping[str, ObjectKind] = field(default_factory=dict)
+    objects: Mapping[Annotated[str, AfterValidator(_check_kind)], ObjectKind] = field(
+        default_factory=dict
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

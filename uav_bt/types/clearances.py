@@ -25,7 +25,7 @@ class Clearances:
     lane_m: float = 0.7
 
     def __post_init__(self) -> None:
-        check_numbers(self, dict.fromkeys(vars(self), 0.0))
+        check_numbers(self, dict.fromkeys(vars(self), 0.0), dict.fromkeys(vars(self), 5.0))
 
     def below(self, radius_m: float) -> dict[str, float]:
         """Return the least value of each distance that is too small for a hull, by name."""

@@ -133,7 +133,6 @@ class Odometry:
 
     def __init__(self, memory_s: float = 3.0) -> None:
         self.unflown_s = 0.0
-        self._memory_s = memory_s
         self._history: PoseHistory[OdometryPose] = PoseHistory(memory_s)  # at velocity's times
         self._headings = _Headings(memory_s)
         self._velocity = BodyVelocity()

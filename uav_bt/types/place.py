@@ -21,7 +21,7 @@ from __future__ import annotations
 import enum
 import math
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final, Self
 
 from uav_bt.errors import ValueRangeError
@@ -101,10 +101,6 @@ class Place:
             heading_rad=None if deg is None else _heading(deg, text),
             object_id=None if found["object"] is None else int(found["object"]),
         )
-
-    def at_height(self, height_m: float | None) -> Self:
-        """Return the same place at a height above the ground; None for the height of the flight."""
-        return replace(self, height_m=height_m)
 
     def __str__(self) -> str:
         """Return the place as a tree file writes it."""

@@ -79,11 +79,6 @@ class NearObstacles:
         for points in (self.points_m, self.assumed_m, self.edges_m):
             if points.ndim != 2 or points.shape[1] != 2:
                 raise ShapeError("obstacle points", expected="Nx2", actual=points.shape)
-        ages = ((self.points_m, self.points_age_s), (self.edges_m, self.edges_age_s))
-        for points, age_s in ages:
-            if age_s.shape not in {(0,), points.shape[:1]}:
-                expected = str(points.shape[:1])
-                raise ShapeError("ages of obstacle points", expected=expected, actual=age_s.shape)
 
     @property
     def nearest_m(self) -> float:

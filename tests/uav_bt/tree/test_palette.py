@@ -12,6 +12,7 @@ from uav_bt.errors import NodeFailedError, TreeError
 from uav_bt.tree import Leaf, NodeKind, NodeRegistry, Port, Status, load_tree, parse_tree
 from uav_bt.tree.describe import palette_xml
 from uav_bt.tree.loading.models import PaletteNode, with_palette
+from uav_bt.tree.loading.uses import Uses
 from uav_bt.tree.nodes import Sequence
 
 FOREIGN = """<TreeNodesModel>
@@ -162,5 +163,5 @@ def test_enumerations_of_a_palette_are_known_to_scripts(tmp_path: Path) -> None:
         '<ScriptCondition code="SUPPLY_FULL == 4"/></BehaviorTree></root>'
     )
     registry = with_palette(NodeRegistry.installed(), palette)
-    assert load_tree(tree, registry).unset == ()
-    assert load_tree(tree).unset == ("SUPPLY_FULL",)
+    assert Uses(load_tree(tree, registry)).unset() == {}
+    assert [*Uses(load_tree(tree)).unset()] == ["SUPPLY_FULL"]

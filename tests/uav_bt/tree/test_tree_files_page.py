@@ -11,9 +11,9 @@ from tests.conformance import read_traces
 from tests.worlds.trees import World
 from uav_bt.errors import TreeError
 from uav_bt.tree import Node, NodeRegistry, Status, parse_tree
-from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.describe import default_text, summary
 from uav_bt.tree.nodes import BUILTIN_NODES
+from uav_bt.tree.port import CONDITION_ATTRIBUTES
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "tree-files.md").read_text(encoding="utf-8")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
@@ -17,11 +16,11 @@ from uav_bt.tree.loading.elements import (
 )
 from uav_bt.tree.loading.findings import WARNING, Findings, Rule
 from uav_bt.tree.loading.lookup import Includes, Lookup
-from uav_bt.tree.loading.models import NodeModel, read_models
+from uav_bt.tree.loading.models import read_models
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.places import PlaceLists
 from uav_bt.tree.loading.source import Element
-from uav_bt.tree.node import Node, NodeKind
+from uav_bt.tree.node import NodeKind
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.registry import NodeRegistry
 
@@ -66,15 +65,15 @@ class Document:
         }
         return tuple(tree_id for tree_id in self.own if tree_id not in used)
 
-    def within(self, tree_ids: Iterable[str]) -> frozenset[str]:
-        """Return trees with all that they use, however deep."""
+    def within(self, tree_id: str) -> frozenset[str]:
+        """Return a tree with all that it uses, however deep."""
         found: set[str] = set()
-        waiting = list(tree_ids)
+        waiting = [tree_id]
         while waiting:
-            tree_id = waiting.pop()
-            if tree_id in self.trees and tree_id not in found:
-                found.add(tree_id)
-                waiting += [inner for _, inner in doors(self.trees[tree_id])]
+            one = waiting.pop()
+            if one in self.trees and one not in found:
+                found.add(one)
+                waiting += [inner for _, inner in doors(self.trees[one])]
         return frozenset(found)
 
     def entries(self, subtree: Element) -> dict[str, str]:
@@ -326,18 +325,3 @@ def _read_models(models: Element, document: Document, findings: Findings) -> Non
                 name: document.place_lists.in_attribute(port, "default") or None
                 for name, port in ports.items()
             }
-        elif node_id in document.registry:
-            _compare_model((model, ports), document.registry[node_id], findings)
-
-
-def _compare_model(described: NodeModel, node: type[Node], findings: Findings) -> None:
-    model, ports = described
-    if node.kind.value != model.tag:
-        message = f"described as {model.tag}, but the node is of kind {node.kind.value}"
-        findings.warn(model, message, rule=Rule.NODE_MODEL)
-    known = [port.name for port in node.ports]
-    for name, element in ports.items():
-        if name not in known:
-            hint = did_you_mean(name, known)
-            message = f"the node has no port '{name}'{hint}"
-            findings.warn(element, message, "name", rule=Rule.NODE_MODEL, label=model.label)

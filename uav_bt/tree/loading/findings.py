@@ -35,6 +35,7 @@ class Rule(Enum):
     UNIT = "unit"  # A value is in the unit of its port.
     LIMIT = "limit"  # A value lies beyond what a mission is allowed unless its site says so.
     MISSION = "mission"  # A mission takes off and lands.
+    LAB = "lab"  # A mission fits its lab.
     PLACES = "places"  # Files of places are found, and each of their lines is a place.
     OTHER = "tree-file"  # A tree file loads.
 
@@ -145,8 +146,8 @@ class Findings:
         self.note(element, message, attribute, rule=rule, label=label, severity=WARNING)
 
     def take_as_warnings(self, other: Findings) -> None:
-        """Add the findings of another collection as warnings."""
-        for one in other:
+        """Add the findings of another collection as warnings, but for errors that are noted."""
+        for one in (finding for finding in other if finding not in self._found[ERROR]):
             self.add(one.path, one.position, one.message, one.node, severity=WARNING, rule=one.rule)
 
     def __iter__(self) -> Iterator[Finding]:

@@ -12,7 +12,7 @@ from xml.sax.saxutils import quoteattr
 
 from uav_bt.board import Key
 from uav_bt.errors import FileError, InputError, TreeError, UnknownNameError
-from uav_bt.tree.loading.before_flight import faults_of, faults_of_part, unset_reads
+from uav_bt.tree.loading.before_flight import faults_of, faults_of_part
 from uav_bt.tree.loading.build import Builder, Built
 from uav_bt.tree.loading.document import find_main, outline
 from uav_bt.tree.loading.findings import (
@@ -28,7 +28,6 @@ from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.replacements import Replacements
 from uav_bt.tree.loading.source import parse_source, read_source
-from uav_bt.tree.loading.structure import check_recursion
 from uav_bt.tree.loading.uses import Uses
 from uav_bt.tree.loading.variable_faults import check_variables
 from uav_bt.tree.loading.whole_file import whole_file
@@ -119,7 +118,6 @@ def parse_tree(
         raise TreeError(path, unknown)
     for finding in findings:
         _log.warning("Warning: %s", str(finding).replace(": warning:", ":", 1))
-    built.tree.unset = tuple(unset_reads(read.uses[built.tree.name]))
     return built.tree
 
 
@@ -193,15 +191,13 @@ class _Read:
         Of these only the structure must be right, as the engine has it: the rest is a warning.
         """
         document = self.document
-        flown = document.within(self.roots)
         idle = Findings()
-        builder = Builder(document, self._findings, idle, flown)
+        builder = Builder(document, self._findings, idle)
         for tree_id in (*document.unused, *document.trees):
-            if tree_id not in flown and tree_id not in builder.entered:
+            if tree_id not in self._builder.entered | builder.entered:
                 built = builder.build(tree_id)
                 if built is not None and tree_id in document.unused:
                     check_variables(built, document, idle)
-        check_recursion(document, self._findings)
         self._findings.take_as_warnings(idle)
 
     def unknown_policies(self, built: Built) -> Iterator[Finding]:
@@ -211,20 +207,8 @@ class _Read:
     def remarks(self, built: Built) -> Iterator[Finding]:
         """Yield what is not installed, values of caution, and what would end the flight."""
         yield from remarks(built, self.document, self.uses[built.tree.name])
-        if self.document.registry.foreign_board:
-            return
-        if not self.document.is_mission:
-            yield from faults_of_part(built.tree)
-            return
-        yield from faults_of(built.tree)
-        for name, (node, attribute) in unset_reads(self.uses[built.tree.name]).items():
-            element = built.parts[node.path].element
-            message = (
-                f"attribute '{attribute}': nothing sets variable '{name}' of the main tree: "
-                f"give it a value in a Script before, or with --var {name}=VALUE"
-            )
-            where = element.at(attribute)
-            yield Finding(str(element.path), where, message, element.label, rule=Rule.VARIABLE)
+        is_flown = self.document.is_mission and not self.document.registry.foreign_board
+        yield from (faults_of if is_flown else faults_of_part)(self.uses[built.tree.name])
 
 
 def check_file(

@@ -15,7 +15,6 @@ from typing import Final
 
 from uav_bt.errors import FileError, InputError, ValueRangeError, did_you_mean
 from uav_bt.files import read_bounded
-from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.loading.elements import node_attributes, node_id_of
 from uav_bt.tree.loading.findings import WHOLE_FILE, Findings, Position, Rule
 from uav_bt.tree.loading.lookup import file_in
@@ -23,6 +22,7 @@ from uav_bt.tree.loading.parameters import VAR, Parameters
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.mission_tree import Place as At
 from uav_bt.tree.node import NodeKind
+from uav_bt.tree.port import CONDITION_ATTRIBUTES
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.types.place import FILE_PREFIX, FILE_SUFFIXES, NUMBER, SEPARATOR, Place
 

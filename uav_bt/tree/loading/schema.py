@@ -12,13 +12,12 @@ from collections.abc import Iterable
 from typing import Any, Final
 from xml.etree import ElementTree as ET
 
-from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.describe import declared, default_text, summary
 from uav_bt.tree.loading.elements import EDITOR_ATTRIBUTES, KIND_TAGS
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import Node, NodeKind
-from uav_bt.tree.port import PORT_TYPES, REFERENCE_KEY, Port
+from uav_bt.tree.port import CONDITION_ATTRIBUTES, PORT_TYPES, REFERENCE_KEY, Port
 from uav_bt.tree.registry import NodeRegistry
 
 _TAG: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*")

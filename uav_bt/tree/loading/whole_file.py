@@ -20,7 +20,7 @@ def whole_file(document: Document, source: bytes) -> bytes:
     if not document.included:
         return source
     root = ET.Element("root", BTCPP_format="4", main_tree_to_execute=document.main)
-    used = document.within([document.main])
+    used = document.within(document.main)
     for tree_id in (document.main, *sorted(used - {document.main})):
         tree = to_xml(document.trees[tree_id])
         tree.set("ID", tree_id)
