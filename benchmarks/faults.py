@@ -45,6 +45,8 @@ _DISK_FULL: Final = FaultKind(
     name="disk-full", what="nothing more can be written", follow=_fill_disk
 )
 KINDS: Final[Mapping[str, FaultKind]] = {**FAULTS, _DISK_FULL.name: _DISK_FULL}
+# Only networks notice these; exact masks stay as they are.
+IN_IMAGE: Final = {"black", "white", "noise", "covered", "half-size", "empty-image"}
 
 
 class WatchedDrone(FaultyDrone):
@@ -91,7 +93,8 @@ def watched_drone(fault: Fault, *, drone: str, scene: str, seed: int) -> Watched
     """Return an unconnected drone with a fault; its images are small where masks are exact."""
     options = app.FlightOptions(drone=drone, scene=scene, seed=seed)
     if drone != "plain":
-        options = replace(options, image_size_px=(320, 180) if fault.kind.in_image else (160, 90))
+        size_px = (320, 180) if fault.kind.name in IN_IMAGE else (160, 90)
+        options = replace(options, image_size_px=size_px)
     return WatchedDrone(app.make_drone(options), fault)
 
 
@@ -115,7 +118,7 @@ def fly(
     options = app.FlightOptions(
         drone=watched,
         seed=seed,
-        exact_masks=drone != "plain" and not fault.kind.in_image,
+        exact_masks=drone != "plain" and fault.kind.name not in IN_IMAGE,
         ports=ports or {},
         record=path.with_suffix(".mcap") if fault.kind is _DISK_FULL else None,
         judge=JudgeConfig(time_limit_s=time_limit_s, land_on=None if on_pad else LandOn.ANY),

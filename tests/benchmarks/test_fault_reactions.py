@@ -15,7 +15,7 @@ from typing import cast
 import pytest
 
 from benchmarks.fault_reactions import EXPECTED, Expected, Facts, problems
-from benchmarks.faults import KINDS, faults_of, fly, fly_each, main, reaction
+from benchmarks.faults import IN_IMAGE, KINDS, faults_of, fly, fly_each, main, reaction
 from uav_bt.testing.faults import Fault
 
 pytestmark = pytest.mark.flight
@@ -105,7 +105,7 @@ WITH_IMAGES = (
 def short_flight(fault: str, folder: Path, time_limit_s: float = 40.0) -> Callable[[], Facts]:
     tree = folder / "short.xml"
     tree.write_text(TREE, encoding="utf-8")
-    images = Fault.parse(fault, KINDS).kind.in_image or fault in WITH_IMAGES
+    images = Fault.parse(fault, KINDS).kind.name in IN_IMAGE or fault in WITH_IMAGES
     how = {"drone": "twin" if images else "plain", "time_limit_s": time_limit_s}
     return partial(fly, fault, str(tree), folder, on_pad=False, **how)
 

@@ -98,8 +98,7 @@ class Flight:
         self.bench = LeafBench(leaf, **{**given, **PORTS.get(leaf.__name__, {})})
         answer: Answer = TURN_RIGHT if situation == "blocked" else ADVANCE
         self.bench.policies["says"] = Says(answer)
-        self.bench.segmenter = Ground()
-        self.bench.outputs = FlightFolder(outputs)
+        self.bench.provide(segmenter=Ground(), outputs=FlightFolder(outputs))
         self.bench.allow_stale()
         self.situation, self.word = situation, word
         self.ids: set[int] = set()
@@ -188,7 +187,7 @@ def test_halted_it_proposes_nothing_and_begins_anew(
         first = flight.fly(ticks)
         if not flight.runs:
             break
-        flight.bench.proposals.clear()
+        flight.bench.mission.proposals.clear()
         flight.bench.halt()
         assert (flight.bench.proposed, flight.bench.pointed) == (None, None)
         flight.wait(600.0)

@@ -219,9 +219,7 @@ class Flight(Generic[DroneT]):
             listeners=[*self._faulty, *others],
             # A rehearsed drone moves in numbers only: its images rightly stay the same.
             judge_frame=None if self.options.rehearse else frame_judge(self.drone),
-            clock=self._clock,
             next_tree=next_tree,
-            area=self.area,
         )
 
 

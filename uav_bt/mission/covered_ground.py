@@ -116,13 +116,8 @@ class CoveredGround:
         rows, columns = np.nonzero(unseen)
         middles_m = self._cells.middles_m[window][rows, columns]
         seen = np.flatnonzero(self._in_view(lens, pitch_rad, middles_m))
-        if not len(seen):
-            return
-        low_m = np.minimum(middles_m[seen].min(axis=0), (x_m, y_m))
-        high_m = np.maximum(middles_m[seen].max(axis=0), (x_m, y_m))
         for block in self._blocks:
-            if _may_lie_in(block.footprint, low_m, high_m):
-                seen = seen[~_hidden(lens, block, middles_m[seen])]
+            seen = seen[~_hidden(lens, block, middles_m[seen])]
         unseen[rows[seen], columns[seen]] = False
 
     def _in_view(self, lens: Pose, pitch_rad: float, points_m: Floats) -> Flags:
@@ -157,13 +152,6 @@ def _inside(ground: Ground, points_m: Floats) -> Flags:
         if ey != 0.0:
             inside ^= ((ay > y_m) != (ay + ey > y_m)) & (x_m < ax + (y_m - ay) / ey * ex)
     return inside
-
-
-def _may_lie_in(box: Footprint, low_m: Floats, high_m: Floats) -> bool:
-    """Return whether part of a box may lie in a rectangle between two corners: a quick look."""
-    around_m = box.half_x_m + box.half_y_m
-    in_x = low_m[0] - around_m <= box.x_m <= high_m[0] + around_m
-    return bool(in_x and low_m[1] - around_m <= box.y_m <= high_m[1] + around_m)
 
 
 def _hidden(lens: Pose, block: Block, points_m: Floats) -> Flags:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from uav_bt.board import PHASE
 from uav_bt.board.context import MissionContext
 from uav_bt.mission.safety import Override
-from uav_bt.tree.branch_watch import BranchEnds
 from uav_bt.tree.node import Node
-from uav_bt.types import FlyingState
+from uav_bt.tree.watches import BranchEnds
 from uav_bt.types.flight_results import EventKind
 
 
@@ -15,30 +15,24 @@ class EventWatch:
 
     def __init__(self, context: MissionContext) -> None:
         self._context = context
-        self._phase = ""
+        self.phase = ""  # the mission's: board key `phase`; empty before the first one
         self._override: Override | None = None
         self._flew = False
         self.failure = ""  # the last branch that failed, or the tree's own reason
 
     def update(
-        self,
-        *,
-        phase: str,
-        override: Override | None,
-        reasons: tuple[str, ...],
-        flying: FlyingState,
-        ends: BranchEnds,
+        self, override: Override | None, refused: tuple[str, ...], ends: BranchEnds, *, landed: bool
     ) -> None:
-        """Add the events of a tick; `reasons` say why frame or telemetry were refused in it."""
+        """Add the events of a tick; `refused` says why frame or telemetry were refused in it."""
         add = self._context.add_event
         for node in ends.failed:
             self.failure = _words(node)
             add(EventKind.FAILED, self.failure, node.path)
-        if phase != self._phase:
-            self._phase = phase
+        phase = self._context.board.read(PHASE).value or ""
+        if phase != self.phase:
+            self.phase = phase
             add(EventKind.PHASE, phase, self._context.proposals.movement_owner or "")
-        self._note_override(override, reasons)
-        landed = flying is FlyingState.LANDED
+        self._note_override(override, refused)
         if landed and self._flew:
             add(EventKind.LANDED, "the drone landed")
         self._flew = not landed

@@ -1,15 +1,14 @@
-"""What the position hold knows: the ordered motion, lately learned disturbances, a landing."""
+"""Parts of the position hold: the ordered motion, a landing, and the watch of the ground."""
 
 from __future__ import annotations
 
 import logging
 import math
 from collections import deque
-from statistics import median
 from typing import Final
 
 from uav_bt.mission.lasting import Lasting
-from uav_bt.types import Airframe, BodyVelocity, rotate
+from uav_bt.types import Airframe, BodyVelocity
 from uav_bt.types.dead_reckoning import MotionEstimate
 
 Vector = tuple[float, float]  # horizontal, in the odometry's frame
@@ -19,7 +18,6 @@ _LOG: Final = logging.getLogger(__name__)
 # All chosen.
 _PAST_S: Final = 1.0  # memory of past velocities; longer than the age of any telemetry
 _STEADY_MPS: Final = 0.12  # between order and velocity; six times the noise of the twin's velocity
-_LATELY_S: Final = 8.0  # a frozen image is noticed within a quarter of it
 _OFF_MPS: Final = 0.08  # greatest error of telemetry's velocity; four times the twin's noise
 _OFF_S: Final = 3.0  # shortest duration of a reported error; twice the twin's gusts
 
@@ -82,26 +80,6 @@ class OrderedMotion:
         self._target = self._mps = (0.0, 0.0)
 
 
-class LatelyLearned:
-    """The disturbances of the last seconds in which one was learned."""
-
-    def __init__(self) -> None:
-        self._learned: deque[tuple[float, Vector]] = deque()
-
-    def add(self, learned: Vector, now_s: float) -> None:
-        """Add one, m/s, at a time, seconds."""
-        self._learned.append((now_s, learned))
-        while now_s - self._learned[0][0] > _LATELY_S:
-            self._learned.popleft()
-
-    def median(self) -> Vector:
-        """Return their median, m/s; 0 before half of the time was learned."""
-        if not self._learned or self._learned[-1][0] - self._learned[0][0] < _LATELY_S / 2:
-            return (0.0, 0.0)
-        x_mps, y_mps = zip(*(learned for _, learned in self._learned), strict=True)
-        return median(x_mps), median(y_mps)
-
-
 class HeldLanding:
     """The vertical speed of one landing by velocities, from a height above the surface below."""
 
@@ -127,7 +105,7 @@ class GroundWatch:
 
     def __init__(self) -> None:
         self._off = Lasting()
-        self.warning: str | None = None  # while they disagree
+        self.warnings: tuple[str, ...] = ()  # one while they disagree
 
     def update(self, motion: MotionEstimate | None, now_s: float) -> None:
         """Check the motion over the ground in a tick; None where it is unknown."""
@@ -135,24 +113,16 @@ class GroundWatch:
         off_mps = math.hypot(error.forward_mps, error.right_mps)
         lasted_s = self._off.update(now_s, holds=off_mps > _OFF_MPS)
         if off_mps <= _OFF_MPS:
-            self.warning = None
-        elif lasted_s > _OFF_S and self.warning is None:
-            self.warning = (
+            self.warnings = ()
+        elif lasted_s > _OFF_S and not self.warnings:
+            warning = (
                 f"the ground moves by {off_mps:.2f} m/s otherwise than the drone's velocity says: "
                 "it drifts without noticing, or reports a wrong velocity; flying by vision instead"
             )
-            _LOG.warning("%s", self.warning)
+            self.warnings = (warning,)
+            _LOG.warning("%s", warning)
 
 
 def add(first: Vector, factor: float, second: Vector) -> Vector:
     """Return first + factor * second."""
     return first[0] + factor * second[0], first[1] + factor * second[1]
-
-
-def in_world(
-    motion: MotionEstimate, velocity: BodyVelocity, less: BodyVelocity | None = None
-) -> Vector:
-    """Return a body's velocity, less another, in the odometry's frame, m/s."""
-    less = less or BodyVelocity()
-    forward_mps = velocity.forward_mps - less.forward_mps
-    return rotate(forward_mps, velocity.right_mps - less.right_mps, motion.pose.yaw_rad)

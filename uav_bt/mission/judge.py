@@ -30,7 +30,7 @@ class Outcome(enum.Enum):
     ERROR = "error"  # a fault of ours
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Verdict:
     """The outcome with its reason, one line for people."""
 
@@ -95,14 +95,6 @@ _MAY_TOUCH_GROUND: Final = frozenset(
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Belief:
-    """The drone's estimate of its place; None where it is unknown."""
-
-    mark_m: float | None = None  # horizontal distance of the landing mark's centre
-    place: Pose2D | None = None  # relative to the take-off pose, heading clockwise
-
-
 class Judge:
     """Watches a flight, by the referee's truth if there is one, else by telemetry and board."""
 
@@ -153,55 +145,57 @@ class Judge:
         *,
         abort_reason: str | None,
         landing: bool = False,
-        belief: Belief | None = None,
+        mark_m: float | None = None,
+        place: Pose2D | None = None,
         failure: str = "",
     ) -> Verdict | None:
         """Return the verdict on the flight, None while it goes on.
 
-        `landing` tells that the mission lands, by velocities or by the drone's own landing, and
-        `failure` names the last branch of the tree that failed.
+        `landing` tells that the mission lands, by velocities or by the drone's own landing. The
+        drone's estimates are `mark_m`, the horizontal distance of the landing mark's centre, and
+        `place`, relative to the take-off pose with the heading clockwise. `failure` names the last
+        branch of the tree that failed.
         """
-        state, belief = record.observation.state, belief or Belief()
+        state = record.observation.state
         self._lands = landing or state.flying in _MAY_TOUCH_GROUND
         if self._started_s is None:
             self._started_s = record.time_s
         landed = state.flying is FlyingState.LANDED
         self._flew = self._flew or not landed
         if not landed:
-            self._mark_m = belief.mark_m
-        violation = self._violation(record, belief)
+            self._mark_m = mark_m
+        violation = self._violation(record, place)
         if violation is not None:
-            return Verdict(outcome=violation[0], reason=violation[1])
+            return violation
         if state.flying is FlyingState.EMERGENCY:  # it falls, or lies on the ground
-            reason = abort_reason or "the drone cut its motors"
-            return Verdict(outcome=Outcome.ABORTED, reason=reason)
+            return Verdict(Outcome.ABORTED, abort_reason or "the drone cut its motors")
         if not landed:  # an abort waits; the runner aborts a tree that ended
             return None
-        if abort_reason is None and record.tree_status in (Status.SUCCESS, Status.FAILURE):
-            abort_reason = self._objection(record.tree_status, record.truth, failure)
-            if abort_reason is None:
-                how = "the tree succeeded on the ground" if self.stays_grounded else "landed"
-                return Verdict(outcome=Outcome.SUCCESS, reason=how)
         if abort_reason is None:
-            return None
-        return Verdict(outcome=Outcome.ABORTED, reason=abort_reason)
+            if record.tree_status not in (Status.SUCCESS, Status.FAILURE):
+                return None
+            abort_reason = self._objection(record.tree_status, record.truth, failure)
+        if abort_reason is not None:
+            return Verdict(Outcome.ABORTED, abort_reason)
+        how = "the tree succeeded on the ground" if self.stays_grounded else "landed"
+        return Verdict(Outcome.SUCCESS, how)
 
-    def _violation(self, record: TickRecord, belief: Belief) -> tuple[Outcome, str] | None:
-        truth, place = record.truth, belief.place
+    def _violation(self, record: TickRecord, place: Pose2D | None) -> Verdict | None:
+        truth = record.truth
         if truth is not None:
             place = self._true_place(truth)
             hit = self._hit(record, truth)
             if hit is not None:
-                return Outcome.COLLISION, f"touched {hit}"
+                return Verdict(Outcome.COLLISION, f"touched {hit}")
             if self._took_off_s is not None and not truth.inside_ground:
                 at = f"({truth.pose.x_m:.2f}, {truth.pose.y_m:.2f}) m"
-                return Outcome.LEFT_AREA, f"flew beyond the ground's edge at {at}"
+                return Verdict(Outcome.LEFT_AREA, f"flew beyond the ground's edge at {at}")
         if self._area is not None and place is not None:
             left_m = -self._area.margin_m(place.x_m, place.y_m)
             if left_m > _LEFT_M:
-                return Outcome.LEFT_AREA, f"left the mission's area by {left_m:.2f} m"
+                return Verdict(Outcome.LEFT_AREA, f"left the mission's area by {left_m:.2f} m")
         late = self._late(record.time_s)
-        return None if late is None else (Outcome.TIMEOUT, late)
+        return None if late is None else Verdict(Outcome.TIMEOUT, late)
 
     def _true_place(self, truth: Truth) -> Pose2D:
         """Return the pose relative to the first one: metres ahead and to the right, clockwise."""
@@ -216,17 +210,15 @@ class Judge:
         if self.stays_grounded or self._took_off_s is not None or self._started_s is None:
             return None
         waited_s = now_s - self._started_s
-        waits = waited_s <= self._config.patience_s
-        return None if waits else f"no take-off within {waited_s:.0f} s"
+        return (
+            f"no take-off within {waited_s:.0f} s" if waited_s > self._config.patience_s else None
+        )
 
     def _hit(self, record: TickRecord, truth: Truth) -> str | None:
         """Return what was touched, a landing surface aside while the drone may be landing."""
         unheard = record.time_s - record.observation.state.captured_s > _UNHEARD_S
-        lands = unheard or self._lands
-        touched = (
-            name for name in truth.contacts if not (lands and self._config.is_landing_surface(name))
-        )
-        return next(touched, None)
+        allowed = self._config.is_landing_surface if unheard or self._lands else lambda _: False
+        return next((name for name in truth.contacts if not allowed(name)), None)
 
     def _objection(self, status: Status, truth: Truth | None, failure: str) -> str | None:
         """Return why a flight that ended on the ground is no success; None if it is one."""

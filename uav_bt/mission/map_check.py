@@ -93,8 +93,7 @@ class MapCheck:
         self._read = read
         self._alignment = MapAlignment()
         self._newest: SiteMap | None = None
-        self._drift_m: float | None = None
-        self._after_m: dict[int, float] = {}  # the drift, by seconds since the take-off command
+        self._drifts_m: dict[str, float] = {}  # by the fields of the report
 
     def add(self, record: TickRecord, *, since_s: float | None) -> None:
         """Add a tick, beginning with the first; the take-off was commanded at `since_s`."""
@@ -108,15 +107,16 @@ class MapCheck:
             return
         self._newest = site_map
         believed = placement.pose_to_world(site_map.pose)
-        self._drift_m = math.hypot(believed.x_m - truth.pose.x_m, believed.y_m - truth.pose.y_m)
+        drift_m = math.hypot(believed.x_m - truth.pose.x_m, believed.y_m - truth.pose.y_m)
+        self._drifts_m["map_drift_m"] = round(drift_m, 4)
         for due_s in (90, 180):
             if since_s is not None and record.time_s - since_s >= due_s - _SLACK_S:
-                self._after_m.setdefault(due_s, self._drift_m)
+                self._drifts_m.setdefault(f"map_drift_{due_s}s_m", round(drift_m, 4))
 
     def fields(self) -> dict[str, Any]:
         """Return the fields of the flight's report; none without a map."""
         placement, site_map = self._alignment.placement, self._newest
-        if placement is None or site_map is None or self._drift_m is None:
+        if placement is None or site_map is None:
             return {}
         errors_m = matches(site_map.objects, self._objects, placement)
         return {
@@ -124,8 +124,7 @@ class MapCheck:
             "objects_total": len(self._objects),
             "object_errors_m": [round(error_m, 4) for error_m in errors_m],
             "false_objects": len(site_map.objects) - len(errors_m),
-            "map_drift_m": round(self._drift_m, 4),
-            **{f"map_drift_{at_s}s_m": round(drift, 4) for at_s, drift in self._after_m.items()},
+            **self._drifts_m,
             "map_restarts": site_map.restarts,
         }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -12,7 +13,7 @@ from uav_bt.board import numbers as keys
 from uav_bt.board.blackboard import Blackboard, Key
 from uav_bt.board.flight_notes import FlightNotes
 from uav_bt.board.numbers import UNKNOWN, UNKNOWN_PLACE
-from uav_bt.mission.judge import Belief, Judge
+from uav_bt.mission.judge import Judge
 from uav_bt.mission.position_hold import BLIND_S
 from uav_bt.types import Observation, Pose2D, wrap_angle
 from uav_bt.types.area import Area
@@ -47,30 +48,17 @@ class Whereabouts:
         return self.place
 
     def _relative(self, here: Pose2D) -> Pose2D:
-        if self._start is None:
-            self._start = here
+        self._start = self._start or here
         if self.site_map is not None:
             here = self.site_map.correction.pose_to_world(here)
-        x_m, y_m = self._start.to_body(here.x_m, here.y_m)
-        return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=wrap_angle(here.yaw_rad - self._start.yaw_rad))
+        ahead = self._start.pose_to_body(here)
+        return replace(ahead, yaw_rad=wrap_angle(ahead.yaw_rad))
 
-    @property
-    def area_margin_m(self) -> float | None:
-        """Distance to the area's boundary, negative outside; None without area or place."""
-        if self.area is None or self.place is None:
-            return None
-        return self.area.margin_m(self.place.x_m, self.place.y_m)
-
-    def belief(self) -> Belief:
-        """Return what the judge takes where there is no truth."""
-        return Belief(mark_m=self._mark_m(), place=self.place)
-
-    def _mark_m(self) -> float | None:
-        """Return the distance of the landing mark, by its track or else by the fresh map."""
-        fix = self._board.value(MARK)
+    def mark_m(self) -> float | None:
+        """Return the horizontal distance of the landing mark, by its track or the fresh map."""
+        fix, site_map = self._board.value(MARK), self._board.value(SITE_MAP)
         if fix is not None:
             return fix.range_m
-        site_map = self._board.value(SITE_MAP)
         if site_map is None or site_map.mark is None:
             return None
         mark, pose = site_map.mark, site_map.pose
@@ -84,7 +72,7 @@ class MissionNumbers:
         self, board: Blackboard, notes: FlightNotes, whereabouts: Whereabouts, judge: Judge
     ) -> None:
         self._board, self._notes = board, notes
-        self._whereabouts = whereabouts
+        self._where = whereabouts
         self._judge = judge
         self._took_off: tuple[float, float] | None = None  # time and charge at the take-off
         self._battery_per_min = self._covered = UNKNOWN
@@ -95,8 +83,13 @@ class MissionNumbers:
 
     def write(self, observation: Observation, now_s: float) -> None:
         """Write all numbers; `now_s` is the mission clock's time."""
-        state, frame = observation.state, observation.frame
+        state, frame, site_map = observation.state, observation.frame, self._where.site_map
         self._use_battery(now_s, state.battery, flying=state.in_air)
+        if site_map is not None and now_s - self._covered_s >= _COVERED_EVERY_S:
+            known = int(np.count_nonzero(site_map.ground))
+            covered = np.count_nonzero(site_map.ground & site_map.passed)
+            self._covered, self._covered_s = covered / known if known else 0.0, now_s
+        marked = site_map is not None and site_map.mark is not None
         numbers = {
             keys.BATTERY_SHARE: UNKNOWN if state.battery is None else state.battery,
             keys.BATTERY_PER_MIN: self._battery_per_min,
@@ -106,8 +99,11 @@ class MissionNumbers:
             keys.BLIND: UNKNOWN if frame is None else self._blind_s(frame.captured_s, now_s),
             keys.UNHEARD: max(now_s - state.captured_s, 0.0),
             keys.PHOTOS_COUNT: len(self._notes.photos),
+            keys.MARK_KNOWN: float(marked or self._board.value(MARK) is not None),
+            keys.LOCALISED: float(self._localised()),
+            keys.OBJECTS_COUNT: UNKNOWN if site_map is None else len(site_map.objects),
+            keys.COVERAGE_SHARE: self._covered,
             **self._place(),
-            **self._map(now_s),
         }
         for key, value in numbers.items():
             self._board.write(key, value)
@@ -120,19 +116,15 @@ class MissionNumbers:
         """
         if not flying:
             self._took_off = None
-            return
-        if charge is None:
-            return
-        if self._took_off is None:
-            self._took_off = now_s, charge
-        begin_s, full = self._took_off
-        if now_s - begin_s >= _BATTERY_S:
-            used = max(full - charge, 0.0) + _BATTERY_STEP
-            self._battery_per_min = 60.0 * used / (now_s - begin_s)
+        elif charge is not None:
+            self._took_off = begin_s, full = self._took_off or (now_s, charge)
+            if now_s - begin_s >= _BATTERY_S:
+                used = max(full - charge, 0.0) + _BATTERY_STEP
+                self._battery_per_min = 60.0 * used / (now_s - begin_s)
 
     def _blind_s(self, captured_s: float, now_s: float) -> float:
         """Return the time without a new frame, or without ground in the views of the map."""
-        blind_s, site_map = max(now_s - captured_s, 0.0), self._whereabouts.site_map
+        blind_s, site_map = max(now_s - captured_s, 0.0), self._where.site_map
         if site_map is None or site_map.captured_s == -math.inf:
             return blind_s
         self._map_since_s = min(self._map_since_s, site_map.captured_s)
@@ -142,30 +134,17 @@ class MissionNumbers:
         return max(blind_s, site_map.captured_s - max(self._ground_s, self._map_since_s))
 
     def _place(self) -> dict[Key[float], float]:
-        at, margin_m = self._whereabouts.place, self._whereabouts.area_margin_m
-        if margin_m is None:
-            margin_m = UNKNOWN_PLACE if self._whereabouts.area is None else -UNKNOWN_PLACE
+        at, area = self._where.place, self._where.area
+        if at is None:
+            unknown = dict.fromkeys((keys.X, keys.Y, keys.HEADING), UNKNOWN_PLACE)
+            margin_m = UNKNOWN_PLACE if area is None else -UNKNOWN_PLACE
+            return {**unknown, keys.HOME: UNKNOWN, keys.AREA_MARGIN: margin_m}
         return {
-            keys.X: UNKNOWN_PLACE if at is None else at.x_m,
-            keys.Y: UNKNOWN_PLACE if at is None else at.y_m,
-            keys.HEADING: UNKNOWN_PLACE if at is None else math.degrees(at.yaw_rad),
-            keys.HOME: UNKNOWN if at is None else math.hypot(at.x_m, at.y_m),
-            keys.AREA_MARGIN: margin_m,
-        }
-
-    def _map(self, now_s: float) -> dict[Key[float], float]:
-        site_map = self._whereabouts.site_map
-        if site_map is not None and now_s - self._covered_s >= _COVERED_EVERY_S:
-            ground = site_map.ground
-            known = int(np.count_nonzero(ground))
-            covered = np.count_nonzero(ground & site_map.passed)
-            self._covered, self._covered_s = covered / known if known else 0.0, now_s
-        mapped = site_map is not None and site_map.mark is not None
-        return {
-            keys.MARK_KNOWN: float(mapped or self._board.value(MARK) is not None),
-            keys.LOCALISED: float(self._localised()),
-            keys.OBJECTS_COUNT: UNKNOWN if site_map is None else len(site_map.objects),
-            keys.COVERAGE_SHARE: self._covered,
+            keys.X: at.x_m,
+            keys.Y: at.y_m,
+            keys.HEADING: math.degrees(at.yaw_rad),
+            keys.HOME: math.hypot(at.x_m, at.y_m),
+            keys.AREA_MARGIN: UNKNOWN_PLACE if area is None else area.margin_m(at.x_m, at.y_m),
         }
 
     def _localised(self) -> bool:

@@ -8,17 +8,8 @@ from typing import Final
 from uav_bt.board.keys import STATE
 from uav_bt.mission.lasting import Lasting
 from uav_bt.mission.safety import AIRBORNE
-from uav_bt.types import (
-    Command,
-    DroneState,
-    FlyingState,
-    Hover,
-    Land,
-    MoveBy,
-    MovementState,
-    TakeOff,
-    Velocity,
-)
+from uav_bt.types import DroneState, FlyingState, MovementState
+from uav_bt.types.commands import Command, Hover, Land, MoveBy, TakeOff, Velocity
 
 # All chosen.
 _START_S: Final = 6.0  # until a gimbal points or a landing begins; a take-off has twice as long

@@ -19,32 +19,16 @@ Then only the disturbance of the last seconds with ground is compensated.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections import deque
+from dataclasses import replace
+from statistics import median
 from typing import Final
 
-from uav_bt.mission.hold_model import (
-    GroundWatch,
-    HeldLanding,
-    LatelyLearned,
-    OrderedMotion,
-    Vector,
-    add,
-    in_world,
-)
+from uav_bt.mission.hold_model import GroundWatch, HeldLanding, OrderedMotion, Vector, add
 from uav_bt.mission.lasting import Lasting
 from uav_bt.mission.safety import AIRBORNE
-from uav_bt.types import (
-    Airframe,
-    DroneState,
-    Hover,
-    Land,
-    MoveBy,
-    Movement,
-    MovementState,
-    Velocity,
-    limit_length,
-    rotate,
-)
+from uav_bt.types import Airframe, DroneState, MovementState, MovementStatus, limit_length, rotate
+from uav_bt.types.commands import Hover, Land, MoveBy, Movement, Velocity
 from uav_bt.types.dead_reckoning import MotionEstimate
 
 # Video is 0.15 to 0.4 s late. That delays only the part of the velocity that telemetry misses,
@@ -63,23 +47,14 @@ _BEGIN_MPS: Final = 0.03  # least correction of a hover; below it the drone's ow
 _END_MPS: Final = 0.012  # a corrected hover is left to the drone below it, without chatter
 _LEASH_M: Final = 0.4  # from the drone to its place; its size: freed, it must not dash
 _LEAP_MPS: Final = 2.0  # a faster dead reckoning leaps, and the place with it; twice the limit
-_LOST_S: Final = (
-    4.0  # beyond the leash for this time, the place cannot be held; gusts pass in 1.5 s
-)
+_LOST_S: Final = 4.0  # longest beyond the leash, or the place cannot be held; gusts pass in 1.5 s
 _MOVE_S: Final = 1.3  # of a `MoveBy` besides its flight: gaining speed, braking, settling (twin)
 _MOVE_MPS: Final = 0.5  # mean speed of a `MoveBy` of 0.3 to 1 m in the twin
 _AIM_MPS: Final = 0.04  # least disturbance that a `MoveBy` is aimed against; twice the twin's noise
 BLIND_S: Final = 5.0
 """Time without ground in view after which no place is kept; half a turn at 0.6 rad/s."""
 _ADRIFT_S: Final = 20.0  # then the last disturbance counts; longer than frames are waited for
-
-
-@dataclass(frozen=True)
-class _AimedMove:
-    """A `MoveBy` as it is sent, and its goal in the odometry's frame; None once it is unknown."""
-
-    move: MoveBy
-    goal: Vector | None
+_LATELY_S: Final = 8.0  # time of that disturbance; a frozen image is noticed within a quarter of it
 
 
 class PositionHold:
@@ -90,10 +65,11 @@ class PositionHold:
         self._ordered = OrderedMotion(self._airframe)
         self._unordered: Vector = (0.0, 0.0)  # of telemetry's velocity: not explained by orders
         self._learned: Vector = (0.0, 0.0)  # the disturbance at the last learning
-        self._lately = LatelyLearned()
+        self._lately: deque[tuple[float, Vector]] = deque()  # those of the last `_LATELY_S`
         self._here: Vector | None = None  # position in the last tick
         self._place: Vector | None = None  # None in a velocity flight and while it stops
-        self._aimed: _AimedMove | None = None  # the present `MoveBy`
+        self._move: MoveBy | None = None  # the present one, as it is sent
+        self._goal: Vector | None = None  # its goal; None once it is unknown
         self._known: MotionEstimate | None = None  # the last one over the ground
         self._landing: HeldLanding | None = None  # a landing that is flown by velocities
         self._lands_itself = False  # the drone, until something else is proposed
@@ -101,7 +77,7 @@ class PositionHold:
         self._last_s = self._learns_from_s = -math.inf
         self._holds = False  # a hover is being corrected
         self._lost = Lasting()
-        self._watch = GroundWatch()
+        self.watch = GroundWatch()
         self.trouble: str | None = None  # why the place cannot be held
 
     def correct(
@@ -129,22 +105,23 @@ class PositionHold:
             return movement
         if not leapt:
             self._learn(motion, passed_s)
-        wanted = rotate(order.forward_mps, order.right_mps, motion.pose.yaw_rad)
-        self._keep_place(wanted, motion, passed_s, goal, now_s)
+        self._keep_place(order, motion, passed_s, goal)
         return self._corrected(movement, order, motion.pose.yaw_rad, self._correction(motion))
 
     def against_drift(self, movement: Movement, state: DroneState, now_s: float) -> Movement:
         """Return a movement against the disturbance of the last seconds with ground in view."""
-        motion = self._known
+        motion, order = self._known, _velocity(movement)
         self.rest()
-        if state.flying not in AIRBORNE or not isinstance(movement, Hover | Velocity):
+        if state.flying not in AIRBORNE or order is None:
             return movement
         if motion is None or now_s - motion.tracked_s > _ADRIFT_S:
             return movement
-        order = movement if isinstance(movement, Velocity) else Velocity()
-        x_mps, y_mps = self._lately.median()
+        extra: Vector = (0.0, 0.0)  # before half of the time was learned
+        if self._lately and self._lately[-1][0] - self._lately[0][0] >= _LATELY_S / 2:
+            x_mps, y_mps = zip(*(learned for _, learned in self._lately), strict=True)
+            extra = (-median(x_mps), -median(y_mps))
         yaw_rad = state.attitude.yaw_rad + motion.turn_rad  # the drone may have turned since
-        return self._corrected(movement, order, yaw_rad, (-x_mps, -y_mps))
+        return self._corrected(movement, order, yaw_rad, extra)
 
     def _corrected(
         self, movement: Movement, order: Velocity, yaw_rad: float, extra: Vector
@@ -172,28 +149,20 @@ class PositionHold:
         rests: bool = False,
     ) -> None:
         """Note the movement that was sent in this tick; it `rests` where a safety rule decided."""
-        self._watch.update(motion, now_s)
-        lands = isinstance(movement, Land)
+        self.watch.update(motion, now_s)
+        lands, order = isinstance(movement, Land), _velocity(movement)
         if lands or rests:
             self.rest()
             self._lands_itself = lands
-        if motion is None or not isinstance(movement, Hover | Velocity):
-            return
-        order = movement if isinstance(movement, Velocity) else Velocity()
-        mps = rotate(order.forward_mps, order.right_mps, motion.pose.yaw_rad)
-        self._ordered.order(mps, now_s)
+        if motion is not None and order is not None:
+            mps = rotate(order.forward_mps, order.right_mps, motion.pose.yaw_rad)
+            self._ordered.order(mps, now_s)
 
     def rest(self) -> None:
-        """Drop the place: a person flies, or the motion is unknown."""
-        self._here = self._place = self._landing = None
+        """Drop the place: a person flies, or the motion is unknown; the drone flies a move on."""
+        self._here = self._place = self._goal = self._landing = None
         self._lands_itself = self._holds = False
-        self._aimed = self._aimed and replace(self._aimed, goal=None)  # the drone flies it on
         self._stopping.reset()
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """The present disagreement of ground and telemetry, if any."""
-        return () if self._watch.warning is None else (self._watch.warning,)
 
     @property
     def disturbance_mps(self) -> float:
@@ -203,14 +172,12 @@ class PositionHold:
     def _order(self, movement: Movement, state: DroneState, passed_s: float) -> Velocity | None:
         """Return the velocity to fly a movement by, None to leave it to the drone."""
         self._lands_itself = False
-        if isinstance(movement, Land):
-            self._landing = self._landing or HeldLanding(state.height_m)
-            down_mps = self._landing.order(state.height_m, passed_s)
-            return None if down_mps is None else Velocity(down_mps=down_mps)
-        self._landing = None
-        if isinstance(movement, Velocity):
-            return movement
-        return Velocity() if isinstance(movement, Hover) else None
+        if not isinstance(movement, Land):
+            self._landing = None
+            return _velocity(movement)
+        self._landing = self._landing or HeldLanding(state.height_m)
+        down_mps = self._landing.order(state.height_m, passed_s)
+        return None if down_mps is None else Velocity(down_mps=down_mps)
 
     def _follow_leap(self, here: Vector, passed_s: float) -> bool:
         """Shift the place with a leap of dead reckoning; return whether there was one."""
@@ -222,8 +189,8 @@ class PositionHold:
             return False
         if self._place is not None:
             self._place = add(self._place, 1.0, moved)
-        if self._aimed is not None and self._aimed.goal is not None:
-            self._aimed = replace(self._aimed, goal=add(self._aimed.goal, 1.0, moved))
+        if self._goal is not None:
+            self._goal = add(self._goal, 1.0, moved)
         return True
 
     # --- the disturbance --------------------------------------------------------------------------
@@ -233,17 +200,22 @@ class PositionHold:
         settled = self._ordered.steady and self._last_s >= self._learns_from_s
         if motion.untracked_s > _FRESH_S or not settled:
             return
-        reported = in_world(motion, motion.velocity, less=motion.drift)
+        forward_mps = motion.velocity.forward_mps - motion.drift.forward_mps
+        right_mps = motion.velocity.right_mps - motion.drift.right_mps
+        reported = rotate(forward_mps, right_mps, motion.pose.yaw_rad)
         measured_s = motion.pose.time_s if motion.velocity_s is None else motion.velocity_s
         beyond = add(reported, -1.0, self._ordered.at(measured_s))
         share = 1.0 - math.exp(-passed_s / _LEARN_S)
         learned = add(self._unordered, share, add(beyond, -1.0, self._unordered))
         self._unordered = limit_length(*learned, _DISTURBANCE_MPS)
         self._learned = self._disturbance(motion)
-        self._lately.add(self._learned, self._last_s)
+        self._lately.append((self._last_s, self._learned))
+        while self._last_s - self._lately[0][0] > _LATELY_S:
+            self._lately.popleft()
 
     def _disturbance(self, motion: MotionEstimate) -> Vector:
-        missed = in_world(motion, motion.drift)
+        drift = motion.drift
+        missed = rotate(drift.forward_mps, drift.right_mps, motion.pose.yaw_rad)
         return limit_length(*add(missed, 1.0, self._unordered), _DISTURBANCE_MPS)
 
     def _correction(self, motion: MotionEstimate) -> Vector:
@@ -256,29 +228,24 @@ class PositionHold:
     # --- the place --------------------------------------------------------------------------------
 
     def _keep_place(
-        self,
-        wanted: Vector,
-        motion: MotionEstimate,
-        passed_s: float,
-        goal: Vector | None,
-        now_s: float,
+        self, order: Velocity, motion: MotionEstimate, passed_s: float, goal: Vector | None
     ) -> None:
         """Choose the place to keep, or move the kept place by a slow order."""
-        here = (motion.pose.x_m, motion.pose.y_m)
+        now_s, here = self._last_s, (motion.pose.x_m, motion.pose.y_m)
+        wanted = rotate(order.forward_mps, order.right_mps, motion.pose.yaw_rad)
         if math.hypot(*wanted) > _ON_THE_SPOT_MPS:
             self._place = None
             self._stopping.reset()
             return
-        if self._place is None:
-            self._place = goal
-        if self._place is None:
+        place = self._place or goal
+        if place is None:
             stopping_s = self._stopping.update(now_s, holds=True)
             speed_mps = math.hypot(motion.velocity.forward_mps, motion.velocity.right_mps)
             if speed_mps > _ON_THE_SPOT_MPS and stopping_s < _STOPPING_S:
                 return
-            self._place = here
+            place = here
         self._stopping.reset()
-        away = add(add(self._place, passed_s, wanted), -1.0, here)
+        away = add(add(place, passed_s, wanted), -1.0, here)
         self._place = add(here, 1.0, limit_length(*away, _LEASH_M))
         if self._lost.update(now_s, holds=math.hypot(*away) > _LEASH_M) > _LOST_S:
             self.trouble = (
@@ -289,8 +256,8 @@ class PositionHold:
     def _aim(self, move: MoveBy, motion: MotionEstimate) -> MoveBy:
         """Return a movement that ends at its goal in spite of the drift."""
         self._landing, self._lands_itself = None, False
-        if self._aimed is not None and self._aimed.move.id == move.id:
-            return self._aimed.move
+        if self._move is not None and self._move.id == move.id:
+            return self._move
         self._place = None
         self._stopping.reset()
         self._holds = False
@@ -298,23 +265,28 @@ class PositionHold:
         size_mps = max(self.disturbance_mps, _AIM_MPS)
         sure_s = lasts_s * (1.0 - (_AIM_MPS / size_mps) ** 2)
         forward_mps, right_mps = rotate(*self._learned, -motion.pose.yaw_rad)
-        aimed = replace(
+        self._goal = motion.pose.to_world(move.forward_m, move.right_m)
+        self._move = replace(
             move,
             forward_m=move.forward_m - forward_mps * sure_s,
             right_m=move.right_m - right_mps * sure_s,
         )
-        goal = motion.pose.to_world(move.forward_m, move.right_m)
-        self._aimed = _AimedMove(aimed, goal)
-        return aimed
+        return self._move
 
     def _end_move(self, state: DroneState) -> Vector | None:
         """Drop the present movement; return its goal if it is done."""
-        aimed, self._aimed = self._aimed, None
-        if aimed is None:
+        (move, self._move), (goal, self._goal) = (self._move, None), (self._goal, None)
+        if move is None:
             return None
         self._ordered.stop()
-        status, number = state.movement, aimed.move.id
-        done = status is not None and (status.id, status.state) == (number, MovementState.DONE)
+        done = state.movement == MovementStatus(id=move.id, state=MovementState.DONE)
         # A drone that breaks off a movement is still fast, which is no disturbance.
         self._learns_from_s = self._last_s + (_SWING_S if done else _STOPPING_S)
-        return aimed.goal if done else None
+        return goal if done else None
+
+
+def _velocity(movement: Movement) -> Velocity | None:
+    """Return a hover or a velocity as a velocity; None for other movements."""
+    if isinstance(movement, Hover):
+        return Velocity()
+    return movement if isinstance(movement, Velocity) else None

@@ -15,6 +15,9 @@ from uav_bt.types import DroneState, FlyingState, Observation
 _STEP_S: Final = 0.1  # time between two observations, seconds; chosen, as a tick of a mission
 _FRAMES: Final = 3  # number of different frames that show a running video; chosen
 _OLD_S: Final = 1.0  # greatest age of telemetry and frames on the ground, seconds; chosen
+_WAIT_S: Final = 5.0  # longest for telemetry and frames: as long as video may take to be granted
+_WITHIN: Final = f"within {_WAIT_S:.0f} s"
+LOOK_S: Final = 2.5  # for which images are watched; a still video counts as frozen after 2 s
 _HAND_OVER: Final = "hand over at the remote control"
 _RECONNECT: Final = "connect again; restart the drone if that does not help"
 
@@ -27,10 +30,6 @@ class PreflightConfig:
         battery: least charge, 0 to 1. Chosen: five of an ANAFI's 25 minutes, and the critical
             charge.
         link: least quality of the radio link, 0 to 1. Chosen: two bars of five.
-        wait_s: longest wait for the first telemetry and frames, seconds. Chosen: as
-            long as the video may take to be granted (`OlympeConfig.video_limit_s`).
-        look_s: time for which the images are watched, seconds, within the wait. Chosen: longer than
-            the 2 s after which a still video counts as frozen (`uav_bt.app.assembly`).
 
     Raises:
         ValueRangeError: a number is out of its range.
@@ -38,15 +37,12 @@ class PreflightConfig:
 
     battery: float = 0.3
     link: float = 0.4
-    wait_s: float = 5.0
-    look_s: float = 2.5
 
     def __post_init__(self) -> None:
-        shares = {"battery": 0.0, "link": 0.0}
-        check_numbers(self, {**shares, "look_s": 0.0}, dict.fromkeys(shares, 1.0))
+        check_numbers(self, {"battery": 0.0, "link": 0.0}, {"battery": 1.0, "link": 1.0})
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Check:
     """One line of the list."""
 
@@ -79,41 +75,36 @@ def check_drone(
         DroneError: the drone was lost during the check.
     """
     config, screening = config or PreflightConfig(), Screening(drone.camera, judge_frame)
-    look_s = 0.0 if judge_frame is None else config.look_s
-    newest, frames = _watch(drone, screening, config.wait_s, look_s)
+    newest, frames = _watch(drone, screening, 0.0 if judge_frame is None else LOOK_S)
     state, now_s = newest.state, drone.clock.now()
-    pilot, charge, link = state.pilot_has_control, _percent(state.battery), state.link
-    within = f"within {config.wait_s:.0f} s"
-    rows = [
-        ("telemetry", *_telemetry(state, screening.state_fault, now_s), _RECONNECT),
-        (
+    pilot, battery, link = state.pilot_has_control, state.battery, state.link
+    charge = f"not reported {_WITHIN}" if battery is None else _percent(battery)
+    rated = "its quality is not reported" if link is None else _wanted(_percent(link), config.link)
+    reports = [
+        Check(one.what, good=False, found=one.found, remedy=one.remedy) for one in state.faults
+    ]
+    return (
+        Check("telemetry", *_telemetry(state, screening.state_fault, now_s), _RECONNECT),
+        Check(
             "control",
             state.flying is FlyingState.LANDED and not pilot,
             "a pilot has it" if pilot else f"the drone is {state.flying.value.replace('_', ' ')}",
             _HAND_OVER if pilot else "a mission begins on the ground: land it first",
         ),
-        (
+        Check(
             "battery",
-            state.battery is not None and state.battery >= config.battery,
-            f"{charge or 'not reported ' + within}, at least {_percent(config.battery)} wanted",
-            _RECONNECT if state.battery is None else "charge it",
+            battery is not None and battery >= config.battery,
+            _wanted(charge, config.battery),
+            _RECONNECT if battery is None else "charge it",
         ),
-        (
+        Check(
             "link",  # not all drones rate it; the row of telemetry says whether they are heard
             link is None or link >= config.link,
-            "its quality is not reported"
-            if link is None
-            else f"{_percent(link)}, at least {_percent(config.link)} wanted",
+            rated,
             "come nearer, or choose a Wi-Fi channel that fewer others use",
         ),
-        ("video", *_video(newest, frames, screening.frame_fault, now_s, within)),
-        *((fault.what, False, fault.found, fault.remedy) for fault in state.faults),
-    ]
-    if not state.faults:
-        rows.append(("self-report", True, "no faults", ""))
-    return tuple(
-        Check(what=what, good=good, found=found, remedy=remedy)
-        for what, good, found, remedy in rows
+        Check("video", *_video(newest, frames, screening.frame_fault, now_s)),
+        *(reports or [Check("self-report", good=True, found="no faults")]),
     )
 
 
@@ -128,9 +119,7 @@ def refuse_faults(checks: Sequence[Check]) -> None:
         raise DroneError("\n  ".join(["not ready to take off, nothing was flown", *faults]))
 
 
-def _watch(
-    drone: Drone, screening: Screening, wait_s: float, look_s: float
-) -> tuple[Observation, int]:
+def _watch(drone: Drone, screening: Screening, look_s: float) -> tuple[Observation, int]:
     """Observe until every check passes or the time is over; only the first frame may be bad."""
     clock = drone.clock
     start_s = clock.now()
@@ -144,13 +133,17 @@ def _watch(
         fresh = now_s - newest.state.captured_s <= _OLD_S
         known = None not in (newest.state.battery, newest.state.link)
         well = fresh and known and len(indices) >= _FRAMES and not screening.refused
-        if now_s >= start_s + wait_s or (well and now_s >= start_s + look_s):
+        if now_s >= start_s + _WAIT_S or (well and now_s >= start_s + look_s):
             return newest, len(indices)
         clock.sleep_until(now_s + _STEP_S)
 
 
-def _percent(share: float | None) -> str | None:
-    return None if share is None else f"{100 * share:.0f} %"
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"
+
+
+def _wanted(found: str, least: float) -> str:
+    return f"{found}, at least {_percent(least)} wanted"
 
 
 def _telemetry(state: DroneState, fault: str | None, now_s: float) -> tuple[bool, str]:
@@ -165,13 +158,13 @@ def _telemetry(state: DroneState, fault: str | None, now_s: float) -> tuple[bool
 
 
 def _video(
-    newest: Observation, frames: int, fault: str | None, now_s: float, within: str
+    newest: Observation, frames: int, fault: str | None, now_s: float
 ) -> tuple[bool, str, str]:
     """Return whether the video is good, what was found, and the remedy."""
     frame = newest.frame
     remedy = "see that no firewall keeps UDP out and nobody else watches the drone's video"
     if frame is None:
-        return False, f"no frame {within}", remedy
+        return False, f"no frame {_WITHIN}", remedy
     height, width = frame.image.shape[:2]
     age_s = now_s - frame.captured_s
     found = f"{width}x{height}, {frames} frames seen, the newest {age_s:.2f} s old"

@@ -8,12 +8,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, ODOMETRY, PHASE, SITE_MAP, STATE
+from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, ODOMETRY, SITE_MAP, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
 from uav_bt.errors import NodeFailedError
-from uav_bt.mission.contingencies import Abort, Contingencies
-from uav_bt.mission.descent import Descent
+from uav_bt.mission.contingencies import Abort, Contingencies, Descent
 from uav_bt.mission.event_watch import EventWatch
 from uav_bt.mission.ground_height import GroundHeight
 from uav_bt.mission.judge import Judge, Verdict
@@ -26,10 +25,8 @@ from uav_bt.mission.tick import TickListener, TickListeners, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.settings import check_numbers
 from uav_bt.tree import MissionTree, Status
-from uav_bt.tree.branch_watch import BranchWatch
-from uav_bt.tree.budget import BudgetWatch
+from uav_bt.tree.watches import BranchWatch, BudgetWatch
 from uav_bt.types import Command, DroneState, FlyingState, Hover, Land, Observation, TakeOff
-from uav_bt.types.area import Area
 
 NextTree = Callable[[], MissionTree | None]
 """Called between two ticks: returns a new tree, set up, or None to keep the present one."""
@@ -69,11 +66,7 @@ class MissionRunner:
         config: pace and landing.
         listeners: called after every tick.
         judge_frame: returns why a frame's image cannot be flown by; None trusts all images.
-        clock: the context's clock, which stands still within a tick; None if the drone's clock
-            does so, as simulated time does.
-        timer: wall clock for the computing times, seconds.
         next_tree: called between two ticks for a tree that replaces the present one.
-        area: that the drone stays in; None: no bound.
 
     Attributes:
         abort: ends the mission early; safe to use from a signal handler or another thread.
@@ -95,10 +88,7 @@ class MissionRunner:
         config: RunnerConfig | None = None,
         listeners: Sequence[TickListener] = (),
         judge_frame: FrameJudge | None = None,
-        clock: TickClock | None = None,
-        timer: Callable[[], float] = time.perf_counter,
         next_tree: NextTree | None = None,
-        area: Area | None = None,
     ) -> None:
         self._drone = drone
         self._tree = tree
@@ -106,27 +96,25 @@ class MissionRunner:
         self._judge = judge
         config, limits = config or RunnerConfig(), limits or Limits()
         self._tick_s = config.tick_s
-        self._arbiter = Arbiter(limits, drone.airframe, area=area, grounded=judge.stays_grounded)
-        self._whereabouts = Whereabouts(context.board, area)
+        self._arbiter = Arbiter(
+            limits, drone.airframe, area=context.area, grounded=judge.stays_grounded
+        )
+        self._whereabouts = Whereabouts(context.board, context.area)
         self._numbers = MissionNumbers(context.board, context.notes, self._whereabouts, judge)
         self.listeners = TickListeners(listeners)
-        self._clock = clock
-        self._timer = timer
         self._next_tree = next_tree
         self._screening = Screening(drone.camera, judge_frame)
         self._height = GroundHeight()
         self._contingencies = Contingencies(limits)
         self._hold = PositionHold(drone.airframe)
-        self.budgets = BudgetWatch(tree, timer=timer)
+        self.budgets = BudgetWatch(tree)
         self._branches = BranchWatch(tree)
         self._is_halted = True  # the tree: not ticked since the last halt
         self._events = EventWatch(context)
         self._index = 0
         self.abort = Abort(config.landing_grace_s)
         self.manual = False
-        self.descent = Descent(
-            drone, self._landing_command, grace_s=config.landing_grace_s, tick_s=config.tick_s
-        )
+        self.descent = Descent(drone, self._landing_command, self.abort, self._tick_s)
 
     def run(self) -> Verdict:
         """Fly until the mission has ended and return the verdict.
@@ -151,11 +139,28 @@ class MissionRunner:
         return verdict
 
     def _tick(self) -> Verdict | None:
-        """Observe, check, write the board, tick, arbitrate, send, record, judge."""
+        """Fly one tick, record and judge it, and wait for the next one."""
         if not (self.abort or self._arbiter.landing):  # another tree would cancel a landing
             self._renew_tree()
-        clock = self._drone.clock
-        start_s = clock.now() if self._clock is None else self._clock.begin_tick()
+        clock, shown = self._drone.clock, self._context.clock
+        # A clock that runs on is shown to the leaves as one that stands still within a tick.
+        start_s = shown.begin_tick() if isinstance(shown, TickClock) else clock.now()
+        record = self._flown(start_s)
+        self.listeners.on_tick(record)
+        self._index += 1
+        verdict = self._verdict(record)
+        if verdict is None:
+            site_map = self._context.board.read(SITE_MAP).value
+            trouble = self._contingencies.abort_reason(
+                record, self._screening, drift=self._hold.trouble, site_map=site_map
+            )
+            if trouble is not None:
+                self.abort.request(trouble)
+            clock.sleep_until(start_s + self._tick_s)
+        return verdict
+
+    def _flown(self, start_s: float) -> TickRecord:
+        """Observe, check, write the board, tick, arbitrate, send; return the tick's record."""
         usable = self._screening.usable(self._drone.observe(), start_s)
         observation = self._height.corrected(usable, start_s)
         self._write_board(observation, start_s)
@@ -164,23 +169,29 @@ class MissionRunner:
         sent = self._drone.send(decided)
         if isinstance(sent.movement, TakeOff):
             self._judge.took_off(start_s)
-        record = self._record(
-            observation, status, decided, sent, start_s=start_s, compute_s=compute_s
+        active = self._tree.active_nodes()
+        override, refused = self._arbiter.override, self._screening.refused
+        landed = observation.state.flying is FlyingState.LANDED
+        self._events.update(override, refused, self._branches.take(), landed=landed)
+        return TickRecord(
+            index=self._index,
+            time_s=start_s,
+            observation=observation,
+            tree_status=status,
+            phase=self._events.phase,
+            active=tuple(node.name for node in active),
+            command=sent,
+            proposed_by=self._context.proposals.movement_owner,
+            override=override,
+            compute_s=compute_s,
+            truth=self._drone.referee.truth() if self._drone.referee else None,
+            feedback=active[-1].feedback_message if active else "",
+            slow=self.budgets.take(),
+            refused=refused,
+            decided=decided,
+            warnings=(*self._hold.watch.warnings, *self._contingencies.map.warnings),
+            events=self._context.notes.take(),
         )
-        self.listeners.on_tick(record)
-        self._index += 1
-        verdict = self._verdict(record)
-        if verdict is None:
-            trouble = self._contingencies.abort_reason(
-                record,
-                self._screening,
-                drift=self._hold.trouble,
-                site_map=self._context.board.read(SITE_MAP).value,
-            )
-            if trouble is not None:
-                self.abort.request(trouble)
-            clock.sleep_until(start_s + self._tick_s)
-        return verdict
 
     # --- the tree ---------------------------------------------------------------------------------
 
@@ -206,10 +217,10 @@ class MissionRunner:
             The tree's status, and the wall time of its tick in seconds.
         """
         self._context.proposals.clear()
-        began_s = self._timer()
+        began_s = time.perf_counter()
         rests = not self.abort and (self.manual or state.pilot_has_control)
         status = Status.RUNNING if rests else self._tick_tree()
-        compute_s = self._timer() - began_s
+        compute_s = time.perf_counter() - began_s
         if self.abort:
             self._halt_tree()
         return status, compute_s
@@ -260,51 +271,13 @@ class MissionRunner:
         self._hold.sent(command.movement, motion, now_s, rests=not self._arbiter.is_held)
         return command
 
-    def _record(
-        self,
-        observation: Observation,
-        status: Status,
-        decided: Command,
-        sent: Command,
-        *,
-        start_s: float,
-        compute_s: float,
-    ) -> TickRecord:
-        active = self._tree.active_nodes()
-        phase = self._context.board.read(PHASE).value or ""
-        self._events.update(
-            phase=phase,
-            override=self._arbiter.override,
-            reasons=self._screening.refused,
-            flying=observation.state.flying,
-            ends=self._branches.take(),
-        )
-        return TickRecord(
-            index=self._index,
-            time_s=start_s,
-            observation=observation,
-            tree_status=status,
-            phase=phase,
-            active=tuple(node.name for node in active),
-            command=sent,
-            proposed_by=self._context.proposals.movement_owner,
-            override=self._arbiter.override,
-            compute_s=compute_s,
-            truth=self._drone.referee.truth() if self._drone.referee else None,
-            feedback=active[-1].feedback_message if active else "",
-            slow=self.budgets.take(),
-            refused=self._screening.refused,
-            decided=decided,
-            warnings=(*self._hold.warnings, *self._contingencies.warnings),
-            events=self._context.notes.take(),
-        )
-
     def _verdict(self, record: TickRecord) -> Verdict | None:
         verdict = self._judge.verdict(
             record,
             abort_reason=self.abort.reason,
             landing=self._arbiter.landing,
-            belief=self._whereabouts.belief(),
+            mark_m=self._whereabouts.mark_m(),
+            place=self._whereabouts.place,
             failure=self._events.failure,
         )
         given_up = self.abort.follow(record)
@@ -323,7 +296,7 @@ class MissionRunner:
             self._halt_tree()
         finally:
             self._context.proposals.clear()
-            self.descent.run(reason, self.listeners.following, lambda: self.abort.given_up)
+            self.descent.run(reason, self.listeners.following)
 
     def _landing_command(self, state: DroneState | None) -> Command:
         if state is None:

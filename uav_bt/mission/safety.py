@@ -21,23 +21,10 @@ from typing import Final
 
 from uav_bt.board.context import Proposals
 from uav_bt.board.keys import FRAME, STATE
-from uav_bt.mission.area_guard import AreaGuard
-from uav_bt.mission.limits import Limits, limit_movement
-from uav_bt.types import (
-    Airframe,
-    Command,
-    CutMotors,
-    DroneState,
-    FlyingState,
-    Hover,
-    Land,
-    MoveBy,
-    Movement,
-    Pose2D,
-    Release,
-    TakeOff,
-)
+from uav_bt.mission.limits import AreaGuard, Limits, limit_movement
+from uav_bt.types import Airframe, Command, DroneState, FlyingState, Movement, Pose2D
 from uav_bt.types.area import Area
+from uav_bt.types.commands import CutMotors, Hover, Land, MoveBy, Release, TakeOff
 
 AIRBORNE: Final = frozenset({FlyingState.HOVERING, FlyingState.FLYING})
 
@@ -71,67 +58,48 @@ class Circumstances:
         return self.state.flying in AIRBORNE
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class SafetyRule:
     """One line of the table."""
 
     override: Override
     holds: Callable[[Circumstances, Limits], bool]
-    movement: Movement  # that is sent
-    gimbal_too: bool = False  # the leaves still point the camera
-    spares_landing: bool = False  # a landing is flown instead of the movement
-    held: bool = False  # the position hold flies the hover against the last drift
-    why: str  # for people and for the docs
+    movement: Movement  # that is sent; a landing goes on where a rule orders to hover
 
 
 SAFETY: Final = (
+    # A person decided that falling is better.
+    SafetyRule(Override.CUT, lambda now, _: now.cut, CutMotors()),
+    # A pilot flies: nothing is sent and the mission waits, whatever else is wrong.
     SafetyRule(
-        override=Override.CUT,
-        holds=lambda now, _: now.cut,
-        movement=CutMotors(),
-        why="a person decided that falling is better",
+        Override.MANUAL, lambda now, _: now.manual or now.state.pilot_has_control, Release()
     ),
+    # Ctrl-C, SIGTERM, a mission that crashed or ended in the air.
+    SafetyRule(Override.ABORT, lambda now, _: now.abort, Land()),
+    # With an empty battery the drone lands by itself, wherever that is.
     SafetyRule(
-        override=Override.MANUAL,
-        holds=lambda now, _: now.manual or now.state.pilot_has_control,
-        movement=Release(),
-        why="a pilot flies: nothing is sent and the mission waits, whatever else is wrong",
-    ),
-    SafetyRule(
-        override=Override.ABORT,
-        holds=lambda now, _: now.abort,
-        movement=Land(),
-        why="Ctrl-C, SIGTERM, a mission that crashed or ended in the air",
-    ),
-    SafetyRule(
-        override=Override.BATTERY,
-        holds=lambda now, limits: (
+        Override.BATTERY,
+        lambda now, limits: (
             now.airborne
             and now.state.battery is not None
             and now.state.battery < limits.critical_battery
         ),
-        movement=Land(),
-        why="with an empty battery the drone lands by itself, wherever that is",
+        Land(),
     ),
+    # Commands may still arrive: hover, or go on landing, until telemetry returns.
     SafetyRule(
-        override=Override.LINK,
-        holds=lambda now, _: (
+        Override.LINK,
+        lambda now, _: (
             (now.airborne or now.state.flying is FlyingState.TAKING_OFF)
             and (not now.state.connected or now.state_age_s > STATE.max_age_s)
         ),
-        movement=Hover(),
-        spares_landing=True,
-        held=True,
-        why="commands may still arrive: hover, or go on landing, until telemetry returns",
+        Hover(),
     ),
+    # Without a new image the way is unknown; a landing needs none.
     SafetyRule(
-        override=Override.STALE_FRAME,
-        holds=lambda now, _: now.airborne and now.frame_age_s > FRAME.max_age_s,
-        movement=Hover(),
-        gimbal_too=True,
-        spares_landing=True,
-        held=True,
-        why="without a new image the way is unknown; a landing needs none",
+        Override.STALE_FRAME,
+        lambda now, _: now.airborne and now.frame_age_s > FRAME.max_age_s,
+        Hover(),
     ),
 )
 
@@ -167,7 +135,7 @@ class Arbiter:
         self,
         proposals: Proposals,
         now: Circumstances,
-        correct: Callable[[Movement], Movement] | None = None,
+        correct: Callable[[Movement], Movement] = lambda movement: movement,
         hover: Callable[[], Movement] = Hover,
     ) -> Command:
         """Return this tick's command.
@@ -177,22 +145,21 @@ class Arbiter:
         """
         rule = rule_in_force(now, self._limits)
         self.override = None if rule is None else rule.override
-        self.is_held = rule is None or rule.held
+        hovers = rule is not None and rule.movement == Hover()
+        self.is_held = rule is None or hovers
         if rule is None:
             return self._proposed(proposals, now, correct)
-        lands = self.landing or isinstance(proposals.movement, Land)
-        movement = Land() if rule.spares_landing and lands else rule.movement
+        lands = hovers and (self.landing or isinstance(proposals.movement, Land))
+        movement = Land() if lands else rule.movement
         self.landing = isinstance(movement, Land)
-        if rule.held and not self.landing:
+        if hovers and not lands:
             movement = hover()
-        gimbal = proposals.gimbal if rule.gimbal_too else None
+        # With an old frame the leaves still point the camera, which may end it.
+        gimbal = proposals.gimbal if rule.override is Override.STALE_FRAME else None
         return Command(movement=movement, gimbal=gimbal)
 
     def _proposed(
-        self,
-        proposals: Proposals,
-        now: Circumstances,
-        correct: Callable[[Movement], Movement] | None,
+        self, proposals: Proposals, now: Circumstances, correct: Callable[[Movement], Movement]
     ) -> Command:
         movement = proposals.movement
         if movement is None:
@@ -205,15 +172,14 @@ class Arbiter:
         if self._guard is not None and isinstance(movement, MoveBy):
             # Before the position hold, which keeps the goal of the movement afterwards.
             movement = self._guard.limited(movement, now.place)
-        flown = movement if correct is None else correct(movement)
-        limited = limit_movement(
-            flown,
+        movement = limit_movement(
+            correct(movement),
             now.state,
             self._limits,
             self._airframe,
             state_age_s=now.state_age_s,
             landing=self.landing,
         )
-        if self._guard is not None and not isinstance(limited, MoveBy):
-            limited = self._guard.limited(limited, now.place, age_s=now.state_age_s)
-        return Command(movement=limited, gimbal=proposals.gimbal)
+        if self._guard is not None and not isinstance(movement, MoveBy):
+            movement = self._guard.limited(movement, now.place, age_s=now.state_age_s)
+        return Command(movement=movement, gimbal=proposals.gimbal)

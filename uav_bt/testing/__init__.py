@@ -11,21 +11,17 @@ from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from uav_bt.clock import ManualClock
-    from uav_bt.testing.bench import LeafBench
-    from uav_bt.testing.board import BenchBoard, StrictBlackboard
-    from uav_bt.testing.drone import ScriptedDrone, ScriptedDroneConfig, blank_frame, pinhole
-    from uav_bt.testing.events import Event, EventLog
+    from uav_bt.testing.bench import LeafBench, StrictBlackboard
+    from uav_bt.testing.drone import ScriptedDrone, blank_frame, pinhole
+    from uav_bt.testing.events import EventLog
     from uav_bt.testing.faults import FAULTS, Fault, FaultKind, FaultyDrone, InjectedError
     from uav_bt.testing.maps import drawn_map
-    from uav_bt.testing.tree_bench import TickOutcome, TreeBench, load_tree, parse_tree
+    from uav_bt.testing.tree_bench import TreeBench, load_tree, parse_tree
     from uav_bt.testing.world import Says, live, show
-    from uav_bt.tree.observer import NodeEvent
     from uav_bt.tree.scripted import Mock
 
 __all__ = [
     "FAULTS",
-    "BenchBoard",
-    "Event",
     "EventLog",
     "Fault",
     "FaultKind",
@@ -34,12 +30,9 @@ __all__ = [
     "LeafBench",
     "ManualClock",
     "Mock",
-    "NodeEvent",
     "Says",
     "ScriptedDrone",
-    "ScriptedDroneConfig",
     "StrictBlackboard",
-    "TickOutcome",
     "TreeBench",
     "blank_frame",
     "drawn_map",
@@ -50,13 +43,14 @@ __all__ = [
     "show",
 ]
 
-_MODULES: Final = ("bench", "board", "drone", "events", "faults", "maps", "tree_bench", "world")
+_KIT: Final = (".bench", ".drone", ".events", ".faults", ".maps", ".tree_bench", ".world")
+_MODULES: Final = (*_KIT, "uav_bt.tree.scripted")
 
 
 def __getattr__(name: str) -> Any:
     if name in __all__:
         for module in _MODULES:
-            home = importlib.import_module(f"{__name__}.{module}")
+            home = importlib.import_module(module, __name__)
             if hasattr(home, name):
                 return getattr(home, name)
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

@@ -1,39 +1,83 @@
-"""A test bench for one leaf: a board, a clock, policies and a drone around it."""
+"""A test bench for one leaf: a strict board, a clock, policies and a drone around it."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from typing import Any, TypeVar
 
 from uav_bt.board import CAMERA, FRAME, HEIGHT, MISSION_KEYS, STATE
-from uav_bt.board.context import MissionContext, Proposals
-from uav_bt.board.flight_folder import FlightFolder
-from uav_bt.board.flight_notes import FlightNotes
+from uav_bt.board.blackboard import Blackboard, Key, Reading
+from uav_bt.board.context import MissionContext
 from uav_bt.board.numbers import BATTERY_SHARE, FLYING, LINK_SHARE, UNKNOWN
 from uav_bt.clock import ManualClock
-from uav_bt.errors import InputError, MissionError, ValueRangeError
-from uav_bt.lab.shipped import default_mark
+from uav_bt.errors import BoardAccessError, InputError, MissionError, ValueRangeError, did_you_mean
 from uav_bt.plugins import make_policy
-from uav_bt.protocols import LeafPolicy, Segmenter, Sight
-from uav_bt.still_camera import StillCamera
-from uav_bt.testing.board import BenchBoard, StrictBlackboard
+from uav_bt.protocols import LeafPolicy
 from uav_bt.testing.drone import blank_frame, pinhole
-from uav_bt.tree import Leaf, MissionTree, Status, Variables
+from uav_bt.tree import Leaf, MissionTree, Status
 from uav_bt.tree.describe import ABILITIES
-from uav_bt.types import (
-    Airframe,
-    Attitude,
-    BodyVelocity,
-    Clearances,
-    DroneState,
-    FlyingState,
-    GimbalTo,
-    MoveBy,
-    Movement,
-    MovementState,
-    MovementStatus,
-    Pose2D,
-)
-from uav_bt.types.area import Area
+from uav_bt.types import BodyVelocity, DroneState, FlyingState, MovementState, MovementStatus
+from uav_bt.types.commands import GimbalTo, MoveBy, Movement
+
+T = TypeVar("T")
+
+
+class StrictBlackboard(Blackboard):
+    """A board that raises when a stale value or an undeclared key is read.
+
+    In flight a stale value reads as None, and leaves must handle it. In a test it mostly means that
+    the test forgot to refresh its board, and would pass for the wrong reason.
+    """
+
+    allow_stale = False
+
+    def read(self, key: Key[T]) -> Reading[T]:
+        """Return a fresh value, or an empty reading if none was ever written."""
+        declared = self._keys.get(key.name)
+        if declared is None:
+            raise BoardAccessError(
+                f"board key '{key.name}' was never declared on this board"
+                f"{did_you_mean(key.name, self._keys)}"
+            )
+        if declared != key:
+            raise BoardAccessError(
+                f"board key '{key.name}' was declared as {declared.type.__name__}, "
+                f"and is read as another key, of {key.type.__name__}"
+            )
+        reading = super().read(key)
+        if reading.value is None and reading.age_s < math.inf and not self.allow_stale:
+            raise BoardAccessError(
+                f"board key '{key.name}' is stale in this test: {reading.age_s:.2f} s old, at most "
+                f"{key.max_age_s:.2f} s; write it again after advancing the clock, "
+                "or set allow_stale to test how the leaf copes"
+            )
+        return reading
+
+
+class BenchBoard:
+    """The test's unrestricted access to the board, by key."""
+
+    def __init__(self, board: Blackboard) -> None:
+        self._board = board
+
+    def __setitem__(self, key: Key[T], value: T) -> None:
+        """Write a value, captured at its `captured_s` or else now."""
+        self._board.declare(key)
+        self._board.write(key, value, captured_s=getattr(value, "captured_s", None))
+
+    def __getitem__(self, key: Key[T]) -> T:
+        """Return the last value, of any age; KeyError if there is none."""
+        value: T = self._board.snapshot()[key.name][0]
+        return value
+
+    def __contains__(self, key: Key[Any]) -> bool:
+        """Return whether the key has a value."""
+        return key.name in self._board.snapshot()
+
+    def __delitem__(self, key: Key[Any]) -> None:
+        """Delete the key's value."""
+        self._board.forget(key)
 
 
 class BenchWorld:
@@ -42,32 +86,24 @@ class BenchWorld:
     def __init__(self, tree: MissionTree) -> None:
         self.clock = ManualClock()
         self.tree = tree
+        self.variables = tree.variables  # for ports such as `{count}`
         self.policies: dict[str, LeafPolicy] = {}  # with precedence over the installed ones
-        self.segmenter: Segmenter | None = None
-        self.sight: Sight | None = None  # of a drone without images
-        self.stills: StillCamera | None = None  # of a drone that takes photographs
-        self.outputs: FlightFolder | None = None  # such as FlightFolder(tmp_path)
-        self.notes = FlightNotes()  # events and photographs
-        self.mark, self.clearances = default_mark(), Clearances()
-        self.airframe = Airframe()
-        self.take_off: Pose2D | None = None  # in the lab's drawing
-        self.mark_pose: Pose2D | None = None  # likewise
-        self.area: Area | None = None
-        self.seed = 0
         self.camera = pinhole()
         self.strict_board = StrictBlackboard(self.clock, MISSION_KEYS)
         for leaf in tree.leaves():
             for key in (*leaf.reads, *leaf.writes):
                 self.strict_board.declare(key)
         self.board = BenchBoard(self.strict_board)
-        self.proposals = Proposals()
+        self.mission = MissionContext(
+            clock=self.clock, board=self.strict_board, policy=self._policy
+        )
+        self.notes = self.mission.notes  # events and photographs
         self._frames = 0
         self._ready = False
 
-    @property
-    def variables(self) -> Variables:
-        """The tree's variables, for ports such as `{count}`."""
-        return self.tree.variables
+    def provide(self, **fields: Any) -> None:
+        """Set fields of the `MissionContext`, such as `outputs=FlightFolder(tmp_path)`."""
+        self.mission = replace(self.mission, **fields)
 
     def allow_stale(self) -> None:
         """Let stale values read as None from now on, as in flight."""
@@ -79,40 +115,34 @@ class BenchWorld:
         self,
         *,
         height_m: float = 1.5,
-        gimbal_pitch_rad: float = 0.0,
-        attitude: Attitude | None = None,
         forward_mps: float = 0.0,
         right_mps: float = 0.0,
         down_mps: float = 0.0,
         battery_share: float = 1.0,
         link_share: float = 1.0,
-        pilot_has_control: bool = False,
+        **state: Any,
     ) -> None:
         """Write the board values of a drone in the air with a black image, as the runner does.
 
-        Heights are above the ground and the take-off point, a negative pitch is down, velocities
-        are along the heading and to its right, shares 0 to 1. A drone with a velocity is FLYING.
+        Heights are above the ground and the take-off point, velocities are along the heading and to
+        its right, shares 0 to 1. A drone with a velocity is FLYING. `state` has further fields of
+        the `DroneState`, such as `gimbal_pitch_rad`.
         """
         for name, share in (("battery_share", battery_share), ("link_share", link_share)):
             if not 0.0 <= share <= 1.0:
                 raise ValueRangeError(f"{name} must be 0 to 1, got {share}")
         velocity = BodyVelocity(forward_mps=forward_mps, right_mps=right_mps, down_mps=down_mps)
-        still = velocity == BodyVelocity()
-        self.observe(
-            DroneState(
-                captured_s=self.clock.now(),
-                flying=FlyingState.HOVERING if still else FlyingState.FLYING,
-                attitude=attitude or Attitude(),
-                velocity=velocity,
-                altitude_m=height_m,
-                height_m=height_m,
-                height_above_ground_m=height_m,
-                gimbal_pitch_rad=gimbal_pitch_rad,
-                battery=battery_share,
-                link=link_share,
-                pilot_has_control=pilot_has_control,
-            )
-        )
+        flies = velocity != BodyVelocity()
+        told = {
+            "flying": FlyingState.FLYING if flies else FlyingState.HOVERING,
+            "velocity": velocity,
+            "altitude_m": height_m,
+            "height_m": height_m,
+            "height_above_ground_m": height_m,
+            "battery": battery_share,
+            "link": link_share,
+        }
+        self.observe(DroneState(captured_s=self.clock.now(), **{**told, **state}))
 
     def observe(self, state: DroneState) -> None:
         """Write a state, its numbers, and a new black frame with the same telemetry."""
@@ -138,47 +168,28 @@ class BenchWorld:
     @property
     def proposed(self) -> Movement | None:
         """The movement proposed in the last tick."""
-        return self.proposals.movement
+        return self.mission.proposals.movement
 
     @property
     def pointed(self) -> GimbalTo | None:
         """The camera direction proposed in the last tick."""
-        return self.proposals.gimbal
+        return self.mission.proposals.gimbal
 
     # --- the tree ---------------------------------------------------------------------------------
 
     def setup(self) -> None:
         """Set the tree up; otherwise the first tick does."""
-        context = MissionContext(
-            board=self.strict_board,
-            clock=self.clock,
-            proposals=self.proposals,
-            policy=self._policy,
-            seed=self.seed,
-            segmenter=self.segmenter,
-            sight=self.sight,
-            stills=self.stills,
-            outputs=self.outputs,
-            notes=self.notes,
-            mark=self.mark,
-            clearances=self.clearances,
-            airframe=self.airframe,
-            take_off=self.take_off,
-            mark_pose=self.mark_pose,
-            area=self.area,
-        )
-        self.tree.setup(context)
+        self.tree.setup(self.mission)
         self._ready = True
-
-    def _prepare(self) -> None:
-        if not self._ready:
-            self.setup()
-        self.proposals.clear()
 
     def _tick_tree(self) -> Status:
         """Tick; raise MissionError if a leaf proposed what its class does not declare."""
+        if not self._ready:
+            self.setup()
+        proposals = self.mission.proposals
+        proposals.clear()
         status = self.tree.tick()
-        asked = (("moves", self.proposals.movement_owner), ("points", self.proposals.gimbal_owner))
+        asked = (("moves", proposals.movement_owner), ("points", proposals.gimbal_owner))
         for attribute, owner in asked:
             leaf = next((leaf for leaf in self.tree.leaves() if leaf.path == owner), None)
             if leaf is not None and not getattr(leaf, attribute):
@@ -220,7 +231,6 @@ class LeafBench(BenchWorld):
     def tick(self, advance_s: float = 0.0) -> Status:
         """Let time pass, tick the leaf once and return its answer."""
         self.clock.advance(advance_s)
-        self._prepare()
         return self._tick_tree()
 
     @property

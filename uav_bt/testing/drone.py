@@ -3,33 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Any, Final
 
 import numpy as np
 
 from uav_bt.clock import ManualClock
-from uav_bt.errors import ValueRangeError
-from uav_bt.types import (
-    Airframe,
-    Attitude,
-    CameraModel,
-    Command,
-    CutMotors,
-    DroneState,
-    FlyingState,
-    Frame,
-    Land,
-    MoveBy,
-    MovementState,
-    MovementStatus,
-    Observation,
-    TakeOff,
-    Velocity,
-    wrap_angle,
-)
+from uav_bt.types import Airframe, CameraModel, DroneState, Frame, Observation, wrap_angle
+from uav_bt.types.commands import Command, CutMotors, Land, MoveBy, TakeOff, Velocity
+from uav_bt.types.drone_state import Attitude, FlyingState, MovementState, MovementStatus
 
-_STRIPE_GREY = 180
+_STRIPE_GREY: Final = 180
+_TRANSITION_TICKS: Final = 5  # commands until a take-off or a landing is over
+_TAKE_OFF_M: Final = 1.0  # the ANAFI climbs to about a metre by itself
+_TICK_S: Final = 0.1  # of velocity piloting by one command
+_AIRBORNE: Final = {FlyingState.HOVERING, FlyingState.FLYING}
 
 
 def pinhole(
@@ -63,56 +51,23 @@ def blank_frame(
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class ScriptedDroneConfig:
-    """How the scripted drone answers."""
-
-    movement_ticks: int = 3  # commands until a MoveBy is done; a tick is one command
-    take_off_ticks: int = 5  # commands until it hovers
-    landing_ticks: int = 5  # commands until the motors stop
-    take_off_height_m: float = 1.0  # the ANAFI climbs to about a metre by itself
-    tick_s: float = 0.1  # duration of one command of velocity piloting
-
-    def __post_init__(self) -> None:
-        if min(self.movement_ticks, self.take_off_ticks, self.landing_ticks) < 1:
-            raise ValueRangeError(f"ticks must be 1 or more: {self}")
-
-    def create(self) -> ScriptedDrone:
-        """Return an unconnected drone with this configuration."""
-        return ScriptedDrone(config=self)
-
-
 class ScriptedDrone:
-    """A `Drone` for tests.
+    """An ideal `Drone` for tests: a `MoveBy` is done exactly, after a number of commands."""
 
-    With `observations` it shows one of them per `observe`, and repeats the last. Without them it
-    simulates an ideal drone: each movement is done exactly, after a number of ticks.
-    """
-
-    def __init__(
-        self,
-        observations: Iterable[Observation] = (),
-        *,
-        config: ScriptedDroneConfig | None = None,
-        clock: ManualClock | None = None,
-    ) -> None:
-        self.config = config or ScriptedDroneConfig()
+    def __init__(self, *, clock: ManualClock | None = None, movement_ticks: int = 3) -> None:
         self.clock = clock or ManualClock()
         self.camera = pinhole()
         self.airframe = Airframe()
-        self.referee = None
-        self.scene = None
+        self.referee = self.scene = self.tick_s = None
         self.live = False
-        self.tick_s = None
         self.connected = False
         self.commands: list[Command] = []  # all commands that were sent, in order
-        self.x_m = 0.0  # world, relative to the take-off point
-        self.y_m = 0.0
-        self._script = list(observations)
-        self._frames = 0
+        self.x_m = self.y_m = 0.0  # world, relative to the take-off point
+        self.state = DroneState(captured_s=self.clock.now(), flying=FlyingState.LANDED)
+        self._movement_ticks = movement_ticks
         self._ticks_left = 0
         self._move: MoveBy | None = None
-        self.state = DroneState(captured_s=self.clock.now(), flying=FlyingState.LANDED)
+        self._frames = 0
 
     def connect(self) -> None:
         """Note the connection."""
@@ -123,9 +78,7 @@ class ScriptedDrone:
         self.connected = False
 
     def observe(self) -> Observation:
-        """Return the script's next observation, or the present state and a frame of stripes."""
-        if self._script:
-            return self._script.pop(0) if len(self._script) > 1 else self._script[0]
+        """Return the present state and a frame of stripes."""
         self.state = self.state.dated(self.clock.now())
         frame = blank_frame(self.camera, self.state, index=self._frames)
         # They move: the runner takes an image that does not change in flight for a frozen video.
@@ -138,7 +91,8 @@ class ScriptedDrone:
         """Record the command and carry it out."""
         self.commands.append(command)
         if command.gimbal is not None:
-            self.state = replace(self.state, gimbal_pitch_rad=command.gimbal.pitch_rad)
+            self._set(gimbal_pitch_rad=command.gimbal.pitch_rad)
+        airborne = self.state.flying in _AIRBORNE
         movement = command.movement
         if not isinstance(movement, MoveBy):
             self._interrupt()
@@ -146,61 +100,52 @@ class ScriptedDrone:
             case CutMotors():
                 self._set_height(0.0, FlyingState.LANDED)
             case TakeOff():
-                self._take_off()
+                grounded = self.state.flying is FlyingState.LANDED
+                self._go(FlyingState.TAKING_OFF, _TAKE_OFF_M, FlyingState.HOVERING, begins=grounded)
             case Land():
-                self._land()
+                flies = airborne or self.state.flying is FlyingState.TAKING_OFF
+                self._go(FlyingState.LANDING, 0.0, FlyingState.LANDED, begins=flies)
             case MoveBy():
-                self._move_by(movement)
-            case Velocity():
-                self._fly(movement)
-            case _ if self._airborne:
-                self.state = replace(self.state, flying=FlyingState.HOVERING)
+                self._move_by(movement, airborne=airborne)
+            case Velocity() if airborne:
+                self._set(flying=FlyingState.FLYING)
+                self._shift(
+                    _TICK_S * movement.forward_mps,
+                    _TICK_S * movement.right_mps,
+                    _TICK_S * movement.down_mps,
+                    _TICK_S * movement.yaw_rate_radps,
+                )
+            case _ if airborne:
+                self._set(flying=FlyingState.HOVERING)
         return command
 
-    @property
-    def _airborne(self) -> bool:
-        return self.state.flying in {FlyingState.HOVERING, FlyingState.FLYING}
+    def _set(self, **changes: Any) -> None:
+        self.state = replace(self.state, **changes)
 
     def _set_height(self, height_m: float, flying: FlyingState) -> None:
-        self.state = replace(
-            self.state,
-            flying=flying,
-            altitude_m=height_m,
-            height_m=height_m,
-            height_above_ground_m=height_m,
-        )
+        heights = ("altitude_m", "height_m", "height_above_ground_m")
+        self._set(flying=flying, **dict.fromkeys(heights, height_m))
 
-    def _take_off(self) -> None:
-        if self.state.flying is FlyingState.LANDED:
-            self._begin(FlyingState.TAKING_OFF, self.config.take_off_ticks)
-        if self.state.flying is FlyingState.TAKING_OFF and self._is_over():
-            self._set_height(self.config.take_off_height_m, FlyingState.HOVERING)
+    def _report(self, movement_id: int, state: MovementState) -> None:
+        self._set(movement=MovementStatus(id=movement_id, state=state))
 
-    def _land(self) -> None:
-        if self._airborne or self.state.flying is FlyingState.TAKING_OFF:
-            self._begin(FlyingState.LANDING, self.config.landing_ticks)
-        if self.state.flying is FlyingState.LANDING and self._is_over():
-            self._set_height(0.0, FlyingState.LANDED)
-
-    def _begin(self, flying: FlyingState, ticks: int) -> None:
-        self._ticks_left = ticks
-        self.state = replace(self.state, flying=flying)
-
-    def _is_over(self) -> bool:
-        self._ticks_left -= 1
-        return self._ticks_left <= 0
+    def _go(self, through: FlyingState, to_m: float, end: FlyingState, *, begins: bool) -> None:
+        """Take off or land, one command further."""
+        if begins:
+            self._set(flying=through)
+            self._ticks_left = _TRANSITION_TICKS
+        if self.state.flying is through:
+            self._ticks_left -= 1
+            if self._ticks_left == 0:
+                self._set_height(to_m, end)
 
     def _interrupt(self) -> None:
         if self._move is not None:
             self._report(self._move.id, MovementState.INTERRUPTED)
             self._move = None
 
-    def _report(self, movement_id: int, state: MovementState) -> None:
-        status = MovementStatus(id=movement_id, state=state)
-        self.state = replace(self.state, movement=status)
-
-    def _move_by(self, move: MoveBy) -> None:
-        if not self._airborne:
+    def _move_by(self, move: MoveBy, *, airborne: bool) -> None:
+        if not airborne:
             self._report(move.id, MovementState.REJECTED)
             return
         reported = self.state.movement
@@ -208,26 +153,15 @@ class ScriptedDrone:
             return  # an ended movement is not flown again
         if self._move is None or self._move.id != move.id:
             self._interrupt()
-            self._move = move
-            self._begin(FlyingState.FLYING, self.config.movement_ticks)
+            self._move, self._ticks_left = move, self._movement_ticks
+            self._set(flying=FlyingState.FLYING)
             self._report(move.id, MovementState.RUNNING)
-        if self._is_over():
+        self._ticks_left -= 1
+        if self._ticks_left == 0:
             self._shift(move.forward_m, move.right_m, move.down_m, move.yaw_rad)
-            self.state = replace(self.state, flying=FlyingState.HOVERING)
+            self._set(flying=FlyingState.HOVERING)
             self._report(move.id, MovementState.DONE)
             self._move = None
-
-    def _fly(self, velocity: Velocity) -> None:
-        if not self._airborne:
-            return
-        tick_s = self.config.tick_s
-        self.state = replace(self.state, flying=FlyingState.FLYING)
-        self._shift(
-            velocity.forward_mps * tick_s,
-            velocity.right_mps * tick_s,
-            velocity.down_mps * tick_s,
-            velocity.yaw_rate_radps * tick_s,
-        )
 
     def _shift(self, forward_m: float, right_m: float, down_m: float, yaw_rad: float) -> None:
         heading = self.state.attitude.yaw_rad
@@ -235,5 +169,4 @@ class ScriptedDrone:
         self.x_m += forward_m * math.cos(heading) - right_m * math.sin(heading)
         self.y_m -= forward_m * math.sin(heading) + right_m * math.cos(heading)
         self._set_height(max(0.0, self.state.height_m - down_m), self.state.flying)
-        attitude = Attitude(yaw_rad=wrap_angle(heading + yaw_rad))
-        self.state = replace(self.state, attitude=attitude)
+        self._set(attitude=Attitude(yaw_rad=wrap_angle(heading + yaw_rad)))

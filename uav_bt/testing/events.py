@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, TypedDict, TypeVar, Unpack
+from typing import Final, TypedDict, Unpack
 
 from uav_bt.errors import UnknownNameError
 from uav_bt.protocols import Clock
 from uav_bt.tree import MissionTree, Node
 from uav_bt.tree.observer import NodeEvent, observe
 
-T = TypeVar("T")
-
 __tracebackhide__ = True  # pytest shows the test's line of a failed assertion, none of this module
 
 _SHOWN: Final = 200  # the last events in a failure message; chosen
 _LEFT_OUT: Final = {NodeEvent.CONTINUES, NodeEvent.HALTING, NodeEvent.STATUS}
-_KINDS: Final = {kind.value: kind for kind in NodeEvent if kind not in _LEFT_OUT}
+_WORDS: Final = [kind.value for kind in NodeEvent if kind not in _LEFT_OUT]
 
 
 class Counted(TypedDict, total=False):
@@ -66,12 +63,15 @@ class EventLog:
 
     # --- questions --------------------------------------------------------------------------------
 
-    def of(self, node: str, *kinds: NodeEvent | str, tick: int | None = None) -> tuple[Event, ...]:
-        """Return the events of a node: of some kinds, in one tick, or all."""
-        paths = _known("node", node, self._paths)
-        words = [kind.value if isinstance(kind, NodeEvent) else kind for kind in kinds or _KINDS]
-        wanted = {_known("event", word, _KINDS) for word in words}
-        found = (event for event in self.events if event.path in paths and event.kind in wanted)
+    def of(self, node: str, *words: str, tick: int | None = None) -> tuple[Event, ...]:
+        """Return the events of a node: of some kinds, such as `halted`, in one tick, or all."""
+        if node not in self._paths:
+            raise UnknownNameError("node", node, self._paths)
+        for word in words:
+            if word not in _WORDS:
+                raise UnknownNameError("event", word, _WORDS)
+        paths, kinds = self._paths[node], words or _WORDS
+        found = (each for each in self.events if each.path in paths and each.kind.value in kinds)
         return tuple(event for event in found if tick is None or event.tick == tick)
 
     def never_ran(self) -> tuple[str, ...]:
@@ -91,35 +91,35 @@ class EventLog:
 
     def assert_started(self, node: str, **counted: Unpack[Counted]) -> None:
         """Fail unless a node began."""
-        self._assert(node, NodeEvent.STARTED, **counted)
+        self._assert(node, "started", **counted)
 
     def assert_ran(self, node: str, **counted: Unpack[Counted]) -> None:
         """Fail unless a node was ticked."""
-        self._assert(node, NodeEvent.STARTED, NodeEvent.RAN, **counted)
+        self._assert(node, "started", "ran", **counted)
 
     def assert_halted(self, node: str, **counted: Unpack[Counted]) -> None:
         """Fail unless a node was stopped while it ran."""
-        self._assert(node, NodeEvent.HALTED, **counted)
+        self._assert(node, "halted", **counted)
 
     def assert_succeeded(self, node: str, **counted: Unpack[Counted]) -> None:
         """Fail unless a node answered SUCCESS."""
-        self._assert(node, NodeEvent.SUCCEEDED, **counted)
+        self._assert(node, "succeeded", **counted)
 
     def assert_failed(self, node: str, **counted: Unpack[Counted]) -> None:
         """Fail unless a node answered FAILURE."""
-        self._assert(node, NodeEvent.FAILED, **counted)
+        self._assert(node, "failed", **counted)
 
     def assert_skipped(self, node: str, **counted: Unpack[Counted]) -> None:
         """Fail unless a node answered SKIPPED or was skipped by a condition."""
-        self._assert(node, NodeEvent.SKIPPED, **counted)
+        self._assert(node, "skipped", **counted)
 
     def assert_not_started(self, node: str, *, tick: int | None = None) -> None:
         """Fail when a node began."""
-        self._assert(node, NodeEvent.STARTED, times=0, tick=tick)
+        self._assert(node, "started", times=0, tick=tick)
 
     def assert_not_halted(self, node: str, *, tick: int | None = None) -> None:
         """Fail when a node was stopped while it ran."""
-        self._assert(node, NodeEvent.HALTED, times=0, tick=tick)
+        self._assert(node, "halted", times=0, tick=tick)
 
     def assert_order(self, *steps: str) -> None:
         """Fail unless these things happened one after another; others may lie between.
@@ -140,20 +140,14 @@ class EventLog:
                 )
 
     def _assert(
-        self, node: str, *kinds: NodeEvent, times: int | None = None, tick: int | None = None
+        self, node: str, *words: str, times: int | None = None, tick: int | None = None
     ) -> None:
-        found = len(self.of(node, *kinds, tick=tick))
+        found = len(self.of(node, *words, tick=tick))
         if (found > 0) if times is None else (found == times):
             return
-        what = " or ".join(kind.value for kind in kinds)
         when = "" if tick is None else f" in tick {tick}"
         expected = "at least once" if times is None else "never" if times == 0 else f"{times} times"
         raise AssertionError(
-            f"expected '{node}' {what}{when} {expected}, it was {found} times\n{self.table()}"
+            f"expected '{node}' {' or '.join(words)}{when} {expected}, it was {found} times\n"
+            f"{self.table()}"
         )
-
-
-def _known(what: str, name: str, known: Mapping[str, T]) -> T:
-    if name not in known:
-        raise UnknownNameError(what, name, known)
-    return known[name]

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Unpack
 
-from uav_bt.errors import ValueRangeError
 from uav_bt.testing.bench import BenchWorld
 from uav_bt.testing.events import EventLog
 from uav_bt.tree import MissionTree, NodeRegistry, Status
@@ -43,8 +42,6 @@ class TreeBench(BenchWorld):
     """
 
     def __init__(self, tree: MissionTree, *, tick_s: float = 0.1) -> None:
-        if tick_s < 0.0:
-            raise ValueRangeError(f"ticks come one after another, got {tick_s} s between them")
         super().__init__(tree)
         self.tick_s = tick_s
         self.log = EventLog(tree, self.clock)
@@ -70,7 +67,6 @@ class TreeBench(BenchWorld):
         """Tick the tree once and return the root's answer."""
         if self.outcomes:
             self.clock.advance(self.tick_s)
-        self._prepare()
         if self._telemetry is not None:
             self.observe(self._telemetry.dated(self.clock.now()))
         self.log.tick += 1
@@ -83,7 +79,7 @@ class TreeBench(BenchWorld):
                 time_s=self.clock.now(),
                 status=status,
                 movement=self.proposed,
-                proposed_by=self.proposals.movement_owner,
+                proposed_by=self.mission.proposals.movement_owner,
                 gimbal=self.pointed,
             )
         )

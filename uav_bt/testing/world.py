@@ -14,15 +14,7 @@ from uav_bt.lab.shipped import load_lab
 from uav_bt.protocols import PolicyView
 from uav_bt.testing.bench import LeafBench
 from uav_bt.tree import Status
-from uav_bt.types import (
-    Attitude,
-    BodyVelocity,
-    ClassMap,
-    DroneState,
-    FlyingState,
-    MovementStatus,
-    SiteMap,
-)
+from uav_bt.types import Attitude, BodyVelocity, ClassMap, FlyingState, MovementStatus, SiteMap
 from uav_bt.types.arrays import Image
 
 
@@ -81,18 +73,13 @@ def show(
     now_s = bench.clock.now()
     if yaw_rad is None:
         yaw_rad = 0.0 if site_map is None else site_map.pose.yaw_rad
-    bench.observe(
-        DroneState(
-            captured_s=now_s,
-            flying=flying,
-            attitude=Attitude(yaw_rad=yaw_rad),
-            altitude_m=height_m,
-            height_m=height_m,
-            height_above_ground_m=height_m,
-            gimbal_pitch_rad=math.radians(gimbal_deg),
-            movement=movement,
-            velocity=velocity or BodyVelocity(),
-        )
+    bench.hover(
+        height_m=height_m,
+        flying=flying,
+        attitude=Attitude(yaw_rad=yaw_rad),
+        gimbal_pitch_rad=math.radians(gimbal_deg),
+        movement=movement,
+        velocity=velocity or BodyVelocity(),
     )
     bench.board[CLASS_MAP] = ClassMap(
         ids=ground() if ids is None else ids, classes=load_lab().classes, captured_s=now_s

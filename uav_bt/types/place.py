@@ -9,7 +9,7 @@
     object:3           object 3 of the map
 
 A list may name files of places, `file:rounds.csv`, which the loader of tree files replaces by their
-content (`uav_bt/tree/loading/place_lists.py`).
+content (`uav_bt/tree/loading/places.py`).
 
 Distances are in metres, headings in degrees. A heading counts clockwise from the take-off heading;
 after `body:` it counts from the drone's heading, and after `lab:` counter-clockwise from the

@@ -47,8 +47,7 @@ def camera() -> Camera:
 
 def photo_bench(out: Path, camera: Camera, **attributes: object) -> LeafBench:
     bench = LeafBench(TakePhoto, label="door", **attributes)
-    bench.outputs = FlightFolder(out)
-    bench.stills = camera
+    bench.provide(outputs=FlightFolder(out), stills=camera)
     return bench
 
 

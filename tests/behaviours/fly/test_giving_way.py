@@ -20,7 +20,7 @@ from uav_bt.testing import LeafBench
 from uav_bt.testing.maps import drawn_map
 from uav_bt.testing.world import Says, show
 from uav_bt.tree import Status
-from uav_bt.types import BodyVelocity, Clearances, MoveBy, NearObstacles, Velocity
+from uav_bt.types import Airframe, BodyVelocity, Clearances, MoveBy, NearObstacles, Velocity
 from uav_bt.types.dead_reckoning import OdometryPose
 from uav_bt.types.site_map import MapMover
 
@@ -191,7 +191,7 @@ def test_a_way_of_an_earlier_encounter_does_not_count() -> None:
 def test_a_larger_airframe_gives_way_earlier(radius_m: float) -> None:
     bench = steering_bench(Explore, Says(ADVANCE), gives_way=True)
     side_m = math.sqrt(2.0) * radius_m
-    bench.airframe = replace(bench.airframe, body_size_m=(side_m, side_m, 0.1))
+    bench.provide(airframe=Airframe(body_size_m=(side_m, side_m, 0.1)))
     standing = mover(0.8 + radius_m, 0.0)
     for _ in range(3):
         show(bench, site_map=replace(drawn_map(), movers=(standing,)))
@@ -207,7 +207,7 @@ def test_a_larger_airframe_gives_way_earlier(radius_m: float) -> None:
 
 def velocity_in(place: Clearances) -> Velocity:
     bench = steering_bench(Explore, Says(ADVANCE), gives_way=True)
-    bench.clearances = place
+    bench.provide(clearances=place)
     for step in range(5):
         show(bench, site_map=replace(drawn_map(), movers=(COMES,) if step == 4 else ()))
         move(bench)

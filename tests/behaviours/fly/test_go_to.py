@@ -193,7 +193,7 @@ TAG = LandingMark(
 
 def test_a_place_of_the_drawing_counts_from_a_tag_once_it_was_seen() -> None:
     bench = LeafBench(GoTo, to="lab:1,0")
-    bench.mark, bench.mark_pose = TAG, Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+    bench.provide(mark=TAG, mark_pose=Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0))
     assert live(bench, site_map=on()) is Status.FAILURE
     assert "the landing mark and its heading were not seen yet" in bench.leaf.feedback_message
     # The tag's upper edge is to the left of the drone, and the drawing's x ahead of it.
@@ -204,7 +204,7 @@ def test_a_place_of_the_drawing_counts_from_a_tag_once_it_was_seen() -> None:
 
 def test_a_helipad_leads_to_no_place_of_the_drawing() -> None:
     bench = LeafBench(GoTo, to="lab:1,0")
-    bench.mark_pose = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+    bench.provide(mark_pose=Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0))
     with pytest.raises(InputError, match="a helipad shows no heading"):
         live(bench, site_map=on())
 
@@ -214,7 +214,7 @@ YARD = Area((((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)),))
 
 def test_a_place_outside_the_area_is_refused_before_the_take_off() -> None:
     bench = LeafBench(GoTo, to="start:1.5,0")
-    bench.area = YARD
+    bench.provide(area=YARD)
     with pytest.raises(InputError, match=r"lies 0\.5 m outside"):
         live(bench, site_map=on())
 
@@ -222,7 +222,7 @@ def test_a_place_outside_the_area_is_refused_before_the_take_off() -> None:
 def test_a_place_that_turns_out_to_lie_outside_fails() -> None:
     mark = MapMark(x_m=0.0, y_m=1.5, std_m=0.1, seen_s=1.0)
     bench = LeafBench(GoTo, to="mark")
-    bench.area = YARD
+    bench.provide(area=YARD)
     assert live(bench, site_map=replace(on(), mark=mark)) is Status.FAILURE
     assert "outside the mission's area" in bench.leaf.feedback_message
 

@@ -251,7 +251,7 @@ TAG = LandingMark(
 def tagged(heading_deg: float | None, wanted: str) -> LeafBench:
     """Return a bench above a tag that is seen at a heading, after the climb."""
     bench = LeafBench(HelipadCenter, heading_deg=wanted)
-    bench.mark = TAG
+    bench.provide(mark=TAG)
     look(bench, None, height_m=1.5)
     movement = MovementStatus(id=1, state=MovementState.DONE)
     show(bench, seconds=1.0, height_m=1.7, gimbal_deg=-90.0, movement=movement)
@@ -293,7 +293,7 @@ def test_a_heading_is_a_number() -> None:
 def test_centres_again_above_the_mark_as_high_as_it_is(mark_m: float, low_m: float) -> None:
     """From less than 0.7 m above, a pad of half a metre does not fit into the view."""
     bench = LeafBench(HelipadCenter)
-    bench.mark = replace(TAG, height_m=mark_m)
+    bench.provide(mark=replace(TAG, height_m=mark_m))
     look(bench, None, height_m=1.5)
     look(bench, (0.0, 0.0), seconds=1.0, ended=1)
     look(bench, (0.0, 0.0))

@@ -18,7 +18,6 @@ from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import LeafPolicy
 from uav_bt.testing import ScriptedDrone
-from uav_bt.testing.drone import ScriptedDroneConfig
 from uav_bt.testing.faults import Fault, FaultyDrone
 from uav_bt.testing.world import Says, ground
 from uav_bt.tree import Leaf, NodeRegistry, Status, parse_tree
@@ -83,7 +82,7 @@ class World:
 
     def __init__(self, body: str, fault: str | None = None) -> None:
         # A movement takes 1.5 s, so that it is under way when it is interrupted.
-        self.inner = ScriptedDrone(config=ScriptedDroneConfig(movement_ticks=15))
+        self.inner = ScriptedDrone(movement_ticks=15)
         self.inner.camera = replace(self.inner.camera, forward_offset_m=0.15)
         self.drone: Any = self.inner
         listeners: list[Any] = [self]

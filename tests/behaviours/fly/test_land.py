@@ -164,7 +164,8 @@ def test_where_a_person_flew_it_there_it_lands() -> None:
 def test_an_emergency_landing_takes_a_mat_for_what_it_is() -> None:
     """A mat of 0.05 m and 0.6 m a side, the only surface: its middle holds hull and margin."""
     bench = LeafBench(EmergencyLand)
-    bench.camera, bench.mark = CAMERA_DOWN, LandingMark(length_m=0.6, width_m=0.6, height_m=0.05)
+    bench.camera = CAMERA_DOWN
+    bench.provide(mark=LandingMark(length_m=0.6, width_m=0.6, height_m=0.05))
     mat = view_of_box((-0.1, 0.5), (0.3, 0.9), around=BACKGROUND, top_m=0.05)
     live(bench, ids=mat, gimbal_deg=-90.0)
 

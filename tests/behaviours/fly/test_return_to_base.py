@@ -734,7 +734,7 @@ def passage() -> SiteMap:
 def flies_ahead(clearances: Clearances, **seen: Any) -> bool:
     """Return whether the leaf flies on in a place that asks for these distances."""
     bench = steering_bench(RETURN_TO_BASE, Says(TURN_LEFT), gimbal_deg=-30.0)
-    bench.clearances = clearances
+    bench.provide(clearances=clearances)
     for _ in range(5):
         fly(bench, **seen)
     return isinstance(bench.proposed, Velocity) and bench.proposed.forward_mps > 0.0

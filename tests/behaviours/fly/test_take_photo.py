@@ -41,8 +41,10 @@ class _Blind:
 def photo_bench(out: Path | None, *, sight: bool = False, **attributes: object) -> LeafBench:
     """Return a bench whose flight has an output folder, or none."""
     bench = LeafBench(TakePhoto, **attributes)
-    bench.outputs = None if out is None else FlightFolder(out)
-    bench.sight = _Blind() if sight else None  # type: ignore[assignment]  # nothing calls it
+    bench.provide(
+        outputs=None if out is None else FlightFolder(out),
+        sight=_Blind() if sight else None,  # nothing calls it
+    )
     return bench
 
 

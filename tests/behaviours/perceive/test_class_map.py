@@ -58,7 +58,7 @@ class Counts:
 
 def segmenting() -> tuple[LeafBench, Counts]:
     bench, network = LeafBench(Segment), Counts()
-    bench.segmenter = network
+    bench.provide(segmenter=network)
     return bench, network
 
 
@@ -152,7 +152,7 @@ TAG = LandingMark(
 def test_a_tag_is_found_in_the_image_without_a_class_map() -> None:
     """Place, height and heading are on the board as those of any mark."""
     bench = finding()
-    bench.mark = TAG
+    bench.provide(mark=TAG)
     picture = make_mark_finder(TAG).picture()
     assert picture is not None
     shown = view_of(picture, TAG, forward_m=1.2, heading_deg=30.0, pitch_deg=-45.0)
@@ -217,7 +217,7 @@ class TagSight:
 
 def test_without_images_a_tag_is_seen_by_the_drones_sight() -> None:
     bench = finding()
-    bench.mark, bench.sight = TAG, TagSight()  # type: ignore[assignment]  # only `mark` is asked
+    bench.provide(mark=TAG, sight=TagSight())  # only `mark` is asked
     live(bench)
 
     fix = bench.board[MARK]
@@ -228,7 +228,7 @@ def test_without_images_a_tag_is_seen_by_the_drones_sight() -> None:
 def test_a_mat_is_found_at_its_own_height() -> None:
     """The same pixels lie further away on a mat of 0.05 m than on a box of 0.4 m: 1.45 to 1.1."""
     bench = LeafBench(FindMark)
-    bench.mark = replace(default_mark(), height_m=0.05)
+    bench.provide(mark=replace(default_mark(), height_m=0.05))
     bench.camera = pinhole(640, 360)
     live(bench, ids=pad_map())
     mat, box_bench = bench.board[MARK], finding()

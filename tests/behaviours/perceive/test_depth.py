@@ -228,7 +228,7 @@ def test_contact_flies_without_a_network() -> None:
 def test_contact_knows_the_height_of_the_mark(height_m: float) -> None:
     """Of the depth at which a ray meets the ground, it is the share (1.5 m - height) / 1.5 m."""
     bench = LeafBench(EstimateDepth, model="contact")
-    bench.mark = replace(default_mark(), height_m=height_m)
+    bench.provide(mark=replace(default_mark(), height_m=height_m))
     ids = np.full(SIZE[::-1], CARPET, dtype=np.uint8)
     ids[70:85, 100:125] = HELIPAD_H
     fly(bench, ids=ids)

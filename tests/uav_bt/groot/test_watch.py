@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -14,8 +15,17 @@ from tests.worlds.trees import tree_file
 from uav_bt import app, plugins
 from uav_bt.groot import watched_live
 from uav_bt.mission.tick import TickRecord
-from uav_bt.testing import ScriptedDroneConfig
+from uav_bt.testing import ScriptedDrone
 from uav_bt.tree import Status
+
+
+@dataclass(frozen=True)
+class Scripted:
+    """A kind of drone by name."""
+
+    def create(self) -> ScriptedDrone:
+        return ScriptedDrone()
+
 
 HOP = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="0.5"/><Land/></Sequence>'
 
@@ -27,7 +37,7 @@ def mission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
     def load(group: str, name: str) -> object:
         if (group, name) == (plugins.DRONES, "scripted"):
-            return ScriptedDroneConfig
+            return Scripted
         return found(group, name)
 
     monkeypatch.setattr(plugins, "load", load)

@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uav_bt.board.context import Proposals
-from uav_bt.mission.area_guard import AreaGuard
-from uav_bt.mission.limits import Limits
+from uav_bt.mission.limits import AreaGuard, Limits
 from uav_bt.mission.safety import Arbiter, Circumstances
 from uav_bt.types import (
     Airframe,

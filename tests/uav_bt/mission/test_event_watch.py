@@ -9,16 +9,14 @@ import pytest
 from uav_bt.board.context import MissionContext
 from uav_bt.mission.event_watch import EventWatch
 from uav_bt.mission.safety import Override
-from uav_bt.tree.branch_watch import BranchEnds
 from uav_bt.tree.scripted import ScriptedLeaf
-from uav_bt.types import FlyingState
+from uav_bt.tree.watches import BranchEnds
 from uav_bt.types.flight_results import EventKind
 
 QUIET: dict[str, Any] = {
-    "phase": "",
     "override": None,
-    "reasons": (),
-    "flying": FlyingState.FLYING,
+    "refused": (),
+    "landed": False,
     "ends": BranchEnds(),
 }
 
@@ -34,9 +32,9 @@ def events_of(
     return [(event.kind, event.text) for event in context.notes.events]
 
 
-STALE = {"override": Override.STALE_FRAME, "reasons": ("frame: black",)}
+STALE = {"override": Override.STALE_FRAME, "refused": ("frame: black",)}
 LINK, MANUAL = {"override": Override.LINK}, {"override": Override.MANUAL}
-GROUND, AIR = {"flying": FlyingState.LANDED}, {"flying": FlyingState.HOVERING}
+GROUND, AIR = {"landed": True}, {"landed": False}
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from tests.worlds import values
-from uav_bt.mission.judge import Belief, Judge, JudgeConfig, Verdict
+from uav_bt.mission.judge import Judge, JudgeConfig, Verdict
 from uav_bt.tree import Status
 from uav_bt.types import DroneState, FlyingState, Pose, Pose2D, Truth
 from uav_bt.types.area import Area
@@ -150,18 +150,18 @@ AHEAD = Area((((-0.5, -0.5), (3.0, -0.5), (3.0, 2.0), (-0.5, 2.0)),))
 OUTSIDE = "left_area: left the mission's area by 0.40 m"
 
 
-def place(x_m: float, y_m: float) -> Belief:
-    return Belief(place=Pose2D(x_m=x_m, y_m=y_m, yaw_rad=0.0))
+def at(x_m: float, y_m: float) -> Pose2D:
+    return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=0.0)
 
 
 @pytest.mark.parametrize(
-    ("belief", "verdict"),
-    [(Belief(), ""), (place(2.6, 0.0), ""), (place(3.2, 0.0), ""), (place(3.4, 0.0), OUTSIDE)],
+    ("place", "verdict"),
+    [(None, ""), (at(2.6, 0.0), ""), (at(3.2, 0.0), ""), (at(3.4, 0.0), OUTSIDE)],
 )
 def test_without_a_referee_a_drone_that_believes_to_be_far_outside_has_left_its_area(
-    belief: Belief, verdict: str
+    place: Pose2D | None, verdict: str
 ) -> None:
-    assert ask(Judge(area=AHEAD), 20.0, belief=belief) == verdict
+    assert ask(Judge(area=AHEAD), 20.0, place=place) == verdict
 
 
 @pytest.mark.parametrize(
@@ -176,8 +176,8 @@ def test_where_there_is_a_referee_the_true_place_counts(
     start = values.truth(Pose(x_m=1.0, y_m=0.0, z_m=0.0, yaw_rad=math.pi / 2))
     assert ask(judge, 19.0, truth=start) == ""
     there = values.truth(Pose(x_m=x_m, y_m=y_m, z_m=1.5, yaw_rad=0.3))
-    wrong = place(0.0, 0.0) if verdict else place(9.0, 9.0)
-    assert ask(judge, 20.0, truth=there, belief=wrong) == verdict
+    wrong = at(0.0, 0.0) if verdict else at(9.0, 9.0)
+    assert ask(judge, 20.0, truth=there, place=wrong) == verdict
 
 
 def test_time_counts_from_the_first_take_off_command() -> None:
@@ -230,8 +230,8 @@ def test_without_a_referee_the_last_belief_in_the_air_counts(
 ) -> None:
     """After the landing the camera sees nothing: a belief of then is worth nothing."""
     judge = flown(land_on=land_on)
-    ask(judge, 89.0, LANDING, belief=Belief(mark_m=mark_m))
-    assert ask(judge, 90.0, LANDED, status=DONE, belief=Belief(mark_m=3.0)) == verdict
+    ask(judge, 89.0, LANDING, mark_m=mark_m)
+    assert ask(judge, 90.0, LANDED, status=DONE, mark_m=3.0) == verdict
 
 
 @pytest.mark.parametrize(
@@ -246,8 +246,8 @@ def test_without_a_referee_the_last_belief_in_the_air_counts(
     ],
 )
 def test_the_referee_overrules_the_belief(truth: Truth, land_on: LandOn, verdict: str) -> None:
-    wrong = Belief(mark_m=0.0 if truth is ON_GROUND else 5.0)
-    assert ask(flown(land_on=land_on), 90.0, LANDED, truth, DONE, belief=wrong) == verdict
+    wrong_m = 0.0 if truth is ON_GROUND else 5.0
+    assert ask(flown(land_on=land_on), 90.0, LANDED, truth, DONE, mark_m=wrong_m) == verdict
 
 
 @pytest.mark.parametrize(

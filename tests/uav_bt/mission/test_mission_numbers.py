@@ -206,12 +206,12 @@ def test_a_tracked_mark_is_known_until_it_is_stale_and_the_belief_falls_back_on_
     world = World()
     fix = MarkFix(captured_s=0.0, forward_m=1.0, right_m=0.0, height_m=0.4, detected=True)
     world.board.write(MARK, fix, captured_s=0.0)
-    assert (world.tick()["mark_known"], world.whereabouts.belief().mark_m) == (1.0, 1.0)
+    assert (world.tick()["mark_known"], world.whereabouts.mark_m()) == (1.0, 1.0)
     world.clock.advance(30.0)
-    assert (world.tick()["mark_known"], world.whereabouts.belief().mark_m) == (0.0, None)
+    assert (world.tick()["mark_known"], world.whereabouts.mark_m()) == (0.0, None)
     mark = MapMark(x_m=3.0, y_m=4.0, std_m=0.1, seen_s=0.0)
     world.map(mark=mark, pose=Pose2D(x_m=3.0, y_m=3.5, yaw_rad=1.0))
-    assert world.whereabouts.belief().mark_m == pytest.approx(0.5)
+    assert world.whereabouts.mark_m() == pytest.approx(0.5)
 
 
 def test_blind_time_counts_frames_and_ground() -> None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from uav_bt.app.assembly import frame_judge
 from uav_bt.clock import ManualClock
 from uav_bt.errors import DroneError
-from uav_bt.mission.preflight import Check, PreflightConfig, check_drone, refuse_faults
+from uav_bt.mission.preflight import LOOK_S, Check, PreflightConfig, check_drone, refuse_faults
 from uav_bt.types import (
     CameraModel,
     Command,
@@ -153,7 +153,7 @@ def test_images_that_cannot_be_flown_by_are_refused_by_the_judge_of_the_flight(
 def test_images_that_can_be_flown_by_are_looked_at_for_as_long_as_a_frozen_video_takes() -> None:
     drone = Filming(lambda now_s: noisy(now_s) if now_s > 0.3 else np.zeros((36, 64, 3)))
     refuse_faults(check_drone(drone, judge_frame=frame_judge(drone)))
-    assert drone.clock.now() == pytest.approx(PreflightConfig.look_s, abs=0.2)
+    assert drone.clock.now() == pytest.approx(LOOK_S, abs=0.2)
 
 
 def test_frames_of_another_size_than_the_cameras_are_a_fault() -> None:

@@ -270,7 +270,6 @@ class Flight:
             Judge(JudgeConfig(**{"land_on": LandOn.ANY, **judge})),
             config=RunnerConfig(tick_s=TICK_S, landing_grace_s=2.0),
             listeners=(self.records, *acting, *listeners),
-            clock=clock,
             next_tree=self._next_tree,
         )
         self.then = dict(then or {})

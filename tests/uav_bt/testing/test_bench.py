@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from uav_bt import testing
 from uav_bt.answers import Advance
 from uav_bt.board import ELAPSED, FRAME, HEIGHT, STATE
 from uav_bt.board.context import MissionContext
@@ -100,6 +101,11 @@ def test_stale_access_fails_the_test() -> None:
     bench.allow_stale()
     assert bench.tick() is Status.RUNNING
     assert bench.feedback == "no telemetry"
+
+
+def test_all_names_of_the_kit_can_be_imported() -> None:
+    assert all(hasattr(testing, name) for name in testing.__all__)
+    assert not hasattr(testing, "Nothing")
 
 
 def test_wrong_use_is_explained() -> None:

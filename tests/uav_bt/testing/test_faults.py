@@ -92,8 +92,8 @@ def last(text: str) -> Observation:
         ("late~-1", ValueRangeError, "expected a duration of more than 0 s, got -1; a fault with"),
         ("late@explore+nan", ValueRangeError, "expected a delay of 0 s or more, got nan"),
         ("black=3", ValueRangeError, "takes no level, got 3"),
-        ("noise=-1", ValueRangeError, "expected a level from 0 to 255 grey levels, got -1"),
-        ("slow=0", ValueRangeError, "expected a level from 0.2 to 30 frames/s, got 0"),
+        ("noise=-1", ValueRangeError, "expected a finite level from 0 to 255 grey levels, got -1"),
+        ("slow=0", ValueRangeError, "expected a finite level from 0.2 to 30 frames/s, got 0"),
     ],
 )
 def test_other_texts_are_refused(text: str, error: type[Exception], said: str) -> None:

@@ -97,7 +97,7 @@ def findings(
 )
 def test_a_variable_of_the_mission_that_nothing_sets_is_refused(body: str, name: str) -> None:
     (message,) = findings(body, inner='<Fly speed_mps="{speed}"/>' if "Sub" in body else "<Fly/>")
-    assert f"nothing sets variable '{name}' of the main tree" in message
+    assert f"nothing sets variable '{name}' of tree" in message
     assert "warning" not in message
 
 
@@ -180,12 +180,12 @@ def test_a_read_after_the_write_is_good(body: str) -> None:
 @pytest.mark.parametrize(
     ("code", "reader", "message"),
     [
-        ("v := 'fast'", READ, "takes float, but variable 'v' may hold 'fast' (from 'Script')"),
+        ("v := 'fast'", READ, "takes float, but variable 'v' may hold 'fast', from Script"),
         ("v := 1", "<Script code=\"v := 'a'\"/>", "keeps the type of its first value"),
         ("v := 'a'", '<Script code="v := 1"/>', "keeps the type of its first value"),
         ("v := 'a'", '<ScriptCondition code="v &gt; 1"/>', "needs a number, but 'v'"),
         ("v := '7'", '<Script code="w := 2 * v"/>', "needs a number, but 'v'"),
-        ("v := 5", '<LoopInt queue="{v}"><AlwaysSuccess/></LoopInt>', "variable 'v' may hold 5"),
+        ("v := 5", '<LoopInt queue="{v}"><AlwaysSuccess/></LoopInt>', "variable 'v' holds 5"),
     ],
 )
 def test_a_value_that_the_reader_cannot_use_is_refused(
@@ -260,7 +260,7 @@ def test_names_in_the_text_of_a_message_are_checked_as_in_scripts() -> None:
     good = '<Say text="{n} of {n}: {@elapsed_s} s"/>'
     assert findings(f"<Sequence>{script}{good}</Sequence>") == []
     for text, why in (
-        ("{m} of {n}", "nothing sets variable 'm' of the main tree"),
+        ("{m} of {n}", "nothing sets variable 'm' of tree 'Main'"),
         ("{n}: {@red_share}", "no leaf of the tree writes board key 'red_share'"),
         ("{n}: {@blue_share}", "the board has no key 'blue_share'"),
         ("{n}: {@site_map}", "board key 'site_map' holds SiteMap, no number and no text"),

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from uav_bt.errors import FileError, NodeFailedError, TreeError, ValueRangeError
+from uav_bt.errors import FileError, NodeFailedError, TreeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status
 from uav_bt.tree.dry_run import Answer, SimulatedTick, Simulation, read_script
 
@@ -145,11 +145,6 @@ def test_board_values_that_do_not_fit_are_refused_with_their_line(
         simulation(tmp_path, "<Sequence><Sees/><Fly/><Measure/></Sequence>", script)
     assert message in str(error.value)
     assert (error.value.path, error.value.line) == (tmp_path / "script.yaml", line)
-
-
-def test_time_must_pass(tmp_path: Path) -> None:
-    with pytest.raises(ValueRangeError, match=r"got 0\.0 s"):
-        simulation(tmp_path, "<Fly/>", "default: S", tick_s=0.0)
 
 
 def test_a_node_that_raises_ends_the_dry_run_and_names_what_is_unset(tmp_path: Path) -> None:

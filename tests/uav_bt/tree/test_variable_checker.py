@@ -121,15 +121,27 @@ HIGH, PAD = '<Use height_m="{x}"/>', '<Use pad="{x}"/>'
     [
         (FIND, HIGH, "variable 'x' holds MarkFix, from FindPad, attribute 'pad', at m.xml:1:"),
         ('<Measure height_m="{x}"/>', PAD, "'pad' takes MarkFix, but variable 'x' holds float"),
-        (COPY % "high", HIGH, "(expected a number, got 'high'), from SetBlackboard, attribute 'ou"),
-        (COPY % "rihgt", '<Use side="{x}"/>', "got 'rihgt'; did you mean 'right'?)"),
+        (
+            COPY % "high",
+            HIGH,
+            "holds 'high', from SetBlackboard, attribute 'output_key'",
+        ),
+        (
+            COPY % "rihgt",
+            '<Use side="{x}"/>',
+            "got 'rihgt'; did you mean 'right'?",
+        ),
         (COPY % "{@mark}", HIGH, "variable 'x' holds MarkFix"),
         ('<FindPad pad="{y}"/>' + COPY % "{y}", HIGH, "'x' holds MarkFix, from FindPad"),
-        ('<FindPad pad="{y}"/><Script code="x := y"/>', HIGH, "'y' holds MarkFix, no number and"),
-        ('<Script code="x := 1 + 2"/>', PAD, "got float 3.0"),
+        (
+            '<FindPad pad="{y}"/><Script code="x := y"/>',
+            HIGH,
+            "'y' holds MarkFix, from FindPad",
+        ),
+        ('<Script code="x := 1 + 2"/>', PAD, "holds 3.0, from Script"),
         ("<Script code=\"x := y ? 'a' : 'b'\"/>", PAD, "holds str"),
-        (FIND, '<Use _skipIf="x &gt; 1"/>', "'_skipIf': variable 'x' holds MarkFix, no number"),
-        (FIND + '<Measure sure="{x}"/>', HIGH, "(and 1 more like it)"),
+        (FIND, '<Use _skipIf="x &gt; 1"/>', "'_skipIf' variable 'x' holds MarkFix, from FindPad"),
+        (FIND + '<Measure sure="{x}"/>', HIGH, "'x' holds MarkFix"),
         ('<LoopInt queue="1;2" value="{x}"><FindPad/></LoopInt>', PAD, "holds int"),
     ],
 )
@@ -183,9 +195,9 @@ def test_literal_entries_are_texts() -> None:
     assert findings('<SubTree ID="In" y="1.5"/>', use) == []
     found = findings('<SubTree ID="In" y="high"/>', use)
     assert len(found) == 1
-    assert "(expected a number, got 'high'), from SubTree 'In', attribute 'y'" in found[0]
+    assert "holds 'high', from SubTree 'In', attribute 'y'" in found[0]
     (remapped,) = findings('<SubTree ID="In" y="high" _autoremap="true"/>', use)
-    assert "(expected a number, got 'high'), from SubTree 'In', attribute 'y'" in remapped
+    assert "holds 'high', from SubTree 'In', attribute 'y'" in remapped
 
 
 # --- variables without a writer -------------------------------------------------------------------

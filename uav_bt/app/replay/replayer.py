@@ -19,7 +19,7 @@ from uav_bt.app.replay.recorded_drone import RecordedDrone, RecordedSegmenter
 from uav_bt.board import CLASS_MAP, FRAME
 from uav_bt.board.flight_folder import FlightFolder
 from uav_bt.errors import FileError, NodeFailedError
-from uav_bt.mission.judge import Belief, Judge, JudgeConfig, Outcome, Verdict
+from uav_bt.mission.judge import Judge, JudgeConfig, Outcome, Verdict
 from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
@@ -28,7 +28,7 @@ from uav_bt.record import channels
 from uav_bt.record.moment import Moment
 from uav_bt.record.reader import RecordReader
 from uav_bt.tree import MissionTree, NodeRegistry, Status
-from uav_bt.tree.loading.folders import TreeFolders
+from uav_bt.tree.loading.lookup import TreeFolders
 from uav_bt.types.area import Area
 
 Masks = Literal["network", "recorded"]
@@ -253,19 +253,11 @@ class ReplayJudge(Judge):
         super().__init__(config)
         self._drone = drone
 
-    def verdict(
-        self,
-        record: TickRecord,
-        *,
-        abort_reason: str | None,
-        landing: bool = False,
-        belief: Belief | None = None,
-        failure: str = "",
-    ) -> Verdict | None:
+    def verdict(self, record: TickRecord, **_: Any) -> Verdict | None:
         """Return that the recording is over, None while it goes on."""
-        del record, abort_reason, landing, belief, failure
+        del record
         if self._drone.at_end:
-            return Verdict(outcome=Outcome.SUCCESS, reason="the recording is over")
+            return Verdict(Outcome.SUCCESS, "the recording is over")
         return None
 
 

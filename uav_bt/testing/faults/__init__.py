@@ -2,8 +2,7 @@
 
 from uav_bt.testing.faults.drone import FaultyDrone, find_faulty_drones
 from uav_bt.testing.faults.fault import RANDOM, Fault
-from uav_bt.testing.faults.kind import FaultKind, FaultMoment, InjectedError
-from uav_bt.testing.faults.table import FAULTS
+from uav_bt.testing.faults.table import FAULTS, FaultKind, FaultMoment, InjectedError
 
 __all__ = [
     "FAULTS",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Final, Protocol, runtime_checkable
@@ -18,23 +18,19 @@ from uav_bt.mission.drone_wrapper import DroneWrapper
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone, Referee, Sight
 from uav_bt.testing.faults.fault import START, Fault
-from uav_bt.testing.faults.kind import FaultMoment
-from uav_bt.types import ClassMap, Command, DepthMap, Frame, Observation, Pose2D, Truth
-from uav_bt.types.ground import Ground
-
-_Vector = tuple[float, float]
+from uav_bt.testing.faults.table import FaultMoment
+from uav_bt.types import ClassMap, Command, DepthMap, Frame, Observation, Pose2D
 
 _PAST: Final = 64  # kept observations for late frames: 6 s at the usual tick; chosen
 _SLACK_S: Final = 1e-6  # rounding of times
-_CALM: Final[Mapping[str, _Vector]] = {"wind_mps2": (0.0, 0.0), "drift_mps": (0.0, 0.0)}
 
 
 @runtime_checkable
 class Disturbed(Protocol):
     """A simulated drone that accepts disturbances."""
 
-    def disturb(self, *, wind_mps2: _Vector = (0.0, 0.0), drift_mps: _Vector = (0.0, 0.0)) -> None:
-        """Apply a steady wind, or a drift of the drone's estimate, from now on; world x and y."""
+    def disturb(self, *, wind_mps2: tuple[float, float], drift_mps: tuple[float, float]) -> None:
+        """Apply a steady wind, and a drift of the drone's estimate, from now on; world x and y."""
         ...
 
 
@@ -45,21 +41,23 @@ class FaultyDrone(DroneWrapper):
     """
 
     def __init__(self, drone: Drone, fault: Fault) -> None:
-        innermost = drone
-        while isinstance(innermost, FaultyDrone):
-            innermost = innermost.inner
-        if fault.kind.disturb is not None and not isinstance(innermost, Disturbed):
-            raise InputError(
-                f"fault '{fault.kind.name}' needs a drone with a method 'disturb', such as the "
-                f"twin; {type(innermost).__name__} has none"
-            )
         super().__init__(drone)
         self.fault = fault
         self.began_s: float | None = None  # mission time of the first effect; None before it
-        self._phase_s: float | None = None
+        around = drone if isinstance(drone, FaultyDrone) else None
+        self.body: Drone = drone if around is None else around.body  # the drone without faults
+        # Present disturbances by the faults of one body: argument, and level along world x.
+        self.disturbances: dict[FaultyDrone, tuple[str, float]] = (
+            {} if around is None else around.disturbances
+        )
+        if fault.kind.disturb is not None and not isinstance(self.body, Disturbed):
+            raise InputError(
+                f"fault '{fault.kind.name}' needs a drone with a method 'disturb', such as the "
+                f"twin; {type(self.body).__name__} has none"
+            )
+        self._phase_s: float | None = None  # start of the fault's phase
         self._before: Observation | None = None
         self._still: Frame | None = None
-        self._outer = self._own = _CALM  # disturbances by the faults around this drone, and by it
         self._past: deque[Observation] = deque(maxlen=_PAST)
         self._command: Command | None = None
         # The delivered frame, and the camera's frame of the same image.
@@ -101,8 +99,8 @@ class FaultyDrone(DroneWrapper):
         self._before, self._still = self._before or seen, self._still or seen.frame
         at, kind = self._moment(), self.fault.kind
         if kind.disturb is not None:
-            self._own = _CALM if at is None else {**_CALM, **kind.disturb(at.level)}
-            self._pass_on()
+            self.disturbances[self] = kind.disturb, 0.0 if at is None else at.level
+            self._disturb_body()
         shown = seen
         if at is None:
             self._before, self._still = seen, seen.frame or self._still
@@ -112,15 +110,12 @@ class FaultyDrone(DroneWrapper):
         self._shown = None if shown.frame is None else (shown.frame, self._source(shown.frame))
         return shown
 
-    def disturb(self, *, wind_mps2: _Vector = (0.0, 0.0), drift_mps: _Vector = (0.0, 0.0)) -> None:
-        """Add the disturbance of a fault around this drone to its fault's own."""
-        self._outer = {"wind_mps2": wind_mps2, "drift_mps": drift_mps}
-        self._pass_on()
-
-    def _pass_on(self) -> None:
-        if isinstance(self._drone, Disturbed):
-            both = ((name, own, self._outer[name]) for name, own in self._own.items())
-            self._drone.disturb(**{n: (own[0] + o[0], own[1] + o[1]) for n, own, o in both})
+    def _disturb_body(self) -> None:
+        totals = {"wind_mps2": 0.0, "drift_mps": 0.0}
+        for name, level in self.disturbances.values():
+            totals[name] += level
+        if isinstance(self.body, Disturbed):
+            self.body.disturb(**{name: (level, 0.0) for name, level in totals.items()})
 
     def send(self, command: Command) -> Command:
         """Send a command as the fault changes it; return the mission's own command."""
@@ -136,13 +131,14 @@ class FaultyDrone(DroneWrapper):
         return sent if changed == command else command
 
     def on_tick(self, record: TickRecord) -> None:
-        """Follow the flight's phase."""
-        if self._phase_s is None and _same_phase(record.phase, self.fault.phase):
+        """Follow the flight's phase; `go_to` is `go to`."""
+        here, wanted = (name.replace("_", " ") for name in (record.phase, self.fault.phase))
+        if self._phase_s is None and here == wanted:
             self._phase_s = record.time_s
-        kind = self.fault.kind
-        if kind.follow is not None and self._moment() is not None:
+        follow = self.fault.kind.follow
+        if follow is not None and self._moment() is not None:
             with self._named():
-                kind.follow()
+                follow()
 
     @contextmanager
     def _named(self) -> Iterator[None]:
@@ -196,48 +192,34 @@ def find_faulty_drones(drone: Drone) -> list[FaultyDrone]:
     return found
 
 
-def _same_phase(phase: str, wanted: str) -> bool:
-    """Return whether two names are of one phase; `go_to` is `go to`."""
-    return phase.replace("_", " ") == wanted.replace("_", " ")
-
-
 class _FaultyReferee:
     """Referee whose masks and depths match the delivered frames."""
 
     def __init__(self, referee: Referee, drone: FaultyDrone) -> None:
-        self._referee = referee
-        self._drone = drone
-
-    def truth(self) -> Truth:
-        return self._referee.truth()
-
-    def ground(self) -> Ground | None:
-        return self._referee.ground()
+        self.truth, self.ground = referee.truth, referee.ground
+        self._referee, self._source_of = referee, drone.source_of
 
     def class_ids(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.uint8]:
-        return self._referee.class_ids(self._drone.source_of(frame), width_px, height_px)
+        return self._referee.class_ids(self._source_of(frame), width_px, height_px)
 
     def depth(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.float32]:
-        return self._referee.depth(self._drone.source_of(frame), width_px, height_px)
+        return self._referee.depth(self._source_of(frame), width_px, height_px)
 
 
 class _FaultySight:
     """Perception without images that sees what the delivered frames show."""
 
     def __init__(self, sight: Sight, drone: FaultyDrone) -> None:
-        self._sight = sight
-        self._drone = drone
+        self._sight, self._source_of = sight, drone.source_of
 
     def segment(self, frame: Frame) -> ClassMap:
-        seen = self._sight.segment(self._drone.source_of(frame))
-        return replace(seen, captured_s=frame.captured_s)
+        return replace(self._sight.segment(self._source_of(frame)), captured_s=frame.captured_s)
 
     def estimate(self, frame: Frame) -> DepthMap:
-        seen = self._sight.estimate(self._drone.source_of(frame))
-        return replace(seen, captured_s=frame.captured_s)
+        return replace(self._sight.estimate(self._source_of(frame)), captured_s=frame.captured_s)
 
     def mark(self, frame: Frame) -> MarkSighting | None:
-        return self._sight.mark(self._drone.source_of(frame))
+        return self._sight.mark(self._source_of(frame))
 
     def motion(self, first: Frame, second: Frame) -> Pose2D | None:
-        return self._sight.motion(self._drone.source_of(first), self._drone.source_of(second))
+        return self._sight.motion(self._source_of(first), self._source_of(second))

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from typing import Final, Self
 
 from uav_bt.errors import UnknownNameError, ValueRangeError
-from uav_bt.testing.faults.kind import FaultKind
-from uav_bt.testing.faults.table import FAULTS
+from uav_bt.testing.faults.table import FAULTS, FaultKind
 
 RANDOM: Final = "random"
 """In place of a fault: room, movers and faults are drawn from the seed."""
@@ -40,15 +39,11 @@ class Fault:
                 f"expected a duration of more than 0 s, got {self.duration_s:g}; a fault without a "
                 "duration stays"
             )
-        if level is None:
-            return
-        if kind.level is None:
+        if level is not None and kind.level is None:
             raise ValueRangeError(f"{kind.name} takes no level, got {level:g}")
-        if not math.isfinite(level):
-            raise ValueRangeError(f"expected a finite level, got {level:g}")
-        if not kind.least <= level <= kind.most:
+        if level is not None and not (math.isfinite(level) and kind.least <= level <= kind.most):
             limits = f"{kind.least:g} to {kind.most:g} {kind.unit}".rstrip()
-            raise ValueRangeError(f"expected a level from {limits}, got {level:g}")
+            raise ValueRangeError(f"expected a finite level from {limits}, got {level:g}")
 
     @classmethod
     def parse(cls, text: str, kinds: Mapping[str, FaultKind] = FAULTS) -> Self:

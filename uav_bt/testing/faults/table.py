@@ -8,36 +8,52 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
-from typing import Any, Final, Never, Protocol, TypeVar
+from dataclasses import dataclass, replace
+from typing import Any, Final, Never
 
 import numpy as np
 
-from uav_bt.testing.faults.kind import FaultKind as Kind
-from uav_bt.testing.faults.kind import FaultMoment, InjectedError, Observe, Send
-from uav_bt.types import (
-    Attitude,
-    BodyVelocity,
-    Command,
-    CutMotors,
-    DroneState,
-    FlyingState,
-    Frame,
-    Hover,
-    Land,
-    MoveBy,
-    Movement,
-    MovementState,
-    MovementStatus,
-    Observation,
-    Release,
-    TakeOff,
-    Velocity,
-    wrap_angle,
-)
+from uav_bt.types import Command, DroneState, FlyingState, Frame, Movement, Observation, wrap_angle
 from uav_bt.types.arrays import Image
+from uav_bt.types.commands import CutMotors, Hover, Land, MoveBy, Release, TakeOff, Velocity
+from uav_bt.types.drone_state import Attitude, BodyVelocity, MovementState, MovementStatus
 
-_Report = TypeVar("_Report", DroneState, Frame)
+
+class InjectedError(RuntimeError):
+    """The error that a fault raises: one that no code expects."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FaultMoment:
+    """The inputs of an effect."""
+
+    level: float  # strength, in the kind's unit; NaN for a kind without a level
+    since_s: float  # time since the fault's first effect
+    before: Observation  # the last observation without the fault, or else the first one
+    still: Frame | None  # the last frame without the fault, or else the first one
+    past: tuple[Observation, ...]  # without the fault, oldest first, up to the present one
+    command: Command | None  # the mission's latest command
+
+
+Observe = Callable[[Observation, FaultMoment], Observation]
+Send = Callable[[Command, FaultMoment], Command]
+
+
+@dataclass(frozen=True)
+class FaultKind:
+    """A kind of fault with its effects, all of them optional."""
+
+    name: str
+    what: str  # description for people
+    observe: Observe | None = None  # changes the observation
+    level: float | None = None  # default strength; None: it has no strength
+    unit: str = ""  # of the level
+    least: float = -math.inf  # levels from here
+    most: float = math.inf  # to here can be given
+    disturb: str | None = None  # argument of the drone's `disturb`: the level, along world x
+    send: Send | None = None  # changes the command
+    follow: Callable[[], None] | None = None  # happens in every tick
+
 
 # --- images ---------------------------------------------------------------------------------------
 
@@ -87,103 +103,82 @@ def _delayed(until: Callable[[float, float], float]) -> Observe:
 
 # --- telemetry ------------------------------------------------------------------------------------
 
+_HEIGHTS: Final = ("altitude_m", "height_m", "height_above_ground_m")
 
-class _Change(Protocol):
-    """Changes the telemetry of states and of frames alike."""
-
-    def __call__(self, report: _Report, by: float, /) -> _Report: ...
+_Change = Callable[[Any, FaultMoment], Mapping[str, Any]]
+"""Returns the changed fields of a state, or of the telemetry of a frame."""
 
 
-def _both(change: _Change, amount: Callable[[FaultMoment], float] = lambda at: at.level) -> Observe:
+def _state(change: _Change) -> Observe:
+    """Return an effect on the state."""
+    return lambda seen, at: replace(seen, state=replace(seen.state, **change(seen.state, at)))
+
+
+def _both(change: _Change) -> Observe:
     """Return an effect on the state and on the telemetry of frames."""
 
     def observe(seen: Observation, at: FaultMoment) -> Observation:
-        by = amount(at)
-        frame = None if seen.frame is None else change(seen.frame, by)
-        return replace(seen, frame=frame, state=change(seen.state, by))
+        frame = seen.frame and replace(seen.frame, **change(seen.frame, at))
+        return replace(_state(change)(seen, at), frame=frame)
 
     return observe
 
 
-def _of_state(change: Callable[[DroneState, FaultMoment], DroneState]) -> Observe:
-    return lambda seen, at: replace(seen, state=change(seen.state, at))
+@_both
+def _tilted(_report: DroneState | Frame, at: FaultMoment) -> Mapping[str, Any]:
+    return {"attitude": Attitude(roll_rad=at.level, pitch_rad=at.level, yaw_rad=at.level)}
 
 
-def _flying(flying: FlyingState) -> Observe:
-    return _of_state(lambda state, _: replace(state, flying=flying))
-
-
-def _heights(report: _Report, height_m: float) -> _Report:
-    return replace(report, altitude_m=height_m, height_m=height_m, height_above_ground_m=height_m)
-
-
-def _raised(report: _Report, by_m: float) -> _Report:
-    return replace(
-        report,
-        altitude_m=report.altitude_m + by_m,
-        height_m=report.height_m + by_m,
-        height_above_ground_m=report.height_above_ground_m + by_m,
-    )
-
-
-def _turned(report: _Report, by_rad: float) -> _Report:
+def _yaw(report: DroneState | Frame, by_rad: float) -> Mapping[str, Any]:
     yaw_rad = wrap_angle(report.attitude.yaw_rad + by_rad)
-    return replace(report, attitude=replace(report.attitude, yaw_rad=yaw_rad))
+    return {"attitude": replace(report.attitude, yaw_rad=yaw_rad)}
 
 
-def _tilted(report: _Report, angle_rad: float) -> _Report:
-    attitude = Attitude(roll_rad=angle_rad, pitch_rad=angle_rad, yaw_rad=angle_rad)
-    return replace(report, attitude=attitude)
+@_both
+def _dated(report: DroneState | Frame, at: FaultMoment) -> Mapping[str, Any]:
+    later = {"captured_s": report.captured_s + at.level}
+    if isinstance(report, Frame) or report.measured is None:
+        return later
+    return {**later, "measured": report.measured.shifted(at.level)}
 
 
-def _pointed(report: _Report, pitch_rad: float) -> _Report:
-    return replace(report, gimbal_pitch_rad=pitch_rad)
+@_state
+def _moving(_state: DroneState, at: FaultMoment) -> Mapping[str, Any]:
+    mps = at.level
+    return {"velocity": BodyVelocity(forward_mps=mps, right_mps=mps, down_mps=mps)}
 
 
-def _dated(report: _Report, later_s: float) -> _Report:
-    changes: dict[str, Any] = {"captured_s": report.captured_s + later_s}
-    if isinstance(report, DroneState) and report.measured is not None:
-        changes["measured"] = report.measured.shifted(later_s)
-    return replace(report, **changes)
-
-
-@_of_state
-def _velocity(state: DroneState, at: FaultMoment) -> DroneState:
-    same = BodyVelocity(forward_mps=at.level, right_mps=at.level, down_mps=at.level)
-    return replace(state, velocity=same)
-
-
-def _faster(state: DroneState, by_mps: float) -> DroneState:
+def _faster(state: DroneState, by_mps: float) -> Mapping[str, Any]:
     forward_mps = state.velocity.forward_mps + by_mps
-    return replace(state, velocity=replace(state.velocity, forward_mps=forward_mps))
+    return {"velocity": replace(state.velocity, forward_mps=forward_mps)}
 
 
-@_of_state
-def _jumped(state: DroneState, at: FaultMoment) -> DroneState:
+@_state
+def _jumped(state: DroneState, at: FaultMoment) -> Mapping[str, Any]:
     """Shift dead reckoning by the level, in one sample of 0.1 s."""
-    return _faster(state, at.level / 0.1) if at.since_s == 0.0 else state
+    return _faster(state, at.level / 0.1) if at.since_s == 0.0 else {}
 
 
-@_of_state
-def _drained(state: DroneState, at: FaultMoment) -> DroneState:
+@_state
+def _drained(_state: DroneState, at: FaultMoment) -> Mapping[str, Any]:
     full = 1.0 if at.before.state.battery is None else at.before.state.battery
-    return replace(state, battery=max(0.0, full - at.level * at.since_s))
+    return {"battery": max(0.0, full - at.level * at.since_s)}
 
 
-@_of_state
-def _never_done(state: DroneState, _at: FaultMoment) -> DroneState:
+@_state
+def _never_done(state: DroneState, _at: FaultMoment) -> Mapping[str, Any]:
     moving = state.movement
     if moving is None or moving.state is not MovementState.DONE:
-        return state
-    return replace(state, movement=replace(moving, state=MovementState.RUNNING))
+        return {}
+    return {"movement": replace(moving, state=MovementState.RUNNING)}
 
 
-@_of_state
-def _interrupted(state: DroneState, at: FaultMoment) -> DroneState:
-    if at.command is None or not isinstance(at.command.movement, MoveBy):
-        return state
-    status = MovementStatus(id=at.command.movement.id, state=MovementState.INTERRUPTED)
-    return replace(state, movement=status)
+@_state
+def _interrupted(_state: DroneState, at: FaultMoment) -> Mapping[str, Any]:
+    move = None if at.command is None else at.command.movement
+    if not isinstance(move, MoveBy):
+        return {}
+    return {"movement": MovementStatus(id=move.id, state=MovementState.INTERRUPTED)}
 
 
 # --- commands and exceptions ----------------------------------------------------------------------
@@ -201,6 +196,10 @@ def _instead(unwanted: type[Movement], movement: Movement) -> Send:
 
 def _unheard(_command: Command, _at: FaultMoment) -> Command:
     return Command(movement=Release())
+
+
+def _unpointed(command: Command, _at: FaultMoment) -> Command:
+    return replace(command, gimbal=None)
 
 
 def _unturned(command: Command, _at: FaultMoment) -> Command:
@@ -228,95 +227,66 @@ def _listener_raises() -> None:
 # --- the table ------------------------------------------------------------------------------------
 
 _frozen: Final = _image(lambda frame, at: at.still.image if at.still else frame.image)
-_black: Final = _image(lambda frame, _: np.zeros_like(frame.image))
-_white: Final = _image(lambda frame, _: np.full_like(frame.image, 255))
-_half: Final = _image(lambda frame, _: np.ascontiguousarray(frame.image[::2, ::2]))
-_empty: Final = _image(lambda frame, _: frame.image[:0, :0])
 _late: Final = _delayed(lambda now_s, age_s: now_s - age_s)
 _slow: Final = _delayed(lambda now_s, rate_hz: math.floor(now_s * rate_hz) / rate_hz)
-_turning: Final = _both(_turned, lambda at: at.level * at.since_s)
-_biased: Final = _of_state(lambda state, at: _faster(state, at.level))
-_charged: Final = _of_state(lambda state, at: replace(state, battery=at.level))
-_piloted: Final = _of_state(lambda state, _: replace(state, pilot_has_control=True))
+_high: Final = _both(lambda _, at: dict.fromkeys(_HEIGHTS, at.level))
+_higher: Final = _both(lambda told, at: {key: getattr(told, key) + at.level for key in _HEIGHTS})
+_turned: Final = _both(lambda told, at: _yaw(told, at.level))
+_turning: Final = _both(lambda told, at: _yaw(told, at.level * at.since_s))
+_pointed: Final = _both(lambda _, at: {"gimbal_pitch_rad": at.level})
+_biased: Final = _state(lambda state, at: _faster(state, at.level))
+_charged: Final = _state(lambda _, at: {"battery": at.level})
+_no_move: Final = _instead(MoveBy, Hover())
+_falls: Final = _state(lambda *_: {"flying": FlyingState.EMERGENCY})
+_stands: Final = _state(lambda *_: {"flying": FlyingState.LANDED})
 
-
-def _blown(level: float) -> Mapping[str, tuple[float, float]]:
-    return {"wind_mps2": (level, 0.0)}
-
-
-def _slid(level: float) -> Mapping[str, tuple[float, float]]:
-    return {"drift_mps": (level, 0.0)}
-
-
+_Kind = FaultKind
 _KINDS: Final = (
-    Kind("frozen", "the image stops, with fresh timestamps and telemetry", _frozen),
-    Kind("black", "black images", _black),
-    Kind("white", "overexposed images", _white),
-    Kind("noise", "white noise, with this standard deviation", _noisy, 80, "grey levels", 0, 255),
-    Kind("covered", "a covered lens: blurred and dark", _covered, 0.08, "of the light", 0, 1),
-    Kind("late", "late frames, of this age", _late, 1, "s", 0, 6),  # older ones are not kept
-    Kind("slow", "slow video", _slow, 4, "frames/s", 0.2, 30),
-    Kind("video-lost", "no new frame comes", lambda seen, at: replace(seen, frame=at.before.frame)),
-    Kind("no-frame", "observations without a frame", lambda seen, _: replace(seen, frame=None)),
-    Kind("half-size", "images of half the size", _half),
-    Kind("empty-image", "images without a pixel", _empty),
-    Kind(
-        "no-telemetry",
-        "no new telemetry comes",
-        lambda seen, at: replace(seen, state=at.before.state),
-    ),
-    Kind("link-lost", "nothing comes and nothing arrives", lambda _, at: at.before, send=_unheard),
-    Kind("height-nan", "heights NaN", _both(_heights)),
-    Kind("height-absurd", "absurd heights", _both(_heights), 1e4, "m"),
-    Kind("height-bias", "heights are too great", _both(_raised), 0.3, "m"),
-    Kind("attitude-nan", "attitude NaN", _both(_tilted)),
-    Kind("attitude-absurd", "absurd angles", _both(_tilted), 100, "rad"),
-    Kind("yaw-jump", "a wrong heading", _both(_turned), 0.8, "rad", -3.14, 3.14),
-    Kind("yaw-drift", "the heading drifts", _turning, 0.035, "rad/s", -3.14, 3.14),
-    Kind("velocity-nan", "velocity NaN", _velocity),
-    Kind("velocity-absurd", "an absurd velocity", _velocity, 500, "m/s"),
-    Kind("velocity-bias", "the forward velocity is too great, or too low", _biased, -0.2, "m/s"),
-    Kind("position-jump", "dead reckoning jumps forward once", _jumped, 1, "m"),
-    Kind("time-jump", "later timestamps", _both(_dated), 5, "s"),
-    Kind("gimbal-nan", "the camera's pitch NaN", _both(_pointed)),
-    Kind("gimbal-absurd", "an absurd camera pitch", _both(_pointed), 50, "rad"),
-    Kind(
-        "gimbal-stuck",
-        "the camera stays where it points",
-        send=lambda command, _: replace(command, gimbal=None),
-    ),
-    Kind("battery-nan", "a charge of NaN", _charged),
-    Kind("battery-low", "a low battery", _charged, 0.05, "of the charge", 0, 1),
-    Kind("battery-drains", "a draining battery", _drained, 0.1, "of the charge per s", 0, 1),
-    Kind("yaw-ignored", "the drone does not turn", send=_unturned),
-    Kind("never-done", "no movement is reported done", _never_done),
-    Kind(
-        "interrupted",
-        "every movement is interrupted at once",
-        _interrupted,
-        send=_instead(MoveBy, Hover()),
-    ),
-    Kind("no-take-off", "take-off is refused", send=_instead(TakeOff, Release())),
-    Kind("no-landing", "landing is refused", send=_instead(Land, Hover())),
-    Kind("deaf", "no command arrives", send=_unheard),
-    Kind("motors-cut", "the drone stops its motors", send=_cut),
-    Kind(
-        "emergency-state", "the drone says that its motors were cut", _flying(FlyingState.EMERGENCY)
-    ),
-    Kind(
-        "landed-state", "the drone says that it stands on the ground", _flying(FlyingState.LANDED)
-    ),
-    Kind("pilot", "a pilot has control", _piloted),
-    Kind("wind", "a steady wind towards world x", None, 0.2, "m/s²", -10, 10, disturb=_blown),
-    Kind(
-        "drift", "drift of the estimate towards world x", None, 0.1, "m/s", -10, 10, disturb=_slid
-    ),
-    Kind("observe-raises", "observing raises", _raises),
-    Kind("send-raises", "sending raises", send=_raises),
-    Kind("listener-raises", "a listener raises", follow=_listener_raises),
+    _Kind("frozen", "the image stops, with fresh timestamps and telemetry", _frozen),
+    _Kind("black", "black images", _image(lambda frame, _: np.zeros_like(frame.image))),
+    _Kind("white", "overexposed images", _image(lambda frame, _: np.full_like(frame.image, 255))),
+    _Kind("noise", "white noise, with this standard deviation", _noisy, 80, "grey levels", 0, 255),
+    _Kind("covered", "a covered lens: blurred and dark", _covered, 0.08, "of the light", 0, 1),
+    _Kind("late", "late frames, of this age", _late, 1, "s", 0, 6),  # older ones are not kept
+    _Kind("slow", "slow video", _slow, 4, "frames/s", 0.2, 30),
+    _Kind("video-lost", "no new frame comes", lambda it, at: replace(it, frame=at.before.frame)),
+    _Kind("no-frame", "observations without a frame", lambda seen, _: replace(seen, frame=None)),
+    _Kind("half-size", "images of half the size", _image(lambda it, _: it.image[::2, ::2].copy())),
+    _Kind("empty-image", "images without a pixel", _image(lambda frame, _: frame.image[:0, :0])),
+    _Kind("no-telemetry", "no new telemetry comes", _state(lambda _, at: vars(at.before.state))),
+    _Kind("link-lost", "nothing comes and nothing arrives", lambda _, at: at.before, send=_unheard),
+    _Kind("height-nan", "heights NaN", _high),
+    _Kind("height-absurd", "absurd heights", _high, 1e4, "m"),
+    _Kind("height-bias", "heights are too great", _higher, 0.3, "m"),
+    _Kind("attitude-nan", "attitude NaN", _tilted),
+    _Kind("attitude-absurd", "absurd angles", _tilted, 100, "rad"),
+    _Kind("yaw-jump", "a wrong heading", _turned, 0.8, "rad", -3.14, 3.14),
+    _Kind("yaw-drift", "the heading drifts", _turning, 0.035, "rad/s", -3.14, 3.14),
+    _Kind("velocity-nan", "velocity NaN", _moving),
+    _Kind("velocity-absurd", "an absurd velocity", _moving, 500, "m/s"),
+    _Kind("velocity-bias", "the forward velocity is too great, or too low", _biased, -0.2, "m/s"),
+    _Kind("position-jump", "dead reckoning jumps forward once", _jumped, 1, "m"),
+    _Kind("time-jump", "later timestamps", _dated, 5, "s"),
+    _Kind("gimbal-nan", "the camera's pitch NaN", _pointed),
+    _Kind("gimbal-absurd", "an absurd camera pitch", _pointed, 50, "rad"),
+    _Kind("gimbal-stuck", "the camera stays where it points", send=_unpointed),
+    _Kind("battery-nan", "a charge of NaN", _charged),
+    _Kind("battery-low", "a low battery", _charged, 0.05, "of the charge", 0, 1),
+    _Kind("battery-drains", "a draining battery", _drained, 0.1, "of the charge per s", 0, 1),
+    _Kind("yaw-ignored", "the drone does not turn", send=_unturned),
+    _Kind("never-done", "no movement is reported done", _never_done),
+    _Kind("interrupted", "every movement is interrupted at once", _interrupted, send=_no_move),
+    _Kind("no-take-off", "take-off is refused", send=_instead(TakeOff, Release())),
+    _Kind("no-landing", "landing is refused", send=_instead(Land, Hover())),
+    _Kind("deaf", "no command arrives", send=_unheard),
+    _Kind("motors-cut", "the drone stops its motors", send=_cut),
+    _Kind("emergency-state", "the drone says that its motors were cut", _falls),
+    _Kind("landed-state", "the drone says that it stands on the ground", _stands),
+    _Kind("pilot", "a pilot has control", _state(lambda *_: {"pilot_has_control": True})),
+    _Kind("wind", "a steady wind towards world x", None, 0.2, "m/s²", -10, 10, "wind_mps2"),
+    _Kind("drift", "drift of the estimate towards world x", None, 0.1, "m/s", -10, 10, "drift_mps"),
+    _Kind("observe-raises", "observing raises", _raises),
+    _Kind("send-raises", "sending raises", send=_raises),
+    _Kind("listener-raises", "a listener raises", follow=_listener_raises),
 )
-
-_IN_IMAGE: Final = frozenset({"black", "white", "noise", "covered", "half-size", "empty-image"})
-FAULTS: Final[Mapping[str, Kind]] = {
-    kind.name: replace(kind, in_image=kind.name in _IN_IMAGE) for kind in _KINDS
-}
+FAULTS: Final[Mapping[str, FaultKind]] = {kind.name: kind for kind in _KINDS}

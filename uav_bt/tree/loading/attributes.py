@@ -10,11 +10,17 @@ from typing import Any, Final, Protocol
 from uav_bt.board.blackboard import Key
 from uav_bt.clock import TIME_LIMIT_S
 from uav_bt.errors import did_you_mean
-from uav_bt.tree.conditions import ASKED, CONDITION_ATTRIBUTES, check_condition
 from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.findings import ERROR, WARNING, Rule
-from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
-from uav_bt.tree.script import SCRIPTS, Script, parse_question, parse_script, parsed_by
+from uav_bt.tree.port import (
+    ASKED,
+    CONDITION_ATTRIBUTES,
+    Port,
+    Reference,
+    bind_ports,
+    parse_reference,
+)
+from uav_bt.tree.script import SCRIPTS, Script, ScriptError, parse_question
 from uav_bt.tree.script.expressions import Known, Name
 from uav_bt.tree.script.values import ONLY_LEAVES_WRITE
 
@@ -50,7 +56,7 @@ class Attributes:
     ) -> dict[str, Any] | None:
         """Return the values and references of ports; None where one is wrong."""
         ports = list(ports)
-        bound, wrong = bind_ports(ports, dict(given), CONDITION_ATTRIBUTES)
+        bound, wrong = bind_ports(ports, dict(given))
         scripts = {port.name for port in ports if port.check in SCRIPTS}
         for name, message in wrong.items():
             note(message, name, Rule.SCRIPT if name in scripts else Rule.ATTRIBUTE)
@@ -58,8 +64,7 @@ class Attributes:
             value = bound.get(port.name)
             if isinstance(value, Reference) and value.on_board:
                 self._check_board(port, value, note)
-            elif port.check in SCRIPTS and isinstance(value, str):
-                script = parsed_by(port.check, value)
+            elif (script := port.script(value)) is not None:
                 self._check_script(script, port.name, note, asked=port.check is parse_question)
             elif port.name in given and (doubt := _unit_doubt(port, value)) is not None:
                 note(f"attribute '{port.name}': {doubt}", port.name, Rule.UNIT, WARNING)
@@ -69,11 +74,11 @@ class Attributes:
         """Return the conditions among attributes, without those that cannot be parsed."""
         good = {name: text for name, text in given.items() if name in CONDITION_ATTRIBUTES}
         for name, text in [*good.items()]:
-            if (message := check_condition(text)) is not None:
-                note(f"attribute '{name}': {message}", name, Rule.SCRIPT)
+            try:
+                self._check_script(parse_question(text), name, note, asked=name in ASKED)
+            except ScriptError as error:
+                note(f"attribute '{name}': {error}", name, Rule.SCRIPT)
                 del good[name]
-            else:
-                self._check_script(parse_script(text), name, note, asked=name in ASKED)
         return good
 
     def entries(self, given: Mapping[str, str], note: Note) -> dict[str, str]:
@@ -103,7 +108,7 @@ class Attributes:
             if written in self._board_keys or not self._registry.foreign_board:
                 message = f"{lead}'@{written}' is a board key; {ONLY_LEAVES_WRITE}"
                 note(message, name, Rule.BOARD_KEY)
-        for part in script.walk():
+        for part in script.parts:
             if not isinstance(part, (Name, Known)) or not part.name.startswith("@"):
                 continue
             key = self._board_keys.get(part.name[1:])

@@ -83,21 +83,16 @@ class Parallel(_Counting):
                     self._failures += 1
             spared = skipped if success_count < 0 else 0
             if self._successes + spared >= needed:
-                return self._finish(SUCCESS)
+                self._restart()
+                return SUCCESS
             if count - self._failures < needed or self._failures == fatal:
-                return self._finish(FAILURE)
+                self._restart()
+                return FAILURE
         return SKIPPED if skipped == count else RUNNING
 
-    def _finish(self, status: Status) -> Status:
-        self._successes = 0
-        self._failures = 0
-        self._reset_children()
-        return status
-
-    def _halt(self) -> None:
-        self._successes = 0
-        self._failures = 0
-        super()._halt()
+    def _restart(self) -> None:
+        self._successes = self._failures = 0
+        super()._restart()
 
 
 class ParallelAll(_Counting):
@@ -132,10 +127,9 @@ class ParallelAll(_Counting):
         if skipped + finished < count:
             return RUNNING
         failed = self._failures >= fatal
-        self._failures = 0
-        self._reset_children()
+        self._restart()
         return FAILURE if failed else SUCCESS
 
-    def _halt(self) -> None:
+    def _restart(self) -> None:
         self._failures = 0
-        super()._halt()
+        super()._restart()
