@@ -15,15 +15,8 @@ from uav_bt.app.assembly import frame_judge
 from uav_bt.clock import ManualClock
 from uav_bt.errors import DroneError
 from uav_bt.mission.preflight import LOOK_S, Check, PreflightConfig, check_drone, refuse_faults
-from uav_bt.types import (
-    CameraModel,
-    Command,
-    DroneFault,
-    DroneState,
-    FlyingState,
-    Frame,
-    Observation,
-)
+from uav_bt.types import CameraModel, Command, Frame, Observation
+from uav_bt.types.drone_state import DroneFault, DroneState, FlyingState
 
 
 class Parked:

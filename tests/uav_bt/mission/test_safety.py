@@ -15,21 +15,8 @@ from uav_bt.board.context import Proposals
 from uav_bt.errors import ProposalConflictError, ValueRangeError
 from uav_bt.mission.limits import Limits, approach_speed_mps, limit_movement
 from uav_bt.mission.safety import SAFETY, Arbiter, Circumstances, Override, rule_in_force
-from uav_bt.types import (
-    Airframe,
-    Command,
-    CutMotors,
-    DroneState,
-    FlyingState,
-    GimbalTo,
-    Hover,
-    Land,
-    MoveBy,
-    Movement,
-    Release,
-    TakeOff,
-    Velocity,
-)
+from uav_bt.types import Airframe, DroneState, FlyingState, Release, TakeOff, Velocity
+from uav_bt.types.commands import Command, CutMotors, GimbalTo, Hover, Land, MoveBy, Movement
 
 LIMITS = Limits(speed_mps=1.0, climb_mps=0.5, yaw_rate_radps=1.5, ceiling_m=2.4)
 DOWN = GimbalTo(pitch_rad=-1.0)
