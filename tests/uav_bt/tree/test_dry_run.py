@@ -114,7 +114,7 @@ def test_leaves_without_answers_are_all_named_with_their_places(tmp_path: Path) 
 @pytest.mark.parametrize(
     ("script", "line", "message"),
     [
-        ("default: S\nleaves:\n  Flyy: S", 3, "the tree has no leaf of that path, name or node id"),
+        ("default: S\nleaves:\n  Flyy: S", 3, "the tree has no leaf or SubTree of that path"),
         ("default: S\nleaves:\n  Sees: RS", 3, "the condition Sees answers at once"),
         ("default: R", 1, "the condition Sees answers at once"),
         ("default: S\noutputs:\n  Measure: {dept_m: 1}", 3, "has no output 'dept_m'"),

@@ -144,11 +144,15 @@ def test_a_mock_writes_its_outputs_when_it_succeeds(world: World) -> None:
 @pytest.mark.parametrize(
     ("selector", "script", "message"),
     [
-        ("otu", "S", "mock of 'otu': the tree has no leaf of that path, name or node id; did you"),
+        (
+            "otu",
+            "S",
+            "mock of 'otu': the tree has no leaf or SubTree of that path, name or node id; did you",
+        ),
         (
             "Sequence",
             "S",
-            "mock of 'Sequence': only leaves and SubTrees can be mocked",
+            "mock of 'Sequence': the tree has no leaf or SubTree of that path",
         ),
         ("out", "RX", "1:.*: Fly 'out': mock of 'out': a script has the letters"),
         ("Clear", "RS", "the condition Clear answers at once, so its script cannot have an R"),

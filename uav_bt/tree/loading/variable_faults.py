@@ -11,11 +11,12 @@ from typing import Any, Final
 
 from uav_bt.board import Key
 from uav_bt.errors import did_you_mean
-from uav_bt.tree.loading.build import Built, Placeholder
+from uav_bt.tree.loading.build import Placeholder
 from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.findings import ERROR, WARNING, Findings, Position, Rule
 from uav_bt.tree.loading.misfits import misfits
 from uav_bt.tree.loading.parameters import VAR, Plain
+from uav_bt.tree.loading.replacements import Built
 from uav_bt.tree.loading.uses import Read, Slot, Use, Uses
 from uav_bt.tree.mission_tree import Place
 from uav_bt.tree.node import Node
