@@ -11,12 +11,14 @@ from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.attributes import Attributes
 from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.findings import ERROR, Findings, Position, Rule
-from uav_bt.tree.loading.parameters import SET, split_port
-from uav_bt.tree.loading.places import takes_places
+from uav_bt.tree.loading.lookup import Lookup
+from uav_bt.tree.loading.parameters import SET, Parameters, split_port
+from uav_bt.tree.loading.places import PlaceLists, takes_places
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.mission_tree import MissionTree, Place
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import BUILTIN_NODES, SubTree
+from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.scripted import (
     ALL_LEAVES,
     Mock,
@@ -187,6 +189,34 @@ class Replacements:
     def _refuse(self, message: str, place: Place | None = None, label: str = "") -> None:
         at = place or Place(self._document.path, Position(1, 1))
         self._findings.add(at.path, at.position, message, label)
+
+
+def replace_in(
+    tree: MissionTree,
+    registry: NodeRegistry,
+    parameters: Parameters,
+    overrides: Mapping[str, Mapping[str, str]],
+    by_key: Mapping[Key[Any], Mapping[str, str]],
+) -> None:
+    """Replace values of a tree that is made, before its setup, or raise a TreeError."""
+    findings = Findings()
+    places = PlaceLists({}, findings)
+    document = Document(tree.path, registry, places, Lookup(), parameters=parameters)
+    parts = {
+        node.path: Part(
+            Element(
+                tree.path,
+                node.node_id,
+                {**(node.attributes if isinstance(node, SubTree) else {}), "name": node.name},
+                Position(1, 1),
+                dict,
+            ),
+            {},
+        )
+        for node in tree.nodes()
+    }
+    Replacements(document, findings, overrides, by_key).replace(Built(tree, parts))
+    findings.raise_any(tree.path)
 
 
 def _choice(name: str, port: str, found: list[str]) -> str:
