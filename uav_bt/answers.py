@@ -45,65 +45,42 @@ class _Checked:
 
 @dataclass(frozen=True, kw_only=True)
 class Advance(_Checked):
-    """Fly one step ahead. The drone stops at its end.
+    """Fly one step ahead. The drone stops at its end."""
 
-    Attributes:
-        forward_m: The length of the step.
-        yaw_rad: The turn during the step, clockwise positive, at most one full turn.
-        free_m: The way ahead is free of obstacles up to this distance, even where the ground ends
-            earlier. A policy reports at most its longest step; None means that it does not know.
-        reason: One or two words.
-    """
-
-    forward_m: float
-    yaw_rad: float = 0.0
+    forward_m: float  # the length of the step
+    yaw_rad: float = 0.0  # the turn during the step, clockwise positive, at most one full turn
+    # The way ahead is free of obstacles up to this distance, even where the ground ends earlier. A
+    # policy reports at most its longest step; None means that it does not know.
     free_m: float | None = None
-    reason: str = ""
+    reason: str = ""  # one or two words
 
 
 @dataclass(frozen=True, kw_only=True)
 class FollowLeg(_Checked):
-    """Fly ahead at a speed while the heading turns to the leg, until the next answer.
+    """Fly ahead at a speed while the heading turns to the leg, until the next answer."""
 
-    Attributes:
-        yaw_rad: The bearing of the leg, clockwise positive, at most one full turn.
-        speed_mps: The forward speed. At 0 the drone waits, for example for something that passes.
-        reason: One or two words.
-    """
-
-    yaw_rad: float = 0.0
+    yaw_rad: float = 0.0  # the bearing of the leg, clockwise positive, at most one full turn
+    # The forward speed. At 0 the drone waits, for example for something that passes.
     speed_mps: float
-    reason: str = ""
+    reason: str = ""  # one or two words
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rotate(_Checked):
-    """Turn on the spot towards a heading, until the next answer. The way may be free.
+    """Turn on the spot towards a heading, until the next answer. The way may be free."""
 
-    Attributes:
-        yaw_rad: The heading, relative to the present one, clockwise, at most one full turn.
-        reason: One or two words.
-    """
-
-    yaw_rad: float
-    reason: str = ""
+    yaw_rad: float  # the heading, relative to the present one, clockwise, at most one full turn
+    reason: str = ""  # one or two words
 
 
 @dataclass(frozen=True, kw_only=True)
 class Blocked(_Checked):
-    """The way ahead is not free: turn away, and go on turning until it is.
+    """The way ahead is not free: turn away, and go on turning until it is."""
 
-    Attributes:
-        yaw_rad: The least turn, clockwise positive, at most one full turn.
-        ground_ends: The ground ends ahead.
-        free_m: As of `Advance`.
-        reason: One or two words.
-    """
-
-    yaw_rad: float
-    ground_ends: bool = False
-    free_m: float | None = None
-    reason: str = ""
+    yaw_rad: float  # the least turn, clockwise positive, at most one full turn
+    ground_ends: bool = False  # the ground ends ahead
+    free_m: float | None = None  # as of `Advance`
+    reason: str = ""  # one or two words
 
     def __post_init__(self) -> None:
         super().__post_init__()

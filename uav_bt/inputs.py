@@ -23,10 +23,7 @@ _READ: Final = {"campaign.json", "classes.json"}
 def refuse_inputs(output: Path, given: Iterable[object], shipped: Path) -> None:
     """Refuse an output that is one of the inputs, or a file that one of these names.
 
-    Args:
-        output: the file to be written.
-        given: files, folders, names, and values that contain them; other values are ignored.
-        shipped: the folder of the shipped missions, which are given by name.
+    Inputs are files, folders and names in any values; `shipped` has the missions given by name.
     """
     if output.exists() and any(same_file(output, source) for source in _inputs(given, shipped)):
         raise FileError(output, "is an input and would be overwritten; choose another name")

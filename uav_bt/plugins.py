@@ -149,11 +149,9 @@ def look_up_policy(name: str, own: Mapping[str, Any] | None = None) -> None:
 
 
 def make_policy(name: str, own: Mapping[str, Any] | None = None) -> LeafPolicy:
-    """Return a leaf policy by its registered name.
+    """Return a leaf policy by its registered name, or by one of these classes' names.
 
-    Args:
-        name: NAME, or NAME:ARGUMENT for a policy with `from_text`: `student:FILE.onnx`.
-        own: classes of policies by name, besides the registered ones.
+    NAME:ARGUMENT is for a policy with `from_text`, such as `student:FILE.onnx`.
     """
     from uav_bt.protocols import LeafPolicy  # noqa: PLC0415  (NumPy, and `--help` needs this module)
 

@@ -30,10 +30,8 @@ class BtlogWriter:
     """Writes a log during a flight. Use it as a context manager.
 
     Each `write` reaches the operating system, so that an interrupted mission leaves a log. A full
-    disk ends the log, not the mission; the end of the context then raises the error.
-
-    Args:
-        path: `*.btlog`; an existing file is replaced, not before `begin`.
+    disk ends the log, not the mission; the end of the context then raises the error. An existing
+    file is replaced, not before `begin`.
     """
 
     def __init__(self, path: Path) -> None:

@@ -34,13 +34,7 @@ class GrootPublisher:
     """Answers requests of Groot2 about one tree in its context.
 
     It listens from the beginning of the context on, so that a taken port is reported before a
-    flight. `show` sets the tree later.
-
-    Args:
-        port: of requests; the next one is for notifications.
-
-    Raises:
-        MissingDependencyError: the extra `live` is not installed.
+    flight; the port after that of requests is for notifications. `show` sets the tree later.
     """
 
     def __init__(self, port: int = DEFAULT_PORT) -> None:

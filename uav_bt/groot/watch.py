@@ -21,14 +21,7 @@ from uav_bt.tree import MissionTree
 
 
 class TreeWatch:
-    """Watches one tree, set up but not ticked yet, until `finish`.
-
-    Args:
-        tree: the tree.
-        context: context of the mission.
-        log: log for the transitions, which begins here; or None.
-        publisher: open publisher that shows the tree; or None.
-    """
+    """Watches one tree, set up but not ticked yet, until `finish`; its log begins here."""
 
     def __init__(
         self,

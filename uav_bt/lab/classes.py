@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final, Self, TypeVar
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,6 @@ from uav_bt.errors import UnknownNameError, ValueRangeError
 from uav_bt.lab.roles import GROUND, MARK, NO_ROLE, OBSTACLE, ROLE_NAMES, RoleName
 
 Colour = tuple[int, int, int]  # red, green, blue, 0 to 255
-Value = TypeVar("Value", bound=np.generic)
 
 MAX_CLASSES: Final = 64
 _ROLE_COLOURS: Final[dict[RoleName, Colour]] = {
@@ -84,13 +83,13 @@ class LabClasses:
     @cached_property
     def colours(self) -> NDArray[np.uint8]:
         """(number of classes, 3) uint8 RGB: the colour of each class."""
-        return _frozen(np.array([each.colour for each in self._classes], dtype=np.uint8))
+        return np.array([each.colour for each in self._classes], dtype=np.uint8)
 
     @cached_property
     def top_of(self) -> NDArray[np.uint8]:
         """(number of classes,) uint8: the class of the upper face of each class; 0 without one."""
         ids = [0 if each.top is None else self.id_of(each.top) for each in self._classes]
-        return _frozen(np.array(ids, dtype=np.uint8))
+        return np.array(ids, dtype=np.uint8)
 
     @cached_property
     def tops(self) -> tuple[int, ...]:
@@ -105,7 +104,7 @@ class LabClasses:
     @cached_property
     def legs_m(self) -> NDArray[np.float64]:
         """(number of classes,): largest distance between legs of an object, m; 0 without legs."""
-        return _frozen(np.array([each.legs_m or 0.0 for each in self._classes]))
+        return np.array([each.legs_m or 0.0 for each in self._classes])
 
     @cached_property
     def mark_sides(self) -> int | None:
@@ -156,7 +155,7 @@ class LabClasses:
         """(256,) uint8: a bad id is found after the look-up, without a second pass over a map."""
         table = np.full(256, NO_ROLE, dtype=np.uint8)
         table[: len(self)] = [ROLE_NAMES.index(each.role) for each in self._classes]
-        return _frozen(table)
+        return table
 
     def _check(self) -> None:
         if not 1 <= len(self._classes) <= MAX_CLASSES:
@@ -182,8 +181,3 @@ class LabClasses:
                     f"'{top.name}' cannot be the top of '{each.name}': it must have the same role "
                     "and no top"
                 )
-
-
-def _frozen(array: NDArray[Value]) -> NDArray[Value]:
-    array.flags.writeable = False
-    return array

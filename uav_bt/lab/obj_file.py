@@ -25,18 +25,10 @@ Face = tuple[int, int, int]
 
 
 def read_obj(path: Path, size_m: tuple[float, float, float]) -> NDArray[np.float64]:
-    """Read a mesh, and fit it to a size.
+    """Return a mesh, z up, fitted to the length, width and height of its bounding box.
 
-    Args:
-        path: The OBJ file, z up. Texture coordinates, normals and materials are ignored.
-        size_m: Length, width and height of its bounding box, metres.
-
-    Returns:
-        (N, 3, 3) corners of its triangles, metres, counter-clockwise from outside; the origin is
-        the middle of the base of the bounding box.
-
-    Raises:
-        FileError: The file is absent, malformed or too large, or the mesh is open.
+    (N, 3, 3) corners of its triangles, metres, counter-clockwise from outside; the origin is the
+    middle of the base of the bounding box.
     """
     vertices, faces = _read(path)
     _check_closed(path, faces)
@@ -64,11 +56,7 @@ def _outwards(path: Path, piece: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def pieces(triangles: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """Return the connected pieces of a mesh, (M, 3, 3) each, in the order of their first faces.
-
-    Args:
-        triangles: (N, 3, 3) corners; triangles of one piece share corners.
-    """
+    """Return the connected pieces, (M, 3, 3) each, of triangles (N, 3, 3) that share corners."""
     corners, which = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
     faces = which.reshape(-1, 3)
     label = np.arange(len(corners))

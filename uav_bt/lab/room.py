@@ -53,37 +53,32 @@ _Side = Annotated[float, Field(ge=0.02, le=10.0)]
 
 @dataclass(frozen=True, kw_only=True)
 class PaintedLine:
-    """A painted line on the ground.
-
-    Attributes:
-        points_m: Its corners, world x and y.
-        width_m: Its width.
-        colour: Its colour.
-    """
+    """A painted line on the ground."""
 
     points_m: Annotated[tuple[Vector2, ...], Field(min_length=2, max_length=MAX_CORNERS)]
+    """Its corners, world x and y."""
     width_m: Annotated[float, Field(ge=0.01, le=2.0)] = 0.1
+    """Its width."""
     colour: ColourText = "#d9b526"
+    """Its colour."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Surface:
-    """How a surface looks: a picture, or a generator with a colour.
-
-    Attributes:
-        generator: `paint` has one colour, `concrete` and `wood` vary it; `carpet` is the paper's.
-        colour: Colour of the generator; `paint` needs one.
-        image: Name of a PNG or JPEG file in the lab's folder, in place of a generator.
-        tile_m: Width and height of one repetition of the picture; by default 1 m each way, and
-            the whole ground.
-        lines: Painted lines; only on the ground.
-    """
+    """How a surface looks: a picture, or a generator with a colour."""
 
     generator: Literal["paint", "concrete", "wood", "carpet"] | None = None
+    """`paint` has one colour, `concrete` and `wood` vary it; `carpet` is the paper's."""
     colour: ColourText | None = None
+    """Colour of the generator; `paint` needs one."""
     image: str | None = None
+    """Name of a PNG or JPEG file in the lab's folder, in place of a generator."""
     tile_m: tuple[Annotated[float, Field(ge=0.02)], Annotated[float, Field(ge=0.02)]] | None = None
+    """Width and height of one repetition of the picture; by default 1 m each way, and the whole
+    ground.
+    """
     lines: Annotated[tuple[PaintedLine, ...], Field(max_length=200)] = ()
+    """Painted lines; only on the ground."""
 
     def __post_init__(self) -> None:
         if self.image is not None and (self.generator is not None or self.colour is not None):
@@ -103,17 +98,14 @@ _Outline = Annotated[tuple[Vector2, ...], Field(min_length=3, max_length=MAX_COR
 
 @dataclass(frozen=True, kw_only=True)
 class GroundSection:
-    """The ground below the flight: a rectangle around the origin, or a polygon.
-
-    Attributes:
-        size_m: Sides of the rectangle along x and y.
-        outline_m: Corners of the polygon in order, in place of `size_m`.
-        surface: Its look; by default the paper's carpet.
-    """
+    """The ground below the flight: a rectangle around the origin, or a polygon."""
 
     size_m: Vector2 | None = None
+    """Sides of the rectangle along x and y."""
     outline_m: _Outline | None = None
+    """Corners of the polygon in order, in place of `size_m`."""
     surface: Surface = field(default_factory=lambda: Surface(generator="carpet"))
+    """Its look; by default the paper's carpet."""
 
     def __post_init__(self) -> None:
         if (self.size_m is None) == (self.outline_m is None):
@@ -138,80 +130,70 @@ class GroundSection:
 
 @dataclass(frozen=True, kw_only=True)
 class WallSection:
-    """Walls, floor beside the ground, and ceiling.
-
-    Attributes:
-        height_m: Height of the walls.
-        beside_m: Distance from the ground to the walls. At 0 they follow its outline; otherwise
-            they are a rectangle around it.
-        surface: Look of the walls; by default light grey.
-        floor: Look of the floor beside the ground; by default grey.
-    """
+    """Walls, floor beside the ground, and ceiling."""
 
     height_m: Annotated[float, Field(ge=2.0, le=20.0)] = 5.0
+    """Height of the walls."""
     beside_m: Annotated[float, Field(ge=0.0, le=10.0)] = 2.5
+    """Distance from the ground to the walls. At 0 they follow its outline; otherwise they are a
+    rectangle around it.
+    """
     surface: Surface | None = None
+    """Look of the walls; by default light grey."""
     floor: Surface | None = None
+    """Look of the floor beside the ground; by default grey."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Lamp:
-    """A lamp that shines downwards from a place, brightest below it.
-
-    Attributes:
-        position_m: World x, y and z.
-        brightness: Light at the lamp; 1 shows a surface straight below it in its own colours.
-        reach_m: Distance at which half of the light is left.
-    """
+    """A lamp that shines downwards from a place, brightest below it."""
 
     position_m: tuple[float, float, Annotated[float, Field(gt=0.0)]]
+    """World x, y and z."""
     brightness: Annotated[float, Field(ge=0.0, le=5.0)] = 1.0
+    """Light at the lamp; 1 shows a surface straight below it in its own colours."""
     reach_m: Annotated[float, Field(ge=0.5, le=50.0)] = 4.0
+    """Distance at which half of the light is left."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LightSection:
-    """The light of the place.
-
-    Attributes:
-        ambient: Share of light without a direction, 0 to 1.
-        lamps: Lamps at the ceiling.
-    """
+    """The light of the place."""
 
     ambient: Annotated[float, Field(ge=0.0, le=1.0)] = 0.35
+    """Share of light without a direction, 0 to 1."""
     lamps: Annotated[tuple[Lamp, ...], Field(min_length=1, max_length=MAX_LAMPS)]
+    """Lamps at the ceiling."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectKind:
-    """A kind of object that scenes place.
-
-    Attributes:
-        class_name: Class of its surfaces; the key is `class`. The upper face has the class's top.
-        shape: `box`, `cylinder`, `table` (a board on four legs), `rack` (shelves between four
-            posts), or `mesh`.
-        size_m: Length, width and height; a cylinder is as wide as long.
-        surface: Look of the whole, or of boards and shelves.
-        top: Look of the upper face, if it differs.
-        frame: Look of legs and posts, if it differs.
-        board_m: Thickness of boards and shelves.
-        post_m: Width of legs and posts.
-        shelves: Number of shelves of a rack.
-        file: Name of the OBJ file of a mesh, in the lab's folder. It is scaled to `size_m`.
-        moves: Whether `--movers` may draw movers of this kind.
-    """
+    """A kind of object that scenes place."""
 
     class_name: Annotated[str, Field(alias="class")]
+    """Class of its surfaces; the key is `class`. The upper face has the class's top."""
     shape: Literal["box", "cylinder", "table", "rack", "mesh"]
+    """`box`, `cylinder`, `table` (a board on four legs), `rack` (shelves between four posts), or
+    `mesh`.
+    """
     size_m: tuple[_Side, _Side, _Side]
+    """Length, width and height; a cylinder is as wide as long."""
     surface: Surface
+    """Look of the whole, or of boards and shelves."""
     top: Surface | None = None
+    """Look of the upper face, if it differs."""
     frame: Surface | None = None
+    """Look of legs and posts, if it differs."""
     board_m: Annotated[float, Field(ge=0.005)] = 0.03
+    """Thickness of boards and shelves."""
     post_m: Annotated[float, Field(ge=0.01)] = 0.05
+    """Width of legs and posts."""
     shelves: Annotated[int, Field(ge=1, le=12)] = 4
+    """Number of shelves of a rack."""
     file: str | None = None
+    """Name of the OBJ file of a mesh, in the lab's folder. It is scaled to `size_m`."""
     moves: bool = False
+    """Whether `--movers` may draw movers of this kind."""
 
     def __post_init__(self) -> None:
         if self.shape == "cylinder" and self.size_m[0] != self.size_m[1]:
@@ -242,21 +224,18 @@ class ObjectKind:
 
 @dataclass(frozen=True, kw_only=True)
 class RoomSection:
-    """Form of the section `room`. Keys that are absent are as in the paper's lab.
-
-    Attributes:
-        ground: The ground; without it scenes state its size.
-        walls: Walls, floor and ceiling.
-        light: The light of scenes without `lighting`.
-        objects: Kinds of objects by name.
-    """
+    """Form of the section `room`. Keys that are absent are as in the paper's lab."""
 
     ground: GroundSection | None = None
+    """The ground; without it scenes state its size."""
     walls: WallSection | None = None
+    """Walls, floor and ceiling."""
     light: LightSection | None = None
+    """The light of scenes without `lighting`."""
     objects: Mapping[Annotated[str, AfterValidator(_check_kind)], ObjectKind] = field(
         default_factory=dict
     )
+    """Kinds of objects by name."""
 
 
 @dataclass(frozen=True, kw_only=True)

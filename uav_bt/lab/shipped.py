@@ -6,7 +6,6 @@ import shutil
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final
 
 from uav_bt.errors import FileError, InputError, UnknownNameError
@@ -23,8 +22,7 @@ _LABS: Final = (
 @cache  # asked in every tick, and a folder is slow to list
 def shipped_labs() -> Mapping[str, Path]:
     """Return the folders of the labs that ship with the project, by name."""
-    found = {path.parent.name: path.parent for path in sorted(_LABS.glob(f"*/{LAB_FILE}"))}
-    return MappingProxyType(found)
+    return {path.parent.name: path.parent for path in sorted(_LABS.glob(f"*/{LAB_FILE}"))}
 
 
 def load_lab(name_or_path: str | Path = DEFAULT_LAB) -> Lab:

@@ -59,24 +59,18 @@ class PlaceFrame(enum.Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
-    """A place of a mission.
+    """A place of a mission."""
 
-    Attributes:
-        frame: Origin and axes of the coordinates.
-        x_m: Distance ahead of the origin; in the lab, to the right of the drawing. 0 for a mark and
-            an object.
-        y_m: Distance to the right of the origin; in the lab, up the drawing.
-        height_m: Height above the ground; None for the height that the mission flies at.
-        heading_rad: Heading at the place, clockwise, or counter-clockwise in the lab; None for any.
-        object_id: Number of the object in the map; None in other frames.
-    """
-
-    frame: PlaceFrame
+    frame: PlaceFrame  # origin and axes of the coordinates
+    # Distance ahead of the origin; in the lab, to the right of the drawing. 0 for a mark and an
+    # object.
     x_m: float = 0.0
-    y_m: float = 0.0
+    y_m: float = 0.0  # distance to the right of the origin; in the lab, up the drawing
+    # Height above the ground; None for the height that the mission flies at
     height_m: float | None = None
+    # Heading at the place, clockwise, or counter-clockwise in the lab; None for any
     heading_rad: float | None = None
-    object_id: int | None = None
+    object_id: int | None = None  # number of the object in the map; None in other frames
 
     @classmethod
     def parse(cls, text: str) -> Self:

@@ -196,7 +196,7 @@ def test_a_value_whose_conversion_raises_is_reported_not_fatal(
     assert "could not be answered" in caplog.text
 
 
-# --- ports and threads ----------------------------------------------------------------------------
+# --- ports ----------------------------------------------------------------------------------------
 
 
 def test_ports_are_taken_on_this_machine_only_and_freed(port: int) -> None:
@@ -215,32 +215,3 @@ def test_ports_are_taken_on_this_machine_only_and_freed(port: int) -> None:
                 ):
                     pytest.fail("served without its ports")
     assert not [item for item in threading.enumerate() if item.name == "groot2-publisher"]
-
-
-def test_ticking_and_answering_do_not_disturb_each_other(
-    mission: Mission, client: GrootClient
-) -> None:
-    """While the tree ticks on one thread, all answers on the other are complete."""
-    failures: list[BaseException] = []
-    done = threading.Event()
-
-    def ask() -> None:
-        try:
-            while not done.is_set():
-                assert len(client.statuses()) == 5
-                client.ask("r", b"start")
-                client.boards("Main", "inside")
-                client.transitions()
-        except BaseException as error:  # noqa: BLE001  # reported by the thread of the test
-            failures.append(error)
-
-    asking = threading.Thread(target=ask)
-    asking.start()
-    for index in range(500):
-        mission.tree.variables[f"v{index % 50}"] = index
-        mission.tick()
-        if index % 50 == 0:
-            mission.tree.halt()
-    done.set()
-    asking.join()
-    assert failures == []
