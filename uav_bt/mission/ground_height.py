@@ -84,15 +84,12 @@ class GroundHeight:
             self._take(state)
             height_m = self._at(state.captured_s if now_s is None else now_s)
             state = replace(state, height_above_ground_m=height_m)
-        return Observation(frame=None if frame is None else self._placed(frame), state=state)
-
-    def _placed(self, frame: Frame) -> Frame:
-        if not self._sunk_m:
-            return frame
-        if self._frame is None or self._frame[0] is not frame:
-            height_m = self._at(frame.captured_s)
-            self._frame = frame, replace(frame, height_above_ground_m=height_m)
-        return self._frame[1]
+        if frame is not None and self._sunk_m:
+            if self._frame is None or self._frame[0] is not frame:
+                height_m = self._at(frame.captured_s)
+                self._frame = frame, replace(frame, height_above_ground_m=height_m)
+            frame = self._frame[1]
+        return Observation(frame=frame, state=state)
 
     def _at(self, time_s: float) -> float:
         return self._height_m - self._sunk_at(time_s)

@@ -201,7 +201,6 @@ class AreaGuard:
 def _leads_in(edges: Sequence[Edge], at: Pose2D, vx: float, vy: float) -> bool:
     """Return whether a velocity leads from the boundary, or from outside, into a polygon."""
     scale = _STEP_M / math.hypot(vx, vy)
-    gain_m = margin_m(edges, at.x_m + scale * vx, at.y_m + scale * vy) - margin_m(
-        edges, at.x_m, at.y_m
-    )
-    return gain_m >= _INWARDS * _STEP_M
+    here_m = margin_m(edges, at.x_m, at.y_m)
+    there_m = margin_m(edges, at.x_m + scale * vx, at.y_m + scale * vy)
+    return there_m - here_m >= _INWARDS * _STEP_M

@@ -9,7 +9,7 @@ from uav_bt.board.keys import STATE
 from uav_bt.mission.lasting import Lasting
 from uav_bt.mission.safety import AIRBORNE
 from uav_bt.types import DroneState, FlyingState, MovementState
-from uav_bt.types.commands import Command, Hover, Land, MoveBy, TakeOff, Velocity
+from uav_bt.types.commands import Command, Hover, Land, MoveBy, Movement, TakeOff, Velocity
 
 # All chosen.
 _START_S: Final = 6.0  # until a gimbal points or a landing begins; a take-off has twice as long
@@ -59,27 +59,29 @@ class ObedienceWatch:
                 lasting.reset()
             return None
         self._move_turned_rad += turned_rad
-        found = (
-            self._landing(command, state, now_s),
-            self._movement(command, state, now_s),
-            self._not_turning(command, passed_s, turned_rad, now_s),
-            self._camera(command, state, now_s),
-            self._drifting(command, state, passed_s),
+        movement, camera = command.movement, "its camera does not point where it should"
+        if command.gimbal is not None:
+            self._gimbal_rad = command.gimbal.pitch_rad
+        refuses = isinstance(movement, Land) and state.flying in AIRBORNE
+        stays = isinstance(movement, TakeOff) and state.flying is FlyingState.LANDED
+        away = (
+            self._gimbal_rad is not None
+            and state.times.gimbal_s > -math.inf  # else it reports no pitch
+            and abs(state.gimbal_pitch_rad - self._gimbal_rad) > _GIMBAL_RAD
         )
-        return next((each for each in found if each is not None), None)
+        found = (
+            self._not_landing.update(now_s, holds=refuses) > _START_S and "it does not land",
+            self._not_rising.update(now_s, holds=stays) > 2 * _START_S and "it does not take off",
+            self._movement(movement, state, now_s),
+            self._not_turning(movement, passed_s, turned_rad, now_s),
+            self._away.update(now_s, holds=away) > _START_S and f"{camera}: is the gimbal stuck?",
+            self._drifting(movement, state, passed_s),
+        )
+        return next((each for each in found if each), None)
 
-    def _landing(self, command: Command, state: DroneState, now_s: float) -> str | None:
-        refused = isinstance(command.movement, Land) and state.flying in AIRBORNE
-        if self._not_landing.update(now_s, holds=refused) > _START_S:
-            return "it does not land"
-        grounded = isinstance(command.movement, TakeOff) and state.flying is FlyingState.LANDED
-        if self._not_rising.update(now_s, holds=grounded) > 2 * _START_S:
-            return "it does not take off"
-        return None
-
-    def _movement(self, command: Command, state: DroneState, now_s: float) -> str | None:
+    def _movement(self, movement: Movement, state: DroneState, now_s: float) -> str | None:
         """Complain about movements in a row that the drone breaks off or does not finish."""
-        move = command.movement if isinstance(command.movement, MoveBy) else None
+        move = movement if isinstance(movement, MoveBy) else None
         self._hear_of(self._move, state)
         interrupted_s = self._broken_off.update(now_s, holds=self._interrupted > 0)
         lasted_s = self._unended.update(now_s, holds=self._move is not None)
@@ -111,7 +113,7 @@ class ObedienceWatch:
         self._ended = status.state is not MovementState.RUNNING
 
     def _not_turning(
-        self, command: Command, passed_s: float, turned_rad: float, now_s: float
+        self, movement: Movement, passed_s: float, turned_rad: float, now_s: float
     ) -> str | None:
         """Complain about a drone that does not turn in the ordered direction.
 
@@ -120,7 +122,6 @@ class ObedienceWatch:
         begins and ends later than the turn, and its end counts too: of short turns to and fro it
         is the greater part.
         """
-        movement = command.movement
         rate_radps = movement.yaw_rate_radps if isinstance(movement, Velocity) else 0.0
         if rate_radps * self._direction <= 0.0:
             self._turning.reset()
@@ -137,19 +138,9 @@ class ObedienceWatch:
         self._asked_rad = self._turned_rad = 0.0
         return "it does not turn" if share < _TURNED_SHARE else None
 
-    def _camera(self, command: Command, state: DroneState, now_s: float) -> str | None:
-        if command.gimbal is not None:
-            self._gimbal_rad = command.gimbal.pitch_rad
-        if self._gimbal_rad is None or state.times.gimbal_s == -math.inf:  # it reports no pitch
-            return None
-        away = abs(state.gimbal_pitch_rad - self._gimbal_rad) > _GIMBAL_RAD
-        if self._away.update(now_s, holds=away) > _START_S:
-            return "its camera does not point where it should: is the gimbal stuck?"
-        return None
-
-    def _drifting(self, command: Command, state: DroneState, passed_s: float) -> str | None:
+    def _drifting(self, movement: Movement, state: DroneState, passed_s: float) -> str | None:
         """Complain about a drone that drifts while it hovers."""
-        hovers = isinstance(command.movement, Hover) and state.flying is FlyingState.HOVERING
+        hovers = isinstance(movement, Hover) and state.flying is FlyingState.HOVERING
         if hovers:
             forward_m, right_m = self._drift_m
             forward_m += state.velocity.forward_mps * passed_s

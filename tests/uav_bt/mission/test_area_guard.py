@@ -13,20 +13,9 @@ from hypothesis import strategies as st
 from uav_bt.board.context import Proposals
 from uav_bt.mission.limits import AreaGuard, Limits
 from uav_bt.mission.safety import Arbiter, Circumstances
-from uav_bt.types import (
-    Airframe,
-    DroneState,
-    FlyingState,
-    Hover,
-    Land,
-    MoveBy,
-    Movement,
-    Pose2D,
-    TakeOff,
-    Velocity,
-    rotate,
-)
+from uav_bt.types import Airframe, Hover, Land, MoveBy, Movement, Pose2D, TakeOff, Velocity, rotate
 from uav_bt.types.area import Area
+from uav_bt.types.drone_state import DroneState, FlyingState
 
 AREA = Area((((-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (0.5, 2.0), (0.5, 0.5), (-2.0, 0.5)),))
 TICK_S, STEP_S = 0.1, 0.01

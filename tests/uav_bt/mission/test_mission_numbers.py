@@ -18,18 +18,10 @@ from uav_bt.mission.judge import Judge, JudgeConfig
 from uav_bt.mission.mission_numbers import MissionNumbers, Whereabouts
 from uav_bt.mission.position_hold import BLIND_S
 from uav_bt.testing import blank_frame
-from uav_bt.types import (
-    CameraModel,
-    DroneState,
-    FlyingState,
-    MapMark,
-    MapObject,
-    MarkFix,
-    Observation,
-    Pose2D,
-)
+from uav_bt.types import CameraModel, MapMark, MapObject, MarkFix, Observation, Pose2D
 from uav_bt.types.area import Area
 from uav_bt.types.dead_reckoning import OdometryPose
+from uav_bt.types.drone_state import DroneState, FlyingState
 from uav_bt.types.flight_results import Photo
 
 AREA = Area((((-2.0, -2.0), (4.0, -2.0), (4.0, 2.0), (-2.0, 2.0)),))

@@ -12,23 +12,9 @@ import pytest
 
 from uav_bt.mission.lasting import Lasting
 from uav_bt.mission.obedience import ObedienceWatch
-from uav_bt.types import (
-    Attitude,
-    BodyVelocity,
-    Command,
-    DroneState,
-    FlyingState,
-    GimbalTo,
-    Hover,
-    Land,
-    MeasurementTimes,
-    MoveBy,
-    Movement,
-    MovementState,
-    MovementStatus,
-    TakeOff,
-    Velocity,
-)
+from uav_bt.types import MeasurementTimes, MovementState, MovementStatus, Velocity
+from uav_bt.types.commands import Command, GimbalTo, Hover, Land, MoveBy, Movement, TakeOff
+from uav_bt.types.drone_state import Attitude, BodyVelocity, DroneState, FlyingState
 
 TICK_S = 0.1
 HOVERS = DroneState(captured_s=0.0, flying=FlyingState.HOVERING)

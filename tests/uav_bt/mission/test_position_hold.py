@@ -10,22 +10,9 @@ import pytest
 
 from uav_bt.mission.hold_model import GroundWatch, HeldLanding
 from uav_bt.mission.position_hold import PositionHold
-from uav_bt.types import (
-    Attitude,
-    BodyVelocity,
-    DroneState,
-    FlyingState,
-    Hover,
-    Land,
-    MoveBy,
-    Movement,
-    MovementState,
-    MovementStatus,
-    TakeOff,
-    Velocity,
-    rotate,
-)
+from uav_bt.types import Hover, Land, MoveBy, Movement, MovementStatus, TakeOff, Velocity, rotate
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
+from uav_bt.types.drone_state import Attitude, BodyVelocity, DroneState, FlyingState, MovementState
 
 TICK_S = 0.1
 LATE_TICKS = 2  # delay of a command

@@ -12,52 +12,34 @@ import pytest
 from numpy.typing import NDArray
 
 from uav_bt.app.assembly import frame_judge
-from uav_bt.clock import ManualClock
 from uav_bt.errors import DroneError
 from uav_bt.mission.preflight import LOOK_S, Check, PreflightConfig, check_drone, refuse_faults
-from uav_bt.types import (
-    CameraModel,
-    Command,
-    DroneFault,
-    DroneState,
-    FlyingState,
-    Frame,
-    Observation,
-)
+from uav_bt.testing import ScriptedDrone
+from uav_bt.types import Observation
+from uav_bt.types.drone_state import DroneFault, FlyingState
 
 
-class Parked:
-    """A drone on the ground whose video runs."""
+class Parked(ScriptedDrone):
+    """A drone on the ground whose video runs, of images by their time if a function is given."""
 
-    def __init__(self, *, frames: bool = True, silent: bool = False, **state: Any) -> None:
-        self.clock = ManualClock()
-        self._frames, self._silent, self._state = frames, silent, state
-        self._count = 0
-        self.told: list[Command] = []
-
-    referee = None
-    live = True
-    camera = CameraModel(width_px=64, height_px=36, fx_px=50, fy_px=50, cx_px=32, cy_px=18)
-
-    def connect(self) -> None:
-        return
-
-    def disconnect(self) -> None:
-        return
-
-    def send(self, command: Command) -> Command:
-        self.told.append(command)
-        return command
+    def __init__(
+        self,
+        image_at: Callable[[float], NDArray[np.float64]] | None = None,
+        *,
+        frames: bool = True,
+        **state: Any,
+    ) -> None:
+        super().__init__()
+        self.live = True
+        self._image_at, self._has_frames, self._state = image_at, frames, state
 
     def observe(self) -> Observation:
-        now_s = self.clock.now()
-        state = DroneState(captured_s=-100.0 if self._silent else now_s, flying=FlyingState.LANDED)
-        frame = None
-        if self._frames:
-            image = np.zeros((36, 64, 3), np.uint8)
-            frame = Frame(image=image, index=self._count, captured_s=now_s, gimbal_pitch_rad=0.0)
-            self._count += 1
-        return Observation(frame=frame, state=replace(state, **self._state))
+        seen = super().observe()
+        frame = seen.frame if self._has_frames else None
+        if frame is not None and self._image_at is not None:
+            image = np.clip(self._image_at(self.clock.now()), 0, 255).astype(np.uint8)
+            frame = replace(frame, image=image)
+        return Observation(frame=frame, state=replace(seen.state, **self._state))
 
 
 DARK = DroneFault(what="light", found="too dark", remedy="switch lights on")
@@ -74,7 +56,7 @@ def test_a_good_drone_is_ready_and_gets_no_command() -> None:
     assert [check.what for check in checks] == [
         *("telemetry", "control", "battery", "link", "video", "self-report")
     ]
-    assert drone.told == []
+    assert drone.commands == []
     assert drone.clock.now() < 1.0
     assert str(checks[2]) == "battery: ok, 100 %, at least 30 % wanted"
 
@@ -87,7 +69,7 @@ def test_a_good_drone_is_ready_and_gets_no_command() -> None:
         (Parked(flying=FlyingState.HOVERING), "control", "the drone is hovering: .*land it first"),
         (Parked(pilot_has_control=True), "control", "a pilot has it: hand over"),
         (Parked(frames=False), "video", "no frame within 5 s: see that no firewall"),
-        (Parked(silent=True), "telemetry", "last heard 105.. s ago: connect again"),
+        (Parked(captured_s=-100.0), "telemetry", "last heard 105.. s ago: connect again"),
         (Parked(connected=False), "telemetry", "last heard .* and the connection is broken"),
         (Parked(battery=None), "battery", "not reported within 5 s, at least 30 % wanted"),
         (Parked(faults=(DARK,)), "light", "too dark: switch lights on"),
@@ -120,20 +102,6 @@ RANDOM = np.random.default_rng(0)
 LAB = RANDOM.integers(60, 180, (4, 7, 3)).repeat(9, axis=0).repeat(10, axis=1)[:, :64]
 
 
-class Filming(Parked):
-    """A drone whose image is a function of its capture time."""
-
-    def __init__(self, image_at: Callable[[float], NDArray[np.float64]]) -> None:
-        super().__init__()
-        self._image_at = image_at
-
-    def observe(self) -> Observation:
-        seen = super().observe()
-        assert seen.frame is not None
-        image = np.clip(self._image_at(self.clock.now()), 0, 255).astype(np.uint8)
-        return replace(seen, frame=replace(seen.frame, image=image))
-
-
 def noisy(now_s: float) -> NDArray[np.float64]:
     return LAB + RANDOM.normal(0.0, 3.0, LAB.shape)
 
@@ -142,7 +110,7 @@ def noisy(now_s: float) -> NDArray[np.float64]:
 def test_images_that_cannot_be_flown_by_are_refused_by_the_judge_of_the_flight(
     dark_from_s: float,
 ) -> None:
-    drone = Filming(lambda now_s: noisy(now_s) * (now_s < dark_from_s))
+    drone = Parked(lambda now_s: noisy(now_s) * (now_s < dark_from_s))
     judged = check_drone(drone, judge_frame=frame_judge(drone))
     (video,) = (check for check in judged if not check.good)
     assert video.what == "video"
@@ -151,11 +119,11 @@ def test_images_that_cannot_be_flown_by_are_refused_by_the_judge_of_the_flight(
 
 
 def test_images_that_can_be_flown_by_are_looked_at_for_as_long_as_a_frozen_video_takes() -> None:
-    drone = Filming(lambda now_s: noisy(now_s) if now_s > 0.3 else np.zeros((36, 64, 3)))
+    drone = Parked(lambda now_s: noisy(now_s) if now_s > 0.3 else np.zeros((36, 64, 3)))
     refuse_faults(check_drone(drone, judge_frame=frame_judge(drone)))
     assert drone.clock.now() == pytest.approx(LOOK_S, abs=0.2)
 
 
 def test_frames_of_another_size_than_the_cameras_are_a_fault() -> None:
-    drone = Filming(lambda _: np.zeros((18, 32, 3)))
+    drone = Parked(lambda _: np.zeros((18, 32, 3)))
     assert "its image is 32x18, expected 64x36" in faults(drone)["video"].found

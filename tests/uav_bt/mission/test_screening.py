@@ -11,14 +11,8 @@ import pytest
 
 from uav_bt.mission.screening import Screening
 from uav_bt.testing import blank_frame, pinhole
-from uav_bt.types import (
-    Attitude,
-    BodyVelocity,
-    DroneState,
-    FlyingState,
-    MeasurementTimes,
-    Observation,
-)
+from uav_bt.types import MeasurementTimes, Observation
+from uav_bt.types.drone_state import Attitude, BodyVelocity, DroneState, FlyingState
 
 CAMERA = pinhole()
 STATE = DroneState(captured_s=1.0, flying=FlyingState.HOVERING, altitude_m=1.5, height_m=1.5)

@@ -24,21 +24,8 @@ from uav_bt.testing import (
     InjectedError,
     ScriptedDrone,
 )
-from uav_bt.types import (
-    Command,
-    CutMotors,
-    FlyingState,
-    GimbalTo,
-    Hover,
-    Land,
-    MoveBy,
-    Movement,
-    MovementState,
-    Observation,
-    Release,
-    TakeOff,
-    Velocity,
-)
+from uav_bt.types import FlyingState, MovementState, Observation, Release, TakeOff, Velocity
+from uav_bt.types.commands import Command, CutMotors, GimbalTo, Hover, Land, MoveBy, Movement
 
 
 class World(ScriptedDrone):

@@ -202,11 +202,11 @@ class _Read:
 
     def unknown_policies(self, built: Built) -> Iterator[Finding]:
         """Yield policies that are not registered."""
-        return unknown_policies(built, self.document)
+        return unknown_policies(built, self.document, self.uses[built.tree.name])
 
     def remarks(self, built: Built) -> Iterator[Finding]:
         """Yield what is not installed, values of caution, and what would end the flight."""
-        yield from remarks(built, self.document)
+        yield from remarks(built, self.document, self.uses[built.tree.name])
         is_flown = self.document.is_mission and not self.document.registry.foreign_board
         yield from (faults_of if is_flown else faults_of_part)(self.uses[built.tree.name])
 
