@@ -12,11 +12,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Final
+from typing import Any, Final
 
 import cv2
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from benchmarks.lab_views import copy_lab
@@ -32,11 +31,12 @@ from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import View, render_views
 from uav_bt.app.lab_network import network_of
 from uav_bt.lab.lab import LAB_FILE, Lab
+from uav_bt.lab.roles import GROUND, MARK
 from uav_bt.lab.shipped import DEFAULT_LAB, load_lab
 from uav_bt.learning.views import DepthViewPlan, scene_seed
 from uav_bt.types import Frame
 from uav_bt.types.arrays import Flags, Floats32, Image
-from uav_bt.yaml_values import plain_yaml
+from uav_bt.yaml_file import read_yaml, yaml_text
 
 OTHER_LAB: Final = "depot"
 ROOM: Final = "room"
@@ -106,13 +106,13 @@ def _painted(lab: Lab, folder: Path, seed: int) -> Lab:
         return f"#{bytes(rng.integers(30, 230, 3).tolist()).hex()}"
 
     file = copy_lab(lab, folder).lab.folder / LAB_FILE
-    content = plain_yaml(file)
+    content = read_yaml(file, dict[str, Any], "lab file").value
     room = content["room"]
     generator = ("concrete", "wood")[seed % 2]
     room["ground"]["surface"] = {"generator": generator, "colour": colour()}
     for part in (room["walls"], *room["objects"].values()):
         part["surface"] = {"colour": colour()}
-    file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    file.write_text(yaml_text(content), encoding="utf-8")
     return load_lab(folder)
 
 
@@ -206,7 +206,7 @@ class _Judge:
 
     def _exact(self, view: View, relative: Floats32) -> float | None:
         near = (view.depth > _NEAR_M[0]) & (view.depth < _NEAR_M[1])
-        for pixels in (near & self._classes.is_ground(view.ids), near):
+        for pixels in (near & (self._classes.roles(view.ids) == GROUND), near):
             if np.count_nonzero(pixels) > _ENOUGH_PX:
                 return float(np.median(view.depth[pixels] / relative[pixels]))
         return None
@@ -222,10 +222,10 @@ class _Judge:
             return
         yield "pitch wrong", own
         yield "height wrong", own
-        above = self._classes.is_above_ground(view.ids)
+        above = self._classes.roles(view.ids) >= MARK
         patch = np.zeros_like(own)
         patch[where] = True
-        yield "outside as ground", ~above & ~self._classes.is_ground(view.ids)
+        yield "outside as ground", ~above & (self._classes.roles(view.ids) != GROUND)
         yield "obstacles as ground", above
         yield "a patch as ground", patch
         yield "everything as ground", np.ones_like(own)

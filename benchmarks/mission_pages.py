@@ -71,7 +71,7 @@ def drawing_files(name: str) -> dict[Path, str]:
         "A `SubTree` without children is a shared tree of [trees/lib](../../trees/lib); "
         f"the [whole drawing](../images/missions/{name}.svg) has all nodes.\n"
     )
-    whole = {IMAGES / f"{name}.svg": render(tree, "svg")}
+    whole = {IMAGES / f"{name}.svg": render(tree.root, tree.name, "svg")}
     return {**whole, page: with_part(page, "drawing", drawing)}
 
 

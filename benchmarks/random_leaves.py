@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any, ClassVar, Final
 
@@ -79,14 +80,12 @@ def random_registry(registry: NodeRegistry, draw: random.Random) -> NodeRegistry
         registry: the nodes.
         draw: draws their answers.
     """
-    leaves = (registry[node_id] for node_id in registry)
-    return registry.with_replaced(
-        {
-            node.node_id: _random_class(node, draw)
-            for node in leaves
-            if issubclass(node, Leaf) and node not in BUILTIN_NODES
-        }
-    )
+    nodes = [registry[node_id] for node_id in registry]
+    own = [
+        _random_class(node, draw) if issubclass(node, Leaf) and node not in BUILTIN_NODES else node
+        for node in nodes
+    ]
+    return replace(registry, nodes=own)
 
 
 def _random_class(node: type[Leaf], draw: random.Random) -> type[Leaf]:

@@ -38,7 +38,6 @@ FLOOR_ONE = {
         "settings",
         "still_camera",
         "yaml_file",
-        "yaml_values",
     )
 }
 # The top floor composes everything: it may import all, and only the top floor may import it.

@@ -11,6 +11,7 @@ without reassociation, so that results do not depend on the cache.
 
 from __future__ import annotations
 
+import functools
 import importlib
 import logging
 import pkgutil
@@ -25,7 +26,6 @@ Result = TypeVar("Result")
 
 _ROOMS: Final = ("perception", "sim_bridge", "behaviours")
 _log = logging.getLogger(__name__)
-_shown: set[str] = set()  # messages; each is shown once in a process
 
 
 def compiled(signature: str) -> Callable[[Callable[Given, Result]], Callable[Given, Result]]:
@@ -59,10 +59,9 @@ def compiled(signature: str) -> Callable[[Callable[Given, Result]], Callable[Giv
     return decorate
 
 
+@functools.cache  # each message is shown once in a process
 def _say(message: str) -> None:
-    if message not in _shown:
-        _shown.add(message)
-        _log.warning(message)
+    _log.warning(message)
 
 
 def compile_all() -> None:
@@ -71,11 +70,9 @@ def compile_all() -> None:
         folder = importlib.import_module(room).__path__
         for module in pkgutil.walk_packages(folder, f"{room}."):
             file = Path(folder[0]).parent / (module.name.replace(".", "/") + ".py")
-            if file.is_file() and f"from {_HERE} import" in file.read_text(encoding="utf-8"):
+            if file.is_file() and "from uav_bt.compiled import" in file.read_text(encoding="utf-8"):
                 importlib.import_module(module.name)
 
-
-_HERE: Final = "uav_bt.compiled"
 
 if __name__ == "__main__":
     compile_all()

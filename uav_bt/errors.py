@@ -26,7 +26,7 @@ import difflib
 import traceback
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Final
+from typing import ClassVar, Final
 
 
 def did_you_mean(name: str, known: Iterable[str], *, cutoff: float = 0.6, suffix: str = "") -> str:
@@ -66,20 +66,14 @@ class FileError(InputError):
     """A file is missing, malformed or damaged."""
 
     def __init__(self, path: Path | str, message: str, line: int | None = None) -> None:
+        super().__init__(path, message, line)  # of which another process makes it again
         self.path = Path(path)
         self.line = line
         where = f"{path}:{line}" if line is not None else str(path)
-        super().__init__(f"{where}: {message}")
+        self._text = f"{where}: {message}"
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        # Errors cross processes, and their text is not the argument that makes them.
-        return _remade, (type(self), self.args, vars(self))
-
-
-def _remade(kind: type[FileError], texts: tuple[Any, ...], values: dict[str, Any]) -> FileError:
-    error = kind.__new__(kind, *texts)
-    vars(error).update(values)
-    return error
+    def __str__(self) -> str:
+        return self._text
 
 
 class SceneError(FileError):
@@ -103,6 +97,7 @@ class TreeError(FileError):
         count = len(self.findings)
         head = f"refused, {count} error{'s' if count != 1 else ''}"
         super().__init__(path, "\n  ".join([head, *self.findings]))
+        self.args = (path, self.details)
 
 
 class UnknownNameError(InputError, ValueError):

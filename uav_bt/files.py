@@ -61,8 +61,6 @@ def check_output(path: Path, *, new_folders: bool = False) -> None:
 
     With `new_folders` its folder may be missing, because it will be made.
     """
-    if not path.name:
-        raise FileError(path, f"expected the name of a file, got '{path}'")
     with writing(path):
         if path.is_dir():
             raise FileError(path, "is a folder; name a file in it")

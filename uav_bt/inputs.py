@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import fields, is_dataclass
+from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Final
 
@@ -23,10 +23,7 @@ _READ: Final = {"campaign.json", "classes.json"}
 def refuse_inputs(output: Path, given: Iterable[object], shipped: Path) -> None:
     """Refuse an output that is one of the inputs, or a file that one of these names.
 
-    Args:
-        output: the file to be written.
-        given: files, folders, names, and values that contain them; other values are ignored.
-        shipped: the folder of the shipped missions, which are given by name.
+    Inputs are files, folders and names in any values; `shipped` has the missions given by name.
     """
     if output.exists() and any(same_file(output, source) for source in _inputs(given, shipped)):
         raise FileError(output, "is an input and would be overwritten; choose another name")
@@ -39,39 +36,38 @@ def same_file(one: Path, other: Path) -> bool:
     return one.resolve() == other.resolve()
 
 
-def _inputs(given: Iterable[object], shipped: Path) -> Iterator[Path]:
+def _inputs(given: Iterable[object], shipped: Path) -> set[Path]:
     found: set[Path] = set()
+    waiting: list[Path] = []
     for text in _texts(tuple(given)):
-        _add(_files(text, Path()), found)
-        _add(_files(f"{Path(text).stem}.xml", shipped), found)
-    yield from found
+        waiting += [*_files(text, Path()), *_files(f"{Path(text).stem}.xml", shipped)]
+    while waiting:
+        path = waiting.pop()
+        if path not in found:
+            found.add(path)
+            waiting += _named(path)
+    return found
 
 
 def _texts(value: object) -> Iterator[str]:
     """Yield the texts in a value."""
-    parts: Iterable[object] = ()
     if isinstance(value, (str, Path)):
         yield str(value)
-    elif isinstance(value, Mapping):
-        parts = value.values()
-    elif isinstance(value, (tuple, list)):
-        parts = value
-    elif is_dataclass(value):
-        parts = [getattr(value, each.name) for each in fields(value)]
-    for part in parts:
+    if is_dataclass(value):
+        value = vars(value)
+    if isinstance(value, Mapping):
+        value = [*value.values()]
+    for part in value if isinstance(value, (tuple, list)) else ():
         yield from _texts(part)
 
 
-def _add(paths: Iterable[Path], found: set[Path]) -> None:
-    for path in paths:
-        if path in found:
-            continue
-        found.add(path)
-        if path.suffix.lower() in _NAMING and os.access(path, os.R_OK):
-            text = path.read_bytes().decode("utf-8", "replace")
-            for match in _NAMED.finditer(text):
-                for folder in (path.parent, Path()):
-                    _add(_files((match[1] or match[2]).strip(), folder), found)
+def _named(path: Path) -> Iterator[Path]:
+    """Yield the files that an XML or YAML file names."""
+    if path.suffix.lower() in _NAMING and os.access(path, os.R_OK):
+        text = path.read_bytes().decode("utf-8", "replace")
+        for match in _NAMED.finditer(text):
+            for folder in (path.parent, Path()):
+                yield from _files((match[1] or match[2]).strip(), folder)
 
 
 def _files(text: str, folder: Path) -> Iterator[Path]:

@@ -17,10 +17,7 @@ def parse_json(text: bytes | str) -> Any:
         text = text.decode() if isinstance(text, bytes) else text
         value = _DECODER.decode(text)
         deep = text.count("[") + text.count("{") > _MAX_DEPTH and _depth(value) > _MAX_DEPTH
-    except json.JSONDecodeError as error:
-        where = f"line {error.lineno}, column {error.colno}"
-        raise InputError(f"no JSON: {error.msg} at {where}") from error
-    except ValueError as error:  # not UTF-8, or an integer of thousands of digits
+    except ValueError as error:  # also not UTF-8, or an integer of thousands of digits
         raise InputError(f"no JSON: {error}") from error
     except RecursionError:
         deep = True

@@ -27,39 +27,26 @@ from uav_bt.types.pose import Pose2D
 
 @dataclass(frozen=True, kw_only=True)
 class MarkView:
-    """Input of a finder: one frame, its camera and its class map.
+    """Input of a finder: one frame, its camera and its class map."""
 
-    Attributes:
-        frame: Undistorted image, gimbal pitch, and height of the camera above the ground.
-        camera: Intrinsics at any size with the image's aspect ratio.
-        class_map: Class map of the frame; None without one.
-        take_off: Take-off pose relative to the body at the capture, by map and odometry: x
-            forward, y right, yaw clockwise. None where it is unknown.
-    """
-
-    frame: Frame
-    camera: CameraModel
-    class_map: ClassMap | None = None
+    frame: Frame  # undistorted image, gimbal pitch, and height of the camera above the ground
+    camera: CameraModel  # intrinsics at any size with the image's aspect ratio
+    class_map: ClassMap | None = None  # class map of the frame; None without one
+    # Take-off pose relative to the body at the capture, by map and odometry: x forward, y right,
+    # yaw clockwise. None where it is unknown.
     take_off: Pose2D | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class MarkSighting:
-    """A landing mark in one frame, from the body's centre in the heading-aligned level plane.
+    """A landing mark in one frame, from the body's centre in the heading-aligned level plane."""
 
-    Attributes:
-        forward_m: Distance ahead.
-        right_m: Distance to the right.
-        height_m: Height of the mark's top above the ground.
-        confidence: 0 to 1.
-        heading_deg: Heading of the drone relative to the mark, clockwise, -180 to 180; 0 if the
-            drone looks towards the mark's upper edge. None if the mark does not show it.
-    """
-
-    forward_m: float
-    right_m: float
-    height_m: float
-    confidence: float = 1.0
+    forward_m: float  # distance ahead
+    right_m: float  # distance to the right
+    height_m: float  # height of the mark's top above the ground
+    confidence: float = 1.0  # 0 to 1
+    # Heading of the drone relative to the mark, clockwise, -180 to 180; 0 if the drone looks
+    # towards the mark's upper edge. None if the mark does not show it.
     heading_deg: float | None = None
 
     def __post_init__(self) -> None:
@@ -78,15 +65,11 @@ class MarkSighting:
 
 @runtime_checkable
 class MarkFinder(Protocol):
-    """Finder of one landing mark, registered in `uav_bt.landing_marks` by its class.
+    """Finder of one landing mark, registered in `uav_bt.landing_marks` by its class."""
 
-    Attributes:
-        uses_images: Whether `find` needs the image of a frame; otherwise the class map is enough.
-        shows_heading: Whether sightings have a heading.
-    """
-
+    # Whether `find` needs the image of a frame; otherwise the class map is enough
     uses_images: bool
-    shows_heading: bool
+    shows_heading: bool  # whether sightings have a heading
 
     def find(self, view: MarkView) -> MarkSighting | None:
         """Return the mark in a view; None if it is not there."""

@@ -6,7 +6,7 @@ import importlib.metadata
 import importlib.util
 import sys
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -26,16 +26,16 @@ DRONES: Final = "uav_bt.drones"  # each names a DroneConfig class
 LANDING_MARKS: Final = "uav_bt.landing_marks"  # each names a MarkFinder class
 
 _KINDS: Final = {POLICIES: "policy", DRONES: "drone", LANDING_MARKS: "landing mark"}
-# Modules that only some commands import, with the extra that installs each.
+# Modules that only some commands import, by the extra that installs them.
 _EXTRAS: Final = {
-    **dict.fromkeys(("jinja2", "matplotlib", "pebble"), "campaign"),
-    "control": "design",
-    "distributed": "dask",
-    "rerun": "view",
-    **dict.fromkeys(("msgpack", "zmq"), "live"),
-    **dict.fromkeys(("lsprotocol", "pygls"), "lsp"),
-    **dict.fromkeys(("foxglove", "mcap"), "record"),
-    **dict.fromkeys(("nncf", "onnx", "onnxruntime", "torch"), "train"),
+    "campaign": ("jinja2", "matplotlib", "pebble"),
+    "dask": ("distributed",),
+    "design": ("control",),
+    "live": ("zmq", "msgpack"),
+    "lsp": ("lsprotocol", "pygls"),
+    "record": ("mcap", "foxglove"),
+    "train": ("torch", "onnx", "onnxruntime", "nncf"),
+    "view": ("rerun",),
 }
 
 
@@ -43,17 +43,14 @@ def check_packages(home: Path | None = None, names: Sequence[str] = _PACKAGES) -
     """Refuse to start if a foreign folder hides one of our packages, whose names are common."""
     home = Path(__file__).resolve().parents[1] if home is None else home
     for name in names:
-        ours, spec = home / name, importlib.util.find_spec(name)
-        found = [] if spec is None else [*(spec.submodule_search_locations or []), spec.origin]
-        theirs = [place for place in found if place is not None]
-        if not theirs:
+        spec = importlib.util.find_spec(name)
+        found = [] if spec is None else [*(spec.submodule_search_locations or [str(spec.origin)])]
+        if home / name not in [Path(place).resolve() for place in found]:
+            theirs = f"finds '{found[0]}'" if found else "finds nothing"
+            advice = f"rename that '{name}', start from another folder, or take it off PYTHONPATH"
             raise InputError(
-                f"the package '{name}' that belongs to uav-bt is not installed; reinstall uav-bt"
-            )
-        if ours not in [Path(place).resolve() for place in theirs]:
-            raise InputError(
-                f"Python finds '{theirs[0]}' where uav-bt needs its own '{ours}'; rename that "
-                f"'{name}', start from another folder, or take it off PYTHONPATH"
+                f"Python {theirs} where uav-bt needs its own '{home / name}'; "
+                f"{advice if found else 'reinstall uav-bt'}"
             )
 
 
@@ -113,12 +110,9 @@ def describe_failure(error: BaseException) -> str:
     return f"{places[-1] if places else ''}{text}"
 
 
-def need(extra: str, *modules: str, what: str = "this") -> None:
-    """Refuse to begin work if a package that it needs is not installed.
-
-    The message names the user of the modules and the command that installs their extra.
-    """
-    absent = [name for name in modules if not _is_installed(name)]
+def need(extra: str, what: str = "this") -> None:
+    """Refuse to begin work if a package of an extra is not installed; `what` needs it."""
+    absent = [module for module in _EXTRAS[extra] if importlib.util.find_spec(module) is None]
     if absent:
         raise _missing(what, absent, extra)
 
@@ -126,7 +120,8 @@ def need(extra: str, *modules: str, what: str = "this") -> None:
 def missing_extra(error: ModuleNotFoundError) -> Exception:
     """Return the error about the extra that installs a module, or the given one if none does."""
     module = (error.name or "").partition(".")[0]
-    return _missing("this", [module], _EXTRAS[module]) if module in _EXTRAS else error
+    extra = next((extra for extra, modules in _EXTRAS.items() if module in modules), None)
+    return error if extra is None else _missing("this", [module], extra)
 
 
 def _missing(what: str, modules: Sequence[str], extra: str) -> MissingDependencyError:
@@ -141,72 +136,62 @@ def install_command(extra: str) -> str:
     return f'`pip install -c {constraints} -e ".[{extra}]"` in the folder of uav-bt\'s source'
 
 
-def _is_installed(module: str) -> bool:
-    if module in sys.modules:
-        return sys.modules[module] is not None
-    return importlib.util.find_spec(module) is not None
-
-
 def look_up_policy(name: str, own: Mapping[str, Any] | None = None) -> None:
     """Refuse a policy that cannot be made, NAME or NAME:ARGUMENT, without making it.
 
     The policy's `look_up`, if any, checks the argument. `own` has further classes of policies.
     """
-    registered, colon, argument = name.partition(":")
-    if not colon:
+    if ":" not in name:
         return  # an import would take longer than the rest of the check
-    factory = _policy_factory(registered, argument, own or {})
+    factory, argument = _policy(name, own or {})
     if hasattr(factory, "look_up"):
         factory.look_up(argument)
 
 
 def make_policy(name: str, own: Mapping[str, Any] | None = None) -> LeafPolicy:
-    """Return a leaf policy by its registered name.
+    """Return a leaf policy by its registered name, or by one of these classes' names.
 
-    Args:
-        name: NAME, or NAME:ARGUMENT for a policy with `from_text`: `student:FILE.onnx`.
-        own: classes of policies by name, besides the registered ones.
+    NAME:ARGUMENT is for a policy with `from_text`, such as `student:FILE.onnx`.
     """
     from uav_bt.protocols import LeafPolicy  # noqa: PLC0415  (NumPy, and `--help` needs this module)
 
-    registered, colon, argument = name.partition(":")
-    factory = _policy_factory(registered, argument if colon else None, own or {})
-    try:
-        policy = factory.from_text(argument) if colon else factory()
-    except UavBtError:
-        raise
-    except Exception as error:  # a foreign class may raise anything when it is made
-        raise InputError(f"policy '{name}' cannot be made: {describe_failure(error)}") from error
-    if not isinstance(policy, LeafPolicy):
-        kind = f"{type(policy).__module__}.{type(policy).__qualname__}"
-        raise InputError(f"policy '{name}' has no method `decide(view)`: {kind}")
-    return policy
+    factory, argument = _policy(name, own or {})
+    made = _made(f"policy '{name}'", factory if argument is None else factory.from_text, argument)
+    if not isinstance(made, LeafPolicy):
+        raise InputError(f"policy '{name}' has no method `decide(view)`: {_class_of(made)}")
+    return made
 
 
 def make_mark_finder(mark: LandingMark) -> MarkFinder:
     """Return a finder of a landing mark, whose kind must be registered and take the mark."""
     from uav_bt.landing_marks import MarkFinder  # noqa: PLC0415  (NumPy, as above)
 
-    kind = load(LANDING_MARKS, mark.kind)
+    made = _made(f"landing mark '{mark.kind}'", load(LANDING_MARKS, mark.kind), mark)
+    if not isinstance(made, MarkFinder):
+        raise InputError(
+            f"landing mark '{mark.kind}' lacks find, picture, uses_images or shows_heading: "
+            f"{_class_of(made)}"
+        )
+    return made
+
+
+def _policy(name: str, own: Mapping[str, Any]) -> tuple[Any, str | None]:
+    """Return the factory of a policy, and the argument of its `from_text`."""
+    registered, colon, argument = name.partition(":")
+    factory = own[registered] if registered in own else load(POLICIES, registered)
+    if colon and not hasattr(factory, "from_text"):
+        raise InputError(f"policy '{registered}' takes no argument, got '{name}'")
+    return factory, argument if colon else None
+
+
+def _made(what: str, factory: Callable[..., object], argument: object) -> object:
     try:
-        finder = kind(mark)
+        return factory() if argument is None else factory(argument)
     except UavBtError:
         raise
     except Exception as error:  # a foreign class may raise anything when it is made
-        raise InputError(
-            f"landing mark '{mark.kind}' cannot be made: {describe_failure(error)}"
-        ) from error
-    if not isinstance(finder, MarkFinder):
-        name = f"{type(finder).__module__}.{type(finder).__qualname__}"
-        raise InputError(
-            f"landing mark '{mark.kind}' lacks find, picture, uses_images or shows_heading: {name}"
-        )
-    return finder
+        raise InputError(f"{what} cannot be made: {describe_failure(error)}") from error
 
 
-def _policy_factory(registered: str, argument: str | None, own: Mapping[str, Any]) -> Any:
-    """Return the factory that is registered as a policy, or is one of these."""
-    factory = own[registered] if registered in own else load(POLICIES, registered)
-    if argument is not None and not hasattr(factory, "from_text"):
-        raise InputError(f"policy '{registered}' takes no argument, got '{registered}:{argument}'")
-    return factory
+def _class_of(value: object) -> str:
+    return f"{type(value).__module__}.{type(value).__qualname__}"

@@ -197,34 +197,23 @@ class Imageless(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class PolicyView:
-    """The input of a leaf policy.
+    """The input of a leaf policy."""
 
-    Attributes:
-        class_map: of the newest frame.
-        camera: at the class map's size.
-        gimbal_pitch_rad: when the frame was captured; 0 level, negative down.
-        height_above_ground_m: when the frame was captured.
-        site_map: the site map. Its `near` has the obstacles near the drone, including those out of
-            view. None without `MapSite`.
-        corridor: the free distance ahead; None without depth in the tree.
-        recent: the pixels of the last seconds; None without `RememberViews`.
-        turning: direction of the present turn: +1 clockwise, -1 counter-clockwise, 0 none.
-        full_turns: full turns in a row without a free path; the policy may accept less clearance.
-        tie_break: a random number, uniform in [0, 1), so that policies stay pure.
-        clearances: distances that routes keep.
-    """
-
-    class_map: ClassMap
-    camera: CameraModel
-    gimbal_pitch_rad: float
-    height_above_ground_m: float
+    class_map: ClassMap  # of the newest frame
+    camera: CameraModel  # at the class map's size
+    gimbal_pitch_rad: float  # when the frame was captured; 0 level, negative down
+    height_above_ground_m: float  # when the frame was captured
+    # The site map. Its `near` has the obstacles near the drone, including those out of view. None
+    # without `MapSite`.
     site_map: SiteMap | None = None
-    corridor: Corridor | None = None
+    corridor: Corridor | None = None  # the free distance ahead; None without depth in the tree
+    # The pixels of the last seconds; None without `RememberViews`
     recent: RecentViews | None = None
-    turning: int = 0
+    turning: int = 0  # direction of the present turn: +1 clockwise, -1 counter-clockwise, 0 none
+    # Full turns in a row without a free path; the policy may accept less clearance
     full_turns: int = 0
-    tie_break: float = 0.5
-    clearances: Clearances = field(default_factory=Clearances)
+    tie_break: float = 0.5  # a random number, uniform in [0, 1), so that policies stay pure
+    clearances: Clearances = field(default_factory=Clearances)  # distances that routes keep
 
 
 @dataclass(frozen=True, kw_only=True)

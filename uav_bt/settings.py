@@ -14,13 +14,11 @@ from uav_bt.errors import UnknownNameError, ValueRangeError
 Choice = TypeVar("Choice", bound=enum.Enum)
 
 _KINDS: Final = {"int": (Integral, "whole number"), "float": (Real, "number")}
-_UNBOUNDED: Final[Mapping[str, float]] = {}
+_NONE: Final[Mapping[str, float]] = {}
 
 
 def check_numbers(
-    settings: Any,
-    least: Mapping[str, float] = _UNBOUNDED,
-    most: Mapping[str, float] = _UNBOUNDED,
+    settings: Any, least: Mapping[str, float] = _NONE, most: Mapping[str, float] = _NONE
 ) -> None:
     """Refuse numbers that are not finite or out of their range.
 

@@ -39,11 +39,7 @@ class StillCamera(Protocol):
         """Return the present state of a photograph, by its number."""
 
     def fetch_still(self, media: str, limit_s: float) -> bytes:
-        """Return a saved photograph as a JPEG file, within a limit of seconds.
-
-        Raises:
-            DroneError: The drone does not hand it out in time, or it is no JPEG.
-        """
+        """Return a saved photograph as a JPEG file, within a limit of seconds; else DroneError."""
 
 
 @runtime_checkable

@@ -9,6 +9,7 @@ updated on every frame. Steps would not converge in gusts: each ends some centim
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
@@ -17,9 +18,11 @@ from behaviours.fly.step import Progress
 from uav_bt.board import CAMERA, FRAME, MARK, PHASE, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.lab.lab import Lab
+from uav_bt.lab.shipped import default_mark
 from uav_bt.plugins import make_mark_finder
 from uav_bt.tree import Port, Status
-from uav_bt.types import CameraModel, DroneState, MarkFix, MissionPhase, Velocity
+from uav_bt.types import CameraModel, DroneState, LandingMark, MarkFix, MissionPhase, Velocity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +55,17 @@ def _heading_rad(text: str) -> float | None:
     if not -360.0 <= heading_deg <= 360.0:
         raise ValueRangeError(f"expected {_ANY}, or degrees from -360 to 360, got '{text}'")
     return math.radians(heading_deg)
+
+
+HEADING: Final = Port(
+    "heading_deg",
+    str,
+    default=_ANY,
+    check=_heading_rad,
+    doc="heading to land with, relative to the mark, clockwise, 0 towards its upper edge, "
+    "degrees. any: as it is",
+    at_setup=True,
+)
 
 
 class HelipadCenter(MovingLeaf):
@@ -96,15 +110,7 @@ class HelipadCenter(MovingLeaf):
             most=3600,
             doc="seconds until it is lost, take-overs apart",
         ),
-        Port(
-            "heading_deg",
-            str,
-            default=_ANY,
-            check=_heading_rad,
-            doc="heading to land with, relative to the mark, clockwise, 0 towards its upper edge, "
-            "degrees. any: as it is",
-            at_setup=True,
-        ),
+        HEADING,
     )
     reads = (STATE, FRAME, CAMERA, MARK)
     writes = (PHASE,)
@@ -118,11 +124,24 @@ class HelipadCenter(MovingLeaf):
         super().on_setup(mission)
         self._low_m = mission.mark.height_m + self.config.above_mark_m
         self._heading_rad = _heading_rad(self.port_value("heading_deg"))
-        if self._heading_rad is not None and not make_mark_finder(mission.mark).shows_heading:
-            raise InputError(
-                f"HelipadCenter: heading_deg needs a landing mark that shows its heading, and one "
-                f"of kind '{mission.mark.kind}' does not: remove heading_deg, or use a tag"
-            )
+        if (message := self._refuses_mark(lambda: mission.mark)) is not None:
+            raise InputError(f"HelipadCenter: {message}")
+
+    def refuses_lab(self, lab: Callable[[], Lab]) -> str | None:
+        """Refuse a heading where the lab's mark does not show one."""
+        return self._refuses_mark(lambda: lab().mark or default_mark())
+
+    def _refuses_mark(self, known: Callable[[], LandingMark]) -> str | None:
+        text = self.initial_value(HEADING)
+        if text is None or _heading_rad(text) is None:
+            return None
+        mark = known()
+        if make_mark_finder(mark).shows_heading:
+            return None
+        return (
+            f"heading_deg needs a landing mark that shows its heading, and one of kind "
+            f"'{mark.kind}' does not: remove heading_deg, or use a tag"
+        )
 
     def initialise(self) -> None:
         """Climb first."""

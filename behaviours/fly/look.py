@@ -16,6 +16,7 @@ from uav_bt.types import DroneState, GimbalTo, Hover, MissionPhase
 class HoverFor(Leaf):
     """Hover for a time; time under manual control does not count."""
 
+    repeats = True
     answers = (Status.SUCCESS, Status.RUNNING)
     moves = True
     ports = (Port("seconds", float, default=3.0, least=0, most=3600, doc="how long, s"),)
@@ -47,6 +48,7 @@ class HoverFor(Leaf):
 class PointCamera(Leaf):
     """Tilt the camera and wait until a frame was captured at that pitch."""
 
+    repeats = True
     answers = (Status.SUCCESS, Status.RUNNING)
     points = True
     ports = (
@@ -76,6 +78,7 @@ class Turn(MovingLeaf):
     After an interruption by an override or a pilot the drone turns on to the same heading.
     """
 
+    repeats = True
     ports = (
         Port("degrees", float, least=-360, most=360, doc="clockwise positive, seen from above"),
     )

@@ -33,6 +33,7 @@ class MoveBy(PlaceLeaf):
     the movement, and it goes on afterwards.
     """
 
+    repeats = True
     ports = (
         _distance("forward_m", "distance ahead, m"),
         _distance("right_m", "distance to the right, m"),
@@ -90,6 +91,7 @@ class ClimbTo(MovingLeaf):
     The leaves after it keep that height. FAILURE after repeated attempts without progress.
     """
 
+    repeats = True
     ports = (
         Port(
             "height_m",

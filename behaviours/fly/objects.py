@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from collections.abc import Callable
 from typing import Any, ClassVar, Final
 
 from behaviours.path.margins import Margins, Passage
@@ -18,6 +19,7 @@ from uav_bt.board.blackboard import Key
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import UnknownNameError
 from uav_bt.lab.classes import LabClasses
+from uav_bt.lab.lab import Lab
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types.place import SEPARATOR, Place, PlaceFrame
 from uav_bt.types.place_frames import Unresolved, resolve, start_place
@@ -76,8 +78,18 @@ class MapLeaf(Leaf):
     def on_setup(self, mission: MissionContext) -> None:
         """Take the margins of the place; raises UnknownNameError for a class that the lab lacks."""
         self._margins = Margins().within(mission.clearances)
-        if CLASS in self.ports and self.reference(CLASS) is None:
-            _class_ids(self.port(CLASS), mission.classes)
+        if CLASS in self.ports and (names := self.initial_value(CLASS)) is not None:
+            _class_ids(names, mission.classes)
+
+    def refuses_lab(self, lab: Callable[[], Lab]) -> str | None:
+        """Refuse a class that the lab lacks."""
+        names = self.initial_value(CLASS) if CLASS in self.ports else None
+        try:
+            if names:
+                _class_ids(names, lab().classes)
+        except UnknownNameError as error:
+            return str(error)
+        return None
 
     def update(self) -> Status:
         """Answer by the newest map."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from behaviours.fly.course_leaf import CourseLeaf
@@ -147,7 +147,7 @@ class PlaceLeaf(CourseLeaf):
                 return Unresolved(reason="the place lies outside the mission's area")
         if place.frame is PlaceFrame.BODY and isinstance(found, Goal):
             start = start_place(site_map, found.x_m, found.y_m, yaw_rad=found.yaw_rad)
-            self._place = start.at_height(place.height_m)
+            self._place = replace(start, height_m=place.height_m)
         return found
 
     def trusted_map(self) -> SiteMap | None:

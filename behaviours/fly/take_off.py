@@ -38,6 +38,7 @@ class TakeOff(MovingLeaf):
 
     points = True
     config: ClassVar[TakeOffConfig] = TakeOffConfig()
+    repeats = True
     ports = (
         Port(
             "height_m",

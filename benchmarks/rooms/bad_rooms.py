@@ -20,7 +20,6 @@ from typing import Any, Final
 
 import cv2
 import numpy as np
-import yaml
 
 from sim_bridge.anafi import anafi_camera
 from uav_bt import app
@@ -30,7 +29,7 @@ from uav_bt.lab.shipped import load_lab
 from uav_bt.mission.judge import LANDING_SURFACES
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone
-from uav_bt.yaml_values import plain_yaml
+from uav_bt.yaml_file import read_yaml, yaml_text
 
 SIZE_PX: Final = (320, 180)
 CAMERA_FILE: Final = "camera.yaml"
@@ -129,8 +128,8 @@ BAD_ROOMS: Final = (
 def write_bad_room(room: BadRoom, folder: Path) -> Path:
     """Write a bad room as a new lab folder without a network, and return its scene."""
     depot = load_lab("depot")
-    lab = plain_yaml(depot.file)
-    scene = plain_yaml(depot.scenes["depot-val-a"])
+    lab = read_yaml(depot.file, dict[str, Any], "lab file").value
+    scene = read_yaml(depot.scenes["depot-val-a"], dict[str, Any], "scene file").value
     lab.pop("network", None)
     lab = {**lab, "limits": {"speed_mps": 0.6, "ceiling_m": 2.6}}
     scene = {"objects": scene["objects"], "take_off": {"from": [-2.4, 1.4], "yaw_deg": -35}}
@@ -151,7 +150,7 @@ def write_bad_room(room: BadRoom, folder: Path) -> Path:
             "distortion": [0.0] * 5,
         }
     for file, content in written.items():
-        file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+        file.write_text(yaml_text(content), encoding="utf-8")
     return path
 
 

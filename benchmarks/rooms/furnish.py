@@ -10,11 +10,11 @@ from typing import Any, Final
 
 import cv2
 import numpy as np
-import yaml
 
 from benchmarks.rooms.pictures import draw_surface
 from uav_bt.lab.lab import LAB_FILE, SCENES_FOLDER
 from uav_bt.types.arrays import Image
+from uav_bt.yaml_file import yaml_text
 
 LAB: Final = {
     "version": 1,
@@ -97,7 +97,7 @@ def write_room(folder: Path, assets: Assets, rng: np.random.Generator, plan: Roo
 
 
 def _write(path: Path, content: dict[str, Any]) -> None:
-    path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    path.write_text(yaml_text(content), encoding="utf-8")
 
 
 def _drawn(rng: np.random.Generator, low: float, high: float, digits: int | None = 2) -> float:

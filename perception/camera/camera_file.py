@@ -26,7 +26,6 @@ from typing import Annotated, Any, Final, Literal
 
 import cv2
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 from pydantic import Field, TypeAdapter, ValidationError
 
@@ -36,7 +35,7 @@ from perception.camera.orientation import UPRIGHT, Orientation
 from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.files import write_whole
 from uav_bt.types import CameraModel
-from uav_bt.yaml_file import read_yaml
+from uav_bt.yaml_file import read_yaml, yaml_text
 
 _DISTORTIONS: Final = (0, 4, 5, 8, 12, 14)  # possible lengths of OpenCV's distortion vectors
 _REMEDY: Final = "`uav-bt lab calibrate` makes one"
@@ -65,7 +64,7 @@ def write_camera(path: Path, trial: LayoutTrial) -> None:
         "corners": [trial.columns, trial.rows],
         "images_used": len(trial.images),
     }
-    write_whole(path, yaml.safe_dump(content, sort_keys=False))
+    write_whole(path, yaml_text(content))
 
 
 def load_camera(

@@ -6,32 +6,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-import yaml
-
 from uav_bt.errors import FileError
 from uav_bt.files import read_bounded, reading
-from uav_bt.yaml_file import MAX_BYTES
-from uav_bt.yaml_values import BoundedLoader
+from uav_bt.yaml_file import MAX_BYTES, YamlFile
 
-_MATRIX: Final = "tag:yaml.org,2002:opencv-matrix"
+_MATRIX: Final = "!!opencv-matrix"  # OpenCV's tag of a mapping
 _OPENCV_HEAD: Final = "%YAML:1.0"  # OpenCV writes it, YAML wants a space
 # Models whose numbers are OpenCV's k1, k2, p1, p2, k3, ...
 _POLYNOMIAL: Final = ("plumb_bob", "rational_polynomial", "radtan", "none")
 _SIZE_KEYS: Final = ("image_width", "image_height")
 _MATRIX_KEYS: Final = ("camera_matrix", "cameraMatrix")
 _DISTORTION_KEYS: Final = ("distortion_coefficients", "distCoeffs")
-
-
-class _Loader(BoundedLoader):
-    """Reads OpenCV's matrices as mappings."""
-
-
-def _matrix(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
-    content: dict[Any, Any] = loader.construct_mapping(node, deep=True)
-    return content
-
-
-_Loader.add_constructor(_MATRIX, _matrix)
 
 
 def foreign_camera(path: Path) -> dict[str, Any] | None:
@@ -48,12 +33,11 @@ def foreign_camera(path: Path) -> dict[str, Any] | None:
     """
     with reading(path):
         text = read_bounded(path, MAX_BYTES).decode()
+    text = text.replace(_OPENCV_HEAD, "", 1).replace(_MATRIX, "")
     try:
-        content = _Loader(text.replace(_OPENCV_HEAD, "", 1)).get_single_data()
-    except (yaml.YAMLError, ValueError):
+        content = YamlFile(path, text, dict[str, Any]).value
+    except FileError:
         return None  # the reader of our own files gives the error
-    if not isinstance(content, Mapping):
-        return None
     kalibr = content.get("cam0")
     if isinstance(kalibr, Mapping):
         return _of_kalibr(path, kalibr)

@@ -8,7 +8,6 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import yaml
 from pydantic import Field, TypeAdapter
 
 from sim_bridge.twin.lab_of_scene import SceneLab, lab_of_scene
@@ -21,7 +20,7 @@ from uav_bt.errors import InputError, SceneError, UnknownNameError, ValueRangeEr
 from uav_bt.lab.lab import LAB_FILE, SCENES_FOLDER
 from uav_bt.lab.room import RoomSection
 from uav_bt.lab.shipped import DEFAULT_LAB, default_mark, shipped_labs
-from uav_bt.yaml_file import YamlFile, read_yaml
+from uav_bt.yaml_file import YamlFile, read_yaml, yaml_text
 
 
 def shipped_scenes() -> dict[str, Path]:
@@ -150,7 +149,7 @@ def scene_text(scene: Scene) -> str:
     for part, key in ((values, "objects"), (values["lighting"], "lamps")):
         if not part[key]:
             del part[key]
-    return yaml.safe_dump(values, sort_keys=False)
+    return yaml_text(values)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -51,9 +51,9 @@ from uav_bt.record.channels import CHANNELS, START
 from uav_bt.record.info import record_info
 from uav_bt.record.reader import RecordReader
 from uav_bt.record.record_file import RecordFile
-from uav_bt.tree import load_tree
+from uav_bt.tree import NodeRegistry, load_tree
 from uav_bt.tree.dry_run import read_script
-from uav_bt.tree.loading.palette import read_palette
+from uav_bt.tree.loading.models import with_palette
 from uav_bt.tree.loading.parameter_file import read_parameters
 from uav_bt.tree.shipped import resolve_tree
 
@@ -188,7 +188,7 @@ def shipped(name: str) -> bytes:
 
 TEXTS: Final = {
     "tree": Reader(load_tree, "a.xml", resolve_tree("survey_and_land").read_text("utf-8")),
-    "palette": Reader(read_palette, "a.xml", PALETTE),
+    "palette": Reader(partial(with_palette, NodeRegistry()), "a.xml", PALETTE),
     "scene": Reader(load_scene, "a.yaml", scene_text(load_scene("train-a"))),
     "lab": Reader(lambda path: read_lab(path.parent), "lab.yaml", write_depot),
     "site": Reader(load_site, "a.yaml", SITE, fits=("empty",)),

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from uav_bt.compiled import compiled
+from uav_bt.compiled import _say, compiled
 
 
 def total(values: np.ndarray, divisor: float) -> float:
@@ -38,7 +38,7 @@ def test_without_a_folder_that_can_be_written_one_message_says_what_to_set(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     """The kernel works all the same."""
-    monkeypatch.setattr("uav_bt.compiled._shown", set())
+    _say.cache_clear()
     monkeypatch.setenv("XDG_CACHE_HOME", "/dev/null/cache")
     elsewhere = total.__code__.replace(co_filename="/dev/null/kernel.py")
     lost = type(total)(elsewhere, total.__globals__)

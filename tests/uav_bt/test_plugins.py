@@ -15,12 +15,13 @@ from uav_bt.types import LandingMark
 
 
 def test_everything_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "json", None)
+    monkeypatch.setitem(sys.modules, "zmq", None)
+    monkeypatch.setitem(sys.modules, "msgpack", None)
     with pytest.raises(MissingDependencyError) as missing:
-        need("view", "json", "xml", "no_such_package", what="a view")
+        need("live", "Groot2")
     assert str(missing.value) == (
-        "a view needs json and no_such_package; "
-        'run `pip install -c constraints.txt -e ".[view]"` in the folder of uav-bt\'s source'
+        "Groot2 needs zmq and msgpack; "
+        'run `pip install -c constraints.txt -e ".[live]"` in the folder of uav-bt\'s source'
     )
 
 

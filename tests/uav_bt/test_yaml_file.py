@@ -10,7 +10,9 @@ import pytest
 from pydantic import Field
 
 from uav_bt.errors import FileError, SceneError, ValueRangeError
-from uav_bt.yaml_file import YamlFile, read_yaml
+from uav_bt.yaml_file import YamlFile, read_yaml, yaml_text
+
+WANTED = "expected a text, a number below 2**63, true or false"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +75,16 @@ def test_numbers_are_those_of_yaml_1_2(tmp_path: Path, text: str, number: float 
     assert (type(value), value) == (type(number), number)
 
 
+def test_what_is_written_is_read_back_the_same(tmp_path: Path) -> None:
+    """YAML 1.1 takes other texts for numbers than YAML 1.2 does."""
+    texts = ("1e3", "1E-3", "010", "0o17", "0x1F", "1:30", "1_0", ".5", "off", "null", "~", "")
+    values = (*texts, "2026-01-01", ".inf", "=", "<<", 1e-7, 1e22, 7, -0.25, True, None)
+    path = tmp_path / "values.yaml"
+    path.write_text(yaml_text({"values": [*values]}), encoding="utf-8")
+    read = read_yaml(path, dict[str, list[str | float | int | bool | None]], "file").value["values"]
+    assert [(type(one), one) for one in read] == [(type(one), one) for one in values]
+
+
 def test_values_know_their_lines(tmp_path: Path) -> None:
     file = read(tmp_path, "size_m: [5, 4]\ndoors:\n- name: a\n- name: b\n  width_m: 1\n")
     assert file.line() == 1
@@ -106,27 +118,31 @@ def test_all_problems_are_reported_in_the_order_of_their_lines(tmp_path: Path) -
         ("", "room.yaml:1: lacks the key 'size_m'"),
         ("[]", "room.yaml:1: expected a mapping with size_m, doors, lit,"),
         ("size_m: [5, '4']", "size_m[1]: expected a number, got '4'"),
-        ("size_m: [5, .inf]", "size_m[1]: expected a finite number, got '.inf'"),
+        ("size_m: [5, .inf]", "size_m[1]: expected a number, got '.inf'"),
         ("size_m:", "size_m: expected a list, got nothing"),
         ("size_m: [4, 5]", "room.yaml:1: the longer side comes first"),
         ("doors: [{name: 7}]\nsize_m: [5, 4]", "doors[0].name: expected a text, got '7'"),
         ("size_m: [5, 4]\ncolour: [1, 2, x]", "colour[2]: expected a whole number, got 'x'"),
         ("size_m: [5, 4]\nseats: true", "room.yaml:2: seats: expected a whole number, got 'true'"),
-        ("size_m: [5, 4]\nsize_m: [5, 3]", "room.yaml:2: the key 'size_m' is given twice"),
-        ("size_m: [5, 4]\n? [a]\n: b", "room.yaml:2: expected a name before the colon"),
-        ("size_m: 2026-01-01", "size_m: expected a number, a text, true or false, got '2026-"),
+        ("size_m: [5, 4]\nsize_m: [5, 3]", "room.yaml:2: size_m: the key is given twice"),
+        ("size_m: [5, 4]\n? [a]\n: b", "room.yaml:2: ?: expected a name before the colon"),
+        ("size_m: 2026-01-01", "size_m: expected a list, got '2026-"),
+        ("size_m: [5, 1e999]", "size_m[1]: expected a finite number, got '1e999'"),
         ("size_m: [5", "room.yaml:1: not valid YAML: expected ',' or ']'"),
-        ("a: !!python/object:os.system {}", "room.yaml:1: not valid YAML: the tag"),
-        ("a: !!python/name:os.system b", "not valid YAML: could not determine a constructor"),
-        ("a:\n- &a [*a]", "room.yaml:2: nested deeper than 40, aliases unfolded"),
-        ("a:\n" + "[" * 500, "room.yaml:2: not valid YAML: nested deeper than 40"),
+        (
+            "a: !!python/object:os.system {}",
+            f"a: {WANTED}, got a mapping with the tag tag:yaml.org",
+        ),
+        ("a: !!python/name:os.system b", "with the tag tag:yaml.org,2002:python/name:os.system"),
+        ("a:\n- &a [*a]", "nested deeper than 40, aliases unfolded"),
+        ("a:\n " + "[" * 100 + "]" * 100, "nested deeper than 40"),
+        ("a:\n " + "[" * 500, "room.yaml: nested deeper than 40"),
         ('a: "\\ud800"', "not valid YAML"),
         ("a:\nb: \x07", "room.yaml:2: not valid YAML: the character #x0007 is not allowed"),
-        ("seats: !!int ''", "room.yaml:1: seats: not valid YAML: got nothing"),
-        ("lit: !!bool what", "room.yaml:1: lit: not valid YAML: got 'what'"),
-        ("seats: 0x" + "f" * 5000, "room.yaml:1: seats: expected a number below 2**63, got '0xfff"),
-        ("seats: " + "9" * 5000, "room.yaml:1: seats: Exceeds the limit (4300 digits)"),
-        ("\n".join(f"k{n}: 1" for n in range(9000)), "and 8950 problems more"),
+        ("seats: !!int ''", f"room.yaml:1: seats: {WANTED}, got nothing"),
+        ("lit: !!bool what", f"lit: {WANTED}, got 'what'"),
+        ("seats: 0x" + "f" * 5000, f"seats: {WANTED}, got '0xfff"),
+        ("seats: " + "9" * 5000, f"seats: {WANTED}, got '999"),
     ],
 )
 def test_a_mistake_is_reported_with_its_place(tmp_path: Path, text: str, problem: str) -> None:

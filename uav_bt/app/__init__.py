@@ -20,7 +20,7 @@ from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import RunnerConfig
 from uav_bt.plugins import make_policy
-from uav_bt.tree.loading.folders import TreeFolders
+from uav_bt.tree.loading.lookup import TreeFolders
 from uav_bt.tree.shipped import resolve_tree
 from uav_bt.types.mission_rules import LandOn
 

@@ -229,7 +229,7 @@ class FlightRecord:
 
     def __enter__(self) -> Self:
         """Return itself; raises MissingDependencyError without the extra `record`."""
-        need("record", "mcap", "foxglove", what="a flight record")
+        need("record", "a flight record")
         return self
 
     def __exit__(

@@ -21,9 +21,10 @@ from uav_bt.tree import MissionTree, Node, NodeRegistry, load_tree, parse_tree
 from uav_bt.tree.leaves_file import with_leaves
 from uav_bt.tree.loading.before_flight import faults_of
 from uav_bt.tree.loading.findings import errors_of
-from uav_bt.tree.loading.folders import TreeFolders
+from uav_bt.tree.loading.lookup import TreeFolders
 from uav_bt.tree.loading.parameter_file import ParameterFile
 from uav_bt.tree.loading.parameters import split_port
+from uav_bt.tree.loading.uses import Uses
 from uav_bt.tree.shipped import resolve_tree
 
 Mission = str | Path | MissionTree | Node | Behaviour
@@ -59,9 +60,8 @@ def load_mission(
         TreeError: the tree would surely fail in flight.
     """
     mission = read_mission(tree, options, registry)
-    if faults := errors_of(faults_of(mission)):
+    if faults := errors_of(faults_of(Uses(mission))):
         raise TreeError(mission.path, faults)
-    _check_variables(mission)
     check_ceiling(mission, limits_of(options))
     return mission
 
@@ -255,21 +255,6 @@ def _check_site_reaches(mission: MissionTree, by_key: _ByKey, source: str) -> No
                     f"'{writers[0].path}' writes '{key.name}' but has no port '{name}'; give it "
                     "that port, or fly without this setting"
                 )
-
-
-def _check_variables(mission: MissionTree) -> None:
-    """Refuse a tree that needs a variable without a value.
-
-    Raises:
-        InputError: neither the file nor Python sets it.
-    """
-    unset = [name for name in mission.unset if name not in mission.variables]
-    if unset:
-        raise InputError(
-            f"nothing sets variable '{unset[0]}' of tree '{mission.name}': give it a value in a "
-            f"Script of the file, with --var {unset[0]}=VALUE, or in Python by "
-            f"variables={{'{unset[0]}': ...}}"
-        )
 
 
 def check_ceiling(mission: MissionTree, limits: Limits) -> None:

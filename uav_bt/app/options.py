@@ -31,7 +31,7 @@ from uav_bt.mission.runner import RunnerConfig
 from uav_bt.protocols import Drone, DroneConfig, LeafPolicy
 from uav_bt.record.config import Quality
 from uav_bt.tree.leaves_file import LEAVES_FLAG, WHICH_LEAVES, OwnParts, parts_of_files
-from uav_bt.tree.loading.folders import WHICH_TREE, TreeFolders
+from uav_bt.tree.loading.lookup import WHICH_TREE, TreeFolders
 from uav_bt.tree.loading.parameter_file import ParameterFile, read_parameters
 from uav_bt.tree.loading.parameters import (
     WHICH_PARAMS,

@@ -18,17 +18,16 @@ from typing import Any
 from uav_bt.app.lab_network import network_of
 from uav_bt.brief import brief_repr
 from uav_bt.errors import InputError, ValueRangeError
-from uav_bt.lab.flight_keys import FlightKeys, take_off_pose
+from uav_bt.lab.flight_keys import FlightKeys, mark_of, mark_pose, take_off_pose
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.lab_file import lab_error
-from uav_bt.lab.mark_section import MarkSection, mark_of_section, mark_pose
 from uav_bt.lab.shipped import default_mark
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
 from uav_bt.settings import check_numbers
 from uav_bt.types import NARROWER_M, Airframe, Clearances, LandingMark, Pose2D
 from uav_bt.types.place import Place, area_corners
-from uav_bt.yaml_file import YamlFile, read_yaml
+from uav_bt.yaml_file import read_yaml
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,17 +99,10 @@ def load_site(path: str | Path) -> Site:
     Raises:
         FileError: it is absent or malformed; the message names the key.
     """
-    file = read_yaml(Path(path), _SiteFile, "site file")
-    section = file.value.mark
+    file = read_yaml(Path(path), FlightKeys, "site file")
     with file.at("mark"):
-        pose = mark_pose(section)
-    return _site(
-        file.value,
-        file.error,
-        mark=None if section is None else _mark(file, section),
-        mark_pose=pose,
-        file=Path(path),
-    )
+        pose, mark = mark_pose(file.value), mark_of(file.value, default_mark())
+    return _site(file.value, file.error, mark=mark, mark_pose=pose, file=Path(path))
 
 
 def site_of_lab(lab: Lab) -> Site:
@@ -147,7 +139,7 @@ def _site(keys: FlightKeys, failure: Callable[..., InputError], **given: Any) ->
         if "take_off" in section
     }
     try:
-        start = take_off_pose(keys, given["mark_pose"])
+        start = take_off_pose(keys)
     except ValueRangeError as error:
         raise failure(str(error), "take_off") from error
     try:
@@ -165,7 +157,7 @@ def _site(keys: FlightKeys, failure: Callable[..., InputError], **given: Any) ->
         ground=keys.ground,
         limits=allowed,
         area=None if keys.area is None else area_corners(keys.area),
-        clearances=Clearances(**(keys.margins or {})),
+        clearances=keys.margins or Clearances(),
         preflight=PreflightConfig(**preflight),
         video_latency_s=(keys.video or {}).get("latency_s", Site.video_latency_s),
         http_port=ports.get("http"),
@@ -197,18 +189,5 @@ def check_clearances(site: Site, airframe: Airframe) -> None:
         if site.file is not None and site.lab is not None:
             raise lab_error(site.file, message, "margins", name)
         if site.file is not None:
-            raise read_yaml(site.file, _SiteFile, "site file").error(message, "margins", name)
+            raise read_yaml(site.file, FlightKeys, "site file").error(message, "margins", name)
         raise InputError(f"margins.{name}: {message}; a site file sets it")
-
-
-def _mark(file: YamlFile[_SiteFile], section: MarkSection) -> LandingMark:
-    with file.at("mark"):
-        return mark_of_section(section, default_mark())
-
-
-# --- the form of the file -------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, kw_only=True)
-class _SiteFile(FlightKeys):
-    mark: MarkSection | None = None

@@ -20,23 +20,14 @@ T_co = TypeVar("T_co", covariant=True)
 
 @dataclass(frozen=True)
 class Key(Generic[T]):
-    """A typed entry of the board.
+    """A typed entry of the board."""
 
-    Attributes:
-        name: `{@name}` in a tree file, `@name` in a script.
-        type: of its values.
-        doc: description in one line.
-        unit: of plain numbers; typed values have units in their field names.
-        writer: name of the writer, for people.
-        max_age_s: a value older than this reads as None.
-    """
-
-    name: str
-    type: type[T]
-    doc: str
-    unit: str = ""
-    writer: str = ""
-    max_age_s: float = math.inf
+    name: str  # `{@name}` in a tree file, `@name` in a script
+    type: type[T]  # of its values
+    doc: str  # description in one line
+    unit: str = ""  # of plain numbers; typed values have units in their field names
+    writer: str = ""  # name of the writer, for people
+    max_age_s: float = math.inf  # a value older than this reads as None
 
 
 @dataclass(frozen=True)

@@ -84,51 +84,40 @@ def _check_type(value: object, kind: Any, words: str) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class MissionContext:
-    """The context of one mission, passed to every leaf's `on_setup`.
+    """The context of one mission, passed to every leaf's `on_setup`."""
 
-    Attributes:
-        clock: the mission's time; default: seconds since the context was made.
-        board: the mission board; default: an empty one with the mission keys.
-        proposals: the proposals of the present tick.
-        policy: returns a leaf policy by its registered name, or raises `UnknownNameError`.
-        seed: of all random numbers in leaves.
-        inference_threads: threads of the networks' inference; one in a campaign, so that results
-            do not depend on the load.
-        segmenter: replaces the network of every Segment leaf, for flights on exact masks.
-        sight: perception of a drone without images; replaces networks and optical flow.
-        stills: the drone's own photographs; None if it takes none.
-        classes: classes of the lab. Default: those of the paper's lab.
-        ground: names of further classes that count as ground.
-        airframe: size and reaction of the drone's body.
-        mark: landing mark. Default: that of the default lab.
-        clearances: distances that routes keep.
-        take_off: take-off pose in the lab's drawing, yaw counter-clockwise; None if unknown.
-        mark_pose: pose of the mark there, yaw counter-clockwise; None if unknown.
-        area: area that the mission stays in; None: no bound.
-        stage_times_s: duration of each perception stage, seconds by stage name.
-        notes: events and photographs of the flight.
-        outputs: folder that leaves write files to; None if the flight has none.
-    """
-
+    # The mission's time; default: seconds since the context was made
     clock: Clock = field(default_factory=WallClock)
+    # The mission board; default: an empty one with the mission keys
     board: Blackboard = None  # type: ignore[assignment]  # made below, with the clock
-    proposals: Proposals = field(default_factory=Proposals)
+    proposals: Proposals = field(default_factory=Proposals)  # the proposals of the present tick
+    # Returns a leaf policy by its registered name, or raises `UnknownNameError`
     policy: Callable[[str], LeafPolicy] = make_policy
-    seed: int = 0
+    seed: int = 0  # of all random numbers in leaves
+    # Threads of the networks' inference; one in a campaign, so that results do not depend on the
+    # load
     inference_threads: int = 1
+    # Replaces the network of every Segment leaf, for flights on exact masks
     segmenter: Segmenter | None = None
+    # Perception of a drone without images; replaces networks and optical flow
     sight: Sight | None = None
-    stills: StillCamera | None = None
+    stills: StillCamera | None = None  # the drone's own photographs; None if it takes none
+    # Classes of the lab. Default: those of the paper's lab.
     classes: LabClasses = field(default_factory=lambda: load_lab().classes)
-    ground: tuple[str, ...] = ()
-    airframe: Airframe = field(default_factory=Airframe)
+    ground: tuple[str, ...] = ()  # names of further classes that count as ground
+    airframe: Airframe = field(default_factory=Airframe)  # size and reaction of the drone's body
+    # Landing mark. Default: that of the default lab.
     mark: LandingMark = field(default_factory=default_mark)
-    clearances: Clearances = field(default_factory=Clearances)
+    clearances: Clearances = field(default_factory=Clearances)  # distances that routes keep
+    # Take-off pose in the lab's drawing, yaw counter-clockwise; None if unknown
     take_off: Pose2D | None = None
+    # Pose of the mark there, yaw counter-clockwise; None if unknown
     mark_pose: Pose2D | None = None
-    area: Area | None = None
+    area: Area | None = None  # area that the mission stays in; None: no bound
+    # Duration of each perception stage, seconds by stage name
     stage_times_s: dict[str, list[float]] = field(default_factory=dict)
-    notes: FlightNotes = field(default_factory=FlightNotes)
+    notes: FlightNotes = field(default_factory=FlightNotes)  # events and photographs of the flight
+    # Folder that leaves write files to; None if the flight has none
     outputs: FlightFolder | None = None
 
     def __post_init__(self) -> None:

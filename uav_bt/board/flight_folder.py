@@ -14,11 +14,9 @@ _NAME: Final = re.compile(r"[A-Za-z0-9][\w.\-]{0,99}", re.ASCII)
 
 
 class FlightFolder:
-    """The output folder of one flight, new or empty. It is made with the first file.
+    """The output folder of one flight, new or empty; leaves may not use the reserved names.
 
-    Args:
-        folder: the folder.
-        reserved: names that leaves may not use, because other outputs have them.
+    It is made with the first file.
     """
 
     def __init__(self, folder: Path, reserved: Iterable[str] = ()) -> None:
@@ -27,12 +25,7 @@ class FlightFolder:
         self._reserved = frozenset(reserved)
 
     def write(self, name: str, content: bytes | str) -> None:
-        """Write a new file; a reader never sees half of it.
-
-        Args:
-            name: letters, digits, `_`, `-` and `.`; at most 100 characters.
-            content: of the whole file; text becomes UTF-8.
-        """
+        """Write a new file; a reader never sees half of it, and text becomes UTF-8."""
         path = self.folder / name
         if not _NAME.fullmatch(name):
             raise FileError(

@@ -35,44 +35,20 @@ ELAPSED: Final = Key("elapsed_s", float, "time since the take-off command", "s",
 HEIGHT: Final = Key("height_above_ground_m", float, "height above the ground", "m", "runner")
 CLASS_MAP: Final = Key("class_map", ClassMap, "class id of every pixel", "", "Segment", _FRAME_S)
 RELATIVE_DEPTH: Final = Key(
-    "relative_depth",
-    DepthMap,
-    "depth of every pixel as the network gives it, without unit",
-    "",
-    "EstimateDepth",
-    _FRAME_S,
+    "relative_depth", DepthMap, "depth by the network, without unit", "", "EstimateDepth", _FRAME_S
 )
 METRIC_DEPTH: Final = Key(
-    "metric_depth",
-    DepthMap,
-    "depth of every pixel, scaled by the ground plane",
-    "m",
-    "EstimateDepth",
-    _FRAME_S,
+    "metric_depth", DepthMap, "depth by the ground plane", "m", "EstimateDepth", _FRAME_S
 )
 CORRIDOR: Final = Key(
-    "corridor",
-    Corridor,
-    "obstacles in the five-plane safety corridor",
-    "",
-    "BuildCorridor",
-    _FRAME_S,
+    "corridor", Corridor, "obstacles in the safety corridor", "", "BuildCorridor", _FRAME_S
 )
 MARK: Final = Key("mark", MarkFix, "where the landing mark lies", "", "FindMark", _MARK_S)
 ODOMETRY: Final = Key(
-    "odometry",
-    MotionEstimate,
-    "pose and velocity of the drone over the ground",
-    "",
-    "TrackMotion",
-    _STATE_S,
+    "odometry", MotionEstimate, "pose and velocity over the ground", "", "TrackMotion", _STATE_S
 )
 SITE_MAP: Final = Key(
-    "site_map",
-    SiteMap,
-    "map of the site: ground, obstacles, edges, objects, landing mark, obstacles near the drone",
-    writer="MapSite",
-    max_age_s=_FRAME_S,
+    "site_map", SiteMap, "ground, obstacles, edges, objects, landing mark", "", "MapSite", _FRAME_S
 )
 PHASE: Final = Key(
     "phase",
@@ -81,19 +57,10 @@ PHASE: Final = Key(
     writer="mission leaves",
 )
 FLIGHT_HEIGHT: Final = Key(
-    "flight_height_m",
-    float,
-    "height above the ground that the mission flies at",
-    "m",
-    "the take-off",
+    "flight_height_m", float, "height above the ground to fly at", "m", "the take-off"
 )
 RAISED: Final = Key(
-    "raised_m",
-    float,
-    "height above the flight height that the drone keeps among movers",
-    "m",
-    "leaves that give way",
-    _STATE_S,
+    "raised_m", float, "height added among movers", "m", "leaves that give way", _STATE_S
 )
 FLIGHT_PITCH: Final = Key(
     "flight_pitch_rad", float, "the camera's pitch in flight, negative down", "rad", "the take-off"
@@ -102,15 +69,10 @@ HELD_TURN: Final = Key(
     "held_turn",
     HeldTurn,
     "the turn held since the last advance",
-    writer="Explore, Avoid, leaves of ReturnToBase",
+    writer="Explore, Avoid, ReturnToBase",
 )
 RECENT_VIEWS: Final = Key(
-    "recent_views",
-    RecentViews,
-    "frames of the last seconds, and the poses of their capture",
-    "",
-    "RememberViews",
-    _FRAME_S,
+    "recent_views", RecentViews, "views of the last seconds", "", "RememberViews", _FRAME_S
 )
 ADVICE: Final = Key(
     "advice", Advice, "a policy's advice on the newest view", "", "Advise", _FRAME_S

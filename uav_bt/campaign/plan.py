@@ -15,7 +15,7 @@ from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import lab_address
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.settings import check_numbers
-from uav_bt.tree.loading.folders import TreeFolders
+from uav_bt.tree.loading.lookup import TreeFolders
 from uav_bt.tree.loading.parameters import Plain
 
 SHARED: Final = (

@@ -22,6 +22,7 @@ from uav_bt.campaign.store import read_plan
 from uav_bt.errors import UnknownNameError
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import lab_address, load_lab
+from uav_bt.tree import TreeFolders
 
 
 def make_plan(
@@ -59,7 +60,7 @@ def make_plan(
     options = replace(
         options,
         lab=lab_address(options.lab) if isinstance(options.lab, Lab) else None,
-        tree_folders=options.tree_folders.absolute(),
+        tree_folders=TreeFolders(**options.tree_folders.to_json()),
         leaves=tuple(map(str, leaves)),
     )
     flown = [one for tree in trees for one in planned_trees(tree, options)]

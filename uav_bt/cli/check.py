@@ -20,13 +20,11 @@ from uav_bt.cli.registry_options import registry_options
 from uav_bt.errors import FileError, InputError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.tree import NodeRegistry
-from uav_bt.tree.loading.findings import Finding, errors_of
-from uav_bt.tree.loading.folders import TreeFolders
-from uav_bt.tree.loading.loader import check_text, findings_of
-from uav_bt.tree.loading.lookup import Lookup
+from uav_bt.tree.loading.findings import Finding, Rule, errors_of
+from uav_bt.tree.loading.loader import FilesTogether, check_text, findings_of
+from uav_bt.tree.loading.lookup import Library, Lookup, TreeFolders
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.source import MAX_BYTES, read_source
-from uav_bt.tree.loading.together import FilesTogether
 from uav_bt.tree.shipped import STARTERS, resolve_tree, tree_files, write_starter
 
 _STDIN: Final = "-"  # as a TREE
@@ -113,7 +111,7 @@ def _reports(
     try:
         files = tree_files(tree)
         if Path(tree).is_dir():
-            lookup = replace(lookup, library=lookup.library.joined_by(files))
+            lookup = replace(lookup, library=Library((*lookup.library.files, *files)))
     except FileError as error:
         yield Path(tree), findings_of(error, Path(tree))
         return
@@ -153,6 +151,8 @@ def _single(
         )
     )
     findings = tuple(dict.fromkeys(found))
+    if fits is not None:
+        findings = tuple(one for one in findings if one.rule is not Rule.LAB)
     if fits is not None and not errors_of(findings):
         try:
             fits(source.decode() if _is_pipe(tree) else path, parameters=parameters)

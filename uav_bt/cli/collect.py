@@ -89,7 +89,7 @@ def collect(
     recorded. `uav-bt net train student DIR...` learns from the records. The same command continues
     a collection that was stopped. A flight takes about 45 s of a core.
     """
-    need("record", "mcap", "foxglove")
+    need("record")
     if student is not None:
         # Absolute: workers have another working directory.
         flying = collecting.nodes_under_policy(tree)

@@ -65,7 +65,7 @@ def _export(
     out: Path | None,
     drawn: Drawn,
 ) -> None:
-    need("train", "torch", "onnx", "onnxruntime", "nncf")
+    need("train")
     path = out or RUNS / f"{name}-{precision}.onnx"
     plan = drawn.of(CALIBRATION_VIEWS)
     with progress_bars() as advance:

@@ -11,7 +11,7 @@ import click
 from uav_bt.cli.options import Decorator
 from uav_bt.lab.lab import Lab
 from uav_bt.tree import NodeRegistry
-from uav_bt.tree.loading.folders import TreeFolders
+from uav_bt.tree.loading.lookup import TreeFolders
 from uav_bt.tree.loading.parameters import Parameters
 
 lab_option: Final[Decorator] = click.option(

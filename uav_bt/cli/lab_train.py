@@ -49,7 +49,7 @@ def train(*, lab: str, config: dict[str, Any], workers: int) -> None:
     existing one is replaced when the training has finished. LAB/training keeps teacher, masks and
     checkpoint: the same command continues an interrupted training.
     """
-    need("train", "torch", "onnx", "onnxruntime", "nncf")
+    need("train")
     settings = lab_training.lab_training_config(**config)  # refuses an absent GPU now
     material = LabMaterial(lab=load_lab(lab))
     data = checked_data(material)

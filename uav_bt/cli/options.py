@@ -11,7 +11,7 @@ import click
 
 from uav_bt.cli.command import OutputFile, OutputFolder
 from uav_bt.cli.values import WholeNumber, ros_packages
-from uav_bt.tree.loading.folders import WHICH_TREE, TreeFolders
+from uav_bt.tree.loading.lookup import WHICH_TREE, TreeFolders
 
 INPUT: Final = click.Path(dir_okay=False, path_type=Path)
 FOLDER: Final = OutputFolder()

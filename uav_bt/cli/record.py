@@ -22,7 +22,7 @@ from uav_bt.cli.values import Number
 from uav_bt.display.rerun import sinks
 from uav_bt.errors import MissionError
 from uav_bt.record.info import RecordInfo, record_info
-from uav_bt.tree.loading.folders import TreeFolders
+from uav_bt.tree.loading.lookup import TreeFolders
 
 _METADATA: Final = (
     *("tree", "lab", "scene", "seed", "drone", "profile", "record_quality", "started"),

@@ -11,7 +11,7 @@ from uav_bt.cli.options import INPUT, Decorator, grouped
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.leaves_file import LEAVES_FLAG, WHICH_LEAVES, with_leaves
 from uav_bt.tree.loading.findings import Findings
-from uav_bt.tree.loading.palette import read_palette, with_palette
+from uav_bt.tree.loading.models import with_palette
 
 _LEAVES: Final[Decorator] = click.option(
     LEAVES_FLAG, "leaves", metavar="FILE.py", type=INPUT, multiple=True, help=WHICH_LEAVES
@@ -40,10 +40,10 @@ def registry_with(leaves: tuple[Path, ...], palette: Path | None) -> NodeRegistr
     if palette is None:
         return registry
     odd = Findings()
-    described = read_palette(palette, odd)
+    registry = with_palette(registry, palette, odd)
     for finding in odd:
         click.echo(str(finding), err=True)
-    return with_palette(registry, described)
+    return registry
 
 
 leaves_option: Final = grouped("registry", _with_leaves, leaves=_LEAVES)

@@ -19,7 +19,7 @@ from uav_bt.errors import MissionError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.dry_run import SimulatedTick, Simulation, read_script
-from uav_bt.tree.loading.folders import TreeFolders
+from uav_bt.tree.loading.lookup import TreeFolders
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.shipped import resolve_tree
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -13,12 +13,22 @@ from uav_bt.cli.options import format_option, output_option, tree_folders_option
 from uav_bt.cli.parameter_options import parameter_options, single
 from uav_bt.cli.registry_options import leaves_option, registry_options
 from uav_bt.files import writing
-from uav_bt.tree import NodeRegistry, load_tree
-from uav_bt.tree.describe import ABILITIES, NodeInfo, PortInfo, describe, describe_all, palette_xml
-from uav_bt.tree.loading.folders import TreeFolders
+from uav_bt.tree import Node, NodeRegistry, load_tree
+from uav_bt.tree.describe import (
+    ABILITIES,
+    declared,
+    default_text,
+    in_order,
+    node_page,
+    origin,
+    palette_xml,
+    summary,
+)
+from uav_bt.tree.loading.lookup import TreeFolders
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.schema import schema_xml
-from uav_bt.tree.node_page import node_page
+from uav_bt.tree.nodes import BUILTIN_NODES
+from uav_bt.tree.port import Port, port_text
 from uav_bt.tree.render import render as draw
 from uav_bt.tree.shipped import resolve_tree
 
@@ -54,32 +64,57 @@ def nodes(*, names: tuple[str, ...], format_: str, registry: NodeRegistry) -> No
         chosen = NodeRegistry(registry[name] for name in names) if names else registry
         click.echo((palette_xml if format_ == "xml" else node_page)(chosen), nl=False)
         return
-    infos = [describe(registry[name]) for name in names] or describe_all(registry)
+    listed = [registry[name] for name in names] or in_order(registry)
     if format_ == "json":
-        click.echo(json.dumps([asdict(info) for info in infos], indent=2))
+        click.echo(json.dumps([_as_json(node) for node in listed], indent=2))
         return
-    click.echo("\n\n".join(_described(info) for info in infos))
+    click.echo("\n\n".join(_described(node) for node in listed))
 
 
-def _described(info: NodeInfo) -> str:
-    origin = "of the format" if info.builtin else info.origin
-    lines = [f"{info.node_id}  ({info.kind.lower()}, {origin})"]
-    if info.doc:
-        lines.append(f"    {info.doc}")
-    lines += [f"    {_attribute(port)}" for port in info.ports]
-    if info.answers:
-        lines.append(f"    answers {', '.join(info.answers)}")
-    lines += [f"    {ABILITIES[name]}" for name in info.abilities]
-    if info.reads:
-        lines.append(f"    reads {', '.join(info.reads)}")
-    if info.writes:
-        lines.append(f"    writes {', '.join(info.writes)}")
-    return "\n".join(lines)
+def _described(node: type[Node]) -> str:
+    found = declared(node)
+    of = "of the format" if node in BUILTIN_NODES else origin(node)
+    lines = [f"{node.node_id}  ({node.kind.value.lower()}, {of})", summary(node)]
+    lines += [_attribute(port) for port in node.ports]
+    lines.append(f"answers {', '.join(found.answers)}" if found.answers else "")
+    lines += [ABILITIES[name] for name in found.abilities]
+    lines.append(f"reads {', '.join(found.reads)}" if found.reads else "")
+    lines.append(f"writes {', '.join(found.writes)}" if found.writes else "")
+    return "\n    ".join(line for line in lines if line)
 
 
-def _attribute(port: PortInfo) -> str:
-    given = f'{port.name}="{port.default}"' if port.default is not None else port.name
-    kind = " or ".join(port.choices) or port.type
+def _as_json(node: type[Node]) -> dict[str, Any]:
+    ports = [
+        {
+            "name": port.name,
+            "type": port.type.__name__,
+            "default": default_text(port),
+            "doc": port.doc,
+            "direction": port.direction,
+            "choices": [*map(port_text, port.choices)],
+            "least": port.least,
+            "most": port.most,
+            "range": port.range,
+            "required": port.required,
+            "sample": port.sample,
+        }
+        for port in node.ports
+    ]
+    return {
+        "node_id": node.node_id,
+        "kind": node.kind.value,
+        "doc": summary(node),
+        "ports": ports,
+        **declared(node)._asdict(),
+        "builtin": node in BUILTIN_NODES,
+        "origin": origin(node),
+    }
+
+
+def _attribute(port: Port[Any]) -> str:
+    default = default_text(port)
+    given = port.name if default is None else f'{port.name}="{default}"'
+    kind = " or ".join(map(port_text, port.choices)) or port.type.__name__
     kind += f", {port.range}" if port.range else ""
     direction = "" if port.direction == "input" else f", {port.direction}"
     return f"{given}  {kind}{direction}" + (f": {port.doc}" if port.doc else "")
@@ -116,7 +151,7 @@ def render(
         lookup=lookup,
         parameters=single(parameters),
     )
-    _print_or_write(draw(loaded, format_), out)
+    _print_or_write(draw(loaded.root, loaded.name, format_), out)
 
 
 @click.command(cls=Command)

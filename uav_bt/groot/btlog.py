@@ -15,7 +15,6 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterable
 from pathlib import Path
-from types import TracebackType
 from typing import BinaryIO, Final, Self
 
 from uav_bt.errors import FileError
@@ -23,7 +22,6 @@ from uav_bt.files import writing
 from uav_bt.groot.transitions import Transition, pack
 
 SUFFIX: Final = ".btlog"  # the only suffix that Groot2 opens
-MAX_LOG_BYTES: Final = 1024**3  # weeks of a large tree at ten ticks a second
 
 _MAGIC: Final = b"BTCPP4-FileLogger2\x01"
 
@@ -32,18 +30,14 @@ class BtlogWriter:
     """Writes a log during a flight. Use it as a context manager.
 
     Each `write` reaches the operating system, so that an interrupted mission leaves a log. A full
-    disk ends the log, not the mission; the end of the context then raises the error.
-
-    Args:
-        path: `*.btlog`; an existing file is replaced, not before `begin`.
-        max_bytes: size at which the log ends.
+    disk ends the log, not the mission; the end of the context then raises the error. An existing
+    file is replaced, not before `begin`.
     """
 
-    def __init__(self, path: Path, *, max_bytes: int = MAX_LOG_BYTES) -> None:
+    def __init__(self, path: Path) -> None:
         if path.suffix != SUFFIX:
             raise FileError(path, f"Groot2 opens only files named *{SUFFIX}; choose such a name")
         self._path = path
-        self._room_bytes = max_bytes
         self._first_time_us = 0
         self._fault: FileError | None = None
         self._file: BinaryIO | None = None
@@ -65,10 +59,6 @@ class BtlogWriter:
     def _put(self, data: bytes) -> None:
         if self._file is None or self._fault is not None:
             return
-        if len(data) > self._room_bytes:
-            self._fault = FileError(self._path, "the log ends early: it is too large")
-            return
-        self._room_bytes -= len(data)
         try:
             while data:
                 data = data[self._file.write(data) :]
@@ -79,12 +69,7 @@ class BtlogWriter:
         """Return the writer."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:
         """Close the file; an earlier exception has priority over an error of the log."""
         if self._file is not None:
             self._file.close()

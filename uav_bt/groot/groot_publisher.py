@@ -14,7 +14,7 @@ import threading
 from typing import TYPE_CHECKING, Final, Self
 
 from uav_bt.errors import InputError
-from uav_bt.groot.groot_view import GrootView, ProtocolError
+from uav_bt.groot.groot_view import GrootView
 from uav_bt.plugins import need
 
 if TYPE_CHECKING:
@@ -34,17 +34,11 @@ class GrootPublisher:
     """Answers requests of Groot2 about one tree in its context.
 
     It listens from the beginning of the context on, so that a taken port is reported before a
-    flight. `show` sets the tree later.
-
-    Args:
-        port: of requests; the next one is for notifications.
-
-    Raises:
-        MissingDependencyError: the extra `live` is not installed.
+    flight; the port after that of requests is for notifications. `show` sets the tree later.
     """
 
     def __init__(self, port: int = DEFAULT_PORT) -> None:
-        need("live", "zmq", "msgpack", what="Groot2")
+        need("live", "Groot2")
         import zmq  # noqa: PLC0415  (an extra)
 
         self._zmq = zmq
@@ -110,7 +104,7 @@ class GrootPublisher:
             return [b"error", b"no tree yet: the mission has not begun"]
         try:
             return self._view.answer(frames)
-        except ProtocolError as error:
+        except InputError as error:
             reason = str(error)
         except Exception as error:  # noqa: BLE001  # converting a value may raise any error
             _LOG.warning("a Groot2 request could not be answered", exc_info=True)

@@ -26,45 +26,12 @@ from uav_bt.tree.status import Status
 # Number of transitions kept between two requests of a recording client. Older ones are lost, as in
 # BehaviorTree.CPP, which keeps a thousand.
 MAX_RECORDED: Final = 10_000
-NEWLY_IDLE: Final = 10  # added to the former status of a node that has become idle
+_NEWLY_IDLE: Final = 10  # added to the former status of a node that has become idle
 
 _ENTRY: Final = struct.Struct("<HB")  # uid, status
 _HEADER: Final = struct.Struct("<BBI")
 _PROTOCOL: Final = 2
 _CHANGING: Final = "IRDAXUN"  # requests about hooks and breakpoints
-
-
-class ProtocolError(InputError):
-    """A request that cannot be answered; the message is the answer."""
-
-
-def _request_type(frames: list[bytes]) -> str:
-    """Return the type of a request, a letter; refuse a message that is not of the protocol."""
-    if len(frames) not in {1, 2}:
-        raise ProtocolError(f"a request has 1 or 2 parts, got {len(frames)}")
-    if len(frames[0]) != _HEADER.size:
-        raise ProtocolError(
-            f"wrong request header: expected {_HEADER.size} bytes, got {len(frames[0])}"
-        )
-    protocol, kind, _ = _HEADER.unpack(frames[0])
-    if protocol != _PROTOCOL:
-        raise ProtocolError(f"expected protocol {_PROTOCOL}, got {protocol}")
-    if chr(kind) in _CHANGING:
-        raise ProtocolError(
-            f"not supported: this tree can be watched, not changed (request '{chr(kind)}')"
-        )
-    if chr(kind) not in "TSBrt":
-        raise ProtocolError(f"request not recognized: type {kind}")
-    return chr(kind)
-
-
-def _text(frames: list[bytes]) -> str:
-    if len(frames) == 1:
-        raise ProtocolError("must be 2 parts message")
-    try:
-        return frames[1].decode()
-    except UnicodeDecodeError:
-        raise ProtocolError("the second part must be UTF-8 text") from None
 
 
 class GrootView:
@@ -89,39 +56,52 @@ class GrootView:
         """Add all transitions of a tick; `now_us` is the mission time, microseconds."""
         recording = self._recording
         for transition in transitions:
-            place = transition.uid - 1
-            code = transition.status.value
-            if transition.status is Status.IDLE:
-                code = NEWLY_IDLE + self._codes[place]
-            self._codes[place] = transition.status.value
-            self._table[place * _ENTRY.size + 2] = code
+            place, code = transition.uid - 1, transition.status.value
+            newly_idle = _NEWLY_IDLE + self._codes[place]
+            self._codes[place] = code
+            idle = transition.status is Status.IDLE
+            self._table[place * _ENTRY.size + 2] = newly_idle if idle else code
             if recording:
                 self._recorded.append(transition)
         self._statuses = bytes(self._table)
-        values = {item.board_name: item.variables.snapshot() for item in self._instances}
-        keys = self._board.snapshot()
-        values[self._instances[0].board_name] |= {f"@{key}": keys[key][0] for key in keys}
+        values = {each.board_name: each.root.variables.snapshot() for each in self._instances}
+        board = self._board.snapshot().items()
+        values[self._instances[0].board_name] |= {f"@{key}": value for key, (value, _) in board}
         self._values = values
         self._now_us = now_us
 
     # --- the answering thread ---------------------------------------------------------------------
 
     def answer(self, frames: list[bytes]) -> list[bytes]:
-        """Return the frames of the answer to a request."""
-        kind = _request_type(frames)
+        """Return the frames of the answer to a request; InputError has the reason for none."""
+        if len(frames) not in {1, 2} or len(frames[0]) != _HEADER.size:
+            raise InputError(
+                f"expected a header of {_HEADER.size} bytes and at most one part more, "
+                f"got parts of {[*map(len, frames)]} bytes"
+            )
+        protocol, kind, _ = _HEADER.unpack(frames[0])
+        if protocol != _PROTOCOL:
+            raise InputError(f"expected protocol {_PROTOCOL}, got {protocol}")
+        text = frames[1].decode(errors="replace") if len(frames) == 2 else ""
         head = frames[0] + self._tree_id
-        match kind:
+        match chr(kind):
             case "T":
                 return [head, self._xml]
             case "S":
                 return [head, self._statuses]
             case "B":
-                return [head, self._blackboards(_text(frames))]
+                return [head, self._blackboards(text)]
             case "r":
-                return [head, *self._toggle(_text(frames))]
-        # Only the present entries, because the other thread continues to append.
-        taken = [self._recorded.popleft() for _ in range(len(self._recorded))]
-        return [head, pack(taken, self._recorded_from_us)]
+                return [head, *self._toggle(text)]
+            case "t":
+                # Only the present entries, because the other thread continues to append.
+                taken = [self._recorded.popleft() for _ in range(len(self._recorded))]
+                return [head, pack(taken, self._recorded_from_us)]
+        if chr(kind) in _CHANGING:
+            raise InputError(
+                f"not supported: this tree can be watched, not changed (request '{chr(kind)}')"
+            )
+        raise InputError(f"request not recognized: type {kind}")
 
     def _blackboards(self, names: str) -> bytes:
         import msgpack  # noqa: PLC0415  # of the extra `live`
@@ -133,9 +113,10 @@ class GrootView:
 
     def _toggle(self, word: str) -> list[bytes]:
         if word not in {"start", "stop"}:
-            raise ProtocolError(f"recording is switched by 'start' or 'stop', got '{word:.40}'")
-        if word == "start":
-            self._recorded.clear()
-            self._recorded_from_us = self._now_us
+            raise InputError(f"recording is switched by 'start' or 'stop', got '{word:.40}'")
         self._recording = word == "start"
-        return [str(self._recorded_from_us).encode()] if self._recording else []
+        if not self._recording:
+            return []
+        self._recorded.clear()
+        self._recorded_from_us = self._now_us
+        return [str(self._recorded_from_us).encode()]

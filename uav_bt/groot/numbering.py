@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 from xml.etree import ElementTree as ET
 
 from uav_bt.errors import InputError
-from uav_bt.tree import MissionTree, Node, Variables
+from uav_bt.tree import MissionTree, Node
 from uav_bt.tree.describe import add_model
 from uav_bt.tree.nodes.base import SubTree
 from uav_bt.tree.port import port_text
@@ -17,14 +15,12 @@ from uav_bt.tree.port import port_text
 MAX_UID: Final = 0xFFFF  # a uid has two bytes
 
 
-@dataclass(frozen=True, kw_only=True)
-class TreeInstance:
+class TreeInstance(NamedTuple):
     """One use of a tree of the file; a tree that is used twice has two instances."""
 
     tree_id: str
     full_path: str  # names of the outer instances and of this one; empty for the main tree
     root: Node
-    variables: Variables
 
     @property
     def board_name(self) -> str:
@@ -50,29 +46,17 @@ class TreeNumbering:
             )
         self.uids = {node.path: uid for uid, node in enumerate(self.nodes, 1)}
         self.full_paths: dict[str, str] = {}
-        main = TreeInstance(
-            tree_id=tree.name, full_path="", root=tree.root, variables=tree.variables
-        )
-        self.instances = (main, *self._below(tree.root, ""))
+        self.instances = [TreeInstance(tree.name, "", tree.root)]
+        for node in self.nodes:
+            if isinstance(node, SubTree):
+                full_path = self.full_paths[node.path] = self._name(node)
+                self.instances.append(TreeInstance(node.tree_id, full_path, node.child))
 
-    def _below(self, root: Node, outer: str) -> Iterator[TreeInstance]:
-        stack = [root]
-        while stack:
-            node = stack.pop()
-            if not isinstance(node, SubTree):
-                stack.extend(reversed(node.children))
-                continue
-            full_path = self.full_paths[node.path] = self._name(node, outer)
-            yield TreeInstance(
-                tree_id=node.tree_id,
-                full_path=full_path,
-                root=node.child,
-                variables=node.child.variables,
-            )
-            yield from self._below(node.child, full_path)
-
-    def _name(self, node: SubTree, outer: str) -> str:
-        full_path = f"{outer}/{node.name}" if outer else node.name
+    def _name(self, node: SubTree) -> str:
+        outer = node.parent
+        while outer is not None and not isinstance(outer, SubTree):
+            outer = outer.parent
+        full_path = node.name if outer is None else f"{self.full_paths[outer.path]}/{node.name}"
         # BehaviorTree.CPP numbers an unnamed instance. Here unnamed means that name and id are
         # equal. A name used twice is numbered, too, because the paths name the blackboards.
         if node.name == node.tree_id or full_path in self.full_paths.values():

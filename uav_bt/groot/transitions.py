@@ -38,7 +38,7 @@ def pack(transitions: Iterable[Transition], first_time_us: int) -> bytes:
 
 
 class TransitionRecorder:
-    """Records the transitions of a tree from `attach` to `detach`.
+    """Records the transitions of a tree until `detach`.
 
     They come when they happen, in the order of BehaviorTree.CPP's loggers. A node that starts and
     ends in one tick gives a RUNNING (if it has one), a result and an IDLE. SKIPPED gives no
@@ -48,12 +48,9 @@ class TransitionRecorder:
     def __init__(self, numbering: TreeNumbering, clock: Clock) -> None:
         self._numbering = numbering
         self._clock = clock
-        self._noted: list[tuple[float, int, Status]] = []  # seconds, uid, status
+        self._noted: list[Transition] = []
         self._root_ended = False
-
-    def attach(self) -> None:
-        """Start recording."""
-        observe(self._numbering.nodes, self._note)
+        observe(numbering.nodes, self._note)
 
     def detach(self) -> None:
         """Stop recording; `take` still returns recorded transitions. Safe to call twice."""
@@ -67,10 +64,10 @@ class TransitionRecorder:
         """
         status = self._numbering.nodes[0].node_status
         if not self._root_ended and (status is SUCCESS or status is FAILURE):
-            self._noted.append((self._clock.now(), _ROOT_UID, IDLE))
+            self._add(_ROOT_UID, IDLE)
             self._root_ended = True
         noted, self._noted = self._noted, []
-        return [Transition(round(time_s * 1e6), uid, status) for time_s, uid, status in noted]
+        return noted
 
     def _note(self, node: Node, event: NodeEvent) -> None:
         if event is not NodeEvent.STATUS:
@@ -80,4 +77,7 @@ class TransitionRecorder:
             reset, self._root_ended = self._root_ended, False
             if reset and node.node_status is IDLE:
                 return  # `take` has recorded it after the tick
-        self._noted.append((self._clock.now(), uid, node.node_status))
+        self._add(uid, node.node_status)
+
+    def _add(self, uid: int, status: Status) -> None:
+        self._noted.append(Transition(round(self._clock.now() * 1e6), uid, status))

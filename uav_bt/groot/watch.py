@@ -21,14 +21,7 @@ from uav_bt.tree import MissionTree
 
 
 class TreeWatch:
-    """Watches one tree, set up but not ticked yet, until `finish`.
-
-    Args:
-        tree: the tree.
-        context: context of the mission.
-        log: log for the transitions, which begins here; or None.
-        publisher: open publisher that shows the tree; or None.
-    """
+    """Watches one tree, set up but not ticked yet, until `finish`; its log begins here."""
 
     def __init__(
         self,
@@ -40,7 +33,6 @@ class TreeWatch:
     ) -> None:
         numbering = TreeNumbering(tree)
         self._clock = context.clock
-        self._recorder = TransitionRecorder(numbering, context.clock)
         self._log = log
         self._view: GrootView | None = None
         self._last_us = self._time_us()
@@ -49,7 +41,7 @@ class TreeWatch:
         if publisher is not None:
             self._view = GrootView(numbering, context.board, self._last_us)
             publisher.show(self._view)
-        self._recorder.attach()
+        self._recorder = TransitionRecorder(numbering, context.clock)
 
     def on_tick(self, _record: TickRecord | None = None) -> None:
         """Send the transitions since the last call; never waits for a client."""

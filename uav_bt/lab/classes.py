@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final, Self, TypeVar
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +18,8 @@ from uav_bt.errors import UnknownNameError, ValueRangeError
 from uav_bt.lab.roles import GROUND, MARK, NO_ROLE, OBSTACLE, ROLE_NAMES, RoleName
 
 Colour = tuple[int, int, int]  # red, green, blue, 0 to 255
-Value = TypeVar("Value", bound=np.generic)
 
 MAX_CLASSES: Final = 64
-MAX_LEGS_M: Final = 10.0  # the largest object of a room
 _ROLE_COLOURS: Final[dict[RoleName, Colour]] = {
     "outside": (40, 40, 48),
     "ground": (126, 158, 120),
@@ -85,13 +83,13 @@ class LabClasses:
     @cached_property
     def colours(self) -> NDArray[np.uint8]:
         """(number of classes, 3) uint8 RGB: the colour of each class."""
-        return _frozen(np.array([each.colour for each in self._classes], dtype=np.uint8))
+        return np.array([each.colour for each in self._classes], dtype=np.uint8)
 
     @cached_property
     def top_of(self) -> NDArray[np.uint8]:
         """(number of classes,) uint8: the class of the upper face of each class; 0 without one."""
         ids = [0 if each.top is None else self.id_of(each.top) for each in self._classes]
-        return _frozen(np.array(ids, dtype=np.uint8))
+        return np.array(ids, dtype=np.uint8)
 
     @cached_property
     def tops(self) -> tuple[int, ...]:
@@ -106,7 +104,7 @@ class LabClasses:
     @cached_property
     def legs_m(self) -> NDArray[np.float64]:
         """(number of classes,): largest distance between legs of an object, m; 0 without legs."""
-        return _frozen(np.array([each.legs_m or 0.0 for each in self._classes]))
+        return np.array([each.legs_m or 0.0 for each in self._classes])
 
     @cached_property
     def mark_sides(self) -> int | None:
@@ -147,14 +145,6 @@ class LabClasses:
             )
         return roles
 
-    def is_ground(self, ids: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """Return where class ids, uint8 of any shape, are ground."""
-        return np.asarray(self.roles(ids) == GROUND)
-
-    def is_above_ground(self, ids: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """Return where class ids, uint8 of any shape, are obstacles or the landing mark."""
-        return np.asarray(self.roles(ids) >= MARK)
-
     def colourise(self, ids: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Return a class map, (H, W) uint8 ids, as a colour image, (H, W, 3) uint8 RGB."""
         self.roles(ids)  # refuses bad ids
@@ -165,7 +155,7 @@ class LabClasses:
         """(256,) uint8: a bad id is found after the look-up, without a second pass over a map."""
         table = np.full(256, NO_ROLE, dtype=np.uint8)
         table[: len(self)] = [ROLE_NAMES.index(each.role) for each in self._classes]
-        return _frozen(table)
+        return table
 
     def _check(self) -> None:
         if not 1 <= len(self._classes) <= MAX_CLASSES:
@@ -173,37 +163,21 @@ class LabClasses:
         twice = [name for name in self.names if self.names.count(name) > 1]
         if twice:
             raise ValueRangeError(f"the class '{twice[0]}' is listed twice")
-        first = self._classes[0]
+        first, tops = self._classes[0], {each.top for each in self._classes}
         if first.role != "outside":
             raise ValueRangeError(
                 f"the first class must have the role outside, because unknown pixels become it; "
                 f"'{first.name}' has the role {first.role}"
             )
         for each in self._classes:
-            if each.legs_m is not None:
-                self._check_legs(each)
-            if each.top is None:
-                continue
-            top = self._classes[self.id_of(each.top)]
-            if top.role != each.role or top.top is not None or top is each:
+            if each.legs_m is not None and (each.role != "obstacle" or each.name in tops):
+                raise ValueRangeError(
+                    f"'{each.name}' cannot stand on legs: only an obstacle that is no upper face "
+                    "can; remove its legs_m"
+                )
+            top = each if each.top is None else self._classes[self.id_of(each.top)]
+            if top.role != each.role or top.top is not None:
                 raise ValueRangeError(
                     f"'{top.name}' cannot be the top of '{each.name}': it must have the same role "
                     "and no top"
                 )
-
-    def _check_legs(self, item: LabClass) -> None:
-        if item.legs_m is None or not 0.0 < item.legs_m <= MAX_LEGS_M:
-            raise ValueRangeError(
-                f"legs_m of '{item.name}' must lie above 0 and up to {MAX_LEGS_M:.0f} m, "
-                f"got {item.legs_m}"
-            )
-        if item.role != "obstacle" or item.name in {each.top for each in self._classes}:
-            raise ValueRangeError(
-                f"'{item.name}' cannot stand on legs: only an obstacle that is no upper face can; "
-                "remove its legs_m"
-            )
-
-
-def _frozen(array: NDArray[Value]) -> NDArray[Value]:
-    array.flags.writeable = False
-    return array

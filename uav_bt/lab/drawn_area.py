@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from uav_bt.errors import ValueRangeError
 from uav_bt.types.area import Area
-from uav_bt.types.place import SEPARATOR, Place, PlaceFrame, area_corners
-from uav_bt.types.place_frames import lab_to_start
+from uav_bt.types.place import SEPARATOR, PlaceFrame, area_corners
+from uav_bt.types.place_frames import from_start, lab_to_start
 from uav_bt.types.pose import Pose2D
 
 _UNTURNED = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
@@ -32,34 +30,23 @@ def area_problem(text: str, *, take_off: Pose2D | None, mark: Pose2D | None) -> 
     Take-off pose and mark are those in the lab's drawing; None if unknown.
     """
     corners = area_corners(text)
+    shown = f"{SEPARATOR} ".join(map(str, corners))
     frames = {corner.frame for corner in corners}
     if take_off is None and len(frames) > 1:
         return "corners in both frames need the take-off pose in the drawing: add 'take_off'"
     # Without a take-off pose the corners keep their frame, which is one for all of them.
     origin = _UNTURNED if take_off is None else take_off
     try:
-        area = Area((tuple(_corner(corner, origin) for corner in corners),))
+        area = Area((tuple(filter(None, (from_start(each, origin) for each in corners))),))
     except ValueRangeError as error:
         return str(error)
     knows_start = take_off is not None or frames == {PlaceFrame.START}
     if knows_start and area.margin_m(0.0, 0.0) <= 0.0:
-        return f"the take-off pose lies outside the area {_shown(corners)}"
+        return f"the take-off pose lies outside the area {shown}"
     if mark is not None and (take_off is not None or frames == {PlaceFrame.LAB}):
         there = lab_to_start(mark, origin)
         if area.margin_m(there.x_m, there.y_m) < 0.0:
             return (
-                f"the landing mark at lab:{mark.x_m:g},{mark.y_m:g} lies outside the area "
-                f"{_shown(corners)}"
+                f"the landing mark at lab:{mark.x_m:g},{mark.y_m:g} lies outside the area {shown}"
             )
     return None
-
-
-def _corner(corner: Place, take_off: Pose2D) -> tuple[float, float]:
-    if corner.frame is PlaceFrame.START:
-        return corner.x_m, corner.y_m
-    there = lab_to_start(Pose2D(x_m=corner.x_m, y_m=corner.y_m, yaw_rad=0.0), take_off)
-    return there.x_m, there.y_m
-
-
-def _shown(corners: Sequence[Place]) -> str:
-    return f"{SEPARATOR} ".join(map(str, corners))

@@ -15,6 +15,7 @@
     video: {latency_s: 0.2}
     ports: {http: 8080, rtsp: 8554}
     return_home: off               # the drone's automatic return, during a flight
+    mark: {kind: apriltag, size_m: [0.5, 0.5], height_m: 0.2, options: {id: 7, size_m: 0.3}}
 
 Files that it names lie beside it, unless their path is absolute.
 """
@@ -33,6 +34,9 @@ from uav_bt.brief import brief_repr
 from uav_bt.errors import ValueRangeError
 from uav_bt.files import did_you_mean_file
 from uav_bt.lab.drawn_area import check_area
+from uav_bt.plugins import make_mark_finder
+from uav_bt.types.clearances import Clearances
+from uav_bt.types.landing_mark import MAX_HEIGHT_M, LandingMark
 from uav_bt.types.pose import Pose2D
 
 
@@ -55,10 +59,7 @@ def _onnx(value: Path, info: ValidationInfo) -> Path:
 
 
 def _area(value: str) -> str:
-    try:
-        check_area(value)
-    except ValueRangeError as error:
-        raise ValueError(str(error)) from error
+    check_area(value)
     return value
 
 
@@ -71,7 +72,7 @@ Yaw = Annotated[
 ]
 _Number = Annotated[float, Field(ge=0.0, le=1000.0)]
 _Height = Annotated[float, Field(gt=0.0, le=1000.0)]
-_Distance = Annotated[float, Field(ge=0.0, le=5.0)]
+_Side = Annotated[float, Field(gt=0.0, le=5.0)]
 _Share = Annotated[float, Field(ge=0.0, le=1.0)]
 _Port = Annotated[int, Field(ge=1, le=65_535)]
 _FileBeside = Annotated[Path, AfterValidator(_beside)]
@@ -80,17 +81,14 @@ _Switch = Annotated[bool, WithJsonSchema({"enum": [True, False, "on", "off"]})]
 
 
 class NetworkKeys(TypedDict, total=False):
-    """The networks: files or names of shipped ones.
-
-    Attributes:
-        model: Segmentation network.
-        classes: Class mapping of the segmentation network.
-        depth: Depth network.
-    """
+    """The networks: files or names of shipped ones."""
 
     model: Annotated[str, AfterValidator(_network)]
+    """Segmentation network."""
     classes: _FileBeside
+    """Class mapping of the segmentation network."""
     depth: Annotated[str, AfterValidator(_network)]
+    """Depth network."""
 
 
 class TeacherKeys(TypedDict):
@@ -107,15 +105,6 @@ class LimitKeys(TypedDict, total=False):
     climb_mps: _Number
     yaw_rate_radps: _Number
     ceiling_m: _Number
-
-
-class MarginKeys(TypedDict, total=False):
-    """Distances from the drone's centre that routes keep, metres."""
-
-    obstacle_m: _Distance
-    edge_m: _Distance
-    unknown_m: _Distance
-    lane_m: _Distance
 
 
 class BatteryKeys(TypedDict, total=False):
@@ -151,8 +140,20 @@ class PortKeys(TypedDict, total=False):
     rtsp: _Port
 
 
-def _about(text: str) -> Any:
-    return Field(description=text)
+class MarkSection(TypedDict, total=False):
+    """The landing mark. A lab file states size and height; a site file keeps the lab's."""
+
+    kind: str
+    """Kind of landing mark, a registered plug-in; default: helipad."""
+    options: dict[str, Any]
+    """Settings of that kind."""
+    position_m: Position
+    yaw_deg: Yaw
+    """Direction of the mark's x axis; its upper edge is towards its y axis."""
+    size_m: tuple[_Side, _Side]
+    """Length and width of the top, metres."""
+    height_m: Annotated[float, Field(ge=0.0, lt=MAX_HEIGHT_M)]
+    """Height of the top above the ground, metres; 0 for a mat."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,50 +163,87 @@ class FlightKeys:
     Paths of files lead from the working directory, or are absolute.
     """
 
-    flight_height_m: Annotated[
-        _Height | None, _about("Flight height above the ground, instead of the tree's.")
-    ] = None
-    take_off_surface_m: Annotated[
-        _Number, _about("Height of the take-off surface above the ground.")
-    ] = 0.0
-    take_off: Annotated[
-        TakeOffKeys | None, _about("Take-off pose in the lab's drawing, for places such as lab:1,2")
-    ] = None
-    camera: Annotated[
-        _FileBeside | None, _about("Camera file of `uav-bt lab calibrate`, beside this file.")
-    ] = None
-    network: Annotated[NetworkKeys | None, _about("Network of all leaves that segment.")] = None
-    ground: Annotated[
-        tuple[str, ...],
-        Field(min_length=1, description="Classes that the drone may fly over and scale depth by."),
-    ] = ()
-    limits: Annotated[LimitKeys | None, _about("Limits of every movement.")] = None
-    area: Annotated[
-        str | None,
-        AfterValidator(lambda value: None if value is None else _area(value)),
-        _about("Corners that every mission stays within: start:x,y or lab:x,y, with ; between."),
-    ] = None
-    margins: Annotated[MarginKeys | None, _about("Distances that routes keep.")] = None
-    battery: Annotated[BatteryKeys | None, _about("Charge of a real drone's battery.")] = None
-    link: Annotated[LinkKeys | None, _about("Radio link of a real drone.")] = None
-    video: Annotated[VideoKeys | None, _about("Video of a real drone.")] = None
-    ports: Annotated[PortKeys | None, _about("Network ports of a real drone.")] = None
-    return_home: Annotated[
-        _Switch | None, _about("Whether the drone returns by itself during a flight.")
-    ] = None
+    flight_height_m: _Height | None = None
+    """Flight height above the ground, instead of the tree's."""
+    take_off_surface_m: _Number = 0.0
+    """Height of the take-off surface above the ground."""
+    take_off: TakeOffKeys | None = None
+    """Take-off pose in the lab's drawing, for places such as lab:1,2"""
+    camera: _FileBeside | None = None
+    """Camera file of `uav-bt lab calibrate`, beside this file."""
+    network: NetworkKeys | None = None
+    """Network of all leaves that segment."""
+    ground: Annotated[tuple[str, ...], Field(min_length=1)] = ()
+    """Classes that the drone may fly over and scale depth by."""
+    limits: LimitKeys | None = None
+    """Limits of every movement."""
+    area: Annotated[str, AfterValidator(_area)] | None = None
+    """Corners that every mission stays within: start:x,y or lab:x,y, with ; between."""
+    margins: Clearances | None = None
+    """Distances that routes keep."""
+    battery: BatteryKeys | None = None
+    """Charge of a real drone's battery."""
+    link: LinkKeys | None = None
+    """Radio link of a real drone."""
+    video: VideoKeys | None = None
+    """Video of a real drone."""
+    ports: PortKeys | None = None
+    """Network ports of a real drone."""
+    return_home: _Switch | None = None
+    """Whether the drone returns by itself during a flight."""
+    mark: MarkSection | None = None
+    """The landing mark."""
 
     __repr__ = brief_repr
 
 
-def take_off_pose(keys: FlightKeys, mark: Pose2D | None) -> Pose2D | None:
+def take_off_pose(keys: FlightKeys) -> Pose2D | None:
     """Return the take-off pose in the lab's drawing, yaw counter-clockwise; None if not stated."""
-    section = keys.take_off
-    if section is None:
+    if keys.take_off is None:
         return None
-    position_m = section.get("position_m") or (None if mark is None else (mark.x_m, mark.y_m))
+    position_m = keys.take_off.get("position_m") or (keys.mark or {}).get("position_m")
     if position_m is None:
         raise ValueRangeError(
             "lacks the key 'position_m', and the section 'mark' has none to take off from"
         )
-    x_m, y_m = position_m
-    return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=math.radians(section.get("yaw_deg", 0.0)))
+    return _pose(position_m, keys.take_off.get("yaw_deg", 0.0))
+
+
+def mark_pose(keys: FlightKeys) -> Pose2D | None:
+    """Return the pose of the mark in the drawing, yaw counter-clockwise; None if not stated."""
+    section = keys.mark or {}
+    if "position_m" in section:
+        return _pose(section["position_m"], section.get("yaw_deg", 0.0))
+    if "yaw_deg" in section:
+        raise ValueRangeError("yaw_deg needs position_m: where the mark stands in the drawing")
+    return None
+
+
+def _pose(position_m: tuple[float, float], yaw_deg: float) -> Pose2D:
+    return Pose2D(x_m=position_m[0], y_m=position_m[1], yaw_rad=math.radians(yaw_deg))
+
+
+def mark_of(keys: FlightKeys, usual: LandingMark | None = None) -> LandingMark | None:
+    """Return the landing mark, whose missing keys are those of the usual mark; None if not stated.
+
+    Options belong to a kind, so another kind begins without options.
+    """
+    section = keys.mark
+    if section is None:
+        return None
+    for key in ("size_m", "height_m"):
+        if usual is None and key not in section:
+            raise ValueRangeError(f"lacks the key '{key}'")
+    usual = usual or LandingMark(length_m=1.0, width_m=1.0, height_m=0.0)
+    kind = section.get("kind", usual.kind)
+    length_m, width_m = section.get("size_m", usual.top_m)
+    mark = LandingMark(
+        kind=kind,
+        length_m=length_m,
+        width_m=width_m,
+        height_m=section.get("height_m", usual.height_m),
+        options=section.get("options", usual.options if usual.kind == kind else {}),
+    )
+    if "kind" in section or "options" in section:
+        make_mark_finder(mark)  # refuses wrong options
+    return mark

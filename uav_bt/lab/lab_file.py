@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-import re
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from uav_bt.errors import FileError
 from uav_bt.lab.classes import Colour, LabClass, LabClasses
 from uav_bt.lab.drawn_area import area_problem
-from uav_bt.lab.flight_keys import FlightKeys, TeacherKeys, take_off_pose
+from uav_bt.lab.flight_keys import FlightKeys, TeacherKeys, mark_of, mark_pose, take_off_pose
 from uav_bt.lab.lab import LAB_FILE, Lab
-from uav_bt.lab.mark_section import MarkSection, mark_of_section, mark_pose
 from uav_bt.lab.roles import RoleName
-from uav_bt.lab.room import RoomSection
+from uav_bt.lab.room import ColourText, RoomSection, check_name
 from uav_bt.lab.room_reader import read_room
 from uav_bt.yaml_file import YamlFile, read_yaml
 
 VERSION: Final = 1
-
-_NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
 def read_lab(path: Path) -> Lab:
@@ -37,13 +33,12 @@ def read_lab(path: Path) -> Lab:
         )
     classes = _classes(file)
     with file.at("mark"):
-        pose = mark_pose(value.mark)
-        mark = None if value.mark is None else mark_of_section(value.mark)
+        mark, pose = mark_of(value), mark_pose(value)
     for index, name in enumerate(value.ground):
         with file.at("ground", index):
             classes.id_of(name)
     with file.at("take_off"):
-        take_off = take_off_pose(value, pose)
+        take_off = take_off_pose(value)
     problem = area_problem(value.area, take_off=take_off, mark=pose) if value.area else None
     if problem is not None:
         raise file.error(problem, "area")
@@ -54,7 +49,7 @@ def read_lab(path: Path) -> Lab:
         classes=classes,
         mark=mark,
         mark_pose=pose,
-        flight=FlightKeys(**{each.name: getattr(value, each.name) for each in fields(FlightKeys)}),
+        flight=value,
         teacher=value.teacher,
         room=None if value.room is None else read_room(file, value.room, folder, classes),
     )
@@ -70,13 +65,6 @@ def _read(path: Path) -> YamlFile[LabFile]:
 
 
 def _classes(file: YamlFile[LabFile]) -> LabClasses:
-    for name in file.value.classes:
-        if not _NAME.fullmatch(name):
-            raise file.error(
-                "a class name consists of small letters, digits and _, and begins with a letter",
-                "classes",
-                name,
-            )
     with file.at("classes"):
         return LabClasses(
             LabClass(**{**vars(each), "name": name, "colour": _colour(each.colour)})
@@ -95,28 +83,25 @@ def _colour(text: str) -> Colour:
 @dataclass(frozen=True, kw_only=True)
 class _Class:
     role: RoleName
-    colour: Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$", description="Colour in drawings.")]
-    top: Annotated[str | None, Field(description="Class of the level upper face.")] = None
-    legs_m: Annotated[
-        float | None,
-        Field(gt=0, le=10, description="Largest distance between two legs of an object, m."),
-    ] = None
+    colour: ColourText
+    """Colour in drawings."""
+    top: str | None = None
+    """Class of the level upper face."""
+    legs_m: Annotated[float, Field(gt=0, le=10)] | None = None
+    """Largest distance between two legs of an object, m."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LabFile(FlightKeys):
     """Form of a lab file."""
 
-    version: Annotated[int, Field(ge=1, description="Version of the form: 1.")]
+    version: Annotated[int, Field(ge=1)]
+    """Version of the form: 1."""
     classes: Annotated[
-        dict[str, _Class],
-        Field(min_length=1, description="Classes by name; the order gives their ids."),
+        dict[Annotated[str, AfterValidator(check_name)], _Class], Field(min_length=1)
     ]
-    teacher: Annotated[
-        TeacherKeys | None,
-        Field(description="Network that labels images for training, in place of picks."),
-    ] = None
-    mark: Annotated[MarkSection | None, Field(description="The landing mark.")] = None
-    room: Annotated[
-        RoomSection | None, Field(description="What the twin builds; a real flight needs none.")
-    ] = None
+    """Classes by name; the order gives their ids."""
+    teacher: TeacherKeys | None = None
+    """Network that labels images for training, in place of picks."""
+    room: RoomSection | None = None
+    """What the twin builds; a real flight needs none."""

@@ -12,31 +12,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.errors import FileError
-from uav_bt.files import read_bounded
+from uav_bt.files import read_bounded, reading
 
 MAX_FACES: Final = 4000
 MAX_BYTES: Final = 1_000_000
 MAX_PIECES: Final = 64
 _FEWEST: Final = 4  # triangles of a closed mesh
 _THINNEST_M: Final = 2e-4  # standard deviation of the corners of a piece across it
-_IGNORED: Final = ("vn", "vt", "o", "g", "s", "usemtl", "mtllib", "l", "p")
+_IGNORED: Final = ("", "vn", "vt", "o", "g", "s", "usemtl", "mtllib", "l", "p")
 
 Face = tuple[int, int, int]
 
 
 def read_obj(path: Path, size_m: tuple[float, float, float]) -> NDArray[np.float64]:
-    """Read a mesh, and fit it to a size.
+    """Return a mesh, z up, fitted to the length, width and height of its bounding box.
 
-    Args:
-        path: The OBJ file, z up. Texture coordinates, normals and materials are ignored.
-        size_m: Length, width and height of its bounding box, metres.
-
-    Returns:
-        (N, 3, 3) corners of its triangles, metres, counter-clockwise from outside; the origin is
-        the middle of the base of the bounding box.
-
-    Raises:
-        FileError: The file is absent, malformed or too large, or the mesh is open.
+    (N, 3, 3) corners of its triangles, metres, counter-clockwise from outside; the origin is the
+    middle of the base of the bounding box.
     """
     vertices, faces = _read(path)
     _check_closed(path, faces)
@@ -64,11 +56,7 @@ def _outwards(path: Path, piece: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def pieces(triangles: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """Return the connected pieces of a mesh, (M, 3, 3) each, in the order of their first faces.
-
-    Args:
-        triangles: (N, 3, 3) corners; triangles of one piece share corners.
-    """
+    """Return the connected pieces, (M, 3, 3) each, of triangles (N, 3, 3) that share corners."""
     corners, which = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
     faces = which.reshape(-1, 3)
     label = np.arange(len(corners))
@@ -84,11 +72,8 @@ def pieces(triangles: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 
 
 def _read(path: Path) -> tuple[list[list[float]], list[Face]]:
-    with_bom = read_bounded(path, MAX_BYTES, cure="simplify the mesh")
-    try:
-        text = with_bom.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise FileError(path, "is no OBJ file: expected text") from error
+    with reading(path):
+        text = read_bounded(path, MAX_BYTES, cure="simplify the mesh").decode("utf-8-sig")
     vertices: list[list[float]] = []
     faces: list[Face] = []
     for number, line in enumerate(text.splitlines(), start=1):
@@ -97,16 +82,13 @@ def _read(path: Path) -> tuple[list[list[float]], list[Face]]:
             if key == "v":
                 vertices.append(_vertex(words))
             elif key == "f":
-                corners = [_corner(word, len(vertices)) for word in words]
-                if len(corners) < 3 or len(set(corners)) < len(corners):
-                    raise ValueError  # noqa: TRY301  (one message for all malformed lines)
-                pairs = itertools.pairwise(corners[1:])
-                faces += [(corners[0], one, other) for one, other in pairs]
-            elif key and key not in _IGNORED:
-                raise ValueError  # noqa: TRY301
-        except ValueError as error:
+                faces += _triangles(words, len(vertices))
+            good = key in ("v", "f", *_IGNORED)
+        except ValueError:
+            good = False
+        if not good:
             message = f"expected 'v X Y Z' or 'f 1 2 3 ...' with known vertices, got '{line:.60}'"
-            raise FileError(path, message, number) from error
+            raise FileError(path, message, number)
         if len(faces) > MAX_FACES:
             raise FileError(path, f"has more than {MAX_FACES} triangles: simplify the mesh", number)
     if len(faces) < _FEWEST:
@@ -121,21 +103,21 @@ def _vertex(words: list[str]) -> list[float]:
     return point
 
 
-def _corner(word: str, count: int) -> int:
-    number = int(word.partition("/")[0])
-    index = number - 1 if number > 0 else count + number
-    if number == 0 or not 0 <= index < count:
+def _triangles(words: list[str], count: int) -> list[Face]:
+    """Return a face as triangles; `count` vertices are known, of which negative numbers count."""
+    numbers = [int(word.partition("/")[0]) for word in words]
+    corners = [number - 1 if number > 0 else count + number for number in numbers]
+    known = all(0 <= corner < count for corner in corners)
+    if not known or len(corners) < 3 or len(set(corners)) < len(corners):
         raise ValueError
-    return index
+    return [(corners[0], one, other) for one, other in itertools.pairwise(corners[1:])]
 
 
 def _check_closed(path: Path, faces: list[Face]) -> None:
     """Refuse a mesh in which an edge does not belong to two triangles, once in each direction."""
-    edges: Counter[tuple[int, int]] = Counter()
-    for a, b, c in faces:
-        edges.update(((a, b), (b, c), (c, a)))
-    for (a, b), count in edges.items():
-        if count != 1 or edges.get((b, a), 0) != 1:
+    edges = Counter(edge for a, b, c in faces for edge in ((a, b), (b, c), (c, a)))
+    for a, b in edges:
+        if edges[a, b] != 1 or edges[b, a] != 1:
             raise FileError(
                 path,
                 f"the mesh is not closed: the edge between the vertices {a + 1} and {b + 1} does "

@@ -5,7 +5,7 @@ A real flight does not need it. Lengths are metres; the origin is the middle of 
 
 from __future__ import annotations
 
-import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,56 +13,72 @@ from typing import Annotated, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from uav_bt.errors import ValueRangeError
 from uav_bt.types.area import Area
 
 Vector2 = tuple[float, float]
-Vector3 = tuple[float, float, float]
 ColourText = Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$")]
 
 GROUND_SIDES_M: Final = (2.0, 40.0)
 MAX_CORNERS: Final = 64
 MAX_LAMPS: Final = 7  # OpenGL has eight lights
-_WALL_HEIGHTS_M: Final = (2.0, 20.0)
-_SIZES_M: Final = (0.02, 10.0)
-_MAX_SHELVES: Final = 12
+# Names in contacts and messages that kinds of objects cannot have.
+_CONTACT_NAMES: Final = (
+    *("box", "mover", "mark", "drone"),
+    *("floor", "ceiling", "wall", "ground", "take_off"),
+)
+
+
+def check_name(value: str) -> str:
+    """Refuse a text that cannot be the name of a class or of a kind of objects."""
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", value):
+        raise ValueRangeError(
+            "a name consists of small letters, digits and _, and begins with a letter"
+        )
+    return value
+
+
+def _check_kind(value: str) -> str:
+    if value in _CONTACT_NAMES:
+        raise ValueRangeError(
+            f"'{value}' is a name in reports of contacts: give the kind another name"
+        )
+    return check_name(value)
+
+
+_Side = Annotated[float, Field(ge=0.02, le=10.0)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class PaintedLine:
-    """A painted line on the ground.
-
-    Attributes:
-        points_m: Its corners, world x and y.
-        width_m: Its width.
-        colour: Its colour.
-    """
+    """A painted line on the ground."""
 
     points_m: Annotated[tuple[Vector2, ...], Field(min_length=2, max_length=MAX_CORNERS)]
+    """Its corners, world x and y."""
     width_m: Annotated[float, Field(ge=0.01, le=2.0)] = 0.1
+    """Its width."""
     colour: ColourText = "#d9b526"
+    """Its colour."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Surface:
-    """How a surface looks: a picture, or a generator with a colour.
-
-    Attributes:
-        generator: `paint` has one colour, `concrete` and `wood` vary it; `carpet` is the paper's.
-        colour: Colour of the generator; `paint` needs one.
-        image: Name of a PNG or JPEG file in the lab's folder, in place of a generator.
-        tile_m: Width and height of one repetition of the picture; by default 1 m each way, and
-            the whole ground.
-        lines: Painted lines; only on the ground.
-    """
+    """How a surface looks: a picture, or a generator with a colour."""
 
     generator: Literal["paint", "concrete", "wood", "carpet"] | None = None
+    """`paint` has one colour, `concrete` and `wood` vary it; `carpet` is the paper's."""
     colour: ColourText | None = None
+    """Colour of the generator; `paint` needs one."""
     image: str | None = None
+    """Name of a PNG or JPEG file in the lab's folder, in place of a generator."""
     tile_m: tuple[Annotated[float, Field(ge=0.02)], Annotated[float, Field(ge=0.02)]] | None = None
+    """Width and height of one repetition of the picture; by default 1 m each way, and the whole
+    ground.
+    """
     lines: Annotated[tuple[PaintedLine, ...], Field(max_length=200)] = ()
+    """Painted lines; only on the ground."""
 
     def __post_init__(self) -> None:
         if self.image is not None and (self.generator is not None or self.colour is not None):
@@ -82,17 +98,14 @@ _Outline = Annotated[tuple[Vector2, ...], Field(min_length=3, max_length=MAX_COR
 
 @dataclass(frozen=True, kw_only=True)
 class GroundSection:
-    """The ground below the flight: a rectangle around the origin, or a polygon.
-
-    Attributes:
-        size_m: Sides of the rectangle along x and y.
-        outline_m: Corners of the polygon in order, in place of `size_m`.
-        surface: Its look; by default the paper's carpet.
-    """
+    """The ground below the flight: a rectangle around the origin, or a polygon."""
 
     size_m: Vector2 | None = None
+    """Sides of the rectangle along x and y."""
     outline_m: _Outline | None = None
+    """Corners of the polygon in order, in place of `size_m`."""
     surface: Surface = field(default_factory=lambda: Surface(generator="carpet"))
+    """Its look; by default the paper's carpet."""
 
     def __post_init__(self) -> None:
         if (self.size_m is None) == (self.outline_m is None):
@@ -112,107 +125,77 @@ class GroundSection:
         if self.size_m is not None:
             return self.size_m
         corners = self.outline_m or ()
-        return tuple(2.0 * max(abs(corner[axis]) for corner in corners) for axis in (0, 1))  # type: ignore[return-value]
+        return 2.0 * max(abs(x_m) for x_m, _ in corners), 2.0 * max(abs(y_m) for _, y_m in corners)
 
 
 @dataclass(frozen=True, kw_only=True)
 class WallSection:
-    """Walls, floor beside the ground, and ceiling.
+    """Walls, floor beside the ground, and ceiling."""
 
-    Attributes:
-        height_m: Height of the walls.
-        beside_m: Distance from the ground to the walls. At 0 they follow its outline; otherwise
-            they are a rectangle around it.
-        surface: Look of the walls; by default light grey.
-        floor: Look of the floor beside the ground; by default grey.
+    height_m: Annotated[float, Field(ge=2.0, le=20.0)] = 5.0
+    """Height of the walls."""
+    beside_m: Annotated[float, Field(ge=0.0, le=10.0)] = 2.5
+    """Distance from the ground to the walls. At 0 they follow its outline; otherwise they are a
+    rectangle around it.
     """
-
-    height_m: float = 5.0
-    beside_m: float = 2.5
     surface: Surface | None = None
+    """Look of the walls; by default light grey."""
     floor: Surface | None = None
-
-    def __post_init__(self) -> None:
-        low, high = _WALL_HEIGHTS_M
-        if not low <= self.height_m <= high:
-            raise ValueRangeError(f"height_m must be {low:g} to {high:g} m, got {self.height_m:g}")
-        if not 0.0 <= self.beside_m <= 10.0:
-            raise ValueRangeError(f"beside_m must be 0 to 10 m, got {self.beside_m:g}")
+    """Look of the floor beside the ground; by default grey."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Lamp:
-    """A lamp that shines downwards from a place, brightest below it.
+    """A lamp that shines downwards from a place, brightest below it."""
 
-    Attributes:
-        position_m: World x, y and z.
-        brightness: Light at the lamp; 1 shows a surface straight below it in its own colours.
-        reach_m: Distance at which half of the light is left.
-    """
-
-    position_m: Vector3
-    brightness: float = 1.0
-    reach_m: float = 4.0
-
-    def __post_init__(self) -> None:
-        if not all(map(math.isfinite, self.position_m)) or not self.position_m[2] > 0.0:
-            raise ValueRangeError(f"a lamp hangs above the ground, got {list(self.position_m)}")
-        if not 0.0 <= self.brightness <= 5.0:
-            raise ValueRangeError(f"brightness must be 0 to 5, got {self.brightness:g}")
-        if not 0.5 <= self.reach_m <= 50.0:
-            raise ValueRangeError(f"reach_m must be 0.5 to 50 m, got {self.reach_m:g}")
+    position_m: tuple[float, float, Annotated[float, Field(gt=0.0)]]
+    """World x, y and z."""
+    brightness: Annotated[float, Field(ge=0.0, le=5.0)] = 1.0
+    """Light at the lamp; 1 shows a surface straight below it in its own colours."""
+    reach_m: Annotated[float, Field(ge=0.5, le=50.0)] = 4.0
+    """Distance at which half of the light is left."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LightSection:
-    """The light of the place.
-
-    Attributes:
-        ambient: Share of light without a direction, 0 to 1.
-        lamps: Lamps at the ceiling.
-    """
+    """The light of the place."""
 
     ambient: Annotated[float, Field(ge=0.0, le=1.0)] = 0.35
+    """Share of light without a direction, 0 to 1."""
     lamps: Annotated[tuple[Lamp, ...], Field(min_length=1, max_length=MAX_LAMPS)]
+    """Lamps at the ceiling."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectKind:
-    """A kind of object that scenes place.
-
-    Attributes:
-        class_name: Class of its surfaces; the key is `class`. The upper face has the class's top.
-        shape: `box`, `cylinder`, `table` (a board on four legs), `rack` (shelves between four
-            posts), or `mesh`.
-        size_m: Length, width and height; a cylinder is as wide as long.
-        surface: Look of the whole, or of boards and shelves.
-        top: Look of the upper face, if it differs.
-        frame: Look of legs and posts, if it differs.
-        board_m: Thickness of boards and shelves.
-        post_m: Width of legs and posts.
-        shelves: Number of shelves of a rack.
-        file: Name of the OBJ file of a mesh, in the lab's folder. It is scaled to `size_m`.
-        moves: Whether `--movers` may draw movers of this kind.
-    """
+    """A kind of object that scenes place."""
 
     class_name: Annotated[str, Field(alias="class")]
+    """Class of its surfaces; the key is `class`. The upper face has the class's top."""
     shape: Literal["box", "cylinder", "table", "rack", "mesh"]
-    size_m: Vector3
+    """`box`, `cylinder`, `table` (a board on four legs), `rack` (shelves between four posts), or
+    `mesh`.
+    """
+    size_m: tuple[_Side, _Side, _Side]
+    """Length, width and height; a cylinder is as wide as long."""
     surface: Surface
+    """Look of the whole, or of boards and shelves."""
     top: Surface | None = None
+    """Look of the upper face, if it differs."""
     frame: Surface | None = None
-    board_m: float = 0.03
-    post_m: float = 0.05
-    shelves: int = 4
+    """Look of legs and posts, if it differs."""
+    board_m: Annotated[float, Field(ge=0.005)] = 0.03
+    """Thickness of boards and shelves."""
+    post_m: Annotated[float, Field(ge=0.01)] = 0.05
+    """Width of legs and posts."""
+    shelves: Annotated[int, Field(ge=1, le=12)] = 4
+    """Number of shelves of a rack."""
     file: str | None = None
+    """Name of the OBJ file of a mesh, in the lab's folder. It is scaled to `size_m`."""
     moves: bool = False
+    """Whether `--movers` may draw movers of this kind."""
 
     def __post_init__(self) -> None:
-        low, high = _SIZES_M
-        if not all(low <= side <= high for side in self.size_m):
-            raise ValueRangeError(
-                f"size_m must be {low:g} to {high:g} m each way, got {list(self.size_m)}"
-            )
         if self.shape == "cylinder" and self.size_m[0] != self.size_m[1]:
             raise ValueRangeError(
                 "a cylinder is as wide as it is long: the first two numbers of size_m must be "
@@ -226,41 +209,33 @@ class ObjectKind:
             raise ValueRangeError(f"a {self.shape} has no legs or posts: remove 'frame'")
         if any(each is not None and each.lines for each in (self.surface, self.top, self.frame)):
             raise ValueRangeError("only the ground has painted lines")
-        self._check_boards()
-
-    def _check_boards(self) -> None:
         if self.shape not in ("table", "rack"):
             return
-        length_m, width_m, height_m = self.size_m
-        if not 1 <= self.shelves <= _MAX_SHELVES:
-            raise ValueRangeError(f"shelves must be 1 to {_MAX_SHELVES}, got {self.shelves}")
-        if not 0.01 <= self.post_m <= min(length_m, width_m) / 3:
+        if self.post_m > min(self.size_m[:2]) / 3:
             raise ValueRangeError(
-                f"post_m must be 0.01 m to a third of the width, got {self.post_m:g}"
+                f"post_m must be at most a third of the width, got {self.post_m:g}"
             )
         boards = self.shelves if self.shape == "rack" else 1
-        if not 0.005 <= self.board_m <= height_m / (2 * boards):
+        if self.board_m > self.size_m[2] / (2 * boards):
             raise ValueRangeError(
-                "board_m must be 0.005 m to half of the height between boards, got "
-                f"{self.board_m:g}"
+                f"board_m must be at most half of the height between boards, got {self.board_m:g}"
             )
 
 
 @dataclass(frozen=True, kw_only=True)
 class RoomSection:
-    """Form of the section `room`. Keys that are absent are as in the paper's lab.
-
-    Attributes:
-        ground: The ground; without it scenes state its size.
-        walls: Walls, floor and ceiling.
-        light: The light of scenes without `lighting`.
-        objects: Kinds of objects by name.
-    """
+    """Form of the section `room`. Keys that are absent are as in the paper's lab."""
 
     ground: GroundSection | None = None
+    """The ground; without it scenes state its size."""
     walls: WallSection | None = None
+    """Walls, floor and ceiling."""
     light: LightSection | None = None
-    objects: Mapping[str, ObjectKind] = field(default_factory=dict)
+    """The light of scenes without `lighting`."""
+    objects: Mapping[Annotated[str, AfterValidator(_check_kind)], ObjectKind] = field(
+        default_factory=dict
+    )
+    """Kinds of objects by name."""
 
 
 @dataclass(frozen=True, kw_only=True)

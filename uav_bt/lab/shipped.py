@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final
 
-from uav_bt.errors import InputError, UnknownNameError
-from uav_bt.lab.lab import LAB_FILE, Lab
+from uav_bt.errors import FileError, InputError, UnknownNameError
+from uav_bt.files import writing
+from uav_bt.lab.lab import LAB_FILE, Lab, check_lab_name
 from uav_bt.types.landing_mark import LandingMark
 
 DEFAULT_LAB: Final = "paper"
+_LABS: Final = (
+    Path(__file__).parents[1] / "labs"
+)  # in a checkout a link to the folder beside uav_bt
 
 
 @cache  # asked in every tick, and a folder is slow to list
 def shipped_labs() -> Mapping[str, Path]:
     """Return the folders of the labs that ship with the project, by name."""
-    folder = Path(__file__).parents[1] / "labs"  # in a checkout a link to the folder beside uav_bt
-    found = {path.parent.name: path.parent for path in sorted(folder.glob(f"*/{LAB_FILE}"))}
-    return MappingProxyType(found)
+    return {path.parent.name: path.parent for path in sorted(_LABS.glob(f"*/{LAB_FILE}"))}
 
 
 def load_lab(name_or_path: str | Path = DEFAULT_LAB) -> Lab:
@@ -61,6 +63,20 @@ def default_mark() -> LandingMark:
     if lab.mark is None:
         raise InputError(f"the lab '{lab.name}' states no landing mark: add 'mark' to its lab file")
     return lab.mark
+
+
+def write_lab(name: str, folder: Path) -> Path:
+    """Write the commented lab file of a new place into the folder of the labs; return its path."""
+    check_lab_name(name)
+    if name in shipped_labs():
+        raise InputError(f"a lab '{name}' ships with uav-bt: choose another name")
+    path = folder / name / LAB_FILE
+    if path.parent.exists():
+        raise FileError(path.parent, "exists: choose another name, or edit its lab.yaml")
+    with writing(path):
+        path.parent.mkdir(parents=True)
+        shutil.copyfile(_LABS / "starter.yaml", path)
+    return path
 
 
 @cache

@@ -5,8 +5,8 @@ from __future__ import annotations
 from uav_bt.board import PHASE
 from uav_bt.board.context import MissionContext
 from uav_bt.mission.safety import Override
-from uav_bt.tree.branch_watch import BranchEnds
 from uav_bt.tree.node import Node
+from uav_bt.tree.watches import BranchEnds
 from uav_bt.types.flight_results import EventKind
 
 

@@ -25,8 +25,7 @@ from uav_bt.mission.tick import TickListener, TickListeners, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.settings import check_numbers
 from uav_bt.tree import MissionTree, Status
-from uav_bt.tree.branch_watch import BranchWatch
-from uav_bt.tree.budget import BudgetWatch
+from uav_bt.tree.watches import BranchWatch, BudgetWatch
 from uav_bt.types import Command, DroneState, FlyingState, Hover, Land, Observation, TakeOff
 
 NextTree = Callable[[], MissionTree | None]

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from uav_bt.mission.safety import Override
 from uav_bt.tree import Status
-from uav_bt.tree.budget import SlowLeaf
+from uav_bt.tree.watches import SlowLeaf
 from uav_bt.types import Command, Observation, Truth
 from uav_bt.types.flight_results import FlightEvent
 

@@ -57,7 +57,7 @@ class RecordReader:
     """
 
     def __init__(self, path: str | Path) -> None:
-        need("record", "mcap", what="a flight record")
+        need("record", "a flight record")
         from uav_bt.record.scan import RecordScan, is_finished  # noqa: PLC0415 - an extra
 
         self.path = path = Path(path)

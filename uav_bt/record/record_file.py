@@ -57,7 +57,7 @@ class RecordFile:
     """
 
     def __init__(self, path: Path) -> None:
-        need("record", "mcap", "foxglove", what="a flight record")
+        need("record", "a flight record")
         from mcap.writer import Writer  # noqa: PLC0415 - an extra
 
         self._path = path

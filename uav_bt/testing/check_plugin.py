@@ -10,8 +10,8 @@ import pytest
 
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.loading.findings import errors_of
+from uav_bt.tree.loading.loader import FilesTogether
 from uav_bt.tree.loading.lookup import Library, Lookup
-from uav_bt.tree.loading.together import FilesTogether
 
 _HEAD_BYTES: Final = 20_000  # a long comment may come before the root element; chosen
 

@@ -2,8 +2,8 @@
 
 from uav_bt.tree.foreign import leaf_of
 from uav_bt.tree.leaf import Leaf
-from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.loading.loader import load_tree, parse_tree, shipped_subtree
+from uav_bt.tree.loading.lookup import TreeFolders
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node, NodeKind

@@ -1,144 +1,158 @@
-"""What nodes there are, as data for lists and as a model that graphical editors load."""
+"""What nodes there are: as data for lists, as a page, and as a model for graphical editors."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Any, Final
+import inspect
+from collections.abc import Iterable, Iterator
+from typing import Any, Final, NamedTuple
 from xml.etree import ElementTree as ET
 
 from uav_bt.board.blackboard import Key
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.lookup import Lookup
-from uav_bt.tree.loading.source import Element
+from uav_bt.tree.loading.source import to_xml
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.port import PORT_TYPES, Port, port_text
 from uav_bt.tree.registry import NodeRegistry
 
-
-@dataclass(frozen=True, kw_only=True)
-class PortInfo:
-    """A port, as a person reads it."""
-
-    name: str
-    type: str  # the Python type's name
-    default: str | None  # None: the tree file must give a value, or it is an output
-    doc: str
-    direction: str
-    choices: tuple[str, ...] = ()
-    least: float | None = None
-    most: float | None = None
-    range: str = ""  # both in words
-    required: bool = False  # a tree file must give it
-    sample: str = ""  # a value for examples
-
-
-@dataclass(frozen=True, kw_only=True)
-class NodeInfo:
-    """A node, as a person reads it."""
-
-    node_id: str
-    kind: str  # Action, Condition, Control, Decorator or SubTree
-    doc: str  # one line
-    ports: tuple[PortInfo, ...]
-    reads: tuple[str, ...]  # board keys
-    writes: tuple[str, ...]
-    answers: tuple[str, ...]  # of a leaf: the statuses that it gives
-    abilities: tuple[str, ...]  # of a leaf: moves, points, lands
-    builtin: bool  # one of the format's own
-    origin: str  # module and class
-
-
 ABILITIES: Final = {"moves": "moves", "points": "points the camera", "lands": "lands"}
 """Class attributes of leaves for their effect on the drone, each with its description."""
+
+# A value of each type, for ports that a tree file must give.
+_SAMPLES: Final = {float: "1.0", int: "1", bool: "true"}
+
+
+class Declared(NamedTuple):
+    """Names of what a leaf declares; nothing for another node."""
+
+    reads: tuple[str, ...] = ()  # board keys
+    writes: tuple[str, ...] = ()
+    answers: tuple[str, ...] = ()  # the statuses that it gives
+    abilities: tuple[str, ...] = ()  # moves, points, lands
 
 
 def summary(node: type[Node]) -> str:
     """Return the first line of a node class's docstring."""
-    lines = (node.__doc__ or "").strip().splitlines()
-    return lines[0].strip() if lines else ""
+    return (node.__doc__ or "").strip().partition("\n")[0].strip()
 
 
-def _describe_port(port: Port[Any]) -> PortInfo:
-    return PortInfo(
-        name=port.name,
-        type=port.type.__name__,
-        default=None if port.default is Port.REQUIRED else port_text(port.default),
-        doc=port.doc,
-        direction=port.direction,
-        choices=tuple(port_text(choice) for choice in port.choices),
-        least=port.least,
-        most=port.most,
-        range=port.range,
-        required=port.required,
-        sample=port.sample,
-    )
+def default_text(port: Port[Any]) -> str | None:
+    """Return the default of a port as a tree file has it; None if there is none."""
+    return None if port.default is Port.REQUIRED else port_text(port.default)
 
 
 def _names(keys: Iterable[Key[Any]]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(key.name for key in keys))
 
 
-def describe(node: type[Node]) -> NodeInfo:
-    """Return the description of a node for people."""
-    leaf = node if issubclass(node, Leaf) else None
-    return NodeInfo(
-        node_id=node.node_id,
-        kind=node.kind.value,
-        doc=summary(node),
-        ports=tuple(_describe_port(port) for port in node.ports),
-        reads=_names(leaf.reads) if leaf else (),
-        writes=_names(leaf.writes) if leaf else (),
-        answers=tuple(answer.name for answer in leaf.answers) if leaf else (),
-        abilities=tuple(name for name in ABILITIES if getattr(leaf, name, False)),
-        builtin=node in BUILTIN_NODES,
-        origin=f"{node.__module__}.{node.__qualname__}",
+def declared(node: type[Node]) -> Declared:
+    """Return what a node declares besides its ports."""
+    if not issubclass(node, Leaf):
+        return Declared()
+    return Declared(
+        reads=_names(node.reads),
+        writes=_names(node.writes),
+        answers=tuple(answer.name for answer in node.answers),
+        abilities=tuple(name for name in ABILITIES if getattr(node, name, False)),
     )
 
 
-def describe_all(registry: NodeRegistry) -> list[NodeInfo]:
+def origin(node: type[Node]) -> str:
+    """Return module and name of a node's class."""
+    return f"{node.__module__}.{node.__qualname__}"
+
+
+def in_order(registry: NodeRegistry) -> list[type[Node]]:
     """Return all nodes of a registry: missions' own first, then the format's, by kind and name."""
-    order = [kind.value for kind in NodeKind]
-    infos = [describe(registry[node_id]) for node_id in registry]
-    return sorted(infos, key=lambda info: (info.builtin, order.index(info.kind), info.node_id))
+    kinds, nodes = list(NodeKind), (registry[node_id] for node_id in registry)
+    return sorted(nodes, key=lambda one: (one in BUILTIN_NODES, kinds.index(one.kind), one.node_id))
+
+
+def _own(registry: NodeRegistry) -> list[type[Node]]:
+    """Return the nodes that are not the format's."""
+    return [registry[name] for name in registry if registry[name] not in BUILTIN_NODES]
+
+
+# --- a page in Markdown ---------------------------------------------------------------------------
+
+
+def node_page(registry: NodeRegistry) -> str:
+    """Return a page about the nodes of a registry that are not the format's."""
+    nodes = _own(registry)
+    links = ", ".join(f"[{node.node_id}](#{node.node_id.lower()})" for node in nodes)
+    sections = ["\n\n".join(section(node)) for node in nodes]
+    return "\n\n".join([f"# Nodes\n\n{links}", *sections]) + "\n"
+
+
+def example(node: type[Node]) -> str:
+    """Return a tag of the node with a value for each port that a tree file must give."""
+    given = "".join(f' {port.name}="{_sample(port)}"' for port in node.ports if port.required)
+    return f"<{node.node_id}{given}/>"
+
+
+def section(node: type[Node]) -> Iterator[str]:
+    """Yield the paragraphs about a node."""
+    found = declared(node)
+    yield f"## {node.node_id}"
+    # The attributes of a class have a table here.
+    yield inspect.cleandoc(node.__doc__ or "").partition("\nArgs:")[0].strip()
+    yield f"Example: `{example(node)}`"
+    if node.ports:
+        head = ["| port | type | default | meaning |", "|---|---|---|---|"]
+        yield "\n".join([*head, *map(_row, node.ports)])
+    answers = f" Answers {', '.join(found.answers)}." if found.answers else ""
+    abilities = [ABILITIES[name] for name in found.abilities]
+    does = f" It {' and '.join(abilities)}." if abilities else ""
+    keys = "".join(
+        f" {verb} {', '.join(f'`{key}`' for key in keys)}."
+        for verb, keys in (("Reads", found.reads), ("Writes", found.writes))
+        if keys
+    )
+    yield f"{node.kind.value}.{answers}{does}{keys} Source: `{origin(node)}`."
+
+
+def _sample(port: Port[Any]) -> str:
+    return port.sample or port_text((*port.choices, _SAMPLES.get(port.type, "name"))[0])
+
+
+def _row(port: Port[Any]) -> str:
+    default = default_text(port)
+    value = "required" if port.required else f"`{default}`" if default else ""
+    value = "output" if port.direction == "output" else value
+    doc = _doc(port).replace("|", "\\|")
+    return f"| `{port.name}` | {port.type.__name__} | {value} | {doc} |"
+
+
+def _doc(port: Port[Any]) -> str:
+    return f"{port.doc} ({port.range})" if port.range else port.doc
+
+
+# --- a model for graphical editors ----------------------------------------------------------------
 
 
 def palette_xml(registry: NodeRegistry) -> str:
-    """Return a TreeNodesModel of the nodes that are not the format's own, and of described trees.
+    """Return a TreeNodesModel of the nodes that are not the format's, and of described trees.
 
     A graphical editor imports it and offers the nodes with their ports. The loader accepts the
     files that the editor saves.
     """
     root = ET.Element("root", BTCPP_format="4")
     model = ET.SubElement(root, "TreeNodesModel")
-    for node_id in registry:
-        if registry[node_id] not in BUILTIN_NODES:
-            add_model(model, registry[node_id])
-    model.extend(map(_copied, Lookup().described.values()))
+    for node in _own(registry):
+        add_model(model, node)
+    model.extend(map(to_xml, Lookup().described.values()))
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
 
 
-def _copied(element: Element) -> ET.Element:
-    copy = ET.Element(element.tag, element.attributes)
-    copy.text = element.text or None
-    copy.extend(map(_copied, element.children))
-    return copy
-
-
-def add_model(parent: ET.Element, node: type[Node]) -> None:
-    """Describe a node class to graphical editors.
-
-    Args:
-        parent: the TreeNodesModel.
-        node: the class.
-    """
-    element = ET.SubElement(parent, node.kind.value, ID=node.node_id)
+def add_model(models: ET.Element, node: type[Node]) -> None:
+    """Add a node to a TreeNodesModel."""
+    element = ET.SubElement(models, node.kind.value, ID=node.node_id)
     for port in node.ports:
         known = PORT_TYPES.get(port.type)
         name = port.type.__name__ if known is None else known.cpp_name
         entry = ET.SubElement(element, f"{port.direction}_port", name=port.name, type=name)
-        if port.default is not Port.REQUIRED:
-            entry.set("default", port_text(port.default))
-        entry.text = f"{port.doc} ({port.range})" if port.range else port.doc
+        if (default := default_text(port)) is not None:
+            entry.set("default", default)
+        entry.text = _doc(port)

@@ -19,10 +19,10 @@ Only `leaves` or `default` must be there. The letters are those of `uav_bt.tree.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Final, Unpack
+from typing import Annotated, Any, Final, NamedTuple, Unpack
 
 from pydantic import AfterValidator, Field
 
@@ -31,40 +31,22 @@ from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext
 from uav_bt.board.numbers import QUIET
 from uav_bt.clock import ManualClock
-from uav_bt.errors import BoardAccessError, FileError, NodeFailedError, TreeError, ValueRangeError
+from uav_bt.errors import BoardAccessError, NodeFailedError, TreeError, ValueRangeError
 from uav_bt.tree import MissionTree, Node, NodeRegistry, Status, load_tree
-from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Position
+from uav_bt.tree.loading.findings import Finding, Position
 from uav_bt.tree.loading.loader import TreeOptions
 from uav_bt.tree.loading.parameters import Plain
+from uav_bt.tree.loading.uses import Uses
 from uav_bt.tree.mission_tree import Place
 from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.nodes.base import SubTree
-from uav_bt.tree.observer import NodeEvent, observe
+from uav_bt.tree.observer import ANSWERS, NodeEvent, observe
 from uav_bt.tree.scripted import ALL_LEAVES, AnswerScript, Mock, ScriptedLeaf
 from uav_bt.tree.status import RUNNING
-from uav_bt.yaml_file import read_yaml
+from uav_bt.yaml_file import YamlFile, read_yaml
 
-_PLAIN: Final = (bool, int, float, str)
-_ANSWERS: Final = {
-    NodeEvent.CONTINUES: Status.RUNNING,
-    NodeEvent.SUCCEEDED: Status.SUCCESS,
-    NodeEvent.FAILED: Status.FAILURE,
-    NodeEvent.SKIPPED: Status.SKIPPED,
-}
-
-
-# --- the script -----------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, kw_only=True)
-class SimulationScript:
-    """The content of a script file."""
-
-    path: Path
-    mocks: Mapping[str, Mock]  # as `load_tree` takes them
-    variables: Mapping[str, Plain]
-    board: Mapping[str, Plain]
-    line: Callable[..., int]  # of an entry, by its keys
+# A variable may be infinite; nothing else may.
+_Value = bool | int | Annotated[float, Field(allow_inf_nan=True)] | str
 
 
 def _answers(value: Plain) -> Plain:
@@ -72,13 +54,13 @@ def _answers(value: Plain) -> Plain:
     return value
 
 
-# A variable may be infinite; nothing else may.
-_Value = bool | int | Annotated[float, Field(allow_inf_nan=True)] | str
 _Answers = Annotated[_Value, AfterValidator(_answers)]
 
 
 @dataclass(frozen=True, kw_only=True)
-class _ScriptFile:
+class SimulationScript:
+    """The content of a script file."""
+
     leaves: dict[str, _Answers] = field(default_factory=dict)
     default: _Answers | None = None
     outputs: dict[str, dict[str, _Value]] = field(default_factory=dict)
@@ -90,44 +72,35 @@ class _ScriptFile:
             raise ValueRangeError("expected 'leaves' with answers of leaves, or a 'default'")
 
 
-def read_script(path: Path) -> SimulationScript:
+def read_script(path: Path) -> YamlFile[SimulationScript]:
     """Read a script file, or raise a FileError that names the line."""
-    file = read_yaml(path, _ScriptFile, "script file")
-    found = file.value
-
-    def mock(answers: Plain | None, outputs: Mapping[str, object], *steps: str) -> Mock:
-        place = Place(path, Position(file.line(*steps), 1))
-        return Mock(None if answers is None else str(answers), outputs, place)
-
-    mocks = {
-        name: mock(
-            found.leaves.get(name),
-            found.outputs.get(name, {}),
-            "leaves" if name in found.leaves else "outputs",
-            name,
-        )
-        for name in {**found.leaves, **found.outputs}
-    }
-    if found.default is not None:
-        mocks[ALL_LEAVES] = mock(found.default, {}, "default")
-    return SimulationScript(
-        path=path, mocks=mocks, variables=found.variables, board=found.board, line=file.line
-    )
+    return read_yaml(path, SimulationScript, "script file")
 
 
-# --- the run --------------------------------------------------------------------------------------
+def _mocks(file: YamlFile[SimulationScript]) -> dict[str, Mock]:
+    """Return the mocks of a script, as `load_tree` takes them."""
+    script = file.value
+
+    def mock(answers: Plain | None, name: str, *steps: str) -> Mock:
+        place = Place(file.path, Position(file.line(*steps), 1))
+        given = None if answers is None else str(answers)
+        return Mock(given, script.outputs.get(name, {}), place)
+
+    mocks = {name: mock(None, name, "outputs", name) for name in script.outputs}
+    mocks |= {name: mock(given, name, "leaves", name) for name, given in script.leaves.items()}
+    if script.default is not None:
+        mocks[ALL_LEAVES] = mock(script.default, ALL_LEAVES, "default")
+    return mocks
 
 
-@dataclass(frozen=True)
-class Answer:
+class Answer(NamedTuple):
     """The answer of a leaf."""
 
     leaf: str
     status: Status
 
 
-@dataclass(frozen=True, kw_only=True)
-class SimulatedTick:
+class SimulatedTick(NamedTuple):
     """What happened in a tick."""
 
     tick: int  # counted from 1
@@ -147,22 +120,20 @@ class Simulation:
     def __init__(
         self,
         tree: Path,
-        script: SimulationScript,
+        script: YamlFile[SimulationScript],
         registry: NodeRegistry | None = None,
         *,
         tick_s: float = 0.1,
         **options: Unpack[TreeOptions],
     ) -> None:
-        if not tick_s > 0.0:
-            raise ValueRangeError(f"ticks come one after another, got {tick_s} s between them")
         # Scripted leaves ask for no policy.
         registry = (NodeRegistry.installed() if registry is None else registry).with_any_policy()
-        options["mocks"] = script.mocks
+        options["mocks"] = _mocks(script)
         self.tree: Final = load_tree(tree, registry, **options)
-        for name, value in script.variables.items():
+        for name, value in script.value.variables.items():
             if name not in self.tree.variables:
                 self.tree.variables[name] = value
-        if faults := list(_unscripted(self.tree, script)):
+        if faults := list(_unscripted(self.tree, script.path)):
             raise TreeError(tree, faults)
         self._script = script
         self._tick_s = tick_s
@@ -184,8 +155,7 @@ class Simulation:
         """Tick until the root ends or the limit of ticks is reached, and yield each tick."""
         before = self._values()
         for tick in range(1, max_ticks + 1):
-            if tick > 1:
-                self._clock.sleep_until((tick - 1) * self._tick_s)
+            self._clock.sleep_until((tick - 1) * self._tick_s)
             self._write_board()
             self._answers.clear()
             self._halted.clear()
@@ -199,15 +169,9 @@ class Simulation:
                 name: value
                 for name, value in now.items()
                 if name not in before or _differs(before[name], value)
-            }
-            yield SimulatedTick(
-                tick=tick,
-                time_s=self._clock.now(),
-                status=status,
-                answers=tuple(self._answers),
-                halted=tuple(self._halted),
-                changed=changed | {name: None for name in before if name not in now},
-            )
+            } | dict.fromkeys(name for name in before if name not in now)
+            answers, halted = tuple(self._answers), tuple(self._halted)
+            yield SimulatedTick(tick, self._clock.now(), status, answers, halted, changed)
             before = now
             if status is not RUNNING:
                 return
@@ -216,12 +180,12 @@ class Simulation:
         name = self._names[node.path]
         if event is NodeEvent.HALTED:
             self._halted.append(name)
-        elif event in _ANSWERS:
-            self._answers.append(Answer(name, _ANSWERS[event]))
+        elif event in ANSWERS:
+            self._answers.append(Answer(name, ANSWERS[event]))
 
     def _name_unset(self, error: NodeFailedError) -> None:
         """Add all variables that the script has yet to give, as the first may not be the last."""
-        if unset := [name for name in self.tree.unset if name not in self._script.variables]:
+        if unset := [*Uses(self.tree).unset()]:
             values = ", ".join(f"{name}: 0" for name in unset)
             error.add_note(
                 f"nothing in the tree file sets {', '.join(unset)}: give them values in "
@@ -231,10 +195,10 @@ class Simulation:
     def _write_board(self) -> None:
         self._board.write(ELAPSED, self._clock.now())
         written = self._board.snapshot()
-        for number, value in QUIET:
+        for number, value in QUIET.items():
             if number.name not in written:
                 self._board.write(number, value)
-        for name, given in self._script.board.items():
+        for name, given in self._script.value.board.items():
             # A value that a leaf wrote over it stays.
             if name in self._given and written[name][0] is not self._given[name]:
                 continue
@@ -242,8 +206,7 @@ class Simulation:
             try:
                 self._board.write(self._board.key(name), given)
             except BoardAccessError as error:
-                line = self._script.line("board", name)
-                raise FileError(self._script.path, str(error), line) from error
+                raise self._script.error(str(error), "board", name) from error
 
     def _values(self) -> dict[str, Any]:
         values = self.tree.variables.snapshot()
@@ -256,18 +219,16 @@ class Simulation:
         return values | {f"@{name}": value for name, (value, _) in board.items()}
 
 
-def _unscripted(tree: MissionTree, script: SimulationScript) -> Iterator[Finding]:
+def _unscripted(tree: MissionTree, script: Path) -> Iterator[Finding]:
     """Yield a finding for each leaf without a script, but for the format's own."""
     for leaf in tree.leaves():
-        if isinstance(leaf, ScriptedLeaf) or type(leaf) in BUILTIN_NODES:
-            continue
-        place = tree.places.get(leaf.path, Place(tree.path, WHOLE_FILE))
-        message = f"has no answers in {script.path}: add '{leaf.name}' to its leaves, or a default"
-        yield Finding(str(place.path), place.position, message, f"{leaf.node_id} '{leaf.name}'")
+        if not isinstance(leaf, ScriptedLeaf) and type(leaf) not in BUILTIN_NODES:
+            place = tree.places[leaf.path]
+            message = f"has no answers in {script}: add '{leaf.name}' to its leaves, or a default"
+            yield Finding(str(place.path), place.at(""), message, f"{leaf.node_id} '{leaf.name}'")
 
 
 def _differs(before: Any, now: Any) -> bool:
-    if before is now:
-        return False
     # Only plain values are compared: equality of others may not be defined.
-    return type(before) is not type(now) or not isinstance(now, _PLAIN) or before != now
+    plain = type(before) is type(now) and isinstance(now, bool | int | float | str)
+    return before is not now and not (plain and before == now)

@@ -17,7 +17,7 @@ from uav_bt.errors import InputError, MissionError, NodeFailedError
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.port import Port, Reference, parse_reference
-from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS, Status
+from uav_bt.tree.status import RUNNING, Status
 
 _log: Final = logging.getLogger(__name__)
 
@@ -39,17 +39,56 @@ class _ConstructorPort(Port[Any]):
         return super().bind(given)
 
 
-class ForeignLeaf(Leaf):
+class _Foreign(Node):
+    """Ticks a behaviour of py_trees, by the `tick` of py_trees."""
+
+    behaviour: Behaviour
+    _active = False  # ticked and still running
+
+    @property
+    def author(self) -> type:
+        """The class of the behaviour."""
+        return type(self.behaviour)
+
+    def update(self) -> Status:
+        """Tick the behaviour and return its answer."""
+        self._active = True
+        for ticked in self.behaviour.tick():
+            if not isinstance(ticked, Node) and ticked.status is common.Status.INVALID:
+                raise MissionError(
+                    f"update() of {type(ticked).__qualname__} must return a status of py_trees, "
+                    "got INVALID or another value"  # of which py_trees makes INVALID
+                )
+        self.feedback_message = self.behaviour.feedback_message
+        status = Status[self.behaviour.status.name]
+        self._active = status is RUNNING
+        return status
+
+    def _stop(self) -> None:
+        """Stop the behaviour if it is still running."""
+        if self._active:
+            self._active = False
+            self.behaviour.stop(common.Status.INVALID)
+
+    def _warn_of_wall_clock(self) -> None:
+        for behaviour in _foreign(self.behaviour):
+            if isinstance(behaviour, _OF_WALL_CLOCK):
+                _log.warning(
+                    "Warning: node '%s': '%s' of py_trees measures the computer's clock, not the "
+                    "mission's; in a tree file use Sleep, Delay or Timeout",
+                    self.path,
+                    type(behaviour).__name__,
+                )
+
+
+class ForeignLeaf(_Foreign, Leaf):
     """Ticks an unmodified py_trees behaviour.
 
-    The behaviour is constructed and set up with the tree. The `tick` of py_trees ticks it, so its
-    methods are called in the order that py_trees documents. Halting the leaf stops the behaviour
-    with INVALID. A tick that answers INVALID counts as SKIPPED. An answer that is not a status
-    raises, because py_trees would turn it into INVALID. Inside a composite of py_trees, which
-    cannot pass INVALID on, that answer raises, too.
+    The behaviour is constructed and set up with the tree. Its methods are called in the order that
+    py_trees documents. Halting the leaf stops the behaviour with INVALID. A tick that answers
+    INVALID, as py_trees does for an answer that is no status, raises.
     """
 
-    answers = (SUCCESS, FAILURE, RUNNING, SKIPPED)
     behaviour_class: ClassVar[type[Behaviour]]
     enums: ClassVar[dict[str, type[enum.Enum]]]  # enumerations of the constructor, by argument
 
@@ -57,55 +96,36 @@ class ForeignLeaf(Leaf):
         super().__init__(name, **given)
         arguments: dict[str, Any] = {
             key: self.enums[key][value] if key in self.enums else value
-            for key, value in self._literals.items()
+            for key, value in self.literals.items()
         }
         if "name" in inspect.signature(self.behaviour_class).parameters:
             arguments["name"] = self.name
         try:
-            self.behaviour = _answering(self.behaviour_class)(**arguments)
+            self.behaviour = self.behaviour_class(**arguments)
         except Exception as error:
             raise InputError(
                 f"node '{self.name}' ({self.node_id}) cannot be constructed: "
                 f"{type(error).__name__}: {error}"
             ) from error
-        self._active = False  # ticked and still running
-
-    @property
-    def author(self) -> type:
-        """The behaviour's class."""
-        return self.behaviour_class
 
     def on_setup(self, mission: MissionContext) -> None:
         """Set the behaviour up."""
         del mission
         self.behaviour.setup_with_descendants()
-        for behaviour in _foreign(self.behaviour):
-            _warn_of_wall_clock(self, behaviour)
+        self._warn_of_wall_clock()
 
     def on_shutdown(self) -> None:
         """Shut down the behaviour and its descendants."""
         for behaviour in self.behaviour.iterate():
             behaviour.shutdown()
 
-    def update(self) -> Status:
-        """Tick the behaviour and return its answer."""
-        self._active = True
-        _tick(self.behaviour, above=self.behaviour)
-        self.feedback_message = self.behaviour.feedback_message
-        answered = self.behaviour.status
-        status = SKIPPED if answered is common.Status.INVALID else Status[answered.name]
-        self._active = status is RUNNING
-        return status
-
     def terminate(self, new_status: Status) -> None:
         """Stop the behaviour if it is still running."""
         del new_status
-        if self._active:
-            self._active = False
-            self.behaviour.stop(common.Status.INVALID)
+        self._stop()
 
 
-class PyTreesRoot(Node):
+class PyTreesRoot(_Foreign):
     """Ticks a tree of py_trees, in which nodes of ours may stand.
 
     Composites of py_trees tick by the rules of py_trees. Their behaviours are set up as by
@@ -127,19 +147,12 @@ class PyTreesRoot(Node):
         self.behaviour = root
         self.children = list(_uppermost(root))  # their parents stay those of py_trees
         self._set_up: list[Behaviour] = []
-        self._active = False  # ticked and still running
-
-    @property
-    def author(self) -> type:
-        """The class of the root."""
-        return type(self.behaviour)
 
     def _setup(self) -> None:
         for behaviour in _foreign(self.behaviour):
             behaviour.setup(mission=self.mission)
             self._set_up.append(behaviour)
-        for behaviour in self._set_up:
-            _warn_of_wall_clock(self, behaviour)
+        self._warn_of_wall_clock()
 
     def shutdown(self) -> None:
         """Shut the behaviours of py_trees down; of several that raise, the first is raised."""
@@ -153,19 +166,8 @@ class PyTreesRoot(Node):
         if first is not None:
             raise first
 
-    def update(self) -> Status:
-        """Tick the tree of py_trees and return the answer of its root."""
-        self._active = True
-        _tick(self.behaviour)
-        self.feedback_message = self.behaviour.feedback_message
-        status = Status[self.behaviour.status.name]
-        self._active = status is RUNNING
-        return status
-
     def _halt(self) -> None:
-        if self._active:
-            self._active = False
-            self.behaviour.stop(common.Status.INVALID)
+        self._stop()
         super()._halt()
 
 
@@ -181,42 +183,6 @@ def _uppermost(behaviour: Behaviour) -> Iterator[Node]:
 def _foreign(behaviour: Behaviour) -> Iterator[Behaviour]:
     """Yield the behaviours of py_trees, children first, as py_trees sets them up."""
     return (each for each in behaviour.iterate() if not isinstance(each, Node))
-
-
-def _tick(behaviour: Behaviour, above: Behaviour | None = None) -> None:
-    """Tick a tree of py_trees; refuse INVALID of a behaviour other than `above`."""
-    for ticked in behaviour.tick():
-        invalid = ticked is not above and not isinstance(ticked, Node)
-        if invalid and ticked.status is common.Status.INVALID:
-            raise _no_status(ticked, "INVALID or another value")
-
-
-def _answering(behaviour: type[Behaviour]) -> type[Behaviour]:
-    """Return a subclass whose `update` raises MissionError for an answer that is not a status."""
-
-    def update(self: Behaviour) -> common.Status:
-        status = behaviour.update(self)
-        if not isinstance(status, common.Status):
-            raise _no_status(self, repr(status))
-        return status
-
-    body = {"__module__": behaviour.__module__, "__qualname__": behaviour.__qualname__}
-    return type(behaviour.__name__, (behaviour,), {**body, "update": update})
-
-
-def _warn_of_wall_clock(node: Node, behaviour: Behaviour) -> None:
-    if isinstance(behaviour, _OF_WALL_CLOCK):
-        _log.warning(
-            "Warning: node '%s': '%s' of py_trees measures the computer's clock, not the "
-            "mission's; in a tree file use Sleep, Delay or Timeout",
-            node.path,
-            type(behaviour).__name__,
-        )
-
-
-def _no_status(behaviour: Behaviour, answer: str) -> MissionError:
-    name = type(behaviour).__qualname__
-    return MissionError(f"update() of {name} must return a status of py_trees, got {answer}")
 
 
 @cache

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Self, TypeVar
 
 from uav_bt.board.blackboard import BoardView, Key, Reading
 from uav_bt.board.context import MissionContext
 from uav_bt.board.keys import PHASE
 from uav_bt.errors import MissionError, UnknownValueError
+from uav_bt.lab.lab import Lab
 from uav_bt.tree.flow import After, Follow, Known
 from uav_bt.tree.node import Node, NodeKind
-from uav_bt.tree.observer import NodeEvent, Observer
+from uav_bt.tree.observer import NodeEvent
 from uav_bt.tree.port import check_declared
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 from uav_bt.types import GimbalTo, Movement
@@ -43,6 +43,7 @@ class Leaf(Node):
     points: ClassVar[bool] = False  # True: likewise a camera direction
     takes_off: ClassVar[bool] = False  # True: the flight begins with it
     lands: ClassVar[bool] = False  # True: it ends with the drone on the ground
+    repeats: ClassVar[bool] = False  # True: ticked after SUCCESS, it does its work once more
     condition: ClassVar[bool] = False  # True: answers at once, never RUNNING
     # Wall time that one tick of this leaf may take. Several ticks long, as a machine may be busy.
     budget_s: ClassVar[float] = 0.5
@@ -85,6 +86,11 @@ class Leaf(Node):
     def refuses(self, rules: MissionRules) -> str | None:
         """Return why the leaf cannot keep the mission's rules with the values that its file has."""
         del rules
+        return None
+
+    def refuses_lab(self, lab: Callable[[], Lab]) -> str | None:
+        """Return why the leaf cannot fly in a lab, which takes time to read, with its values."""
+        del lab
         return None
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -181,26 +187,19 @@ class Leaf(Node):
 
     def inherit(self, former: Self) -> None:
         """Call `on_inherit`; used by `MissionTree`."""
-        with self._naming_the_node():
+        with self._failing():
             self.on_inherit(former)
 
     def shutdown(self) -> None:
         """Call `on_shutdown` if the leaf is set up; used by `MissionTree` and trees of py_trees."""
         if self._is_open:
             self._is_open = False
-            with self._naming_the_node():
+            with self._failing():
                 self.on_shutdown()
 
-    @contextmanager
-    def _naming_the_node(self) -> Iterator[None]:
-        try:
-            yield
-        except Exception as error:
-            raise self._failure(error) from error
-
-    def _notify_work(self, observer: Observer) -> None:
+    def _notify_work(self) -> None:
         if self.condition or self.node_status in (IDLE, RUNNING):  # else not ticked again
-            super()._notify_work(observer)
+            super()._notify_work()
 
     def _tick(self) -> Status:
         standing = self.node_status
@@ -229,8 +228,8 @@ class Leaf(Node):
             self.terminate(status)
         finally:
             self.node_status = status
-            if self.observer is not None:
-                self.observer(self, NodeEvent.STATUS)
+            if self.observers:
+                self._notify(NodeEvent.STATUS)
         return status
 
     def _fail(self, unknown: UnknownValueError) -> Status:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.util
 import inspect
 import sys
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
@@ -68,10 +68,8 @@ def parts_of_files(files: Sequence[Path]) -> OwnParts:
 
 def with_leaves(registry: NodeRegistry, files: Sequence[Path]) -> NodeRegistry:
     """Return a registry that has the leaves and policies of Python files, too."""
-    if not files:
-        return registry
     own = parts_of_files(files)
-    return registry.with_nodes(*own.nodes).with_policies(own.policies)
+    return registry.with_nodes(*own.nodes).with_policies(own.policies) if files else registry
 
 
 def _classes_of(file: Path) -> Iterator[type]:
@@ -99,13 +97,10 @@ def _module_of(file: Path) -> ModuleType:
     name = f"{path.stem}_{zlib.crc32(str(path).encode()):08x}"
     if name in sys.modules:
         return sys.modules[name]
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise FileError(file, "cannot be read as a Python file")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # dataclasses look their module up while it runs
+    module = sys.modules[name] = ModuleType(name)  # dataclasses look their module up while it runs
+    module.__file__ = str(path)
     try:
-        spec.loader.exec_module(module)
+        SourceFileLoader(name, str(path)).exec_module(module)
     except (Exception, SystemExit) as error:  # a user's file may raise anything
         del sys.modules[name]
         if isinstance(error, SyntaxError):

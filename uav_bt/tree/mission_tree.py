@@ -16,10 +16,8 @@ from uav_bt.board.context import MissionContext
 from uav_bt.errors import InputError, MissionError, NodeFailedError, UavBtError, did_you_mean
 from uav_bt.tree.foreign import PyTreesRoot
 from uav_bt.tree.leaf import Leaf
-from uav_bt.tree.loading.findings import Position
+from uav_bt.tree.loading.findings import Placed, Position
 from uav_bt.tree.node import Node
-from uav_bt.tree.placing import place_tree
-from uav_bt.tree.script import SCRIPTS, parse_script, parsed_by
 from uav_bt.tree.script.values import ONLY_LEAVES_WRITE
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
 from uav_bt.tree.variables import Variables
@@ -54,36 +52,23 @@ class MissionTree:
         root: the root node, or the root of a tree of py_trees; it and all below belong to this
             tree from now on.
         name: the tree's name, first part of all paths.
+
+    Attributes:
         sources: the texts of the tree file and of the files it takes trees from, by path, the tree
             file first; empty for a tree composed in Python.
         whole: writes one tree file with all that the tree takes from these.
         places: where the tree file has the nodes, by path; empty for a tree composed in Python.
         replaced: attribute values that replace those of the tree file, by path.
-        enum_members: of enumerations, integers by the names that scripts read.
-        unset: variables of this tree that its nodes need and nothing in the file sets.
     """
 
-    def __init__(
-        self,
-        root: Node | Behaviour,
-        *,
-        name: str = "Tree",
-        sources: Mapping[Path, bytes] | None = None,
-        whole: Callable[[], bytes] = bytes,
-        places: Mapping[str, Place] | None = None,
-        replaced: Mapping[str, Mapping[str, str]] | None = None,
-        enum_members: Mapping[str, int] | None = None,
-        unset: Iterable[str] = (),
-    ) -> None:
+    def __init__(self, root: Node | Behaviour, *, name: str = "Tree") -> None:
         self.root = root if isinstance(root, Node) else PyTreesRoot(root)
         self.name = name
-        self.sources = dict(sources or {})
-        self.whole = whole
-        self.places = dict(places or {})
-        self.replaced = {path: dict(given) for path, given in (replaced or {}).items()}
-        self.unset = tuple(unset)
+        self.sources: dict[Path, bytes] = {}
+        self.whole: Callable[[], bytes] = bytes
+        self.places: dict[str, Placed] = {}
+        self.replaced: dict[str, dict[str, str]] = {}
         self.variables = Variables()
-        self.variables.enum_members.update(enum_members or {})
         self._ready = False
         counts = Counter(self.nodes())
         if (twice := next((node for node in counts if counts[node] > 1), None)) is not None:
@@ -91,8 +76,7 @@ class MissionTree:
                 f"node '{twice.name}' stands in tree '{name}' {counts[twice]} times: make an "
                 "object for each of its places"
             )
-        self._used = any(node.has_mission for node in counts)
-        place_tree(self.root, f"{name}/{self.root.name}", self.variables)
+        self.root.place(f"{name}/{self.root.name}", self.variables)
         allow_depth(max(node.path.count("/") for node in self.nodes()))
 
     def __repr__(self) -> str:
@@ -103,7 +87,7 @@ class MissionTree:
         """Return the drawing that a notebook shows."""
         from uav_bt.tree.render import render  # noqa: PLC0415 - only notebooks draw
 
-        return render(self, "svg")
+        return render(self.root, self.name, "svg")
 
     @property
     def path(self) -> Path:
@@ -118,7 +102,7 @@ class MissionTree:
     @property
     def is_set_up(self) -> bool:
         """Whether nodes of it were set up for a mission. A tree flies once: leaves keep state."""
-        return self._ready or self._used
+        return any(node.has_mission for node in self.nodes())
 
     @property
     def text(self) -> str:
@@ -204,11 +188,7 @@ class MissionTree:
     def _check_scripts(self) -> None:
         """Refuse scripts that write board keys; in a file the loader has done so."""
         for node in self.nodes():
-            scripts = [parse_script(text) for text in node.condition_scripts.values()]
-            for port in node.ports:
-                text = node.literals.get(port.name) if port.check in SCRIPTS else None
-                scripts += [parsed_by(port.check, text)] if isinstance(text, str) else []
-            for script in scripts:
+            for _, script in node.scripts():
                 for key in script.board_writes:
                     what = f"node '{node.path}': '@{key}' is a board key"
                     raise InputError(f"{what}; {ONLY_LEAVES_WRITE}")

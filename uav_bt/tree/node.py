@@ -11,32 +11,29 @@ from __future__ import annotations
 
 import enum
 import logging
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from py_trees import common
 
 from uav_bt.board.context import NO_CONTEXT, MissionContext
 from uav_bt.errors import InputError, MissionError, NodeFailedError, UnknownValueError
-from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, Conditions, check_condition
 from uav_bt.tree.flow import NodeFlow
-from uav_bt.tree.observer import NodeEvent, Observer, observe, unobserve
-from uav_bt.tree.port import Port, check_declared
+from uav_bt.tree.node_ports import child_paths
+from uav_bt.tree.observer import ANSWERS, NodeEvent, Observer, observe, unobserve
+from uav_bt.tree.port import CONDITION_ATTRIBUTES, Port, check_declared
+from uav_bt.tree.script import Environment, Script, ScriptError, parse_question
+from uav_bt.tree.script.values import truth
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 from uav_bt.tree.variables import Variables
 
 if TYPE_CHECKING:
     from abc import ABC
-    from uuid import UUID
 
     class Behaviour(ABC):
-        """Typed view of the py_trees base class, for type checkers only.
+        """For type checkers, which refuse to override the real class's statuses with ours."""
 
-        The real methods take and return py_trees' statuses. A type checker refuses to override
-        them with ours.
-        """
-
-        id: UUID
         name: str
         parent: Behaviour | None
         feedback_message: str
@@ -49,13 +46,9 @@ else:
 
 _log: Final = logging.getLogger(__name__)
 
-_ANSWERED: Final = {
-    RUNNING.value: NodeEvent.CONTINUES,
-    SUCCESS.value: NodeEvent.SUCCEEDED,
-    FAILURE.value: NodeEvent.FAILED,
-    SKIPPED.value: NodeEvent.SKIPPED,
-}
-_ANSWER_OF: Final = {event: Status(value) for value, event in _ANSWERED.items()}
+_ANSWERED: Final = {status.value: event for event, status in ANSWERS.items()}
+# Conditions in the engine's order, each with the status that a true one gives an idle node.
+_FORESTALLING: Final = (("_failureIf", FAILURE), ("_successIf", SUCCESS), ("_skipIf", SKIPPED))
 
 
 class NodeKind(enum.Enum):
@@ -86,6 +79,8 @@ class Node(NodeFlow, Behaviour):
     max_children: ClassVar[int | None] = 0  # None: as many as one likes
 
     children: list[Node]
+    visited: Status | None = None  # shown to a visitor of py_trees instead of the status
+    _told_unknown = False  # the log has a failure for an unknown value
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -101,7 +96,9 @@ class Node(NodeFlow, Behaviour):
     ) -> None:
         super().__init__(name or self.node_id)
         self.node_status = IDLE
-        self.observer: Observer | None = None  # filled by `uav_bt.tree.observer.observe`
+        self.observers: tuple[Observer, ...] = ()  # filled by `uav_bt.tree.observer.observe`
+        self._mission: MissionContext | None = None
+        self._environment: Environment | None = None
         self.children = list(children)
         for child in self.children:
             if not isinstance(child, Node):
@@ -110,30 +107,44 @@ class Node(NodeFlow, Behaviour):
                     got = f"the class {child.__name__}: write {child.__name__}(...)"
                 raise TypeError(f"a child of '{self.name}' must be a uav_bt.tree node, got {got}")
             child.parent = self
-        scripts = {key: str(given[key]) for key in given if key in CONDITION_ATTRIBUTES}
-        wrong = {
-            key: f"attribute '{key}': {message}"
-            for key, script in scripts.items()
-            if (message := check_condition(script))
-        }
-        values = {key: value for key, value in given.items() if key not in scripts}
-        self._bind(values, len(self.children), wrong)
-        self._conditions = Conditions(scripts) if scripts else None
-        self._told_unknown = False  # the log has a failure for an unknown value
-        self.visited: Status | None = None  # shown to a visitor of py_trees instead of the status
+        texts = {name: str(given.pop(name)) for name in [*given] if name in CONDITION_ATTRIBUTES}
+        self.condition_scripts: dict[str, str] = texts  # by attribute
+        self._conditions: dict[str, Script] = {}
+        wrong: dict[str, str] = {}
+        for key, text in texts.items():
+            try:
+                self._conditions[key] = parse_question(text)
+            except ScriptError as error:
+                wrong[key] = f"attribute '{key}': {error}"
+        self._bind(given, len(self.children), wrong)
+        self.path, self.variables = self.name, Variables()
 
     # --- the tree ---------------------------------------------------------------------------------
 
-    @property
-    def condition_scripts(self) -> dict[str, str]:
-        """The scripts of the pre- and post-conditions by attribute."""
-        if self._conditions is None:
-            return {}
-        return {name: script.source for name, script in self._conditions.scripts.items()}
+    def scripts(self) -> Iterator[tuple[str, Script]]:
+        """Yield the scripts by attribute: the conditions, and those of ports."""
+        yield from self._conditions.items()
+        for port in self.ports:
+            if (script := self.script_at(port)) is not None:
+                yield port.name, script
 
     def open_scope(self, outer: Variables) -> Variables:
         """Return the variables that the children use; `outer` are those of the node's tree."""
         return outer
+
+    def place(self, path: str, variables: Variables) -> None:
+        """Place the node in the variables of its tree, and all below; a subtree gets a scope."""
+        self._place(path, variables)
+        inner = self.open_scope(variables)
+        paths = child_paths(path, [child.name for child in self.children])
+        for child, child_path in zip(self.children, paths, strict=True):
+            child.place(child_path, inner)
+
+    def rebind(self, given: Mapping[str, object]) -> None:
+        """Replace values of ports, before the setup; an InputError says what is wrong."""
+        references = {name: str(at) for name, at in self.given_references.items()}
+        self._bind({**self.literals, **references, **given}, len(self.children), {})
+        self.place(self.path, self.variables)
 
     def setup(self, mission: MissionContext | None = None, **_kwargs: Any) -> None:
         """Hand the node its mission; py_trees' own `BehaviourTree.setup(mission=...)` works too."""
@@ -142,15 +153,24 @@ class Node(NodeFlow, Behaviour):
         self._mission = mission
         self._keys = {}
         self._environment = None
-        try:
+        with self._failing(InputError):
             self._setup()
-        except InputError:
-            raise
-        except Exception as error:
-            raise self._failure(error) from error
 
     def _setup(self) -> None:
         """Get ready for the first tick; for subclasses."""
+
+    def _failure(self, error: Exception) -> NodeFailedError:
+        return NodeFailedError(self.path, error, self.author)
+
+    @contextmanager
+    def _failing(self, *passed: type[Exception]) -> Iterator[None]:
+        """Raise an exception as the node's failure, unless it is of a class that is passed on."""
+        try:
+            yield
+        except passed:
+            raise
+        except Exception as error:
+            raise self._failure(error) from error
 
     # --- the tick ---------------------------------------------------------------------------------
 
@@ -162,54 +182,65 @@ class Node(NodeFlow, Behaviour):
         Raises:
             NodeFailedError: an exception came out of this node or of one below it.
         """
-        observer = self.observer
+        observers = self.observers
         try:
             try:
-                if observer is None and self._conditions is None:  # as most nodes are
+                if not observers and not self._conditions:  # as most nodes are
                     status = self._tick()
                 else:
-                    status = self._tick_guarded(observer)
+                    status = self._tick_guarded()
             except UnknownValueError as unknown:
                 status = self._fail(unknown)
         except Exception as error:
             failure = error if isinstance(error, NodeFailedError) else self._failure(error)
-            if observer is not None and failure.node_path == self.path:
-                observer(self, NodeEvent.RAISED)
+            if failure.node_path == self.path:
+                self._notify(NodeEvent.RAISED)
             if failure is error:
                 raise
             raise failure from error
-        if observer is not None:
+        if observers:
             if status is not SKIPPED:
                 self.set_status(status)
-            observer(self, _ANSWERED[status.value])
+            self._notify(_ANSWERED[status.value])
         elif status is not SKIPPED:
             self.node_status = status
         return status
 
-    def _tick_guarded(self, observer: Observer | None) -> Status:
-        conditions = self._conditions
+    def _tick_guarded(self) -> Status:
+        """Tick with observers and conditions."""
         try:
-            status = None
-            if conditions is not None:
-                status = conditions.forestall(self.node_status, self.environment)
+            status = self._forestalled() if self._conditions else None
             if status is None:
-                if observer is not None:
-                    self._notify_work(observer)
+                self._notify_work()
                 status = self._tick()
             elif status is SKIPPED and self.node_status is RUNNING:
                 self.halt()
         except UnknownValueError as unknown:
             status = self._fail(unknown)
-        if conditions is not None and (status is SUCCESS or status is FAILURE):
+        if status is SUCCESS or status is FAILURE:
             try:
-                conditions.ended(status, self.environment)
+                self._run("_onSuccess" if status is SUCCESS else "_onFailure")
+                self._run("_post")
             except UnknownValueError as unknown:
                 self._tell(unknown)
                 status = FAILURE
         return status
 
-    def _failure(self, error: Exception) -> NodeFailedError:
-        return NodeFailedError(self.path, error, self.author)
+    def _forestalled(self) -> Status | None:
+        """Return the status that replaces the tick, or None; a running node is asked `_while`."""
+        scripts = self._conditions
+        if self.node_status is IDLE:
+            for name, status in _FORESTALLING:
+                if name in scripts and truth(scripts[name].run(self.environment)):
+                    return status
+        elif self.node_status is not RUNNING:
+            return None
+        goes_on = "_while" not in scripts or truth(scripts["_while"].run(self.environment))
+        return None if goes_on else SKIPPED
+
+    def _run(self, condition: str) -> None:
+        if condition in self._conditions:
+            self._conditions[condition].run(self.environment)
 
     def _fail(self, unknown: UnknownValueError) -> Status:
         """End the node because it reads a value that is not known; halt what runs below it."""
@@ -229,34 +260,34 @@ class Node(NodeFlow, Behaviour):
         """Do the work of one tick, without blocking, and return the status."""
         raise NotImplementedError(f"{type(self).__qualname__} must define update()")
 
-    def _notify_work(self, observer: Observer) -> None:
-        observer(self, NodeEvent.RAN if self.node_status is RUNNING else NodeEvent.STARTED)
+    def _notify(self, event: NodeEvent) -> None:
+        for observer in self.observers:
+            observer(self, event)
+
+    def _notify_work(self) -> None:
+        self._notify(NodeEvent.RAN if self.node_status is RUNNING else NodeEvent.STARTED)
 
     def set_status(self, status: Status) -> None:
         """Set the status; for the engine and for nodes written in Python."""
         if self.node_status is not status:
             self.node_status = status
-            if self.observer is not None:
-                self.observer(self, NodeEvent.STATUS)
+            if self.observers:
+                self._notify(NodeEvent.STATUS)
 
     def halt(self) -> None:
         """Stop this node and all below; running leaves get `terminate`."""
-        observer = self.observer if self.node_status is RUNNING else None
-        if observer is not None:
-            observer(self, NodeEvent.HALTING)
+        ran = self.node_status is RUNNING
+        if ran:
+            self._notify(NodeEvent.HALTING)
         try:
-            self._halt()
-            if self._conditions is not None:
-                self._conditions.halted(self.environment)
+            with self._failing(UnknownValueError, NodeFailedError):
+                self._halt()
+                self._run("_onHalted")
         except UnknownValueError as unknown:
             self._tell(unknown)
-        except NodeFailedError:
-            raise
-        except Exception as error:
-            raise self._failure(error) from error
         finally:
-            if observer is not None:
-                observer(self, NodeEvent.HALTED)
+            if ran:
+                self._notify(NodeEvent.HALTED)
 
     def reset(self) -> None:
         """Halt when running, then stand idle."""
@@ -293,8 +324,8 @@ class Node(NodeFlow, Behaviour):
         visits: list[tuple[Node, Status]] = []
 
         def note(ticked: Node, event: NodeEvent) -> None:
-            if event in _ANSWER_OF:
-                visits.append((ticked, _ANSWER_OF[event]))
+            if event in ANSWERS:
+                visits.append((ticked, ANSWERS[event]))
 
         nodes = list(self.iterate())
         observe(nodes, note)

@@ -1,15 +1,16 @@
-"""Watching nodes: every node has one observer slot, and notifies it of what happens to the node.
+"""Watching nodes: every node notifies its observers of what happens to it.
 
-The slot is empty in a tree that is not watched, which then pays for one comparison a tick. Budgets,
-logs, Groot2 and py_trees' visitors all watch through it. A node that has several observers notifies
-them in the order in which they came.
+A tree that is not watched pays for one comparison a tick. Budgets, logs, Groot2 and py_trees'
+visitors all watch through it, in the order in which they came.
 """
 
 from __future__ import annotations
 
 import enum
 from collections.abc import Callable, Iterable
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
+
+from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 
 
 class NodeEvent(enum.Enum):
@@ -27,44 +28,31 @@ class NodeEvent(enum.Enum):
     STATUS = "status"  # `node_status` has changed
 
 
+ANSWERS: Final = {
+    NodeEvent.CONTINUES: RUNNING,
+    NodeEvent.SUCCEEDED: SUCCESS,
+    NodeEvent.FAILED: FAILURE,
+    NodeEvent.SKIPPED: SKIPPED,
+}
+"""The answers that events report."""
+
 Observer = Callable[[Any, NodeEvent], None]
 """Called with the node and each event as it happens."""
 
 
 class Observed(Protocol):
-    """Anything with an observer slot. Every node has one."""
+    """Anything with observers. Every node has them."""
 
-    observer: Observer | None
-
-
-class _Observers(tuple[Observer, ...]):
-    """Several observers in one slot."""
-
-    __slots__ = ()
-
-    def __call__(self, node: Observed, event: NodeEvent) -> None:
-        for observer in self:
-            observer(node, event)
+    observers: tuple[Observer, ...]
 
 
 def observe(nodes: Iterable[Observed], observer: Observer) -> None:
     """Notify an observer from now on, after those that the nodes already have."""
     for node in nodes:
-        _fill(node, [*_observers(node), observer])
+        node.observers = (*node.observers, observer)
 
 
 def unobserve(nodes: Iterable[Observed], observer: Observer) -> None:
     """Notify an observer no longer; nodes that do not have it are left as they are."""
     for node in nodes:
-        _fill(node, [one for one in _observers(node) if one != observer])
-
-
-def _observers(node: Observed) -> tuple[Observer, ...]:
-    slot = node.observer
-    if isinstance(slot, _Observers):
-        return slot
-    return () if slot is None else (slot,)
-
-
-def _fill(node: Observed, observers: list[Observer]) -> None:
-    node.observer = _Observers(observers) if len(observers) > 1 else next(iter(observers), None)
+        node.observers = tuple(one for one in node.observers if one != observer)

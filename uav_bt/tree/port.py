@@ -13,14 +13,20 @@ from functools import cached_property
 from typing import Any, ClassVar, Final, Generic, Literal, NamedTuple, TypeVar
 
 from uav_bt.errors import InputError, did_you_mean
-from uav_bt.tree.script import parse_text
+from uav_bt.tree.script import SCRIPTS, Script, parse_script, parse_text
 
 T = TypeVar("T")
 
-RESERVED_ATTRIBUTES: Final = frozenset({"ID", "name"})
+ASKED: Final = frozenset({"_failureIf", "_successIf", "_skipIf", "_while"})
+"""The conditions of nodes whose value must be true or false."""
 
-_MAX_INTEGER: Final = 2**63  # largest magnitude that the format's engine reads
+CONDITION_ATTRIBUTES: Final = ASKED | {"_onSuccess", "_onFailure", "_post", "_onHalted"}
+"""The attributes of any node with scripts that run before and after its tick."""
+
+MAX_INTEGER: Final = 2**63  # largest magnitude that the format's engine reads
 _MAX_DIGITS: Final = 400  # more than any number needs; Python refuses to read 5,000
+INTEGER: Final = r"-?[0-9]+"
+REAL: Final = r"-?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+\-]?[0-9]+)?"
 _PORT_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 REFERENCE_KEY: Final = r"[A-Za-z_][A-Za-z0-9_.\-]*|="
 _REFERENCE: Final = re.compile(rf"\s*\{{\s*(?P<board>@?)(?P<key>{REFERENCE_KEY})\s*\}}\s*")
@@ -37,8 +43,8 @@ class PortType(NamedTuple):
 
 
 PORT_TYPES: Final[dict[type, PortType]] = {
-    int: PortType("an integer", "int", r"-?[0-9]+\s*"),
-    float: PortType("a number", "double", r"-?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+\-]?[0-9]+)?\s*"),
+    int: PortType("an integer", "int", rf"{INTEGER}\s*"),
+    float: PortType("a number", "double", rf"{REAL}\s*"),
     bool: PortType("true or false", "bool", "true|True|TRUE|1|false|False|FALSE|0"),
     str: PortType("a text", "std::string"),
     object: PortType("a value", "BT::AnyTypeAllowed"),
@@ -73,16 +79,11 @@ def parse_reference(text: str, port_name: str) -> Reference | None:
     return None
 
 
-class _Required:
-    def __repr__(self) -> str:
-        return "required"
-
-
 @dataclass(frozen=True)
 class Port(Generic[T]):
     """A typed attribute of a node, given in a tree file or as a keyword argument in Python."""
 
-    REQUIRED: ClassVar[Any] = _Required()
+    REQUIRED: ClassVar[Any] = object()
 
     name: str
     # int, float, bool and str are written as literals; any other type takes references only.
@@ -106,7 +107,7 @@ class Port(Generic[T]):
     places: bool = False  # a list of places, which may come from a file (`file:rounds.csv`)
 
     def __post_init__(self) -> None:
-        if not _PORT_NAME.fullmatch(self.name) or self.name in RESERVED_ATTRIBUTES:
+        if not _PORT_NAME.fullmatch(self.name) or self.name in {"ID", "name"}:
             raise ValueError(f"'{self.name}' cannot be a port's name")
         if self.range and self.type not in {int, float}:
             raise ValueError(f"port '{self.name}': only numbers have a range")
@@ -133,6 +134,12 @@ class Port(Generic[T]):
         if self.least is None:
             return "" if self.most is None else f"{self.most:g} or less"
         return f"{self.least:g} " + ("or more" if self.most is None else f"to {self.most:g}")
+
+    def script(self, value: object) -> Script | None:
+        """Return the script that a value is, if it is one."""
+        if self.check not in SCRIPTS or not isinstance(value, str):
+            return None
+        return parse_text(value) if self.check is parse_text else parse_script(value)
 
     @cached_property
     def bound_default(self) -> T | Reference:
@@ -188,7 +195,7 @@ class Port(Generic[T]):
             if self.type is bool:
                 return text.lower() in {"true", "1"}
             value: Any = self.type(text)  # type: ignore[call-arg]  # int or float
-            if abs(value) < (_MAX_INTEGER if self.type is int else math.inf):
+            if abs(value) < (MAX_INTEGER if self.type is int else math.inf):
                 return value
         bare = text.strip().removeprefix("+")
         cure = bare != text and re.fullmatch(pattern, bare) is not None
@@ -218,26 +225,25 @@ def port_text(value: object) -> str:
 
 
 def bind_ports(
-    ports: Iterable[Port[Any]], given: Mapping[str, object], also: Iterable[str] = ()
+    ports: Iterable[Port[Any]], given: Mapping[str, object]
 ) -> tuple[dict[str, Any], dict[str, str]]:
-    """Return the bound values or references by port, and the errors by attribute.
-
-    `also` are other attributes that the node may have, for suggestions.
-    """
+    """Return the bound values or references by port, and the errors by attribute."""
     bound: dict[str, Any] = {}
     by_name = {port.name: port for port in ports}
+    known = [*by_name, *CONDITION_ATTRIBUTES]
     wrong = {
-        name: f"unknown attribute '{name}'{did_you_mean(name, [*by_name, *also])}"
+        name: f"unknown attribute '{name}'{did_you_mean(name, known)}"
         for name in given
         if name not in by_name
     }
     for name, port in by_name.items():
-        if name not in given and port.default is Port.REQUIRED:
-            if port.required:
-                wrong[name] = f"attribute '{name}' is missing ({port.doc})"
-            continue
         try:
-            bound[name] = port.bind(given[name]) if name in given else port.bound_default
+            if name in given:
+                bound[name] = port.bind(given[name])
+            elif port.default is not Port.REQUIRED:
+                bound[name] = port.bound_default
+            elif port.required:
+                wrong[name] = f"attribute '{name}' is missing ({port.doc})"
         except ValueError as error:
             wrong[name] = f"attribute '{name}': {error}"
     return bound, wrong

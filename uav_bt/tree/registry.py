@@ -71,10 +71,6 @@ class NodeRegistry:
         """Return a registry that has further nodes: `NodeRegistry.installed().with_nodes(Peek)`."""
         return replace(self, nodes=(*self._nodes.values(), *nodes))
 
-    def with_replaced(self, nodes: Mapping[str, type[Node]]) -> NodeRegistry:
-        """Return a registry that has other classes for nodes of these ids."""
-        return replace(self, nodes={**self._nodes, **nodes}.values())
-
     def with_policies(self, factories: Mapping[str, Any]) -> NodeRegistry:
         """Return a registry of the same nodes with further policies, or their classes, by name."""
         known = None if self.policies is None else {*self.policies, *factories}

@@ -6,10 +6,9 @@ import textwrap
 import unicodedata
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from typing import Final
 from xml.sax.saxutils import escape
 
-from uav_bt.errors import BoardAccessError
 from uav_bt.tree.describe import summary
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.node import Node, NodeKind
@@ -20,16 +19,9 @@ _MAX_TEXT: Final = 36  # characters of a name or an attribute
 _MAX_TITLE: Final = 60
 
 
-class Drawable(Protocol):
-    """A tree, as far as drawings need it."""
-
-    root: Node
-    name: str
-
-
-def render(tree: Drawable, format_: str) -> str:
+def render(root: Node, title: str, format_: str) -> str:
     """Return a drawing of a tree, which need not be set up, in one of `FORMATS`."""
-    return FORMATS[format_](sketch(tree.root), tree.name)
+    return FORMATS[format_](sketch(root), title)
 
 
 # --- what is drawn of a node ----------------------------------------------------------------------
@@ -49,19 +41,8 @@ class Box:
     children: tuple[Box, ...]
 
 
-def sketch(root: Node) -> Box:
+def sketch(node: Node) -> Box:
     """Return the box of a node, with those of all below it."""
-    made: dict[int, Box] = {}
-    # Children first; no recursion, because a tree composed in Python may be of any depth.
-    order = [root]
-    for node in order:
-        order.extend(node.children)
-    for node in reversed(order):
-        made[id(node)] = _box(node, tuple(made[id(child)] for child in node.children))
-    return made[id(root)]
-
-
-def _box(node: Node, children: tuple[Box, ...]) -> Box:
     usual = node.tree_id if type(node) is SubTree else node.node_id
     keys = (("reads", node.reads), ("writes", node.writes)) if isinstance(node, Leaf) else ()
     return Box(
@@ -72,7 +53,7 @@ def _box(node: Node, children: tuple[Box, ...]) -> Box:
         keys=tuple(f"{word} {', '.join(key.name for key in some)}" for word, some in keys if some),
         path=_one_line(node.path, 500),
         doc=_one_line(summary(type(node)), 200),
-        children=children,
+        children=tuple(map(sketch, node.children)),
     )
 
 
@@ -85,26 +66,17 @@ def _one_line(text: str, longest: int = _MAX_TEXT) -> str:
 
 def _given(node: Node) -> Iterator[tuple[str, str]]:
     for port in node.ports:
-        text = _port_given(node, port)
-        if text is not None:
-            yield port.name, text
+        at, value = node.reference(port), node.literals.get(port.name)
+        if at is not None:
+            if port.default is Port.REQUIRED or at != port.bound_default:
+                yield port.name, str(at)
+        elif port.direction == "input" and value is not None:
+            text = f"{value:g}" if isinstance(value, float) else port_text(value)
+            if text:
+                yield port.name, text
     if isinstance(node, SubTree):
         yield from node.attributes.items()
     yield from node.condition_scripts.items()
-
-
-def _port_given(node: Node, port: Port[Any]) -> str | None:
-    reference = node.reference(port)
-    if reference is not None:
-        usual = port.bind(port.default) if isinstance(port.default, str) else None
-        return None if reference == usual else str(reference)
-    if port.direction != "input":
-        return None
-    try:
-        value = node.port_value(port.name)
-    except BoardAccessError:  # a palette's port, neither given nor with a default
-        return None
-    return f"{value:g}" if isinstance(value, float) else port_text(value) or None
 
 
 # --- the forms ------------------------------------------------------------------------------------

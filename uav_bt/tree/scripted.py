@@ -6,9 +6,8 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
-from uav_bt.board.context import MissionContext
 from uav_bt.errors import ValueRangeError
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.mission_tree import Place
@@ -82,7 +81,6 @@ class ScriptedLeaf(Leaf):
     """Answers by its script, a text or a mock with outputs, and does nothing else."""
 
     answers = (SUCCESS, FAILURE, RUNNING, SKIPPED)
-    mocked: ClassVar[type[Leaf] | None] = None  # the class that it replaces
 
     def __init__(
         self, name: str | None = None, script: str | Mock = "S", /, **given: object
@@ -115,11 +113,6 @@ class ScriptedLeaf(Leaf):
                 raise ValueRangeError(f"output '{name}': {error}") from error
         return script, outputs
 
-    def on_setup(self, mission: MissionContext) -> None:
-        """Begin the script."""
-        del mission
-        self._ticks = 0
-
     def update(self) -> Status:
         """Answer the next letter."""
         status = self.script.answer(self._ticks)
@@ -143,29 +136,20 @@ def undeclared_answers(node: type[Leaf], mock: Mock) -> str | None:
     return f"{node.node_id} never answers {never}, only {known}; got '{mock.answers}'"
 
 
+_DECLARED: Final = (
+    *("__doc__", "node_id", "ports", "reads", "writes", "condition"),
+    *("moves", "points", "takes_off", "lands"),
+)
+
+
 @cache
 def mock_class(node: type[Leaf]) -> type[ScriptedLeaf]:
     """Return a class of scripted leaves that stand in for a class of leaves.
 
     They have its id, kind, ports and board keys, and run none of its code.
     """
-    return type(
-        f"Scripted{node.__name__}",
-        (ScriptedLeaf,),
-        {
-            "__doc__": node.__doc__,
-            "node_id": node.node_id,
-            "ports": node.ports,
-            "moves": node.moves,
-            "points": node.points,
-            "takes_off": node.takes_off,
-            "lands": node.lands,
-            "condition": node.condition,
-            "reads": node.reads,
-            "writes": node.writes,
-            "mocked": node,
-        },
-    )
+    body = {name: getattr(node, name) for name in _DECLARED}
+    return type(f"Scripted{node.__name__}", (ScriptedLeaf,), body)
 
 
 def subtree_mock(tree_id: str, entries: Iterable[str]) -> type[ScriptedLeaf]:

@@ -32,9 +32,8 @@ def resolve_tree(tree: str | Path) -> Path:
         return shipped[path.name]
     hint = did_you_mean_file(path.with_suffix(".xml")) if path.name else ""
     if not hint:
-        what = (
-            "nor a shipped mission of that name" if bare else "and a shipped mission has no suffix"
-        )
+        what = "nor a shipped mission of that name"
+        what = what if bare else "and a shipped mission has no suffix"
         hint = f", {what}{did_you_mean(path.stem, shipped)} ({', '.join(shipped)})"
     raise FileError(path, f"no such tree file{hint}")
 

@@ -29,16 +29,8 @@ class Status(enum.Enum):
     @property
     def py_trees(self) -> common.Status:
         """The py_trees status; INVALID for both IDLE and SKIPPED."""
-        return _PY_TREES[self.value]
+        return common.Status.__members__.get(self.name, common.Status.INVALID)
 
-
-_PY_TREES: Final = (
-    common.Status.INVALID,
-    common.Status.RUNNING,
-    common.Status.SUCCESS,
-    common.Status.FAILURE,
-    common.Status.INVALID,
-)
 
 # Module-level names for the engine: reading an attribute of an enumeration costs a call.
 IDLE: Final = Status.IDLE

@@ -10,24 +10,20 @@ from uav_bt.errors import ValueRangeError
 
 @dataclass(frozen=True, kw_only=True)
 class Airframe:
-    """Size and reaction of a drone; the defaults are an ANAFI's, a camera drone of 0.3 kg.
+    """Size and reaction of a drone; the defaults are an ANAFI's, a camera drone of 0.3 kg."""
 
-    Attributes:
-        body_size_m: length, width and height of the body with its propellers; an ANAFI's, rounded.
-        command_delay_s: time from sending a command to its first effect; an estimate, not measured
-            on a drone: the twin's profiles delay by 0.09 s and 0.17 s.
-        command_lag_s: time constant of the velocity behind a command that has arrived; an estimate:
-            the twin's thrust lags by 0.12 s.
-        climb_braking_mps2: vertical deceleration that the drone reaches; an estimate: the
-            acceleration limit of the twin's profile `lab`.
-        braking_mps2: the same horizontally; below the 1.2 m/s2 of that profile.
-    """
-
+    # Length, width and height of the body with its propellers; an ANAFI's, rounded
     body_size_m: tuple[float, float, float] = (0.24, 0.32, 0.10)
+    # Time from sending a command to its first effect; an estimate, not measured on a drone: the
+    # twin's profiles delay by 0.09 s and 0.17 s
     command_delay_s: float = 0.15
+    # Time constant of the velocity behind a command that has arrived; an estimate: the twin's
+    # thrust lags by 0.12 s
     command_lag_s: float = 0.25
+    # Vertical deceleration that the drone reaches; an estimate: the acceleration limit of the
+    # twin's profile `lab`
     climb_braking_mps2: float = 1.0
-    braking_mps2: float = 1.0
+    braking_mps2: float = 1.0  # the same horizontally; below the 1.2 m/s2 of that profile
 
     def __post_init__(self) -> None:
         positive = (*self.body_size_m, self.climb_braking_mps2, self.braking_mps2)

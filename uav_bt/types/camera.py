@@ -127,13 +127,6 @@ class DepthMap:
 
     def __post_init__(self) -> None:
         check_shape("depth map", self.depth, 2)
-        if self.at_most is not None and self.at_most.shape != self.depth.shape:
-            height, width = self.depth.shape
-            raise ShapeError(
-                "upper bound of a depth map",
-                expected=f"{height}x{width}, as the depth",
-                actual=self.at_most.shape,
-            )
 
 
 @dataclass(frozen=True, kw_only=True)

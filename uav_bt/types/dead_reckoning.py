@@ -62,32 +62,23 @@ class OdometryPose(Pose2D):
 
 @dataclass(frozen=True, kw_only=True)
 class MotionEstimate:
-    """Pose and motion of the drone over the ground, by telemetry and by the frames.
+    """Pose and motion of the drone over the ground, by telemetry and by the frames."""
 
-    Attributes:
-        pose: now, dead-reckoned and corrected by the ground.
-        seen: at the capture of the newest frame used.
-        velocity: over the ground: telemetry's newest with `error` added.
-        error: velocity over the ground minus telemetry's; it varies slowly.
-        bias: the part of `error` that turns with the drone.
-        stretch: displacement over the ground by the frames over that of telemetry. It is the factor
-            by which height or focal length are wrong, or telemetry's velocity. None: unknown.
-        ground_share: share of the image with ground near enough to be followed up to the frame of
-            `seen`, whether it was followed or not. None where no two frames were compared.
-        tracked_s: capture time of the last frame whose ground was followed; -inf before the first.
-        turn_rad: heading minus telemetry's; it varies slowly.
-        velocity_s: capture time of `velocity`; None for the time of the pose.
-    """
-
-    pose: OdometryPose
-    seen: OdometryPose
-    velocity: BodyVelocity
-    error: BodyVelocity
+    pose: OdometryPose  # now, dead-reckoned and corrected by the ground
+    seen: OdometryPose  # at the capture of the newest frame used
+    velocity: BodyVelocity  # over the ground: telemetry's newest with `error` added
+    error: BodyVelocity  # velocity over the ground minus telemetry's; it varies slowly
+    # Capture time of the last frame whose ground was followed; -inf before the first
     tracked_s: float
-    turn_rad: float = 0.0
-    velocity_s: float | None = None
+    turn_rad: float = 0.0  # heading minus telemetry's; it varies slowly
+    velocity_s: float | None = None  # capture time of `velocity`; None for the time of the pose
+    # The part of `error` that turns with the drone
     bias: BodyVelocity = field(default_factory=BodyVelocity)
+    # Displacement over the ground by the frames over that of telemetry. It is the factor by which
+    # height or focal length are wrong, or telemetry's velocity. None: unknown.
     stretch: float | None = None
+    # Share of the image with ground near enough to be followed up to the frame of `seen`, whether
+    # it was followed or not. None where no two frames were compared.
     ground_share: float | None = None
 
     @property
@@ -133,7 +124,6 @@ class Odometry:
 
     def __init__(self, memory_s: float = 3.0) -> None:
         self.unflown_s = 0.0
-        self._memory_s = memory_s
         self._history: PoseHistory[OdometryPose] = PoseHistory(memory_s)  # at velocity's times
         self._headings = _Headings(memory_s)
         self._velocity = BodyVelocity()

@@ -92,8 +92,6 @@ class Ground:
     def __post_init__(self) -> None:
         if not min(self.size_m) > 0.0:
             raise ValueRangeError(f"the ground must have a size, got {self.size_m} m")
-        if self.outline_m:
-            _ = self.area
 
     @cached_property
     def corners_m(self) -> tuple[Point, ...]:

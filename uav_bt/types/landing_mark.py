@@ -14,20 +14,13 @@ MAX_HEIGHT_M: Final = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class LandingMark:
-    """Kind and size of the box or mat that carries the landing mark.
+    """Kind and size of the box or mat that carries the landing mark."""
 
-    Attributes:
-        kind: Registered name of the plug-in that finds the mark.
-        length_m: Length of the top.
-        width_m: Width of the top.
-        height_m: Height of the top above the ground; 0 for a mark on the ground.
-        options: Settings of that plug-in, such as the family and size of a tag.
-    """
-
-    kind: str = "helipad"
-    length_m: float
-    width_m: float
-    height_m: float
+    kind: str = "helipad"  # registered name of the plug-in that finds the mark
+    length_m: float  # length of the top
+    width_m: float  # width of the top
+    height_m: float  # height of the top above the ground; 0 for a mark on the ground
+    # Settings of that plug-in, such as the family and size of a tag
     options: Mapping[str, Any] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:

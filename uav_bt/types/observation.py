@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from uav_bt.errors import ValueRangeError
 from uav_bt.types.camera import Frame
 from uav_bt.types.dead_reckoning import OdometryPose
 from uav_bt.types.drone_state import DroneState
@@ -31,11 +30,7 @@ class PastView:
 class RecentViews:
     """The frames of the last seconds; two of them show the movement between them."""
 
-    views: tuple[PastView, ...]  # the oldest first
-
-    def __post_init__(self) -> None:
-        if not self.views:
-            raise ValueRangeError("recent views must hold at least the present one, got none")
+    views: tuple[PastView, ...]  # the oldest first; at least one
 
     @property
     def newest(self) -> PastView:

@@ -9,7 +9,7 @@
     object:3           object 3 of the map
 
 A list may name files of places, `file:rounds.csv`, which the loader of tree files replaces by their
-content (`uav_bt/tree/loading/place_lists.py`).
+content (`uav_bt/tree/loading/places.py`).
 
 Distances are in metres, headings in degrees. A heading counts clockwise from the take-off heading;
 after `body:` it counts from the drone's heading, and after `lab:` counter-clockwise from the
@@ -21,7 +21,7 @@ from __future__ import annotations
 import enum
 import math
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final, Self
 
 from uav_bt.errors import ValueRangeError
@@ -59,24 +59,18 @@ class PlaceFrame(enum.Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
-    """A place of a mission.
+    """A place of a mission."""
 
-    Attributes:
-        frame: Origin and axes of the coordinates.
-        x_m: Distance ahead of the origin; in the lab, to the right of the drawing. 0 for a mark and
-            an object.
-        y_m: Distance to the right of the origin; in the lab, up the drawing.
-        height_m: Height above the ground; None for the height that the mission flies at.
-        heading_rad: Heading at the place, clockwise, or counter-clockwise in the lab; None for any.
-        object_id: Number of the object in the map; None in other frames.
-    """
-
-    frame: PlaceFrame
+    frame: PlaceFrame  # origin and axes of the coordinates
+    # Distance ahead of the origin; in the lab, to the right of the drawing. 0 for a mark and an
+    # object.
     x_m: float = 0.0
-    y_m: float = 0.0
+    y_m: float = 0.0  # distance to the right of the origin; in the lab, up the drawing
+    # Height above the ground; None for the height that the mission flies at
     height_m: float | None = None
+    # Heading at the place, clockwise, or counter-clockwise in the lab; None for any
     heading_rad: float | None = None
-    object_id: int | None = None
+    object_id: int | None = None  # number of the object in the map; None in other frames
 
     @classmethod
     def parse(cls, text: str) -> Self:
@@ -101,10 +95,6 @@ class Place:
             heading_rad=None if deg is None else _heading(deg, text),
             object_id=None if found["object"] is None else int(found["object"]),
         )
-
-    def at_height(self, height_m: float | None) -> Self:
-        """Return the same place at a height above the ground; None for the height of the flight."""
-        return replace(self, height_m=height_m)
 
     def __str__(self) -> str:
         """Return the place as a tree file writes it."""

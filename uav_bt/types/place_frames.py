@@ -45,14 +45,8 @@ def resolve(
 ) -> Goal | Unresolved:
     """Return a place in the map's frame.
 
-    A place of the lab's drawing counts from the take-off pose; if that is unknown, from the landing
-    mark as the map has it.
-
-    Args:
-        place: The place.
-        site_map: The newest map, with the drone's pose and the take-off pose.
-        take_off: Take-off pose in the drawing of the lab, yaw counter-clockwise; None if unknown.
-        mark: Pose of the landing mark there, likewise; its upper edge is towards its y axis.
+    A place of the lab's drawing counts from the take-off pose there, yaw counter-clockwise; if that
+    is unknown, from the landing mark, whose upper edge is towards the y axis of its pose there.
     """
     origin = _origin(place, site_map, take_off, mark)
     if isinstance(origin, Unresolved):

@@ -67,12 +67,7 @@ class Pose2D:
         return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=pose.yaw_rad - self.yaw_rad)
 
     def to_world(self, forward_m: float, side_m: float) -> tuple[float, float]:
-        """Return a point relative to this pose in the frame of the pose.
-
-        Args:
-            forward_m: along the heading.
-            side_m: along the body's second axis: left in the world, right in dead reckoning.
-        """
+        """Return a point relative to this pose in its frame; a side is left in the world."""
         c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         return self.x_m + c * forward_m - s * side_m, self.y_m + s * forward_m + c * side_m
 

@@ -19,7 +19,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.errors import ValueRangeError
 from uav_bt.types import CameraModel
 from uav_bt.types.bounds import clamp
 
@@ -39,13 +39,6 @@ def camera_axes(gimbal_pitch_rad: float, roll_rad: float = 0.0) -> NDArray[np.fl
     return np.asarray(upright @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]))
 
 
-def _pixels(points: ArrayLike) -> NDArray[np.float64]:
-    array = np.asarray(points, dtype=np.float64)
-    if array.ndim < 1 or array.shape[-1] != 2:
-        raise ShapeError("pixels", expected="...x2", actual=array.shape)
-    return array
-
-
 def pixel_rays(
     pixels: ArrayLike, camera: CameraModel, gimbal_pitch_rad: float, roll_rad: float = 0.0
 ) -> NDArray[np.float64]:
@@ -53,7 +46,7 @@ def pixel_rays(
 
     The camera is that of the pixels' image size; its distortion is not applied.
     """
-    array = _pixels(pixels)
+    array = np.asarray(pixels, dtype=np.float64)
     x = (array[..., 0] - camera.cx_px) / camera.fx_px
     y = (array[..., 1] - camera.cy_px) / camera.fy_px
     rays = np.stack([x, y, np.ones_like(x)], axis=-1)
@@ -80,8 +73,6 @@ def project(
 ) -> NDArray[np.float64]:
     """Return points of the level frame, (..., 3), as pixels (..., 2); NaN behind the camera."""
     array = np.asarray(points, dtype=np.float64)
-    if array.ndim < 1 or array.shape[-1] != 3:
-        raise ShapeError("points", expected="...x3", actual=array.shape)
     in_camera = array @ camera_axes(gimbal_pitch_rad, roll_rad)
     depth = np.where(in_camera[..., 2] > 1e-9, in_camera[..., 2], np.nan)
     column = camera.fx_px * in_camera[..., 0] / depth + camera.cx_px

@@ -99,46 +99,28 @@ class MapMover:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SiteMapBase:
-    """A site map without its grids, as records keep it.
+    """A site map without its grids, as records keep it."""
 
-    Attributes:
-        pose: of the drone, now.
-        corner_m: the centre of the grids' cell (0, 0).
-        cell_m: side of a cell.
-        obstacles_m: (N, 2) points of obstacles.
-        edges_m: (K, 2) points of the edge of the ground.
-        captured_s: capture of the newest view.
-        movers: the movers; they are not among the obstacles.
-        moved_s: time of the last seen movement; -inf before the first one.
-        lanes_m: (L, 2) places where something moved and that no view has shown since.
-        objects: obstacles with class, place and size.
-        mark: the landing mark; None before it was seen.
-        correction: the pose of the dead-reckoned frame in the map's frame.
-        residual_m: mean distance of views' points from their counterparts on the map.
-        contradicted_s: time for which views have contradicted the map.
-        restarts: number of times the map was begun again, because of that.
-        full: whether part of the room lies beyond the grid.
-        untracked_s: time for which the odometry has followed no ground.
-        start: the take-off pose: the drone's pose when the map began.
-    """
-
-    pose: Pose2D
-    corner_m: tuple[float, float]
-    cell_m: float
-    obstacles_m: Floats
-    edges_m: Floats
-    captured_s: float
-    movers: tuple[MapMover, ...] = ()
-    moved_s: float = -math.inf
+    pose: Pose2D  # of the drone, now
+    corner_m: tuple[float, float]  # the centre of the grids' cell (0, 0)
+    cell_m: float  # side of a cell
+    obstacles_m: Floats  # (N, 2) points of obstacles
+    edges_m: Floats  # (K, 2) points of the edge of the ground
+    captured_s: float  # capture of the newest view
+    movers: tuple[MapMover, ...] = ()  # the movers; they are not among the obstacles
+    moved_s: float = -math.inf  # time of the last seen movement; -inf before the first one
+    # (L, 2) places where something moved and that no view has shown since
     lanes_m: Floats = field(default_factory=lambda: np.empty((0, 2)))
-    objects: tuple[MapObject, ...] = ()
-    mark: MapMark | None = None
+    objects: tuple[MapObject, ...] = ()  # obstacles with class, place and size
+    mark: MapMark | None = None  # the landing mark; None before it was seen
+    # The pose of the dead-reckoned frame in the map's frame
     correction: Pose2D = field(default_factory=lambda: Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0))
-    residual_m: float = 0.0
-    contradicted_s: float = 0.0
-    restarts: int = 0
-    full: bool = False
-    untracked_s: float = 0.0
+    residual_m: float = 0.0  # mean distance of views' points from their counterparts on the map
+    contradicted_s: float = 0.0  # time for which views have contradicted the map
+    restarts: int = 0  # number of times the map was begun again, because of that
+    full: bool = False  # whether part of the room lies beyond the grid
+    untracked_s: float = 0.0  # time for which the odometry has followed no ground
+    # The take-off pose: the drone's pose when the map began
     start: Pose2D = field(default_factory=lambda: Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0))
 
     def object(self, object_id: int | None) -> MapObject | None:
@@ -153,22 +135,16 @@ class SiteMap(SiteMapBase):
     The frame is that of dead reckoning: x along yaw 0, y to its right, the origin where the mission
     began. Views correct the drone's pose in it. All grids have the same shape, rows along x and
     columns along y.
-
-    Attributes:
-        classes: classes of the objects.
-        seen_s: (R, C) float64 when the cell last showed ground; -inf: never.
-        free: (R, C) cells known to be free to fly: ground, or below a line of sight to the ground.
-        outside: (R, C) cells beyond the edge of the ground.
-        passed: (R, C) cells within half a metre of the flown path.
-        near: obstacles and edges near the drone, relative to `pose`, placed by dead reckoning;
-            including those that only a few views have seen, and those of unknown range.
     """
 
-    classes: LabClasses
-    seen_s: Floats
+    classes: LabClasses  # classes of the objects
+    seen_s: Floats  # (R, C) float64 when the cell last showed ground; -inf: never
+    # (R, C) cells known to be free to fly: ground, or below a line of sight to the ground
     free: Flags
-    outside: Flags
-    passed: Flags
+    outside: Flags  # (R, C) cells beyond the edge of the ground
+    passed: Flags  # (R, C) cells within half a metre of the flown path
+    # Obstacles and edges near the drone, relative to `pose`, placed by dead reckoning; including
+    # those that only a few views have seen, and those of unknown range
     near: NearObstacles = field(default_factory=NearObstacles)
 
     __repr__ = shapes_repr

@@ -15,27 +15,17 @@ from uav_bt.errors import ShapeError
 
 @dataclass(frozen=True, kw_only=True)
 class MarkFix:
-    """Position of the landing mark, from the body's centre in the heading-aligned level plane.
+    """Position of the landing mark, from the body's centre in the heading-aligned level plane."""
 
-    Attributes:
-        captured_s: Capture time of the last frame in which the mark was detected.
-        forward_m: Distance ahead.
-        right_m: Distance to the right.
-        height_m: Height of the mark's top above the ground.
-        detected: True if the newest frame shows the mark, False if the tracker predicts it.
-        confidence: 0 to 1, of the last detection.
-        std_m: Standard deviation of the position.
-        heading_deg: Heading of the drone relative to the mark, clockwise, -180 to 180; 0 if the
-            drone looks towards the mark's upper edge. None if the mark does not show it.
-    """
-
-    captured_s: float
-    forward_m: float
-    right_m: float
-    height_m: float
-    detected: bool
-    confidence: float = 1.0
-    std_m: float = 0.0
+    captured_s: float  # capture time of the last frame in which the mark was detected
+    forward_m: float  # distance ahead
+    right_m: float  # distance to the right
+    height_m: float  # height of the mark's top above the ground
+    detected: bool  # true if the newest frame shows the mark, False if the tracker predicts it
+    confidence: float = 1.0  # 0 to 1, of the last detection
+    std_m: float = 0.0  # standard deviation of the position
+    # Heading of the drone relative to the mark, clockwise, -180 to 180; 0 if the drone looks
+    # towards the mark's upper edge. None if the mark does not show it.
     heading_deg: float | None = None
 
     @property
@@ -79,11 +69,6 @@ class NearObstacles:
         for points in (self.points_m, self.assumed_m, self.edges_m):
             if points.ndim != 2 or points.shape[1] != 2:
                 raise ShapeError("obstacle points", expected="Nx2", actual=points.shape)
-        ages = ((self.points_m, self.points_age_s), (self.edges_m, self.edges_age_s))
-        for points, age_s in ages:
-            if age_s.shape not in {(0,), points.shape[:1]}:
-                expected = str(points.shape[:1])
-                raise ShapeError("ages of obstacle points", expected=expected, actual=age_s.shape)
 
     @property
     def nearest_m(self) -> float:

@@ -113,7 +113,7 @@ def test_the_lenss_place_may_be_given(tmp_path: Path) -> None:
         ({"K": [[931, 0, 640], [0, 931, 359], [0, 0, 2]]}, "without skew"),
         ({"K": [[-931, 0, 640], [0, 931, 359], [0, 0, 1]]}, "K must have positive focal lengths"),
         ({"K": [[931, 0, 2640], [0, 931, 359], [0, 0, 1]]}, "centre within the image"),
-        ({"K": [[float("nan"), 0, 640], [0, 931, 359], [0, 0, 1]]}, "finite"),
+        ({"K": [[float("nan"), 0, 640], [0, 931, 359], [0, 0, 1]]}, "a number, got '.nan'"),
         ({"distortion": [0.1, 0.2]}, "distortion must hold 0, 4, 5, 8, 12, 14 numbers, got 2"),
         ({"distortion": ["a", 0, 0, 0]}, "distortion[0]: expected a number, got 'a'"),
         ({"distortion": None}, "distortion: expected a list, got 'null'"),

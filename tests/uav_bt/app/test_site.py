@@ -88,7 +88,7 @@ def test_a_shipped_network_is_called_by_its_name(tmp_path: Path) -> None:
             "camera: \nlimits: {speed_mps: 0}",
             "site.yaml:2: limits: speed_mps must be a positive number, got 0",
         ),
-        ("limits: {ceiling_m: .nan}", "limits.ceiling_m: expected a finite number, got '.nan'"),
+        ("limits: {ceiling_m: .nan}", "limits.ceiling_m: expected a number, got '.nan'"),
         ("flight_height_m: 0", "expected a number greater than 0, got '0'"),
         (
             "battery: {take_off: 40}",

@@ -12,7 +12,7 @@ from tests.uav_bt.campaign.campaign_world import plan
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.plan import SHARED, CampaignPlan, FlightTask, PlannedFile, PlannedTree
 from uav_bt.errors import InputError
-from uav_bt.tree.loading.folders import TreeFolders
+from uav_bt.tree.loading.lookup import TreeFolders
 
 
 def test_every_tree_flies_in_every_scene_with_every_seed() -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tests.worlds.cli import assert_refused, run
-from uav_bt.lab.starter import write_lab
+from uav_bt.lab.shipped import write_lab
 
 PICKS = """\
 image,x,y,class,origin

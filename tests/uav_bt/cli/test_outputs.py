@@ -187,7 +187,7 @@ def test_a_device_is_not_replaced_by_a_file(world: Path) -> None:
 
 
 def test_an_empty_name_is_none(world: Path) -> None:
-    assert_refused(run("fly", "mission.xml", "--report", ""), "expected the name of a file")
+    assert_refused(run("fly", "mission.xml", "--report", ""), "is a folder; name a file")
 
 
 def test_an_output_that_is_no_input_is_replaced(world: Path) -> None:

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from tests.uav_bt.groot.groot_world import read_log
 from uav_bt.errors import FileError
-from uav_bt.groot import BtlogWriter, Transition
+from uav_bt.groot.btlog import BtlogWriter
+from uav_bt.groot.transitions import Transition
 from uav_bt.tree import Status
 
 XML = '<root BTCPP_format="4"><BehaviorTree ID="Main"><A _uid="1"/></BehaviorTree></root>'
@@ -43,17 +43,6 @@ def test_a_log_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     log = BtlogWriter(tmp_path / "absent" / "flight.btlog")
     with pytest.raises(FileError, match="cannot be written: No such file"):
         log.begin(XML, 0)
-
-
-def test_a_log_that_grows_too_large_ends_and_is_reported_at_the_end(tmp_path: Path) -> None:
-    path = tmp_path / "flight.btlog"
-    log = BtlogWriter(path, max_bytes=len(HEAD) + 8 + 9 + 8)
-    log.begin(XML, 0)
-    for time_us in range(3):
-        log.write([Transition(time_us, 1, Status.SUCCESS)])
-    with pytest.raises(FileError, match="ends early: it is too large"), log:
-        pass
-    assert read_log(path) == (XML, 0, [(0, 1, Status.SUCCESS)])
 
 
 def test_a_full_disk_ends_the_log_not_the_mission(tmp_path: Path) -> None:

@@ -11,8 +11,7 @@ from tests.uav_bt.groot.groot_world import make_tree
 from tests.worlds.trees import leaf
 from uav_bt import app
 from uav_bt.errors import InputError
-from uav_bt.groot import TreeNumbering
-from uav_bt.groot.numbering import MAX_UID, tree_xml
+from uav_bt.groot.numbering import MAX_UID, TreeNumbering, tree_xml
 from uav_bt.tree import MissionTree
 from uav_bt.tree.nodes import AlwaysSuccess, Sequence
 

@@ -13,20 +13,19 @@ from tests.uav_bt.groot.groot_world import make_context, make_tree
 from tests.worlds.trees import leaf
 from uav_bt.clock import ManualClock
 from uav_bt.errors import NodeFailedError
-from uav_bt.groot import TransitionRecorder, TreeNumbering
+from uav_bt.groot.numbering import TreeNumbering
+from uav_bt.groot.transitions import TransitionRecorder
 from uav_bt.tree import MissionTree, Status, parse_tree
 from uav_bt.tree.status import FAILURE, IDLE, SUCCESS
 
 SAMPLE = Path(__file__).parents[2] / "data" / "bt_traces_sample.jsonl"
 
 
-def watched(body: str, *more: str) -> tuple[MissionTree, TransitionRecorder, ManualClock]:
+def watched(body: str, *more: str) -> tuple[MissionTree, TransitionRecorder]:
     tree = make_tree(body, *more)
     clock = ManualClock()
     tree.setup(make_context(clock))
-    recorder = TransitionRecorder(TreeNumbering(tree), clock)
-    recorder.attach()
-    return tree, recorder, clock
+    return tree, TransitionRecorder(TreeNumbering(tree), clock)
 
 
 def taken(recorder: TransitionRecorder) -> str:
@@ -56,7 +55,7 @@ SKIPPED = leaf("a", "S", '_skipIf="true"')
 )
 def test_transitions_come_in_the_order_of_the_engine(body: str, ticks: str) -> None:
     """One word for each transition, a comma between two ticks; the last one is a halt."""
-    tree, recorder, _ = watched(body)
+    tree, recorder = watched(body)
     *told, halt = ticks.split(", ")
     for one in told:
         tree.tick()
@@ -66,7 +65,7 @@ def test_transitions_come_in_the_order_of_the_engine(body: str, ticks: str) -> N
 
 
 def test_a_node_that_raises_leaves_everything_idle() -> None:
-    tree, recorder, _ = watched(f"<Sequence>{leaf('a', 'S')}{leaf('b', '')}</Sequence>")
+    tree, recorder = watched(f"<Sequence>{leaf('a', 'S')}{leaf('b', '')}</Sequence>")
     with pytest.raises(NodeFailedError, match="IndexError"):
         tree.tick()
     assert taken(recorder) == "1R 2S 3R 2I 3I 1I"
@@ -85,7 +84,6 @@ def test_watching_changes_nothing_and_misses_nothing() -> None:
         numbering = TreeNumbering(trees[0])
         replayed = [Status.IDLE] * len(numbering.nodes)
         recorder = TransitionRecorder(numbering, clock)
-        recorder.attach()
         for index in range(len(trace["ticks"])):
             answers = [_advance(tree, trace, index) for tree in trees]
             assert answers[0] == answers[1], trace["id"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -45,8 +44,6 @@ def test_the_order_of_the_classes_is_free_behind_the_first_one() -> None:
     ids = np.array([0, 1, 2, 3], dtype=np.uint8)
     assert classes.roles(ids).tolist() == [OUTSIDE, MARK, OBSTACLE, GROUND]
     assert (classes.ground, classes.mark_sides, classes.mark_top) == (3, None, 1)
-    assert classes.is_above_ground(ids).tolist() == [False, True, True, False]
-    assert classes.is_ground(ids).tolist() == [False, False, False, True]
 
 
 def test_several_ground_classes_become_the_first_one() -> None:
@@ -71,8 +68,6 @@ def test_several_ground_classes_become_the_first_one() -> None:
             [WALL, a_class("box", "obstacle", "lid"), on_legs("lid", "obstacle", 1.0)],
             "'lid' cannot stand on legs",
         ),
-        ([WALL, on_legs("desk", "obstacle", 0.0)], "legs_m of 'desk' must lie above 0"),
-        ([WALL, on_legs("desk", "obstacle", math.nan)], "got nan"),
     ],
 )
 def test_classes_that_make_no_lab_are_refused(classes: list[LabClass], message: str) -> None:

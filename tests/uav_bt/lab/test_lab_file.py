@@ -48,6 +48,7 @@ def test_a_lab_file_gives_names_roles_colours_and_tops(tmp_path: Path) -> None:
         ("top: lid", "top: lit", "lab.yaml:2.*did you mean 'lid'"),
         ("role: outside", "role: ground", "lab.yaml:2.*'wall' has the role ground"),
         ("role: ground", "role: ground, legs_m: 1", "lab.yaml:2.*'floor' cannot stand on legs"),
+        ("top: lid", "legs_m: 0", "lab.yaml:5.*legs_m: expected a number greater than 0"),
     ],
 )
 def test_a_mistake_is_reported_with_its_line(

@@ -44,12 +44,16 @@ def test_a_room_gives_kinds_ground_walls_and_light(tmp_path: Path) -> None:
         ("image: wood.png", "image: lab.yaml", "is no picture: expected a PNG or JPEG"),
         ("image: wood.png", "colour: red", "expected"),
         ("{image: wood.png}", "{}", "a painted surface needs a colour"),
-        ("file: cone.obj", "file: wood.png", "is no OBJ file"),
+        ("file: cone.obj", "file: wood.png", "cannot be read as UTF-8 text"),
         ("      file: cone.obj\n", "", "a mesh needs 'file'"),
-        ("shelves: 3", "shelves: 0", "shelves must be 1 to 12"),
+        ("shelves: 3", "shelves: 0", "shelves: expected a number greater than or equal to 1"),
         ("ground: {size_m: [6, 4]", "ground: {size_m: [6, 90]", "2 to 40 m a side"),
         ("size_m: [6, 4],", "outline_m: [[0, 0], [3, 3], [3, 0], [0, 3]],", "must not cross"),
-        ("position_m: [-2, 0, 3.8]", "position_m: [-2, 0, -1]", "hangs above the ground"),
+        (
+            "position_m: [-2, 0, 3.8]",
+            "position_m: [-2, 0, -1]",
+            "position_m[2]: expected a number greater than 0",
+        ),
     ],
 )
 def test_a_mistake_in_a_room_is_reported_with_its_line(

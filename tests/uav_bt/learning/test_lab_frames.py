@@ -24,7 +24,7 @@ from tests.worlds.footage import frame, write_record
 from uav_bt.app.sources.video_source import VideoSource
 from uav_bt.errors import FileError, InputError
 from uav_bt.lab.lab_file import read_lab
-from uav_bt.lab.starter import write_lab
+from uav_bt.lab.shipped import write_lab
 from uav_bt.learning import lab_frames
 from uav_bt.learning.frames_summary import FramesSummary
 from uav_bt.learning.lab_frames import take_frames, use_at

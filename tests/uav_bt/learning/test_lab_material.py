@@ -8,7 +8,7 @@ import pytest
 
 from uav_bt.errors import FileError
 from uav_bt.lab.lab_file import read_lab
-from uav_bt.lab.starter import write_lab
+from uav_bt.lab.shipped import write_lab
 from uav_bt.learning.lab_material import LabFrame, LabMaterial
 
 

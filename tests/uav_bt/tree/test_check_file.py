@@ -53,13 +53,6 @@ def test_a_script_that_fails_in_every_run_is_refused(
     assert finding.message.startswith(f"attribute '{attribute}': the script always fails: ")
 
 
-@pytest.mark.parametrize(
-    "body",
-    [
-        '<Script code="x := 0; y := x ? 1 / 0 : 1"/>',
-        '<AlwaysSuccess _onSuccess="2"/>',
-        '<Script code="x := 1; 1 > x < 1 / 0"/>'.replace("< 1 /", "&lt; 1 /"),
-    ],
-)
-def test_a_script_that_may_work_is_good(tmp_path: Path, body: str) -> None:
-    assert check_file(tree_file(tmp_path, body)) == ()
+def test_a_script_that_may_work_is_good(tmp_path: Path) -> None:
+    for code in ("x := 0; y := x ? 1 / 0 : 1", "x := 1; 1 > x &lt; 1 / 0"):
+        assert check_file(tree_file(tmp_path, f'<Script code="{code}" _onSuccess="2"/>')) == ()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from uav_bt.errors import FileError, NodeFailedError, TreeError, ValueRangeError
+from uav_bt.errors import FileError, NodeFailedError, TreeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status
 from uav_bt.tree.dry_run import Answer, SimulatedTick, Simulation, read_script
 
@@ -147,11 +147,6 @@ def test_board_values_that_do_not_fit_are_refused_with_their_line(
     assert (error.value.path, error.value.line) == (tmp_path / "script.yaml", line)
 
 
-def test_time_must_pass(tmp_path: Path) -> None:
-    with pytest.raises(ValueRangeError, match=r"got 0\.0 s"):
-        simulation(tmp_path, "<Fly/>", "default: S", tick_s=0.0)
-
-
 def test_a_node_that_raises_ends_the_dry_run_and_names_what_is_unset(tmp_path: Path) -> None:
     with pytest.raises(NodeFailedError) as caught:
         ticks(tmp_path, '<Script code="a := 1 / nothing"/>', "default: S")
@@ -175,7 +170,7 @@ def written(folder: Path, text: str) -> Path:
         ("variables: {a: 1}", 1, "expected 'leaves' with answers of leaves, or a 'default'"),
         ("default: S\nleafs: {}", 2, "leafs: unknown key; did you mean 'leaves'?"),
         ("leaves:\n  A: RRX", 2, "a script has the letters R (running), S (success)"),
-        ("leaves:\n  A: RRS\n  A: S", 3, "leaves: the key 'A' is given twice"),
+        ("leaves:\n  A: RRS\n  A: S", 3, "leaves.A: the key is given twice"),
         ("leaves:\n  A: [R, S]", 2, "or a number or a text, got a list of 2"),
     ],
 )

@@ -8,6 +8,10 @@ from pathlib import Path
 import pytest
 
 from tests.worlds.trees import document
+from uav_bt.app.lab_check import check_in_lab
+from uav_bt.app.options import FlightOptions
+from uav_bt.errors import TreeError
+from uav_bt.lab.shipped import load_lab
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.loading.loader import check_file, check_text
 from uav_bt.tree.loading.lookup import Library, Lookup, files_in
@@ -63,3 +67,39 @@ def test_a_main_tree_may_stand_in_another_file_of_the_folder(tmp_path: Path) -> 
     assert check_file(spin, REGISTRY, lookup=Lookup(Library(files_in(tmp_path)))) == ()
     (alone,) = check_file(spin, REGISTRY)
     assert "there is no tree 'Try'" in str(alone)
+
+
+@pytest.mark.parametrize(
+    ("first", "later", "warns"),
+    [
+        (UP, '<HoverFor seconds="2"/>', True),
+        ('<Turn degrees="90"/>', DOWN, True),
+        ("<Avoid/>", '<Explore policy="corridor"/>', False),
+        (MAP, DOWN, False),
+    ],
+)
+def test_a_leaf_that_begins_anew_and_halts_the_next_is_a_warning(
+    first: str, later: str, *, warns: bool
+) -> None:
+    texts = found(MAP, f"<ReactiveSequence>{first}{later}</ReactiveSequence>", DOWN)
+    told = [one for one in texts if "begins anew in every tick and halts" in one]
+    assert ["warning: " in one for one in told] == [True] * warns
+
+
+@pytest.mark.parametrize(
+    ("leaf", "message"),
+    [
+        ('<NextObject class="box5"/>', "unknown class of an object 'box5'; did you mean 'box_5'?"),
+        ('<HelipadCenter heading_deg="10"/>', "needs a landing mark that shows its heading"),
+    ],
+)
+def test_what_a_lab_lacks_is_refused_there_and_a_warning_for_the_default_lab(
+    leaf: str, message: str
+) -> None:
+    body = (MAP, UP, leaf, DOWN)
+    (text,) = found(*body)
+    assert "warning: " in text
+    assert message in text
+    mission = document(f"<Sequence>{''.join(body)}</Sequence>")
+    with pytest.raises(TreeError, match=re.escape(message)):
+        check_in_lab(mission, FlightOptions(lab=load_lab()))

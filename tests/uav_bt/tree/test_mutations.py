@@ -13,9 +13,9 @@ from tests.worlds.trees import World
 from uav_bt.board import MISSION_KEYS
 from uav_bt.errors import NodeFailedError, TreeError
 from uav_bt.tree import MissionTree, parse_tree
-from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.loading.elements import node_attributes, node_id_of
 from uav_bt.tree.loading.source import Element, parse_source
+from uav_bt.tree.port import CONDITION_ATTRIBUTES
 
 ROOT = Path(__file__).parents[3]
 SOURCES = [
@@ -72,8 +72,8 @@ def check_values(tree: MissionTree) -> None:
     """Fail when a port has a value that is not of its type."""
     for node in tree.nodes():
         for port in node.ports:
-            if port.name in node._literals:
-                assert isinstance(node._literals[port.name], port.type), (node.path, port.name)
+            if port.name in node.literals:
+                assert isinstance(node.literals[port.name], port.type), (node.path, port.name)
 
 
 def fly(tree: MissionTree, world: World) -> None:

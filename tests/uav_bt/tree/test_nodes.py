@@ -40,18 +40,6 @@ def test_timers_follow_the_missions_clock(world: World) -> None:
     assert world.events() == ["start a"]
 
 
-def test_halted_timers_start_over(world: World) -> None:
-    tree = world.tree('<Sleep msec="200"/>')
-    tree.tick()
-    world.clock.advance(0.15)
-    tree.halt()
-    answers = ""
-    for step_s in (0.15, 0.05, 0.0):
-        answers += tree.tick().letter
-        world.clock.advance(step_s)
-    assert answers == "RRS"
-
-
 @pytest.mark.parametrize(
     ("before", "parallel"),
     [
@@ -146,21 +134,6 @@ def test_a_skipped_condition_is_an_error(world: World, node: str) -> None:
     with pytest.raises(NodeFailedError, match="must not be skipped") as error:
         tree.tick()
     assert isinstance(error.value.__cause__, MissionError)
-
-
-def test_ports_can_follow_variables(world: World) -> None:
-    """A port given as `{key}` is read at every tick, as the engine reads numbers and truths."""
-    tree = world.tree(f'<Repeat num_cycles="{{n}}">{A}</Repeat>')
-    tree.variables["n"] = "2"
-    assert letters(tree, 2) == "RS"
-    tree.variables["n"] = 1
-    assert letters(tree, 1) == "S"
-    once = (
-        f'<Sequence><Script code="f := true"/><RunOnce then_skip="{{f}}">{A}</RunOnce></Sequence>'
-    )
-    world.events()
-    assert world.run(once, 2) == "SS"
-    assert world.events() == ["start a"]
 
 
 # --- trees composed in Python ---------------------------------------------------------------------

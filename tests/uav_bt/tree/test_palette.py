@@ -11,7 +11,8 @@ from tests.worlds.trees import World, document
 from uav_bt.errors import NodeFailedError, TreeError
 from uav_bt.tree import Leaf, NodeKind, NodeRegistry, Port, Status, load_tree, parse_tree
 from uav_bt.tree.describe import palette_xml
-from uav_bt.tree.loading.palette import PaletteNode, read_palette, with_palette
+from uav_bt.tree.loading.models import PaletteNode, with_palette
+from uav_bt.tree.loading.uses import Uses
 from uav_bt.tree.nodes import Sequence
 
 FOREIGN = """<TreeNodesModel>
@@ -51,7 +52,7 @@ def written(folder: Path, text: str) -> Path:
 
 @pytest.fixture
 def foreign(tmp_path: Path) -> NodeRegistry:
-    return with_palette(NodeRegistry(), read_palette(written(tmp_path, FOREIGN)))
+    return with_palette(NodeRegistry(), written(tmp_path, FOREIGN))
 
 
 def findings(body: str, registry: NodeRegistry) -> list[str]:
@@ -84,20 +85,6 @@ def test_kinds_ports_and_descriptions_come_from_the_model(foreign: NodeRegistry)
     assert (ports["planner"].default, ports["planner"].doc) == ("GridBased", "which planner")
 
 
-def test_a_foreign_tree_is_good_and_no_port_must_be_given(foreign: NodeRegistry) -> None:
-    body = (
-        '<PipelineSequence><RateController hz="1.0"><ComputePath goal="{goal}" path="{path}"/>'
-        '</RateController><Inverter><IsStuck/></Inverter><ComputePath goal="1;2;3"/>'
-        "</PipelineSequence>"
-    )
-    tree = parse_tree(document(body), foreign)
-    assert [node.node_id for node in tree.nodes()][:3] == [
-        "PipelineSequence",
-        "RateController",
-        "ComputePath",
-    ]
-
-
 @pytest.mark.parametrize(
     ("attributes", "message"),
     [
@@ -125,10 +112,10 @@ def test_a_foreign_node_is_not_ticked(foreign: NodeRegistry, world: World) -> No
 
 def test_the_palette_of_our_own_nodes_can_be_read_again(tmp_path: Path) -> None:
     ours = NodeRegistry.installed()
-    read = {node.node_id: node for node in read_palette(written(tmp_path, palette_xml(ours))).nodes}
-    assert set(read) == set(ours) - set(NodeRegistry())
-    for node_id, node in read.items():
-        known = ours[node_id]
+    read = with_palette(NodeRegistry(), written(tmp_path, palette_xml(ours)))
+    assert set(read) == set(ours)
+    for node_id in set(ours) - set(NodeRegistry()):
+        node, known = read[node_id], ours[node_id]
         assert node.kind is known.kind
         assert [(port.name, port.type, port.direction) for port in node.ports] == [
             (port.name, port.type, port.direction) for port in known.ports
@@ -139,14 +126,12 @@ def test_the_palette_of_our_own_nodes_can_be_read_again(tmp_path: Path) -> None:
 
 def test_a_described_node_stays_or_is_replaced(tmp_path: Path) -> None:
     text = '<TreeNodesModel><Action ID="Sequence"/></TreeNodesModel>'
-    assert (
-        with_palette(NodeRegistry(), read_palette(written(tmp_path, text)))["Sequence"] is Sequence
-    )
+    assert with_palette(NodeRegistry(), written(tmp_path, text))["Sequence"] is Sequence
     installed = NodeRegistry([Land, Scripted])
-    read = read_palette(written(tmp_path, palette_xml(installed)))
-    assert with_palette(installed, read)["Land"] is Land
+    alike = written(tmp_path, palette_xml(installed))
+    assert with_palette(installed, alike)["Land"] is Land
     text = '<TreeNodesModel><Action ID="Land"><input_port name="topic"/></Action></TreeNodesModel>'
-    registry = with_palette(installed, read_palette(written(tmp_path, text)))
+    registry = with_palette(installed, written(tmp_path, text))
     assert registry["Scripted"] is Scripted
     assert issubclass(registry["Land"], PaletteNode)
     parse_tree(document('<Land topic="/land"/>'), registry)
@@ -161,7 +146,7 @@ def test_a_described_node_stays_or_is_replaced(tmp_path: Path) -> None:
 )
 def test_a_palette_that_makes_no_sense_is_refused(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(TreeError) as error:
-        read_palette(written(tmp_path, text))
+        with_palette(NodeRegistry(), written(tmp_path, text))
     assert message in error.value.findings[0]
     assert error.value.findings[0].startswith(f"{tmp_path / 'palette.xml'}:1:")
 
@@ -177,6 +162,6 @@ def test_enumerations_of_a_palette_are_known_to_scripts(tmp_path: Path) -> None:
         '<root BTCPP_format="4"><BehaviorTree ID="A">'
         '<ScriptCondition code="SUPPLY_FULL == 4"/></BehaviorTree></root>'
     )
-    registry = with_palette(NodeRegistry.installed(), read_palette(palette))
-    assert load_tree(tree, registry).unset == ()
-    assert load_tree(tree).unset == ("SUPPLY_FULL",)
+    registry = with_palette(NodeRegistry.installed(), palette)
+    assert Uses(load_tree(tree, registry)).unset() == {}
+    assert [*Uses(load_tree(tree)).unset()] == ["SUPPLY_FULL"]

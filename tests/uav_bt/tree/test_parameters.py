@@ -11,6 +11,7 @@ from uav_bt.tree import MissionTree, Parameters, parse_tree
 from uav_bt.tree.loading.loader import check_text
 from uav_bt.tree.loading.parameter_file import read_parameters
 from uav_bt.tree.loading.parameters import Plain
+from uav_bt.tree.loading.uses import Uses
 
 PATROL = """<root BTCPP_format="4" main_tree_to_execute="Main">
   <BehaviorTree ID="Main">
@@ -49,7 +50,7 @@ def test_variables_reach_the_ports_that_read_them_and_the_scripts() -> None:
     assert at["Main/Sequence/Side/Sequence/HoverFor"].port_value("seconds") == 1.5
     assert at["Main/Sequence/Side/Sequence/Explore"].port_value("policy") == "corridor"
     assert tree.variables["laps"] == 2
-    assert tree.unset == ()
+    assert Uses(tree).unset() == {}
     assert findings(Parameters(variables=GIVEN)) == []
 
 

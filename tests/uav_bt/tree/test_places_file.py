@@ -10,7 +10,7 @@ from uav_bt.tree import MissionTree, load_tree
 from uav_bt.tree.loading.loader import check_file
 from uav_bt.tree.loading.lookup import Library, Lookup
 from uav_bt.tree.loading.parameters import Parameters
-from uav_bt.tree.loading.places_file import MAX_BYTES, MAX_PLACES, read_places
+from uav_bt.tree.loading.places import MAX_BYTES, MAX_PLACES, read_places
 from uav_bt.tree.rules import Rules
 
 LOOP = '<LoopString queue="{}" value="{{p}}"><Face at="{{p}}"/></LoopString>'
@@ -57,7 +57,7 @@ def queue_of(tree: MissionTree) -> str:
     ],
 )
 def test_places_are_read_in_their_order(suffix: str, text: str, places: str) -> None:
-    assert read_places(text.encode(), suffix) == (places, [])
+    assert read_places(text.encode(), is_table=suffix == ".csv") == (places.split(";"), [])
 
 
 @pytest.mark.parametrize(
@@ -81,17 +81,15 @@ def test_places_are_read_in_their_order(suffix: str, text: str, places: str) -> 
     ],
 )
 def test_each_fault_has_its_line(suffix: str, data: str, line: int, words: str) -> None:
-    places, faults = read_places(data.encode(), suffix)
-    assert places == ""
+    _, faults = read_places(data.encode(), is_table=suffix == ".csv")
     assert [number for number, _ in faults] == [line]
     assert words in faults[0][1]
 
 
 def test_what_is_no_text_and_what_is_too_long_is_refused() -> None:
-    assert read_places(b"mark\n\xff\xfe", ".txt")[1] == [(2, "expected UTF-8 text")]
-    long = read_places(b"mark\n" * (MAX_PLACES + 1), ".txt")[1]
+    assert read_places(b"mark\n\xff\xfe", is_table=False)[1] == [(2, "expected UTF-8 text")]
+    long = read_places(b"mark\n" * (MAX_PLACES + 1), is_table=False)[1]
     assert long == [(MAX_PLACES + 1, f"more than {MAX_PLACES} places")]
-    assert len(read_places(b"nowhere\n" * 500, ".txt")[1]) == 20
 
 
 # --- the tree -------------------------------------------------------------------------------------
@@ -127,16 +125,13 @@ def test_a_file_stands_for_its_places(
 def test_the_entry_of_a_subtree_its_default_and_a_variable_are_lists_too(
     rounds: Path, tmp_path: Path
 ) -> None:
-    entry = load_tree(tree_file(tmp_path, SHARED, VISIT.format("mark")))
-    default = load_tree(
-        tree_file(tmp_path, '<SubTree ID="Visit"/>', VISIT.format("file:rounds.txt"))
-    )
-    for tree in (entry, default):
+    for body, default in ((SHARED, "mark"), ('<SubTree ID="Visit"/>', "file:rounds.txt")):
+        tree = load_tree(tree_file(tmp_path, body, VISIT.format(default)))
         assert tree.root.attributes["places"] == "start:2,0;mark"  # type: ignore[attr-defined]
+        assert rounds in tree.sources
     path = tree_file(tmp_path, LOOP.format("{places}"))
-    outside = load_tree(path, parameters=Parameters(variables={"places": "file:rounds.txt"}))
-    assert outside.variables["places"] == "start:2,0;mark"
-    assert all(rounds in tree.sources for tree in (entry, default, outside))
+    tree = load_tree(path, parameters=Parameters(variables={"places": "file:rounds.txt"}))
+    assert (tree.variables["places"], rounds in tree.sources) == ("start:2,0;mark", True)
 
 
 def test_an_area_may_stand_in_a_file(tmp_path: Path) -> None:
@@ -174,8 +169,8 @@ def test_texts_that_are_no_lists_stay(rounds: Path, tmp_path: Path) -> None:
     [
         ("../rounds.txt", "lies outside the folder"),
         ("link.txt", "lies outside the folder"),
-        ("ronds.txt", "no such file of places 'ronds.txt' in"),
-        ("folder.txt", "is a folder, no file"),
+        ("ronds.txt", "'ronds.txt': no such file in"),
+        ("folder.txt", "'folder.txt': no such file in"),
         ("huge.csv", f"larger than {MAX_BYTES} bytes"),
         ("x" * 300 + ".txt", "is no name of a file"),
         ("rounds", "got 'file:rounds': a file of places ends in .csv or .txt"),

@@ -85,24 +85,16 @@ def test_variables_are_read_as_the_engine_reads_them(
         ("{=}", Reference("p", on_board=False)),
         ("plain", None),
         ("a {b} c", None),
+        *((text, ValueError) for text in ("{}", "{a b}", "{@}", "{1x}")),
     ],
 )
-def test_references(text: str, reference: Reference | None) -> None:
+def test_references(text: str, reference: Reference | type[ValueError] | None) -> None:
     """Braces around a key make a reference, `{=}` one to the port's own name."""
-    assert parse_reference(text, "p") == reference
-
-
-@pytest.mark.parametrize("text", ["{}", "{a b}", "{@}", "{1x}"])
-def test_broken_references_are_refused(text: str) -> None:
-    with pytest.raises(ValueError, match="not a reference"):
-        parse_reference(text, "p")
-
-
-def test_choices_come_with_a_suggestion() -> None:
-    port = Port("side", str, choices=("left", "right"))
-    assert port.bind("left") == "left"
-    with pytest.raises(ValueError, match="left, right; got 'lefft'; did you mean 'left'"):
-        port.bind("lefft")
+    if reference is ValueError:
+        with pytest.raises(ValueError, match="not a reference"):
+            parse_reference(text, "p")
+    else:
+        assert parse_reference(text, "p") == reference
 
 
 @pytest.mark.parametrize(

@@ -55,16 +55,6 @@ def test_duplicates_name_both() -> None:
         registry.with_nodes(object)  # type: ignore[arg-type]
 
 
-def test_further_nodes_leave_the_registry_as_it_was() -> None:
-    registry = NodeRegistry(policies=["rule"])
-    for _ in range(2):
-        own = type("Own", (Plugged,), {})
-        larger = registry.with_nodes(own)
-        assert larger["Own"] is own
-        assert larger.policies == ["rule"]
-    assert "Own" not in registry
-
-
 @pytest.mark.parametrize(
     ("value", "message"),
     [

@@ -62,10 +62,10 @@ def loads(text: str) -> bool:
     return not check_text(text, REGISTRY, path=Path("m.xml"))
 
 
-@pytest.mark.parametrize("path", sorted(TREES.glob("*.xml")), ids=lambda path: path.stem)
-def test_every_shipped_tree_is_valid(path: Path) -> None:
+def test_every_shipped_tree_is_valid() -> None:
     schema = schema_of(NodeRegistry.installed())
-    schema.assertValid(etree.parse(str(path), PARSER))
+    for path in TREES.glob("*.xml"):
+        schema.assertValid(etree.parse(str(path), PARSER))
 
 
 def test_every_tree_of_the_reference_traces_is_valid() -> None:

@@ -58,7 +58,7 @@ def test_a_tree_of_that_id_takes_its_place(tmp_path: Path) -> None:
     [
         (
             '<ReturnToBase gives_way="no"/>',
-            "holds a value that does not fit (expected true or false",
+            "attribute 'gives_way' holds 'no'; GiveWay",
         ),
         (
             '<ReturnToBase approach="memry"/>',

@@ -11,11 +11,11 @@ from uav_bt.tree import NodeRegistry
 from uav_bt.tree.loading.findings import errors_of
 from uav_bt.tree.loading.loader import check_file
 from uav_bt.tree.loading.lookup import Library, Lookup, files_in
-from uav_bt.tree.loading.palette import read_palette, with_palette
+from uav_bt.tree.loading.models import with_palette
 
 FILES = Path(__file__).parents[2] / "data" / "tree_files"
 VERDICTS = yaml.safe_load((FILES / "verdicts.yaml").read_text(encoding="utf-8"))
-REGISTRY = with_palette(NodeRegistry(), read_palette(FILES / "palette.xml"))
+REGISTRY = with_palette(NodeRegistry(), FILES / "palette.xml")
 WORKSPACE = Lookup(Library(path for path in files_in(FILES / "workspace") if path.suffix == ".xml"))
 
 
@@ -49,7 +49,7 @@ PROJECT_FILES = [
 @pytest.mark.parametrize(("project", "path"), PROJECT_FILES)
 def test_findings_of_a_file(project: Path, path: Path) -> None:
     asked = yaml.safe_load((project / "project.yaml").read_text(encoding="utf-8"))
-    known = with_palette(NodeRegistry(), read_palette(project / asked["palette"]))
+    known = with_palette(NodeRegistry(), project / asked["palette"])
     found = check_file(path, known, lookup=Lookup(Library(sorted(project.rglob("*.xml")))))
     words = asked["warned"].get(str(path.relative_to(project)), [])
     assert not errors_of(found)

@@ -13,9 +13,8 @@ from uav_bt.clock import ManualClock
 from uav_bt.errors import NodeFailedError
 from uav_bt.testing import parse_tree
 from uav_bt.tree import Leaf, MissionTree, Port, Status
-from uav_bt.tree.branch_watch import BranchEnds, BranchWatch
-from uav_bt.tree.budget import BudgetWatch, SlowLeaf
 from uav_bt.tree.nodes import AlwaysSuccess, Sequence
+from uav_bt.tree.watches import BranchEnds, BranchWatch, BudgetWatch, SlowLeaf
 
 # --- leaves that block ----------------------------------------------------------------------------
 

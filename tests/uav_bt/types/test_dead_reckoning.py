@@ -70,16 +70,6 @@ def reported(
     return replace(report, captured_s=times.oldest_s, measured=times)
 
 
-def test_a_dead_velocity_is_not_integrated_for_longer_than_half_a_second() -> None:
-    """Attitudes continue for 10 s, velocities do not: 0.35 m/s for 0.5 s, and an old pose."""
-    odometry = Odometry()
-    odometry.update(reported(0.0, 0.0, forward_mps=0.35), now_s=0.0)
-    for tick in range(1, 101):
-        odometry.update(reported(0.0, 0.1 * tick, forward_mps=0.35), now_s=0.1 * tick)
-    assert odometry.now is not None
-    assert (odometry.now.time_s, odometry.now.x_m) == pytest.approx((0.5, 0.175))
-
-
 def test_a_pose_has_the_heading_of_its_own_time() -> None:
     """Attitude is of 0.2 s, velocity of 0.1 s: at 0.1 s half of the turn is done."""
     odometry = Odometry()

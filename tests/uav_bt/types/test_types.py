@@ -166,9 +166,11 @@ APART = MeasurementTimes(attitude_s=5.0, velocity_s=4.8, altitude_s=4.9, height_
 
 
 def test_a_state_is_as_old_as_the_oldest_of_attitude_velocity_and_altitude() -> None:
-    assert APART.oldest_s == 4.8
+    """A quantity without a time makes the state undated."""
     state = DroneState(captured_s=4.8, flying=FlyingState.FLYING, measured=APART)
-    assert state.times == APART
+    assert (state.times, APART.oldest_s) == (APART, 4.8)
+    times = dataclasses.replace(APART, altitude_s=math.nan)
+    assert math.isnan(dataclasses.replace(state, captured_s=math.nan, measured=times).captured_s)
 
 
 def test_a_state_that_contradicts_its_parts_is_refused() -> None:
@@ -180,11 +182,3 @@ def test_a_state_dated_anew_keeps_its_parts_apart() -> None:
     state = DroneState(captured_s=4.8, flying=FlyingState.FLYING, measured=APART).dated(10.0)
     assert state.captured_s == 10.0
     assert dataclasses.astuple(state.times) == pytest.approx((10.2, 10.0, 10.1, 8.2, 10.3))
-
-
-def test_a_quantity_without_a_time_makes_the_state_undated() -> None:
-    times = dataclasses.replace(APART, altitude_s=math.nan)
-    assert math.isnan(times.oldest_s)
-    assert math.isnan(
-        DroneState(captured_s=math.nan, flying=FlyingState.FLYING, measured=times).captured_s
-    )

@@ -28,7 +28,7 @@ from uav_bt.record import channels
 from uav_bt.record.moment import Moment
 from uav_bt.record.reader import RecordReader
 from uav_bt.tree import MissionTree, NodeRegistry, Status
-from uav_bt.tree.loading.folders import TreeFolders
+from uav_bt.tree.loading.lookup import TreeFolders
 from uav_bt.types.area import Area
 
 Masks = Literal["network", "recorded"]

@@ -12,7 +12,7 @@ from uav_bt.campaign.flight_lines import file_stem, key_of
 from uav_bt.campaign.report.sources import FlightSet
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import lab_address
-from uav_bt.tree.loading.folders import TreeFolders
+from uav_bt.tree.loading.lookup import TreeFolders
 
 
 def repeat_command(one: FlightSet, flight: Mapping[str, Any]) -> str:

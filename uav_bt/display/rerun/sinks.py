@@ -60,7 +60,7 @@ def saved(path: Path) -> Iterator[rr.RecordingStream]:
         FileError: the file cannot be written.
         MissingDependencyError: Rerun is not installed.
     """
-    need("view", "rerun", what="a view")
+    need("view", "a view")
     import rerun as rr  # noqa: PLC0415 - an extra
     from rerun_bindings import flush_and_cleanup_orphaned_recordings  # noqa: PLC0415
 
@@ -111,7 +111,7 @@ class Viewer:
     """
 
     def __init__(self, *, web: bool, port: int = 0, web_port: int = 0) -> None:
-        need("view", "rerun", what="a view")
+        need("view", "a view")
         import rerun as rr  # noqa: PLC0415 - an extra
 
         self.port = _free_port(port)

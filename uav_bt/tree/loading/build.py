@@ -6,13 +6,12 @@ placeholder is never ticked: its file has an error.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final
 
 from uav_bt.errors import InputError, did_you_mean
-from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.loading.attributes import Attributes, Note
 from uav_bt.tree.loading.document import Document, autoremaps
 from uav_bt.tree.loading.elements import (
@@ -22,15 +21,15 @@ from uav_bt.tree.loading.elements import (
     node_id_of,
 )
 from uav_bt.tree.loading.findings import ERROR, WHOLE_FILE, Findings, Rule
-from uav_bt.tree.loading.replacements import Made, Replacement, Replacements
+from uav_bt.tree.loading.replacements import Part, Replacements
 from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element
 from uav_bt.tree.loading.structure import check_names, check_subtree, node_class
-from uav_bt.tree.mission_tree import MissionTree, Place, allow_depth
+from uav_bt.tree.mission_tree import MissionTree, allow_depth
 from uav_bt.tree.node import Node, NodeKind
-from uav_bt.tree.node_ports import BOUND
+from uav_bt.tree.node_ports import BOUND, child_paths
 from uav_bt.tree.nodes import BUILTIN_NODES, AlwaysSuccess, SubTree
 from uav_bt.tree.nodes.base import ControlNode, DecoratorNode
-from uav_bt.tree.placing import child_paths
+from uav_bt.tree.port import CONDITION_ATTRIBUTES
 from uav_bt.tree.scripted import Mock, ScriptedLeaf
 
 _FIXED: Final = frozenset({"ID", "_autoremap", "name"})  # these say which nodes there are
@@ -48,14 +47,6 @@ def _stand_in(node: type[Node]) -> type[Placeholder]:
     """Return a class for nodes of a class whose attributes are wrong, or which are not flown."""
     body = {"node_id": node.node_id, "ports": node.ports, "hides": False}
     return type(f"Wrong{node.__name__}", (Placeholder,), body)
-
-
-@dataclass
-class Part:
-    """What a node was made of."""
-
-    element: Element
-    given: dict[str, str]  # texts of attributes: those of the file, defaults of entries, overrides
 
 
 @dataclass
@@ -88,14 +79,11 @@ class Builder:
         document: Document,
         findings: Findings,
         others: Findings | None = None,
-        checked: Iterable[str] = (),
     ) -> None:
         self._document = document
         self._registry = document.registry
         self._findings = findings
         self._others = findings if others is None else others
-        self._is_flown = others is None
-        self._checked = frozenset(checked)
         self._attributes = Attributes(document)
         self._replacements: Replacements | None = None
         self._parts: dict[str, Part] = {}
@@ -111,22 +99,14 @@ class Builder:
         try:
             root = self._root(tree_id, f"{tree_id}/", (), 1)
         except _TooLargeError as error:
-            if self._is_flown:
-                label = element.label
-                self._findings.add(element.path, element.position, str(error), label)
+            self._others.note(element, str(error))
             return None
+        tree = MissionTree(root, name=tree_id)
+        tree.variables.enum_members.update(self._document.enum_members)
+        tree.places = {path: part.element for path, part in self._parts.items()}
         if replacements is not None:
-            replacements.check_names()
-        places = {
-            path: Place(one.element.path, one.element.position) for path, one in self._parts.items()
-        }
-        tree = MissionTree(
-            root,
-            name=tree_id,
-            places=places,
-            replaced={} if replacements is None else replacements.replaced,
-            enum_members=self._document.enum_members,
-        )
+            replacements.check_mocks()
+            replacements.replace(tree, self._parts, self._attributes)
         return Built(tree, self._parts)
 
     def _root(self, tree_id: str, lead: str, chain: tuple[str, ...], depth: int) -> Node:
@@ -162,101 +142,78 @@ class Builder:
         check_private_attributes(element, self._findings)
         is_subtree = element.tag == NodeKind.SUBTREE.value
         node = SubTree if is_subtree else node_class(element, self._document, self._findings)
-        part = self._parts[path] = Part(element, {})
-        made = Made(element, node or Placeholder, _name_of(element), path)
-        replaced = {} if self._replacements is None else self._replacements.of(made)
         if is_subtree:
-            return self._subtree(made, replaced, chain, depth)
+            return self._subtree(element, path, chain, depth)
+        given, name = node_attributes(element), _name_of(element)
+        self._parts[path] = Part(element, given)
         children = self._children(element, path, chain, depth)
         if node is None:
-            conditions = self._attributes.conditions(node_attributes(element), _nowhere)
-            return Placeholder(made.name, children, **conditions)
-        part.given = node_attributes(element)
-        note = self._note(element, chain)
-        conditions = self._attributes.conditions(part.given, note)
-        ports = node.ports_over(len(children))
-        values = {name: part.given[name] for name in part.given.keys() - CONDITION_ATTRIBUTES}
-        bound = self._attributes.bound(ports, values, note)
-        if replaced:
-            part.given |= {name: one.text for name, one in replaced.items()}
-            self._check_fixed(made, replaced)
-            over = self._replacing(made, replaced)
-            texts = {name: one.text for name, one in replaced.items()}
-            conditions |= self._attributes.conditions(texts, over)
-            for name in [*texts]:
-                if name.startswith("_") or name in _FIXED:
-                    del texts[name]
-            taken = [port for port in ports if port.name in texts]
-            is_known = len(taken) == len(texts)
-            again = self._attributes.bound(taken if is_known else ports, texts, over)
-            bound = None if bound is None or again is None else {**bound, **again}
-        stand_in = self._mock(made, ())
+            conditions = self._attributes.conditions(given, _nowhere)
+            return Placeholder(name, children, **conditions)
+        note = self._note(element)
+        conditions = self._attributes.conditions(given, note)
+        values = {key: given[key] for key in given.keys() - CONDITION_ATTRIBUTES}
+        bound = self._attributes.bound(node.ports_over(len(children)), values, note)
+        stand_in = self._mock(node, element, path, ())
         if stand_in is not None:
-            return stand_in[0](made.name, stand_in[1], **{BOUND: bound or {}}, **conditions)
-        return self._node(made, children, bound, conditions)
+            return stand_in[0](name, stand_in[1], **{BOUND: bound or {}}, **conditions)
+        return self._node(node, name, children, bound, conditions)
 
-    def _mock(self, made: Made, entries: Iterable[str]) -> tuple[type[ScriptedLeaf], Mock] | None:
-        return None if self._replacements is None else self._replacements.mock(made, entries)
+    def _mock(
+        self, node: type[Node], element: Element, path: str, entries: Iterable[str]
+    ) -> tuple[type[ScriptedLeaf], Mock] | None:
+        if self._replacements is None:
+            return None
+        return self._replacements.mock(node, element, _name_of(element), path, entries)
 
     def _node(
         self,
-        made: Made,
+        node: type[Node],
+        name: str,
         children: list[Node],
         bound: dict[str, Any] | None,
         conditions: dict[str, str],
     ) -> Node:
-        node = made.node
         given: dict[str, Any] = {**conditions, BOUND: bound or {}}
-        if node not in BUILTIN_NODES and (bound is None or not self._is_flown):
-            return _stand_in(node)(made.name, children, **given)
+        if node not in BUILTIN_NODES and bound is None:
+            return _stand_in(node)(name, children, **given)
         try:
             if issubclass(node, ControlNode):
-                return node(made.name, children, **given)
+                return node(name, children, **given)
             if issubclass(node, DecoratorNode):
                 if len(children) > 1:
-                    return _stand_in(node)(made.name, children, **given)
-                return node(made.name, *(children or [AlwaysSuccess()]), **given)
-            return node(made.name, **given)
+                    return _stand_in(node)(name, children, **given)
+                return node(name, *(children or [AlwaysSuccess()]), **given)
+            return node(name, **given)
         except InputError as error:
             self._findings.add(self._document.path, WHOLE_FILE, str(error))
-            return Placeholder(made.name, children)
+            return Placeholder(name, children)
 
     # --- subtrees ---------------------------------------------------------------------------------
 
-    def _subtree(
-        self,
-        made: Made,
-        replaced: Mapping[str, Replacement],
-        chain: tuple[str, ...],
-        depth: int,
-    ) -> Node:
-        element, path = made.element, made.path
+    def _subtree(self, element: Element, path: str, chain: tuple[str, ...], depth: int) -> Node:
         check_subtree(element, self._registry, self._findings)
         for child in element.children:  # they are checked, and have no place
             self._make(child, f"{path}/", chain, depth + 1)
             self._parts.pop(f"{path}/")
         tree_id = element.attributes.get("ID", "")
-        part, note = self._parts[path], self._note(element, chain)
-        part.given = given = self._document.entries(element)
+        note, given = self._note(element), self._document.entries(element)
+        self._parts[path] = Part(element, given)
         self._check_subtree(element, tree_id, note)
+        if tree_id in chain:
+            loop = " > ".join((*chain[chain.index(tree_id) :], tree_id))
+            message = f"the tree contains itself: {loop}"
+            self._findings.note(element, message, "ID", rule=Rule.UNKNOWN_TREE)
         conditions = self._attributes.conditions(given, note)
         entries = self._attributes.entries(given, note)
-        if replaced:
-            self._check_fixed(made, replaced)
-            texts = {name: one.text for name, one in replaced.items()}
-            part.given |= texts
-            over = self._replacing(made, replaced)
-            conditions |= self._attributes.conditions(texts, over)
-            texts = {name: text for name, text in texts.items() if not name.startswith("_")}
-            entries |= self._attributes.entries(texts, over)
-        before = dict(self._parts)
+        before, name = dict(self._parts), _name_of(element)
         root = self._root(tree_id, f"{path}/", chain, depth + 1)
-        stand_in = self._mock(made, entries)
+        stand_in = self._mock(SubTree, element, path, entries)
         if stand_in is not None:
             self._parts = before
-            return stand_in[0](made.name, stand_in[1], **entries, **conditions)
+            return stand_in[0](name, stand_in[1], **entries, **conditions)
         autoremap = autoremaps(element)
-        return SubTree(made.name, root, entries, autoremap=autoremap, tree_id=tree_id, **conditions)
+        return SubTree(name, root, entries, autoremap=autoremap, tree_id=tree_id, **conditions)
 
     def _check_subtree(self, element: Element, tree_id: str, note: Note) -> None:
         document = self._document
@@ -277,44 +234,13 @@ class Builder:
 
     # --- findings ---------------------------------------------------------------------------------
 
-    def _note(self, element: Element, chain: tuple[str, ...]) -> Note:
-        findings = Findings() if chain[-1] in self._checked else self._others
-
+    def _note(self, element: Element) -> Note:
         def note(
             message: str, attribute: str, rule: Rule = Rule.ATTRIBUTE, severity: str = ERROR
         ) -> None:
-            findings.note(element, message, attribute, rule=rule, severity=severity)
+            self._others.note(element, message, attribute, rule=rule, severity=severity)
 
         return note
-
-    def _replacing(self, made: Made, replaced: Mapping[str, Replacement]) -> Note:
-        """Return what takes the faults of values from outside; their warnings are left out."""
-
-        def note(
-            message: str, attribute: str, rule: Rule = Rule.ATTRIBUTE, severity: str = ERROR
-        ) -> None:
-            del rule  # it is the caller's value, not the file's
-            if severity == ERROR and attribute in replaced:
-                _, lead, place = replaced[attribute]
-                at = place or Place(made.element.path, made.element.at(attribute))
-                label = made.element.label
-                self._findings.add(at.path, at.position, f"{lead}{message}", label)
-
-        return note
-
-    def _check_fixed(self, made: Made, replaced: Mapping[str, Replacement]) -> None:
-        """Refuse replacements that no file could have had."""
-        element = made.element
-        described = self._document.subtree_ports.get(element.attributes.get("ID", "")) or {}
-        known = {*described, *element.attributes}
-        note = self._replacing(made, replaced)
-        for name in replaced:
-            if name in _FIXED:
-                note(f"'{name}' cannot be replaced", name)
-            elif name.startswith("_") and name not in CONDITION_ATTRIBUTES:
-                note(f"unknown attribute '{name}'{did_you_mean(name, CONDITION_ATTRIBUTES)}", name)
-            elif made.node is SubTree and not name.startswith("_") and name not in known:
-                note(f"the tree has no port '{name}'{did_you_mean(name, known)}", name)
 
 
 def _name_of(element: Element) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
@@ -17,11 +16,11 @@ from uav_bt.tree.loading.elements import (
 )
 from uav_bt.tree.loading.findings import WARNING, Findings, Rule
 from uav_bt.tree.loading.lookup import Includes, Lookup
-from uav_bt.tree.loading.models import read_enumerations, read_models
+from uav_bt.tree.loading.models import read_models
 from uav_bt.tree.loading.parameters import Parameters
-from uav_bt.tree.loading.place_lists import PlaceLists
+from uav_bt.tree.loading.places import PlaceLists
 from uav_bt.tree.loading.source import Element
-from uav_bt.tree.node import Node, NodeKind
+from uav_bt.tree.node import NodeKind
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.registry import NodeRegistry
 
@@ -47,7 +46,6 @@ class Document:
     trees: dict[str, Element] = field(default_factory=dict)
     own: tuple[str, ...] = ()  # those of the file and its includes; the others are a library's
     included: dict[Path, bytes] = field(default_factory=dict)  # texts of all other files, by path
-    models: list[Element] = field(default_factory=list)  # each TreeNodesModel
     elsewhere: tuple[str, ...] = ()  # trees of other files, for suggestions where one is missing
     unread: str = ""  # text for messages about library files that could not be read
     # Ports of the trees that the file describes as SubTree in its TreeNodesModel: default by name,
@@ -67,15 +65,15 @@ class Document:
         }
         return tuple(tree_id for tree_id in self.own if tree_id not in used)
 
-    def within(self, tree_ids: Iterable[str]) -> frozenset[str]:
-        """Return trees with all that they use, however deep."""
+    def within(self, tree_id: str) -> frozenset[str]:
+        """Return a tree with all that it uses, however deep."""
         found: set[str] = set()
-        waiting = list(tree_ids)
+        waiting = [tree_id]
         while waiting:
-            tree_id = waiting.pop()
-            if tree_id in self.trees and tree_id not in found:
-                found.add(tree_id)
-                waiting += [inner for _, inner in doors(self.trees[tree_id])]
+            one = waiting.pop()
+            if one in self.trees and one not in found:
+                found.add(one)
+                waiting += [inner for _, inner in doors(self.trees[one])]
         return frozenset(found)
 
     def entries(self, subtree: Element) -> dict[str, str]:
@@ -320,29 +318,10 @@ def find_main(document: Document, root: Element, findings: Findings, tree_id: st
 
 
 def _read_models(models: Element, document: Document, findings: Findings) -> None:
-    document.models.append(models)
-    read_enumerations(models, document.enum_members, findings)
-    for model in read_models(models, findings):
-        if model.kind is NodeKind.SUBTREE:
-            document.subtree_ports[model.node_id] = {
-                name: document.place_lists.in_default(port, port.attributes.get("default", ""))
-                or None
-                for name, port in model.ports.items()
+    found = read_models(models, document.enum_members, findings)
+    for node_id, (model, ports) in found.items():
+        if model.tag == NodeKind.SUBTREE.value:
+            document.subtree_ports[node_id] = {
+                name: document.place_lists.in_attribute(port, "default") or None
+                for name, port in ports.items()
             }
-        elif model.node_id in document.registry:
-            node = document.registry[model.node_id]
-            _compare_model(model.element, model.ports, node, findings)
-
-
-def _compare_model(
-    model: Element, ports: dict[str, Element], node: type[Node], findings: Findings
-) -> None:
-    if node.kind.value != model.tag:
-        message = f"described as {model.tag}, but the node is of kind {node.kind.value}"
-        findings.warn(model, message, rule=Rule.NODE_MODEL)
-    known = [port.name for port in node.ports]
-    for name, element in ports.items():
-        if name not in known:
-            hint = did_you_mean(name, known)
-            message = f"the node has no port '{name}'{hint}"
-            findings.warn(element, message, "name", rule=Rule.NODE_MODEL, label=model.label)

@@ -13,12 +13,12 @@ from typing import Any
 
 from uav_bt.tree.flow import After, Known, Out, Variable, both
 from uav_bt.tree.leaf import Leaf
-from uav_bt.tree.loading.uses import named_scripts, variable_at
+from uav_bt.tree.loading.uses import Uses, variable_at
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port
-from uav_bt.tree.script import SCRIPTS, Script, parse_script, parsed_by
+from uav_bt.tree.script import Script, parse_script
 from uav_bt.tree.script.expressions import Assignment, Expression, Name, certain_parts
 
 
@@ -31,11 +31,12 @@ class EarlyRead:
     name: str
 
 
-def early_reads(tree: MissionTree) -> Iterator[EarlyRead]:
+def early_reads(uses: Uses) -> Iterator[EarlyRead]:
     """Yield the reads of variables that may have no value yet.
 
-    Variables of the main tree that no node writes are left out: `unset_reads` has them.
+    Variables of the main tree that no node writes are left out: `Uses.unset` has them.
     """
+    tree = uses.tree
     flow = _Flow(tree)
     first = {tree.variables.location(name) for name in tree.variables}
     flow.follow(tree.root, frozenset(first))
@@ -56,8 +57,8 @@ class _Flow:
             below = frozenset[Variable]().union(*(self._unset[one] for one in node.children))
             self._unset[node] = below | self._removed(node)
             self.written |= self.outputs(node)
-            for _, script in named_scripts(node):
-                for part in script.walk():
+            for _, script in node.scripts():
+                for part in script.parts:
                     if isinstance(part, Assignment):
                         self.written |= self._variable(node, part.name)
 
@@ -97,9 +98,8 @@ class _Flow:
 
     def _work(self, node: Node, known: Known) -> After:
         for port in node.ports:
-            text = node.literals.get(port.name)
-            if port.check in SCRIPTS and isinstance(text, str):
-                known = self._run(node, port.name, parsed_by(port.check, text), known)
+            if (script := node.script_at(port)) is not None:
+                known = self._run(node, port.name, script, known)
             else:
                 self._read_port(node, port, known)
         after = node.variables_after(self.follow, known)
@@ -150,7 +150,7 @@ class _Flow:
         ports = (node.reference(port) for port in node.ports if port.direction != "output")
         if any(at is not None and at.on_board for at in ports):
             return True
-        parts = (part for _, script in named_scripts(node) for part in script.walk())
+        parts = (part for _, script in node.scripts() for part in script.parts)
         names = (part.name for part in parts if isinstance(part, Name))
         return any(name.startswith("@") or node.variables.board_key(name) for name in names)
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Final
 
 from uav_bt.errors import did_you_mean
-from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.loading.findings import Findings
 from uav_bt.tree.loading.source import Element, walk
 from uav_bt.tree.node import NodeKind
+from uav_bt.tree.port import CONDITION_ATTRIBUTES
 
 KIND_TAGS: Final = frozenset(kind.value for kind in NodeKind)
 

@@ -35,6 +35,7 @@ class Rule(Enum):
     UNIT = "unit"  # A value is in the unit of its port.
     LIMIT = "limit"  # A value lies beyond what a mission is allowed unless its site says so.
     MISSION = "mission"  # A mission takes off and lands.
+    LAB = "lab"  # A mission fits its lab.
     PLACES = "places"  # Files of places are found, and each of their lines is a place.
     OTHER = "tree-file"  # A tree file loads.
 
@@ -95,8 +96,8 @@ class Findings:
     """Collects findings; the same one twice counts once. Too many errors raise a TreeError."""
 
     def __init__(self) -> None:
-        self._errors: dict[Finding, None] = {}
-        self._warnings: dict[Finding, None] = {}  # at most MAX_FINDINGS; later ones are dropped
+        # By severity. Warnings are at most MAX_FINDINGS; later ones are dropped.
+        self._found: dict[str, dict[Finding, None]] = {ERROR: {}, WARNING: {}}
 
     def add(
         self,
@@ -110,15 +111,13 @@ class Findings:
     ) -> None:
         """Note a fault at a place of a file."""
         finding = Finding(str(path), position, message, node, severity, rule)
-        if severity == WARNING:
-            if len(self._warnings) < MAX_FINDINGS:
-                self._warnings[finding] = None
-            return
-        self._errors[finding] = None
-        if len(self._errors) >= MAX_FINDINGS:
+        same = self._found[severity]
+        if severity == ERROR or len(same) < MAX_FINDINGS:
+            same[finding] = None
+        if severity == ERROR and len(same) >= MAX_FINDINGS:
             more = f"{MAX_FINDINGS} errors are enough: the rest of the file was not checked"
             last = Finding(finding.path, WHOLE_FILE, more)
-            raise TreeError(finding.path, [*sorted(self._errors), last])
+            raise TreeError(finding.path, [*sorted(same), last])
 
     def note(
         self,
@@ -147,19 +146,15 @@ class Findings:
         self.note(element, message, attribute, rule=rule, label=label, severity=WARNING)
 
     def take_as_warnings(self, other: Findings) -> None:
-        """Add the findings of another collection as warnings."""
-        for one in other:
+        """Add the findings of another collection as warnings, but for errors that are noted."""
+        for one in (finding for finding in other if finding not in self._found[ERROR]):
             self.add(one.path, one.position, one.message, one.node, severity=WARNING, rule=one.rule)
 
     def __iter__(self) -> Iterator[Finding]:
         """Iterate in the order of the file."""
-        return iter(sorted((*self._errors, *self._warnings)))
-
-    def __len__(self) -> int:
-        """Return how many there are."""
-        return len(self._errors) + len(self._warnings)
+        return iter(sorted((*self._found[ERROR], *self._found[WARNING])))
 
     def raise_any(self, path: Path | str) -> None:
         """Raise the errors, all at once, as a TreeError."""
-        if self._errors:
-            raise TreeError(path, sorted(self._errors))
+        if errors := self._found[ERROR]:
+            raise TreeError(path, sorted(errors))

@@ -5,115 +5,96 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 from uav_bt import plugins
 from uav_bt.errors import InputError, UnknownNameError
+from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.attributes import POLICY_PORT
 from uav_bt.tree.loading.build import Built
-from uav_bt.tree.loading.document import autoremaps
+from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.findings import WARNING, Finding, Rule
-from uav_bt.tree.loading.palette import PalettePort
-from uav_bt.tree.loading.parameters import VAR, Parameters
-from uav_bt.tree.loading.source import Element
+from uav_bt.tree.loading.models import PalettePort
+from uav_bt.tree.loading.parameters import VAR
+from uav_bt.tree.loading.uses import Uses
+from uav_bt.tree.mission_tree import Place
 from uav_bt.tree.node import Node
-from uav_bt.tree.nodes import SubTree
-from uav_bt.tree.port import Port, parse_reference, port_text
-from uav_bt.tree.registry import NodeRegistry
+from uav_bt.tree.port import Port, port_text
 from uav_bt.tree.script import parse_text
 from uav_bt.tree.scripted import ScriptedLeaf
 
-
-class Given(NamedTuple):
-    """A text that is given to a port, directly, as the entry of a subtree or by a variable."""
-
-    port: Port[Any]
-    element: Element  # that has the text
-    attribute: str
-    path: str  # of the node that has it
-    text: str
-    what: str = "attribute"  # or variable: its value comes from outside
-
-    def finding(self, message: str, rule: Rule, **severity: str) -> Finding:
-        """Return a finding about it."""
-        where = self.element.at(self.attribute)
-        return Finding(str(self.element.path), where, message, self.path, rule=rule, **severity)
+# A port, the text that it is given, and a finding about it, whose message only names the attribute.
+_Given = tuple[Port[Any], str, Finding]
 
 
-def given_texts(built: Built, outside: Parameters) -> Iterator[Given]:
+def _given_texts(built: Built, document: Document, uses: Uses) -> Iterator[_Given]:
     """Yield the texts of the input ports of leaves, also by entries and by values from outside.
 
     Left out are mocked leaves, ports of a palette, texts with placeholders, and ports that only the
     flight gives a value.
     """
-
-    def find(port: Port[Any], node: Node, name: str, default: str) -> Given | None:
-        part = built.parts[node.path]
-        text = part.given.get(name, default)
-        at = parse_reference(text, name)
-        if at is None:
-            return Given(port, part.element, name, node.path, text)
-        door: Any = node.parent
-        while door is not None and not isinstance(door, SubTree):
-            door = door.parent
-        if door is not None and not at.on_board:
-            outer = built.parts[door.path]
-            is_given = at.key in outer.given or autoremaps(outer.element)
-            return find(port, door, at.key, f"{{{at.key}}}") if is_given else None
-        if at.on_board or at.key not in outside.variables:
-            return None
-        element, place = part.element, outside.places.get((VAR, at.key))
-        if place is not None:
-            element = replace(element, path=place.path, position=place.position, locate=dict)
-        value = port_text(outside.variables[at.key])
-        return Given(port, element, at.key, node.path, value, what="variable")
-
-    found = (
-        find(port, leaf, port.name, port_text(port.default))
-        for leaf in built.tree.leaves()
-        for port in leaf.ports
-        if not isinstance(leaf, ScriptedLeaf) and _is_asked(port)
-    )
-    yield from (given for given in found if given is not None)
+    for leaf in built.tree.leaves():
+        for port in () if isinstance(leaf, ScriptedLeaf) else leaf.ports:
+            is_plain = not isinstance(port, PalettePort) and port.check is not parse_text
+            if port.direction == "input" and is_plain:
+                yield from _texts_of(port, leaf, built, document, uses)
 
 
-def _is_asked(port: Port[Any]) -> bool:
-    is_plain = not isinstance(port, PalettePort) and port.check is not parse_text
-    return port.direction == "input" and is_plain
+def _texts_of(
+    port: Port[Any], leaf: Leaf, built: Built, document: Document, uses: Uses
+) -> Iterator[_Given]:
+    """Yield the text of a port, or the first value of the variable that it reads."""
+    node: Node = leaf
+    at, outside = leaf.reference(port), document.parameters
+    name, place, what = port.name, None, "attribute"
+    if at is None:
+        text = built.parts[node.path].given.get(name, port_text(port.default))
+    else:
+        scope, name = leaf.variables.location(at.key)
+        node = uses.doors.get(scope, leaf)
+        if at.on_board or name in scope.board:
+            return
+        if scope in uses.doors and name in built.parts[node.path].given:
+            text = built.parts[node.path].given[name]
+        elif scope is built.tree.variables and name in outside.variables:
+            while node.variables is not scope:
+                node = uses.doors[node.variables]
+            text, what = port_text(outside.variables[name]), "variable"
+            place = outside.places.get((VAR, name))
+        else:
+            return
+    element = built.parts[node.path].element
+    where = place or Place(element.path, element.at(name))
+    lead = f"{what} '{name}': "
+    yield port, text, Finding(str(where.path), where.position, lead, node.path)
 
 
-def unknown_policies(
-    built: Built, outside: Parameters, registry: NodeRegistry
-) -> Iterator[Finding]:
+def unknown_policies(built: Built, document: Document, uses: Uses) -> Iterator[Finding]:
     """Yield the names of policies that are not registered; the flight shows those it makes up."""
-    known = registry.policies
-    if known is None:
-        return
-    for given in given_texts(built, outside):
-        name = given.text.partition(":")[0]  # what follows is the policy's own business
-        if given.port.name == POLICY_PORT and name not in known:
+    known = document.registry.policies
+    for port, text, at in _given_texts(built, document, uses) if known is not None else ():
+        name = text.partition(":")[0]  # what follows is the policy's own business
+        if port.name == POLICY_PORT and known is not None and name not in known:
             message = str(UnknownNameError("policy", name, known))
-            yield given.finding(message, Rule.NOT_INSTALLED)
+            yield replace(at, message=message, rule=Rule.NOT_INSTALLED)
 
 
-def remarks(built: Built, outside: Parameters, registry: NodeRegistry) -> Iterator[Finding]:
+def remarks(built: Built, document: Document, uses: Uses) -> Iterator[Finding]:
     """Yield names that are not installed, and values that need caution."""
-    for given in given_texts(built, outside):
-        port, look_up = given.port, given.port.look_up
+    for port, text, at in _given_texts(built, document, uses):
+        look_up = port.look_up
         if port.name == POLICY_PORT:
-            look_up = partial(plugins.look_up_policy, own=registry.factories)
-        if look_up is None and port.caution is None:
-            continue
+            look_up = partial(plugins.look_up_policy, own=document.registry.factories)
         try:
-            typed = port.convert(given.text)
+            typed = port.convert(text)
         except ValueError:  # the first value of a variable that another one replaces
             continue
-        lead = f"{given.what} '{given.attribute}': "
         if look_up is not None:
             try:
                 look_up(typed)
             except InputError as error:
-                yield given.finding(f"{lead}{error}", Rule.NOT_INSTALLED)
+                yield replace(at, message=f"{at.message}{error}", rule=Rule.NOT_INSTALLED)
         odd = None if port.caution is None else port.caution(typed)
         if odd is not None:
-            yield given.finding(f"{lead}{odd}", Rule.LIMIT, severity=WARNING)
+            message = f"{at.message}{odd}"
+            yield replace(at, message=message, rule=Rule.LIMIT, severity=WARNING)

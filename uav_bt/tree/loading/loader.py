@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
@@ -11,7 +12,7 @@ from xml.sax.saxutils import quoteattr
 
 from uav_bt.board import Key
 from uav_bt.errors import FileError, InputError, TreeError, UnknownNameError
-from uav_bt.tree.loading.before_flight import faults_of, faults_of_part, unset_reads
+from uav_bt.tree.loading.before_flight import faults_of, faults_of_part
 from uav_bt.tree.loading.build import Builder, Built
 from uav_bt.tree.loading.document import find_main, outline
 from uav_bt.tree.loading.findings import (
@@ -27,7 +28,6 @@ from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.replacements import Replacements
 from uav_bt.tree.loading.source import parse_source, read_source
-from uav_bt.tree.loading.structure import check_recursion
 from uav_bt.tree.loading.uses import Uses
 from uav_bt.tree.loading.variable_faults import check_variables
 from uav_bt.tree.loading.whole_file import whole_file
@@ -40,31 +40,44 @@ from uav_bt.tree.scripted import Mock
 _log = logging.getLogger(__name__)
 
 
-class TreeOptions(TypedDict, total=False):
-    """Keyword arguments of `load_tree`; `parse_tree` describes them."""
+class CheckOptions(TypedDict, total=False):
+    """Keyword arguments of `check_file`.
+
+    Attributes:
+        tree_id: which of the file's trees; default: the one that it names, or the only one that no
+            other uses.
+        lookup: where to look for trees and included files; default: the file's folder.
+        parameters: values of ports, each of one node, and of the main tree's variables. They are
+            checked like those of the file.
+    """
 
     tree_id: str | None
+    lookup: Lookup | None
+    parameters: Parameters | None
+
+
+class TreeOptions(CheckOptions, total=False):
+    """Keyword arguments of `load_tree` and `parse_tree`: those of `CheckOptions`, and these.
+
+    Attributes:
+        overrides: attribute values that replace the file's, by a node's name or path.
+        by_key: attribute values that replace the file's in all leaves that write a board key,
+            beneath the overrides. A leaf without the port is left unchanged.
+        mocks: scripts, or mocks with outputs, of leaves that scripted ones replace
+            (`uav_bt.tree.scripted`), by path, name or node id. If several fit a leaf, the first in
+            this order counts. `*` stands for all leaves without other answers, except those of the
+            format. Name, path, kind, ports and conditions stay those of the file.
+    """
+
     overrides: Mapping[str, Mapping[str, str]] | None
     by_key: Mapping[Key[Any], Mapping[str, str]] | None
     mocks: Mapping[str, str | Mock] | None
-    lookup: Lookup | None
-    parameters: Parameters | None
 
 
 def load_tree(
     path: Path | str, registry: NodeRegistry | None = None, **options: Unpack[TreeOptions]
 ) -> MissionTree:
-    """Load a tree file.
-
-    Args:
-        path: the file.
-        registry: the nodes that may occur; default: all installed.
-        options: `tree_id`, `overrides`, `by_key`, `mocks`, `lookup` and `parameters`; see
-            `parse_tree`.
-
-    Raises:
-        TreeError: the file was refused. The error lists all findings with their places.
-    """
+    """Load a tree file; see `parse_tree`."""
     return parse_tree(read_source(Path(path)), registry, path=path, **options)
 
 
@@ -73,12 +86,7 @@ def parse_tree(
     registry: NodeRegistry | None = None,
     *,
     path: Path | str = "<text>",
-    tree_id: str | None = None,
-    overrides: Mapping[str, Mapping[str, str]] | None = None,
-    by_key: Mapping[Key[Any], Mapping[str, str]] | None = None,
-    mocks: Mapping[str, str | Mock] | None = None,
-    lookup: Lookup | None = None,
-    parameters: Parameters | None = None,
+    **options: Unpack[TreeOptions],
 ) -> MissionTree:
     """Load a tree from a tree file's text. Warnings are logged.
 
@@ -86,26 +94,22 @@ def parse_tree(
         source: the text.
         registry: the nodes that may occur; default: all installed.
         path: what messages call the file.
-        tree_id: which of the file's trees; default: the one that it names, or the only one that no
-            other uses.
-        overrides: attribute values that replace the file's, by a node's name or path.
-        by_key: attribute values that replace the file's in all leaves that write a board key,
-            beneath the overrides. A leaf without the port is left unchanged.
-        mocks: scripts, or mocks with outputs, of leaves that scripted ones replace
-            (`uav_bt.tree.scripted`), by path, name or node id. If several fit a leaf, the first in
-            this order counts. `*` stands for all leaves without other answers, except those of the
-            format. Name, path, kind, ports and conditions stay those of the file.
-        lookup: where to look for trees and included files; default: the file's folder.
-        parameters: values of ports, each of one node, and of the main tree's variables. They are
-            checked like those of the file.
+        options: `tree_id`, `lookup`, `parameters`, `overrides`, `by_key` and `mocks`; see
+            `TreeOptions`.
 
     Raises:
         TreeError: the text was refused. The error lists all findings with their places.
     """
     findings = Findings()
-    read = _Read(source, Path(path), registry, findings, lookup=lookup, parameters=parameters)
-    find_main(read.document, read.root, findings, tree_id)
-    replacements = Replacements(read.document, findings, overrides, by_key, mocks)
+    read = _Read(source, Path(path), registry, findings, options)
+    find_main(read.document, read.root, findings, options.get("tree_id"))
+    replacements = Replacements(
+        read.document,
+        findings,
+        options.get("overrides"),
+        options.get("by_key"),
+        options.get("mocks"),
+    )
     built = read.build(read.document.main, replacements)
     read.check_others()
     findings.raise_any(path)
@@ -114,7 +118,6 @@ def parse_tree(
         raise TreeError(path, unknown)
     for finding in findings:
         _log.warning("Warning: %s", str(finding).replace(": warning:", ":", 1))
-    built.tree.unset = tuple(unset_reads(read.uses[built.tree.name]))
     return built.tree
 
 
@@ -151,26 +154,17 @@ class _Read:
         path: Path,
         registry: NodeRegistry | None,
         findings: Findings,
-        *,
-        lookup: Lookup | None,
-        parameters: Parameters | None,
+        options: CheckOptions,
     ) -> None:
         self._data = source.encode() if isinstance(source, str) else source
         self._findings = findings
         self.root = parse_source(self._data, path)
-        self._registry = NodeRegistry.installed() if registry is None else registry
-        self.document = document = outline(self.root, self._registry, findings, lookup)
-        if parameters is not None:
-            document.parameters = document.place_lists.in_parameters(parameters, document.path)
+        registry = NodeRegistry.installed() if registry is None else registry
+        self.document = document = outline(self.root, registry, findings, options.get("lookup"))
+        if (given := options.get("parameters")) is not None:
+            document.parameters = document.place_lists.in_parameters(given, path)
         self._builder = Builder(document, findings)
         self.uses: dict[str, Uses] = {}  # of the trees that were built, by ID
-
-    @property
-    def names_main(self) -> bool:
-        """Whether the file says which tree is flown, or has no tree and should have one."""
-        is_palette = any(part.tag == "TreeNodesModel" for part in self.root.children)
-        has_trees = bool(self.document.trees) or is_palette
-        return "main_tree_to_execute" in self.root.attributes or not has_trees
 
     @property
     def roots(self) -> tuple[str, ...]:
@@ -180,15 +174,14 @@ class _Read:
     def build(self, tree_id: str, replacements: Replacements | None = None) -> Built | None:
         """Return a tree that may be flown; None if there is no such tree, or it grows too large."""
         document = self.document
-        if tree_id not in document.trees:
-            return None
-        built = self._builder.build(tree_id, replacements)
+        built = None
+        if tree_id in document.trees:
+            built = self._builder.build(tree_id, replacements)
         if built is not None:
-            tree = built.tree
-            tree.sources = {document.path.resolve(): self._data, **document.included}
-            tree.whole = partial(whole_file, document, self._data)
+            built.tree.sources = {document.path.resolve(): self._data, **document.included}
+            built.tree.whole = partial(whole_file, document, self._data)
             for name, value in document.parameters.variables.items():
-                tree.variables[name] = value
+                built.tree.variables[name] = value
             self.uses[tree_id] = check_variables(built, document, self._findings)
         return built
 
@@ -198,80 +191,56 @@ class _Read:
         Of these only the structure must be right, as the engine has it: the rest is a warning.
         """
         document = self.document
-        flown = document.within(self.roots)
         idle = Findings()
-        builder = Builder(document, self._findings, idle, flown)
+        builder = Builder(document, self._findings, idle)
         for tree_id in (*document.unused, *document.trees):
-            if tree_id not in flown and tree_id not in builder.entered:
+            if tree_id not in self._builder.entered | builder.entered:
                 built = builder.build(tree_id)
                 if built is not None and tree_id in document.unused:
                     check_variables(built, document, idle)
-        check_recursion(document, self._findings)
         self._findings.take_as_warnings(idle)
 
     def unknown_policies(self, built: Built) -> Iterator[Finding]:
         """Yield policies that are not registered."""
-        return unknown_policies(built, self.document.parameters, self._registry)
+        return unknown_policies(built, self.document, self.uses[built.tree.name])
 
     def remarks(self, built: Built) -> Iterator[Finding]:
         """Yield what is not installed, values of caution, and what would end the flight."""
-        yield from remarks(built, self.document.parameters, self._registry)
-        if self._registry.foreign_board:
-            return
-        if not self.document.is_mission:
-            yield from faults_of_part(built.tree)
-            return
-        yield from faults_of(built.tree)
-        for name, (node, attribute) in unset_reads(self.uses[built.tree.name]).items():
-            element = built.parts[node.path].element
-            yield Finding(
-                str(element.path),
-                element.at(attribute),
-                f"attribute '{attribute}': nothing sets variable '{name}' of the main tree: "
-                f"give it a value in a Script before, or with --var {name}=VALUE",
-                element.label,
-                rule=Rule.VARIABLE,
-            )
+        yield from remarks(built, self.document, self.uses[built.tree.name])
+        is_flown = self.document.is_mission and not self.document.registry.foreign_board
+        yield from (faults_of if is_flown else faults_of_part)(self.uses[built.tree.name])
 
 
 def check_file(
-    path: Path,
-    registry: NodeRegistry | None = None,
-    *,
-    tree_id: str | None = None,
-    lookup: Lookup | None = None,
-    parameters: Parameters | None = None,
+    path: Path, registry: NodeRegistry | None = None, **options: Unpack[CheckOptions]
 ) -> tuple[Finding, ...]:
     """Return all findings of a tree file; none for a good one. See `check_text`."""
-    try:
-        source = read_source(path)
-    except InputError as error:
-        return findings_of(error, path)
-    return check_text(
-        source, registry, path=path, tree_id=tree_id, lookup=lookup, parameters=parameters
-    )
+    return check_text(None, registry, path=path, **options)
 
 
 def check_text(
-    source: str | bytes,
+    source: str | bytes | None,
     registry: NodeRegistry | None = None,
     *,
     path: Path,
-    tree_id: str | None = None,
-    lookup: Lookup | None = None,
-    parameters: Parameters | None = None,
+    **options: Unpack[CheckOptions],
 ) -> tuple[Finding, ...]:
-    """Return all findings of a tree file's text; none for a good one. See `parse_tree`.
+    """Return all findings of a tree file's text (None: it is read); none for a good one.
 
     If the file does not say which tree is flown, all trees that no other uses are checked.
     """
     findings = Findings()
     more: list[Finding] = []
     try:
-        read = _Read(source, path, registry, findings, lookup=lookup, parameters=parameters)
-        if parameters is not None or tree_id is not None or read.names_main:
+        source = read_source(path) if source is None else source
+        read = _Read(source, path, registry, findings, options)
+        has_values, tree_id = options.get("parameters") is not None, options.get("tree_id")
+        parts = {"TreeNodesModel"}.intersection(part.tag for part in read.root.children)
+        names_main = "main_tree_to_execute" in read.root.attributes
+        is_empty = not (read.document.trees or parts)  # a file with models only is a palette
+        if has_values or tree_id is not None or names_main or is_empty:
             find_main(read.document, read.root, findings, tree_id)
-        given = None if parameters is None else Replacements(read.document, findings)
+        given = Replacements(read.document, findings) if has_values else None
         trees = [read.build(root, given) for root in read.roots]
         read.check_others()
         for step in (read.unknown_policies, read.remarks):
@@ -294,3 +263,36 @@ def findings_of(error: InputError, path: Path) -> tuple[Finding, ...]:
         detail if isinstance(detail, Finding) else Finding(str(path), WHOLE_FILE, str(detail))
         for detail in details
     )
+
+
+class FilesTogether:
+    """Tree files of one workspace; each is checked when it is first asked for."""
+
+    def __init__(
+        self, files: Iterable[Path], registry: NodeRegistry, **options: Unpack[CheckOptions]
+    ) -> None:
+        self._called = {str(path.resolve()): str(path) for path in files}
+        self._check = partial(check_file, registry=registry, **options)
+        self._found: dict[str, tuple[Finding, ...]] = {}
+
+    def findings(self, path: Path) -> tuple[Finding, ...]:
+        """Return the findings of a file.
+
+        A finding in another of the files is in the report of that other file, except when it
+        depends on this file's use of it.
+        """
+        return tuple(one for one in self._all(str(path)) if not self._is_reported(one, str(path)))
+
+    def _is_reported(self, finding: Finding, path: str) -> bool:
+        if finding.path == path or finding.path not in self._called.values():
+            return False
+        # The node's path depends on the tree.
+        return any(replace(finding, node=one.node) == one for one in self._all(finding.path))
+
+    def _all(self, path: str) -> tuple[Finding, ...]:
+        if path not in self._found:
+            self._found[path] = tuple(
+                replace(one, path=self._called.get(one.path, one.path))
+                for one in self._check(Path(path))
+            )
+        return self._found[path]

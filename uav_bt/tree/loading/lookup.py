@@ -1,16 +1,18 @@
-"""Lookup of the files that a tree file includes, and of trees in other files."""
+"""Lookup of the files that a tree file includes, and of trees in other files and folders."""
 
 from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
+from uav_bt.brief import brief_repr
 from uav_bt.errors import FileError, InputError, TreeError
+from uav_bt.files import did_you_mean_file
 from uav_bt.tree.loading.findings import Findings, Rule
 from uav_bt.tree.loading.source import MAX_BYTES, Element, circles, parse_source, read_source
 
@@ -21,6 +23,10 @@ MAX_FOLDER_FILES: Final = 200_000  # of any kind, so that a whole disk is not se
 TREE_SUFFIXES: Final = (".xml", ".btproj")
 """Of the files that hold trees; `.btproj` is a project of Groot2, which includes its files."""
 _FAULTS_SHOWN: Final = 3
+WHICH_TREE: Final = (
+    "Which of the file's trees; default: the one that it names, or that no other uses."
+)
+"""Description of the option `tree_id` of flights and commands."""
 
 
 def shipped_trees() -> Path:
@@ -53,6 +59,27 @@ def files_in(folder: Path) -> tuple[Path, ...]:
     return tuple(sorted(found))
 
 
+def file_in(start: Path, name: str, folders: Sequence[Path], where: str) -> Path:
+    """Return the file that a tree file names, or raise an InputError.
+
+    Args:
+        start: the folder that the name begins at.
+        name: the file's name.
+        folders: resolved; the file lies in one of them or below.
+        where: names them in the message, with a cure.
+    """
+    try:
+        target = (start / name).resolve()
+        there = target.is_file()
+    except (OSError, ValueError) as error:  # too long for the system, or with a zero byte
+        raise InputError(f"'{name:.40}' is no name of a file: {error}") from error
+    if not any(target.is_relative_to(folder) for folder in folders):
+        raise InputError(f"'{name}' lies outside the folder {where}")
+    if not there:
+        raise InputError(f"'{name}': no such file in {start}{did_you_mean_file(start / name)}")
+    return target
+
+
 @dataclass(frozen=True, eq=False)
 class LibraryFile:
     """A tree file whose trees others use."""
@@ -68,10 +95,10 @@ class Library:
     """The trees of tree files, for SubTrees whose tree is in another file."""
 
     def __init__(self, files: Iterable[Path] = ()) -> None:
-        self._files = tuple(dict.fromkeys(path.resolve() for path in files))
+        self.files = tuple(dict.fromkeys(path.resolve() for path in files))
         self.trees: dict[str, _Found] = {}  # by ID
         self._faults: list[str] = []  # why files could not be read
-        for path in self._files:
+        for path in self.files:
             try:
                 source = read_source(path)
                 file = LibraryFile(parse_source(source, path), source)
@@ -89,13 +116,7 @@ class Library:
 
     def hint(self) -> str:
         """Return the files that could not be read, for the message that a tree does not exist."""
-        more = len(self._faults) - _FAULTS_SHOWN
-        parts = self._faults[:_FAULTS_SHOWN] + [f"{more} more like this"] * (more > 0)
-        return "".join(f"; could not be read: {fault}" for fault in parts)
-
-    def joined_by(self, files: Iterable[Path]) -> Library:
-        """Return a library that has the trees of further files."""
-        return Library((*self._files, *files))
+        return "".join(f"; could not be read: {fault}" for fault in self._faults[:_FAULTS_SHOWN])
 
 
 @dataclass(frozen=True)
@@ -129,17 +150,86 @@ class Lookup:
         return self.library.find(tree_id, path) or self.shipped.find(tree_id, path)
 
 
+@dataclass(frozen=True, kw_only=True)
+class TreeFolders:
+    """Folders, besides that of the tree file, for the trees and files that it names.
+
+        TreeFolders(trees=["parts"], packages={"robot": "workspace/src/robot"})
+
+    Nothing is read before `lookup`.
+
+    Attributes:
+        trees: folders whose files have the trees that SubTrees may use.
+        include_root: a folder that files may be included from, besides the file's own and below.
+        packages: folders of ROS packages by name, for `<include ros_pkg="...">`.
+
+    Raises:
+        InputError: a value names no folder.
+    """
+
+    trees: Sequence[str | Path] = ()
+    include_root: str | Path | None = None
+    packages: Mapping[str, str | Path] = field(default_factory=dict)
+
+    __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        if isinstance(self.trees, str | Path) or not isinstance(self.trees, Sequence):
+            raise InputError(f"trees: expected a list of folders, got {self.trees!r:.80}")
+        if not isinstance(self.packages, Mapping):
+            raise InputError(
+                "packages: expected folders by the name of a ROS package, such as "
+                f"{{'robot': 'src/robot'}}, got {self.packages!r:.80}"
+            )
+        root = self.include_root
+        packages = {name: _path(f"packages['{name}']", one) for name, one in self.packages.items()}
+        for name, value in {  # as the class is frozen for all others
+            "trees": tuple(_path("trees", folder) for folder in self.trees),
+            "include_root": None if root is None else _path("include_root", root),
+            "packages": packages,
+        }.items():
+            object.__setattr__(self, name, value)
+
+    def lookup(self) -> Lookup:
+        """Read the trees of the folders, and return where to look for what files do not hold."""
+        files = [file for folder in self.trees for file in files_in(_folder(folder))]
+        root = None if self.include_root is None else _folder(self.include_root)
+        packages = {name: _folder(path) for name, path in self.packages.items()}
+        return Lookup(Library(files), root, packages)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the fields as plain JSON values that make the class again in any folder."""
+        root = self.include_root
+        return {
+            "trees": [str(Path(folder).absolute()) for folder in self.trees],
+            "include_root": None if root is None else str(Path(root).absolute()),
+            "packages": {name: str(Path(one).absolute()) for name, one in self.packages.items()},
+        }
+
+
+def _path(name: str, value: object) -> Path:
+    if not isinstance(value, str | Path) or not str(value):
+        raise InputError(f"{name}: expected a folder, as str or Path, got {value!r:.80}")
+    return Path(value)
+
+
+def _folder(path: str | Path) -> Path:
+    if not Path(path).is_dir():
+        raise FileError(path, "no such folder to look for tree files in")
+    return Path(path)
+
+
 class Includes:
     """Reads included files, each once; the folder of the main file bounds what may be included."""
 
     def __init__(self, main: Path, lookup: Lookup) -> None:
         self._main = main.resolve()
-        self._packages = {name: path.resolve() for name, path in lookup.packages.items()}
+        self._packages = lookup.packages
         root = lookup.include_root
         self._folders = [
             *([self._main.parent] if main.is_file() else []),
             *([] if root is None else [root.resolve()]),
-            *self._packages.values(),
+            *(folder.resolve() for folder in self._packages.values()),
         ]
         self.sources: dict[Path, bytes] = {}  # texts of the included files
         self._after: dict[Path, list[tuple[Element, Path]]] = {}  # what each file includes
@@ -149,8 +239,7 @@ class Includes:
         try:
             target = self._target(include)
         except InputError as error:
-            where = include.at("path")
-            findings.add(include.path, where, str(error), "include", rule=Rule.INCLUDE)
+            findings.note(include, str(error), "path", rule=Rule.INCLUDE, label="include")
             return []
         self._after.setdefault(include.path.resolve(), []).append((include, target))
         if target == self._main or target in self.sources:
@@ -160,8 +249,7 @@ class Includes:
 
     def _target(self, include: Element) -> Path:
         """Return the file that an include names, or raise an InputError."""
-        package = include.attributes.get("ros_pkg")
-        name = include.attributes.get("path", "")
+        package, name = include.attributes.get("ros_pkg"), include.attributes.get("path", "")
         if set(include.attributes) - {"ros_pkg"} != {"path"} or not name:
             raise InputError("needs exactly the attribute 'path', and may have 'ros_pkg'")
         if package is not None and package not in self._packages:
@@ -173,21 +261,8 @@ class Includes:
         if len(self.sources) >= MAX_INCLUDES:
             raise InputError(f"more than {MAX_INCLUDES} files are included")
         start = include.path.parent if package is None else self._packages[package]
-        try:
-            target = (start / name).resolve()
-            there = target.is_file()
-        except OSError as error:  # a name may be too long for the system
-            raise InputError(f"'{name:.40}...': {error.strerror}") from error
-        if target == self._main or target in self.sources:
-            return target
-        if not any(target.is_relative_to(folder) for folder in self._folders):
-            raise InputError(
-                f"'{name}' lies outside the folder {self._folders[0]}: allow it with "
-                "--include-root DIR"
-            )
-        if not there:
-            raise InputError(f"'{name}': no such file in {start}")
-        return target
+        where = f"{self._folders[0]}: allow it with --include-root DIR"
+        return file_in(start, name, self._folders, where)
 
     def note_circles(self, findings: Findings) -> None:
         """Note files that include each other in a circle, of which the engine finds no end."""

@@ -8,12 +8,13 @@ from typing import Any, Final, NamedTuple
 from uav_bt.board import Key
 from uav_bt.errors import ValueRangeError, did_you_mean
 from uav_bt.tree.leaf import Leaf
+from uav_bt.tree.loading.attributes import Attributes
 from uav_bt.tree.loading.document import Document
-from uav_bt.tree.loading.findings import Findings, Position
+from uav_bt.tree.loading.findings import ERROR, Findings, Position, Rule
 from uav_bt.tree.loading.parameters import SET, split_port
-from uav_bt.tree.loading.place_lists import takes_places
+from uav_bt.tree.loading.places import takes_places
 from uav_bt.tree.loading.source import Element
-from uav_bt.tree.mission_tree import Place
+from uav_bt.tree.mission_tree import MissionTree, Place
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import BUILTIN_NODES, SubTree
 from uav_bt.tree.scripted import (
@@ -26,34 +27,18 @@ from uav_bt.tree.scripted import (
 )
 
 _MAX_PATHS: Final = 6  # in a message, of nodes that a name fits
+_FIXED: Final = frozenset({"ID", "name"})  # these say which nodes there are
 
 
-class Replacement(NamedTuple):
-    """A value in place of that of the file."""
-
-    text: str
-    lead: str  # how a message about it begins
-    place: Place | None  # where it was written; None: in the code
-
-
-class Made(NamedTuple):
-    """A node that is to be made."""
+class Part(NamedTuple):
+    """What a node was made of."""
 
     element: Element
-    node: type[Node]
-    name: str
-    path: str
-
-    @property
-    def names(self) -> tuple[str, str, str]:
-        """Names by which a caller may choose it, the most exact one first."""
-        is_subtree = issubclass(self.node, SubTree)
-        node_id = self.element.attributes.get("ID", "") if is_subtree else self.node.node_id
-        return self.path, self.name, node_id
+    given: dict[str, str]  # texts of attributes: those of the file, defaults of entries, others
 
 
 class Replacements:
-    """Overrides, parameters and mocks of a tree that is being built."""
+    """Overrides, parameters and mocks of a tree."""
 
     def __init__(
         self,
@@ -72,127 +57,159 @@ class Replacements:
         }
         self._others = given.pop(ALL_LEAVES, None)
         self._mocks = given
-        self._ports = {name: split_port(name) for name in document.parameters.ports}
-        self.replaced: dict[str, dict[str, str]] = {}  # attributes by path
-        self._made: list[Made] = []
+        self._names: set[str] = set()  # of leaves and SubTrees
+        self._nodes: set[str] = set()  # names of others
 
-    def of(self, made: Made) -> dict[str, Replacement]:
-        """Return the values of a node that replace those of the file, by attribute."""
-        self._made.append(made)
-        taken: dict[str, Replacement] = {}
+    # --- mocks ------------------------------------------------------------------------------------
 
-        def take(attributes: Mapping[str, str], target: str, place: Place | None) -> None:
-            for name, text in attributes.items():
-                placed = self._with_places(made, name, text, place)
-                taken[name] = Replacement(placed, f"override of '{target}': ", place)
-
-        if self._by_key and issubclass(made.node, Leaf):
-            take(made.node.values_taken(self._by_key), made.node.node_id, None)
-        for target, attributes in self._overrides.items():
-            if target in made.names[:2]:
-                take(attributes, target, None)
-        parameters = self._document.parameters
-        for name, (target, port) in self._ports.items():
-            if target in made.names[:2]:
-                place = parameters.places.get((SET, name))
-                take({port: parameters.ports[name]}, name, place)
-        if taken:
-            self.replaced[made.path] = {name: one.text for name, one in taken.items()}
-        return taken
-
-    def _with_places(self, made: Made, port: str, text: str, place: Place | None) -> str:
-        """Return a value with the places of the files that it names."""
-        document = self._document
-        if not takes_places(made.element, port, document.registry):
-            return text
-        at = place or Place(document.path, Position(1, 1))
-        return document.place_lists.in_override(text, f"{made.name}.{port}", document.path, at)
-
-    def mock(self, made: Made, entries: Iterable[str]) -> tuple[type[ScriptedLeaf], Mock] | None:
+    def mock(
+        self, node: type[Node], element: Element, name: str, path: str, entries: Iterable[str]
+    ) -> tuple[type[ScriptedLeaf], Mock] | None:
         """Return the class of the leaf that takes the place of a node, and its mock."""
-        if not issubclass(made.node, (Leaf, SubTree)):
+        is_leaf = issubclass(node, Leaf)
+        tree_id = element.attributes.get("ID", "")
+        names = (path, name, tree_id if issubclass(node, SubTree) else node.node_id)
+        if not (is_leaf or issubclass(node, SubTree)):
+            self._nodes.update((*names, element.tag))
             return None
+        self._names.update(names)
         mock: Mock | None = None
-        for name in reversed(made.names):  # the most exact selector comes last and counts
-            if name in self._mocks:
-                mock = self._mocks[name].over(mock)
-        is_ours = issubclass(made.node, Leaf) and made.node not in BUILTIN_NODES
+        for one in reversed(names):  # the most exact selector comes last and counts
+            if one in self._mocks:
+                mock = self._mocks[one].over(mock)
+        is_ours = is_leaf and node not in BUILTIN_NODES
         if is_ours and self._others is not None:
             mock = self._others if mock is None else mock.over(self._others)
         if mock is None:
             return None
-        target = next((name for name in made.names if name in self._mocks), ALL_LEAVES)
-        if issubclass(made.node, Leaf):
-            stand_in = mock_class(made.node)
-        else:
-            stand_in = subtree_mock(made.names[2], entries)
+        target = next((one for one in names if one in self._mocks), ALL_LEAVES)
+        stand_in = mock_class(node) if issubclass(node, Leaf) else subtree_mock(tree_id, entries)
         message = None
         try:
             stand_in.check(mock)
-            if is_ours and issubclass(made.node, Leaf) and target != ALL_LEAVES:
-                message = undeclared_answers(made.node, mock)
+            if is_ours and issubclass(node, Leaf) and target != ALL_LEAVES:
+                message = undeclared_answers(node, mock)
         except ValueRangeError as error:
             message = str(error)
         if message is not None:
-            self._refuse(f"mock of '{target}': {message}", mock.place, made.element)
+            place = mock.place or Place(element.path, element.position)
+            self._refuse(f"mock of '{target}': {message}", place, element.label)
             return stand_in, Mock("S")
         return stand_in, mock
 
-    # --- names that fit no node, or several -------------------------------------------------------
-
-    def check_names(self) -> None:
-        """Refuse names that fit no node, ports that fit several, and ports with two values."""
-        names = {made.name for made in self._made}
-        chosen: set[tuple[str, str]] = set()
-        for target, attributes in self._overrides.items():
-            hits = self._hits(target)
-            chosen.update((made.path, attribute) for made in hits for attribute in attributes)
-            if not hits:
-                self._refuse(_nowhere(target, target, names), None)
-        for name, (target, port) in self._ports.items():
-            place = self._document.parameters.places.get((SET, name))
-            hits = self._hits(target)
-            twice = [made for made in hits if (made.path, port) in chosen]
-            if not hits:
-                self._refuse(_nowhere(name, target, names), place)
-            elif twice:
-                message = f"port '{name}' is given two values: leave one of them out"
-                self._refuse(message, place, twice[0].element)
-            elif len(hits) > 1:
-                self._refuse(_choice(name, port, [made.path for made in hits]), place)
-            else:
-                chosen.add((hits[0].path, port))
-        leaves = {
-            one
-            for made in self._made
-            if issubclass(made.node, (Leaf, SubTree))
-            for one in made.names
-        }
+    def check_mocks(self) -> None:
+        """Refuse mocks of nodes that the tree does not have, or that cannot be mocked."""
         for target, mock in self._mocks.items():
-            if target not in leaves:
-                self._refuse(f"mock of '{target}': {self._no_leaf(target, leaves)}", mock.place)
+            if target in self._names:
+                continue
+            why = "the tree has no leaf of that path, name or node id"
+            why += did_you_mean(target, self._names)
+            if target in self._nodes:
+                why = "only leaves and SubTrees can be mocked"
+            self._refuse(f"mock of '{target}': {why}", mock.place)
 
-    def _hits(self, target: str) -> list[Made]:
-        return [made for made in self._made if target in made.names[:2]]
+    # --- values -----------------------------------------------------------------------------------
 
-    def _no_leaf(self, target: str, known: set[str]) -> str:
-        for made in self._made:
-            tag = made.element.tag
-            if target in (made.path, made.name, tag):
-                return f"only leaves and SubTrees can be mocked, this is a {tag}"
-        return f"the tree has no leaf of that path, name or node id{did_you_mean(target, known)}"
+    def replace(self, tree: MissionTree, parts: Mapping[str, Part], attributes: Attributes) -> None:
+        """Give the nodes of a tree their values from outside, and note those that do not fit."""
+        values = _Values(tree, parts, attributes, self._document, self._findings)
+        for leaf in tree.leaves():
+            values.give(leaf, leaf.values_taken(self._by_key), leaf.node_id, None)
+        chosen = set[tuple[str, str]]()
+        for target, given in self._overrides.items():
+            hits = [node for node in tree.nodes() if target in (node.path, node.name)]
+            if not hits:
+                self._refuse(f"override of '{target}': {_nowhere(tree, target)}")
+            for node in hits:
+                values.give(node, given, target, None)
+                chosen |= {(node.path, name) for name in given}
+        parameters = self._document.parameters
+        for name, text in parameters.ports.items():
+            place = parameters.places.get((SET, name))
+            target, port = split_port(name)
+            hits = [node for node in tree.nodes() if target in (node.path, node.name)]
+            if not hits:
+                self._refuse(f"override of '{name}': {_nowhere(tree, target)}", place)
+            elif any((node.path, port) in chosen for node in hits):
+                message = f"port '{name}' is given two values: leave one of them out"
+                self._refuse(message, place)
+            elif len(hits) > 1:
+                self._refuse(_choice(name, port, [node.path for node in hits]), place)
+            else:
+                values.give(hits[0], {port: text}, name, place)
+                chosen.add((hits[0].path, port))
 
-    def _refuse(self, message: str, place: Place | None, element: Element | None = None) -> None:
-        if place is None and element is not None:
-            place = Place(element.path, element.position)
+    def _refuse(self, message: str, place: Place | None = None, label: str = "") -> None:
         at = place or Place(self._document.path, Position(1, 1))
-        label = "" if element is None else element.label
         self._findings.add(at.path, at.position, message, label)
 
 
-def _nowhere(name: str, target: str, known: set[str]) -> str:
-    hint = did_you_mean(target, known)
-    return f"override of '{name}': the tree has no node of that name or path{hint}"
+class _Values:
+    """Gives values to nodes of a tree, and notes those that no file could have had."""
+
+    def __init__(
+        self,
+        tree: MissionTree,
+        parts: Mapping[str, Part],
+        attributes: Attributes,
+        document: Document,
+        findings: Findings,
+    ) -> None:
+        self._tree = tree
+        self._parts = parts
+        self._attributes = attributes
+        self._document = document
+        self._findings = findings
+
+    def give(self, node: Node, given: Mapping[str, str], target: str, place: Place | None) -> None:
+        """Replace attributes of a node; messages name the target, and stand at the place."""
+        if not given:
+            return
+        part, is_good = self._parts[node.path], True
+
+        def note(
+            message: str, attribute: str, rule: Rule = Rule.ATTRIBUTE, severity: str = ERROR
+        ) -> None:
+            nonlocal is_good
+            del rule  # it is the caller's value, not the file's
+            if severity == ERROR:
+                is_good = False
+                at = place or Place(part.element.path, part.element.at(attribute))
+                message = f"override of '{target}': {message}"
+                self._findings.add(at.path, at.position, message, part.element.label)
+
+        texts = {name: self._with_places(node, name, given[name], place) for name in given}
+        fixed = [name for name in texts if name in _FIXED or name.startswith("_")]
+        for name in fixed:
+            note(f"'{name}' cannot be replaced", name)
+        if isinstance(node, SubTree):
+            described = self._document.subtree_ports.get(node.tree_id) or {}
+            known = {*described, *part.element.attributes}
+            for name in texts.keys() - known:
+                note(f"the tree has no port '{name}'{did_you_mean(name, known)}", name)
+            self._attributes.entries(texts, note)
+        elif not fixed:
+            ports = node.ports_over(len(node.children))
+            taken = [port for port in ports if port.name in texts]
+            self._attributes.bound(taken if len(taken) == len(texts) else ports, texts, note)
+        if is_good:
+            part.given.update(texts)
+            node.rebind(texts)
+            self._tree.replaced.setdefault(node.path, {}).update(texts)
+
+    def _with_places(self, node: Node, port: str, text: str, place: Place | None) -> str:
+        """Return a value with the places of the files that it names."""
+        document = self._document
+        if not takes_places(self._parts[node.path].element, port, document.registry):
+            return text
+        at = place or Place(document.path, Position(1, 1))
+        what = f"port '{node.name}.{port}'"
+        return document.place_lists.in_text(text, document.path, at, what)
+
+
+def _nowhere(tree: MissionTree, target: str) -> str:
+    hint = did_you_mean(target, {node.name for node in tree.nodes()})
+    return f"the tree has no node of that name or path{hint}"
 
 
 def _choice(name: str, port: str, found: list[str]) -> str:

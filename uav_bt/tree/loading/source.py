@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Final, NoReturn, TypeVar
+from xml.etree import ElementTree as ET
 from xml.parsers import expat
 
 from uav_bt.errors import TreeError
@@ -70,61 +71,50 @@ def read_source(path: Path) -> bytes:
     return read_bounded(path, MAX_BYTES, _refused, cure=_SMALLER)
 
 
-class _Builder:
-    """Makes the elements of a document."""
+def _parsed(text: str, path: Path) -> Element:
+    """Return the root element of a document that is XML."""
+    data = text.encode()
+    # Whatever the declaration says, as the format's own engine has it.
+    parser = expat.ParserCreate("UTF-8")
+    parser.buffer_text = True
+    document = Element(path, "", {}, Position(1, 1), dict)
+    found, around = [document], [document]
 
-    def __init__(self, text: str, path: Path) -> None:
-        self._path, self._data = path, text.encode()
-        self._open: list[Element] = []
-        self._count = 0
-        # Whatever the declaration says, as the format's own engine has it.
-        self._parser = expat.ParserCreate("UTF-8")
-        self._parser.buffer_text = True
-        self._parser.StartElementHandler = self._start
-        self._parser.EndElementHandler = self._end
-        self._parser.CharacterDataHandler = self._text
-        self._parser.StartDoctypeDeclHandler = self._doctype
+    def here() -> Position:
+        return Position(parser.CurrentLineNumber, parser.CurrentColumnNumber + 1)
 
-    def root(self) -> Element:
-        self._parser.Parse(self._data, True)
-        return self._root
+    def refuse(message: str, *_arguments: object) -> NoReturn:
+        raise _refused(path, message, here())
 
-    def _here(self) -> Position:
-        return Position(self._parser.CurrentLineNumber, self._parser.CurrentColumnNumber + 1)
-
-    def _refuse(self, message: str) -> NoReturn:
-        raise _refused(self._path, message, self._here())
-
-    def _doctype(self, *_arguments: object) -> None:
-        self._refuse("document type declarations and entities are not allowed")
-
-    def _start(self, tag: str, attributes: dict[str, str]) -> None:
-        self._count += 1
-        if self._count > MAX_NODES:
-            self._refuse(f"more than {MAX_NODES} elements")
-        if len(self._open) >= MAX_DEPTH + 2:  # the nodes stand in <root> and <BehaviorTree>
-            self._refuse(f"nodes are nested deeper than {MAX_DEPTH}")
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        if len(found) > MAX_NODES:
+            refuse(f"more than {MAX_NODES} elements")
+        if len(around) >= MAX_DEPTH + 3:  # the nodes stand in <root> and <BehaviorTree>
+            refuse(f"nodes are nested deeper than {MAX_DEPTH}")
         if len(attributes) > _MAX_ATTRIBUTES:
-            self._refuse(f"an element has more than {_MAX_ATTRIBUTES} attributes")
+            refuse(f"an element has more than {_MAX_ATTRIBUTES} attributes")
         if max(map(len, (tag, *attributes, *attributes.values()))) > _MAX_WORD:
-            self._refuse(f"a name or an attribute is longer than {_MAX_WORD} characters")
-        here = self._here()
-        locate = partial(_locate, self._data, self._parser.CurrentByteIndex, here)
+            refuse(f"a name or an attribute is longer than {_MAX_WORD} characters")
+        at = here()
+        locate = partial(_locate, data, parser.CurrentByteIndex, at)
         given = {name: value.translate(_RAW_OF) for name, value in attributes.items()}
-        element = Element(self._path, tag, given, here, locate)
-        if self._open:
-            self._open[-1].children.append(element)
-        else:
-            self._root = element
-        self._open.append(element)
+        element = Element(path, tag, given, at, locate)
+        around[-1].children.append(element)
+        found.append(element)
+        around.append(element)
 
-    def _end(self, _tag: str) -> None:
-        self._open.pop()
+    def characters(text: str) -> None:
+        words = text.strip().translate(_RAW_OF)
+        if words and len(around[-1].text) < _MAX_TEXT:
+            around[-1].text += words[:_MAX_TEXT]
 
-    def _text(self, text: str) -> None:
-        element, words = self._open[-1], text.strip().translate(_RAW_OF)
-        if words and len(element.text) < _MAX_TEXT:
-            element.text += words[:_MAX_TEXT]
+    parser.StartElementHandler = start
+    parser.EndElementHandler = lambda _tag: around.pop()
+    parser.CharacterDataHandler = characters
+    no_types = "document type declarations and entities are not allowed"
+    parser.StartDoctypeDeclHandler = partial(refuse, no_types)
+    parser.Parse(data, True)
+    return found[1]
 
 
 def _locate(data: bytes, start: int, here: Position) -> dict[str, Position]:
@@ -147,18 +137,10 @@ def parse_source(data: bytes, path: Path) -> Element:
         raise _refused(path, f"larger than {MAX_BYTES} bytes: {_SMALLER}")
     text = _decoded(data, path)
     try:
-        return _Builder(text, path).root()
+        return _parsed(text, path)
     except expat.ExpatError as error:
-        changes, letters = _changes(text), list(text)
-        for at, new, _ in changes:
-            letters[at : at + len(new)] = new
         with contextlib.suppress(expat.ExpatError):
-            root = _Builder("".join(letters), path).root()
-            start = Position(1, 1)
-            root.mended = [
-                (_position(text, at, start), why) for at, _, why in changes[:MAX_FINDINGS]
-            ]
-            return root
+            return _mended(text, path)
         reason = expat.errors.messages[error.code]
         begin = text.removeprefix(_BOM).strip()
         if begin and not begin.startswith("<"):
@@ -202,6 +184,17 @@ _RAW: Final = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#[0-9]++|#x[0-9A-Fa-f]++);
 _Change = tuple[int, str, str]  # the place, the text that comes there, and a message
 
 
+def _mended(text: str, path: Path) -> Element:
+    """Return the root element of a document that the engine reads, though it is no XML."""
+    changes, letters = _changes(text), list(text)
+    for at, new, _ in changes:
+        letters[at : at + len(new)] = new
+    root = _parsed("".join(letters), path)
+    start = Position(1, 1)
+    root.mended = [(_position(text, at, start), why) for at, _, why in changes[:MAX_FINDINGS]]
+    return root
+
+
 def _changes(text: str) -> list[_Change]:
     """Return what makes a document XML; none where no part of XML can be recognised."""
     changes: list[_Change] = []
@@ -212,20 +205,22 @@ def _changes(text: str) -> list[_Change]:
             return []
         done = part.end()
         if part["declaration"]:
-            blank = re.sub(r"\S", " ", part["declaration"])
             message = "blanks before '<?xml' are not XML: remove them"
-            changes.append((part.start("declaration"), blank, message))
+            changes.append((part.start("declaration"), _blank(part["declaration"]), message))
         elif part["comment"] and "--" in f"{part['comment']}-":
             dashes = f"{part['comment']}-".index("--")
-            blank = re.sub(r"\S", " ", part["comment"][dashes:])
-            message = "'--' in a comment is not XML: write something else"
-            changes.append((part.start("comment") + dashes, blank, message))
+            at, new = part.start("comment") + dashes, _blank(part["comment"][dashes:])
+            changes.append((at, new, "'--' in a comment is not XML: write something else"))
         elif part["text"]:
             changes += _escapes(part["text"], part.start())
         elif part["tag"]:
             for value in _QUOTED.finditer(part["tag"]):
                 changes += _escapes(value[0], part.start() + value.start())
     return changes
+
+
+def _blank(text: str) -> str:
+    return re.sub(r"\S", " ", text)
 
 
 def _escapes(text: str, start: int) -> Iterator[_Change]:
@@ -272,3 +267,11 @@ def walk(element: Element) -> Iterator[Element]:
         child = waiting.pop()
         yield child
         waiting += child.children[::-1]
+
+
+def to_xml(element: Element) -> ET.Element:
+    """Return an element with all below it for a writer of XML."""
+    copy = ET.Element(element.tag, element.attributes)
+    copy.text = element.text or None
+    copy.extend(map(to_xml, element.children))
+    return copy

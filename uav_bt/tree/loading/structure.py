@@ -6,9 +6,9 @@ from typing import Final
 
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.loading.document import Document
-from uav_bt.tree.loading.elements import KIND_TAGS, doors, node_id_of
+from uav_bt.tree.loading.elements import KIND_TAGS, node_id_of
 from uav_bt.tree.loading.findings import Findings, Rule
-from uav_bt.tree.loading.source import Element, circles, walk
+from uav_bt.tree.loading.source import Element, walk
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import ReactiveSequence
 from uav_bt.tree.registry import NodeRegistry
@@ -93,15 +93,3 @@ def check_names(tree: Element, findings: Findings) -> None:
                 "name",
                 rule=Rule.TREE_ID,
             )
-
-
-def check_recursion(document: Document, findings: Findings) -> None:
-    """Refuse trees that contain themselves."""
-    trees = document.trees
-
-    def used(tree_id: str) -> list[tuple[Element, str]]:
-        return [(node, inner) for node, inner in doors(trees[tree_id]) if inner in trees]
-
-    for node, loop in circles(trees, used):
-        message = f"the tree contains itself: {' > '.join(loop)}"
-        findings.note(node, message, "ID", rule=Rule.UNKNOWN_TREE)

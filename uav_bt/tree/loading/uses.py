@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, NamedTuple
 
-from uav_bt.board import Key
+from uav_bt.board import MISSION_KEYS, Key
 from uav_bt.tree.flow import Variable, Written
 from uav_bt.tree.loading.build import Placeholder
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.port import Port, Reference
-from uav_bt.tree.script import SCRIPTS, Script, parse_script, parsed_by
+from uav_bt.tree.script import SCRIPTS, Script
 from uav_bt.tree.script.expressions import Assignment, Name, constant_value, kind_of
 from uav_bt.tree.variables import Variables
 
-_MAX_SOURCES: Final = 100  # of one variable
+_MAX_VALUES: Final = 100  # of one variable
 
 
 class Use(NamedTuple):
@@ -31,14 +31,23 @@ class Use(NamedTuple):
 class Write:
     """Something that may write a variable."""
 
-    use: Use
+    use: Use | None  # None: the value comes from outside the file
     kind: type  # of the value; object: unknown
     value: Any = None  # where the file has it
-    elements: tuple[str, ...] = ()  # the values, one after another, where the file has them
     copied: Slot | None = None  # the variable whose value it is
     creates: bool = True  # False: only changes a variable that exists
     keeps_type: bool = False  # an existing variable keeps its type
-    is_entry: bool = False  # the entry of a SubTree
+    is_element: bool = False  # one of the values that a loop gives
+
+    @property
+    def of_any_round(self) -> Write:
+        """The write without the value where a loop gives several."""
+        return replace(self, value=None) if self.is_element else self
+
+    @property
+    def words(self) -> str:
+        """The value, or its type."""
+        return self.kind.__name__ if self.value is None else repr(self.value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,17 +58,6 @@ class Read:
     port: Port[Any] | None  # None: a script
     needed: bool  # without a value the reader fails
     named: bool = True  # the file names the variable; False: the port's default does
-
-
-@dataclass(frozen=True)
-class BoardUse:
-    """A use of a board key by the name of a subtree's variable."""
-
-    use: Use
-    name: str  # of the variable
-    key: str
-    port: Port[Any] | None = None  # None: a script, or a node that writes variables by name
-    writes: bool = False  # without a port
 
 
 @dataclass(eq=False)
@@ -79,49 +77,49 @@ class Slot:
         """True when something gives it its first value, or may."""
         return self.obscure or self.given or any(write.creates for write in self.writes)
 
-    def sources(self) -> list[Write] | None:
-        """Return what gives it its values, copies followed back; None when that is not known.
+    @property
+    def is_shown(self) -> bool:
+        """True when the file shows all values that it gets."""
+        changes = any(not (write.creates or write.keeps_type) for write in self.writes)
+        return self.created and not (self.obscure or self.given or changes)
 
-        Of equal writes the first stands for all. More than `_MAX_SOURCES` different ones count as
-        not known.
-        """
-        found: dict[tuple[type, Any], Write] = {}
-        seen: set[int] = set()
+    def values(self) -> Values:
+        """Return the writes of its values, copies followed back, and whether these are all."""
+        found: list[Write] = []
+        seen: dict[int, Slot] = {}
         waiting = [self]
-        while waiting:
+        while waiting and len(seen) + len(found) < _MAX_VALUES:
             slot = waiting.pop()
             if id(slot) in seen:
                 continue
-            seen.add(id(slot))
-            if not slot.created or slot.obscure or slot.given:
-                return None
-            changed = any(not write.creates for write in slot.writes)
+            seen[id(slot)] = slot
             for write in slot.writes:
-                if not write.creates:
-                    continue  # it keeps the type that there is
                 if write.copied is not None:
                     waiting.append(write.copied)
-                else:
-                    kept = replace(write, value=None) if changed else write
-                    found.setdefault((kept.kind, kept.value), kept)
-                if len(seen) + len(found) > _MAX_SOURCES:
-                    return None
-        return list(found.values())
+                elif write.creates or write.keeps_type:
+                    found.append(write)
+        return found, not waiting and all(slot.is_shown for slot in seen.values())
+
+
+Values = tuple[list[Write], bool]  # what writes them, and whether these are all
 
 
 class Uses:
     """The variables of a tree, with all that writes and reads them."""
 
-    def __init__(self, tree: MissionTree, keys: Mapping[str, Key[Any]] | None = None) -> None:
-        self._keys = keys or {}
-        self.main = tree.variables
+    def __init__(self, tree: MissionTree) -> None:
+        self.tree = tree
+        self._keys: dict[str, Key[Any]] = {key.name: key for key in MISSION_KEYS}
+        for leaf in tree.leaves():
+            self._keys |= {key.name: key for key in (*leaf.reads, *leaf.writes)}
         self.slots: dict[Variable, Slot] = {}
         self.doors: dict[Variables, SubTree] = {}  # by the scope of the tree inside
         self.touched: dict[Variables, set[str]] = {}  # names that something inside uses
-        self.on_board: list[BoardUse] = []
         obscured: list[Variables] = []
-        for name in tree.variables:
-            self._slot(tree.variables, name).given = True
+        for name, value in tree.variables.snapshot().items():
+            slot = self._slot(tree.variables, name)
+            slot.given = True
+            slot.writes.append(Write(None, type(value), value))
         for node in tree.nodes():
             if isinstance(node, Placeholder) and node.hides:
                 obscured.append(node.variables)
@@ -129,18 +127,14 @@ class Uses:
         for scope in obscured:
             self._obscure(scope)
 
-    def place(self, scope: Variables, name: str) -> Slot | str:
-        """Return the variable that a name is, or the board key."""
-        self.touched.setdefault(scope, set()).add(name)
-        door = self.doors.get(scope)
-        if door is not None:
-            if name in door.board_keys:
-                return door.board_keys[name]
-            if name in door.shared:
-                return self.place(door.variables, door.shared[name])
-            if door.autoremap and not name.startswith("_") and name not in door.constants:
-                return self.place(door.variables, name)
-        return self._slot(scope, name)
+    def place(self, scope: Variables, name: str) -> Slot | None:
+        """Return the variable that a name is; None for a board key."""
+        holder, inner = scope.location(name)
+        while scope is not holder and scope.parent is not None:
+            self.touched.setdefault(scope, set()).add(name)
+            name, scope = scope.remapped.get(name, name), scope.parent
+        self.touched.setdefault(holder, set()).add(inner)
+        return None if inner in holder.board else self._slot(holder, inner)
 
     def _slot(self, scope: Variables, name: str) -> Slot:
         return self.slots.setdefault((scope, name), Slot(scope, name))
@@ -151,27 +145,50 @@ class Uses:
             slot.obscure |= where is scope
         if (door := self.doors.get(scope)) is not None:
             for name in door.shared.values():
-                outer = self.place(door.variables, name)
-                if isinstance(outer, Slot):
+                if (outer := self.place(door.variables, name)) is not None:
                     outer.obscure = True
             if door.autoremap:
                 self._obscure(door.variables)
+
+    def unset(self) -> dict[str, Use]:
+        """Return the variables of the main tree that are read and that nothing sets, by name."""
+        first: dict[str, Use] = {}
+        for slot in self.slots.values():
+            if slot.scope is self.tree.variables and not slot.created:
+                for read in slot.reads:
+                    if read.needed or read.named:
+                        first.setdefault(slot.name, read.use)
+        return first
+
+    def words(self, use: Use) -> str:
+        """Return node and attribute of a use, with their place where there is a file."""
+        node, place = use.node, self.tree.places.get(use.node.path)
+        where = "" if place is None else f", at {place.path}:{place.at(use.attribute)}"
+        label = f"'{node.path}'" if place is None else place.label
+        return f"{label}, attribute '{use.attribute}'{where}"
+
+    def value_words(self, write: Write) -> str:
+        """Return a value, or its type, and what writes it."""
+        return write.words + ("" if write.use is None else f", from {self.words(write.use)}")
+
+    def in_other_file(self, one: Use, other: Use) -> bool:
+        """Return whether two uses stand in different files."""
+        places = [self.tree.places.get(use.node.path) for use in (one, other)]
+        return len({place.path for place in places if place is not None}) > 1
 
     # --- one node ---------------------------------------------------------------------------------
 
     def _add(self, node: Node) -> Iterator[Variables]:
         """Add what a node writes and reads; yield a scope of which it may write any variable."""
-        for attribute, source in node.condition_scripts.items():
-            self._script(parse_script(source), Use(node, attribute))
+        for attribute, script in node.scripts():
+            self._script(script, Use(node, attribute))
         if isinstance(node, SubTree):
             self._enter(node)
         for port in node.ports_over(len(node.children)):
-            at, text = node.given_references.get(port.name), node.literals.get(port.name)
+            at = node.given_references.get(port.name)
             if at is not None and not at.on_board:
                 self._port(node, port, at)
-            if port.check in SCRIPTS and isinstance(text, str):
-                self._script(parsed_by(port.check, text), Use(node, port.name))
-            elif port.check in SCRIPTS and at is not None:
+            if port.check in SCRIPTS and at is not None:
                 yield node.variables  # a script that only the flight shows
         for written in node.variables_written():
             if written.name is None:
@@ -185,39 +202,36 @@ class Uses:
         inner = node.child.variables
         self.doors[inner] = node
         for name, value in node.constants.items():
-            write = Write(Use(node, name), type(value), value, is_entry=True)
+            write = Write(Use(node, name), type(value), value)
             self._slot(inner, name).writes.append(write)
 
     def _write(self, node: Node, written: Written, name: str) -> None:
         slot, use = self.place(node.variables, name), Use(node, written.attribute)
-        if isinstance(slot, Slot):
+        if slot is not None:
             kind, copied = self._source(node, written.copied, written.kind)
-            more = (written.elements, copied, True, written.keeps_type)
-            slot.writes.append(Write(use, kind, written.value, *more))
-        elif written.port is None:
-            self.on_board.append(BoardUse(use, name, slot, writes=True))
+            for value in written.elements or (written.value,):
+                more = (copied, True, written.keeps_type, bool(written.elements))
+                slot.writes.append(Write(use, kind, value, *more))
 
     def _remove(self, node: Node, name: str) -> None:
         slot, door = self.place(node.variables, name), self.doors.get(node.variables)
-        if isinstance(slot, str):
-            use = Use(node, node.ports[0].name)
-            self.on_board.append(BoardUse(use, name, slot, writes=True))
-        elif door and door.autoremap and name in door.constants and not name.startswith("_"):
+        is_entry = door and door.autoremap and name in door.constants and not name.startswith("_")
+        if slot is not None and is_entry:
             slot.obscure = True  # without the entry, the name is the outer tree's
 
     def _source(self, node: Node, at: Reference | None, kind: type) -> tuple[type, Slot | None]:
         """Return the type of a value that may be a copy, and the variable that is copied."""
         if at is None:
             return kind, None
-        source = at.key if at.on_board else self.place(node.variables, at.key)
-        if isinstance(source, Slot):
-            return object, source
-        return self._keys[source].type if source in self._keys else object, None
+        slot = None if at.on_board else self.place(node.variables, at.key)
+        if slot is not None:
+            return object, slot
+        key = self._keys.get(at.key if at.on_board else node.variables.board_key(at.key) or "")
+        return object if key is None else key.type, None
 
     def _port(self, node: Node, port: Port[Any], at: Reference) -> None:
         slot, use = self.place(node.variables, at.key), Use(node, port.name)
-        if isinstance(slot, str):
-            self.on_board.append(BoardUse(use, at.key, slot, port))
+        if slot is None:
             return
         slot.ports.append((use, port))
         if port.direction != "output":
@@ -226,58 +240,40 @@ class Uses:
             slot.reads.append(Read(use, port, needed, named))
 
     def _script(self, script: Script, use: Use) -> None:
-        for part in script.walk():
+        for part in script.parts:
             if isinstance(part, Assignment):
                 self._assignment(part, use)
             elif isinstance(part, Name) and part.name not in script.asked_known:
-                self._read(part.name, use, needed=id(part) in script.certain)
+                self._read(part.name, use, needed=any(part is one for one in script.certain))
         for statement in script.statements:
             if isinstance(statement, Assignment) and statement.sign != ":=":
-                self._read(statement.name, use, needed=True, is_told=True)
+                self._read(statement.name, use, needed=True)
 
-    def _read(self, name: str, use: Use, *, needed: bool, is_told: bool = False) -> None:
-        if not self._is_variable(name, use.node):
-            return
-        slot = self.place(use.node.variables, name)
-        if isinstance(slot, Slot):
+    def _read(self, name: str, use: Use, *, needed: bool) -> None:
+        slot = self.place(use.node.variables, name) if _is_variable(name, use.node) else None
+        if slot is not None:
             slot.reads.append(Read(use, None, needed))
-        elif not is_told:
-            self.on_board.append(BoardUse(use, name, slot))
-
-    @staticmethod
-    def _is_variable(name: str, node: Node) -> bool:
-        return not name.startswith("@") and name not in node.variables.enum_members
 
     def _assignment(self, part: Assignment, use: Use) -> None:
-        if part.name.startswith("@"):
-            return  # on another engine's board; all others are refused
-        slot = self.place(use.node.variables, part.name)
-        if isinstance(slot, str):
-            self.on_board.append(BoardUse(use, part.name, slot, writes=True))
+        slot = None if part.name.startswith("@") else self.place(use.node.variables, part.name)
+        if slot is None:
             return
         at = None
-        if isinstance(part.value, Name) and self._is_variable(part.value.name, use.node):
+        if isinstance(part.value, Name) and _is_variable(part.value.name, use.node):
             at = Reference(part.value.name, on_board=False)
         kind, copied = self._source(use.node, at, kind_of(part.value) or object)
         creates, value = part.sign == ":=", constant_value(part.value)
-        slot.writes.append(
-            Write(use, kind, value, (), copied, creates, keeps_type=part.sign in {":=", "="})
-        )
+        keeps_type = part.sign in {":=", "="}
+        slot.writes.append(Write(use, kind, value, copied, creates, keeps_type))
+
+
+def _is_variable(name: str, node: Node) -> bool:
+    return not name.startswith("@") and name not in node.variables.enum_members
 
 
 def is_named(port: Port[Any], at: Reference) -> bool:
     """Return whether a node names a variable or key at a port, and not only the port's default."""
     return port.default is Port.REQUIRED or port.bound_default != at
-
-
-def named_scripts(node: Node) -> Iterable[tuple[str, Script]]:
-    """Yield the scripts of a node by attribute: its conditions, and its ports."""
-    for attribute, source in node.condition_scripts.items():
-        yield attribute, parse_script(source)
-    for port in node.ports:
-        text = node.literals.get(port.name)
-        if port.check in SCRIPTS and isinstance(text, str):
-            yield port.name, parsed_by(port.check, text)
 
 
 def variable_at(node: Node, name: str) -> Variable | None:

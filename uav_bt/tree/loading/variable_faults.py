@@ -6,26 +6,27 @@ reader. Python may also set the main tree's variables, so there only the file's 
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from uav_bt.board import Key
 from uav_bt.errors import did_you_mean
-from uav_bt.tree.loading.attributes import key_fits
-from uav_bt.tree.loading.build import Built
+from uav_bt.tree.loading.build import Built, Placeholder
 from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.findings import ERROR, WARNING, Findings, Position, Rule
+from uav_bt.tree.loading.misfits import misfits
 from uav_bt.tree.loading.parameters import VAR, Plain
-from uav_bt.tree.loading.uses import BoardUse, Read, Slot, Use, Uses, Write
+from uav_bt.tree.loading.uses import Read, Slot, Use, Uses
 from uav_bt.tree.mission_tree import Place
+from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.port import Port
+from uav_bt.tree.script.expressions import Assignment, Known, Name
+from uav_bt.tree.script.values import ONLY_LEAVES_WRITE
 from uav_bt.tree.variables import Variables
 
 _IN_SCRIPTS: Final = (int, float, str)
 _PLAIN: Final = (bool, int, float, str)
-_NUMBERS: Final = (int, float)
 
 
 def check_variables(built: Built, document: Document, findings: Findings) -> Uses:
@@ -41,21 +42,23 @@ class _VariableFaults:
         self._document = document
         self._findings = findings
         self._keys: Mapping[str, Key[Any]] = document.registry.board_keys
-        self.uses = Uses(built.tree, self._keys)
+        self.uses = Uses(built.tree)
 
     def check(self) -> None:
         for door in self.uses.doors.items():
             self._check_entries(*door)
         for slot in [*self.uses.slots.values()]:
             self._check_ports(slot)
-            sources = slot.sources()
             for read in slot.reads:
-                if sources is not None:
-                    self._check_read(slot, read, sources)
-                elif read.needed and not slot.created:
+                if read.needed and not slot.created:
                     self._check_unwritten(slot, read)
-        for board_use in self.uses.on_board:
-            self._check_board_use(board_use)
+        for node in self._built.tree.nodes():
+            if not (isinstance(node, Placeholder) and node.hides):  # an unknown node
+                self._check_board(node)
+                self._check_scripts(node)
+        for node, attribute, message, is_certain in misfits(self.uses):
+            if is_certain:
+                self._note(Use(node, attribute), f"attribute '{attribute}' {message}")
         self._check_given()
 
     def _note(
@@ -63,12 +66,6 @@ class _VariableFaults:
     ) -> None:
         element = self._built.parts[use.node.path].element
         self._findings.note(element, message, use.attribute, rule=rule, severity=severity)
-
-    def _words(self, use: Use) -> str:
-        """Return node, attribute and place of a use."""
-        element = self._built.parts[use.node.path].element
-        place = f"{element.path}:{element.at(use.attribute)}"
-        return f"{element.label}, attribute '{use.attribute}', at {place}"
 
     def _check_ports(self, slot: Slot) -> None:
         """Refuse ports of two types, as the engine does: the first that is made gives the type.
@@ -82,28 +79,8 @@ class _VariableFaults:
                 self._note(
                     use,
                     f"attribute '{use.attribute}' takes {port.type.__name__}, but variable "
-                    f"'{slot.name}' is {first.type.__name__} for {self._words(first_use)}",
+                    f"'{slot.name}' is {first.type.__name__} for {self.uses.words(first_use)}",
                 )
-
-    def _check_read(self, slot: Slot, read: Read, sources: list[Write]) -> None:
-        reasons = [_misfit(read.port, write) for write in sources]
-        if not reasons or None in reasons:
-            return
-        use, given = read.use, sources[0].use
-        files = [self._built.parts[one.node.path].element.path for one in (use, given)]
-        if len(reasons) == 1 and files[0] != files[1]:
-            # The reader is in a file that other missions use, too: the value is to be corrected.
-            self._note(
-                given, f"attribute '{given.attribute}' {reasons[0]}; {self._words(use)} reads it"
-            )
-            return
-        more = f" (and {len(reasons) - 1} more like it)" if len(reasons) > 1 else ""
-        takes = "" if read.port is None else f" takes {read.port.type.__name__}, but"
-        self._note(
-            use,
-            f"attribute '{use.attribute}'{takes or ':'} variable '{slot.name}' {reasons[0]}, from "
-            f"{self._words(given)}{more}",
-        )
 
     def _check_unwritten(self, slot: Slot, read: Read) -> None:
         door = self.uses.doors.get(slot.scope)
@@ -152,20 +129,56 @@ class _VariableFaults:
                 message = f"{message} and does not use it{hint}"
                 self._findings.note(element, message, name, rule=Rule.NODE_MODEL)
 
-    def _check_board_use(self, used: BoardUse) -> None:
-        key, port = self._keys.get(used.key), used.port
-        lead = f"attribute '{used.use.attribute}'"
-        what = f"'{used.name}' is board key '{used.key}'"
-        if key is None:
-            return  # refused at the SubTree
-        if used.writes:
-            self._note(used.use, f"{lead}: {what}; only a leaf's output port writes that")
-        elif port is None and not issubclass(key.type, _IN_SCRIPTS):
-            held = key.type.__name__
-            self._note(used.use, f"{lead}: {what}, which holds {held}, no number and no text")
-        elif port is not None and not key_fits(port, key):
-            held = key.type.__name__
-            self._note(used.use, f"{lead} takes {port.words}, but {what}, which holds {held}")
+    # --- board keys -------------------------------------------------------------------------------
+
+    def _check_board(self, node: Node) -> None:
+        """Refuse uses of board keys that do not exist, hold another type, or are not written so."""
+        for port in node.ports:
+            at, given = node.reference(port), node.given_references.get(port.name)
+            if given is not None and at is not None and at.on_board:
+                name = f"@{at.key}" if given.on_board else given.key
+                key = self._board_key(node, port.name, name)
+                if key is not None and not key_fits(port, key):
+                    message = f"attribute '{port.name}' takes {port.words}, but {_held(name, key)}"
+                    self._note(Use(node, port.name), message, Rule.BOARD_KEY)
+        for written in node.variables_written():
+            if written.port is None and written.name is not None:
+                self._refuse_write(node, written.attribute, written.name)
+        for name in node.variables_removed():
+            self._refuse_write(node, node.ports[0].name, name)
+        if isinstance(node, SubTree):
+            for entry, key_name in node.board_keys.items():
+                self._board_key(node, entry, f"@{key_name}")
+
+    def _check_scripts(self, node: Node) -> None:
+        """Refuse uses of board keys in scripts."""
+        for attribute, script in node.scripts():
+            for part in script.parts:
+                if isinstance(part, Assignment):
+                    self._refuse_write(node, attribute, part.name)
+                elif isinstance(part, Name | Known):
+                    key = self._board_key(node, attribute, part.name)
+                    if key and isinstance(part, Name) and not issubclass(key.type, _IN_SCRIPTS):
+                        held = f"{_held(part.name, key)}, no number and no text"
+                        message = f"attribute '{attribute}': {held}"
+                        self._note(Use(node, attribute), message, Rule.BOARD_KEY)
+
+    def _board_key(self, node: Node, attribute: str, name: str) -> Key[Any] | None:
+        """Return the board key that a name is; refuse one that does not exist."""
+        at = name[1:] if name.startswith("@") else node.variables.board_key(name)
+        if at is None or at in self._keys:
+            return None if at is None else self._keys[at]
+        if name.startswith("@") and not self._document.registry.foreign_board:
+            message = f"the board has no key '{at}'{did_you_mean(at, self._keys)}"
+            self._note(Use(node, attribute), f"attribute '{attribute}': {message}", Rule.BOARD_KEY)
+        return None
+
+    def _refuse_write(self, node: Node, attribute: str, name: str) -> None:
+        at = name[1:] if name.startswith("@") else node.variables.board_key(name)
+        if at is not None and (at in self._keys or not self._document.registry.foreign_board):
+            what = "a board key" if name == f"@{at}" else f"board key '{at}'"
+            message = f"attribute '{attribute}': '{name}' is {what}; {ONLY_LEAVES_WRITE}"
+            self._note(Use(node, attribute), message, Rule.BOARD_KEY)
 
     # --- values from outside ----------------------------------------------------------------------
 
@@ -190,8 +203,8 @@ class _VariableFaults:
         }
 
     def _faults_of_given(self, name: str, value: Plain) -> Iterator[tuple[str, str]]:
-        slot = self.uses.slots[self.uses.main, name]
-        touched = self.uses.touched.get(self.uses.main, set()) | self._replaced()
+        slot = self.uses.slots[self._built.tree.variables, name]
+        touched = self.uses.touched.get(self._built.tree.variables, set()) | self._replaced()
         if name not in touched and not slot.obscure:
             hint = did_you_mean(name, touched)
             yield f"no node uses a variable '{name}' of tree '{self._document.main}'{hint}", ERROR
@@ -200,50 +213,24 @@ class _VariableFaults:
                 if read.port is not None:
                     read.port.read(value)
             except ValueError as error:
-                yield f"variable '{name}': {error}; {self._words(read.use)} reads it", ERROR
+                yield f"variable '{name}': {error}; {self.uses.words(read.use)} reads it", ERROR
         for write in slot.writes:
-            if write.creates:
-                what = f"{self._words(write.use)} sets it, too, and replaces this value"
+            if write.creates and write.use is not None:
+                what = f"{self.uses.words(write.use)} sets it, too, and replaces this value"
                 yield f"variable '{name}': {what}", WARNING
 
 
-def _misfit(port: Port[Any] | None, write: Write) -> str | None:
-    """Return why a written value can never be read, or None when it perhaps can."""
-    kind = write.kind
-    if kind is object:
-        return None
-    if port is None:
-        fits = any(_related(kind, known) for known in _IN_SCRIPTS)
-        return None if fits else f"holds {kind.__name__}, no number and no text"
-    numeric = not isinstance(write.value, str)
-    if write.value is None or (numeric and port.type is object):
-        return None if may_convert(kind, port.type) else f"holds {kind.__name__}"
-    try:
-        port.read(write.value)
-    except ValueError as error:
-        return f"holds a value that does not fit ({error})"
-    return None
+def _held(name: str, key: Key[Any]) -> str:
+    what = f"board key '{key.name}'"
+    if name != f"@{key.name}":
+        what = f"'{name}' is {what}, which"
+    return f"{what} holds {key.type.__name__}"
 
 
-def may_convert(kind: type, wanted: type) -> bool:
-    """Return False when a value of one type can never be read as another; see `Port.read`."""
-    if object in {kind, wanted}:
-        return True
-    if kind is str:
-        return wanted in _PLAIN
-    if kind is bool:
-        return issubclass(bool, wanted) and wanted not in _NUMBERS
-    if kind in _NUMBERS and wanted in _PLAIN:
-        return True
-    return _related(kind, wanted)
-
-
-def _related(kind: type, other: type) -> bool:
-    """Return whether a value declared as one type may be an instance of the other, too."""
-    return (
-        issubclass(kind, other)
-        or issubclass(other, kind)
-        or any(
-            inspect.isabstract(one) or getattr(one, "_is_protocol", False) for one in (kind, other)
-        )
-    )
+def key_fits(port: Port[Any], key: Key[Any]) -> bool:
+    """Return whether a port can be connected to a key of the mission board."""
+    if port.takes is not None:
+        return issubclass(key.type, port.takes)
+    if port.direction == "input":
+        return issubclass(key.type, port.type) or (port.type is float and key.type is int)
+    return issubclass(port.type, key.type) or (key.type is float and port.type is int)

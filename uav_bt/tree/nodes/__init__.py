@@ -1,13 +1,7 @@
-"""The nodes of the format, one module per family.
-
-Every module of this package is searched: a new class in it, or in a new module, is a node.
-"""
+"""The nodes of the format, one module per family. What is imported here is a node."""
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
-from collections.abc import Iterator
 from typing import Final
 
 from uav_bt.tree.node import Node
@@ -18,19 +12,18 @@ from uav_bt.tree.nodes.branches import Switch3 as Switch3
 from uav_bt.tree.nodes.branches import Switch4 as Switch4
 from uav_bt.tree.nodes.branches import Switch5 as Switch5
 from uav_bt.tree.nodes.branches import Switch6 as Switch6
-from uav_bt.tree.nodes.branches import TryCatch as TryCatch
 from uav_bt.tree.nodes.branches import WhileDoElse as WhileDoElse
 from uav_bt.tree.nodes.decorators import ForceFailure as ForceFailure
 from uav_bt.tree.nodes.decorators import ForceSuccess as ForceSuccess
 from uav_bt.tree.nodes.decorators import Inverter as Inverter
 from uav_bt.tree.nodes.decorators import KeepRunningUntilFailure as KeepRunningUntilFailure
+from uav_bt.tree.nodes.decorators import LoopBool as LoopBool
+from uav_bt.tree.nodes.decorators import LoopDouble as LoopDouble
+from uav_bt.tree.nodes.decorators import LoopInt as LoopInt
+from uav_bt.tree.nodes.decorators import LoopString as LoopString
 from uav_bt.tree.nodes.decorators import Repeat as Repeat
 from uav_bt.tree.nodes.decorators import RetryUntilSuccessful as RetryUntilSuccessful
 from uav_bt.tree.nodes.decorators import RunOnce as RunOnce
-from uav_bt.tree.nodes.loops import LoopBool as LoopBool
-from uav_bt.tree.nodes.loops import LoopDouble as LoopDouble
-from uav_bt.tree.nodes.loops import LoopInt as LoopInt
-from uav_bt.tree.nodes.loops import LoopString as LoopString
 from uav_bt.tree.nodes.ordered import AsyncFallback as AsyncFallback
 from uav_bt.tree.nodes.ordered import AsyncSequence as AsyncSequence
 from uav_bt.tree.nodes.ordered import Fallback as Fallback
@@ -38,6 +31,7 @@ from uav_bt.tree.nodes.ordered import ReactiveFallback as ReactiveFallback
 from uav_bt.tree.nodes.ordered import ReactiveSequence as ReactiveSequence
 from uav_bt.tree.nodes.ordered import Sequence as Sequence
 from uav_bt.tree.nodes.ordered import SequenceWithMemory as SequenceWithMemory
+from uav_bt.tree.nodes.ordered import TryCatch as TryCatch
 from uav_bt.tree.nodes.parallel import Parallel as Parallel
 from uav_bt.tree.nodes.parallel import ParallelAll as ParallelAll
 from uav_bt.tree.nodes.scripts import AlwaysFailure as AlwaysFailure
@@ -48,20 +42,13 @@ from uav_bt.tree.nodes.scripts import ScriptNode as ScriptNode
 from uav_bt.tree.nodes.scripts import SetBlackboard as SetBlackboard
 from uav_bt.tree.nodes.scripts import UnsetBlackboard as UnsetBlackboard
 from uav_bt.tree.nodes.timers import Delay as Delay
+from uav_bt.tree.nodes.timers import SkipUnlessUpdated as SkipUnlessUpdated
 from uav_bt.tree.nodes.timers import Sleep as Sleep
 from uav_bt.tree.nodes.timers import Timeout as Timeout
-from uav_bt.tree.nodes.updates import SkipUnlessUpdated as SkipUnlessUpdated
-from uav_bt.tree.nodes.updates import WaitValueUpdate as WaitValueUpdate
-from uav_bt.tree.nodes.updates import WasEntryUpdated as WasEntryUpdated
+from uav_bt.tree.nodes.timers import WaitValueUpdate as WaitValueUpdate
+from uav_bt.tree.nodes.timers import WasEntryUpdated as WasEntryUpdated
 
-
-def found() -> Iterator[type[Node]]:
-    """Yield the classes of the package that tick: all but the bases."""
-    for module in pkgutil.iter_modules(__path__, f"{__name__}."):
-        for name, value in vars(importlib.import_module(module.name)).items():
-            own = isinstance(value, type) and issubclass(value, Node)
-            if own and value.update is not Node.update and not name.startswith("_"):
-                yield value
-
-
-BUILTIN_NODES: Final = tuple(sorted(set(found()), key=lambda node: node.__name__))
+_IMPORTED: Final = [
+    one for one in globals().values() if isinstance(one, type) and issubclass(one, Node)
+]
+BUILTIN_NODES: Final = tuple(sorted({*_IMPORTED} - {Node}, key=lambda node: node.__name__))

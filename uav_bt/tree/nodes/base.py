@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from typing import ClassVar, Final
+from typing import ClassVar
 
 from uav_bt.errors import InputError
 from uav_bt.tree.flow import as_child
 from uav_bt.tree.node import Node, NodeKind
-from uav_bt.tree.placing import place_tree
-from uav_bt.tree.port import Port, parse_reference, port_text
+from uav_bt.tree.port import INTEGER, MAX_INTEGER, REAL, Port, parse_reference, port_text
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
 from uav_bt.tree.variables import Variables
 
@@ -23,9 +22,14 @@ class ControlNode(Node):
     min_children = 1
     max_children: ClassVar[int | None] = None
 
-    def _reset_children(self) -> None:
+    def _restart(self) -> None:
+        """Stop the children, and forget how far the node was."""
         for child in self.children:
             child.reset()
+
+    def _halt(self) -> None:
+        self._restart()
+        self.set_status(IDLE)
 
 
 class DecoratorNode(Node):
@@ -44,20 +48,15 @@ class DecoratorNode(Node):
         status = super().execute_tick()
         child = self.child
         if child.node_status is SUCCESS or child.node_status is FAILURE:
-            child.set_status(Status.IDLE)
+            child.set_status(IDLE)
         return status
-
-
-_INTEGER: Final = re.compile(r"-?[0-9]+")
-_REAL: Final = re.compile(r"-?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+\-]?[0-9]+)?")
-_MAX_INTEGER: Final = 2**63
 
 
 def entry_value(text: str) -> int | float | str:
     """Return the value of a SubTree's entry as engine 4.10 does: a number or a text."""
-    if _INTEGER.fullmatch(text) and -_MAX_INTEGER <= int(text) < _MAX_INTEGER:
+    if re.fullmatch(INTEGER, text) and -MAX_INTEGER <= int(text) < MAX_INTEGER:
         return int(text)
-    if _REAL.fullmatch(text) and math.isfinite(float(text)):
+    if re.fullmatch(REAL, text) and math.isfinite(float(text)):
         return float(text)
     return text
 
@@ -95,13 +94,16 @@ class SubTree(DecoratorNode):
     ) -> None:
         super().__init__(name, child, **conditions)
         self.tree_id = tree_id or self.name
-        self.attributes = dict(entries or {})  # as a tree file has them, for those who write one
-        if autoremap:
-            self.attributes["_autoremap"] = "true"
         self.autoremap = autoremap
-        self._take_entries(entries or {})
+        self._take_entries(dict(entries or {}))
 
-    def _take_entries(self, entries: Mapping[str, str]) -> None:
+    @property
+    def attributes(self) -> dict[str, str]:
+        """The entries as a tree file has them, for those who write one."""
+        return {**self._entries, **({"_autoremap": "true"} if self.autoremap else {})}
+
+    def _take_entries(self, entries: dict[str, str]) -> None:
+        self._entries = entries
         self.shared: dict[str, str] = {}  # names outside, by those inside
         self.board_keys: dict[str, str] = {}
         self.constants: dict[str, int | float | str] = {}
@@ -109,22 +111,19 @@ class SubTree(DecoratorNode):
             reference = parse_reference(text, inner)
             if reference is None:
                 self.constants[inner] = entry_value(text)
-            elif reference.on_board:
-                self.board_keys[inner] = reference.key
             else:
-                self.shared[inner] = reference.key
+                outside = self.board_keys if reference.on_board else self.shared
+                outside[inner] = reference.key
 
     def rebind(self, given: Mapping[str, object]) -> None:
-        """Replace entries by name; to be done before the setup."""
-        entries = {name: port_text(value) for name, value in given.items()}
-        self.attributes |= entries
+        """Replace entries by name, before the setup."""
         try:
             self._take_entries(
-                {name: text for name, text in self.attributes.items() if name != "_autoremap"}
+                {**self._entries, **{name: port_text(value) for name, value in given.items()}}
             )
         except ValueError as error:
             raise InputError(f"SubTree '{self.name}': {error}") from error
-        place_tree(self, self.path, self.variables)
+        self.place(self.path, self.variables)
 
     variables_after = as_child
 

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import ClassVar, Final
+from typing import Any, ClassVar
 
 from uav_bt.errors import MissionError
-from uav_bt.tree.flow import After, Follow, Known, in_order, joined
+from uav_bt.tree.flow import After, Follow, Known, joined
 from uav_bt.tree.nodes.base import ControlNode
-from uav_bt.tree.port import Port
+from uav_bt.tree.port import REAL, Port
 from uav_bt.tree.script.values import compare_equal
-from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
-
-_REAL: Final = re.compile(r"-?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS, Status
 
 
 class _Choice(ControlNode):
@@ -33,6 +31,12 @@ class _Choice(ControlNode):
         ]
         return joined(After(None, asked.failure if len(chosen) == 1 else None), *chosen)
 
+    def _ask(self) -> Status:
+        answer = self.children[0].execute_tick()
+        if answer is SKIPPED:
+            raise MissionError("the condition must not be skipped")
+        return answer
+
 
 class IfThenElse(_Choice):
     """Ticks its first child once, then the second on success or the third on failure to its end."""
@@ -44,23 +48,20 @@ class IfThenElse(_Choice):
         children = self.children
         self.set_status(RUNNING)
         if self._chosen == 0:
-            answer = children[0].execute_tick()
+            answer = self._ask()
             if answer is RUNNING:
                 return RUNNING
-            if answer is SKIPPED:
-                raise MissionError("the condition must not be skipped")
             if answer is FAILURE and len(children) == 2:
                 return FAILURE
             self._chosen = 1 if answer is SUCCESS else 2
         status = children[self._chosen].execute_tick()
         if status is not RUNNING:
-            self._reset_children()
-            self._chosen = 0
+            self._restart()
         return status
 
-    def _halt(self) -> None:
+    def _restart(self) -> None:
         self._chosen = 0
-        super()._halt()
+        super()._restart()
 
 
 class WhileDoElse(_Choice):
@@ -72,21 +73,17 @@ class WhileDoElse(_Choice):
         """Tick the children."""
         children = self.children
         self.set_status(RUNNING)
-        answer = children[0].execute_tick()
+        answer = self._ask()
         if answer is RUNNING:
             return RUNNING
-        if answer is SKIPPED:
-            raise MissionError("the condition must not be skipped")
+        chosen, other = (1, 2) if answer is SUCCESS else (2, 1)
         status = FAILURE
-        if answer is SUCCESS:
-            if len(children) == 3:
-                children[2].reset()
-            status = children[1].execute_tick()
-        elif len(children) == 3:
-            children[1].reset()
-            status = children[2].execute_tick()
+        if chosen < len(children):
+            if other < len(children):
+                children[other].reset()
+            status = children[chosen].execute_tick()
         if status is not RUNNING:
-            self._reset_children()
+            self._restart()
         return status
 
 
@@ -96,12 +93,9 @@ def _same(variable: object, case: str, members: Mapping[str, int]) -> bool:
     if text == case:
         return True
     text, case = (str(members.get(each, each)) for each in (text, case))
-    if not (_REAL.fullmatch(text) and _REAL.fullmatch(case)):
+    if not (re.fullmatch(REAL, text) and re.fullmatch(REAL, case)):
         return False
     return compare_equal(float(text), float(case))
-
-
-_SWITCH_DOC: Final = "Ticks the child whose case is the variable's value, or the last of its {}."
 
 
 class _Switch(ControlNode):
@@ -113,6 +107,13 @@ class _Switch(ControlNode):
     cases: ClassVar[tuple[Port[str], ...]] = ()
 
     _running: int | None = None
+
+    def __init_subclass__(cls, *, cases: int, **kwargs: Any) -> None:
+        numbers = range(1, cases + 1)
+        cls.cases = tuple(Port(f"case_{n}", str, doc=f"value of child {n}") for n in numbers)
+        cls.ports = (cls.VARIABLE, *cls.cases)
+        cls.min_children = cls.max_children = cases + 1
+        super().__init_subclass__(**kwargs)
 
     def variables_after(self, follow: Follow, known: Known) -> After:
         """Follow each child from the same start."""
@@ -130,110 +131,39 @@ class _Switch(ControlNode):
             return RUNNING
         self._running = None
         if status is not SKIPPED:
-            self._reset_children()
+            self._restart()
         return status
 
     def _choose(self) -> int:
-        reading = self.port_reading(self.VARIABLE)
+        value = self.held(self.VARIABLE)
         members = self.variables.enum_members
-        if reading.value is not None:
+        if value is not None:
             for index, case in enumerate(self.cases):
-                wanted = self.port_reading(case).value
-                if wanted is not None and _same(reading.value, wanted, members):
+                wanted = self.held(case)
+                if wanted is not None and _same(value, wanted, members):
                     return index
         return len(self.cases)
 
-    def _halt(self) -> None:
+    def _restart(self) -> None:
         self._running = None
-        super()._halt()
+        super()._restart()
 
 
-def _switch(cases: int, children: str) -> type[_Switch]:
-    """Return the class for a number of cases; `children` is one more, in words."""
-    ports = tuple(Port(f"case_{n}", str, doc=f"value of child {n}") for n in range(1, cases + 1))
-    body = {
-        "__doc__": _SWITCH_DOC.format(children),
-        "__module__": __name__,
-        "cases": ports,
-        "ports": (_Switch.VARIABLE, *ports),
-        "min_children": cases + 1,
-        "max_children": cases + 1,
-    }
-    return type(f"Switch{cases}", (_Switch,), body)
+class Switch2(_Switch, cases=2):
+    """Ticks the child whose case is the variable's value, or the last of its three."""
 
 
-Switch2 = _switch(2, "three")
-Switch3 = _switch(3, "four")
-Switch4 = _switch(4, "five")
-Switch5 = _switch(5, "six")
-Switch6 = _switch(6, "seven")
+class Switch3(_Switch, cases=3):
+    """Ticks the child whose case is the variable's value, or the last of its four."""
 
 
-class TryCatch(ControlNode):
-    """Ticks all children but the last as a Sequence; when one fails, the last cleans up."""
+class Switch4(_Switch, cases=4):
+    """Ticks the child whose case is the variable's value, or the last of its five."""
 
-    CATCH_ON_HALT = Port(
-        "catch_on_halt", bool, default=False, doc="clean up also when halted (one tick of it)"
-    )
-    ports = (CATCH_ON_HALT,)
-    min_children = 2
 
-    _index = 0
-    _skipped = 0
-    _catching = False
+class Switch5(_Switch, cases=5):
+    """Ticks the child whose case is the variable's value, or the last of its six."""
 
-    def variables_after(self, follow: Follow, known: Known) -> After:
-        """Follow all but the last in order; the last may also run after a halt."""
-        *tried, last = self.children
-        after = in_order(tried, follow, known, falls_back=False)
-        follow(last, known)
-        return after
 
-    def update(self) -> Status:
-        """Tick the children."""
-        if self.node_status is IDLE:
-            self._skipped = 0
-            self._catching = False
-        self.set_status(RUNNING)
-        return self._catch() if self._catching else self._try()
-
-    def _try(self) -> Status:
-        children = self.children
-        count = len(children) - 1
-        while self._index < count:
-            status = children[self._index].execute_tick()
-            if status is RUNNING:
-                return RUNNING
-            if status is FAILURE:
-                self._reset_children()
-                self._index = 0
-                self._catching = True
-                return self._catch()
-            self._index += 1
-            if status is SKIPPED:
-                self._skipped += 1
-        all_skipped = self._skipped == count
-        self._reset_children()
-        self._index = 0
-        self._skipped = 0
-        return SKIPPED if all_skipped else SUCCESS
-
-    def _catch(self) -> Status:
-        if self.children[-1].execute_tick() is RUNNING:
-            return RUNNING
-        self._reset_children()
-        self._index = 0
-        self._catching = False
-        return FAILURE
-
-    def _halt(self) -> None:
-        if self.node_status is not IDLE and not self._catching and self.port(self.CATCH_ON_HALT):
-            *tried, last = self.children
-            for child in tried:
-                child.reset()
-            if last.execute_tick() is RUNNING:
-                last.reset()
-        self._index = 0
-        self._skipped = 0
-        self._catching = False
-        super()._halt()
+class Switch6(_Switch, cases=6):
+    """Ticks the child whose case is the variable's value, or the last of its seven."""

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 from uav_bt.tree.flow import After, Follow, Known, in_order
 from uav_bt.tree.nodes.base import ControlNode
+from uav_bt.tree.port import Port
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 
 
@@ -25,6 +26,7 @@ class _Ordered(_Deciding):
 
     _yields: ClassVar[bool] = False  # a tick ends after each child that answered at once
     _restarts: ClassVar[bool] = True  # a decision or a halt resets the position
+    _spared: ClassVar[int] = 0  # how many children at the end are not ticked
 
     _index = 0
     _skipped = 0
@@ -32,7 +34,7 @@ class _Ordered(_Deciding):
     def update(self) -> Status:
         """Tick the children from the one that was reached."""
         children = self.children
-        count = len(children)
+        count = len(children) - self._spared
         if self.node_status is IDLE:
             self._skipped = 0
         self.set_status(RUNNING)
@@ -43,7 +45,10 @@ class _Ordered(_Deciding):
             if status is RUNNING:
                 return RUNNING
             if status is self._decides:
-                self._decided()
+                for other in children[0 if self._restarts else self._index :]:
+                    other.reset()
+                if self._restarts:
+                    self._index = 0
                 return status
             self._index += 1
             if status is SKIPPED:
@@ -51,23 +56,13 @@ class _Ordered(_Deciding):
             elif self._yields and was_idle and self._index < count:
                 return RUNNING
         all_skipped = self._skipped == count
-        self._reset_children()
-        self._index = 0
-        self._skipped = 0
+        self._restart()
+        self._index = self._skipped = 0
         return SKIPPED if all_skipped else self._otherwise
-
-    def _decided(self) -> None:
-        if self._restarts:
-            self._reset_children()
-            self._index = 0
-        else:
-            for child in self.children[self._index :]:
-                child.reset()
 
     def _halt(self) -> None:
         if self._restarts:
-            self._index = 0
-            self._skipped = 0
+            self._index = self._skipped = 0
         super()._halt()
 
 
@@ -104,6 +99,54 @@ class AsyncFallback(Fallback):
     _yields = True
 
 
+class TryCatch(_Ordered):
+    """Ticks all children but the last as a Sequence; when one fails, the last cleans up."""
+
+    CATCH_ON_HALT = Port(
+        "catch_on_halt", bool, default=False, doc="clean up also when halted (one tick of it)"
+    )
+    ports = (CATCH_ON_HALT,)
+    min_children = 2
+
+    _decides = FAILURE
+    _otherwise = SUCCESS
+    _spared = 1
+
+    _catching = False
+
+    def variables_after(self, follow: Follow, known: Known) -> After:
+        """Follow all but the last in order; the last may also run after a halt."""
+        *tried, last = self.children
+        after = in_order(tried, follow, known, falls_back=False)
+        follow(last, known)
+        return after
+
+    def update(self) -> Status:
+        """Tick the children that are tried, or the last one."""
+        if not self._catching:
+            status = super().update()
+            if status is not FAILURE:
+                return status
+            self._catching = True
+        if self.children[-1].execute_tick() is RUNNING:
+            return RUNNING
+        self._restart()
+        return FAILURE
+
+    def _restart(self) -> None:
+        self._catching = False
+        super()._restart()
+
+    def _halt(self) -> None:
+        if self.node_status is not IDLE and not self._catching and self.port(self.CATCH_ON_HALT):
+            *tried, last = self.children
+            for child in tried:
+                child.reset()
+            if last.execute_tick() is RUNNING:
+                last.reset()
+        super()._halt()
+
+
 class _Reactive(_Deciding):
     """Ticks all its children again at every tick."""
 
@@ -126,9 +169,9 @@ class _Reactive(_Deciding):
                         other.reset()
                 return RUNNING
             if status is self._decides:
-                self._reset_children()
+                self._restart()
                 return status
-        self._reset_children()
+        self._restart()
         return SKIPPED if all_skipped else self._otherwise
 
 

@@ -12,11 +12,6 @@ from uav_bt.tree.port import Port
 from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS, Status
 
 
-def _threshold(count: int, children: int) -> int:
-    """Return a threshold; negative counts from the end, so that -1 means all."""
-    return max(children + count + 1, 0) if count < 0 else count
-
-
 class _Counting(ControlNode):
     """A node whose ports count its children."""
 
@@ -42,6 +37,21 @@ class _Counting(ControlNode):
 
         return tuple(replace(port, check=check) for port in cls.ports)
 
+    _successes = 0
+    _failures = 0
+
+    def _count(self, port: Port[int]) -> int:
+        """Return a port's count; negative counts from the end, so that -1 means all."""
+        given, children = self.port(port), len(self.children)
+        count = max(children + given + 1, 0) if given < 0 else given
+        if count > children:
+            raise MissionError(f"{port.name} must not exceed the {children} children, got {count}")
+        return count
+
+    def _restart(self) -> None:
+        self._successes = self._failures = 0
+        super()._restart()
+
 
 class Parallel(_Counting):
     """Ticks all its children until enough have succeeded or too many have failed."""
@@ -54,50 +64,28 @@ class Parallel(_Counting):
     )
     ports = (SUCCESS_COUNT, FAILURE_COUNT)
 
-    _successes = 0
-    _failures = 0
-
     def update(self) -> Status:
         """Tick the children."""
         children = self.children
         count = len(children)
-        success_count = self.port(self.SUCCESS_COUNT)
-        needed = _threshold(success_count, count)
-        fatal = _threshold(self.port(self.FAILURE_COUNT), count)
-        if max(needed, fatal) > count:
-            raise MissionError(
-                f"success_count and failure_count must not exceed the {count} children, "
-                f"got {needed} and {fatal}"
-            )
+        needed, fatal = self._count(self.SUCCESS_COUNT), self._count(self.FAILURE_COUNT)
+        spares = self.port(self.SUCCESS_COUNT) < 0  # a skipped child counts as one that succeeded
         self.set_status(RUNNING)
         skipped = 0
         for child in children:
             # A finished child keeps its status until all are reset and is not ticked again.
             if child.node_status is not SUCCESS and child.node_status is not FAILURE:
                 status = child.execute_tick()
-                if status is SKIPPED:
-                    skipped += 1
-                elif status is SUCCESS:
-                    self._successes += 1
-                elif status is FAILURE:
-                    self._failures += 1
-            spared = skipped if success_count < 0 else 0
-            if self._successes + spared >= needed:
-                return self._finish(SUCCESS)
+                skipped += status is SKIPPED
+                self._successes += status is SUCCESS
+                self._failures += status is FAILURE
+            if self._successes + (skipped if spares else 0) >= needed:
+                self._restart()
+                return SUCCESS
             if count - self._failures < needed or self._failures == fatal:
-                return self._finish(FAILURE)
+                self._restart()
+                return FAILURE
         return SKIPPED if skipped == count else RUNNING
-
-    def _finish(self, status: Status) -> Status:
-        self._successes = 0
-        self._failures = 0
-        self._reset_children()
-        return status
-
-    def _halt(self) -> None:
-        self._successes = 0
-        self._failures = 0
-        super()._halt()
 
 
 class ParallelAll(_Counting):
@@ -108,15 +96,11 @@ class ParallelAll(_Counting):
     )
     ports = (MAX_FAILURES,)
 
-    _failures = 0
-
     def update(self) -> Status:
         """Tick the children."""
         children = self.children
         count = len(children)
-        fatal = _threshold(self.port(self.MAX_FAILURES), count)
-        if fatal > count:
-            raise MissionError(f"max_failures must not exceed the {count} children, got {fatal}")
+        fatal = self._count(self.MAX_FAILURES)
         self.set_status(RUNNING)
         skipped = 0
         finished = 0
@@ -132,10 +116,5 @@ class ParallelAll(_Counting):
         if skipped + finished < count:
             return RUNNING
         failed = self._failures >= fatal
-        self._failures = 0
-        self._reset_children()
+        self._restart()
         return FAILURE if failed else SUCCESS
-
-    def _halt(self) -> None:
-        self._failures = 0
-        super()._halt()

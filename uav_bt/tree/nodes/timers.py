@@ -1,12 +1,15 @@
-"""Nodes that wait. They read the mission's clock at every tick."""
+"""Nodes that wait for a time of the mission's clock, or for a write of a variable."""
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from uav_bt.tree.flow import After, Follow, Known, as_child, both
 from uav_bt.tree.leaf import Leaf
+from uav_bt.tree.node import Node
 from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port
-from uav_bt.tree.status import FAILURE, RUNNING, SUCCESS, Status
+from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS, Status
 
 # Times are sums of tick durations, so their last digits carry rounding errors.
 _EPSILON_S = 1e-9
@@ -96,3 +99,86 @@ class Sleep(Leaf):
     def update(self) -> Status:
         """Succeed when the time has passed."""
         return RUNNING if self.clock.now() < self._end_s - _EPSILON_S else SUCCESS
+
+
+def _check_entry(text: object) -> None:
+    if not isinstance(text, str) or not text.replace(".", "_").replace("-", "_").isidentifier():
+        raise ValueError(f"expected a variable such as {{x}}, got '{text}'")
+
+
+ENTRY = Port("entry", object, doc="the variable, as {name}", check=_check_entry)
+
+
+def _state(node: Node) -> object:
+    """Return what a write of the node's entry changes; None when it has no value."""
+    reference = node.reference(ENTRY)
+    key = str(node.port(ENTRY)) if reference is None else reference.key
+    on_board = reference is not None and reference.on_board
+    board_key = key if on_board else node.variables.board_key(key)
+    if board_key is not None:
+        held = node.mission.board.snapshot().get(board_key)
+        # The board counts no writes; a new one is another object or has a later capture time.
+        return None if held is None else (id(held[0]), held[1])
+    entry = node.variables.entry(key)
+    return None if entry is None else entry.writes
+
+
+class _Watches(Node):
+    ports = (ENTRY,)
+
+    _seen: object = None
+
+    def _updated(self) -> bool:
+        """Return whether the entry was written since the last check."""
+        state = _state(self)
+        if state is None:
+            return False
+        before, self._seen = self._seen, state
+        return before != state
+
+
+class WasEntryUpdated(_Watches, Leaf):
+    """Succeeds when the variable was written since this node last looked."""
+
+    answers = (SUCCESS, FAILURE)
+
+    def update(self) -> Status:
+        """Check the variable."""
+        return SUCCESS if self._updated() else FAILURE
+
+
+class _UnlessUpdated(_Watches, DecoratorNode):
+    _otherwise: ClassVar[Status]
+
+    variables_after = as_child
+
+    _busy = False  # the child is running and is ticked without a check
+
+    def update(self) -> Status:
+        """Tick the child."""
+        if not self._busy and not self._updated():
+            return self._otherwise
+        status = self.child.execute_tick()
+        self._busy = status is RUNNING
+        return status
+
+    def _halt(self) -> None:
+        # As in the engine, the halt is not passed on to the child.
+        self._busy = False
+
+
+class SkipUnlessUpdated(_UnlessUpdated):
+    """Ticks its child when the variable was written since the last time, else skips."""
+
+    _otherwise = SKIPPED
+
+    def variables_after(self, follow: Follow, known: Known) -> After:
+        """Follow the child, which may be skipped."""
+        after = as_child(self, follow, known)
+        return After(after.success, after.failure, known)
+
+
+class WaitValueUpdate(_UnlessUpdated):
+    """Ticks its child when the variable was written since the last time, else waits."""
+
+    _otherwise = RUNNING

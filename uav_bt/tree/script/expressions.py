@@ -81,7 +81,7 @@ class Assignment:
 
 @dataclass(frozen=True)
 class Op:
-    """An operator or a function, and its operands.
+    """An operator and its operands.
 
     A chain of comparisons such as `1 < x <= 3` is one: its sign is the first, `links` has all.
     """
@@ -92,7 +92,7 @@ class Op:
 
     def evaluate(self, environment: Environment) -> Value:
         """Apply the operator to its operands."""
-        return _OPERATIONS.get(self.sign, _called)(self, environment)
+        return _OPERATIONS[self.sign](self, environment)
 
 
 Expression = Literal | Name | Known | Assignment | Op
@@ -141,8 +141,6 @@ COMPARISONS: Final[dict[str, Callable[[Any, Any], bool]]] = {
     ">=": operator.ge,
 }
 _OF_TEXTS: Final = {**COMPARISONS, "==": operator.eq, "!=": operator.ne}
-FUNCTIONS: Final[dict[str, Callable[..., float]]] = {}
-"""Functions of numbers by name. An entry here is all that a new one needs."""
 
 
 def _unary(op: Op, environment: Environment) -> Value:
@@ -207,11 +205,6 @@ def _conditional(op: Op, environment: Environment) -> Value:
     value = condition.evaluate(environment)
     chosen = value != "" and truth(value) if isinstance(value, str) else value != 0
     return (then if chosen else otherwise).evaluate(environment)
-
-
-def _called(op: Op, environment: Environment) -> Value:
-    values = [environment.number(part.evaluate(environment)) for part in op.parts]
-    return float(FUNCTIONS[op.sign](*values))
 
 
 _OPERATIONS: Final[dict[str, Callable[[Op, Environment], Value]]] = {

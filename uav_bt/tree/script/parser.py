@@ -6,7 +6,6 @@ Weakest to strongest: assignment, `? :`, `||`, `&&`, comparisons (which chain), 
 
 from __future__ import annotations
 
-import inspect
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -16,7 +15,6 @@ from typing import Final, NamedTuple
 from uav_bt.errors import UnknownValueError
 from uav_bt.tree.script.expressions import (
     COMPARISONS,
-    FUNCTIONS,
     Assignment,
     Expression,
     Known,
@@ -27,37 +25,26 @@ from uav_bt.tree.script.expressions import (
     is_constant,
     walk,
 )
-from uav_bt.tree.script.values import Environment, ScriptError, Value, truth
+from uav_bt.tree.script.values import TRUTH_WORDS, Environment, ScriptError, Value, truth
 from uav_bt.tree.variables import Variables
 
 _MAX_SCRIPT: Final = 4_000  # characters; a script in an attribute has some dozens
 _MAX_NESTING: Final = 40  # parentheses inside parentheses, and operators on operators
 _MAX_OPERATORS: Final = 200  # in one script; each may be a level of the expression
 _ASSIGNMENTS: Final = (":=", "=", "+=", "-=", "*=", "/=")
-_STRENGTH: Final[dict[str, int]] = {
-    "||": 1,
-    "&&": 2,
-    **dict.fromkeys(COMPARISONS, 3),
-    "|": 4,
-    "^": 4,
-    "&": 5,
-    "+": 6,
-    "-": 6,
-    "..": 6,
-    "*": 7,
-    "/": 7,
-}
-_TRUTHS: Final = {"true": 1.0, "false": 0.0}
-_NUMBERS: Final = ("real", "integer")  # kinds of words
+_LEVELS: Final = (("||",), ("&&",), tuple(COMPARISONS), ("|", "^"), ("&",), ("+", "-", ".."), "*/")
+_STRENGTH: Final = {sign: level for level, signs in enumerate(_LEVELS) for sign in signs}
 _TOKEN: Final = re.compile(
-    r"(?P<real>[0-9]+(?:\.[0-9]+(?:[eE][+-]?[0-9]+)?|[eE][+-]?[0-9]+))"
-    r"|(?P<integer>0[xX][0-9A-Fa-f]+|[0-9]+)"
+    r"(?P<real>[0-9]+(?:\.[0-9]+(?:[eE][+-]?[0-9]+)?|[eE][+-]?[0-9]+)(?![\w@]))"
+    r"|(?P<integer>(?:0[xX][0-9A-Fa-f]+|[0-9]+)(?![\w@]))"
     r"|(?P<text>'[^'\n]*'|\"[^\"\n]*\")"
     r"|(?P<name>[@A-Za-z_]\w*)"
     # Two characters first, so that the longer operator is found.
     r"|(?P<operator>[:+\-*/=!<>]=|&&|\|\||\.\.|[=<>+\-*/&|^~!?:(),;])"
     r"|(?P<space>\s+)"
 )
+UNKNOWN: Final = "unknown"  # in place of a name that has no value, or an old one
+_PLACEHOLDER: Final = re.compile(r"\{\s*(@?[A-Za-z_][A-Za-z0-9_.\-]*)\s*\}")
 
 
 @dataclass(frozen=True)
@@ -86,20 +73,16 @@ class Script:
         return tuple(part for statement in self.statements for part in walk(statement))
 
     @cached_property
+    def certain(self) -> tuple[Expression, ...]:
+        """The parts that every run evaluates."""
+        return tuple(part for statement in self.statements for part in certain_parts(statement))
+
+    @cached_property
     def asked_known(self) -> frozenset[str]:
         """The names that `known(...)` asks about, board keys with their `@`."""
         return frozenset(part.name for part in self.parts if isinstance(part, Known))
 
-    @cached_property
-    def certain(self) -> frozenset[int]:
-        """The ids of the parts that are names which every run reads."""
-        return frozenset(id(part) for part in self._certain_parts if isinstance(part, Name))
-
-    @cached_property
-    def _certain_parts(self) -> tuple[Expression, ...]:
-        return tuple(part for statement in self.statements for part in certain_parts(statement))
-
-    @cached_property
+    @property
     def board_writes(self) -> tuple[str, ...]:
         """The board keys that assignments name, without the `@`."""
         written = [part.name for part in self.parts if isinstance(part, Assignment)]
@@ -114,17 +97,13 @@ class Script:
         variables.enum_members.update(members)
         nothing = Environment(variables)
         try:
-            for part in filter(is_constant, self._certain_parts):
+            for part in filter(is_constant, self.certain):
                 part.evaluate(nothing)
             if asked and is_constant(self.statements[-1]):
                 truth(self.statements[-1].evaluate(nothing))
         except (ScriptError, OverflowError) as error:
             return str(error)
         return None
-
-    def walk(self) -> Iterator[Expression]:
-        """Iterate over all parts."""
-        return iter(self.parts)
 
 
 @lru_cache(maxsize=4096)  # loading a file meets each script several times
@@ -147,6 +126,30 @@ def parse_question(source: str) -> Script:
     return script
 
 
+@lru_cache(maxsize=4096)
+def parse_text(source: str) -> Script:
+    """Return the names in a text with placeholders, `{variable}` or `{@board_key}`, as a script."""
+    stray = re.search(r"[{}]", _PLACEHOLDER.sub("", source))
+    if stray is not None:
+        raise ScriptError(
+            f"'{stray[0]}' belongs to no placeholder: write {{variable}} or {{@board_key}}"
+        )
+    return Script(source, tuple(map(Name, _PLACEHOLDER.findall(source))))
+
+
+def fill_text(source: str, environment: Environment) -> str:
+    """Return a text with the values of its placeholders. Reals have up to three decimal places."""
+
+    def value(match: re.Match[str]) -> str:
+        try:
+            value = environment.read(match[1])
+        except (ScriptError, UnknownValueError):
+            return UNKNOWN
+        return f"{value:.3f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
+
+    return _PLACEHOLDER.sub(value, source)
+
+
 class _Token(NamedTuple):
     kind: str  # real, integer, text, name, operator or end
     text: str
@@ -161,28 +164,15 @@ def _tokens(source: str) -> list[_Token]:
     at = 0
     while at < len(source):
         match = _TOKEN.match(source, at)
-        if match is None or match.lastgroup is None:
-            hint = _no_members(tokens) if source[at] == "." else ""
-            raise ScriptError(f"column {at + 1}: unexpected '{source[at]}'{hint}")
+        if match is None:
+            word = re.match(r"\w+|.", source[at:], re.DOTALL)
+            hint = "; a script reads whole values, no members: let a leaf write the part it needs"
+            got = f"'{word[0] if word else ''}'{hint if source[at] == '.' else ''}"
+            raise ScriptError(f"column {at + 1}: unexpected {got}")
         if match.lastgroup != "space":
-            glued = tokens and tokens[-1].column - 1 + len(tokens[-1].text) == at
-            if glued and match.lastgroup == "name" and tokens[-1].kind in _NUMBERS:
-                raise ScriptError(f"column {at + 1}: '{tokens[-1].text}{match[0]}' is not a number")
-            tokens.append(_Token(match.lastgroup, match[0], at + 1))
+            tokens.append(_Token(str(match.lastgroup), match[0], at + 1))
         at = match.end()
     return [*tokens, _Token("end", "the end", len(source) + 1)]
-
-
-def _no_members(tokens: list[_Token]) -> str:
-    """Return what to write instead of `.member` after the last token."""
-    name = tokens[-1].text if tokens and tokens[-1].kind == "name" else ""
-    if not name.startswith("@"):
-        return "; a script reads whole values, no members"
-    return (
-        f": board values have no members, so '{name}' is read as a whole, and only where it is a "
-        "number or a text. For a part of it, write a condition leaf that reads the key, or a leaf "
-        "that writes the part to a key of its own"
-    )
 
 
 class _Parser:
@@ -245,7 +235,7 @@ class _Parser:
         return Assignment(left.name, sign, self._nested(self._assignment))
 
     def _conditional(self) -> Expression:
-        condition = self._infix(1)
+        condition = self._infix(0)
         if not self._take("?"):
             return condition
         then = self._nested(self._assignment)
@@ -277,24 +267,13 @@ class _Parser:
             raise self._fail("a value")
         self._at += 1
         if token.text == "known" and self._take("("):
-            if self._next.kind != "name":
+            name = self._next
+            if name.kind != "name":
                 raise self._fail("a variable or an @key")
-            known = Known(self._next.text)
             self._at += 1
             self._expect(")")
-            return known
-        if token.text in FUNCTIONS and self._take("("):
-            return self._call(token.text)
+            return Known(name.text)
         return _atom(token)
-
-    def _call(self, function: str) -> Expression:
-        operands: list[Expression] = []
-        for _ in inspect.signature(FUNCTIONS[function]).parameters:
-            if operands:
-                self._expect(",")
-            operands.append(self._nested(self._assignment))
-        self._expect(")")
-        return Op(function, tuple(operands))
 
 
 def _atom(token: _Token) -> Expression:
@@ -305,4 +284,4 @@ def _atom(token: _Token) -> Expression:
         return Literal(int(text, 16 if text[:2] in {"0x", "0X"} else 10))
     if token.kind == "text":
         return Literal(text[1:-1])
-    return Literal(_TRUTHS[text]) if text in _TRUTHS else Name(text)
+    return Literal(TRUTH_WORDS[text]) if text in TRUTH_WORDS else Name(text)

@@ -16,10 +16,10 @@ from uav_bt.tree.variables import Variables
 Value = int | float | str
 
 ONLY_LEAVES_WRITE: Final = "leaves write those, scripts only read"  # of board keys, in messages
+TRUTH_WORDS: Final = {"true": 1.0, "false": 0.0}
 MAX_TEXT: Final = 100_000  # characters; limits scripts such as `s += s` at every tick
 MAX_TEXTS: Final = 2_000_000  # characters of all texts of a tree together
 _EPSILON: Final = 2.0**-23  # reals closer than this are equal; the engine uses it, from C float
-_WORDS: Final = {"true": 1.0, "false": 0.0}
 # The spellings that the format's engine reads as truth values, and `!` of a text takes.
 _TRUTHS: Final = {
     **dict.fromkeys(("true", "True", "TRUE", "1"), True),
@@ -36,10 +36,8 @@ def number(value: object) -> float:
     if isinstance(value, (int, float)):
         return float(value)
     if isinstance(value, str):
-        if value in _WORDS:
-            return _WORDS[value]
         try:
-            real = float(value)
+            real = TRUTH_WORDS[value] if value in TRUTH_WORDS else float(value)
         except ValueError:
             real = math.nan
         if math.isfinite(real):
@@ -100,8 +98,6 @@ class Environment:
             return float(members[name])
         key = self._board_key(name)
         value = self._variables.get(name) if key is None else self._read_board(key)
-        if value is None and key is not None:
-            raise UnknownValueError(self._lack(key))
         if value is None:
             hint = did_you_mean(name, [*self._variables, *members])
             raise ScriptError(f"'{name}' has no value{hint}")
@@ -113,11 +109,13 @@ class Environment:
     def known(self, name: str) -> bool:
         """Return whether a variable has a value, or a board key a fresh one."""
         key = self._board_key(name)
+        if key is None:
+            return self._variables.get(name) is not None
         try:
-            value = self._variables.get(name) if key is None else self._read_board(key)
+            self._read_board(key)
         except UnknownValueError:
             return False
-        return value is not None
+        return True
 
     def number(self, value: Value) -> float:
         """Return a value as a real; a text may be the name of an enumeration's member."""
@@ -149,13 +147,6 @@ class Environment:
     def _board_key(self, name: str) -> str | None:
         return name[1:] if name.startswith("@") else self._variables.board_key(name)
 
-    def _lack(self, key: str) -> str:
-        """Return which value of a board key is missing: one at all, or a fresh one."""
-        age_s = math.inf if self._board is None else self._board.read(self._board.key(key)).age_s
-        if math.isinf(age_s):
-            return f"board key '{key}' has no value yet"
-        return f"board key '{key}' has no fresh value (age {age_s:.2f} s)"
-
     def _read_board(self, key: str) -> Any:
         if self._board is None:
             raise ScriptError(f"'@{key}': there is no mission board here")
@@ -163,4 +154,9 @@ class Environment:
             declared = self._board.key(key)
         except BoardAccessError as error:  # no leaf of the tree declares it
             raise UnknownValueError(str(error)) from error
-        return self._board.read(declared).value
+        reading = self._board.read(declared)
+        if reading.value is None:
+            old = f"fresh value (age {reading.age_s:.2f} s)"
+            lack = "value yet" if math.isinf(reading.age_s) else old
+            raise UnknownValueError(f"board key '{key}' has no {lack}")
+        return reading.value

@@ -1,4 +1,7 @@
-"""Watch for running branches that fail, and for the node at which a tree ends.
+"""Watches of a tree in flight: leaves that block, running branches that fail, and its end.
+
+A leaf must return at once and continue in the next tick. A leaf that blocks delays the whole
+mission, including the arbiter's overrides, and nothing else would report which leaf it was.
 
 The cause of a failure is the deepest node that answered FAILURE in the same tick: a leaf, or a
 decorator such as Timeout.
@@ -6,12 +9,69 @@ decorator such as Timeout.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import logging
+import time
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from typing import Final
 
+from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
+from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.observer import NodeEvent, observe
+
+_log: Final = logging.getLogger(__name__)
+_BLOCKED: Final = (
+    "leaf '%s' blocked for %.2f s, its budget is %.2f s: "
+    "it must answer at once and go on in the next tick"
+)
+_BEGINNINGS: Final = (NodeEvent.STARTED, NodeEvent.RAN, NodeEvent.HALTING)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlowLeaf:
+    """A leaf that exceeded its time budget."""
+
+    path: str
+    took_s: float  # wall time of one tick, or of one halt
+    budget_s: float  # the `budget_s` of its class
+
+
+class BudgetWatch:
+    """Measures `initialise`, `update` and `terminate` of every leaf that is not of the format.
+
+    `timer` is the wall clock, in seconds.
+    """
+
+    def __init__(
+        self, tree: MissionTree, *, timer: Callable[[], float] = time.perf_counter
+    ) -> None:
+        self.worst_s: dict[str, float] = {}  # longest times beyond the budget, by path
+        self._timer = timer
+        self._began_s: float | None = None  # start time of the running leaf; at most one runs
+        self._new: list[SlowLeaf] = []
+        self.follow(tree)
+
+    def follow(self, tree: MissionTree) -> None:
+        """Measure the leaves of another tree as well."""
+        observe([leaf for leaf in tree.leaves() if type(leaf) not in BUILTIN_NODES], self._note)
+
+    def take(self) -> tuple[SlowLeaf, ...]:
+        """Return the leaves that exceeded their budgets since the last call."""
+        taken, self._new = self._new, []
+        return tuple(taken)
+
+    def _note(self, leaf: Leaf, event: NodeEvent) -> None:
+        if event in _BEGINNINGS:
+            self._began_s = self._timer()
+        elif event is not NodeEvent.STATUS and self._began_s is not None:
+            took_s, self._began_s = self._timer() - self._began_s, None
+            if took_s > leaf.budget_s:
+                self._new.append(SlowLeaf(path=leaf.path, took_s=took_s, budget_s=leaf.budget_s))
+                if took_s > self.worst_s.get(leaf.path, 0.0):  # else reported with a longer time
+                    self.worst_s[leaf.path] = took_s
+                    _log.warning(_BLOCKED, leaf.path, took_s, leaf.budget_s)
 
 
 @dataclass(frozen=True, kw_only=True)
