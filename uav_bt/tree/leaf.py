@@ -185,16 +185,11 @@ class Leaf(Node):
         self.on_setup(mission)
         self._is_open = True
 
-    def inherit(self, former: Self) -> None:
-        """Call `on_inherit`; used by `MissionTree`."""
-        with self._failing():
-            self.on_inherit(former)
-
     def shutdown(self) -> None:
         """Call `on_shutdown` if the leaf is set up; used by `MissionTree` and trees of py_trees."""
         if self._is_open:
             self._is_open = False
-            with self._failing():
+            with self.failing():
                 self.on_shutdown()
 
     def _notify_work(self) -> None:

@@ -175,7 +175,8 @@ class MissionTree:
             alike = next((other for other in leaves if type(other) is type(leaf)), None)
             if alike is not None:
                 leaves.remove(alike)
-                leaf.inherit(alike)
+                with leaf.failing():
+                    leaf.on_inherit(alike)
 
     def tick(self) -> Status:
         """Tick exactly once.

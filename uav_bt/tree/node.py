@@ -153,7 +153,7 @@ class Node(NodeFlow, Behaviour):
         self._mission = mission
         self._keys = {}
         self._environment = None
-        with self._failing(InputError):
+        with self.failing(InputError):
             self._setup()
 
     def _setup(self) -> None:
@@ -163,7 +163,7 @@ class Node(NodeFlow, Behaviour):
         return NodeFailedError(self.path, error, self.author)
 
     @contextmanager
-    def _failing(self, *passed: type[Exception]) -> Iterator[None]:
+    def failing(self, *passed: type[Exception]) -> Iterator[None]:
         """Raise an exception as the node's failure, unless it is of a class that is passed on."""
         try:
             yield
@@ -280,7 +280,7 @@ class Node(NodeFlow, Behaviour):
         if ran:
             self._notify(NodeEvent.HALTING)
         try:
-            with self._failing(UnknownValueError, NodeFailedError):
+            with self.failing(UnknownValueError, NodeFailedError):
                 self._halt()
                 self._run("_onHalted")
         except UnknownValueError as unknown:

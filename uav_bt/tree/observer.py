@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable, Iterable
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 
@@ -40,19 +40,13 @@ Observer = Callable[[Any, NodeEvent], None]
 """Called with the node and each event as it happens."""
 
 
-class Observed(Protocol):
-    """Anything with observers. Every node has them."""
-
-    observers: tuple[Observer, ...]
-
-
-def observe(nodes: Iterable[Observed], observer: Observer) -> None:
+def observe(nodes: Iterable[Any], observer: Observer) -> None:
     """Notify an observer from now on, after those that the nodes already have."""
     for node in nodes:
         node.observers = (*node.observers, observer)
 
 
-def unobserve(nodes: Iterable[Observed], observer: Observer) -> None:
+def unobserve(nodes: Iterable[Any], observer: Observer) -> None:
     """Notify an observer no longer; nodes that do not have it are left as they are."""
     for node in nodes:
         node.observers = tuple(one for one in node.observers if one != observer)

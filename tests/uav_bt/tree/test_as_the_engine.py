@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import yaml
 
 from tests.uav_bt.tree.test_loader import REGISTRY, warnings_of
 from tests.worlds.trees import document
@@ -15,28 +16,11 @@ from uav_bt.tree.loading.loader import check_file, check_text
 from uav_bt.tree.loading.lookup import Library, Lookup, files_in, shipped_trees
 from uav_bt.tree.loading.models import with_palette
 
+CASES = yaml.safe_load((Path(__file__).parents[2] / "data" / "warnings.yaml").read_text("utf-8"))
 SPARE = '<BehaviorTree ID="B">{}</BehaviorTree>'
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (document('<Condition ID="Steer"/>'), "'Steer' is of kind Action, not Condition"),
-        (
-            document('<SubTree ID="B" __shared_blackboard="1"/>', SPARE.format("<Safe/>")),
-            "attribute '__shared_blackboard' means nothing here",
-        ),
-        (document('<Steer _skipif="true"/>'), "'_skipif' means nothing here; did you mean '_skip"),
-        (document("<Steer>text</Steer>"), "text between tags means nothing: 'text'"),
-        (document("<Safe/>").replace('BTCPP_format="4"', ""), "got nothing"),
-        (document("<Safe/>").replace("main_tree", "man_tree"), "did you mean 'main_tree_to_exec"),
-        (document("<Safe/>").replace('ID="Main"', 'ID="Main" x="1"'), "'x' means nothing here"),
-        (document("<Safe/>", '<BehaviorTre ID="B"><Safe/></BehaviorTre>'), "did you mean 'Beh"),
-        (document("<Safe/>", "words"), "text between tags means nothing: 'words'"),
-        (document("<Safe/>", SPARE.format('<Steer polcy="x"/>')), "unknown attribute 'polcy'"),
-        (document("<Safe/>", SPARE.format('<Script code="x := ("/>')), "expected a value"),
-    ],
-)
+@pytest.mark.parametrize(("text", "message"), CASES)
 def test_what_the_engine_takes_is_a_warning(text: str, message: str) -> None:
     found = warnings_of(text)
     assert len(found) == 1

@@ -5,11 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import yaml
 
 from uav_bt.errors import FileError, NodeFailedError, TreeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status
 from uav_bt.tree.dry_run import Answer, SimulatedTick, Simulation, read_script
 
+CASES = yaml.safe_load((Path(__file__).parents[2] / "data" / "answers.yaml").read_text("utf-8"))[
+    "dry_runs"
+]
 S, F, R, K = Status.SUCCESS, Status.FAILURE, Status.RUNNING, Status.SKIPPED
 
 
@@ -111,16 +115,7 @@ def test_leaves_without_answers_are_all_named_with_their_places(tmp_path: Path) 
     assert second.startswith(f"{tree}:5:1: Sees 'eye': has no answers in {script}: add 'eye' to")
 
 
-@pytest.mark.parametrize(
-    ("script", "line", "message"),
-    [
-        ("default: S\nleaves:\n  Flyy: S", 3, "the tree has no leaf or SubTree of that path"),
-        ("default: S\nleaves:\n  Sees: RS", 3, "the condition Sees answers at once"),
-        ("default: R", 1, "the condition Sees answers at once"),
-        ("default: S\noutputs:\n  Measure: {dept_m: 1}", 3, "has no output 'dept_m'"),
-        ("leaves: {Sees: S, Fly: S}\noutputs:\n  Measure: {depth_m: 1}", 3, "has no answers"),
-    ],
-)
+@pytest.mark.parametrize(("script", "line", "message"), CASES["unfit"])
 def test_answers_that_do_not_fit_the_tree_are_refused_with_their_line(
     tmp_path: Path, script: str, line: int, message: str
 ) -> None:
@@ -131,13 +126,7 @@ def test_answers_that_do_not_fit_the_tree_are_refused_with_their_line(
     assert message in finding
 
 
-@pytest.mark.parametrize(
-    ("script", "line", "message"),
-    [
-        ("default: S\nboard:\n  phas: x", 3, "unknown board key 'phas'; did you mean 'phase'?"),
-        ("default: S\nboard:\n  mark: 1", 3, "'mark' holds MarkFix, got int"),
-    ],
-)
+@pytest.mark.parametrize(("script", "line", "message"), CASES["board"])
 def test_board_values_that_do_not_fit_are_refused_with_their_line(
     tmp_path: Path, script: str, line: int, message: str
 ) -> None:
@@ -162,18 +151,7 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize(
-    ("text", "line", "message"),
-    [
-        ("", 1, "expected 'leaves' with answers of leaves, or a 'default'"),
-        ("- a", 1, "expected a mapping with leaves, default, outputs, variables, board, got"),
-        ("variables: {a: 1}", 1, "expected 'leaves' with answers of leaves, or a 'default'"),
-        ("default: S\nleafs: {}", 2, "leafs: unknown key; did you mean 'leaves'?"),
-        ("leaves:\n  A: RRX", 2, "a script has the letters R (running), S (success)"),
-        ("leaves:\n  A: RRS\n  A: S", 3, "leaves.A: the key is given twice"),
-        ("leaves:\n  A: [R, S]", 2, "or a number or a text, got a list of 2"),
-    ],
-)
+@pytest.mark.parametrize(("text", "line", "message"), CASES["read"])
 def test_what_no_script_can_say_is_refused_with_its_line(
     tmp_path: Path, text: str, line: int, message: str
 ) -> None:

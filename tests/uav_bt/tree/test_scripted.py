@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import yaml
 
 from tests.worlds.trees import World, document
 from uav_bt.board import ELAPSED
@@ -22,6 +23,7 @@ from uav_bt.tree import (
 )
 from uav_bt.tree.scripted import AnswerScript, Mock, ScriptedLeaf
 
+CASES = yaml.safe_load((Path(__file__).parents[2] / "data" / "answers.yaml").read_text("utf-8"))
 OWN = Key("own", float, "a plug-in's own key")
 
 
@@ -65,23 +67,13 @@ def loaded_by(tmp_path: Path, world: World, mocks: dict[str, str]) -> MissionTre
     return tree
 
 
-@pytest.mark.parametrize(
-    ("text", "answers"),
-    [
-        ("S", "SSSSSSS"),
-        ("RRS", "RRSSSSS"),
-        ("R", "RRRRRRR"),
-        ("(RRS)", "RRSRRSR"),
-        ("F(RS)", "FRSRSRS"),
-        (" R F\nK ", "RFKKKKK"),
-    ],
-)
+@pytest.mark.parametrize(("text", "answers"), CASES["letters"])
 def test_a_script_is_answered_letter_by_letter(text: str, answers: str) -> None:
     script = AnswerScript.parse(text)
     assert "".join(script.answer(tick).letter for tick in range(7)) == answers
 
 
-@pytest.mark.parametrize("text", ["", "  ", "RRX", "rs", "(RS)F", "R()", "(R", "((R))", "R)"])
+@pytest.mark.parametrize("text", CASES["refused"])
 def test_other_texts_are_refused(text: str) -> None:
     with pytest.raises(ValueRangeError, match=r"R \(running\), S .* as in 'RRS' or 'F\(RS\)'"):
         AnswerScript.parse(text)
@@ -141,23 +133,7 @@ def test_a_mock_writes_its_outputs_when_it_succeeds(world: World) -> None:
         parse_tree(text, NodeRegistry([Measure]), mocks={"m": Mock(outputs={"depth_m": 1})})
 
 
-@pytest.mark.parametrize(
-    ("selector", "script", "message"),
-    [
-        (
-            "otu",
-            "S",
-            "mock of 'otu': the tree has no leaf or SubTree of that path, name or node id; did you",
-        ),
-        (
-            "Sequence",
-            "S",
-            "mock of 'Sequence': the tree has no leaf or SubTree of that path",
-        ),
-        ("out", "RX", "1:.*: Fly 'out': mock of 'out': a script has the letters"),
-        ("Clear", "RS", "the condition Clear answers at once, so its script cannot have an R"),
-    ],
-)
+@pytest.mark.parametrize(("selector", "script", "message"), CASES["unfit"])
 def test_mocks_that_do_not_fit_are_refused(
     tmp_path: Path, world: World, selector: str, script: str, message: str
 ) -> None:

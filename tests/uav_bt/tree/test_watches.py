@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import logging
+from pathlib import Path
 from typing import ClassVar
 
 import pytest
+import yaml
 
 from tests.worlds.trees import World
 from uav_bt.board import ELAPSED
@@ -99,50 +101,10 @@ def test_a_leaf_that_blocks_and_raises_is_named_for_both(world: World, wall: Man
 # --- branches that fail ---------------------------------------------------------------------------
 
 ROOT = '<root BTCPP_format="4"><BehaviorTree ID="M">{}</BehaviorTree></root>'
-GUARDED = """
-<Fallback name="fly">
-  <ReactiveSequence name="guarded">
-    <Hovering/>
-    <Sequence name="survey"><Turn degrees="90"/><HoverFor/></Sequence>
-  </ReactiveSequence>
-  <EmergencyLand/>
-</Fallback>"""
-TIMED = '<Fallback name="f"><Timeout msec="100"><HoverFor/></Timeout><Turn degrees="9"/></Fallback>'
+BRANCHES = yaml.safe_load((Path(__file__).parents[2] / "data" / "branches.yaml").read_text("utf-8"))
 
 
-@pytest.mark.parametrize(
-    ("text", "mocks", "ticks", "causes", "ended"),
-    [
-        (  # a condition that ends a running branch is the cause
-            GUARDED,
-            {"Hovering": "SSF", "Turn": "R", "HoverFor": "S", "EmergencyLand": "RF"},
-            4,
-            [[], [], ["M/fly/guarded/Hovering"], []],
-            "M/fly/EmergencyLand",
-        ),
-        (  # a leaf that fails is the cause once for all branches above
-            GUARDED,
-            {"Hovering": "S", "Turn": "RF", "HoverFor": "S", "EmergencyLand": "RR"},
-            2,
-            [[], ["M/fly/guarded/survey/Turn"]],
-            None,
-        ),
-        (  # a branch that fails in its first tick is no event
-            '<ReactiveFallback name="f"><Hovering/><HoverFor/></ReactiveFallback>',
-            {"Hovering": "F", "HoverFor": "R"},
-            3,
-            [[], [], []],
-            None,
-        ),
-        (  # a decorator that fails by itself is the cause
-            TIMED,
-            {"HoverFor": "R", "Turn": "R"},
-            3,
-            [[], ["M/f/Timeout"], []],
-            None,
-        ),
-    ],
-)
+@pytest.mark.parametrize(("text", "mocks", "ticks", "causes", "ended"), BRANCHES)
 def test_causes_of_failures(
     text: str, mocks: dict[str, str], ticks: int, causes: list[list[str]], ended: str | None
 ) -> None:

@@ -82,12 +82,8 @@ class _Counted(DecoratorNode):
             return joined(after, After(known, known))
         if count > 0:
             return after
-        counted = self._counts
-        return After(
-            None if counted is SUCCESS else after.success,
-            None if counted is FAILURE else after.failure,
-            after.skipped,
-        )
+        ends = {SUCCESS: after.success, FAILURE: after.failure, self._counts: None}
+        return After(ends[SUCCESS], ends[FAILURE], after.skipped)
 
     def update(self) -> Status:
         """Tick the child."""

@@ -145,11 +145,9 @@ _OF_TEXTS: Final = {**COMPARISONS, "==": operator.eq, "!=": operator.ne}
 
 def _unary(op: Op, environment: Environment) -> Value:
     value = op.parts[0].evaluate(environment)
-    if isinstance(value, str):
-        if op.sign != "!x":
-            raise ScriptError(f"'{op.sign[0]}' cannot be applied to a text")
-        return float(not truth(value))
-    return _UNARY[op.sign](float(value))
+    if isinstance(value, str) and op.sign != "!x":
+        raise ScriptError(f"'{op.sign[0]}' cannot be applied to a text")
+    return _UNARY[op.sign](truth(value) if isinstance(value, str) else float(value))
 
 
 def _computed(sign: str, left: Value, right: Value) -> Value:
