@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 import unicodedata
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -82,28 +81,30 @@ def _given(node: Node) -> Iterator[tuple[str, str]]:
 # --- the forms ------------------------------------------------------------------------------------
 
 
-def ascii_art(root: Box, title: str) -> str:
-    """Return a tree as indented lines of ASCII characters, one for each node."""
-    lines = [_one_line(title, _MAX_TITLE)]
+def _lines(root: Box) -> Iterator[tuple[str, Box, str]]:
+    """Yield what a line of a tree begins with, its node, and what else it says of the node."""
     stack = [(root, "", True)]
     while stack:
         box, before, last = stack.pop()
         name = f"'{box.name}'" if box.name else ""
-        words = " ".join(filter(None, (box.tag, name, *box.attributes)))
-        lines.append(f"{before}{'`-- ' if last else '|-- '}{words}")
+        yield (
+            f"{before}{'`-- ' if last else '|-- '}",
+            box,
+            " ".join([name, *box.attributes]).strip(),
+        )
         inside = before + ("    " if last else "|   ")
         stack += [(child, inside, child is box.children[-1]) for child in reversed(box.children)]
-    text = "\n".join([*lines, ""])
+
+
+def ascii_art(root: Box, title: str) -> str:
+    """Return a tree as indented lines of ASCII characters, one for each node."""
+    lines = [f"{lead}{box.tag} {more}".rstrip() for lead, box, more in _lines(root)]
+    text = "\n".join([_one_line(title, _MAX_TITLE), *lines, ""])
     return text.encode("ascii", "backslashreplace").decode("ascii")
 
 
-_MARGIN_PX: Final = 20.0
-_TOP_PX: Final = 54.0  # the title is above
-_INDENT_PX: Final = 28.0
-_TAG_PX: Final = 20.0  # height of a tag
-_LINE_PX: Final = 15.0
+_LINE_PX: Final = 18
 _CHAR_PX: Final = 7.3  # of a fixed-width fount of 12 px, on the safe side
-_COLUMNS: Final = 90  # characters of a line of attributes
 _COLOURS: Final = {
     NodeKind.CONTROL: "#1f5fa8",
     NodeKind.DECORATOR: "#7a4aa3",
@@ -112,63 +113,31 @@ _COLOURS: Final = {
     NodeKind.CONDITION: "#a8690c",
 }
 _STYLE: Final = (
-    "text{font:12px 'DejaVu Sans Mono',Menlo,Consolas,monospace;fill:#1c2733}"
-    ".title{font-size:16px;font-weight:bold}.tag{fill:#fff}.name{font-weight:bold}"
-    ".keys{fill:#5b6775}path{fill:none;stroke:#8a96a3;stroke-width:1.5}"
+    "text{font:12px 'DejaVu Sans Mono',Menlo,Consolas,monospace;fill:#5b6775;white-space:pre}"
+    ".tag{font-weight:bold}"
 )
 
 
 def svg(root: Box, title: str) -> str:
-    """Return a tree as an SVG image of indented rows, without founts and files from elsewhere."""
+    """Return a tree as an SVG image of lines, a colour for each kind of node."""
     title = _one_line(title, _MAX_TITLE)
-    rows: list[str] = []
-    y, width = _TOP_PX, _width(title) * 4 / 3 + 2 * _MARGIN_PX  # the title's letters are larger
-    stack = [(root, _MARGIN_PX, 0.0)]
-    while stack:
-        box, x, parent_px = stack.pop()
-        if parent_px:
-            middle = y + _TAG_PX / 2
-            elbow = f"M{x - _INDENT_PX + 10:.1f} {parent_px:.1f}V{middle:.1f}H{x:.1f}"
-            rows.append(f'<path d="{elbow}"/>')
-        tag_px = _width(box.tag) + 12
-        lines = [(x + 6, 14.0, "tag", box.tag), (x + tag_px + 8, 14.0, "name", box.name)]
-        below = [("given", part) for part in textwrap.wrap("  ".join(box.attributes), _COLUMNS)]
-        below += [("keys", part) for keys in box.keys for part in textwrap.wrap(keys, _COLUMNS)]
-        lines += [
-            (x + _INDENT_PX, 34.0 + number * _LINE_PX, style, text)
-            for number, (style, text) in enumerate(below)
-        ]
-        about = ": ".join(filter(None, (box.path, box.doc)))
-        place = f'x="{x:.1f}" y="{y:.1f}" width="{tag_px:.1f}" height="{_TAG_PX:.1f}"'
-        rows += [
-            f"<g><title>{escape(about)}</title>",
-            f'<rect {place} rx="4" fill="{_COLOURS[box.kind]}"/>',
-            *(_text(left, y + down, style, text) for left, down, style, text in lines if text),
-            "</g>",
-        ]
-        width = max(width, *(left + _width(text) + _MARGIN_PX for left, _, _, text in lines))
-        stack += [(child, x + _INDENT_PX, y + _TAG_PX) for child in reversed(box.children)]
-        y += _TAG_PX + len(below) * _LINE_PX + 8.0
-    size = f'width="{width:.0f}" height="{y + _MARGIN_PX:.0f}"'
-    head = [
-        '<?xml version="1.0" encoding="UTF-8"?>',
-        f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img">',
-        f"<title>{escape(title)}</title>",
-        f"<style>{_STYLE}</style>",
-        '<rect width="100%" height="100%" fill="#fff"/>',
-        _text(_MARGIN_PX, 34.0, "title", title),
-    ]
-    return "\n".join([*head, *rows, "</svg>", ""])
+    rows, widest = [f'<text x="20" y="26">{escape(title)}</text>'], _width(title)
+    for number, (lead, box, more) in enumerate(_lines(root), 2):
+        about = "\n".join(filter(None, (f"{box.path}: {box.doc}", *box.keys)))
+        tag = f'<tspan class="tag" fill="{_COLOURS[box.kind]}">{escape(box.tag)}</tspan>'
+        rows.append(
+            f'<text x="20" y="{8 + number * _LINE_PX}"><title>{escape(about)}</title>'
+            f"{lead}{tag} {escape(more)}</text>"
+        )
+        widest = max(widest, _width(f"{lead}{box.tag} {more}"))
+    size = f'width="{widest * _CHAR_PX + 40:.0f}" height="{len(rows) * _LINE_PX + 40}"'
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img">'
+    top = [head, f"<title>{escape(title)}</title>", f"<style>{_STYLE}</style>"]
+    return "\n".join([*top, '<rect width="100%" height="100%" fill="#fff"/>', *rows, "</svg>", ""])
 
 
-def _text(x: float, y: float, style: str, text: str) -> str:
-    place = f'class="{style}" x="{x:.1f}" y="{y:.1f}" xml:space="preserve"'
-    return f"<text {place}>{escape(text)}</text>"
-
-
-def _width(text: str) -> float:
-    wide = sum(unicodedata.east_asian_width(char) in "WF" for char in text)
-    return (len(text) + wide) * _CHAR_PX
+def _width(text: str) -> int:
+    return len(text) + sum(unicodedata.east_asian_width(char) in "WF" for char in text)
 
 
 FORMATS: Final[dict[str, Callable[[Box, str], str]]] = {"ascii": ascii_art, "svg": svg}
