@@ -1,4 +1,4 @@
-"""Texts that a file gives to ports of leaves: names that are not installed, values for caution."""
+"""Values that a file gives to ports of leaves: names that are not installed, values for caution."""
 
 from __future__ import annotations
 
@@ -9,21 +9,19 @@ from typing import Any
 
 from uav_bt import plugins
 from uav_bt.errors import InputError, UnknownNameError
-from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.attributes import POLICY_PORT
 from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.findings import WARNING, Finding, Rule
 from uav_bt.tree.loading.models import PalettePort
 from uav_bt.tree.loading.parameters import VAR
 from uav_bt.tree.loading.replacements import Built
-from uav_bt.tree.loading.uses import Uses
-from uav_bt.tree.mission_tree import Place
-from uav_bt.tree.node import Node
+from uav_bt.tree.loading.uses import Use, Uses
+from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.port import Port, port_text
 from uav_bt.tree.script import parse_text
 from uav_bt.tree.scripted import ScriptedLeaf
 
-# A port, the text that it is given, and a finding about it, whose message only names the attribute.
+# A port, a text that it is given, and a finding about it, whose message only names the attribute.
 _Given = tuple[Port[Any], str, Finding]
 
 
@@ -35,38 +33,37 @@ def _given_texts(built: Built, document: Document, uses: Uses) -> Iterator[_Give
     """
     for leaf in built.tree.leaves():
         for port in () if isinstance(leaf, ScriptedLeaf) else leaf.ports:
-            is_plain = not isinstance(port, PalettePort) and port.check is not parse_text
-            if port.direction == "input" and is_plain:
-                yield from _texts_of(port, leaf, built, document, uses)
+            if (
+                port.direction != "input"
+                or isinstance(port, PalettePort)
+                or port.check is parse_text
+            ):
+                continue
+            own, at = Use(leaf, port.name), leaf.reference(port)
+            if at is None:
+                text = built.parts[leaf.path].given.get(port.name, port_text(port.default))
+                yield port, text, _finding(built, own)
+            elif (slot := uses.place(leaf.variables, at.key)) is not None and not at.on_board:
+                for write in slot.values()[0]:
+                    if write.use is None:
+                        at_file = _outside(_finding(built, own), slot.name, document)
+                        yield port, port_text(write.value), at_file
+                    elif isinstance(write.use.node, SubTree):  # an entry
+                        yield port, port_text(write.value), _finding(built, write.use)
 
 
-def _texts_of(
-    port: Port[Any], leaf: Leaf, built: Built, document: Document, uses: Uses
-) -> Iterator[_Given]:
-    """Yield the text of a port, or the first value of the variable that it reads."""
-    node: Node = leaf
-    at, outside = leaf.reference(port), document.parameters
-    name, place, what = port.name, None, "attribute"
-    if at is None:
-        text = built.parts[node.path].given.get(name, port_text(port.default))
-    else:
-        scope, name = leaf.variables.location(at.key)
-        node = uses.doors.get(scope, leaf)
-        if at.on_board or name in scope.board:
-            return
-        if scope in uses.doors and name in built.parts[node.path].given:
-            text = built.parts[node.path].given[name]
-        elif scope is built.tree.variables and name in outside.variables:
-            while node.variables is not scope:
-                node = uses.doors[node.variables]
-            text, what = port_text(outside.variables[name]), "variable"
-            place = outside.places.get((VAR, name))
-        else:
-            return
-    element = built.parts[node.path].element
-    where = place or Place(element.path, element.at(name))
-    lead = f"{what} '{name}': "
-    yield port, text, Finding(str(where.path), where.position, lead, node.path)
+def _finding(built: Built, use: Use) -> Finding:
+    element = built.parts[use.node.path].element
+    lead = f"attribute '{use.attribute}': "
+    return Finding(str(element.path), element.at(use.attribute), lead, use.node.path)
+
+
+def _outside(found: Finding, name: str, document: Document) -> Finding:
+    """Return a finding about a variable that a caller sets, where its file has it."""
+    place, lead = document.parameters.places.get((VAR, name)), f"variable '{name}': "
+    if place is None:
+        return replace(found, message=lead)
+    return replace(found, message=lead, path=str(place.path), position=place.position)
 
 
 def unknown_policies(built: Built, document: Document, uses: Uses) -> Iterator[Finding]:
