@@ -132,7 +132,12 @@ def svg(root: Box, title: str) -> str:
         widest = max(widest, _width(f"{lead}{box.tag} {more}"))
     size = f'width="{widest * _CHAR_PX + 40:.0f}" height="{len(rows) * _LINE_PX + 40}"'
     head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img">'
-    top = [head, f"<title>{escape(title)}</title>", f"<style>{_STYLE}</style>"]
+    top = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        head,
+        f"<title>{escape(title)}</title>",
+        f"<style>{_STYLE}</style>",
+    ]
     return "\n".join([*top, '<rect width="100%" height="100%" fill="#fff"/>', *rows, "</svg>", ""])
 
 

@@ -11,7 +11,7 @@ from functools import cache
 from typing import Any, Final
 
 from uav_bt.errors import InputError, did_you_mean
-from uav_bt.tree.loading.attributes import Attributes, Note
+from uav_bt.tree.loading.attributes import Attributes, Note, check_names, check_subtree, node_class
 from uav_bt.tree.loading.document import Document, autoremaps
 from uav_bt.tree.loading.elements import (
     check_no_text,
@@ -22,7 +22,6 @@ from uav_bt.tree.loading.elements import (
 from uav_bt.tree.loading.findings import ERROR, WHOLE_FILE, Findings, Rule
 from uav_bt.tree.loading.replacements import Built, Part, Replacements
 from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element
-from uav_bt.tree.loading.structure import check_names, check_subtree, node_class
 from uav_bt.tree.mission_tree import MissionTree, allow_depth
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.node_ports import BOUND, child_paths

@@ -8,13 +8,14 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
+from xml.etree import ElementTree as ET
 from xml.sax.saxutils import quoteattr
 
 from uav_bt.board import Key
 from uav_bt.errors import FileError, InputError, TreeError, UnknownNameError
 from uav_bt.tree.loading.before_flight import faults_of, faults_of_part
 from uav_bt.tree.loading.build import Builder
-from uav_bt.tree.loading.document import find_main, outline
+from uav_bt.tree.loading.document import Document, find_main, outline
 from uav_bt.tree.loading.findings import (
     WHOLE_FILE,
     Finding,
@@ -25,13 +26,14 @@ from uav_bt.tree.loading.findings import (
 )
 from uav_bt.tree.loading.given import remarks, unknown_policies
 from uav_bt.tree.loading.lookup import Lookup
+from uav_bt.tree.loading.models import ENUMERATION, MEMBER
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.replacements import Built, Replacements
-from uav_bt.tree.loading.source import parse_source, read_source
+from uav_bt.tree.loading.source import parse_source, read_source, to_xml
 from uav_bt.tree.loading.uses import Uses
 from uav_bt.tree.loading.variable_faults import check_variables
-from uav_bt.tree.loading.whole_file import whole_file
 from uav_bt.tree.mission_tree import MissionTree
+from uav_bt.tree.node import NodeKind
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.port import port_text
 from uav_bt.tree.registry import NodeRegistry
@@ -296,3 +298,30 @@ class FilesTogether:
                 for one in self._check(Path(path))
             )
         return self._found[path]
+
+
+def whole_file(document: Document, source: bytes) -> bytes:
+    """Return the main tree with all that it uses as one file: its own where nothing is elsewhere.
+
+    Args:
+        document: the outline; the places of files are in its trees and defaults.
+        source: the mission's own file.
+    """
+    if not document.included:
+        return source
+    root = ET.Element("root", BTCPP_format="4", main_tree_to_execute=document.main)
+    used = document.within(document.main)
+    for tree_id in (document.main, *sorted(used - {document.main})):
+        tree = to_xml(document.trees[tree_id])
+        tree.set("ID", tree_id)
+        root.append(tree)
+    models = ET.SubElement(root, "TreeNodesModel")
+    for tree_id in sorted(used & document.subtree_ports.keys()):
+        model = ET.SubElement(models, NodeKind.SUBTREE.value, ID=tree_id)
+        for name, default in document.subtree_ports[tree_id].items():
+            given = {} if default is None else {"default": default}
+            ET.SubElement(model, "input_port", {"name": name, **given})
+    enumeration = ET.SubElement(models, ENUMERATION)
+    for name, value in document.enum_members.items():
+        ET.SubElement(enumeration, MEMBER, name=name, value=str(value))
+    return ET.tostring(root, encoding="unicode").encode()

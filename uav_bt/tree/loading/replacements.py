@@ -144,6 +144,8 @@ class Replacements:
         self, built: Built, node: Node, given: Mapping[str, str], what: str, place: Place | None
     ) -> None:
         """Replace attributes of a node; messages name what was given, and stand at the place."""
+        if not given:
+            return
         part, is_good = built.parts[node.path], True
 
         def note(
@@ -170,7 +172,7 @@ class Replacements:
             ports = node.ports_over(len(node.children))
             taken = [port for port in ports if port.name in texts]
             self._attributes.bound(taken if len(taken) == len(texts) else ports, texts, note)
-        if is_good and texts:
+        if is_good:
             part.given.update(texts)
             node.rebind(texts)
             built.tree.replaced.setdefault(node.path, {}).update(texts)

@@ -7,6 +7,8 @@ from typing import Final
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes.base import SubTree as SubTree
 from uav_bt.tree.nodes.branches import IfThenElse as IfThenElse
+from uav_bt.tree.nodes.branches import Parallel as Parallel
+from uav_bt.tree.nodes.branches import ParallelAll as ParallelAll
 from uav_bt.tree.nodes.branches import Switch2 as Switch2
 from uav_bt.tree.nodes.branches import Switch3 as Switch3
 from uav_bt.tree.nodes.branches import Switch4 as Switch4
@@ -32,8 +34,6 @@ from uav_bt.tree.nodes.ordered import ReactiveSequence as ReactiveSequence
 from uav_bt.tree.nodes.ordered import Sequence as Sequence
 from uav_bt.tree.nodes.ordered import SequenceWithMemory as SequenceWithMemory
 from uav_bt.tree.nodes.ordered import TryCatch as TryCatch
-from uav_bt.tree.nodes.parallel import Parallel as Parallel
-from uav_bt.tree.nodes.parallel import ParallelAll as ParallelAll
 from uav_bt.tree.nodes.scripts import AlwaysFailure as AlwaysFailure
 from uav_bt.tree.nodes.scripts import AlwaysSuccess as AlwaysSuccess
 from uav_bt.tree.nodes.scripts import Precondition as Precondition
