@@ -136,7 +136,7 @@ def test_all_problems_are_reported_in_the_order_of_their_lines(tmp_path: Path) -
         ("a: !!python/name:os.system b", "with the tag tag:yaml.org,2002:python/name:os.system"),
         ("a:\n- &a [*a]", "nested deeper than 40, aliases unfolded"),
         ("a:\n " + "[" * 100 + "]" * 100, "nested deeper than 40"),
-        ("a:\n " + "[" * 500, "room.yaml: nested deeper than 40"),
+        ("a:\n " + "[" * 500 + "]" * 500, "nested deeper than 40"),
         ('a: "\\ud800"', "not valid YAML"),
         ("a:\nb: \x07", "room.yaml:2: not valid YAML: the character #x0007 is not allowed"),
         ("seats: !!int ''", f"room.yaml:1: seats: {WANTED}, got nothing"),

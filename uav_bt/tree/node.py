@@ -134,7 +134,7 @@ class Node(NodeFlow, Behaviour):
 
     def place(self, path: str, variables: Variables) -> None:
         """Place the node in the variables of its tree, and all below; a subtree gets a scope."""
-        self._place(path, variables)
+        self._set_place(path, variables)
         inner = self.open_scope(variables)
         paths = child_paths(path, [child.name for child in self.children])
         for child, child_path in zip(self.children, paths, strict=True):

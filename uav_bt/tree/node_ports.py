@@ -99,7 +99,7 @@ class NodePorts:
             self._environment = Environment(self.variables, board)
         return self._environment
 
-    def _place(self, path: str, variables: Variables) -> None:
+    def _set_place(self, path: str, variables: Variables) -> None:
         """Give the node its path and the variables of its tree."""
         self.path, self.variables, self._environment = path, variables, None
         self._references = dict(self.given_references)
