@@ -6,7 +6,7 @@ import pytest
 
 from uav_bt import testing
 from uav_bt.answers import Advance
-from uav_bt.board import ELAPSED, FRAME, HEIGHT, STATE
+from uav_bt.board import FRAME, HEIGHT, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import (
     BoardAccessError,
@@ -25,11 +25,7 @@ class Step(Leaf):
     """Steps ahead once, looking down a little."""
 
     moves = points = True
-    ports = (
-        Port("policy", str, default="always"),
-        Port("step_m", float, default=0.3),
-        Port("reads_too", str, default=""),
-    )
+    ports = (Port("policy", str, default="always"), Port("step_m", float, default=0.3))
     reads = (STATE, FRAME)
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -37,8 +33,6 @@ class Step(Leaf):
         self._id = 0
 
     def update(self) -> Status:
-        if self.port_value("reads_too") == "undeclared":
-            self.read(ELAPSED)
         state = self.read(STATE).value
         if state is None:
             self.feedback_message = "no telemetry"
