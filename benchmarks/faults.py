@@ -25,7 +25,7 @@ from pebble import ProcessExpired, ProcessPool
 from benchmarks.fault_reactions import EXPECTED, Facts, problems
 from uav_bt import app
 from uav_bt.errors import InputError
-from uav_bt.mission.judge import JudgeConfig
+from uav_bt.mission.judge import LANDING_SURFACES, JudgeConfig
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.testing.faults import FAULTS, Fault, FaultKind, FaultyDrone
@@ -82,8 +82,8 @@ class WatchedDrone(FaultyDrone):
     def _look(self) -> None:
         if self.referee is None:
             return
-        truth, rules = self.referee.truth(), JudgeConfig()
-        self.touched.update(n for n in truth.contacts if not rules.is_landing_surface(n))
+        truth = self.referee.truth()
+        self.touched.update({*truth.contacts} - LANDING_SURFACES)
         self.beyond_edge |= not truth.inside_ground
         self.motors_on, self.height_m = truth.motors_on, truth.pose.z_m
         self.on_mark = truth.on_mark

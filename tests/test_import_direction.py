@@ -36,7 +36,6 @@ FLOOR_ONE = {
         "progress",
         "protocols",
         "settings",
-        "still_camera",
         "yaml_file",
     )
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uav_bt.still_camera import Still, StillCamera, StillState
+from uav_bt.protocols import Still, StillCamera, StillState
 
 
 class CameraPhoto:

@@ -18,7 +18,7 @@ from uav_bt.board import CLASS_MAP, ELAPSED, FRAME, ODOMETRY, PHASE, SITE_MAP, S
 from uav_bt.board.context import MissionContext
 from uav_bt.board.flight_folder import FlightFolder
 from uav_bt.errors import InputError
-from uav_bt.still_camera import StillState
+from uav_bt.protocols import StillState
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.tree.script import fill_text, parse_text
 from uav_bt.types import ClassMap, DroneState, Frame, GimbalTo, Hover, MissionPhase

@@ -26,7 +26,7 @@ from uav_bt import app
 from uav_bt.board import FRAME, METRIC_DEPTH, ODOMETRY
 from uav_bt.lab.lab import LAB_FILE, SCENES_FOLDER
 from uav_bt.lab.shipped import load_lab
-from uav_bt.mission.judge import JudgeConfig
+from uav_bt.mission.judge import LANDING_SURFACES
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.yaml_file import read_yaml, yaml_text
@@ -171,10 +171,10 @@ class Watch:
 
     def on_tick(self, record: TickRecord) -> None:
         """Note contacts, and compare the depth of a new frame."""
-        truth, rules = record.truth, JudgeConfig()
+        truth = record.truth
         if truth is None:
             return
-        touched = [name for name in truth.contacts if not rules.is_landing_surface(name)]
+        touched = [name for name in truth.contacts if name not in LANDING_SURFACES]
         touched += ["mirror"] * (truth.pose.x_m > self._mirror_x_m - _HULL_M)
         for name in touched:
             self.contacts.setdefault(name, round(record.time_s, 1))

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from sim_bridge.olympe.commands import Job
 from sim_bridge.olympe.orders import Orders
-from uav_bt.still_camera import Still, StillState
+from uav_bt.protocols import Still, StillState
 
 _LOG: Final = logging.getLogger(__name__)
 

@@ -40,8 +40,7 @@ from uav_bt.mission.judge import Judge
 from uav_bt.mission.runner import MissionRunner, NextTree
 from uav_bt.mission.screening import FrameJudge
 from uav_bt.mission.tick import TickListener
-from uav_bt.protocols import Drone, Imageless, LeafPolicy, Segmenter
-from uav_bt.still_camera import Photographing
+from uav_bt.protocols import Drone, Imageless, LeafPolicy, Photographing, Segmenter
 from uav_bt.testing.faults import find_faulty_drones
 from uav_bt.tree import MissionTree, NodeRegistry
 from uav_bt.types.area import Area

@@ -9,7 +9,7 @@ from typing import Final
 from uav_bt.board.flight_folder import FlightFolder
 from uav_bt.errors import DroneError, FileError
 from uav_bt.mission.flight_report import FlightReport
-from uav_bt.still_camera import StillCamera
+from uav_bt.protocols import StillCamera
 
 # Chosen: over Wi-Fi an ANAFI sends some megabytes a second, and a photograph has about eight.
 _FIRST_S: Final = 15.0

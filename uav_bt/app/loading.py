@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeGuard
@@ -23,7 +23,7 @@ from uav_bt.tree.loading.before_flight import faults_of
 from uav_bt.tree.loading.findings import errors_of
 from uav_bt.tree.loading.lookup import TreeFolders
 from uav_bt.tree.loading.parameter_file import ParameterFile
-from uav_bt.tree.loading.parameters import split_port
+from uav_bt.tree.loading.replacements import replace_in
 from uav_bt.tree.loading.uses import Uses
 from uav_bt.tree.shipped import resolve_tree
 
@@ -100,22 +100,9 @@ def read_mission(
     if isinstance(tree, Node | Behaviour):
         tree = MissionTree(tree, name=tree.name)
     if isinstance(tree, MissionTree):
-        if tree.is_set_up:
-            raise InputError(
-                f"tree '{tree.name}' was flown or set up before, and a tree flies once: load or "
-                "compose it anew for each flight"
-            )
-        if options.tree_id not in {None, tree.name}:
-            raise InputError(
-                f"tree_id={options.tree_id!r} is for tree files; this is '{tree.name}'"
-            )
-        if options.tree_folders != TreeFolders():
-            raise InputError(
-                f"tree_folders are for tree files; this is '{tree.name}', which is loaded already"
-            )
-        if options.leaves:
-            raise InputError(f"leaves are for tree files; this is '{tree.name}', which has its own")
-        _give(tree, options, overrides, by_key)
+        _check_made(tree, options)
+        known = registry or NodeRegistry.installed()
+        replace_in(tree, known, options.parameters, overrides, by_key)
         _check_site_reaches(tree, stated, source)
         return tree
     if registry is not None and not isinstance(registry, NodeRegistry):
@@ -145,6 +132,26 @@ def read_mission(
     )
 
 
+def _check_made(tree: MissionTree, options: FlightOptions) -> None:
+    """Refuse a tree that flew, and options that are for tree files."""
+    if tree.is_set_up:
+        raise InputError(
+            f"tree '{tree.name}' was flown or set up before, and a tree flies once: load or "
+            "compose it anew for each flight"
+        )
+    this = f"this is '{tree.name}', which is loaded already"
+    if options.tree_id not in {None, tree.name}:
+        raise InputError(f"tree_id={options.tree_id!r} is for tree files; {this}")
+    if options.tree_folders != TreeFolders():
+        raise InputError(f"tree_folders are for tree files; {this}")
+    if options.leaves:
+        raise InputError(f"leaves are for tree files; {this} and has its own")
+    for name, value in options.parameters.variables.items():
+        raise InputError(
+            f"variables are for tree files; {this}: write tree.variables['{name}'] = {value!r}"
+        )
+
+
 def _overrides(
     options: FlightOptions, replaced: Mapping[str, Mapping[str, str]]
 ) -> dict[str, dict[str, str]]:
@@ -153,48 +160,6 @@ def _overrides(
     for node, policy in options.policy_names.items():
         overrides.setdefault(node, {})["policy"] = policy
     return overrides
-
-
-def _give(
-    tree: MissionTree,
-    options: FlightOptions,
-    overrides: dict[str, dict[str, str]],
-    by_key: _ByKey,
-) -> None:
-    """Give a loaded tree the values of options and site.
-
-    Raises:
-        InputError: a value does not fit, a port is given two values, or there are variables.
-    """
-    given = options.parameters
-    _check_single(tree, given.ports)
-    for name, value in given.ports.items():
-        node, port = split_port(name)
-        if port in overrides.setdefault(node, {}):
-            raise InputError(f"port '{name}' is given two values: leave one of them out")
-        overrides[node][port] = value
-    for name, plain in given.variables.items():
-        raise InputError(
-            f"variables are for tree files; this is '{tree.name}', which is loaded already: write "
-            f"tree.variables['{name}'] = {plain!r}"
-        )
-    tree.replace(overrides, by_key=by_key)
-
-
-def _check_single(mission: MissionTree, ports: Iterable[str]) -> None:
-    """Refuse ports whose node's name fits several nodes.
-
-    Raises:
-        InputError: the name fits two nodes or more; the message has their paths.
-    """
-    for name in ports:
-        target = name.rpartition(".")[0]
-        paths = [node.path for node in mission.nodes() if target in (node.name, node.path)]
-        if len(paths) > 1:
-            raise InputError(
-                f"'{name}' fits {len(paths)} nodes: name one by its path, such as "
-                f"'{paths[0]}.{name.rpartition('.')[2]}' or '{paths[1]}.{name.rpartition('.')[2]}'"
-            )
 
 
 def _site_values(site: Site | None) -> _ByKey:

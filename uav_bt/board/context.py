@@ -10,18 +10,18 @@ import numpy as np
 
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.flight_folder import FlightFolder
-from uav_bt.board.flight_notes import FlightNotes
 from uav_bt.board.keys import ELAPSED, MISSION_KEYS
 from uav_bt.clock import WallClock
 from uav_bt.errors import ProposalConflictError
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.shipped import default_mark, load_lab
 from uav_bt.plugins import make_policy
-from uav_bt.protocols import Clock, LeafPolicy, Segmenter, Sight
-from uav_bt.still_camera import StillCamera
+from uav_bt.protocols import Clock, LeafPolicy, Segmenter, Sight, StillCamera
 from uav_bt.types import Airframe, Clearances, GimbalTo, LandingMark, Movement, Pose2D
 from uav_bt.types.area import Area
-from uav_bt.types.flight_results import EventKind, FlightEvent
+from uav_bt.types.flight_results import EventKind, FlightEvent, Photo
+
+_MAX_EVENTS: Final = 2000  # a leaf in a loop may report in every tick; chosen
 
 
 class Proposals:
@@ -80,6 +80,35 @@ def _check_type(value: object, kind: Any, words: str) -> None:
     if not isinstance(value, kind):
         names = " or ".join(one.__name__ for one in get_args(kind) or (kind,))
         raise TypeError(f"expected {words} ({names}), got {value!r:.80}")
+
+
+class FlightNotes:
+    """Collects the events and photographs of one flight."""
+
+    def __init__(self) -> None:
+        self.events: list[FlightEvent] = []  # the first 2000, and one that says so
+        self.photos: list[Photo] = []
+        self._taken = 0
+        self._photo = 0
+
+    def add(self, event: FlightEvent) -> None:
+        """Add an event."""
+        if len(self.events) < _MAX_EVENTS:
+            self.events.append(event)
+        elif len(self.events) == _MAX_EVENTS:
+            text = f"the flight has more than {_MAX_EVENTS} events: further ones are not kept"
+            self.events.append(FlightEvent(time_s=event.time_s, kind=EventKind.WARNING, text=text))
+
+    def next_photo(self) -> int:
+        """Return the number of the next photograph, from 1. A failed one keeps its number."""
+        self._photo += 1
+        return self._photo
+
+    def take(self) -> tuple[FlightEvent, ...]:
+        """Return the events since the last call."""
+        new = tuple(self.events[self._taken :])
+        self._taken = len(self.events)
+        return new
 
 
 @dataclass(frozen=True, kw_only=True)

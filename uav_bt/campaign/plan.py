@@ -283,9 +283,8 @@ def _with_options(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return what `_flat` wrote with one `options`."""
     shared = {name: values[name] for name in SHARED}
     folders = TreeFolders(**shared.pop("tree_folders"))
-    judge = dict(shared.pop("judge"))
-    judge["landing_surfaces"] = tuple(judge["landing_surfaces"])
-    options = FlightOptions(**shared, tree_folders=folders, judge=JudgeConfig(**judge))
+    judge = JudgeConfig(**shared.pop("judge"))
+    options = FlightOptions(**shared, tree_folders=folders, judge=judge)
     others = {name: value for name, value in values.items() if name not in SHARED}
     return {**others, "options": options}
 

@@ -6,9 +6,16 @@ import json
 from typing import Any
 
 from pydantic import ConfigDict, TypeAdapter
+from pydantic.json_schema import GenerateJsonSchema
 
 from uav_bt.lab.flight_keys import FlightKeys
 from uav_bt.lab.lab_file import LabFile
+
+
+class _Untitled(GenerateJsonSchema):
+    def field_title_should_be_set(self, _: Any) -> bool:
+        """Return that no field has a title, which would be its key again."""
+        return False
 
 
 def lab_schema() -> str:
@@ -20,27 +27,14 @@ def lab_schema() -> str:
     schema, shared = _schema(LabFile), _schema(FlightKeys)
     for name, part in shared["properties"].items():  # pydantic omits texts of inherited keys
         schema["properties"][name] = part
-    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Lab file"}
-    return json.dumps({**head, **_closed(schema)}, indent=2) + "\n"
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+    return json.dumps({**head, **schema, "title": "Lab file"}, indent=2) + "\n"
 
 
 def _schema(form: Any) -> Any:
-    config = ConfigDict(use_attribute_docstrings=True)
-    whole = TypeAdapter(tuple[form], config=config).json_schema()  # a dataclass takes no config
-    return {"$defs": whole["$defs"], **whole["$defs"].pop(form.__name__)}
-
-
-def _closed(part: Any) -> Any:
-    """Return a part of a schema without titles, in which objects refuse unknown keys."""
-    if isinstance(part, list):
-        return [_closed(each) for each in part]
-    if not isinstance(part, dict):
-        return part
-    closed = {
-        name: _closed(value)
-        for name, value in part.items()
-        if not (name == "title" and isinstance(value, str))  # pydantic repeats the key
-    }
-    if "properties" in closed and closed.get("type") == "object":
-        closed["additionalProperties"] = False
-    return closed
+    config = ConfigDict(use_attribute_docstrings=True, extra="forbid")
+    adapter = TypeAdapter(tuple[form], config=config)  # a dataclass takes no config by itself
+    definitions = adapter.json_schema(schema_generator=_Untitled)["$defs"]
+    for part in definitions.values():
+        del part["title"]  # the name of a class
+    return {"$defs": definitions, **definitions.pop(form.__name__)}

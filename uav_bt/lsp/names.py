@@ -12,11 +12,12 @@ from typing import Any, Final, NamedTuple
 from uav_bt.board import Key
 from uav_bt.lsp.markup import Attribute, Tag, place, tags
 from uav_bt.tree.describe import section
-from uav_bt.tree.loading.attributes import POLICY_PORT, key_fits
+from uav_bt.tree.loading.attributes import POLICY_PORT
 from uav_bt.tree.loading.elements import KIND_TAGS
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.models import PORT_DIRECTIONS
 from uav_bt.tree.loading.source import walk
+from uav_bt.tree.loading.variable_faults import key_fits
 from uav_bt.tree.node import NodeKind
 from uav_bt.tree.port import CONDITION_ATTRIBUTES, Port, port_text
 from uav_bt.tree.registry import NodeRegistry

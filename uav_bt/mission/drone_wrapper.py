@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
-from uav_bt.protocols import Clock, Drone, Imageless, Referee, Scene, Sight
-from uav_bt.still_camera import Photographing, StillCamera
+from uav_bt.protocols import (
+    Clock,
+    Drone,
+    Imageless,
+    Photographing,
+    Referee,
+    Scene,
+    Sight,
+    StillCamera,
+)
 from uav_bt.types import Airframe, CameraModel, Command, Observation
 
 

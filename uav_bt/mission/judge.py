@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import enum
-import re
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -16,7 +15,8 @@ from uav_bt.types import FlyingState, LandingMark, Pose2D, Truth
 from uav_bt.types.area import Area
 from uav_bt.types.mission_rules import LandOn, MissionRules
 
-_NUMBERS: Final = re.compile(r"([-_]\d+)*")  # behind the kind, in an object's name
+LANDING_SURFACES: Final = frozenset({"mark", "ground"})
+"""Names in contacts of what the drone may touch while it takes off or lands."""
 
 
 class Outcome(enum.Enum):
@@ -45,10 +45,6 @@ class JudgeConfig:
     Attributes:
         time_limit_s: longest duration from the take-off command, seconds; a longer flight ends as a
             timeout. None: that of the mission's rules, or 300 s.
-        patience_s: longest time without a take-off command, seconds; then the mission ends as a
-            timeout. Chosen: networks load within seconds.
-        landing_surfaces: names in contacts of the surfaces that the drone may touch while it takes
-            off or lands, or kinds of objects: `table` stands for `table-1`, but not for `tablet-1`.
         land_on: where the flight must end. None: as the mission's rules say, or on the landing
             mark.
 
@@ -58,8 +54,6 @@ class JudgeConfig:
     """
 
     time_limit_s: float | None = None
-    patience_s: float = 60.0
-    landing_surfaces: tuple[str, ...] = ("mark", "ground")
     land_on: LandOn | None = None
 
     def __post_init__(self) -> None:
@@ -72,19 +66,13 @@ class JudgeConfig:
         """The time limit that holds, seconds."""
         return TIME_LIMIT_S if self.time_limit_s is None else self.time_limit_s
 
-    def is_landing_surface(self, name: str) -> bool:
-        """Return whether the drone may touch that while it takes off or lands."""
-        return any(
-            name.startswith(surface) and _NUMBERS.fullmatch(name, len(surface))
-            for surface in self.landing_surfaces
-        )
-
     def under(self, rules: MissionRules) -> JudgeConfig:
         """Return the rules of a flight with those of its mission where they are empty."""
         time_limit_s = rules.time_limit_s if self.time_limit_s is None else self.time_limit_s
         return replace(self, time_limit_s=time_limit_s, land_on=self.land_on or rules.land_on)
 
 
+_PATIENCE_S: Final = 60.0  # longest without a take-off command; chosen: networks load in seconds
 # Chosen: with telemetry of twice the greatest age for leaves the drone may land by its firmware.
 _UNHEARD_S: Final = 1.0
 # Outside the mission's area. Chosen: the error of the odometry that the arbiter keeps the area by,
@@ -210,15 +198,13 @@ class Judge:
         if self.stays_grounded or self._took_off_s is not None or self._started_s is None:
             return None
         waited_s = now_s - self._started_s
-        return (
-            f"no take-off within {waited_s:.0f} s" if waited_s > self._config.patience_s else None
-        )
+        return f"no take-off within {waited_s:.0f} s" if waited_s > _PATIENCE_S else None
 
     def _hit(self, record: TickRecord, truth: Truth) -> str | None:
         """Return what was touched, a landing surface aside while the drone may be landing."""
         unheard = record.time_s - record.observation.state.captured_s > _UNHEARD_S
-        allowed = self._config.is_landing_surface if unheard or self._lands else lambda _: False
-        return next((name for name in truth.contacts if not allowed(name)), None)
+        allowed = LANDING_SURFACES if unheard or self._lands else frozenset[str]()
+        return next((name for name in truth.contacts if name not in allowed), None)
 
     def _objection(self, status: Status, truth: Truth | None, failure: str) -> str | None:
         """Return why a flight that ended on the ground is no success; None if it is one."""

@@ -11,7 +11,7 @@ import numpy as np
 from uav_bt.board import MARK, ODOMETRY, SITE_MAP
 from uav_bt.board import numbers as keys
 from uav_bt.board.blackboard import Blackboard, Key
-from uav_bt.board.flight_notes import FlightNotes
+from uav_bt.board.context import FlightNotes
 from uav_bt.board.numbers import UNKNOWN, UNKNOWN_PLACE
 from uav_bt.mission.judge import Judge
 from uav_bt.mission.position_hold import BLIND_S

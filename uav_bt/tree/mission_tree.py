@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from py_trees.behaviour import Behaviour
 
-from uav_bt.board import Key
 from uav_bt.board.context import MissionContext
-from uav_bt.errors import InputError, MissionError, NodeFailedError, UavBtError, did_you_mean
+from uav_bt.errors import InputError, MissionError, NodeFailedError, UavBtError
 from uav_bt.tree.foreign import PyTreesRoot
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.findings import Placed, Position
@@ -131,37 +130,6 @@ class MissionTree:
         if len(hits) != 1:
             raise KeyError(f"{len(hits)} nodes are called '{name}'")
         return hits[0]
-
-    def replace(
-        self,
-        attributes: Mapping[str, Mapping[str, str]],
-        *,
-        by_key: Mapping[Key[Any], Mapping[str, str]] | None = None,
-    ) -> None:
-        """Replace attributes of nodes, as `load_tree` does with its overrides; before the setup.
-
-        Args:
-            attributes: values by attribute, by a node's name or path.
-            by_key: values by attribute, for all leaves that write a board key. A leaf without the
-                port is left as it is.
-
-        Raises:
-            InputError: the node or the port does not exist, or a value does not fit.
-        """
-        nodes = list(self.nodes())
-        wanted: list[tuple[Node, Mapping[str, str]]] = [
-            (leaf, leaf.values_taken(by_key or {})) for leaf in self.leaves()
-        ]
-        for target, given in attributes.items():
-            hits = [node for node in nodes if target in (node.name, node.path)]
-            if not hits:
-                hint = did_you_mean(target, [node.name for node in nodes])
-                raise InputError(f"tree '{self.name}' has no node of name or path '{target}'{hint}")
-            wanted += [(node, given) for node in hits]
-        for node, given in wanted:
-            if given:
-                node.rebind(given)
-                self.replaced.setdefault(node.path, {}).update(given)
 
     def setup(self, context: MissionContext) -> None:
         """Set all nodes up for a mission; where a leaf raises, those before it are shut down.

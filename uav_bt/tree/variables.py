@@ -17,14 +17,6 @@ class Entry:
     writes: int = 1
 
 
-@dataclass(slots=True)
-class _Whole:
-    """What all scopes of a tree share."""
-
-    enum_members: dict[str, int]
-    characters: int = 0  # of the texts that the variables hold
-
-
 class Variables:
     """One tree's scope.
 
@@ -50,20 +42,11 @@ class Variables:
         self.remapped = dict(remapped or {})
         self.board = dict(board or {})
         self.autoremap = autoremap
-        self.whole: _Whole = _Whole({}) if parent is None else parent.whole
+        # Of enumerations: constants of scripts, the same in all scopes of a tree.
+        self.enum_members: dict[str, int] = {} if parent is None else parent.enum_members
         self.entries = {key: Entry(value) for key, value in (constants or {}).items()}
         # Where names lead, found once: the walk through the doors is most of a read.
         self._places: dict[str, tuple[Variables, str]] = {}
-
-    @property
-    def enum_members(self) -> dict[str, int]:
-        """Of enumerations: constants of scripts, the same in all scopes of a tree."""
-        return self.whole.enum_members
-
-    @property
-    def characters(self) -> int:
-        """Of the texts that the variables of the whole tree hold."""
-        return self.whole.characters
 
     def location(self, key: str) -> tuple[Variables, str]:
         """Return the scope that holds a variable, and its name there."""
@@ -110,7 +93,6 @@ class Variables:
         """Write a variable; BoardAccessError when the name is a key of the mission board."""
         entries, name = self._own(key)
         entry = entries.get(name)
-        self._count(value, entry)
         if entry is None:
             entries[name] = Entry(value)
         else:
@@ -120,7 +102,7 @@ class Variables:
     def __delitem__(self, key: str) -> None:
         """Remove a variable, if it exists."""
         entries, name = self._own(key)
-        self._count(None, entries.pop(name, None))
+        entries.pop(name, None)
 
     def _own(self, key: str) -> tuple[dict[str, Entry], str]:
         scope, name = self.location(key)
@@ -130,12 +112,6 @@ class Variables:
                 "output port writes that"
             )
         return scope.entries, name
-
-    def _count(self, new: object, old: Entry | None) -> None:
-        if isinstance(new, str):
-            self.whole.characters += len(new)
-        if old is not None and isinstance(old.value, str):
-            self.whole.characters -= len(old.value)
 
     def __contains__(self, key: str) -> bool:
         """Return whether the variable has a value."""

@@ -67,7 +67,7 @@ class Pose2D:
         return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=pose.yaw_rad - self.yaw_rad)
 
     def to_world(self, forward_m: float, side_m: float) -> tuple[float, float]:
-        """Return a point relative to this pose in its frame; a side is left in the world."""
+        """Return a point in this pose's frame; its side is left (world), right (dead reckoning)."""
         c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         return self.x_m + c * forward_m - s * side_m, self.y_m + s * forward_m + c * side_m
 

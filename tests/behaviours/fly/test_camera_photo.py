@@ -10,7 +10,7 @@ import pytest
 
 from behaviours.fly.take_photo import TakePhoto
 from uav_bt.board.flight_folder import FlightFolder
-from uav_bt.still_camera import Still, StillState
+from uav_bt.protocols import Still, StillState
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import live
 from uav_bt.tree import Status

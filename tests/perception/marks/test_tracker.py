@@ -55,7 +55,7 @@ def test_the_first_detection_is_the_fix() -> None:
     assert fix.std_m > 0.06
 
 
-@pytest.mark.parametrize("rate", [0.0, 0.7, -1.0])
+@pytest.mark.parametrize("rate", [1e-6, 0.7, -1.0])
 def test_the_fix_stands_still_while_the_drone_moves(rate: float) -> None:
     """Unseen for three seconds of flying and turning, the pad is still where it was."""
     flight, tracker = Flight(0.45, rate), MarkTracker()

@@ -7,7 +7,7 @@ import pytest
 from sim_bridge.olympe.drone import OlympeDrone
 from sim_bridge.olympe.stills import OlympeStills
 from tests.sim_bridge.olympe.fake_olympe import FakeSdkDrone, FakeWorld, bridge
-from uav_bt.still_camera import Photographing, Still, StillState
+from uav_bt.protocols import Photographing, Still, StillState
 
 SAVED = Still(state=StillState.SAVED, media="10000001")
 

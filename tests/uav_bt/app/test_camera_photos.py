@@ -14,8 +14,7 @@ from uav_bt.app.rehearsed_drone import RehearsedDrone
 from uav_bt.board.flight_folder import FlightFolder
 from uav_bt.errors import DroneError, FileError
 from uav_bt.mission.drone_wrapper import DroneWrapper
-from uav_bt.protocols import Drone
-from uav_bt.still_camera import Photographing, Still, StillCamera, StillState
+from uav_bt.protocols import Drone, Photographing, Still, StillCamera, StillState
 from uav_bt.testing.drone import ScriptedDrone
 
 JPEG = b"\xff\xd8 a photograph"

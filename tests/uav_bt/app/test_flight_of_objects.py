@@ -274,8 +274,11 @@ def test_what_is_no_mission_is_refused(tree: app.Mission, message: str) -> None:
 @pytest.mark.parametrize(
     ("policies", "message"),
     [
-        ({"pek": "corridor"}, "tree 'Hop' has no node of name or path 'pek'; did you mean 'peek'"),
-        ({"peek": "corridor"}, r"node 'peek' \(Peek\): unknown attribute 'policy'"),
+        (
+            {"pek": "corridor"},
+            "no node of that name or path; did you mean 'peek'",
+        ),
+        ({"peek": "corridor"}, "Peek 'peek': override of 'peek': unknown attribute 'policy'"),
     ],
 )
 def test_a_policy_that_does_not_fit_a_tree_object_is_refused(

@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 
 from uav_bt.board import ELAPSED
-from uav_bt.board.context import MissionContext, Proposals
-from uav_bt.board.flight_notes import FlightNotes
+from uav_bt.board.context import FlightNotes, MissionContext, Proposals
 from uav_bt.types import HOVER, Hover
 from uav_bt.types.flight_results import EventKind, FlightEvent
 

@@ -12,7 +12,8 @@ from uav_bt.campaign import make_plan, plan_of
 from uav_bt.campaign.plan import CampaignPlan
 from uav_bt.campaign.store import CampaignStore
 from uav_bt.errors import InputError
-from uav_bt.tree import MissionTree, parse_tree
+from uav_bt.tree import MissionTree, NodeRegistry, Parameters, parse_tree
+from uav_bt.tree.loading.replacements import replace_in
 from uav_bt.tree.nodes import AlwaysSuccess
 
 BODY = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="{wait_s}"/><Land/></Sequence>'
@@ -89,12 +90,16 @@ def test_a_wrong_value_of_a_variant_is_refused_by_its_line(hop: Path, params: Pa
         make_plan([hop], params=params, flights=1)
 
 
+def replaced(tree: MissionTree, name: str, text: str) -> None:
+    replace_in(tree, NodeRegistry.installed(), Parameters(ports={name: text}), {}, {})
+
+
 # --- trees that were loaded before ----------------------------------------------------------------
 
 
 def test_a_loaded_tree_flies_with_its_values(hop: Path) -> None:
     tree = app.check(hop, variables={"wait_s": 1})
-    tree.replace({"TakeOff": {"height_m": "1.4"}})
+    replaced(tree, "TakeOff.height_m", "1.4")
     tree.variables["wait_s"] = 3
     plan = make_plan([tree], flights=1, scenes=["val-a"])
     (options,) = [task.flight_options() for task in plan.tasks()]
@@ -108,7 +113,7 @@ def test_a_loaded_tree_flies_with_its_values(hop: Path) -> None:
 
 def test_the_tree_of_a_shipped_mission_flies_with_its_values() -> None:
     tree = app.check("survey_and_land")
-    tree.replace({"Explore": {"looks_down": "false"}})
+    replaced(tree, "Explore.looks_down", "false")
     plan = make_plan([tree], flights=1, scenes=["val-a"])
     (values,) = [one.ports for one in plan.trees]
     assert set(values.values()) == {"false"}

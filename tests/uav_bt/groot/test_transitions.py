@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-from typing import Any
-
 import pytest
 
-from tests.conformance import REGISTRY
 from tests.uav_bt.groot.groot_world import make_context, make_tree
 from tests.worlds.trees import leaf
 from uav_bt.clock import ManualClock
 from uav_bt.errors import NodeFailedError
 from uav_bt.groot.numbering import TreeNumbering
 from uav_bt.groot.transitions import TransitionRecorder
-from uav_bt.tree import MissionTree, Status, parse_tree
-from uav_bt.tree.status import FAILURE, IDLE, SUCCESS
-
-SAMPLE = Path(__file__).parents[2] / "data" / "bt_traces_sample.jsonl"
+from uav_bt.tree import MissionTree
 
 
 def watched(body: str, *more: str) -> tuple[MissionTree, TransitionRecorder]:
@@ -69,46 +61,3 @@ def test_a_node_that_raises_leaves_everything_idle() -> None:
     with pytest.raises(NodeFailedError, match="IndexError"):
         tree.tick()
     assert taken(recorder) == "1R 2S 3R 2I 3I 1I"
-
-
-def test_watching_changes_nothing_and_misses_nothing() -> None:
-    """For the recorded traces, the answers are those of an unwatched tree.
-
-    A replay of the transitions gives the status of each node after each tick, without
-    transitions from a status to itself.
-    """
-    for line in SAMPLE.read_text(encoding="utf-8").splitlines():
-        trace = json.loads(line)
-        trees = [_set_up(trace) for _ in range(2)]
-        clock = ManualClock()
-        numbering = TreeNumbering(trees[0])
-        replayed = [Status.IDLE] * len(numbering.nodes)
-        recorder = TransitionRecorder(numbering, clock)
-        for index in range(len(trace["ticks"])):
-            answers = [_advance(tree, trace, index) for tree in trees]
-            assert answers[0] == answers[1], trace["id"]
-            for _, uid, status in recorder.take():
-                assert replayed[uid - 1] is not status, trace["id"]
-                replayed[uid - 1] = status
-            assert replayed == _standing(trees[0]), trace["id"]
-
-
-def _set_up(trace: dict[str, Any]) -> MissionTree:
-    tree = parse_tree(trace["xml"], REGISTRY)
-    tree.setup(make_context())
-    for key, value in trace["blackboard"].items():
-        tree.variables[key] = value
-    return tree
-
-
-def _advance(tree: MissionTree, trace: dict[str, Any], index: int) -> str:
-    for key, value in trace["set"].get(str(index), {}).items():
-        tree.variables[key] = value
-    if index in trace["halt"]:
-        tree.halt()
-    return tree.tick().name
-
-
-def _standing(tree: MissionTree) -> list[Status]:
-    root, *others = [node.node_status for node in tree.nodes()]
-    return [IDLE if root in {SUCCESS, FAILURE} else root, *others]

@@ -51,27 +51,31 @@ def test_the_speed_towards_the_boundary_is_that_of_horizontal_braking() -> None:
         assert velocity(flown).forward_mps == pytest.approx(speed_mps, abs=1e-3)
 
 
-def test_along_the_boundary_and_away_from_it_nothing_is_cut() -> None:
-    guard, ahead = AreaGuard(AREA), Velocity(forward_mps=0.5)
-    assert guard.limited(ahead, at(1.999, -1.5, 180.0)) == ahead
-    assert guard.limited(ahead, at(1.999, -0.5, 90.0)) == ahead
-    assert velocity(guard.limited(ahead, at(1.999, -0.5, 0.0))).forward_mps < 0.01
+AHEAD, STEP = (
+    Velocity(forward_mps=0.5, yaw_rate_radps=0.2),
+    MoveBy(id=1, forward_m=1.0, down_m=-1.0),
+)
+TURN, CLIMB = Velocity(yaw_rate_radps=0.2), MoveBy(id=1, down_m=-1.0)
 
 
-@pytest.mark.parametrize(("yaw_deg", "flies"), [(180.0, True), (150.0, True), (90.0, False)])
-def test_from_outside_only_the_way_in_is_flown(yaw_deg: float, flies: bool) -> None:  # noqa: FBT001
-    ahead = Velocity(forward_mps=0.5, yaw_rate_radps=0.2)
-    flown = AreaGuard(AREA).limited(ahead, at(2.4, -1.0, yaw_deg))
-    assert flown == (ahead if flies else Velocity(yaw_rate_radps=0.2))
-
-
-def test_without_a_place_the_drone_climbs_and_turns_only() -> None:
-    asked = Velocity(forward_mps=0.5, down_mps=-0.2, yaw_rate_radps=0.3)
-    guard = AreaGuard(AREA)
-    assert guard.limited(asked, None) == Velocity(down_mps=-0.2, yaw_rate_radps=0.3)
-    assert guard.limited(MoveBy(id=1, forward_m=1.0, down_m=-1.0), None) == MoveBy(
-        id=1, down_m=-1.0
-    )
+@pytest.mark.parametrize(
+    ("asked", "place", "flown"),
+    [
+        (AHEAD, at(1.999, -1.5, 180.0), AHEAD),  # away from the boundary
+        (AHEAD, at(1.999, -0.5, 90.0), AHEAD),  # along it
+        (AHEAD, at(2.4, -1.0, 180.0), AHEAD),  # from outside, the way in
+        (AHEAD, at(2.4, -1.0, 150.0), AHEAD),
+        (AHEAD, at(2.4, -1.0, 90.0), TURN),
+        (STEP, at(2.3, -1.0, 180.0), STEP),
+        (STEP, at(2.3, -1.0, 0.0), CLIMB),
+        (AHEAD, None, TURN),  # without a place
+        (STEP, None, CLIMB),
+    ],
+)
+def test_a_movement_is_flown_as_it_is_or_only_climbs_and_turns(
+    asked: Movement, place: Pose2D | None, flown: Movement
+) -> None:
+    assert AreaGuard(AREA).limited(asked, place) == flown
 
 
 def test_a_step_ends_before_the_boundary_and_is_cut_once() -> None:
@@ -90,12 +94,6 @@ def test_a_step_does_not_cross_a_notch() -> None:
     flown = AreaGuard(AREA).limited(MoveBy(id=1, forward_m=2.2, right_m=1.6), at(-1.0, 0.2))
     assert isinstance(flown, MoveBy)
     assert math.hypot(flown.forward_m, flown.right_m) < 1.0
-
-
-@pytest.mark.parametrize(("yaw_deg", "length_m"), [(180.0, 1.0), (0.0, 0.0)])
-def test_a_step_from_outside_leads_in_or_is_not_flown(yaw_deg: float, length_m: float) -> None:
-    flown = AreaGuard(AREA).limited(MoveBy(id=1, forward_m=1.0), at(2.3, -1.0, yaw_deg))
-    assert flown == MoveBy(id=1, forward_m=length_m)
 
 
 @settings(max_examples=60, deadline=None)

@@ -123,19 +123,6 @@ def test_a_landing_that_nobody_hears_of_is_no_collision() -> None:
     assert ask(flown(), 20.0, truth=ON_PAD, landing=True) == ""
 
 
-@pytest.mark.parametrize(
-    ("name", "allowed"),
-    [
-        *((name, True) for name in ("table", "table_7", "table-7", "box-3-2")),
-        *((name, False) for name in ("ground", "tablet-1", "box-31")),
-    ],
-)
-def test_landing_surfaces_are_configurable(name: str, *, allowed: bool) -> None:
-    judge = flown(landing_surfaces=("table", "box-3"))
-    verdict = ask(judge, 20.0, LANDING, truth_of(name))
-    assert verdict == ("" if allowed else f"collision: touched {name}")
-
-
 # --- area and time --------------------------------------------------------------------------------
 
 
@@ -193,11 +180,11 @@ def test_time_counts_from_the_first_take_off_command() -> None:
 
 def test_a_mission_that_never_takes_off_ends_when_patience_does() -> None:
     """The patience begins with the first tick, at any time of the clock."""
-    judge = Judge(JudgeConfig(patience_s=5.0))
-    assert ask(judge, 100.0, LANDED) == ask(judge, 105.0, LANDED) == ""
-    assert ask(judge, 105.1, LANDED) == "timeout: no take-off within 5 s"
-    judge.took_off(105.1)
-    assert ask(judge, 160.0) == ""
+    judge = Judge()
+    assert ask(judge, 100.0, LANDED) == ask(judge, 160.0, LANDED) == ""
+    assert ask(judge, 160.1, LANDED) == "timeout: no take-off within 60 s"
+    judge.took_off(160.1)
+    assert ask(judge, 300.0) == ""
 
 
 def test_a_violation_comes_before_an_ending() -> None:

@@ -11,7 +11,7 @@ import pytest
 from tests.worlds import values
 from uav_bt.board import MARK, MISSION_KEYS, ODOMETRY, SITE_MAP
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.board.flight_notes import FlightNotes
+from uav_bt.board.context import FlightNotes
 from uav_bt.board.numbers import NUMBER_KEYS
 from uav_bt.clock import ManualClock
 from uav_bt.mission.judge import Judge, JudgeConfig

@@ -55,12 +55,6 @@ def foreign(tmp_path: Path) -> NodeRegistry:
     return with_palette(NodeRegistry(), written(tmp_path, FOREIGN))
 
 
-def findings(body: str, registry: NodeRegistry) -> list[str]:
-    with pytest.raises(TreeError) as error:
-        parse_tree(document(body), registry, path="m.xml")
-    return [finding.removeprefix("m.xml:") for finding in error.value.findings]
-
-
 def test_kinds_ports_and_descriptions_come_from_the_model(foreign: NodeRegistry) -> None:
     kinds = {name: foreign[name].kind for name in foreign if name not in NodeRegistry()}
     assert kinds == {
@@ -83,23 +77,6 @@ def test_kinds_ports_and_descriptions_come_from_the_model(foreign: NodeRegistry)
     }
     assert (ports["path"].direction, ports["count"].direction) == ("output", "inout")
     assert (ports["planner"].default, ports["planner"].doc) == ("GridBased", "which planner")
-
-
-@pytest.mark.parametrize(
-    ("attributes", "message"),
-    [
-        ('gaol="{goal}"', "unknown attribute 'gaol'; did you mean 'goal'?"),
-        ('retries="two"', "attribute 'retries': expected an integer, got 'two'"),
-        ('hz="fast"', "attribute 'hz': expected a number, got 'fast'"),
-        ('otherwise="LATER"', "expected one of SUCCESS, FAILURE, RUNNING, SKIPPED, IDLE"),
-        ('path="here"', "attribute 'path': an output port needs a reference like {key}"),
-    ],
-)
-def test_attributes_of_foreign_nodes_are_checked(
-    foreign: NodeRegistry, attributes: str, message: str
-) -> None:
-    (finding,) = findings(f"<ComputePath {attributes}/>", foreign)
-    assert message in finding
 
 
 def test_a_foreign_node_is_not_ticked(foreign: NodeRegistry, world: World) -> None:

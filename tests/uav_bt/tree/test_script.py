@@ -113,21 +113,6 @@ def test_any_text_is_a_script_or_is_refused(source: str) -> None:
         return
 
 
-def test_the_texts_of_a_tree_cannot_fill_the_memory_together() -> None:
-    outer = Variables()
-    inner = Environment(Variables(outer))
-    for number in range(20):
-        inner.write(f"v{number}", "x" * 100_000)
-    with pytest.raises(ScriptError, match="'more': the tree's texts grow longer than 2000000"):
-        Environment(outer).write("more", "x")
-    inner.write("v0", "y" * 100_000)
-    inner.write("v0", "short")
-    Environment(outer).write("more", "x" * 90_000)
-    assert outer.characters == 1_990_005
-    del outer["more"]
-    assert outer.characters == 1_900_005
-
-
 def test_statements_need_no_semicolon_between_them() -> None:
     """The engine accepts this since 4.9; the check of a file warns."""
     variables = Variables()

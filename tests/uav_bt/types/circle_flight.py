@@ -30,11 +30,6 @@ class Flight:
     def pose(self, time_s: float) -> OdometryPose:
         """The true pose; x and y start at the origin."""
         yaw = self.yaw_rad + self.rate * time_s
-        if self.rate == 0.0:
-            x, y = OdometryPose(time_s=0.0, x_m=0.0, y_m=0.0, yaw_rad=yaw).to_world(
-                self.speed_mps * time_s, 0.0
-            )
-            return OdometryPose(time_s=time_s, x_m=x, y_m=y, yaw_rad=yaw)
         radius = self.speed_mps / self.rate
         x = radius * (math.sin(yaw) - math.sin(self.yaw_rad))
         y = -radius * (math.cos(yaw) - math.cos(self.yaw_rad))

@@ -7,25 +7,19 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any, Final, Protocol
 
-from uav_bt.board.blackboard import Key
 from uav_bt.clock import TIME_LIMIT_S
-from uav_bt.errors import did_you_mean
 from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.findings import ERROR, WARNING, Rule
 from uav_bt.tree.port import (
     ASKED,
     CONDITION_ATTRIBUTES,
     Port,
-    Reference,
     bind_ports,
     parse_reference,
 )
 from uav_bt.tree.script import SCRIPTS, Script, ScriptError, parse_question
-from uav_bt.tree.script.expressions import Known, Name
-from uav_bt.tree.script.values import ONLY_LEAVES_WRITE
 
 POLICY_PORT: Final = "policy"  # by this name a leaf declares the port that names its leaf policy
-_REFUSED: Final = "{@refused}"  # stands for an entry that is none
 _VARIABLE: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*")
 # Users write right angles and their parts in radians, such as 1.047 for 60 degrees.
 _STEP_RAD: Final = math.pi / 12
@@ -47,9 +41,7 @@ class Attributes:
     """Checks attributes, of which each fault goes to a `Note`."""
 
     def __init__(self, document: Document) -> None:
-        self._registry = document.registry
         self._members = document.enum_members
-        self._board_keys: Mapping[str, Key[Any]] = document.registry.board_keys
 
     def bound(
         self, ports: Iterable[Port[Any]], given: Mapping[str, str], note: Note
@@ -62,9 +54,7 @@ class Attributes:
             note(message, name, Rule.SCRIPT if name in scripts else Rule.ATTRIBUTE)
         for port in ports:
             value = bound.get(port.name)
-            if isinstance(value, Reference) and value.on_board:
-                self._check_board(port, value, note)
-            elif (script := port.script(value)) is not None:
+            if (script := port.script(value)) is not None:
                 self._check_script(script, port.name, note, asked=port.check is parse_question)
             elif port.name in given and (doubt := _unit_doubt(port, value)) is not None:
                 note(f"attribute '{port.name}': {doubt}", port.name, Rule.UNIT, WARNING)
@@ -88,13 +78,10 @@ class Attributes:
             if not _VARIABLE.fullmatch(name):
                 note(f"'{name}' cannot be a variable's name", name)
             try:
-                at = parse_reference(text, name)
+                parse_reference(text, name)
             except ValueError as error:
                 note(f"attribute '{name}': {error}", name)
-                good[name] = _REFUSED
-                continue
-            if at and at.on_board and at.key not in self._board_keys:
-                self._note_no_key(at.key, name, note)
+                good[name] = ""
         return good
 
     def _check_script(self, script: Script, name: str, note: Note, *, asked: bool) -> None:
@@ -104,42 +91,6 @@ class Attributes:
             note(f"{lead}the script always fails: {fault}", name, Rule.SCRIPT)
         for odd in script.oddities:
             note(f"{lead}{odd}", name, Rule.SCRIPT, WARNING)
-        for written in script.board_writes:
-            if written in self._board_keys or not self._registry.foreign_board:
-                message = f"{lead}'@{written}' is a board key; {ONLY_LEAVES_WRITE}"
-                note(message, name, Rule.BOARD_KEY)
-        for part in script.parts:
-            if not isinstance(part, (Name, Known)) or not part.name.startswith("@"):
-                continue
-            key = self._board_keys.get(part.name[1:])
-            if key is None:
-                self._note_no_key(part.name[1:], name, note)
-            elif isinstance(part, Name) and not issubclass(key.type, (int, float, str)):
-                what = f"board key '{key.name}' holds {key.type.__name__}, no number and no text"
-                note(f"{lead}{what}", name, Rule.BOARD_KEY)
-
-    def _check_board(self, port: Port[Any], at: Reference, note: Note) -> None:
-        key = self._board_keys.get(at.key)
-        if key is None:
-            self._note_no_key(at.key, port.name, note)
-        elif not key_fits(port, key):
-            message = f"takes {port.words}, but board key '{at.key}' holds {key.type.__name__}"
-            note(f"attribute '{port.name}' {message}", port.name, Rule.BOARD_KEY)
-
-    def _note_no_key(self, key: str, attribute: str, note: Note) -> None:
-        if not self._registry.foreign_board:
-            hint = did_you_mean(key, self._board_keys)
-            message = f"attribute '{attribute}': the board has no key '{key}'{hint}"
-            note(message, attribute, Rule.BOARD_KEY)
-
-
-def key_fits(port: Port[Any], key: Key[Any]) -> bool:
-    """Return whether a port can be connected to a key of the mission board."""
-    if port.takes is not None:
-        return issubclass(key.type, port.takes)
-    if port.direction == "input":
-        return issubclass(key.type, port.type) or (port.type is float and key.type is int)
-    return issubclass(port.type, key.type) or (key.type is float and port.type is int)
 
 
 def _unit_doubt(port: Port[Any], value: object) -> str | None:

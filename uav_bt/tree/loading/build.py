@@ -7,7 +7,6 @@ placeholder is never ticked: its file has an error.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final
 
@@ -21,7 +20,7 @@ from uav_bt.tree.loading.elements import (
     node_id_of,
 )
 from uav_bt.tree.loading.findings import ERROR, WHOLE_FILE, Findings, Rule
-from uav_bt.tree.loading.replacements import Part, Replacements
+from uav_bt.tree.loading.replacements import Built, Part, Replacements
 from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element
 from uav_bt.tree.loading.structure import check_names, check_subtree, node_class
 from uav_bt.tree.mission_tree import MissionTree, allow_depth
@@ -47,14 +46,6 @@ def _stand_in(node: type[Node]) -> type[Placeholder]:
     """Return a class for nodes of a class whose attributes are wrong, or which are not flown."""
     body = {"node_id": node.node_id, "ports": node.ports, "hides": False}
     return type(f"Wrong{node.__name__}", (Placeholder,), body)
-
-
-@dataclass
-class Built:
-    """A tree that was made of a file."""
-
-    tree: MissionTree
-    parts: dict[str, Part]  # by path
 
 
 class _Roots(Placeholder):
@@ -104,10 +95,10 @@ class Builder:
         tree = MissionTree(root, name=tree_id)
         tree.variables.enum_members.update(self._document.enum_members)
         tree.places = {path: part.element for path, part in self._parts.items()}
+        built = Built(tree, self._parts)
         if replacements is not None:
-            replacements.check_mocks()
-            replacements.replace(tree, self._parts, self._attributes)
-        return Built(tree, self._parts)
+            replacements.replace(built)
+        return built
 
     def _root(self, tree_id: str, lead: str, chain: tuple[str, ...], depth: int) -> Node:
         """Return the root of a tree, at the path that begins with `lead`."""

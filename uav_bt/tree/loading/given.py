@@ -11,11 +11,11 @@ from uav_bt import plugins
 from uav_bt.errors import InputError, UnknownNameError
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.attributes import POLICY_PORT
-from uav_bt.tree.loading.build import Built
 from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.findings import WARNING, Finding, Rule
 from uav_bt.tree.loading.models import PalettePort
 from uav_bt.tree.loading.parameters import VAR
+from uav_bt.tree.loading.replacements import Built
 from uav_bt.tree.loading.uses import Uses
 from uav_bt.tree.mission_tree import Place
 from uav_bt.tree.node import Node

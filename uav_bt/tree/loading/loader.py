@@ -13,7 +13,7 @@ from xml.sax.saxutils import quoteattr
 from uav_bt.board import Key
 from uav_bt.errors import FileError, InputError, TreeError, UnknownNameError
 from uav_bt.tree.loading.before_flight import faults_of, faults_of_part
-from uav_bt.tree.loading.build import Builder, Built
+from uav_bt.tree.loading.build import Builder
 from uav_bt.tree.loading.document import find_main, outline
 from uav_bt.tree.loading.findings import (
     WHOLE_FILE,
@@ -26,7 +26,7 @@ from uav_bt.tree.loading.findings import (
 from uav_bt.tree.loading.given import remarks, unknown_policies
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.parameters import Parameters
-from uav_bt.tree.loading.replacements import Replacements
+from uav_bt.tree.loading.replacements import Built, Replacements
 from uav_bt.tree.loading.source import parse_source, read_source
 from uav_bt.tree.loading.uses import Uses
 from uav_bt.tree.loading.variable_faults import check_variables

@@ -41,14 +41,11 @@ def read_parameters(path: Path | str) -> ParameterFile:
     """Read a parameter file, or raise a FileError that names the line."""
     file = read_yaml(Path(path), _ParameterFile, "parameter file")
     common = _parameters(file, file.value)
-    return ParameterFile(
-        path=file.path,
-        common=common,
-        variants={
-            name: _parameters(file, values, "variants", name).over(common)
-            for name, values in file.value.variants.items()
-        },
-    )
+    variants = {
+        name: _parameters(file, values, "variants", name).over(common)
+        for name, values in file.value.variants.items()
+    }
+    return ParameterFile(path=file.path, common=common, variants=variants)
 
 
 def _node_port(name: str) -> str:

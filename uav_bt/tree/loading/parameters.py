@@ -24,7 +24,6 @@ WHICH_PARAMS: Final = (
 
 SET: Final = "set"
 VAR: Final = "var"
-NODE_PORT: Final = "NODE.PORT, such as TakeOff.height_m"
 
 Plain = bool | int | float | str
 """Values of a variable that files can hold."""
@@ -59,5 +58,5 @@ def split_port(name: str) -> tuple[str, str]:
     """Return node and port of a NODE.PORT, split at the last dot, or raise a ValueRangeError."""
     node, _, port = name.rpartition(".")
     if not (node and port):
-        raise ValueRangeError(f"expected {NODE_PORT}, got '{name}'")
+        raise ValueRangeError(f"expected NODE.PORT, such as TakeOff.height_m, got '{name}'")
     return node, port

@@ -11,12 +11,14 @@ from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.attributes import Attributes
 from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.findings import ERROR, Findings, Position, Rule
-from uav_bt.tree.loading.parameters import SET, split_port
-from uav_bt.tree.loading.places import takes_places
+from uav_bt.tree.loading.lookup import Lookup
+from uav_bt.tree.loading.parameters import SET, Parameters, split_port
+from uav_bt.tree.loading.places import PlaceLists, takes_places
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.mission_tree import MissionTree, Place
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import BUILTIN_NODES, SubTree
+from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.scripted import (
     ALL_LEAVES,
     Mock,
@@ -37,6 +39,13 @@ class Part(NamedTuple):
     given: dict[str, str]  # texts of attributes: those of the file, defaults of entries, others
 
 
+class Built(NamedTuple):
+    """A tree that was made of a file."""
+
+    tree: MissionTree
+    parts: dict[str, Part]  # by path
+
+
 class Replacements:
     """Overrides, parameters and mocks of a tree."""
 
@@ -50,6 +59,7 @@ class Replacements:
     ) -> None:
         self._document = document
         self._findings = findings
+        self._attributes = Attributes(document)
         self._overrides = overrides or {}
         self._by_key = by_key or {}
         given = {
@@ -57,8 +67,7 @@ class Replacements:
         }
         self._others = given.pop(ALL_LEAVES, None)
         self._mocks = given
-        self._names: set[str] = set()  # of leaves and SubTrees
-        self._nodes: set[str] = set()  # names of others
+        self._names: set[str] = set()  # of nodes that can be mocked
 
     # --- mocks ------------------------------------------------------------------------------------
 
@@ -66,106 +75,76 @@ class Replacements:
         self, node: type[Node], element: Element, name: str, path: str, entries: Iterable[str]
     ) -> tuple[type[ScriptedLeaf], Mock] | None:
         """Return the class of the leaf that takes the place of a node, and its mock."""
-        is_leaf = issubclass(node, Leaf)
-        tree_id = element.attributes.get("ID", "")
-        names = (path, name, tree_id if issubclass(node, SubTree) else node.node_id)
-        if not (is_leaf or issubclass(node, SubTree)):
-            self._nodes.update((*names, element.tag))
+        if not issubclass(node, (Leaf, SubTree)):
             return None
-        self._names.update(names)
-        mock: Mock | None = None
-        for one in reversed(names):  # the most exact selector comes last and counts
-            if one in self._mocks:
-                mock = self._mocks[one].over(mock)
-        is_ours = is_leaf and node not in BUILTIN_NODES
+        kind = node.node_id if issubclass(node, Leaf) else element.attributes.get("ID", "")
+        names = [one for one in (path, name, kind) if one in self._mocks]  # the most exact first
+        self._names |= {path, name, kind}
+        mocks = [self._mocks[one] for one in names]
+        is_ours = issubclass(node, Leaf) and node not in BUILTIN_NODES
         if is_ours and self._others is not None:
-            mock = self._others if mock is None else mock.over(self._others)
-        if mock is None:
+            mocks.append(self._others)
+        if not mocks:
             return None
-        target = next((one for one in names if one in self._mocks), ALL_LEAVES)
-        stand_in = mock_class(node) if issubclass(node, Leaf) else subtree_mock(tree_id, entries)
+        mock = mocks.pop()
+        while mocks:
+            mock = mocks.pop().over(mock)
+        stand_in = mock_class(node) if issubclass(node, Leaf) else subtree_mock(kind, entries)
         message = None
         try:
             stand_in.check(mock)
-            if is_ours and issubclass(node, Leaf) and target != ALL_LEAVES:
+            if is_ours and issubclass(node, Leaf) and names:
                 message = undeclared_answers(node, mock)
         except ValueRangeError as error:
             message = str(error)
-        if message is not None:
-            place = mock.place or Place(element.path, element.position)
-            self._refuse(f"mock of '{target}': {message}", place, element.label)
-            return stand_in, Mock("S")
-        return stand_in, mock
-
-    def check_mocks(self) -> None:
-        """Refuse mocks of nodes that the tree does not have, or that cannot be mocked."""
-        for target, mock in self._mocks.items():
-            if target in self._names:
-                continue
-            why = "the tree has no leaf of that path, name or node id"
-            why += did_you_mean(target, self._names)
-            if target in self._nodes:
-                why = "only leaves and SubTrees can be mocked"
-            self._refuse(f"mock of '{target}': {why}", mock.place)
+        if message is None:
+            return stand_in, mock
+        place = mock.place or Place(element.path, element.position)
+        self._refuse(f"mock of '{(*names, ALL_LEAVES)[0]}': {message}", place, element.label)
+        return stand_in, Mock("S")
 
     # --- values -----------------------------------------------------------------------------------
 
-    def replace(self, tree: MissionTree, parts: Mapping[str, Part], attributes: Attributes) -> None:
-        """Give the nodes of a tree their values from outside, and note those that do not fit."""
-        values = _Values(tree, parts, attributes, self._document, self._findings)
-        for leaf in tree.leaves():
-            values.give(leaf, leaf.values_taken(self._by_key), leaf.node_id, None)
+    def replace(self, built: Built) -> None:
+        """Give the nodes of a tree their values from outside, and note what does not fit."""
+        for target in self._mocks.keys() - self._names:
+            hint = did_you_mean(target, self._names)
+            what = f"the tree has no leaf or SubTree of that path, name or node id{hint}"
+            self._refuse(f"mock of '{target}': {what}", self._mocks[target].place)
+        for leaf in built.tree.leaves():
+            self._give(built, leaf, leaf.values_taken(self._by_key), leaf.node_id, None)
         chosen = set[tuple[str, str]]()
         for target, given in self._overrides.items():
-            hits = [node for node in tree.nodes() if target in (node.path, node.name)]
-            if not hits:
-                self._refuse(f"override of '{target}': {_nowhere(tree, target)}")
-            for node in hits:
-                values.give(node, given, target, None)
+            for node in self._hits(built.tree, target, target, None):
+                self._give(built, node, given, target, None)
                 chosen |= {(node.path, name) for name in given}
         parameters = self._document.parameters
         for name, text in parameters.ports.items():
-            place = parameters.places.get((SET, name))
-            target, port = split_port(name)
-            hits = [node for node in tree.nodes() if target in (node.path, node.name)]
-            if not hits:
-                self._refuse(f"override of '{name}': {_nowhere(tree, target)}", place)
-            elif any((node.path, port) in chosen for node in hits):
+            place, (target, port) = parameters.places.get((SET, name)), split_port(name)
+            hits = self._hits(built.tree, target, name, place)
+            if any((node.path, port) in chosen for node in hits):
                 message = f"port '{name}' is given two values: leave one of them out"
                 self._refuse(message, place)
             elif len(hits) > 1:
                 self._refuse(_choice(name, port, [node.path for node in hits]), place)
-            else:
-                values.give(hits[0], {port: text}, name, place)
+            elif hits:
+                self._give(built, hits[0], {port: text}, name, place)
                 chosen.add((hits[0].path, port))
 
-    def _refuse(self, message: str, place: Place | None = None, label: str = "") -> None:
-        at = place or Place(self._document.path, Position(1, 1))
-        self._findings.add(at.path, at.position, message, label)
+    def _hits(self, tree: MissionTree, target: str, what: str, place: Place | None) -> list[Node]:
+        """Return the nodes of a path or name; refuse one that no node has."""
+        hits = [node for node in tree.nodes() if target in (node.path, node.name)]
+        if not hits:
+            hint = did_you_mean(target, {node.name for node in tree.nodes()})
+            message = f"the tree has no node of that name or path{hint}"
+            self._refuse(f"override of '{what}': {message}", place)
+        return hits
 
-
-class _Values:
-    """Gives values to nodes of a tree, and notes those that no file could have had."""
-
-    def __init__(
-        self,
-        tree: MissionTree,
-        parts: Mapping[str, Part],
-        attributes: Attributes,
-        document: Document,
-        findings: Findings,
+    def _give(
+        self, built: Built, node: Node, given: Mapping[str, str], what: str, place: Place | None
     ) -> None:
-        self._tree = tree
-        self._parts = parts
-        self._attributes = attributes
-        self._document = document
-        self._findings = findings
-
-    def give(self, node: Node, given: Mapping[str, str], target: str, place: Place | None) -> None:
-        """Replace attributes of a node; messages name the target, and stand at the place."""
-        if not given:
-            return
-        part, is_good = self._parts[node.path], True
+        """Replace attributes of a node; messages name what was given, and stand at the place."""
+        part, is_good = built.parts[node.path], True
 
         def note(
             message: str, attribute: str, rule: Rule = Rule.ATTRIBUTE, severity: str = ERROR
@@ -175,10 +154,9 @@ class _Values:
             if severity == ERROR:
                 is_good = False
                 at = place or Place(part.element.path, part.element.at(attribute))
-                message = f"override of '{target}': {message}"
-                self._findings.add(at.path, at.position, message, part.element.label)
+                self._refuse(f"override of '{what}': {message}", at, part.element.label)
 
-        texts = {name: self._with_places(node, name, given[name], place) for name in given}
+        texts = {name: self._with_places(part, node, name, given[name], place) for name in given}
         fixed = [name for name in texts if name in _FIXED or name.startswith("_")]
         for name in fixed:
             note(f"'{name}' cannot be replaced", name)
@@ -192,24 +170,53 @@ class _Values:
             ports = node.ports_over(len(node.children))
             taken = [port for port in ports if port.name in texts]
             self._attributes.bound(taken if len(taken) == len(texts) else ports, texts, note)
-        if is_good:
+        if is_good and texts:
             part.given.update(texts)
             node.rebind(texts)
-            self._tree.replaced.setdefault(node.path, {}).update(texts)
+            built.tree.replaced.setdefault(node.path, {}).update(texts)
 
-    def _with_places(self, node: Node, port: str, text: str, place: Place | None) -> str:
+    def _with_places(
+        self, part: Part, node: Node, port: str, text: str, place: Place | None
+    ) -> str:
         """Return a value with the places of the files that it names."""
         document = self._document
-        if not takes_places(self._parts[node.path].element, port, document.registry):
+        if not takes_places(part.element, port, document.registry):
             return text
         at = place or Place(document.path, Position(1, 1))
         what = f"port '{node.name}.{port}'"
         return document.place_lists.in_text(text, document.path, at, what)
 
+    def _refuse(self, message: str, place: Place | None = None, label: str = "") -> None:
+        at = place or Place(self._document.path, Position(1, 1))
+        self._findings.add(at.path, at.position, message, label)
 
-def _nowhere(tree: MissionTree, target: str) -> str:
-    hint = did_you_mean(target, {node.name for node in tree.nodes()})
-    return f"the tree has no node of that name or path{hint}"
+
+def replace_in(
+    tree: MissionTree,
+    registry: NodeRegistry,
+    parameters: Parameters,
+    overrides: Mapping[str, Mapping[str, str]],
+    by_key: Mapping[Key[Any], Mapping[str, str]],
+) -> None:
+    """Replace values of a tree that is made, before its setup, or raise a TreeError."""
+    findings = Findings()
+    places = PlaceLists({}, findings)
+    document = Document(tree.path, registry, places, Lookup(), parameters=parameters)
+    parts = {
+        node.path: Part(
+            Element(
+                tree.path,
+                node.node_id,
+                {**(node.attributes if isinstance(node, SubTree) else {}), "name": node.name},
+                Position(1, 1),
+                dict,
+            ),
+            {},
+        )
+        for node in tree.nodes()
+    }
+    Replacements(document, findings, overrides, by_key).replace(Built(tree, parts))
+    findings.raise_any(tree.path)
 
 
 def _choice(name: str, port: str, found: list[str]) -> str:

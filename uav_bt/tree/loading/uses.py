@@ -13,7 +13,7 @@ from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.port import Port, Reference
-from uav_bt.tree.script import SCRIPTS, Script, parse_script
+from uav_bt.tree.script import SCRIPTS, Script
 from uav_bt.tree.script.expressions import Assignment, Name, constant_value, kind_of
 from uav_bt.tree.variables import Variables
 
@@ -58,17 +58,6 @@ class Read:
     port: Port[Any] | None  # None: a script
     needed: bool  # without a value the reader fails
     named: bool = True  # the file names the variable; False: the port's default does
-
-
-@dataclass(frozen=True)
-class BoardUse:
-    """A use of a board key by the name of a subtree's variable."""
-
-    use: Use
-    name: str  # of the variable
-    key: str
-    port: Port[Any] | None = None  # None: a script, or a node that writes variables by name
-    writes: bool = False  # without a port
 
 
 @dataclass(eq=False)
@@ -126,7 +115,6 @@ class Uses:
         self.slots: dict[Variable, Slot] = {}
         self.doors: dict[Variables, SubTree] = {}  # by the scope of the tree inside
         self.touched: dict[Variables, set[str]] = {}  # names that something inside uses
-        self.on_board: list[BoardUse] = []
         obscured: list[Variables] = []
         for name, value in tree.variables.snapshot().items():
             slot = self._slot(tree.variables, name)
@@ -139,18 +127,14 @@ class Uses:
         for scope in obscured:
             self._obscure(scope)
 
-    def place(self, scope: Variables, name: str) -> Slot | str:
-        """Return the variable that a name is, or the board key."""
-        self.touched.setdefault(scope, set()).add(name)
-        door = self.doors.get(scope)
-        if door is not None:
-            if name in door.board_keys:
-                return door.board_keys[name]
-            if name in door.shared:
-                return self.place(door.variables, door.shared[name])
-            if door.autoremap and not name.startswith("_") and name not in door.constants:
-                return self.place(door.variables, name)
-        return self._slot(scope, name)
+    def place(self, scope: Variables, name: str) -> Slot | None:
+        """Return the variable that a name is; None for a board key."""
+        holder, inner = scope.location(name)
+        while scope is not holder and scope.parent is not None:
+            self.touched.setdefault(scope, set()).add(name)
+            name, scope = scope.remapped.get(name, name), scope.parent
+        self.touched.setdefault(holder, set()).add(inner)
+        return None if inner in holder.board else self._slot(holder, inner)
 
     def _slot(self, scope: Variables, name: str) -> Slot:
         return self.slots.setdefault((scope, name), Slot(scope, name))
@@ -161,8 +145,7 @@ class Uses:
             slot.obscure |= where is scope
         if (door := self.doors.get(scope)) is not None:
             for name in door.shared.values():
-                outer = self.place(door.variables, name)
-                if isinstance(outer, Slot):
+                if (outer := self.place(door.variables, name)) is not None:
                     outer.obscure = True
             if door.autoremap:
                 self._obscure(door.variables)
@@ -197,17 +180,15 @@ class Uses:
 
     def _add(self, node: Node) -> Iterator[Variables]:
         """Add what a node writes and reads; yield a scope of which it may write any variable."""
-        for attribute, source in node.condition_scripts.items():
-            self._script(parse_script(source), Use(node, attribute))
+        for attribute, script in node.scripts():
+            self._script(script, Use(node, attribute))
         if isinstance(node, SubTree):
             self._enter(node)
         for port in node.ports_over(len(node.children)):
-            at, script = node.given_references.get(port.name), node.script_at(port)
+            at = node.given_references.get(port.name)
             if at is not None and not at.on_board:
                 self._port(node, port, at)
-            if script is not None:
-                self._script(script, Use(node, port.name))
-            elif port.check in SCRIPTS and at is not None:
+            if port.check in SCRIPTS and at is not None:
                 yield node.variables  # a script that only the flight shows
         for written in node.variables_written():
             if written.name is None:
@@ -226,35 +207,31 @@ class Uses:
 
     def _write(self, node: Node, written: Written, name: str) -> None:
         slot, use = self.place(node.variables, name), Use(node, written.attribute)
-        if isinstance(slot, Slot):
+        if slot is not None:
             kind, copied = self._source(node, written.copied, written.kind)
             for value in written.elements or (written.value,):
                 more = (copied, True, written.keeps_type, bool(written.elements))
                 slot.writes.append(Write(use, kind, value, *more))
-        elif written.port is None:
-            self.on_board.append(BoardUse(use, name, slot, writes=True))
 
     def _remove(self, node: Node, name: str) -> None:
         slot, door = self.place(node.variables, name), self.doors.get(node.variables)
-        if isinstance(slot, str):
-            use = Use(node, node.ports[0].name)
-            self.on_board.append(BoardUse(use, name, slot, writes=True))
-        elif door and door.autoremap and name in door.constants and not name.startswith("_"):
+        is_entry = door and door.autoremap and name in door.constants and not name.startswith("_")
+        if slot is not None and is_entry:
             slot.obscure = True  # without the entry, the name is the outer tree's
 
     def _source(self, node: Node, at: Reference | None, kind: type) -> tuple[type, Slot | None]:
         """Return the type of a value that may be a copy, and the variable that is copied."""
         if at is None:
             return kind, None
-        source = at.key if at.on_board else self.place(node.variables, at.key)
-        if isinstance(source, Slot):
-            return object, source
-        return self._keys[source].type if source in self._keys else object, None
+        slot = None if at.on_board else self.place(node.variables, at.key)
+        if slot is not None:
+            return object, slot
+        key = self._keys.get(at.key if at.on_board else node.variables.board_key(at.key) or "")
+        return object if key is None else key.type, None
 
     def _port(self, node: Node, port: Port[Any], at: Reference) -> None:
         slot, use = self.place(node.variables, at.key), Use(node, port.name)
-        if isinstance(slot, str):
-            self.on_board.append(BoardUse(use, at.key, slot, port))
+        if slot is None:
             return
         slot.ports.append((use, port))
         if port.direction != "output":
@@ -270,35 +247,28 @@ class Uses:
                 self._read(part.name, use, needed=any(part is one for one in script.certain))
         for statement in script.statements:
             if isinstance(statement, Assignment) and statement.sign != ":=":
-                self._read(statement.name, use, needed=True, is_told=True)
+                self._read(statement.name, use, needed=True)
 
-    def _read(self, name: str, use: Use, *, needed: bool, is_told: bool = False) -> None:
-        if not self._is_variable(name, use.node):
-            return
-        slot = self.place(use.node.variables, name)
-        if isinstance(slot, Slot):
+    def _read(self, name: str, use: Use, *, needed: bool) -> None:
+        slot = self.place(use.node.variables, name) if _is_variable(name, use.node) else None
+        if slot is not None:
             slot.reads.append(Read(use, None, needed))
-        elif not is_told:
-            self.on_board.append(BoardUse(use, name, slot))
-
-    @staticmethod
-    def _is_variable(name: str, node: Node) -> bool:
-        return not name.startswith("@") and name not in node.variables.enum_members
 
     def _assignment(self, part: Assignment, use: Use) -> None:
-        if part.name.startswith("@"):
-            return  # on another engine's board; all others are refused
-        slot = self.place(use.node.variables, part.name)
-        if isinstance(slot, str):
-            self.on_board.append(BoardUse(use, part.name, slot, writes=True))
+        slot = None if part.name.startswith("@") else self.place(use.node.variables, part.name)
+        if slot is None:
             return
         at = None
-        if isinstance(part.value, Name) and self._is_variable(part.value.name, use.node):
+        if isinstance(part.value, Name) and _is_variable(part.value.name, use.node):
             at = Reference(part.value.name, on_board=False)
         kind, copied = self._source(use.node, at, kind_of(part.value) or object)
         creates, value = part.sign == ":=", constant_value(part.value)
         keeps_type = part.sign in {":=", "="}
         slot.writes.append(Write(use, kind, value, copied, creates, keeps_type))
+
+
+def _is_variable(name: str, node: Node) -> bool:
+    return not name.startswith("@") and name not in node.variables.enum_members
 
 
 def is_named(port: Port[Any], at: Reference) -> bool:

@@ -11,15 +11,19 @@ from typing import Any, Final
 
 from uav_bt.board import Key
 from uav_bt.errors import did_you_mean
-from uav_bt.tree.loading.attributes import key_fits
-from uav_bt.tree.loading.build import Built
+from uav_bt.tree.loading.build import Placeholder
 from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.findings import ERROR, WARNING, Findings, Position, Rule
 from uav_bt.tree.loading.misfits import misfits
 from uav_bt.tree.loading.parameters import VAR, Plain
-from uav_bt.tree.loading.uses import BoardUse, Read, Slot, Use, Uses
+from uav_bt.tree.loading.replacements import Built
+from uav_bt.tree.loading.uses import Read, Slot, Use, Uses
 from uav_bt.tree.mission_tree import Place
+from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import SubTree
+from uav_bt.tree.port import Port
+from uav_bt.tree.script.expressions import Assignment, Known, Name
+from uav_bt.tree.script.values import ONLY_LEAVES_WRITE
 from uav_bt.tree.variables import Variables
 
 _IN_SCRIPTS: Final = (int, float, str)
@@ -49,8 +53,10 @@ class _VariableFaults:
             for read in slot.reads:
                 if read.needed and not slot.created:
                     self._check_unwritten(slot, read)
-        for board_use in self.uses.on_board:
-            self._check_board_use(board_use)
+        for node in self._built.tree.nodes():
+            if not (isinstance(node, Placeholder) and node.hides):  # an unknown node
+                self._check_board(node)
+                self._check_scripts(node)
         for node, attribute, message, is_certain in misfits(self.uses):
             if is_certain:
                 self._note(Use(node, attribute), f"attribute '{attribute}' {message}")
@@ -124,20 +130,56 @@ class _VariableFaults:
                 message = f"{message} and does not use it{hint}"
                 self._findings.note(element, message, name, rule=Rule.NODE_MODEL)
 
-    def _check_board_use(self, used: BoardUse) -> None:
-        key, port = self._keys.get(used.key), used.port
-        lead = f"attribute '{used.use.attribute}'"
-        what = f"'{used.name}' is board key '{used.key}'"
-        if key is None:
-            return  # refused at the SubTree
-        if used.writes:
-            self._note(used.use, f"{lead}: {what}; only a leaf's output port writes that")
-        elif port is None and not issubclass(key.type, _IN_SCRIPTS):
-            held = key.type.__name__
-            self._note(used.use, f"{lead}: {what}, which holds {held}, no number and no text")
-        elif port is not None and not key_fits(port, key):
-            held = key.type.__name__
-            self._note(used.use, f"{lead} takes {port.words}, but {what}, which holds {held}")
+    # --- board keys -------------------------------------------------------------------------------
+
+    def _check_board(self, node: Node) -> None:
+        """Refuse uses of board keys that do not exist, hold another type, or are not written so."""
+        for port in node.ports:
+            at, given = node.reference(port), node.given_references.get(port.name)
+            if given is not None and at is not None and at.on_board:
+                name = f"@{at.key}" if given.on_board else given.key
+                key = self._board_key(node, port.name, name)
+                if key is not None and not key_fits(port, key):
+                    message = f"attribute '{port.name}' takes {port.words}, but {_held(name, key)}"
+                    self._note(Use(node, port.name), message, Rule.BOARD_KEY)
+        for written in node.variables_written():
+            if written.port is None and written.name is not None:
+                self._refuse_write(node, written.attribute, written.name)
+        for name in node.variables_removed():
+            self._refuse_write(node, node.ports[0].name, name)
+        if isinstance(node, SubTree):
+            for entry, key_name in node.board_keys.items():
+                self._board_key(node, entry, f"@{key_name}")
+
+    def _check_scripts(self, node: Node) -> None:
+        """Refuse uses of board keys in scripts."""
+        for attribute, script in node.scripts():
+            for part in script.parts:
+                if isinstance(part, Assignment):
+                    self._refuse_write(node, attribute, part.name)
+                elif isinstance(part, Name | Known):
+                    key = self._board_key(node, attribute, part.name)
+                    if key and isinstance(part, Name) and not issubclass(key.type, _IN_SCRIPTS):
+                        held = f"{_held(part.name, key)}, no number and no text"
+                        message = f"attribute '{attribute}': {held}"
+                        self._note(Use(node, attribute), message, Rule.BOARD_KEY)
+
+    def _board_key(self, node: Node, attribute: str, name: str) -> Key[Any] | None:
+        """Return the board key that a name is; refuse one that does not exist."""
+        at = name[1:] if name.startswith("@") else node.variables.board_key(name)
+        if at is None or at in self._keys:
+            return None if at is None else self._keys[at]
+        if name.startswith("@") and not self._document.registry.foreign_board:
+            message = f"the board has no key '{at}'{did_you_mean(at, self._keys)}"
+            self._note(Use(node, attribute), f"attribute '{attribute}': {message}", Rule.BOARD_KEY)
+        return None
+
+    def _refuse_write(self, node: Node, attribute: str, name: str) -> None:
+        at = name[1:] if name.startswith("@") else node.variables.board_key(name)
+        if at is not None and (at in self._keys or not self._document.registry.foreign_board):
+            what = "a board key" if name == f"@{at}" else f"board key '{at}'"
+            message = f"attribute '{attribute}': '{name}' is {what}; {ONLY_LEAVES_WRITE}"
+            self._note(Use(node, attribute), message, Rule.BOARD_KEY)
 
     # --- values from outside ----------------------------------------------------------------------
 
@@ -177,3 +219,19 @@ class _VariableFaults:
             if write.creates and write.use is not None:
                 what = f"{self.uses.words(write.use)} sets it, too, and replaces this value"
                 yield f"variable '{name}': {what}", WARNING
+
+
+def _held(name: str, key: Key[Any]) -> str:
+    what = f"board key '{key.name}'"
+    if name != f"@{key.name}":
+        what = f"'{name}' is {what}, which"
+    return f"{what} holds {key.type.__name__}"
+
+
+def key_fits(port: Port[Any], key: Key[Any]) -> bool:
+    """Return whether a port can be connected to a key of the mission board."""
+    if port.takes is not None:
+        return issubclass(key.type, port.takes)
+    if port.direction == "input":
+        return issubclass(key.type, port.type) or (port.type is float and key.type is int)
+    return issubclass(port.type, key.type) or (key.type is float and port.type is int)

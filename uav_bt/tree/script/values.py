@@ -18,7 +18,6 @@ Value = int | float | str
 ONLY_LEAVES_WRITE: Final = "leaves write those, scripts only read"  # of board keys, in messages
 TRUTH_WORDS: Final = {"true": 1.0, "false": 0.0}
 MAX_TEXT: Final = 100_000  # characters; limits scripts such as `s += s` at every tick
-MAX_TEXTS: Final = 2_000_000  # characters of all texts of a tree together
 _EPSILON: Final = 2.0**-23  # reals closer than this are equal; the engine uses it, from C float
 # The spellings that the format's engine reads as truth values, and `!` of a text takes.
 _TRUTHS: Final = {
@@ -137,10 +136,6 @@ class Environment:
             kept = assigned(old, value)
         except ScriptError as error:
             raise ScriptError(f"'{name}': {error}") from error
-        if isinstance(kept, str):
-            more = len(kept) - (len(old) if isinstance(old, str) else 0)
-            if more > 0 and self._variables.characters + more > MAX_TEXTS:
-                raise ScriptError(f"'{name}': the tree's texts grow longer than {MAX_TEXTS}")
         self._variables[name] = kept
         return kept
 

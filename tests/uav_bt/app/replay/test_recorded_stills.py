@@ -11,9 +11,9 @@ from tests.worlds.records import NoisyDrone, copy_part, fly_noisy
 from uav_bt.app.replay import replay
 from uav_bt.app.replay.recorded_stills import RecordedStills
 from uav_bt.errors import DroneError, FileError
+from uav_bt.protocols import Still, StillState
 from uav_bt.record.channels import END
 from uav_bt.record.reader import RecordReader
-from uav_bt.still_camera import Still, StillState
 
 TWICE = (
     "<Sequence><TakeOff/>"
