@@ -30,8 +30,8 @@ from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import View, render_views
 from uav_bt.app.lab_network import network_of
+from uav_bt.lab.classes import GROUND, MARK
 from uav_bt.lab.lab import LAB_FILE, Lab
-from uav_bt.lab.roles import GROUND, MARK
 from uav_bt.lab.shipped import DEFAULT_LAB, load_lab
 from uav_bt.learning.views import DepthViewPlan, scene_seed
 from uav_bt.types import Frame

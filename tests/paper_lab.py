@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from uav_bt.lab.roles import OUTSIDE
+from uav_bt.lab.classes import OUTSIDE
 from uav_bt.lab.shipped import load_lab
 from uav_bt.types import ClassMap
 from uav_bt.types.arrays import Image

@@ -29,7 +29,6 @@ FLOOR_ONE = {
         "errors",
         "files",
         "inputs",
-        "json_text",
         "lab",
         "landing_marks",
         "plugins",

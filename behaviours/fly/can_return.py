@@ -11,7 +11,7 @@ from behaviours.path.nearby import recent_obstacles
 from behaviours.path.planning import route
 from uav_bt.board import SITE_MAP
 from uav_bt.board.context import MissionContext
-from uav_bt.board.numbers import BATTERY_PER_MIN, BATTERY_SHARE, FLYING, HOME
+from uav_bt.board.keys import BATTERY_PER_MIN, BATTERY_SHARE, FLYING, HOME
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types.site_map import SiteMap
 

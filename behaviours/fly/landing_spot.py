@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.lab.roles import GROUND, MARK
+from uav_bt.lab.classes import GROUND, MARK
 from uav_bt.types import MIN_VIEW_HEIGHT_M, CameraModel, ClassMap, Frame
 from uav_bt.types.projection import ground_points, project
 

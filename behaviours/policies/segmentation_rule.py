@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from behaviours.policies.view import nearest_ground_m
 from uav_bt.answers import Advance, Blocked
 from uav_bt.errors import ValueRangeError
-from uav_bt.lab.roles import GROUND, OBSTACLE, OUTSIDE
+from uav_bt.lab.classes import GROUND, OBSTACLE, OUTSIDE
 from uav_bt.protocols import PolicyView
 from uav_bt.types import MIN_VIEW_HEIGHT_M, CameraModel
 from uav_bt.types.projection import ground_range_to_row

@@ -17,7 +17,7 @@ from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
 from uav_bt.errors import ValueRangeError
-from uav_bt.lab.roles import GROUND, MARK, OBSTACLE, OUTSIDE
+from uav_bt.lab.classes import GROUND, MARK, OBSTACLE, OUTSIDE
 from uav_bt.lab.shipped import load_lab
 from uav_bt.types.arrays import Image
 

@@ -15,7 +15,7 @@ from benchmarks.rooms.room_views import ROLE_IDS, RoomView, ViewKind, draw_views
 from perception.networks.named import ROLES
 from perception.segmentation.training.run import IGNORED
 from sim_bridge.twin.scene_file import load_scene
-from uav_bt.lab.roles import GROUND
+from uav_bt.lab.classes import GROUND
 from uav_bt.protocols import Segmenter
 from uav_bt.types import Frame
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from perception.mapping import scan_loops
 from perception.mapping.legs import Covered, cover_below
 from uav_bt.errors import ValueRangeError
-from uav_bt.lab.roles import GROUND, NO_ROLE, OBSTACLE, OUTSIDE
+from uav_bt.lab.classes import GROUND, NO_ROLE, OBSTACLE, OUTSIDE
 from uav_bt.types import CameraModel, ClassMap, Frame
 from uav_bt.types.projection import camera_axes
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from perception.mapping.view import View
 from uav_bt.compiled import compiled
 from uav_bt.errors import ValueRangeError
-from uav_bt.lab.roles import GROUND, MARK, NO_ROLE, OUTSIDE
+from uav_bt.lab.classes import GROUND, MARK, NO_ROLE, OUTSIDE
 from uav_bt.types.arrays import Flags, Floats, Indices
 from uav_bt.types.site_map import is_beyond_edge
 

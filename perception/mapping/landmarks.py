@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from perception.mapping.tables import PointTable, first_in_cells, nearest_circles
 from perception.mapping.view import View
-from uav_bt.lab.roles import OUTSIDE
+from uav_bt.lab.classes import OUTSIDE
 from uav_bt.types.arrays import Flags, Floats
 
 

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from perception.mapping import scan_loops
 from uav_bt.compiled import compiled
-from uav_bt.lab.classes import LabClasses
-from uav_bt.lab.roles import NO_ROLE, OBSTACLE
+from uav_bt.lab.classes import NO_ROLE, OBSTACLE, LabClasses
 from uav_bt.types.arrays import Flags, Floats, Indices
 
 _OVERHANG_M: Final = 0.25  # a board may extend beyond its outer legs by this; chosen

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from perception.mapping.tables import PointTable, first_in_cells
 from perception.mapping.view import View
-from uav_bt.lab.roles import GROUND, NO_ROLE
+from uav_bt.lab.classes import GROUND, NO_ROLE
 from uav_bt.types import NearObstacles, wrap_angles
 from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.dead_reckoning import OdometryPose

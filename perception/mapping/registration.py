@@ -23,7 +23,7 @@ from scipy.spatial import cKDTree
 
 from perception.mapping.view import View
 from uav_bt.compiled import compiled
-from uav_bt.lab.roles import OUTSIDE
+from uav_bt.lab.classes import OUTSIDE
 from uav_bt.types import Pose2D
 from uav_bt.types.arrays import Floats, Indices
 

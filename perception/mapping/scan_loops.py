@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.compiled import compiled
-from uav_bt.lab.roles import GROUND, NO_ROLE
+from uav_bt.lab.classes import GROUND, NO_ROLE
 from uav_bt.types.arrays import Flags, Floats
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from perception.marks.mark_options import refuse_unknown
 from uav_bt.errors import UnknownNameError, ValueRangeError
-from uav_bt.lab.roles import MARK
+from uav_bt.lab.classes import MARK
 from uav_bt.landing_marks import MarkSighting, MarkView
 from uav_bt.types import ClassMap, LandingMark
 from uav_bt.types.arrays import Image

@@ -13,8 +13,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from uav_bt.errors import InputError, WeightsError
-from uav_bt.files import did_you_mean_file, write_whole
-from uav_bt.json_text import parse_json
+from uav_bt.files import did_you_mean_file, parse_json, write_whole
 
 SHIPPED_WEIGHTS: Final = Path(__file__).parents[1] / "weights"
 """The folder of the shipped weights."""

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from perception.segmentation.features import colour_codes
 from uav_bt.errors import ShapeError, ValueRangeError
-from uav_bt.lab.roles import NO_ROLE
+from uav_bt.lab.classes import NO_ROLE
 
 _MIN_SHARE: Final = 1e-4  # added to the prior to keep its logarithm finite
 _SURROUND: Final = 0.95  # share of a hole's rim that must be of the class around it

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.errors import ShapeError, ValueRangeError
-from uav_bt.lab.classes import LabClasses
-from uav_bt.lab.roles import ROLE_NAMES
+from uav_bt.lab.classes import ROLE_NAMES, LabClasses
 
 
 def confusion(

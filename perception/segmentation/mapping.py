@@ -31,8 +31,7 @@ from numpy.typing import NDArray
 
 from perception.networks.input_format import InputFormat
 from uav_bt.errors import UnknownNameError, ValueRangeError
-from uav_bt.lab.classes import LabClasses
-from uav_bt.lab.roles import GROUND
+from uav_bt.lab.classes import GROUND, LabClasses
 from uav_bt.protocols import Segmenter
 from uav_bt.types import ClassMap, Frame
 from uav_bt.yaml_file import read_yaml

@@ -17,8 +17,7 @@ from perception.networks.onnx_runtime import (
     shrunk,
 )
 from uav_bt.errors import AnswerError, WeightsError
-from uav_bt.lab.classes import LabClasses
-from uav_bt.lab.roles import OBSTACLE, OUTSIDE
+from uav_bt.lab.classes import OBSTACLE, OUTSIDE, LabClasses
 from uav_bt.types import ClassMap, DepthMap, Frame
 
 

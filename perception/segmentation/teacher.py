@@ -37,8 +37,7 @@ from perception.segmentation.features import (
 )
 from perception.segmentation.training.picks import PickedPatches
 from uav_bt.errors import ShapeError, ValueRangeError, WeightsError
-from uav_bt.lab.classes import LabClasses
-from uav_bt.lab.roles import GROUND, OBSTACLE, OUTSIDE
+from uav_bt.lab.classes import GROUND, OBSTACLE, OUTSIDE, LabClasses
 
 _KIND: Final = "hsv-histogram-svm"
 

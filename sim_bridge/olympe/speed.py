@@ -8,7 +8,7 @@ from typing import Final
 
 from sim_bridge.olympe.config import GRAVITY_MPS2, OlympeConfig
 from uav_bt.types import BodyVelocity, Velocity
-from uav_bt.types.bounds import clamp, limit_length
+from uav_bt.types.pose import clamp, limit_length
 
 # Longest time between two commands of one manoeuvre, s; chosen: nine ticks of 1/30 s. A longer gap
 # starts a new manoeuvre.

@@ -20,7 +20,7 @@ from av.video.reformatter import ColorRange, Colorspace
 from numpy.typing import NDArray
 
 from uav_bt.types import Attitude, DroneState, Frame
-from uav_bt.types.bounds import clamp
+from uav_bt.types.pose import clamp
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,7 +23,7 @@ from sim_bridge.twin.objects import BoxSpec
 from sim_bridge.twin.placed import Shape
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.walls import wall_solids
-from uav_bt.lab.roles import OUTSIDE
+from uav_bt.lab.classes import OUTSIDE
 from uav_bt.lab.shipped import DEFAULT_LAB
 from uav_bt.types import CameraModel, MoverState, Pose2D
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.compiled import compiled
-from uav_bt.lab.roles import OUTSIDE
+from uav_bt.lab.classes import OUTSIDE
 
 
 @compiled(

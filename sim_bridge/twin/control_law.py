@@ -8,7 +8,7 @@ from typing import Final
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.reference import Reference
 from sim_bridge.twin.sensors import Estimate
-from uav_bt.types.bounds import clamp, limit_length
+from uav_bt.types.pose import clamp, limit_length
 
 # Gains of the position loop: critically damped at 2 rad/s, far below the bandwidth of the thrust.
 _POSITION_GAIN: Final = 4.0  # 1/s2

@@ -15,7 +15,7 @@ import mujoco
 from sim_bridge.twin.body import GRAVITY_MPS2, TILT_RADPS, Motion, Thrust, tilt_for
 from sim_bridge.twin.builder import HULL_MASS_KG, STEPS_PER_CONTROL, LabModel
 from uav_bt.types import MoverState, rotate
-from uav_bt.types.bounds import clamp
+from uav_bt.types.pose import clamp
 
 _FAR_M: Final = 100.0  # larger than any room, m
 

@@ -16,7 +16,7 @@ from sim_bridge.twin.movers import MoverSpec, mover_names, roof_of
 from sim_bridge.twin.objects import MAT_M, BoxSpec, Helipad, Vector2, Vector3, box_names
 from sim_bridge.twin.scene import FLOOR_M, Lighting, Scene, obstacle_names
 from sim_bridge.twin.solids import Solid, stacked
-from uav_bt.lab.roles import OUTSIDE
+from uav_bt.lab.classes import OUTSIDE
 from uav_bt.lab.shipped import DEFAULT_LAB
 from uav_bt.plugins import make_mark_finder
 

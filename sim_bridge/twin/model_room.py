@@ -24,8 +24,8 @@ from sim_bridge.twin.shapes import Part
 from sim_bridge.twin.solids import Mesh, Solid
 from sim_bridge.twin.surfaces import Paint, paint_of
 from sim_bridge.twin.walls import ground_slabs, room_solids
+from uav_bt.lab.classes import OUTSIDE
 from uav_bt.lab.obj_file import pieces
-from uav_bt.lab.roles import OUTSIDE
 from uav_bt.lab.room import GroundSection, Lamp, Surface, WallSection
 
 _SHEET_M: Final = 0.001  # thickness of an upper face with another class or look

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from sim_bridge.twin.profile import Profile
 from uav_bt.types import wrap_angle
-from uav_bt.types.bounds import clamp
+from uav_bt.types.pose import clamp
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,8 +26,7 @@ from sim_bridge.twin.placed import (
     shape_named,
 )
 from uav_bt.errors import ValueRangeError
-from uav_bt.lab.classes import LabClasses
-from uav_bt.lab.roles import MARK
+from uav_bt.lab.classes import MARK, LabClasses
 from uav_bt.lab.room import MAX_LAMPS, Lamp, RoomSection
 from uav_bt.lab.shipped import DEFAULT_LAB
 from uav_bt.types import LandingMark, Pose2D

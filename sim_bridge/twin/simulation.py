@@ -19,7 +19,7 @@ from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.sensors import Sensors, Telemetry
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Command, DroneState, MoveBy, MoverState, Pose
-from uav_bt.types.bounds import clamp
+from uav_bt.types.pose import clamp
 
 _REMEMBERED_FRAMES = 900  # 30 s of video, for the referee
 _CONTACT_MEMORY_S = 0.1  # one tick: a reader once a tick gets all contacts

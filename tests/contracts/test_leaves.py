@@ -28,8 +28,7 @@ from uav_bt.board import (
 from uav_bt.board.blackboard import Key
 from uav_bt.board.flight_folder import FlightFolder
 from uav_bt.testing import LeafBench
-from uav_bt.testing.maps import drawn_map
-from uav_bt.testing.world import Says, ground, show
+from uav_bt.testing.world import Says, drawn_map, ground, show
 from uav_bt.tree import Leaf, Status
 from uav_bt.tree.status import FAILURE, SUCCESS
 from uav_bt.types import (

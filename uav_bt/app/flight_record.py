@@ -24,8 +24,7 @@ from uav_bt.app.place_of_flight import limits_of, site_of
 from uav_bt.app.recorded_files import lab_files, scene_files, tree_files
 from uav_bt.app.site import Site
 from uav_bt.errors import FileError, InputError
-from uav_bt.files import writing
-from uav_bt.json_text import parse_json
+from uav_bt.files import parse_json, writing
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.limits import Limits

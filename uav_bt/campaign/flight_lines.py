@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from uav_bt.errors import FileError, InputError
-from uav_bt.files import reading
-from uav_bt.json_text import parse_json
+from uav_bt.files import parse_json, reading
 from uav_bt.mission.flight_report import EXPLORE_S
 from uav_bt.mission.judge import Outcome
 

@@ -13,8 +13,7 @@ from typing import IO, Any, Final
 from uav_bt.campaign.flight_lines import FlightLines, read_flights
 from uav_bt.campaign.plan import CampaignPlan
 from uav_bt.errors import FileError, InputError
-from uav_bt.files import read_bounded, reading, write_whole, writing
-from uav_bt.json_text import parse_json
+from uav_bt.files import parse_json, read_bounded, reading, write_whole, writing
 
 PLAN_FILE: Final = "campaign.json"
 FLIGHTS_FILE: Final = "flights.jsonl"

@@ -17,8 +17,8 @@ from uav_bt.cli.values import Number
 from uav_bt.errors import MissionError, WeightsError
 from uav_bt.files import writing
 from uav_bt.inputs import refuse_inputs
+from uav_bt.lab.classes import ROLE_NAMES
 from uav_bt.lab.lab import Lab
-from uav_bt.lab.roles import ROLE_NAMES
 from uav_bt.lab.shipped import load_lab
 from uav_bt.learning.flight_geometry import compare_lengths, open_flight
 from uav_bt.learning.geometry import Geometry

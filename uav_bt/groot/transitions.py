@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterable
-from typing import Final, NamedTuple
+from pathlib import Path
+from typing import BinaryIO, Final, NamedTuple, Self
 
+from uav_bt.errors import FileError
+from uav_bt.files import writing
 from uav_bt.groot.numbering import TreeNumbering
 from uav_bt.protocols import Clock
 from uav_bt.tree import Node
@@ -81,3 +84,61 @@ class TransitionRecorder:
 
     def _add(self, uid: int, status: Status) -> None:
         self._noted.append(Transition(round(self._clock.now() * 1e6), uid, status))
+
+
+SUFFIX: Final = ".btlog"  # the only suffix that Groot2 opens
+
+_MAGIC: Final = b"BTCPP4-FileLogger2\x01"
+
+
+class BtlogWriter:
+    """Writes a log during a flight. Use it as a context manager.
+
+    Each `write` reaches the operating system, so that an interrupted mission leaves a log. A full
+    disk ends the log, not the mission; the end of the context then raises the error. An existing
+    file is replaced, not before `begin`.
+    """
+
+    def __init__(self, path: Path) -> None:
+        if path.suffix != SUFFIX:
+            raise FileError(path, f"Groot2 opens only files named *{SUFFIX}; choose such a name")
+        self._path = path
+        self._first_time_us = 0
+        self._fault: FileError | None = None
+        self._file: BinaryIO | None = None
+
+    def begin(self, xml: str, first_time_us: int) -> None:
+        """Open the file and write its head: the numbered tree, and the mission time."""
+        if self._file is not None:
+            raise FileError(self._path, "this log has begun already; write another file")
+        with writing(self._path):
+            self._file = self._path.open("wb", buffering=0)
+        self._first_time_us = first_time_us
+        data = xml.encode()
+        self._put(_MAGIC + struct.pack("<i", len(data)) + data + struct.pack("<q", first_time_us))
+
+    def write(self, transitions: Iterable[Transition]) -> None:
+        """Append transitions, in the order of their times."""
+        self._put(pack(transitions, self._first_time_us))
+
+    def _put(self, data: bytes) -> None:
+        if self._file is None or self._fault is not None:
+            return
+        try:
+            while data:
+                data = data[self._file.write(data) :]
+        except OSError as error:
+            self._fault = FileError(self._path, f"the log ends early: {error.strerror}")
+
+    def __enter__(self) -> Self:
+        """Return the writer."""
+        return self
+
+    def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:
+        """Close the file; an earlier exception has priority over an error of the log."""
+        if self._file is not None:
+            self._file.close()
+        if self._fault is not None and error is None:
+            raise self._fault
+        if self._fault is not None and error is not None:
+            error.add_note(str(self._fault))

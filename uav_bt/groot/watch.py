@@ -11,11 +11,10 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from uav_bt.board.context import MissionContext
-from uav_bt.groot.btlog import BtlogWriter
 from uav_bt.groot.groot_publisher import GrootPublisher
 from uav_bt.groot.groot_view import GrootView
 from uav_bt.groot.numbering import TreeNumbering, tree_xml
-from uav_bt.groot.transitions import TransitionRecorder
+from uav_bt.groot.transitions import BtlogWriter, TransitionRecorder
 from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.tree import MissionTree
 

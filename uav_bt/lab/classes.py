@@ -9,13 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final, Self
+from typing import Final, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.errors import UnknownNameError, ValueRangeError
-from uav_bt.lab.roles import GROUND, MARK, NO_ROLE, OBSTACLE, ROLE_NAMES, RoleName
 
 Colour = tuple[int, int, int]  # red, green, blue, 0 to 255
 
@@ -181,3 +180,24 @@ class LabClasses:
                     f"'{top.name}' cannot be the top of '{each.name}': it must have the same role "
                     "and no top"
                 )
+
+
+RoleName = Literal["outside", "ground", "mark", "obstacle"]
+
+OUTSIDE: Final = 0
+GROUND: Final = 1
+MARK: Final = 2
+OBSTACLE: Final = 3
+
+ROLE_NAMES: Final[tuple[RoleName, ...]] = ("outside", "ground", "mark", "obstacle")
+"""Name of each role by its id.
+
+outside   Nothing to fly over: walls, and the floor beyond the flight area.
+ground    The plane that the drone flies over and by which depth is scaled.
+mark      The landing mark and what carries it.
+obstacle  Everything that the drone must not touch.
+
+The roles are the four categories of Mocanu et al. (arXiv 2510.16624).
+"""
+
+NO_ROLE: Final = 255  # of a sample outside the image: neither a class nor a role

@@ -9,11 +9,10 @@ from typing import Annotated, Final
 from pydantic import AfterValidator, Field
 
 from uav_bt.errors import FileError
-from uav_bt.lab.classes import Colour, LabClass, LabClasses
+from uav_bt.lab.classes import Colour, LabClass, LabClasses, RoleName
 from uav_bt.lab.drawn_area import area_problem
 from uav_bt.lab.flight_keys import FlightKeys, TeacherKeys, mark_of, mark_pose, take_off_pose
 from uav_bt.lab.lab import LAB_FILE, Lab
-from uav_bt.lab.roles import RoleName
 from uav_bt.lab.room import ColourText, RoomSection, check_name
 from uav_bt.lab.room_reader import read_room
 from uav_bt.yaml_file import YamlFile, read_yaml

@@ -11,8 +11,8 @@ from perception.segmentation.mapping import class_id_of, read_mapping
 from perception.segmentation.training.pick_checks import check_picks, placed_picks
 from perception.segmentation.training.picks import Pick
 from uav_bt.errors import FileError, InputError
+from uav_bt.lab.classes import GROUND
 from uav_bt.lab.lab_file import lab_error
-from uav_bt.lab.roles import GROUND
 from uav_bt.learning.lab_material import LabMaterial, Use
 from uav_bt.learning.masks import MaskSource
 

@@ -11,9 +11,8 @@ from uav_bt.errors import ValueRangeError
 from uav_bt.settings import check_numbers
 from uav_bt.types import Airframe, DroneState, Pose2D
 from uav_bt.types.area import Area, Edge, margin_m, to_edge
-from uav_bt.types.bounds import clamp, limit_length
 from uav_bt.types.commands import MoveBy, Movement, Velocity
-from uav_bt.types.pose import rotate
+from uav_bt.types.pose import clamp, limit_length, rotate
 
 _KEPT_M: Final = 0.1  # from the boundary at the end of a `MoveBy`; chosen, its overshoot
 _STEP_M: Final = 0.05  # between the checked points of a `MoveBy`

@@ -1,4 +1,4 @@
-"""The drone's place, and the numbers of a mission on the board (`uav_bt.board.numbers`)."""
+"""The drone's place, and the numbers of a mission on the board (`uav_bt.board.keys`)."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ from typing import Final
 
 import numpy as np
 
-from uav_bt.board import MARK, ODOMETRY, SITE_MAP
-from uav_bt.board import numbers as keys
+from uav_bt.board import MARK, ODOMETRY, SITE_MAP, keys
 from uav_bt.board.blackboard import Blackboard, Key
 from uav_bt.board.context import FlightNotes
-from uav_bt.board.numbers import UNKNOWN, UNKNOWN_PLACE
+from uav_bt.board.keys import UNKNOWN, UNKNOWN_PLACE
 from uav_bt.mission.judge import Judge
 from uav_bt.mission.position_hold import BLIND_S
 from uav_bt.types import Observation, Pose2D, wrap_angle

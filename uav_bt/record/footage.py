@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from uav_bt.errors import FileError, InputError
-from uav_bt.json_text import parse_json
+from uav_bt.files import parse_json
 from uav_bt.protocols import Advice
 from uav_bt.record import channels
 from uav_bt.record.channels import FrameNote

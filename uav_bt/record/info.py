@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uav_bt.errors import FileError, InputError
-from uav_bt.json_text import parse_json
+from uav_bt.files import parse_json
 from uav_bt.record import channels
 from uav_bt.record.channels import CHANNELS
 from uav_bt.record.reader import RecordReader

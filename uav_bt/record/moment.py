@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from uav_bt.errors import InputError
-from uav_bt.json_text import parse_json
+from uav_bt.files import parse_json
 from uav_bt.lab.classes import LabClasses
 from uav_bt.record import channels
 from uav_bt.record.channels import (

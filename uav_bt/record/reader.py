@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from uav_bt.errors import FileError, InputError
-from uav_bt.json_text import parse_json
+from uav_bt.files import parse_json
 from uav_bt.lab.classes import LabClass, LabClasses
 from uav_bt.plugins import need
 from uav_bt.record import channels

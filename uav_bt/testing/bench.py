@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from uav_bt.board import CAMERA, FRAME, HEIGHT, MISSION_KEYS, STATE
 from uav_bt.board.blackboard import Blackboard, Key, Reading
 from uav_bt.board.context import MissionContext
-from uav_bt.board.numbers import BATTERY_SHARE, FLYING, LINK_SHARE, UNKNOWN
+from uav_bt.board.keys import BATTERY_SHARE, FLYING, LINK_SHARE, UNKNOWN
 from uav_bt.clock import ManualClock
 from uav_bt.errors import BoardAccessError, InputError, MissionError, ValueRangeError, did_you_mean
 from uav_bt.plugins import make_policy

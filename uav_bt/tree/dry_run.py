@@ -29,7 +29,7 @@ from pydantic import AfterValidator, Field
 from uav_bt.board import ELAPSED, MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext
-from uav_bt.board.numbers import QUIET
+from uav_bt.board.keys import QUIET
 from uav_bt.clock import ManualClock
 from uav_bt.errors import BoardAccessError, NodeFailedError, TreeError, ValueRangeError
 from uav_bt.tree import MissionTree, Node, NodeRegistry, Status, load_tree

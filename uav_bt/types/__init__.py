@@ -5,8 +5,6 @@ is Parrot's: x forward, y right, z down, yaw clockwise positive seen from above.
 """
 
 from uav_bt.types.airframe import Airframe as Airframe
-from uav_bt.types.bounds import clamp as clamp
-from uav_bt.types.bounds import limit_length as limit_length
 from uav_bt.types.camera import CameraModel as CameraModel
 from uav_bt.types.camera import ClassMap as ClassMap
 from uav_bt.types.camera import Corridor as Corridor
@@ -43,6 +41,8 @@ from uav_bt.types.observation import RecentViews as RecentViews
 from uav_bt.types.observation import Truth as Truth
 from uav_bt.types.pose import Pose as Pose
 from uav_bt.types.pose import Pose2D as Pose2D
+from uav_bt.types.pose import clamp as clamp
+from uav_bt.types.pose import limit_length as limit_length
 from uav_bt.types.pose import rotate as rotate
 from uav_bt.types.pose import rotate_points as rotate_points
 from uav_bt.types.pose import rotation as rotation

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from uav_bt.brief import shapes_repr
 from uav_bt.errors import ShapeError, ValueRangeError
-from uav_bt.lab.classes import LabClasses
-from uav_bt.lab.roles import GROUND, MARK
+from uav_bt.lab.classes import GROUND, MARK, LabClasses
 from uav_bt.types.drone_state import Attitude
 
 
@@ -93,7 +92,7 @@ class ClassMap:
 
     @cached_property
     def roles(self) -> NDArray[np.uint8]:
-        """The roles of the pixels, (H, W) uint8 of `uav_bt.lab.roles`."""
+        """The roles of the pixels, (H, W) uint8 of `uav_bt.lab.classes`."""
         return self.classes.roles(self.ids)
 
     @cached_property

@@ -109,3 +109,17 @@ class Pose(Pose2D):
         """Return the pose a share (0 to 1) of the way to another, turned the short way."""
         z_m = self.z_m + share * (other.z_m - self.z_m)
         return replace(super().towards(other, share), z_m=z_m)
+
+
+def clamp(value: float, limit: float) -> float:
+    """Return a value bounded to [-limit, limit]."""
+    return max(-limit, min(limit, value))
+
+
+def limit_length(x: float, y: float, limit: float) -> tuple[float, float]:
+    """Return a horizontal vector shortened to a length; its direction stays."""
+    length = math.hypot(x, y)
+    if length <= limit:
+        return x, y
+    share = limit / length
+    return x * share, y * share

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import CameraModel
-from uav_bt.types.bounds import clamp
+from uav_bt.types.pose import clamp
 
 _BESIDE_RAD = math.pi / 2 - 1e-6  # from the optical axis; beyond, rays do not meet the image plane
 

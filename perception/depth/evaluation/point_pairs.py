@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.errors import ShapeError, ValueRangeError
-from uav_bt.lab.roles import OBSTACLE
+from uav_bt.lab.classes import OBSTACLE
 from uav_bt.types import CameraModel, ClassMap
 from uav_bt.types.arrays import Floats32, Indices
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from perception.camera.ground_plane import ray_lengths
 from uav_bt.errors import ShapeError, ValueRangeError
-from uav_bt.lab.roles import GROUND, OBSTACLE, OUTSIDE
+from uav_bt.lab.classes import GROUND, OBSTACLE, OUTSIDE
 from uav_bt.types import CameraModel, ClassMap
 from uav_bt.types.arrays import Floats32
 

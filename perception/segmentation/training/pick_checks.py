@@ -17,8 +17,7 @@ from perception.segmentation.training.next_image import CHECK, TRAIN
 from perception.segmentation.training.pick_images import HALF_SIZE, PickImages
 from perception.segmentation.training.picks import Pick, PickedPatches, read_numbered_picks
 from uav_bt.errors import FileError, did_you_mean
-from uav_bt.lab.classes import LabClasses
-from uav_bt.lab.roles import GROUND
+from uav_bt.lab.classes import GROUND, LabClasses
 
 FEW_PICKS: Final = 20  # a class with fewer is named
 _FOLDS: Final = 5

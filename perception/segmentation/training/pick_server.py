@@ -37,7 +37,7 @@ from perception.camera.image_files import read_image
 from perception.segmentation.training.next_image import ImageChooser
 from perception.segmentation.training.pick_session import PickSession, Point
 from uav_bt.errors import UavBtError, ValueRangeError
-from uav_bt.json_text import parse_json
+from uav_bt.files import parse_json
 
 _PAGE: Final = Path(__file__).with_name("pick_page.html")
 _MEDIA: Final = {

@@ -16,7 +16,7 @@ from sim_bridge.loopback.firmware.core import Core, Part
 from sim_bridge.loopback.firmware.publisher import Values
 from sim_bridge.loopback.media import MediaStore, Photo
 from sim_bridge.loopback.world import WorldState
-from uav_bt.types.bounds import clamp
+from uav_bt.types.pose import clamp
 
 _LOG = logging.getLogger(__name__)
 

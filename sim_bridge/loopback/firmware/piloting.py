@@ -12,7 +12,7 @@ from sim_bridge.loopback.firmware.publisher import Values
 from sim_bridge.loopback.firmware.settings import Settings
 from sim_bridge.loopback.world import WorldLimits, WorldState
 from uav_bt.types import CutMotors, FlyingState, Hover, Land, TakeOff, Velocity
-from uav_bt.types.bounds import clamp, limit_length
+from uav_bt.types.pose import clamp, limit_length
 
 AIRBORNE: Final = (FlyingState.HOVERING, FlyingState.FLYING)
 

@@ -9,7 +9,7 @@ from sim_bridge.anafi import FOCAL_SHARE
 from sim_bridge.loopback.firmware.core import Core, Part
 from sim_bridge.loopback.firmware.publisher import Values
 from sim_bridge.loopback.world import WorldState
-from uav_bt.types.bounds import clamp
+from uav_bt.types.pose import clamp
 
 _MAX_LEVEL: Final = 3.0  # as the ANAFI
 _MAX_LOSSLESS_LEVEL: Final = 2.8  # as the ANAFI, for video of 1080 lines

@@ -10,7 +10,7 @@ import pytest
 from behaviours.fly.can_return import CanReturn
 from tests.behaviours.path.drawn_hall import DrawnHall
 from uav_bt.board import SITE_MAP
-from uav_bt.board.numbers import (
+from uav_bt.board.keys import (
     BATTERY_PER_MIN,
     BATTERY_SHARE,
     FLYING,

@@ -33,8 +33,7 @@ from uav_bt.board import (
 from uav_bt.errors import AnswerError, NodeFailedError
 from uav_bt.protocols import PolicyView
 from uav_bt.testing import LeafBench
-from uav_bt.testing.maps import drawn_map
-from uav_bt.testing.world import Says, live, show
+from uav_bt.testing.world import Says, drawn_map, live, show
 from uav_bt.tree import Status
 from uav_bt.types import (
     BodyVelocity,

@@ -17,8 +17,7 @@ from tests.worlds.leaves import ADVANCE, RETURN_TO_BASE, TURN_RIGHT, steering_be
 from tests.worlds.values import motion
 from uav_bt.board import FLIGHT_HEIGHT, ODOMETRY, SITE_MAP
 from uav_bt.testing import LeafBench
-from uav_bt.testing.maps import drawn_map
-from uav_bt.testing.world import Says, show
+from uav_bt.testing.world import Says, drawn_map, show
 from uav_bt.tree import Status
 from uav_bt.types import Airframe, BodyVelocity, Clearances, MoveBy, NearObstacles, Velocity
 from uav_bt.types.dead_reckoning import OdometryPose

@@ -16,8 +16,7 @@ from tests.behaviours.path.test_ways_out import mover
 from uav_bt.board import FLIGHT_HEIGHT, PHASE
 from uav_bt.errors import InputError
 from uav_bt.testing import LeafBench
-from uav_bt.testing.maps import drawn_map
-from uav_bt.testing.world import live
+from uav_bt.testing.world import drawn_map, live
 from uav_bt.tree import Status
 from uav_bt.types import GimbalTo, LandingMark, MovementState, MovementStatus, Pose2D, Velocity
 from uav_bt.types import MoveBy as MoveByCommand

@@ -14,7 +14,7 @@ from behaviours.fly.keeping_away import (
     push_away_mps,
     step_away_m,
 )
-from uav_bt.testing.maps import drawn_map
+from uav_bt.testing.world import drawn_map
 from uav_bt.types import MapObject, NearObstacles
 
 CONFIG = KeepAwayConfig()

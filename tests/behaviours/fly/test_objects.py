@@ -13,7 +13,7 @@ from tests.paper_lab import BOXES, CARPET, CLASSES, ROOFS
 from uav_bt.board import SITE_MAP
 from uav_bt.errors import InputError
 from uav_bt.testing import LeafBench, parse_tree
-from uav_bt.testing.maps import drawn_map
+from uav_bt.testing.world import drawn_map
 from uav_bt.tree import Status
 from uav_bt.types import Pose2D
 from uav_bt.types.place import parse_places

@@ -28,8 +28,7 @@ from tests.worlds.values import fix, motion
 from uav_bt.answers import Done, FollowLeg
 from uav_bt.board import FLIGHT_HEIGHT, MARK, ODOMETRY, PHASE, SITE_MAP
 from uav_bt.testing import LeafBench
-from uav_bt.testing.maps import drawn_map
-from uav_bt.testing.world import Says, show
+from uav_bt.testing.world import Says, drawn_map, show
 from uav_bt.tree import Status
 from uav_bt.types import (
     Clearances,

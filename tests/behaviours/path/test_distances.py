@@ -10,7 +10,7 @@ import pytest
 
 from behaviours.path.distances import Distances
 from behaviours.path.nearby import RecentObstacles
-from uav_bt.testing.maps import drawn_map
+from uav_bt.testing.world import drawn_map
 from uav_bt.types.site_map import MapObject
 
 ORIGIN = 30, 30  # the cell at (0, 0)

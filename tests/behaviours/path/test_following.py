@@ -16,7 +16,7 @@ from behaviours.path.survey import best_route
 from tests.behaviours.path.test_survey import where
 from tests.worlds import values
 from uav_bt.answers import FollowLeg, Rotate
-from uav_bt.testing.maps import drawn_map
+from uav_bt.testing.world import drawn_map
 from uav_bt.types import NearObstacles
 
 MARGINS = Margins()

@@ -16,7 +16,7 @@ from behaviours.path.gimbal_pointing import (
 )
 from tests.behaviours.path.test_ways_out import mover, with_movers
 from tests.behaviours.policies.cast_world import CAMERA
-from uav_bt.testing.maps import drawn_map
+from uav_bt.testing.world import drawn_map
 from uav_bt.types import NearObstacles
 
 FLIGHT_RAD = math.radians(-30)

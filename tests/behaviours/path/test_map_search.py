@@ -11,7 +11,7 @@ from behaviours.path.map_search import Aim, Course, MapSearch, MapSearchConfig
 from tests.behaviours.path.drawn_hall import SIGHT, DrawnHall
 from tests.worlds.values import corridor
 from uav_bt.answers import Done, FollowLeg, Rotate
-from uav_bt.testing.maps import drawn_map
+from uav_bt.testing.world import drawn_map
 from uav_bt.types import NearObstacles, Pose2D
 from uav_bt.types.site_map import MapMark
 

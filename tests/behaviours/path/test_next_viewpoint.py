@@ -20,7 +20,7 @@ from behaviours.path.next_viewpoint import (
     unseen,
 )
 from tests.behaviours.path.test_survey import where
-from uav_bt.testing.maps import drawn_map
+from uav_bt.testing.world import drawn_map
 from uav_bt.types import CameraModel
 from uav_bt.types.arrays import Flags
 from uav_bt.types.site_map import SiteMap

@@ -10,7 +10,7 @@ import pytest
 from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import RecentObstacles
 from behaviours.path.passages import ClearanceMaps
-from uav_bt.testing.maps import drawn_map
+from uav_bt.testing.world import drawn_map
 from uav_bt.types.site_map import SiteMap
 
 CORNER = (-1.6, 1.4)

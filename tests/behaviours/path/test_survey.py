@@ -16,7 +16,7 @@ from behaviours.path.margins import Margins
 from behaviours.path.nearby import RecentObstacles
 from behaviours.path.survey import best_route
 from uav_bt.errors import ValueRangeError
-from uav_bt.testing.maps import drawn_map
+from uav_bt.testing.world import drawn_map
 from uav_bt.types.site_map import MapObject, SiteMap
 
 MARGINS = Margins()

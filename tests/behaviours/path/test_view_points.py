@@ -15,7 +15,7 @@ from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import RecentObstacles
 from behaviours.path.passages import ClearanceMaps
 from behaviours.path.view_points import ViewPointConfig, view_points
-from uav_bt.testing.maps import drawn_map
+from uav_bt.testing.world import drawn_map
 from uav_bt.types import Pose2D
 from uav_bt.types.site_map import MapObject, SiteMap
 

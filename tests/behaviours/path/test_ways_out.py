@@ -23,7 +23,7 @@ from behaviours.path.ways_out import (
     way_out,
 )
 from tests.behaviours.path.test_survey import where
-from uav_bt.testing.maps import drawn_map
+from uav_bt.testing.world import drawn_map
 from uav_bt.types.site_map import MapMover, SiteMap
 
 CONFIG, MOVING = WayOutConfig(), MoversAheadConfig()

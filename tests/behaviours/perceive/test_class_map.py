@@ -23,8 +23,7 @@ from uav_bt.lab.shipped import default_mark
 from uav_bt.landing_marks import MarkSighting
 from uav_bt.plugins import make_mark_finder
 from uav_bt.testing import LeafBench, pinhole
-from uav_bt.testing.maps import drawn_map
-from uav_bt.testing.world import ground, live, show
+from uav_bt.testing.world import drawn_map, ground, live, show
 from uav_bt.tree import Status
 from uav_bt.types import (
     BodyVelocity,

@@ -17,8 +17,7 @@ from tests.worlds.values import motion
 from uav_bt.board import CLASS_MAP, CORRIDOR, FRAME, METRIC_DEPTH, ODOMETRY, RELATIVE_DEPTH
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import AnswerError, InputError
-from uav_bt.lab.classes import LabClass, LabClasses
-from uav_bt.lab.roles import RoleName
+from uav_bt.lab.classes import LabClass, LabClasses, RoleName
 from uav_bt.lab.shipped import default_mark
 from uav_bt.protocols import DepthEstimator
 from uav_bt.testing import LeafBench, pinhole

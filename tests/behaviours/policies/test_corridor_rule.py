@@ -17,7 +17,7 @@ from tests.worlds.leaves import map_with
 from tests.worlds.values import corridor
 from uav_bt.answers import Advance, Blocked
 from uav_bt.errors import ValueRangeError
-from uav_bt.lab.roles import GROUND, OUTSIDE
+from uav_bt.lab.classes import GROUND, OUTSIDE
 from uav_bt.types import Corridor, NearObstacles
 
 # Fixed here, so that tuning the defaults does not change what these tests ask.

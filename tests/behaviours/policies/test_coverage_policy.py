@@ -15,7 +15,7 @@ from tests.behaviours.policies.cast_world import cast, view
 from tests.worlds.values import corridor
 from uav_bt.answers import Answer, Blocked, Done, FollowLeg, Rotate
 from uav_bt.errors import MissionError
-from uav_bt.testing.maps import drawn_map
+from uav_bt.testing.world import drawn_map
 from uav_bt.types import Clearances
 from uav_bt.types.site_map import SiteMap
 

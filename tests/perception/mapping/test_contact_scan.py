@@ -18,7 +18,7 @@ from perception.mapping.ground_grid import GroundGrid
 from perception.mapping.view import View
 from tests.paper_lab import BOXES, CARPET, CLASS_COUNT, CLASSES, ROOFS, paper_map
 from tests.worlds import values
-from uav_bt.lab.roles import NO_ROLE
+from uav_bt.lab.classes import NO_ROLE
 from uav_bt.testing import pinhole
 from uav_bt.types import ClassMap, Frame, Pose2D
 from uav_bt.types.projection import project

@@ -12,7 +12,7 @@ from perception.mapping.contact_scan import ContactScanConfig, GroundScan, find_
 from perception.mapping.ground_grid import GroundGrid, GroundGridConfig
 from perception.mapping.view import View, ViewConfig
 from tests.paper_lab import CLASSES
-from uav_bt.lab.roles import GROUND, NO_ROLE, OUTSIDE
+from uav_bt.lab.classes import GROUND, NO_ROLE, OUTSIDE
 from uav_bt.testing import pinhole
 from uav_bt.types import Pose2D
 

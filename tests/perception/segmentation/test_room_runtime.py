@@ -17,7 +17,7 @@ from perception.segmentation.room_runtime import RoomSegmenter
 from perception.segmentation.runtime import OnnxSegmenter, load_segmenter
 from tests.paper_lab import CLASSES
 from uav_bt.errors import WeightsError
-from uav_bt.lab.roles import GROUND, OBSTACLE, OUTSIDE
+from uav_bt.lab.classes import GROUND, OBSTACLE, OUTSIDE
 from uav_bt.lab.shipped import load_lab
 from uav_bt.learning.views import DepthViewPlan, DepthViews, depth_views
 from uav_bt.types import Frame

@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 
 from uav_bt.errors import FileError
-from uav_bt.groot.btlog import BtlogWriter
-from uav_bt.groot.transitions import Transition
+from uav_bt.groot.transitions import BtlogWriter, Transition
 from uav_bt.tree import Status
 
 XML = '<root BTCPP_format="4"><BehaviorTree ID="Main"><A _uid="1"/></BehaviorTree></root>'

@@ -8,8 +8,16 @@ import numpy as np
 import pytest
 
 from uav_bt.errors import UnknownNameError, ValueRangeError
-from uav_bt.lab.classes import MAX_CLASSES, LabClass, LabClasses
-from uav_bt.lab.roles import GROUND, MARK, OBSTACLE, OUTSIDE, RoleName
+from uav_bt.lab.classes import (
+    GROUND,
+    MARK,
+    MAX_CLASSES,
+    OBSTACLE,
+    OUTSIDE,
+    LabClass,
+    LabClasses,
+    RoleName,
+)
 from uav_bt.lab.shipped import load_lab
 
 PAPER = load_lab("paper").classes

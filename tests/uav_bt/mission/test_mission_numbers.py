@@ -12,7 +12,7 @@ from tests.worlds import values
 from uav_bt.board import MARK, MISSION_KEYS, ODOMETRY, SITE_MAP
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import FlightNotes
-from uav_bt.board.numbers import NUMBER_KEYS
+from uav_bt.board.keys import NUMBER_KEYS
 from uav_bt.clock import ManualClock
 from uav_bt.mission.judge import Judge, JudgeConfig
 from uav_bt.mission.mission_numbers import MissionNumbers, Whereabouts

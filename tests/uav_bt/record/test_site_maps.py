@@ -12,7 +12,7 @@ import pytest
 
 from tests.paper_lab import CLASSES
 from uav_bt.errors import InputError
-from uav_bt.json_text import parse_json
+from uav_bt.files import parse_json
 from uav_bt.record.channels import SiteMapNote
 from uav_bt.record.images import encode_bytes
 from uav_bt.record.site_maps import note_of, site_map_of

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uav_bt.testing.maps import drawn_map
+from uav_bt.testing.world import drawn_map
 from uav_bt.types import Pose2D
 from uav_bt.types.place import Place
 from uav_bt.types.place_frames import Goal, Unresolved, lab_to_start, resolve, start_place

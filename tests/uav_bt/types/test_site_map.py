@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from uav_bt.testing.maps import drawn_map
+from uav_bt.testing.world import drawn_map
 from uav_bt.types.site_map import MapObject
 
 

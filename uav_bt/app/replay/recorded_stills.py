@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from uav_bt.errors import DroneError, FileError, InputError
-from uav_bt.json_text import parse_json
+from uav_bt.files import parse_json
 from uav_bt.protocols import Still, StillState
 from uav_bt.record.reader import RecordReader
 from uav_bt.types.flight_results import EventKind

@@ -24,7 +24,7 @@ from uav_bt.display.rerun import sinks
 from uav_bt.display.rerun.setting import TreeNode, ViewSetting
 from uav_bt.display.video.video import FlightVideo, FlightVideoConfig
 from uav_bt.errors import FileError, InputError, TreeError
-from uav_bt.json_text import parse_json
+from uav_bt.files import parse_json
 from uav_bt.mission.judge import Outcome
 from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.progress import Advance, silent

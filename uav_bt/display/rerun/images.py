@@ -15,7 +15,7 @@ from uav_bt.display.rerun.layout import Entities
 from uav_bt.display.rerun.setting import DEPTH_LENS, LENS, MASK, ViewSetting
 from uav_bt.display.video.depth_panes import FARTHEST_M, intruding_pixels
 from uav_bt.display.video.panes import pad_circle
-from uav_bt.lab.roles import OUTSIDE
+from uav_bt.lab.classes import OUTSIDE
 from uav_bt.record.images import encode_image
 from uav_bt.types import CameraModel, ClassMap, Corridor, DepthMap, Frame, MarkFix
 

@@ -16,7 +16,7 @@ from perception.depth.evaluation.scores import (
 )
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, CLASSES, paper_map
 from uav_bt.errors import ShapeError, ValueRangeError
-from uav_bt.lab.roles import OBSTACLE
+from uav_bt.lab.classes import OBSTACLE
 from uav_bt.types import CameraModel
 
 
