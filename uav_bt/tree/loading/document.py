@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
@@ -124,66 +125,51 @@ def outline(
     document.unread = lookup.library.hint()
     named = root.attributes.get("main_tree_to_execute")
     _fetch(document, lookup, findings, [] if named is None else [(root, named)])
-    for tree_id, tree in document.trees.items():
-        document.trees[tree_id] = document.place_lists.in_tree(tree, registry)
     return document
 
 
 def _check_root(root: Element, findings: Findings) -> bool:
-    path = root.path
     if root.tag != "root":
         message = f"expected the element <root>, got <{root.tag}>"
-        findings.add(path, root.position, message, rule=Rule.ROOT)
+        findings.note(root, message, rule=Rule.ROOT, label="")
         return False
     check_attributes(root, _ROOT_ATTRIBUTES, findings)
     check_no_text(root, findings)
     for position, message in root.mended:
-        findings.add(path, position, message, severity=WARNING, rule=Rule.FILE)
+        findings.add(root.path, position, message, severity=WARNING, rule=Rule.FILE)
     version = root.attributes.get("BTCPP_format")
     expected = 'expected BTCPP_format="4", got'
     if version is None:
         findings.warn(root, f"{expected} nothing", rule=Rule.ROOT)
     elif version != "4":
-        where = root.at("BTCPP_format")
         cure = ": convert it with convert_v3_to_v4.py of BehaviorTree.CPP" if version == "3" else ""
-        findings.add(path, where, f"{expected} '{version}'{cure}", "root", rule=Rule.ROOT)
+        findings.note(root, f"{expected} '{version}'{cure}", "BTCPP_format", rule=Rule.ROOT)
     return True
 
 
 def _read_parts(root: Element, document: Document, findings: Findings) -> None:
-    parts: dict[str, list[Element]] = {tag: [] for tag in (*_ROOT_CHILDREN, _METADATA)}
+    tags = Counter(child.tag for child in root.children)
     for child in root.children:
-        if child.tag in parts:
-            parts[child.tag].append(child)
-        else:
+        if child.tag == "BehaviorTree":
+            _read_tree(child, document, findings, alone=tags[child.tag] == 1)
+        elif child.tag == "TreeNodesModel":
+            _read_models(child, document, findings)
+        elif child.tag not in (*_ROOT_CHILDREN, _METADATA):
             hint = did_you_mean(child.tag, _ROOT_CHILDREN)
             findings.warn(child, f"<{child.tag}> means nothing in <root>{hint}")
-    trees = parts["BehaviorTree"]
-    for tree in trees:
-        _read_tree(tree, document, findings, alone=len(trees) == 1)
-    for number, models in enumerate(parts["TreeNodesModel"]):
-        if number:
-            message = "a file has one <TreeNodesModel>: move its content to the first"
-            findings.note(models, message, rule=Rule.NODE_MODEL)
-        _read_models(models, document, findings)
+    for models in [child for child in root.children if child.tag == "TreeNodesModel"][1:]:
+        message = "a file has one <TreeNodesModel>: move its content to the first"
+        findings.note(models, message, rule=Rule.NODE_MODEL)
 
 
-def _read_tree(
-    element: Element,
-    document: Document,
-    findings: Findings,
-    *,
-    alone: bool,
-) -> None:
-    path = element.path
+def _read_tree(element: Element, document: Document, findings: Findings, *, alone: bool) -> None:
     check_attributes(element, _TREE_ATTRIBUTES, findings)
     check_no_text(element, findings)
     tree_id = element.attributes.get("ID", "")
     if not tree_id and alone:
         tree_id = f"BehaviorTree_{len(document.trees)}"  # as the engine calls it
     if not tree_id:
-        message = "attribute 'ID' is missing"
-        findings.add(path, element.position, message, "BehaviorTree", rule=Rule.TREE_ID)
+        findings.note(element, "attribute 'ID' is missing", rule=Rule.TREE_ID)
         return
     if len(element.children) != 1:
         count = len(element.children)
@@ -255,7 +241,10 @@ class _Short:
         self.used: dict[str, Element] = {}  # models of such trees, by ID
 
     def replaced(self, element: Element) -> Element:
-        """Return a tree with SubTrees in place of such nodes; elements that change are copied."""
+        """Return a tree with SubTrees in place of such nodes, and places in place of their files.
+
+        Elements are shared by the readings of a file, so those that change are copied.
+        """
         children = [self.replaced(child) for child in element.children]
         document, node_id = self._document, node_id_of(element)
         if element.tag == SubTree.node_id:
@@ -263,12 +252,14 @@ class _Short:
             tree_id = "" if tree_id in document.trees else tree_id
         else:
             tree_id = "" if node_id in document.registry else node_id
+        new = element
         if tree_id and tree_id in document.lookup.described:
             attributes = self._chosen(element, tree_id)
-            return replace(element, tag=SubTree.node_id, attributes=attributes, children=children)
-        if all(one is other for one, other in zip(children, element.children, strict=True)):
-            return element
-        return replace(element, children=children)
+            new = replace(element, tag=SubTree.node_id, attributes=attributes)
+        if places := document.place_lists.in_attributes(new, document.registry):
+            new = replace(new, attributes={**new.attributes, **places})
+        same = all(one is other for one, other in zip(children, element.children, strict=True))
+        return new if same else replace(new, children=children)
 
     def _chosen(self, element: Element, tree_id: str) -> dict[str, str]:
         described = self._document.lookup.described
@@ -300,11 +291,10 @@ def find_main(document: Document, root: Element, findings: Findings, tree_id: st
         document.is_mission = bool(document.main)
         return
     reason = "the file has no BehaviorTree"
-    where = root.position
+    at = "main_tree_to_execute" if tree_id is None and wanted is not None else ""
     if wanted is not None:
         lead = "main_tree_to_execute: " if tree_id is None else ""
         reason = f"{lead}there is no tree '{wanted}'{did_you_mean(wanted, document.trees)}"
-        where = root.at("main_tree_to_execute") if tree_id is None else where
     elif document.own:
         unused = document.unused
         if len(unused) == 1:
@@ -314,7 +304,7 @@ def find_main(document: Document, root: Element, findings: Findings, tree_id: st
             f"which of these trees is meant: {', '.join(unused or document.own)}? Choose one with "
             "--tree ID (in Python: tree_id=...), or write it to main_tree_to_execute in <root>"
         )
-    findings.add(document.path, where, reason, "root", rule=Rule.ROOT)
+    findings.note(root, reason, at, rule=Rule.ROOT, label="root")
 
 
 def _read_models(models: Element, document: Document, findings: Findings) -> None:

@@ -18,7 +18,6 @@ from uav_bt.files import read_bounded
 from uav_bt.tree.loading.elements import node_attributes, node_id_of
 from uav_bt.tree.loading.findings import WHOLE_FILE, Findings, Position, Rule
 from uav_bt.tree.loading.lookup import file_in
-from uav_bt.tree.loading.parameters import VAR, Parameters
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.mission_tree import Place as At
 from uav_bt.tree.node import NodeKind
@@ -53,20 +52,13 @@ class PlaceLists:
         self._findings = findings
         self._texts: dict[Path, str] = {}
 
-    def in_tree(self, element: Element, registry: NodeRegistry) -> Element:
-        """Return a tree with the places of the files that it names.
-
-        Elements are shared by the readings of a file, so those that change are copied.
-        """
-        children = [self.in_tree(child, registry) for child in element.children]
-        changed = {
+    def in_attributes(self, element: Element, registry: NodeRegistry) -> dict[str, str]:
+        """Return the attributes of a node that change with the places of the files they name."""
+        return {
             name: self.in_attribute(element, name)
             for name, text in node_attributes(element).items()
             if FILE_PREFIX in text and takes_places(element, name, registry)
         }
-        if not changed and all(a is b for a, b in zip(children, element.children, strict=True)):
-            return element
-        return replace(element, attributes={**element.attributes, **changed}, children=children)
 
     def in_parameters(self, parameters: Parameters, home: Path) -> Parameters:
         """Return parameters whose variables have the places of files beside a tree file."""
