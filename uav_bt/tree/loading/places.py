@@ -18,6 +18,7 @@ from uav_bt.files import read_bounded
 from uav_bt.tree.loading.elements import node_attributes, node_id_of
 from uav_bt.tree.loading.findings import WHOLE_FILE, Findings, Position, Rule
 from uav_bt.tree.loading.lookup import file_in
+from uav_bt.tree.loading.parameters import VAR, Parameters
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.mission_tree import Place as At
 from uav_bt.tree.node import NodeKind
