@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
-from typing import Any, Final, Protocol
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Final
 
 from uav_bt.clock import TIME_LIMIT_S
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.elements import KIND_TAGS, node_id_of
-from uav_bt.tree.loading.findings import ERROR, WARNING, Findings, Rule
+from uav_bt.tree.loading.findings import WARNING, Findings, Rule
 from uav_bt.tree.loading.source import Element, walk
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import ReactiveSequence
@@ -34,13 +34,8 @@ _LEAST_MSEC: Final = 10  # a shorter time is less than a tick and probably in se
 _TIME_LIMIT: Final = "time_limit_s"  # a port that states the limit is not measured by it
 
 
-class Note(Protocol):
-    """Takes a fault of a node's attribute."""
-
-    def __call__(
-        self, message: str, attribute: str, rule: Rule = Rule.ATTRIBUTE, severity: str = ERROR
-    ) -> None:
-        """Add it to the findings."""
+Note = Callable[..., None]
+"""Takes a fault of a node's attribute: message, attribute, and perhaps rule= and severity=."""
 
 
 class Attributes:
@@ -57,13 +52,15 @@ class Attributes:
         bound, wrong = bind_ports(ports, dict(given))
         scripts = {port.name for port in ports if port.check in SCRIPTS}
         for name, message in wrong.items():
-            note(message, name, Rule.SCRIPT if name in scripts else Rule.ATTRIBUTE)
+            note(message, name, rule=Rule.SCRIPT if name in scripts else Rule.ATTRIBUTE)
         for port in ports:
             value = bound.get(port.name)
             if (script := port.script(value)) is not None:
                 self._check_script(script, port.name, note, asked=port.check is parse_question)
             elif port.name in given and (doubt := _unit_doubt(port, value)) is not None:
-                note(f"attribute '{port.name}': {doubt}", port.name, Rule.UNIT, WARNING)
+                note(
+                    f"attribute '{port.name}': {doubt}", port.name, rule=Rule.UNIT, severity=WARNING
+                )
         return None if wrong else bound
 
     def conditions(self, given: Mapping[str, str], note: Note) -> dict[str, str]:
@@ -73,7 +70,7 @@ class Attributes:
             try:
                 self._check_script(parse_question(text), name, note, asked=name in ASKED)
             except ScriptError as error:
-                note(f"attribute '{name}': {error}", name, Rule.SCRIPT)
+                note(f"attribute '{name}': {error}", name, rule=Rule.SCRIPT)
                 del good[name]
         return good
 
@@ -94,9 +91,9 @@ class Attributes:
         fault = script.fault(self._members, asked=asked)
         lead = f"attribute '{name}': "
         if fault is not None:
-            note(f"{lead}the script always fails: {fault}", name, Rule.SCRIPT)
+            note(f"{lead}the script always fails: {fault}", name, rule=Rule.SCRIPT)
         for odd in script.oddities:
-            note(f"{lead}{odd}", name, Rule.SCRIPT, WARNING)
+            note(f"{lead}{odd}", name, rule=Rule.SCRIPT, severity=WARNING)
 
 
 def _unit_doubt(port: Port[Any], value: object) -> str | None:

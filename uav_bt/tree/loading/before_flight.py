@@ -320,12 +320,12 @@ def _late_values(uses: Uses) -> Iterator[Fault]:
 @in_missions
 def _early_reads(uses: Uses) -> Iterator[Fault]:
     """Yield reads of variables that may have no value yet."""
-    for early in early_reads(uses):
+    for node, attribute, name in early_reads(uses):
         message = (
-            f"attribute '{early.attribute}': variable '{early.name}' may have no value here: what "
-            "sets it may run later, or not at all; give it a value in a Script before"
+            f"attribute '{attribute}': variable '{name}' may have no value here: what sets it may "
+            "run later, or not at all; give it a value in a Script before"
         )
-        yield Fault(early.node, message, Rule.VARIABLE)
+        yield Fault(node, message, Rule.VARIABLE)
 
 
 @everywhere

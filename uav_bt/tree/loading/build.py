@@ -6,9 +6,8 @@ placeholder is never ticked: its file has an error.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from functools import cache
-from typing import Any, Final
+from functools import cache, partial
+from typing import Any
 
 from uav_bt.errors import InputError, did_you_mean
 from uav_bt.tree.loading.attributes import Attributes, Note, check_names, check_subtree, node_class
@@ -19,7 +18,7 @@ from uav_bt.tree.loading.elements import (
     node_attributes,
     node_id_of,
 )
-from uav_bt.tree.loading.findings import ERROR, WHOLE_FILE, Findings, Rule
+from uav_bt.tree.loading.findings import WHOLE_FILE, Findings, Rule
 from uav_bt.tree.loading.replacements import Built, Part, Replacements
 from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element
 from uav_bt.tree.mission_tree import MissionTree, allow_depth
@@ -28,9 +27,6 @@ from uav_bt.tree.node_ports import BOUND, child_paths
 from uav_bt.tree.nodes import BUILTIN_NODES, AlwaysSuccess, SubTree
 from uav_bt.tree.nodes.base import ControlNode, DecoratorNode
 from uav_bt.tree.port import CONDITION_ATTRIBUTES
-from uav_bt.tree.scripted import Mock, ScriptedLeaf
-
-_FIXED: Final = frozenset({"ID", "_autoremap", "name"})  # these say which nodes there are
 
 
 class Placeholder(ControlNode):
@@ -47,35 +43,22 @@ def _stand_in(node: type[Node]) -> type[Placeholder]:
     return type(f"Wrong{node.__name__}", (Placeholder,), body)
 
 
-class _Roots(Placeholder):
-    hides = False  # only several roots of one tree
-
-
 class _TooLargeError(Exception):
     pass
-
-
-def _nowhere(
-    message: str, attribute: str, rule: Rule = Rule.ATTRIBUTE, severity: str = ERROR
-) -> None:
-    """Take the faults of a node that is unknown as a whole."""
 
 
 class Builder:
     """Makes trees of a document."""
 
     def __init__(
-        self,
-        document: Document,
-        findings: Findings,
-        others: Findings | None = None,
+        self, document: Document, findings: Findings, others: Findings | None = None
     ) -> None:
         self._document = document
         self._registry = document.registry
         self._findings = findings
         self._others = findings if others is None else others
         self._attributes = Attributes(document)
-        self._replacements: Replacements | None = None
+        self._replacements = Replacements(document, findings)
         self._parts: dict[str, Part] = {}
         self._count = 0
         self.entered: set[str] = set()  # trees that were built
@@ -84,7 +67,7 @@ class Builder:
         """Return a tree; None if it grows too large, which is a finding."""
         element = self._document.trees[tree_id]
         self._parts, self._count = {}, 0
-        self._replacements = replacements
+        self._replacements = replacements or Replacements(self._document, self._findings)
         allow_depth(MAX_DEPTH)
         try:
             root = self._root(tree_id, f"{tree_id}/", (), 1)
@@ -109,7 +92,9 @@ class Builder:
             check_names(tree, self._findings)
         chain = (*chain, tree_id)
         if len(tree.children) > 1:
-            return _Roots(tree_id, self._children(tree, lead + tree_id, chain, depth))
+            return _stand_in(Placeholder)(
+                tree_id, self._children(tree, lead + tree_id, chain, depth)
+            )
         root = tree.children[0]
         return self._make(root, lead + _name_of(root), chain, depth)
 
@@ -138,43 +123,30 @@ class Builder:
         self._parts[path] = Part(element, given)
         children = self._children(element, path, chain, depth)
         if node is None:
-            conditions = self._attributes.conditions(given, _nowhere)
+            conditions = self._attributes.conditions(given, partial(Findings().note, element))
             return Placeholder(name, children, **conditions)
         note = self._note(element)
         conditions = self._attributes.conditions(given, note)
-        values = {key: given[key] for key in given.keys() - CONDITION_ATTRIBUTES}
-        bound = self._attributes.bound(node.ports_over(len(children)), values, note)
-        stand_in = self._mock(node, element, path, ())
-        if stand_in is not None:
-            return stand_in[0](name, stand_in[1], **{BOUND: bound or {}}, **conditions)
-        return self._node(node, name, children, bound, conditions)
-
-    def _mock(
-        self, node: type[Node], element: Element, path: str, entries: Iterable[str]
-    ) -> tuple[type[ScriptedLeaf], Mock] | None:
-        if self._replacements is None:
-            return None
-        return self._replacements.mock(node, element, _name_of(element), path, entries)
+        texts = {key: given[key] for key in given.keys() - CONDITION_ATTRIBUTES}
+        bound = self._attributes.bound(node.ports_over(len(children)), texts, note)
+        values = {**conditions, BOUND: bound or {}}
+        if (mock := self._replacements.mock(node, element, name, path, ())) is not None:
+            return mock[0](name, mock[1], **values)
+        if node not in BUILTIN_NODES and bound is None:
+            node = _stand_in(node)
+        return self._node(node, name, children, values)
 
     def _node(
-        self,
-        node: type[Node],
-        name: str,
-        children: list[Node],
-        bound: dict[str, Any] | None,
-        conditions: dict[str, str],
+        self, node: type[Node], name: str, children: list[Node], values: dict[str, Any]
     ) -> Node:
-        given: dict[str, Any] = {**conditions, BOUND: bound or {}}
-        if node not in BUILTIN_NODES and bound is None:
-            return _stand_in(node)(name, children, **given)
+        if issubclass(node, DecoratorNode) and len(children) > 1:
+            node = _stand_in(node)
         try:
             if issubclass(node, ControlNode):
-                return node(name, children, **given)
+                return node(name, children, **values)
             if issubclass(node, DecoratorNode):
-                if len(children) > 1:
-                    return _stand_in(node)(name, children, **given)
-                return node(name, *(children or [AlwaysSuccess()]), **given)
-            return node(name, **given)
+                return node(name, *(children or [AlwaysSuccess()]), **values)
+            return node(name, **values)
         except InputError as error:
             self._findings.add(self._document.path, WHOLE_FILE, str(error))
             return Placeholder(name, children)
@@ -198,10 +170,9 @@ class Builder:
         entries = self._attributes.entries(given, note)
         before, name = dict(self._parts), _name_of(element)
         root = self._root(tree_id, f"{path}/", chain, depth + 1)
-        stand_in = self._mock(SubTree, element, path, entries)
-        if stand_in is not None:
+        if (mock := self._replacements.mock(SubTree, element, name, path, entries)) is not None:
             self._parts = before
-            return stand_in[0](name, stand_in[1], **entries, **conditions)
+            return mock[0](name, mock[1], **entries, **conditions)
         autoremap = autoremaps(element)
         return SubTree(name, root, entries, autoremap=autoremap, tree_id=tree_id, **conditions)
 
@@ -210,7 +181,7 @@ class Builder:
         if tree_id and tree_id not in document.trees and tree_id not in self._registry:
             hint = did_you_mean(tree_id, [*document.trees, *document.elsewhere]) + document.unread
             hint = hint or "; --trees DIR adds the trees of a folder"
-            note(f"there is no tree '{tree_id}'{hint}", "ID", Rule.UNKNOWN_TREE)
+            note(f"there is no tree '{tree_id}'{hint}", "ID", rule=Rule.UNKNOWN_TREE)
         try:
             SubTree.AUTOREMAP.convert(element.attributes.get("_autoremap", False))
         except ValueError as error:
@@ -222,15 +193,8 @@ class Builder:
                     message = "is missing: the tree is described with it, without a default"
                     note(f"entry '{name}' {message}", "")
 
-    # --- findings ---------------------------------------------------------------------------------
-
     def _note(self, element: Element) -> Note:
-        def note(
-            message: str, attribute: str, rule: Rule = Rule.ATTRIBUTE, severity: str = ERROR
-        ) -> None:
-            self._others.note(element, message, attribute, rule=rule, severity=severity)
-
-        return note
+        return partial(self._others.note, element, rule=Rule.ATTRIBUTE)
 
 
 def _name_of(element: Element) -> str:

@@ -8,7 +8,7 @@ leaf's output has written by then has a value; the rest may have none.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from uav_bt.tree.flow import After, Known, Out, Variable, both
@@ -22,16 +22,7 @@ from uav_bt.tree.script import Script, parse_script
 from uav_bt.tree.script.expressions import Assignment, Expression, Name, certain_parts
 
 
-@dataclass(frozen=True)
-class EarlyRead:
-    """A read of a variable that other nodes set, perhaps later."""
-
-    node: Node
-    attribute: str
-    name: str
-
-
-def early_reads(uses: Uses) -> Iterator[EarlyRead]:
+def early_reads(uses: Uses) -> Iterator[tuple[Node, str, str]]:
     """Yield the reads of variables that may have no value yet.
 
     Variables of the main tree that no node writes are left out: `Uses.unset` has them.
@@ -45,7 +36,7 @@ def early_reads(uses: Uses) -> Iterator[EarlyRead]:
         ours = variable in flow.written or variable[0] is not tree.variables
         if ours and (node.path, variable) not in seen:
             seen.add((node.path, variable))
-            yield EarlyRead(node, attribute, variable[1])
+            yield node, attribute, variable[1]
 
 
 class _Flow:

@@ -139,26 +139,24 @@ def _of_part(
     uses: Uses, node: Node, part: Expression, words: set[str]
 ) -> Iterator[tuple[str, bool]]:
     """Yield the messages on values that a part of a script cannot use, and whether none fits."""
-    values, is_whole = _named(uses, node, part, words)
-    objects = [one for one in values if not issubclass(one.kind, _IN_SCRIPTS)]
-    objects = [one for one in objects if one.kind is not object]
-    if objects:
-        is_certain = is_whole and len(objects) == len(values)
-        holds = f"{'holds' if is_certain else 'may hold'} {uses.value_words(objects[0])}"
-        yield f"variable '{_name(part)}' {holds}, no number and no text", is_certain
-        return
-    for operand in _numbers_in(part):
+    if isinstance(part, Name):
+        values, is_whole = _named(uses, node, part, words)
+        known = [one for one in values if one.kind is not object]
+        bad = [one for one in known if not issubclass(one.kind, _IN_SCRIPTS)]
+        if bad:
+            is_certain = is_whole and len(bad) == len(values)
+            holds = f"{'holds' if is_certain else 'may hold'} {uses.value_words(bad[0])}"
+            yield f"variable '{part.name}' {holds}, no number and no text", is_certain
+    for operand in (one for one in _numbers_in(part) if isinstance(one, Name)):
         for value in _named(uses, node, operand, words)[0]:
             if _is_word(value) or (value.kind is str and not _compares(part)):
                 held = uses.value_words(value)
-                yield f"needs a number, but '{_name(operand)}' may hold {held}", False
+                yield f"needs a number, but '{operand.name}' may hold {held}", False
                 return
 
 
-def _named(uses: Uses, node: Node, part: Expression, words: set[str]) -> Values:
+def _named(uses: Uses, node: Node, part: Name, words: set[str]) -> Values:
     """Return the values that a name in a script may have, and whether these are all."""
-    if not isinstance(part, Name):
-        return [], False
     name = part.name
     key = name[1:] if name.startswith("@") else node.variables.board_key(name)
     if key is not None:
@@ -180,10 +178,6 @@ def _numbers_in(part: Expression) -> tuple[Expression, ...]:
 
 def _compares(part: Expression) -> bool:
     return isinstance(part, Op) and part.links != ()
-
-
-def _name(part: Expression) -> str:
-    return part.name if isinstance(part, Name) else ""
 
 
 def _mixed(uses: Uses, slot: Slot) -> Iterator[Misfit]:

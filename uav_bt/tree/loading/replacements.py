@@ -148,11 +148,8 @@ class Replacements:
             return
         part, is_good = built.parts[node.path], True
 
-        def note(
-            message: str, attribute: str, rule: Rule = Rule.ATTRIBUTE, severity: str = ERROR
-        ) -> None:
+        def note(message: str, attribute: str, *, severity: str = ERROR, **_rule: Rule) -> None:
             nonlocal is_good
-            del rule  # it is the caller's value, not the file's
             if severity == ERROR:
                 is_good = False
                 at = place or Place(part.element.path, part.element.at(attribute))

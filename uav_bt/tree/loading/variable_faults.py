@@ -32,9 +32,7 @@ _PLAIN: Final = (bool, int, float, str)
 
 def check_variables(built: Built, document: Document, findings: Findings) -> Uses:
     """Add a finding for each use of a variable that must fail, and for unused outside values."""
-    faults = _VariableFaults(built, document, findings)
-    faults.check()
-    return faults.uses
+    return _VariableFaults(built, document, findings).check()
 
 
 class _VariableFaults:
@@ -45,7 +43,7 @@ class _VariableFaults:
         self._keys: Mapping[str, Key[Any]] = document.registry.board_keys
         self.uses = Uses(built.tree)
 
-    def check(self) -> None:
+    def check(self) -> Uses:
         for door in self.uses.doors.items():
             self._check_entries(*door)
         for slot in [*self.uses.slots.values()]:
@@ -61,6 +59,7 @@ class _VariableFaults:
             if is_certain:
                 self._note(Use(node, attribute), f"attribute '{attribute}' {message}")
         self._check_given()
+        return self.uses
 
     def _note(
         self, use: Use, message: str, rule: Rule = Rule.VARIABLE, severity: str = ERROR
