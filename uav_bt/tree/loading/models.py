@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -59,11 +60,13 @@ def read_models(
             _read_members(model, enum_members, findings)
         elif model.tag in KIND_TAGS:
             check_attributes(model, _MODEL_ATTRIBUTES, findings)
-            node_id = model.attributes.get("ID", "")
+            node_id, lack = model.attributes.get("ID", ""), _severity_of_lack(model)
             if not node_id:
-                _note(model, model, "attribute 'ID' is missing", findings, is_read=True)
+                message = "attribute 'ID' is missing"
+                findings.note(model, message, rule=Rule.NODE_MODEL, severity=lack)
             elif node_id in found:
-                _note(model, model, "described twice; the first counts", findings, "ID")
+                message = "described twice; the first counts"
+                findings.warn(model, message, "ID", rule=Rule.NODE_MODEL)
             else:
                 found[node_id] = model, _read_ports(model, findings)
         elif model.tag not in _REMARKS:
@@ -74,34 +77,23 @@ def read_models(
 
 def _read_ports(model: Element, findings: Findings) -> dict[str, Element]:
     ports: dict[str, Element] = {}
+    told = partial(findings.note, rule=Rule.NODE_MODEL, label=model.label, severity=WARNING)
     for port in model.children:
         name = port.attributes.get("name", "")
         if port.tag in PORT_DIRECTIONS:
             check_attributes(port, _PORT_ATTRIBUTES, findings)
             if not name:
-                _note(model, port, "attribute 'name' is missing", findings, is_read=True)
+                told(port, "attribute 'name' is missing", severity=_severity_of_lack(model))
             elif ports.setdefault(name, port) is not port:
-                _note(model, port, f"port '{name}' is described twice; the first counts", findings)
+                told(port, f"port '{name}' is described twice; the first counts", "name")
         elif port.tag not in _REMARKS:
             hint = did_you_mean(port.tag, PORT_DIRECTIONS)
-            message = f"<{port.tag}> is not a port: its meaning is unknown{hint}"
-            _note(model, port, message, findings)
+            told(port, f"<{port.tag}> is not a port: its meaning is unknown{hint}")
     return ports
 
 
-def _note(
-    model: Element,
-    part: Element,
-    message: str,
-    findings: Findings,
-    attribute: str = "name",
-    *,
-    is_read: bool = False,
-) -> None:
-    """Note a fault: an error where the engine reads it of a SubTree, a warning elsewhere."""
-    severity = ERROR if is_read and model.tag == NodeKind.SUBTREE.value else WARNING
-    rule = Rule.NODE_MODEL
-    findings.note(part, message, attribute, rule=rule, label=model.label, severity=severity)
+def _severity_of_lack(model: Element) -> str:
+    return ERROR if model.tag == NodeKind.SUBTREE.value else WARNING  # the engine reads subtrees
 
 
 def _read_members(enumeration: Element, known: dict[str, int], findings: Findings) -> None:
