@@ -21,19 +21,13 @@ from uav_bt.tree.loading.elements import (
 from uav_bt.tree.loading.findings import WHOLE_FILE, Findings, Rule
 from uav_bt.tree.loading.replacements import Built, Part, Replacements
 from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element
+from uav_bt.tree.loading.uses import Placeholder
 from uav_bt.tree.mission_tree import MissionTree, allow_depth
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.node_ports import BOUND, child_paths
 from uav_bt.tree.nodes import BUILTIN_NODES, AlwaysSuccess, SubTree
 from uav_bt.tree.nodes.base import ControlNode, DecoratorNode
 from uav_bt.tree.port import CONDITION_ATTRIBUTES
-
-
-class Placeholder(ControlNode):
-    """Stands where a file is wrong; something unknown may happen there."""
-
-    min_children = 0
-    hides = True  # whether it may write any variable of its tree
 
 
 @cache

@@ -15,7 +15,7 @@ from uav_bt.tree.loading.findings import WARNING, Finding, Rule
 from uav_bt.tree.loading.models import PalettePort
 from uav_bt.tree.loading.parameters import VAR
 from uav_bt.tree.loading.replacements import Built
-from uav_bt.tree.loading.uses import Use, Uses
+from uav_bt.tree.loading.uses import Use
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.port import Port, port_text
 from uav_bt.tree.script import parse_text
@@ -25,7 +25,7 @@ from uav_bt.tree.scripted import ScriptedLeaf
 _Given = tuple[Port[Any], str, Finding]
 
 
-def _given_texts(built: Built, document: Document, uses: Uses) -> Iterator[_Given]:
+def _given_texts(built: Built, document: Document) -> Iterator[_Given]:
     """Yield the texts of the input ports of leaves, also by entries and by values from outside.
 
     Left out are mocked leaves, ports of a palette, texts with placeholders, and ports that only the
@@ -43,7 +43,7 @@ def _given_texts(built: Built, document: Document, uses: Uses) -> Iterator[_Give
             if at is None:
                 text = built.parts[leaf.path].given.get(port.name, port_text(port.default))
                 yield port, text, _finding(built, own)
-            elif (slot := uses.place(leaf.variables, at.key)) is not None and not at.on_board:
+            elif (slot := built.uses.place(leaf.variables, at.key)) is not None and not at.on_board:
                 for write in slot.values()[0]:
                     if write.use is None:
                         at_file = _outside(_finding(built, own), slot.name, document)
@@ -66,19 +66,19 @@ def _outside(found: Finding, name: str, document: Document) -> Finding:
     return replace(found, message=lead, path=str(place.path), position=place.position)
 
 
-def unknown_policies(built: Built, document: Document, uses: Uses) -> Iterator[Finding]:
+def unknown_policies(built: Built, document: Document) -> Iterator[Finding]:
     """Yield the names of policies that are not registered; the flight shows those it makes up."""
     known = document.registry.policies
-    for port, text, at in _given_texts(built, document, uses) if known is not None else ():
+    for port, text, at in _given_texts(built, document) if known is not None else ():
         name = text.partition(":")[0]  # what follows is the policy's own business
         if port.name == POLICY_PORT and known is not None and name not in known:
             message = str(UnknownNameError("policy", name, known))
             yield replace(at, message=message, rule=Rule.NOT_INSTALLED)
 
 
-def remarks(built: Built, document: Document, uses: Uses) -> Iterator[Finding]:
+def remarks(built: Built, document: Document) -> Iterator[Finding]:
     """Yield names that are not installed, and values that need caution."""
-    for port, text, at in _given_texts(built, document, uses):
+    for port, text, at in _given_texts(built, document):
         look_up = port.look_up
         if port.name == POLICY_PORT:
             look_up = partial(plugins.look_up_policy, own=document.registry.factories)

@@ -30,7 +30,6 @@ from uav_bt.tree.loading.models import ENUMERATION, MEMBER
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.replacements import Built, Replacements
 from uav_bt.tree.loading.source import parse_source, read_source, to_xml
-from uav_bt.tree.loading.uses import Uses
 from uav_bt.tree.loading.variable_faults import check_variables
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import NodeKind
@@ -105,18 +104,13 @@ def parse_tree(
     findings = Findings()
     read = _Read(source, Path(path), registry, findings, options)
     find_main(read.document, read.root, findings, options.get("tree_id"))
-    replacements = Replacements(
-        read.document,
-        findings,
-        options.get("overrides"),
-        options.get("by_key"),
-        options.get("mocks"),
-    )
+    given = (options.get("overrides"), options.get("by_key"), options.get("mocks"))
+    replacements = Replacements(read.document, findings, *given)
     built = read.build(read.document.main, replacements)
     read.check_others()
     findings.raise_any(path)
     assert built is not None  # noqa: S101  # else there is a finding
-    if unknown := sorted({*read.unknown_policies(built)}):
+    if unknown := sorted({*unknown_policies(built, read.document)}):
         raise TreeError(path, unknown)
     for finding in findings:
         _log.warning("Warning: %s", str(finding).replace(": warning:", ":", 1))
@@ -166,7 +160,6 @@ class _Read:
         if (given := options.get("parameters")) is not None:
             document.parameters = document.place_lists.in_parameters(given, path)
         self._builder = Builder(document, findings)
-        self.uses: dict[str, Uses] = {}  # of the trees that were built, by ID
 
     @property
     def roots(self) -> tuple[str, ...]:
@@ -184,7 +177,7 @@ class _Read:
             built.tree.whole = partial(whole_file, document, self._data)
             for name, value in document.parameters.variables.items():
                 built.tree.variables[name] = value
-            self.uses[tree_id] = check_variables(built, document, self._findings)
+            check_variables(built, document, self._findings)
         return built
 
     def check_others(self) -> None:
@@ -202,15 +195,12 @@ class _Read:
                     check_variables(built, document, idle)
         self._findings.take_as_warnings(idle)
 
-    def unknown_policies(self, built: Built) -> Iterator[Finding]:
-        """Yield policies that are not registered."""
-        return unknown_policies(built, self.document, self.uses[built.tree.name])
 
-    def remarks(self, built: Built) -> Iterator[Finding]:
-        """Yield what is not installed, values of caution, and what would end the flight."""
-        yield from remarks(built, self.document, self.uses[built.tree.name])
-        is_flown = self.document.is_mission and not self.document.registry.foreign_board
-        yield from (faults_of if is_flown else faults_of_part)(self.uses[built.tree.name])
+def _remarks(built: Built, document: Document) -> Iterator[Finding]:
+    """Yield what is not installed, values of caution, and what would end the flight."""
+    yield from remarks(built, document)
+    is_flown = document.is_mission and not document.registry.foreign_board
+    yield from (faults_of if is_flown else faults_of_part)(built.uses)
 
 
 def check_file(
@@ -245,9 +235,9 @@ def check_text(
         given = Replacements(read.document, findings) if has_values else None
         trees = [read.build(root, given) for root in read.roots]
         read.check_others()
-        for step in (read.unknown_policies, read.remarks):
+        for step in (unknown_policies, _remarks):
             for built in trees if not errors_of((*findings, *more)) else ():
-                more += [] if built is None else step(built)
+                more += [] if built is None else step(built, read.document)
     except InputError as error:
         return findings_of(error, path)
     return (*findings, *dict.fromkeys(more))  # two leaves may read one wrong value

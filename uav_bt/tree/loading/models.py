@@ -88,7 +88,7 @@ def _read_ports(model: Element, findings: Findings) -> dict[str, Element]:
                 told(port, f"port '{name}' is described twice; the first counts", "name")
         elif port.tag not in _REMARKS:
             hint = did_you_mean(port.tag, PORT_DIRECTIONS)
-            told(port, f"<{port.tag}> is not a port: its meaning is unknown{hint}")
+            told(port, f"<{port.tag}> is not a port: its meaning is unknown{hint}", "name")
     return ports
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final, NamedTuple
 
 from uav_bt.board import Key
@@ -15,6 +17,7 @@ from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.parameters import SET, Parameters, split_port
 from uav_bt.tree.loading.places import PlaceLists, takes_places
 from uav_bt.tree.loading.source import Element
+from uav_bt.tree.loading.uses import Uses
 from uav_bt.tree.mission_tree import MissionTree, Place
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import BUILTIN_NODES, SubTree
@@ -39,11 +42,17 @@ class Part(NamedTuple):
     given: dict[str, str]  # texts of attributes: those of the file, defaults of entries, others
 
 
-class Built(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Built:
     """A tree that was made of a file."""
 
     tree: MissionTree
     parts: dict[str, Part]  # by path
+
+    @cached_property
+    def uses(self) -> Uses:
+        """What writes and reads its variables, once the tree has its values."""
+        return Uses(self.tree)
 
 
 class Replacements:

@@ -8,16 +8,23 @@ from typing import Any, Final, NamedTuple
 
 from uav_bt.board import MISSION_KEYS, Key
 from uav_bt.tree.flow import Variable, Written
-from uav_bt.tree.loading.build import Placeholder
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import SubTree
+from uav_bt.tree.nodes.base import ControlNode
 from uav_bt.tree.port import Port, Reference
 from uav_bt.tree.script import SCRIPTS, Script
 from uav_bt.tree.script.expressions import Assignment, Name, constant_value, kind_of
 from uav_bt.tree.variables import Variables
 
 _MAX_VALUES: Final = 100  # of one variable
+
+
+class Placeholder(ControlNode):
+    """Stands where a file is wrong; something unknown may happen there."""
+
+    min_children = 0
+    hides = True  # whether it may write any variable of its tree
 
 
 class Use(NamedTuple):

@@ -11,13 +11,12 @@ from typing import Any, Final
 
 from uav_bt.board import Key
 from uav_bt.errors import did_you_mean
-from uav_bt.tree.loading.build import Placeholder
 from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.findings import ERROR, WARNING, Findings, Position, Rule
 from uav_bt.tree.loading.misfits import misfits
 from uav_bt.tree.loading.parameters import VAR, Plain
 from uav_bt.tree.loading.replacements import Built
-from uav_bt.tree.loading.uses import Read, Slot, Use, Uses
+from uav_bt.tree.loading.uses import Placeholder, Read, Slot, Use
 from uav_bt.tree.mission_tree import Place
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import SubTree
@@ -30,9 +29,9 @@ _IN_SCRIPTS: Final = (int, float, str)
 _PLAIN: Final = (bool, int, float, str)
 
 
-def check_variables(built: Built, document: Document, findings: Findings) -> Uses:
+def check_variables(built: Built, document: Document, findings: Findings) -> None:
     """Add a finding for each use of a variable that must fail, and for unused outside values."""
-    return _VariableFaults(built, document, findings).check()
+    _VariableFaults(built, document, findings).check()
 
 
 class _VariableFaults:
@@ -41,9 +40,9 @@ class _VariableFaults:
         self._document = document
         self._findings = findings
         self._keys: Mapping[str, Key[Any]] = document.registry.board_keys
-        self.uses = Uses(built.tree)
+        self.uses = built.uses
 
-    def check(self) -> Uses:
+    def check(self) -> None:
         for door in self.uses.doors.items():
             self._check_entries(*door)
         for slot in [*self.uses.slots.values()]:
@@ -59,7 +58,6 @@ class _VariableFaults:
             if is_certain:
                 self._note(Use(node, attribute), f"attribute '{attribute}' {message}")
         self._check_given()
-        return self.uses
 
     def _note(
         self, use: Use, message: str, rule: Rule = Rule.VARIABLE, severity: str = ERROR
