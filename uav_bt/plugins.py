@@ -16,7 +16,7 @@ from uav_bt.errors import InputError, MissingDependencyError, UavBtError, Unknow
 if TYPE_CHECKING:
     from uav_bt.landing_marks import MarkFinder
     from uav_bt.protocols import LeafPolicy
-    from uav_bt.types.landing_mark import LandingMark
+    from uav_bt.types.sizes import LandingMark
 
 _PACKAGES: Final = ("behaviours", "perception", "sim_bridge", "trees")
 

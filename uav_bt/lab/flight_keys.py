@@ -33,11 +33,10 @@ from typing_extensions import TypedDict
 from uav_bt.brief import brief_repr
 from uav_bt.errors import ValueRangeError
 from uav_bt.files import did_you_mean_file
-from uav_bt.lab.drawn_area import check_area
 from uav_bt.plugins import make_mark_finder
-from uav_bt.types.clearances import Clearances
-from uav_bt.types.landing_mark import MAX_HEIGHT_M, LandingMark
+from uav_bt.types.place_frames import check_area
 from uav_bt.types.pose import Pose2D
+from uav_bt.types.sizes import MAX_HEIGHT_M, Clearances, LandingMark
 
 
 def _beside(value: Path, info: ValidationInfo) -> Path:

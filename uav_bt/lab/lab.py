@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Final
 from uav_bt.brief import brief_repr
 from uav_bt.errors import InputError
 from uav_bt.lab.classes import LabClasses
-from uav_bt.types.landing_mark import LandingMark
 from uav_bt.types.pose import Pose2D
+from uav_bt.types.sizes import LandingMark
 
 if TYPE_CHECKING:
     # pydantic takes long to import, and `uav-bt check` answers at once.

@@ -11,7 +11,7 @@ from typing import Final
 from uav_bt.errors import FileError, InputError, UnknownNameError
 from uav_bt.files import writing
 from uav_bt.lab.lab import LAB_FILE, Lab, check_lab_name
-from uav_bt.types.landing_mark import LandingMark
+from uav_bt.types.sizes import LandingMark
 
 DEFAULT_LAB: Final = "paper"
 _LABS: Final = (

@@ -1,4 +1,4 @@
-"""Places of a mission, as tree files write them.
+"""Places of a mission, as tree files write them, and its rules, which may name some.
 
     start:2,0.5        2 m ahead of the take-off pose and 0.5 m to its right
     start:2,0.5,1.2    the same, 1.2 m above the ground
@@ -156,3 +156,21 @@ def _bounded(text: str, bounds: tuple[float, float], what: str, place: str) -> f
 def _short(value: float, *, digits: int = 2) -> str:
     """Return a number without needless digits, and 0 without a sign."""
     return f"{round(value, digits) + 0.0:g}"
+
+
+class LandOn(enum.StrEnum):
+    """Where a mission may land for its flight to be a success."""
+
+    MARK = "mark"  # on the landing mark
+    GROUND = "ground"  # beside the landing mark
+    ANY = "any"
+    NONE = "none"  # nowhere: the mission never takes off
+
+
+@dataclass(frozen=True, kw_only=True)
+class MissionRules:
+    """The rules of a mission. None: the mission does not say."""
+
+    time_limit_s: float | None = None  # from the take-off command
+    land_on: LandOn | None = None
+    area: tuple[Place, ...] | None = None  # corners of a polygon, in the frames start or lab
