@@ -41,11 +41,8 @@ class FlightFolder:
         """Write a new file; a reader never sees half of it, and text becomes UTF-8."""
         path = self.folder / name
         if not _NAME.fullmatch(name):
-            raise FileError(
-                name,
-                "is no name of a file in the flight's folder: expected letters, digits, '_', '-' "
-                "and '.', without folders",
-            )
+            expected = "expected letters, digits, '_', '-' and '.', without folders"
+            raise FileError(name, f"is no name of a file in the flight's folder: {expected}")
         if name in self._reserved:
             raise FileError(path, "is the name of another output of the flight; use another name")
         self.make()

@@ -52,9 +52,8 @@ class TreeNumbering:
     def __init__(self, tree: MissionTree) -> None:
         self.nodes = tuple(tree.nodes())
         if len(self.nodes) > MAX_UID:
-            raise InputError(
-                f"tree '{tree.name}' has {len(self.nodes)} nodes; at most {MAX_UID} can be numbered"
-            )
+            count = f"{len(self.nodes)} nodes; at most {MAX_UID} can be numbered"
+            raise InputError(f"tree '{tree.name}' has {count}")
         self.uids = {node.path: uid for uid, node in enumerate(self.nodes, 1)}
         self.full_paths: dict[str, str] = {}
         self.instances = [TreeInstance(tree.name, "", tree.root)]
@@ -144,11 +143,11 @@ class Transition(NamedTuple):
 
 def pack(transitions: Iterable[Transition], first_time_us: int) -> bytes:
     """Return transitions as records, with their times since the first time."""
-    times = ((time_us - first_time_us, uid, status) for time_us, uid, status in transitions)
-    return b"".join(
-        _RECORD.pack(since_us & 0xFFFFFFFF, since_us >> 32, uid, status.value)
-        for since_us, uid, status in times
-    )
+    records = []
+    for time_us, uid, status in transitions:
+        high, low = divmod(time_us - first_time_us, 1 << 32)
+        records.append(_RECORD.pack(low, high, uid, status.value))
+    return b"".join(records)
 
 
 class TransitionRecorder:

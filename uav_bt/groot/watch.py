@@ -124,9 +124,7 @@ class GrootView:
                 taken = [self._recorded.popleft() for _ in range(len(self._recorded))]
                 return [head, pack(taken, self._recorded_from_us)]
         if chr(kind) in _CHANGING:
-            raise InputError(
-                f"not supported: this tree can be watched, not changed (request '{chr(kind)}')"
-            )
+            raise InputError(f"this tree can be watched, not changed (request '{chr(kind)}')")
         raise InputError(f"request not recognized: type {kind}")
 
     def _blackboards(self, names: str) -> bytes:

@@ -66,9 +66,8 @@ Coordinate = Annotated[float, Field(ge=-1000.0, le=1000.0)]  # metres, or an ang
 Position = Annotated[
     tuple[Coordinate, Coordinate], Field(description="x to the right and y up the drawing, metres")
 ]
-Yaw = Annotated[
-    Coordinate, Field(description="counter-clockwise from the drawing's x axis, degrees")
-]
+_YAW = "counter-clockwise from the drawing's x axis, degrees"
+Yaw = Annotated[Coordinate, Field(description=_YAW)]
 _Number = Annotated[float, Field(ge=0.0, le=1000.0)]
 _Height = Annotated[float, Field(gt=0.0, le=1000.0)]
 _Side = Annotated[float, Field(gt=0.0, le=5.0)]
@@ -202,9 +201,7 @@ def take_off_pose(keys: FlightKeys) -> Pose2D | None:
         return None
     position_m = keys.take_off.get("position_m") or (keys.mark or {}).get("position_m")
     if position_m is None:
-        raise ValueRangeError(
-            "lacks the key 'position_m', and the section 'mark' has none to take off from"
-        )
+        raise ValueRangeError("lacks the key 'position_m', and the section 'mark' has none, too")
     return _pose(position_m, keys.take_off.get("yaw_deg", 0.0))
 
 

@@ -27,10 +27,8 @@ _NAME: Final = re.compile(r"[a-z][a-z0-9_-]*")
 def check_lab_name(name: str) -> None:
     """Refuse a text that cannot be the name of a lab's folder."""
     if not _NAME.fullmatch(name):
-        raise InputError(
-            "the name of a lab consists of small letters, digits, _ and -, and begins with a "
-            f"letter, got '{name}'"
-        )
+        expected = "small letters, digits, _ and -, with a letter first"
+        raise InputError(f"the name of a lab consists of {expected}, got '{name}'")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,11 +26,8 @@ def read_lab(path: Path) -> Lab:
     file = _read(path / LAB_FILE if path.is_dir() else path)
     value, folder = file.value, file.path.parent
     if value.version > VERSION:
-        raise file.error(
-            f"this lab is of version {value.version}, and this program reads versions up to "
-            f"{VERSION}: update uav-bt",
-            "version",
-        )
+        known = f"this program reads versions up to {VERSION}: update uav-bt"
+        raise file.error(f"this lab is of version {value.version}, and {known}", "version")
     classes = _classes(file)
     with file.at("mark"):
         mark, pose = mark_of(value), mark_pose(value)

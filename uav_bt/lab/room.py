@@ -29,29 +29,23 @@ GROUND_SIDES_M: Final = (2.0, 40.0)
 MAX_CORNERS: Final = 64
 MAX_LAMPS: Final = 7  # OpenGL has eight lights
 # Names in contacts and messages that kinds of objects cannot have.
-_CONTACT_NAMES: Final = (
-    *("box", "mover", "mark", "drone"),
-    *("floor", "ceiling", "wall", "ground", "take_off"),
-)
+_TAKEN: Final = {"box", "mover", "mark", "drone", "floor", "ceiling", "wall", "ground", "take_off"}
 
 
 def check_name(value: str) -> str:
     """Refuse a text that cannot be the name of a class or of a kind of objects."""
     if not re.fullmatch(r"[a-z][a-z0-9_]*", value):
-        raise ValueRangeError(
-            "a name consists of small letters, digits and _, and begins with a letter"
-        )
+        raise ValueRangeError("a name has small letters, digits and _, and begins with a letter")
     return value
 
 
 def _check_kind(value: str) -> str:
-    if value in _CONTACT_NAMES:
-        raise ValueRangeError(
-            f"'{value}' is a name in reports of contacts: give the kind another name"
-        )
+    if value in _TAKEN:
+        raise ValueRangeError(f"'{value}' is a name in reports of contacts: choose another name")
     return check_name(value)
 
 
+_KindName = Annotated[str, AfterValidator(_check_kind)]
 _Side = Annotated[float, Field(ge=0.02, le=10.0)]
 
 
@@ -90,9 +84,7 @@ class Surface:
         if self.image is None and self.tile_m is not None:
             raise ValueRangeError("tile_m is the size of an image, and there is none: add 'image'")
         if self.image is None and self.generator in (None, "paint") and self.colour is None:
-            raise ValueRangeError(
-                'a painted surface needs a colour, such as "#b0b4b8", or an image'
-            )
+            raise ValueRangeError('a painted surface needs a colour, as "#b0b4b8", or an image')
         if self.generator == "carpet" and self.colour is not None:
             raise ValueRangeError("the carpet has its own colours: remove 'colour'")
 
@@ -118,10 +110,8 @@ class GroundSection:
             Area((self.outline_m,))  # refuses any other shape than a polygon
         low, high = GROUND_SIDES_M
         if not all(low <= side <= high for side in self.extent_m):
-            raise ValueRangeError(
-                f"the ground must measure {low:g} to {high:g} m a side around the origin, "
-                f"got {list(self.extent_m)}"
-            )
+            expected = f"{low:g} to {high:g} m a side around the origin"
+            raise ValueRangeError(f"the ground must measure {expected}, got {list(self.extent_m)}")
 
     @property
     def extent_m(self) -> Vector2:
@@ -201,10 +191,9 @@ class ObjectKind:
 
     def __post_init__(self) -> None:
         if self.shape == "cylinder" and self.size_m[0] != self.size_m[1]:
-            raise ValueRangeError(
-                "a cylinder is as wide as it is long: the first two numbers of size_m must be "
-                f"equal, got {list(self.size_m)}"
-            )
+            expected = "size_m must begin with two equal numbers"
+            got = list(self.size_m)
+            raise ValueRangeError(f"a cylinder is as wide as it is long: {expected}, got {got}")
         if (self.file is None) == (self.shape == "mesh"):
             raise ValueRangeError("a mesh needs 'file', an OBJ file; other shapes have none")
         if self.shape == "mesh" and self.top is not None:
@@ -216,14 +205,11 @@ class ObjectKind:
         if self.shape not in ("table", "rack"):
             return
         if self.post_m > min(self.size_m[:2]) / 3:
-            raise ValueRangeError(
-                f"post_m must be at most a third of the width, got {self.post_m:g}"
-            )
+            raise ValueRangeError(f"post_m: at most a third of the width, got {self.post_m:g}")
         boards = self.shelves if self.shape == "rack" else 1
         if self.board_m > self.size_m[2] / (2 * boards):
-            raise ValueRangeError(
-                f"board_m must be at most half of the height between boards, got {self.board_m:g}"
-            )
+            most = "half of the height between boards"
+            raise ValueRangeError(f"board_m: at most {most}, got {self.board_m:g}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -236,9 +222,7 @@ class RoomSection:
     """Walls, floor and ceiling."""
     light: LightSection | None = None
     """The light of scenes without `lighting`."""
-    objects: Mapping[Annotated[str, AfterValidator(_check_kind)], ObjectKind] = field(
-        default_factory=dict
-    )
+    objects: Mapping[_KindName, ObjectKind] = field(default_factory=dict)
     """Kinds of objects by name."""
 
 
@@ -279,7 +263,7 @@ def _check_class(name: str, classes: LabClasses) -> None:
     role = [*classes][classes.id_of(name)].role
     if role != "obstacle":
         raise ValueRangeError(
-            f"the class of an object must be an obstacle, and '{name}' has the role {role}"
+            f"an object's class must be an obstacle; '{name}' has the role {role}"
         )
 
 
@@ -287,9 +271,7 @@ def _inside(folder: Path, name: str) -> Path:
     """Return the path of a file in the lab's folder; links out of it are refused."""
     path = folder / name
     if not _FILE.fullmatch(name) or path.resolve().parent != folder.resolve():
-        raise ValueRangeError(
-            f"expected the name of a file in the lab's folder, without a path, got '{name}'"
-        )
+        raise ValueRangeError(f"expected a file in the lab's folder, without a path, got '{name}'")
     return path
 
 
@@ -318,11 +300,8 @@ def check_picture(path: Path) -> None:
     if size_px is None or min(size_px) < 1:
         raise FileError(path, "is no picture: expected a PNG or JPEG file")
     if max(size_px) > MAX_SIDE_PX:
-        raise FileError(
-            path,
-            f"is a picture of {size_px[0]}x{size_px[1]} pixels: at most {MAX_SIDE_PX} a side, "
-            "make it smaller",
-        )
+        found = f"is a picture of {size_px[0]}x{size_px[1]} pixels"
+        raise FileError(path, f"{found}: at most {MAX_SIDE_PX} a side, make it smaller")
 
 
 def _png_size(data: bytes) -> tuple[int, int] | None:

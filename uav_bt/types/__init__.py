@@ -18,7 +18,6 @@ from uav_bt.types.commands import Land as Land
 from uav_bt.types.commands import MissionPhase as MissionPhase
 from uav_bt.types.commands import MoveBy as MoveBy
 from uav_bt.types.commands import Movement as Movement
-from uav_bt.types.commands import Phase as Phase
 from uav_bt.types.commands import Release as Release
 from uav_bt.types.commands import TakeOff as TakeOff
 from uav_bt.types.commands import Velocity as Velocity
@@ -45,7 +44,6 @@ from uav_bt.types.pose import rotation as rotation
 from uav_bt.types.pose import wrap_angle as wrap_angle
 from uav_bt.types.pose import wrap_angles as wrap_angles
 from uav_bt.types.site_map import MapMark as MapMark
-from uav_bt.types.site_map import MapMover as MapMover
 from uav_bt.types.site_map import MapObject as MapObject
 from uav_bt.types.site_map import SiteMap as SiteMap
 from uav_bt.types.sizes import NARROWER_M as NARROWER_M

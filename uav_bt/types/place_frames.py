@@ -163,7 +163,6 @@ def area_problem(text: str, *, take_off: Pose2D | None, mark: Pose2D | None) -> 
     if mark is not None and (take_off is not None or frames == {PlaceFrame.LAB}):
         there = lab_to_start(mark, origin)
         if area.margin_m(there.x_m, there.y_m) < 0.0:
-            return (
-                f"the landing mark at lab:{mark.x_m:g},{mark.y_m:g} lies outside the area {shown}"
-            )
+            at = f"lab:{mark.x_m:g},{mark.y_m:g}"
+            return f"the landing mark at {at} lies outside the area {shown}"
     return None

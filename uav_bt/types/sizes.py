@@ -31,13 +31,11 @@ class Airframe:
     def __post_init__(self) -> None:
         positive = (*self.body_size_m, self.climb_braking_mps2, self.braking_mps2)
         if len(self.body_size_m) != 3 or not all(0.0 < value < math.inf for value in positive):
-            raise ValueRangeError(
-                "an airframe needs three positive sizes (length, width, height in m) and a "
-                f"positive climb_braking_mps2 and braking_mps2, got {self}"
-            )
+            expected = "three positive sizes in m and positive climb_braking_mps2, braking_mps2"
+            raise ValueRangeError(f"an airframe needs {expected}, got {self}")
         if not all(0.0 <= time < math.inf for time in (self.command_delay_s, self.command_lag_s)):
             raise ValueRangeError(
-                f"command_delay_s and command_lag_s must be zero or positive seconds, got {self}"
+                f"command_delay_s and command_lag_s must be 0 s or more, got {self}"
             )
 
     @property
@@ -64,10 +62,8 @@ class LandingMark:
         sides = (self.length_m, self.width_m)
         sized = all(0.0 < side_m < math.inf for side_m in sides)
         if not sized or not 0.0 <= self.height_m < MAX_HEIGHT_M:
-            raise ValueRangeError(
-                "a landing mark needs a positive length and width and a height from 0 to "
-                f"{MAX_HEIGHT_M:g} m, got {self}"
-            )
+            expected = f"a positive length and width and a height from 0 to {MAX_HEIGHT_M:g} m"
+            raise ValueRangeError(f"a landing mark needs {expected}, got {self}")
 
     @property
     def size_m(self) -> tuple[float, float, float]:
