@@ -30,7 +30,7 @@ from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.testing.faults import FAULTS, Fault, FaultKind, FaultyDrone
 from uav_bt.types import MissionPhase, Observation
-from uav_bt.types.mission_rules import LandOn
+from uav_bt.types.place import LandOn
 
 PHASES: Final = ("take-off", "explore", "approach", "center", "land")
 _AFTER_S: Final = 3.0  # the drone is watched for this time after the program's end

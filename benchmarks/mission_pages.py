@@ -29,7 +29,7 @@ from uav_bt.tree import MissionTree, NodeRegistry, load_tree
 from uav_bt.tree.render import Box, ascii_art, render, sketch
 from uav_bt.tree.shipped import resolve_tree
 from uav_bt.types.arrays import Image
-from uav_bt.types.mission_rules import LandOn
+from uav_bt.types.place import LandOn
 
 ROOT: Final = Path(__file__).parents[1]
 PAGES: Final = ROOT / "docs" / "missions"

@@ -27,8 +27,11 @@ _RANGES: Final = {
 }
 
 
-class _Checked:
+@dataclass(frozen=True, kw_only=True)
+class _Answer:
     """An answer whose numbers are within their ranges."""
+
+    reason: str = ""  # one or two words
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -44,7 +47,7 @@ class _Checked:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Advance(_Checked):
+class Advance(_Answer):
     """Fly one step ahead. The drone stops at its end."""
 
     forward_m: float  # the length of the step
@@ -52,35 +55,31 @@ class Advance(_Checked):
     # The way ahead is free of obstacles up to this distance, even where the ground ends earlier. A
     # policy reports at most its longest step; None means that it does not know.
     free_m: float | None = None
-    reason: str = ""  # one or two words
 
 
 @dataclass(frozen=True, kw_only=True)
-class FollowLeg(_Checked):
+class FollowLeg(_Answer):
     """Fly ahead at a speed while the heading turns to the leg, until the next answer."""
 
     yaw_rad: float = 0.0  # the bearing of the leg, clockwise positive, at most one full turn
     # The forward speed. At 0 the drone waits, for example for something that passes.
     speed_mps: float
-    reason: str = ""  # one or two words
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rotate(_Checked):
+class Rotate(_Answer):
     """Turn on the spot towards a heading, until the next answer. The way may be free."""
 
     yaw_rad: float  # the heading, relative to the present one, clockwise, at most one full turn
-    reason: str = ""  # one or two words
 
 
 @dataclass(frozen=True, kw_only=True)
-class Blocked(_Checked):
+class Blocked(_Answer):
     """The way ahead is not free: turn away, and go on turning until it is."""
 
     yaw_rad: float  # the least turn, clockwise positive, at most one full turn
     ground_ends: bool = False  # the ground ends ahead
     free_m: float | None = None  # as of `Advance`
-    reason: str = ""  # one or two words
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -89,10 +88,8 @@ class Blocked(_Checked):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Done:
+class Done(_Answer):
     """Nothing is left to do."""
-
-    reason: str = ""
 
 
 Answer = Advance | FollowLeg | Rotate | Blocked | Done  # the result of `LeafPolicy.decide`

@@ -90,11 +90,8 @@ def check_empty_folder(folder: Path, writer: str) -> None:
     check_output_folder(folder)
     with writing(folder):
         if folder.is_dir() and any(folder.iterdir()):
-            raise FileError(
-                folder,
-                f"has files, and {writer} writes to an empty or a new folder: name another one, "
-                "or empty this one",
-            )
+            needed = f"{writer} writes to an empty or a new folder"
+            raise FileError(folder, f"has files, and {needed}: name another one, or empty this one")
 
 
 @contextmanager

@@ -52,10 +52,8 @@ class MarkSighting:
     def __post_init__(self) -> None:
         values = (self.forward_m, self.right_m, self.height_m, self.heading_deg or 0.0)
         if not all(map(math.isfinite, values)) or not 0.0 <= self.confidence <= 1.0:
-            raise ValueRangeError(
-                "a sighting of a landing mark must be finite and its confidence within 0 and 1, "
-                f"got {self}"
-            )
+            expected = "must be finite and its confidence within 0 and 1"
+            raise ValueRangeError(f"a sighting of a landing mark {expected}, got {self}")
 
     @property
     def range_m(self) -> float:

@@ -16,7 +16,7 @@ from uav_bt.errors import InputError, MissingDependencyError, UavBtError, Unknow
 if TYPE_CHECKING:
     from uav_bt.landing_marks import MarkFinder
     from uav_bt.protocols import LeafPolicy
-    from uav_bt.types.landing_mark import LandingMark
+    from uav_bt.types.sizes import LandingMark
 
 _PACKAGES: Final = ("behaviours", "perception", "sim_bridge", "trees")
 
@@ -48,9 +48,9 @@ def check_packages(home: Path | None = None, names: Sequence[str] = _PACKAGES) -
         if home / name not in [Path(place).resolve() for place in found]:
             theirs = f"finds '{found[0]}'" if found else "finds nothing"
             advice = f"rename that '{name}', start from another folder, or take it off PYTHONPATH"
+            advice = advice if found else "reinstall uav-bt"
             raise InputError(
-                f"Python {theirs} where uav-bt needs its own '{home / name}'; "
-                f"{advice if found else 'reinstall uav-bt'}"
+                f"Python {theirs} where uav-bt needs its own '{home / name}'; {advice}"
             )
 
 
@@ -84,10 +84,8 @@ def load(group: str, name: str) -> Any:
         raise UnknownNameError(kind, name, points)
     point, *others = points[name]
     if others:
-        raise InputError(
-            f"{kind} '{name}' is registered twice: by {point.value} and by {others[0].value}; "
-            "uninstall one of the two packages"
-        )
+        both = f"by {point.value} and by {others[0].value}; uninstall one of the two packages"
+        raise InputError(f"{kind} '{name}' is registered twice: {both}")
     try:
         return point.load()
     except (Exception, SystemExit) as error:  # a foreign module may raise anything when imported
@@ -125,9 +123,8 @@ def missing_extra(error: ModuleNotFoundError) -> Exception:
 
 
 def _missing(what: str, modules: Sequence[str], extra: str) -> MissingDependencyError:
-    return MissingDependencyError(
-        f"{what} needs {' and '.join(modules)}; run {install_command(extra)}"
-    )
+    absent = " and ".join(modules)
+    return MissingDependencyError(f"{what} needs {absent}; run {install_command(extra)}")
 
 
 def install_command(extra: str) -> str:
@@ -168,10 +165,8 @@ def make_mark_finder(mark: LandingMark) -> MarkFinder:
 
     made = _made(f"landing mark '{mark.kind}'", load(LANDING_MARKS, mark.kind), mark)
     if not isinstance(made, MarkFinder):
-        raise InputError(
-            f"landing mark '{mark.kind}' lacks find, picture, uses_images or shows_heading: "
-            f"{_class_of(made)}"
-        )
+        lacking = "find, picture, uses_images or shows_heading"
+        raise InputError(f"landing mark '{mark.kind}' lacks {lacking}: {_class_of(made)}")
     return made
 
 

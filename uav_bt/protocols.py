@@ -171,14 +171,11 @@ class DepthEstimator(Protocol):
 
 
 @runtime_checkable
-class Sight(Protocol):
-    """Perception of a simulated drone without images: replaces networks, flow and tag detector."""
+class Sight(Segmenter, DepthEstimator, Protocol):
+    """Perception of a simulated drone without images: replaces networks, flow and tag detector.
 
-    def segment(self, frame: Frame) -> ClassMap:
-        """Return the class map of a delivered frame, with the errors of a network."""
-
-    def estimate(self, frame: Frame) -> DepthMap:
-        """Return the relative depth of a delivered frame, with the errors of a network."""
+    Class maps and depths have the errors of a network.
+    """
 
     def mark(self, frame: Frame) -> MarkSighting | None:
         """Return the landing mark in a delivered frame, with the errors of a finder in images."""

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.board.flight_folder import FlightFolder
+from uav_bt.board.context import FlightFolder
 from uav_bt.record.images import encode_bytes, encode_image
 from uav_bt.types.flight_results import FRAME_OF_RESULTS, Photo
 

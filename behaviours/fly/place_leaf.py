@@ -15,8 +15,7 @@ from uav_bt.plugins import make_mark_finder
 from uav_bt.tree import Port, Status
 from uav_bt.types import DroneState, Pose2D
 from uav_bt.types.area import Area
-from uav_bt.types.mission_rules import MissionRules
-from uav_bt.types.place import Place, PlaceFrame
+from uav_bt.types.place import MissionRules, Place, PlaceFrame
 from uav_bt.types.place_frames import Goal, Unresolved, from_start, resolve, start_place
 from uav_bt.types.site_map import SiteMap
 

@@ -15,8 +15,7 @@ from behaviours.fly.leaf_clock import LeafClock
 from behaviours.fly.moving_leaf import camera_points_at
 from behaviours.fly.steadiness import Steadiness
 from uav_bt.board import CLASS_MAP, ELAPSED, FRAME, ODOMETRY, PHASE, SITE_MAP, STATE
-from uav_bt.board.context import MissionContext
-from uav_bt.board.flight_folder import FlightFolder
+from uav_bt.board.context import FlightFolder, MissionContext
 from uav_bt.errors import InputError
 from uav_bt.protocols import StillState
 from uav_bt.tree import Leaf, Port, Status

@@ -17,8 +17,7 @@ from sim_bridge.twin import textures
 from sim_bridge.twin.movers import Point
 from uav_bt.errors import FileError
 from uav_bt.files import read_bounded
-from uav_bt.lab.room import PaintedLine, Surface
-from uav_bt.lab.room_reader import MAX_BYTES
+from uav_bt.lab.room import MAX_BYTES, PaintedLine, Surface
 from uav_bt.types.arrays import Image
 
 _PX_PER_M: Final = 192.0  # of generated surfaces

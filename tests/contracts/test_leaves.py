@@ -26,7 +26,7 @@ from uav_bt.board import (
     STATE,
 )
 from uav_bt.board.blackboard import Key
-from uav_bt.board.flight_folder import FlightFolder
+from uav_bt.board.context import FlightFolder
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import Says, drawn_map, ground, show
 from uav_bt.tree import Leaf, Status

@@ -44,7 +44,7 @@ from uav_bt.campaign.store import PLAN_FILE, read_plan
 from uav_bt.errors import InputError, TreeError
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.obj_file import read_obj
-from uav_bt.lab.room_reader import check_picture
+from uav_bt.lab.room import check_picture
 from uav_bt.lab.shipped import load_lab
 from uav_bt.learning.lab_material import LabMaterial
 from uav_bt.record.channels import CHANNELS, START

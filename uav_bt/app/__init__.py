@@ -22,7 +22,7 @@ from uav_bt.mission.runner import RunnerConfig
 from uav_bt.plugins import make_policy
 from uav_bt.tree.loading.lookup import TreeFolders
 from uav_bt.tree.shipped import resolve_tree
-from uav_bt.types.mission_rules import LandOn
+from uav_bt.types.place import LandOn
 
 __all__ = [
     "STILL_IN_THE_AIR",

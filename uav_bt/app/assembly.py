@@ -29,8 +29,7 @@ from uav_bt.app.rules import area_of, check_mark, judge_of, rules_of, take_off_p
 from uav_bt.app.site import Site, check_clearances
 from uav_bt.board import MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.board.context import MissionContext
-from uav_bt.board.flight_folder import FlightFolder
+from uav_bt.board.context import FlightFolder, MissionContext
 from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, InputError, NodeFailedError
 from uav_bt.lab.classes import LabClasses

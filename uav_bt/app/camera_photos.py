@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Final
 
-from uav_bt.board.flight_folder import FlightFolder
+from uav_bt.board.context import FlightFolder
 from uav_bt.errors import DroneError, FileError
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.protocols import StillCamera

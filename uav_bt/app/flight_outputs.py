@@ -14,7 +14,7 @@ from typing import Final
 from uav_bt.app.options import FlightOptions
 from uav_bt.board import SITE_MAP
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.board.flight_folder import FlightFolder
+from uav_bt.board.context import FlightFolder
 from uav_bt.errors import FileError
 from uav_bt.files import check_output, write_whole
 from uav_bt.inputs import refuse_inputs, same_file

@@ -14,8 +14,7 @@ from uav_bt.tree import MissionTree
 from uav_bt.tree.rules import Rules
 from uav_bt.types import Pose2D
 from uav_bt.types.area import Area
-from uav_bt.types.mission_rules import LandOn, MissionRules
-from uav_bt.types.place import Place, PlaceFrame
+from uav_bt.types.place import LandOn, MissionRules, Place, PlaceFrame
 from uav_bt.types.place_frames import lab_to_start
 
 

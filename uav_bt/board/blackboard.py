@@ -77,9 +77,8 @@ class Blackboard:
         accepted = (int, float) if key.type is float else key.type
         no_number = isinstance(value, bool) and key.type not in {bool, object}
         if not isinstance(value, accepted) or no_number:
-            raise BoardAccessError(
-                f"board key '{key.name}' holds {key.type.__name__}, got {type(value).__name__}"
-            )
+            got = type(value).__name__
+            raise BoardAccessError(f"board key '{key.name}' holds {key.type.__name__}, got {got}")
         now = self._clock.now()
         self._entries[key.name] = (value, now if captured_s is None else captured_s)
 
@@ -151,7 +150,5 @@ class BoardView:
 
     def _check(self, key: Key[Any], what: str, declared: frozenset[str]) -> None:
         if key.name not in declared:
-            raise BoardAccessError(
-                f"leaf '{self._owner}' {what} board key '{key.name}' without declaring it: "
-                f"add the key to its `{what}`"
-            )
+            fault = f"{what} board key '{key.name}' without declaring it: add it to its `{what}`"
+            raise BoardAccessError(f"leaf '{self._owner}' {fault}")

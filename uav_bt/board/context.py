@@ -1,18 +1,20 @@
-"""The context of a mission that leaves get at setup (board, clock, policies), and proposals."""
+"""The context of a mission that leaves get at setup, with its proposals, notes and folder."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Final, get_args
 
 import numpy as np
 
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.board.flight_folder import FlightFolder
 from uav_bt.board.keys import ELAPSED, MISSION_KEYS
 from uav_bt.clock import WallClock
-from uav_bt.errors import ProposalConflictError
+from uav_bt.errors import FileError, ProposalConflictError
+from uav_bt.files import check_empty_folder, write_whole, writing
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.shipped import default_mark, load_lab
 from uav_bt.plugins import make_policy
@@ -20,6 +22,40 @@ from uav_bt.protocols import Clock, LeafPolicy, Segmenter, Sight, StillCamera
 from uav_bt.types import Airframe, Clearances, GimbalTo, LandingMark, Movement, Pose2D
 from uav_bt.types.area import Area
 from uav_bt.types.flight_results import EventKind, FlightEvent, Photo
+
+_NAME: Final = re.compile(r"[A-Za-z0-9][\w.\-]{0,99}", re.ASCII)
+
+
+class FlightFolder:
+    """The output folder of one flight, new or empty; leaves may not use the reserved names.
+
+    It is made with the first file.
+    """
+
+    def __init__(self, folder: Path, reserved: Iterable[str] = ()) -> None:
+        check_empty_folder(folder, "a flight")
+        self.folder = folder
+        self._reserved = frozenset(reserved)
+
+    def write(self, name: str, content: bytes | str) -> None:
+        """Write a new file; a reader never sees half of it, and text becomes UTF-8."""
+        path = self.folder / name
+        if not _NAME.fullmatch(name):
+            expected = "expected letters, digits, '_', '-' and '.', without folders"
+            raise FileError(name, f"is no name of a file in the flight's folder: {expected}")
+        if name in self._reserved:
+            raise FileError(path, "is the name of another output of the flight; use another name")
+        self.make()
+        with writing(path):
+            if path.exists() or path.is_symlink():
+                raise FileError(path, "exists already; use another name")
+        write_whole(path, content)
+
+    def make(self) -> None:
+        """Make the folder."""
+        with writing(self.folder):
+            self.folder.mkdir(parents=True, exist_ok=True)
+
 
 _MAX_EVENTS: Final = 2000  # a leaf in a loop may report in every tick; chosen
 

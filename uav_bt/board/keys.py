@@ -7,19 +7,9 @@ from typing import Any, Final
 from uav_bt.board.blackboard import Key
 from uav_bt.clock import TIME_LIMIT_S
 from uav_bt.protocols import Advice
-from uav_bt.types import (
-    CameraModel,
-    ClassMap,
-    Corridor,
-    DepthMap,
-    DroneState,
-    Frame,
-    HeldTurn,
-    MarkFix,
-    RecentViews,
-)
+from uav_bt.types import DroneState, HeldTurn, MarkFix, RecentViews, SiteMap
+from uav_bt.types.camera import CameraModel, ClassMap, Corridor, DepthMap, Frame
 from uav_bt.types.dead_reckoning import MotionEstimate
-from uav_bt.types.site_map import SiteMap
 
 # Greatest ages, seconds, for leaves and the arbiter's rules "stale frame", "link lost". Chosen.
 _FRAME_S: Final = 0.7  # the time in which a step of 0.3 m starts
@@ -50,33 +40,26 @@ ODOMETRY: Final = Key(
 SITE_MAP: Final = Key(
     "site_map", SiteMap, "ground, obstacles, edges, objects, landing mark", "", "MapSite", _FRAME_S
 )
+# A `Phase`, or its value in scripts and records
 PHASE: Final = Key(
-    "phase",
-    str,  # a `Phase`, or its value in scripts and records
-    "phase of the mission, such as explore, or the name of a moving leaf that writes no phase",
-    writer="mission leaves",
+    "phase", str, "phase, such as explore, or a moving leaf without one", "", "mission leaves"
 )
 FLIGHT_HEIGHT: Final = Key(
     "flight_height_m", float, "height above the ground to fly at", "m", "the take-off"
 )
 RAISED: Final = Key(
-    "raised_m", float, "height added among movers", "m", "leaves that give way", _STATE_S
+    "raised_m", float, "height added among movers", "m", "avoiding leaves", _STATE_S
 )
 FLIGHT_PITCH: Final = Key(
     "flight_pitch_rad", float, "the camera's pitch in flight, negative down", "rad", "the take-off"
 )
 HELD_TURN: Final = Key(
-    "held_turn",
-    HeldTurn,
-    "the turn held since the last advance",
-    writer="Explore, Avoid, ReturnToBase",
+    "held_turn", HeldTurn, "turn since the last advance", "", "Explore, Avoid, ReturnToBase"
 )
 RECENT_VIEWS: Final = Key(
     "recent_views", RecentViews, "views of the last seconds", "", "RememberViews", _FRAME_S
 )
-ADVICE: Final = Key(
-    "advice", Advice, "a policy's advice on the newest view", "", "Advise", _FRAME_S
-)
+ADVICE: Final = Key("advice", Advice, "a policy's advice on the view", "", "Advise", _FRAME_S)
 
 # --- the numbers of a mission, for scripts --------------------------------------------------------
 
@@ -95,9 +78,7 @@ def _number(name: str, quiet: float, doc: str, unit: str = "") -> Key[float]:
 
 BATTERY_SHARE: Final = _number("battery_share", 1.0, "charge of the battery, 0 to 1; -1: unknown")
 BATTERY_PER_MIN: Final = _number(
-    "battery_per_min",
-    UNKNOWN,
-    "share of the battery that a minute of this flight takes; -1: unknown",
+    "battery_per_min", UNKNOWN, "battery share that a minute of flight takes; -1: unknown"
 )
 LINK_SHARE: Final = _number("link_share", 1.0, "quality of the radio link, 0 to 1; -1: unknown")
 FLYING: Final = _number("flying", 0.0, "1 from the take-off until the landing, else 0")
@@ -105,25 +86,15 @@ TIME_LEFT: Final = _number("time_left_s", TIME_LIMIT_S, "time until the mission'
 X: Final = _number("x_m", 0.0, "distance ahead of the take-off pose; 9999: unknown", "m")
 Y: Final = _number("y_m", 0.0, "distance to the right of the take-off pose; 9999: unknown", "m")
 HEADING: Final = _number(
-    "heading_deg",
-    0.0,
-    "heading, clockwise from that of the take-off, -180 to 180; 9999: unknown",
-    "deg",
+    "heading_deg", 0.0, "clockwise from the take-off heading, -180 to 180; 9999: unknown", "deg"
 )
 HOME: Final = _number("home_m", 0.0, "straight distance to the take-off point; -1: unknown", "m")
-MARK_KNOWN: Final = _number(
-    "mark_known", 0.0, "1 when the landing mark is tracked or mapped, else 0"
-)
+MARK_KNOWN: Final = _number("mark_known", 0.0, "1 if the landing mark is tracked or mapped, else 0")
 LOCALISED: Final = _number(
-    "localised",
-    1.0,
-    "1 while the odometry follows the ground and views agree with the map, else 0",
+    "localised", 1.0, "1 while odometry follows the ground and views fit the map, else 0"
 )
 BLIND: Final = _number(
-    "blind_s",
-    0.0,
-    "time without a new frame, or without ground in the map's views; -1: no frame",
-    "s",
+    "blind_s", 0.0, "time without a new frame, or ground in the map's views; -1: no frame", "s"
 )
 UNHEARD: Final = _number("unheard_s", 0.0, "time since the newest telemetry", "s")
 COVERAGE_SHARE: Final = _number(
@@ -139,7 +110,4 @@ AREA_MARGIN: Final = _number(
     "m",
 )
 
-NUMBER_KEYS: Final = tuple(QUIET)
-MISSION_KEYS: Final[tuple[Key[Any], ...]] = tuple(
-    value for value in tuple(globals().values()) if isinstance(value, Key)
-)
+MISSION_KEYS: Final = tuple(each for each in tuple(globals().values()) if isinstance(each, Key))

@@ -9,7 +9,7 @@ import click
 from uav_bt.cli.command import Command
 from uav_bt.cli.options import output_option
 from uav_bt.files import writing
-from uav_bt.lab.schema import lab_schema
+from uav_bt.lab.lab_file import lab_schema
 from uav_bt.lab.shipped import write_lab
 
 

@@ -51,7 +51,7 @@ class LabClasses:
     def by_role(cls) -> Self:
         """Return one class for each role, with the ids and names of the roles."""
         return cls(
-            LabClass(name=role, role=role, colour=_ROLE_COLOURS[role]) for role in ROLE_NAMES
+            LabClass(name=each, role=each, colour=_ROLE_COLOURS[each]) for each in ROLE_NAMES
         )
 
     def __eq__(self, other: object) -> bool:
@@ -139,9 +139,7 @@ class LabClasses:
             raise ValueRangeError(f"class ids must be uint8, got {ids.dtype}")
         roles = self._roles.take(ids)
         if roles.size and int(roles.max()) == NO_ROLE:
-            raise ValueRangeError(
-                f"class ids must lie within 0 and {len(self) - 1}, got {int(ids.max())}"
-            )
+            raise ValueRangeError(f"class ids must be 0 to {len(self) - 1}, got {int(ids.max())}")
         return roles
 
     def colourise(self, ids: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -164,22 +162,16 @@ class LabClasses:
             raise ValueRangeError(f"the class '{twice[0]}' is listed twice")
         first, tops = self._classes[0], {each.top for each in self._classes}
         if first.role != "outside":
-            raise ValueRangeError(
-                f"the first class must have the role outside, because unknown pixels become it; "
-                f"'{first.name}' has the role {first.role}"
-            )
+            got = f"'{first.name}' has the role {first.role}"
+            raise ValueRangeError(f"the first class, of unknown pixels, must be outside; {got}")
         for each in self._classes:
             if each.legs_m is not None and (each.role != "obstacle" or each.name in tops):
-                raise ValueRangeError(
-                    f"'{each.name}' cannot stand on legs: only an obstacle that is no upper face "
-                    "can; remove its legs_m"
-                )
+                why = "only an obstacle that is no upper face can; remove its legs_m"
+                raise ValueRangeError(f"'{each.name}' cannot stand on legs: {why}")
             top = each if each.top is None else self._classes[self.id_of(each.top)]
             if top.role != each.role or top.top is not None:
-                raise ValueRangeError(
-                    f"'{top.name}' cannot be the top of '{each.name}': it must have the same role "
-                    "and no top"
-                )
+                why = "it must have the same role and no top"
+                raise ValueRangeError(f"'{top.name}' cannot be the top of '{each.name}': {why}")
 
 
 RoleName = Literal["outside", "ground", "mark", "obstacle"]

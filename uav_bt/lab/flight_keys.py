@@ -33,11 +33,10 @@ from typing_extensions import TypedDict
 from uav_bt.brief import brief_repr
 from uav_bt.errors import ValueRangeError
 from uav_bt.files import did_you_mean_file
-from uav_bt.lab.drawn_area import check_area
 from uav_bt.plugins import make_mark_finder
-from uav_bt.types.clearances import Clearances
-from uav_bt.types.landing_mark import MAX_HEIGHT_M, LandingMark
+from uav_bt.types.place_frames import check_area
 from uav_bt.types.pose import Pose2D
+from uav_bt.types.sizes import MAX_HEIGHT_M, Clearances, LandingMark
 
 
 def _beside(value: Path, info: ValidationInfo) -> Path:
@@ -67,9 +66,8 @@ Coordinate = Annotated[float, Field(ge=-1000.0, le=1000.0)]  # metres, or an ang
 Position = Annotated[
     tuple[Coordinate, Coordinate], Field(description="x to the right and y up the drawing, metres")
 ]
-Yaw = Annotated[
-    Coordinate, Field(description="counter-clockwise from the drawing's x axis, degrees")
-]
+_YAW = "counter-clockwise from the drawing's x axis, degrees"
+Yaw = Annotated[Coordinate, Field(description=_YAW)]
 _Number = Annotated[float, Field(ge=0.0, le=1000.0)]
 _Height = Annotated[float, Field(gt=0.0, le=1000.0)]
 _Side = Annotated[float, Field(gt=0.0, le=5.0)]
@@ -203,9 +201,7 @@ def take_off_pose(keys: FlightKeys) -> Pose2D | None:
         return None
     position_m = keys.take_off.get("position_m") or (keys.mark or {}).get("position_m")
     if position_m is None:
-        raise ValueRangeError(
-            "lacks the key 'position_m', and the section 'mark' has none to take off from"
-        )
+        raise ValueRangeError("lacks the key 'position_m', and the section 'mark' has none, too")
     return _pose(position_m, keys.take_off.get("yaw_deg", 0.0))
 
 

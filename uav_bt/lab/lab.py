@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Final
 from uav_bt.brief import brief_repr
 from uav_bt.errors import InputError
 from uav_bt.lab.classes import LabClasses
-from uav_bt.types.landing_mark import LandingMark
 from uav_bt.types.pose import Pose2D
+from uav_bt.types.sizes import LandingMark
 
 if TYPE_CHECKING:
     # pydantic takes long to import, and `uav-bt check` answers at once.
@@ -27,10 +27,8 @@ _NAME: Final = re.compile(r"[a-z][a-z0-9_-]*")
 def check_lab_name(name: str) -> None:
     """Refuse a text that cannot be the name of a lab's folder."""
     if not _NAME.fullmatch(name):
-        raise InputError(
-            "the name of a lab consists of small letters, digits, _ and -, and begins with a "
-            f"letter, got '{name}'"
-        )
+        expected = "small letters, digits, _ and -, with a letter first"
+        raise InputError(f"the name of a lab consists of {expected}, got '{name}'")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,20 +1,21 @@
-"""Reader of lab files: strict YAML; each mistake is reported with its file and line."""
+"""Lab files, strict YAML: their reader, and their JSON schema for editors."""
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter
+from pydantic.json_schema import GenerateJsonSchema
 
 from uav_bt.errors import FileError
 from uav_bt.lab.classes import Colour, LabClass, LabClasses, RoleName
-from uav_bt.lab.drawn_area import area_problem
 from uav_bt.lab.flight_keys import FlightKeys, TeacherKeys, mark_of, mark_pose, take_off_pose
 from uav_bt.lab.lab import LAB_FILE, Lab
-from uav_bt.lab.room import ColourText, RoomSection, check_name
-from uav_bt.lab.room_reader import read_room
+from uav_bt.lab.room import ColourText, RoomSection, check_name, read_room
+from uav_bt.types.place_frames import area_problem
 from uav_bt.yaml_file import YamlFile, read_yaml
 
 VERSION: Final = 1
@@ -25,11 +26,8 @@ def read_lab(path: Path) -> Lab:
     file = _read(path / LAB_FILE if path.is_dir() else path)
     value, folder = file.value, file.path.parent
     if value.version > VERSION:
-        raise file.error(
-            f"this lab is of version {value.version}, and this program reads versions up to "
-            f"{VERSION}: update uav-bt",
-            "version",
-        )
+        known = f"this program reads versions up to {VERSION}: update uav-bt"
+        raise file.error(f"this lab is of version {value.version}, and {known}", "version")
     classes = _classes(file)
     with file.at("mark"):
         mark, pose = mark_of(value), mark_pose(value)
@@ -104,3 +102,31 @@ class LabFile(FlightKeys):
     """Network that labels images for training, in place of picks."""
     room: RoomSection | None = None
     """What the twin builds; a real flight needs none."""
+
+
+class _Untitled(GenerateJsonSchema):
+    def field_title_should_be_set(self, _: Any) -> bool:
+        """Return that no field has a title, which would be its key again."""
+        return False
+
+
+def lab_schema() -> str:
+    """Return the schema of lab files as JSON.
+
+    YAML editors find it by a line at the head of a lab file:
+    `# yaml-language-server: $schema=lab.schema.json`.
+    """
+    schema, shared = _schema(LabFile), _schema(FlightKeys)
+    for name, part in shared["properties"].items():  # pydantic omits texts of inherited keys
+        schema["properties"][name] = part
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+    return json.dumps({**head, **schema, "title": "Lab file"}, indent=2) + "\n"
+
+
+def _schema(form: Any) -> Any:
+    config = ConfigDict(use_attribute_docstrings=True, extra="forbid")
+    adapter = TypeAdapter(tuple[form], config=config)  # a dataclass takes no config by itself
+    definitions = adapter.json_schema(schema_generator=_Untitled)["$defs"]
+    for part in definitions.values():
+        del part["title"]  # the name of a class
+    return {"$defs": definitions, **definitions.pop(form.__name__)}

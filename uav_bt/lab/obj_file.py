@@ -118,8 +118,6 @@ def _check_closed(path: Path, faces: list[Face]) -> None:
     edges = Counter(edge for a, b, c in faces for edge in ((a, b), (b, c), (c, a)))
     for a, b in edges:
         if edges[a, b] != 1 or edges[b, a] != 1:
-            raise FileError(
-                path,
-                f"the mesh is not closed: the edge between the vertices {a + 1} and {b + 1} does "
-                "not lie between exactly two faces of one orientation",
-            )
+            edge = f"the edge between the vertices {a + 1} and {b + 1}"
+            fault = f"{edge} does not lie between exactly two faces of one orientation"
+            raise FileError(path, f"the mesh is not closed: {fault}")

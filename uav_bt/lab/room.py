@@ -1,4 +1,4 @@
-"""The section `room` of a lab file, from which the twin builds the place.
+"""The section `room` of a lab file, from which the twin builds the place, and its reader.
 
 A real flight does not need it. Lengths are metres; the origin is the middle of the ground, z is up.
 """
@@ -6,17 +6,21 @@ A real flight does not need it. Lengths are metres; the origin is the middle of 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field
 
-from uav_bt.errors import ValueRangeError
+from uav_bt.errors import FileError, ValueRangeError
+from uav_bt.files import read_bounded
+from uav_bt.lab.classes import LabClasses
+from uav_bt.lab.obj_file import read_obj
 from uav_bt.types.area import Area
+from uav_bt.yaml_file import Steps, YamlFile
 
 Vector2 = tuple[float, float]
 ColourText = Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$")]
@@ -25,29 +29,23 @@ GROUND_SIDES_M: Final = (2.0, 40.0)
 MAX_CORNERS: Final = 64
 MAX_LAMPS: Final = 7  # OpenGL has eight lights
 # Names in contacts and messages that kinds of objects cannot have.
-_CONTACT_NAMES: Final = (
-    *("box", "mover", "mark", "drone"),
-    *("floor", "ceiling", "wall", "ground", "take_off"),
-)
+_TAKEN: Final = {"box", "mover", "mark", "drone", "floor", "ceiling", "wall", "ground", "take_off"}
 
 
 def check_name(value: str) -> str:
     """Refuse a text that cannot be the name of a class or of a kind of objects."""
     if not re.fullmatch(r"[a-z][a-z0-9_]*", value):
-        raise ValueRangeError(
-            "a name consists of small letters, digits and _, and begins with a letter"
-        )
+        raise ValueRangeError("a name has small letters, digits and _, and begins with a letter")
     return value
 
 
 def _check_kind(value: str) -> str:
-    if value in _CONTACT_NAMES:
-        raise ValueRangeError(
-            f"'{value}' is a name in reports of contacts: give the kind another name"
-        )
+    if value in _TAKEN:
+        raise ValueRangeError(f"'{value}' is a name in reports of contacts: choose another name")
     return check_name(value)
 
 
+_KindName = Annotated[str, AfterValidator(_check_kind)]
 _Side = Annotated[float, Field(ge=0.02, le=10.0)]
 
 
@@ -86,9 +84,7 @@ class Surface:
         if self.image is None and self.tile_m is not None:
             raise ValueRangeError("tile_m is the size of an image, and there is none: add 'image'")
         if self.image is None and self.generator in (None, "paint") and self.colour is None:
-            raise ValueRangeError(
-                'a painted surface needs a colour, such as "#b0b4b8", or an image'
-            )
+            raise ValueRangeError('a painted surface needs a colour, as "#b0b4b8", or an image')
         if self.generator == "carpet" and self.colour is not None:
             raise ValueRangeError("the carpet has its own colours: remove 'colour'")
 
@@ -114,10 +110,8 @@ class GroundSection:
             Area((self.outline_m,))  # refuses any other shape than a polygon
         low, high = GROUND_SIDES_M
         if not all(low <= side <= high for side in self.extent_m):
-            raise ValueRangeError(
-                f"the ground must measure {low:g} to {high:g} m a side around the origin, "
-                f"got {list(self.extent_m)}"
-            )
+            expected = f"{low:g} to {high:g} m a side around the origin"
+            raise ValueRangeError(f"the ground must measure {expected}, got {list(self.extent_m)}")
 
     @property
     def extent_m(self) -> Vector2:
@@ -197,10 +191,9 @@ class ObjectKind:
 
     def __post_init__(self) -> None:
         if self.shape == "cylinder" and self.size_m[0] != self.size_m[1]:
-            raise ValueRangeError(
-                "a cylinder is as wide as it is long: the first two numbers of size_m must be "
-                f"equal, got {list(self.size_m)}"
-            )
+            expected = "size_m must begin with two equal numbers"
+            got = list(self.size_m)
+            raise ValueRangeError(f"a cylinder is as wide as it is long: {expected}, got {got}")
         if (self.file is None) == (self.shape == "mesh"):
             raise ValueRangeError("a mesh needs 'file', an OBJ file; other shapes have none")
         if self.shape == "mesh" and self.top is not None:
@@ -212,14 +205,11 @@ class ObjectKind:
         if self.shape not in ("table", "rack"):
             return
         if self.post_m > min(self.size_m[:2]) / 3:
-            raise ValueRangeError(
-                f"post_m must be at most a third of the width, got {self.post_m:g}"
-            )
+            raise ValueRangeError(f"post_m: at most a third of the width, got {self.post_m:g}")
         boards = self.shelves if self.shape == "rack" else 1
         if self.board_m > self.size_m[2] / (2 * boards):
-            raise ValueRangeError(
-                f"board_m must be at most half of the height between boards, got {self.board_m:g}"
-            )
+            most = "half of the height between boards"
+            raise ValueRangeError(f"board_m: at most {most}, got {self.board_m:g}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,9 +222,7 @@ class RoomSection:
     """Walls, floor and ceiling."""
     light: LightSection | None = None
     """The light of scenes without `lighting`."""
-    objects: Mapping[Annotated[str, AfterValidator(_check_kind)], ObjectKind] = field(
-        default_factory=dict
-    )
+    objects: Mapping[_KindName, ObjectKind] = field(default_factory=dict)
     """Kinds of objects by name."""
 
 
@@ -247,3 +235,90 @@ class Room:
     # Triangles of each kind of mesh, (N, 3, 3) metres, from the middle of its base.
     meshes: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     files: tuple[Path, ...] = ()  # pictures and meshes that the section names
+
+
+_FILE: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
+
+
+def read_room(file: YamlFile[Any], section: RoomSection, folder: Path, classes: LabClasses) -> Room:
+    """Return the room that the section of a lab file describes, with its pictures and meshes."""
+    meshes: dict[str, NDArray[np.float64]] = {}
+    files: list[Path] = []
+    for name, kind in section.objects.items():
+        with file.at("room", "objects", name, "class"):
+            _check_class(kind.class_name, classes)
+        if kind.file is not None:
+            with file.at("room", "objects", name, "file"):
+                files.append(_inside(folder, kind.file))
+                meshes[name] = read_obj(files[-1], kind.size_m)
+    for surface, steps in _surfaces(section):
+        if surface.image is not None:
+            with file.at("room", *steps, "image"):
+                files.append(_inside(folder, surface.image))
+                check_picture(files[-1])
+    return Room(section=section, folder=folder, meshes=meshes, files=tuple(files))
+
+
+def _check_class(name: str, classes: LabClasses) -> None:
+    role = [*classes][classes.id_of(name)].role
+    if role != "obstacle":
+        raise ValueRangeError(
+            f"an object's class must be an obstacle; '{name}' has the role {role}"
+        )
+
+
+def _inside(folder: Path, name: str) -> Path:
+    """Return the path of a file in the lab's folder; links out of it are refused."""
+    path = folder / name
+    if not _FILE.fullmatch(name) or path.resolve().parent != folder.resolve():
+        raise ValueRangeError(f"expected a file in the lab's folder, without a path, got '{name}'")
+    return path
+
+
+def _surfaces(section: RoomSection) -> Iterator[tuple[Surface, Steps]]:
+    """Yield all surfaces with their places in the section."""
+    parts: dict[Steps, object] = {("ground",): section.ground, ("walls",): section.walls}
+    parts |= {("objects", name): kind for name, kind in section.objects.items()}
+    for steps, part in parts.items():
+        for key in ("surface", "floor", "top", "frame"):
+            surface = getattr(part, key, None)
+            if surface is not None:
+                yield surface, (*steps, key)
+
+
+MAX_SIDE_PX: Final = 4096
+MAX_BYTES: Final = 8_000_000
+_PNG: Final = b"\x89PNG\r\n\x1a\n"
+_JPEG: Final = b"\xff\xd8\xff"
+_NO_SIZE: Final = (0xC4, 0xC8, 0xCC)  # JPEG segments among those of sizes that have none
+
+
+def check_picture(path: Path) -> None:
+    """Refuse a file that is no picture, or a large one."""
+    data = read_bounded(path, MAX_BYTES)
+    size_px = _png_size(data) if data.startswith(_PNG) else _jpeg_size(data)
+    if size_px is None or min(size_px) < 1:
+        raise FileError(path, "is no picture: expected a PNG or JPEG file")
+    if max(size_px) > MAX_SIDE_PX:
+        found = f"is a picture of {size_px[0]}x{size_px[1]} pixels"
+        raise FileError(path, f"{found}: at most {MAX_SIDE_PX} a side, make it smaller")
+
+
+def _png_size(data: bytes) -> tuple[int, int] | None:
+    if data[12:16] != b"IHDR" or len(data) < 24:
+        return None
+    return int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
+
+
+def _jpeg_size(data: bytes) -> tuple[int, int] | None:
+    """Return the size in the first frame header; None without one."""
+    if not data.startswith(_JPEG):
+        return None
+    place = 2
+    while place + 9 <= len(data) and data[place] == 0xFF:
+        kind = data[place + 1]
+        if 0xC0 <= kind <= 0xCF and kind not in _NO_SIZE:
+            high, wide = data[place + 5 : place + 7], data[place + 7 : place + 9]
+            return int.from_bytes(wide, "big"), int.from_bytes(high, "big")
+        place += 2 + int.from_bytes(data[place + 2 : place + 4], "big")
+    return None

@@ -11,12 +11,10 @@ from typing import Final
 from uav_bt.errors import FileError, InputError, UnknownNameError
 from uav_bt.files import writing
 from uav_bt.lab.lab import LAB_FILE, Lab, check_lab_name
-from uav_bt.types.landing_mark import LandingMark
+from uav_bt.types.sizes import LandingMark
 
 DEFAULT_LAB: Final = "paper"
-_LABS: Final = (
-    Path(__file__).parents[1] / "labs"
-)  # in a checkout a link to the folder beside uav_bt
+_LABS: Final = Path(__file__).parents[1] / "labs"  # in a checkout a link to the folder above
 
 
 @cache  # asked in every tick, and a folder is slow to list
@@ -43,10 +41,8 @@ def load_lab(name_or_path: str | Path = DEFAULT_LAB) -> Lab:
         owned = (file.parent.name for file in Path("labs").glob(f"*/{LAB_FILE}"))
         raise UnknownNameError("lab", name, {*shipped, *owned})
     if (own / LAB_FILE).is_file() and not own.samefile(ours):
-        raise InputError(
-            f"the lab '{name}' ships with uav-bt, and there is another one in {own}: "
-            f"give the path ./{own} for yours, or rename its folder"
-        )
+        remedy = f"give the path ./{own} for yours, or rename its folder"
+        raise InputError(f"the lab '{name}' ships with uav-bt, and {own} is another: {remedy}")
     return _shipped_lab(ours)
 
 

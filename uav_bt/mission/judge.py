@@ -13,7 +13,7 @@ from uav_bt.settings import check_numbers, member
 from uav_bt.tree import Status
 from uav_bt.types import FlyingState, LandingMark, Pose2D, Truth
 from uav_bt.types.area import Area
-from uav_bt.types.mission_rules import LandOn, MissionRules
+from uav_bt.types.place import LandOn, MissionRules
 
 LANDING_SURFACES: Final = frozenset({"mark", "ground"})
 """Names in contacts of what the drone may touch while it takes off or lands."""

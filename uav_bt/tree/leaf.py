@@ -16,7 +16,7 @@ from uav_bt.tree.observer import NodeEvent
 from uav_bt.tree.port import check_declared
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 from uav_bt.types import GimbalTo, Movement
-from uav_bt.types.mission_rules import MissionRules
+from uav_bt.types.place import MissionRules
 
 T = TypeVar("T")
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from uav_bt.lab.drawn_area import check_area
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.port import Port
 from uav_bt.tree.status import SUCCESS, Status
-from uav_bt.types.mission_rules import LandOn, MissionRules
-from uav_bt.types.place import area_corners
+from uav_bt.types.place import LandOn, MissionRules, area_corners
+from uav_bt.types.place_frames import check_area
 
 
 def _check_area(text: str) -> None:

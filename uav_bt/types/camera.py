@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.brief import shapes_repr
+from uav_bt.brief import brief_repr
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.lab.classes import GROUND, MARK, LabClasses
 from uav_bt.types.drone_state import Attitude
@@ -31,10 +31,8 @@ class CameraModel:
 
     def __post_init__(self) -> None:
         if self.width_px <= 0 or self.height_px <= 0 or self.fx_px <= 0 or self.fy_px <= 0:
-            raise ValueRangeError(
-                "camera size and focal lengths must be positive, got "
-                f"{self.width_px}x{self.height_px}, f = ({self.fx_px}, {self.fy_px})"
-            )
+            got = f"{self.width_px}x{self.height_px}, f = ({self.fx_px}, {self.fy_px})"
+            raise ValueRangeError(f"camera size and focal lengths must be positive, got {got}")
 
     @property
     def pinhole_px(self) -> tuple[float, float, float, float]:
@@ -74,7 +72,7 @@ class Frame:
     height_m: float = 0.0  # above the surface below
     height_above_ground_m: float = 0.0
 
-    __repr__ = shapes_repr
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         check_shape("frame image", self.image, 3, 3)
@@ -88,7 +86,7 @@ class ClassMap:
     classes: LabClasses
     captured_s: float
 
-    __repr__ = shapes_repr
+    __repr__ = brief_repr
 
     @cached_property
     def roles(self) -> NDArray[np.uint8]:
@@ -122,7 +120,7 @@ class DepthMap:
     # (H, W) metres: an upper bound, also if the depth is unknown (NaN); inf without one.
     at_most: NDArray[np.float32] | None = None
 
-    __repr__ = shapes_repr
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         check_shape("depth map", self.depth, 2)

@@ -77,9 +77,7 @@ class GimbalTo:
 
     def __post_init__(self) -> None:
         if not -math.pi / 2 - 1e-9 <= self.pitch_rad <= math.pi / 2 + 1e-9:
-            raise ValueRangeError(
-                f"gimbal pitch must lie within -pi/2 and pi/2 rad, got {self.pitch_rad}"
-            )
+            raise ValueRangeError(f"gimbal pitch must be -pi/2 to pi/2 rad, got {self.pitch_rad}")
 
 
 @dataclass(frozen=True, kw_only=True)

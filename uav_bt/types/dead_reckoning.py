@@ -12,9 +12,8 @@ from uav_bt.types.pose import Pose2D, wrap_angle
 
 SomePose = TypeVar("SomePose", bound=Pose2D)
 
-CARRY_S: Final = (
-    0.5  # s a velocity or a turn is extrapolated: two periods of 5 Hz telemetry and delay
-)
+# Time for which a velocity or a turn is extrapolated: two periods of 5 Hz telemetry, and delay
+CARRY_S: Final = 0.5
 TURN_SPAN_S: Final = 0.15  # s between headings for a turning rate; chosen, noise against lag
 _TIME_SLACK_S: Final = 1e-6  # s; accuracy of differences of times
 

@@ -1,4 +1,4 @@
-"""Places of a mission, as tree files write them.
+"""Places of a mission, as tree files write them, and its rules, which may name some.
 
     start:2,0.5        2 m ahead of the take-off pose and 0.5 m to its right
     start:2,0.5,1.2    the same, 1.2 m above the ground
@@ -29,9 +29,8 @@ from uav_bt.errors import ValueRangeError
 SEPARATOR: Final = ";"  # of the places of a list, as of the elements of the format's loops
 FILE_PREFIX: Final = "file:"  # before the name of a file beside the tree file, in a list
 FILE_SUFFIXES: Final = (".csv", ".txt")
-NUMBER: Final = (
-    r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"  # as Python and spreadsheets write it
-)
+# As Python and spreadsheets write it
+NUMBER: Final = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 
 _FURTHEST_M: Final = 1000.0  # largest coordinate; chosen, a typing error beyond it
 _HEIGHTS_M: Final = (0.3, 20.0)  # as the flight heights of the take-off
@@ -77,10 +76,9 @@ class Place:
         """Return the place of a text; blanks may stand around its separators."""
         bare = text.strip()
         if bare.startswith(FILE_PREFIX):
-            raise ValueRangeError(
-                f"{_EXPECTED}, got '{text}': a file of places ends in "
-                f"{' or '.join(FILE_SUFFIXES)}, and a list in a tree file names it"
-            )
+            ending = f"a file of places ends in {' or '.join(FILE_SUFFIXES)}"
+            rule = f"{ending}, and a list in a tree file names it"
+            raise ValueRangeError(f"{_EXPECTED}, got '{text}': {rule}")
         found = _PLACE.fullmatch(bare)
         if found is None:
             raise ValueRangeError(f"{_EXPECTED}, got '{text}'")
@@ -125,14 +123,10 @@ def area_corners(text: str) -> tuple[Place, ...]:
     for corner in corners:
         flat = corner.height_m is None and corner.heading_rad is None
         if not flat or corner.frame not in {PlaceFrame.START, PlaceFrame.LAB}:
-            raise ValueRangeError(
-                f"expected the corners of an area as start:x,y or lab:x,y, got '{corner}'"
-            )
+            raise ValueRangeError(f"expected corners as start:x,y or lab:x,y, got '{corner}'")
     if len(corners) < _LEAST_CORNERS:
-        raise ValueRangeError(
-            f"expected at least {_LEAST_CORNERS} corners of an area, with ';' between them, "
-            f"got {len(corners)}"
-        )
+        expected = f"at least {_LEAST_CORNERS} corners of an area, with ';' between them"
+        raise ValueRangeError(f"expected {expected}, got {len(corners)}")
     return corners
 
 
@@ -146,13 +140,29 @@ def _heading(text: str, place: str) -> float:
 def _bounded(text: str, bounds: tuple[float, float], what: str, place: str) -> float:
     value = float(text)
     if not bounds[0] <= value <= bounds[1]:
-        raise ValueRangeError(
-            f"expected {what} of {bounds[0]:g} to {bounds[1]:g} m, got {text} in the place "
-            f"'{place}'"
-        )
+        expected = f"{what} of {bounds[0]:g} to {bounds[1]:g} m"
+        raise ValueRangeError(f"expected {expected}, got {text} in the place '{place}'")
     return value
 
 
 def _short(value: float, *, digits: int = 2) -> str:
     """Return a number without needless digits, and 0 without a sign."""
     return f"{round(value, digits) + 0.0:g}"
+
+
+class LandOn(enum.StrEnum):
+    """Where a mission may land for its flight to be a success."""
+
+    MARK = "mark"  # on the landing mark
+    GROUND = "ground"  # beside the landing mark
+    ANY = "any"
+    NONE = "none"  # nowhere: the mission never takes off
+
+
+@dataclass(frozen=True, kw_only=True)
+class MissionRules:
+    """The rules of a mission. None: the mission does not say."""
+
+    time_limit_s: float | None = None  # from the take-off command
+    land_on: LandOn | None = None
+    area: tuple[Place, ...] | None = None  # corners of a polygon, in the frames start or lab

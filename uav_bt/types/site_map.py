@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.brief import shapes_repr
+from uav_bt.brief import brief_repr
 from uav_bt.errors import ShapeError
 from uav_bt.lab.classes import LabClasses
 from uav_bt.types.arrays import Flags, Floats
@@ -147,7 +147,7 @@ class SiteMap(SiteMapBase):
     # those that only a few views have seen, and those of unknown range
     near: NearObstacles = field(default_factory=NearObstacles)
 
-    __repr__ = shapes_repr
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         for grid in (self.free, self.outside, self.passed):

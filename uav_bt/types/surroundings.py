@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.brief import shapes_repr
+from uav_bt.brief import brief_repr
 from uav_bt.errors import ShapeError
 
 
@@ -63,7 +63,7 @@ class NearObstacles:
     points_age_s: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     edges_age_s: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
-    __repr__ = shapes_repr
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         for points in (self.points_m, self.assumed_m, self.edges_m):

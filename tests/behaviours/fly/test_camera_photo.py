@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from behaviours.fly.take_photo import TakePhoto
-from uav_bt.board.flight_folder import FlightFolder
+from uav_bt.board.context import FlightFolder
 from uav_bt.protocols import Still, StillState
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import live

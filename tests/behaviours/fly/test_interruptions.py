@@ -22,7 +22,7 @@ from uav_bt.testing.faults import Fault, FaultyDrone
 from uav_bt.testing.world import Says, ground
 from uav_bt.tree import Leaf, NodeRegistry, Status, parse_tree
 from uav_bt.types import MarkFix, MoveBy
-from uav_bt.types.mission_rules import LandOn
+from uav_bt.types.place import LandOn
 
 MISSION = """
 <ReactiveSequence>

@@ -16,7 +16,7 @@ from behaviours.fly.take_photo import TakePhoto
 from tests.paper_lab import CARPET
 from tests.worlds.leaves import map_with
 from uav_bt.board import ELAPSED, FRAME, SITE_MAP, STATE
-from uav_bt.board.flight_folder import FlightFolder
+from uav_bt.board.context import FlightFolder
 from uav_bt.errors import InputError
 from uav_bt.record.images import decode_bytes, decode_image
 from uav_bt.testing import LeafBench

@@ -11,7 +11,7 @@ import pytest
 from uav_bt import app
 from uav_bt.app.camera_photos import fetch_photos
 from uav_bt.app.rehearsed_drone import RehearsedDrone
-from uav_bt.board.flight_folder import FlightFolder
+from uav_bt.board.context import FlightFolder
 from uav_bt.errors import DroneError, FileError
 from uav_bt.mission.drone_wrapper import DroneWrapper
 from uav_bt.protocols import Drone, Photographing, Still, StillCamera, StillState

@@ -25,7 +25,7 @@ from uav_bt.testing import ScriptedDrone
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, load_tree
 from uav_bt.tree.nodes import Sequence
 from uav_bt.types import Hover
-from uav_bt.types.mission_rules import LandOn
+from uav_bt.types.place import LandOn
 
 # --- definitions of a notebook --------------------------------------------------------------------
 

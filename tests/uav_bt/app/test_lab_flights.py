@@ -28,7 +28,7 @@ from uav_bt.mission.limits import Limits
 from uav_bt.record.reader import RecordReader
 from uav_bt.testing import ScriptedDrone
 from uav_bt.types import Pose2D
-from uav_bt.types.mission_rules import LandOn
+from uav_bt.types.place import LandOn
 
 LAB = """\
 version: 1

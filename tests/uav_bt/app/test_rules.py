@@ -19,8 +19,7 @@ from uav_bt.protocols import Drone
 from uav_bt.record.reader import RecordReader
 from uav_bt.testing import ScriptedDrone
 from uav_bt.types import Velocity
-from uav_bt.types.mission_rules import LandOn
-from uav_bt.types.place import area_corners
+from uav_bt.types.place import LandOn, area_corners
 
 pytestmark = pytest.mark.flight
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from uav_bt.board.flight_folder import FlightFolder
+from uav_bt.board.context import FlightFolder
 from uav_bt.errors import FileError
 
 

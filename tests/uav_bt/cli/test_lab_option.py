@@ -9,8 +9,7 @@ import pytest
 
 from tests.uav_bt.app.test_lab_flights import LAB, MARK
 from tests.worlds.cli import HOP, assert_refused, run, tree_file
-from uav_bt.lab.lab_file import read_lab
-from uav_bt.lab.schema import lab_schema
+from uav_bt.lab.lab_file import lab_schema, read_lab
 
 
 @pytest.fixture

@@ -15,9 +15,7 @@ from tests.uav_bt.groot.groot_world import HEIGHT, GrootClient
 from tests.worlds.trees import leaf
 from uav_bt.clock import ManualClock
 from uav_bt.errors import InputError
-from uav_bt.groot.groot_publisher import GrootPublisher
-from uav_bt.groot.groot_view import MAX_RECORDED
-from uav_bt.groot.watch import TreeWatch
+from uav_bt.groot.watch import MAX_RECORDED, GrootPublisher, TreeWatch
 
 INNER = f'<BehaviorTree ID="Inner">{leaf("in", "RS")}</BehaviorTree>'
 BODY = f"""

@@ -11,7 +11,7 @@ from tests.uav_bt.groot.groot_world import make_tree
 from tests.worlds.trees import leaf
 from uav_bt import app
 from uav_bt.errors import InputError
-from uav_bt.groot.numbering import MAX_UID, TreeNumbering, tree_xml
+from uav_bt.groot.transitions import MAX_UID, TreeNumbering, tree_xml
 from uav_bt.tree import MissionTree
 from uav_bt.tree.nodes import AlwaysSuccess, Sequence
 
@@ -74,7 +74,7 @@ def test_names_that_xml_cannot_hold_are_replaced() -> None:
 
 def test_a_tree_with_too_many_nodes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     assert MAX_UID == 65_535  # two bytes
-    monkeypatch.setattr("uav_bt.groot.numbering.MAX_UID", 3)
+    monkeypatch.setattr("uav_bt.groot.transitions.MAX_UID", 3)
     tree = MissionTree(Sequence("all", [AlwaysSuccess() for _ in range(3)]))
     with pytest.raises(InputError, match="has 4 nodes; at most 3"):
         TreeNumbering(tree)

@@ -8,8 +8,7 @@ from tests.uav_bt.groot.groot_world import make_context, make_tree
 from tests.worlds.trees import leaf
 from uav_bt.clock import ManualClock
 from uav_bt.errors import NodeFailedError
-from uav_bt.groot.numbering import TreeNumbering
-from uav_bt.groot.transitions import TransitionRecorder
+from uav_bt.groot.transitions import TransitionRecorder, TreeNumbering
 from uav_bt.tree import MissionTree
 
 

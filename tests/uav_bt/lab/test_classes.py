@@ -35,7 +35,7 @@ WALL = a_class("wall", "outside")
 
 
 def test_ids_beyond_the_classes_or_of_another_type_are_refused() -> None:
-    with pytest.raises(ValueRangeError, match="within 0 and 16, got 17"):
+    with pytest.raises(ValueRangeError, match="must be 0 to 16, got 17"):
         PAPER.roles(np.array([[3, 17]], dtype=np.uint8))
     with pytest.raises(ValueRangeError, match="uint8"):
         PAPER.roles(np.array([1], dtype=np.int64))  # type: ignore[arg-type]

@@ -11,8 +11,7 @@ import pytest
 from tests.uav_bt.lab.test_lab_file import GOOD, lab_folder
 from uav_bt.app.site import Site, load_site, site_of_lab
 from uav_bt.errors import FileError
-from uav_bt.lab.lab_file import read_lab
-from uav_bt.lab.schema import lab_schema
+from uav_bt.lab.lab_file import lab_schema, read_lab
 from uav_bt.lab.shipped import load_lab
 from uav_bt.types import Pose2D
 

@@ -13,7 +13,7 @@ from tests.sim_bridge.twin.room_world import CONE, LAB, write_lab
 from uav_bt.errors import FileError
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.obj_file import pieces, read_obj
-from uav_bt.lab.room_reader import check_picture
+from uav_bt.lab.room import check_picture
 
 
 def line_of(text: str, word: str) -> int:

@@ -12,7 +12,7 @@ from uav_bt.mission.judge import Judge, JudgeConfig, Verdict
 from uav_bt.tree import Status
 from uav_bt.types import DroneState, FlyingState, Pose, Pose2D, Truth
 from uav_bt.types.area import Area
-from uav_bt.types.mission_rules import LandOn, MissionRules
+from uav_bt.types.place import LandOn, MissionRules
 
 LANDED, HOVERING, LANDING = FlyingState.LANDED, FlyingState.HOVERING, FlyingState.LANDING
 EMERGENCY = FlyingState.EMERGENCY

@@ -12,7 +12,7 @@ from tests.worlds import values
 from uav_bt.board import MARK, MISSION_KEYS, ODOMETRY, SITE_MAP
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import FlightNotes
-from uav_bt.board.keys import NUMBER_KEYS
+from uav_bt.board.keys import QUIET
 from uav_bt.clock import ManualClock
 from uav_bt.mission.judge import Judge, JudgeConfig
 from uav_bt.mission.mission_numbers import MissionNumbers, Whereabouts
@@ -50,7 +50,7 @@ class World:
         self.whereabouts.update()
         self.numbers.write(Observation(frame=frame, state=state), now_s)
         values = self.board.snapshot()
-        return {key.name: values[key.name][0] for key in NUMBER_KEYS}
+        return {key.name: values[key.name][0] for key in QUIET}
 
     def move(
         self, x_m: float, y_m: float, yaw_deg: float = 0.0, *, untracked_s: float = 0.0

@@ -26,7 +26,7 @@ from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, parse_tre
 from uav_bt.types import Command, Hover, Land, MoveBy, Observation, TakeOff, Velocity
 from uav_bt.types.dead_reckoning import OdometryPose
 from uav_bt.types.drone_state import BodyVelocity, DroneState, FlyingState
-from uav_bt.types.mission_rules import LandOn
+from uav_bt.types.place import LandOn
 
 TICK_S = 0.1
 HALTED: list[str] = []  # paths of the leaves that were halted, in order

@@ -9,7 +9,7 @@ from uav_bt.board import FLIGHT_HEIGHT, ODOMETRY
 from uav_bt.errors import InputError
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Status, parse_tree
 from uav_bt.tree.rules import Rules
-from uav_bt.types.mission_rules import LandOn, MissionRules
+from uav_bt.types.place import LandOn, MissionRules
 
 
 class Up(Leaf):

@@ -95,10 +95,13 @@ def test_obstacle_points_come_in_pairs(shape: tuple[int, ...]) -> None:
         *((MoveBy, {"id": 1, "forward_m": bad}, "movement must") for bad in (math.inf, -math.inf)),
         *((Velocity, {f"{way}_mps": math.nan}, "velocity must") for way in ("right", "down")),
         (Velocity, {"forward_mps": math.inf}, "velocity must be finite"),
-        *((GimbalTo, {"pitch_rad": bad}, "pitch must lie within") for bad in (1.6, -1.6, math.nan)),
+        *(
+            (GimbalTo, {"pitch_rad": bad}, "pitch must be -pi/2 to pi/2")
+            for bad in (1.6, -1.6, math.nan)
+        ),
         (Airframe, {"body_size_m": (0.2, 0.0, 0.1)}, "three positive sizes"),
         (Airframe, {"climb_braking_mps2": 0.0}, "positive climb_braking_mps2"),
-        (Airframe, {"command_delay_s": -0.1}, "zero or positive seconds"),
+        (Airframe, {"command_delay_s": -0.1}, "must be 0 s or more"),
     ],
 )
 def test_impossible_numbers_are_refused(kind: Any, given: dict[str, Any], words: str) -> None:

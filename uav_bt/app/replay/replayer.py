@@ -17,7 +17,7 @@ from uav_bt.app.recorded_files import recorded_files
 from uav_bt.app.replay.differences import LOSSY_NUMBERS, Comparison, ReplayReport
 from uav_bt.app.replay.recorded_drone import RecordedDrone, RecordedSegmenter
 from uav_bt.board import CLASS_MAP, FRAME
-from uav_bt.board.flight_folder import FlightFolder
+from uav_bt.board.context import FlightFolder
 from uav_bt.errors import FileError, NodeFailedError
 from uav_bt.mission.judge import Judge, JudgeConfig, Outcome, Verdict
 from uav_bt.mission.runner import MissionRunner

@@ -22,7 +22,7 @@ from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import LoopBool, LoopDouble, LoopInt, ReactiveSequence, SetBlackboard
 from uav_bt.tree.rules import Rules
 from uav_bt.tree.script.expressions import Name
-from uav_bt.types.mission_rules import LandOn, MissionRules
+from uav_bt.types.place import LandOn, MissionRules
 
 _RUNNER: Final = "runner"  # the writer of the keys that every mission has
 
