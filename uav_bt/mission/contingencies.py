@@ -15,11 +15,10 @@ from typing import Any, Final, Protocol, runtime_checkable
 from uav_bt.board.keys import STATE
 from uav_bt.errors import DroneError
 from uav_bt.mission.judge import Outcome, Verdict
-from uav_bt.mission.lasting import Lasting
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.map_check import MapWatch
 from uav_bt.mission.obedience import ObedienceWatch
-from uav_bt.mission.safety import AIRBORNE, Override
+from uav_bt.mission.safety import AIRBORNE, Lasting, Override
 from uav_bt.mission.screening import Screening
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone

@@ -25,8 +25,7 @@ from statistics import median
 from typing import Final
 
 from uav_bt.mission.hold_model import GroundWatch, HeldLanding, OrderedMotion, Vector, add
-from uav_bt.mission.lasting import Lasting
-from uav_bt.mission.safety import AIRBORNE
+from uav_bt.mission.safety import AIRBORNE, Lasting
 from uav_bt.types import Airframe, DroneState, MovementState, MovementStatus, limit_length, rotate
 from uav_bt.types.commands import Hover, Land, MoveBy, Movement, Velocity
 from uav_bt.types.dead_reckoning import MotionEstimate
