@@ -13,7 +13,6 @@ from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
 from uav_bt.errors import NodeFailedError
 from uav_bt.mission.contingencies import Abort, Contingencies, Descent
-from uav_bt.mission.event_watch import EventWatch
 from uav_bt.mission.ground_height import GroundHeight
 from uav_bt.mission.judge import Judge, Verdict
 from uav_bt.mission.limits import Limits
@@ -21,7 +20,7 @@ from uav_bt.mission.mission_numbers import MissionNumbers, Whereabouts
 from uav_bt.mission.position_hold import PositionHold
 from uav_bt.mission.safety import Arbiter, Circumstances
 from uav_bt.mission.screening import FrameJudge, Screening
-from uav_bt.mission.tick import TickListener, TickListeners, TickRecord
+from uav_bt.mission.tick import EventWatch, TickListener, TickListeners, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.settings import check_numbers
 from uav_bt.tree import MissionTree, Status

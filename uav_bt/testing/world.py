@@ -16,16 +16,9 @@ from uav_bt.lab.shipped import load_lab
 from uav_bt.protocols import PolicyView
 from uav_bt.testing.bench import LeafBench
 from uav_bt.tree import Status
-from uav_bt.types import (
-    Attitude,
-    BodyVelocity,
-    ClassMap,
-    FlyingState,
-    MovementStatus,
-    Pose2D,
-    SiteMap,
-)
+from uav_bt.types import ClassMap, FlyingState, MovementStatus, Pose2D, SiteMap
 from uav_bt.types.arrays import Flags, Floats, Image
+from uav_bt.types.drone_state import Attitude, BodyVelocity
 
 
 class Says:
