@@ -65,8 +65,7 @@ class Abort:
     def follow(self, record: TickRecord) -> Verdict | None:
         """Return the verdict of an aborted mission, None while it waits for the landing."""
         lands = record.override is Override.ABORT
-        if self._landing.update(record.time_s, holds=lands) > self.grace_s:
-            self.given_up = True
+        self.given_up |= self._landing.update(record.time_s, holds=lands) > self.grace_s
         if self.reason is None or not self.given_up:
             return None
         return Verdict(Outcome.ABORTED, self.reason)
@@ -82,12 +81,7 @@ class Contingencies:
         self._blind, self._refused, self._unheard = (Lasting() for _ in range(3))
 
     def abort_reason(
-        self,
-        record: TickRecord,
-        screening: Screening,
-        *,
-        drift: str | None,
-        site_map: SiteMap | None,
+        self, record: TickRecord, screening: Screening, drift: str | None, site_map: SiteMap | None
     ) -> str | None:
         """Return the reason to abort the mission with a landing; None without one.
 

@@ -140,12 +140,7 @@ class PositionHold:
         )
 
     def sent(
-        self,
-        movement: Movement,
-        motion: MotionEstimate | None,
-        now_s: float,
-        *,
-        rests: bool = False,
+        self, movement: Movement, motion: MotionEstimate | None, now_s: float, *, rests: bool
     ) -> None:
         """Note the movement that was sent in this tick; it `rests` where a safety rule decided."""
         self.watch.update(motion, now_s)
@@ -186,10 +181,8 @@ class PositionHold:
         moved = add(here, -1.0, before)
         if math.hypot(*moved) <= _LEAP_MPS * passed_s:
             return False
-        if self._place is not None:
-            self._place = add(self._place, 1.0, moved)
-        if self._goal is not None:
-            self._goal = add(self._goal, 1.0, moved)
+        self._place = self._place and add(self._place, 1.0, moved)
+        self._goal = self._goal and add(self._goal, 1.0, moved)
         return True
 
     # --- the disturbance --------------------------------------------------------------------------

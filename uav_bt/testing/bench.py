@@ -124,9 +124,8 @@ class BenchWorld:
             if not 0.0 <= share <= 1.0:
                 raise ValueRangeError(f"{name} must be 0 to 1, got {share}")
         velocity = BodyVelocity(forward_mps=forward_mps, right_mps=right_mps, down_mps=down_mps)
-        flies = velocity != BodyVelocity()
         told = {
-            "flying": FlyingState.FLYING if flies else FlyingState.HOVERING,
+            "flying": FlyingState.FLYING if any(vars(velocity).values()) else FlyingState.HOVERING,
             "velocity": velocity,
             "altitude_m": height_m,
             "height_m": height_m,
@@ -228,5 +227,4 @@ class LeafBench(BenchWorld):
     @property
     def feedback(self) -> str:
         """The leaf's text for the status line."""
-        message: str = self.leaf.feedback_message
-        return message
+        return str(self.leaf.feedback_message)

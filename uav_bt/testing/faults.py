@@ -122,12 +122,11 @@ class FaultyDrone(DroneWrapper):
         super().__init__(drone)
         self.fault = fault
         self.began_s: float | None = None  # mission time of the first effect; None before it
-        around = drone if isinstance(drone, FaultyDrone) else None
-        self.body: Drone = drone if around is None else around.body  # the drone without faults
+        self.body = drone  # the drone without faults
         # Present disturbances by the faults of one body: argument, and level along world x.
-        self.disturbances: dict[FaultyDrone, tuple[str, float]] = (
-            {} if around is None else around.disturbances
-        )
+        self.disturbances: dict[FaultyDrone, tuple[str, float]] = {}
+        if isinstance(drone, FaultyDrone):
+            self.body, self.disturbances = drone.body, drone.disturbances
         if fault.kind.disturb is not None and not isinstance(self.body, Disturbed):
             raise InputError(
                 f"fault '{fault.kind.name}' needs a drone with a method 'disturb', such as the "
@@ -144,14 +143,10 @@ class FaultyDrone(DroneWrapper):
     @property
     def missed(self) -> str | None:
         """The reason why the fault has had no effect; None once it has had one."""
-        phase, delay_s = self.fault.phase, self.fault.delay_s
         if self.began_s is not None:
             return None
-        if self._phase_s is None:
-            return f"the flight did not enter the phase '{phase}'"
-        if delay_s:
-            return f"the flight ended before {delay_s:g} s of '{phase}'"
-        return f"the flight ended in the first tick of '{phase}'"
+        missed = "did not enter" if self._phase_s is None else "ended too early in"
+        return f"the flight {missed} the phase '{self.fault.phase}'"
 
     @property
     def referee(self) -> Referee | None:
@@ -178,7 +173,11 @@ class FaultyDrone(DroneWrapper):
         at, kind = self._moment(), self.fault.kind
         if kind.disturb is not None:
             self.disturbances[self] = kind.disturb, 0.0 if at is None else at.level
-            self._disturb_body()
+            totals = {"wind_mps2": 0.0, "drift_mps": 0.0}
+            for name, level in self.disturbances.values():
+                totals[name] += level
+            if isinstance(self.body, Disturbed):
+                self.body.disturb(**{name: (level, 0.0) for name, level in totals.items()})
         shown = seen
         if at is None:
             self._before, self._still = seen, seen.frame or self._still
@@ -187,13 +186,6 @@ class FaultyDrone(DroneWrapper):
                 shown = kind.observe(seen, at)
         self._shown = None if shown.frame is None else (shown.frame, self._source(shown.frame))
         return shown
-
-    def _disturb_body(self) -> None:
-        totals = {"wind_mps2": 0.0, "drift_mps": 0.0}
-        for name, level in self.disturbances.values():
-            totals[name] += level
-        if isinstance(self.body, Disturbed):
-            self.body.disturb(**{name: (level, 0.0) for name, level in totals.items()})
 
     def send(self, command: Command) -> Command:
         """Send a command as the fault changes it; return the mission's own command."""
