@@ -65,7 +65,8 @@ class Abort:
     def follow(self, record: TickRecord) -> Verdict | None:
         """Return the verdict of an aborted mission, None while it waits for the landing."""
         lands = record.override is Override.ABORT
-        self.given_up |= self._landing.update(record.time_s, holds=lands) > self.grace_s
+        if self._landing.update(record.time_s, holds=lands) > self.grace_s:
+            self.given_up = True
         if self.reason is None or not self.given_up:
             return None
         return Verdict(Outcome.ABORTED, self.reason)
