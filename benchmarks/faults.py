@@ -28,7 +28,8 @@ from uav_bt.errors import InputError
 from uav_bt.mission.judge import LANDING_SURFACES, JudgeConfig
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone
-from uav_bt.testing.faults import FAULTS, Fault, FaultKind, FaultyDrone
+from uav_bt.testing.fault_kinds import FAULTS, FaultKind
+from uav_bt.testing.faults import Fault, FaultyDrone
 from uav_bt.types import MissionPhase, Observation
 from uav_bt.types.place import LandOn
 

@@ -221,7 +221,7 @@ def test_by_old_values_it_neither_moves_nor_tells_anything(
     flight.wait(1.0)
     assert not moves(flight.fly(20, lambda: flight.wait(0.5)))
     ageing = [key for key in leaf.writes if key.max_age_s < 1.0]
-    assert all(flight.bench.strict_board.read(key).value is None for key in ageing)
+    assert all(flight.bench.board.read(key).value is None for key in ageing)
 
 
 @situations

@@ -13,8 +13,8 @@ from uav_bt.app.options import FlightOptions
 from uav_bt.board import PHASE
 from uav_bt.errors import InputError, UnknownNameError
 from uav_bt.protocols import Drone
-from uav_bt.testing.faults import FAULTS, RANDOM, Fault, FaultKind, FaultyDrone
-from uav_bt.testing.faults.fault import START
+from uav_bt.testing.fault_kinds import FAULTS, FaultKind
+from uav_bt.testing.faults import RANDOM, START, Fault, FaultyDrone
 from uav_bt.tree import MissionTree
 from uav_bt.types import MissionPhase
 from uav_bt.types.commands import Phase

@@ -15,11 +15,10 @@ from typing import Any, Final, Protocol, runtime_checkable
 from uav_bt.board.keys import STATE
 from uav_bt.errors import DroneError
 from uav_bt.mission.judge import Outcome, Verdict
-from uav_bt.mission.lasting import Lasting
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.map_check import MapWatch
 from uav_bt.mission.obedience import ObedienceWatch
-from uav_bt.mission.safety import AIRBORNE, Override
+from uav_bt.mission.safety import AIRBORNE, Lasting, Override
 from uav_bt.mission.screening import Screening
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone
@@ -83,12 +82,7 @@ class Contingencies:
         self._blind, self._refused, self._unheard = (Lasting() for _ in range(3))
 
     def abort_reason(
-        self,
-        record: TickRecord,
-        screening: Screening,
-        *,
-        drift: str | None,
-        site_map: SiteMap | None,
+        self, record: TickRecord, screening: Screening, drift: str | None, site_map: SiteMap | None
     ) -> str | None:
         """Return the reason to abort the mission with a landing; None without one.
 

@@ -2,28 +2,19 @@
 
 from __future__ import annotations
 
-from uav_bt.protocols import (
-    Clock,
-    Drone,
-    Imageless,
-    Photographing,
-    Referee,
-    Scene,
-    Sight,
-    StillCamera,
-)
+from uav_bt import protocols
 from uav_bt.types import Airframe, CameraModel, Command, Observation
 
 
 class DroneWrapper:
     """Hands out the members of an inner drone; derive from it and override some."""
 
-    def __init__(self, drone: Drone) -> None:
+    def __init__(self, drone: protocols.Drone) -> None:
         """Keep the drone, which is not connected."""
         self.inner = self._drone = drone
 
     @property
-    def clock(self) -> Clock:
+    def clock(self) -> protocols.Clock:
         """The inner drone's clock."""
         return self._drone.clock
 
@@ -38,22 +29,22 @@ class DroneWrapper:
         return self._drone.airframe
 
     @property
-    def referee(self) -> Referee | None:
+    def referee(self) -> protocols.Referee | None:
         """The inner drone's referee; None on a real drone."""
         return self._drone.referee
 
     @property
-    def sight(self) -> Sight | None:
+    def sight(self) -> protocols.Sight | None:
         """The inner drone's perception without images; None if it sends images."""
-        return self._drone.sight if isinstance(self._drone, Imageless) else None
+        return self._drone.sight if isinstance(self._drone, protocols.Imageless) else None
 
     @property
-    def stills(self) -> StillCamera | None:
+    def stills(self) -> protocols.StillCamera | None:
         """The inner drone's own photographs; None if it takes none."""
-        return self._drone.stills if isinstance(self._drone, Photographing) else None
+        return self._drone.stills if isinstance(self._drone, protocols.Photographing) else None
 
     @property
-    def scene(self) -> Scene | None:
+    def scene(self) -> protocols.Scene | None:
         """The inner drone's scene; None on a real drone."""
         return self._drone.scene
 

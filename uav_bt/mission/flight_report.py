@@ -32,9 +32,8 @@ class Percentiles:
         if not values_s:
             return None
         ms = 1000.0 * np.asarray(values_s, dtype=np.float64)
-        p50, p99 = np.percentile(ms, [50, 99])
-        most = float(ms.max())
-        return cls(p50=round(float(p50), 3), p99=round(float(p99), 3), max=round(most, 3))
+        p50, p99, most = (round(float(each), 3) for each in np.percentile(ms, [50, 99, 100]))
+        return cls(p50=p50, p99=p99, max=most)
 
 
 @dataclass(frozen=True, kw_only=True)

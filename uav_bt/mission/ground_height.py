@@ -82,17 +82,14 @@ class GroundHeight:
         state, frame = observation.state, observation.frame
         if math.isfinite(state.captured_s):
             self._take(state)
-            height_m = self._at(state.captured_s if now_s is None else now_s)
-            state = replace(state, height_above_ground_m=height_m)
+            sunk_m = self._sunk_at(state.captured_s if now_s is None else now_s)
+            state = replace(state, height_above_ground_m=self._height_m - sunk_m)
         if frame is not None and self._sunk_m:
             if self._frame is None or self._frame[0] is not frame:
-                height_m = self._at(frame.captured_s)
+                height_m = self._height_m - self._sunk_at(frame.captured_s)
                 self._frame = frame, replace(frame, height_above_ground_m=height_m)
             frame = self._frame[1]
         return Observation(frame=frame, state=state)
-
-    def _at(self, time_s: float) -> float:
-        return self._height_m - self._sunk_at(time_s)
 
     def _sunk_at(self, time_s: float) -> float:
         """Return the integrated descent at a time, from the vertical velocity."""

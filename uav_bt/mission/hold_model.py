@@ -7,7 +7,7 @@ import math
 from collections import deque
 from typing import Final
 
-from uav_bt.mission.lasting import Lasting
+from uav_bt.mission.safety import Lasting
 from uav_bt.types import Airframe, BodyVelocity
 from uav_bt.types.dead_reckoning import MotionEstimate
 

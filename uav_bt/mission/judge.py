@@ -115,13 +115,8 @@ class Judge:
 
     def time_left(self, now_s: float) -> float:
         """Return seconds until the time limit; the whole limit before the take-off command."""
-        return self._config.limit_s - self._judged_s(now_s)
-
-    def _judged_s(self, now_s: float) -> float:
-        """Return the time that the limit is compared with, seconds."""
-        if self.stays_grounded:
-            return 0.0 if self._started_s is None else now_s - self._started_s
-        return self.elapsed(now_s)
+        begin_s = self._started_s if self.stays_grounded else self._took_off_s
+        return self._config.limit_s - (0.0 if begin_s is None else now_s - begin_s)
 
     def elapsed(self, now_s: float) -> float:
         """Return seconds since the take-off command, 0 before it."""
@@ -171,9 +166,14 @@ class Judge:
     def _violation(self, record: TickRecord, place: Pose2D | None) -> Verdict | None:
         truth = record.truth
         if truth is not None:
-            place = self._true_place(truth)
-            hit = self._hit(record, truth)
-            if hit is not None:
+            self._start = self._start or truth.pose
+            ahead = self._start.pose_to_body(truth.pose)
+            # Metres ahead and to the right of the first pose, clockwise.
+            place = Pose2D(x_m=ahead.x_m, y_m=-ahead.y_m, yaw_rad=-ahead.yaw_rad)
+            # A landing surface may be touched while the drone may be landing.
+            unheard = record.time_s - record.observation.state.captured_s > _UNHEARD_S
+            allowed = LANDING_SURFACES if unheard or self._lands else frozenset[str]()
+            if hit := next((name for name in truth.contacts if name not in allowed), None):
                 return Verdict(Outcome.COLLISION, f"touched {hit}")
             if self._took_off_s is not None and not truth.inside_ground:
                 at = f"({truth.pose.x_m:.2f}, {truth.pose.y_m:.2f}) m"
@@ -182,29 +182,16 @@ class Judge:
             left_m = -self._area.margin_m(place.x_m, place.y_m)
             if left_m > _LEFT_M:
                 return Verdict(Outcome.LEFT_AREA, f"left the mission's area by {left_m:.2f} m")
-        late = self._late(record.time_s)
-        return None if late is None else Verdict(Outcome.TIMEOUT, late)
+        return self._late(record.time_s)
 
-    def _true_place(self, truth: Truth) -> Pose2D:
-        """Return the pose relative to the first one: metres ahead and to the right, clockwise."""
-        if self._start is None:
-            self._start = truth.pose
-        ahead = self._start.pose_to_body(truth.pose)
-        return Pose2D(x_m=ahead.x_m, y_m=-ahead.y_m, yaw_rad=-ahead.yaw_rad)
-
-    def _late(self, now_s: float) -> str | None:
-        if self._judged_s(now_s) > self._config.limit_s:
-            return f"not over after {self._config.limit_s:.0f} s"
+    def _late(self, now_s: float) -> Verdict | None:
+        if self.time_left(now_s) < 0.0:
+            return Verdict(Outcome.TIMEOUT, f"not over after {self._config.limit_s:.0f} s")
         if self.stays_grounded or self._took_off_s is not None or self._started_s is None:
             return None
         waited_s = now_s - self._started_s
-        return f"no take-off within {waited_s:.0f} s" if waited_s > _PATIENCE_S else None
-
-    def _hit(self, record: TickRecord, truth: Truth) -> str | None:
-        """Return what was touched, a landing surface aside while the drone may be landing."""
-        unheard = record.time_s - record.observation.state.captured_s > _UNHEARD_S
-        allowed = LANDING_SURFACES if unheard or self._lands else frozenset[str]()
-        return next((name for name in truth.contacts if name not in allowed), None)
+        late = Verdict(Outcome.TIMEOUT, f"no take-off within {waited_s:.0f} s")
+        return late if waited_s > _PATIENCE_S else None
 
     def _objection(self, status: Status, truth: Truth | None, failure: str) -> str | None:
         """Return why a flight that ended on the ground is no success; None if it is one."""

@@ -139,9 +139,7 @@ class AreaGuard:
         """Return a movement that stays in the area, from a pose relative to the take-off pose."""
         if isinstance(movement, MoveBy):
             return self._shortened(movement, at)
-        if not isinstance(movement, Velocity):
-            return movement
-        if movement.forward_mps == 0.0 and movement.right_mps == 0.0:
+        if not isinstance(movement, Velocity) or movement.forward_mps == movement.right_mps == 0.0:
             return movement
         share = 0.0 if at is None else self._share(movement, at, age_s)
         return replace(

@@ -43,15 +43,15 @@ class Whereabouts:
         motion, site_map = self._board.value(ODOMETRY), self._board.value(SITE_MAP)
         if site_map is not None:
             self.site_map, self._start = site_map, site_map.start
-        self.place = None if motion is None else self._relative(motion.pose)
+        self.place = None
+        if motion is not None:
+            here: Pose2D = motion.pose
+            self._start = self._start or here
+            if self.site_map is not None:
+                here = self.site_map.correction.pose_to_world(here)
+            ahead = self._start.pose_to_body(here)
+            self.place = replace(ahead, yaw_rad=wrap_angle(ahead.yaw_rad))
         return self.place
-
-    def _relative(self, here: Pose2D) -> Pose2D:
-        self._start = self._start or here
-        if self.site_map is not None:
-            here = self.site_map.correction.pose_to_world(here)
-        ahead = self._start.pose_to_body(here)
-        return replace(ahead, yaw_rad=wrap_angle(ahead.yaw_rad))
 
     def mark_m(self) -> float | None:
         """Return the horizontal distance of the landing mark, by its track or the fresh map."""
@@ -148,9 +148,6 @@ class MissionNumbers:
 
     def _localised(self) -> bool:
         motion, site_map = self._board.value(ODOMETRY), self._board.value(SITE_MAP)
-        return (
-            motion is not None
-            and site_map is not None
-            and motion.untracked_s <= BLIND_S
-            and site_map.contradicted_s <= _DOUBTED_S
-        )
+        if motion is None or site_map is None:
+            return False
+        return motion.untracked_s <= BLIND_S and site_map.contradicted_s <= _DOUBTED_S

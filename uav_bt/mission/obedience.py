@@ -6,8 +6,7 @@ import math
 from typing import Final
 
 from uav_bt.board.keys import STATE
-from uav_bt.mission.lasting import Lasting
-from uav_bt.mission.safety import AIRBORNE
+from uav_bt.mission.safety import AIRBORNE, Lasting
 from uav_bt.types import DroneState, FlyingState, MovementState
 from uav_bt.types.commands import Command, Hover, Land, MoveBy, Movement, TakeOff, Velocity
 

@@ -25,8 +25,7 @@ from statistics import median
 from typing import Final
 
 from uav_bt.mission.hold_model import GroundWatch, HeldLanding, OrderedMotion, Vector, add
-from uav_bt.mission.lasting import Lasting
-from uav_bt.mission.safety import AIRBORNE
+from uav_bt.mission.safety import AIRBORNE, Lasting
 from uav_bt.types import Airframe, DroneState, MovementState, MovementStatus, limit_length, rotate
 from uav_bt.types.commands import Hover, Land, MoveBy, Movement, Velocity
 from uav_bt.types.dead_reckoning import MotionEstimate
@@ -141,12 +140,7 @@ class PositionHold:
         )
 
     def sent(
-        self,
-        movement: Movement,
-        motion: MotionEstimate | None,
-        now_s: float,
-        *,
-        rests: bool = False,
+        self, movement: Movement, motion: MotionEstimate | None, now_s: float, *, rests: bool
     ) -> None:
         """Note the movement that was sent in this tick; it `rests` where a safety rule decided."""
         self.watch.update(motion, now_s)
@@ -187,10 +181,8 @@ class PositionHold:
         moved = add(here, -1.0, before)
         if math.hypot(*moved) <= _LEAP_MPS * passed_s:
             return False
-        if self._place is not None:
-            self._place = add(self._place, 1.0, moved)
-        if self._goal is not None:
-            self._goal = add(self._goal, 1.0, moved)
+        self._place = self._place and add(self._place, 1.0, moved)
+        self._goal = self._goal and add(self._goal, 1.0, moved)
         return True
 
     # --- the disturbance --------------------------------------------------------------------------

@@ -62,10 +62,7 @@ class Check:
 
 
 def check_drone(
-    drone: Drone,
-    config: PreflightConfig | None = None,
-    *,
-    judge_frame: FrameJudge | None = None,
+    drone: Drone, config: PreflightConfig | None = None, *, judge_frame: FrameJudge | None = None
 ) -> tuple[Check, ...]:
     """Observe a connected drone for a while and return the list of checks.
 

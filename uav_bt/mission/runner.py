@@ -13,7 +13,6 @@ from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
 from uav_bt.errors import NodeFailedError
 from uav_bt.mission.contingencies import Abort, Contingencies, Descent
-from uav_bt.mission.event_watch import EventWatch
 from uav_bt.mission.ground_height import GroundHeight
 from uav_bt.mission.judge import Judge, Verdict
 from uav_bt.mission.limits import Limits
@@ -21,7 +20,7 @@ from uav_bt.mission.mission_numbers import MissionNumbers, Whereabouts
 from uav_bt.mission.position_hold import PositionHold
 from uav_bt.mission.safety import Arbiter, Circumstances
 from uav_bt.mission.screening import FrameJudge, Screening
-from uav_bt.mission.tick import TickListener, TickListeners, TickRecord
+from uav_bt.mission.tick import EventWatch, TickListener, TickListeners, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.settings import check_numbers
 from uav_bt.tree import MissionTree, Status
@@ -152,7 +151,7 @@ class MissionRunner:
         if verdict is None:
             site_map = self._context.board.read(SITE_MAP).value
             trouble = self._contingencies.abort_reason(
-                record, self._screening, drift=self._hold.trouble, site_map=site_map
+                record, self._screening, self._hold.trouble, site_map
             )
             if trouble is not None:
                 self.abort.request(trouble)
@@ -217,17 +216,16 @@ class MissionRunner:
             The tree's status, and the wall time of its tick in seconds.
         """
         self._context.proposals.clear()
-        began_s = time.perf_counter()
-        rests = not self.abort and (self.manual or state.pilot_has_control)
-        status = Status.RUNNING if rests else self._tick_tree()
+        status, began_s = Status.IDLE, time.perf_counter()
+        if not self.abort:
+            rests = self.manual or state.pilot_has_control
+            status = Status.RUNNING if rests else self._tick_tree()
         compute_s = time.perf_counter() - began_s
         if self.abort:
             self._halt_tree()
         return status, compute_s
 
     def _tick_tree(self) -> Status:
-        if self.abort:
-            return Status.IDLE
         self._is_halted = False
         try:
             return self._tree.tick()

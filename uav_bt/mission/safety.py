@@ -52,61 +52,27 @@ class Circumstances:
     cut: bool = False  # a person orders the motors off, wherever the drone falls
     place: Pose2D | None = None  # relative to the take-off pose; None where it is unknown
 
-    @property
-    def airborne(self) -> bool:
-        """Whether the drone flies and follows commands."""
-        return self.state.flying in AIRBORNE
 
-
-@dataclass(frozen=True)
-class SafetyRule:
-    """One line of the table."""
-
-    override: Override
-    holds: Callable[[Circumstances, Limits], bool]
-    movement: Movement  # that is sent; a landing goes on where a rule orders to hover
-
-
-SAFETY: Final = (
-    # A person decided that falling is better.
-    SafetyRule(Override.CUT, lambda now, _: now.cut, CutMotors()),
-    # A pilot flies: nothing is sent and the mission waits, whatever else is wrong.
-    SafetyRule(
-        Override.MANUAL, lambda now, _: now.manual or now.state.pilot_has_control, Release()
-    ),
-    # Ctrl-C, SIGTERM, a mission that crashed or ended in the air.
-    SafetyRule(Override.ABORT, lambda now, _: now.abort, Land()),
-    # With an empty battery the drone lands by itself, wherever that is.
-    SafetyRule(
-        Override.BATTERY,
-        lambda now, limits: (
-            now.airborne
-            and now.state.battery is not None
-            and now.state.battery < limits.critical_battery
-        ),
-        Land(),
-    ),
-    # Commands may still arrive: hover, or go on landing, until telemetry returns.
-    SafetyRule(
-        Override.LINK,
-        lambda now, _: (
-            (now.airborne or now.state.flying is FlyingState.TAKING_OFF)
-            and (not now.state.connected or now.state_age_s > STATE.max_age_s)
-        ),
-        Hover(),
-    ),
-    # Without a new image the way is unknown; a landing needs none.
-    SafetyRule(
-        Override.STALE_FRAME,
-        lambda now, _: now.airborne and now.frame_age_s > FRAME.max_age_s,
-        Hover(),
-    ),
-)
-
-
-def rule_in_force(now: Circumstances, limits: Limits) -> SafetyRule | None:
-    """Return the strongest rule that holds, None when the leaves have control authority."""
-    return next((rule for rule in SAFETY if rule.holds(now, limits)), None)
+def safety_rules(now: Circumstances, limits: Limits) -> tuple[tuple[bool, Override, Movement], ...]:
+    """Return the table, strongest rule first: whether it holds, its override, what is sent."""
+    state, airborne = now.state, now.state.flying in AIRBORNE
+    low = state.battery is not None and state.battery < limits.critical_battery
+    unheard = not state.connected or now.state_age_s > STATE.max_age_s
+    rising = state.flying is FlyingState.TAKING_OFF
+    return (
+        # A person decided that falling is better.
+        (now.cut, Override.CUT, CutMotors()),
+        # A pilot flies: nothing is sent and the mission waits, whatever else is wrong.
+        (now.manual or state.pilot_has_control, Override.MANUAL, Release()),
+        # Ctrl-C, SIGTERM, a mission that crashed or ended in the air.
+        (now.abort, Override.ABORT, Land()),
+        # With an empty battery the drone lands by itself, wherever that is.
+        (airborne and low, Override.BATTERY, Land()),
+        # Commands may still arrive: hover, or go on landing, until telemetry returns.
+        ((airborne or rising) and unheard, Override.LINK, Hover()),
+        # Without a new image the way is unknown; a landing needs none.
+        (airborne and now.frame_age_s > FRAME.max_age_s, Override.STALE_FRAME, Hover()),
+    )
 
 
 class Arbiter:
@@ -143,19 +109,19 @@ class Arbiter:
         `correct` returns a proposed movement as it should be flown, before it is limited, `hover`
         the hover that rules without a usable frame or telemetry order.
         """
-        rule = rule_in_force(now, self._limits)
-        self.override = None if rule is None else rule.override
-        hovers = rule is not None and rule.movement == Hover()
-        self.is_held = rule is None or hovers
-        if rule is None:
+        holding = (rule[1:] for rule in safety_rules(now, self._limits) if rule[0])
+        self.override, ordered = next(holding, (None, None))
+        hovers = ordered == Hover()
+        self.is_held = ordered is None or hovers
+        if ordered is None:
             return self._proposed(proposals, now, correct)
         lands = hovers and (self.landing or isinstance(proposals.movement, Land))
-        movement = Land() if lands else rule.movement
+        movement = Land() if lands else ordered
         self.landing = isinstance(movement, Land)
         if hovers and not lands:
             movement = hover()
         # With an old frame the leaves still point the camera, which may end it.
-        gimbal = proposals.gimbal if rule.override is Override.STALE_FRAME else None
+        gimbal = proposals.gimbal if self.override is Override.STALE_FRAME else None
         return Command(movement=movement, gimbal=gimbal)
 
     def _proposed(
@@ -183,3 +149,32 @@ class Arbiter:
         if self._guard is not None and not isinstance(movement, MoveBy):
             movement = self._guard.limited(movement, now.place, age_s=now.state_age_s)
         return Command(movement=movement, gimbal=proposals.gimbal)
+
+
+class Lasting:
+    """Measures for how long a condition has held; a gap shorter than `gap_s` does not end it.
+
+    So a video whose latency lies at its limit, fresh and stale in turn, counts as stale throughout.
+    With a gap of 0 the first tick in which the condition does not hold ends it.
+    """
+
+    def __init__(self, *, gap_s: float = 1.0) -> None:
+        self._gap_s = gap_s
+        self._since_s: float | None = None  # None: it does not hold
+        self._last_s = 0.0  # last time at which it held
+
+    def update(self, now_s: float, *, holds: bool) -> float:
+        """Return the seconds for which the condition has held, 0 if it does not hold now."""
+        ends = self._gap_s > 0.0 or not holds
+        if ends and now_s - self._last_s > self._gap_s:
+            self._since_s = None
+        if not holds:
+            return 0.0
+        if self._since_s is None:
+            self._since_s = now_s
+        self._last_s = now_s
+        return now_s - self._since_s
+
+    def reset(self) -> None:
+        """Restart, as if the condition had not held."""
+        self._since_s = None

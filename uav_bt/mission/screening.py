@@ -18,6 +18,8 @@ FrameJudge = Callable[[Frame, DroneState], str | None]
 
 _Bound = tuple[str, float, float]
 
+# Believed beside impossible values: a landing must be recognised.
+_BELIEVED: Final = ("flying", "movement", "pilot_has_control", "connected", "lost", "faults")
 
 # Bounds of a small camera drone's reports. All are chosen, far beyond an ANAFI's flight.
 _TILT_RAD: Final = math.pi / 2  # roll and pitch
@@ -61,16 +63,7 @@ class Screening:
             self._state = replace(state, battery=_known(state.battery), link=_known(state.link))
             return self._state
         good = self._state or DroneState(captured_s=-math.inf, flying=state.flying)
-        # Flying state, movement and faults are believed: a landing must be recognised.
-        return replace(
-            good,
-            flying=state.flying,
-            movement=state.movement,
-            pilot_has_control=state.pilot_has_control,
-            connected=state.connected,
-            lost=state.lost,
-            faults=state.faults,
-        )
+        return replace(good, **{name: getattr(state, name) for name in _BELIEVED})
 
     def _take_frame(self, frame: Frame | None, state: DroneState, now_s: float) -> None:
         if frame is None or (frame.index, frame.captured_s) == self._newest:

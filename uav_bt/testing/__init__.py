@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from uav_bt.testing.bench import LeafBench, StrictBlackboard
     from uav_bt.testing.drone import ScriptedDrone, blank_frame, pinhole
     from uav_bt.testing.events import EventLog
-    from uav_bt.testing.faults import FAULTS, Fault, FaultKind, FaultyDrone, InjectedError
+    from uav_bt.testing.fault_kinds import FAULTS, FaultKind, InjectedError
+    from uav_bt.testing.faults import Fault, FaultyDrone
     from uav_bt.testing.tree_bench import TreeBench, load_tree, parse_tree
     from uav_bt.testing.world import Says, drawn_map, live, show
     from uav_bt.tree.scripted import Mock
@@ -42,7 +43,7 @@ __all__ = [
     "show",
 ]
 
-_KIT: Final = (".bench", ".drone", ".events", ".faults", ".tree_bench", ".world")
+_KIT: Final = (".bench", ".drone", ".events", ".fault_kinds", ".faults", ".tree_bench", ".world")
 _MODULES: Final = (*_KIT, "uav_bt.tree.scripted")
 
 

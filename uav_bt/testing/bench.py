@@ -28,6 +28,8 @@ class StrictBlackboard(Blackboard):
 
     In flight a stale value reads as None, and leaves must handle it. In a test it mostly means that
     the test forgot to refresh its board, and would pass for the wrong reason.
+
+    The test itself has unrestricted access by key: `board[KEY]`.
     """
 
     allow_stale = False
@@ -54,30 +56,23 @@ class StrictBlackboard(Blackboard):
             )
         return reading
 
-
-class BenchBoard:
-    """The test's unrestricted access to the board, by key."""
-
-    def __init__(self, board: Blackboard) -> None:
-        self._board = board
-
     def __setitem__(self, key: Key[T], value: T) -> None:
         """Write a value, captured at its `captured_s` or else now."""
-        self._board.declare(key)
-        self._board.write(key, value, captured_s=getattr(value, "captured_s", None))
+        self.declare(key)
+        self.write(key, value, captured_s=getattr(value, "captured_s", None))
 
     def __getitem__(self, key: Key[T]) -> T:
         """Return the last value, of any age; KeyError if there is none."""
-        value: T = self._board.snapshot()[key.name][0]
+        value: T = self._entries[key.name][0]
         return value
 
     def __contains__(self, key: Key[Any]) -> bool:
         """Return whether the key has a value."""
-        return key.name in self._board.snapshot()
+        return key.name in self._entries
 
     def __delitem__(self, key: Key[Any]) -> None:
         """Delete the key's value."""
-        self._board.forget(key)
+        self.forget(key)
 
 
 class BenchWorld:
@@ -89,14 +84,11 @@ class BenchWorld:
         self.variables = tree.variables  # for ports such as `{count}`
         self.policies: dict[str, LeafPolicy] = {}  # with precedence over the installed ones
         self.camera = pinhole()
-        self.strict_board = StrictBlackboard(self.clock, MISSION_KEYS)
+        self.board = StrictBlackboard(self.clock, MISSION_KEYS)
         for leaf in tree.leaves():
             for key in (*leaf.reads, *leaf.writes):
-                self.strict_board.declare(key)
-        self.board = BenchBoard(self.strict_board)
-        self.mission = MissionContext(
-            clock=self.clock, board=self.strict_board, policy=self._policy
-        )
+                self.board.declare(key)
+        self.mission = MissionContext(clock=self.clock, board=self.board, policy=self._policy)
         self.notes = self.mission.notes  # events and photographs
         self._frames = 0
         self._ready = False
@@ -107,7 +99,7 @@ class BenchWorld:
 
     def allow_stale(self) -> None:
         """Let stale values read as None from now on, as in flight."""
-        self.strict_board.allow_stale = True
+        self.board.allow_stale = True
 
     # --- the drone --------------------------------------------------------------------------------
 
@@ -132,9 +124,8 @@ class BenchWorld:
             if not 0.0 <= share <= 1.0:
                 raise ValueRangeError(f"{name} must be 0 to 1, got {share}")
         velocity = BodyVelocity(forward_mps=forward_mps, right_mps=right_mps, down_mps=down_mps)
-        flies = velocity != BodyVelocity()
         told = {
-            "flying": FlyingState.FLYING if flies else FlyingState.HOVERING,
+            "flying": FlyingState.FLYING if any(vars(velocity).values()) else FlyingState.HOVERING,
             "velocity": velocity,
             "altitude_m": height_m,
             "height_m": height_m,
@@ -236,5 +227,4 @@ class LeafBench(BenchWorld):
     @property
     def feedback(self) -> str:
         """The leaf's text for the status line."""
-        message: str = self.leaf.feedback_message
-        return message
+        return str(self.leaf.feedback_message)

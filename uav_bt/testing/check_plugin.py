@@ -38,10 +38,8 @@ class CheckPlugin:
         """Read all collected files."""
         if self._files:
             lookup = Lookup(Library(self._files))
-            files = map(_short, self._files)
-            session.config.stash[_TOGETHER] = FilesTogether(
-                files, NodeRegistry.installed(), lookup=lookup
-            )
+            files, registry = map(_short, self._files), NodeRegistry.installed()
+            session.config.stash[_TOGETHER] = FilesTogether(files, registry, lookup=lookup)
 
 
 _TOGETHER: Final[pytest.StashKey[FilesTogether]] = pytest.StashKey()

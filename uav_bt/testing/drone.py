@@ -20,11 +20,9 @@ _TICK_S: Final = 0.1  # of velocity piloting by one command
 _AIRBORNE: Final = {FlyingState.HOVERING, FlyingState.FLYING}
 
 
-def pinhole(
-    width_px: int = 64, height_px: int = 36, fov_rad: float = math.radians(69)
-) -> CameraModel:
+def pinhole(width_px: int = 64, height_px: int = 36) -> CameraModel:
     """Return a small camera with the horizontal field of view of the ANAFI's video."""
-    focal_px = width_px / 2 / math.tan(fov_rad / 2)
+    focal_px = width_px / 2 / math.tan(math.radians(69) / 2)
     return CameraModel(
         width_px=width_px,
         height_px=height_px,
@@ -59,8 +57,7 @@ class ScriptedDrone:
         self.camera = pinhole()
         self.airframe = Airframe()
         self.referee = self.scene = self.tick_s = None
-        self.live = False
-        self.connected = False
+        self.live = self.connected = False
         self.commands: list[Command] = []  # all commands that were sent, in order
         self.x_m = self.y_m = 0.0  # world, relative to the take-off point
         self.state = DroneState(captured_s=self.clock.now(), flying=FlyingState.LANDED)

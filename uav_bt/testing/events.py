@@ -139,9 +139,8 @@ class EventLog:
                     f"'{steps[index]}' did not happen{after}\n{self.table()}"
                 )
 
-    def _assert(
-        self, node: str, *words: str, times: int | None = None, tick: int | None = None
-    ) -> None:
+    def _assert(self, node: str, *words: str, **counted: Unpack[Counted]) -> None:
+        times, tick = counted.get("times"), counted.get("tick")
         found = len(self.of(node, *words, tick=tick))
         if (found > 0) if times is None else (found == times):
             return

@@ -16,16 +16,9 @@ from uav_bt.lab.shipped import load_lab
 from uav_bt.protocols import PolicyView
 from uav_bt.testing.bench import LeafBench
 from uav_bt.tree import Status
-from uav_bt.types import (
-    Attitude,
-    BodyVelocity,
-    ClassMap,
-    FlyingState,
-    MovementStatus,
-    Pose2D,
-    SiteMap,
-)
+from uav_bt.types import ClassMap, FlyingState, MovementStatus, Pose2D, SiteMap
 from uav_bt.types.arrays import Flags, Floats, Image
+from uav_bt.types.drone_state import Attitude, BodyVelocity
 
 
 class Says:
@@ -149,6 +142,8 @@ def drawn_map(
     given = np.empty((0, 2)) if obstacles is None else obstacles
     if given.ndim != 2 or given.shape[1] != 2:
         raise ShapeError("obstacles", expected="(N, 2)", actual=given.shape)
+    steps = [(wall, math.ceil(math.dist(*wall) / _STEP_M)) for wall in walls]
+    lines = [np.linspace(*wall, max(2, count + 1)) for wall, count in steps]
     seen = ground if known is None else ground & known
     return SiteMap(
         classes=load_lab().classes,
@@ -159,13 +154,7 @@ def drawn_map(
         free=seen,
         outside=~ground,
         passed=np.zeros_like(ground) if passed is None else passed,
-        obstacles_m=np.vstack([given, *(_points(wall) for wall in walls)]),
+        obstacles_m=np.vstack([given, *lines]),
         edges_m=np.empty((0, 2)),
         captured_s=1.0,
     )
-
-
-def _points(wall: Wall) -> Floats:
-    """Return points of a wall, (N, 2)."""
-    count = max(2, math.ceil(math.dist(*wall) / _STEP_M) + 1)
-    return np.linspace(*wall, count)

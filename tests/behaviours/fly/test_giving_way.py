@@ -156,7 +156,7 @@ def test_a_way_is_not_flown_on_without_a_new_view() -> None:
     for _ in range(10):
         show(bench)
         move(bench)
-        bench.strict_board.write(SITE_MAP, shown)  # anew, of the same view
+        bench.board.write(SITE_MAP, shown)  # anew, of the same view
         bench.tick()
     assert isinstance(bench.proposed, Velocity)
     assert (bench.proposed.forward_mps, bench.proposed.right_mps) == (0.0, 0.0)

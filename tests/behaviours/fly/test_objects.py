@@ -53,7 +53,7 @@ def map_of(*objects: MapObject, wall: bool = False) -> SiteMap:
 
 def show(bench: LeafBench, site_map: SiteMap) -> Status:
     bench.clock.advance(0.1)
-    bench.strict_board.write(SITE_MAP, site_map)
+    bench.board.write(SITE_MAP, site_map)
     return bench.tick()
 
 
@@ -137,7 +137,7 @@ def test_two_nodes_share_what_was_handed_out() -> None:
         <NextObject place="{a}"/><NextObject place="{b}"/><Inverter><NextObject/></Inverter>
         </Sequence></BehaviorTree></root>"""
     )
-    tree.strict_board.write(SITE_MAP, map_of(box(1, 0.0, -1.0), box(2, 0.0, 1.0)))
+    tree.board.write(SITE_MAP, map_of(box(1, 0.0, -1.0), box(2, 0.0, 1.0)))
     assert tree.tick() is Status.SUCCESS
     assert (tree.variables["a"], tree.variables["b"]) == ("object:1", "object:2")
 
@@ -177,7 +177,7 @@ def test_a_loop_visits_the_view_points_of_the_next_object() -> None:
         </Sequence></BehaviorTree></root>""".replace("NAME", NAMES[1])
     )
     seen = map_of(box(1, -1.0, 1.0), box(2, 0.2, 0.1, class_id=BOXES[1]))
-    tree.strict_board.write(SITE_MAP, seen)
+    tree.board.write(SITE_MAP, seen)
     tree.tick_until(Status.SUCCESS, 20)
     assert tree.variables["object"] == "object:2"
     assert tree.variables["count"] == len(parse_places(tree.variables["places"])) == 4

@@ -98,7 +98,7 @@ def test_a_fault_that_the_flight_did_not_have_is_among_its_warnings() -> None:
     assert report.outcome == "success"
     assert report.warnings[-2:] == [
         "the fault black@search had no effect: the flight did not enter the phase 'search'",
-        "the fault black@land+500 had no effect: the flight ended before 500 s of 'land'",
+        "the fault black@land+500 had no effect: the flight ended too early in the phase 'land'",
     ]
 
 

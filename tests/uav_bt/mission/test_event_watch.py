@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from uav_bt.board.context import MissionContext
-from uav_bt.mission.event_watch import EventWatch
 from uav_bt.mission.safety import Override
+from uav_bt.mission.tick import EventWatch
 from uav_bt.tree.scripted import ScriptedLeaf
 from uav_bt.tree.watches import BranchEnds
 from uav_bt.types.flight_results import EventKind

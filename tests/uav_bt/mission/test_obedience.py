@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from uav_bt.mission.lasting import Lasting
 from uav_bt.mission.obedience import ObedienceWatch
+from uav_bt.mission.safety import Lasting
 from uav_bt.types import MeasurementTimes, MovementState, MovementStatus, Velocity
 from uav_bt.types.commands import Command, GimbalTo, Hover, Land, MoveBy, Movement, TakeOff
 from uav_bt.types.drone_state import Attitude, BodyVelocity, DroneState, FlyingState

@@ -75,7 +75,7 @@ class Body:
     def tick(self, proposed: Movement) -> Movement:
         motion = self.motion() if self.sees else None
         flown = self.hold.correct(proposed, self.state(), motion, self.now_s)
-        self.hold.sent(flown, motion, self.now_s)
+        self.hold.sent(flown, motion, self.now_s, rests=False)
         self.sent.append(flown)
         arrived = self.sent[-1 - LATE_TICKS] if len(self.sent) > LATE_TICKS else Hover()
         order = arrived if isinstance(arrived, Velocity) else Velocity()

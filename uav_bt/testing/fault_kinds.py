@@ -103,6 +103,8 @@ def _delayed(until: Callable[[float, float], float]) -> Observe:
 
 # --- telemetry ------------------------------------------------------------------------------------
 
+_ANGLES: Final = ("roll_rad", "pitch_rad", "yaw_rad")
+_AXES: Final = ("forward_mps", "right_mps", "down_mps")
 _HEIGHTS: Final = ("altitude_m", "height_m", "height_above_ground_m")
 
 _Change = Callable[[Any, FaultMoment], Mapping[str, Any]]
@@ -124,11 +126,6 @@ def _both(change: _Change) -> Observe:
     return observe
 
 
-@_both
-def _tilted(_report: DroneState | Frame, at: FaultMoment) -> Mapping[str, Any]:
-    return {"attitude": Attitude(roll_rad=at.level, pitch_rad=at.level, yaw_rad=at.level)}
-
-
 def _yaw(report: DroneState | Frame, by_rad: float) -> Mapping[str, Any]:
     yaw_rad = wrap_angle(report.attitude.yaw_rad + by_rad)
     return {"attitude": replace(report.attitude, yaw_rad=yaw_rad)}
@@ -140,12 +137,6 @@ def _dated(report: DroneState | Frame, at: FaultMoment) -> Mapping[str, Any]:
     if isinstance(report, Frame) or report.measured is None:
         return later
     return {**later, "measured": report.measured.shifted(at.level)}
-
-
-@_state
-def _moving(_state: DroneState, at: FaultMoment) -> Mapping[str, Any]:
-    mps = at.level
-    return {"velocity": BodyVelocity(forward_mps=mps, right_mps=mps, down_mps=mps)}
 
 
 def _faster(state: DroneState, by_mps: float) -> Mapping[str, Any]:
@@ -229,6 +220,8 @@ def _listener_raises() -> None:
 _frozen: Final = _image(lambda frame, at: at.still.image if at.still else frame.image)
 _late: Final = _delayed(lambda now_s, age_s: now_s - age_s)
 _slow: Final = _delayed(lambda now_s, rate_hz: math.floor(now_s * rate_hz) / rate_hz)
+_tilted: Final = _both(lambda _, at: {"attitude": Attitude(**dict.fromkeys(_ANGLES, at.level))})
+_moving: Final = _state(lambda _, at: {"velocity": BodyVelocity(**dict.fromkeys(_AXES, at.level))})
 _high: Final = _both(lambda _, at: dict.fromkeys(_HEIGHTS, at.level))
 _higher: Final = _both(lambda told, at: {key: getattr(told, key) + at.level for key in _HEIGHTS})
 _turned: Final = _both(lambda told, at: _yaw(told, at.level))
@@ -269,7 +262,11 @@ _KINDS: Final = (
     _Kind("time-jump", "later timestamps", _dated, 5, "s"),
     _Kind("gimbal-nan", "the camera's pitch NaN", _pointed),
     _Kind("gimbal-absurd", "an absurd camera pitch", _pointed, 50, "rad"),
-    _Kind("gimbal-stuck", "the camera stays where it points", send=_unpointed),
+    _Kind(
+        "gimbal-stuck",
+        "the camera stays where it points",
+        send=_unpointed,
+    ),
     _Kind("battery-nan", "a charge of NaN", _charged),
     _Kind("battery-low", "a low battery", _charged, 0.05, "of the charge", 0, 1),
     _Kind("battery-drains", "a draining battery", _drained, 0.1, "of the charge per s", 0, 1),

@@ -1,25 +1,103 @@
-"""A wrapper that adds one fault to any drone, from a phase of the mission on."""
+"""Faults of drones, to test how missions react to them: as a text, and around a drone."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
-from typing import Final, Protocol, runtime_checkable
+from dataclasses import dataclass, replace
+from typing import Final, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.errors import InputError
+from uav_bt.errors import InputError, UnknownNameError, ValueRangeError
 from uav_bt.landing_marks import MarkSighting
 from uav_bt.mission.drone_wrapper import DroneWrapper
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone, Referee, Sight
-from uav_bt.testing.faults.fault import START, Fault
-from uav_bt.testing.faults.table import FaultMoment
+from uav_bt.testing.fault_kinds import FAULTS, FaultKind, FaultMoment
 from uav_bt.types import ClassMap, Command, DepthMap, Frame, Observation, Pose2D
+
+RANDOM: Final = "random"
+"""In place of a fault: room, movers and faults are drawn from the seed."""
+START: Final = "start"  # in place of a phase: from the connection on
+_TEXT: Final = re.compile(
+    r"(?P<kind>[\w-]+)(=(?P<level>[^@~]+))?"
+    r"(@(?P<phase>[^+~=@]+)(\+(?P<delay>[^~]+))?)?(~(?P<duration>.+))?"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """A kind of fault with its level and its time."""
+
+    kind: FaultKind
+    level: float | None = None  # None: the kind's default
+    phase: str = START  # it begins with the first tick of this phase of the mission
+    delay_s: float = 0.0  # time from the start of the phase to the fault
+    duration_s: float = math.inf  # from its first effect on
+
+    def __post_init__(self) -> None:
+        kind, level = self.kind, self.level
+        if not (math.isfinite(self.delay_s) and self.delay_s >= 0.0):
+            raise ValueRangeError(f"expected a delay of 0 s or more, got {self.delay_s:g}")
+        if not self.duration_s > 0.0:
+            raise ValueRangeError(
+                f"expected a duration of more than 0 s, got {self.duration_s:g}; a fault without a "
+                "duration stays"
+            )
+        if level is not None and kind.level is None:
+            raise ValueRangeError(f"{kind.name} takes no level, got {level:g}")
+        if level is not None and not (math.isfinite(level) and kind.least <= level <= kind.most):
+            limits = f"{kind.least:g} to {kind.most:g} {kind.unit}".rstrip()
+            raise ValueRangeError(f"expected a finite level from {limits}, got {level:g}")
+
+    @classmethod
+    def parse(cls, text: str, kinds: Mapping[str, FaultKind] = FAULTS) -> Self:
+        """Return the fault that a text like ``late=0.7@explore+1~30`` describes.
+
+        Args:
+            text: ``KIND[=LEVEL][@PHASE[+DELAY]][~DURATION]``, times in seconds.
+            kinds: by name.
+        """
+        found = _TEXT.fullmatch(text)
+        if found is None:
+            raise ValueRangeError(
+                f"a fault is written KIND[=LEVEL][@PHASE[+DELAY]][~DURATION], got '{text}'"
+            )
+        if found["kind"] == RANDOM:
+            raise ValueRangeError(f"'{RANDOM}' takes no level and no time, got '{text}'")
+        if found["kind"] not in kinds:
+            raise UnknownNameError("fault", found["kind"], [*kinds, RANDOM])
+        try:
+            return cls(
+                kind=kinds[found["kind"]],
+                level=None if found["level"] is None else _number("level", found["level"]),
+                phase=found["phase"] or START,
+                delay_s=_number("delay", found["delay"] or "0"),
+                duration_s=_number("duration", found["duration"] or "inf"),
+            )
+        except ValueError as error:
+            raise ValueRangeError(f"fault '{text}': {error}") from error
+
+    def __str__(self) -> str:
+        level = "" if self.level is None else f"={self.level:g}"
+        delay = f"+{self.delay_s:g}" if self.delay_s else ""
+        duration = f"~{self.duration_s:g}" if math.isfinite(self.duration_s) else ""
+        return f"{self.kind.name}{level}@{self.phase}{delay}{duration}"
+
+
+def _number(what: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        raise ValueRangeError(f"expected a number as {what}, got '{text}'") from error
+
+
+# --- the drone ------------------------------------------------------------------------------------
 
 _PAST: Final = 64  # kept observations for late frames: 6 s at the usual tick; chosen
 _SLACK_S: Final = 1e-6  # rounding of times
@@ -44,12 +122,11 @@ class FaultyDrone(DroneWrapper):
         super().__init__(drone)
         self.fault = fault
         self.began_s: float | None = None  # mission time of the first effect; None before it
-        around = drone if isinstance(drone, FaultyDrone) else None
-        self.body: Drone = drone if around is None else around.body  # the drone without faults
+        self.body = drone  # the drone without faults
         # Present disturbances by the faults of one body: argument, and level along world x.
-        self.disturbances: dict[FaultyDrone, tuple[str, float]] = (
-            {} if around is None else around.disturbances
-        )
+        self.disturbances: dict[FaultyDrone, tuple[str, float]] = {}
+        if isinstance(drone, FaultyDrone):
+            self.body, self.disturbances = drone.body, drone.disturbances
         if fault.kind.disturb is not None and not isinstance(self.body, Disturbed):
             raise InputError(
                 f"fault '{fault.kind.name}' needs a drone with a method 'disturb', such as the "
@@ -66,14 +143,10 @@ class FaultyDrone(DroneWrapper):
     @property
     def missed(self) -> str | None:
         """The reason why the fault has had no effect; None once it has had one."""
-        phase, delay_s = self.fault.phase, self.fault.delay_s
         if self.began_s is not None:
             return None
-        if self._phase_s is None:
-            return f"the flight did not enter the phase '{phase}'"
-        if delay_s:
-            return f"the flight ended before {delay_s:g} s of '{phase}'"
-        return f"the flight ended in the first tick of '{phase}'"
+        missed = "did not enter" if self._phase_s is None else "ended too early in"
+        return f"the flight {missed} the phase '{self.fault.phase}'"
 
     @property
     def referee(self) -> Referee | None:
@@ -100,7 +173,11 @@ class FaultyDrone(DroneWrapper):
         at, kind = self._moment(), self.fault.kind
         if kind.disturb is not None:
             self.disturbances[self] = kind.disturb, 0.0 if at is None else at.level
-            self._disturb_body()
+            totals = {"wind_mps2": 0.0, "drift_mps": 0.0}
+            for name, level in self.disturbances.values():
+                totals[name] += level
+            if isinstance(self.body, Disturbed):
+                self.body.disturb(**{name: (level, 0.0) for name, level in totals.items()})
         shown = seen
         if at is None:
             self._before, self._still = seen, seen.frame or self._still
@@ -109,13 +186,6 @@ class FaultyDrone(DroneWrapper):
                 shown = kind.observe(seen, at)
         self._shown = None if shown.frame is None else (shown.frame, self._source(shown.frame))
         return shown
-
-    def _disturb_body(self) -> None:
-        totals = {"wind_mps2": 0.0, "drift_mps": 0.0}
-        for name, level in self.disturbances.values():
-            totals[name] += level
-        if isinstance(self.body, Disturbed):
-            self.body.disturb(**{name: (level, 0.0) for name, level in totals.items()})
 
     def send(self, command: Command) -> Command:
         """Send a command as the fault changes it; return the mission's own command."""
