@@ -21,7 +21,7 @@ from uav_bt.tree.loading.variable_faults import key_fits
 from uav_bt.tree.node import NodeKind
 from uav_bt.tree.port import CONDITION_ATTRIBUTES, Port, port_text
 from uav_bt.tree.registry import NodeRegistry
-from uav_bt.tree.script import SCRIPTS, parse_text
+from uav_bt.tree.script.parser import SCRIPTS, parse_text
 
 _SUBTREE: Final = NodeKind.SUBTREE.value
 _GENERIC: Final = ("name", *sorted(CONDITION_ATTRIBUTES))

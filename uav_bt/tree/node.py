@@ -23,8 +23,8 @@ from uav_bt.tree.flow import NodeFlow
 from uav_bt.tree.node_ports import child_paths
 from uav_bt.tree.observer import ANSWERS, NodeEvent, Observer, observe, unobserve
 from uav_bt.tree.port import CONDITION_ATTRIBUTES, Port, check_declared
-from uav_bt.tree.script import Environment, Script, ScriptError, parse_question
-from uav_bt.tree.script.values import truth
+from uav_bt.tree.script.parser import Script, parse_question
+from uav_bt.tree.script.values import Environment, ScriptError, truth
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 from uav_bt.tree.variables import Variables
 

@@ -12,7 +12,8 @@ from uav_bt.board.context import MissionContext
 from uav_bt.errors import BoardAccessError, InputError, MissionError, UnknownValueError
 from uav_bt.protocols import Clock
 from uav_bt.tree.port import Port, Reference, bind_ports
-from uav_bt.tree.script import Environment, Script
+from uav_bt.tree.script.parser import Script
+from uav_bt.tree.script.values import Environment
 from uav_bt.tree.variables import Variables
 
 T = TypeVar("T")

@@ -18,8 +18,8 @@ from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port
-from uav_bt.tree.script import Script, parse_script
 from uav_bt.tree.script.expressions import Assignment, Expression, Name, certain_parts
+from uav_bt.tree.script.parser import Script, parse_script
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.port import Port, Reference
-from uav_bt.tree.script import SCRIPTS, Script
 from uav_bt.tree.script.expressions import Assignment, Name, constant_value, kind_of
+from uav_bt.tree.script.parser import SCRIPTS, Script
 from uav_bt.tree.variables import Variables
 
 _MAX_VALUES: Final = 100  # of one variable

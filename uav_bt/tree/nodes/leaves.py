@@ -11,7 +11,7 @@ from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port, parse_reference
-from uav_bt.tree.script import parse_question, parse_script
+from uav_bt.tree.script.parser import parse_question, parse_script
 from uav_bt.tree.script.values import assigned, truth
 from uav_bt.tree.status import ANSWER_NAMES, FAILURE, RUNNING, SKIPPED, SUCCESS, Status
 
