@@ -10,11 +10,11 @@ from uav_bt.board.context import MissionContext
 from uav_bt.board.keys import PHASE
 from uav_bt.errors import MissionError, UnknownValueError
 from uav_bt.lab.lab import Lab
-from uav_bt.tree.flow import After, Follow, Known
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.observer import NodeEvent
 from uav_bt.tree.port import check_declared
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
+from uav_bt.tree.variables import After, Follow, Known
 from uav_bt.types import GimbalTo, Movement
 from uav_bt.types.mission_rules import MissionRules
 

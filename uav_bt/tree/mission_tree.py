@@ -84,7 +84,7 @@ class MissionTree:
 
     def _repr_svg_(self) -> str:
         """Return the drawing that a notebook shows."""
-        from uav_bt.tree.render import render  # noqa: PLC0415 - only notebooks draw
+        from uav_bt.tree.describe import render  # noqa: PLC0415 - only notebooks draw
 
         return render(self.root, self.name, "svg")
 

@@ -19,8 +19,7 @@ from py_trees import common
 
 from uav_bt.board.context import NO_CONTEXT, MissionContext
 from uav_bt.errors import InputError, MissionError, NodeFailedError, UnknownValueError
-from uav_bt.tree.flow import NodeFlow
-from uav_bt.tree.node_ports import child_paths
+from uav_bt.tree.node_ports import NodePorts, child_paths
 from uav_bt.tree.observer import ANSWERS, NodeEvent, Observer, observe, unobserve
 from uav_bt.tree.port import CONDITION_ATTRIBUTES, Port, check_declared
 from uav_bt.tree.script.parser import Script, parse_question
@@ -61,7 +60,7 @@ class NodeKind(enum.Enum):
     SUBTREE = "SubTree"
 
 
-class Node(NodeFlow, Behaviour):
+class Node(NodePorts, Behaviour):
     """Base of every node.
 
     Args:

@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-from uav_bt.tree.flow import After, Known, Out, Variable, both
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.uses import Uses, variable_at
 from uav_bt.tree.mission_tree import MissionTree
@@ -20,6 +19,7 @@ from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port
 from uav_bt.tree.script.expressions import Assignment, Expression, Name, certain_parts
 from uav_bt.tree.script.parser import Script, parse_script
+from uav_bt.tree.variables import After, Known, Out, Variable, both
 
 
 @dataclass(frozen=True)

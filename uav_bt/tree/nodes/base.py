@@ -8,11 +8,10 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from uav_bt.errors import InputError
-from uav_bt.tree.flow import After, Follow, Known, as_child, in_order
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.port import INTEGER, MAX_INTEGER, REAL, Port, parse_reference, port_text
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
-from uav_bt.tree.variables import Variables
+from uav_bt.tree.variables import After, Follow, Known, Variables, as_child, in_order
 
 
 class ControlNode(Node):

@@ -8,11 +8,12 @@ from dataclasses import replace
 from typing import Any, ClassVar
 
 from uav_bt.errors import BoardAccessError
-from uav_bt.tree.flow import After, Follow, Known, Out, Written, answered, as_child, both, joined
 from uav_bt.tree.node import Node
+from uav_bt.tree.node_ports import Written
 from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port
 from uav_bt.tree.status import ANSWER_NAMES, FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
+from uav_bt.tree.variables import After, Follow, Known, Out, answered, as_child, both, joined
 from uav_bt.types.place import FILE_PREFIX, SEPARATOR, Place
 
 

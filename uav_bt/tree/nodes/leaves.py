@@ -6,14 +6,15 @@ import re
 from collections.abc import Iterator
 from typing import Any, ClassVar, Final
 
-from uav_bt.tree.flow import After, Follow, Known, Written, answered, as_child, both, joined
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.node import Node
+from uav_bt.tree.node_ports import Written
 from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port, parse_reference
 from uav_bt.tree.script.parser import parse_question, parse_script
 from uav_bt.tree.script.values import assigned, truth
 from uav_bt.tree.status import ANSWER_NAMES, FAILURE, RUNNING, SKIPPED, SUCCESS, Status
+from uav_bt.tree.variables import After, Follow, Known, answered, as_child, both, joined
 
 
 class AlwaysSuccess(Leaf):
