@@ -15,8 +15,7 @@ from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.source import to_xml
 from uav_bt.tree.node import Node, NodeKind
-from uav_bt.tree.nodes import BUILTIN_NODES
-from uav_bt.tree.nodes.base import SubTree
+from uav_bt.tree.nodes import BUILTIN_NODES, SubTree
 from uav_bt.tree.port import PORT_TYPES, Port, port_text
 from uav_bt.tree.registry import NodeRegistry
 
@@ -162,6 +161,8 @@ def add_model(models: ET.Element, node: type[Node]) -> None:
         entry.text = _doc(port)
 
 
+# --- drawings of trees ----------------------------------------------------------------------------
+
 _MAX_TEXT: Final = 36  # characters of a name or an attribute
 _MAX_TITLE: Final = 60
 
@@ -169,9 +170,6 @@ _MAX_TITLE: Final = 60
 def render(root: Node, title: str, format_: str) -> str:
     """Return a drawing of a tree, which need not be set up, in one of `FORMATS`."""
     return FORMATS[format_](sketch(root), title)
-
-
-# --- what is drawn of a node ----------------------------------------------------------------------
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,20 +224,13 @@ def _given(node: Node) -> Iterator[tuple[str, str]]:
     yield from node.condition_scripts.items()
 
 
-# --- the forms ------------------------------------------------------------------------------------
-
-
 def _lines(root: Box) -> Iterator[tuple[str, Box, str]]:
     """Yield what a line of a tree begins with, its node, and what else it says of the node."""
     stack = [(root, "", True)]
     while stack:
         box, before, last = stack.pop()
-        name = f"'{box.name}'" if box.name else ""
-        yield (
-            f"{before}{'`-- ' if last else '|-- '}",
-            box,
-            " ".join([name, *box.attributes]).strip(),
-        )
+        more = " ".join([f"'{box.name}'" if box.name else "", *box.attributes]).strip()
+        yield f"{before}{'`-- ' if last else '|-- '}", box, more
         inside = before + ("    " if last else "|   ")
         stack += [(child, inside, child is box.children[-1]) for child in reversed(box.children)]
 
@@ -261,8 +252,10 @@ _COLOURS: Final = {
     NodeKind.CONDITION: "#a8690c",
 }
 _STYLE: Final = (
+    "<style>"
     "text{font:12px 'DejaVu Sans Mono',Menlo,Consolas,monospace;fill:#5b6775;white-space:pre}"
-    ".tag{font-weight:bold}"
+    ".tag{font-weight:bold}</style>\n"
+    '<rect width="100%" height="100%" fill="#fff"/>'
 )
 
 
@@ -280,13 +273,8 @@ def svg(root: Box, title: str) -> str:
         widest = max(widest, _width(f"{lead}{box.tag} {more}"))
     size = f'width="{widest * _CHAR_PX + 40:.0f}" height="{len(rows) * _LINE_PX + 40}"'
     head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img">'
-    top = [
-        '<?xml version="1.0" encoding="UTF-8"?>',
-        head,
-        f"<title>{escape(title)}</title>",
-        f"<style>{_STYLE}</style>",
-    ]
-    return "\n".join([*top, '<rect width="100%" height="100%" fill="#fff"/>', *rows, "</svg>", ""])
+    top = ['<?xml version="1.0" encoding="UTF-8"?>', head, f"<title>{escape(title)}</title>"]
+    return "\n".join([*top, _STYLE, *rows, "</svg>", ""])
 
 
 def _width(text: str) -> int:

@@ -21,8 +21,6 @@ from uav_bt.tree.status import RUNNING, Status
 
 _log: Final = logging.getLogger(__name__)
 
-_OF_WALL_CLOCK: Final = (timers.Timer, decorators.Timeout)
-_TYPES: Final = (str, int, float, bool)
 _EXPECTED: Final = "annotate it with str, int, float, bool or an enumeration"
 
 
@@ -72,7 +70,7 @@ class _Foreign(Node):
 
     def _warn_of_wall_clock(self) -> None:
         for behaviour in _foreign(self.behaviour):
-            if isinstance(behaviour, _OF_WALL_CLOCK):
+            if isinstance(behaviour, (timers.Timer, decorators.Timeout)):
                 _log.warning(
                     "Warning: node '%s': '%s' of py_trees measures the computer's clock, not the "
                     "mission's; in a tree file use Sleep, Delay or Timeout",
@@ -108,9 +106,8 @@ class ForeignLeaf(_Foreign, Leaf):
                 f"{type(error).__name__}: {error}"
             ) from error
 
-    def on_setup(self, mission: MissionContext) -> None:
+    def on_setup(self, _: MissionContext) -> None:
         """Set the behaviour up."""
-        del mission
         self.behaviour.setup_with_descendants()
         self._warn_of_wall_clock()
 
@@ -119,9 +116,8 @@ class ForeignLeaf(_Foreign, Leaf):
         for behaviour in self.behaviour.iterate():
             behaviour.shutdown()
 
-    def terminate(self, new_status: Status) -> None:
+    def terminate(self, _: Status) -> None:
         """Stop the behaviour if it is still running."""
-        del new_status
         self._stop()
 
 
@@ -233,7 +229,7 @@ def _constructor_ports(
             enums[name] = kind
             choices, default = tuple(kind.__members__), getattr(default, "name", default)
             kind = str
-        if kind not in _TYPES:
+        if kind not in (str, int, float, bool):
             raise InputError(f"{what} has a type that no port has: {kind}; {_EXPECTED}")
         try:
             yield _ConstructorPort(name, kind, default, choices=choices)

@@ -23,7 +23,7 @@ from uav_bt.tree.node_ports import NodePorts, child_paths
 from uav_bt.tree.observer import ANSWERS, NodeEvent, Observer, observe, unobserve
 from uav_bt.tree.port import CONDITION_ATTRIBUTES, Port, check_declared
 from uav_bt.tree.script.parser import Script, parse_question
-from uav_bt.tree.script.values import Environment, ScriptError, truth
+from uav_bt.tree.script.values import ScriptError, truth
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 from uav_bt.tree.variables import Variables
 
@@ -96,8 +96,6 @@ class Node(NodePorts, Behaviour):
         super().__init__(name or self.node_id)
         self.node_status = IDLE
         self.observers: tuple[Observer, ...] = ()  # filled by `uav_bt.tree.observer.observe`
-        self._mission: MissionContext | None = None
-        self._environment: Environment | None = None
         self.children = list(children)
         for child in self.children:
             if not isinstance(child, Node):
@@ -150,7 +148,6 @@ class Node(NodePorts, Behaviour):
         if mission is None:
             raise MissionError(f"node '{self.path}': {NO_CONTEXT}")
         self._mission = mission
-        self._keys = {}
         self._environment = None
         with self.failing(InputError):
             self._setup()

@@ -57,9 +57,8 @@ class NodePorts:
     literals: dict[str, Any]  # values of ports that are no references, by port, with defaults
     given_references: dict[str, Reference]  # as they were given, by port
 
-    _mission: MissionContext | None
-    _keys: dict[str, Key[Any]]  # of the mission's board, by name, as they are used
-    _environment: Environment | None
+    _mission: MissionContext | None = None
+    _environment: Environment | None = None
 
     @classmethod
     def ports_over(cls, children: int) -> tuple[Port[Any], ...]:
@@ -225,10 +224,7 @@ class NodePorts:
             raise BoardAccessError(f"node '{self.path}', port '{port.name}': {error}") from error
 
     def _board_key(self, at: Reference) -> Key[Any]:
-        key = self._keys.get(at.key)
-        if key is None:
-            key = self._keys[at.key] = self.mission.board.key(at.key)
-        return key
+        return self.mission.board.key(at.key)
 
     # --- variables, for checks before the flight; a new node overrides what differs ---------------
 

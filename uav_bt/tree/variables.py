@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from functools import reduce
+from typing import Any, NamedTuple
 
 from uav_bt.errors import BoardAccessError, did_you_mean
 
@@ -141,8 +142,7 @@ Known = frozenset[Variable]
 Out = Known | None  # the variables with a value after an answer; None: it never answers so
 
 
-@dataclass(frozen=True)
-class After:
+class After(NamedTuple):
     """The variables with a value after each answer."""
 
     success: Out
@@ -163,14 +163,8 @@ def both(one: Out, other: Out) -> Out:
 
 def joined(*found: After) -> After:
     """Return the variables with a value after any one of several nodes."""
-    end = After(None, None)
-    for after in found:
-        end = After(
-            both(end.success, after.success),
-            both(end.failure, after.failure),
-            both(end.skipped, after.skipped),
-        )
-    return end
+    nothing = After(None, None)
+    return After(*(reduce(both, outs) for outs in zip(nothing, *found, strict=True)))
 
 
 def answered(known: Known, answer: object) -> After:
@@ -194,12 +188,9 @@ def in_order(children: Iterable[Any], follow: Follow, known: Known, *, falls_bac
     for child in children:
         if reached is None:
             break
-        after = follow(child, reached)
-        ends, goes_on = after.failure, after.success
-        if falls_back:
-            ends, goes_on = goes_on, ends
-        ended = both(ended, ends)
-        reached = both(goes_on, after.skipped)
-        skips = skips and after.skipped is not None
+        success, failure, skipped = follow(child, reached)
+        ended = both(ended, success if falls_back else failure)
+        reached = both(failure if falls_back else success, skipped)
+        skips = skips and skipped is not None
     skipped = known if skips else None
     return After(ended, reached, skipped) if falls_back else After(reached, ended, skipped)

@@ -8,7 +8,7 @@ leaf's output has written by then has a value; the rest may have none.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from uav_bt.tree.leaf import Leaf
@@ -105,7 +105,7 @@ class _Flow:
         after = node.variables_after(self.follow, known)
         if not isinstance(node, Leaf) or after.success is None:
             return after
-        return replace(after, success=(known | self.outputs(node)) - self._removed(node))
+        return after._replace(success=(known | self.outputs(node)) - self._removed(node))
 
     def _read_port(self, node: Node, port: Port[Any], known: Known) -> None:
         at = node.reference(port)

@@ -119,9 +119,8 @@ class SetBlackboard(Leaf):
             keeps_type=True,
         )
 
-    def needs_value(self, port: Port[Any]) -> bool:
+    def needs_value(self, _: Port[Any]) -> bool:
         """Return True: what is to be copied must have a value."""
-        del port
         return True
 
     def update(self) -> Status:
@@ -251,20 +250,6 @@ def _check_entry(text: object) -> None:
 ENTRY = Port("entry", object, doc="the variable, as {name}", check=_check_entry)
 
 
-def _state(node: Node) -> object:
-    """Return what a write of the node's entry changes; None when it has no value."""
-    reference = node.reference(ENTRY)
-    key = str(node.port(ENTRY)) if reference is None else reference.key
-    on_board = reference is not None and reference.on_board
-    board_key = key if on_board else node.variables.board_key(key)
-    if board_key is not None:
-        held = node.mission.board.snapshot().get(board_key)
-        # The board counts no writes; a new one is another object or has a later capture time.
-        return None if held is None else (id(held[0]), held[1])
-    entry = node.variables.entry(key)
-    return None if entry is None else entry.writes
-
-
 class _Watches(Node):
     ports = (ENTRY,)
 
@@ -272,7 +257,18 @@ class _Watches(Node):
 
     def _updated(self) -> bool:
         """Return whether the entry was written since the last check."""
-        state = _state(self)
+        reference = self.reference(ENTRY)
+        key = str(self.port(ENTRY)) if reference is None else reference.key
+        on_board = reference is not None and reference.on_board
+        board_key = key if on_board else self.variables.board_key(key)
+        # What a write changes. The board counts no writes: a new one is another object or later.
+        state: object
+        if board_key is None:
+            entry = self.variables.entry(key)
+            state = None if entry is None else entry.writes
+        else:
+            held = self.mission.board.snapshot().get(board_key)
+            state = None if held is None else (id(held[0]), held[1])
         if state is None:
             return False
         before, self._seen = self._seen, state
