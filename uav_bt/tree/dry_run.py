@@ -153,7 +153,13 @@ class Simulation:
             try:
                 status = self.tree.tick()
             except NodeFailedError as error:
-                self._name_unset(error)
+                # All that the script has yet to give: the first may not be the last.
+                if unset := [*Uses(self.tree).unset()]:
+                    values = ", ".join(f"{name}: 0" for name in unset)
+                    error.add_note(
+                        f"nothing in the tree file sets {', '.join(unset)}: give them values in "
+                        f"{self._script.path}, as in variables: {{{values}}}"
+                    )
                 raise
             now = self._values()
             changed = {
@@ -173,15 +179,6 @@ class Simulation:
             self._halted.append(name)
         elif event in ANSWERS:
             self._answers.append((name, ANSWERS[event]))
-
-    def _name_unset(self, error: NodeFailedError) -> None:
-        """Add all variables that the script has yet to give, as the first may not be the last."""
-        if unset := [*Uses(self.tree).unset()]:
-            values = ", ".join(f"{name}: 0" for name in unset)
-            error.add_note(
-                f"nothing in the tree file sets {', '.join(unset)}: give them values in "
-                f"{self._script.path}, as in variables: {{{values}}}"
-            )
 
     def _write_board(self) -> None:
         self._board.write(ELAPSED, self._clock.now())

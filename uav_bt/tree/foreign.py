@@ -92,10 +92,8 @@ class ForeignLeaf(_Foreign, Leaf):
 
     def __init__(self, name: str | None = None, /, **given: object) -> None:
         super().__init__(name, **given)
-        arguments: dict[str, Any] = {
-            key: self.enums[key][value] if key in self.enums else value
-            for key, value in self.literals.items()
-        }
+        arguments = dict(self.literals)
+        arguments |= {key: kind[arguments[key]] for key, kind in self.enums.items()}
         if "name" in inspect.signature(self.behaviour_class).parameters:
             arguments["name"] = self.name
         try:
@@ -195,15 +193,9 @@ def leaf_of(behaviour: type[Behaviour]) -> type[ForeignLeaf]:
     if not issubclass(behaviour, Behaviour) or issubclass(behaviour, Node):
         raise InputError(f"expected a class of py_trees behaviours, got {behaviour!r}")
     enums: dict[str, type[enum.Enum]] = {}
-    body = {
-        "__doc__": behaviour.__doc__,
-        "__module__": behaviour.__module__,
-        "__qualname__": behaviour.__qualname__,
-        "node_id": behaviour.__name__,
-        "ports": tuple(_constructor_ports(behaviour, enums)),
-        "behaviour_class": behaviour,
-        "enums": enums,
-    }
+    ports = tuple(_constructor_ports(behaviour, enums))
+    body = {name: getattr(behaviour, name) for name in ("__doc__", "__module__", "__qualname__")}
+    body |= {"ports": ports, "behaviour_class": behaviour, "enums": enums}
     return type(behaviour.__name__, (ForeignLeaf,), body)
 
 

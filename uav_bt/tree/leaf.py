@@ -72,9 +72,8 @@ class Leaf(Node):
 
     def variables_after(self, _: Follow, known: Known) -> After:
         """Return the variables with a value after each of the `answers`, outputs left out."""
-        return After(
-            *(known if one in self.answers else None for one in (SUCCESS, FAILURE, SKIPPED))
-        )
+        ends = (SUCCESS, FAILURE, SKIPPED)
+        return After(*(known if one in self.answers else None for one in ends))
 
     def may_point(self) -> bool:
         """Return whether the leaf may propose a camera direction with the values of its ports."""

@@ -76,12 +76,8 @@ class NodePorts:
             bound, wrong_ports = bind_ports(self.ports_over(children), given)
             if messages := [*wrong_ports.values(), *wrong.values()]:
                 raise InputError(f"node '{self.name}' ({self.node_id}): {'; '.join(messages)}")
-        self.given_references = {
-            name: at for name, at in bound.items() if isinstance(at, Reference)
-        }
-        self.literals = {
-            name: value for name, value in bound.items() if name not in self.given_references
-        }
+        self.given_references = {key: at for key, at in bound.items() if isinstance(at, Reference)}
+        self.literals = {key: one for key, one in bound.items() if not isinstance(one, Reference)}
         self._references = self.given_references  # once placed: a variable may be a board key
 
     def __repr__(self) -> str:

@@ -39,9 +39,9 @@ class Variables:
         self,
         parent: Variables | None = None,
         remapped: Mapping[str, str] | None = None,
-        *,
         board: Mapping[str, str] | None = None,
         constants: Mapping[str, Any] | None = None,
+        *,
         autoremap: bool = False,
     ) -> None:
         self.parent = parent

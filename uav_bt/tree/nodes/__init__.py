@@ -10,10 +10,7 @@ from uav_bt.tree.nodes.branches import *
 from uav_bt.tree.nodes.decorators import *
 from uav_bt.tree.nodes.leaves import *
 
-_NODES: Final = [
-    one for one in globals().values() if isinstance(one, type) and issubclass(one, Node)
-]
-BUILTIN_NODES: Final = tuple(
-    # The bases have no `update` of their own.
-    sorted({one for one in _NODES if one.update is not Node.update}, key=lambda one: one.__name__)
-)
+_CLASSES: Final = {one for one in globals().values() if isinstance(one, type)}
+# The bases have no `update` of their own.
+_NODES: Final = [one for one in _CLASSES if issubclass(one, Node) and one.update != Node.update]
+BUILTIN_NODES: Final = tuple(sorted(_NODES, key=lambda node: node.__name__))

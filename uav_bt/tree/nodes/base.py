@@ -128,13 +128,8 @@ class SubTree(DecoratorNode):
 
     def open_scope(self, outer: Variables) -> Variables:
         """Return the variables of the tree inside; `outer` are those that the node stands in."""
-        return Variables(
-            outer,
-            self.shared,
-            board=self.board_keys,
-            constants=self.constants,
-            autoremap=self.autoremap,
-        )
+        scope = (self.shared, self.board_keys, self.constants)
+        return Variables(outer, *scope, autoremap=self.autoremap)
 
     def update(self) -> Status:
         """Tick the child."""

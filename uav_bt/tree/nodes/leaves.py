@@ -109,15 +109,10 @@ class SetBlackboard(Leaf):
 
     def variables_written(self) -> Iterator[Written]:
         """Yield the variable, with its text or the variable that is copied."""
-        text = self.literals.get(self.VALUE.name)
-        yield Written(
-            self.OUTPUT_KEY.name,
-            self.literals.get(self.OUTPUT_KEY.name),
-            str if isinstance(text, str) else object,
-            text if isinstance(text, str) else None,
-            copied=self.given_references.get(self.VALUE.name),
-            keeps_type=True,
-        )
+        text, name = (self.literals.get(port.name) for port in self.ports)
+        kind, value = (str, text) if isinstance(text, str) else (object, None)
+        copied = self.given_references.get(self.VALUE.name)
+        yield Written(self.OUTPUT_KEY.name, name, kind, value, copied=copied, keeps_type=True)
 
     def needs_value(self, _: Port[Any]) -> bool:
         """Return True: what is to be copied must have a value."""
