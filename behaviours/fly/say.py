@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uav_bt.tree import Leaf, Port, Status
-from uav_bt.tree.script import fill_text, parse_text
+from uav_bt.tree.script.parser import fill_text, parse_text
 from uav_bt.types.flight_results import EventKind
 
 

@@ -19,7 +19,7 @@ from uav_bt.board.context import FlightFolder, MissionContext
 from uav_bt.errors import InputError
 from uav_bt.protocols import StillState
 from uav_bt.tree import Leaf, Port, Status
-from uav_bt.tree.script import fill_text, parse_text
+from uav_bt.tree.script.parser import fill_text, parse_text
 from uav_bt.types import ClassMap, DroneState, Frame, GimbalTo, Hover, MissionPhase
 from uav_bt.types.flight_results import EventKind, Photo, ReportedPose, reported_pose
 

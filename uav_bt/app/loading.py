@@ -18,13 +18,13 @@ from uav_bt.errors import FileError, InputError, TreeError
 from uav_bt.lab.lab import Lab
 from uav_bt.mission.limits import Limits
 from uav_bt.tree import MissionTree, Node, NodeRegistry, load_tree, parse_tree
-from uav_bt.tree.leaves_file import with_leaves
 from uav_bt.tree.loading.before_flight import faults_of
 from uav_bt.tree.loading.findings import errors_of
 from uav_bt.tree.loading.lookup import TreeFolders
 from uav_bt.tree.loading.parameter_file import ParameterFile
 from uav_bt.tree.loading.replacements import replace_in
 from uav_bt.tree.loading.uses import Uses
+from uav_bt.tree.registry import with_leaves
 from uav_bt.tree.shipped import resolve_tree
 
 Mission = str | Path | MissionTree | Node | Behaviour

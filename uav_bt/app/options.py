@@ -30,7 +30,6 @@ from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import RunnerConfig
 from uav_bt.protocols import Drone, DroneConfig, LeafPolicy
 from uav_bt.record.config import Quality
-from uav_bt.tree.leaves_file import LEAVES_FLAG, WHICH_LEAVES, OwnParts, parts_of_files
 from uav_bt.tree.loading.lookup import WHICH_TREE, TreeFolders
 from uav_bt.tree.loading.parameter_file import ParameterFile, read_parameters
 from uav_bt.tree.loading.parameters import (
@@ -40,6 +39,7 @@ from uav_bt.tree.loading.parameters import (
     Parameters,
     Plain,
 )
+from uav_bt.tree.registry import LEAVES_FLAG, WHICH_LEAVES, OwnParts, parts_of_files
 
 
 def declared(name: str) -> tuple[Declared, Any]:

@@ -9,9 +9,9 @@ import click
 
 from uav_bt.cli.options import INPUT, Decorator, grouped
 from uav_bt.tree import NodeRegistry
-from uav_bt.tree.leaves_file import LEAVES_FLAG, WHICH_LEAVES, with_leaves
 from uav_bt.tree.loading.findings import Findings
 from uav_bt.tree.loading.models import with_palette
+from uav_bt.tree.registry import LEAVES_FLAG, WHICH_LEAVES, with_leaves
 
 _LEAVES: Final[Decorator] = click.option(
     LEAVES_FLAG, "leaves", metavar="FILE.py", type=INPUT, multiple=True, help=WHICH_LEAVES

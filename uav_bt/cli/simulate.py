@@ -150,7 +150,7 @@ def _events(step: SimulatedTick) -> tuple[Any, ...]:
 
 
 def _line(step: SimulatedTick) -> str:
-    parts = [", ".join(f"{one.leaf} {one.status.letter}" for one in step.answers)]
+    parts = [", ".join(f"{leaf} {status.letter}" for leaf, status in step.answers)]
     if step.halted:
         parts.append(f"halted {', '.join(step.halted)}")
     if step.changed:
@@ -173,7 +173,7 @@ def _as_json(step: SimulatedTick) -> dict[str, Any]:
         "tick": step.tick,
         "time_s": round(step.time_s, 6),
         "status": step.status.name,
-        "leaves": [{"leaf": one.leaf, "status": one.status.name} for one in step.answers],
+        "leaves": [{"leaf": leaf, "status": status.name} for leaf, status in step.answers],
         "halted": list(step.halted),
         "changed": {name: _plain(value) for name, value in step.changed.items()},
     }

@@ -24,12 +24,12 @@ from uav_bt.tree.describe import (
     palette_xml,
     summary,
 )
+from uav_bt.tree.describe import render as draw
 from uav_bt.tree.loading.lookup import TreeFolders
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.schema import schema_xml
 from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.port import Port, port_text
-from uav_bt.tree.render import render as draw
 from uav_bt.tree.shipped import resolve_tree
 
 

@@ -20,7 +20,7 @@ from uav_bt.tree.loading.variable_faults import key_fits
 from uav_bt.tree.node import NodeKind
 from uav_bt.tree.port import CONDITION_ATTRIBUTES, Port, port_text
 from uav_bt.tree.registry import NodeRegistry
-from uav_bt.tree.script import SCRIPTS, parse_text
+from uav_bt.tree.script.parser import SCRIPTS, parse_text
 
 # A quote that is still open does not reach over the beginning of the next tag.
 _QUOTED: Final = r"""(?:"[^"<]*+(?:<(?![\w/!])[^"<]*+)*+"|'[^'<]*+(?:<(?![\w/!])[^'<]*+)*+')"""

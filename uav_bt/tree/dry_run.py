@@ -38,11 +38,9 @@ from uav_bt.tree.loading.loader import TreeOptions
 from uav_bt.tree.loading.parameters import Plain
 from uav_bt.tree.loading.uses import Uses
 from uav_bt.tree.mission_tree import Place
-from uav_bt.tree.nodes import BUILTIN_NODES
-from uav_bt.tree.nodes.base import SubTree
+from uav_bt.tree.nodes import BUILTIN_NODES, SubTree
 from uav_bt.tree.observer import ANSWERS, NodeEvent, observe
 from uav_bt.tree.scripted import ALL_LEAVES, AnswerScript, Mock, ScriptedLeaf
-from uav_bt.tree.status import RUNNING
 from uav_bt.yaml_file import YamlFile, read_yaml
 
 # A variable may be infinite; nothing else may.
@@ -93,20 +91,13 @@ def _mocks(file: YamlFile[SimulationScript]) -> dict[str, Mock]:
     return mocks
 
 
-class Answer(NamedTuple):
-    """The answer of a leaf."""
-
-    leaf: str
-    status: Status
-
-
 class SimulatedTick(NamedTuple):
     """What happened in a tick."""
 
     tick: int  # counted from 1
     time_s: float  # of the mission clock
     status: Status  # of the root
-    answers: tuple[Answer, ...]  # in the order in which the leaves answered
+    answers: tuple[tuple[str, Status], ...]  # leaves and answers in the order of the tick
     halted: tuple[str, ...]  # leaves that were stopped while they ran
     changed: Mapping[str, Any]  # variables (those of subtrees as `subtree.name`) and `@board_key`s
 
@@ -144,7 +135,7 @@ class Simulation:
             leaf.path: leaf.name if count[leaf.name] == 1 else leaf.path
             for leaf in self.tree.leaves()
         }
-        self._answers: list[Answer] = []
+        self._answers: list[tuple[str, Status]] = []
         self._halted: list[str] = []
         self._given: dict[str, Any] = {}  # values that the script wrote to the board
         self.tree.setup(MissionContext(board=self._board, clock=self._clock))
@@ -162,7 +153,13 @@ class Simulation:
             try:
                 status = self.tree.tick()
             except NodeFailedError as error:
-                self._name_unset(error)
+                # All that the script has yet to give: the first may not be the last.
+                if unset := [*Uses(self.tree).unset()]:
+                    values = ", ".join(f"{name}: 0" for name in unset)
+                    error.add_note(
+                        f"nothing in the tree file sets {', '.join(unset)}: give them values in "
+                        f"{self._script.path}, as in variables: {{{values}}}"
+                    )
                 raise
             now = self._values()
             changed = {
@@ -173,7 +170,7 @@ class Simulation:
             answers, halted = tuple(self._answers), tuple(self._halted)
             yield SimulatedTick(tick, self._clock.now(), status, answers, halted, changed)
             before = now
-            if status is not RUNNING:
+            if status is not Status.RUNNING:
                 return
 
     def _note(self, node: Node, event: NodeEvent) -> None:
@@ -181,16 +178,7 @@ class Simulation:
         if event is NodeEvent.HALTED:
             self._halted.append(name)
         elif event in ANSWERS:
-            self._answers.append(Answer(name, ANSWERS[event]))
-
-    def _name_unset(self, error: NodeFailedError) -> None:
-        """Add all variables that the script has yet to give, as the first may not be the last."""
-        if unset := [*Uses(self.tree).unset()]:
-            values = ", ".join(f"{name}: 0" for name in unset)
-            error.add_note(
-                f"nothing in the tree file sets {', '.join(unset)}: give them values in "
-                f"{self._script.path}, as in variables: {{{values}}}"
-            )
+            self._answers.append((name, ANSWERS[event]))
 
     def _write_board(self) -> None:
         self._board.write(ELAPSED, self._clock.now())

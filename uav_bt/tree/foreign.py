@@ -21,8 +21,6 @@ from uav_bt.tree.status import RUNNING, Status
 
 _log: Final = logging.getLogger(__name__)
 
-_OF_WALL_CLOCK: Final = (timers.Timer, decorators.Timeout)
-_TYPES: Final = (str, int, float, bool)
 _EXPECTED: Final = "annotate it with str, int, float, bool or an enumeration"
 
 
@@ -72,7 +70,7 @@ class _Foreign(Node):
 
     def _warn_of_wall_clock(self) -> None:
         for behaviour in _foreign(self.behaviour):
-            if isinstance(behaviour, _OF_WALL_CLOCK):
+            if isinstance(behaviour, (timers.Timer, decorators.Timeout)):
                 _log.warning(
                     "Warning: node '%s': '%s' of py_trees measures the computer's clock, not the "
                     "mission's; in a tree file use Sleep, Delay or Timeout",
@@ -94,10 +92,8 @@ class ForeignLeaf(_Foreign, Leaf):
 
     def __init__(self, name: str | None = None, /, **given: object) -> None:
         super().__init__(name, **given)
-        arguments: dict[str, Any] = {
-            key: self.enums[key][value] if key in self.enums else value
-            for key, value in self.literals.items()
-        }
+        arguments = dict(self.literals)
+        arguments |= {key: kind[arguments[key]] for key, kind in self.enums.items()}
         if "name" in inspect.signature(self.behaviour_class).parameters:
             arguments["name"] = self.name
         try:
@@ -108,9 +104,8 @@ class ForeignLeaf(_Foreign, Leaf):
                 f"{type(error).__name__}: {error}"
             ) from error
 
-    def on_setup(self, mission: MissionContext) -> None:
+    def on_setup(self, _: MissionContext) -> None:
         """Set the behaviour up."""
-        del mission
         self.behaviour.setup_with_descendants()
         self._warn_of_wall_clock()
 
@@ -119,9 +114,8 @@ class ForeignLeaf(_Foreign, Leaf):
         for behaviour in self.behaviour.iterate():
             behaviour.shutdown()
 
-    def terminate(self, new_status: Status) -> None:
+    def terminate(self, _: Status) -> None:
         """Stop the behaviour if it is still running."""
-        del new_status
         self._stop()
 
 
@@ -199,15 +193,9 @@ def leaf_of(behaviour: type[Behaviour]) -> type[ForeignLeaf]:
     if not issubclass(behaviour, Behaviour) or issubclass(behaviour, Node):
         raise InputError(f"expected a class of py_trees behaviours, got {behaviour!r}")
     enums: dict[str, type[enum.Enum]] = {}
-    body = {
-        "__doc__": behaviour.__doc__,
-        "__module__": behaviour.__module__,
-        "__qualname__": behaviour.__qualname__,
-        "node_id": behaviour.__name__,
-        "ports": tuple(_constructor_ports(behaviour, enums)),
-        "behaviour_class": behaviour,
-        "enums": enums,
-    }
+    ports = tuple(_constructor_ports(behaviour, enums))
+    body = {name: getattr(behaviour, name) for name in ("__doc__", "__module__", "__qualname__")}
+    body |= {"ports": ports, "behaviour_class": behaviour, "enums": enums}
     return type(behaviour.__name__, (ForeignLeaf,), body)
 
 
@@ -233,7 +221,7 @@ def _constructor_ports(
             enums[name] = kind
             choices, default = tuple(kind.__members__), getattr(default, "name", default)
             kind = str
-        if kind not in _TYPES:
+        if kind not in (str, int, float, bool):
             raise InputError(f"{what} has a type that no port has: {kind}; {_EXPECTED}")
         try:
             yield _ConstructorPort(name, kind, default, choices=choices)

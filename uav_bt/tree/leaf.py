@@ -10,11 +10,11 @@ from uav_bt.board.context import MissionContext
 from uav_bt.board.keys import PHASE
 from uav_bt.errors import MissionError, UnknownValueError
 from uav_bt.lab.lab import Lab
-from uav_bt.tree.flow import After, Follow, Known
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.observer import NodeEvent
 from uav_bt.tree.port import check_declared
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
+from uav_bt.tree.variables import After, Follow, Known
 from uav_bt.types import GimbalTo, Movement
 from uav_bt.types.place import MissionRules
 
@@ -70,12 +70,10 @@ class Leaf(Node):
         given = (by_key.get(key, {}) for key in cls.writes)
         return {name: text for each in given for name, text in each.items() if name in ports}
 
-    def variables_after(self, follow: Follow, known: Known) -> After:
+    def variables_after(self, _: Follow, known: Known) -> After:
         """Return the variables with a value after each of the `answers`, outputs left out."""
-        del follow
-        return After(
-            *(known if one in self.answers else None for one in (SUCCESS, FAILURE, SKIPPED))
-        )
+        ends = (SUCCESS, FAILURE, SKIPPED)
+        return After(*(known if one in self.answers else None for one in ends))
 
     def may_point(self) -> bool:
         """Return whether the leaf may propose a camera direction with the values of its ports."""
@@ -85,13 +83,9 @@ class Leaf(Node):
 
     def refuses(self, rules: MissionRules) -> str | None:
         """Return why the leaf cannot keep the mission's rules with the values that its file has."""
-        del rules
-        return None
 
     def refuses_lab(self, lab: Callable[[], Lab]) -> str | None:
         """Return why the leaf cannot fly in a lab, which takes time to read, with its values."""
-        del lab
-        return None
 
     def on_setup(self, mission: MissionContext) -> None:
         """Load the resources of the whole mission; raise when one is missing."""
@@ -211,7 +205,11 @@ class Leaf(Node):
             return standing  # finished and not reset: the engine does not tick it again
         if status not in self.answers:
             self.set_status(RUNNING)
-            raise MissionError(self._wrong_answer(status))
+            *most, last = (answer.name for answer in self.answers)
+            allowed = f"{', '.join(most)} or {last}" if most else last
+            hint = ": name it in `answers`" if isinstance(status, Status) else ""
+            what = f"update() of {type(self).__qualname__} must return {allowed}"
+            raise MissionError(f"{what}, got {status!r}{hint}")
         if status is RUNNING:
             return status
         self.mission.proposals.end(self.path)
@@ -234,12 +232,6 @@ class Leaf(Node):
         if self.node_status is RUNNING:
             self._end(FAILURE)
         return FAILURE
-
-    def _wrong_answer(self, status: object) -> str:
-        *most, last = (answer.name for answer in self.answers)
-        allowed = f"{', '.join(most)} or {last}" if most else last
-        hint = ": name it in `answers`" if isinstance(status, Status) else ""
-        return f"update() of {type(self).__qualname__} must return {allowed}, got {status!r}{hint}"
 
     def _end(self, new_status: Status) -> None:
         try:

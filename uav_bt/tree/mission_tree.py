@@ -84,7 +84,7 @@ class MissionTree:
 
     def _repr_svg_(self) -> str:
         """Return the drawing that a notebook shows."""
-        from uav_bt.tree.render import render  # noqa: PLC0415 - only notebooks draw
+        from uav_bt.tree.describe import render  # noqa: PLC0415 - only notebooks draw
 
         return render(self.root, self.name, "svg")
 
@@ -141,7 +141,10 @@ class MissionTree:
         for leaf in self.leaves():
             for key in (*leaf.reads, *leaf.writes):
                 context.board.declare(key)
-        self._check_scripts()
+        for node in self.nodes():  # in a file, the loader has refused such scripts
+            for name in (name for _, script in node.scripts() for name in script.board_writes):
+                what = f"node '{node.path}': '@{name}' is a board key"
+                raise InputError(f"{what}; {ONLY_LEAVES_WRITE}")
         try:
             for node in self.nodes():
                 node.setup(mission=context)
@@ -152,14 +155,6 @@ class MissionTree:
                 failure.add_note(f"while shutting the tree down, also: {second}")
             raise
         self._ready = True
-
-    def _check_scripts(self) -> None:
-        """Refuse scripts that write board keys; in a file the loader has done so."""
-        for node in self.nodes():
-            for _, script in node.scripts():
-                for key in script.board_writes:
-                    what = f"node '{node.path}': '@{key}' is a board key"
-                    raise InputError(f"{what}; {ONLY_LEAVES_WRITE}")
 
     def shutdown(self) -> None:
         """Shut all nodes down; of several that raise, the first error is raised at the end."""

@@ -19,12 +19,11 @@ from py_trees import common
 
 from uav_bt.board.context import NO_CONTEXT, MissionContext
 from uav_bt.errors import InputError, MissionError, NodeFailedError, UnknownValueError
-from uav_bt.tree.flow import NodeFlow
-from uav_bt.tree.node_ports import child_paths
+from uav_bt.tree.node_ports import NodePorts, child_paths
 from uav_bt.tree.observer import ANSWERS, NodeEvent, Observer, observe, unobserve
 from uav_bt.tree.port import CONDITION_ATTRIBUTES, Port, check_declared
-from uav_bt.tree.script import Environment, Script, ScriptError, parse_question
-from uav_bt.tree.script.values import truth
+from uav_bt.tree.script.parser import Script, parse_question
+from uav_bt.tree.script.values import ScriptError, truth
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 from uav_bt.tree.variables import Variables
 
@@ -61,7 +60,7 @@ class NodeKind(enum.Enum):
     SUBTREE = "SubTree"
 
 
-class Node(NodeFlow, Behaviour):
+class Node(NodePorts, Behaviour):
     """Base of every node.
 
     Args:
@@ -97,8 +96,6 @@ class Node(NodeFlow, Behaviour):
         super().__init__(name or self.node_id)
         self.node_status = IDLE
         self.observers: tuple[Observer, ...] = ()  # filled by `uav_bt.tree.observer.observe`
-        self._mission: MissionContext | None = None
-        self._environment: Environment | None = None
         self.children = list(children)
         for child in self.children:
             if not isinstance(child, Node):
@@ -151,7 +148,6 @@ class Node(NodeFlow, Behaviour):
         if mission is None:
             raise MissionError(f"node '{self.path}': {NO_CONTEXT}")
         self._mission = mission
-        self._keys = {}
         self._environment = None
         with self.failing(InputError):
             self._setup()

@@ -1,10 +1,11 @@
-"""Base class of `Node` that binds, reads and writes ports."""
+"""Base class of `Node`: its ports, and what it states about variables."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar, Final, TypeVar
 
 from uav_bt.board.blackboard import Blackboard, BoardView, Key
@@ -12,13 +13,28 @@ from uav_bt.board.context import MissionContext
 from uav_bt.errors import BoardAccessError, InputError, MissionError, UnknownValueError
 from uav_bt.protocols import Clock
 from uav_bt.tree.port import Port, Reference, bind_ports
-from uav_bt.tree.script import Environment, Script
-from uav_bt.tree.variables import Variables
+from uav_bt.tree.script.parser import Script
+from uav_bt.tree.script.values import Environment
+from uav_bt.tree.variables import After, Follow, Known, Variables
 
 T = TypeVar("T")
 
 _NO_LITERAL: Final = object()
 BOUND: Final = "="  # the keyword of bound values; no attribute has this name
+
+
+@dataclass(frozen=True)
+class Written:
+    """A variable that a node writes when it succeeds."""
+
+    attribute: str
+    name: str | None  # in the node's own tree; None: known in flight only
+    kind: type = object  # of the value; object: unknown
+    value: str | None = None  # where the file has it
+    elements: tuple[str, ...] = ()  # the values, one after another, where the file has them
+    copied: Reference | None = None  # whose value it is
+    port: Port[Any] | None = None  # None: named by a text
+    keeps_type: bool = False  # an existing variable keeps its type
 
 
 class NodePorts:
@@ -30,15 +46,19 @@ class NodePorts:
     node_id: ClassVar[str] = ""  # the XML tag; default: the class's name
     ports: ClassVar[tuple[Port[Any], ...]] = ()
 
+    ticks_again: ClassVar[bool] = False  # ticks its children in several rounds
+    ticks_together: ClassVar[bool] = False  # ticks several children in the same tick
+    asks_first: ClassVar[bool] = False  # its first child is a condition, which must not be skipped
+
     name: str
+    children: list[Any]
     path: str  # unique in its tree once the tree is made
     variables: Variables  # of the tree that the node stands in
     literals: dict[str, Any]  # values of ports that are no references, by port, with defaults
     given_references: dict[str, Reference]  # as they were given, by port
 
-    _mission: MissionContext | None
-    _keys: dict[str, Key[Any]]  # of the mission's board, by name, as they are used
-    _environment: Environment | None
+    _mission: MissionContext | None = None
+    _environment: Environment | None = None
 
     @classmethod
     def ports_over(cls, children: int) -> tuple[Port[Any], ...]:
@@ -56,12 +76,8 @@ class NodePorts:
             bound, wrong_ports = bind_ports(self.ports_over(children), given)
             if messages := [*wrong_ports.values(), *wrong.values()]:
                 raise InputError(f"node '{self.name}' ({self.node_id}): {'; '.join(messages)}")
-        self.given_references = {
-            name: at for name, at in bound.items() if isinstance(at, Reference)
-        }
-        self.literals = {
-            name: value for name, value in bound.items() if name not in self.given_references
-        }
+        self.given_references = {key: at for key, at in bound.items() if isinstance(at, Reference)}
+        self.literals = {key: one for key, one in bound.items() if not isinstance(one, Reference)}
         self._references = self.given_references  # once placed: a variable may be a board key
 
     def __repr__(self) -> str:
@@ -204,10 +220,30 @@ class NodePorts:
             raise BoardAccessError(f"node '{self.path}', port '{port.name}': {error}") from error
 
     def _board_key(self, at: Reference) -> Key[Any]:
-        key = self._keys.get(at.key)
-        if key is None:
-            key = self._keys[at.key] = self.mission.board.key(at.key)
-        return key
+        return self.mission.board.key(at.key)
+
+    # --- variables, for checks before the flight; a new node overrides what differs ---------------
+
+    def variables_after(self, follow: Follow, known: Known) -> After:
+        """Return the variables with a value after this node; nothing is assumed of its children."""
+        for child in self.children:
+            follow(child, known)
+        return After(known, known, known)
+
+    def variables_written(self) -> Iterator[Written]:
+        """Yield the variables that the node writes: those at its output ports."""
+        for port in self.ports:
+            at = self.given_references.get(port.name)
+            if port.direction != "input" and at is not None and not at.on_board:
+                yield Written(port.name, at.key, port.type, port=port)
+
+    def variables_removed(self) -> Iterator[str]:
+        """Yield the names of the variables that the node removes."""
+        return iter(())
+
+    def needs_value(self, port: Port[Any]) -> bool:
+        """Return whether the node fails where the variable at an input port has no value."""
+        return port.type is not object
 
 
 def child_paths(parent: str, names: Sequence[str]) -> list[str]:

@@ -13,7 +13,7 @@ from functools import cached_property
 from typing import Any, ClassVar, Final, Generic, Literal, NamedTuple, TypeVar
 
 from uav_bt.errors import InputError, did_you_mean
-from uav_bt.tree.script import SCRIPTS, Script, parse_script, parse_text
+from uav_bt.tree.script.parser import SCRIPTS, Script, parse_script, parse_text
 
 T = TypeVar("T")
 

@@ -1,10 +1,16 @@
-"""The variables of a tree: one scope per tree, with doors to the tree that contains it."""
+"""The variables of a tree, and how they pass through nodes.
+
+There is one scope per tree, with doors to the tree that contains it. The check of early reads
+follows the first tick through a tree. It asks each node which variables have a value after its
+answers, given those that have one before (`NodePorts.variables_after`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from functools import reduce
+from typing import Any, NamedTuple
 
 from uav_bt.errors import BoardAccessError, did_you_mean
 
@@ -33,9 +39,9 @@ class Variables:
         self,
         parent: Variables | None = None,
         remapped: Mapping[str, str] | None = None,
-        *,
         board: Mapping[str, str] | None = None,
         constants: Mapping[str, Any] | None = None,
+        *,
         autoremap: bool = False,
     ) -> None:
         self.parent = parent
@@ -124,3 +130,67 @@ class Variables:
     def snapshot(self) -> dict[str, Any]:
         """Return name and value of everything written in this scope."""
         return {name: entry.value for name, entry in self.entries.items()}
+
+
+# --- how they pass through nodes ------------------------------------------------------------------
+
+
+Variable = tuple[Variables, str]
+"""A variable: the scope that holds it, and its name there."""
+
+Known = frozenset[Variable]
+Out = Known | None  # the variables with a value after an answer; None: it never answers so
+
+
+class After(NamedTuple):
+    """The variables with a value after each answer."""
+
+    success: Out
+    failure: Out
+    skipped: Out = None
+
+
+Follow = Callable[[Any, Known], After]
+"""Returns the variables with a value after a node, given those before it."""
+
+
+def both(one: Out, other: Out) -> Out:
+    """Return the variables with a value after either of two answers."""
+    if one is None or other is None:
+        return one if other is None else other
+    return one & other
+
+
+def joined(*found: After) -> After:
+    """Return the variables with a value after any one of several nodes."""
+    nothing = After(None, None)
+    return After(*(reduce(both, outs) for outs in zip(nothing, *found, strict=True)))
+
+
+def answered(known: Known, answer: object) -> After:
+    """Return the variables with a value after an answer, by its name; None: any answer."""
+    return After(*(known if answer in {name, None} else None for name in _ANSWERS))
+
+
+_ANSWERS = ("SUCCESS", "FAILURE", "SKIPPED")
+
+
+def as_child(node: Any, follow: Follow, known: Known) -> After:
+    """Follow the only child, whose answers are the node's."""
+    return follow(node.children[0], known)
+
+
+def in_order(children: Iterable[Any], follow: Follow, known: Known, *, falls_back: bool) -> After:
+    """Follow children of which each runs after those before it have succeeded, or all failed."""
+    reached: Out = known
+    ended: Out = None
+    skips = True
+    for child in children:
+        if reached is None:
+            break
+        success, failure, skipped = follow(child, reached)
+        ended = both(ended, success if falls_back else failure)
+        reached = both(failure if falls_back else success, skipped)
+        skips = skips and skipped is not None
+    skipped = known if skips else None
+    return After(ended, reached, skipped) if falls_back else After(reached, ended, skipped)

@@ -13,7 +13,7 @@ from uav_bt.app.loading import load_mission
 from uav_bt.app.options import FlightOptions
 from uav_bt.errors import InputError
 from uav_bt.tree import NodeRegistry, parse_tree
-from uav_bt.tree.leaves_file import with_leaves
+from uav_bt.tree.registry import with_leaves
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import yaml
 
 from uav_bt.errors import FileError, NodeFailedError, TreeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status
-from uav_bt.tree.dry_run import Answer, SimulatedTick, Simulation, read_script
+from uav_bt.tree.dry_run import SimulatedTick, Simulation, read_script
 
 CASES = yaml.safe_load((Path(__file__).parents[2] / "data" / "answers.yaml").read_text("utf-8"))[
     "dry_runs"
@@ -68,16 +68,16 @@ def test_leaves_answer_their_scripts_until_the_root_ends(tmp_path: Path) -> None
     body = '<Sequence><Fly name="up"/><Sees/><Fly name="down"/></Sequence>'
     done = ticks(tmp_path, body, "leaves: {up: RS, Main/Sequence/down: S, Sees: S}")
     assert [(step.tick, step.time_s, step.status) for step in done] == [(1, 0.0, R), (2, 0.1, S)]
-    assert done[0].answers == (Answer("up", R),)
-    assert done[1].answers == (Answer("up", S), Answer("Sees", S), Answer("down", S))
+    assert done[0].answers == (("up", R),)
+    assert done[1].answers == (("up", S), ("Sees", S), ("down", S))
 
 
 def test_the_default_is_for_leaves_without_answers_only(tmp_path: Path) -> None:
     body = '<Sequence><Fly name="Measure"/><Measure name="m"/><Fly/></Sequence>'
     (step,) = ticks(tmp_path, body, "leaves: {Main/Sequence/Measure: R}\ndefault: F", count=1)
-    assert step.answers == (Answer("Measure", R),)
+    assert step.answers == (("Measure", R),)
     (step,) = ticks(tmp_path, body, "leaves: {Fly: S}\ndefault: F")
-    assert [one.status for one in step.answers] == [S, F]
+    assert [status for _, status in step.answers] == [S, F]
 
 
 def test_built_in_leaves_run_and_their_changes_are_reported(tmp_path: Path) -> None:

@@ -12,8 +12,8 @@ from tests.conformance import Scripted
 from tests.worlds.trees import document
 from uav_bt.board import STATE
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, load_tree, parse_tree
+from uav_bt.tree.describe import FORMATS, Box, ascii_art, render, sketch
 from uav_bt.tree.nodes import AlwaysSuccess, Sequence
-from uav_bt.tree.render import FORMATS, Box, ascii_art, render, sketch
 
 TREES = Path(__file__).parents[3] / "trees"
 SVG = "{http://www.w3.org/2000/svg}"

@@ -13,7 +13,8 @@ from uav_bt.board import HEIGHT
 from uav_bt.board.blackboard import Blackboard, Key
 from uav_bt.clock import ManualClock
 from uav_bt.errors import UnknownValueError
-from uav_bt.tree.script import Environment, ScriptError, parse_question, parse_script
+from uav_bt.tree.script.parser import parse_question, parse_script
+from uav_bt.tree.script.values import Environment, ScriptError
 from uav_bt.tree.variables import Variables
 
 CASES = yaml.safe_load((Path(__file__).parents[2] / "data" / "scripts.yaml").read_text("utf-8"))

@@ -8,9 +8,9 @@ import pytest
 
 from uav_bt.errors import FileError
 from uav_bt.tree import load_tree, parse_tree
+from uav_bt.tree.describe import sketch
 from uav_bt.tree.loading.loader import check_file
 from uav_bt.tree.loading.lookup import shipped_trees
-from uav_bt.tree.render import sketch
 from uav_bt.tree.shipped import STARTERS, resolve_tree, tree_files, write_starter
 
 

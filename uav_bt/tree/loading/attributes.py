@@ -23,7 +23,8 @@ from uav_bt.tree.port import (
     parse_reference,
 )
 from uav_bt.tree.registry import NodeRegistry
-from uav_bt.tree.script import SCRIPTS, Script, ScriptError, parse_question
+from uav_bt.tree.script.parser import SCRIPTS, Script, parse_question
+from uav_bt.tree.script.values import ScriptError
 
 POLICY_PORT: Final = "policy"  # by this name a leaf declares the port that names its leaf policy
 _VARIABLE: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*")

@@ -8,18 +8,22 @@ leaf's output has written by then has a value; the rest may have none.
 from __future__ import annotations
 
 from collections.abc import Iterator
+<<<<<<< HEAD
 from dataclasses import replace
+=======
+from dataclasses import dataclass
+>>>>>>> u-engine
 from typing import Any
 
-from uav_bt.tree.flow import After, Known, Out, Variable, both
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.uses import Uses, variable_at
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port
-from uav_bt.tree.script import Script, parse_script
 from uav_bt.tree.script.expressions import Assignment, Expression, Name, certain_parts
+from uav_bt.tree.script.parser import Script, parse_script
+from uav_bt.tree.variables import After, Known, Out, Variable, both
 
 
 def early_reads(uses: Uses) -> Iterator[tuple[Node, str, str]]:
@@ -96,7 +100,7 @@ class _Flow:
         after = node.variables_after(self.follow, known)
         if not isinstance(node, Leaf) or after.success is None:
             return after
-        return replace(after, success=(known | self.outputs(node)) - self._removed(node))
+        return after._replace(success=(known | self.outputs(node)) - self._removed(node))
 
     def _read_port(self, node: Node, port: Port[Any], known: Known) -> None:
         at = node.reference(port)

@@ -18,7 +18,7 @@ from uav_bt.tree.loading.replacements import Built
 from uav_bt.tree.loading.uses import Use
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.port import Port, port_text
-from uav_bt.tree.script import parse_text
+from uav_bt.tree.script.parser import parse_text
 from uav_bt.tree.scripted import ScriptedLeaf
 
 # A port, a text that it is given, and a finding about it, whose message only names the attribute.

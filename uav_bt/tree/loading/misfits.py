@@ -8,14 +8,14 @@ from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
 from uav_bt.board import MISSION_KEYS
-from uav_bt.tree.flow import Variable
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.uses import Slot, Uses, Values, Write, variable_at
 from uav_bt.tree.node import Node
 from uav_bt.tree.port import Port
-from uav_bt.tree.script import parse_text
 from uav_bt.tree.script.expressions import Assignment, Expression, Name, Op, kind_of
+from uav_bt.tree.script.parser import parse_text
 from uav_bt.tree.script.values import ScriptError, number
+from uav_bt.tree.variables import Variable
 
 _PLAIN: Final = (bool, int, float, str)
 _NUMBERS: Final = (int, float)

@@ -7,15 +7,20 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final, NamedTuple
 
 from uav_bt.board import MISSION_KEYS, Key
+<<<<<<< HEAD
 from uav_bt.tree.flow import Variable, Written
+=======
+from uav_bt.tree.loading.build import Placeholder
+>>>>>>> u-engine
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
+from uav_bt.tree.node_ports import Written
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.nodes.base import ControlNode
 from uav_bt.tree.port import Port, Reference
-from uav_bt.tree.script import SCRIPTS, Script
 from uav_bt.tree.script.expressions import Assignment, Name, constant_value, kind_of
-from uav_bt.tree.variables import Variables
+from uav_bt.tree.script.parser import SCRIPTS, Script
+from uav_bt.tree.variables import Variable, Variables
 
 _MAX_VALUES: Final = 100  # of one variable
 

@@ -8,11 +8,11 @@ from dataclasses import replace
 from typing import Any, ClassVar
 
 from uav_bt.errors import MissionError
-from uav_bt.tree.flow import After, Follow, Known, both, joined
 from uav_bt.tree.nodes.base import ControlNode
 from uav_bt.tree.port import REAL, Port
 from uav_bt.tree.script.values import compare_equal
 from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS, Status
+from uav_bt.tree.variables import After, Follow, Known, both, joined
 
 
 class _Choice(ControlNode):

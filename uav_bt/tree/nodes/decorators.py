@@ -8,11 +8,11 @@ from dataclasses import replace
 from typing import Any, ClassVar
 
 from uav_bt.errors import BoardAccessError
-from uav_bt.tree.flow import After, Follow, Known, Out, Written, answered, as_child, both, joined
-from uav_bt.tree.node import Node
+from uav_bt.tree.node_ports import Written
 from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port
 from uav_bt.tree.status import ANSWER_NAMES, FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
+from uav_bt.tree.variables import After, Follow, Known, Out, answered, as_child, both, joined
 from uav_bt.types.place import FILE_PREFIX, SEPARATOR, Place
 
 
@@ -63,9 +63,8 @@ class KeepRunningUntilFailure(_Translated):
 
 
 class _Counted(DecoratorNode):
-    """Ticks its child until it gives one answer, or has given the other a number of times."""
+    """Ticks its child until it gives one answer, or the other as often as the first port says."""
 
-    _limit: ClassVar[Port[int]]
     _counts: ClassVar[Status]  # the answer that is counted, and given when the limit is reached
     _ends: ClassVar[Status]  # the answer that ends it at once
     _rereads: ClassVar[bool] = False  # the limit's port after each round
@@ -77,7 +76,7 @@ class _Counted(DecoratorNode):
     def variables_after(self, follow: Follow, known: Known) -> After:
         """Follow the child; without a limit, the counted answer never comes."""
         after = as_child(self, follow, known)
-        count = self.literals.get(self._limit.name)
+        count = self.literals.get(self.ports[0].name)
         if not count:  # zero, or known in flight only
             return joined(after, After(known, known))
         if count > 0:
@@ -87,7 +86,7 @@ class _Counted(DecoratorNode):
 
     def update(self) -> Status:
         """Tick the child."""
-        limit = self.port(self._limit)
+        limit: int = self.port(self.ports[0])
         self.set_status(RUNNING)
         child = self.child
         again = self._done < limit or limit == -1
@@ -104,7 +103,7 @@ class _Counted(DecoratorNode):
                 return status
             self._done += 1
             if self._rereads:
-                limit = self.port(self._limit)
+                limit = self.port(self.ports[0])
             again = self._done < limit or limit == -1
             if was_idle and again:
                 return RUNNING
@@ -122,7 +121,6 @@ class Repeat(_Counted):
     NUM_CYCLES = Port("num_cycles", int, doc="how many times; -1: without end")
     ports = (NUM_CYCLES,)
 
-    _limit = NUM_CYCLES
     _counts = SUCCESS
     _ends = FAILURE
 
@@ -133,7 +131,6 @@ class RetryUntilSuccessful(_Counted):
     NUM_ATTEMPTS = Port("num_attempts", int, doc="how many times; -1: without end")
     ports = (NUM_ATTEMPTS,)
 
-    _limit = NUM_ATTEMPTS
     _counts = FAILURE
     _ends = SUCCESS
     _rereads = True  # as the engine does: the child may have changed the variable
@@ -209,10 +206,8 @@ class _Loop(DecoratorNode):
         cls.ports = (cls.QUEUE, IF_EMPTY, cls.VALUE)
         super().__init_subclass__(**kwargs)
 
-    def __init__(self, name: str | None, child: Node, /, **given: object) -> None:
-        super().__init__(name, child, **given)
-        self._busy = False  # the child runs: no new element until it ends
-        self._own: deque[Any] | None = None  # of a text; None: the variable's list
+    _busy = False  # the child runs: no new element until it ends
+    _own: deque[Any] | None = None  # of a text; None: the variable's list
 
     def variables_after(self, follow: Follow, known: Known) -> After:
         """Follow the child, which may not run."""

@@ -1,4 +1,5 @@
 """The scripting language of tree files: a small parser and interpreter, bounded, no `eval`."""
+<<<<<<< HEAD
 
 from uav_bt.tree.script.parser import Script as Script
 from uav_bt.tree.script.parser import fill_text as fill_text
@@ -10,3 +11,5 @@ from uav_bt.tree.script.values import ScriptError as ScriptError
 
 SCRIPTS = frozenset({parse_script, parse_question, parse_text})
 """The checks of ports whose value is a script, or a text with names."""
+=======
+>>>>>>> u-engine

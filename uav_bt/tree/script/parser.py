@@ -137,6 +137,10 @@ def parse_text(source: str) -> Script:
     return Script(source, tuple(map(Name, _PLACEHOLDER.findall(source))))
 
 
+SCRIPTS: Final = frozenset({parse_script, parse_question, parse_text})
+"""The checks of ports whose value is a script, or a text with names."""
+
+
 def fill_text(source: str, environment: Environment) -> str:
     """Return a text with the values of its placeholders. Reals have up to three decimal places."""
 
