@@ -33,9 +33,11 @@ def test_a_mission_reacts_to_what_its_leaves_answer(case: dict[str, Any]) -> Non
 
 def test_exploring_ends_after_its_time_in_the_middle_of_a_step() -> None:
     """It turns away after a blocked step; after 90 s it returns, during any movement."""
-    flies = {"Explore": "(RRF)", "Avoid": "(RS)", "ReturnToBase": "RS", "EmergencyLand": "F"}
+    sees = {"Segment": "S", "FindMark": "S", "TrackMotion": "S", "MapSite": "S"}
+    flies = {"TakeOff": "S", "Explore": "(RRF)", "Avoid": "(RS)", "HelipadCenter": "S", "Land": "S"}
+    lands = {"ReturnToBase": "RS", "EmergencyLand": "F"}
     path = TREES / "explore_and_land_segmentation.xml"
-    bench = load_tree(path, mocks={"*": "S", **flies}, tick_s=1.0)
+    bench = load_tree(path, mocks={**sees, **flies, **lands}, tick_s=1.0)
     bench.tick_until(Status.SUCCESS, max_ticks=100)
     (start, *_), (home, *_) = (
         bench.log.of(node, "started") for node in ("ExploreFor", "ReturnToBase")
