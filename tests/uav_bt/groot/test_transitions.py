@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.uav_bt.groot.groot_world import make_context, make_tree
+from tests.worlds.tables import cases
 from tests.worlds.trees import leaf
 from uav_bt.clock import ManualClock
 from uav_bt.errors import NodeFailedError
@@ -24,28 +25,8 @@ def taken(recorder: TransitionRecorder) -> str:
     return " ".join(f"{uid}{status.letter}" for _, uid, status in recorder.take())
 
 
-SKIPPED = leaf("a", "S", '_skipIf="true"')
-
-
-@pytest.mark.parametrize(
-    ("body", "ticks"),
-    [  # finished children are reset at the end of the tick; their results are recorded before
-        (f"<Sequence>{leaf('a', 'S')}{leaf('b', 'RS')}</Sequence>", "1R 2S 3R, 3S 2I 3I 1S 1I, "),
-        # trees here reset a finished root at the next tick; BehaviorTree.CPP does it at once
-        (leaf("a", "S"), "1S 1I, 1S 1I, 1S 1I, "),
-        # SKIPPED is an answer; the node stays idle, and its parent had only started
-        (f"<Fallback>{SKIPPED}{leaf('b', 'F')}</Fallback>", "1R 3F 3I 1F 1I, "),
-        # a halt is noted as idle
-        (f"<Sequence>{leaf('a', 'R')}</Sequence>", "1R 2R, , 2I 1I"),
-        # a branch that takes over halts the other within the tick
-        (
-            f"<ReactiveFallback>{leaf('a', 'FR')}{leaf('b', 'R')}</ReactiveFallback>",
-            "1R 2F 3R 2I, 2R 3I, 2I 1I",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("body", "ticks"), cases("groot"))
 def test_transitions_come_in_the_order_of_the_engine(body: str, ticks: str) -> None:
-    """One word for each transition, a comma between two ticks; the last one is a halt."""
     tree, recorder = watched(body)
     *told, halt = ticks.split(", ")
     for one in told:

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.worlds.tables import cases
 from uav_bt.board.context import Proposals
 from uav_bt.mission.limits import AreaGuard, Limits
 from uav_bt.mission.safety import Arbiter, Circumstances
@@ -17,6 +18,7 @@ from uav_bt.types import Airframe, Hover, Land, MoveBy, Movement, Pose2D, TakeOf
 from uav_bt.types.area import Area
 from uav_bt.types.drone_state import DroneState, FlyingState
 
+CASES = cases("mission")["area_guard"]
 AREA = Area((((-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (0.5, 2.0), (0.5, 0.5), (-2.0, 0.5)),))
 TICK_S, STEP_S = 0.1, 0.01
 
@@ -51,31 +53,11 @@ def test_the_speed_towards_the_boundary_is_that_of_horizontal_braking() -> None:
         assert velocity(flown).forward_mps == pytest.approx(speed_mps, abs=1e-3)
 
 
-AHEAD, STEP = (
-    Velocity(forward_mps=0.5, yaw_rate_radps=0.2),
-    MoveBy(id=1, forward_m=1.0, down_m=-1.0),
-)
-TURN, CLIMB = Velocity(yaw_rate_radps=0.2), MoveBy(id=1, down_m=-1.0)
-
-
-@pytest.mark.parametrize(
-    ("asked", "place", "flown"),
-    [
-        (AHEAD, at(1.999, -1.5, 180.0), AHEAD),  # away from the boundary
-        (AHEAD, at(1.999, -0.5, 90.0), AHEAD),  # along it
-        (AHEAD, at(2.4, -1.0, 180.0), AHEAD),  # from outside, the way in
-        (AHEAD, at(2.4, -1.0, 150.0), AHEAD),
-        (AHEAD, at(2.4, -1.0, 90.0), TURN),
-        (STEP, at(2.3, -1.0, 180.0), STEP),
-        (STEP, at(2.3, -1.0, 0.0), CLIMB),
-        (AHEAD, None, TURN),  # without a place
-        (STEP, None, CLIMB),
-    ],
-)
+@pytest.mark.parametrize(("asked", "place", "flown"), CASES["movements"])
 def test_a_movement_is_flown_as_it_is_or_only_climbs_and_turns(
-    asked: Movement, place: Pose2D | None, flown: Movement
+    asked: Movement, place: list[float] | None, flown: Movement
 ) -> None:
-    assert AreaGuard(AREA).limited(asked, place) == flown
+    assert AreaGuard(AREA).limited(asked, None if place is None else at(*place)) == flown
 
 
 def test_a_step_ends_before_the_boundary_and_is_cut_once() -> None:
@@ -157,19 +139,11 @@ def decided(
     return arbiter.decide(proposals, now, lambda each: held or each).movement
 
 
-@pytest.mark.parametrize(
-    ("asked", "place", "flown"),
-    [
-        (Velocity(forward_mps=0.5), at(2.4, -1.0), Velocity()),
-        (MoveBy(id=1, forward_m=0.5), at(2.4, -1.0), MoveBy(id=1)),
-        *((move, place, move) for move in (Land(), TakeOff(), Hover())
-          for place in (None, at(0.0, 0.0), at(2.4, -1.0))),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("asked", "place", "flown"), CASES["arbiter"])
 def test_the_arbiter_cuts_velocities_and_steps_never_landings_and_take_offs(
-    asked: Movement, place: Pose2D | None, flown: Movement
+    asked: Movement, place: list[float] | None, flown: Movement
 ) -> None:
-    assert decided(asked, place) == flown
+    assert decided(asked, None if place is None else at(*place)) == flown
 
 
 def test_a_landing_that_keeps_its_place_still_descends_outside() -> None:

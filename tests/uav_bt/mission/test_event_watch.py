@@ -6,56 +6,22 @@ from typing import Any
 
 import pytest
 
+from tests.worlds.tables import cases
 from uav_bt.board.context import MissionContext
-from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import EventWatch
 from uav_bt.tree.scripted import ScriptedLeaf
 from uav_bt.tree.watches import BranchEnds
-from uav_bt.types.flight_results import EventKind
 
-QUIET: dict[str, Any] = {
-    "override": None,
-    "refused": (),
-    "landed": False,
-    "ends": BranchEnds(),
-}
+QUIET: dict[str, Any] = {"override": None, "refused": (), "landed": False, "ends": BranchEnds()}
 
 
-def events_of(
-    *ticks: dict[str, Any], context: MissionContext | None = None
-) -> list[tuple[str, str]]:
-    """Return kind and text of the events of ticks, each told by what differs from a quiet one."""
-    context = context or MissionContext()
+@pytest.mark.parametrize(("ticks", "events"), cases("mission")["events"])
+def test_a_change_is_an_event(ticks: list[dict[str, Any]], events: list[list[str]]) -> None:
+    context = MissionContext()
     watch = EventWatch(context)
     for tick in ticks:
         watch.update(**QUIET | tick)
-    return [(event.kind, event.text) for event in context.notes.events]
-
-
-STALE = {"override": Override.STALE_FRAME, "refused": ("frame: black",)}
-LINK, MANUAL = {"override": Override.LINK}, {"override": Override.MANUAL}
-GROUND, AIR = {"landed": True}, {"landed": False}
-
-
-@pytest.mark.parametrize(
-    ("ticks", "events"),
-    [
-        (
-            ({}, STALE, STALE, LINK, {}),
-            [
-                (EventKind.OVERRIDE, "stale frame: frame: black"),
-                (EventKind.OVERRIDE_OVER, "stale frame"),
-                (EventKind.OVERRIDE, "link lost"),
-                (EventKind.OVERRIDE_OVER, "link lost"),
-            ],
-        ),
-        ((GROUND, AIR, GROUND, GROUND, AIR, GROUND), [(EventKind.LANDED, "the drone landed")] * 2),
-    ],
-)
-def test_a_change_is_an_event(
-    ticks: tuple[dict[str, Any], ...], events: list[tuple[str, str]]
-) -> None:
-    assert events_of(*ticks) == events
+    assert [[event.kind.value, event.text] for event in context.notes.events] == events
 
 
 def test_the_last_failure_is_kept_unless_the_tree_fails_with_a_reason() -> None:

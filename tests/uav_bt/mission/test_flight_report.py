@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 
 from sim_bridge.anafi import anafi_camera
 from tests.worlds import values
+from tests.worlds.tables import cases
 from uav_bt.mission.covered_ground import CoveredGround
 from uav_bt.mission.flight_log import FlightLog
 from uav_bt.mission.flight_report import FlightReport, Percentiles, write_report
@@ -18,6 +20,8 @@ from uav_bt.mission.safety import Override
 from uav_bt.tree import Status
 from uav_bt.types import BodyVelocity, DroneState, FlyingState, Pose, TakeOff
 from uav_bt.types.ground import Ground
+
+CASES = cases("mission")["report"]
 
 
 class Tale:
@@ -79,84 +83,18 @@ class Tale:
         return values.report(self.log, **more)
 
 
-def told(*ticks: tuple[int, dict[str, Any]], referee: bool = True) -> FlightReport:
-    """Return the report of a take-off at 3 s and of ticks, each so many times."""
+def told(*ticks: Sequence[Any], referee: bool = True) -> FlightReport:
+    """Return the report of a take-off at 3 s and of ticks: how many, their phase and more."""
     tale = Tale(referee=referee)
     tale.take_off()
-    for count, tick in ticks:
+    for count, phase, *more in ticks:
         for _ in range(count):
-            tale.tick(**tick)
+            tale.tick(phase, **dict(*more))
     return tale.report()
 
 
-def a(phase: str, **told: Any) -> dict[str, Any]:
-    return {"phase": phase, **told}
-
-
-DOWN = {"motors_on": False, "error_m": 0.0678912}
-WHOLE = (
-    (6, a("explore", dx_m=0.3, clearance_m=0.8)),  # 3.5 to 6 s, 1.8 m
-    (4, a("search", dy_m=0.2, clearance_m=0.6)),  # 6.5 to 8 s, 0.8 m
-    (3, a("approach", dx_m=-0.3, dy_m=-0.4)),  # 8.5 to 9.5 s, 1.5 m
-    (1, a("land")),  # 10 s
-    (2, a("land", **DOWN)),  # 10.5 and 11 s
-)
-
-
-@pytest.mark.parametrize(
-    ("ticks", "expected"),
-    [
-        (  # from 3 to 11 s: not from the start of the program; the search from 6.5 s to 8.5 s
-            WHOLE,
-            {"duration_s": 8.0, "total_distance_m": 4.1, "explore_distance_m": 4.1,
-             "search_distance_m": 1.1, "time_to_find_mark_s": 2.0, "time_to_land_s": 2.0,
-             "landing_error_m": 0.0679, "min_clearance_m": 0.6, "ticks": 19},
-        ),
-        (  # it explores up to the mark
-            ((6, a("explore", dx_m=0.3)), (1, a("center")), (1, a("land", motors_on=False))),
-            {"time_to_find_mark_s": 0.0, "search_distance_m": 0.0, "time_to_land_s": 0.5},
-        ),
-        (  # it ends in the exploration, in a scene without boxes
-            ((1, a("explore", dx_m=0.5)),),
-            {"duration_s": 0.5, "total_distance_m": 0.5, "search_distance_m": None,
-             "time_to_find_mark_s": None, "time_to_land_s": None, "landing_error_m": None,
-             "min_clearance_m": None},
-        ),
-        (  # a search without a find
-            ((1, a("search", dx_m=0.5)), (1, a("search", motors_on=False, error_m=1.5))),
-            {"time_to_find_mark_s": None, "search_distance_m": None, "time_to_land_s": None,
-             "landing_error_m": 1.5},
-        ),
-        (  # the mark is in view from the first
-            ((1, a("explore", dx_m=1.0)), (1, a("approach", dx_m=1.0))),
-            {"search_distance_m": 0.0, "time_to_find_mark_s": 0.0, "time_to_land_s": None},
-        ),
-        (  # a mark that is lost again was found the first time
-            ((2, a("search")), (1, a("approach")), (1, a("search")), (1, a("approach"))),
-            {"time_to_find_mark_s": 1.0},
-        ),
-        (  # the way explored ends 90 s after the take-off command
-            ((240, a("explore", dx_m=0.1)),),
-            {"explore_distance_m": 18.0, "total_distance_m": 24.0},
-        ),
-        (  # a patrol is no exploring, nor is what begins after the first 90 s
-            ((200, a("to the door", dx_m=0.1)), (1, a("explore", dx_m=0.1))),
-            {"explore_distance_m": None, "total_distance_m": 20.1},
-        ),
-        (  # a second take-off command starts nothing anew
-            ((1, a("take-off", movement=TakeOff())), (1, a("explore"))),
-            {"duration_s": 1.0, "total_distance_m": 0.0},
-        ),
-        # In the air, and in a scene without a mark, it is unknown where the drone stands.
-        (((1, a("land", motors_on=False, error_m=0.09, on_mark=True)),), {"on_mark": True}),
-        (((1, a("land", motors_on=False, error_m=1.5)),), {"on_mark": False}),
-        (((1, a("land", error_m=0.09, on_mark=True)),), {"on_mark": None}),
-        (((1, a("land", motors_on=False, error_m=None)),), {"on_mark": None}),
-    ],
-)  # fmt: skip
-def test_a_flight_is_measured_from_mark_to_mark(
-    ticks: tuple[tuple[int, dict[str, Any]], ...], expected: dict[str, Any]
-) -> None:
+@pytest.mark.parametrize(("ticks", "expected"), CASES)
+def test_a_flight_is_measured_from_mark_to_mark(ticks: list[Any], expected: dict[str, Any]) -> None:
     report = told(*ticks).to_json()
     assert {name: report[name] for name in expected} == {
         name: value if value is None else pytest.approx(value) for name, value in expected.items()
@@ -165,12 +103,12 @@ def test_a_flight_is_measured_from_mark_to_mark(
 
 def test_without_a_referee_the_distance_comes_from_the_speed() -> None:
     """The landing comes from the telemetry; quantities that need the truth are None."""
-    report = told(*WHOLE, referee=False)
+    report = told(*CASES[0][0], referee=False)
     assert (report.total_distance_m, report.search_distance_m) == pytest.approx((4.1, 1.1))
     assert report.time_to_land_s == 2.0
     assert (report.landing_error_m, report.min_clearance_m, report.coverage_passed) == (None,) * 3
-    assert told((1, a("approach")), (1, a("land")), referee=False).time_to_land_s is None
-    assert told((1, a("explore")), referee=False).total_distance_m == 0.0
+    assert told((1, "approach"), (1, "land"), referee=False).time_to_land_s is None
+    assert told((1, "explore"), referee=False).total_distance_m == 0.0
 
 
 def test_without_a_take_off_there_is_nothing_to_measure() -> None:
@@ -191,9 +129,9 @@ def test_without_a_take_off_there_is_nothing_to_measure() -> None:
 
 def test_the_median_tick_time_counts_ticks_of_the_tree_only() -> None:
     report = told(
-        (5, a("explore", compute_s=0.020)),
-        (20, a("explore", compute_s=0.0, override=Override.MANUAL)),
-        (50, a("explore", compute_s=0.0, tree_status=Status.IDLE, override=Override.ABORT)),
+        (5, "explore", {"compute_s": 0.020}),
+        (20, "explore", {"compute_s": 0.0, "override": Override.MANUAL}),
+        (50, "explore", {"compute_s": 0.0, "tree_status": Status.IDLE, "override": Override.ABORT}),
     )
     assert report.ticks == 3 + 5 + 20 + 50
     # Three ticks with 1 ms and five with 20 ms.
@@ -205,7 +143,7 @@ def test_the_median_tick_time_counts_ticks_of_the_tree_only() -> None:
 
 def test_each_warning_is_reported_once() -> None:
     said = ((), ("it drifts",), ("it drifts",), (), ("it drifts", "it drifts more"))
-    report = told(*((1, a("explore", warnings=each)) for each in said))
+    report = told(*((1, "explore", {"warnings": each}) for each in said))
     assert report.warnings == ["it drifts", "it drifts more"]
     assert "warnings: ['it drifts'," in str(report)
     assert "warnings" not in str(told())

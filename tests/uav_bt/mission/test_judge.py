@@ -8,12 +8,14 @@ from typing import Any
 import pytest
 
 from tests.worlds import values
+from tests.worlds.tables import cases
 from uav_bt.mission.judge import Judge, JudgeConfig, Verdict
 from uav_bt.tree import Status
 from uav_bt.types import DroneState, FlyingState, Pose, Pose2D, Truth
 from uav_bt.types.area import Area
 from uav_bt.types.place import LandOn, MissionRules
 
+CASES = cases("mission")["judge"]
 LANDED, HOVERING, LANDING = FlyingState.LANDED, FlyingState.HOVERING, FlyingState.LANDING
 EMERGENCY = FlyingState.EMERGENCY
 DONE, FAILED = Status.SUCCESS, Status.FAILURE
@@ -26,9 +28,12 @@ def truth_of(*contacts: str, error_m: float = 1.25, **more: Any) -> Truth:
 
 
 ON_PAD = truth_of("mark", on_mark=True, error_m=0.05, motors_on=False)
-ON_GROUND = truth_of("ground", motors_on=False)
-BESIDE = "aborted: landed 1.25 m from the landing mark's centre"
-TOOK_OFF = "aborted: it took off, which the mission's rules forbid"
+TRUTHS = {
+    "ON_PAD": ON_PAD,
+    "ON_GROUND": truth_of("ground", motors_on=False),
+    "MOTORS_ON": truth_of(on_mark=True, error_m=0.05),
+    "ALOFT": truth_of(),
+}
 
 
 def ask(
@@ -60,26 +65,11 @@ def flown(**config: Any) -> Judge:
     return judge
 
 
-@pytest.mark.parametrize(
-    ("tick", "verdict"),
-    [
-        ((LANDED, ON_PAD, DONE), "success: landed"),
-        ((LANDED, ON_GROUND, DONE), BESIDE),
-        (
-            (LANDED, truth_of(on_mark=True, error_m=0.05), DONE),
-            "aborted: the drone says it has landed, its motors still run",
-        ),
-        ((LANDED, ON_PAD, FAILED), "aborted: the tree failed; landed"),
-        ((LANDED, ON_PAD), ""),
-        ((LANDED, ON_PAD, Status.IDLE), ""),
-        ((HOVERING, truth_of(), DONE), ""),  # the drone must land first
-        ((EMERGENCY, truth_of()), "aborted: the drone cut its motors"),
-    ],
-)
+@pytest.mark.parametrize(("flying", "truth", "status", "verdict"), CASES["ends"])
 def test_a_flight_ends_on_the_ground_where_the_rules_want_it(
-    tick: tuple[Any, ...], verdict: str
+    flying: FlyingState, truth: str, status: Status, verdict: str
 ) -> None:
-    assert ask(flown(), 90.0, *tick) == verdict
+    assert ask(flown(), 90.0, flying, TRUTHS[truth], status) == verdict
 
 
 def test_an_abort_ends_the_flight_on_the_ground_with_its_reason() -> None:
@@ -197,21 +187,8 @@ def test_a_violation_comes_before_an_ending() -> None:
 
 # --- where it lands -------------------------------------------------------------------------------
 
-WANTS_GROUND = "aborted: landed on the landing mark, and the mission's rules want the ground"
 
-
-@pytest.mark.parametrize(
-    ("mark_m", "land_on", "verdict"),
-    [
-        (0.2, None, "success: landed"),
-        (0.2, LandOn.GROUND, WANTS_GROUND),
-        (0.2, LandOn.ANY, "success: landed"),
-        (0.8, None, "aborted: landed 0.80 m from the landing mark's centre"),
-        (0.8, LandOn.GROUND, "success: landed"),
-        (None, None, "aborted: landed where no landing mark is known"),
-        (None, LandOn.GROUND, "success: landed"),
-    ],
-)
+@pytest.mark.parametrize(("mark_m", "land_on", "verdict"), CASES["beliefs"])
 def test_without_a_referee_the_last_belief_in_the_air_counts(
     mark_m: float | None, land_on: LandOn | None, verdict: str
 ) -> None:
@@ -221,31 +198,14 @@ def test_without_a_referee_the_last_belief_in_the_air_counts(
     assert ask(judge, 90.0, LANDED, status=DONE, mark_m=3.0) == verdict
 
 
-@pytest.mark.parametrize(
-    ("truth", "land_on", "verdict"),
-    [
-        (ON_PAD, LandOn.MARK, "success: landed"),
-        (ON_PAD, LandOn.GROUND, WANTS_GROUND),
-        (ON_PAD, LandOn.ANY, "success: landed"),
-        (ON_PAD, LandOn.NONE, TOOK_OFF),
-        (ON_GROUND, LandOn.MARK, BESIDE),
-        (ON_GROUND, LandOn.GROUND, "success: landed"),
-    ],
-)
-def test_the_referee_overrules_the_belief(truth: Truth, land_on: LandOn, verdict: str) -> None:
-    wrong_m = 0.0 if truth is ON_GROUND else 5.0
-    assert ask(flown(land_on=land_on), 90.0, LANDED, truth, DONE, mark_m=wrong_m) == verdict
+@pytest.mark.parametrize(("truth", "land_on", "verdict"), CASES["truths"])
+def test_the_referee_overrules_the_belief(truth: str, land_on: LandOn, verdict: str) -> None:
+    wrong_m = 0.0 if truth == "ON_GROUND" else 5.0
+    told = ask(flown(land_on=land_on), 90.0, LANDED, TRUTHS[truth], DONE, mark_m=wrong_m)
+    assert told == verdict
 
 
-@pytest.mark.parametrize(
-    ("status", "now_s", "verdict"),
-    [
-        (DONE, 90.0, "success: the tree succeeded on the ground"),
-        (FAILED, 90.0, "aborted: the tree failed on the ground"),
-        (Status.RUNNING, 90.0, ""),
-        (Status.RUNNING, 301.0, "timeout: not over after 300 s"),
-    ],
-)
+@pytest.mark.parametrize(("status", "now_s", "verdict"), CASES["grounded"])
 def test_a_mission_that_never_takes_off_is_judged_by_its_tree(
     status: Status, now_s: float, verdict: str
 ) -> None:

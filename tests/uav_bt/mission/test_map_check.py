@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.worlds import values
+from tests.worlds.tables import cases
 from uav_bt.mission.flight_log import FlightLog
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.map_check import MapAlignment, MapCheck, MapWatch
@@ -18,6 +18,7 @@ from uav_bt.types import Attitude, DroneState, FlyingState, Pose, Pose2D, TakeOf
 from uav_bt.types.ground import Footprint, Ground, Standing
 from uav_bt.types.site_map import MapMark, MapObject, SiteMap
 
+CASES = cases("mission")["map_check"]
 BOX_1, BOX_2 = 4, 5
 START = Pose(x_m=-1.0, y_m=0.5, z_m=0.0, yaw_rad=math.radians(30))
 REPORTED_RAD = math.radians(20)  # clockwise: the map's x axis is at 50 degrees in the world
@@ -116,23 +117,9 @@ def test_objects_are_found_by_class_and_place() -> None:
     assert report.object_errors_m == pytest.approx([0.1])
 
 
-@pytest.mark.parametrize(
-    ("ticks", "expected"),
-    [
-        (
-            [(90.9, (0.5, 0.0), (0.5, 0.1), 0), (91.0, (0.5, 0.0), (0.5, 0.2), 0),
-             (120.0, (0.5, 0.0), (0.5, 0.3), 0)],
-            (0.2, None, 0.3, 0),
-        ),
-        # Carried 2 m aside, it begins its map anew there, without drift.
-        ([(10.0, (0.0, 2.0), (0.0, 0.0), 1), (11.0, (0.0, 2.0), (0.0, 0.1), 1)],
-         (None, None, 0.1, 1)),
-        # A map that is not new is not compared with where the drone is by now.
-        ([(2.0, (3.0, 0.0), None, 0)], (None, None, 0.0, 0)),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("ticks", "expected"), CASES["drift"])
 def test_the_drift_is_measured_after_the_take_off_and_at_the_end(
-    ticks: list[Any], expected: tuple[float | None, ...]
+    ticks: list[Any], expected: list[float | None]
 ) -> None:
     """Each tick has a time, the true place, the believed one, and the number of new beginnings."""
     flight = Flight()
@@ -144,7 +131,7 @@ def test_the_drift_is_measured_after_the_take_off_and_at_the_end(
         flight.at(time_s, at(*true))
     report = flight.report()
     drifts = (report.map_drift_90s_m, report.map_drift_180s_m, report.map_drift_m)
-    assert (*drifts, report.map_restarts) == pytest.approx(expected)
+    assert (*drifts, report.map_restarts) == pytest.approx(tuple(expected))
 
 
 @pytest.mark.parametrize("referee", [True, False])
@@ -165,38 +152,27 @@ TICK_S = 0.1
 MARK = MapMark(x_m=1.0, y_m=0.0, std_m=0.05, seen_s=0.0)
 GROUND = site_map(seen_s=np.zeros((5, 5)), mark=MARK)
 SEEN = replace(GROUND, seen_s=np.full((5, 5), 1e6))
-NO_GROUND = replace(GROUND, seen_s=np.full((5, 5), -np.inf), mark=None)
-ANEW = [replace(SEEN, restarts=1)] * 50
-ONCE, TWICE = (replace(SEEN, mark=replace(MARK, moved_m=far_m)) for far_m in (1.2, 2.0))
+MAPS: dict[str | None, SiteMap | None] = {
+    None: None,
+    "GROUND": GROUND,
+    "SEEN": SEEN,
+    "NO_GROUND": replace(GROUND, seen_s=np.full((5, 5), -np.inf), mark=None),
+    "FULL": replace(SEEN, full=True),
+    "ANEW": replace(SEEN, restarts=1),
+    "TWICE_ANEW": replace(SEEN, restarts=2),
+    "MOVED": replace(SEEN, mark=replace(MARK, moved_m=1.2)),
+    "MOVED_ON": replace(SEEN, mark=replace(MARK, moved_m=2.0)),
+}
 
 
-@pytest.mark.parametrize(
-    ("maps", "airborne", "words", "trouble"),
-    [
-        ([SEEN] * 400, True, "", None),
-        ([None] * 400, True, "", None),
-        ([NO_GROUND] * 70, True, "", None),
-        ([NO_GROUND] * 100, True, "no ground in view", None),
-        ([NO_GROUND] * 320, True, "no ground in view", "no ground in view for 32 s"),
-        ([*[NO_GROUND] * 320, SEEN], True, "", None),
-        ([NO_GROUND] * 400, False, "", None),
-        # The map's ground is old, but the drone may still return to it.
-        ([GROUND] * 400, True, "no ground in view", None),
-        ([replace(SEEN, full=True)] * 300, True, "larger than its map", None),
-        ([SEEN, *ANEW], True, "begun anew", None),
-        ([SEEN, *ANEW * 3], True, "", None),
-        ([SEEN, *ANEW * 3, replace(SEEN, restarts=2)], True, "begun anew", None),
-        ([SEEN, ONCE], True, "landing mark stands 1.2 m", None),
-        ([SEEN, ONCE, TWICE], True, "landing mark stands 0.8 m", None),
-        ([SEEN, *[ONCE] * 200], True, "", None),
-    ],
-)
+@pytest.mark.parametrize(("maps", "airborne", "words", "trouble"), CASES["faults"])
 def test_what_is_wrong_is_named_for_some_seconds_or_while_it_lasts(
-    maps: Sequence[SiteMap | None], words: str, trouble: str | None, *, airborne: bool
+    maps: dict[str | None, int], words: str, trouble: str | None, *, airborne: bool
 ) -> None:
     """Each map was captured in its tick."""
     watch = MapWatch()
-    for tick, each in enumerate(maps):
+    flown = [MAPS[name] for name, ticks in maps.items() for _ in range(ticks)]
+    for tick, each in enumerate(flown):
         now_s = tick * TICK_S
         watch.update(each and replace(each, captured_s=now_s), now_s, airborne=airborne)
     assert watch.trouble == trouble

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.worlds import values
+from tests.worlds.tables import cases
 from uav_bt.board import MARK, MISSION_KEYS, ODOMETRY, SITE_MAP
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import FlightNotes
@@ -70,25 +71,7 @@ class World:
 
 def test_a_mission_without_perception_knows_the_drone_alone() -> None:
     state = DroneState(captured_s=0.0, flying=FlyingState.LANDED, battery=None, link=None)
-    assert World(AREA).tick(state) == {
-        "battery_share": -1.0,
-        "battery_per_min": -1.0,
-        "link_share": -1.0,
-        "flying": 0.0,
-        "time_left_s": 300.0,
-        "x_m": 9999.0,
-        "y_m": 9999.0,
-        "heading_deg": 9999.0,
-        "home_m": -1.0,
-        "mark_known": 0.0,
-        "localised": 0.0,
-        "blind_s": -1.0,
-        "unheard_s": 0.0,
-        "coverage_share": -1.0,
-        "objects_count": -1.0,
-        "photos_count": 0.0,
-        "area_margin_m": -9999.0,
-    }
+    assert World(AREA).tick(state) == cases("mission")["numbers"]
 
 
 def test_old_telemetry_photographs_and_the_time_left_are_counted() -> None:

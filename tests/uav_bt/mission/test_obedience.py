@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.worlds.tables import cases
 from uav_bt.mission.obedience import ObedienceWatch
 from uav_bt.mission.safety import Lasting
 from uav_bt.types import MeasurementTimes, MovementState, MovementStatus, Velocity
 from uav_bt.types.commands import Command, GimbalTo, Hover, Land, MoveBy, Movement, TakeOff
 from uav_bt.types.drone_state import Attitude, BodyVelocity, DroneState, FlyingState
 
+CASES = cases("mission")["obedience"]
 TICK_S = 0.1
 HOVERS = DroneState(captured_s=0.0, flying=FlyingState.HOVERING)
 
@@ -191,17 +193,8 @@ def test_old_telemetry_is_held_against_nobody(body: Body) -> None:
 # --- how long a condition has held ----------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("gap_s", "ticks"),
-    [
-        (1.0, [(5.0, 0.0), (5.5, 0.5), (6.5, 1.5)]),
-        # Frames with a latency near the limit are alternately fresh and stale.
-        (1.0, [(1.0, 0.0), (-1.4, 0.0), (1.8, 0.8), (3.0, 0.0)]),
-        (0.0, [(1.0, 0.0), (2.5, 1.5), (-2.6, 0.0), (2.7, 0.0)]),
-    ],
-)
-def test_a_condition_lasts_over_a_short_gap(gap_s: float, ticks: list[tuple[float, float]]) -> None:
-    """At negative times it does not hold."""
+@pytest.mark.parametrize(("gap_s", "ticks"), CASES["lasting"])
+def test_a_condition_lasts_over_a_short_gap(gap_s: float, ticks: list[list[float]]) -> None:
     lasting = Lasting(gap_s=gap_s)
     for at_s, lasted_s in ticks:
         assert lasting.update(abs(at_s), holds=at_s > 0.0) == pytest.approx(lasted_s)

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.worlds.tables import cases
 from uav_bt.app.assembly import frame_judge
 from uav_bt.errors import DroneError
 from uav_bt.mission.preflight import LOOK_S, Check, PreflightConfig, check_drone, refuse_faults
 from uav_bt.testing import ScriptedDrone
 from uav_bt.types import Observation
-from uav_bt.types.drone_state import DroneFault, FlyingState
 
 
 class Parked(ScriptedDrone):
@@ -42,9 +42,6 @@ class Parked(ScriptedDrone):
         return Observation(frame=frame, state=replace(seen.state, **self._state))
 
 
-DARK = DroneFault(what="light", found="too dark", remedy="switch lights on")
-
-
 def faults(drone: Parked, config: PreflightConfig | None = None) -> dict[str, Check]:
     return {check.what: check for check in check_drone(drone, config) if not check.good}
 
@@ -61,26 +58,9 @@ def test_a_good_drone_is_ready_and_gets_no_command() -> None:
     assert str(checks[2]) == "battery: ok, 100 %, at least 30 % wanted"
 
 
-@pytest.mark.parametrize(
-    ("drone", "what", "found"),
-    [
-        (Parked(battery=0.2), "battery", "20 %, at least 30 % wanted: charge it"),
-        (Parked(link=0.2), "link", "20 %, at least 40 % wanted: come nearer"),
-        (Parked(flying=FlyingState.HOVERING), "control", "the drone is hovering: .*land it first"),
-        (Parked(pilot_has_control=True), "control", "a pilot has it: hand over"),
-        (Parked(frames=False), "video", "no frame within 5 s: see that no firewall"),
-        (Parked(captured_s=-100.0), "telemetry", "last heard 105.. s ago: connect again"),
-        (Parked(connected=False), "telemetry", "last heard .* and the connection is broken"),
-        (Parked(battery=None), "battery", "not reported within 5 s, at least 30 % wanted"),
-        (Parked(faults=(DARK,)), "light", "too dark: switch lights on"),
-    ],
-    ids=[
-        *("battery", "link", "flying", "pilot", "no video", "silent", "broken"),
-        *("battery unknown", "self-report"),
-    ],
-)
-def test_each_fault_is_named_with_its_cure(drone: Parked, what: str, found: str) -> None:
-    bad = faults(drone)
+@pytest.mark.parametrize(("state", "what", "found"), cases("mission")["preflight"])
+def test_each_fault_is_named_with_its_cure(state: dict[str, Any], what: str, found: str) -> None:
+    bad = faults(Parked(**state))
     assert list(bad) == [what]
     with pytest.raises(DroneError, match=f"nothing was flown\n  {what}: NOT READY, {found}"):
         refuse_faults(list(bad.values()))

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from tests.worlds.tables import cases
 from uav_bt.board import FRAME
 from uav_bt.board.context import Proposals
 from uav_bt.errors import ProposalConflictError, ValueRangeError
@@ -17,6 +18,7 @@ from uav_bt.mission.safety import Arbiter, Circumstances, Override, safety_rules
 from uav_bt.types import Airframe, DroneState, FlyingState, Release, TakeOff, Velocity
 from uav_bt.types.commands import Command, CutMotors, GimbalTo, Hover, Land, MoveBy, Movement
 
+CASES = cases("mission")["safety"]
 LIMITS = Limits(speed_mps=1.0, climb_mps=0.5, yaw_rate_radps=1.5, ceiling_m=2.4)
 DOWN = GimbalTo(pitch_rad=-1.0)
 AHEAD = MoveBy(id=1, forward_m=1.0)
@@ -94,25 +96,10 @@ def test_whatever_else_is_wrong_the_strongest_rule_decides(count: int) -> None:
         assert arbiter.override is causes[0]
 
 
-ON_GROUND = {"flying": FlyingState.LANDED}
-RISING, LANDING = {"flying": FlyingState.TAKING_OFF}, {"flying": FlyingState.LANDING}
+AT_THE_LIMITS = {"battery": LIMITS.critical_battery, "frame_age_s": FRAME.max_age_s}
 
 
-@pytest.mark.parametrize(
-    ("changes", "override"),
-    [
-        ({}, None),
-        ({"pilot": True, "abort": True}, Override.MANUAL),
-        ({"connected": False}, Override.LINK),  # even while the last report is fresh
-        ({"connected": False, **RISING}, Override.LINK),
-        ({"battery": None}, None),
-        ({"battery": 0.05, **RISING}, None),
-        ({"frame_age_s": 9.0, **RISING}, None),
-        *((cause | there, None) for cause in ({"battery": 0.05}, {"state_age_s": 2.0},
-          {"frame_age_s": 9.0}) for there in (ON_GROUND, LANDING)),
-        ({"battery": LIMITS.critical_battery, "frame_age_s": FRAME.max_age_s}, None),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("changes", "override"), [*CASES["matters"], (AT_THE_LIMITS, None)])
 def test_what_is_wrong_matters_where_it_matters(
     changes: dict[str, Any], override: Override | None
 ) -> None:
@@ -190,33 +177,7 @@ def test_a_pilot_and_the_motor_cut_end_a_landing(override: Override) -> None:
 # --- limits ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("asked", "height_m", "flown"),
-    [
-        *((movement, 1.5, movement) for movement in (
-            Velocity(forward_mps=0.6, right_mps=-0.8, down_mps=0.5, yaw_rate_radps=-1.5),
-            MoveBy(id=3, forward_m=0.3, right_m=0.1, down_m=-0.8, yaw_rad=1.0), Land())),
-        (Velocity(forward_mps=6.0, right_mps=-8.0), 1.5, Velocity(forward_mps=0.6, right_mps=-0.8)),
-        (Velocity(down_mps=2.0, yaw_rate_radps=9.0), 1.5,
-         Velocity(down_mps=0.5, yaw_rate_radps=1.5)),
-        (Velocity(down_mps=-2.0, yaw_rate_radps=-9.0), 1.5,
-         Velocity(down_mps=-0.5, yaw_rate_radps=-1.5)),
-        (MoveBy(id=1, forward_m=3e9, right_m=-4e9, yaw_rad=1e6), 1.5,
-         MoveBy(id=1, forward_m=6.0, right_m=-8.0, yaw_rad=2 * math.pi)),
-        (MoveBy(id=1, down_m=50.0), 1.5, MoveBy(id=1, down_m=1.2)),
-        (MoveBy(id=1, down_m=0.2), 0.1, MoveBy(id=1)),
-        (MoveBy(id=1, forward_m=0.3, down_m=-2.0), 1.5, MoveBy(id=1, forward_m=0.3, down_m=-0.9)),
-        (MoveBy(id=1, down_m=-0.1), 2.6, MoveBy(id=1)),
-        (MoveBy(id=1, down_m=0.4), 2.6, MoveBy(id=1, down_m=0.4)),
-        (Velocity(down_mps=0.5), 0.1, Velocity()),
-        (Velocity(down_mps=-0.5), 0.1, Velocity(down_mps=-0.5)),
-        (Velocity(down_mps=-0.5), 2.4, Velocity()),
-        (Velocity(down_mps=0.3), 2.5, Velocity(down_mps=0.3)),
-        # One centimetre is left: with 0.15 s of delay and 0.25 s of lag, 0.7 cm/s.
-        (Velocity(down_mps=-0.5), 2.39, Velocity(down_mps=-0.0071)),
-        (Velocity(down_mps=0.5), 0.31, Velocity(down_mps=0.0071)),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("asked", "height_m", "flown"), CASES["limited"])
 def test_a_movement_is_flown_within_the_limits_in_its_direction(
     asked: Movement, height_m: float, flown: Movement
 ) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.worlds.trees import document, tree_file
 from uav_bt.board import ELAPSED, HEIGHT, STATE
 from uav_bt.errors import NodeFailedError, TreeError
 from uav_bt.testing import load_tree, parse_tree
@@ -41,14 +42,9 @@ class Late(Leaf):
 REGISTRY = NodeRegistry([Climb, Late])
 
 
-def text_of(body: str) -> str:
-    return f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>'
-
-
 def test_a_file_with_a_real_and_a_mocked_leaf(tmp_path: Path) -> None:
     """Ticks have the distance of `tick_s`; after each, its proposal is available."""
-    path = tmp_path / "mission.xml"
-    path.write_text(text_of('<Sequence><Late/><Climb to_m="9"/></Sequence>'), encoding="utf-8")
+    path = tree_file(tmp_path, '<Sequence><Late/><Climb to_m="9"/></Sequence>')
     bench = load_tree(path, REGISTRY, mocks={"Late": "(RS)"}, overrides={"Climb": {"to_m": "1.5"}})
     bench.hover(height_m=1.0)
     assert [bench.tick() for _ in range(2)] == [Status.RUNNING] * 2
@@ -66,7 +62,7 @@ def test_a_file_with_a_real_and_a_mocked_leaf(tmp_path: Path) -> None:
 
 
 def test_telemetry_goes_on_until_it_is_lost() -> None:
-    bench = parse_tree(text_of('<Climb to_m="9"/>'), REGISTRY, tick_s=1.0)
+    bench = parse_tree(document('<Climb to_m="9"/>'), REGISTRY, tick_s=1.0)
     bench.hover()
     for _ in range(5):
         assert bench.tick() is Status.RUNNING
@@ -78,7 +74,7 @@ def test_telemetry_goes_on_until_it_is_lost() -> None:
 
 
 def test_waiting_in_vain_tells_what_happened() -> None:
-    text = text_of("<Sequence><Late/><Climb/></Sequence>")
+    text = document("<Sequence><Late/><Climb/></Sequence>")
     bench = parse_tree(text, REGISTRY, mocks={"Late": "S", "Climb": "R"})
     with pytest.raises(AssertionError) as failure:
         bench.tick_until(Status.FAILURE, max_ticks=3)
@@ -91,4 +87,4 @@ def test_waiting_in_vain_tells_what_happened() -> None:
 
 def test_wrong_use_is_explained() -> None:
     with pytest.raises(TreeError, match=r"mock of 'Clim': .*did you mean 'Climb'"):
-        parse_tree(text_of("<Climb/>"), REGISTRY, mocks={"Clim": "S"})
+        parse_tree(document("<Climb/>"), REGISTRY, mocks={"Clim": "S"})

@@ -8,11 +8,6 @@ leaf's output has written by then has a value; the rest may have none.
 from __future__ import annotations
 
 from collections.abc import Iterator
-<<<<<<< HEAD
-from dataclasses import replace
-=======
-from dataclasses import dataclass
->>>>>>> u-engine
 from typing import Any
 
 from uav_bt.tree.leaf import Leaf

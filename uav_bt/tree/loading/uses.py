@@ -7,11 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final, NamedTuple
 
 from uav_bt.board import MISSION_KEYS, Key
-<<<<<<< HEAD
-from uav_bt.tree.flow import Variable, Written
-=======
-from uav_bt.tree.loading.build import Placeholder
->>>>>>> u-engine
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
 from uav_bt.tree.node_ports import Written
