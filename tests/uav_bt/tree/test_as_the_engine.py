@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-import yaml
 
 from tests.uav_bt.tree.test_loader import REGISTRY, warnings_of
+from tests.worlds.cases import cases
 from tests.worlds.trees import document
 from uav_bt.errors import FileError, TreeError
 from uav_bt.tree import load_tree, parse_tree
@@ -16,7 +16,7 @@ from uav_bt.tree.loading.loader import check_file, check_text
 from uav_bt.tree.loading.lookup import Library, Lookup, files_in, shipped_trees
 from uav_bt.tree.loading.models import with_palette
 
-CASES = yaml.safe_load((Path(__file__).parents[2] / "data" / "warnings.yaml").read_text("utf-8"))
+CASES = cases("warnings")
 SPARE = '<BehaviorTree ID="B">{}</BehaviorTree>'
 
 
@@ -71,21 +71,6 @@ def test_our_missions_load_as_groot2_saves_them(path: Path, tmp_path: Path) -> N
 def test_a_single_tree_needs_no_id() -> None:
     text = '<root BTCPP_format="4"><BehaviorTree><Safe/></BehaviorTree></root>'
     assert parse_tree(text, REGISTRY).name == "BehaviorTree_0"
-
-
-@pytest.mark.parametrize(
-    ("model", "message"),
-    [
-        ('<Actoin ID="Steer"/>', "<Actoin> means nothing in <TreeNodesModel>; did you mean"),
-        ('<Action ID="Steer"><input_port/></Action>', "attribute 'name' is missing"),
-        ('<Action ID="X"/><Action ID="X"/>', "described twice; the first counts"),
-    ],
-)
-def test_models_are_for_people(model: str, message: str) -> None:
-    """The engine ignores the descriptions of nodes in a model."""
-    found = warnings_of(document("<Safe/>", f"<TreeNodesModel>{model}</TreeNodesModel>"))
-    assert len(found) == 1
-    assert message in found[0]
 
 
 # --- several files --------------------------------------------------------------------------------

@@ -5,15 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-import yaml
 
+from tests.worlds.cases import cases
 from uav_bt.errors import FileError, NodeFailedError, TreeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status
 from uav_bt.tree.dry_run import Answer, SimulatedTick, Simulation, read_script
 
-CASES = yaml.safe_load((Path(__file__).parents[2] / "data" / "answers.yaml").read_text("utf-8"))[
-    "dry_runs"
-]
+CASES = cases("answers")["dry_runs"]
 S, F, R, K = Status.SUCCESS, Status.FAILURE, Status.RUNNING, Status.SKIPPED
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 
 from behaviours.fly.say import Say
+from tests.worlds.cases import cases
 from tests.worlds.trees import check, document, subtree
 from uav_bt.board import HEIGHT, MARK, ODOMETRY, PHASE
 from uav_bt.board.blackboard import Key
@@ -17,7 +16,7 @@ from uav_bt.tree import Leaf, NodeRegistry, Port, Status, parse_tree
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.types import MarkFix
 
-CASES = yaml.safe_load((Path(__file__).parents[2] / "data" / "findings.yaml").read_text("utf-8"))
+CASES = cases("findings")
 RED = Key("red_share", float, "share of red in the picture", writer="RedDetector")
 
 

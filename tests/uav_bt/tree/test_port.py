@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
-import yaml
 
+from tests.worlds.cases import cases
 from uav_bt.errors import ValueRangeError
 from uav_bt.tree.port import Port, Reference, parse_reference
 
-CASES = yaml.safe_load((Path(__file__).parents[2] / "data" / "ports.yaml").read_text("utf-8"))
+CASES = cases("ports")
 KINDS: dict[str, type] = {kind.__name__: kind for kind in (int, float, bool, str, list)}
 
 

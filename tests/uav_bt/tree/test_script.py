@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
-import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.worlds.cases import cases
 from uav_bt.board import HEIGHT
 from uav_bt.board.blackboard import Blackboard, Key
 from uav_bt.clock import ManualClock
@@ -16,7 +14,7 @@ from uav_bt.errors import UnknownValueError
 from uav_bt.tree.script import Environment, ScriptError, parse_question, parse_script
 from uav_bt.tree.variables import Variables
 
-CASES = yaml.safe_load((Path(__file__).parents[2] / "data" / "scripts.yaml").read_text("utf-8"))
+CASES = cases("scripts")
 
 
 def run(source: str, **variables: object) -> object:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-import yaml
 
+from tests.worlds.cases import cases
 from tests.worlds.trees import World, document
 from uav_bt.board import ELAPSED
 from uav_bt.board.blackboard import Key
@@ -23,7 +23,7 @@ from uav_bt.tree import (
 )
 from uav_bt.tree.scripted import AnswerScript, Mock, ScriptedLeaf
 
-CASES = yaml.safe_load((Path(__file__).parents[2] / "data" / "answers.yaml").read_text("utf-8"))
+CASES = cases("answers")
 OWN = Key("own", float, "a plug-in's own key")
 
 

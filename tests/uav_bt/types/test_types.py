@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.paper_lab import paper_map
+from tests.worlds.cases import cases
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import (
     Airframe,
@@ -29,6 +30,8 @@ from uav_bt.types import (
     clamp,
     limit_length,
 )
+
+CASES = cases("values")
 
 CAMERA = CameraModel(
     width_px=640, height_px=360, fx_px=466.0, fy_px=466.0, cx_px=319.5, cy_px=179.5
@@ -121,19 +124,7 @@ def test_full_turns_are_counted_when_they_are_complete(turned_deg: float, turns:
     assert HeldTurn(direction=1, turned_rad=math.radians(turned_deg)).full_turns == turns
 
 
-@pytest.mark.parametrize(
-    ("point_m", "free"),
-    [
-        ((1.0, 0.0), False),  # on the path
-        ((1.0, 0.49), False),  # beside the path, within the margin
-        ((1.0, -0.49), False),
-        ((1.0, 0.51), True),  # beside the path
-        ((2.49, 0.0), False),  # beyond the end, within the margin of it
-        ((2.51, 0.0), True),
-        ((2.4, 0.4), True),  # at the end's corner, where the margin is round
-        ((-1.0, 0.0), True),  # behind
-    ],
-)
+@pytest.mark.parametrize(("point_m", "free"), CASES["ways"])
 def test_a_way_of_two_metres_keeps_half_a_metre_from_a_point(
     point_m: tuple[float, float], *, free: bool
 ) -> None:
