@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import pytest
 
+from tests.worlds.cases import cases
 from tests.worlds.trees import World, document, subtree
 from uav_bt.board import ELAPSED, HEIGHT, STATE
 from uav_bt.board.blackboard import Key
@@ -20,6 +21,8 @@ from uav_bt.errors import (
 from uav_bt.tree import Leaf, MissionTree, Node, NodeRegistry, Port, Status, parse_tree
 from uav_bt.tree.nodes import Fallback, Parallel, Sequence
 from uav_bt.types import GimbalTo, Hover, Velocity
+
+CASES = cases("missions")
 
 SPEED = Key("speed_mps", float, "a plug-in's own key", unit="m/s", writer="Radar", max_age_s=1.0)
 
@@ -198,15 +201,7 @@ def test_declared_access_works(world: World) -> None:
     assert world.board.read(SPEED).value == tree.variables["copy"] == 3.0
 
 
-@pytest.mark.parametrize(
-    ("mode", "message"),
-    [
-        ("read", "'Mission/s' reads board key 'elapsed_s' without declaring it"),
-        ("write", "'Mission/s' writes board key 'height_above_ground_m' without declaring"),
-        ("type", "'Mission/s': board key 'speed_mps' holds float, got str"),
-        ("port", "declares no port 'sped'"),
-    ],
-)
+@pytest.mark.parametrize(("mode", "message"), CASES["undeclared"])
 def test_undeclared_access_is_refused(world: World, mode: str, message: str) -> None:
     with pytest.raises(NodeFailedError, match=message) as error:
         ready(world, Sensor("s", mode=mode)).tick()
@@ -267,18 +262,7 @@ def with_keys(world: World, body: str) -> tuple[MissionTree, Any]:
     return tree, [*tree.leaves()][-1]
 
 
-@pytest.mark.parametrize(
-    "body",
-    [
-        f'<ScriptCondition code="{UNKNOWN}"/>',
-        f'<AlwaysSuccess _while="{UNKNOWN}"/>',
-        f'<Precondition if="{UNKNOWN}" else="SUCCESS"><AlwaysSuccess/></Precondition>',
-        '<Timeout msec="{@wait_ms}"><AlwaysSuccess/></Timeout>',
-        '<SetBlackboard value="{@share}" output_key="x"/>',
-        '<Fly speed_mps="{@share}"/>',
-        '<SubTree ID="In" red="{@share}"/>',
-    ],
-)
+@pytest.mark.parametrize("body", CASES["unknown_keys"])
 def test_a_node_that_reads_a_key_without_a_value_fails(world: World, body: str) -> None:
     assert with_keys(world, body)[0].tick() is Status.FAILURE
 

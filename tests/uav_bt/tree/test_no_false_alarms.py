@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -16,7 +14,6 @@ from uav_bt.tree import Leaf, NodeRegistry, Port, Status, parse_tree
 from uav_bt.tree.loading import loader
 from uav_bt.tree.loading.uses import Uses
 
-SAMPLE = Path(__file__).parents[2] / "data" / "bt_traces_sample.jsonl"
 NAMES = ("a", "b", "c", "_p")
 
 
@@ -162,5 +159,5 @@ def test_many_of_the_generated_trees_fly() -> None:
 
 def test_no_recorded_tree_is_refused() -> None:
     """Trees that ran in the engine load."""
-    for trace in read_traces(SAMPLE):
+    for trace in read_traces():
         parse_tree(trace["xml"], REGISTRY)

@@ -93,16 +93,7 @@ def test_mocks_keep_everything_but_the_code(tmp_path: Path, world: World) -> Non
     assert tree.find("Main/Sequence/Home/Fallback/back").node_status is Status.RUNNING
 
 
-@pytest.mark.parametrize(
-    ("mocks", "answers"),
-    [
-        (
-            {"Main/Sequence/Home/Fallback/back#2": "S", "Clear": "S", "Fly": "RS", "back": "F"},
-            ("S", "RS", "F", "S"),
-        ),
-        ({"*": "S", "out": "F"}, ("S", "F", "S", "S")),
-    ],
-)
+@pytest.mark.parametrize(("mocks", "answers"), CASES["selectors"])
 def test_the_most_exact_selector_counts(
     mocks: dict[str, str], answers: tuple[str, ...], tmp_path: Path, world: World
 ) -> None:
