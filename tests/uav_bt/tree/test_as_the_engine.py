@@ -54,6 +54,8 @@ def test_a_tree_can_be_chosen(caplog: pytest.LogCaptureFixture) -> None:
     # Without a choice each of them may be flown, so each must be valid.
     (finding,) = check_text(spare, REGISTRY, path=Path("m.xml"))
     assert finding.severity == ERROR
+    single = '<root BTCPP_format="4"><BehaviorTree><Safe/></BehaviorTree></root>'
+    assert parse_tree(single, REGISTRY).name == "BehaviorTree_0"  # it needs no ID
 
 
 @pytest.mark.parametrize("path", sorted(shipped_trees().rglob("*.xml")), ids=lambda path: path.stem)
@@ -66,11 +68,6 @@ def test_our_missions_load_as_groot2_saves_them(path: Path, tmp_path: Path) -> N
     assert check_file(saved) == ()
     before, after = load_tree(path), load_tree(saved)
     assert [node.path for node in after.nodes()] == [node.path for node in before.nodes()]
-
-
-def test_a_single_tree_needs_no_id() -> None:
-    text = '<root BTCPP_format="4"><BehaviorTree><Safe/></BehaviorTree></root>'
-    assert parse_tree(text, REGISTRY).name == "BehaviorTree_0"
 
 
 # --- several files --------------------------------------------------------------------------------

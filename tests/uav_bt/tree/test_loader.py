@@ -31,9 +31,6 @@ class Steer(Leaf):
     )
     reads = (MARK,)
 
-    def update(self) -> Status:
-        return Status.RUNNING
-
 
 class Safe(Leaf):
     """Always succeeds."""

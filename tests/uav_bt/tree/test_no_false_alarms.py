@@ -6,7 +6,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.conformance import REGISTRY, read_traces
 from tests.worlds.trees import World, document
 from uav_bt.board import HEIGHT
 from uav_bt.errors import NodeFailedError, TreeError
@@ -155,9 +154,3 @@ def test_many_of_the_generated_trees_fly() -> None:
         )
     )
     assert not flies(document('<Needy number="{a}"/>'))
-
-
-def test_no_recorded_tree_is_refused() -> None:
-    """Trees that ran in the engine load."""
-    for trace in read_traces():
-        parse_tree(trace["xml"], REGISTRY)

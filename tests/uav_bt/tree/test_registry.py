@@ -12,7 +12,7 @@ from tests.worlds.cases import cases
 from uav_bt import plugins
 from uav_bt.board.blackboard import Key
 from uav_bt.errors import InputError, UnknownNameError
-from uav_bt.tree import Leaf, NodeRegistry, Status
+from uav_bt.tree import Leaf, NodeRegistry
 
 CASES = cases("missions")
 
@@ -23,9 +23,6 @@ class Plugged(Leaf):
     """A leaf of another package."""
 
     reads = (OWN,)
-
-    def update(self) -> Status:
-        return Status.SUCCESS
 
 
 LEAVES = (Plugged,)

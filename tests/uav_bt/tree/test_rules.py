@@ -8,7 +8,7 @@ from tests.worlds.cases import cases
 from tests.worlds.trees import check, document, subtree
 from uav_bt.board import FLIGHT_HEIGHT, ODOMETRY
 from uav_bt.errors import InputError
-from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Status, parse_tree
+from uav_bt.tree import Leaf, MissionTree, NodeRegistry, parse_tree
 from uav_bt.tree.rules import Rules
 from uav_bt.types.mission_rules import LandOn, MissionRules
 
@@ -21,17 +21,11 @@ class Up(Leaf):
     moves = True
     writes = (FLIGHT_HEIGHT,)
 
-    def update(self) -> Status:
-        return Status.RUNNING
-
 
 class Track(Leaf):
     """Keeps the odometry."""
 
     writes = (ODOMETRY,)
-
-    def update(self) -> Status:
-        return Status.SUCCESS
 
 
 REGISTRY = NodeRegistry([Rules, Up, Track])

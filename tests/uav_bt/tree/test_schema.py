@@ -12,7 +12,7 @@ from tests.conformance import Scripted, read_traces
 from tests.worlds.cases import cases
 from tests.worlds.trees import document
 from uav_bt.board import STATE
-from uav_bt.tree import Leaf, NodeRegistry, Port, Status
+from uav_bt.tree import Leaf, NodeRegistry, Port
 from uav_bt.tree.loading.loader import check_text
 from uav_bt.tree.loading.schema import schema_xml
 from uav_bt.types import DroneState
@@ -38,9 +38,6 @@ class Paint(Leaf):
         Port("area", float, direction="output", doc="m2"),
     )
     reads = (STATE,)
-
-    def update(self) -> Status:
-        return Status.SUCCESS
 
 
 REGISTRY = NodeRegistry([Scripted, Paint])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -15,26 +16,10 @@ from uav_bt.types.place import Place, PlaceFrame, parse_places
 CASES = cases("values")
 
 
-@pytest.mark.parametrize(
-    ("text", "place"),
-    [
-        ("start:2,-0.5", Place(frame=PlaceFrame.START, x_m=2.0, y_m=-0.5)),
-        (
-            " start : 2 ,\t0, 1.2 @ -90 ",
-            Place(frame=PlaceFrame.START, x_m=2.0, height_m=1.2, heading_rad=-math.pi / 2),
-        ),
-        # as Python, NumPy and spreadsheets write numbers near zero
-        (
-            "lab:6.0e-01,3.6739403974420595e-17",
-            Place(frame=PlaceFrame.LAB, x_m=0.6, y_m=3.6739403974420595e-17),
-        ),
-        ("body:-1E0,+.5e+0,1.2e0@9e1", Place.parse("body:-1,0.5,1.2@90")),
-        ("mark", Place(frame=PlaceFrame.MARK)),
-        ("object: 3", Place(frame=PlaceFrame.OBJECT, object_id=3)),
-    ],
-)
-def test_a_place_of_a_text(text: str, place: Place) -> None:
-    assert Place.parse(text) == place
+@pytest.mark.parametrize(("text", "given"), CASES["places"])
+def test_a_place_of_a_text(text: str, given: dict[str, Any]) -> None:
+    frame = PlaceFrame(given["frame"])
+    assert Place.parse(text) == Place(**{**given, "frame": frame})
 
 
 @pytest.mark.parametrize(

@@ -37,6 +37,8 @@ CAMERA = CameraModel(
     width_px=640, height_px=360, fx_px=466.0, fy_px=466.0, cx_px=319.5, cy_px=179.5
 )
 
+KINDS: dict[str, Any] = {kind.__name__: kind for kind in (Airframe, GimbalTo, MoveBy, Velocity)}
+
 
 def obstacles(*points_m: tuple[float, float], **more: NDArray[np.float64]) -> NearObstacles:
     points = np.array(points_m, dtype=np.float64).reshape(-1, 2)
@@ -91,23 +93,11 @@ def test_obstacle_points_come_in_pairs(shape: tuple[int, ...]) -> None:
 # --- commands -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("kind", "given", "words"),
-    [
-        *((MoveBy, {"id": 1, f"{way}_m": math.nan}, "movement must") for way in ("right", "down")),
-        *((MoveBy, {"id": 1, "forward_m": bad}, "movement must") for bad in (math.inf, -math.inf)),
-        *((Velocity, {f"{way}_mps": math.nan}, "velocity must") for way in ("right", "down")),
-        (Velocity, {"forward_mps": math.inf}, "velocity must be finite"),
-        *((GimbalTo, {"pitch_rad": bad}, "pitch must lie within") for bad in (1.6, -1.6, math.nan)),
-        (Airframe, {"body_size_m": (0.2, 0.0, 0.1)}, "three positive sizes"),
-        (Airframe, {"climb_braking_mps2": 0.0}, "positive climb_braking_mps2"),
-        (Airframe, {"command_delay_s": -0.1}, "zero or positive seconds"),
-    ],
-)
-def test_impossible_numbers_are_refused(kind: Any, given: dict[str, Any], words: str) -> None:
+@pytest.mark.parametrize(("kind", "given", "words"), CASES["refused_numbers"])
+def test_impossible_numbers_are_refused(kind: str, given: dict[str, Any], words: str) -> None:
     GimbalTo(pitch_rad=math.radians(-90))
     with pytest.raises(ValueRangeError, match=words):
-        kind(**given)
+        KINDS[kind](**given)
 
 
 # --- results of perception ------------------------------------------------------------------------
