@@ -22,10 +22,9 @@ SPARE = '<BehaviorTree ID="B">{}</BehaviorTree>'
 
 @pytest.mark.parametrize(("text", "message"), CASES)
 def test_what_the_engine_takes_is_a_warning(text: str, message: str) -> None:
-    found = warnings_of(text)
-    assert len(found) == 1
-    assert message in found[0]
-    assert ": warning: " in found[0]
+    (found,) = warnings_of(text)
+    assert message in found
+    assert ": warning: " in found
 
 
 def test_what_editors_write_is_no_warning() -> None:
