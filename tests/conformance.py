@@ -30,6 +30,7 @@ from uav_bt.protocols import LeafPolicy
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
+SAMPLE = Path(__file__).parent / "data" / "bt_traces_sample.jsonl"
 _LETTERS = {"S": SUCCESS, "F": FAILURE, "R": RUNNING, "K": SKIPPED}
 _NAMES = {SUCCESS: "SUCCESS", FAILURE: "FAILURE", RUNNING: "RUNNING", SKIPPED: "SKIPPED"}
 
@@ -99,7 +100,7 @@ def mismatch(trace: dict[str, Any]) -> str | None:
     return None
 
 
-def read_traces(path: Path) -> Iterator[dict[str, Any]]:
+def read_traces(path: Path = SAMPLE) -> Iterator[dict[str, Any]]:
     """Iterate over the traces of a file."""
     with path.open(encoding="utf-8") as lines:
         for line in lines:

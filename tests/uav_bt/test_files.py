@@ -6,8 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from tests.worlds.cases import cases
 from uav_bt.errors import FileError, SceneError
 from uav_bt.files import did_you_mean_file, reading, whole_file, write_whole
+
+CASES = cases("yaml_files")
 
 
 @pytest.mark.parametrize("content", ["größer\n", b"\x00\xff"])
@@ -44,17 +47,7 @@ def test_what_cannot_be_written_raises_and_nothing_is_left(tmp_path: Path) -> No
     assert [path.name for path in tmp_path.iterdir()] == ["a"]
 
 
-@pytest.mark.parametrize(
-    ("missing", "hint"),
-    [
-        ("peak.xml", "; did you mean 'peek.xml'?"),
-        ("peak.yaml", ""),  # other suffix
-        ("survey.xml", ""),  # unlike, though the suffix is shared
-        ("peak", ""),
-        ("run", "; did you mean 'runs'?"),
-        ("absent/peak.xml", ""),
-    ],
-)
+@pytest.mark.parametrize(("missing", "hint"), CASES["hints"])
 def test_a_missing_file_is_compared_with_the_files_beside_it(
     missing: str, hint: str, tmp_path: Path
 ) -> None:

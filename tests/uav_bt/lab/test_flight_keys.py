@@ -9,11 +9,14 @@ from pathlib import Path
 import pytest
 
 from tests.uav_bt.lab.test_lab_file import GOOD, lab_folder
+from tests.worlds.cases import cases
 from uav_bt.app.site import Site, load_site, site_of_lab
 from uav_bt.errors import FileError
 from uav_bt.lab.lab_file import lab_schema, read_lab
 from uav_bt.lab.shipped import load_lab
 from uav_bt.types import Pose2D
+
+CASES = cases("labs")
 
 KEYS = """
 flight_height_m: 1.2
@@ -63,40 +66,7 @@ def test_a_take_off_without_a_position_is_from_the_mark(tmp_path: Path) -> None:
     assert site.take_off_pose == Pose2D(x_m=1.0, y_m=-1.0, yaw_rad=math.radians(90))
 
 
-@pytest.mark.parametrize(
-    ("keys", "message"),
-    [
-        ("hight: 1", r"lab.yaml:7: hight: unknown key \(known: flight_height_m,"),
-        ("mark: {size_m: [1, 1], height_m: 0, psition_m: [0, 0]}", "did you mean 'position_m'"),
-        ("mark: {size_m: [1, 1], height_m: 0, yaw_deg: 9}", "7: mark: yaw_deg needs position_m"),
-        ("camera: gone.yaml", r"lab.yaml:7: camera: there is no file .*gone\.yaml"),
-        ("ground: [floor, drumm]", r"7: ground\[1\]: unknown class 'drumm'; did you mean 'drum'"),
-        ("take_off: {yaw_deg: 90}", "7: take_off: lacks the key 'position_m'"),
-        ('area: "lab:0,0; lab:1,0"', "7: area: expected at least 3 corners"),
-        (
-            'area: "start:-1,-1; start:1,1; start:1,-1; start:-1,1"',
-            "7: area: the sides of an area must not cross",
-        ),
-        (
-            'area: "start:1,1; start:2,1; start:2,2"',
-            "7: area: the take-off pose lies outside the area start:1,1; start:2,1; start:2,2",
-        ),
-        (
-            'area: "lab:0,0; lab:1,0; lab:1,1"\ntake_off: {position_m: [3, 0]}',
-            "7: area: the take-off pose lies outside",
-        ),
-        (
-            (
-                'area: "start:-1,-1; start:2,-1; start:2,1; start:-1,1"\n'
-                "take_off: {position_m: [1, 0], yaw_deg: 180}\n"
-                "mark: {size_m: [1, 1], height_m: 0, position_m: [2.5, 0]}"
-            ),
-            "7: area: the landing mark at lab:2.5,0 lies outside",
-        ),
-        ('area: "start:-1,-1; start:1,-1; lab:1,1"', "7: area: corners in both frames need"),
-        ("limits: {speed_mps: 0}", "7: limits: speed_mps must be a positive number, got 0"),
-    ],
-)
+@pytest.mark.parametrize(("keys", "message"), CASES["refused_keys"])
 def test_what_is_wrong_is_named_with_its_line(tmp_path: Path, keys: str, message: str) -> None:
     with pytest.raises(FileError, match=message):
         site_of_lab(read_lab(lab_folder(tmp_path, f"{GOOD}{keys}\n")))

@@ -6,10 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from tests.worlds.cases import cases
 from uav_bt.errors import FileError, InputError, UnknownNameError
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.shipped import default_mark, load_lab, shipped_labs
 from uav_bt.types import LandingMark
+
+CASES = cases("labs")
 
 GOOD = """\
 version: 1
@@ -37,20 +40,7 @@ def test_a_lab_file_gives_names_roles_colours_and_tops(tmp_path: Path) -> None:
     assert not lab.classes.legs_m.any()
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("version: 1", "version: 2", "lab.yaml:1.*of version 2.*update uav-bt"),
-        ("version: 1\n", "", "version"),
-        ("ground", "grund", "lab.yaml:4.*grund"),
-        ('"#0a0b0c"', "green", "lab.yaml:4.*green"),
-        ("floor:", "Floor:", "lab.yaml:4.*small letters"),
-        ("top: lid", "top: lit", "lab.yaml:2.*did you mean 'lid'"),
-        ("role: outside", "role: ground", "lab.yaml:2.*'wall' has the role ground"),
-        ("role: ground", "role: ground, legs_m: 1", "lab.yaml:2.*'floor' cannot stand on legs"),
-        ("top: lid", "legs_m: 0", "lab.yaml:5.*legs_m: expected a number greater than 0"),
-    ],
-)
+@pytest.mark.parametrize(("old", "new", "message"), CASES["refused_classes"])
 def test_a_mistake_is_reported_with_its_line(
     tmp_path: Path, old: str, new: str, message: str
 ) -> None:
@@ -71,14 +61,7 @@ def test_a_lab_states_kind_size_and_options_of_its_mark(tmp_path: Path) -> None:
     assert default_mark() == LandingMark(length_m=0.5, width_m=0.5, height_m=0.4)
 
 
-@pytest.mark.parametrize(
-    ("mark", "message"),
-    [
-        ("{size_m: [0.5, 0.5]}", "7: mark: lacks the key 'height_m'"),
-        ("{size_m: [0.5, 0.5], height_m: -0.1}", "7: mark.height_m: expected a number greater"),
-        ("{size_m: [0.5, 0.5], height_m: 0, kind: tag}", "7: mark: unknown landing mark 'tag'"),
-    ],
-)
+@pytest.mark.parametrize(("mark", "message"), CASES["refused_marks"])
 def test_a_wrong_mark_is_refused_with_its_line(tmp_path: Path, mark: str, message: str) -> None:
     with pytest.raises(FileError, match=message):
         read_lab(lab_folder(tmp_path, f"{GOOD}mark: {mark}\n"))

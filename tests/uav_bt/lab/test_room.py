@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 
 from tests.sim_bridge.twin.room_world import CONE, LAB, write_lab
+from tests.worlds.cases import cases
 from uav_bt.errors import FileError
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.obj_file import pieces, read_obj
 from uav_bt.lab.room import check_picture
+
+CASES = cases("labs")
 
 
 def line_of(text: str, word: str) -> int:
@@ -30,32 +33,7 @@ def test_a_room_gives_kinds_ground_walls_and_light(tmp_path: Path) -> None:
     assert lab.room.meshes["cone"].shape == (10, 3, 3)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("shape: cylinder,", "shape: cube,", "expected 'box', 'cylinder', 'table', 'rack' or"),
-        ("size_m: [0.6, 0.6, 0.9], ", "", "lacks the key 'size_m'"),
-        ("size_m: [0.6, 0.6, 0.9]", "size_m: [0.6, 0.5, 0.9]", "as wide as it is long"),
-        ("{class: drum, shape: cyl", "{class: drumm, shape: cyl", "did you mean 'drum'"),
-        ("{class: drum, shape: cyl", "{class: floor, shape: cyl", "'floor' has the role ground"),
-        ("    drum: {class", "    mover: {class", "'mover' is a name in reports of contacts"),
-        ("    crate: {class", "    drum: {class", "given twice"),
-        ("image: wood.png", "image: ../wood.png", "in the lab's folder, without a path"),
-        ("image: wood.png", "image: lab.yaml", "is no picture: expected a PNG or JPEG"),
-        ("image: wood.png", "colour: red", "expected"),
-        ("{image: wood.png}", "{}", "a painted surface needs a colour"),
-        ("file: cone.obj", "file: wood.png", "cannot be read as UTF-8 text"),
-        ("      file: cone.obj\n", "", "a mesh needs 'file'"),
-        ("shelves: 3", "shelves: 0", "shelves: expected a number greater than or equal to 1"),
-        ("ground: {size_m: [6, 4]", "ground: {size_m: [6, 90]", "2 to 40 m a side"),
-        ("size_m: [6, 4],", "outline_m: [[0, 0], [3, 3], [3, 0], [0, 3]],", "must not cross"),
-        (
-            "position_m: [-2, 0, 3.8]",
-            "position_m: [-2, 0, -1]",
-            "position_m[2]: expected a number greater than 0",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("old", "new", "message"), CASES["refused_rooms"])
 def test_a_mistake_in_a_room_is_reported_with_its_line(
     tmp_path: Path, old: str, new: str, message: str
 ) -> None:

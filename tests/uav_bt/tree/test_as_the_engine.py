@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-import yaml
 
 from tests.uav_bt.tree.test_loader import REGISTRY, warnings_of
+from tests.worlds.cases import cases
 from tests.worlds.trees import document
 from uav_bt.errors import FileError, TreeError
 from uav_bt.tree import load_tree, parse_tree
@@ -16,16 +16,15 @@ from uav_bt.tree.loading.loader import check_file, check_text
 from uav_bt.tree.loading.lookup import Library, Lookup, files_in, shipped_trees
 from uav_bt.tree.loading.models import with_palette
 
-CASES = yaml.safe_load((Path(__file__).parents[2] / "data" / "warnings.yaml").read_text("utf-8"))
+CASES = cases("warnings")
 SPARE = '<BehaviorTree ID="B">{}</BehaviorTree>'
 
 
 @pytest.mark.parametrize(("text", "message"), CASES)
 def test_what_the_engine_takes_is_a_warning(text: str, message: str) -> None:
-    found = warnings_of(text)
-    assert len(found) == 1
-    assert message in found[0]
-    assert ": warning: " in found[0]
+    (found,) = warnings_of(text)
+    assert message in found
+    assert ": warning: " in found
 
 
 def test_what_editors_write_is_no_warning() -> None:
@@ -54,6 +53,8 @@ def test_a_tree_can_be_chosen(caplog: pytest.LogCaptureFixture) -> None:
     # Without a choice each of them may be flown, so each must be valid.
     (finding,) = check_text(spare, REGISTRY, path=Path("m.xml"))
     assert finding.severity == ERROR
+    single = '<root BTCPP_format="4"><BehaviorTree><Safe/></BehaviorTree></root>'
+    assert parse_tree(single, REGISTRY).name == "BehaviorTree_0"  # it needs no ID
 
 
 @pytest.mark.parametrize("path", sorted(shipped_trees().rglob("*.xml")), ids=lambda path: path.stem)
@@ -66,26 +67,6 @@ def test_our_missions_load_as_groot2_saves_them(path: Path, tmp_path: Path) -> N
     assert check_file(saved) == ()
     before, after = load_tree(path), load_tree(saved)
     assert [node.path for node in after.nodes()] == [node.path for node in before.nodes()]
-
-
-def test_a_single_tree_needs_no_id() -> None:
-    text = '<root BTCPP_format="4"><BehaviorTree><Safe/></BehaviorTree></root>'
-    assert parse_tree(text, REGISTRY).name == "BehaviorTree_0"
-
-
-@pytest.mark.parametrize(
-    ("model", "message"),
-    [
-        ('<Actoin ID="Steer"/>', "<Actoin> means nothing in <TreeNodesModel>; did you mean"),
-        ('<Action ID="Steer"><input_port/></Action>', "attribute 'name' is missing"),
-        ('<Action ID="X"/><Action ID="X"/>', "described twice; the first counts"),
-    ],
-)
-def test_models_are_for_people(model: str, message: str) -> None:
-    """The engine ignores the descriptions of nodes in a model."""
-    found = warnings_of(document("<Safe/>", f"<TreeNodesModel>{model}</TreeNodesModel>"))
-    assert len(found) == 1
-    assert message in found[0]
 
 
 # --- several files --------------------------------------------------------------------------------

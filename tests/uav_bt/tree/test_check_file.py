@@ -6,9 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from tests.worlds.cases import cases
 from uav_bt.errors import FileError, InputError
 from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Position
 from uav_bt.tree.loading.loader import check_file, findings_of
+
+CASES = cases("loading")
 
 
 def tree_file(folder: Path, body: str) -> Path:
@@ -36,15 +39,7 @@ def test_other_errors_become_findings_too() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("body", "attribute", "reason"),
-    [
-        ('<Script code="x := 1 / 0"/>', "code", "division by zero"),
-        ("<Script code=\"x := 'a' - 1\"/>", "code", "'-' cannot be applied to a text and a number"),
-        ('<AlwaysSuccess _skipIf="2"/>', "_skipIf", "expected true or false (1 or 0), got 2"),
-        ("<ScriptCondition code=\"'far'\"/>", "code", "expected a number, got 'far'"),
-    ],
-)
+@pytest.mark.parametrize(("body", "attribute", "reason"), CASES["failing_scripts"])
 def test_a_script_that_fails_in_every_run_is_refused(
     tmp_path: Path, body: str, attribute: str, reason: str
 ) -> None:

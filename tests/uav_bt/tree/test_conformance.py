@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import copy
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tests.conformance import mismatch, read_traces
 
-SAMPLE = Path(__file__).parents[2] / "data" / "bt_traces_sample.jsonl"
-TRACES = list(read_traces(SAMPLE))
+TRACES = list(read_traces())
 
 
 @pytest.mark.parametrize("trace", TRACES, ids=[trace["id"] for trace in TRACES])

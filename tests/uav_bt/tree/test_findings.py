@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 
 from behaviours.fly.say import Say
+from tests.worlds.cases import cases
 from tests.worlds.trees import check, document, subtree
 from uav_bt.board import HEIGHT, MARK, ODOMETRY, PHASE
 from uav_bt.board.blackboard import Key
 from uav_bt.errors import TreeError
-from uav_bt.tree import Leaf, NodeRegistry, Port, Status, parse_tree
+from uav_bt.tree import Leaf, NodeRegistry, Port, parse_tree
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.types import MarkFix
 
-CASES = yaml.safe_load((Path(__file__).parents[2] / "data" / "findings.yaml").read_text("utf-8"))
+CASES = cases("findings")
 RED = Key("red_share", float, "share of red in the picture", writer="RedDetector")
 
 
@@ -26,18 +25,13 @@ def _is_place(text: str) -> None:
         raise ValueError(f"expected door or window, got '{text}'")
 
 
-class _Leaf(Leaf):
-    def update(self) -> Status:
-        return Status.RUNNING
-
-
-class RedDetector(_Leaf):
+class RedDetector(Leaf):
     """Writes the share of red."""
 
     writes = (RED,)
 
 
-class Fly(_Leaf):
+class Fly(Leaf):
     """Moves."""
 
     moves = True
@@ -45,20 +39,20 @@ class Fly(_Leaf):
     writes = (PHASE,)
 
 
-class Tilt(_Leaf):
+class Tilt(Leaf):
     """Points the camera."""
 
     points = True
 
 
-class Visit(_Leaf):
+class Visit(Leaf):
     """Flies to a place."""
 
     moves = True
     ports = (Port("to", str, check=_is_place, doc="door or window"),)
 
 
-class Steer(_Leaf):
+class Steer(Leaf):
     """Asks a policy."""
 
     moves = True
@@ -66,14 +60,14 @@ class Steer(_Leaf):
     reads = (ODOMETRY,)
 
 
-class FindPad(_Leaf):
+class FindPad(Leaf):
     """Finds the pad."""
 
     ports = (Port("pad", MarkFix, doc="the pad", direction="output"),)
     reads = (MARK, HEIGHT)
 
 
-class Measure(_Leaf):
+class Measure(Leaf):
     """Measures."""
 
     ports = (
@@ -85,7 +79,7 @@ class Measure(_Leaf):
     )
 
 
-class Use(_Leaf):
+class Use(Leaf):
     """Uses."""
 
     ports = (
@@ -99,7 +93,7 @@ class Use(_Leaf):
     )
 
 
-class Need(_Leaf):
+class Need(Leaf):
     """Needs a height."""
 
     ports = (Port("height_m", float, doc="height, m"),)

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import pytest
 
+from tests.worlds.cases import cases
 from tests.worlds.trees import World, document, subtree
 from uav_bt.board import ELAPSED, HEIGHT, STATE
 from uav_bt.board.blackboard import Key
@@ -18,8 +19,10 @@ from uav_bt.errors import (
     ProposalConflictError,
 )
 from uav_bt.tree import Leaf, MissionTree, Node, NodeRegistry, Port, Status, parse_tree
-from uav_bt.tree.nodes import Fallback, Parallel, Sequence
+from uav_bt.tree.nodes import Parallel, Sequence
 from uav_bt.types import GimbalTo, Hover, Velocity
+
+CASES = cases("missions")
 
 SPEED = Key("speed_mps", float, "a plug-in's own key", unit="m/s", writer="Radar", max_age_s=1.0)
 
@@ -198,15 +201,7 @@ def test_declared_access_works(world: World) -> None:
     assert world.board.read(SPEED).value == tree.variables["copy"] == 3.0
 
 
-@pytest.mark.parametrize(
-    ("mode", "message"),
-    [
-        ("read", "'Mission/s' reads board key 'elapsed_s' without declaring it"),
-        ("write", "'Mission/s' writes board key 'height_above_ground_m' without declaring"),
-        ("type", "'Mission/s': board key 'speed_mps' holds float, got str"),
-        ("port", "declares no port 'sped'"),
-    ],
-)
+@pytest.mark.parametrize(("mode", "message"), CASES["undeclared"])
 def test_undeclared_access_is_refused(world: World, mode: str, message: str) -> None:
     with pytest.raises(NodeFailedError, match=message) as error:
         ready(world, Sensor("s", mode=mode)).tick()
@@ -230,7 +225,6 @@ def test_a_leaf_whose_port_reads_a_key_without_a_value_fails(world: World) -> No
 
 SHARE = Key("share", float, "share of red in the picture", max_age_s=1.0)
 WAIT = Key("wait_ms", int, "how long", unit="ms")
-UNKNOWN = "@share &gt; 0.5"
 
 
 class Detect(Leaf):
@@ -267,24 +261,13 @@ def with_keys(world: World, body: str) -> tuple[MissionTree, Any]:
     return tree, [*tree.leaves()][-1]
 
 
-@pytest.mark.parametrize(
-    "body",
-    [
-        f'<ScriptCondition code="{UNKNOWN}"/>',
-        f'<AlwaysSuccess _while="{UNKNOWN}"/>',
-        f'<Precondition if="{UNKNOWN}" else="SUCCESS"><AlwaysSuccess/></Precondition>',
-        '<Timeout msec="{@wait_ms}"><AlwaysSuccess/></Timeout>',
-        '<SetBlackboard value="{@share}" output_key="x"/>',
-        '<Fly speed_mps="{@share}"/>',
-        '<SubTree ID="In" red="{@share}"/>',
-    ],
-)
+@pytest.mark.parametrize("body", CASES["unknown_keys"])
 def test_a_node_that_reads_a_key_without_a_value_fails(world: World, body: str) -> None:
     assert with_keys(world, body)[0].tick() is Status.FAILURE
 
 
 def test_the_log_names_node_and_key_once(world: World, caplog: pytest.LogCaptureFixture) -> None:
-    tree, _ = with_keys(world, f'<ScriptCondition name="red" code="{UNKNOWN}"/>')
+    tree, _ = with_keys(world, '<ScriptCondition name="red" code="@share &gt; 0.5"/>')
     with caplog.at_level(logging.WARNING):
         assert [tree.tick(), tree.tick()] == [Status.FAILURE] * 2
     (line,) = caplog.messages
@@ -292,15 +275,8 @@ def test_the_log_names_node_and_key_once(world: World, caplog: pytest.LogCapture
     assert line.endswith("board key 'share' has no value yet")
 
 
-@pytest.mark.parametrize(
-    ("body", "ended"),
-    [
-        ('<Fly speed_mps="{@share}"/>', Status.FAILURE),
-        (f'<Sequence _while="{UNKNOWN}"><Fly/></Sequence>', Status.IDLE),
-        ('<Fly _onHalted="x := @share"/>', Status.IDLE),
-    ],
-)
-def test_what_runs_ends_when_a_key_becomes_unknown(world: World, body: str, ended: Status) -> None:
+@pytest.mark.parametrize(("body", "ended"), CASES["ends"])
+def test_what_runs_ends_when_a_key_becomes_unknown(world: World, body: str, ended: str) -> None:
     tree, flies = with_keys(world, body)
     world.board.write(SHARE, 0.7)
     assert tree.tick() is Status.RUNNING
@@ -308,7 +284,7 @@ def test_what_runs_ends_when_a_key_becomes_unknown(world: World, body: str, ende
     world.context.proposals.clear()
     tree.tick()
     tree.halt()
-    assert flies.ended == (ended,)
+    assert flies.ended == (Status[ended],)
     assert world.context.proposals.movement is None
     assert "x" not in tree.variables
 
@@ -330,23 +306,12 @@ class Proposes(Leaf):
         return Probe.letters[self.port_value("answer")]  # type: ignore[no-any-return]
 
 
-@pytest.mark.parametrize(
-    ("root", "answers", "number"),
-    [
-        (Sequence, "SR", 2),  # the next leaf flies in the same tick
-        (Sequence, "KR", 2),
-        (Fallback, "FSR", 2),
-        (Sequence, "SSR", 3),
-        (Sequence, "S", 1),  # nobody else proposes: it stands for this tick
-        (Parallel, "SRS", None),  # the second runs on when the third proposes
-        (Parallel, "RS", None),
-    ],
-)
+@pytest.mark.parametrize(("root", "answers", "number"), CASES["makes_way"])
 def test_a_leaf_that_has_ended_makes_way_for_the_next(
-    world: World, root: type[Node], answers: str, number: int | None
+    world: World, root: str, answers: str, number: int | None
 ) -> None:
     leaves = [Proposes(number=at, answer=answer) for at, answer in enumerate(answers, start=1)]
-    tree = ready(world, root("p", leaves))
+    tree = ready(world, NodeRegistry()[root]("p", leaves))
     if number is None:
         with pytest.raises(NodeFailedError, match="both propose a movement in one tick") as error:
             tree.tick()

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.conformance import Scripted
+from tests.worlds.cases import cases
 from tests.worlds.trees import World, document, leaf
 from uav_bt.board import MARK
 from uav_bt.errors import NodeFailedError, TreeError
@@ -16,6 +17,8 @@ from uav_bt.tree.loading.findings import WARNING
 from uav_bt.tree.loading.loader import check_file, check_text
 from uav_bt.tree.observer import observe
 from uav_bt.types import MarkFix
+
+CASES = cases("loading")
 
 
 class Steer(Leaf):
@@ -27,9 +30,6 @@ class Steer(Leaf):
         Port("pad", MarkFix, default="{@mark}", doc="the pad"),
     )
     reads = (MARK,)
-
-    def update(self) -> Status:
-        return Status.RUNNING
 
 
 class Safe(Leaf):
@@ -95,91 +95,21 @@ def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
     assert steer.port_value("policy") == "segmentation"
 
 
-@pytest.mark.parametrize(
-    ("body", "message"),
-    [
-        ("<Stear/>", "unknown node 'Stear'; did you mean 'Steer'?"),
-        ("<Action/>", "<Action> needs an attribute 'ID'"),
-        ('<Steer ID="x"/>', "unknown attribute 'ID'"),
-        ("<Other/>", "unknown node 'Other'; it is a tree of this file: write <SubTree ID"),
-        ('<Steer heigth_m="1"/>', "unknown attribute 'heigth_m'; did you mean 'height_m'?"),
-        ('<Steer height_m="high"/>', "attribute 'height_m': expected a number, got 'high'"),
-        ('<Steer height_m="{@hight}"/>', "the board has no key 'hight'"),
-        ('<Steer height_m="{@mark}"/>', "takes float, but board key 'mark' holds MarkFix"),
-        ('<Steer _skipIf="1 +"/>', "attribute '_skipIf': column 4: expected a value, got the end"),
-        ('<Script code="x := @mark"/>', "'mark' holds MarkFix, no number and no text"),
-        ('<Script code="@elapsed_s = 1"/>', "leaves write those, scripts only read"),
-        ('<Precondition if="1" else="MAYBE"><Safe/></Precondition>', "expected one of SUCCESS"),
-        ('<Switch2 variable="{v}" case_1="1" case_2="2"><Safe/></Switch2>', "needs exactly 3"),
-        ('<LoopInt queue="1;x" value="{v}"><Safe/></LoopInt>', "expected an integer, got 'x'"),
-        ('<SetBlackboard value="1" output_key="a b"/>', "expected a variable's name, got 'a b'"),
-        ("<Scripted/>", "attribute 'script' is missing (S success"),
-        ("<Sequence/>", "needs at least 1, has 0"),
-        ("<Inverter><Safe/><Safe/></Inverter>", "needs exactly one child, has 2"),
-        ('<Repeat num_cycles="two"><Safe/></Repeat>', "expected an integer, got 'two'"),
-        ('<Timeout msec="-1"><Safe/></Timeout>', "expected 0 or more, got -1"),
-        ("<SubTree/>", "attribute 'ID' is missing"),
-        ('<SubTree ID="Othr"/>', "there is no tree 'Othr'; did you mean 'Other'?"),
-        ('<SubTree ID="Main"/>', "the tree contains itself: Main > Main"),
-        ('<SubTree ID="Other"><Safe/></SubTree>', "needs no children, has 1"),
-        ('<SubTree ID="Other" a-b.c="1" _autoremap="maybe"/>', "expected true or false"),
-        ('<SubTree ID="Other" x="{@mrk}"/>', "no key 'mrk'; did you mean 'mark'"),
-        ('<SubTree ID="Steer"/>', "'Steer' is a node, no tree: write <Steer/>"),
-    ],
-)
+@pytest.mark.parametrize(("body", "message"), CASES["refused_nodes"])
 def test_refused_nodes(body: str, message: str) -> None:
-    found = findings(document(body, '<BehaviorTree ID="Other"><Safe/></BehaviorTree>'))
-    assert len(found) == 1
-    assert message in found[0]
-
-
-def models(model: str) -> str:
-    """Return a document whose model the engine reads, as it describes a subtree."""
-    return document("<Safe/>", f"<TreeNodesModel>{model}</TreeNodesModel>")
+    (found,) = findings(document(body, '<BehaviorTree ID="Other"><Safe/></BehaviorTree>'))
+    assert message in found
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "1:1: not well-formed XML: no element found"),
-        ('<root a="1" a="2"/>', "duplicate attribute"),
-        ("<tree/>", "expected the element <root>, got <tree>"),
-        ('<root BTCPP_format="4"/>', "the file has no BehaviorTree"),
-        (document("<Safe/>").replace('"4"', '"3"'), "convert it with convert_v3_to_v4.py"),
-        (
-            "no tree\nat all",
-            "1:1: not well-formed XML: expected a tag such as <root>, got 'no tree'",
-        ),
-        (document("<Safe/>").replace('execute="Main"', 'execute="Mian"'), "did you mean 'Main'"),
-        (document("<Safe/><Safe/>"), "needs exactly one child, has 2"),
-        (document("<Safe/>", "<BehaviorTree><Safe/></BehaviorTree>"), "'ID' is missing"),
-        (document("<Safe/>", '<BehaviorTree ID="Main"><Safe/></BehaviorTree>'), "is taken by"),
-        (document("<Safe/>").replace('"Main"', '"My tree.1"'), "write 'My_tree_1'"),
-        (document("<Safe/>").replace('"Main"', '"Root"'), "'Root' is reserved"),
-        (models("<SubTree/>"), "attribute 'ID' is missing"),
-        (models('<SubTree ID="Main"><input_port/></SubTree>'), "attribute 'name' is missing"),
-        (document("<Safe/>", '<include path="x.xml"/>'), "only a tree that is loaded from a file"),
-        (
-            document(
-                '<SubTree ID="A"/>',
-                '<BehaviorTree ID="A"><SubTree ID="B"/></BehaviorTree>',
-                '<BehaviorTree ID="B"><Inverter><SubTree ID="A"/></Inverter></BehaviorTree>',
-            ),
-            "contains itself: A > B > A",
-        ),
-        ('<!DOCTYPE root [<!ENTITY a "b">]><root>&a;</root>', "document type declarations"),
+        *CASES["refused_documents"],
         ("<a>" * 300 + "</a>" * 300, "nested deeper than 256"),
         ("<root>" + "<a/>" * 20_001 + "</root>", "more than 20000 elements"),
         (f"<root>{' ' * 2_000_000}</root>", "larger than 2000000 bytes"),
         ("<root " + " ".join(f"a{n}='1'" for n in range(201)) + "/>", "more than 200 attributes"),
         (f"<root a='{'x' * 20_001}'/>", "a name or an attribute is longer than 20000 characters"),
-        (document("<Safe/>")[:-7], "not well-formed XML: no element found"),
-        (
-            document("<Safe/>", '<BehaviorTree ID="B"><Safe/></BehaviorTree>').replace(
-                ' main_tree_to_execute="Main"', ""
-            ),
-            "which of these trees is meant: Main, B? Choose one with --tree ID",
-        ),
     ],
 )
 def test_refused_documents(text: str, message: str) -> None:
@@ -226,21 +156,6 @@ def test_a_case_of_a_switch_may_be_a_member_of_an_enumeration(world: World, colo
         model,
     )
     assert tree.tick() is Status.SUCCESS
-
-
-@pytest.mark.parametrize(
-    ("member", "message"),
-    [
-        ('name="2x" value="1"', "'name': expected a name that scripts can use, got '2x'"),
-        ('name="LOW" value="0.5"', "'value': expected an integer, got '0.5'"),
-        ('name="FULL" value="5"', "'FULL' is 4 already"),
-        ('value="5"', "'name': expected a name"),
-    ],
-)
-def test_refused_members_of_an_enumeration(member: str, message: str) -> None:
-    found = findings(document("<Safe/>", supply('name="FULL" value="4"', member)))
-    assert len(found) == 1
-    assert message in found[0]
 
 
 def test_a_member_has_one_value_in_all_files_and_the_palette(tmp_path: Path) -> None:
@@ -423,14 +338,7 @@ def test_files_that_include_each_other_are_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("include", "message"),
-    [
-        ('<include path="../secret.xml"/>', "lies outside the folder"),
-        ('<include path="link.xml"/>', "lies outside the folder"),
-        ('<include path="none.xml"/>', "no such file in"),
-        (f'<include path="{"x" * 300}.xml"/>', "name too long"),
-        ("<include/>", "needs exactly the attribute 'path'"),
-        ('<include ros_pkg="p" path="x"/>', "package 'p' is not known here: add --ros-pkg p=DIR"),
-    ],
+    [*CASES["refused_includes"], (f'<include path="{"x" * 300}.xml"/>', "name too long")],
 )
 def test_refused_includes(tmp_path: Path, include: str, message: str) -> None:
     folder = tmp_path / "trees"

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.worlds.cases import cases
 from tests.worlds.trees import document
 from uav_bt.app.lab_check import check_in_lab
 from uav_bt.app.options import FlightOptions
@@ -15,6 +16,8 @@ from uav_bt.lab.shipped import load_lab
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.loading.loader import check_file, check_text
 from uav_bt.tree.loading.lookup import Library, Lookup, files_in
+
+CASES = cases("missions")
 
 REGISTRY = NodeRegistry.installed()
 AREA = "start:-0.5,-0.5; start:1,-0.5; start:1,0.5; start:-0.5,0.5"
@@ -26,23 +29,7 @@ def found(*body: str, rules: str = '<Rules land_on="any"/>') -> list[str]:
     return [str(one) for one in check_text(text, REGISTRY, path=Path("m.xml"))]
 
 
-@pytest.mark.parametrize(
-    ("body", "message"),
-    [
-        ((MAP, UP, '<GoTo to="start:1.8,0"/>', DOWN), "lies 0.8 m outside the area of the mission"),
-        ((MAP, '<GoTo to="start:0.5,0"/>', DOWN), "warning: .*no leaf of the mission takes off"),
-        ((MAP, UP, '<HoverFor seconds="1"/>'), "warning: .*no leaf of the mission lands"),
-        (
-            (UP, '<GoTo to="start:0.5,0"/>', DOWN),
-            "'site_map', which no leaf .* writes: add MapSite",
-        ),
-        ((UP, "<Segment/>", "<MapSite/>", DOWN), "'odometry', which no leaf .* add TrackMotion"),
-        (
-            (UP, '<SetBlackboard value="x" output_key="{goal}"/>', DOWN),
-            "nothing sets variable 'goal', .*write output_key=\"goal\", without braces",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("body", "message"), CASES["found_in_the_file"])
 def test_what_the_file_alone_shows(body: tuple[str, ...], message: str) -> None:
     rules = (
         f'<Rules land_on="any" area="{AREA}"/>' if "area" in message else '<Rules land_on="any"/>'
@@ -69,15 +56,7 @@ def test_a_main_tree_may_stand_in_another_file_of_the_folder(tmp_path: Path) -> 
     assert "there is no tree 'Try'" in str(alone)
 
 
-@pytest.mark.parametrize(
-    ("first", "later", "warns"),
-    [
-        (UP, '<HoverFor seconds="2"/>', True),
-        ('<Turn degrees="90"/>', DOWN, True),
-        ("<Avoid/>", '<Explore policy="corridor"/>', False),
-        (MAP, DOWN, False),
-    ],
-)
+@pytest.mark.parametrize(("first", "later", "warns"), CASES["begins_anew"])
 def test_a_leaf_that_begins_anew_and_halts_the_next_is_a_warning(
     first: str, later: str, *, warns: bool
 ) -> None:
@@ -86,13 +65,7 @@ def test_a_leaf_that_begins_anew_and_halts_the_next_is_a_warning(
     assert ["warning: " in one for one in told] == [True] * warns
 
 
-@pytest.mark.parametrize(
-    ("leaf", "message"),
-    [
-        ('<NextObject class="box5"/>', "unknown class of an object 'box5'; did you mean 'box_5'?"),
-        ('<HelipadCenter heading_deg="10"/>', "needs a landing mark that shows its heading"),
-    ],
-)
+@pytest.mark.parametrize(("leaf", "message"), CASES["lacking_labs"])
 def test_what_a_lab_lacks_is_refused_there_and_a_warning_for_the_default_lab(
     leaf: str, message: str
 ) -> None:

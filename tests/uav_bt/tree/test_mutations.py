@@ -19,7 +19,7 @@ from uav_bt.tree.port import CONDITION_ATTRIBUTES
 
 ROOT = Path(__file__).parents[3]
 SOURCES = [
-    *(trace["xml"] for trace in read_traces(ROOT / "tests" / "data" / "bt_traces_sample.jsonl")),
+    *(trace["xml"] for trace in read_traces()),
     *re.findall(
         r"```xml\n(.*?)```", (ROOT / "docs" / "tree-files.md").read_text("utf-8"), re.DOTALL
     )

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.conformance import REGISTRY, read_traces
 from tests.worlds.trees import World, document
 from uav_bt.board import HEIGHT
 from uav_bt.errors import NodeFailedError, TreeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status, parse_tree
 from uav_bt.tree.loading import loader
 
-SAMPLE = Path(__file__).parents[2] / "data" / "bt_traces_sample.jsonl"
 NAMES = ("a", "b", "c", "_p")
 
 
@@ -157,9 +153,3 @@ def test_many_of_the_generated_trees_fly() -> None:
         )
     )
     assert not flies(document('<Needy number="{a}"/>'))
-
-
-def test_no_recorded_tree_is_refused() -> None:
-    """Trees that ran in the engine load."""
-    for trace in read_traces(SAMPLE):
-        parse_tree(trace["xml"], REGISTRY)

@@ -7,14 +7,17 @@ from typing import Any
 import pytest
 
 from tests.conformance import Scripted
+from tests.worlds.cases import cases
 from tests.worlds.trees import World, document, leaf, subtree
 from uav_bt.board import HEIGHT, PHASE
 from uav_bt.errors import InputError, MissionError, NodeFailedError, TreeError
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree
 from uav_bt.tree.nodes import Parallel, Repeat
 
+CASES = cases("missions")
+
 A, B = leaf("a", "S"), leaf("b", "S")
-CASES = " ".join(f'case_{n}="{n}"' for n in range(1, 6))
+LABELS = " ".join(f'case_{n}="{n}"' for n in range(1, 6))
 SIX = "".join(leaf(name, "S") for name in "abcdef")
 
 
@@ -40,17 +43,7 @@ def test_timers_follow_the_missions_clock(world: World) -> None:
     assert world.events() == ["start a"]
 
 
-@pytest.mark.parametrize(
-    ("before", "parallel"),
-    [
-        ("", 'Parallel success_count="3"'),
-        ("", 'Parallel failure_count="3"'),
-        ("", 'ParallelAll max_failures="3"'),
-        ('<Script code="n := 3"/>', 'Parallel success_count="{n}"'),
-        ('<SetBlackboard value="3" output_key="n"/>', 'ParallelAll max_failures="{n}"'),
-        ('<Script code="n := 1; n := n + 2"/>', 'Parallel success_count="{n}"'),  # in flight
-    ],
-)
+@pytest.mark.parametrize(("before", "parallel"), CASES["parallels"])
 def test_a_parallel_counts_no_more_children_than_it_has(
     world: World, before: str, parallel: str
 ) -> None:
@@ -64,26 +57,16 @@ def test_a_parallel_counts_no_more_children_than_it_has(
     assert isinstance(error.value.__cause__, MissionError)
 
 
-@pytest.mark.parametrize(
-    ("variable", "child"), [("1", "a"), (3, "c"), ("5.0", "e"), (5.0, "e"), ("x", "f"), (None, "f")]
-)
+@pytest.mark.parametrize(("variable", "child"), CASES["switches"])
 def test_switch5_compares_texts_and_numbers(world: World, variable: object, child: str) -> None:
-    tree = world.tree(f'<Switch5 variable="{{v}}" {CASES}>{SIX}</Switch5>')
+    tree = world.tree(f'<Switch5 variable="{{v}}" {LABELS}>{SIX}</Switch5>')
     if variable is not None:
         tree.variables["v"] = variable
     assert tree.tick() is Status.SUCCESS
     assert world.events() == [f"start {child}"]
 
 
-@pytest.mark.parametrize(
-    ("node", "queue", "elements"),
-    [
-        ("LoopDouble", "1.5;2", [1.5, 2.0]),
-        ("LoopBool", "true;0", [True, False]),
-        ("LoopString", "a;b;", ["a", "b"]),
-        ("LoopInt", "", []),
-    ],
-)
+@pytest.mark.parametrize(("node", "queue", "elements"), CASES["loops"])
 def test_loops_convert_their_elements(
     world: World, node: str, queue: str, elements: list[object]
 ) -> None:

@@ -9,7 +9,7 @@ import pytest
 from tests.conformance import Scripted
 from tests.worlds.trees import World, document
 from uav_bt.errors import NodeFailedError, TreeError
-from uav_bt.tree import Leaf, NodeKind, NodeRegistry, Port, Status, load_tree, parse_tree
+from uav_bt.tree import Leaf, NodeKind, NodeRegistry, Port, load_tree, parse_tree
 from uav_bt.tree.describe import palette_xml
 from uav_bt.tree.loading.models import PaletteNode, with_palette
 from uav_bt.tree.loading.uses import Uses
@@ -39,9 +39,6 @@ class Land(Leaf):
     """Lands."""
 
     ports = (Port("speed_mps", float, doc="m/s"),)
-
-    def update(self) -> Status:
-        return Status.SUCCESS
 
 
 def written(folder: Path, text: str) -> Path:

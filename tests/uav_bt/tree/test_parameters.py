@@ -6,12 +6,15 @@ from pathlib import Path
 
 import pytest
 
+from tests.worlds.cases import cases
 from uav_bt.errors import FileError, TreeError
 from uav_bt.tree import MissionTree, Parameters, parse_tree
 from uav_bt.tree.loading.loader import check_text
 from uav_bt.tree.loading.parameter_file import read_parameters
 from uav_bt.tree.loading.parameters import Plain
 from uav_bt.tree.loading.uses import Uses
+
+CASES = cases("given")
 
 PATROL = """<root BTCPP_format="4" main_tree_to_execute="Main">
   <BehaviorTree ID="Main">
@@ -54,16 +57,7 @@ def test_variables_reach_the_ports_that_read_them_and_the_scripts() -> None:
     assert findings(Parameters(variables=GIVEN)) == []
 
 
-@pytest.mark.parametrize(
-    ("variables", "message"),
-    [
-        ({"lap": 2}, "no node uses a variable 'lap' of tree 'Main'; did you mean 'laps'?"),
-        ({"laps": "many"}, "variable 'laps': expected an integer, got 'many'; Repeat, attribute"),
-        ({"height": 30}, "variable 'height': expected 0.3 to 20, got 30.0; TakeOff, attribute"),
-        ({"wait_s": "long"}, "variable 'wait_s': expected a number, got 'long'; HoverFor"),
-        ({"rule": "coridor"}, "unknown policy 'coridor'; did you mean 'corridor'"),
-    ],
-)
+@pytest.mark.parametrize(("variables", "message"), CASES["refused_variables"])
 def test_a_variable_is_checked_like_the_file(variables: dict[str, Plain], message: str) -> None:
     with pytest.raises(TreeError) as refused:
         patrol(**variables)
@@ -88,23 +82,7 @@ def test_a_variable_that_the_file_sets_too_is_a_warning() -> None:
     assert warning.severity == "warning"
 
 
-@pytest.mark.parametrize(
-    ("ports", "message"),
-    [
-        ({"last.second": "1"}, "override of 'last.second': unknown attribute 'second'; did you"),
-        ({"lst.seconds": "1"}, "no node of that name or path; did you mean 'last'?"),
-        (
-            {"HoverFor.seconds": "1"},
-            "such as 'Main/Sequence/Repeat/HoverFor.seconds', 'Main/Sequence/Side/Sequence/Hover",
-        ),
-        (
-            {"last.seconds": "1", "Main/Sequence/last.seconds": "2"},
-            "port 'Main/Sequence/last.seconds' is given two values",
-        ),
-        ({"Side.wat": "1"}, "the tree has no port 'wat'; did you mean 'wait'?"),
-        ({"last.name": "x"}, "'name' cannot be replaced"),
-    ],
-)
+@pytest.mark.parametrize(("ports", "message"), CASES["refused_ports"])
 def test_a_wrong_port_is_refused(ports: dict[str, str], message: str) -> None:
     with pytest.raises(TreeError) as refused:
         patrol(ports)
@@ -152,13 +130,7 @@ def test_a_variant_has_the_values_of_the_file_beneath_its_own(tmp_path: Path) ->
     assert fast.places["var", "height"].position.line == 4
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "line", "message"),
-    [
-        ("laps: 2", "laps: x", 5, "variable 'laps': expected an integer, got 'x'; Repeat"),
-        ("last.seconds: 0.5", "last.seconds: no", 2, "HoverFor 'last': override of 'last.seconds'"),
-    ],
-)
+@pytest.mark.parametrize(("old", "new", "line", "message"), CASES["refused_values"])
 def test_a_mistake_is_reported_with_its_line_in_the_parameter_file(
     tmp_path: Path, old: str, new: str, line: int, message: str
 ) -> None:
@@ -172,17 +144,7 @@ def test_a_mistake_is_reported_with_its_line_in_the_parameter_file(
         parse_tree(PATROL, parameters=given)
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("set: {TakeOff: 1}", ":1: set.TakeOff: expected NODE.PORT, such as TakeOff.height_m"),
-        ("set: {A.b: [1]}", ":1: set.A.b: expected true or false or a whole number or a number"),
-        ("var:\n  x: {y: 1}", ":2: var.x: expected true or false or"),
-        ("vars: {x: 1}", ":1: vars: unknown key; did you mean 'var'? (known: set, var, variants)"),
-        ("variants:\n  a b: {}", ":2: variants.a b: expected a variant's name of letters, digits"),
-        ("variants: {a: {sets: {}}}", ":1: variants.a.sets: unknown key; did you mean 'set'?"),
-    ],
-)
+@pytest.mark.parametrize(("text", "message"), CASES["refused_files"])
 def test_a_wrong_parameter_file_is_refused(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(FileError) as refused:
         read_parameters(written(tmp_path, text))

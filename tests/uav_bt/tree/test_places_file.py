@@ -6,12 +6,15 @@ from pathlib import Path
 
 import pytest
 
+from tests.worlds.cases import cases
 from uav_bt.tree import MissionTree, load_tree
 from uav_bt.tree.loading.loader import check_file
 from uav_bt.tree.loading.lookup import Library, Lookup
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.places import MAX_BYTES, MAX_PLACES, read_places
 from uav_bt.tree.rules import Rules
+
+CASES = cases("given")
 
 LOOP = '<LoopString queue="{}" value="{{p}}"><Face at="{{p}}"/></LoopString>'
 SHARED = '<SubTree ID="Visit" places="file:rounds.txt"/>'
@@ -42,20 +45,7 @@ def queue_of(tree: MissionTree) -> str:
 # --- the file -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("suffix", "text", "places"),
-    [
-        (".txt", "# a round\nstart:2,0  # door\n\n  mark@90\r\n", "start:2,0;mark@90"),
-        (".csv", "frame,x,y\nstart,2,0\nlab , 1.25,-0.5\n", "start:2,0;lab:1.25,-0.5"),
-        (
-            ".csv",
-            "# a round\nnote,frame,x,y,height,heading_deg\ndoor,start,2,0,,90\n,mark,,,,-45\n",
-            "start:2,0@90;mark@-45",
-        ),
-        (".csv", "frame,x,y,height\n# more\nbody,1,0,1.2\nobject:3,,,\n", "body:1,0,1.2;object:3"),
-        (".csv", '\ufeffplace,note\n"start:2,0",a\nmark,"b, c"\n', "start:2,0;mark"),
-    ],
-)
+@pytest.mark.parametrize(("suffix", "text", "places"), CASES["lists_of_places"])
 def test_places_are_read_in_their_order(suffix: str, text: str, places: str) -> None:
     assert read_places(text.encode(), is_table=suffix == ".csv") == (places.split(";"), [])
 
@@ -63,21 +53,8 @@ def test_places_are_read_in_their_order(suffix: str, text: str, places: str) -> 
 @pytest.mark.parametrize(
     ("suffix", "data", "line", "words"),
     [
-        (".txt", "mark\nstrat:2,0\n", 2, "expected a place such as"),
-        (".txt", "mark;mark\n", 1, "got 'mark;mark'"),
-        (".txt", "start:2000,0\n", 1, "expected a coordinate of -1000 to 1000 m, got 2000"),
-        (".txt", "# nothing\n\n", 0, "the list is empty"),
-        (".csv", "frame,x,y\n", 0, "the list is empty"),
-        (".csv", "\nframe,x,y,hight\n", 2, "got the column 'hight'; did you mean 'height'?"),
-        (".csv", "frame,x,y\nmark,,\nstrat,1,2\n", 3, "got 'strat:1,2'"),
-        (".csv", 'frame,x,y\nstart,"0,8",0\n', 2, "column 'x': expected a number, got '0,8'"),
-        (".csv", "frame;x;y\nstart;0.8;0\n", 1, "expected commas between the cells, got ';'"),
+        *CASES["refused_lists"],
         (".txt", "start:1,0@" + "9" * 400, 1, "expected a heading in degrees, got 99999"),
-        (".csv", "frame,x,y,heading_deg\nmark,,,inf\n", 2, "column 'heading_deg': expected a nu"),
-        (".csv", "frame,x,y\nmark,1,2\n", 2, "expected no x, y and height of 'mark'"),
-        (".csv", "frame,x,y,height\nstart,1,2,99\n", 2, "expected a height of 0.3 to 20 m"),
-        (".csv", "place\nstart:1,2\n", 2, "expected 1 cells (place), got 2"),
-        (".csv", 'place\n"start:1,2\n', 2, "expected cells with commas between them"),
     ],
 )
 def test_each_fault_has_its_line(suffix: str, data: str, line: int, words: str) -> None:
@@ -165,16 +142,7 @@ def test_texts_that_are_no_lists_stay(rounds: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("../rounds.txt", "lies outside the folder"),
-        ("link.txt", "lies outside the folder"),
-        ("ronds.txt", "'ronds.txt': no such file in"),
-        ("folder.txt", "'folder.txt': no such file in"),
-        ("huge.csv", f"larger than {MAX_BYTES} bytes"),
-        ("x" * 300 + ".txt", "is no name of a file"),
-        ("rounds", "got 'file:rounds': a file of places ends in .csv or .txt"),
-    ],
+    ("name", "words"), [*CASES["refused_names"], ("x" * 300 + ".txt", "is no name of a file")]
 )
 def test_a_file_that_cannot_be_read_is_one_finding_at_the_attribute(
     name: str, words: str, rounds: Path, tmp_path: Path

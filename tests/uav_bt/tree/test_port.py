@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
-import yaml
 
+from tests.worlds.cases import cases
 from uav_bt.errors import ValueRangeError
 from uav_bt.tree.port import Port, Reference, parse_reference
 
-CASES = yaml.safe_load((Path(__file__).parents[2] / "data" / "ports.yaml").read_text("utf-8"))
+CASES = cases("ports")
 KINDS: dict[str, type] = {kind.__name__: kind for kind in (int, float, bool, str, list)}
 
 
@@ -42,25 +40,15 @@ def test_variables_are_read_as_the_engine_reads_them(
         assert port.read(value) == read
 
 
-@pytest.mark.parametrize(
-    ("text", "reference"),
-    [
-        ("{speed}", Reference("speed", on_board=False)),
-        ("{@mark}", Reference("mark", on_board=True)),
-        (" { speed } ", Reference("speed", on_board=False)),
-        ("{=}", Reference("p", on_board=False)),
-        ("plain", None),
-        ("a {b} c", None),
-        *((text, ValueError) for text in ("{}", "{a b}", "{@}", "{1x}")),
-    ],
-)
-def test_references(text: str, reference: Reference | type[ValueError] | None) -> None:
+@pytest.mark.parametrize(("text", "name", "on_board"), CASES["references"])
+def test_references(text: str, name: str | None, *, on_board: bool) -> None:
     """Braces around a key make a reference, `{=}` one to the port's own name."""
-    if reference is ValueError:
+    if name == "":
         with pytest.raises(ValueError, match="not a reference"):
             parse_reference(text, "p")
     else:
-        assert parse_reference(text, "p") == reference
+        wanted = None if name is None else Reference(name, on_board=on_board)
+        assert parse_reference(text, "p") == wanted
 
 
 @pytest.mark.parametrize(

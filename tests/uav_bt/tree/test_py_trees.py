@@ -13,6 +13,7 @@ from py_trees.common import ParallelPolicy
 from py_trees.common import Status as Theirs
 
 from tests.conformance import Scripted
+from tests.worlds.cases import cases
 from tests.worlds.trees import World, document
 from uav_bt.board import HEIGHT, MissionContext
 from uav_bt.errors import InputError, MissionError, NodeFailedError, TreeError
@@ -22,6 +23,8 @@ from uav_bt.tree.describe import default_text, summary
 from uav_bt.tree.nodes import Sequence
 from uav_bt.tree.scripted import ScriptedLeaf
 from uav_bt.types import Hover
+
+CASES = cases("missions")
 
 # --- our nodes in the tools and trees of py_trees -------------------------------------------------
 
@@ -156,14 +159,7 @@ def test_its_life_is_the_one_that_py_trees_promises(world: World) -> None:
     assert behaviour.life[-2:] == ["terminate INVALID", "shutdown"]
 
 
-@pytest.mark.parametrize(
-    ("node", "message"),
-    [
-        ('Blink name="x" answer="raise"', "node 'Main/Sequence/x' failed: OSError: no lamp"),
-        ('Blink name="x" answer="no"', r"'Main/Sequence/x' failed: .*update\(\) of Blink must ret"),
-        ('Blink name="x" answer="INVALID"', r"update\(\) of Blink must return .*, got INVALID or"),
-    ],
-)
+@pytest.mark.parametrize(("node", "message"), CASES["wrong_answers"])
 def test_a_wrong_answer_stops_the_mission_and_is_not_passed_over(
     world: World, node: str, message: str
 ) -> None:
@@ -173,17 +169,7 @@ def test_a_wrong_answer_stops_the_mission_and_is_not_passed_over(
     assert tree.find("Blink").behaviour.life == ["setup"]  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize(
-    ("node", "message"),
-    [
-        ("Needs", "attribute 'times' is missing"),
-        ('Blink times="few"', "expected an integer, got 'few'"),
-        ('Blink times="{n}"', "expected a literal, got '{n}'"),
-        ('Blink times="2" lamp="BLUE"', "expected one of RED, GREEN; got 'BLUE'"),
-        ('Blink times="2" rate="1"', "unknown attribute 'rate'; did you mean 'rate_hz'"),
-        ('Picky name="p" size="3"', r"'p'.*constructed: ValueError: 3 is too small"),
-    ],
-)
+@pytest.mark.parametrize(("node", "message"), CASES["wrong_attributes"])
 def test_wrong_attributes_are_found_by_the_loader(world: World, node: str, message: str) -> None:
     with pytest.raises(InputError if "Picky" in node else TreeError, match=message):
         load(f"<{node}/>", world)

@@ -8,10 +8,13 @@ import re
 import pytest
 
 from tests.conformance import Scripted
+from tests.worlds.cases import cases
 from uav_bt import plugins
 from uav_bt.board.blackboard import Key
 from uav_bt.errors import InputError, UnknownNameError
-from uav_bt.tree import Leaf, NodeRegistry, Status
+from uav_bt.tree import Leaf, NodeRegistry
+
+CASES = cases("missions")
 
 OWN = Key("own_key", int, "a plug-in's")
 
@@ -20,9 +23,6 @@ class Plugged(Leaf):
     """A leaf of another package."""
 
     reads = (OWN,)
-
-    def update(self) -> Status:
-        return Status.SUCCESS
 
 
 LEAVES = (Plugged,)
@@ -55,15 +55,7 @@ def test_duplicates_name_both() -> None:
         registry.with_nodes(object)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(
-    ("value", "message"),
-    [
-        (f"{__name__}:NOT_LEAVES", "must name an iterable of node classes, got int"),
-        (f"{__name__}:WRONG", "expected a node class to register, got <class 'int'>"),
-        (f"{__name__}:ABSENT", "cannot be imported"),
-        ("no_such_package:LEAVES", "cannot be imported: No module named 'no_such_package'"),
-    ],
-)
+@pytest.mark.parametrize(("value", "message"), CASES["broken_packages"])
 def test_broken_packages_are_named(
     monkeypatch: pytest.MonkeyPatch, value: str, message: str
 ) -> None:

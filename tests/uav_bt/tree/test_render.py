@@ -11,7 +11,7 @@ import pytest
 from tests.conformance import Scripted
 from tests.worlds.trees import document
 from uav_bt.board import STATE
-from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, load_tree, parse_tree
+from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, load_tree, parse_tree
 from uav_bt.tree.describe import FORMATS, Box, ascii_art, render, sketch
 from uav_bt.tree.nodes import AlwaysSuccess, Sequence
 
@@ -30,9 +30,6 @@ class Measure(Leaf):
     )
     reads = (STATE,)
     writes = (STATE,)
-
-    def update(self) -> Status:
-        return Status.SUCCESS
 
 
 REGISTRY = NodeRegistry([Scripted, Measure])

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import pytest
 
+from tests.worlds.cases import cases
 from tests.worlds.trees import check, document, subtree
 from uav_bt.board import FLIGHT_HEIGHT, ODOMETRY
 from uav_bt.errors import InputError
-from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Status, parse_tree
+from uav_bt.tree import Leaf, MissionTree, NodeRegistry, parse_tree
 from uav_bt.tree.rules import Rules
 from uav_bt.types.place import LandOn, MissionRules
+
+CASES = cases("missions")
 
 
 class Up(Leaf):
@@ -18,17 +21,11 @@ class Up(Leaf):
     moves = True
     writes = (FLIGHT_HEIGHT,)
 
-    def update(self) -> Status:
-        return Status.RUNNING
-
 
 class Track(Leaf):
     """Keeps the odometry."""
 
     writes = (ODOMETRY,)
-
-    def update(self) -> Status:
-        return Status.SUCCESS
 
 
 REGISTRY = NodeRegistry([Rules, Up, Track])
@@ -59,22 +56,7 @@ def test_an_entry_of_a_subtree_is_known_before_the_take_off() -> None:
     assert stated(body, inner).time_limit_s == 45.0
 
 
-@pytest.mark.parametrize(
-    ("body", "words"),
-    [
-        ('<Sequence><Rules/><Rules land_on="any"/></Sequence>', "has its rules already, in 'Main/"),
-        (
-            '<Sequence><Script code="limit := 9"/><Rules time_limit_s="{limit}"/></Sequence>',
-            "attribute 'time_limit_s': the rules are read before the take-off",
-        ),
-        ('<Sequence><Rules land_on="none"/><Up/></Sequence>', "never takes off, but 'Up' does"),
-        (f'<Sequence><Rules area="{SQUARE}"/><Up/></Sequence>', "add TrackMotion"),
-        ('<Rules land_on="box"/>', "expected one of mark, ground, any, none; got 'box'"),
-        ('<Rules area="start:0,0;start:1,0"/>', "at least 3 corners"),
-        ('<Rules area="start:0,0;start:1,0;body:1,1"/>', "as start:x,y or lab:x,y, got 'body:1,1'"),
-        ('<Rules time_limit_s="-1"/>', "expected 0 to 86400"),
-    ],
-)
+@pytest.mark.parametrize(("body", "words"), CASES["refused_rules"])
 def test_rules_that_cannot_be_kept_are_refused(body: str, words: str) -> None:
     (message,) = messages(body)
     assert words in message

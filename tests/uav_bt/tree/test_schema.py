@@ -9,12 +9,15 @@ from lxml import etree
 
 from tests.conformance import REGISTRY as TRACED
 from tests.conformance import Scripted, read_traces
+from tests.worlds.cases import cases
 from tests.worlds.trees import document
 from uav_bt.board import STATE
-from uav_bt.tree import Leaf, NodeRegistry, Port, Status
+from uav_bt.tree import Leaf, NodeRegistry, Port
 from uav_bt.tree.loading.loader import check_text
 from uav_bt.tree.loading.schema import schema_xml
 from uav_bt.types import DroneState
+
+CASES = cases("loading")
 
 TREES = Path(__file__).parents[3] / "trees"
 PARSER = etree.XMLParser(resolve_entities=False, no_network=True)
@@ -35,9 +38,6 @@ class Paint(Leaf):
         Port("area", float, direction="output", doc="m2"),
     )
     reads = (STATE,)
-
-    def update(self) -> Status:
-        return Status.SUCCESS
 
 
 REGISTRY = NodeRegistry([Scripted, Paint])
@@ -70,49 +70,19 @@ def test_every_shipped_tree_is_valid() -> None:
 
 def test_every_tree_of_the_reference_traces_is_valid() -> None:
     schema = schema_of(TRACED)
-    traces = read_traces(Path(__file__).parents[2] / "data" / "bt_traces_sample.jsonl")
+    traces = read_traces()
     texts = {trace["xml"] for trace in traces}
     assert len(texts) >= 100
     assert [text for text in texts if not valid(schema, text)] == []
 
 
-GOOD = [
-    '<Paint colour="red"/>',
-    '<Paint colour="{c}" layers="{=}" width_m="{ w }" dry="{d}" title="{t}" of="{@state}"/>',
-    '<Paint colour="blue" layers="3 " width_m="1.5e-1" dry="TRUE" area="{a}"/>',
-    '<Paint colour="red" _skipIf="a == 1" _onSuccess="b := 2" _uid="7" _description="x"/>',
-    '<Paint colour="red" coats="9" edge_m="1e-2 "/>',
-    '<Paint colour="red" coats="{c}" edge_m="{@height_above_ground_m}"/>',
-    '<Action ID="Paint" colour="red"/>',
-    '<Control ID="Sequence"><AlwaysSuccess/></Control>',
-    '<Decorator ID="Inverter"><AlwaysSuccess/></Decorator>',
-    "<Sequence><Inverter><AlwaysSuccess/></Inverter><Fallback><AlwaysFailure/></Fallback></Sequence>",
-    '<Timeout msec="{ms}"><AlwaysSuccess/></Timeout>',
-    '<SetBlackboard value="1;2" output_key="k"/>',
-    '<Script code="a := 1; b &lt; 2"/>',
-]
-
-BAD = {
-    "an unknown node": "<Pant/>",
-    "a misspelt attribute": '<Paint color="red"/>',
-    "a misspelt condition": '<Paint colour="red" _skpIf="true"/>',
-    "a missing port": "<Paint/>",
-    "another choice": '<Paint colour="green"/>',
-    "a leaf with a child": '<Paint colour="red"><AlwaysSuccess/></Paint>',
-    "a control node without children": "<Sequence/>",
-    "too few branches": "<WhileDoElse><AlwaysSuccess/></WhileDoElse>",
-    "an explicit node of another kind": '<Action ID="Sequence"/>',
-    "a subtree without ID": "<SubTree/>",
-}
-
-
-@pytest.mark.parametrize("body", GOOD)
+@pytest.mark.parametrize("body", CASES["valid"])
 def test_what_the_loader_accepts_is_valid(schema: etree.XMLSchema, body: str) -> None:
     assert loads(document(body))
     assert valid(schema, document(body)), schema.error_log
 
 
-@pytest.mark.parametrize("body", BAD.values(), ids=BAD)
+@pytest.mark.parametrize("body", CASES["not_valid"])
 def test_what_the_loader_refuses_is_not_valid(schema: etree.XMLSchema, body: str) -> None:
     assert not loads(document(body))
     assert not valid(schema, document(body))

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
-import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.worlds.cases import cases
 from uav_bt.board import HEIGHT
 from uav_bt.board.blackboard import Blackboard, Key
 from uav_bt.clock import ManualClock
@@ -17,7 +15,7 @@ from uav_bt.tree.script.parser import parse_question, parse_script
 from uav_bt.tree.script.values import Environment, ScriptError
 from uav_bt.tree.variables import Variables
 
-CASES = yaml.safe_load((Path(__file__).parents[2] / "data" / "scripts.yaml").read_text("utf-8"))
+CASES = cases("scripts")
 
 
 def run(source: str, **variables: object) -> object:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-import yaml
 
+from tests.worlds.cases import cases
 from tests.worlds.trees import World, document
 from uav_bt.board import ELAPSED
 from uav_bt.board.blackboard import Key
@@ -23,7 +23,7 @@ from uav_bt.tree import (
 )
 from uav_bt.tree.scripted import AnswerScript, Mock, ScriptedLeaf
 
-CASES = yaml.safe_load((Path(__file__).parents[2] / "data" / "answers.yaml").read_text("utf-8"))
+CASES = cases("answers")
 OWN = Key("own", float, "a plug-in's own key")
 
 
@@ -93,16 +93,7 @@ def test_mocks_keep_everything_but_the_code(tmp_path: Path, world: World) -> Non
     assert tree.find("Main/Sequence/Home/Fallback/back").node_status is Status.RUNNING
 
 
-@pytest.mark.parametrize(
-    ("mocks", "answers"),
-    [
-        (
-            {"Main/Sequence/Home/Fallback/back#2": "S", "Clear": "S", "Fly": "RS", "back": "F"},
-            ("S", "RS", "F", "S"),
-        ),
-        ({"*": "S", "out": "F"}, ("S", "F", "S", "S")),
-    ],
-)
+@pytest.mark.parametrize(("mocks", "answers"), CASES["selectors"])
 def test_the_most_exact_selector_counts(
     mocks: dict[str, str], answers: tuple[str, ...], tmp_path: Path, world: World
 ) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.worlds.cases import cases
 from tests.worlds.trees import check, document
 from uav_bt.board import MISSION_KEYS, Blackboard
 from uav_bt.board.context import MissionContext
@@ -14,6 +15,8 @@ from uav_bt.errors import InputError, TreeError
 from uav_bt.tree import NodeRegistry, Status, load_tree, parse_tree, shipped_subtree
 from uav_bt.tree.describe import palette_xml
 from uav_bt.tree.loading.lookup import Library, Lookup
+
+CASES = cases("missions")
 
 REGISTRY = NodeRegistry.installed()
 OWN = '<BehaviorTree ID="ReturnToBase"><AlwaysSuccess name="own"/></BehaviorTree>'
@@ -53,20 +56,7 @@ def test_a_tree_of_that_id_takes_its_place(tmp_path: Path) -> None:
         assert next(tree.leaves()).variables["gives_way"] == "true"  # described as the shipped one
 
 
-@pytest.mark.parametrize(
-    ("body", "expected"),
-    [
-        (
-            '<ReturnToBase gives_way="no"/>',
-            "attribute 'gives_way' holds 'no'; GiveWay",
-        ),
-        (
-            '<ReturnToBase approach="memry"/>',
-            "expected one of memory, policy; got 'memry'; did you",
-        ),
-        ('<ReturnToBase policy="up"/>', "unknown policy 'up'"),
-    ],
-)
+@pytest.mark.parametrize(("body", "expected"), CASES["refused_entries"])
 def test_a_mistake_is_reported_where_it_is_written(body: str, expected: str) -> None:
     (message,) = messages(body)
     column = document(body).rpartition("\n")[2].index(body) + 1

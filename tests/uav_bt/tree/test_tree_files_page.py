@@ -17,7 +17,6 @@ from uav_bt.tree.port import CONDITION_ATTRIBUTES
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "tree-files.md").read_text(encoding="utf-8")
-SAMPLE = ROOT / "tests" / "data" / "bt_traces_sample.jsonl"
 XML = re.findall(r"```xml\n(.*?)```", PAGE, re.DOTALL)
 ROWS = {
     cells[0].strip("`"): cells
@@ -49,7 +48,7 @@ def test_a_row_says_what_the_node_is(node: type[Node]) -> None:
 
 def test_proven_is_what_the_traces_contain() -> None:
     recorded: set[str] = set()
-    for trace in read_traces(SAMPLE):
+    for trace in read_traces():
         recorded |= set(re.findall(r"<(\w+)", trace["xml"]))
     for node_id, cells in ROWS.items():
         assert cells[4] == ("traces" if node_id in recorded else "documentation"), node_id

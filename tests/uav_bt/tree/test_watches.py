@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import logging
-from pathlib import Path
 from typing import ClassVar
 
 import pytest
-import yaml
 
+from tests.worlds.cases import cases
 from tests.worlds.trees import World
 from uav_bt.board import ELAPSED
 from uav_bt.clock import ManualClock
@@ -101,7 +100,7 @@ def test_a_leaf_that_blocks_and_raises_is_named_for_both(world: World, wall: Man
 # --- branches that fail ---------------------------------------------------------------------------
 
 ROOT = '<root BTCPP_format="4"><BehaviorTree ID="M">{}</BehaviorTree></root>'
-BRANCHES = yaml.safe_load((Path(__file__).parents[2] / "data" / "branches.yaml").read_text("utf-8"))
+BRANCHES = cases("branches")
 
 
 @pytest.mark.parametrize(("text", "mocks", "ticks", "causes", "ended"), BRANCHES)

@@ -4,23 +4,17 @@ from __future__ import annotations
 
 import pytest
 
+from tests.worlds.cases import cases
 from uav_bt.errors import ValueRangeError
 from uav_bt.types.area import Area
+
+CASES = cases("values")
 
 SQUARE = ((-1.0, -2.0), (3.0, -2.0), (3.0, 2.0), (-1.0, 2.0))
 CORNER = ((0.0, 0.0), (4.0, 0.0), (4.0, 1.0), (1.0, 1.0), (1.0, 4.0), (0.0, 4.0))  # an L
 
 
-@pytest.mark.parametrize(
-    ("at_m", "margin_m"),
-    [
-        ((0.0, 0.0), 1.0),
-        ((2.5, 0.0), 0.5),
-        ((3.0, 1.0), 0.0),
-        ((3.5, 0.0), -0.5),
-        ((-4.0, -6.0), -5.0),
-    ],
-)
+@pytest.mark.parametrize(("at_m", "margin_m"), CASES["margins"])
 def test_the_margin_is_the_distance_to_the_boundary(
     at_m: tuple[float, float], margin_m: float
 ) -> None:
@@ -41,16 +35,7 @@ def test_of_two_areas_both_hold() -> None:
     assert area.margin_m(2.0, 0.5) == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize(
-    ("polygons", "words"),
-    [
-        ((), "at least one polygon"),
-        ((((0.0, 0.0), (1.0, 0.0)),), "at least three corners, got 2"),
-        ((((0.0, 0.0), (1.0, 0.0), (2.0, 0.0)),), "must not lie on one line"),
-        ((((0.0, 0.0), (0.0, 0.0), (2.0, 0.0)),), "each corner once"),
-        ((((0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)),), "must not cross"),
-    ],
-)
+@pytest.mark.parametrize(("polygons", "words"), CASES["refused_areas"])
 def test_what_is_no_polygon_is_refused(
     polygons: tuple[tuple[tuple[float, float], ...], ...], words: str
 ) -> None:

@@ -8,24 +8,18 @@ from dataclasses import replace
 import pytest
 
 from tests.uav_bt.types.circle_flight import TICK_S, Flight, state
+from tests.worlds.cases import cases
 from uav_bt.types import DroneState, MeasurementTimes, Pose
 from uav_bt.types.dead_reckoning import Odometry, PoseHistory
+
+CASES = cases("values")
 
 
 def pose(x_m: float = 0.0, yaw_rad: float = 0.0) -> Pose:
     return Pose(x_m=x_m, y_m=0.0, z_m=1.5, yaw_rad=yaw_rad)
 
 
-@pytest.mark.parametrize(
-    ("reports", "now_s", "x_m"),
-    [  # capture times and velocities ahead; the last two are carried on or corrected
-        ([(0.0, 0.0), (0.2, 1.0)], 0.2, 0.1),  # the mean of two samples
-        ([(0.0, 0.4)], 0.3, 0.12),  # carried on
-        ([(0.0, 0.4)], 9.0, 0.2),  # for half a second
-        ([(0.0, 0.4), (9.0, 0.2)], 9.0, 0.3),  # at either end of a gap
-        ([(0.0, 0.4), (0.2, 0.0)], 0.2, 0.04),  # it slowed down evenly: not 0.08 m
-    ],
-)
+@pytest.mark.parametrize(("reports", "now_s", "x_m"), CASES["integrals"])
 def test_velocities_are_integrated_between_their_times(
     reports: list[tuple[float, float]], now_s: float, x_m: float
 ) -> None:

@@ -3,52 +3,31 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.worlds.cases import cases
 from uav_bt.errors import ValueRangeError
 from uav_bt.types.place import Place, PlaceFrame, parse_places
 
+CASES = cases("values")
 
-@pytest.mark.parametrize(
-    ("text", "place"),
-    [
-        ("start:2,-0.5", Place(frame=PlaceFrame.START, x_m=2.0, y_m=-0.5)),
-        (
-            " start : 2 ,\t0, 1.2 @ -90 ",
-            Place(frame=PlaceFrame.START, x_m=2.0, height_m=1.2, heading_rad=-math.pi / 2),
-        ),
-        # as Python, NumPy and spreadsheets write numbers near zero
-        (
-            "lab:6.0e-01,3.6739403974420595e-17",
-            Place(frame=PlaceFrame.LAB, x_m=0.6, y_m=3.6739403974420595e-17),
-        ),
-        ("body:-1E0,+.5e+0,1.2e0@9e1", Place.parse("body:-1,0.5,1.2@90")),
-        ("mark", Place(frame=PlaceFrame.MARK)),
-        ("object: 3", Place(frame=PlaceFrame.OBJECT, object_id=3)),
-    ],
-)
-def test_a_place_of_a_text(text: str, place: Place) -> None:
-    assert Place.parse(text) == place
+
+@pytest.mark.parametrize(("text", "given"), CASES["places"])
+def test_a_place_of_a_text(text: str, given: dict[str, Any]) -> None:
+    frame = PlaceFrame(given["frame"])
+    assert Place.parse(text) == Place(**{**given, "frame": frame})
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        *((text, "such as start:2,0 ") for text in ("", "2,0", "start:2", "start:2;0")),
-        *((text, "such as start:2,0 ") for text in ("start:a,b", "start:nan,0", "start:1e,0")),
-        *((text, "such as start:2,0 ") for text in ("mark:1,0", "object:", "object:box_3")),
-        *((text, "such as start:2,0 ") for text in ("object:-1", "world:1,2", "start:2,0@")),
+        *CASES["refused_places"],
         *((text, "such as start:2,0 ") for text in ("object:3,1", "object:" + 5000 * "9")),
-        # blanks within a number or a name: a digit was lost, or a separator
-        *((text, "such as start:2,0 ") for text in ("start:1 2,0", "start:2 .5,0", "sta rt:2,0")),
-        *((text, "such as start:2,0 ") for text in ("start:2 0,0", "start:- 2,0", "object:1 2")),
-        ("start:2000,0", "a coordinate of -1000"),
-        ("body:0,0,99", "a height of 0.3"),
         ("start:1,0@" + 400 * "9", "a heading in degrees"),
-        ("file:rounds.csv", "a list in a tree file names it"),
     ],
 )
 def test_other_texts_are_refused_with_an_example(text: str, words: str) -> None:

@@ -9,11 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.worlds.cases import cases
 from uav_bt.testing.world import drawn_map
 from uav_bt.types import Pose2D
 from uav_bt.types.place import Place
 from uav_bt.types.place_frames import Goal, Unresolved, lab_to_start, resolve, start_place
 from uav_bt.types.site_map import MapMark, MapObject, SiteMap
+
+CASES = cases("values")
 
 START = Pose2D(x_m=0.5, y_m=-0.25, yaw_rad=math.radians(90))  # faces the map's y
 
@@ -37,15 +40,7 @@ def goal_of(text: str, site_map: SiteMap | None = None, take_off: Pose2D | None 
 MARK = MapMark(x_m=0.25, y_m=0.5, std_m=0.1, seen_s=1.0)
 
 
-@pytest.mark.parametrize(
-    ("text", "goal"),
-    [  # x, y and heading, degrees
-        ("start:2,0.5@90", (0.0, 1.75, 180.0)),
-        ("body:0.5,0.25@0", (0.5, 0.75, 180.0)),
-        ("object:3", (1.0, 2.0, None)),
-        ("mark@-90", (0.25, 0.5, 0.0)),
-    ],
-)
+@pytest.mark.parametrize(("text", "goal"), CASES["goals"])
 def test_places_in_the_frame_of_the_map(text: str, goal: tuple[float, float, float | None]) -> None:
     found = goal_of(text, replace(the_map(), mark=MARK))
     assert (found.x_m, found.y_m) == pytest.approx(goal[:2])

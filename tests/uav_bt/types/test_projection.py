@@ -9,9 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.worlds.cases import cases
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import CameraModel
 from uav_bt.types.projection import elevation_to_row, ground_points, ground_range_to_row, project
+
+CASES = cases("values")
 
 # Round numbers, unequal focal lengths as after a resize that changes the aspect.
 CAMERA = CameraModel(width_px=201, height_px=101, fx_px=100.0, fy_px=80.0, cx_px=100.0, cy_px=50.0)
@@ -23,17 +26,7 @@ pitches = st.floats(-math.pi / 2, 0.3)
 # --- known values ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("pixel", "pitch_deg", "expected"),
-    [
-        (CENTRE, -45, (2.0, 0.0)),  # the axis meets the ground at a range equal to the height
-        (CENTRE, -90, (0.0, 0.0)),
-        ((150.0, 50.0), -90, (0.0, 1.0)),  # half a focal length to the right: half the height
-        ((100.0, 10.0), -90, (1.0, 0.0)),  # up in the image is ahead
-        ((100.0, 130.0), 0, (2.0, 0.0)),  # 45 degrees below a level axis
-        ((200.0, 130.0), 0, (2.0, 2.0)),
-    ],
-)
+@pytest.mark.parametrize(("pixel", "pitch_deg", "expected"), CASES["ground_points"])
 def test_ground_points_known_values(
     pixel: tuple[float, float], pitch_deg: float, expected: tuple[float, float]
 ) -> None:

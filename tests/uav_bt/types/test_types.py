@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.paper_lab import paper_map
+from tests.worlds.cases import cases
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import (
     Airframe,
@@ -30,9 +31,13 @@ from uav_bt.types import (
     limit_length,
 )
 
+CASES = cases("values")
+
 CAMERA = CameraModel(
     width_px=640, height_px=360, fx_px=466.0, fy_px=466.0, cx_px=319.5, cy_px=179.5
 )
+
+KINDS: dict[str, Any] = {kind.__name__: kind for kind in (Airframe, GimbalTo, MoveBy, Velocity)}
 
 
 def obstacles(*points_m: tuple[float, float], **more: NDArray[np.float64]) -> NearObstacles:
@@ -88,26 +93,11 @@ def test_obstacle_points_come_in_pairs(shape: tuple[int, ...]) -> None:
 # --- commands -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("kind", "given", "words"),
-    [
-        *((MoveBy, {"id": 1, f"{way}_m": math.nan}, "movement must") for way in ("right", "down")),
-        *((MoveBy, {"id": 1, "forward_m": bad}, "movement must") for bad in (math.inf, -math.inf)),
-        *((Velocity, {f"{way}_mps": math.nan}, "velocity must") for way in ("right", "down")),
-        (Velocity, {"forward_mps": math.inf}, "velocity must be finite"),
-        *(
-            (GimbalTo, {"pitch_rad": bad}, "pitch must be -pi/2 to pi/2")
-            for bad in (1.6, -1.6, math.nan)
-        ),
-        (Airframe, {"body_size_m": (0.2, 0.0, 0.1)}, "three positive sizes"),
-        (Airframe, {"climb_braking_mps2": 0.0}, "positive climb_braking_mps2"),
-        (Airframe, {"command_delay_s": -0.1}, "must be 0 s or more"),
-    ],
-)
-def test_impossible_numbers_are_refused(kind: Any, given: dict[str, Any], words: str) -> None:
+@pytest.mark.parametrize(("kind", "given", "words"), CASES["refused_numbers"])
+def test_impossible_numbers_are_refused(kind: str, given: dict[str, Any], words: str) -> None:
     GimbalTo(pitch_rad=math.radians(-90))
     with pytest.raises(ValueRangeError, match=words):
-        kind(**given)
+        KINDS[kind](**given)
 
 
 # --- results of perception ------------------------------------------------------------------------
@@ -124,19 +114,7 @@ def test_full_turns_are_counted_when_they_are_complete(turned_deg: float, turns:
     assert HeldTurn(direction=1, turned_rad=math.radians(turned_deg)).full_turns == turns
 
 
-@pytest.mark.parametrize(
-    ("point_m", "free"),
-    [
-        ((1.0, 0.0), False),  # on the path
-        ((1.0, 0.49), False),  # beside the path, within the margin
-        ((1.0, -0.49), False),
-        ((1.0, 0.51), True),  # beside the path
-        ((2.49, 0.0), False),  # beyond the end, within the margin of it
-        ((2.51, 0.0), True),
-        ((2.4, 0.4), True),  # at the end's corner, where the margin is round
-        ((-1.0, 0.0), True),  # behind
-    ],
-)
+@pytest.mark.parametrize(("point_m", "free"), CASES["ways"])
 def test_a_way_of_two_metres_keeps_half_a_metre_from_a_point(
     point_m: tuple[float, float], *, free: bool
 ) -> None:
