@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any, Final
 
 import yaml
-from uav_bt.types.mission_rules import LandOn
 
 from uav_bt import errors, types
 from uav_bt.mission.safety import Override
 from uav_bt.tree import Status
+from uav_bt.types.place import LandOn
 
 _CLASSES: Final = vars(types) | vars(errors) | {c.__name__: c for c in (Override, Status, LandOn)}
 
