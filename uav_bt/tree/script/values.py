@@ -151,7 +151,8 @@ class Environment:
             raise UnknownValueError(str(error)) from error
         reading = self._board.read(declared)
         if reading.value is None:
-            old = f"fresh value (age {reading.age_s:.2f} s)"
-            lack = "value yet" if math.isinf(reading.age_s) else old
-            raise UnknownValueError(f"board key '{key}' has no {lack}")
+            if math.isinf(reading.age_s):
+                raise UnknownValueError(f"board key '{key}' has no value yet")
+            age = f"age {reading.age_s:.2f} s"
+            raise UnknownValueError(f"board key '{key}' has no fresh value ({age})")
         return reading.value
