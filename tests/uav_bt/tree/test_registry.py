@@ -26,7 +26,7 @@ class Plugged(Leaf):
 
 
 LEAVES = (Plugged,)
-NOT_LEAVES = 3
+NOT_LEAVES = 3  # these two are named in missions.yaml
 WRONG = (int,)
 YOURS = f"{__name__}:LEAVES"
 
