@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from uav_bt.answers import Advance, Answer, Blocked, FollowLeg, Rotate
 from uav_bt.errors import ValueRangeError
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from uav_bt.errors import FileError, SceneError
 from uav_bt.files import did_you_mean_file, reading, whole_file, write_whole
 

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import pytest
 from pydantic import Field
 
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from uav_bt.errors import FileError, SceneError, ValueRangeError
 from uav_bt.yaml_file import YamlFile, read_yaml, yaml_text
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.uav_bt.lab.test_lab_file import GOOD, lab_folder
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from uav_bt.app.site import Site, load_site, site_of_lab
 from uav_bt.errors import FileError
 from uav_bt.lab.lab_file import lab_schema, read_lab

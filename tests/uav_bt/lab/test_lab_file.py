@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from uav_bt.errors import FileError, InputError, UnknownNameError
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.shipped import default_mark, load_lab, shipped_labs

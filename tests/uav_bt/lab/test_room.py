@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.sim_bridge.twin.room_world import CONE, LAB, write_lab
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from uav_bt.errors import FileError
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.obj_file import pieces, read_obj

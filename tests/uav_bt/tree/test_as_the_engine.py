@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.uav_bt.tree.test_loader import REGISTRY, warnings_of
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from tests.worlds.trees import document
 from uav_bt.errors import FileError, TreeError
 from uav_bt.tree import load_tree, parse_tree

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from behaviours.fly.say import Say
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from tests.worlds.trees import check, document, subtree
 from uav_bt.board import HEIGHT, MARK, ODOMETRY, PHASE
 from uav_bt.board.blackboard import Key

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import pytest
 
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from tests.worlds.trees import World, document, subtree
 from uav_bt.board import ELAPSED, HEIGHT, STATE
 from uav_bt.board.blackboard import Key

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.conformance import Scripted
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from tests.worlds.trees import World, document, leaf
 from uav_bt.board import MARK
 from uav_bt.errors import NodeFailedError, TreeError

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from tests.worlds.trees import document
 from uav_bt.app.lab_check import check_in_lab
 from uav_bt.app.options import FlightOptions

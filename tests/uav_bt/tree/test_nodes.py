@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from tests.conformance import Scripted
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from tests.worlds.trees import World, document, leaf, subtree
 from uav_bt.board import HEIGHT, PHASE
 from uav_bt.errors import InputError, MissionError, NodeFailedError, TreeError

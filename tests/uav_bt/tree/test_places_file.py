@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from uav_bt.tree import MissionTree, load_tree
 from uav_bt.tree.loading.loader import check_file
 from uav_bt.tree.loading.lookup import Library, Lookup

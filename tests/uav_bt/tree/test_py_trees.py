@@ -13,7 +13,7 @@ from py_trees.common import ParallelPolicy
 from py_trees.common import Status as Theirs
 
 from tests.conformance import Scripted
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from tests.worlds.trees import World, document
 from uav_bt.board import HEIGHT, MissionContext
 from uav_bt.errors import InputError, MissionError, NodeFailedError, TreeError

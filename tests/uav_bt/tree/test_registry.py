@@ -8,7 +8,7 @@ import re
 import pytest
 
 from tests.conformance import Scripted
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from uav_bt import plugins
 from uav_bt.board.blackboard import Key
 from uav_bt.errors import InputError, UnknownNameError

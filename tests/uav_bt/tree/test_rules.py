@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from tests.worlds.trees import check, document, subtree
 from uav_bt.board import FLIGHT_HEIGHT, ODOMETRY
 from uav_bt.errors import InputError

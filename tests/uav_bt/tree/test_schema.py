@@ -9,7 +9,7 @@ from lxml import etree
 
 from tests.conformance import REGISTRY as TRACED
 from tests.conformance import Scripted, read_traces
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from tests.worlds.trees import document
 from uav_bt.board import STATE
 from uav_bt.tree import Leaf, NodeRegistry, Port

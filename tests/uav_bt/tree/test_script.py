@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from uav_bt.board import HEIGHT
 from uav_bt.board.blackboard import Blackboard, Key
 from uav_bt.clock import ManualClock

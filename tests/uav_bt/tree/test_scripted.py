@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from tests.worlds.trees import World, document
 from uav_bt.board import ELAPSED
 from uav_bt.board.blackboard import Key

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from tests.worlds.trees import check, document
 from uav_bt.board import MISSION_KEYS, Blackboard
 from uav_bt.board.context import MissionContext

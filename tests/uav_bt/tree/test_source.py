@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from uav_bt.errors import TreeError
 from uav_bt.tree.loading.loader import check_text
 from uav_bt.tree.loading.source import Element, parse_source, walk

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import pytest
 
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from tests.worlds.trees import World
 from uav_bt.board import ELAPSED
 from uav_bt.clock import ManualClock

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from uav_bt.errors import ValueRangeError
 from uav_bt.types.area import Area
 

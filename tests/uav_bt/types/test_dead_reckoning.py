@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from tests.uav_bt.types.circle_flight import TICK_S, Flight, state
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from uav_bt.types import DroneState, MeasurementTimes, Pose
 from uav_bt.types.dead_reckoning import Odometry, PoseHistory
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from uav_bt.errors import ValueRangeError
 from uav_bt.types.place import Place, PlaceFrame, parse_places
 

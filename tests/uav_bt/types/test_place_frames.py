@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from uav_bt.testing.world import drawn_map
 from uav_bt.types import Pose2D
 from uav_bt.types.place import Place

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import CameraModel
 from uav_bt.types.projection import elevation_to_row, ground_points, ground_range_to_row, project

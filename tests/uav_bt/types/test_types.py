@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.paper_lab import paper_map
-from tests.worlds.cases import cases
+from tests.worlds.tables import cases
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import (
     Airframe,
