@@ -96,6 +96,8 @@ class Node(NodePorts, Behaviour):
         super().__init__(name or self.node_id)
         self.node_status = IDLE
         self.observers: tuple[Observer, ...] = ()  # filled by `uav_bt.tree.observer.observe`
+        self._mission = None
+        self._environment = None
         self.children = list(children)
         for child in self.children:
             if not isinstance(child, Node):
@@ -148,6 +150,7 @@ class Node(NodePorts, Behaviour):
         if mission is None:
             raise MissionError(f"node '{self.path}': {NO_CONTEXT}")
         self._mission = mission
+        self._keys = {}
         self._environment = None
         with self.failing(InputError):
             self._setup()

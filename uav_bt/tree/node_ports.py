@@ -57,8 +57,9 @@ class NodePorts:
     literals: dict[str, Any]  # values of ports that are no references, by port, with defaults
     given_references: dict[str, Reference]  # as they were given, by port
 
-    _mission: MissionContext | None = None
-    _environment: Environment | None = None
+    _mission: MissionContext | None
+    _keys: dict[str, Key[Any]]  # of the mission's board, by name, as they are used
+    _environment: Environment | None
 
     @classmethod
     def ports_over(cls, children: int) -> tuple[Port[Any], ...]:
@@ -220,7 +221,10 @@ class NodePorts:
             raise BoardAccessError(f"node '{self.path}', port '{port.name}': {error}") from error
 
     def _board_key(self, at: Reference) -> Key[Any]:
-        return self.mission.board.key(at.key)
+        key = self._keys.get(at.key)
+        if key is None:
+            key = self._keys[at.key] = self.mission.board.key(at.key)
+        return key
 
     # --- variables, for checks before the flight; a new node overrides what differs ---------------
 
