@@ -39,7 +39,7 @@ class _Answer:
                 continue
             least, most, words = _RANGES[name]
             number = isinstance(value, Real) and not isinstance(value, bool)
-            if not number or not least <= value <= most:
+            if not number or not least <= float(value) <= most:
                 raise self._error(name, words, value)
 
     def _error(self, name: str, words: str, value: object) -> ValueRangeError:

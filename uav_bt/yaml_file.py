@@ -68,10 +68,10 @@ def read_yaml(
         failure: class of the error, which has one line per problem.
         remedy: advice for a missing file.
     """
-    if not path.exists():
-        advice = f"{did_you_mean_file(path)}{'; ' if remedy else ''}{remedy}"
-        raise failure(path, f"there is no such {what}{advice}")
     with reading(path, failure):
+        if not path.exists():
+            advice = f"{did_you_mean_file(path)}{'; ' if remedy else ''}{remedy}"
+            raise failure(path, f"there is no such {what}{advice}")
         text = read_bounded(path, MAX_BYTES, failure).decode()
     return YamlFile(path, text, form, failure)
 
@@ -154,6 +154,8 @@ class YamlFile(Generic[T]):
                 name.value: self._plain(item, (*steps, self._name(name, steps)), name)
                 for name, item in node.value
             }
+        if not isinstance(node, yaml.ScalarNode):
+            raise self.error(f"the tag {node.tag} is not allowed", *steps)
         try:
             return _SCALARS[node.tag](node.value)
         except (KeyError, ValueError) as error:

@@ -40,3 +40,10 @@ def test_an_answer_of_other_values_is_refused(
         KINDS[kind](**given)
     numpys: dict[str, Any] = {"yaw_rad": np.float32(0.3), "ground_ends": np.bool_(True)}
     assert Blocked(**numpys).ground_ends
+
+
+def test_numbers_of_a_network_are_compared_in_full() -> None:
+    assert Advance(forward_m=np.float32(0.3)).forward_m == np.float32(0.3)
+    for bad in (np.float32(0.0), np.float32(math.inf)):
+        with pytest.raises(ValueRangeError, match="positive and finite"):
+            Advance(forward_m=bad)

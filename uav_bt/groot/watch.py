@@ -138,11 +138,12 @@ class GrootView:
     def _toggle(self, word: str) -> list[bytes]:
         if word not in {"start", "stop"}:
             raise InputError(f"recording is switched by 'start' or 'stop', got '{word:.40}'")
-        self._recording = word == "start"
-        if not self._recording:
+        self._recording = False  # while the other thread may append
+        if word == "stop":
             return []
         self._recorded.clear()
         self._recorded_from_us = self._now_us
+        self._recording = True
         return [str(self._recorded_from_us).encode()]
 
 

@@ -133,7 +133,7 @@ class ScriptedDrone:
             self._ticks_left = _TRANSITION_TICKS
         if self.state.flying is through:
             self._ticks_left -= 1
-            if self._ticks_left == 0:
+            if self._ticks_left <= 0:
                 self._set_height(to_m, end)
 
     def _interrupt(self) -> None:
@@ -154,7 +154,7 @@ class ScriptedDrone:
             self._set(flying=FlyingState.FLYING)
             self._report(move.id, MovementState.RUNNING)
         self._ticks_left -= 1
-        if self._ticks_left == 0:
+        if self._ticks_left <= 0:
             self._shift(move.forward_m, move.right_m, move.down_m, move.yaw_rad)
             self._set(flying=FlyingState.HOVERING)
             self._report(move.id, MovementState.DONE)

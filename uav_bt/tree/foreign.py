@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 import inspect
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any, ClassVar, Final, get_type_hints
 
@@ -92,6 +92,14 @@ class ForeignLeaf(_Foreign, Leaf):
 
     def __init__(self, name: str | None = None, /, **given: object) -> None:
         super().__init__(name, **given)
+        self._construct()
+
+    def rebind(self, given: Mapping[str, object]) -> None:
+        """Replace the values of ports, before the setup, and construct the behaviour again."""
+        super().rebind(given)
+        self._construct()
+
+    def _construct(self) -> None:
         arguments = dict(self.literals)
         arguments |= {key: kind[arguments[key]] for key, kind in self.enums.items()}
         if "name" in inspect.signature(self.behaviour_class).parameters:

@@ -43,7 +43,7 @@ class MarkFix:
 _PASSING_M = 0.02
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class NearObstacles:
     """Obstacles and edges near the drone, from the body's centre, placed by dead reckoning."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -444,8 +443,6 @@ def test_what_is_within_a_reach_keeps_its_age() -> None:
     near = points.within(0.5)
     assert (len(near.points_m), len(near.edges_m)) == (1, 0)
     assert near.points_age_s.tolist() == [1.0]
-    with pytest.raises(ShapeError, match="ages"):
-        replace(points, points_age_s=np.zeros(3))
 
 
 def test_points_must_be_pairs() -> None:

@@ -72,7 +72,7 @@ def test_json_is_as_good_as_yaml(tmp_path: Path) -> None:
         ),
         (
             "classes: {0: !!python/object/apply:os.getcwd []}",
-            "foreign.yaml:1: not valid YAML: the tag",
+            "foreign.yaml:1: classes.0: the tag",
         ),
     ],
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -87,7 +88,7 @@ def test_a_plan_comes_back_from_json_with_the_options_of_its_flights() -> None:
         exact_masks=True,
         movers=2,
         tree_id="Main",
-        tree_folders=TreeFolders(trees=["parts"]),
+        tree_folders=TreeFolders(trees=[Path("parts").absolute()]),
         policies={"Explore": "corridor"},
         record_quality="small",
     )

@@ -35,7 +35,7 @@ class Fly(Leaf):
     """Moves."""
 
     moves = True
-    ports = (Port("speed_mps", float, default=1.0, doc="m/s"),)
+    ports = (Port("speed_mps", float, default=1.0, most=20, doc="m/s"),)
     writes = (PHASE,)
 
 

@@ -89,6 +89,30 @@ def test_a_wrong_port_is_refused(ports: dict[str, str], message: str) -> None:
     assert message in str(refused.value)
 
 
+@pytest.mark.parametrize(
+    ("body", "name", "message"),
+    [
+        ("", "Main.x", "needs exactly one child, has 0"),
+        ("<HoverFor/><Land/>", "Main.x", "needs exactly one child, has 2"),
+        ('<SubTree ID="Missing"/>', "Missing.x", "there is no tree 'Missing'"),
+        ("<Inverter/>", "AlwaysSuccess.x", "Inverter: needs exactly one child, has 0"),
+        ('<SetBlackboard value="1"/>', "SetBlackboard.value", "'output_key' is missing"),
+        ('<HoverFor secnds="2"/>', "HoverFor.seconds", "unknown attribute 'secnds'"),
+    ],
+)
+def test_a_wrong_tree_is_told_beside_a_port(body: str, name: str, message: str) -> None:
+    text = f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>'
+    with pytest.raises(TreeError) as refused:
+        parse_tree(text, parameters=Parameters(ports={name: "1"}))
+    assert message in str(refused.value)
+
+
+def test_a_port_below_a_mocked_subtree_is_taken() -> None:
+    given = Parameters(ports={"Explore.policy": "student"}, variables=GIVEN)
+    tree = parse_tree(PATROL, parameters=given, mocks={"Side": "S"})
+    assert not any("Explore" in path for path in tree.replaced)
+
+
 def test_an_entry_of_a_subtree_is_a_port() -> None:
     tree = patrol({"Side.wait": "4"}, wait_s=1)
     assert tree.find("Main/Sequence/Side/Sequence/HoverFor").port_value("seconds") == 4.0

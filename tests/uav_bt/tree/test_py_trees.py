@@ -147,6 +147,10 @@ def test_its_life_is_the_one_that_py_trees_promises(world: World) -> None:
     behaviour = tree.find("b").behaviour  # type: ignore[attr-defined]
     assert behaviour.given == (2, Lamp.GREEN, 2.0, True)
     assert behaviour.name == "b"
+    text = document('<Blink name="b" times="2"/>')
+    given = {"b": {"times": "3"}}
+    again = parse_tree(text, NodeRegistry([Blink]), overrides=given).find("b")
+    assert again.behaviour.given[0] == 3  # type: ignore[attr-defined]
     assert [tree.tick() for _ in range(3)] == [Status.RUNNING, Status.SUCCESS, Status.RUNNING]
     assert tree.find("b").feedback_message == "1 left"
     tree.halt()

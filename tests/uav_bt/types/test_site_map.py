@@ -26,3 +26,7 @@ def test_the_middle_of_a_cell_lies_in_it() -> None:
     np.testing.assert_allclose(middles_m, [[-3.0, -3.0], [0.0, 1.1]], atol=1e-12)
     assert site_map.cell_of(*map(float, middles_m[1])) == (30, 41)
     assert site_map.places_m()[30, 41] == pytest.approx(middles_m[1])
+
+
+def test_a_map_is_shown_by_the_shapes_of_its_arrays() -> None:
+    assert "obstacles_m=<0x2 float64>" in repr(drawn_map())

@@ -47,8 +47,8 @@ class Attributes:
 
     def bound(
         self, ports: Iterable[Port[Any]], given: Mapping[str, str], note: Note
-    ) -> dict[str, Any] | None:
-        """Return the values and references of ports; None where one is wrong."""
+    ) -> tuple[dict[str, Any], bool]:
+        """Return the values and references of ports that are right, and whether all are."""
         ports = list(ports)
         bound, wrong = bind_ports(ports, dict(given))
         scripts = {port.name for port in ports if port.check in SCRIPTS}
@@ -62,7 +62,7 @@ class Attributes:
                 note(
                     f"attribute '{port.name}': {doubt}", port.name, rule=Rule.UNIT, severity=WARNING
                 )
-        return None if wrong else bound
+        return bound, not wrong
 
     def conditions(self, given: Mapping[str, str], note: Note) -> dict[str, str]:
         """Return the conditions among attributes, without those that cannot be parsed."""

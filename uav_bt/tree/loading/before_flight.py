@@ -294,7 +294,8 @@ def _names_from_nowhere(uses: Uses) -> Iterator[Fault]:
     """Yield SetBlackboard nodes whose `output_key` is in braces, where nothing gives the name."""
     for node in uses.tree.nodes():
         at = node.reference(node.OUTPUT_KEY) if isinstance(node, SetBlackboard) else None
-        slot = None if at is None else uses.slots[node.variables.location(at.key)]
+        is_name = at is not None and not at.on_board
+        slot = uses.place(node.variables, at.key) if at and is_name else None
         if at and slot and not slot.given and not any(write.creates for write in slot.writes):
             message = (
                 f"attribute 'output_key': nothing sets variable '{at.key}', from which the name is "

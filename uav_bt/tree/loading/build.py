@@ -122,11 +122,13 @@ class Builder:
         note = self._note(element)
         conditions = self._attributes.conditions(given, note)
         texts = {key: given[key] for key in given.keys() - CONDITION_ATTRIBUTES}
-        bound = self._attributes.bound(node.ports_over(len(children)), texts, note)
-        values = {**conditions, BOUND: bound or {}}
+        bound, is_good = self._attributes.bound(node.ports_over(len(children)), texts, note)
+        self._parts[path] = Part(element, given, is_good)
+        values = {**conditions, BOUND: bound}
         if (mock := self._replacements.mock(node, element, name, path, ())) is not None:
             return mock[0](name, mock[1], **values)
-        if node not in BUILTIN_NODES and bound is None:
+        is_flown = self._others is self._findings  # else nothing of a user is constructed
+        if node not in BUILTIN_NODES and not (is_good and is_flown):
             node = _stand_in(node)
         return self._node(node, name, children, values)
 

@@ -43,7 +43,7 @@ def _given_texts(built: Built, document: Document) -> Iterator[_Given]:
             if at is None:
                 text = built.parts[leaf.path].given.get(port.name, port_text(port.default))
                 yield port, text, _finding(built, own)
-            elif (slot := built.uses.place(leaf.variables, at.key)) is not None and not at.on_board:
+            elif not at.on_board and (slot := built.uses.place(leaf.variables, at.key)) is not None:
                 for write in slot.values()[0]:
                     if write.use is None:
                         at_file = _outside(_finding(built, own), slot.name, document)

@@ -53,7 +53,7 @@ def misfits(uses: Uses) -> Iterator[Misfit]:
 def _of_ports(uses: Uses, slot: Slot, *, is_asked: bool) -> Iterator[Misfit]:
     """Yield the ports that cannot read a value of a variable.
 
-    A value that is out of a port's range may never get there, unless it is the only one.
+    A number that is out of a port's range may never get there, unless no other value does.
     """
     values, is_whole = slot.values()
     is_read = not is_asked and len({value.use.node for value in values if value.use}) == 1
@@ -63,7 +63,7 @@ def _of_ports(uses: Uses, slot: Slot, *, is_asked: bool) -> Iterator[Misfit]:
             continue
         found = [_refusal(port, value) for value in given]
         is_certain = is_whole and None not in found
-        if not (is_read or is_certain):
+        if not (is_certain or (is_read and port.type is str)):
             found = [_refusal(_without_range(port), value) for value in given]
         for value, why in zip(values, found, strict=True):
             if why is None:

@@ -40,6 +40,7 @@ class Part(NamedTuple):
 
     element: Element
     given: dict[str, str]  # texts of attributes: those of the file, defaults of entries, others
+    is_good: bool = True  # whether the file's own values were taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +78,7 @@ class Replacements:
         self._others = given.pop(ALL_LEAVES, None)
         self._mocks = given
         self._names: set[str] = set()  # of nodes that can be mocked
+        self._made: set[str] = set()  # names and paths of all nodes, those below mocks included
 
     # --- mocks ------------------------------------------------------------------------------------
 
@@ -84,6 +86,7 @@ class Replacements:
         self, node: type[Node], element: Element, name: str, path: str, entries: Iterable[str]
     ) -> tuple[type[ScriptedLeaf], Mock] | None:
         """Return the class of the leaf that takes the place of a node, and its mock."""
+        self._made |= {path, name}
         if not issubclass(node, (Leaf, SubTree)):
             return None
         kind = node.node_id if issubclass(node, Leaf) else element.attributes.get("ID", "")
@@ -124,13 +127,13 @@ class Replacements:
             self._give(built, leaf, leaf.values_taken(self._by_key), leaf.node_id, None)
         chosen = set[tuple[str, str]]()
         for target, given in self._overrides.items():
-            for node in self._hits(built.tree, target, target, None):
+            for node in self._hits(built, target, target, None):
                 self._give(built, node, given, target, None)
                 chosen |= {(node.path, name) for name in given}
         parameters = self._document.parameters
         for name, text in parameters.ports.items():
             place, (target, port) = parameters.places.get((SET, name)), split_port(name)
-            hits = self._hits(built.tree, target, name, place)
+            hits = self._hits(built, target, name, place)
             if any((node.path, port) in chosen for node in hits):
                 message = f"port '{name}' is given two values: leave one of them out"
                 self._refuse(message, place)
@@ -140,11 +143,12 @@ class Replacements:
                 self._give(built, hits[0], {port: text}, name, place)
                 chosen.add((hits[0].path, port))
 
-    def _hits(self, tree: MissionTree, target: str, what: str, place: Place | None) -> list[Node]:
+    def _hits(self, built: Built, target: str, what: str, place: Place | None) -> list[Node]:
         """Return the nodes of a path or name; refuse one that no node has."""
-        hits = [node for node in tree.nodes() if target in (node.path, node.name)]
-        if not hits:
-            hint = did_you_mean(target, {node.name for node in tree.nodes()})
+        nodes = [node for node in built.tree.nodes() if node.path in built.parts]
+        hits = [node for node in nodes if target in (node.path, node.name)]
+        if not hits and target not in self._made:
+            hint = did_you_mean(target, {node.name for node in nodes})
             message = f"the tree has no node of that name or path{hint}"
             self._refuse(f"override of '{what}': {message}", place)
         return hits
@@ -178,7 +182,7 @@ class Replacements:
             ports = node.ports_over(len(node.children))
             taken = [port for port in ports if port.name in texts]
             self._attributes.bound(taken if len(taken) == len(texts) else ports, texts, note)
-        if is_good:
+        if is_good and part.is_good:
             part.given.update(texts)
             node.rebind(texts)
             built.tree.replaced.setdefault(node.path, {}).update(texts)

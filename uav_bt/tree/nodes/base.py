@@ -251,6 +251,7 @@ class TryCatch(_Ordered):
 
     def update(self) -> Status:
         """Tick the children that are tried, or the last one."""
+        self._catching &= self.node_status is not IDLE
         if not self._catching:
             status = super().update()
             if status is not FAILURE:
