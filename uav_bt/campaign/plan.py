@@ -283,7 +283,8 @@ def _with_options(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return what `_flat` wrote with one `options`."""
     shared = {name: values[name] for name in SHARED}
     folders = TreeFolders(**shared.pop("tree_folders"))
-    judge = JudgeConfig(**shared.pop("judge"))
+    given = shared.pop("judge")  # with more keys in plans of earlier programs: constants today
+    judge = JudgeConfig(**{one.name: given[one.name] for one in fields(JudgeConfig)})
     options = FlightOptions(**shared, tree_folders=folders, judge=judge)
     others = {name: value for name, value in values.items() if name not in SHARED}
     return {**others, "options": options}

@@ -98,6 +98,13 @@ def test_a_plan_comes_back_from_json_with_the_options_of_its_flights() -> None:
         assert flown == replace(before.options, scene=task.scene_path, seed=task.seed)
 
 
+def test_settings_that_are_constants_today_do_not_cost_a_plan() -> None:
+    before = plan()
+    values = json.loads(json.dumps(before.to_json()))
+    values["judge"]["patience_s"] = 60.0
+    assert CampaignPlan.from_json(values) == before
+
+
 def test_options_that_a_campaign_does_not_keep_are_refused() -> None:
     before = plan()
     with pytest.raises(InputError, match="a campaign takes no rehearse, only drone, lab, profile"):
