@@ -140,7 +140,7 @@ class NodePorts:
             UnknownValueError: the board key has no fresh value.
         """
         value = self.literals.get(port.name, _NO_LITERAL)
-        return self._resolve(port) if value is _NO_LITERAL else value
+        return self._resolved(port) if value is _NO_LITERAL else value
 
     def port_value(self, name: str) -> Any:
         """Return a port's value by the port's name."""
@@ -149,7 +149,7 @@ class NodePorts:
             return value
         for port in self.ports:
             if port.name == name:
-                return self._resolve(port)
+                return self._resolved(port)
         raise BoardAccessError(f"node '{self.path}' declares no port '{name}'")
 
     def initial_value(self, port: Port[T]) -> T | None:
@@ -168,15 +168,20 @@ class NodePorts:
 
         A value of another type is a BoardAccessError, as is a port that the node does not have.
         """
-        if port.name in self.literals:
-            return self.port(port)
+        value = self.literals.get(port.name, _NO_LITERAL)
+        return self._present(port) if value is _NO_LITERAL else value
+
+    def _present(self, port: Port[T]) -> T | None:
         at = self._references.get(port.name)
         if at is None:
             raise BoardAccessError(f"node '{self.path}' declares no port '{port.name}'")
         if at.on_board:
             value = self._board.value(self._board_key(at))
         else:
-            value = self.variables.get(at.key)
+            entry = self.variables.entry(at.key)
+            value = None if entry is None else entry.value
+        if type(value) is port.type and port.takes_all:  # as most values are
+            return value
         return None if value is None else self._converted(port, value)
 
     def set_port(self, port: Port[T], value: T) -> None:
@@ -197,8 +202,8 @@ class NodePorts:
         """Return the script that a port's literal is, if it is one."""
         return port.script(self.literals.get(port.name))
 
-    def _resolve(self, port: Port[T]) -> T:
-        value = self.held(port)
+    def _resolved(self, port: Port[T]) -> T:
+        value = self._present(port)
         if value is not None:
             return value
         at = self._references[port.name]
@@ -213,8 +218,6 @@ class NodePorts:
         raise UnknownValueError(f"{what} was never written{hint}")
 
     def _converted(self, port: Port[T], value: object) -> T:
-        if type(value) is port.type and port.takes_all:
-            return value
         try:
             return port.read(value)
         except ValueError as error:
