@@ -59,7 +59,7 @@ CEILINGS = {
     "uav_bt/mission": 3_207,
     "uav_bt/record": 2_710,
     "uav_bt/testing": 1_616,
-    "uav_bt/tree": 9_156,
+    "uav_bt/tree": 9_159,
     "uav_bt/types": 2_103,
 }
 SLACK = 40  # a ceiling stands at most this far above its package
