@@ -272,7 +272,7 @@ def svg(root: Box, title: str) -> str:
         )
         widest = max(widest, _width(f"{lead}{box.tag} {more}"))
     size = f'width="{widest * _CHAR_PX + 40:.0f}" height="{len(rows) * _LINE_PX + 40}"'
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img">'
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img" xml:space="preserve">'
     top = ['<?xml version="1.0" encoding="UTF-8"?>', head, f"<title>{escape(title)}</title>"]
     return "\n".join([*top, _STYLE, *rows, "</svg>", ""])
 
