@@ -16,7 +16,9 @@ from uav_bt.types.site_map import SiteMap
 LITTLE_GROUND: Final = 0.15
 """Share of ground in the image up to which the camera looks down to `_GROUND_RAD`."""
 
-_ENOUGH_GROUND: Final = 0.35  # share from which it keeps the flight pitch
+ENOUGH_GROUND: Final = 0.35
+"""Share from which it keeps the flight pitch."""
+
 _GROUND_RAD: Final = math.radians(-56)  # near an edge; steeper views are not matched to the map
 _FAR_HEIGHTS: Final = 2.0  # ground further away than this times the height is seen too flatly
 _MARK_RAD: Final = math.radians(-50)  # lowest, following the mark; steeper, roofs look like bases
@@ -61,12 +63,12 @@ def ground_pitch_rad(
 ) -> float:
     """Return the camera's pitch: the flight pitch, or lower if that would show little ground."""
     share = ground_share(site_map, camera, flight_rad, height_m)
-    if share >= _ENOUGH_GROUND:
+    if share >= ENOUGH_GROUND:
         return flight_rad
     lowest_rad = min(_GROUND_RAD, flight_rad)
     if ground_share(site_map, camera, lowest_rad, height_m) < share:
         return flight_rad  # beyond the edge of the ground a lower pitch shows less of it
-    return float(np.interp(share, (LITTLE_GROUND, _ENOUGH_GROUND), (lowest_rad, flight_rad)))
+    return float(np.interp(share, (LITTLE_GROUND, ENOUGH_GROUND), (lowest_rad, flight_rad)))
 
 
 def mover_pitch_rad(site_map: SiteMap, flight_rad: float, height_m: float) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 
 from behaviours.path.clearance import ClearanceMap, Route
 from behaviours.path.following import UNMAPPED_S, follow
-from behaviours.path.gimbal_pointing import LITTLE_GROUND, ground_share
+from behaviours.path.gimbal_pointing import ENOUGH_GROUND, LITTLE_GROUND, ground_share
 from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import recent_obstacles
 from behaviours.path.passages import ClearanceMaps
@@ -33,6 +33,10 @@ _BLIND_S: Final = (
 _BACK_S: Final = 5.0  # s for which it does so where an obstacle hides the ground of the map: a turn
 # takes less, and perhaps no heading shows more ground.
 _AROUND_M: Final = 2.0  # m; the drone turns towards the ground within this distance
+_FACED_RAD: Final = math.radians(30)  # ground within this angle of the heading is looked at already
+_LOOKS_RAD: Final = tuple(  # where else to look, the smallest turn first
+    math.radians(side * angle) for angle in range(45, 181, 15) for side in (1, -1)
+)
 
 
 class CoveragePolicy:
@@ -62,7 +66,9 @@ class CoveragePolicy:
         if site_map.contradicted_s > _DOUBTED_S:
             return replace(turn, reason="the view contradicts the map")
         if site_map.untracked_s > _BLIND_S and _sees_little_ground(view, site_map):
-            return Rotate(yaw_rad=ground_rad, reason="turns to the ground")
+            return Rotate(
+                yaw_rad=_look_rad(view, site_map, ground_rad), reason="turns to the ground"
+            )
         margins = Margins().within(view.clearances)
         route, clearance = _route(site_map, margins)
         if route is None:
@@ -99,6 +105,25 @@ def _sees_little_ground(view: PolicyView, site_map: SiteMap) -> bool:
     if site_map.untracked_s < _BLIND_S + _BACK_S:
         shown = min(shown, float(np.mean(view.class_map.is_ground)))
     return shown < LITTLE_GROUND
+
+
+def _look_rad(view: PolicyView, site_map: SiteMap, ground_rad: float) -> float:
+    """Return the bearing of ground that a view shows: the known one, or else what may be ground.
+
+    In a corner, the known ground is a patch ahead that no view is filled by: the drone saw it while
+    it looked out of the area.
+    """
+
+    def share(bearing_rad: float) -> float:
+        pose = replace(site_map.pose, yaw_rad=site_map.pose.yaw_rad + bearing_rad)
+        turned = replace(site_map, pose=pose)
+        return ground_share(turned, view.camera, view.gimbal_pitch_rad, view.height_above_ground_m)
+
+    if abs(ground_rad) > _FACED_RAD and share(ground_rad) >= LITTLE_GROUND:
+        return ground_rad
+    shares = {bearing_rad: share(bearing_rad) for bearing_rad in _LOOKS_RAD}
+    enough = [each for each in _LOOKS_RAD if shares[each] >= ENOUGH_GROUND]
+    return enough[0] if enough else max(_LOOKS_RAD, key=shares.__getitem__)
 
 
 def _ground_rad(site_map: SiteMap) -> float | None:
