@@ -173,8 +173,20 @@ class _ForeignFile:
     ] = _Matrix(data=())
     # Models whose numbers are OpenCV's k1, k2, p1, p2, k3, ...
     distortion_model: Literal["plumb_bob", "rational_polynomial", "radtan", "none"] | None = None
+    fisheye_model: bool | int | None = None  # of OpenCV's program for calibration
 
     def __post_init__(self) -> None:
+        if self.fisheye_model:
+            raise ValueRangeError(
+                f"fisheye_model: expected 0, a pinhole camera, got {self.fisheye_model}; calibrate "
+                "with `uav-bt lab calibrate`"
+            )
+        untold = self.fisheye_model is None and self.distortion_model is None
+        if untold and len(self.distortion_coefficients.data) == 4:
+            raise ValueRangeError(
+                "distortion_coefficients: 4 numbers may be those of a fisheye lens; if they are "
+                "k1, k2, p1 and p2, add `distortion_model: plumb_bob`"
+            )
         self.camera_file()
 
     def camera_file(self) -> _CameraFile:

@@ -193,6 +193,8 @@ def load(folder: Path, text: str) -> CameraModel:
             "distortion_coefficients", "distCoeffs"
         ),
         OPENCV.replace("640", "0640"),
+        OPENCV.replace(", 0. ]", " ]") + "fisheye_model: 0\n",
+        OPENCV.replace(", 0. ]", " ]") + "distortion_model: plumb_bob\n",
     ],
 )
 def test_a_camera_of_another_tool_is_read(tmp_path: Path, text: str) -> None:
@@ -206,6 +208,8 @@ def test_a_camera_of_another_tool_is_read(tmp_path: Path, text: str) -> None:
     ("text", "words"),
     [
         (ROS.replace("plumb_bob", "equidistant"), "distortion_model: .*, got 'equidistant'"),
+        (OPENCV + "fisheye_model: 1\n", "expected 0, a pinhole camera, got 1; calibrate"),
+        (OPENCV.replace(", 0. ]", " ]"), "4 numbers may be those of a fisheye lens"),
         (ROS.replace("image_width: 640\n", ""), "lacks the key 'image_width'"),
         (ROS.replace(", 0, 0, 1]}", "]}", 1), "camera_matrix must have 9 numbers, got 6"),
         (ROS.replace("465.6", "wide"), r":5: camera_matrix.data\[0\]: .*number, got 'wide'"),
