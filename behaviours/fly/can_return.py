@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from behaviours.path.margins import Margins
 from behaviours.path.nearby import recent_obstacles
-from behaviours.path.planning import route
+from behaviours.path.passages import route
 from uav_bt.board import SITE_MAP
 from uav_bt.board.context import MissionContext
 from uav_bt.board.keys import BATTERY_PER_MIN, BATTERY_SHARE, FLYING, HOME

@@ -10,6 +10,7 @@ from abc import abstractmethod
 from collections.abc import Callable
 from typing import Any, ClassVar, Final
 
+from behaviours.path.following import UNMAPPED_S
 from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import recent_obstacles
 from behaviours.path.passages import ClearanceMaps
@@ -33,7 +34,6 @@ VISITED: Final = Key(
 )
 
 _NO_MAP: Final = "no site map: <MapSite/> must tick ahead of this leaf"
-_UNMAPPED_S: Final = 3.0  # as in FollowConfig
 _BESIDE_M: Final = 0.15  # a route ends this far beyond the margin of the object; a cell and a half
 _MIN_POINTS: Final = 6  # of an object on the map; fewer may be an error of a network. Chosen.
 
@@ -241,7 +241,7 @@ def _target(site_map: SiteMap, place: Place) -> MapObject | Unresolved:
 
 
 def _clearance_maps(site_map: SiteMap, margins: Margins) -> ClearanceMaps:
-    recent = recent_obstacles(site_map.near, site_map, unmapped_s=_UNMAPPED_S)
+    recent = recent_obstacles(site_map.near, site_map, unmapped_s=UNMAPPED_S)
     return ClearanceMaps(site_map, recent, margins)
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from behaviours.path.clearance import Place, Route
-from behaviours.path.following import FollowConfig, follow
+from behaviours.path.clearance import Place
+from behaviours.path.following import UNMAPPED_S, follow
 from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import recent_obstacles
 from behaviours.path.passages import ClearanceMaps
@@ -27,14 +27,12 @@ class ToPlaceConfig:
     """How a place is flown to.
 
     Attributes:
-        follow: How routes are followed.
         step_m: From this distance the drone flies to the place by one step. Chosen: the drone
             reaches the end of a route with the error of a cell and of its heading.
         nearer_m: Without a route to the place, one is flown that ends at least this much nearer to
             it. Chosen, as for the landing mark.
     """
 
-    follow: FollowConfig = field(default_factory=FollowConfig)
     step_m: float = 0.35
     nearer_m: float = 0.5
 
@@ -97,7 +95,7 @@ def way_to(
     config = config or ToPlaceConfig()
     forward_m, right_m = site_map.pose.to_body(*place)
     apart_m, bearing_rad = math.hypot(forward_m, right_m), math.atan2(right_m, forward_m)
-    recent = recent_obstacles(obstacles, site_map, unmapped_s=config.follow.unmapped_s)
+    recent = recent_obstacles(obstacles, site_map, unmapped_s=UNMAPPED_S)
     maps = ClearanceMaps(site_map, recent, margins, crossing=True)
     if apart_m <= config.step_m and maps[Passage.TIGHT].is_open_to(*place):
         step = StepTo(forward_m=forward_m, right_m=right_m)
@@ -113,21 +111,11 @@ def way_to(
         )
     left_m = route.length_m + math.dist(route.path_m[-1], place)
     return WayTo(
-        course=_course(route, site_map, corridor, config, most_mps),
+        course=follow(route, site_map, corridor, most_mps=most_mps),
         left_m=left_m,
         bearing_rad=bearing_rad,
         reason=f"{left_m:.1f} m left",
     )
-
-
-def _course(
-    route: Route,
-    site_map: SiteMap,
-    corridor: Corridor | None,
-    config: ToPlaceConfig,
-    most_mps: float,
-) -> FollowLeg | Rotate | None:
-    return follow(route, site_map, corridor, config=config.follow, most_mps=most_mps)
 
 
 def _trouble(place: Place, maps: ClearanceMaps) -> str:
