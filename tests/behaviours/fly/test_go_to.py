@@ -11,7 +11,8 @@ import pytest
 
 from behaviours.fly.face import Face
 from behaviours.fly.go_to import GoTo
-from behaviours.fly.move_by import ClimbTo, MoveBy
+from behaviours.fly.move_by import MoveBy
+from behaviours.fly.take_off import ClimbTo
 from tests.behaviours.path.test_ways_out import mover
 from uav_bt.board import FLIGHT_HEIGHT, PHASE
 from uav_bt.errors import InputError
