@@ -9,9 +9,7 @@ from behaviours.fly.can_return import CanReturn
 from behaviours.fly.corridor_clear import CorridorClear
 from behaviours.fly.coverage_grows import CoverageGrows
 from behaviours.fly.explore import Explore
-from behaviours.fly.face import Face
 from behaviours.fly.give_way import GiveWay
-from behaviours.fly.go_to import GoTo
 from behaviours.fly.go_to_mark import Detour, GoToMark, StopAboveMark
 from behaviours.fly.go_to_mark_under_policy import GoToMarkUnderPolicy
 from behaviours.fly.helipad_center import HelipadCenter
@@ -20,6 +18,7 @@ from behaviours.fly.look import HoverFor, Hovering, PointCamera, Turn
 from behaviours.fly.move_by import ClimbTo, MoveBy
 from behaviours.fly.moves_on import MovesOn
 from behaviours.fly.objects import NextObject, ObjectSeen, ViewPoints
+from behaviours.fly.places import Face, GoTo
 from behaviours.fly.say import Say
 from behaviours.fly.search_mark import MarkFound, ScanBelow, SearchByMap, SearchUnderPolicy
 from behaviours.fly.take_off import TakeOff

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from behaviours.fly.moving_leaf import MovingLeaf
-from behaviours.fly.place_leaf import PlaceLeaf
+from behaviours.fly.places import PlaceLeaf
 from behaviours.fly.step import Progress
 from behaviours.fly.take_off import above_ceiling
 from behaviours.path.clearance import ClearanceMap
