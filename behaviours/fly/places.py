@@ -278,7 +278,9 @@ def _facing(text: str) -> float | Place:
         degrees = float(text)
     except ValueError:
         return Place.parse(text)
-    return math.radians(math.remainder(degrees, 360.0)) if math.isfinite(degrees) else 0.0
+    if not math.isfinite(degrees):
+        raise ValueRangeError(f"expected a heading in degrees, or a place, got '{text}'")
+    return math.radians(math.remainder(degrees, 360.0))
 
 
 class Face(PlaceLeaf):

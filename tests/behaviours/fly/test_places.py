@@ -246,6 +246,12 @@ def test_it_turns_to_the_place(at: str, *, right: bool) -> None:
     assert abs(velocity(bench).yaw_rate_radps) > 0.3
 
 
+@pytest.mark.parametrize("at", ["nan", "inf", "-Infinity"])
+def test_a_heading_is_a_finite_number(at: str) -> None:
+    with pytest.raises(InputError, match=f"expected a heading in degrees, or a place, got '{at}'"):
+        LeafBench(Face, at=at)
+
+
 def test_it_faces_the_place_for_a_moment() -> None:
     bench = LeafBench(Face, at="0")
     assert live(bench, site_map=on()) is Status.RUNNING
