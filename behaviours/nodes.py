@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Final
 
 from behaviours.fly import can_return, explore, look, move_by, objects, take_off, take_photo
-from behaviours.fly.face import Face
 from behaviours.fly.give_way import GiveWay
-from behaviours.fly.go_to import GoTo
 from behaviours.fly.go_to_mark import Detour, GoToMark, StopAboveMark
 from behaviours.fly.go_to_mark_under_policy import GoToMarkUnderPolicy
 from behaviours.fly.helipad_center import HelipadCenter
 from behaviours.fly.land import EmergencyLand, Land, LandHere
+from behaviours.fly.places import Face, GoTo
 from behaviours.fly.search_mark import MarkFound, ScanBelow, SearchByMap, SearchUnderPolicy
 from behaviours.perceive.advise import Advise
 from behaviours.perceive.class_map import FindMark, Segment

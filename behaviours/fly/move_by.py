@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from behaviours.fly.place_leaf import PlaceLeaf
+from behaviours.fly.places import PlaceLeaf
 from behaviours.fly.step import Progress
 from behaviours.path.clearance import ClearanceMap
 from behaviours.path.margins import Margins
