@@ -16,7 +16,7 @@ import numpy as np
 
 from perception.marks.ground_match import Candidate, KnownGround, candidates
 from perception.marks.ground_picture import GroundMosaic, ground_picture
-from perception.marks.mark_options import refuse_unknown
+from perception.marks.options import Options, read_options
 from uav_bt.landing_marks import MarkSighting, MarkView
 from uav_bt.types import LandingMark, Pose2D
 from uav_bt.types.arrays import Image
@@ -85,7 +85,7 @@ class SpotFinder:
     shows_heading = False
 
     def __init__(self, mark: LandingMark, config: SpotConfig | None = None) -> None:
-        refuse_unknown(mark, ())
+        read_options(mark, Options)
         self._config = config or SpotConfig()
         self._mosaic: GroundMosaic | None = GroundMosaic()  # None: collected
         self._known: KnownGround | None = None

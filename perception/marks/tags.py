@@ -9,13 +9,7 @@ from typing import ClassVar, Final
 import cv2
 import numpy as np
 
-from perception.marks.tag_board import (
-    APRILTAG_FAMILIES,
-    ARUCO_FAMILIES,
-    TagBoard,
-    draw_board,
-    read_board,
-)
+from perception.marks.tag_board import APRILTAG_FAMILIES, ARUCO_FAMILIES, draw_board, read_board
 from perception.marks.tag_edges import refine_corners
 from perception.marks.tag_pose import BoardPose, level_pose
 from uav_bt.landing_marks import MarkSighting, MarkView
@@ -34,29 +28,21 @@ _PICTURE_PX_PER_M: Final = 1024.0
 
 
 class TagFinder:
-    """Base of the finders of tags; implements `MarkFinder`.
+    """Base of the finders of tags; implements `MarkFinder`. Its options are those of `TagOptions`.
 
     The pose comes from the size of the tags, so that it needs neither a class map nor the height of
     the camera.
-
-    Args:
-        mark: Size and height of the mark's top. Its options are those of `read_board`.
-
-    Raises:
-        UnknownNameError: The family is unknown.
-        ValueRangeError: An option is unknown, missing or out of range, or a tag does not fit.
     """
 
     uses_images = True
     shows_heading = True
     families: ClassVar[Mapping[str, int]]
-    usual_family: ClassVar[str]
 
     def __init__(self, mark: LandingMark) -> None:
         self._mark = mark
-        self.board: Final[TagBoard] = read_board(mark, self.families, self.usual_family)
-        self._corners_m = [tag.corners_m() for tag in self.board.tags]
-        self._detector = cv2.aruco.ArucoDetector(self.board.own_dictionary())
+        self._board = read_board(mark, self.families)
+        self._corners_m = [tag.corners_m() for tag in self._board.tags]
+        self._detector = cv2.aruco.ArucoDetector(self._board.dictionary)
 
     def find(self, view: MarkView) -> MarkSighting | None:
         """Return the mark in an image; None if it shows none of the tags."""
@@ -87,16 +73,14 @@ class TagFinder:
 
     def picture(self) -> Image:
         """Return the white top with its tags, (H, W, 3) RGB."""
-        return draw_board(self.board, self._mark, _PICTURE_PX_PER_M)
+        return draw_board(self._board, self._mark, _PICTURE_PX_PER_M)
 
     def _detect(self, image: Image) -> dict[int, Floats]:
         """Return the corners of the tags in an image, (4, 2) each, by their place on the list."""
         grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
         corners, ids, _ = self._detector.detectMarkers(grey)
-        if ids is None:
-            return {}
         found: dict[int, Floats] = {}
-        for number, square in zip(ids.ravel(), corners, strict=True):
+        for number, square in zip([] if ids is None else ids.ravel(), corners, strict=True):
             if int(number) not in found:
                 rough = np.asarray(square, dtype=np.float64).reshape(4, 2)
                 found[int(number)] = refine_corners(grey, rough)
@@ -121,11 +105,9 @@ class AprilTagFinder(TagFinder):
     """Finds AprilTags; implements `MarkFinder`. Its upper edge is as OpenCV draws the tags."""
 
     families = APRILTAG_FAMILIES
-    usual_family = "36h11"
 
 
 class ArucoFinder(TagFinder):
     """Finds ArUco markers; implements `MarkFinder`."""
 
     families = ARUCO_FAMILIES
-    usual_family = "4x4_50"
