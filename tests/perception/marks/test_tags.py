@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from perception.marks.tag_pose import level_pose, placed_corners
 from perception.marks.tags import AprilTagFinder, ArucoFinder, TagFinder
 from tests.perception.marks.tag_views import CAMERA, tag_mark, view_of
 from uav_bt.errors import InputError
 from uav_bt.landing_marks import MarkSighting, MarkView
 from uav_bt.types import LandingMark
+from uav_bt.types.projection import project
 
 OFFSET_M = CAMERA.forward_offset_m
 BOARD = {
@@ -81,6 +83,36 @@ def test_a_board_is_one_mark_even_if_a_tag_is_hidden() -> None:
         place = (found.forward_m - OFFSET_M, found.right_m)
         assert place == pytest.approx((1.0, 0.2), abs=0.01)
         assert found.heading_deg == pytest.approx(-20.0, abs=1.0)
+
+
+@pytest.mark.parametrize("pitch_deg", [-90.0, -45.0])
+@pytest.mark.parametrize("place", [(0.0, 0.0, 1.5, 0.0), (0.4, -0.2, 1.2, 2.0)])
+@pytest.mark.parametrize("noise_px", [0.0, 0.1])
+def test_the_pose_of_exact_and_noisy_corners(
+    pitch_deg: float, place: tuple[float, float, float, float], noise_px: float
+) -> None:
+    """Exactly below the lens, too: there the corners are symmetrical around the image's middle."""
+    square = np.array([(-1, 1, 0), (1, 1, 0), (1, -1, 0), (-1, -1, 0)]) * 0.08
+    ahead_m = 0.0 if pitch_deg == -90.0 else 1.2
+    centres = [(x, y, 0.0) for x in (-0.12, 0.12) for y in (-0.12, 0.12)]
+    corners_m = np.concatenate([square + np.array(centre) for centre in centres])
+    true = np.array(place) + np.array([ahead_m, 0.0, 0.0, 0.0])
+    pitch_rad = math.radians(pitch_deg)
+    pixels = project(placed_corners(corners_m, true), CAMERA, pitch_rad)
+    pixels += noise_px * np.random.default_rng(1).normal(size=pixels.shape)
+    pose = level_pose(corners_m, pixels, CAMERA, pitch_rad)
+
+    assert pose is not None
+    within = 0.01 if noise_px else 1e-7
+    assert pose[:4] == pytest.approx(tuple(true), abs=within)
+    assert pose.error_px == pytest.approx(noise_px * math.sqrt(2.0), abs=noise_px / 2.0 + 1e-7)
+
+
+def test_corners_above_the_horizon_are_no_level_board() -> None:
+    corners_m = np.array([(-1.0, 1, 0), (1, 1, 0), (1, -1, 0), (-1, -1, 0)])
+    pixels = np.array([(300.0, 150), (340, 150), (340, 190), (300, 190)])
+
+    assert level_pose(corners_m, pixels, CAMERA, 0.0) is None
 
 
 def test_other_tags_are_not_the_mark() -> None:
