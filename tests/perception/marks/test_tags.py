@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pytest
 
 from perception.marks.tag_pose import level_pose, placed_corners
 from perception.marks.tags import AprilTagFinder, ArucoFinder, TagFinder
-from tests.perception.marks.tag_views import CAMERA, tag_mark, view_of
+from tests.perception.marks.tag_views import CAMERA, floor_view, tag_mark, view_of
 from uav_bt.errors import InputError
 from uav_bt.landing_marks import MarkSighting, MarkView
 from uav_bt.types import LandingMark
 from uav_bt.types.projection import project
 
 OFFSET_M = CAMERA.forward_offset_m
-BOARD = {
+BOARD: Final[dict[str, Any]] = {
     "family": "36h11",
     "tags": [
         {"id": 3, "size_m": 0.18, "at_m": [-0.12, 0.12]},
@@ -83,6 +83,61 @@ def test_a_board_is_one_mark_even_if_a_tag_is_hidden() -> None:
         place = (found.forward_m - OFFSET_M, found.right_m)
         assert place == pytest.approx((1.0, 0.2), abs=0.01)
         assert found.heading_deg == pytest.approx(-20.0, abs=1.0)
+
+
+PAPER = tag_mark(height_m=0.0)  # tag 7 of 0.36 m, on white paper of 0.5 m
+SMALL = replace(PAPER, length_m=0.14, width_m=0.14, options={"id": 7, "size_m": 0.1})
+FOUR = tag_mark(
+    height_m=0.0,
+    options={"tags": [*BOARD["tags"], {"id": 6, "size_m": 0.18, "at_m": [-0.12, -0.12]}]},
+)
+THREE = replace(FOUR, options=BOARD)
+LOOSE = replace(SMALL, length_m=0.25, width_m=0.25, options={"id": 6, "size_m": 0.18})
+LONE = replace(FOUR, options={"tags": [BOARD["tags"][0]]})
+
+
+@pytest.mark.parametrize("camera_m", [1.5, math.nan])
+@pytest.mark.parametrize(
+    ("mark", "prints", "found_at"),
+    [
+        (PAPER, [(PAPER, 0.3, 0.1)], (0.1, 0.3)),
+        (PAPER, [(PAPER, 0.3, 0.1), (PAPER, -0.5, -0.1)], None),
+        (PAPER, [(PAPER, -0.5, -0.1), (PAPER, 0.3, 0.1)], None),
+        (FOUR, [(FOUR, 0.05, 0.03)], (0.03, 0.05)),
+        (FOUR, [(FOUR, 0.05, 0.03), (LOOSE, -0.6, 0.2)], (0.03, 0.05)),
+        (FOUR, [(LOOSE, -0.6, -0.3), (FOUR, 0.05, 0.03)], (0.03, 0.05)),
+        (FOUR, [(THREE, 0.05, 0.03), (LOOSE, -0.6, 0.2)], (0.03, 0.05)),
+        (FOUR, [(LONE, 0.05, 0.03), (LOOSE, -0.6, 0.2)], None),
+    ],
+)
+def test_of_two_prints_the_one_that_more_tags_show_counts(
+    mark: LandingMark,
+    prints: list[tuple[LandingMark, float, float]],
+    found_at: tuple[float, float] | None,
+    camera_m: float,
+) -> None:
+    """Prints by the place of their middle to the right and ahead, seen from straight above."""
+    frame = replace(floor_view(prints), height_above_ground_m=camera_m)
+    found = AprilTagFinder(mark).find(MarkView(frame=frame, camera=CAMERA))
+
+    if found_at is None:
+        assert found is None
+    else:
+        assert found is not None
+        assert (found.forward_m - OFFSET_M, found.right_m) == pytest.approx(found_at, abs=0.01)
+        assert found.confidence == 1.0
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_a_small_print_of_the_same_tag_is_not_the_mark(first: int) -> None:
+    """Its size says that it lies far below the floor."""
+    prints = [(PAPER, 0.3, 0.1), (SMALL, -0.5, 0.2)]
+    frame = floor_view([prints[first], prints[1 - first]])
+    found = AprilTagFinder(PAPER).find(MarkView(frame=frame, camera=CAMERA))
+
+    assert found is not None
+    assert (found.forward_m - OFFSET_M, found.right_m) == pytest.approx((0.1, 0.3), abs=0.01)
+    assert found.confidence == 1.0
 
 
 @pytest.mark.parametrize("pitch_deg", [-90.0, -45.0])
