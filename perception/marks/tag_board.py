@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Final, NamedTuple, Self
+from typing import Annotated, Any, Final, Literal, NamedTuple, Self
 
 import cv2
 import numpy as np
@@ -63,15 +63,35 @@ class TagOptions(Options):
     size_m: _Side = 0.0
     tags: Annotated[tuple[Tag, ...], BeforeValidator(_as_tuple)] = ()
 
+    @property
+    def turned(self) -> bool:
+        """Whether the prints are turned by half a turn against OpenCV's dictionaries."""
+        return False
+
     @model_validator(mode="after")
     def _one_or_several(self) -> Self:
-        given = self.model_fields_set - {"family"}
+        given = self.model_fields_set - {"family", "print"}
         if given != {"id", "size_m"} and not (given == {"tags"} and self.tags):
             raise ValueError(
                 "needs the option id, the number of the tag in its family, and the option size_m, "
                 "the side of its black square in metres; or several tags in the option tags"
             )
         return self
+
+
+class AprilTagOptions(TagOptions):
+    """As `TagOptions`, and who drew the prints: AprilTag and most generators, or OpenCV.
+
+    The AprilTag dictionaries of OpenCV before 5.0.1, which pyproject.toml asks for, are turned by
+    half a turn against AprilTag's own images (github.com/opencv/opencv/pull/28823).
+    """
+
+    print: Literal["apriltag", "opencv"] = "apriltag"
+
+    @property
+    def turned(self) -> bool:
+        """Whether the prints are turned by half a turn against OpenCV's dictionaries."""
+        return self.print == "apriltag"
 
 
 class TagBoard(NamedTuple):
@@ -82,14 +102,14 @@ class TagBoard(NamedTuple):
     cells: int  # along the side of a tag, its black border included
 
 
-def read_board(mark: LandingMark, families: Mapping[str, int]) -> TagBoard:
+def read_board(mark: LandingMark, families: Mapping[str, int], form: type[TagOptions]) -> TagBoard:
     """Return the tags that the options of a landing mark describe.
 
     Raises:
         UnknownNameError: The family is unknown.
         ValueRangeError: An option is unknown, missing or out of range, or a tag does not fit.
     """
-    options = read_options(mark, TagOptions)
+    options = read_options(mark, form)
     family = options.family or next(iter(families))
     if family not in families:
         raise UnknownNameError(f"family of landing mark '{mark.kind}'", family, families)
@@ -114,6 +134,13 @@ def read_board(mark: LandingMark, families: Mapping[str, int]) -> TagBoard:
                 )
     # Comparing with all 587 tags of 36h11 takes 30 ms a frame.
     codes = whole.bytesList[[tag.id for tag in tags]]
+    if options.turned:
+        read, write = (
+            cv2.aruco.Dictionary.getBitsFromByteList,
+            cv2.aruco.Dictionary.getByteListFromBits,
+        )
+        bits = [read(code[None], whole.markerSize) for code in codes]
+        codes = np.concatenate([write(np.ascontiguousarray(each[::-1, ::-1])) for each in bits])
     own = cv2.aruco.Dictionary(codes, whole.markerSize, whole.maxCorrectionBits)
     return TagBoard(tags, own, cells)
 

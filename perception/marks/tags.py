@@ -9,7 +9,14 @@ from typing import ClassVar, Final, NamedTuple
 import cv2
 import numpy as np
 
-from perception.marks.tag_board import APRILTAG_FAMILIES, ARUCO_FAMILIES, draw_board, read_board
+from perception.marks.tag_board import (
+    APRILTAG_FAMILIES,
+    ARUCO_FAMILIES,
+    AprilTagOptions,
+    TagOptions,
+    draw_board,
+    read_board,
+)
 from perception.marks.tag_edges import refine_corners
 from perception.marks.tag_pose import BoardPose, level_pose, placed_corners
 from uav_bt.landing_marks import MarkSighting, MarkView
@@ -49,7 +56,7 @@ class _Fit(NamedTuple):
 
 
 class TagFinder:
-    """Base of the finders of tags; implements `MarkFinder`. Its options are those of `TagOptions`.
+    """Base of the finders of tags; implements `MarkFinder`. Its options are a `TagOptions`.
 
     The pose comes from the size of the tags, so that it needs neither a class map nor the height of
     the camera.
@@ -58,10 +65,11 @@ class TagFinder:
     uses_images = True
     shows_heading = True
     families: ClassVar[Mapping[str, int]]
+    options: ClassVar[type[TagOptions]] = TagOptions
 
     def __init__(self, mark: LandingMark) -> None:
         self._mark = mark
-        self._board = read_board(mark, self.families)
+        self._board = read_board(mark, self.families, self.options)
         self._corners_m = [tag.corners_m() for tag in self._board.tags]
         self._detector = cv2.aruco.ArucoDetector(self._board.dictionary)
 
@@ -146,9 +154,10 @@ class TagFinder:
 
 
 class AprilTagFinder(TagFinder):
-    """Finds AprilTags; implements `MarkFinder`. Its upper edge is as OpenCV draws the tags."""
+    """Finds AprilTags, as AprilTag's own images show them; implements `MarkFinder`."""
 
     families = APRILTAG_FAMILIES
+    options = AprilTagOptions
 
 
 class ArucoFinder(TagFinder):

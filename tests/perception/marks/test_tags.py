@@ -179,6 +179,19 @@ def test_other_tags_are_not_the_mark() -> None:
     assert AprilTagFinder(other).find(MarkView(frame=frame, camera=CAMERA)) is not None
 
 
+def test_prints_of_opencv_are_turned_by_half_a_turn() -> None:
+    options = {"id": 7, "size_m": 0.375}  # 384 pixels of the picture, so that no cell is cut
+    opencv = tag_mark(options={**options, "print": "opencv"})
+    finder, own = AprilTagFinder(opencv), AprilTagFinder(tag_mark(options=options))
+    assert (finder.picture()[::-1, ::-1] == own.picture()).all()
+
+    found = seen(finder, opencv, forward_m=1.0, heading_deg=30.0)
+    assert found is not None
+    assert found.heading_deg == pytest.approx(30.0, abs=1.0)
+    with pytest.raises(InputError, match="landing mark 'aruco' has no option 'print'"):
+        ArucoFinder(replace(opencv, kind="aruco"))
+
+
 def test_an_empty_view_shows_none() -> None:
     mark = tag_mark()
     frame = view_of(np.full((64, 64, 3), 255, np.uint8), mark, forward_m=1.0)
@@ -210,6 +223,10 @@ def test_a_tag_of_another_size_than_stated_is_hardly_trusted() -> None:
             "no option 'familly'; did you mean 'family'",
         ),
         ({"id": 7, "size_m": 0.3, "family": "36h12"}, "unknown family of landing mark 'apriltag'"),
+        (
+            {"id": 7, "size_m": 0.3, "print": "me"},
+            "print of .* should be 'apriltag' or 'opencv', got",
+        ),
         ({"id": 7}, "needs the option id, .*, and the option size_m"),
         ({"size_m": 0.3}, "needs the option id, .*, and the option size_m"),
         ({"id": 587, "size_m": 0.3}, "family 36h11 has the tags 0 to 586, got id 587"),
