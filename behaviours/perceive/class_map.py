@@ -138,12 +138,15 @@ class FindMark(Leaf):
 
     def on_setup(self, mission: MissionContext) -> None:
         """Make the finder of the mark; raises InputError if the mark's options are wrong."""
+        from perception.marks.region import RegionFinder  # noqa: PLC0415  (OpenCV is heavy)
         from perception.marks.tracker import MarkTracker  # noqa: PLC0415  (filterpy is heavy)
 
         self._mark = mission.mark
         if self.port_value("mark") == _SPOT:
             self._mark = replace(mission.mark, kind=_SPOT, height_m=0.0, options={})
         self._finder, self._track = make_mark_finder(self._mark), MarkTracker()
+        if isinstance(self._finder, RegionFinder):
+            self._finder.top_id(mission.classes)  # refuses an unknown class before the take-off
         # A drone without images sees the mark of the scene, and no texture.
         looks = self._finder.uses_images and self._mark == mission.mark
         self._sight = mission.sight if looks else None

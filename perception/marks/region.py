@@ -12,7 +12,7 @@ from pydantic import Field
 
 from perception.marks.options import Options, read_options
 from uav_bt.errors import UnknownNameError, ValueRangeError
-from uav_bt.lab.classes import MARK
+from uav_bt.lab.classes import MARK, LabClasses
 from uav_bt.landing_marks import MarkSighting, MarkView
 from uav_bt.types import ClassMap, LandingMark
 from uav_bt.types.arrays import Image, Indices
@@ -61,7 +61,7 @@ class RegionFinder:
         above_m = view.frame.height_above_ground_m - mark.height_m
         if class_map is None or not (above_m > 0.0 and math.isfinite(view.frame.gimbal_pitch_rad)):
             return None
-        seen = region_on_plane(class_map, self._class_id(class_map), view, mark.height_m)
+        seen = region_on_plane(class_map, self.top_id(class_map.classes), view, mark.height_m)
         if seen is None:
             return None
         share = min(1.0, seen.area_m2 / mark.area_m2)
@@ -78,15 +78,13 @@ class RegionFinder:
         """Return a plain colour, (64, 64, 3) RGB."""
         return np.full((_PICTURE_PX, _PICTURE_PX, 3), _COLOUR, dtype=np.uint8)
 
-    def _class_id(self, class_map: ClassMap) -> int:
-        classes = class_map.classes
-        if self._name is None:
-            if classes.mark_top is None:
-                raise ValueRangeError(
-                    "no class of the lab has the role mark: add one to its lab file"
-                )
-            return classes.mark_top
+    def top_id(self, classes: LabClasses) -> int:
+        """Return the id of the top's class; raises InputError if the lab has no such class."""
         marks = [classes.names[each] for each in classes.of_role(MARK)]
+        if self._name is None and classes.mark_top is not None:
+            return classes.mark_top
+        if self._name is None:
+            raise ValueRangeError("no class of the lab has the role mark: add one to its lab file")
         if self._name not in marks:
             raise UnknownNameError("class with the role mark", self._name, marks)
         return classes.id_of(self._name)

@@ -18,7 +18,7 @@ from tests.perception.marks.tag_views import view_of
 from tests.worlds.leaves import replace_tree
 from tests.worlds.values import motion
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, ODOMETRY, SITE_MAP, STATE
-from uav_bt.errors import AnswerError
+from uav_bt.errors import AnswerError, InputError
 from uav_bt.lab.shipped import default_mark
 from uav_bt.landing_marks import MarkSighting
 from uav_bt.plugins import make_mark_finder
@@ -263,6 +263,23 @@ def test_a_pad_that_leaves_the_view_is_carried() -> None:
     assert fix.captured_s == seen.captured_s
     assert seen.forward_m - fix.forward_m == pytest.approx(0.475, abs=0.01)
     assert fix.std_m > seen.std_m
+
+
+@pytest.mark.parametrize(
+    ("kind", "options", "message"),
+    [
+        ("region", {"class": "nope"}, "unknown class with the role mark 'nope'.*helipad_h"),
+        ("region", {"klass": "nope"}, "landing mark 'region' has no option 'klass'"),
+        ("nope", {}, "unknown landing mark 'nope'"),
+    ],
+)
+def test_an_unknown_mark_is_refused_before_the_first_view(
+    kind: str, options: dict[str, str], message: str
+) -> None:
+    bench = finding()
+    bench.provide(mark=replace(default_mark(), kind=kind, options=options))
+    with pytest.raises(InputError, match=message):
+        bench.tick()
 
 
 def test_no_pad_no_fix() -> None:
