@@ -40,13 +40,11 @@ _Side = Annotated[float, Field(gt=0.0)]
 
 
 class Tag(Options):
-    """One tag: its number in the family, the side of its black square, and its middle.
+    """One tag of a board."""
 
-    The middle is from the middle of the mark, metres to the right and towards the upper edge.
-    """
-
-    id: _Number
-    size_m: _Side
+    id: _Number  # in its family
+    size_m: _Side  # side of its black square
+    # Its middle from the middle of the mark: to the right, and towards the upper edge
     at_m: Annotated[tuple[float, float], BeforeValidator(_as_tuple)] = (0.0, 0.0)
 
     def corners_m(self) -> Floats:
@@ -62,11 +60,6 @@ class TagOptions(Options):
     id: _Number = 0
     size_m: _Side = 0.0
     tags: Annotated[tuple[Tag, ...], BeforeValidator(_as_tuple)] = ()
-
-    @property
-    def turned(self) -> bool:
-        """Whether the prints are turned by half a turn against OpenCV's dictionaries."""
-        return False
 
     @model_validator(mode="after")
     def _one_or_several(self) -> Self:
@@ -88,11 +81,6 @@ class AprilTagOptions(TagOptions):
 
     print: Literal["apriltag", "opencv"] = "apriltag"
 
-    @property
-    def turned(self) -> bool:
-        """Whether the prints are turned by half a turn against OpenCV's dictionaries."""
-        return self.print == "apriltag"
-
 
 class TagBoard(NamedTuple):
     """The tags of a landing mark; all are upright on it."""
@@ -105,9 +93,7 @@ class TagBoard(NamedTuple):
 def read_board(mark: LandingMark, families: Mapping[str, int], form: type[TagOptions]) -> TagBoard:
     """Return the tags that the options of a landing mark describe.
 
-    Raises:
-        UnknownNameError: The family is unknown.
-        ValueRangeError: An option is unknown, missing or out of range, or a tag does not fit.
+    Raises an InputError for an unknown family, and for an option or a tag that does not fit.
     """
     options = read_options(mark, form)
     family = options.family or next(iter(families))
@@ -120,9 +106,7 @@ def read_board(mark: LandingMark, families: Mapping[str, int], form: type[TagOpt
         if tag.id >= count:
             raise ValueRangeError(f"family {family} has the tags 0 to {count - 1}, got id {tag.id}")
         if sum(tag.id == other.id for other in tags) > 1:
-            raise ValueRangeError(
-                f"tag {tag.id} is listed twice; each tag needs a number of its own"
-            )
+            raise ValueRangeError(f"tag {tag.id} is listed twice; each tag needs its own number")
         # A white margin of one cell around the black square makes the square detectable.
         half_m = tag.size_m * (0.5 + 1.0 / cells)
         for offset_m, side_m in zip(tag.at_m, mark.top_m, strict=True):
@@ -134,7 +118,7 @@ def read_board(mark: LandingMark, families: Mapping[str, int], form: type[TagOpt
                 )
     # Comparing with all 587 tags of 36h11 takes 30 ms a frame.
     codes = whole.bytesList[[tag.id for tag in tags]]
-    if options.turned:
+    if isinstance(options, AprilTagOptions) and options.print == "apriltag":
         read, write = (
             cv2.aruco.Dictionary.getBitsFromByteList,
             cv2.aruco.Dictionary.getByteListFromBits,

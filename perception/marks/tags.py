@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import ClassVar, Final, NamedTuple
 
 import cv2
@@ -20,7 +21,7 @@ from perception.marks.tag_board import (
 from perception.marks.tag_edges import refine_corners
 from perception.marks.tag_pose import BoardPose, level_pose, placed_corners
 from uav_bt.landing_marks import MarkSighting, MarkView
-from uav_bt.types import CameraModel, LandingMark
+from uav_bt.types import LandingMark
 from uav_bt.types.arrays import Floats, Image
 from uav_bt.types.projection import project
 
@@ -77,12 +78,12 @@ class TagFinder:
         """Return the mark in an image; None if it shows none of the tags, or two such marks."""
         if not math.isfinite(view.frame.gimbal_pitch_rad):
             return None
-        seen = self._detect(view.frame.image)
         height_px, width_px = view.frame.image.shape[:2]
-        camera = view.camera.resized(width_px, height_px)
+        view = replace(view, camera=view.camera.resized(width_px, height_px))
+        seen = self._detect(view.frame.image)
         once = 0 < len(seen) == len({tag.place for tag in seen})
-        whole = self._fit(seen, view, camera) if once else None
-        fits = [whole] if whole else [self._around(tag, seen, view, camera) for tag in seen]
+        whole = self._fit(seen, view) if once else None
+        fits = [whole] if whole else [self._around(tag, seen, view) for tag in seen]
         best = max(filter(None, fits), key=lambda fit: fit.weight, default=None)
         if best is None:
             return None
@@ -95,7 +96,7 @@ class TagFinder:
         if clear <= 0.0:
             return None
         return MarkSighting(
-            forward_m=best.pose.forward_m + camera.forward_offset_m,
+            forward_m=best.pose.forward_m + view.camera.forward_offset_m,
             right_m=best.pose.right_m,
             height_m=self._mark.height_m,
             confidence=min(1.0, best.edge_px / _SURE_PX) * best.agreement * clear,
@@ -118,12 +119,12 @@ class TagFinder:
             found.append(_Seen(int(place), fine, float(edges_px.min())))
         return found
 
-    def _fit(self, tags: Sequence[_Seen], view: MarkView, camera: CameraModel) -> _Fit | None:
+    def _fit(self, tags: Sequence[_Seen], view: MarkView) -> _Fit | None:
         """Return the pose of the mark by some tags; None if they do not lie on one board."""
         pose = level_pose(
             np.concatenate([self._corners_m[tag.place] for tag in tags]),
             np.concatenate([tag.corners_px for tag in tags]),
-            camera,
+            view.camera,
             view.frame.gimbal_pitch_rad,
         )
         edge_px = max(tag.edge_px for tag in tags)
@@ -136,21 +137,19 @@ class TagFinder:
             agreement = min(1.0, (_HEIGHT_M + _HEIGHT_SHARE * range_m) / max(off_m, 1e-9))
         return _Fit(pose, edge_px, agreement, len(tags) * agreement)
 
-    def _around(
-        self, first: _Seen, seen: Sequence[_Seen], view: MarkView, camera: CameraModel
-    ) -> _Fit | None:
+    def _around(self, first: _Seen, seen: Sequence[_Seen], view: MarkView) -> _Fit | None:
         """Return the pose of the mark by a tag and the others that fit it."""
-        alone = self._fit([first], view, camera)
+        alone = self._fit([first], view)
         if alone is None:
             return None
         near: dict[int, tuple[float, _Seen]] = {}
         for tag in seen:
             placed = placed_corners(self._corners_m[tag.place], alone.pose)
-            expected_px = project(placed, camera, view.frame.gimbal_pitch_rad)
+            expected_px = project(placed, view.camera, view.frame.gimbal_pitch_rad)
             off = float(np.abs(expected_px - tag.corners_px).max()) / tag.edge_px
             if off < near.get(tag.place, (_NEAR_SHARE,))[0]:
                 near[tag.place] = off, tag
-        return self._fit([tag for _, tag in near.values()] or [first], view, camera) or alone
+        return self._fit([tag for _, tag in near.values()] or [first], view) or alone
 
 
 class AprilTagFinder(TagFinder):

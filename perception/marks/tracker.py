@@ -8,6 +8,7 @@ pose at their frame's capture. The fix is given relative to the present pose.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -45,7 +46,7 @@ class MarkTracker:
         self._filter: KalmanFilter | None = None
         self._seen: MarkFix | None = None  # the sighting in the newest frame
         self._accepted = False  # whether the track accepted that sighting
-        self._last: tuple[float, MarkSighting] | None = None  # newest capture; last sighting used
+        self._last: MarkFix | None = None  # the last sighting used, with the newest capture time
         self._rejected = 0
         self._forget_heading()
 
@@ -78,14 +79,12 @@ class MarkTracker:
             heading_deg=sighting.heading_deg,
         )
         pose = self._odometry.at(captured_s)
-        if pose is None:
-            return
-        self._accepted = self._place(sighting, pose)
-        if self._accepted:
+        self._accepted = pose is not None and self._place(self._seen, pose)
+        if pose is not None and self._accepted:
             if sighting.heading_deg is not None:
                 self._turn(pose.yaw_rad - math.radians(sighting.heading_deg), sighting.confidence)
-            newest_s = captured_s if self._last is None else max(self._last[0], captured_s)
-            self._last = newest_s, sighting
+            newest_s = captured_s if self._last is None else max(self._last.captured_s, captured_s)
+            self._last = replace(self._seen, captured_s=newest_s)
 
     def fix(self) -> MarkFix | None:
         """Return the mark relative to the drone; without telemetry only while it is seen."""
@@ -98,22 +97,19 @@ class MarkTracker:
         heading_deg = None
         if self._up_rad is not None:
             heading_deg = math.degrees(math.remainder(pose.yaw_rad - self._up_rad, math.tau))
-        seen_s, sighting = self._last
-        return MarkFix(
-            captured_s=seen_s,
+        return replace(
+            self._last,
             forward_m=forward_m,
             right_m=right_m,
-            height_m=sighting.height_m,
             detected=self._accepted,
-            confidence=sighting.confidence,
             std_m=float(np.sqrt(np.linalg.eigvalsh(self._filter.P)[-1])),
             heading_deg=heading_deg,
         )
 
-    def _place(self, sighting: MarkSighting, pose: OdometryPose) -> bool:
+    def _place(self, seen: MarkFix, pose: OdometryPose) -> bool:
         """Move the track by a sighting from a pose; return False for an outlier."""
-        measured = np.array(pose.to_world(sighting.forward_m, sighting.right_m))
-        noise = _noise(sighting, pose.yaw_rad)
+        measured = np.array(pose.to_world(seen.forward_m, seen.right_m))
+        noise = _noise(seen, pose.yaw_rad)
         if self._filter is None or self._rejected >= _RESTART:
             self._filter = KalmanFilter(dim_x=2, dim_z=2)
             self._filter.x = measured.reshape(2, 1)
@@ -146,10 +142,10 @@ class MarkTracker:
         self._up_rejected = 0
 
 
-def _noise(sighting: MarkSighting, yaw_rad: float) -> Floats:
+def _noise(seen: MarkFix, yaw_rad: float) -> Floats:
     """Return the covariance of a sighting in the odometry's frame, (2, 2)."""
-    doubt_m, range_m = _DOUBT_M * (1.0 - sighting.confidence), sighting.range_m
+    doubt_m, range_m = _DOUBT_M * (1.0 - seen.confidence), seen.range_m
     along_m = math.hypot(doubt_m, max(_FLOOR_M, _RANGE_SHARE * range_m))
     across_m = math.hypot(doubt_m, max(_FLOOR_M, _BEARING_RAD * range_m))
-    turn = rotation(yaw_rad + math.atan2(sighting.right_m, sighting.forward_m))
+    turn = rotation(yaw_rad + seen.bearing_rad)
     return np.asarray(turn @ np.diag([along_m**2, across_m**2]) @ turn.T)
