@@ -1,4 +1,4 @@
-"""Movers and the drone: their predicted places, the gap to a course, and straight ways out.
+"""Predicted places of movers, and the gap between them and a course.
 
 The numbers were chosen in flights among movers in the twin.
 """
@@ -7,18 +7,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
-from behaviours.path.clearance import ClearanceMap
 from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.site_map import MapMover, SiteMap
 
 SPARE_M: Final = 0.2  # least gap between body and mover
+# Height above the flight height that the drone climbs to. People and carts may pass below; the
+# limit of the ceiling holds. It keeps this height for a while after the last seen movement, because
+# a mover that is out of view may come back from any side.
+ABOVE_M: Final = 0.5
+RAISED_S: Final = 60.0
 
 _STEP_S: Final = 0.2  # between two predicted places
-_TIMES_S: Final = np.arange(0.0, 3.0 + _STEP_S / 2, _STEP_S)  # of a prediction
+TIMES_S: Final = np.arange(0.0, 3.0 + _STEP_S / 2, _STEP_S)  # of a prediction
 _TAKEN_S: Final = 1.0  # routes avoid the places that a mover reaches within this time
 # After this time the uncertainty of the velocity no longer grows the place's: movers turn and stop.
 _DOUBTED_S: Final = 1.5
@@ -31,21 +35,11 @@ _YIELDS_BY: Final = 0.5  # ratio of each speed tried to the one before
 _MIN_MPS: Final = 0.12  # the drone waits instead of flying more slowly than this
 _STOP_S: Final = 1.0  # the drone is predicted to fly on for this time and then stand still
 
-_DIRECTIONS: Final = 24  # of ways out
-_SPEEDS_MPS: Final = np.array([0.3, 0.6])
-_REACTION_S: Final = 0.4  # from a decision to its effect
-_FURTHEST_M: Final = 1.2  # length of the longest way
-_BRAKE_MPS2: Final = 0.8  # deceleration that the drone can rely on
-_ENOUGH_M: Final = 0.5  # gaps wider than this count as equal
-_PER_M: Final = 0.08  # least gain in gap per metre flown
-_KEPT_M: Final = 0.1  # bonus in gap for the present direction
 
-
-class WayOut(NamedTuple):
-    """The velocity of a straight way out, in the map's frame; 0 to stay."""
-
-    x_mps: float = 0.0
-    y_mps: float = 0.0
+def raised_m(site_map: SiteMap | None) -> float:
+    """Return the height above the flight height that the drone keeps on a map, metres."""
+    moved = site_map is not None and site_map.captured_s - site_map.moved_s <= RAISED_S
+    return ABOVE_M if moved else 0.0
 
 
 def outlines_m(movers: Sequence[MapMover]) -> Floats:
@@ -74,16 +68,16 @@ def gap_m(movers: Sequence[MapMover], places_m: Floats, body_m: float) -> Floats
     """
     min_left_m = np.full(places_m.shape[:-2], math.inf)
     for mover in movers:
-        doubt_m = np.hypot(mover.std_m, mover.std_mps * np.minimum(_TIMES_S, _DOUBTED_S))
+        doubt_m = np.hypot(mover.std_m, mover.std_mps * np.minimum(TIMES_S, _DOUBTED_S))
         doubt_m = np.minimum(doubt_m, _DOUBTED_M)
-        apart_m = np.linalg.norm(places_m - mover.at(_TIMES_S), axis=-1)
+        apart_m = np.linalg.norm(places_m - mover.at(TIMES_S), axis=-1)
         left_m = apart_m - mover.radius_m - doubt_m - body_m
         min_left_m = np.minimum(min_left_m, left_m.min(axis=-1))
     return min_left_m
 
 
 def yielding_mps(
-    movers: Sequence[MapMover], path_m: Floats, speed_mps: float, body_m: float
+    movers: Sequence[MapMover], path_m: Floats, speed_mps: float, body_m: float = 0.2
 ) -> float:
     """Return the highest speed along a path that keeps the gap to movers; 0 to wait.
 
@@ -98,7 +92,7 @@ def yielding_mps(
     along_m = np.concatenate([[0.0], np.hypot(*np.diff(path_m, axis=0).T).cumsum()])
     tried_mps = speed_mps
     while tried_mps >= _MIN_MPS:
-        flown_m = tried_mps * _TIMES_S
+        flown_m = tried_mps * TIMES_S
         places_m = np.stack([np.interp(flown_m, along_m, axis) for axis in path_m.T], axis=-1)
         if float(gap_m(movers, places_m, body_m)) >= SPARE_M:
             return tried_mps
@@ -114,7 +108,7 @@ def runs_into(site_map: SiteMap, velocity_mps: Floats, body_m: float) -> bool:
         velocity_mps: (2,) velocity of the drone over the ground, in the map's frame; 0 to stay.
         body_m: Half of the body's diagonal.
     """
-    flown_s = np.minimum(_TIMES_S, _STOP_S)[:, None]
+    flown_s = np.minimum(TIMES_S, _STOP_S)[:, None]
     places_m = np.array([site_map.pose.x_m, site_map.pose.y_m]) + flown_s * velocity_mps
     return bool(gap_m(site_map.movers, places_m, body_m) < SPARE_M)
 
@@ -126,56 +120,3 @@ def is_of_movers(movers: Sequence[MapMover], points_m: Floats) -> Flags:
         apart_m = np.hypot(*(points_m - (mover.x_m, mover.y_m)).T)
         found |= apart_m <= mover.radius_m + _AROUND_M
     return found
-
-
-def way_out(
-    clearance: ClearanceMap,
-    movers: Sequence[MapMover],
-    body_m: float,
-    *,
-    before: WayOut | None = None,
-) -> WayOut:
-    """Return the velocity that leaves the widest gap to movers; 0 to stay.
-
-    The way leads over ground that was seen, with clearance. The drone can stop before it ends.
-
-    Args:
-        clearance: The clearance map of the standing obstacles.
-        movers: The movers.
-        body_m: Half of the body's diagonal.
-        before: The way that is being flown; None without one.
-    """
-    pose = clearance.map.pose
-    here_m = np.array([pose.x_m, pose.y_m])
-    azimuths = np.arange(_DIRECTIONS) * 2.0 * math.pi / _DIRECTIONS
-    headings = np.stack([np.cos(azimuths), np.sin(azimuths)], axis=-1)
-    reaches_m = _open_m(clearance, here_m, headings)
-    flown_m = _SPEEDS_MPS[:, None] * np.maximum(_TIMES_S - _REACTION_S, 0.0)
-    stops_m = _SPEEDS_MPS * _REACTION_S + _SPEEDS_MPS**2 / (2.0 * _BRAKE_MPS2)
-    reaches_m = np.maximum(reaches_m[:, None] - stops_m, 0.0)  # (directions, speeds)
-    flown_m = np.minimum(flown_m, reaches_m[..., None])  # (directions, speeds, T)
-    left_m = gap_m(movers, here_m + flown_m[..., None] * headings[:, None, None], body_m)
-    worth = np.minimum(left_m, _ENOUGH_M) - _PER_M * flown_m[..., -1]
-    if before is not None and math.hypot(*before) > 0.0:
-        worth += _KEPT_M * np.cos(azimuths - math.atan2(before.y_mps, before.x_mps))[:, None]
-    worth[reaches_m <= 0.0] = -np.inf
-    stays_m = float(gap_m(movers, np.broadcast_to(here_m, (len(_TIMES_S), 2)), body_m))
-    direction, speed = np.unravel_index(int(worth.argmax()), worth.shape)
-    if worth[direction, speed] <= min(stays_m, _ENOUGH_M):
-        return WayOut()
-    return WayOut(*map(float, _SPEEDS_MPS[speed] * headings[direction]))
-
-
-def _open_m(clearance: ClearanceMap, here_m: Floats, headings: Floats) -> Floats:
-    """Return the open distance along each heading, metres, (D,)."""
-    found = clearance.map
-    ranges_m = np.arange(found.cell_m, _FURTHEST_M + found.cell_m / 2, found.cell_m)
-    places_m = here_m + ranges_m[:, None] * headings[:, None]
-    cells = np.floor((places_m - found.corner_m) / found.cell_m + 0.5).astype(int)
-    inside = np.asarray(((cells >= 0) & (cells < found.free.shape)).all(axis=-1))
-    rows, columns = np.moveaxis(np.where(np.expand_dims(inside, -1), cells, 0), -1, 0)
-    # The map also counts the cells around the drone as free. A drone that evades again and again
-    # carries them along, beyond an edge that it has not seen.
-    is_flyable = np.logical_and(clearance.open, found.ground)
-    is_open = np.logical_and(inside, is_flyable[rows, columns])
-    return np.asarray(found.cell_m * np.logical_and.accumulate(is_open, axis=1).sum(axis=1))
