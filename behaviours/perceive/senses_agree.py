@@ -12,7 +12,7 @@ from uav_bt.board.context import MissionContext
 from uav_bt.tree import Leaf, Port, Status
 
 if TYPE_CHECKING:
-    from perception.depth.confidence import Confidence
+    from perception.depth.confidence import Measure
 
 _SAME_S: Final = 1e-6  # times that differ by less are equal
 _FEWEST: Final = 3  # frames with an answer in a window
@@ -114,7 +114,7 @@ class SensesAgree(Leaf):
         self.feedback_message = next(filter(None, [check(now_s) for check in checks]), "")
         return Status.FAILURE if self.feedback_message else Status.SUCCESS
 
-    def _look(self) -> Confidence | None:
+    def _look(self) -> Measure | None:
         frame, camera = self.read(FRAME).value, self.read(CAMERA).value
         class_map, relative = self.read(CLASS_MAP).value, self.read(RELATIVE_DEPTH).value
         if frame is None or camera is None or class_map is None or relative is None:
@@ -128,8 +128,8 @@ class SensesAgree(Leaf):
         """Return why the window's depth contradicts the plane; empty if it does not."""
         found = self._look()
         if found is not None:
-            self._agreements.add(now_s, found.value or 0.0)
-            self._reason = found.reason
+            value, self._reason = found
+            self._agreements.add(now_s, value)
         mean = self._agreements.mean(now_s, self.port_value("for_s"))
         if mean is None or mean >= self.port_value("least"):
             return ""
