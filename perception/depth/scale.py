@@ -173,7 +173,7 @@ class ScaleFilter:
             kalman = self._filter = KalmanFilter(dim_x=1, dim_z=1)
             kalman.x, kalman.P = np.array([[log_scale]]), np.array([[noise]])
             kalman.H = kalman.F = np.eye(1)
-            self._time_s = captured_s
+            self._time_s = max(self._time_s, captured_s)
         else:
             innovation = log_scale - float(kalman.x[0, 0])
             if innovation**2 / (float(kalman.P[0, 0]) + noise) > _GATE:

@@ -193,3 +193,14 @@ def test_doubt_grows_with_time_until_there_is_no_scale_and_never_backwards() -> 
     assert certain[1] > later[1] > 0.0
     assert smooth.at(1.0) == later
     assert smooth.at(10.0) is None
+
+
+def test_a_restart_with_an_old_sample_does_not_turn_time_back() -> None:
+    smooth = ScaleFilter()
+    for frame in range(5):
+        smooth.update(0.0, 0.01, 10.0 + 0.1 * frame)
+    for frame in range(5):
+        assert not smooth.update(0.6, 0.01, 10.5 + 0.1 * frame)
+    assert smooth.update(0.6, 0.01, 9.0)
+    restarted = smooth.at(9.0)
+    assert smooth.at(10.9) == restarted
