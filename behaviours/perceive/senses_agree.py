@@ -102,8 +102,8 @@ class SensesAgree(Leaf):
             self._last_index = frame.index
             found = self._compare(relative, class_map, frame, camera, self._generator)
             if found is not None:
-                self._agreements.add(now_s, found.value or 0.0)
-                self._reason = found.reason
+                value, self._reason = found
+                self._agreements.add(now_s, value)
         mean = self._agreements.mean(now_s, self.port_value("for_s"))
         if mean is None or mean >= self.port_value("least"):
             return ""
