@@ -49,7 +49,7 @@ class Segment(Leaf):
         """Load the network; raises WeightsError or FileError when it cannot be loaded."""
         self._network = self._segmenter = mission.segmenter or self._load(mission)
         if mission.ground:
-            from perception.segmentation.mapping import CountedAsGround  # noqa: PLC0415 - late, as below
+            from perception.networks.mapping import CountedAsGround  # noqa: PLC0415 - late, as below
 
             self._segmenter = CountedAsGround(self._network, mission.classes, mission.ground)
         self._timer = StageTimer(mission, "segmentation")
@@ -82,8 +82,8 @@ class Segment(Leaf):
 
     def _load(self, mission: MissionContext) -> Segmenter:
         # Late: an inference runtime takes seconds to import; `uav-bt check` must answer at once.
+        from perception.networks.mapping import read_mapping  # noqa: PLC0415
         from perception.segmentation import runtime  # noqa: PLC0415
-        from perception.segmentation.mapping import read_mapping  # noqa: PLC0415
 
         classes = self.port_value("classes")
         path = segmentation_file(self.port_value("model"))

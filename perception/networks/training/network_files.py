@@ -62,13 +62,7 @@ class NetworkFiles(Generic[Net]):
     details: Callable[[Net], Mapping[str, Any]] = lambda _: {}
 
     def save(self, path: Path, net: Net, *, notes: Mapping[str, Any]) -> None:
-        """Write a network's weights and config.
-
-        Args:
-            path: the safetensors file; replaced in one step.
-            net: the network; its `config` is a dataclass.
-            notes: how it was trained, JSON values.
-        """
+        """Write a network's weights and its `config`, a dataclass; notes say how it was trained."""
         tensors = {
             name: tensor.detach().numpy()
             for name, tensor in net.state_dict().items()
@@ -112,20 +106,11 @@ class NetworkFiles(Generic[Net]):
         *,
         calibration: Iterable[NDArray[np.uint8]] | None = None,
     ) -> None:
-        """Generate the ONNX file of the weights.
+        """Generate the ONNX file of the weights, replaced in one step.
 
         The same weights and images give the same bytes. The metadata holds the SHA-256 of the
-        weights and the precision, `fp32` or `int8`.
-
-        Args:
-            weights: the safetensors file.
-            onnx_path: the file to write; replaced in one step.
-            calibration: images, (h, w, 3) uint8 RGB of any size, for the ranges of 8-bit
-                quantisation. None for a network in floats.
-
-        Raises:
-            WeightsError: the weights cannot be used.
-            ShapeError: `calibration` holds no image.
+        weights and the precision: `int8`, or `fp32` without images, (h, w, 3) uint8 RGB of any
+        size, that give the ranges of the 8-bit integers.
         """
         net, _ = self.load(weights)
         ports = self.ports(net)
@@ -221,11 +206,7 @@ def _make_unsigned(model: onnx.ModelProto) -> None:
 def _samples(
     ports: OnnxPorts, images: Iterable[NDArray[np.uint8]]
 ) -> Iterator[dict[str, NDArray[np.float32]]]:
-    """Yield inputs of consecutive images; all other inputs are zero.
-
-    Raises:
-        ShapeError: `images` is empty.
-    """
+    """Yield inputs of consecutive images; all other inputs are zero."""
     (name, shape), *others = ports.inputs.items()
     height, width = shape[-2:]
     small = [shrunk(rgb, (width, height)) for rgb in images]

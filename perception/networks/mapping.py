@@ -1,6 +1,6 @@
-"""Mapping file of a foreign segmentation network: meaning of its classes, format of its input.
+"""Mapping files of foreign networks: meaning of the output, and format of the input image.
 
-A mapping is a YAML (or JSON) file beside the network:
+A mapping is a YAML (or JSON) file. That of a segmentation network is named in the tree or site:
 
 .. code-block:: yaml
 
@@ -11,12 +11,14 @@ A mapping is a YAML (or JSON) file beside the network:
       layout: nchw            # or nhwc
       size: [224, 112]        # width, height; where the file leaves them open
     output: nchw              # or nhwc; where the sizes do not show it
-    threshold: 0.5            # of a network of one class, class 0; other pixels become the default
     default: outside          # optional: what classes become that are not listed
     classes:                  # the network's class number: a class of the lab, or a role
       0: outside
       5: obstacle
       11: ground
+
+That of a depth network has its name, `net.yaml` beside `net.onnx`. It has `input` as above, and
+`output`: `depth` or `disparity` (1/depth, as of MiDaS and Depth Anything).
 """
 
 from __future__ import annotations
@@ -29,7 +31,6 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.networks.input_format import InputFormat
 from uav_bt.errors import UnknownNameError, ValueRangeError
 from uav_bt.lab.classes import GROUND, LabClasses
 from uav_bt.protocols import Segmenter
@@ -39,18 +40,77 @@ from uav_bt.yaml_file import read_yaml
 _MAX_CLASSES: Final = 65536  # larger class numbers are mistakes
 
 
+@dataclass(frozen=True, kw_only=True)
+class InputFormat:
+    """Format of the image that a network takes."""
+
+    mean: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    # None: 255 for an input of floats, 1 for one of whole numbers, which scales inside.
+    scale: tuple[float, float, float] | None = None
+    colours: Literal["rgb", "bgr"] = "rgb"
+    layout: Literal["nchw", "nhwc"] = "nchw"
+    size: tuple[int, int] | None = None  # width and height in px, if the ONNX file leaves them open
+
+    def __post_init__(self) -> None:
+        if 0.0 in (self.scale or ()) or min(self.size or (1,)) < 1:
+            raise ValueRangeError(
+                "scale must have three numbers, none of them zero, and size must be a width and a "
+                f"height in px, got {self.scale} and {self.size}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClassMapping:
+    """Mapping of a network's class numbers to the classes of a lab."""
+
+    classes: Mapping[int, str]  # the network's class number -> our class or role
+    default: str = "outside"  # our class or role for unlisted class numbers
+    input: InputFormat = field(default_factory=InputFormat)
+    output: Literal["nchw", "nhwc"] | None = None  # layout of scores; None: found from the sizes
+
+    def __post_init__(self) -> None:
+        if not self.classes:
+            raise ValueRangeError("a class mapping must list at least one class")
+        for theirs in self.classes:
+            if not 0 <= theirs < _MAX_CLASSES:
+                raise ValueRangeError(f"a class number must lie within 0 and 65535, got {theirs}")
+
+    @staticmethod
+    def identity(classes: LabClasses) -> ClassMapping:
+        """Return the mapping of a network with the classes of the lab."""
+        return ClassMapping(classes=dict(enumerate(classes.names)))
+
+    def table(self, count: int, classes: LabClasses) -> NDArray[np.uint8]:
+        """Return our class id of each of the network's `count` classes.
+
+        Raises:
+            ValueRangeError: the mapping names a class that the network does not have.
+            UnknownNameError: the lab does not have a class.
+        """
+        if max(self.classes) >= count:
+            raise ValueRangeError(
+                f"the mapping names class {max(self.classes)}, the network has classes 0 to "
+                f"{count - 1}"
+            )
+        table = np.full(count, class_id_of(self.default, classes), dtype=np.uint8)
+        for theirs, ours in self.classes.items():
+            table[theirs] = class_id_of(ours, classes)
+        return table
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthMapping:
+    """Meaning of a depth network's output, and the format of its input image."""
+
+    output: Literal["depth", "disparity"]  # along the optical axis; 1/depth, both up to a factor
+    input: InputFormat = field(default_factory=InputFormat)
+
+
 def class_id_of(name: str, classes: LabClasses) -> int:
     """Return the id of a class, or that of the first suitable class of a role.
 
     A network may not distinguish the classes of a role. Its obstacles become the first class that
     stands on the ground, its landing mark becomes the sides of the mark.
-
-    Args:
-        name: Name of a class or of a role.
-        classes: Classes of the lab.
-
-    Raises:
-        UnknownNameError: There is no such class or role.
     """
     if name in classes.names:
         return classes.id_of(name)
@@ -66,84 +126,31 @@ def class_id_of(name: str, classes: LabClasses) -> int:
     return of_role[name][0]
 
 
-@dataclass(frozen=True, kw_only=True)
-class ClassMapping:
-    """Mapping of a network's class numbers to the classes of a lab."""
-
-    classes: Mapping[int, str]  # the network's class number -> our class or role
-    default: str = "outside"  # our class or role for unlisted class numbers
-    input: InputFormat = field(default_factory=InputFormat)
-    output: Literal["nchw", "nhwc"] | None = None  # layout of scores; None: found from the sizes
-    # Of the output of a network of one class. None: 0.5, and the output must be a probability.
-    threshold: float | None = None
-
-    def __post_init__(self) -> None:
-        if not self.classes:
-            raise ValueRangeError("a class mapping must list at least one class")
-        for theirs in self.classes:
-            if not 0 <= theirs < _MAX_CLASSES:
-                raise ValueRangeError(f"a class number must lie within 0 and 65535, got {theirs}")
-
-    @staticmethod
-    def identity(classes: LabClasses) -> ClassMapping:
-        """Return the mapping of a network with the classes of the lab."""
-        return ClassMapping(classes=dict(enumerate(classes.names)))
-
-    def table(self, count: int, classes: LabClasses) -> NDArray[np.uint8]:
-        """Return our class id of each of the network's classes.
-
-        Args:
-            count: number of the network's classes.
-            classes: classes of the lab.
-
-        Raises:
-            ValueRangeError: the mapping names a class the network does not have.
-            UnknownNameError: the lab does not have a class.
-        """
-        beyond = [number for number in self.classes if number >= count]
-        if beyond:
-            raise ValueRangeError(
-                f"the mapping names class {max(beyond)}, the network has classes 0 to {count - 1}"
-            )
-        table = np.full(count, class_id_of(self.default, classes), dtype=np.uint8)
-        for theirs, ours in self.classes.items():
-            table[theirs] = class_id_of(ours, classes)
-        return table
-
-
 def read_mapping(path: Path, classes: LabClasses) -> ClassMapping:
-    """Read a mapping file.
-
-    Args:
-        path: the file.
-        classes: classes of the lab.
+    """Read the mapping file of a segmentation network.
 
     Raises:
         FileError: the file is absent or malformed, or the lab does not have a class.
     """
     file = read_yaml(path, ClassMapping, "class mapping")
-    for name, *steps in (
-        (file.value.default, "default"),
-        *((ours, "classes", theirs) for theirs, ours in file.value.classes.items()),
-    ):
-        try:
-            class_id_of(str(name), classes)
-        except UnknownNameError as error:
-            raise file.error(str(error), *steps) from error
+    with file.at("default"):
+        class_id_of(file.value.default, classes)
+    for theirs, ours in file.value.classes.items():
+        with file.at("classes", theirs):
+            class_id_of(ours, classes)
     return file.value
 
 
+def read_depth_mapping(network: Path) -> DepthMapping | None:
+    """Return the mapping beside a depth network; None if there is no such file."""
+    path = network.with_suffix(".yaml")
+    if not path.is_file():
+        return None
+    return read_yaml(path, DepthMapping, "mapping of a depth network").value
+
+
 class CountedAsGround:
-    """A segmenter that replaces further classes with the ground of the lab.
-
-    Args:
-        segmenter: gives the classes.
-        classes: classes of the lab.
-        ground: names of the classes over which a drone may fly and by which depth is scaled.
-
-    Raises:
-        UnknownNameError: a name is not that of a class.
-    """
+    """A segmenter that replaces further classes of a lab, given by name, with its ground."""
 
     def __init__(self, segmenter: Segmenter, classes: LabClasses, ground: Iterable[str]) -> None:
         self._segmenter = segmenter

@@ -3,8 +3,6 @@
 The trunk is the U-Net of `perception.segmentation.training.unet`. Both heads read its features at
 half size, so a frame costs one inference. Depth is relative to the camera's height above the
 ground: at the right scale the factor from relative depth to metres is that height.
-
-This module imports torch; only training and export need it.
 """
 
 from __future__ import annotations
@@ -17,19 +15,17 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from perception.networks.named import ROLES
 from perception.networks.training.network_files import NetworkFiles, OnnxPorts
 from perception.segmentation.training.unet import UNet, UNetConfig
+
+ROLES: Final = ("outside", "ground", "obstacle")
+"""Roles in the order of their scores."""
 
 _DEPTH_RANGE: Final = 4.0  # of the logarithm of relative depth: 0.02 to 55 heights
 
 
 class RoomNet(nn.Module):
-    """RGB in [0, 1], (N, 3, H, W), to scores of the roles and relative depth.
-
-    Args:
-        config: the trunk's shape.
-    """
+    """RGB in [0, 1], (N, 3, H, W), to scores of the roles and relative depth."""
 
     def __init__(self, config: UNetConfig) -> None:
         super().__init__()
@@ -44,22 +40,18 @@ class RoomNet(nn.Module):
         )
 
     def forward(self, rgb: Tensor) -> tuple[Tensor, Tensor]:
-        """Return scores and depth.
+        """Return logits of the roles, (N, 3, H, W), and depth, (N, 1, H / 2, W / 2).
 
-        Args:
-            rgb: (N, 3, H, W) float, 0 to 1.
-
-        Returns:
-            Logits of the roles (N, 3, H, W), and depth along the optical axis in heights of the
-            camera above the ground (N, 1, H / 2, W / 2); floats.
+        Depth is along the optical axis, in heights of the camera above the ground.
         """
-        features = self.trunk.features(rgb)
-        logits = self.trunk.spread(self.trunk.head(features))
-        return logits, torch.exp(self.log_depth(features))
+        logits, log_depth = self.heads(rgb)
+        return logits, torch.exp(log_depth)
 
-    def log_depth(self, features: Tensor) -> Tensor:
-        """Return the logarithm of relative depth, (N, 1, H / 2, W / 2), of the features."""
-        return cast("Tensor", self.depth(features)).clamp(-_DEPTH_RANGE, _DEPTH_RANGE)
+    def heads(self, rgb: Tensor) -> tuple[Tensor, Tensor]:
+        """Return logits and the logarithm of depth."""
+        features = self.trunk.features(rgb)
+        logits = cast("Tensor", self.trunk.spread(self.trunk.head(features)))
+        return logits, self.depth(features).clamp(-_DEPTH_RANGE, _DEPTH_RANGE)
 
     def predict_roles(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Return the numbers of the roles, (H, W) uint8, of an image, (H, W, 3) uint8 RGB."""
