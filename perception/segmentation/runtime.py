@@ -15,6 +15,7 @@ from perception.networks.named import SHIPPED_UNET
 from perception.networks.onnx_runtime import OnnxNetwork
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.teacher import Teacher, load_teacher
+from uav_bt.errors import AnswerError
 from uav_bt.lab.classes import OBSTACLE, OUTSIDE, LabClasses
 from uav_bt.lab.shipped import load_lab
 from uav_bt.types import ClassMap, DepthMap, Frame
@@ -97,8 +98,7 @@ class OnnxSegmenter:
         """Return the class map of a frame, at the size of the network's output.
 
         Raises:
-            AnswerError: the network's output holds NaN or infinity.
-            WeightsError: the network's output holds no class numbers.
+            AnswerError: the network's output holds NaN, infinity or no class number.
         """
         ids = self.ids(frame.image)
         return ClassMap(ids=ids, classes=self._classes, captured_s=frame.captured_s)
@@ -113,7 +113,8 @@ class OnnxSegmenter:
             return self._table[numbers]
         whole = numbers.astype(np.int64)
         if (whole != numbers).any():
-            raise self._network.refused(
+            raise AnswerError(
+                self._network.path,
                 "class numbers must be whole numbers, and the network gives "
                 f"{numbers[whole != numbers][0]:.3g}; a network of scores needs a channel for each "
                 "class",
