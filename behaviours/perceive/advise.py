@@ -7,13 +7,11 @@ rule's action (dataset aggregation: Ross, Gordon, Bagnell, arXiv 1011.0686).
 
 from __future__ import annotations
 
-import numpy as np
-
 from behaviours.policies.view import VIEW_KEYS, ask, current_view, policy_view
 from uav_bt.answers import Answer
 from uav_bt.board import ADVICE, HELD_TURN, RECENT_VIEWS
 from uav_bt.board.context import MissionContext
-from uav_bt.protocols import Advice, LeafPolicy
+from uav_bt.protocols import Advice
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import HeldTurn
 
@@ -31,8 +29,8 @@ class Advise(Leaf):
 
     def on_setup(self, mission: MissionContext) -> None:
         """Find the policy; raises UnknownNameError for a name that is not registered."""
-        self._policy: LeafPolicy = mission.policy(self.port_value("policy"))
-        self._rng: np.random.Generator = mission.rng(self.path)
+        self._policy = mission.policy(self.port_value("policy"))
+        self._rng = mission.rng(self.path)
         self._clearances = mission.clearances
         self._last_index = -1
 

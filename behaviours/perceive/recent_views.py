@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import replace
 
 from uav_bt.board import FRAME, RECENT_VIEWS, STATE
@@ -25,18 +24,14 @@ class RememberViews(Leaf):
     writes = (RECENT_VIEWS,)
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Make the odometry.
-
-        Raises:
-            InputError: the drone's frames show nothing.
-        """
+        """Make the odometry; raises InputError if the drone's frames show nothing."""
         if mission.sight is not None:
             raise InputError(
                 "RememberViews keeps images for a policy that looks at them, and this drone has "
                 "none; fly the mission with --drone twin"
             )
         self._odometry = Odometry()
-        self._views: deque[PastView] = deque()
+        self._views: list[PastView] = []
 
     def update(self) -> Status:
         """Integrate the drone's motion, and keep a new frame."""
@@ -48,9 +43,8 @@ class RememberViews(Leaf):
             return Status.SUCCESS
         if self._views and self._views[-1].frame.index == frame.index:
             return Status.SUCCESS
-        self._views.append(PastView(frame=frame, pose=replace(pose, time_s=frame.captured_s)))
-        while self._views[0].frame.captured_s < frame.captured_s - self.port_value("keep_s"):
-            self._views.popleft()
-        recent = RecentViews(views=tuple(self._views))
-        self.write(RECENT_VIEWS, recent, captured_s=frame.captured_s)
+        newest = PastView(frame=frame, pose=replace(pose, time_s=frame.captured_s))
+        oldest_s = frame.captured_s - self.port_value("keep_s")
+        self._views = [each for each in self._views if each.frame.captured_s >= oldest_s] + [newest]
+        self.write(RECENT_VIEWS, RecentViews(views=tuple(self._views)), captured_s=frame.captured_s)
         return Status.SUCCESS

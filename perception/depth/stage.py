@@ -11,7 +11,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.view_change import ViewChange
 from perception.depth.evidence import flow_confidence
 from perception.depth.metric import MetricDepth, MetricDepthMaker, remembered_bases
 from uav_bt.errors import ValueRangeError
@@ -58,7 +57,6 @@ class DepthStage:
         self._network, self._maker, self._timer = network, maker, timer
         self._config = config or DepthStageConfig()
         self._last_image: NDArray[np.uint8] | None = None
-        self._view_change = ViewChange()
 
     def perceive(
         self,
@@ -72,9 +70,6 @@ class DepthStage:
         spent: Callable[[str, float], None] = _ignore,
     ) -> MetricDepth:
         """Return the depth of a new frame, at the class map's size.
-
-        The scale of the network's depth starts anew where the frame shows another place than the
-        one before (`ViewChange`).
 
         Args:
             frame: its telemetry gives the ground plane.
@@ -93,8 +88,6 @@ class DepthStage:
         refusal = self._frozen(frame, state) or self._misfit(frame, camera)
         if refusal:
             return MetricDepth.refused(refusal)
-        if self._view_change(frame, flown=state is not None):
-            self._maker.restart()
         began_s, network_s = self._timer(), 0.0
 
         def relative(network: DepthEstimator) -> DepthMap:

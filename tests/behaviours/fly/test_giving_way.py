@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from behaviours.fly.avoid import Avoid
-from behaviours.fly.explore import Explore
+from behaviours.fly.explore import Avoid, Explore
 from behaviours.fly.giving_way import GivingWay, GivingWayConfig
 from behaviours.fly.steering import SteeringLeaf
 from tests.behaviours.path.test_ways_out import mover

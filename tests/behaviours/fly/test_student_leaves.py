@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from behaviours.fly.corridor_clear import CorridorClear
-from behaviours.fly.explore import Explore
+from behaviours.fly.explore import CorridorClear, Explore
 from behaviours.perceive.advise import Advise
 from behaviours.perceive.recent_views import RememberViews
 from tests.worlds import values

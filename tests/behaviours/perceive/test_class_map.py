@@ -10,15 +10,12 @@ import pytest
 
 from behaviours.perceive.class_map import FindMark, Segment
 from tests.paper_lab import HELIPAD_BOX, HELIPAD_H, paper_map
-from tests.perception.marks.ground_views import CAMERA as GROUND_CAMERA
-from tests.perception.marks.ground_views import texture
-from tests.perception.marks.ground_views import view as view_of_ground
 from tests.perception.marks.tag_views import CAMERA as TAG_CAMERA
 from tests.perception.marks.tag_views import view_of
 from tests.worlds.leaves import replace_tree
 from tests.worlds.values import motion
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, ODOMETRY, SITE_MAP, STATE
-from uav_bt.errors import AnswerError
+from uav_bt.errors import AnswerError, InputError
 from uav_bt.lab.shipped import default_mark
 from uav_bt.landing_marks import MarkSighting
 from uav_bt.plugins import make_mark_finder
@@ -32,7 +29,6 @@ from uav_bt.types import (
     FlyingState,
     Frame,
     LandingMark,
-    Pose2D,
 )
 from uav_bt.types.dead_reckoning import OdometryPose
 
@@ -168,42 +164,6 @@ def test_a_tag_is_found_in_the_image_without_a_class_map() -> None:
     assert (fix.height_m, fix.heading_deg) == (0.0, pytest.approx(30.0, abs=1.0))
 
 
-def above_spot(*, off_m: float, mark: str = "spot") -> LeafBench:
-    """Return a bench after a take-off, a flight of 2 m, and two views from above the spot.
-
-    Args:
-        off_m: Error of the map's take-off pose at the end, ahead of the drone.
-        mark: Value of the port.
-    """
-    bench, floor = LeafBench(FindMark, mark=mark), texture()
-    bench.camera = GROUND_CAMERA
-    live(bench, gimbal_deg=-90.0)
-    for x_m in (0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0):
-        pose = Pose2D(x_m=x_m, y_m=0.0, yaw_rad=0.0)
-        bench.clock.advance(0.1)
-        now_s = bench.clock.now()
-        late = x_m == 2.0 or SITE_MAP in bench.board
-        start = Pose2D(x_m=off_m if late else 0.0, y_m=0.0, yaw_rad=0.0)
-        if late:
-            bench.board[SITE_MAP] = replace(drawn_map(), pose=pose, start=start, captured_s=now_s)
-        bench.board[FRAME] = view_of_ground(floor, pose, at_s=now_s).frame
-        bench.tick()
-    return bench
-
-
-def test_the_take_off_spot_is_found_by_its_ground_where_the_map_is_wrong() -> None:
-    """The map is 0.3 m wrong, and the texture of the ground is right."""
-    fix = above_spot(off_m=0.3).board[MARK]
-
-    assert fix.detected
-    assert math.hypot(fix.forward_m, fix.right_m) < 0.03
-    assert fix.height_m == 0.0
-
-
-def test_another_mark_is_not_replaced_by_the_take_off_spot() -> None:
-    assert MARK not in above_spot(off_m=0.0, mark="place").board
-
-
 class TagSight:
     """Perception without images that sees a tag ahead."""
 
@@ -263,6 +223,23 @@ def test_a_pad_that_leaves_the_view_is_carried() -> None:
     assert fix.captured_s == seen.captured_s
     assert seen.forward_m - fix.forward_m == pytest.approx(0.475, abs=0.01)
     assert fix.std_m > seen.std_m
+
+
+@pytest.mark.parametrize(
+    ("kind", "options", "message"),
+    [
+        ("region", {"class": "nope"}, "unknown class with the role mark 'nope'.*helipad_h"),
+        ("region", {"klass": "nope"}, "landing mark 'region' has no option 'klass'"),
+        ("nope", {}, "unknown landing mark 'nope'"),
+    ],
+)
+def test_an_unknown_mark_is_refused_before_the_first_view(
+    kind: str, options: dict[str, str], message: str
+) -> None:
+    bench = finding()
+    bench.provide(mark=replace(default_mark(), kind=kind, options=options))
+    with pytest.raises(InputError, match=message):
+        bench.tick()
 
 
 def test_no_pad_no_fix() -> None:

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from perception.camera.calibration import LayoutTrial
-from perception.camera.camera_file import Undistorter, fitted_camera, load_camera, write_camera
+from perception.camera.camera_file import Undistorter, load_camera, write_camera
 from perception.camera.orientation import Orientation
 from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.types import CameraModel
@@ -31,6 +31,7 @@ TRIAL = LayoutTrial(
     error_px=0.12345,
     common_error_px=0.2,
     camera=CAMERA,
+    deviation_px=0.3,
 )
 
 
@@ -86,8 +87,6 @@ def test_another_aspect_is_refused_with_both(tmp_path: Path, size: tuple[int, in
     write_camera(path, TRIAL)
     with pytest.raises(ValueRangeError, match=f"1280x720.*images are {size[0]}x{size[1]}"):
         load_camera(path, size_px=size)
-    with pytest.raises(ValueRangeError, match="the camera was calibrated"):
-        fitted_camera(CAMERA, *size)
 
 
 def test_the_lenss_place_may_be_given(tmp_path: Path) -> None:
@@ -149,6 +148,86 @@ def test_no_distortion_is_an_empty_list(tmp_path: Path) -> None:
     assert load_camera(path).distortion == ()
 
 
+# --- files of ROS and OpenCV ---
+
+ROS = """
+image_width: 640
+image_height: 360
+camera_name: head_camera
+camera_matrix: {rows: 3, cols: 3, data: [465.6, 0, 320.5, 0, 466, 180.5, 0, 0, 1]}
+distortion_model: plumb_bob
+distortion_coefficients: {rows: 1, cols: 5, data: [-0.1, 0.05, 0.001, -0.002, 0]}
+rectification_matrix: {rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1]}
+projection_matrix: {rows: 3, cols: 4, data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0]}
+"""
+OPENCV = """%YAML:1.0
+---
+image_width: 640
+image_height: 360
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 465.6, 0., 320.5, 0., 466., 180.5, 0., 0., 1. ]
+distortion_coefficients: !!opencv-matrix
+   rows: 1
+   cols: 5
+   dt: d
+   data: [ -0.1, 0.05, 0.001, -0.002, 0. ]
+"""
+
+
+def load(folder: Path, text: str) -> CameraModel:
+    path = folder / "foreign.yaml"
+    path.write_text(text, encoding="utf-8")
+    return load_camera(path)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        ROS,
+        OPENCV,
+        OPENCV.replace("%YAML:", "%YAML "),
+        OPENCV.replace("camera_matrix", "cameraMatrix").replace(
+            "distortion_coefficients", "distCoeffs"
+        ),
+        OPENCV.replace("640", "0640"),
+        OPENCV.replace(", 0. ]", " ]") + "fisheye_model: 0\n",
+        OPENCV.replace(", 0. ]", " ]") + "distortion_model: plumb_bob\n",
+    ],
+)
+def test_a_camera_of_another_tool_is_read(tmp_path: Path, text: str) -> None:
+    camera = load(tmp_path, text)
+    assert (camera.width_px, camera.height_px) == (640, 360)
+    assert camera.pinhole_px == (465.6, 466.0, 320.5, 180.5)
+    assert camera.distortion[:4] == (-0.1, 0.05, 0.001, -0.002)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (ROS.replace("plumb_bob", "equidistant"), "distortion_model: .*, got 'equidistant'"),
+        (OPENCV + "fisheye_model: 1\n", "expected 0, a pinhole camera, got 1; calibrate"),
+        (OPENCV.replace(", 0. ]", " ]"), "4 numbers may be those of a fisheye lens"),
+        (ROS.replace("image_width: 640\n", ""), "lacks the key 'image_width'"),
+        (ROS.replace(", 0, 0, 1]}", "]}", 1), "camera_matrix must have 9 numbers, got 6"),
+        (ROS.replace("465.6", "wide"), r":5: camera_matrix.data\[0\]: .*number, got 'wide'"),
+        (ROS.replace("465.6", "-1"), "positive focal lengths"),
+        (
+            ROS.replace("{rows: 1, cols: 5, data: ", "").replace("-0.002, 0]}", "-0.002, 0]"),
+            "distortion_coefficients: expected a mapping with data, got a list of 5",
+        ),
+    ],
+)
+def test_an_unreadable_file_is_reported_in_one_line(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(FileError, match=words) as refused:
+        load(tmp_path, text)
+    assert "\n" not in str(refused.value)
+
+
+# --- distortion ---
+
 BENT = CameraModel(
     width_px=200,
     height_px=100,
@@ -158,24 +237,15 @@ BENT = CameraModel(
     cy_px=49.5,
     distortion=(-0.2, 0.05, 0.001, -0.001, 0.0),
 )
-MATRIX = np.array([[150.0, 0, 99.5], [0, 150.0, 49.5], [0, 0, 1.0]])
-
-
-def test_points_go_back_to_where_a_lens_without_distortion_sees_them() -> None:
-    directions = np.array([[-0.5, -0.2, 1.0], [0.0, 0.0, 1.0], [0.4, 0.25, 1.0]])
-    bent, _ = cv2.projectPoints(
-        directions, np.zeros(3), np.zeros(3), MATRIX, np.array(BENT.distortion)
-    )
-    straight = Undistorter(BENT).points(bent.reshape(-1, 2))
-
-    assert straight == pytest.approx(150.0 * directions[:, :2] + (99.5, 49.5), abs=0.05)
 
 
 def test_a_bent_line_is_straightened() -> None:
     """A level line near the upper edge, drawn as the lens sees it."""
     along = np.linspace(-0.6, 0.6, 400)
     line = np.stack([along, np.full_like(along, -0.25), np.ones_like(along)], axis=1)
-    bent, _ = cv2.projectPoints(line, np.zeros(3), np.zeros(3), MATRIX, np.array(BENT.distortion))
+    bent, _ = cv2.projectPoints(
+        line, np.zeros(3), np.zeros(3), BENT.matrix, np.array(BENT.distortion)
+    )
     picture = np.zeros((100, 200), dtype=np.uint8)
     places = np.rint(bent * 16).astype(np.int32)  # sixteenths of a pixel
     cv2.polylines(picture, [places], False, 255, 2, cv2.LINE_AA, 4)
@@ -210,12 +280,8 @@ def test_without_distortion_nothing_changes(distortion: tuple[float, ...]) -> No
     picture = np.random.default_rng(0).integers(0, 255, (100, 200, 3), dtype=np.uint8)
 
     assert undistorter.undistort(picture) is picture
-    assert undistorter.points(np.array([[3.0, 4.0]])) == pytest.approx(np.array([[3.0, 4.0]]))
 
 
 def test_other_sizes_are_refused() -> None:
-    undistorter = Undistorter(BENT)
     with pytest.raises(ShapeError, match="100x200"):
-        undistorter.undistort(np.zeros((50, 100, 3), dtype=np.uint8))
-    with pytest.raises(ShapeError, match=r"\.\.\.x2"):
-        undistorter.points(np.zeros((4, 3)))
+        Undistorter(BENT).undistort(np.zeros((50, 100, 3), dtype=np.uint8))

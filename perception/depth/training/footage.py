@@ -1,4 +1,4 @@
-"""A flight's footage, and the camera's motion between its frames from telemetry.
+"""A flight's footage, and the camera's motion between its frames.
 
 The gimbal's pitch and the heading give the camera's rotation, the integrated velocity its
 translation. No ground truth is needed, and unlike the output of a pose network the motion is in
@@ -7,6 +7,8 @@ metres. The images of the ground make it precise (`perception.odometry.visual`).
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -15,20 +17,23 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from perception.odometry.visual import GroundView, OdometryConfig, ground_motion
-from uav_bt.errors import ShapeError, ValueRangeError
-from uav_bt.types import CameraModel, Pose2D
-from uav_bt.types.arrays import Floats
+from perception.odometry.visual import GroundView, ground_motion
+from uav_bt.types import Attitude, CameraModel, DroneState, Frame, Pose2D
+from uav_bt.types.arrays import Floats, Image
 from uav_bt.types.projection import camera_axes
 
 FOOTAGE_SIZE_PX: Final = (320, 256)  # width, height: SC-Depth's size for indoor video
+# Width of the local parabola over headings. Their noise is about a third of a degree, more than a
+# pixel. This width removes most of the noise and keeps turns.
+_YAW_WINDOW_S: Final = 0.15
+_HEIGHT_WINDOW_S: Final = 0.4  # of the height's parabola; shorter than a climb and a descent
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Footage:
     """One flight's video and telemetry; all times are of the flight's clock."""
 
-    frames: NDArray[np.uint8]  # (N, H, W, 3) RGB, resized, never cropped
+    frames: Image  # (N, H, W, 3) RGB, resized, never cropped
     index: NDArray[np.int64]  # (N,), the drone's frame numbers, increasing
     captured_s: Floats  # (N,), increasing
     gimbal_pitch_rad: Floats  # (N,), relative to the horizon
@@ -42,63 +47,70 @@ class Footage:
     velocity_mps: Floats  # (M, 3): forward, right, down in the heading-aligned body frame
     camera: CameraModel  # at the frames' size
 
-    def __post_init__(self) -> None:
-        count, ticks = len(self.captured_s), len(self.state_s)
-        if self.frames.ndim != 4 or self.frames.shape[3] != 3 or self.frames.dtype != np.uint8:
-            raise ShapeError("footage frames", expected="NxHxWx3 uint8", actual=self.frames.shape)
-        wanted = {
-            "frames": (count, self.camera.height_px, self.camera.width_px, 3),
-            "attitude_rad": (count, 3),
-            "state_attitude_rad": (ticks, 3),
-            "velocity_mps": (ticks, 3),
-            **dict.fromkeys(_PER_FRAME, (count,)),
-            "state_s": (ticks,),
-        }
-        for name, shape in wanted.items():
-            array = getattr(self, name)
-            if array.shape != shape:
-                expected = "x".join(map(str, shape))
-                raise ShapeError(f"footage {name}", expected=expected, actual=array.shape)
-            if not np.isfinite(array).all():
-                raise ValueRangeError(f"footage {name} holds NaN or infinity")
-        for name in ("index", "captured_s", "state_s"):
-            if (np.diff(getattr(self, name)) <= 0).any():
-                raise ValueRangeError(f"footage {name} must rise from entry to entry")
-
     def __len__(self) -> int:
         return len(self.frames)
 
 
-_PER_FRAME: Final = (
-    *("index", "captured_s", "gimbal_pitch_rad", "altitude_m", "height_m"),
-    "height_above_ground_m",
-)
-
-
-def shrink(
-    image: NDArray[np.uint8], size_px: tuple[int, int] = FOOTAGE_SIZE_PX
-) -> NDArray[np.uint8]:
+def shrink(image: Image, size_px: tuple[int, int] = FOOTAGE_SIZE_PX) -> Image:
     """Resize an image, (H, W, 3), by area to a width and height; it is never cropped."""
     if image.shape[1::-1] == size_px:
         return image
     return np.asarray(cv2.resize(image, size_px, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
-@dataclass(frozen=True, kw_only=True)
-class TrackConfig:
-    """How telemetry is smoothed."""
+def gathered(
+    frames: Iterable[Frame], states: Iterable[DroneState], camera: CameraModel
+) -> Footage | None:
+    """Return the footage of a flight; None without a frame or without telemetry.
 
-    # Width of the local parabola over headings. Their noise is about a third of a degree, more than
-    # a pixel. This width removes most of the noise and keeps turns.
-    yaw_window_s: float = 0.15
-    height_window_s: float = 0.4  # of the height's parabola; shorter than a climb and a descent
+    Telemetry that is not finite is left out with its frame, and velocities that are not new.
 
-    def __post_init__(self) -> None:
-        if not min(self.yaw_window_s, self.height_window_s) > 0.0:
-            raise ValueRangeError(
-                "yaw_window_s and height_window_s must be positive, got "
-                f"{self.yaw_window_s} and {self.height_window_s}"
-            )
+    Args:
+        frames: shrunk, in the order of time.
+        states: in the order of time.
+        camera: of the flight, at any size; without distortion.
+    """
+    images, rows, attitudes = [], [], []
+    for frame in frames:
+        heights_m = (frame.altitude_m, frame.height_m, frame.height_above_ground_m)
+        row, angles = (frame.captured_s, frame.gimbal_pitch_rad, *heights_m), _rad(frame.attitude)
+        if all(map(math.isfinite, (*row, *angles))):
+            images.append(frame)
+            rows.append(row)
+            attitudes.append(angles)
+    told, newest_s = [], -math.inf  # times of velocity and attitude, velocity, angles
+    for state in states:
+        times, speeds = state.times, state.velocity
+        velocity = (speeds.forward_mps, speeds.right_mps, speeds.down_mps)
+        row = (times.velocity_s, times.attitude_s, *velocity, *_rad(state.attitude))
+        if all(map(math.isfinite, row)) and times.velocity_s > newest_s:
+            told.append(row)
+            newest_s = times.velocity_s
+    if not images or not told:
+        return None
+    captured_s, pitch_rad, altitude_m, height_m, above_ground_m = np.array(rows).T.copy()
+    telemetry = np.array(told)
+    state_s, attitude_s = telemetry[:, 0], telemetry[:, 1]
+    turned = np.unwrap(telemetry[:, 5:], axis=0).T
+    return Footage(
+        frames=np.stack([frame.image for frame in images]),
+        index=np.array([frame.index for frame in images], dtype=np.int64),
+        captured_s=captured_s,
+        gimbal_pitch_rad=pitch_rad,
+        attitude_rad=np.array(attitudes),
+        altitude_m=altitude_m,
+        height_m=height_m,
+        height_above_ground_m=above_ground_m,
+        state_s=state_s.copy(),
+        # At the times of the velocities.
+        state_attitude_rad=np.stack([np.interp(state_s, attitude_s, line) for line in turned], 1),
+        velocity_mps=telemetry[:, 2:5].copy(),
+        camera=camera.resized(*FOOTAGE_SIZE_PX),
+    )
+
+
+def _rad(attitude: Attitude) -> tuple[float, float, float]:
+    return attitude.roll_rad, attitude.pitch_rad, attitude.yaw_rad
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -122,66 +134,45 @@ class CameraTrack:
         return np.concatenate([rotation, translation[:, None]], axis=1)
 
 
-def camera_track(footage: Footage, config: TrackConfig | None = None) -> CameraTrack:
-    """Return the camera's track through a flight, from telemetry.
-
-    Args:
-        footage: one flight.
-        config: how telemetry is smoothed.
-    """
-    config = config or TrackConfig()
+def camera_track(footage: Footage) -> CameraTrack:
+    """Return the camera's track through a flight, from telemetry."""
     times = np.concatenate([footage.captured_s, footage.state_s])
     headings = np.concatenate([footage.attitude_rad[:, 2], footage.state_attitude_rad[:, 2]])
     order = np.argsort(times, kind="stable")
     times, headings = times[order], np.unwrap(headings[order])
-    yaw_rad = _local_parabola(times, headings, footage.captured_s, config.yaw_window_s)
-    state_yaw_rad = _local_parabola(times, headings, footage.state_s, config.yaw_window_s)
+    yaw_rad = _local_parabola(times, headings, footage.captured_s, _YAW_WINDOW_S)
+    state_yaw_rad = _local_parabola(times, headings, footage.state_s, _YAW_WINDOW_S)
 
-    flown_m = _integrated(footage.state_s, _about_down(state_yaw_rad).apply(footage.velocity_mps))
+    rates = _about_down(state_yaw_rad).apply(footage.velocity_mps)
+    steps_m = 0.5 * (rates[1:] + rates[:-1]) * np.diff(footage.state_s)[:, None]
+    flown_m = np.concatenate([np.zeros((1, 3)), np.cumsum(steps_m, axis=0)])
     centre_m = np.stack(
-        [np.interp(footage.captured_s, footage.state_s, flown_m[:, axis]) for axis in range(3)],
-        axis=1,
+        [np.interp(footage.captured_s, footage.state_s, line) for line in flown_m.T], axis=1
     )
     # The lens is ahead of the body's centre and goes up and down with its nose.
-    pitch_rad = footage.attitude_rad[:, 1]
-    ahead_m = footage.camera.forward_offset_m
+    pitch_rad, ahead_m = footage.attitude_rad[:, 1], footage.camera.forward_offset_m
     lever = np.stack(
         [ahead_m * np.cos(pitch_rad), np.zeros_like(pitch_rad), -ahead_m * np.sin(pitch_rad)],
         axis=1,
     )
     level = np.stack([camera_axes(float(pitch)) for pitch in footage.gimbal_pitch_rad])
+    heights_m = _local_parabola(
+        footage.captured_s, footage.height_above_ground_m, footage.captured_s, _HEIGHT_WINDOW_S
+    )
     return CameraTrack(
         rotation=_about_down(yaw_rad).as_matrix() @ level,
         position_m=centre_m + _about_down(yaw_rad).apply(lever),
         yaw_rad=yaw_rad,
-        height_m=-lever[:, 2]
-        + _local_parabola(
-            footage.captured_s,
-            footage.height_above_ground_m,
-            footage.captured_s,
-            config.height_window_s,
-        ),
+        height_m=-lever[:, 2] + heights_m,
     )
 
 
 def measured_motion(
-    footage: Footage,
-    track: CameraTrack,
-    origin: int,
-    target: int,
-    config: OdometryConfig | None = None,
+    footage: Footage, track: CameraTrack, origin: int, target: int
 ) -> Floats | None:
     """Return the transform of points between the cameras of two frames, measured on the ground.
 
-    Args:
-        footage: one flight.
-        track: its camera track from telemetry.
-        origin: index of the first frame in the footage.
-        target: index of the second frame.
-        config: how points are tracked.
-
-    Returns:
-        (3, 4), metres; None if the images do not show enough ground.
+    (3, 4), metres; None if the images do not show enough ground.
     """
     apart = _about_down(-track.yaw_rad[origin]).apply(
         track.position_m[target] - track.position_m[origin]
@@ -205,7 +196,7 @@ def measured_motion(
     )
     if min(first.height_m, second.height_m) <= 0.0:
         return None
-    shown = ground_motion(first, second, guess, config=config)
+    shown = ground_motion(first, second, guess)
     if shown is None:
         return None
     found = shown.motion
@@ -220,11 +211,6 @@ def measured_motion(
 def _about_down(yaw_rad: float | Floats) -> Rotation:
     """Return the rotation of each angle about the downward axis, clockwise seen from above."""
     return Rotation.from_rotvec(np.multiply.outer(yaw_rad, (0.0, 0.0, 1.0)))
-
-
-def _integrated(times_s: Floats, rates: Floats) -> Floats:
-    steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(times_s)[:, None]
-    return np.concatenate([np.zeros((1, rates.shape[1])), np.cumsum(steps, axis=0)])
 
 
 def _local_parabola(times: Floats, values: Floats, at: Floats, window_s: float) -> Floats:

@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from behaviours.fly.face import Face
-from behaviours.fly.go_to import GoTo
-from behaviours.fly.move_by import ClimbTo, MoveBy
+from behaviours.fly.move_by import MoveBy
+from behaviours.fly.places import Face, GoTo
+from behaviours.fly.take_off import ClimbTo
 from tests.behaviours.path.test_ways_out import mover
 from uav_bt.board import FLIGHT_HEIGHT, PHASE
 from uav_bt.errors import InputError
@@ -245,6 +245,12 @@ def test_it_turns_to_the_place(at: str, *, right: bool) -> None:
     live(bench, site_map=replace(on(), objects=(box,), mark=mark))
     assert (velocity(bench).yaw_rate_radps > 0.3) == right
     assert abs(velocity(bench).yaw_rate_radps) > 0.3
+
+
+@pytest.mark.parametrize("at", ["nan", "inf", "-Infinity"])
+def test_a_heading_is_a_finite_number(at: str) -> None:
+    with pytest.raises(InputError, match=f"expected a heading in degrees, or a place, got '{at}'"):
+        LeafBench(Face, at=at)
 
 
 def test_it_faces_the_place_for_a_moment() -> None:

@@ -1,65 +1,13 @@
 """The camera's movement: from telemetry, and measured on the ground."""
 
-from dataclasses import replace
-
 import cv2
 import numpy as np
 import pytest
 
-from perception.odometry.camera_track import (
-    Footage,
-    TrackConfig,
-    camera_track,
-    measured_motion,
-    shrink,
-)
-from perception.odometry.visual import GroundView, OdometryConfig, ground_motion
+from perception.depth.training.footage import camera_track, measured_motion, shrink
+from perception.odometry.visual import GroundView, ground_motion
 from tests.perception.depth.depth_flight import KnownFlight, known_flight
-from uav_bt.errors import ShapeError, ValueRangeError
-from uav_bt.types import CameraModel, Pose2D
-
-CAMERA = CameraModel(
-    width_px=32, height_px=24, fx_px=25.0, fy_px=20.0, cx_px=15.5, cy_px=11.5, distortion=(0.1, 0.0)
-)
-
-
-def _footage(count: int = 3) -> Footage:
-    rng = np.random.default_rng(0)
-    line = np.linspace(0.0, 1.0, count)
-    return Footage(
-        frames=rng.integers(0, 255, (count, 24, 32, 3), dtype=np.uint8),
-        index=np.arange(count, dtype=np.int64),
-        captured_s=line,
-        gimbal_pitch_rad=-line,
-        attitude_rad=rng.random((count, 3)),
-        altitude_m=line,
-        height_m=line,
-        height_above_ground_m=line,
-        state_s=np.arange(5.0),
-        state_attitude_rad=rng.random((5, 3)),
-        velocity_mps=rng.random((5, 3)),
-        camera=CAMERA,
-    )
-
-
-def test_arrays_of_another_length_are_refused() -> None:
-    with pytest.raises(ShapeError, match="footage velocity_mps must be 5x3, got 4x3"):
-        replace(_footage(), velocity_mps=np.zeros((4, 3)))
-
-
-def test_frames_of_another_size_than_the_cameras_are_refused() -> None:
-    with pytest.raises(ShapeError, match="footage frames must be 3x24x32x3, got 3x24x30x3"):
-        replace(_footage(), frames=np.zeros((3, 24, 30, 3), np.uint8))
-
-
-def test_times_that_do_not_rise_are_refused() -> None:
-    with pytest.raises(ValueRangeError, match="captured_s must rise"):
-        replace(_footage(), captured_s=np.array([0.0, 0.2, 0.2]))
-
-
-def test_numbers_that_are_none_are_refused() -> None:
-    with pytest.raises(ValueRangeError, match="altitude_m holds NaN"):
-        replace(_footage(), altitude_m=np.array([0.0, np.nan, 1.0]))
+from uav_bt.types import Pose2D
 
 
 def test_an_image_is_resized_and_never_cropped() -> None:
@@ -123,12 +71,6 @@ def test_the_ground_tells_the_movement_better_than_noisy_telemetry(noisy: KnownF
     assert np.mean(measured) < 0.5 * np.mean(told)
 
 
-def test_what_is_far_from_telemetry_is_not_believed(flight: KnownFlight) -> None:
-    track = camera_track(flight.footage)
-    strict = OdometryConfig(max_yaw_rad=0.0)
-    assert measured_motion(flight.footage, track, 2, 6, strict) is None
-
-
 def test_without_texture_telemetry_stays(flight: KnownFlight) -> None:
     footage = flight.footage
     grey = np.full(footage.frames.shape[1:3], 90, np.uint8)
@@ -151,8 +93,3 @@ def test_two_equal_pictures_show_no_movement(flight: KnownFlight) -> None:
     assert abs(found.motion.x_m) < 2e-3
     assert abs(found.motion.y_m) < 2e-3
     assert abs(found.motion.yaw_rad) < 1e-3
-
-
-def test_a_window_of_nought_is_refused() -> None:
-    with pytest.raises(ValueRangeError, match="must be positive"):
-        TrackConfig(yaw_window_s=0.0)
