@@ -92,13 +92,9 @@ def drop_small_components(ids: NDArray[np.uint8], *, area_px: int) -> NDArray[np
 def filled_holes(
     ids: NDArray[np.uint8], *, inside: Collection[int], but: Collection[int] = (), area_px: int
 ) -> NDArray[np.uint8]:
-    """Return the map without holes, which are small pieces surrounded by one class.
+    """Return the map without holes of at most an area, surrounded by one class of `inside`.
 
-    Args:
-        ids: (H, W) uint8 class ids.
-        inside: the classes whose holes are filled.
-        but: classes whose pieces are never holes.
-        area_px: area of the largest piece that counts as a hole.
+    Pieces of the classes `but` are never holes.
     """
     filled = ids.copy()
     around = np.ones((3, 3), dtype=np.uint8)
