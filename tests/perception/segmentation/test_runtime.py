@@ -23,7 +23,7 @@ from perception.segmentation.teacher import load_teacher
 from tests.paper_lab import CLASSES
 from tests.perception.networks.small_networks import IMAGE, halves, save
 from tests.perception.segmentation.patterned import samples
-from uav_bt.errors import FileError, ValueRangeError, WeightsError
+from uav_bt.errors import AnswerError, FileError, ValueRangeError, WeightsError
 from uav_bt.lab.classes import GROUND, OBSTACLE, OUTSIDE
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.shipped import load_lab
@@ -181,6 +181,15 @@ def test_a_mapping_for_another_network_is_refused(tmp_path: Path) -> None:
         OnnxSegmenter(path, CLASSES, ClassMapping.identity(CLASSES))
     with pytest.raises(WeightsError, match=r"scores of the 17 classes .* gives 3: give"):
         OnnxSegmenter(path, CLASSES)
+
+
+def test_a_pixel_without_a_class_number_is_an_error_of_the_answer(tmp_path: Path) -> None:
+    """The mission goes on without this frame; for the grey image of the start all is well."""
+    nodes = f"{GREEN} more = Sub(share, half) y = Relu(more)"
+    path = save(tmp_path / "n.onnx", nodes, given="float[1,1,8,16]", constants=CONSTANTS)
+    segmenter = OnnxSegmenter(path, CLASSES, ClassMapping(classes={0: "roof_1", 1: "carpet"}))
+    with pytest.raises(AnswerError, match=r"must be whole numbers, and the network gives 0\.284"):
+        segmenter.ids(halves())
 
 
 def test_the_shipped_unet_gives_the_same_map_every_time() -> None:
