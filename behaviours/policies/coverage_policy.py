@@ -23,16 +23,17 @@ from uav_bt.errors import MissionError
 from uav_bt.protocols import PolicyView
 from uav_bt.types.site_map import SiteMap
 
-_LITTLE_M2PS: Final = 0.03  # m2/s of new ground on ordinary routes below which tight ones are tried
+# The numbers were chosen in surveys of the training scenes.
+_LITTLE_M2PS: Final = 0.03  # tight routes are tried below this rate of new ground on ordinary ones
 _TURN_RAD: Final = math.radians(30)  # turn for another view when no route is known
-_DOUBTED_S: Final = 1.0  # s; a map that the views contradict for longer is not used
-_BLIND_S: Final = (
-    2.0  # s without ground in view, after which the drone turns towards it, because its
-)
-# drift is not measured meanwhile. An ordinary turn over the outside takes less.
-_BACK_S: Final = 5.0  # s for which it does so where an obstacle hides the ground of the map: a turn
-# takes less, and perhaps no heading shows more ground.
-_AROUND_M: Final = 2.0  # m; the drone turns towards the ground within this distance
+_DOUBTED_S: Final = 1.0  # a map that the views contradict for longer than this is not used
+# The drone turns towards the ground after this time without ground in view, because its drift is
+# not measured meanwhile. An ordinary turn over the outside takes less.
+_BLIND_S: Final = 2.0
+# It does so for at most this time where an obstacle hides the ground of the map: a turn takes less,
+# and perhaps no heading shows more ground.
+_BACK_S: Final = 5.0
+_AROUND_M: Final = 2.0  # the drone turns towards the ground within this distance
 _FACED_RAD: Final = math.radians(30)  # ground within this angle of the heading is looked at already
 _LOOKS_RAD: Final = tuple(  # where else to look, the smallest turn first
     math.radians(side * angle) for angle in range(45, 181, 15) for side in (1, -1)
@@ -47,11 +48,7 @@ class CoveragePolicy:
         import behaviours.path.compiled_loops  # noqa: F401, PLC0415
 
     def decide(self, view: PolicyView) -> Answer:
-        """Return a heading and a speed; a turn when no way is known; done when all is covered.
-
-        Raises:
-            MissionError: no map is on the board.
-        """
+        """Return a heading and a speed; a turn when no way is known; done when all is covered."""
         site_map = view.site_map
         if site_map is None:
             raise MissionError(

@@ -165,11 +165,6 @@ def test_while_something_moves_nothing_is_covered_for_good() -> None:
     assert isinstance(decide(lane, full_turns=1), Blocked)
 
 
-def test_the_same_view_gives_the_same_decision() -> None:
-    policy, seen = CoveragePolicy(), view(cast(), site_map=drawn_map())
-    assert policy.decide(seen) == policy.decide(seen)
-
-
 def test_where_nowhere_is_room_enough_it_flies_the_narrow_way() -> None:
     """A passage of 0.6 m: covered only when that, too, was flown."""
     x_m = np.arange(-2.0, 2.01, 0.05)
