@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.mapping.landmarks import Landmarks
-from perception.mapping.tables import nearest_circles
+from perception.mapping.landmarks import Landmarks, nearest_circles
 from uav_bt.types.arrays import Flags, Floats
 
 
