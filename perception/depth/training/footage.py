@@ -82,9 +82,9 @@ def gathered(
     for state in states:
         times, speeds = state.times, state.velocity
         velocity = (speeds.forward_mps, speeds.right_mps, speeds.down_mps)
-        row = (times.velocity_s, times.attitude_s, *velocity, *_rad(state.attitude))
-        if all(map(math.isfinite, row)) and times.velocity_s > newest_s:
-            told.append(row)
+        line = (times.velocity_s, times.attitude_s, *velocity, *_rad(state.attitude))
+        if all(map(math.isfinite, line)) and times.velocity_s > newest_s:
+            told.append(line)
             newest_s = times.velocity_s
     if not images or not told:
         return None
