@@ -17,7 +17,7 @@ from behaviours.fly.mark_track import (
     straight_to,
 )
 from behaviours.fly.steering import FLOWING, POLICY, SteeringLeaf
-from behaviours.path.following import FollowConfig, follow
+from behaviours.path.following import UNMAPPED_S, follow
 from behaviours.path.gimbal_pointing import LookingDown, mark_pitch_rad, shows_unplaced
 from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import recent_obstacles
@@ -74,7 +74,6 @@ class GoToMarkConfig:
 
     Attributes:
         margins: Distances that the route keeps.
-        follow: How the route is followed.
         near_m: Preferred largest distance from the route's end to the mark.
         far_m: Largest distance from the route's end to the mark if no route ends within `near_m`.
         nearer_m: If no route ends within `far_m`, a route must end at least this much nearer to the
@@ -89,7 +88,6 @@ class GoToMarkConfig:
     """
 
     margins: Margins = field(default_factory=Margins)
-    follow: FollowConfig = field(default_factory=FollowConfig)
     near_m: float = 0.15
     far_m: float = 0.9
     nearer_m: float = 0.5
@@ -167,7 +165,7 @@ class GoToMark(MarkLeaf):
         """Return the course over the map; None when the map has no path."""
         cfg = self.config
         to = site_map.pose.to_world(fix.forward_m, fix.right_m)
-        recent = recent_obstacles(self.obstacles(), site_map, unmapped_s=cfg.follow.unmapped_s)
+        recent = recent_obstacles(self.obstacles(), site_map, unmapped_s=UNMAPPED_S)
         maps = ClearanceMaps(site_map, recent, self._margins, crossing=True, over=to)
         route = maps.route_to(to, near_m=cfg.near_m, far_m=cfg.far_m)
         if route is None:  # fly as near as known ground leads; from there more is seen
@@ -179,7 +177,6 @@ class GoToMark(MarkLeaf):
             route,
             site_map,
             self.read(CORRIDOR).value,
-            config=cfg.follow,
             most_mps=TRACK.slow_down_per_s * fix.range_m,
             reason=f"mark {fix.range_m:.1f} m",
         )

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.path.clearance import ClearanceMap, Route
-from behaviours.path.following import FollowConfig, follow
+from behaviours.path.following import UNMAPPED_S, follow
 from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import recent_obstacles
 from behaviours.path.next_viewpoint import (
@@ -46,7 +46,6 @@ class MapSearchConfig:
         kept: A viewpoint is given up when it shows less than this share of its initial area.
         doubted_s: The map is not used when the views have contradicted it for longer.
         margins: Distances that routes keep.
-        follow: How routes are followed.
         view: How viewpoints are evaluated.
         repeats: Whether the search starts over when all ground was seen, because the mark may have
             been missed.
@@ -60,7 +59,6 @@ class MapSearchConfig:
     kept: float = 0.4
     doubted_s: float = 1.0
     margins: Margins = field(default_factory=Margins)
-    follow: FollowConfig = field(default_factory=FollowConfig)
     view: ViewpointConfig = field(default_factory=ViewpointConfig)
     repeats: bool = True
 
@@ -125,7 +123,7 @@ class MapSearch:
         if site_map.restarts != self._restarts:  # the map has a new frame
             self._restarts, self._in_vain_m = site_map.restarts, np.empty((0, 2))
             self.pause()
-        recent = recent_obstacles(obstacles, site_map, unmapped_s=self.config.follow.unmapped_s)
+        recent = recent_obstacles(obstacles, site_map, unmapped_s=UNMAPPED_S)
         # A narrow route may cross lanes of movers.
         maps = ClearanceMaps(site_map, recent, self.config.margins, crossing=True)
         if mark is not None:
@@ -206,10 +204,7 @@ class MapSearch:
     def _follow(
         self, route: Route, site_map: SiteMap, corridor: Corridor | None, reason: str
     ) -> Course | None:
-        cfg = self.config
-        return follow(
-            route, site_map, corridor, margins=cfg.margins, config=cfg.follow, reason=reason
-        )
+        return follow(route, site_map, corridor, margins=self.config.margins, reason=reason)
 
     def _is_settled(self, view: Viewpoint, clearance: ClearanceMap, in_view: GroundInView) -> bool:
         """Return whether a view has shown most of its area, or cannot be reached any more."""

@@ -10,7 +10,6 @@ from typing import Final
 
 import numpy as np
 
-from perception.camera.view_change import ViewChange
 from perception.depth.confidence import flow_measure
 from perception.depth.metric import MetricDepth, MetricDepthMaker, remembered_bases
 from uav_bt.protocols import DepthEstimator
@@ -40,7 +39,6 @@ class DepthStage:
     ) -> None:
         self._network, self._maker, self._timer = network, maker, timer
         self._last_image: Image | None = None
-        self._view_change = ViewChange()
 
     def perceive(
         self,
@@ -54,9 +52,6 @@ class DepthStage:
         spent: Callable[[str, float], object] = lambda *_: None,
     ) -> MetricDepth:
         """Return the depth of a new frame, at the class map's size.
-
-        The scale of the network's depth starts anew where the frame shows another place than the
-        one before (`ViewChange`).
 
         Args:
             frame: its telemetry gives the ground plane.
@@ -75,8 +70,6 @@ class DepthStage:
         refusal = self._frozen(frame, state) or _misfit(frame, camera)
         if refusal:
             return MetricDepth.refused(refusal)
-        if self._view_change(frame, flown=state is not None):
-            self._maker.restart()
         began_s, network_s = self._timer(), 0.0
 
         def relative(network: DepthEstimator) -> DepthMap:

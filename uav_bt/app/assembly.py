@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any, Final, Generic, TypeVar
 
-from perception.camera.frame_watch import FrameWatch, FrameWatchConfig
+from perception.camera.frame_watch import FrameWatch
 from uav_bt import plugins
 from uav_bt.app.drone_of_flight import make_drone
 from uav_bt.app.exact_masks import ExactSegmenter
@@ -268,4 +268,4 @@ def join(
 
 def frame_judge(drone: Drone) -> FrameJudge:
     """Return the check of images: it explains why an image is unusable for flight."""
-    return FrameWatch(FrameWatchConfig(still_s=_STILL_S) if drone.live else None)
+    return FrameWatch(still_s=_STILL_S) if drone.live else FrameWatch()

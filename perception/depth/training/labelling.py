@@ -20,16 +20,16 @@ from perception.camera.ground_plane import GroundPlane, view_of
 from perception.depth.contact.depth import ContactEstimation
 from perception.depth.metric import remembered_bases
 from perception.depth.training.clips import DepthLabels
-from perception.depth.training.parallax import Parallax, ParallaxConfig
-from perception.mapping.recent import RecentLayer
-from perception.mapping.view import View
-from perception.odometry.camera_track import (
+from perception.depth.training.footage import (
     FOOTAGE_SIZE_PX,
     CameraTrack,
     Footage,
     camera_track,
     measured_motion,
 )
+from perception.depth.training.parallax import Parallax, ParallaxConfig
+from perception.mapping.recent import RecentLayer
+from perception.mapping.view import View
 from perception.odometry.ground import GroundOdometry
 from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.files import whole_file

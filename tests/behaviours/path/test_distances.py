@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from behaviours.path.distances import Distances
+from behaviours.path.clearance import Distances
 from behaviours.path.nearby import RecentObstacles
 from uav_bt.testing.world import drawn_map
 from uav_bt.types.site_map import MapObject

@@ -122,7 +122,7 @@ def test_no_leg_passes_an_obstacle_or_the_edge_too_near(places: list[tuple[float
     found = leg(drawn_map(obstacles=obstacles))
     if found is None:
         return
-    away = found.path_m[np.hypot(*found.path_m.T) > MARGINS.start_m]
+    away = found.path_m[np.hypot(*found.path_m.T) > 0.7]
     assert np.abs(away).max(initial=0.0) <= 2.0 - MARGINS.edge_m + 0.1
     for place in obstacles:
         assert np.hypot(*(away - place).T).min(initial=9.0) >= MARGINS.touch_m - 0.1
@@ -177,7 +177,7 @@ def test_walls_all_round_shut_in() -> None:
 def test_the_speed_rises_with_the_room() -> None:
     speeds = MARGINS.speed_mps(np.array([0.0, MARGINS.touch_m, 0.6, MARGINS.wide_m, 3.0]))
     assert np.all(np.diff(speeds) >= 0.0)
-    assert list(speeds[:2]) == [MARGINS.away_mps, MARGINS.slow_mps]
+    assert list(speeds[:2]) == [0.1, MARGINS.slow_mps]
     assert speeds[-1] == MARGINS.fast_mps
 
 
@@ -200,10 +200,10 @@ def test_an_edge_seen_lately_counts_beside_the_maps() -> None:
 
 
 def test_views_that_are_off_the_map_widen_the_distances() -> None:
-    sure, unsure = MARGINS.by(MARGINS.sure_m), MARGINS.by(MARGINS.sure_m + 0.01)
+    sure, unsure = MARGINS.by(0.016), MARGINS.by(0.026)
     assert sure == MARGINS
-    assert unsure.touch_m == pytest.approx(MARGINS.touch_m + 0.01 * MARGINS.unsure_times)
-    assert unsure.edge_m == pytest.approx(MARGINS.edge_m + 0.01 * MARGINS.unsure_times)
+    assert unsure.touch_m == pytest.approx(MARGINS.touch_m + 0.01 * 8.0)
+    assert unsure.edge_m == pytest.approx(MARGINS.edge_m + 0.01 * 8.0)
     assert MARGINS.by(1.0).touch_m == pytest.approx(MARGINS.touch_m + MARGINS.unsure_m)
     site_map = drawn_map(obstacles=np.array([[1.0, 0.0]]))
     open_now = ClearanceMap(site_map, RecentObstacles()).open.sum()

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.depth.training.footage import FOOTAGE_SIZE_PX, Footage, shrink
 from perception.depth.training.labelling import LABEL_SIZE_PX, DepthLabels
-from perception.odometry.camera_track import FOOTAGE_SIZE_PX, Footage, shrink
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene_file import load_scene

@@ -22,7 +22,7 @@ from perception.depth.corridor import CorridorBuilder, CorridorConfig
 from perception.depth.metric import MetricDepth, MetricDepthMaker
 from perception.depth.scale import Scale
 from perception.depth.stage import DepthStage
-from perception.marks.tracked_mark import TrackedMark
+from perception.marks.tracker import MarkTracker
 from uav_bt.display.video.perception_video import Seen
 from uav_bt.errors import AnswerError, ValueRangeError
 from uav_bt.lab.shipped import default_mark
@@ -116,7 +116,7 @@ class Pipeline:
             generator=copy.deepcopy(self._generator),
         )
         self._depth = DepthStage(self._network, maker, timer=self._timer)
-        self._track = TrackedMark()
+        self._track = MarkTracker()
         self._state: DroneState | None = None
 
     def perceive(self, frame: Frame, states: Sequence[DroneState] = ()) -> Perceived:
