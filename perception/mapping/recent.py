@@ -71,7 +71,7 @@ class RecentLayer:
         # (N, 2) Nearest ground in the newest view on the bearings of obstacles of unknown range
         # that reach the drone's height, forward and right of the body's centre at capture
         self.unplaced_m = _NO_M
-        self._newest_s = -math.inf
+        self._points, self._newest_s = _NONE, -math.inf
         self.forget()
 
     def expire(self, now_s: float) -> None:
