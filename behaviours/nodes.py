@@ -12,11 +12,10 @@ from behaviours.fly.helipad_center import HelipadCenter
 from behaviours.fly.land import EmergencyLand, Land, LandHere
 from behaviours.fly.places import Face, GoTo
 from behaviours.fly.search_mark import MarkFound, ScanBelow, SearchByMap, SearchUnderPolicy
-from behaviours.perceive.advise import Advise
 from behaviours.perceive.class_map import FindMark, Segment
 from behaviours.perceive.depth import BuildCorridor, EstimateDepth
 from behaviours.perceive.motion import TrackMotion
-from behaviours.perceive.recent_views import RememberViews
+from behaviours.perceive.recent_views import Advise, RememberViews
 from behaviours.perceive.senses_agree import SensesAgree
 from behaviours.perceive.site_map import MapSite
 from uav_bt.tree import Node

@@ -7,16 +7,7 @@ from typing import Final, Self
 
 from behaviours.stage_timer import StageTimer
 from perception.networks.named import segmentation_file
-from uav_bt.board import (
-    CAMERA,
-    CLASS_MAP,
-    FRAME,
-    MARK,
-    ODOMETRY,
-    RELATIVE_DEPTH,
-    SITE_MAP,
-    STATE,
-)
+from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, ODOMETRY, RELATIVE_DEPTH, SITE_MAP, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import AnswerError, FileError
 from uav_bt.files import did_you_mean_file
@@ -24,9 +15,10 @@ from uav_bt.landing_marks import MarkSighting, MarkView
 from uav_bt.plugins import make_mark_finder
 from uav_bt.protocols import DepthBeside, Segmenter
 from uav_bt.tree import Leaf, Port, Status
+from uav_bt.types import ClassMap, Frame
 
-_OF_THE_PLACE: Final = "place"
 _MODEL: Final = "'unet', 'any' (any room, by roles), 'teacher', or an ONNX file"
+_CLASSES: Final = "class-mapping file of a foreign ONNX network"
 _MARK: Final = "place: the mark of the scene, the site or the lab"
 
 
@@ -46,14 +38,7 @@ class Segment(Leaf):
     answers = (Status.SUCCESS,)
     ports = (
         Port("model", str, default="unet", doc=_MODEL, look_up=segmentation_file, at_setup=True),
-        Port(
-            "classes",
-            str,
-            default="",
-            doc="class-mapping file of a foreign ONNX network",
-            look_up=_mapping_file,
-            at_setup=True,
-        ),
+        Port("classes", str, default="", doc=_CLASSES, look_up=_mapping_file, at_setup=True),
     )
     reads = (FRAME,)
     writes = (CLASS_MAP, RELATIVE_DEPTH)
@@ -116,16 +101,7 @@ class FindMark(Leaf):
     """
 
     answers = (Status.SUCCESS,)
-    ports = (
-        Port(
-            "mark",
-            str,
-            default=_OF_THE_PLACE,
-            choices=(_OF_THE_PLACE,),
-            doc=_MARK,
-            at_setup=True,
-        ),
-    )
+    ports = (Port("mark", str, default="place", choices=("place",), doc=_MARK, at_setup=True),)
     reads = (STATE, FRAME, CLASS_MAP, CAMERA, ODOMETRY, SITE_MAP)
     writes = (MARK,)
 
@@ -134,8 +110,7 @@ class FindMark(Leaf):
         from perception.marks.region import RegionFinder  # noqa: PLC0415  (OpenCV is heavy)
         from perception.marks.tracker import MarkTracker  # noqa: PLC0415  (filterpy is heavy)
 
-        self._mark = mission.mark
-        self._finder, self._track = make_mark_finder(self._mark), MarkTracker()
+        self._finder, self._track = make_mark_finder(mission.mark), MarkTracker()
         if isinstance(self._finder, RegionFinder):
             self._finder.top_id(mission.classes)  # refuses an unknown class before the take-off
         self._sight = mission.sight if self._finder.uses_images else None
@@ -143,9 +118,8 @@ class FindMark(Leaf):
         self._last_s, self._map_restarts = -1.0, 0
 
     def on_inherit(self, former: Self) -> None:
-        """Keep the track of the same mark, and the state of its finder."""
-        if self._mark == former._mark:
-            self._finder, self._track, self._last_s = former._finder, former._track, former._last_s
+        """Keep the track of the mark, and the state of its finder."""
+        self._finder, self._track, self._last_s = former._finder, former._track, former._last_s
         self._map_restarts = former._map_restarts
 
     def update(self) -> Status:
@@ -161,24 +135,24 @@ class FindMark(Leaf):
         # telemetry's.
         over_ground = state if motion is None else motion.over_ground(state)
         self._track.predict(over_ground, self.clock.now())
-        view = self.read(FRAME if self._finder.uses_images else CLASS_MAP).value
+        frame, class_map = self.read(FRAME).value, self.read(CLASS_MAP).value
+        view = frame if self._finder.uses_images else class_map
         if view is None:
             self._track.see(None, self._last_s)
         elif view.captured_s != self._last_s:
             self._last_s = view.captured_s
             with self._timer:
-                self._track.see(self._sighting(self._last_s), self._last_s)
+                self._track.see(self._sighting(frame, class_map), self._last_s)
         fix = self._track.fix()
         if fix is not None:
             self.write(MARK, fix, captured_s=fix.captured_s)
         return Status.SUCCESS
 
-    def _sighting(self, captured_s: float) -> MarkSighting | None:
-        """Return the mark in the view of a capture time."""
-        frame, camera = self.read(FRAME).value, self.read(CAMERA).value
-        if frame is None or camera is None or frame.captured_s != captured_s:
+    def _sighting(self, frame: Frame | None, class_map: ClassMap | None) -> MarkSighting | None:
+        """Return the mark in the newest view; a class map of another frame shows none."""
+        camera = self.read(CAMERA).value
+        if frame is None or camera is None or frame.captured_s != self._last_s:
             return None
         if self._sight is not None:
             return self._sight.mark(frame)
-        class_map = self.read(CLASS_MAP).value
         return self._finder.find(MarkView(frame=frame, camera=camera, class_map=class_map))

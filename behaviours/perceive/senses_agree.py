@@ -20,26 +20,18 @@ _STRETCH: Final = "largest factor between the ways by the ground and by telemetr
 _FOLLOWED: Final = "least share of frames with ground whose motion is measured on it; 0: no check"
 
 
-class _Window:
-    """Answers of the last seconds; the oldest is as old as the window or older."""
+_Answers = list[tuple[float, float]]  # of frames, by time: time in s, value
 
-    def __init__(self) -> None:
-        self._answers: list[tuple[float, float]] = []  # time, s; value
 
-    def add(self, now_s: float, value: float) -> None:
-        """Add the answer of a frame."""
-        self._answers.append((now_s, value))
-
-    def mean(self, now_s: float, for_s: float) -> float | None:
-        """Return the mean answer of the last `for_s`; None before the window is full."""
-        began_s, known = now_s - for_s + _SAME_S, self._answers
-        if known and known[-1][0] <= began_s:
-            known.clear()  # nothing was measured within the window
-        while len(known) > 1 and known[1][0] <= began_s:
-            known.pop(0)
-        if len(known) < _FEWEST or known[0][0] > began_s:
-            return None
-        return sum(value for _, value in known) / len(known)
+def _mean(answers: _Answers, began_s: float) -> float | None:
+    """Return the mean answer of a window, and drop older ones; None before the window is full."""
+    if answers and answers[-1][0] <= began_s:
+        answers.clear()  # nothing was measured within the window
+    while len(answers) > 1 and answers[1][0] <= began_s:
+        answers.pop(0)
+    if len(answers) < _FEWEST or answers[0][0] > began_s:
+        return None
+    return sum(value for _, value in answers) / len(answers)
 
 
 class SensesAgree(Leaf):
@@ -77,7 +69,8 @@ class SensesAgree(Leaf):
         self._forget()
 
     def _forget(self) -> None:
-        self._agreements, self._followed = _Window(), _Window()
+        self._agreements: _Answers = []
+        self._followed: _Answers = []
         self._stretched_since_s: float | None = None
 
     def update(self) -> Status:
@@ -85,6 +78,7 @@ class SensesAgree(Leaf):
         if self._clock.tick() > 0:
             self._forget()
         now_s, motion = self._clock.now(), self.read(ODOMETRY).value
+        self._began_s = now_s - self.port_value("for_s") + _SAME_S  # of the window
         contradictions = (
             self._against_plane(now_s),
             self._against_telemetry(now_s, motion),
@@ -97,27 +91,29 @@ class SensesAgree(Leaf):
         """Return why the window's depth contradicts the plane; empty if it does not."""
         frame, camera = self.read(FRAME).value, self.read(CAMERA).value
         class_map, relative = self.read(CLASS_MAP).value, self.read(RELATIVE_DEPTH).value
-        looks = frame is not None and frame.index != self._last_index
-        if looks and camera is not None and class_map is not None and relative is not None:
+        if frame is None or camera is None or class_map is None or relative is None:
+            pass
+        elif frame.index != self._last_index:
             self._last_index = frame.index
             found = self._compare(relative, class_map, frame, camera, self._generator)
             if found is not None:
-                self._agreements.add(now_s, found.value or 0.0)
-                self._reason = found.reason
-        mean = self._agreements.mean(now_s, self.port_value("for_s"))
+                value, self._reason = found
+                self._agreements.append((now_s, value))
+        mean = _mean(self._agreements, self._began_s)
         if mean is None or mean >= self.port_value("least"):
             return ""
         return f"the network's depth contradicts the ground's plane ({self._reason}): {_ADVICE}"
 
     def _against_telemetry(self, now_s: float, motion: MotionEstimate | None) -> str:
         """Return why the motion over the ground contradicts telemetry; empty if it does not."""
-        factor, most = motion and motion.stretch, math.log(self.port_value("stretch"))
+        factor = None if motion is None else motion.stretch
+        most = math.log(self.port_value("stretch"))
         if factor is None or (factor > 0.0 and abs(math.log(factor)) <= most):
             self._stretched_since_s = None
             return ""
         if self._stretched_since_s is None:
             self._stretched_since_s = now_s
-        if now_s - self._stretched_since_s < self.port_value("for_s") - _SAME_S:
+        if self._stretched_since_s > self._began_s:
             return ""
         return f"the ground passes {factor:.2f} times as fast as telemetry reports: {_ADVICE}"
 
@@ -126,11 +122,9 @@ class SensesAgree(Leaf):
         if motion is not None and motion.seen.time_s != self._seen_s:
             self._seen_s = motion.seen.time_s
             if motion.ground_share is not None and motion.ground_share >= _SHOWS_GROUND:
-                self._followed.add(now_s, float(motion.tracked_s == self._seen_s))
-        share = self._followed.mean(now_s, self.port_value("for_s"))
+                self._followed.append((now_s, float(motion.tracked_s == self._seen_s)))
+        share = _mean(self._followed, self._began_s)
         if share is None or share >= self.port_value("followed"):
             return ""
-        return (
-            "the floor shows too little texture: its motion was measured in "
-            f"{share:.0%} of the frames that show it"
-        )
+        found = f"its motion was measured in {share:.0%} of the frames that show it"
+        return f"the floor shows too little texture: {found}"

@@ -12,10 +12,16 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.mapping.arrivals import ArrivalConfig, find_arrivals
+from perception.mapping.arrivals import (
+    HIDDEN_M,
+    HIDDEN_MPS,
+    SETTLES_S,
+    STEP_M,
+    find_arrivals,
+    hidden_arrival,
+)
 from perception.mapping.contradiction import Contradiction, ContradictionConfig
 from perception.mapping.ground_grid import GroundGrid, GroundGridConfig
-from perception.mapping.hidden_arrival import HiddenArrivalConfig, hidden_arrival
 from perception.mapping.known_objects import KnownObjectConfig, KnownObjects
 from perception.mapping.landmarks import (
     LandmarkConfig,
@@ -27,8 +33,7 @@ from perception.mapping.landmarks import (
     merge,
 )
 from perception.mapping.mark_place import MarkPlace, MarkPlaceConfig
-from perception.mapping.mover_track import MoverConfig
-from perception.mapping.movers import MoverTracker
+from perception.mapping.movers import LIFE_S, MoverTracker
 from perception.mapping.objects import find_objects
 from perception.mapping.recent import RecentLayer, RecentLayerConfig
 from perception.mapping.registration import Registration, RegistrationConfig
@@ -57,9 +62,6 @@ class SiteMapperConfig:
     objects_s: float = 0.5  # interval between two searches for objects. Chosen.
     view: ViewConfig = field(default_factory=ViewConfig)
     grid: GroundGridConfig = field(default_factory=GroundGridConfig)
-    arrivals: ArrivalConfig = field(default_factory=ArrivalConfig)
-    movers: MoverConfig = field(default_factory=MoverConfig)
-    hidden: HiddenArrivalConfig = field(default_factory=HiddenArrivalConfig)
     recent: RecentLayerConfig = field(default_factory=RecentLayerConfig)
     landmarks: LandmarkConfig = field(default_factory=LandmarkConfig)
     registration: RegistrationConfig = field(default_factory=RegistrationConfig)
@@ -93,7 +95,7 @@ class SiteMapper:
         self._captured_s = -math.inf
         self._recent = RecentLayer(self.config.recent)
         self._known_objects = KnownObjects(self.config.objects)
-        self._movers = MoverTracker(self.config.movers)
+        self._movers = MoverTracker()
         self._begin()
 
     def _begin(self, *, agreed_s: float = -math.inf) -> None:
@@ -166,7 +168,7 @@ class SiteMapper:
         self._grid.note_moving(self._movers.may_move_m(time_s), time_s)
         self._movers.forget_free(self._grid.shown_at(self._movers.places_m(), time_s), time_s)
         # Bases of a mover are kept for as long as the map keeps the mover.
-        self._recent.forget_trails(time_s + cfg.movers.life_s, self._trails_m())
+        self._recent.forget_trails(time_s + LIFE_S, self._trails_m())
         if time_s - self._objects_s >= cfg.objects_s:
             self._objects = self._known_objects.named(
                 find_objects(self._bases, self._classes.standing, legs_m=self._classes.legs_m)
@@ -280,26 +282,25 @@ class SiteMapper:
         Args:
             view: placed in the map's frame.
         """
-        cfg, time_s, hidden_m = self.config.hidden, view.captured_s, self._recent.unplaced_m
+        time_s, hidden_m = view.captured_s, self._recent.unplaced_m
         if not len(hidden_m) or view.height_m < self.config.low_m:
             return
-        sides_m = [each.outline_m(cfg.step_m) for each in self._objects]
+        sides_m = [each.outline_m(STEP_M) for each in self._objects]
         known_m = np.vstack([self._obstacles_m(), *sides_m])
-        ahead = hidden_arrival(hidden_m, view.pose, self._grid, known_m, cfg)
+        ahead = hidden_arrival(hidden_m, view.pose, self._grid, known_m)
         if ahead is None:
             return
-        place_m = np.array([view.pose.x_m, view.pose.y_m]) + cfg.place_m * ahead
+        place_m = np.array([view.pose.x_m, view.pose.y_m]) + HIDDEN_M * ahead
         if not self._movers.may_be_at(place_m, time_s):
-            self._movers.meet(place_m, -cfg.speed_mps * ahead, time_s)
+            self._movers.meet(place_m, -HIDDEN_MPS * ahead, time_s)
 
     def _standing_bases(self, view: View, bases: Landmarks) -> Landmarks:
         """Pass the bases that have arrived to the mover tracker; return those that stand."""
         cfg, time_s = self.config, view.captured_s
         self._movers.predict(time_s)
         on_ground = self._grid.was_ground(bases.xy_m)
-        arrived = find_arrivals(
-            bases, self._bases, on_ground, self._movers.owns(bases.xy_m), cfg.arrivals
-        )
+        owned = self._movers.owns(bases.xy_m)
+        arrived = find_arrivals(bases, self._bases, on_ground, owned)
         # Ground shows around a leg before the leg is near enough for the map.
         arrived &= ~self._on_legs[bases.ids]
         stands = ~arrived
@@ -307,7 +308,7 @@ class SiteMapper:
             bases.xy_m[arrived],
             np.array([view.lens.x_m, view.lens.y_m]),
             time_s,
-            cut=view.is_cut()[arrived],
+            cut=view.is_cut(arrived)[arrived],
             judges=view.height_m >= cfg.low_m,
         )
-        return bases.settled_after(np.where(on_ground, cfg.arrivals.settles_s, 0.0)).take(stands)
+        return bases.settled_after(np.where(on_ground, SETTLES_S, 0.0)).take(stands)

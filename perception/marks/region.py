@@ -105,11 +105,7 @@ def region_on_plane(
         return None
     rows, columns = np.nonzero(labels == 1 + int(np.argmax(areas_px)))
     height_px, width_px = shown.shape
-    cut = bool(
-        min(rows.min(), columns.min()) == 0
-        or rows.max() == height_px - 1
-        or columns.max() == width_px - 1
-    )
+    cut = bool(np.isin(rows, (0, height_px - 1)).any() or np.isin(columns, (0, width_px - 1)).any())
     camera = view.camera.resized(width_px, height_px)
     above_m = view.frame.height_above_ground_m - plane_m
     pixels = np.stack([columns, rows], axis=-1)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Final, Literal, NamedTuple, Self
 
 import cv2
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from perception.marks.options import Options, read_options
 from uav_bt.errors import UnknownNameError, ValueRangeError
@@ -31,10 +31,6 @@ ARUCO_FAMILIES: Final[Mapping[str, int]] = {
 }
 
 
-def _as_tuple(value: object) -> object:
-    return tuple(value) if isinstance(value, list) else value
-
-
 _Number = Annotated[int, Field(ge=0)]
 _Side = Annotated[float, Field(gt=0.0)]
 
@@ -45,7 +41,7 @@ class Tag(Options):
     id: _Number  # in its family
     size_m: _Side  # side of its black square
     # Its middle from the middle of the mark: to the right, and towards the upper edge
-    at_m: Annotated[tuple[float, float], BeforeValidator(_as_tuple)] = (0.0, 0.0)
+    at_m: Annotated[tuple[float, float], Field(strict=False)] = (0.0, 0.0)
 
     def corners_m(self) -> Floats:
         """Return the corners on the mark's top, (4, 3), in OpenCV's order from the upper left."""
@@ -59,7 +55,7 @@ class TagOptions(Options):
     family: str = ""
     id: _Number = 0
     size_m: _Side = 0.0
-    tags: Annotated[tuple[Tag, ...], BeforeValidator(_as_tuple)] = ()
+    tags: Annotated[tuple[Tag, ...], Field(strict=False)] = ()
 
     @model_validator(mode="after")
     def _one_or_several(self) -> Self:

@@ -16,8 +16,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.ground_plane import view_of
-from perception.depth.contact.depth import contact_depth
+from perception.camera.ground_plane import GroundPlane, view_of
+from perception.depth.contact.depth import ContactEstimation
 from perception.depth.metric import remembered_bases
 from perception.depth.training.clips import DepthLabels
 from perception.depth.training.footage import (
@@ -137,7 +137,7 @@ def contact_labels(
                 if placed is not None:
                     recent.add(placed)
             if place % config.every == 0:
-                known = contact_depth(class_map, view, remembered=remembered)
+                known = ContactEstimation(class_map, GroundPlane.of(view), remembered).result()
                 depth[place], bound[place] = _small(known.depth), _small(known.at_most)
         advance("contact", place + 1, len(footage))
     return DepthLabels(depth_m=depth, at_most_m=bound)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from behaviours.fly.explore import Avoid, CoverageGrows, Explore
-from tests.behaviours.path.test_ways_out import mover
+from tests.behaviours.path.test_movers import mover
 from tests.paper_lab import paper_map
 from tests.worlds.leaves import ADVANCE, TURN_LEFT, TURN_RIGHT, map_with, steering_bench
 from tests.worlds.values import motion

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from behaviours.fly.explore import CorridorClear, Explore
-from behaviours.perceive.advise import Advise
-from behaviours.perceive.recent_views import RememberViews
+from behaviours.perceive.recent_views import Advise, RememberViews
 from tests.worlds import values
 from tests.worlds.leaves import (
     ADVANCE,

@@ -1,4 +1,4 @@
-"""Views of a level picture at a known place, warped without a renderer."""
+"""Views of a level picture at a known place, warped without a renderer, and of class maps."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from sim_bridge.anafi import anafi_camera
 from tests.worlds import values
+from uav_bt.landing_marks import MarkView
 from uav_bt.plugins import make_mark_finder
-from uav_bt.types import Frame, LandingMark
+from uav_bt.types import CameraModel, ClassMap, Frame, LandingMark
 from uav_bt.types.projection import project
 
 CAMERA = anafi_camera(640, 360)
@@ -74,3 +75,11 @@ def floor_view(prints: Sequence[tuple[LandingMark, float, float]]) -> Frame:
         paper = cv2.resize(top, (side_px, side_px), interpolation=cv2.INTER_AREA)
         picture[upper : upper + side_px, left : left + side_px] = paper
     return view_of(picture, floor, forward_m=0.0, pitch_deg=-90.0)
+
+
+def view_of_classes(
+    class_map: ClassMap | None, camera: CameraModel, *, pitch_deg: float, height_m: float
+) -> MarkView:
+    """Return a class map as the view of a camera at a pitch and a height above the ground."""
+    frame = values.frame((4, 8), math.radians(pitch_deg), height_m)
+    return MarkView(frame=frame, camera=camera, class_map=class_map)

@@ -59,32 +59,6 @@ def test_place_and_heading(
     assert found.confidence > 0.8
 
 
-@pytest.mark.parametrize("heading_deg", [-170.0, -90.0, 0.0, 45.0, 180.0])
-def test_the_heading_counts_clockwise_from_the_upper_edge(heading_deg: float) -> None:
-    mark = tag_mark()
-    found = seen(AprilTagFinder(mark), mark, forward_m=1.0, heading_deg=heading_deg)
-
-    assert found is not None
-    assert found.heading_deg is not None
-    assert math.remainder(found.heading_deg - heading_deg, 360.0) == pytest.approx(0.0, abs=1.0)
-
-
-def test_a_board_is_one_mark_even_if_a_tag_is_hidden() -> None:
-    """The middle is that of the mark, whichever tags are seen."""
-    mark = tag_mark(options=BOARD)
-    finder = AprilTagFinder(mark)
-    picture = finder.picture()
-    picture[: picture.shape[0] // 2, : picture.shape[1] // 2] = 255  # tag 3
-    for shown in (finder.picture(), picture):
-        frame = view_of(shown, mark, forward_m=1.0, right_m=0.2, heading_deg=-20.0)
-        found = finder.find(MarkView(frame=frame, camera=CAMERA))
-
-        assert found is not None
-        place = (found.forward_m - OFFSET_M, found.right_m)
-        assert place == pytest.approx((1.0, 0.2), abs=0.01)
-        assert found.heading_deg == pytest.approx(-20.0, abs=1.0)
-
-
 PAPER = tag_mark(height_m=0.0)  # tag 7 of 0.36 m, on white paper of 0.5 m
 SMALL = replace(PAPER, length_m=0.14, width_m=0.14, options={"id": 7, "size_m": 0.1})
 FOUR = tag_mark(
@@ -96,7 +70,7 @@ LOOSE = replace(SMALL, length_m=0.25, width_m=0.25, options={"id": 6, "size_m": 
 LONE = replace(FOUR, options={"tags": [BOARD["tags"][0]]})
 
 
-@pytest.mark.parametrize("camera_m", [1.5, math.nan])
+@pytest.mark.parametrize("above_m", [1.5, math.nan])
 @pytest.mark.parametrize(
     ("mark", "prints", "found_at"),
     [
@@ -108,16 +82,20 @@ LONE = replace(FOUR, options={"tags": [BOARD["tags"][0]]})
         (FOUR, [(LOOSE, -0.6, -0.3), (FOUR, 0.05, 0.03)], (0.03, 0.05)),
         (FOUR, [(THREE, 0.05, 0.03), (LOOSE, -0.6, 0.2)], (0.03, 0.05)),
         (FOUR, [(LONE, 0.05, 0.03), (LOOSE, -0.6, 0.2)], None),
+        # By its size the small print lies far below the floor, where the height is known.
+        (PAPER, [(SMALL, -0.5, 0.2), (PAPER, 0.3, 0.1)], "by height"),
     ],
 )
 def test_of_two_prints_the_one_that_more_tags_show_counts(
     mark: LandingMark,
     prints: list[tuple[LandingMark, float, float]],
-    found_at: tuple[float, float] | None,
-    camera_m: float,
+    found_at: tuple[float, float] | str | None,
+    above_m: float,
 ) -> None:
     """Prints by the place of their middle to the right and ahead, seen from straight above."""
-    frame = replace(floor_view(prints), height_above_ground_m=camera_m)
+    frame = replace(floor_view(prints), height_above_ground_m=above_m)
+    if found_at == "by height":
+        found_at = (0.1, 0.3) if above_m == 1.5 else None
     found = AprilTagFinder(mark).find(MarkView(frame=frame, camera=CAMERA))
 
     if found_at is None:
@@ -126,18 +104,6 @@ def test_of_two_prints_the_one_that_more_tags_show_counts(
         assert found is not None
         assert (found.forward_m - OFFSET_M, found.right_m) == pytest.approx(found_at, abs=0.01)
         assert found.confidence == 1.0
-
-
-@pytest.mark.parametrize("first", [0, 1])
-def test_a_small_print_of_the_same_tag_is_not_the_mark(first: int) -> None:
-    """Its size says that it lies far below the floor."""
-    prints = [(PAPER, 0.3, 0.1), (SMALL, -0.5, 0.2)]
-    frame = floor_view([prints[first], prints[1 - first]])
-    found = AprilTagFinder(PAPER).find(MarkView(frame=frame, camera=CAMERA))
-
-    assert found is not None
-    assert (found.forward_m - OFFSET_M, found.right_m) == pytest.approx((0.1, 0.3), abs=0.01)
-    assert found.confidence == 1.0
 
 
 @pytest.mark.parametrize("pitch_deg", [-90.0, -45.0])
@@ -170,13 +136,11 @@ def test_corners_above_the_horizon_are_no_level_board() -> None:
     assert level_pose(corners_m, pixels, CAMERA, 0.0) is None
 
 
-def test_other_tags_are_not_the_mark() -> None:
-    mark = tag_mark()
-    other = replace(mark, options={"id": 8, "size_m": 0.36})
-    frame = view_of(AprilTagFinder(other).picture(), mark, forward_m=1.0)
-
-    assert AprilTagFinder(mark).find(MarkView(frame=frame, camera=CAMERA)) is None
-    assert AprilTagFinder(other).find(MarkView(frame=frame, camera=CAMERA)) is not None
+def test_other_tags_and_an_empty_view_are_not_the_mark() -> None:
+    other = tag_mark(options={"id": 8, "size_m": 0.36})
+    for picture in (AprilTagFinder(other).picture(), np.full((64, 64, 3), 255, np.uint8)):
+        frame = view_of(picture, other, forward_m=1.0)
+        assert AprilTagFinder(tag_mark()).find(MarkView(frame=frame, camera=CAMERA)) is None
 
 
 def test_prints_of_opencv_are_turned_by_half_a_turn() -> None:
@@ -190,13 +154,6 @@ def test_prints_of_opencv_are_turned_by_half_a_turn() -> None:
     assert found.heading_deg == pytest.approx(30.0, abs=1.0)
     with pytest.raises(InputError, match="landing mark 'aruco' has no option 'print'"):
         ArucoFinder(replace(opencv, kind="aruco"))
-
-
-def test_an_empty_view_shows_none() -> None:
-    mark = tag_mark()
-    frame = view_of(np.full((64, 64, 3), 255, np.uint8), mark, forward_m=1.0)
-
-    assert AprilTagFinder(mark).find(MarkView(frame=frame, camera=CAMERA)) is None
 
 
 def test_a_tag_of_another_size_than_stated_is_hardly_trusted() -> None:
