@@ -10,17 +10,23 @@ from behaviours.fly.corridor_clear import CorridorClear
 from behaviours.fly.coverage_grows import CoverageGrows
 from behaviours.fly.explore import Explore
 from behaviours.fly.give_way import GiveWay
-from behaviours.fly.go_to_mark import Detour, GoToMark, StopAboveMark
-from behaviours.fly.go_to_mark_under_policy import GoToMarkUnderPolicy
+from behaviours.fly.go_to import GoTo
 from behaviours.fly.helipad_center import HelipadCenter
 from behaviours.fly.land import EmergencyLand, Land, LandHere
 from behaviours.fly.look import HoverFor, Hovering, PointCamera, Turn
+from behaviours.fly.mark import (
+    Detour,
+    GoToMarkUnderPolicy,
+    MarkFound,
+    ScanBelow,
+    SearchUnderPolicy,
+    StopAboveMark,
+)
 from behaviours.fly.move_by import ClimbTo, MoveBy
 from behaviours.fly.moves_on import MovesOn
 from behaviours.fly.objects import NextObject, ObjectSeen, ViewPoints
-from behaviours.fly.places import Face, GoTo
+from behaviours.fly.places import Face
 from behaviours.fly.say import Say
-from behaviours.fly.search_mark import MarkFound, ScanBelow, SearchByMap, SearchUnderPolicy
 from behaviours.fly.take_off import TakeOff
 from behaviours.fly.take_photo import TakePhoto
 from behaviours.perceive.advise import Advise
@@ -49,7 +55,6 @@ NODES: Final[tuple[type[Node], ...]] = (
     FindMark,
     GiveWay,
     GoTo,
-    GoToMark,
     GoToMarkUnderPolicy,
     HelipadCenter,
     HoverFor,
@@ -67,7 +72,6 @@ NODES: Final[tuple[type[Node], ...]] = (
     Rules,
     Say,
     ScanBelow,
-    SearchByMap,
     SearchUnderPolicy,
     Segment,
     SensesAgree,

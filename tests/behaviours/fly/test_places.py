@@ -9,8 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from behaviours.fly.go_to import GoTo
 from behaviours.fly.move_by import ClimbTo, MoveBy
-from behaviours.fly.places import Face, GoTo
+from behaviours.fly.places import Face
 from tests.behaviours.path.test_ways_out import mover
 from uav_bt.board import FLIGHT_HEIGHT, PHASE
 from uav_bt.errors import InputError
