@@ -21,10 +21,10 @@ from uav_bt.board import (
     STATE,
 )
 from uav_bt.board.context import MissionContext
-from uav_bt.errors import AnswerError
+from uav_bt.errors import AnswerError, ValueRangeError
 from uav_bt.protocols import DepthEstimator
 from uav_bt.tree import Leaf, Port, Status
-from uav_bt.types import DepthMap, Frame
+from uav_bt.types import CameraModel, DepthMap, Frame
 
 if TYPE_CHECKING:
     from perception.depth.corridor import CorridorConfig
@@ -218,11 +218,19 @@ class BuildCorridor(Leaf):
         return CorridorConfig(**{name: self.port_value(name) for name in names})
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Place the planes."""
+        """Place the planes; raises ValueRangeError if the front plane is not ahead of the lens."""
         from perception.depth.corridor import CorridorBuilder  # noqa: PLC0415  (Numba is heavy)
 
         nose_m = mission.airframe.body_size_m[0] / 2
-        self._builder = CorridorBuilder(replace(self.config(), nose_m=nose_m))
+        config, camera = replace(self.config(), nose_m=nose_m), self.read(CAMERA).value
+        lens_m = CameraModel.forward_offset_m if camera is None else camera.forward_offset_m
+        least_m = lens_m + config.least_plane_m
+        if not config.front_m > least_m:
+            raise ValueRangeError(
+                f"front_m must be more than {least_m:.2f} m from the drone's centre, just ahead of "
+                f"the lens; got {config.front_m:g}"
+            )
+        self._builder = CorridorBuilder(config)
         self._timer = StageTimer(mission, "corridor")
         self._last_s = -math.inf
 

@@ -54,6 +54,11 @@ class CorridorConfig:
     focal_factor: float = 1.0  # f; 0.8 to 1.2 in the paper
     nose_m: float = Airframe().body_size_m[0] / 2  # the body's front ahead of its centre
 
+    @property
+    def least_plane_m(self) -> float:
+        """Planes at this depth or nearer do not count, m."""
+        return self.focal_factor * _IMAGE_PLANE_M
+
 
 # Of a camera and attitude: every pixel's ray, (3, H, W) of unit depth forward, right, down; (H, W)
 # depth at which it leaves the corridor, inf if it meets no plane; (H, W) index into SIDES of that.
@@ -134,7 +139,7 @@ def _planes_of(config: CorridorConfig, view: CameraView) -> _Planes:
     rays = level_rays(view)
     ahead_m = config.front_m - view.camera.forward_offset_m  # C: the lens ahead of the centre
     distances_m = (config.side_m, config.side_m, ahead_m, config.up_down_m, config.up_down_m)
-    least_m = np.float32(config.focal_factor * _IMAGE_PLANE_M)
+    least_m = np.float32(config.least_plane_m)
     return rays, *_exits(rays, np.array(distances_m, dtype=np.float32), least_m)
 
 
