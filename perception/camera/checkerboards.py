@@ -140,7 +140,8 @@ def _refined(image: Image, grid: Corners, shrink: float) -> Corners | None:
     """
     full = (grid + 0.5) * np.float32(shrink) - np.float32(0.5)
     # The search guesses corners beyond the image: their columns or rows are left out.
-    inside = ((full >= 0.0) & (full <= np.array(image.shape[::-1]) - 1)).all(axis=-1)
+    last_px = np.array(image.shape[::-1]) - 1
+    inside = np.all((full >= 0.0) & (full <= last_px), axis=-1)
     columns, rows = inside.all(axis=0), inside.all(axis=1)
     full = full[:, columns] if columns.mean() >= rows.mean() else full[rows]
     if full.size < 2 * MIN_CORNERS:

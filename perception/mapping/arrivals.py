@@ -13,8 +13,7 @@ from typing import Final
 import numpy as np
 
 from perception.mapping.ground_grid import GroundGrid
-from perception.mapping.landmarks import Landmarks
-from perception.mapping.tables import nearest_circles
+from perception.mapping.landmarks import Landmarks, nearest_circles
 from uav_bt.types import Pose2D
 from uav_bt.types.arrays import Flags, Floats
 

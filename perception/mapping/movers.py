@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from perception.mapping.landmarks import clusters
 from perception.mapping.mover_track import LOST_S, SIGHTINGS, MoverTrack
-from perception.mapping.tables import clusters
 from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.site_map import MapMover
 

@@ -57,10 +57,11 @@ class OnnxNetwork:
         return self.model.get_rt_info(key).astype(str) if self.model.has_rt_info(key) else None
 
     def outputs(self) -> dict[str, Any]:
-        """Return the outputs by name."""
+        """Return the outputs by all their names, in order."""
         return {
-            next(iter(port.get_names()), f"{at}"): port.get_node().input_value(0)
+            name: port.get_node().input_value(0)
             for at, port in enumerate(self.model.outputs)
+            for name in port.get_names() or (f"{at}",)
         }
 
     def take_images(self, wanted: InputFormat) -> tuple[int, int]:

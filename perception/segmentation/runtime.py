@@ -97,7 +97,7 @@ class OnnxSegmenter:
     def _ids_of(self, answer: NDArray[Any]) -> NDArray[np.uint8]:
         numbers = answer.reshape(self._pixels)
         if self._axis is not None:
-            return self._table[numbers]
+            return self._table.take(numbers)
         whole = numbers.astype(np.int64)
         if (whole != numbers).any():
             raise AnswerError(

@@ -74,8 +74,6 @@ def frames_of(footage: Footage) -> Iterator[Frame]:
             captured_s=float(footage.captured_s[place]),
             gimbal_pitch_rad=float(footage.gimbal_pitch_rad[place]),
             attitude=Attitude(roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw),
-            altitude_m=float(footage.altitude_m[place]),
-            height_m=float(footage.height_m[place]),
             height_above_ground_m=float(footage.height_above_ground_m[place]),
         )
 

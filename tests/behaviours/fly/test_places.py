@@ -9,8 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from behaviours.fly.go_to import GoTo
 from behaviours.fly.move_by import MoveBy
-from behaviours.fly.places import Face, GoTo
+from behaviours.fly.places import Face
 from behaviours.fly.take_off import ClimbTo
 from tests.behaviours.path.test_movers import mover
 from uav_bt.board import FLIGHT_HEIGHT, PHASE

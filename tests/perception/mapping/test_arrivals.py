@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from perception.mapping.arrivals import find_arrivals, hidden_arrival
-from perception.mapping.ground_grid import GroundGrid, GroundGridConfig
+from perception.mapping.ground_grid import GroundGrid
 from perception.mapping.landmarks import Landmarks
 from uav_bt.types import Pose2D
 
@@ -55,7 +55,7 @@ NOTHING = np.empty((0, 2))
 
 
 def seen_ground() -> GroundGrid:
-    grid = GroundGrid(GroundGridConfig(reach_m=4.0))
+    grid = GroundGrid()
     grid.seen_s[:] = 1.0
     return grid
 
@@ -84,14 +84,14 @@ def test_few_bearings_are_specks(bearings_deg: tuple[float, ...]) -> None:
 def test_on_ground_that_was_never_seen_an_obstacle_may_always_have_stood(unseen_m: float) -> None:
     grid = seen_ground()
     row, column = HERE.to_world(unseen_m, 0.0)
-    grid.seen_s[round(row / 0.1) + 40, round(column / 0.1) + 40] = -np.inf
+    grid.seen_s[round(row / 0.1) + 120, round(column / 0.1) + 120] = -np.inf
     assert hidden_arrival(hidden(-1, 0, 1), HERE, grid, NOTHING) is None
 
 
 def test_farther_ground_need_not_have_been_seen() -> None:
     grid = seen_ground()
     row, column = HERE.to_world(1.3, 0.0)
-    grid.seen_s[round(row / 0.1) + 40, round(column / 0.1) + 40] = -np.inf
+    grid.seen_s[round(row / 0.1) + 120, round(column / 0.1) + 120] = -np.inf
     assert hidden_arrival(hidden(-1, 0, 1), HERE, grid, NOTHING) is not None
 
 
