@@ -1,81 +1,44 @@
-"""The leaves that this package contributes to tree files."""
+"""The leaves that this package contributes to tree files: each module lists its own."""
 
 from __future__ import annotations
 
 from typing import Final
 
-from behaviours.fly.avoid import Avoid
-from behaviours.fly.can_return import CanReturn
-from behaviours.fly.corridor_clear import CorridorClear
-from behaviours.fly.coverage_grows import CoverageGrows
-from behaviours.fly.explore import Explore
-from behaviours.fly.face import Face
+from behaviours.fly import can_return, explore, look, move_by, objects, take_off, take_photo
 from behaviours.fly.give_way import GiveWay
 from behaviours.fly.go_to import GoTo
-from behaviours.fly.go_to_mark import Detour, GoToMark, StopAboveMark
-from behaviours.fly.go_to_mark_under_policy import GoToMarkUnderPolicy
 from behaviours.fly.helipad_center import HelipadCenter
 from behaviours.fly.land import EmergencyLand, Land, LandHere
-from behaviours.fly.look import HoverFor, Hovering, PointCamera, Turn
-from behaviours.fly.move_by import ClimbTo, MoveBy
-from behaviours.fly.moves_on import MovesOn
-from behaviours.fly.objects import NextObject, ObjectSeen, ViewPoints
-from behaviours.fly.say import Say
-from behaviours.fly.search_mark import MarkFound, ScanBelow, SearchByMap, SearchUnderPolicy
-from behaviours.fly.take_off import TakeOff
-from behaviours.fly.take_photo import TakePhoto
-from behaviours.perceive.advise import Advise
+from behaviours.fly.mark import (
+    Detour,
+    GoToMarkUnderPolicy,
+    MarkFound,
+    ScanBelow,
+    SearchUnderPolicy,
+    StopAboveMark,
+)
+from behaviours.fly.places import Face
 from behaviours.perceive.class_map import FindMark, Segment
 from behaviours.perceive.depth import BuildCorridor, EstimateDepth
 from behaviours.perceive.motion import TrackMotion
-from behaviours.perceive.recent_views import RememberViews
+from behaviours.perceive.recent_views import Advise, RememberViews
 from behaviours.perceive.senses_agree import SensesAgree
 from behaviours.perceive.site_map import MapSite
 from uav_bt.tree import Node
 from uav_bt.tree.rules import Rules
 
 NODES: Final[tuple[type[Node], ...]] = (
-    Advise,
-    Avoid,
-    BuildCorridor,
-    CanReturn,
-    ClimbTo,
-    CorridorClear,
-    CoverageGrows,
-    Detour,
-    EmergencyLand,
-    EstimateDepth,
-    Explore,
-    Face,
-    FindMark,
-    GiveWay,
-    GoTo,
-    GoToMark,
-    GoToMarkUnderPolicy,
-    HelipadCenter,
-    HoverFor,
-    Hovering,
-    Land,
-    LandHere,
-    MapSite,
-    MarkFound,
-    MoveBy,
-    MovesOn,
-    NextObject,
-    ObjectSeen,
-    PointCamera,
-    RememberViews,
+    *(Advise, BuildCorridor, EstimateDepth, FindMark, MapSite),
+    *(RememberViews, Segment, SensesAgree, TrackMotion),
+    *can_return.NODES,
+    *explore.NODES,
+    *look.NODES,
+    *move_by.NODES,
+    *objects.NODES,
+    *take_off.NODES,
+    *take_photo.NODES,
+    *(Face, GiveWay, GoTo, GoToMarkUnderPolicy, Detour, StopAboveMark),
+    *(HelipadCenter, Land, LandHere, EmergencyLand),
+    *(MarkFound, ScanBelow, SearchUnderPolicy),
     Rules,
-    Say,
-    ScanBelow,
-    SearchByMap,
-    SearchUnderPolicy,
-    Segment,
-    SensesAgree,
-    StopAboveMark,
-    TakeOff,
-    TakePhoto,
-    TrackMotion,
-    Turn,
-    ViewPoints,
 )

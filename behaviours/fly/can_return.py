@@ -3,40 +3,25 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Final
 
 from behaviours.path.margins import Margins
 from behaviours.path.nearby import recent_obstacles
-from behaviours.path.planning import route
+from behaviours.path.passages import route
+from behaviours.ports import number
 from uav_bt.board import SITE_MAP
 from uav_bt.board.context import MissionContext
 from uav_bt.board.keys import BATTERY_PER_MIN, BATTERY_SHARE, FLYING, HOME
-from uav_bt.tree import Leaf, Port, Status
+from uav_bt.tree import Leaf, Status
 from uav_bt.types.site_map import SiteMap
 
-
-@dataclass(frozen=True, kw_only=True)
-class CanReturnConfig:
-    """Speed, detour and battery use of the way home. The numbers were chosen.
-
-    Attributes:
-        speed_mps: Mean speed on the way home.
-        detour: Length of the way over the straight distance, where no route is known.
-        landing_s: Time from the arrival to the landing.
-        use_per_min: Use of the battery before it is measured: an ANAFI is empty after 25 minutes.
-        plan_every_s: Time between two plans of the route.
-        near_m: Largest distance from the end of the route to the take-off point.
-        margins: Distances that the route keeps.
-    """
-
-    speed_mps: float = 0.4
-    detour: float = 1.5
-    landing_s: float = 30.0
-    use_per_min: float = 0.05
-    plan_every_s: float = 2.0
-    near_m: float = 1.0
-    margins: Margins = field(default_factory=Margins)
+# The numbers were chosen.
+_SPEED_MPS: Final = 0.4  # mean speed on the way home
+_DETOUR: Final = 1.5  # length of the way over the straight distance, where no route is known
+_LANDING_S: Final = 30.0  # from the arrival to the landing
+_USE_PER_MIN: Final = 0.05  # before it is measured: an ANAFI is empty after 25 minutes
+_PLAN_EVERY_S: Final = 2.0  # time between two plans of the route
+_NEAR_M: Final = 1.0  # largest distance from the end of the route to the take-off point
 
 
 class CanReturn(Leaf):
@@ -49,15 +34,9 @@ class CanReturn(Leaf):
     """
 
     condition = True
-    config: ClassVar[CanReturnConfig] = CanReturnConfig()
     ports = (
-        Port(
-            "reserve",
-            float,
-            default=0.15,
-            least=0,
-            most=1,
-            doc="share of the battery that is left after the landing, 0 to 1",
+        number(
+            "reserve", 0.15, 0, 1, "share of the battery that is left after the landing, 0 to 1"
         ),
     )
     reads = (BATTERY_SHARE, BATTERY_PER_MIN, FLYING, HOME, SITE_MAP)
@@ -66,8 +45,8 @@ class CanReturn(Leaf):
         """Start without a distance."""
         import behaviours.path.compiled_loops  # noqa: F401, PLC0415  (compiled before the flight)
 
-        self._margins = self.config.margins.within(mission.clearances, mission.mark)
-        self._planned_s, self._detour = -math.inf, self.config.detour
+        self._margins = Margins().within(mission.clearances, mission.mark)
+        self._planned_s, self._detour = -math.inf, _DETOUR
         self._way_m: float | None = None
 
     def update(self) -> Status:
@@ -82,22 +61,19 @@ class CanReturn(Leaf):
             return Status.FAILURE
         per_min = self.read(BATTERY_PER_MIN).value
         if per_min is None or per_min < 0.0:
-            per_min = self.config.use_per_min
-        need_s = way_m / self.config.speed_mps + self.config.landing_s
-        need = per_min * need_s / 60.0
-        left = charge - need
+            per_min = _USE_PER_MIN
+        need = per_min * (way_m / _SPEED_MPS + _LANDING_S) / 60.0
         self.feedback_message = f"{way_m:.1f} m home take {100 * need:.0f} % of the battery"
-        return Status.SUCCESS if left >= self.port_value("reserve") else Status.FAILURE
+        return Status.SUCCESS if charge - need >= self.port_value("reserve") else Status.FAILURE
 
     def _way(self) -> float | None:
         """Return the length of the way home, metres; None if it was never known."""
         if not self.read(FLYING).value:
             return 0.0
-        home_m = self.read(HOME).value
+        home_m, site_map = self.read(HOME).value, self.read(SITE_MAP).value
         if home_m is not None and home_m >= 0.0:
-            site_map = self.read(SITE_MAP).value
             now_s = self.clock.now()
-            if site_map is not None and now_s - self._planned_s >= self.config.plan_every_s:
+            if site_map is not None and now_s - self._planned_s >= _PLAN_EVERY_S:
                 self._planned_s = now_s
                 self._detour = self._detour_of(site_map, home_m)
             self._way_m = self._detour * home_m
@@ -105,14 +81,12 @@ class CanReturn(Leaf):
 
     def _detour_of(self, site_map: SiteMap, home_m: float) -> float:
         """Return the length of the way over the straight distance."""
-        start = site_map.start
-        planned = route(
-            site_map,
-            (start.x_m, start.y_m),
-            self._margins,
-            recent=recent_obstacles(site_map.near, site_map),
-            near_m=self.config.near_m,
-        )
-        if planned is None or home_m < self.config.near_m:
-            return self.config.detour
-        return max((planned.length_m + self.config.near_m) / home_m, 1.0)
+        recent, start = recent_obstacles(site_map.near, site_map), site_map.start
+        to = (start.x_m, start.y_m)
+        planned = route(site_map, to, self._margins, recent=recent, near_m=_NEAR_M)
+        if planned is None or home_m < _NEAR_M:
+            return _DETOUR
+        return max((planned.length_m + _NEAR_M) / home_m, 1.0)
+
+
+NODES = (CanReturn,)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+import math
+from dataclasses import replace
+from typing import Any, ClassVar, Final
 
-from behaviours.fly.course import Course
-from behaviours.fly.giving_way import GivingWay, GivingWayConfig
-from behaviours.fly.keeping_away import KeepAwayConfig, by_the_map, push_away_mps
+from behaviours.fly.giving_way import CLIMB_MPS, CLIMB_PER_S, MARGINS, GivingWay
+from behaviours.fly.heading_control import HeadingController
+from behaviours.fly.keeping_away import by_the_map, push_away_mps
 from behaviours.fly.moving_leaf import MovingLeaf
 from behaviours.path.gimbal_pointing import ground_pitch_rad, mover_pitch_rad
+from behaviours.path.movers import raised_m
+from behaviours.ports import number
 from uav_bt.answers import FollowLeg, Rotate
 from uav_bt.board import (
     CAMERA,
@@ -23,42 +26,23 @@ from uav_bt.board import (
 )
 from uav_bt.board.blackboard import Key
 from uav_bt.board.context import MissionContext
-from uav_bt.tree import Port
 from uav_bt.types import DroneState, HeldTurn, NearObstacles, Velocity, clamp
 
-GIMBAL = Port(
-    "gimbal_deg", float, default=-30.0, least=-90, most=90, doc="camera pitch in flight, degrees"
-)
+GIMBAL = number("gimbal_deg", -30.0, -90, 90, "camera pitch in flight, degrees")
 
-
-@dataclass(frozen=True, kw_only=True)
-class CourseConfig:
-    """How courses are flown. The numbers were chosen in flights on the training scenes.
-
-    Attributes:
-        keep_away: How obstacles push the drone away.
-        climb_per_s: Climb rate per metre of error in height.
-        climb_mps: Highest climb rate.
-        evaded_m: A turn corrects only larger errors in height, which are those of giving way.
-    """
-
-    keep_away: KeepAwayConfig = field(default_factory=KeepAwayConfig)
-    climb_per_s: float = 0.8
-    climb_mps: float = 0.25
-    evaded_m: float = 0.2
+# The numbers were chosen in flights on the training scenes.
+_LASTS_S: Final = 0.5  # a course ends after this time without a new answer
+_CLIMB_PER_S: Final = 0.8  # climb rate per metre of error in height
+_CLIMB_MPS: Final = 0.25  # highest climb rate
+_EVADED_M: Final = 0.2  # a turn corrects only larger errors in height: those of giving way
 
 
 class CourseLeaf(MovingLeaf):
     """Base of the leaves that fly at a speed and keep away from obstacles."""
 
-    course: ClassVar[CourseConfig] = CourseConfig()
     reads: ClassVar[tuple[Key[Any], ...]] = (
-        STATE,
-        FLIGHT_HEIGHT,
-        RAISED,
-        CAMERA,
-        ODOMETRY,
-        SITE_MAP,
+        *(STATE, FLIGHT_HEIGHT, RAISED),
+        *(CAMERA, ODOMETRY, SITE_MAP),
     )
     writes: ClassVar[tuple[Key[Any], ...]] = (PHASE, HELD_TURN, RAISED)
     resumes = False  # after an interruption the leaf decides anew, on a new view
@@ -69,40 +53,33 @@ class CourseLeaf(MovingLeaf):
         import behaviours.path.compiled_loops  # noqa: F401, PLC0415
 
         super().on_setup(mission)
-        self._course = Course()
-        giving_way = GivingWayConfig()
-        margins = giving_way.margins.within(mission.clearances)
-        moving = replace(giving_way.way_out.moving, body_m=mission.airframe.radius_m)
-        way_out = replace(giving_way.way_out, moving=moving)
-        self._giving_way = GivingWay(replace(giving_way, margins=margins, way_out=way_out))
+        self._heading = HeadingController()
+        self._ordered: tuple[float, float, float] | None = None  # yaw, rad; speed, m/s; time, s
+        margins = MARGINS.within(mission.clearances)
+        self._giving_way = GivingWay(margins, mission.airframe.radius_m)
 
     def fly_on(self, state: DroneState, answer: FollowLeg | Rotate | None) -> None:
-        """Fly ahead at a speed while the heading is controlled, without a stop between answers.
+        """Fly ahead while the heading is controlled, without a stop between answers.
 
-        Args:
-            state: The drone's state.
-            answer: The new answer; None to keep the last one for a while.
+        Without a new answer the last one counts for a while.
         """
-        yaw_rad = state.attitude.yaw_rad
-        if isinstance(answer, FollowLeg) and answer.speed_mps > 0.0:
-            self.write(HELD_TURN, HeldTurn())
-        course = self._course.follow(answer, yaw_rad=yaw_rad, now_s=self.clock.now())
-        if course is None:
+        yaw_rad, now_s = state.attitude.yaw_rad, self.clock.now()
+        if answer is not None:
+            speed_mps = answer.speed_mps if isinstance(answer, FollowLeg) else 0.0
+            if speed_mps > 0.0:
+                self.write(HELD_TURN, HeldTurn())
+            self._ordered = yaw_rad + answer.yaw_rad, speed_mps, now_s
+        if self._ordered is None or now_s - self._ordered[2] > _LASTS_S:
+            self._ordered = None
             return
-        speed_mps, yaw_rate = course
-        if speed_mps == 0.0:
-            self.propose(self.turn_keeping_away(yaw_rate))
-            return
-        # Only the sideways push is used: a push along the route would change the speed.
-        _, right_mps = self._push_mps()
-        self.propose(
-            Velocity(
-                forward_mps=speed_mps,
-                right_mps=right_mps,
-                down_mps=self._height_mps(state),
-                yaw_rate_radps=yaw_rate,
-            )
-        )
+        to_rad, speed_mps, _ = self._ordered
+        error_rad = math.remainder(to_rad - yaw_rad, 2.0 * math.pi)
+        yaw_rate_radps = self._heading.update(error_rad, now_s)
+        velocity = self.turn_keeping_away(yaw_rate_radps)
+        if speed_mps != 0.0:
+            # Only the sideways push is used: a push along the route would change the speed.
+            velocity = replace(velocity, forward_mps=speed_mps, down_mps=self._height_mps(state))
+        self.propose(velocity)
 
     def turn_keeping_away(self, yaw_rate_radps: float) -> Velocity:
         """Return a turn on the spot that moves away from obstacles that are too near.
@@ -110,9 +87,10 @@ class CourseLeaf(MovingLeaf):
         A hovering drone drifts, also towards places that the camera does not show. It returns to
         the flight height after it has climbed to give way.
         """
-        forward_mps, right_mps = self._push_mps()
+        placed = None if self.read(ODOMETRY).value is None else self.read(SITE_MAP).value
+        forward_mps, right_mps = push_away_mps(by_the_map(self.obstacles(), placed))
         state = self.state()
-        evaded = state is not None and abs(self.off_height_m(state)) > self.course.evaded_m
+        evaded = state is not None and abs(self.off_height_m(state)) > _EVADED_M
         return Velocity(
             forward_mps=forward_mps,
             right_mps=right_mps,
@@ -122,49 +100,33 @@ class CourseLeaf(MovingLeaf):
 
     def _height_mps(self, state: DroneState) -> float:
         """Return the vertical speed to the height that the drone keeps, positive down."""
-        cfg = self.course
-        return clamp(cfg.climb_per_s * self.off_height_m(state), cfg.climb_mps)
+        return clamp(_CLIMB_PER_S * self.off_height_m(state), _CLIMB_MPS)
 
     def give_way(self) -> bool:
         """Stop for a mover or get out of its way, and climb; False when none comes too near."""
-        site_map = self.read(SITE_MAP).value
-        self.write(RAISED, self._giving_way.raised_m(site_map))
+        site_map, state = self.read(SITE_MAP).value, self.state()
+        self.write(RAISED, raised_m(site_map))
         velocity = self._giving_way.velocity(
-            site_map,
-            self.obstacles(),
-            self.read(ODOMETRY).value,
-            now_s=self.clock.now(),
+            site_map, self.obstacles(), self.read(ODOMETRY).value, now_s=self.clock.now()
         )
         if velocity is None:
             return False
         self.drop_course()
         self.feedback_message = "gives way"
-        self.propose(replace(velocity, down_mps=self._evading_down_mps()))
+        off_m = 0.0 if state is None else self.off_height_m(state)
+        self.propose(replace(velocity, down_mps=clamp(CLIMB_PER_S * off_m, CLIMB_MPS)))
         return True
-
-    def _evading_down_mps(self) -> float:
-        """Return the vertical speed to the height at which the drone gives way."""
-        cfg, state = self._giving_way.config, self.state()
-        return (
-            0.0
-            if state is None
-            else clamp(cfg.climb_per_s * self.off_height_m(state), cfg.climb_mps)
-        )
 
     def drop_course(self) -> None:
         """Drop movement and course."""
         self._step.drop(self.clock.now())
-        self._course.drop()
+        self._ordered = None
+        self._heading.reset()
 
     def obstacles(self) -> NearObstacles | None:
         """Return the obstacles near the drone, mapped or not; None without a map."""
         site_map = self.read(SITE_MAP).value
         return None if site_map is None else site_map.near
-
-    def yaw_rad(self, state: DroneState) -> float:
-        """Return the heading of telemetry, extrapolated to now if there is odometry."""
-        motion = self.read(ODOMETRY).value
-        return state.attitude.yaw_rad if motion is None else motion.reported_yaw_rad
 
     def too_high_m(self, state: DroneState) -> float:
         """Return the height above the flight height, metres; 0 if no flight height is set."""
@@ -172,20 +134,13 @@ class CourseLeaf(MovingLeaf):
         return 0.0 if flight_height_m is None else state.height_above_ground_m - flight_height_m
 
     def off_height_m(self, state: DroneState) -> float:
-        """Return the height above the height that the drone keeps, metres.
-
-        That is the flight height, and a higher one among movers. 0 if no flight height is set.
-        """
+        """Return the height above the height that the drone keeps, which is higher among movers."""
         if self.read(FLIGHT_HEIGHT).value is None:
             return 0.0
         return self.too_high_m(state) - (self.read(RAISED).value or 0.0)
 
     def ground_pitch_rad(self, flight_rad: float) -> float:
-        """Return the camera's pitch: the flight pitch, or lower to show ground, or a mover's base.
-
-        Args:
-            flight_rad: The pitch in flight, negative down.
-        """
+        """Return the camera's pitch in flight, or a lower one to show ground or a mover's base."""
         site_map, motion = self.read(SITE_MAP).value, self.read(ODOMETRY).value
         camera, state = self.read(CAMERA).value, self.state()
         if site_map is None or motion is None or camera is None or state is None:
@@ -193,8 +148,3 @@ class CourseLeaf(MovingLeaf):
         height_m = state.height_above_ground_m
         low_rad = ground_pitch_rad(site_map, camera, flight_rad, height_m)
         return mover_pitch_rad(site_map, low_rad, height_m) if site_map.movers else low_rad
-
-    def _push_mps(self) -> tuple[float, float]:
-        cfg, motion = self.course.keep_away, self.read(ODOMETRY).value
-        placed = None if motion is None else self.read(SITE_MAP).value
-        return push_away_mps(by_the_map(self.obstacles(), placed, cfg), cfg)

@@ -8,13 +8,10 @@ flight and prints the margins.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from dataclasses import dataclass
 
 from simple_pid import PID
-
-from uav_bt.errors import ValueRangeError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,16 +28,6 @@ class HeadingGains:
     # output's limit, it would grow and carry the heading past the target.
     integral_zone_rad: float = math.radians(12)
 
-    def __post_init__(self) -> None:
-        values = dataclasses.asdict(self)
-        finite = all(math.isfinite(value) for value in values.values())
-        positive = min(self.proportional, self.max_yaw_rate_radps, self.integral_zone_rad) > 0.0
-        if not finite or not positive or min(self.integral, self.derivative) < 0.0:
-            raise ValueRangeError(
-                "proportional gain, yaw-rate limit and integral zone must be positive, the other "
-                f"gains zero or positive, all finite; got {self}"
-            )
-
 
 class HeadingController:
     """Turns a bearing to the target into a yaw rate; clockwise is positive for both."""
@@ -49,14 +36,8 @@ class HeadingController:
         self.gains = gains or HeadingGains()
         limit = self.gains.max_yaw_rate_radps
         # simple-pid keeps the integral within the output limits; `update` adds the integral's zone.
-        self._pid = PID(
-            self.gains.proportional,
-            self.gains.integral,
-            self.gains.derivative,
-            setpoint=0.0,
-            sample_time=None,
-            output_limits=(-limit, limit),
-        )
+        terms = self.gains.proportional, self.gains.integral, self.gains.derivative
+        self._pid = PID(*terms, setpoint=0.0, sample_time=None, output_limits=(-limit, limit))
         self._last_s: float | None = None
         self._output = 0.0
 
@@ -67,19 +48,10 @@ class HeadingController:
         self._output = 0.0
 
     def update(self, bearing_rad: float, now_s: float) -> float:
-        """Return the yaw rate, rad/s, that turns the heading towards a bearing.
+        """Return the yaw rate, rad/s, that turns the heading towards a bearing, clockwise positive.
 
-        A second call at the same time returns the same yaw rate.
-
-        Args:
-            bearing_rad: of the target from the heading, clockwise positive, within [-pi, pi].
-            now_s: the mission clock.
-
-        Raises:
-            ValueRangeError: bearing or time is not finite; the controller's state is unchanged.
+        A second call at the same time of the mission clock returns the same yaw rate.
         """
-        if not (math.isfinite(bearing_rad) and math.isfinite(now_s)):
-            raise ValueRangeError(f"bearing and time must be finite, got {bearing_rad}, {now_s}")
         if self._last_s is not None and now_s <= self._last_s:
             return self._output
         # The first call has no time step: a small one makes the integral negligible.

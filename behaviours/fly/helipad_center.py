@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import Final
 
 from behaviours.fly.moving_leaf import STRAIGHT_DOWN_RAD, MovingLeaf, camera_points_at
+from behaviours.fly.places import number
 from behaviours.fly.step import Progress
 from uav_bt.board import CAMERA, FRAME, MARK, PHASE, STATE
 from uav_bt.board.context import MissionContext
@@ -24,23 +24,16 @@ from uav_bt.plugins import make_mark_finder
 from uav_bt.tree import Port, Status
 from uav_bt.types import CameraModel, DroneState, LandingMark, MarkFix, MissionPhase, Velocity
 
-
-@dataclass(frozen=True, kw_only=True)
-class CenterConfig:
-    """When a view counts, and when to climb for a wider one."""
-
-    pitch_slack_rad: float = math.radians(5)  # largest deviation from straight down
-    wait_s: float = 1.0  # time without a detection after which the drone climbs to see more
-    max_height_m: float = 2.2  # above the ground: higher, only more box roofs come into view
-    confirmations: int = 2  # detections in a row within the tolerance that count as centred
-    gain_per_s: float = 0.8  # speed per offset; stable with images up to 0.6 s late
-    max_mps: float = 0.25
-    held_s: float = 0.3  # the velocity is held for this time without a new detection
-    # Least height above the mark of the second centring: lower, the view is too small for the mark.
-    above_mark_m: float = 0.7
-    heading_slack_rad: float = math.radians(3)  # largest deviation from the wanted heading. Chosen.
-
-
+_PITCH_SLACK_RAD: Final = math.radians(5)  # largest deviation from straight down
+_WAIT_S: Final = 1.0  # without a detection for longer the drone climbs to see more
+_MAX_HEIGHT_M: Final = 2.2  # above the ground: higher, only more box roofs come into view
+_CONFIRMATIONS: Final = 2  # detections in a row within the tolerance that count as centred
+_GAIN_PER_S: Final = 0.8  # speed per offset; stable with images up to 0.6 s late
+_MAX_MPS: Final = 0.25
+_HELD_S: Final = 0.3  # the velocity is held for this time without a new detection
+# Least height above the mark of the second centring: lower, the view is too small for the mark.
+_ABOVE_MARK_M: Final = 0.7
+_HEADING_SLACK_RAD: Final = math.radians(3)  # largest deviation from the wanted heading; chosen
 _ANY: Final = "any"
 
 
@@ -76,53 +69,26 @@ class HelipadCenter(MovingLeaf):
     """
 
     points = True
-    config: ClassVar[CenterConfig] = CenterConfig()
     ports = (
-        Port(
-            "climb_m",
-            float,
-            default=0.2,
-            least=0,
-            most=5,
-            doc="how much to climb for a view of the pad, m",
-        ),
-        Port(
+        number("climb_m", 0.2, 0, 5, "how much to climb for a view of the pad, m"),
+        number(
             "low_m",
-            float,
-            default=1.1,
-            least=0.3,
-            most=20,
-            doc="height above the ground of the second centring, m; at least 0.7 m above the mark",
+            1.1,
+            0.3,
+            20,
+            "height above the ground of the second centring, m; at least 0.7 m above the mark",
         ),
-        Port(
-            "tolerance_m",
-            float,
-            default=0.04,
-            least=0.01,
-            most=1,
-            doc="largest offset that counts as centred, m",
-        ),
-        Port(
-            "give_up_s",
-            float,
-            default=20.0,
-            least=0,
-            most=3600,
-            doc="seconds until it is lost, take-overs apart",
-        ),
+        number("tolerance_m", 0.04, 0.01, 1, "largest offset that counts as centred, m"),
+        number("give_up_s", 20.0, 0, 3600, "seconds until it is lost, take-overs apart"),
         HEADING,
     )
     reads = (STATE, FRAME, CAMERA, MARK)
     writes = (PHASE,)
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Note the mark's height and the heading to land with.
-
-        Raises:
-            InputError: A heading is wanted, but the mark does not show its heading.
-        """
+        """Note the heights; raises InputError for a heading that the mark does not show."""
         super().on_setup(mission)
-        self._low_m = mission.mark.height_m + self.config.above_mark_m
+        self._low_m = mission.mark.height_m + _ABOVE_MARK_M
         self._heading_rad = _heading_rad(self.port_value("heading_deg"))
         if (message := self._refuses_mark(lambda: mission.mark)) is not None:
             raise InputError(f"HelipadCenter: {message}")
@@ -184,23 +150,27 @@ class HelipadCenter(MovingLeaf):
             return None
         if fix.captured_s == self._judged_s:
             return None  # each frame is judged once
-        down = camera_points_at(frame, STRAIGHT_DOWN_RAD, slack_rad=self.config.pitch_slack_rad)
+        down = camera_points_at(frame, STRAIGHT_DOWN_RAD, slack_rad=_PITCH_SLACK_RAD)
         return fix if down and fix.captured_s >= self._step.ended_s else None
 
     def _centre(self, state: DroneState, fix: MarkFix, camera: CameraModel) -> Status:
         self._judged_s = fix.captured_s
-        turn_rad = self._turn_to(fix)
-        if abs(turn_rad) > self.config.heading_slack_rad:
+        turn_rad = 0.0
+        if self._heading_rad is not None and fix.heading_deg is not None:
+            turn_rad = math.remainder(self._heading_rad - math.radians(fix.heading_deg), math.tau)
+        if abs(turn_rad) > _HEADING_SLACK_RAD:
             self._confirmed, self._steered_s = 0, -math.inf
             self.start_move(yaw_rad=turn_rad)
             return Status.RUNNING
         forward_m = fix.forward_m - camera.forward_offset_m
         offset_m = math.hypot(forward_m, fix.right_m)
         self.feedback_message = f"{100 * offset_m:.0f} cm off"
-        self._course, self._steered_s = self._towards(forward_m, fix.right_m), self.clock.now()
+        per_s = min(_GAIN_PER_S, _MAX_MPS / max(offset_m, 1e-6))
+        self._course = Velocity(forward_mps=per_s * forward_m, right_mps=per_s * fix.right_m)
+        self._steered_s = self.clock.now()
         centred = offset_m <= self.port_value("tolerance_m")
         self._confirmed = self._confirmed + 1 if centred else 0
-        if self._confirmed < self.config.confirmations:
+        if self._confirmed < _CONFIRMATIONS:
             self.propose(self._course)
             return Status.RUNNING
         if self._low:
@@ -210,26 +180,14 @@ class HelipadCenter(MovingLeaf):
         self.start_move(down_m=state.height_above_ground_m - low_m)
         return Status.RUNNING
 
-    def _turn_to(self, fix: MarkFix) -> float:
-        """Return the turn to the wanted heading, clockwise; 0 without one or an unknown heading."""
-        if self._heading_rad is None or fix.heading_deg is None:
-            return 0.0
-        return math.remainder(self._heading_rad - math.radians(fix.heading_deg), math.tau)
-
-    def _towards(self, forward_m: float, right_m: float) -> Velocity:
-        """Return the velocity that brings the camera above the pad."""
-        cfg, offset_m = self.config, math.hypot(forward_m, right_m)
-        per_s = min(cfg.gain_per_s, cfg.max_mps / max(offset_m, 1e-6))
-        return Velocity(forward_mps=per_s * forward_m, right_mps=per_s * right_m)
-
     def _go_on_unseen(self, state: DroneState) -> Status:
         """Hold the velocity until the next frame is due; then wait, and climb to see more."""
-        if self.clock.now() - self._steered_s < self.config.held_s:
+        if self.clock.now() - self._steered_s < _HELD_S:
             self.propose(self._course)
             return Status.RUNNING
         since_s = max(self._step.ended_s, self._started_s, self._judged_s)
         waited_s = self.clock.now() - max(since_s, self.leaf_clock.resumed_s)
-        if waited_s > self.config.wait_s and state.height_above_ground_m < self.config.max_height_m:
+        if waited_s > _WAIT_S and state.height_above_ground_m < _MAX_HEIGHT_M:
             self._low, self._confirmed = False, 0
             self.start_move(down_m=-self.port_value("climb_m"))
         return Status.RUNNING

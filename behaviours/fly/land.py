@@ -3,46 +3,45 @@
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
-from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from behaviours.fly.landing_spot import LandingSpot, nearest_landing_spot
+import numpy as np
+from numpy.typing import NDArray
+
 from behaviours.fly.moving_leaf import STRAIGHT_DOWN_RAD, MovingLeaf, camera_points_at
+from behaviours.fly.places import number
 from behaviours.fly.step import Progress
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, PHASE, STATE
 from uav_bt.board.context import MissionContext
-from uav_bt.tree import Port, Status
-from uav_bt.types import DroneState, FlyingState, MissionPhase
+from uav_bt.lab.classes import GROUND
+from uav_bt.lab.classes import MARK as MARK_ROLE
+from uav_bt.tree import Status
+from uav_bt.types import (
+    MIN_VIEW_HEIGHT_M,
+    CameraModel,
+    ClassMap,
+    DroneState,
+    FlyingState,
+    Frame,
+    MissionPhase,
+)
 from uav_bt.types import Land as LandCommand
+from uav_bt.types.projection import ground_points, project
 
-# Seconds without telemetry after which the drone lands where it is. Chosen: ten periods of
-# telemetry at 5 Hz; a shorter gap does not cancel the step to the spot.
+# Without telemetry for longer the drone lands where it is. Chosen: ten periods of telemetry at
+# 5 Hz; a shorter gap does not cancel the step to the spot.
 _UNHEARD_S: Final = 2.0
-# Seconds without a frame after which the step to the mark is left out. Chosen: without a frame the
-# drone hovers, and drifts by about a decimetre in this time.
+# Without a frame for longer the step to the mark is left out. Chosen: without a frame the drone
+# hovers, and drifts by about a decimetre in this time.
 _UNSEEN_S: Final = 2.0
 # Distance from the point below the lens within which the mark corrects the step before a landing.
 # Chosen: three times the tolerance of `HelipadCenter`; a mark farther away is not landed on.
 _NEAR_M: Final = 0.12
-
-
-@dataclass(frozen=True, kw_only=True)
-class EmergencyLandConfig:
-    """Limits for views, landing spots and the position above a spot.
-
-    Attributes:
-        pitch_slack_rad: deviation from straight down up to which a class map is used, radians.
-            Chosen.
-        tolerance_m: distance to the spot below which no step is flown, metres. Chosen; within
-            `margin_m`.
-        margin_m: free distance around the hull, metres. Chosen: the landing box of 0.5 m leaves
-            no more around a hull with a half diagonal of 0.2 m.
-    """
-
-    pitch_slack_rad: float = math.radians(5)
-    tolerance_m: float = 0.05
-    margin_m: float = 0.05
+_PITCH_SLACK_RAD: Final = math.radians(5)  # of a view straight down; chosen
+_TOLERANCE_M: Final = 0.05  # nearer to a spot no step is flown; chosen, within the margin
+# Free distance around the hull. Chosen: the landing box of 0.5 m leaves no more around a hull with
+# a half diagonal of 0.2 m.
+MARGIN_M: Final = 0.05
 
 
 class LandingLeaf(MovingLeaf):
@@ -61,11 +60,7 @@ class LandingLeaf(MovingLeaf):
         return Status.RUNNING
 
     def wait(self, state_age_s: float) -> Status:
-        """Continue a landing, or begin one when telemetry has stopped for too long.
-
-        Args:
-            state_age_s: Age of the newest telemetry; inf before the first.
-        """
+        """Continue a landing, or begin one when telemetry has stopped for too long."""
         stopped = _UNHEARD_S < state_age_s < math.inf
         return self.descend() if self.descends or stopped else Status.RUNNING
 
@@ -101,38 +96,20 @@ class Land(LandingLeaf):
         self._moved |= state.flying is FlyingState.LANDING  # too late for a step
         if not self._moved and camera is not None and camera.forward_offset_m != 0.0:
             self._moved = True
-            forward_m, right_m = self._to_mark(camera.forward_offset_m)
-            self.start_move(forward_m=forward_m, right_m=right_m)
+            fix, ahead_m, right_m = self.read(MARK).value, camera.forward_offset_m, 0.0
+            if fix is not None and math.hypot(fix.forward_m - ahead_m, fix.right_m) <= _NEAR_M:
+                ahead_m, right_m = fix.forward_m, fix.right_m
+            self.start_move(forward_m=ahead_m, right_m=right_m)
             return Status.RUNNING
         unseen = _UNSEEN_S < self.read(FRAME).age_s < math.inf
         if self.moving(state) and not unseen:
             return Status.RUNNING
         return self.descend()
 
-    def _to_mark(self, offset_m: float) -> tuple[float, float]:
-        """Return the step from the body's centre to the mark, forward and right.
 
-        Args:
-            offset_m: Distance of the lens ahead of the body's centre.
-        """
-        fix = self.read(MARK).value
-        if fix is None or math.hypot(fix.forward_m - offset_m, fix.right_m) > _NEAR_M:
-            return offset_m, 0.0
-        return fix.forward_m, fix.right_m
-
-
-_RADIUS: Final = Port(
-    "radius_m",
-    float,
-    default=0.0,
-    least=0,
-    most=5,
-    doc="radius of the free disc to land on, m; at least the hull and a margin",
+_RADIUS: Final = number(
+    "radius_m", 0.0, 0, 5, "radius of the free disc to land on, m; at least the hull and a margin"
 )
-
-
-def _look_s(doc: str) -> Port[float]:
-    return Port("look_s", float, default=6.0, least=0, most=600, doc=doc)
 
 
 class SpotLandingLeaf(LandingLeaf):
@@ -143,17 +120,16 @@ class SpotLandingLeaf(LandingLeaf):
     """
 
     points = True
-    config: ClassVar[EmergencyLandConfig] = EmergencyLandConfig()
     reads = (STATE, FRAME, CLASS_MAP, CAMERA)
     writes = (PHASE,)
     phase: ClassVar[MissionPhase]
     landed: ClassVar[Status]  # the answer on the ground
+    planned: ClassVar[bool]  # whether it fails in the air where it cannot land as it should
 
     def on_setup(self, mission: MissionContext) -> None:
         """Note the radius of the hull and the height of the landing mark."""
         super().on_setup(mission)
-        self._hull_m = mission.airframe.radius_m
-        self._mark_m = mission.mark.height_m
+        self._hull_m, self._mark_m = mission.airframe.radius_m, mission.mark.height_m
 
     def initialise(self) -> None:
         """Note the time; no spot is known."""
@@ -182,50 +158,37 @@ class SpotLandingLeaf(LandingLeaf):
             return Status.RUNNING
         if self.progress is Progress.INTERRUPTED:
             self._above_spot = False  # the step has not ended at the spot
-        if self._above_spot and self.progress is Progress.FAILED:
-            return self.without_step()
-        if self._above_spot:
-            return self.descend()
+        if self._above_spot and self.planned and self.progress is Progress.FAILED:
+            self.feedback_message = "the drone does not fly the step to free ground"
+            return Status.FAILURE
+        return self.descend() if self._above_spot else self._go_above_spot()
+
+    def _go_above_spot(self) -> Status:
+        """Move above a place; late, fail, or land without a margin or where the drone is."""
         late = self.leaf_clock.now() - self._started_s > self.port_value("look_s")
-        spot = self.spot(max(self.port_value("radius_m"), self._hull_m + self.config.margin_m))
-        return self.without_spot() if spot is None and late else self.land_on(spot)
-
-    @abstractmethod
-    def without_spot(self) -> Status:
-        """Do what follows when no place was found within `look_s`."""
-
-    @abstractmethod
-    def without_step(self) -> Status:
-        """Do what follows when the drone does not fly the step to a place."""
-
-    def land_on(self, spot: LandingSpot | None) -> Status:
-        """Move above a place; None to look on."""
-        self._above_spot = spot is not None
-        if spot is not None and spot.range_m > self.config.tolerance_m:
-            self.start_move(forward_m=spot.forward_m, right_m=spot.right_m)
+        spot_m = self._spot_m(max(self.port_value("radius_m"), self._hull_m + MARGIN_M))
+        if spot_m is None and late and self.planned:
+            self.feedback_message = "no free ground in view"
+            return Status.FAILURE
+        if spot_m is None and late:
+            spot_m = self._spot_m(self._hull_m) or (0.0, 0.0)
+        self._above_spot = spot_m is not None
+        if spot_m is not None and math.hypot(*spot_m) > _TOLERANCE_M:
+            self.start_move(forward_m=spot_m[0], right_m=spot_m[1])
         return Status.RUNNING
 
-    def spot(self, radius_m: float) -> LandingSpot | None:
-        """Return the nearest place in view that holds a disc; None without one.
-
-        Args:
-            radius_m: Radius of the disc.
-        """
+    def _spot_m(self, radius_m: float) -> tuple[float, float] | None:
+        """Return the nearest place in view that holds a disc; None without one."""
         frame, camera = self.read(FRAME).value, self.read(CAMERA).value
-        class_map = self.read(CLASS_MAP).value
-        if frame is None or camera is None or class_map is None:
+        seen = self.read(CLASS_MAP).value
+        if frame is None or camera is None or seen is None:
             return None
-        down = camera_points_at(frame, STRAIGHT_DOWN_RAD, slack_rad=self.config.pitch_slack_rad)
-        if not down or class_map.captured_s != frame.captured_s:
+        down = camera_points_at(frame, STRAIGHT_DOWN_RAD, slack_rad=_PITCH_SLACK_RAD)
+        if not down or seen.captured_s != frame.captured_s:
             return None
-        height_px, width_px = class_map.ids.shape
-        return nearest_landing_spot(
-            class_map,
-            camera.resized(width_px, height_px),
-            frame,
-            radius_m=radius_m,
-            mark_m=self._mark_m,
-        )
+        height_px, width_px = seen.ids.shape
+        resized = camera.resized(width_px, height_px)
+        return nearest_landing_spot(seen, resized, frame, radius_m=radius_m, mark_m=self._mark_m)
 
 
 class EmergencyLand(SpotLandingLeaf):
@@ -237,20 +200,20 @@ class EmergencyLand(SpotLandingLeaf):
     longer.
     """
 
-    ports = (_RADIUS, _look_s("seconds to look for such a place before landing without a margin"))
+    ports = (
+        _RADIUS,
+        number(
+            "look_s",
+            6.0,
+            0,
+            600,
+            "seconds to look for such a place before landing without a margin",
+        ),
+    )
     answers = (Status.FAILURE, Status.RUNNING)
     phase = MissionPhase.EMERGENCY_LANDING
     landed = Status.FAILURE
-
-    def without_spot(self) -> Status:
-        """Land on a place without a margin, or where the drone is."""
-        spot = self.spot(self._hull_m)
-        self._above_spot = True
-        return Status.RUNNING if spot is None else self.land_on(spot)
-
-    def without_step(self) -> Status:
-        """Land where the drone is."""
-        return self.descend()
+    planned = False
 
 
 class LandHere(SpotLandingLeaf):
@@ -260,20 +223,73 @@ class LandHere(SpotLandingLeaf):
     the step to it; the tree may fly elsewhere.
     """
 
-    ports = (_RADIUS, _look_s("seconds to look for such a place until it fails"))
+    ports = (
+        _RADIUS,
+        number("look_s", 6.0, 0, 600, "seconds to look for such a place until it fails"),
+    )
     phase = MissionPhase.LAND
     landed = Status.SUCCESS
-
-    def without_spot(self) -> Status:
-        """Fail, and fly on."""
-        self.feedback_message = "no free ground in view"
-        return Status.FAILURE
-
-    def without_step(self) -> Status:
-        """Fail, and fly on."""
-        self.feedback_message = "the drone does not fly the step to free ground"
-        return Status.FAILURE
+    planned = True
 
     def wait(self, state_age_s: float) -> Status:
         """Continue a landing that has begun; an unheard drone begins none."""
         return super().wait(state_age_s) if self.descends else Status.RUNNING
+
+
+# --- the nearest place that holds a disc ----------------------------------------------------------
+
+
+def nearest_landing_spot(
+    class_map: ClassMap, camera: CameraModel, frame: Frame, *, radius_m: float, mark_m: float
+) -> tuple[float, float] | None:
+    """Return the nearest disc, ahead and right of the body, that lies entirely on one surface.
+
+    A surface is the ground, or the top of the landing box, `mark_m` above it. Each is measured in
+    its own plane. Pixels outside the image count as occupied. The camera has the size of the map.
+    """
+    height_m = max(frame.height_above_ground_m, MIN_VIEW_HEIGHT_M)
+    surfaces = [(class_map.roles == GROUND, height_m)]
+    above_pad_m = height_m - mark_m
+    if above_pad_m >= MIN_VIEW_HEIGHT_M:
+        top = _pad_top(class_map.roles == MARK_ROLE, camera, frame, above_pad_m / height_m)
+        surfaces.append((top, above_pad_m))
+    spots_m = [_nearest(seen, camera, frame, below_m, radius_m) for seen, below_m in surfaces]
+    found_m = [spot_m for spot_m in spots_m if spot_m is not None]
+    return min(found_m, key=lambda spot_m: math.hypot(*spot_m), default=None)
+
+
+def _pad_top(
+    pad: NDArray[np.bool_], camera: CameraModel, frame: Frame, scale: float
+) -> NDArray[np.bool_]:
+    """Return the pixels, (H, W), that show the top of the landing box, without its visible sides.
+
+    A point at the foot of the box appears nearer to the point straight below the camera than the
+    same point of the top, by the ratio `scale` of the camera's heights above top and ground. A
+    pixel that this ratio maps outside the box shows a side.
+    """
+    import cv2  # noqa: PLC0415 - `uav-bt check` imports this module and must answer at once
+
+    column, row = project((0.0, 0.0, 1.0), camera, frame.gimbal_pitch_rad)
+    to_foot = np.array([[scale, 0.0, (1.0 - scale) * column], [0.0, scale, (1.0 - scale) * row]])
+    how = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+    foot = cv2.warpAffine(pad.astype(np.uint8), to_foot, pad.shape[::-1], flags=how)
+    return np.asarray(pad & foot.astype(bool))
+
+
+def _nearest(
+    surface: NDArray[np.bool_], camera: CameraModel, frame: Frame, height_m: float, radius_m: float
+) -> tuple[float, float] | None:
+    """Return the nearest disc within a level surface, (H, W), `height_m` below the camera."""
+    import cv2  # noqa: PLC0415 - see above
+
+    clear_px = cv2.distanceTransform(np.pad(surface.astype(np.uint8), 1), cv2.DIST_L2, 5)
+    px_per_m = max(camera.fx_px, camera.fy_px) / height_m
+    # The distance counts to the middle of the next pixel; the surface ends half a pixel earlier.
+    rows, columns = np.nonzero(clear_px[1:-1, 1:-1] - 0.5 >= radius_m * px_per_m)
+    if rows.size == 0:
+        return None
+    pixels = np.stack([columns, rows], axis=-1)
+    spots = ground_points(pixels, camera, frame.gimbal_pitch_rad, height_m)
+    spots[:, 0] += camera.forward_offset_m
+    forward_m, right_m = spots[np.argmin(np.hypot(spots[:, 0], spots[:, 1]))]
+    return float(forward_m), float(right_m)

@@ -11,13 +11,7 @@ _PAUSE_S: Final = 1.0  # a longer time between two ticks is a pause; no tick tak
 
 
 class LeafClock:
-    """The mission's time without the pauses in which the leaf was not ticked because a pilot flew.
-
-    The leaf calls `tick` in every tick before `now`, and `stop` when it ends.
-
-    Args:
-        clock: The mission clock.
-    """
+    """The mission's time without pauses, in which a pilot flew; `tick` comes before `now`."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock

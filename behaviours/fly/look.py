@@ -1,4 +1,4 @@
-"""Small leaves that hover, turn and point the camera, and related conditions."""
+"""Small leaves that hover, turn, point the camera and add messages, and related conditions."""
 
 from __future__ import annotations
 
@@ -7,10 +7,13 @@ import math
 from behaviours.fly.leaf_clock import LeafClock
 from behaviours.fly.moving_leaf import MovingLeaf, camera_points_at
 from behaviours.fly.step import Progress
+from behaviours.ports import number
 from uav_bt.board import FRAME, ODOMETRY, PHASE, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Leaf, Port, Status
-from uav_bt.types import DroneState, GimbalTo, Hover, MissionPhase
+from uav_bt.tree.script.parser import fill_text, parse_text
+from uav_bt.types import DroneState, GimbalTo, Hover, MissionPhase, Pose2D
+from uav_bt.types.flight_results import EventKind
 
 
 class HoverFor(Leaf):
@@ -19,7 +22,7 @@ class HoverFor(Leaf):
     repeats = True
     answers = (Status.SUCCESS, Status.RUNNING)
     moves = True
-    ports = (Port("seconds", float, default=3.0, least=0, most=3600, doc="how long, s"),)
+    ports = (number("seconds", 3.0, 0, 3600, "how long, s"),)
     writes = (PHASE,)
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -51,16 +54,7 @@ class PointCamera(Leaf):
     repeats = True
     answers = (Status.SUCCESS, Status.RUNNING)
     points = True
-    ports = (
-        Port(
-            "pitch_deg",
-            float,
-            default=-28.0,
-            least=-90,
-            most=90,
-            doc="0 level, -90 straight down, degrees",
-        ),
-    )
+    ports = (number("pitch_deg", -28.0, -90, 90, "0 level, -90 straight down, degrees"),)
     reads = (FRAME,)
 
     def update(self) -> Status:
@@ -79,9 +73,7 @@ class Turn(MovingLeaf):
     """
 
     repeats = True
-    ports = (
-        Port("degrees", float, least=-360, most=360, doc="clockwise positive, seen from above"),
-    )
+    ports = (number("degrees", None, -360, 360, "clockwise positive, seen from above"),)
     reads = (STATE,)
     writes = (PHASE,)
 
@@ -108,24 +100,82 @@ class Hovering(Leaf):
     """SUCCESS while the drone keeps its place, even if it turns; FAILURE on stale telemetry."""
 
     condition = True
-    ports = (
-        Port(
-            "below_mps",
-            float,
-            default=0.15,
-            least=0,
-            most=10,
-            doc="horizontal speed that counts as none, m/s",
-        ),
-    )
+    ports = (number("below_mps", 0.15, 0, 10, "horizontal speed that counts as none, m/s"),)
     reads = (STATE, ODOMETRY)
 
     def update(self) -> Status:
         """Compare the horizontal speed with the largest allowed."""
-        state = self.read(STATE).value
+        state, motion = self.read(STATE).value, self.read(ODOMETRY).value
         if state is None:
             return Status.FAILURE
-        motion = self.read(ODOMETRY).value
-        state = state if motion is None else motion.over_ground(state)
-        speed_mps = math.hypot(state.velocity.forward_mps, state.velocity.right_mps)
+        velocity = (state if motion is None else motion.over_ground(state)).velocity
+        speed_mps = math.hypot(velocity.forward_mps, velocity.right_mps)
         return Status.SUCCESS if speed_mps < self.port_value("below_mps") else Status.FAILURE
+
+
+class MovesOn(Leaf):
+    """SUCCESS while the drone moves on; FAILURE when it has stayed around one place for too long.
+
+    Time in which the leaf is not ticked does not count. The place and the time are kept when the
+    tree tries again, so that attempts at one place do not add up. Without odometry the answer is
+    SUCCESS.
+    """
+
+    condition = True
+    ports = (
+        number("within_m", 0.5, 0.1, 100, "a drone within this distance of a place stays there, m"),
+        # Chosen: one look for a way (15 s), a full turn of a detour (11 s) and one of a scan below
+        # (8 s) take 34 s. A drone that could go on has done so after them.
+        number("for_s", 60.0, 1, 3600, "longest stay, s"),
+    )
+    reads = (ODOMETRY,)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Start without a place."""
+        self._clock = LeafClock(mission.clock)
+        self._place: Pose2D | None = None
+        self._since_s = 0.0  # leaf's time
+
+    def update(self) -> Status:
+        """Compare the time since the drone came to its place with the longest stay."""
+        self._clock.tick()
+        motion, place, now_s = self.read(ODOMETRY).value, self._place, self._clock.now()
+        if motion is None:
+            return Status.SUCCESS
+        here, within_m = motion.pose, self.port_value("within_m")
+        if place is None or math.hypot(here.x_m - place.x_m, here.y_m - place.y_m) > within_m:
+            self._place, self._since_s = here, now_s
+        stayed_s = now_s - self._since_s
+        self.feedback_message = f"{stayed_s:.0f} s at one place"
+        return Status.SUCCESS if stayed_s < self.port_value("for_s") else Status.FAILURE
+
+
+class Say(Leaf):
+    """Add a message to the flight's events; SUCCESS always."""
+
+    answers = (Status.SUCCESS,)
+    ports = (
+        Port(
+            "text",
+            str,
+            check=parse_text,
+            doc="one line; {variable} and {@board_key} are replaced by their values",
+        ),
+        Port(
+            "level",
+            str,
+            default=EventKind.INFO.value,
+            choices=(EventKind.INFO.value, EventKind.WARNING.value),
+            doc="kind of the event: info or warning",
+        ),
+    )
+
+    def update(self) -> Status:
+        """Add the message; a name without a value becomes "unknown"."""
+        text = fill_text(self.port_value("text"), self.environment)
+        self.feedback_message = text
+        self.mission.add_event(EventKind(self.port_value("level")), text, self.path)
+        return Status.SUCCESS
+
+
+NODES = (HoverFor, Hovering, MovesOn, PointCamera, Say, Turn)

@@ -1,28 +1,23 @@
-"""MoveBy and ClimbTo: one straight movement, and another flight height."""
+"""MoveBy: one straight movement."""
 
 from __future__ import annotations
 
 import math
+from typing import Final
 
-from behaviours.fly.moving_leaf import MovingLeaf
-from behaviours.fly.place_leaf import PlaceLeaf
+from behaviours.fly.places import PlaceLeaf
 from behaviours.fly.step import Progress
-from behaviours.fly.take_off import above_ceiling
 from behaviours.path.clearance import ClearanceMap
 from behaviours.path.margins import Margins
 from behaviours.path.nearby import recent_obstacles
-from uav_bt.board import FLIGHT_HEIGHT, PHASE, STATE
+from behaviours.ports import number
+from uav_bt.board import PHASE
 from uav_bt.board.context import MissionContext
-from uav_bt.tree import Port, Status
+from uav_bt.tree import Status
 from uav_bt.types import DroneState, MissionPhase
-from uav_bt.types.place_frames import Goal
 from uav_bt.types.site_map import SiteMap
 
-_NEAR_M = 0.02  # m; a movement along the ground that is shorter needs no map; chosen
-
-
-def _distance(name: str, doc: str) -> Port[float]:
-    return Port(name, float, default=0.0, least=-5, most=5, doc=doc)
+_NEAR_M: Final = 0.02  # a movement along the ground that is shorter needs no map; chosen
 
 
 class MoveBy(PlaceLeaf):
@@ -35,9 +30,9 @@ class MoveBy(PlaceLeaf):
 
     repeats = True
     ports = (
-        _distance("forward_m", "distance ahead, m"),
-        _distance("right_m", "distance to the right, m"),
-        _distance("up_m", "distance upwards, m"),
+        number("forward_m", 0.0, -5, 5, "distance ahead, m"),
+        number("right_m", 0.0, -5, 5, "distance to the right, m"),
+        number("up_m", 0.0, -5, 5, "distance upwards, m"),
     )
     resumes = True
 
@@ -50,7 +45,7 @@ class MoveBy(PlaceLeaf):
         """Begin with the movement."""
         super().initialise()
         self.write(PHASE, MissionPhase.GO_TO)
-        self._goal: Goal | None = None
+        self._to: tuple[float, float] | None = None  # x and y of its end on the map, m
         self._begun = False
         self._checked_s = -math.inf  # capture time of the map on which the line was checked
 
@@ -61,10 +56,8 @@ class MoveBy(PlaceLeaf):
             site_map = self.trusted_map()
             if site_map is None:
                 return self.fails("no map shows whether the way is free")
-            if self._goal is None:
-                x_m, y_m = site_map.pose.to_world(forward_m, right_m)
-                self._goal = Goal(x_m=x_m, y_m=y_m)
-            if not self._is_free(site_map, self._goal):
+            self._to = self._to or site_map.pose.to_world(forward_m, right_m)
+            if not self._is_free(site_map, self._to):
                 return self.fails("the map does not show the way free")
         if not self._begun:
             self._begun = True
@@ -77,49 +70,12 @@ class MoveBy(PlaceLeaf):
             return Status.SUCCESS
         return self.fails(self.trouble or "a person has flown the drone")
 
-    def _is_free(self, site_map: SiteMap, goal: Goal) -> bool:
+    def _is_free(self, site_map: SiteMap, to: tuple[float, float]) -> bool:
         if site_map.captured_s == self._checked_s:
             return True
         self._checked_s = site_map.captured_s
         recent = recent_obstacles(self.obstacles(), site_map)
-        return ClearanceMap(site_map, recent, self._margins).is_open_to(goal.x_m, goal.y_m)
+        return ClearanceMap(site_map, recent, self._margins).is_open_to(*to)
 
 
-class ClimbTo(MovingLeaf):
-    """Climb or sink to another flight height; SUCCESS there.
-
-    The leaves after it keep that height. FAILURE after repeated attempts without progress.
-    """
-
-    repeats = True
-    ports = (
-        Port(
-            "height_m",
-            float,
-            least=0.3,
-            most=20,
-            doc="flight height above the ground, m",
-            caution=above_ceiling,
-        ),
-    )
-    reads = (STATE,)
-    writes = (PHASE, FLIGHT_HEIGHT)
-    slack_m = 0.1  # as of the take-off
-
-    def initialise(self) -> None:
-        """Write the mission's flight height."""
-        self.write(PHASE, MissionPhase.GO_TO)
-        self.write(FLIGHT_HEIGHT, self.port_value("height_m"))
-
-    def work(self, state: DroneState) -> Status:
-        """Climb or sink until the height is reached."""
-        if self.moving(state):
-            return Status.RUNNING
-        if self.progress is Progress.FAILED:
-            self.feedback_message = self.trouble
-            return Status.FAILURE
-        too_high_m = state.height_above_ground_m - self.port_value("height_m")
-        if abs(too_high_m) <= self.slack_m:
-            return Status.SUCCESS
-        self.start_move(down_m=too_high_m)
-        return Status.RUNNING
+NODES = (MoveBy,)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from behaviours.fly.leaf_clock import LeafClock
 from behaviours.fly.step import Progress, StepInHand
@@ -12,21 +12,15 @@ from uav_bt.board import STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import MissionError
 from uav_bt.tree import Leaf, Status
-from uav_bt.types import DroneState, Frame, GimbalTo
+from uav_bt.types import DroneState, Frame, GimbalTo, MoveBy
 
-STRAIGHT_DOWN_RAD = -math.pi / 2
+STRAIGHT_DOWN_RAD: Final = -math.pi / 2
 
 
 def camera_points_at(
     frame: Frame | None, pitch_rad: float, *, slack_rad: float = math.radians(2)
 ) -> bool:
-    """Return whether a frame was captured with the gimbal at a pitch; False without a frame.
-
-    Args:
-        frame: The newest frame.
-        pitch_rad: Gimbal pitch; 0 is level, negative is down.
-        slack_rad: Largest difference in pitch.
-    """
+    """Return whether a frame was captured with the gimbal at a pitch; False without a frame."""
     return frame is not None and abs(frame.gimbal_pitch_rad - pitch_rad) < slack_rad
 
 
@@ -44,7 +38,7 @@ class MovingLeaf(Leaf):
     def on_setup(self, mission: MissionContext) -> None:
         """Begin without a movement."""
         self._step = StepInHand(mission.proposals, resumes=self.resumes)
-        self._progress = Progress.IDLE
+        self.progress = Progress.IDLE  # at the last call of `moving`; an end is reported once
         self._newest: DroneState | None = None
         self.leaf_clock = LeafClock(mission.clock)
 
@@ -53,31 +47,24 @@ class MovingLeaf(Leaf):
 
         A leaf that has ended does not point it: the next leaf may do so within the same tick.
         """
-        state = self.state()
-        status = self.wait(self.read(STATE).age_s) if state is None else self._work(state)
-        if status is Status.RUNNING:
-            pitch_rad = self.gimbal_pitch_rad()
-            if pitch_rad is not None:
-                self.point(GimbalTo(pitch_rad=pitch_rad))
+        reading = self.read(STATE)
+        if (state := reading.value) is None:
+            status = self.wait(reading.age_s)
+        else:
+            self._newest = state
+            if (paused_s := self.leaf_clock.tick()) > 0.0:
+                self._step.pause(paused_s)
+            status = self.work(state)
+        if status is Status.RUNNING and (pitch_rad := self.gimbal_pitch_rad()) is not None:
+            self.point(GimbalTo(pitch_rad=pitch_rad))
         return status
-
-    def _work(self, state: DroneState) -> Status:
-        self._newest = state
-        paused_s = self.leaf_clock.tick()
-        if paused_s > 0.0:
-            self._step.pause(paused_s)
-        return self.work(state)
 
     @abstractmethod
     def work(self, state: DroneState) -> Status:
         """Propose the movement of this tick, or return the final status."""
 
     def wait(self, state_age_s: float) -> Status:
-        """Tick without fresh telemetry; the drone hovers while the leaf proposes nothing.
-
-        Args:
-            state_age_s: Age of the newest telemetry; inf before the first.
-        """
+        """Tick without fresh telemetry, whose age is inf before the first; the drone hovers."""
         del state_age_s
         return Status.RUNNING
 
@@ -96,11 +83,6 @@ class MovingLeaf(Leaf):
         return self.read(STATE).value
 
     @property
-    def progress(self) -> Progress:
-        """The state of the movement at the last call of `moving`; an end is reported once."""
-        return self._progress
-
-    @property
     def busy(self) -> bool:
         """Whether a movement is under way."""
         return self._step.busy
@@ -111,14 +93,11 @@ class MovingLeaf(Leaf):
         return self._step.trouble
 
     def moving(self, state: DroneState) -> bool:
-        """Propose the movement in progress again; False without one.
-
-        `progress` says how it ended.
-        """
-        self._progress = self._step.update(state, self.clock.now())
+        """Propose the movement in progress again; False without one. `progress` tells its end."""
+        self.progress = self._step.update(state, self.clock.now())
         if self._step.proposal is not None:
             self.propose(self._step.proposal)
-        return self._progress is Progress.RUNNING
+        return self.progress is Progress.RUNNING
 
     def start_move(
         self,
@@ -141,13 +120,5 @@ class MovingLeaf(Leaf):
         """
         if self._newest is None:
             raise MissionError("a movement starts from a known state: call start_move in work")
-        self.propose(
-            self._step.start(
-                self._newest,
-                self.clock.now(),
-                forward_m=forward_m,
-                right_m=right_m,
-                down_m=down_m,
-                yaw_rad=yaw_rad,
-            )
-        )
+        wanted = MoveBy(id=0, forward_m=forward_m, right_m=right_m, down_m=down_m, yaw_rad=yaw_rad)
+        self.propose(self._step.start(wanted, self._newest, self.clock.now()))

@@ -10,10 +10,12 @@ from abc import abstractmethod
 from collections.abc import Callable
 from typing import Any, ClassVar, Final
 
+from behaviours.path.following import UNMAPPED_S
 from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import recent_obstacles
 from behaviours.path.passages import ClearanceMaps
 from behaviours.path.view_points import view_points
+from behaviours.ports import number
 from uav_bt.board import SITE_MAP
 from uav_bt.board.blackboard import Key
 from uav_bt.board.context import MissionContext
@@ -31,27 +33,6 @@ VISITED: Final = Key(
     "objects that NextObject has chosen in this mission, such as object:1;object:4",
     writer="NextObject",
 )
-
-_NO_MAP: Final = "no site map: <MapSite/> must tick ahead of this leaf"
-_UNMAPPED_S: Final = 3.0  # as in FollowConfig
-_BESIDE_M: Final = 0.15  # a route ends this far beyond the margin of the object; a cell and a half
-_MIN_POINTS: Final = 6  # of an object on the map; fewer may be an error of a network. Chosen.
-
-
-def _class_ids(names: str, classes: LabClasses) -> tuple[int, ...]:
-    """Return the classes of a port's value; all that stand on the ground for an empty one.
-
-    Raises:
-        UnknownNameError: No object of the map has such a class.
-    """
-    by_name = {classes.names[class_id]: class_id for class_id in classes.standing}
-    given = [name.strip() for name in names.split(SEPARATOR) if name.strip()]
-    for name in given:
-        if name not in by_name:
-            raise UnknownNameError("class of an object", name, tuple(by_name))
-    return tuple(by_name[name] for name in given) or classes.standing
-
-
 CLASS: Final = Port(
     "class",
     str,
@@ -59,15 +40,18 @@ CLASS: Final = Port(
     doc="class of the object, such as box_5, or several with ; between them; empty: any",
 )
 
+_BESIDE_M: Final = 0.15  # a route ends this far beyond the margin of the object; a cell and a half
+_MIN_POINTS: Final = 6  # of an object on the map; fewer may be an error of a network. Chosen.
 
-def _seen(site_map: SiteMap, names: str) -> list[MapObject]:
-    """Return the objects of some classes that the map has enough points of."""
-    class_ids = _class_ids(names, site_map.classes)
-    return [
-        each
-        for each in site_map.objects
-        if each.class_id in class_ids and each.points >= _MIN_POINTS
-    ]
+
+def _class_ids(names: str, classes: LabClasses) -> tuple[int, ...]:
+    """Return the classes of a port's value; all that stand on the ground for an empty one."""
+    by_name = {classes.names[class_id]: class_id for class_id in classes.standing}
+    given = [name.strip() for name in names.split(SEPARATOR) if name.strip()]
+    for name in given:
+        if name not in by_name:
+            raise UnknownNameError("class of an object", name, tuple(by_name))
+    return tuple(by_name[name] for name in given) or classes.standing
 
 
 class MapLeaf(Leaf):
@@ -78,34 +62,46 @@ class MapLeaf(Leaf):
     def on_setup(self, mission: MissionContext) -> None:
         """Take the margins of the place; raises UnknownNameError for a class that the lab lacks."""
         self._margins = Margins().within(mission.clearances)
-        if CLASS in self.ports and (names := self.initial_value(CLASS)) is not None:
-            _class_ids(names, mission.classes)
+        self._check_class(lambda: mission.classes)
 
     def refuses_lab(self, lab: Callable[[], Lab]) -> str | None:
         """Refuse a class that the lab lacks."""
-        names = self.initial_value(CLASS) if CLASS in self.ports else None
         try:
-            if names:
-                _class_ids(names, lab().classes)
+            self._check_class(lambda: lab().classes)
         except UnknownNameError as error:
             return str(error)
         return None
+
+    def _check_class(self, classes: Callable[[], LabClasses]) -> None:
+        if CLASS in self.ports and (names := self.initial_value(CLASS)):
+            _class_ids(names, classes())
 
     def update(self) -> Status:
         """Answer by the newest map."""
         site_map = self.read(SITE_MAP).value
         if site_map is None:
-            self.feedback_message = _NO_MAP
-            return Status.FAILURE
+            return self.fails("no site map: <MapSite/> must tick ahead of this leaf")
         return self.work(site_map)
 
     @abstractmethod
     def work(self, site_map: SiteMap) -> Status:
-        """Return the answer.
+        """Return the answer by the newest map."""
 
-        Args:
-            site_map: The newest map.
-        """
+    def fails(self, reason: str) -> Status:
+        """Return FAILURE, with its reason on the status line."""
+        self.feedback_message = reason
+        return Status.FAILURE
+
+    def seen(self, site_map: SiteMap) -> list[MapObject]:
+        """Return the objects of the wanted class that the map has enough points of."""
+        class_ids = _class_ids(self.port(CLASS), site_map.classes)
+        objects = (item for item in site_map.objects if item.class_id in class_ids)
+        return [item for item in objects if item.points >= _MIN_POINTS]
+
+    def clearance_maps(self, site_map: SiteMap) -> ClearanceMaps:
+        """Return the clearances that routes and places need."""
+        recent = recent_obstacles(site_map.near, site_map, unmapped_s=UNMAPPED_S)
+        return ClearanceMaps(site_map, recent, self._margins)
 
 
 class ObjectSeen(MapLeaf):
@@ -117,21 +113,14 @@ class ObjectSeen(MapLeaf):
     condition = True
     ports = (
         CLASS,
-        Port(
-            "std_m",
-            float,
-            default=0.3,
-            least=0.01,
-            most=5,
-            doc="largest standard deviation of the object's position, m",
-        ),
+        number("std_m", 0.3, 0.01, 5, "largest standard deviation of the object's position, m"),
     )
 
     def work(self, site_map: SiteMap) -> Status:
         """Look at the objects of the map."""
         most_m = self.port_value("std_m")
-        seen = [each for each in _seen(site_map, self.port(CLASS)) if each.std_m <= most_m]
-        self.feedback_message = ", ".join(f"object:{each.id}" for each in seen)
+        seen = [item for item in self.seen(site_map) if item.std_m <= most_m]
+        self.feedback_message = ", ".join(f"object:{item.id}" for item in seen)
         return Status.SUCCESS if seen else Status.FAILURE
 
 
@@ -154,15 +143,11 @@ class NextObject(MapLeaf):
         """Choose an object."""
         visited = self.read(VISITED).value or ""
         chosen = set(visited.split(SEPARATOR))
-        left = {
-            str(Place(frame=PlaceFrame.OBJECT, object_id=each.id)): each
-            for each in _seen(site_map, self.port(CLASS))
-        }
-        left = {place: each for place, each in left.items() if place not in chosen}
+        left = {f"object:{item.id}": item for item in self.seen(site_map)}
+        left = {place: item for place, item in left.items() if place not in chosen}
         if not left:
-            self.feedback_message = "the map has no further object of this class"
-            return Status.FAILURE
-        maps = _clearance_maps(site_map, self._margins)
+            return self.fails("the map has no further object of this class")
+        maps = self.clearance_maps(site_map)
         place = min(left, key=lambda each: _route_m(maps, left[each]))
         label = site_map.classes.names[left[place].class_id]
         self.write(VISITED, SEPARATOR.join(filter(None, (visited, place))))
@@ -195,13 +180,12 @@ class ViewPoints(MapLeaf):
     needed = (SITE_MAP,)
     ports = (
         OF,
-        Port(
+        number(
             "distance_m",
-            float,
-            default=1.0,
-            least=0.3,
-            most=10,
-            doc="distance from the side of the object, or from the other place, m",
+            1.0,
+            0.3,
+            10,
+            "distance from the side of the object, or from the other place, m",
         ),
         Port("count", int, default=4, least=1, most=36, doc="wanted number of places"),
         PLACES,
@@ -210,47 +194,33 @@ class ViewPoints(MapLeaf):
     def work(self, site_map: SiteMap) -> Status:
         """Find the places."""
         of = self.port(self.OF)
-        target = _target(site_map, Place.parse(of))
-        if isinstance(target, Unresolved):
-            self.feedback_message = target.reason
-            return Status.FAILURE
-        poses = view_points(
-            _clearance_maps(site_map, self._margins),
-            target,
-            distance_m=self.port_value("distance_m"),
-            count=self.port_value("count"),
-        )
-        self.feedback_message = f"{len(poses)} places around {of}"
+        place = Place.parse(of)
+        goal = resolve(place, site_map)
+        if isinstance(goal, Unresolved):
+            return self.fails(goal.reason)
+        target = site_map.object(place.object_id) if place.frame is PlaceFrame.OBJECT else None
+        if target is None:  # a place is an object without a size
+            x_m, y_m, at_s = goal.x_m, goal.y_m, site_map.captured_s
+            target = MapObject(class_id=0, x_m=x_m, y_m=y_m, size_m=0.0, std_m=0.0, seen_s=at_s)
+        distance_m, count = self.port_value("distance_m"), self.port_value("count")
+        maps = self.clearance_maps(site_map)
+        poses = view_points(maps, target, distance_m=distance_m, count=count)
         if not poses:
-            self.feedback_message = f"no place around {of} has room and a free view"
-            return Status.FAILURE
+            return self.fails(f"no place around {of} has room and a free view")
+        self.feedback_message = f"{len(poses)} places around {of}"
         places = [start_place(site_map, it.x_m, it.y_m, yaw_rad=it.yaw_rad) for it in poses]
         self.set_port(self.PLACES, SEPARATOR.join(map(str, places)))
         return Status.SUCCESS
 
 
-def _target(site_map: SiteMap, place: Place) -> MapObject | Unresolved:
-    """Return the object of a place, or one without a size at the place."""
-    goal = resolve(place, site_map)
-    if isinstance(goal, Unresolved):
-        return goal
-    found = site_map.object(place.object_id) if place.frame is PlaceFrame.OBJECT else None
-    return found or MapObject(
-        class_id=0, x_m=goal.x_m, y_m=goal.y_m, size_m=0.0, std_m=0.0, seen_s=site_map.captured_s
-    )
-
-
-def _clearance_maps(site_map: SiteMap, margins: Margins) -> ClearanceMaps:
-    recent = recent_obstacles(site_map.near, site_map, unmapped_s=_UNMAPPED_S)
-    return ClearanceMaps(site_map, recent, margins)
-
-
 def _route_m(maps: ClearanceMaps, item: MapObject) -> tuple[bool, float]:
     """Return whether an object has no route, and the length of the route or the distance."""
     pose, margins = maps.map.pose, maps[Passage.ORDINARY].margins
-    straight_m = math.dist((pose.x_m, pose.y_m), (item.x_m, item.y_m))
     beside_m = math.hypot(item.size_m, item.width_m) / 2 + margins.touch_m + _BESIDE_M
     route = maps.route_to((item.x_m, item.y_m), near_m=beside_m, far_m=beside_m)
     if route is None:
-        return True, straight_m
+        return True, math.dist((pose.x_m, pose.y_m), (item.x_m, item.y_m))
     return False, route.length_m + math.dist(route.path_m[-1], (item.x_m, item.y_m))
+
+
+NODES = (NextObject, ObjectSeen, ViewPoints)

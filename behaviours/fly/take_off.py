@@ -1,25 +1,21 @@
-"""TakeOff: start the motors, climb to the flight height, point the camera."""
+"""Take-off and changes of height: TakeOff and ClimbTo."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar, Final
 
 from behaviours.fly.moving_leaf import MovingLeaf, camera_points_at
 from behaviours.fly.step import Progress
+from behaviours.ports import number
 from uav_bt.board import FLIGHT_HEIGHT, FLIGHT_PITCH, FRAME, PHASE, STATE
+from uav_bt.board.blackboard import Key
 from uav_bt.mission.limits import Limits
 from uav_bt.tree import Port, Status
 from uav_bt.types import DroneState, FlyingState, MissionPhase
 from uav_bt.types import TakeOff as TakeOffCommand
 
-
-@dataclass(frozen=True, kw_only=True)
-class TakeOffConfig:
-    """When the flight height is reached."""
-
-    height_slack_m: float = 0.1  # the mission's first advance corrects smaller errors
+_SLACK_M: Final = 0.1  # smaller errors in height are corrected by the mission's first advance
 
 
 def above_ceiling(height_m: float) -> str | None:
@@ -33,47 +29,63 @@ def above_ceiling(height_m: float) -> str | None:
     )
 
 
-class TakeOff(MovingLeaf):
+def _height(default: float | None) -> Port[float]:
+    doc = "flight height above the ground, m"
+    return number("height_m", default, 0.3, 20, doc, caution=above_ceiling)
+
+
+class ClimbTo(MovingLeaf):
+    """Climb or sink to another flight height; SUCCESS there.
+
+    The leaves after it keep that height. FAILURE after repeated attempts without progress.
+    """
+
+    repeats = True
+    ports: ClassVar[tuple[Port[Any], ...]] = (_height(None),)
+    reads: ClassVar[tuple[Key[Any], ...]] = (STATE,)
+    writes: ClassVar[tuple[Key[Any], ...]] = (PHASE, FLIGHT_HEIGHT)
+    phase: ClassVar[MissionPhase] = MissionPhase.GO_TO
+
+    def initialise(self) -> None:
+        """Write the mission's flight height."""
+        self.write(PHASE, self.phase)
+        self.write(FLIGHT_HEIGHT, self.port_value("height_m"))
+
+    def work(self, state: DroneState) -> Status:
+        """Climb or sink until the height is reached."""
+        if self.moving(state):
+            return Status.RUNNING
+        if self.progress is Progress.FAILED:
+            self.feedback_message = self.trouble
+            return Status.FAILURE
+        too_high_m = state.height_above_ground_m - self.port_value("height_m")
+        if abs(too_high_m) <= _SLACK_M:
+            return self.at_height()
+        self.start_move(down_m=too_high_m)
+        return Status.RUNNING
+
+    def at_height(self) -> Status:
+        """Return the answer at the height."""
+        return Status.SUCCESS
+
+
+class TakeOff(ClimbTo):
     """Take off, climb to the flight height and point the camera; FAILURE when it takes too long."""
 
     points = True
-    config: ClassVar[TakeOffConfig] = TakeOffConfig()
-    repeats = True
     ports = (
-        Port(
-            "height_m",
-            float,
-            default=1.5,
-            least=0.3,
-            most=20,
-            doc="flight height above the ground, m",
-            caution=above_ceiling,
-        ),
-        Port(
-            "gimbal_deg",
-            float,
-            default=-30.0,
-            least=-90,
-            most=90,
-            doc="camera pitch in flight, degrees",
-        ),
-        Port(
-            "give_up_s",
-            float,
-            default=20.0,
-            least=0,
-            most=3600,
-            doc="seconds until it has failed, take-overs apart",
-        ),
+        _height(1.5),
+        number("gimbal_deg", -30.0, -90, 90, "camera pitch in flight, degrees"),
+        number("give_up_s", 20.0, 0, 3600, "seconds until it has failed, take-overs apart"),
     )
     reads = (STATE, FRAME)
     writes = (PHASE, FLIGHT_HEIGHT, FLIGHT_PITCH)
     takes_off = True
+    phase = MissionPhase.TAKE_OFF
 
     def initialise(self) -> None:
         """Write the mission's flight height and camera pitch, and note the time."""
-        self.write(PHASE, MissionPhase.TAKE_OFF)
-        self.write(FLIGHT_HEIGHT, self.port_value("height_m"))
+        super().initialise()
         self.write(FLIGHT_PITCH, self.gimbal_pitch_rad())
         self._started_s = self.leaf_clock.now()
 
@@ -89,14 +101,12 @@ class TakeOff(MovingLeaf):
         if state.flying not in {FlyingState.HOVERING, FlyingState.FLYING}:
             self.propose(TakeOffCommand())
             return Status.RUNNING
-        if self.moving(state):
-            return Status.RUNNING
-        if self.progress is Progress.FAILED:
-            self.feedback_message = self.trouble
-            return Status.FAILURE
-        error_m = state.height_above_ground_m - self.port_value("height_m")
-        if abs(error_m) > self.config.height_slack_m:
-            self.start_move(down_m=error_m)
-            return Status.RUNNING
+        return super().work(state)
+
+    def at_height(self) -> Status:
+        """Wait until a frame was captured at the camera's pitch."""
         points_ahead = camera_points_at(self.read(FRAME).value, self.gimbal_pitch_rad())
         return Status.SUCCESS if points_ahead else Status.RUNNING
+
+
+NODES = (ClimbTo, TakeOff)

@@ -10,38 +10,34 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.path.distances import Distances
 from behaviours.path.fastest import Cell, FastestPaths, fastest_paths
-from behaviours.path.margins import Margins
+from behaviours.path.margins import START_SLACK_M, YAW_RATE_RADPS, Margins
+from behaviours.path.movers import outlines_m
 from behaviours.path.nearby import RecentObstacles
 from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.site_map import SiteMap
 
-Place = tuple[float, float]
+Place = tuple[float, float]  # (x, y), metres in the map's frame
 
 _ROUNDING_M: Final = 1e-6  # distances on the grid that differ by less are equal
-_LINE_SAMPLES: Final = 10  # samples of a straight line of about 0.6 m (FollowConfig)
+_LINE_SAMPLES: Final = 10  # samples of a straight line of about 0.6 m (`follow`)
+_START_M: Final = 0.7  # m; within this distance a route may keep the drone's present clearance
+_ENOUGH_REACHED: Final = 0.5  # share of the flyable cells below which the drone is shut in
+_TURN_M: Final = 0.5  # m; length of the route over which the time of its first turn is spread
+_CROSS_M: Final = 1.2  # m; distance from the mark up to which a route may cross unseen cells
+_UNKNOWN_TIMES: Final = 3.0  # factor on the flight time of such cells
 
 
 @dataclass(frozen=True, kw_only=True)
 class Route:
-    """A path over the map.
+    """A path over the map."""
 
-    Attributes:
-        path_m: (N, 2) places from the drone to the end, metres in the map's frame.
-        clear_m: (N,) clearance of each place, as `ClearanceMap.clearance_at` returns it.
-        straight_m: (N,) least clearance on the straight line from the drone to each place.
-        time_s: Time to fly the route.
-        margins: Margins that the route keeps.
-        new_m2: New ground along the route; 0 if it was not computed.
-    """
-
-    path_m: Floats
-    clear_m: Floats
-    straight_m: Floats
-    time_s: float
-    margins: Margins
-    new_m2: float = 0.0
+    path_m: Floats  # (N, 2) places from the drone to the end, metres in the map's frame
+    clear_m: Floats  # (N,) clearance of each place, as `ClearanceMap.clearance_at` returns it
+    straight_m: Floats  # (N,) least clearance on the straight line from the drone to each place
+    time_s: float  # to fly the route
+    margins: Margins  # that it keeps
+    new_m2: float = 0.0  # new ground along it; 0 if it was not computed
 
     @property
     def length_m(self) -> float:
@@ -52,6 +48,71 @@ class Route:
     def apart_m(self) -> float:
         """The straight distance between the ends of the path, metres."""
         return float(np.hypot(*(self.path_m[-1] - self.path_m[0])))
+
+
+class Distances:
+    """The distance of each cell from obstacles and edges; clearance maps of one map share it."""
+
+    def __init__(self, site_map: SiteMap, recent: RecentObstacles) -> None:
+        self._map, self._recent = site_map, recent
+
+    @cached_property
+    def obstacle_m(self) -> Floats:
+        """(rows, columns) distance to the nearest obstacle, metres; inf without any."""
+        found = self._map
+        points_m = np.vstack([found.obstacles_m, outlines_m(found.movers), self._recent.seen_m])
+        return self.of(self._marked(points_m) | self._filled())
+
+    @cached_property
+    def edge_m(self) -> Floats:
+        """(rows, columns) distance to the nearest edge of the ground, metres; inf without any."""
+        ends = self._marked(np.vstack([self._map.edges_m, self._recent.edges_m]))
+        return self.of(ends | self._map.outside)
+
+    @cached_property
+    def lane_m(self) -> Floats:
+        """(rows, columns) distance to the nearest lane of movers, metres; inf without any."""
+        return self.of(self._marked(self._map.lanes_m))
+
+    @cached_property
+    def assumed(self) -> Flags:
+        """(rows, columns) cells of assumed obstacles."""
+        return self._marked(self._recent.assumed_m)
+
+    def of(self, marked: Flags) -> Floats:
+        """Return the distance of each cell to the nearest marked one, metres; inf without any."""
+        import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
+
+        if not marked.any():
+            return np.full(marked.shape, math.inf)
+        apart = cv2.distanceTransform((~marked).view(np.uint8), cv2.DIST_L2, 5)
+        return np.asarray(np.multiply(apart, self._map.cell_m, dtype=np.float64))
+
+    def _marked(self, points_m: Floats) -> Flags:
+        """Return the cells with a point, (N, 2) in the map's frame."""
+        marked = np.zeros(self._map.seen_s.shape, dtype=bool)
+        if len(points_m):
+            cells = self._cells(points_m)
+            inside = ((cells >= 0) & (cells < marked.shape)).all(axis=1)
+            marked[tuple(cells[inside].T)] = True
+        return marked
+
+    def _cells(self, points_m: Floats) -> NDArray[np.intp]:
+        apart_m = points_m - np.array(self._map.corner_m)
+        return np.asarray(np.rint(apart_m / self._map.cell_m).astype(np.intp))
+
+    def _filled(self) -> Flags:
+        """Return the cells that objects fill, including sides that were never seen."""
+        import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
+
+        filled = np.zeros(self._map.seen_s.shape, dtype=np.uint8)
+        margin_m = -self._map.cell_m / 2
+        corners_m = [each.corners_m(margin_m=margin_m) for each in self._map.objects]
+        if corners_m:
+            # OpenCV's x is the column. It also fills the cells of the border.
+            for corners in self._cells(np.stack(corners_m))[..., ::-1].astype(np.int32):
+                cv2.fillConvexPoly(filled, corners, 1)
+        return filled.view(np.bool_)
 
 
 class ClearanceMap:
@@ -84,15 +145,16 @@ class ClearanceMap:
         distances: Distances | None = None,
     ) -> None:
         distances = distances or Distances(site_map, recent)
-        self.margins = margins = (margins or Margins()).by(site_map.residual_m)
         self.map = site_map
-        self._free = site_map.free | self._around(over, margins.over_mark_m)
+        self.margins = margins = (margins or Margins()).by(site_map.residual_m)
+        self._free = site_map.free
+        if over is not None:
+            self._free = self._free | self._around(over, margins.over_mark_m)
         self._doubted: Flags | None = None  # cells that may hold an obstacle; None: none
         if margins.cross_unknown:
-            beside = self._around(over, margins.cross_m) if over is not None else True
+            beside = self._around(over, _CROSS_M) if over is not None else True
             unseen = ~(self._free | site_map.outside) & beside
-            assumed_m = distances.of(distances.assumed)
-            self._doubted = unseen | (assumed_m < margins.doubt_m)
+            self._doubted = unseen | (distances.of(distances.assumed) < margins.doubt_m)
             self._free = self._free | unseen
         self.obstacle_m = distances.obstacle_m
         self.clear_m = self._clearance_m(distances)
@@ -100,22 +162,19 @@ class ClearanceMap:
         flyable = self._free & ~site_map.outside
         self.open = flyable & self.roomy
         here_m = float(self.clear_m[self.start])
-        as_near_m = min(here_m, max(margins.min_start_m, here_m - margins.start_slack_m))
-        near, from_start_m = self._from_start_m(margins.start_m)
+        as_near_m = min(here_m, max(margins.min_start_m, here_m - START_SLACK_M))
+        near, from_start_m = self._from_start_m(_START_M)
         as_clear = self.clear_m[near] >= as_near_m
-        self.open[near] |= flyable[near] & (from_start_m <= margins.start_m) & as_clear
+        self.open[near] |= flyable[near] & (from_start_m <= _START_M) & as_clear
         self.open[self.start] = True
 
     def _clearance_m(self, distances: Distances) -> Floats:
-        """Return the clearance of each cell, as `clearance_at` returns it, metres.
-
-        The distances are shifted so that each margin falls on `touch_m`.
-        """
+        """Return the clearance of each cell: all distances, each margin shifted to `touch_m`."""
         margins, clear_m = self.margins, self.obstacle_m
-        closing, slowing = self._assumed(distances.assumed)
+        blocking, slowing = self._assumed(distances.assumed)
         nearer_m = margins.touch_m - margins.doubt_m
-        if closing.any():
-            clear_m = np.minimum(clear_m, distances.of(closing) + nearer_m)
+        if blocking.any():
+            clear_m = np.minimum(clear_m, distances.of(blocking) + nearer_m)
         if slowing.any():
             slower_m = np.maximum(distances.of(slowing) + nearer_m, margins.touch_m)
             clear_m = np.minimum(clear_m, slower_m)
@@ -146,32 +205,30 @@ class ClearanceMap:
     @cached_property
     def fastest(self) -> FastestPaths:
         """The fastest paths from the drone to all cells, without the cost of the first turn."""
-        return fastest_paths(self.open, self._cell_s, self.start)
+        return fastest_paths(self.open, self._cell_s(), self.start)
 
     @cached_property
     def _turned(self) -> FastestPaths:
         """The fastest paths with the cost of the first turn, which favours the present heading.
 
-        The turn to a cell near the drone is added to its cost, spread over the first `turn_m`.
+        The turn to a cell near the drone is added to its cost, spread over the first `_TURN_M`.
         """
-        margins, found = self.margins, self.map
-        near, _ = self._from_start_m(margins.turn_m + 2.0 * found.cell_m)
+        found = self.map
+        near, _ = self._from_start_m(_TURN_M + 2.0 * found.cell_m)
         places_m = found.middles_m(np.moveaxis(np.mgrid[near], 0, -1))
         forward_m, right_m = np.moveaxis(found.pose.points_to_body(places_m), -1, 0)
-        turn_s = np.abs(np.arctan2(right_m, forward_m)) / margins.yaw_rate_radps
-        around = np.hypot(forward_m, right_m) <= margins.turn_m
-        shares = np.where(around, found.cell_m / margins.turn_m, 0.0)
-        cell_s = self._cell_s
-        cell_s[near] += shares * turn_s
+        turn_s = np.abs(np.arctan2(right_m, forward_m)) / YAW_RATE_RADPS
+        around = np.hypot(forward_m, right_m) <= _TURN_M
+        cell_s = self._cell_s()
+        cell_s[near] += np.where(around, found.cell_m / _TURN_M, 0.0) * turn_s
         return fastest_paths(self.open, cell_s, self.start)
 
-    @property
     def _cell_s(self) -> Floats:
-        """(rows, columns) time to fly one side length of each cell, seconds; inf if not open."""
-        margins, cell_s = self.margins, np.full(self.open.shape, math.inf)
-        cell_s[self.open] = self.map.cell_m / margins.speed_mps(self.clear_m[self.open])
+        """Return the time to fly one side length of each cell, seconds; inf if not open."""
+        cell_s = np.full(self.open.shape, math.inf)
+        cell_s[self.open] = self.map.cell_m / self.margins.speed_mps(self.clear_m[self.open])
         if self._doubted is not None:
-            cell_s[self._doubted] *= margins.unknown_times
+            cell_s[self._doubted] *= _UNKNOWN_TIMES
         return cell_s
 
     def route_to(self, to: Place, *, near_m: float, far_m: float) -> Route | None:
@@ -201,26 +258,19 @@ class ClearanceMap:
     def route_along(self, path: list[Cell], *, time_s: float, new_m2: float = 0.0) -> Route:
         """Return the route along a path over cells."""
         cells = np.array(path)
+        shares = np.linspace(0.0, 1.0, _LINE_SAMPLES)[:, None]
+        lines = np.rint(cells[0] + shares * (cells - cells[0])[:, None]).astype(int)
         return Route(
             path_m=self.map.middles_m(cells),
             clear_m=self.clear_m[tuple(cells.T)],
-            straight_m=self._straight_m(cells),
+            straight_m=self.clear_m[tuple(np.moveaxis(lines, -1, 0))].min(axis=-1),
             time_s=time_s,
             margins=self.margins,
             new_m2=new_m2,
         )
 
-    @cached_property
-    def _wide(self) -> Flags:
-        return self.open & self.roomy
-
     def is_open_to(self, x_m: float, y_m: float) -> bool:
-        """Return whether the straight line from the drone to a place leads over open cells only.
-
-        Args:
-            x_m: x of the place in the map's frame.
-            y_m: y of the place in the map's frame.
-        """
+        """Return whether the straight line from the drone to a place leads over open cells only."""
         end = self.map.cell_of(x_m, y_m)
         if self._within(end) != end:
             return False
@@ -230,34 +280,22 @@ class ClearanceMap:
 
     @property
     def shut_in(self) -> bool:
-        """Whether too few of the flyable cells can be reached, by `Margins.enough_reached`."""
-        reached = np.isfinite(self.fastest.time_s) & self._wide
-        return bool(reached.sum() < self.margins.enough_reached * self._wide.sum())
+        """Whether too few of the flyable cells can be reached."""
+        wide = self.open & self.roomy
+        reached = np.isfinite(self.fastest.time_s) & wide
+        return bool(reached.sum() < _ENOUGH_REACHED * wide.sum())
 
     @property
     def too_narrow(self) -> bool:
         """Whether no cell has the clearance that routes need."""
-        return not self._wide.any()
+        return not (self.open & self.roomy).any()
 
-    def _straight_m(self, cells: NDArray[np.intp]) -> Floats:
-        """Return the least clearance on the straight lines from the first to each of the cells."""
-        shares = np.linspace(0.0, 1.0, _LINE_SAMPLES)[:, None]
-        lines = np.rint(cells[0] + shares * (cells - cells[0])[:, None]).astype(int)
-        return np.asarray(self.clear_m[tuple(np.moveaxis(lines, -1, 0))].min(axis=-1))
-
-    def _around(self, place: Place | None, reach_m: float) -> Flags:
-        """Return the cells within a distance of a place; none without a place."""
-        if place is None:
-            return np.zeros(self.map.free.shape, dtype=bool)
+    def _around(self, place: Place, reach_m: float) -> Flags:
         apart_m = np.linalg.norm(self.map.places_m() - place, axis=-1)
         return np.asarray(apart_m <= reach_m)
 
     def _from_start_m(self, reach_m: float) -> tuple[tuple[slice, slice], Floats]:
-        """Return a window of cells around the start, and their distances from it, metres.
-
-        Args:
-            reach_m: The window holds all cells within this distance.
-        """
+        """Return a window with all cells within a reach of the start, and their distances."""
         reach = math.ceil(reach_m / self.map.cell_m)
         (row, column), shape = self.start, self.clear_m.shape
         near = (

@@ -1,7 +1,8 @@
 """Loops of the planner that are compiled to machine code.
 
 They stand apart because Numba takes 0.2 s to import, and `uav-bt check` must answer at once. Leaves
-that plan import this module when they are set up, so that nothing is compiled in flight.
+that plan import this module when they are set up, so that nothing is compiled in flight. Grids have
+the shape (R, C); cells are flat indices; `before` is the cell before each on its path, -1: none.
 """
 
 from __future__ import annotations
@@ -25,17 +26,7 @@ _DIAGONAL: Final = math.sqrt(2.0)  # length of a step to a diagonal neighbour, c
 def search(
     open_: Flags, cell_s: Floats, start: int
 ) -> tuple[Floats, NDArray[np.int64], NDArray[np.int64]]:
-    """Find the fastest paths from a cell over its eight neighbours (Dijkstra's algorithm).
-
-    Args:
-        open_: (R, C) cells that paths may lead over.
-        cell_s: (R, C) time to fly one side length of each cell, seconds.
-        start: Flat index of the cell at which the paths begin.
-
-    Returns:
-        (R, C) time to each cell, seconds; inf where no path leads. (R, C) flat index of the cell
-        before each; -1: none. (N,) flat indices of the reached cells, by increasing time.
-    """
+    """Return time, `before` and the reached cells by increasing time (Dijkstra's algorithm)."""
     height, width = open_.shape
     time_s, before = np.full(height * width, math.inf), np.full(height * width, -1)
     order = np.empty(height * width, dtype=np.int64)
@@ -67,15 +58,9 @@ def search(
 
 @compiled("int64[::1](int64[::1], int64[::1], int64)")
 def ancestors(order: NDArray[np.int64], before: NDArray[np.int64], steps: int) -> NDArray[np.int64]:
-    """Return the cell on the path to each cell after a number of steps from the start.
+    """Return the cell after some steps of the path to each cell, its end if it is shorter, or -1.
 
-    Args:
-        order: (N,) flat indices of the reached cells, as `search` returns them.
-        before: (R * C,) flat index of the cell before each.
-        steps: Number of steps; for a shorter path its end is returned.
-
-    Returns:
-        (R * C,) flat index for each reached cell; -1 for the others.
+    `order` is that of `search`.
     """
     found = np.full(before.size, -1)
     depth = np.zeros(before.size, dtype=np.int64)
@@ -95,18 +80,10 @@ def sum_of_crescents(
     cells: NDArray[np.int64],
     begins: NDArray[np.int64],
 ) -> Floats:
-    """Return the worth of the ground that all steps of the path to each cell add.
+    """Return, for each cell, the worth of the cells that the steps of its path add; else 0.
 
-    Args:
-        order: (N,) flat indices of the reached cells, as `search` returns them.
-        before: (R * C,) flat index of the cell before each.
-        worth: (R, C) worth of each cell.
-        cells: (K, 2) rows and columns that a step adds, from its end; grouped by step.
-        begins: (10,) index in `cells` of the first cell of each step. The step (d, r) has the
-            number 3 * (d + 1) + r + 1; (0, 0) stands for the start.
-
-    Returns:
-        (R, C) sum for each reached cell; 0 for the others.
+    `cells` are rows and columns, (K, 2), that a step adds, from its end, grouped by step. The group
+    of the step (d, r), number 3 * (d + 1) + r + 1, begins at `begins`, (10,); (0, 0): the start.
     """
     height, width = worth.shape
     total = np.zeros(worth.shape)
@@ -127,17 +104,7 @@ def sum_of_crescents(
 
 @compiled("boolean[::1](float64[:, ::1], float64[:, ::1], float64, int64)")
 def has_near(points_m: Floats, others_m: Floats, near_m: float, least: int) -> Flags:
-    """Return which points have at least a number of others within a distance.
-
-    Args:
-        points_m: (N, 2), metres.
-        others_m: (M, 2), metres, in the same frame.
-        near_m: Others nearer than this count, metres.
-        least: The number of others.
-
-    Returns:
-        (N,).
-    """
+    """Return which points, (N, 2), have at least a number of others, (M, 2), within a distance."""
     found = np.zeros(len(points_m), dtype=np.bool_)
     for point in range(len(points_m)):
         count = 0

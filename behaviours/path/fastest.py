@@ -1,16 +1,20 @@
-"""Fastest paths over a grid from one cell to all others (Dijkstra's algorithm)."""
+"""Fastest paths over a grid from one cell to all others, and the ground along them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
+from itertools import product
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.types.arrays import Floats
+from uav_bt.types.arrays import Flags, Floats
 
 Cell = tuple[int, int]
+
+_STEPS: Final = tuple(product((-1, 0, 1), repeat=2))  # (0, 0): at the start
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,14 +32,7 @@ class FastestPaths:
         return np.sort(self.order)
 
     def after(self, steps: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return the cell on the path to each reached cell after a number of steps.
-
-        Args:
-            steps: Number of steps from the start; for a shorter path its end is returned.
-
-        Returns:
-            Rows and columns, (N,) each.
-        """
+        """Return rows and columns, (N,) each, that the paths to `reached` have after some steps."""
         from behaviours.path.compiled_loops import ancestors  # noqa: PLC0415  (see that module)
 
         found = ancestors(self.order, self.before.reshape(-1), steps)
@@ -49,17 +46,43 @@ class FastestPaths:
             path.append((row, column))
         return path[::-1]
 
+    def covered(self, worth: Floats, radius_cells: float) -> Floats:
+        """Return the worth of the cells within a radius of the path to each cell, (rows, columns).
 
-def fastest_paths(open_: NDArray[np.bool_], cell_s: Floats, start: Cell) -> FastestPaths:
-    """Return the fastest paths from a cell.
+        The paths form a tree. A path covers what the path to its last cell but one covers, and the
+        crescent that the last step adds. Ground counts twice where a path comes back near to
+        itself, which is rare for fastest paths, and in a small part where a path turns.
+        """
+        from behaviours.path.compiled_loops import sum_of_crescents  # noqa: PLC0415
 
-    Args:
-        open_: (rows, columns) cells that paths may lead over, the start among them.
-        cell_s: (rows, columns) time to fly one side length of each cell, seconds.
-        start: The cell at which the paths begin.
+        cells, begins = _crescents(radius_cells)
+        return sum_of_crescents(self.order, self.before.reshape(-1), worth, cells, begins)
+
+
+def fastest_paths(open_: Flags, cell_s: Floats, start: Cell) -> FastestPaths:
+    """Return the fastest paths over open cells, the start among them (Dijkstra's algorithm).
+
+    `cell_s` is the time to fly one side length of each cell.
     """
     from behaviours.path.compiled_loops import search  # noqa: PLC0415  (see that module)
 
     first = start[0] * open_.shape[1] + start[1]
     found = search(np.ascontiguousarray(open_), np.ascontiguousarray(cell_s), first)
     return FastestPaths(start, *found)
+
+
+@cache
+def _crescents(radius_cells: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the cells that each step of `_STEPS` adds: around its end, but not its beginning.
+
+    (K, 2) rows and columns from the step's end, grouped by step; (10,) where each group begins. The
+    step (0, 0) adds all cells around the place.
+    """
+    reach = int(radius_cells)
+    around = np.argwhere(np.ones((2 * reach + 1, 2 * reach + 1))) - reach
+    around = around[np.hypot(*around.T) <= radius_cells]
+    added = [
+        around[np.hypot(*(around + step).T) > radius_cells] if step != (0, 0) else around
+        for step in _STEPS
+    ]
+    return np.vstack(added), np.cumsum([0, *map(len, added)])

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -15,6 +16,13 @@ from uav_bt.errors import ValueRangeError
 from uav_bt.lab.shipped import default_mark
 from uav_bt.types import NARROWER_M, Clearances, LandingMark
 from uav_bt.types.arrays import Floats
+
+YAW_RATE_RADPS: Final = 0.8  # rad/s; of a route's first turn (measured in the twin)
+START_SLACK_M: Final = 0.03  # m; clearance that a route may lose near the drone: rounding of a cell
+_SURE_M: Final = 0.016  # m; residual of views when place and height are known (profile lab)
+_UNSURE_TIMES: Final = 8.0  # extra distance per metre of residual above that
+_PAD_EDGE_M: Final = 0.2  # m; distance of the last metres before the pad from the edge
+_AWAY_MPS: Final = 0.1  # m/s; at `min_start_m`: a route that begins there takes the shortest exit
 
 
 class Passage(enum.Enum):
@@ -29,80 +37,43 @@ class Passage(enum.Enum):
     OUT = "out"
 
 
+# How much nearer to obstacles than the ordinary one a passage leads, metres, and whether the
+# residual of the views widens it. Unseen sides of boxes beside the pad have an assumed place,
+# rounded to the grid.
+_ELSEWHERE: Final = {
+    Passage.TIGHT: (0.06, True),
+    Passage.TIGHTEST: (NARROWER_M, False),
+    Passage.OUT: (NARROWER_M, False),
+}
+_AT_PAD: Final = {
+    Passage.TIGHT: (0.02, True),
+    Passage.TIGHTEST: (0.06, False),
+    Passage.OUT: (NARROWER_M, False),
+}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Margins:
-    """The smallest distances that a route keeps, and its speeds.
+    """The smallest distances that a route keeps, and its speeds."""
 
-    Attributes:
-        touch_m: Distance from obstacles: 0.2 m of hull, the map's drift and the drone's sway.
-        wide_m: Distance from which the drone flies at full speed.
-        tight_m: `touch_m` of a tight passage.
-        tightest_m: `touch_m` of the tightest passage.
-        sure_m: Residual of the views when place and height are known (measured in the lab profile).
-        unsure_times: Extra distance per metre of residual above `sure_m`.
-        unsure_m: Largest extra distance for the residual.
-        doubt_m: Distance from assumed obstacles.
-        past_assumed: Whether a route may cross open, seen ground with an assumed obstacle.
-        unknown_m: Distance from cells that were never seen: they may be the hidden side of a box.
-        lane_m: Distance from lanes of movers that may come back unseen.
-        edge_m: Distance from the edge of the ground.
-        slow_mps: Speed at `touch_m`.
-        fast_mps: Speed from `wide_m` on.
-        away_mps: Speed at `min_start_m`; it makes a route that begins there take the shortest exit.
-        start_m: Within this distance of the drone a route may keep the drone's present clearance.
-        start_slack_m: Clearance that it may lose there, for the rounding of a cell.
-        min_start_m: A drone with less clearance than this must not reduce it further.
-        enough_reached: Share of the flyable cells below which the drone counts as shut in.
-        yaw_rate_radps: Rate of a route's first turn (measured in the twin).
-        turn_m: Length of the route over which the time of that turn is spread.
-        saved_s: Least time that a tight passage must save. The tightest passage is used only
-            without another route.
-        direct: A route up to this multiple of the straight line is not compared with narrower
-            passages.
-        cross_unknown: Whether a route may cross assumed obstacles, and unseen cells near the mark.
-        cross_m: Distance from the mark up to which a route may cross unseen cells.
-        unknown_times: Factor on the flight time of such cells.
-        pad_m: `touch_m` of the last metres before the pad.
-        pad_edge_m: `edge_m` of the last metres before the pad.
-        over_m: Radius around the landing mark that counts as seen, free ground when routes may lead
-            over it. None: half of the diagonal of the default lab's mark, and a cell.
-    """
-
-    touch_m: float = Clearances.obstacle_m
-    wide_m: float = 0.75
-    tight_m: float = 0.34
-    tightest_m: float = Clearances.obstacle_m - NARROWER_M
-    sure_m: float = 0.016
-    unsure_times: float = 8.0
-    unsure_m: float = 0.12
-    doubt_m: float = 0.38
-    past_assumed: bool = False
-    unknown_m: float = Clearances.unknown_m
-    lane_m: float = Clearances.lane_m
-    edge_m: float = Clearances.edge_m
-    slow_mps: float = 0.3
-    fast_mps: float = 0.6
-    away_mps: float = 0.1
-    start_m: float = 0.7
-    start_slack_m: float = 0.03
-    min_start_m: float = 0.3
-    enough_reached: float = 0.5
-    yaw_rate_radps: float = 0.8
-    turn_m: float = 0.5
-    saved_s: float = 6.0
-    direct: float = 1.3
-    cross_unknown: bool = False
-    cross_m: float = 1.2
-    unknown_times: float = 3.0
-    pad_m: float = 0.38
-    pad_edge_m: float = 0.2
-    over_m: float | None = None
+    touch_m: float = Clearances.obstacle_m  # from obstacles: hull, the map's drift, sway
+    wide_m: float = 0.75  # from here on the drone flies at full speed
+    edge_m: float = Clearances.edge_m  # from the edge of the ground
+    pad_edge_m: float = _PAD_EDGE_M  # the same in the last metres before the pad
+    doubt_m: float = 0.38  # from assumed obstacles
+    unknown_m: float = Clearances.unknown_m  # from unseen cells: the hidden side of a box
+    lane_m: float = Clearances.lane_m  # from lanes of movers that may come back unseen
+    min_start_m: float = 0.3  # a drone with less clearance must not reduce it further
+    unsure_m: float = 0.12  # largest extra distance where views do not fit the map
+    slow_mps: float = 0.3  # at `touch_m`
+    fast_mps: float = 0.6  # from `wide_m` on
+    past_assumed: bool = False  # may cross open, seen ground with an assumed obstacle
+    cross_unknown: bool = False  # may cross assumed obstacles, and unseen cells near the mark
+    over_m: float | None = None  # radius of the mark, flown over; None: of the default lab's mark
 
     def __post_init__(self) -> None:
-        speeds_mps = (self.away_mps, self.slow_mps, self.fast_mps)
-        in_order = tuple(sorted(speeds_mps)) == speeds_mps
-        apart = self.min_start_m <= self.touch_m < self.wide_m
-        if self.away_mps <= 0.0 or not in_order or not apart:
+        apart = self.min_start_m - 1e-6 <= self.touch_m < self.wide_m
+        if not (_AWAY_MPS <= self.slow_mps <= self.fast_mps and apart):
             raise ValueRangeError(f"speeds and distances must be positive and in order, got {self}")
 
     def within(self, place: Clearances, mark: LandingMark | None = None) -> Margins:
@@ -119,11 +90,8 @@ class Margins:
             self,
             touch_m=self.touch_m + wider_m,
             wide_m=self.wide_m + wider_m,
-            tight_m=self.tight_m + wider_m,
-            tightest_m=self.tightest_m + wider_m,
             doubt_m=self.doubt_m + wider_m,
             min_start_m=self.min_start_m + min(wider_m, 0.0),
-            pad_m=self.pad_m + wider_m,
             pad_edge_m=self.pad_edge_m + max(place.edge_m - Clearances.edge_m, 0.0),
             unknown_m=self.unknown_m + (place.unknown_m - Clearances.unknown_m),
             lane_m=self.lane_m + (place.lane_m - Clearances.lane_m),
@@ -131,18 +99,9 @@ class Margins:
             over_m=self.over_m if mark is None else _over_m(mark),
         )
 
-    @property
-    def over_mark_m(self) -> float:
-        """The radius `over_m`, also where it is the default one."""
-        return _over_m(default_mark()) if self.over_m is None else self.over_m
-
     def by(self, residual_m: float) -> Margins:
-        """Return the margins widened for a map that the views do not fit exactly.
-
-        Args:
-            residual_m: Mean distance of the views' points from the map's.
-        """
-        more_m = min(self.unsure_times * max(residual_m - self.sure_m, 0.0), self.unsure_m)
+        """Return the margins widened for views that are off the map by a mean distance."""
+        more_m = min(_UNSURE_TIMES * max(residual_m - _SURE_M, 0.0), self.unsure_m)
         if more_m == 0.0:
             return self
         return replace(
@@ -153,45 +112,50 @@ class Margins:
             edge_m=self.edge_m + more_m,
         )
 
+    def through(self, passage: Passage, *, at_pad: bool = False) -> Margins:
+        """Return the margins of a passage, from the ordinary ones.
+
+        The way out is also narrower beside edges, as far as the last metres before the pad are. It
+        is flown as slowly as a route that begins with little clearance. A route may begin with
+        little clearance, so a drone that swayed comes through gaps that other margins close.
+        """
+        if passage is Passage.ORDINARY:
+            return self
+        nearer_m, by_residual = (_AT_PAD if at_pad else _ELSEWHERE)[passage]
+        edge_m, slow_mps = self.pad_edge_m if at_pad else self.edge_m, self.slow_mps
+        if passage is Passage.OUT:
+            edge_m = max(edge_m - NARROWER_M, min(edge_m, self.pad_edge_m))
+            slow_mps = _AWAY_MPS
+        return replace(
+            self,
+            touch_m=self.touch_m - nearer_m,
+            edge_m=edge_m,
+            unsure_m=self.unsure_m if by_residual else 0.0,
+            slow_mps=slow_mps,
+            cross_unknown=at_pad,
+        )
+
     def tight(self) -> Margins:
         """Return the margins of a tight passage."""
-        return replace(self, touch_m=self.tight_m)
-
-    def tightest(self) -> Margins:
-        """Return the margins of the tightest passage, independent of the map's residual."""
-        return replace(self, touch_m=self.tightest_m, unsure_m=0.0)
+        return self.through(Passage.TIGHT)
 
     def at_pad(self) -> Margins:
-        """Return the margins of the last metres, where boxes may be beside the pad.
+        """Return the margins of the last metres before the pad.
 
         The camera sees those metres from nearby before the drone flies them, so assumed obstacles
         and unseen cells there cost time but do not block the route.
         """
-        return replace(self, touch_m=self.pad_m, edge_m=self.pad_edge_m, cross_unknown=True)
-
-    def sure(self) -> Margins:
-        """Return the tightest margins of the last metres, independent of the map's residual.
-
-        With less than `tight_m` the drone could touch unseen sides of boxes: their place is
-        assumed, and rounded to the grid.
-        """
-        return replace(self, touch_m=self.tight_m, unsure_m=0.0)
-
-    def out(self) -> Margins:
-        """Return the margins of the way out, for a drone that the tightest passage shuts in.
-
-        A route may begin with little clearance, so a drone that swayed comes through gaps that
-        other margins close behind it. The way out is also narrower beside edges, by as much as the
-        tightest passage is beside obstacles, but not narrower than the last metres before the pad.
-        It is flown as slowly as a route that begins with little clearance.
-        """
-        edge_m = max(self.edge_m - NARROWER_M, min(self.edge_m, self.pad_edge_m))
-        return replace(self.tightest(), edge_m=edge_m, slow_mps=self.away_mps)
+        return self.through(Passage.TIGHT, at_pad=True)
 
     def speed_mps(self, clear_m: Floats) -> Floats:
         """Return the speed at each clearance, metres."""
-        at_m = min(self.min_start_m, self.touch_m - self.start_slack_m), self.touch_m, self.wide_m
-        return np.interp(clear_m, at_m, (self.away_mps, self.slow_mps, self.fast_mps))
+        at_m = min(self.min_start_m, self.touch_m - START_SLACK_M), self.touch_m, self.wide_m
+        return np.interp(clear_m, at_m, (_AWAY_MPS, self.slow_mps, self.fast_mps))
+
+    @property
+    def over_mark_m(self) -> float:
+        """The radius `over_m`, also where it is the default one."""
+        return _over_m(default_mark()) if self.over_m is None else self.over_m
 
 
 def _over_m(mark: LandingMark) -> float:

@@ -4,21 +4,46 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
-from behaviours.path.clearance import ClearanceMap, Place, Route
-from behaviours.path.distances import Distances
+from behaviours.path.clearance import ClearanceMap, Distances, Place, Route
 from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import RecentObstacles
 from uav_bt.types.site_map import SiteMap
 
+_SAVED_S: Final = 6.0  # s; least time that a narrower passage must save
+_DIRECT: Final = 1.3  # a route up to this multiple of the straight line needs no narrower passage
+
+
+def route(
+    site_map: SiteMap,
+    to: Place,
+    margins: Margins | None = None,
+    *,
+    recent: RecentObstacles | None = None,
+    near_m: float = 0.1,
+) -> Route | None:
+    """Return the fastest route from the drone to a place.
+
+    Args:
+        site_map: The newest map, with the drone's pose.
+        to: (x, y) of the place, metres in the map's frame.
+        margins: Distances that the route keeps, and its speeds; `Margins().at_pad()` for the last
+            metres before the landing mark.
+        recent: Obstacles in addition to those of the map, as `recent_obstacles` returns them.
+        near_m: Largest distance from the route's end to the place.
+
+    Returns:
+        The route; None if no route keeps the margins.
+    """
+    clearance = ClearanceMap(site_map, recent or RecentObstacles(), margins)
+    return clearance.route_to(to, near_m=near_m, far_m=near_m)
+
 
 class ClearanceMaps:
     """The clearance maps of each passage, made on first use.
-
-    Attributes:
-        map: The site map.
 
     Args:
         site_map: The newest map.
@@ -47,7 +72,10 @@ class ClearanceMaps:
 
     def __getitem__(self, passage: Passage) -> ClearanceMap:
         if passage not in self._made:
-            found, margins = self.map, self._margins_of(passage)
+            found = self.map
+            margins = self._margins.through(passage, at_pad=self._over is not None)
+            if passage in (Passage.TIGHTEST, Passage.OUT) and self._over is None:
+                margins = replace(margins, past_assumed=self._past_assumed)
             if self._crossing and passage is not Passage.ORDINARY:
                 found = replace(found, lanes_m=np.empty((0, 2)))
             self._made[passage] = ClearanceMap(
@@ -61,37 +89,17 @@ class ClearanceMaps:
         if self[Passage.TIGHTEST].shut_in:
             yield Passage.OUT
 
-    def _margins_of(self, passage: Passage) -> Margins:
-        margins = self._margins
-        if passage is Passage.ORDINARY:
-            return margins
-        if self._over is not None:
-            at_pad = margins.at_pad()
-            if passage is Passage.TIGHT:
-                return at_pad
-            return at_pad.sure() if passage is Passage.TIGHTEST else at_pad.out()
-        if passage is Passage.TIGHT:
-            return margins.tight()
-        narrow = margins.tightest() if passage is Passage.TIGHTEST else margins.out()
-        return replace(narrow, past_assumed=self._past_assumed)
-
     def route_to(self, to: Place, *, near_m: float, far_m: float) -> Route | None:
-        """Return the route to a place; None without one.
+        """Return the route to a place through the widest passage, unless a narrower saves time.
 
-        The route uses the widest passage, unless a narrower one saves `Margins.saved_s`.
-
-        Args:
-            to: Place in the map's frame, metres.
-            near_m: As in `ClearanceMap.route_to`.
-            far_m: As in `ClearanceMap.route_to`.
+        `to`, `near_m` and `far_m` are those of `ClearanceMap.route_to`.
         """
         best: Route | None = None
-        margins = self._margins
         for passage in self.usable():
-            if best is not None and best.length_m <= margins.direct * best.apart_m:
+            if best is not None and best.length_m <= _DIRECT * best.apart_m:
                 break
             found = self[passage].route_to(to, near_m=near_m, far_m=far_m)
-            if found is not None and (best is None or found.time_s < best.time_s - margins.saved_s):
+            if found is not None and (best is None or found.time_s < best.time_s - _SAVED_S):
                 best = found
             if best is not None and passage is not Passage.ORDINARY:
                 break

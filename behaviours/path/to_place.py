@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from behaviours.path.clearance import Place, Route
-from behaviours.path.following import FollowConfig, follow
+from behaviours.path.clearance import Place
+from behaviours.path.following import UNMAPPED_S, follow
 from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import recent_obstacles
 from behaviours.path.passages import ClearanceMaps
@@ -18,55 +18,24 @@ from uav_bt.types import Corridor, NearObstacles
 from uav_bt.types.arrays import Floats
 from uav_bt.types.site_map import SiteMap
 
+# From this distance the drone flies to the place by one step. Chosen: the drone reaches the end of
+# a route with the error of a cell and of its heading.
+STEP_M: Final = 0.35
+# Without a route to the place, one is flown that ends at least this much nearer to it; chosen.
+_NEARER_M: Final = 0.5
 _NO_WAY: Final = "no known way"
 _UNSEEN: Final = "no known way: the ground there or beside it was not seen"
 
 
 @dataclass(frozen=True, kw_only=True)
-class ToPlaceConfig:
-    """How a place is flown to.
-
-    Attributes:
-        follow: How routes are followed.
-        step_m: From this distance the drone flies to the place by one step. Chosen: the drone
-            reaches the end of a route with the error of a cell and of its heading.
-        nearer_m: Without a route to the place, one is flown that ends at least this much nearer to
-            it. Chosen, as for the landing mark.
-    """
-
-    follow: FollowConfig = field(default_factory=FollowConfig)
-    step_m: float = 0.35
-    nearer_m: float = 0.5
-
-
-@dataclass(frozen=True, kw_only=True)
-class StepTo:
-    """One step in a straight line.
-
-    Attributes:
-        forward_m: Distance ahead, in the body frame.
-        right_m: Distance to the right.
-    """
-
-    forward_m: float
-    right_m: float
-
-
-@dataclass(frozen=True, kw_only=True)
 class WayTo:
-    """The next part of the way to a place.
+    """The next part of the way to a place."""
 
-    Attributes:
-        course: What to fly; None while nothing can be flown.
-        left_m: Length of the way that is left.
-        bearing_rad: Direction of the place, clockwise from the heading.
-        reason: One or two words for the status line.
-    """
-
-    course: FollowLeg | Rotate | StepTo | None
-    left_m: float
-    bearing_rad: float
-    reason: str
+    # What to fly: a course, or one step ahead and to the right, metres; None if nothing can be.
+    course: FollowLeg | Rotate | tuple[float, float] | None
+    left_m: float  # length of the way that is left
+    bearing_rad: float  # direction of the place, clockwise from the heading
+    reason: str  # one or two words for the status line
 
 
 def way_to(
@@ -78,71 +47,60 @@ def way_to(
     margins: Margins,
     arrive_m: float,
     most_mps: float = math.inf,
-    config: ToPlaceConfig | None = None,
+    over: bool = False,
 ) -> WayTo:
     """Return the next part of the way to a place.
 
-    The way keeps the margins to its end. It leads over ground that was seen free.
+    The way leads over ground that was seen free, keeps the margins to its end, and ends within
+    `arrive_m` of the place.
 
     Args:
-        place: The place, metres in the map's frame.
+        place: Metres in the map's frame.
         site_map: The newest map.
         obstacles: Obstacles seen around the drone.
         corridor: The safety corridor; None without depth.
         margins: Distances that the way keeps.
         arrive_m: Largest distance of the way's end from the place.
         most_mps: Highest speed.
-        config: How places are flown to.
+        over: Whether the place is the landing mark: the way leads over it, and its last metres may
+            be narrower.
     """
-    config = config or ToPlaceConfig()
     forward_m, right_m = site_map.pose.to_body(*place)
     apart_m, bearing_rad = math.hypot(forward_m, right_m), math.atan2(right_m, forward_m)
-    recent = recent_obstacles(obstacles, site_map, unmapped_s=config.follow.unmapped_s)
-    maps = ClearanceMaps(site_map, recent, margins, crossing=True)
-    if apart_m <= config.step_m and maps[Passage.TIGHT].is_open_to(*place):
-        step = StepTo(forward_m=forward_m, right_m=right_m)
-        return WayTo(course=step, left_m=apart_m, bearing_rad=bearing_rad, reason="last step")
-    route = maps.route_to(place, near_m=min(arrive_m, site_map.cell_m), far_m=arrive_m)
-    trouble = "" if route is not None else _trouble(place, maps)
-    if trouble == _UNSEEN:  # fly as near as known ground leads; from there more is seen
-        far_m = apart_m - config.nearer_m
-        route = maps[Passage.ORDINARY].route_to(place, near_m=arrive_m, far_m=far_m)
-    if route is None or len(route.path_m) == 1:
-        return WayTo(
-            course=None, left_m=apart_m, bearing_rad=bearing_rad, reason=trouble or _NO_WAY
-        )
-    left_m = route.length_m + math.dist(route.path_m[-1], place)
-    return WayTo(
-        course=_course(route, site_map, corridor, config, most_mps),
-        left_m=left_m,
-        bearing_rad=bearing_rad,
-        reason=f"{left_m:.1f} m left",
-    )
-
-
-def _course(
-    route: Route,
-    site_map: SiteMap,
-    corridor: Corridor | None,
-    config: ToPlaceConfig,
-    most_mps: float,
-) -> FollowLeg | Rotate | None:
-    return follow(route, site_map, corridor, config=config.follow, most_mps=most_mps)
+    recent = recent_obstacles(obstacles, site_map, unmapped_s=UNMAPPED_S)
+    at = place if over else None
+    maps = ClearanceMaps(site_map, recent, margins, crossing=True, over=at)
+    course: FollowLeg | Rotate | tuple[float, float] | None = None
+    left_m = apart_m
+    if apart_m <= STEP_M and maps[Passage.TIGHT].is_open_to(*place):
+        course, reason = (forward_m, right_m), "last step"
+    else:
+        route = maps.route_to(place, near_m=min(arrive_m, site_map.cell_m), far_m=arrive_m)
+        reason = "" if route is not None else _trouble(place, maps)
+        if route is None and (
+            over or reason == _UNSEEN
+        ):  # fly as near as known ground leads; from there more is seen
+            far_m = apart_m - _NEARER_M
+            route = maps[Passage.ORDINARY].route_to(place, near_m=arrive_m, far_m=far_m)
+        if route is None or len(route.path_m) == 1:
+            reason = reason or _NO_WAY
+        else:
+            left_m = route.length_m + math.dist(route.path_m[-1], place)
+            course = follow(route, site_map, corridor, most_mps=most_mps)
+            reason = f"{left_m:.1f} m left"
+    return WayTo(course=course, left_m=left_m, bearing_rad=bearing_rad, reason=reason)
 
 
 def _trouble(place: Place, maps: ClearanceMaps) -> str:
     """Return why no route leads to a place."""
     if maps.map.is_beyond_edge(*place):
         return "the place lies beyond the edge of the ground"
-    tightest = maps[Passage.TIGHTEST].margins
-    if _nearest_m(place, maps.map.obstacles_m) < tightest.touch_m:
+    tightest = maps[Passage.TIGHTEST]
+    if _nearest_m(place, maps.map.obstacles_m) < tightest.margins.touch_m:
         return "no room at the place: an obstacle is too near"
-    if _nearest_m(place, maps.map.edges_m) < tightest.edge_m:
+    if _nearest_m(place, maps.map.edges_m) < tightest.margins.edge_m:
         return "no room at the place: the edge of the ground is too near"
-    row, column = maps.map.cell_of(*place)
-    rows, columns = maps.map.free.shape
-    inside = 0 <= row < rows and 0 <= column < columns
-    is_open = inside and bool(maps[Passage.TIGHTEST].open[row, column])
+    is_open = maps.map.lies_on(tightest.open, np.array(place))
     return _NO_WAY if is_open else _UNSEEN
 
 

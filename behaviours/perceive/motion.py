@@ -42,19 +42,16 @@ class TrackMotion(Leaf):
         if state is None:
             return Status.SUCCESS
         self._odometry.predict(state, self.clock.now())
-        self._look()
+        frame, camera = self.read(FRAME).value, self.read(CAMERA).value
+        class_map = self.read(CLASS_MAP).value
+        if frame is None or camera is None or class_map is None:
+            pass  # telemetry alone
+        elif self._last_s != class_map.captured_s == frame.captured_s:
+            self._last_s = frame.captured_s
+            height_px, width_px = class_map.ids.shape
+            with self._timer:
+                self._odometry.see(class_map, frame, camera.resized(width_px, height_px))
         motion = self._odometry.estimate
         if motion is not None:
             self.write(ODOMETRY, motion, captured_s=motion.pose.time_s)
         return Status.SUCCESS
-
-    def _look(self) -> None:
-        frame, camera = self.read(FRAME).value, self.read(CAMERA).value
-        class_map = self.read(CLASS_MAP).value
-        if frame is None or camera is None or class_map is None:
-            return
-        if self._last_s != class_map.captured_s == frame.captured_s:
-            self._last_s = class_map.captured_s
-            height_px, width_px = class_map.ids.shape
-            with self._timer:
-                self._odometry.see(class_map, frame, camera.resized(width_px, height_px))

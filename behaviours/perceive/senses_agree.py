@@ -3,48 +3,35 @@
 from __future__ import annotations
 
 import math
-from collections import deque
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from behaviours.fly.leaf_clock import LeafClock
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, ODOMETRY, RELATIVE_DEPTH
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Leaf, Port, Status
-
-if TYPE_CHECKING:
-    from perception.depth.confidence import Confidence
+from uav_bt.types.dead_reckoning import MotionEstimate
 
 _SAME_S: Final = 1e-6  # times that differ by less are equal
 _FEWEST: Final = 3  # frames with an answer in a window
 _SHOWS_GROUND: Final = 0.2  # share of the image; with less, good floors are not always followed
 _ADVICE: Final = "is the camera file that of this drone, and is the take-off surface stated?"
+_LEAST: Final = "least mean agreement of the network's depth with the ground's plane; 0: no check"
+_STRETCH: Final = "largest factor between the ways by the ground and by telemetry; 10: no check"
+_FOLLOWED: Final = "least share of frames with ground whose motion is measured on it; 0: no check"
 
 
-class _Window:
-    """Answers of the last seconds, by time; the oldest is as old as the window or older."""
+_Answers = list[tuple[float, float]]  # of frames, by time: time in s, value
 
-    def __init__(self) -> None:
-        self._answers: deque[tuple[float, float]] = deque()  # time, s; value
 
-    def clear(self) -> None:
-        """Forget all answers."""
-        self._answers.clear()
-
-    def add(self, now_s: float, value: float) -> None:
-        """Add the answer of a frame."""
-        self._answers.append((now_s, value))
-
-    def mean(self, now_s: float, for_s: float) -> float | None:
-        """Return the mean answer of the last `for_s`; None before the window is full."""
-        began_s, known = now_s - for_s + _SAME_S, self._answers
-        if known and known[-1][0] <= began_s:
-            known.clear()  # nothing was measured within the window
-        while len(known) > 1 and known[1][0] <= began_s:
-            known.popleft()
-        full = bool(known) and known[0][0] <= began_s
-        if not full or len(known) < _FEWEST:
-            return None
-        return sum(value for _, value in known) / len(known)
+def _mean(answers: _Answers, began_s: float) -> float | None:
+    """Return the mean answer of a window, and drop older ones; None before the window is full."""
+    if answers and answers[-1][0] <= began_s:
+        answers.clear()  # nothing was measured within the window
+    while len(answers) > 1 and answers[1][0] <= began_s:
+        answers.pop(0)
+    if len(answers) < _FEWEST or answers[0][0] > began_s:
+        return None
+    return sum(value for _, value in answers) / len(answers)
 
 
 class SensesAgree(Leaf):
@@ -61,30 +48,9 @@ class SensesAgree(Leaf):
 
     condition = True
     ports = (
-        Port(
-            "least",
-            float,
-            default=0.3,
-            least=0,
-            most=1,
-            doc="least mean agreement of the network's depth with the ground's plane; 0: no check",
-        ),
-        Port(
-            "stretch",
-            float,
-            default=1.25,
-            least=1,
-            most=10,
-            doc="largest factor between the ways by the ground and by telemetry; 10: no check",
-        ),
-        Port(
-            "followed",
-            float,
-            default=0.4,
-            least=0,
-            most=1,
-            doc="least share of frames with ground whose motion is measured on it; 0: no check",
-        ),
+        Port("least", float, default=0.3, least=0, most=1, doc=_LEAST),
+        Port("stretch", float, default=1.25, least=1, most=10, doc=_STRETCH),
+        Port("followed", float, default=0.4, least=0, most=1, doc=_FOLLOWED),
         Port("for_s", float, default=3.0, least=0.5, most=600, doc="length of the window, s"),
     )
     reads = (FRAME, CLASS_MAP, CAMERA, RELATIVE_DEPTH, ODOMETRY)
@@ -100,66 +66,65 @@ class SensesAgree(Leaf):
         self._last_index = -1
         self._reason = ""  # of the last agreement
         self._seen_s = -math.inf  # capture time of the last frame of the odometry
-        self._agreements, self._followed = _Window(), _Window()
+        self._forget()
+
+    def _forget(self) -> None:
+        self._agreements: _Answers = []
+        self._followed: _Answers = []
         self._stretched_since_s: float | None = None
 
     def update(self) -> Status:
         """Compare the newest frame, and judge the window."""
         if self._clock.tick() > 0:
-            self._agreements.clear()
-            self._followed.clear()
-            self._stretched_since_s = None
-        now_s = self._clock.now()
-        checks = (self._against_plane, self._against_telemetry, self._plain)
-        self.feedback_message = next(filter(None, [check(now_s) for check in checks]), "")
+            self._forget()
+        now_s, motion = self._clock.now(), self.read(ODOMETRY).value
+        self._began_s = now_s - self.port_value("for_s") + _SAME_S  # of the window
+        contradictions = (
+            self._against_plane(now_s),
+            self._against_telemetry(now_s, motion),
+            self._plain(now_s, motion),
+        )
+        self.feedback_message = next(filter(None, contradictions), "")
         return Status.FAILURE if self.feedback_message else Status.SUCCESS
-
-    def _look(self) -> Confidence | None:
-        frame, camera = self.read(FRAME).value, self.read(CAMERA).value
-        class_map, relative = self.read(CLASS_MAP).value, self.read(RELATIVE_DEPTH).value
-        if frame is None or camera is None or class_map is None or relative is None:
-            return None
-        if frame.index == self._last_index:
-            return None
-        self._last_index = frame.index
-        return self._compare(relative, class_map, frame, camera, self._generator)
 
     def _against_plane(self, now_s: float) -> str:
         """Return why the window's depth contradicts the plane; empty if it does not."""
-        found = self._look()
-        if found is not None:
-            self._agreements.add(now_s, found.value or 0.0)
-            self._reason = found.reason
-        mean = self._agreements.mean(now_s, self.port_value("for_s"))
+        frame, camera = self.read(FRAME).value, self.read(CAMERA).value
+        class_map, relative = self.read(CLASS_MAP).value, self.read(RELATIVE_DEPTH).value
+        if frame is None or camera is None or class_map is None or relative is None:
+            pass
+        elif frame.index != self._last_index:
+            self._last_index = frame.index
+            found = self._compare(relative, class_map, frame, camera, self._generator)
+            if found is not None:
+                value, self._reason = found
+                self._agreements.append((now_s, value))
+        mean = _mean(self._agreements, self._began_s)
         if mean is None or mean >= self.port_value("least"):
             return ""
         return f"the network's depth contradicts the ground's plane ({self._reason}): {_ADVICE}"
 
-    def _against_telemetry(self, now_s: float) -> str:
+    def _against_telemetry(self, now_s: float, motion: MotionEstimate | None) -> str:
         """Return why the motion over the ground contradicts telemetry; empty if it does not."""
-        motion, most = self.read(ODOMETRY).value, math.log(self.port_value("stretch"))
         factor = None if motion is None else motion.stretch
-        apart = factor is not None and (factor <= 0.0 or abs(math.log(factor)) > most)
-        if not apart or factor is None:
+        most = math.log(self.port_value("stretch"))
+        if factor is None or (factor > 0.0 and abs(math.log(factor)) <= most):
             self._stretched_since_s = None
             return ""
         if self._stretched_since_s is None:
             self._stretched_since_s = now_s
-        if now_s - self._stretched_since_s < self.port_value("for_s") - _SAME_S:
+        if self._stretched_since_s > self._began_s:
             return ""
         return f"the ground passes {factor:.2f} times as fast as telemetry reports: {_ADVICE}"
 
-    def _plain(self, now_s: float) -> str:
+    def _plain(self, now_s: float, motion: MotionEstimate | None) -> str:
         """Return why the motion over the floor is not measured; empty if it is."""
-        motion = self.read(ODOMETRY).value
         if motion is not None and motion.seen.time_s != self._seen_s:
             self._seen_s = motion.seen.time_s
             if motion.ground_share is not None and motion.ground_share >= _SHOWS_GROUND:
-                self._followed.add(now_s, float(motion.tracked_s == self._seen_s))
-        share = self._followed.mean(now_s, self.port_value("for_s"))
+                self._followed.append((now_s, float(motion.tracked_s == self._seen_s)))
+        share = _mean(self._followed, self._began_s)
         if share is None or share >= self.port_value("followed"):
             return ""
-        return (
-            "the floor shows too little texture: its motion was measured in "
-            f"{share:.0%} of the frames that show it"
-        )
+        found = f"its motion was measured in {share:.0%} of the frames that show it"
+        return f"the floor shows too little texture: {found}"

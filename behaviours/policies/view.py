@@ -7,47 +7,23 @@ from typing import Any, Final
 import numpy as np
 
 from uav_bt.answers import Answer
-from uav_bt.board import (
-    CAMERA,
-    CLASS_MAP,
-    CORRIDOR,
-    FRAME,
-    HELD_TURN,
-    RECENT_VIEWS,
-    SITE_MAP,
-)
+from uav_bt.board import CAMERA, CLASS_MAP, CORRIDOR, FRAME, HELD_TURN, RECENT_VIEWS, SITE_MAP
 from uav_bt.board.blackboard import Key
 from uav_bt.errors import AnswerError, MissionError, PolicyFailedError
 from uav_bt.protocols import LeafPolicy, PolicyView
 from uav_bt.tree import Leaf
-from uav_bt.types import (
-    MIN_VIEW_HEIGHT_M,
-    CameraModel,
-    ClassMap,
-    Clearances,
-    Frame,
-    HeldTurn,
-)
+from uav_bt.types import MIN_VIEW_HEIGHT_M, CameraModel, ClassMap, Clearances, Frame, HeldTurn
 from uav_bt.types.projection import ground_points
 
 VIEW_KEYS: Final[tuple[Key[Any], ...]] = (
-    FRAME,
-    CLASS_MAP,
-    CAMERA,
-    CORRIDOR,
-    SITE_MAP,
-    RECENT_VIEWS,
-    HELD_TURN,
+    *(FRAME, CLASS_MAP, CAMERA, CORRIDOR),
+    *(SITE_MAP, RECENT_VIEWS, HELD_TURN),
 )
 """The board keys that a leaf must declare in `reads` before it asks policies."""
 
 
 def current_view(leaf: Leaf) -> tuple[Frame, ClassMap, CameraModel] | None:
-    """Return the newest frame, its class map and the camera; None while one is missing.
-
-    Args:
-        leaf: a leaf with `VIEW_KEYS` in its `reads`.
-    """
+    """Return the newest frame, its class map and the camera; None while one is missing."""
     frame, class_map = leaf.read(FRAME).value, leaf.read(CLASS_MAP).value
     camera = leaf.read(CAMERA).value
     if frame is None or class_map is None or camera is None:
@@ -57,12 +33,7 @@ def current_view(leaf: Leaf) -> tuple[Frame, ClassMap, CameraModel] | None:
 
 
 def ask(leaf: Leaf, policy: LeafPolicy, view: PolicyView) -> Answer | None:
-    """Return a policy's answer to a view; None with a warning where its network has none.
-
-    Raises:
-        PolicyFailedError: the policy raised an exception.
-        MissionError: the policy returned something other than an `Answer`.
-    """
+    """Return a policy's answer to a view; None with a warning where its network has none."""
     try:
         answer: object = policy.decide(view)
     except AnswerError as error:
@@ -90,16 +61,9 @@ def policy_view(
     tie_break: float,
     clearances: Clearances | None = None,
 ) -> PolicyView:
-    """Return the input of a policy for a frame.
+    """Return the input of a policy for a frame and its class map.
 
-    Args:
-        leaf: a leaf with `VIEW_KEYS` in its `reads`.
-        frame: the newest frame.
-        class_map: the class map of that frame.
-        camera: the camera at the frame's size.
-        held: the turn under way.
-        tie_break: a uniform random sample from [0, 1).
-        clearances: distances that routes keep in the place; default: those of the lab.
+    `held` is the turn under way, `tie_break` a uniform random sample from [0, 1).
     """
     height_px, width_px = class_map.ids.shape
     recent = leaf.read(RECENT_VIEWS).value

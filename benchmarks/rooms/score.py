@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.rooms.network import ROLES
 from benchmarks.rooms.room_views import ROLE_IDS, RoomView, ViewKind, draw_views
-from perception.networks.named import ROLES
 from perception.segmentation.training.run import IGNORED
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.lab.classes import GROUND

@@ -5,42 +5,36 @@ reprojection error is kept. The error on a layout's own corners says little, bec
 camera fits a layout of few corners. So each camera is measured on the same set: all corners found
 in all photographs, with only the board's pose fitted again. The layout with the lowest error there
 wins; among layouts within 2 percent of it, the one with the most corners wins. A camera that the
-photographs do not determine, or that no real lens matches, is refused (`calibration_checks`).
+photographs do not determine, or that no real lens matches, is refused. Copies of one photograph add
+no information. All limits are chosen.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from perception.camera.calibration_checks import CalibrationLimits, distinct, doubts, fault
 from perception.camera.checkerboards import MIN_CORNERS, Corners, Photographs, find_boards, shows
-from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.errors import InputError
 from uav_bt.progress import Advance, silent
 from uav_bt.types import CameraModel
+from uav_bt.types.arrays import Floats, Floats32
 
-
-@dataclass(frozen=True, kw_only=True)
-class CalibrationConfig:
-    """Which layouts are tried and which photographs and cameras are accepted."""
-
-    square_m: float = 0.02  # edge of a square; changes distances, never the camera
-    min_images: int = 3  # photographs per layout; fewer do not determine the focal length
-    max_layouts: int = 12  # layouts tried: those with the most corners in total
-    max_images: int = 80  # photographs per layout for the solver; more take minutes, gain nothing
-    stray_factor: float = 3.0  # a photograph with this many times the median error is left out
-    stray_floor_px: float = 0.5  # a photograph with an error below this is never left out
-    tie: float = 0.02  # relative difference below which errors count as equal; more corners win
-    limits: CalibrationLimits = field(default_factory=CalibrationLimits)
-
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.square_m) and self.square_m > 0.0):
-            raise ValueRangeError(f"the square's edge must be positive, got {self.square_m} m")
+_MIN_IMAGES: Final = 3  # photographs per layout; fewer do not determine the focal length
+_MAX_IMAGES: Final = 80  # photographs per layout for the solver; more take minutes, gain nothing
+_MAX_LAYOUTS: Final = 12  # layouts tried: those with the most corners in total
+_STRAY_FACTOR: Final = 3.0  # a photograph with this many times the median error is left out
+_STRAY_FLOOR_PX: Final = 0.5  # a photograph with an error below this is never left out
+_TIE: Final = 0.02  # relative difference below which errors count as equal; more corners win
+_COPY_PX: Final = 2.0  # photographs with all corners closer than this are copies
+# Deviation by focal length, warned above: 1.5 px of 720 (three test photographs: 1.2).
+_DOUBTFUL: Final = 0.002
+_SAMPLES: Final = 64  # radii at which the distortion is checked
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,8 +47,7 @@ class LayoutTrial:
     error_px: float  # root mean square reprojection error of this layout's corners
     common_error_px: float  # root mean square error of all corners found in all photographs
     camera: CameraModel
-    deviations_px: tuple[float, ...] = ()  # standard deviations of fx, fy, cx, cy
-    fault: str = ""  # why the camera is refused; empty when it is accepted
+    deviation_px: float  # largest standard deviation of fx, fy, cx and cy
 
     @property
     def corners(self) -> int:
@@ -73,78 +66,91 @@ class Calibration:
 
 
 def calibrate(
-    photographs: Photographs,
-    config: CalibrationConfig | None = None,
-    *,
-    advance: Advance = silent,
+    photographs: Photographs, *, square_m: float = 0.02, advance: Advance = silent
 ) -> Calibration:
     """Find the camera's intrinsics.
 
     Args:
         photographs: by name, a function that returns the image, (H, W) uint8 grey. Photographs of
             another size than most are left out.
-        config: which layouts are tried.
+        square_m: edge of a square; it changes distances, never the camera.
         advance: called with the progress.
 
     Raises:
         InputError: too few photographs show a board, or every resulting camera is refused.
     """
-    config = config or CalibrationConfig()
-    found, size_px, unusable = find_boards(photographs, advance)
-    boards, copies = distinct(found, config.limits)
-    unusable |= copies
-    layouts = _layouts(boards, config)
+    found, size_px, skipped = find_boards(photographs, advance)
+    boards = _distinct(found, skipped)
+    counted = {}
+    for rows, columns in {grid.shape[:2] for grid in boards.values()}:
+        images = sum(shows(grid, columns, rows) for grid in boards.values())
+        if images >= _MIN_IMAGES:
+            counted[columns, rows] = columns * rows * images
+    layouts = sorted(counted, key=lambda layout: -counted[layout])[:_MAX_LAYOUTS]
     if not layouts:
+        copies = len(found) - len(boards)
         raise InputError(
-            f"a calibration needs at least {config.min_images} photographs that show a "
+            f"a calibration needs at least {_MIN_IMAGES} photographs that show a "
             f"checkerboard of {MIN_CORNERS} inner corners or more, got {len(boards)} of "
-            f"{len(photographs)}{f' ({len(copies)} are copies of others)' if copies else ''}; take "
+            f"{len(photographs)}{f' ({copies} are copies of others)' if copies else ''}; take "
             "more, in good light, from different sides, with the whole board in view"
         )
     trials = []
     for done, (columns, rows) in enumerate(layouts, start=1):
-        trial = _try_layout(boards, columns, rows, size_px, config)
-        if trial is not None:
-            trials.append(trial)
+        trial = _try_layout(boards, columns, rows, size_px, square_m)
+        trials += [] if trial is None else [trial]
         advance(f"layouts, {columns}x{rows}", done, len(layouts))
-    if not trials:
-        raise InputError(
-            "no layout of the boards gives a plausible camera; photograph the board from several "
-            "sides, tilted, not only from the front"
-        )
-    believed = [trial for trial in trials if not trial.fault]
+    trials.sort(key=lambda trial: -trial.corners)
+    believed = [trial for trial in trials if not fault(trial)]
     if not believed:
-        nearest = min(trials, key=lambda trial: trial.common_error_px)
+        reason = "no layout of the boards gives a possible one"
+        if trials:
+            near = min(trials, key=lambda trial: trial.common_error_px)
+            reason = f"the best layout, {near.columns}x{near.rows} corners, has {fault(near)}"
         raise InputError(
-            f"no camera explains the photographs; the best layout is {nearest.columns}x"
-            f"{nearest.rows} corners in {len(nearest.images)} of {len(photographs)} photographs, "
-            f"and {nearest.fault}"
+            f"no camera explains the photographs; {reason}. Photograph a flat checkerboard of "
+            "plain black and white squares (no circles, ChArUco or AprilTags) with one zoom, "
+            "sharp and not cropped, tilted by 30 degrees or more in several directions, and also "
+            "near the image's edges and corners"
         )
     lowest = min(trial.common_error_px for trial in believed)
-    near = [trial for trial in believed if trial.common_error_px <= lowest * (1.0 + config.tie)]
-    best = max(near, key=lambda trial: trial.corners)
-    trials.sort(key=lambda trial: -trial.corners)
+    tied = [trial for trial in believed if trial.common_error_px <= lowest * (1.0 + _TIE)]
+    best = max(tied, key=lambda trial: trial.corners)
     return Calibration(
         best=best,
         trials=tuple(trials),
-        skipped=_skipped(photographs, boards, best, config) | unusable,
-        warnings=doubts(
-            best.camera,
-            best.deviations_px,
-            {name: boards[name] for name in best.images},
-            config.limits,
-        ),
+        skipped={
+            name: skipped.get(name) or _reason(boards.get(name), best, len(boards))
+            for name in photographs
+            if name not in best.images
+        },
+        warnings=doubts(best, [boards[name] for name in best.images]),
     )
 
 
-def _layouts(boards: Mapping[str, Corners], config: CalibrationConfig) -> list[tuple[int, int]]:
-    """Return (columns, rows) of the layouts in enough photographs, by falling corners."""
-    counted = {}
-    for rows, columns in {grid.shape[:2] for grid in boards.values()}:
-        images = sum(shows(grid, columns, rows) for grid in boards.values())
-        if images >= config.min_images:
-            counted[columns, rows] = columns * rows * images
-    return sorted(counted, key=lambda layout: -counted[layout])[: config.max_layouts]
+def _distinct(boards: Mapping[str, Corners], skipped: dict[str, str]) -> dict[str, Corners]:
+    """Return the boards without copies, and add a line for each copy to `skipped`."""
+    kept: dict[str, Corners] = {}
+    for name, grid in boards.items():
+        for other, seen in kept.items():
+            if seen.shape == grid.shape and float(np.abs(seen - grid).max()) < _COPY_PX:
+                skipped[name] = f"shows the board where {other} does: it adds nothing"
+                break
+        else:
+            kept[name] = grid
+    return kept
+
+
+def _reason(grid: Corners | None, best: LayoutTrial, boards: int) -> str:
+    """Return why the best layout did not use a photograph with this board."""
+    if grid is None:
+        return "no board found"
+    if not shows(grid, best.columns, best.rows):
+        return (
+            f"only {grid.shape[1]}x{grid.shape[0]} of {best.columns}x{best.rows} corners found: "
+            "the board is partly out of view, or too small"
+        )
+    return f"{_MAX_IMAGES} others are enough" if boards > _MAX_IMAGES else "does not fit the others"
 
 
 # --- solving --------------------------------------------------------------------------------------
@@ -155,7 +161,7 @@ def _try_layout(
     columns: int,
     rows: int,
     size_px: tuple[int, int],
-    config: CalibrationConfig,
+    square_m: float,
 ) -> LayoutTrial | None:
     """Solve for a camera from one layout; larger boards contribute a part of this layout."""
     views = {
@@ -163,137 +169,149 @@ def _try_layout(
         for name, grid in boards.items()
         if shows(grid, columns, rows)
     }
-    names = _spread(list(views), config.max_images)
-    solved = _solve([views[name] for name in names], size_px, config)
-    limit_px = max(config.stray_floor_px, config.stray_factor * float(np.median(solved.views_px)))
-    kept = [
-        name for name, view_px in zip(names, solved.views_px, strict=True) if view_px <= limit_px
-    ]
-    if len(kept) < config.min_images:
+    names = list(views)
+    if len(names) > _MAX_IMAGES:  # at even intervals, because adjacent video frames are alike
+        places = np.linspace(0, len(names) - 1, _MAX_IMAGES).round().astype(int)
+        names = [names[place] for place in places]
+    points = _points(columns, rows, square_m)
+
+    def solve(used: list[str]) -> tuple[float, CameraModel | None, float, Floats]:
+        """Return the error, the camera, its largest deviation and the error of each view, px."""
+        error_px, matrix, distortion, _, _, deviations, _, per_view = cv2.calibrateCameraExtended(
+            [points] * len(used),
+            [views[name].reshape(-1, 1, 2) for name in used],
+            size_px,
+            np.eye(3),
+            np.zeros(5),
+            # A third radial term would bend the image's corners, which boards seldom reach.
+            flags=cv2.CALIB_FIX_K3,
+        )
+        camera = _camera(np.asarray(matrix, np.float64), np.ravel(distortion), size_px)
+        deviation_px = float(np.max(np.ravel(deviations)[:4]))  # of fx, fy, cx, cy
+        return float(error_px), camera, deviation_px, np.asarray(per_view, np.float64).ravel()
+
+    error_px, camera, deviation_px, views_px = solve(names)
+    limit_px = max(_STRAY_FLOOR_PX, _STRAY_FACTOR * float(np.median(views_px)))
+    kept = [name for name, view_px in zip(names, views_px, strict=True) if view_px <= limit_px]
+    if len(kept) < _MIN_IMAGES:
         return None
     if len(kept) < len(names):
-        solved = _solve([views[name] for name in kept], size_px, config)
-    if solved.camera is None:
+        error_px, camera, deviation_px, _ = solve(kept)
+    if camera is None:
         return None
     return LayoutTrial(
         columns=columns,
         rows=rows,
         images=tuple(kept),
-        error_px=solved.error_px,
-        common_error_px=_common_error(boards, solved.camera, config),
-        camera=solved.camera,
-        deviations_px=solved.deviations_px,
-        fault=fault(solved.camera, solved.error_px, solved.deviations_px, config.limits),
+        error_px=error_px,
+        common_error_px=_common_error(boards, camera, square_m),
+        camera=camera,
+        deviation_px=deviation_px,
     )
 
 
-def _spread(names: list[str], count: int) -> list[str]:
-    """Return at most `count` names at even intervals, because adjacent video frames are alike."""
-    if len(names) <= count:
-        return names
-    places = np.linspace(0, len(names) - 1, count).round().astype(int)
-    return [names[place] for place in places]
-
-
-def _points(grid: Corners, square_m: float) -> NDArray[np.float32]:
-    rows, columns = grid.shape[:2]
+def _points(columns: int, rows: int, square_m: float) -> Floats32:
     down, along = np.mgrid[:rows, :columns].astype(np.float32)
     flat = np.stack([along, down, np.zeros_like(along)], axis=-1).reshape(-1, 3)
     return np.asarray(flat * np.float32(square_m))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Solved:
-    error_px: float  # root mean square
-    camera: CameraModel | None  # None: impossible for a lens
-    deviations_px: tuple[float, ...]  # standard deviations of fx, fy, cx, cy
-    views_px: NDArray[np.float64]  # (N,) error of each view
-
-
-def _solve(views: list[Corners], size_px: tuple[int, int], config: CalibrationConfig) -> _Solved:
-    error, matrix, distortion, _, _, deviations, _, per_view = cv2.calibrateCameraExtended(
-        [_points(grid, config.square_m) for grid in views],
-        [grid.reshape(-1, 1, 2) for grid in views],
-        size_px,
-        np.eye(3),
-        np.zeros(5),
-        # A third radial term would bend the image's corners, which boards seldom reach.
-        flags=cv2.CALIB_FIX_K3,
-    )
-    camera = _camera(np.asarray(matrix, np.float64), np.asarray(distortion, np.float64), size_px)
-    return _Solved(
-        error_px=float(error),
-        camera=camera,
-        deviations_px=tuple(float(value) for value in np.ravel(deviations)[:4]),
-        views_px=np.asarray(per_view, np.float64).ravel(),
-    )
-
-
-def _camera(
-    matrix: NDArray[np.float64], distortion: NDArray[np.float64], size_px: tuple[int, int]
-) -> CameraModel | None:
+def _camera(matrix: Floats, distortion: Floats, size_px: tuple[int, int]) -> CameraModel | None:
+    """Return the solver's camera; None for one that is impossible for a lens."""
     width_px, height_px = size_px
-    (fx, _, cx), (_, fy, cy), _ = matrix
-    numbers = np.concatenate([[fx, fy, cx, cy], distortion.ravel()])
+    (fx, _, cx), (_, fy, cy), _ = matrix.tolist()
+    finite = np.isfinite(matrix).all() and np.isfinite(distortion).all()
     inside = 0.0 < cx < width_px and 0.0 < cy < height_px
-    if not np.isfinite(numbers).all() or not inside or not 0.2 < fx / max(size_px) < 20.0:
+    if not finite or not inside or not 0.2 < fx / max(size_px) < 20.0:
         return None
     return CameraModel(
         width_px=width_px,
         height_px=height_px,
-        fx_px=float(fx),
-        fy_px=float(fy),
-        cx_px=float(cx),
-        cy_px=float(cy),
-        distortion=tuple(float(value) for value in distortion.ravel()),
+        fx_px=fx,
+        fy_px=fy,
+        cx_px=cx,
+        cy_px=cy,
+        distortion=tuple(distortion.tolist()),
     )
 
 
-def _common_error(
-    boards: Mapping[str, Corners], camera: CameraModel, config: CalibrationConfig
-) -> float:
+def _common_error(boards: Mapping[str, Corners], camera: CameraModel, square_m: float) -> float:
     """Return the root mean square error over all corners, without stray photographs."""
-    matrix = np.array(
-        [[camera.fx_px, 0.0, camera.cx_px], [0.0, camera.fy_px, camera.cy_px], [0.0, 0.0, 1.0]]
-    )
-    distortion = np.array(camera.distortion)
+    matrix, distortion = camera.matrix, np.array(camera.distortion)
     errors, weights = [], []
     for grid in boards.values():
-        points, seen = _points(grid, config.square_m), grid.reshape(-1, 1, 2)
+        rows, columns = grid.shape[:2]
+        points, seen = _points(columns, rows, square_m), grid.reshape(-1, 1, 2)
         solved, turn, place = cv2.solvePnP(points, seen, matrix, distortion)
         if not solved:
             continue
         drawn, _ = cv2.projectPoints(points, turn, place, matrix, distortion)
         errors.append(float(np.mean(np.sum((drawn - seen) ** 2, axis=-1))))
-        weights.append(grid.shape[0] * grid.shape[1])
+        weights.append(rows * columns)
     squared = np.array(errors)
-    limit = max(config.stray_floor_px, config.stray_factor * math.sqrt(np.median(squared))) ** 2
+    limit = max(_STRAY_FLOOR_PX, _STRAY_FACTOR * math.sqrt(np.median(squared))) ** 2
     kept = squared <= limit
     return math.sqrt(float(np.average(squared[kept], weights=np.array(weights)[kept])))
 
 
-def _skipped(
-    photographs: Photographs,
-    boards: Mapping[str, Corners],
-    best: LayoutTrial,
-    config: CalibrationConfig,
-) -> dict[str, str]:
-    """Return the reason for each photograph that the best layout did not use."""
-    whole = f"{best.columns}x{best.rows}"
-    reasons = {}
-    for name in photographs:
-        if name in best.images:
-            continue
-        grid = boards.get(name)
-        if grid is None:
-            reasons[name] = "no board found"
-        elif not shows(grid, best.columns, best.rows):
-            reasons[name] = (
-                f"only {grid.shape[1]}x{grid.shape[0]} of {whole} corners found: the board is "
-                "partly out of view, or too small"
-            )
-        elif len(boards) > config.max_images:
-            reasons[name] = f"{config.max_images} others are enough"
-        else:
-            reasons[name] = "does not fit the others"
-    return reasons
+# --- checks ---------------------------------------------------------------------------------------
+
+
+def fault(trial: LayoutTrial) -> str:
+    """Return why a camera is refused, although its corners may fit; empty when it is accepted."""
+    camera = trial.camera
+    off = max(
+        abs(camera.cx_px - (camera.width_px - 1) / 2) / camera.width_px,
+        abs(camera.cy_px - (camera.height_px - 1) / 2) / camera.height_px,
+    )
+    fx_px, fy_px, cx_px, cy_px = camera.pinhole_px
+    bent = " ".join(f"{value:.3g}" for value in camera.distortion)
+    known_px = trial.deviation_px
+    limits = (  # what, its value, and the largest that is accepted; NaN is refused, too
+        ("reprojection error, px", trial.error_px, 1.0),  # good calibrations: below 0.3 (the tests)
+        # Cameras have square pixels, and lenses are above the middle of the sensor.
+        (f"difference of the focal lengths {fx_px:.0f}, {fy_px:.0f} px", fx_px / fy_px - 1.0, 0.05),
+        (f"offset of the centre ({cx_px:.0f}, {cy_px:.0f}) by the image's size", off, 0.2),
+        (f"stretch of a radius by the distortion {bent}", _stretch(camera), 2.0),  # fisheye: less
+        (f"deviation, {known_px:.1f} px, by focal length", known_px / min(fx_px, fy_px), 0.01),
+    )
+    return "; ".join(
+        f"{what}: {value:.3g}, at most {limit:g}"
+        for what, value, limit in limits
+        if not abs(value) <= limit
+    )
+
+
+def _stretch(camera: CameraModel) -> float:
+    """Return the largest factor of a radius by the distortion; inf where the image folds."""
+    k1, k2 = (*camera.distortion, 0.0, 0.0)[:2]
+    farthest = math.hypot(
+        max(camera.cx_px, camera.width_px - camera.cx_px) / camera.fx_px,
+        max(camera.cy_px, camera.height_px - camera.cy_px) / camera.fy_px,
+    )
+    squared = np.linspace(0.0, farthest, _SAMPLES) ** 2
+    stretch = 1.0 + k1 * squared + k2 * squared**2
+    slope = 1.0 + 3.0 * k1 * squared + 5.0 * k2 * squared**2
+    if min(slope.min(), stretch.min()) <= 0.0:
+        return math.inf
+    return float(max(stretch.max(), 1.0 / stretch.min()))
+
+
+def doubts(trial: LayoutTrial, boards: list[Corners]) -> tuple[str, ...]:
+    """Return sentences about the weak points of a camera from some boards."""
+    camera, found = trial.camera, []
+    wanted_px = _DOUBTFUL * min(camera.fx_px, camera.fy_px)
+    if trial.deviation_px > wanted_px:
+        found.append(
+            f"focal lengths and centre are known to {trial.deviation_px:.1f} px (standard "
+            f"deviation), {wanted_px:.1f} px is good; add photographs of the tilted board"
+        )
+    places = np.concatenate([grid.reshape(-1, 2) for grid in boards])
+    parts = np.clip((places / (camera.width_px, camera.height_px) * 3).astype(int), 0, 2)
+    seen = len(np.unique(parts, axis=0))
+    if seen < 9:
+        found.append(
+            f"corners were seen in {seen} of the image's 9 parts (3x3); photograph the board also "
+            "in the others"
+        )
+    return tuple(found)

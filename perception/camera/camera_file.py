@@ -15,49 +15,42 @@
 The first four keys are required. `frames` states the images of the camera: images as they
 are stored (`raw`, the default) or as a player turns them by the orientation in the file (`turned`).
 The other keys document the origin of the numbers. `forward_offset_m` may be added: the distance of
-the lens ahead of the drone's centre. `Undistorter` removes the distortion from images.
+the lens ahead of the drone's centre. Files of ROS (`camera_info`) and OpenCV are read, too.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import AliasChoices, ConfigDict, Field
 
 from perception.camera.calibration import LayoutTrial
-from perception.camera.foreign_camera import foreign_camera
 from perception.camera.orientation import UPRIGHT, Orientation
-from uav_bt.errors import FileError, ShapeError, ValueRangeError
-from uav_bt.files import write_whole
+from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.files import read_bounded, reading, write_whole
 from uav_bt.types import CameraModel
-from uav_bt.yaml_file import read_yaml, yaml_text
+from uav_bt.types.arrays import Image
+from uav_bt.yaml_file import MAX_BYTES, YamlFile, read_yaml, yaml_text
 
 _DISTORTIONS: Final = (0, 4, 5, 8, 12, 14)  # possible lengths of OpenCV's distortion vectors
-_REMEDY: Final = "`uav-bt lab calibrate` makes one"
 _ASPECT_SLACK: Final = 0.01  # relative; 1280x720 and 854x480 are both 16:9
+_FOREIGN: Final = re.compile(r"\bcamera(_m|M)atrix[\"']?\s*:")
+# OpenCV writes this head, YAML wants a space; and this tag of a mapping.
+_OPENCV: Final = re.compile(r"^%YAML:1\.0|!!opencv-matrix")
 
 
 def write_camera(path: Path, trial: LayoutTrial) -> None:
-    """Write the camera of a layout.
-
-    Raises:
-        FileError: the file cannot be written.
-    """
+    """Write the camera of a layout; FileError if the file cannot be written."""
     camera = trial.camera
-    matrix = [
-        [camera.fx_px, 0.0, camera.cx_px],
-        [0.0, camera.fy_px, camera.cy_px],
-        [0.0, 0.0, 1.0],
-    ]
     content = {
         "width_px": camera.width_px,
         "height_px": camera.height_px,
-        "K": matrix,
+        "K": camera.matrix.tolist(),
         "distortion": list(camera.distortion),
         "frames": "raw",
         "reprojection_error_px": round(trial.error_px, 4),
@@ -74,7 +67,7 @@ def load_camera(
     orientation: Orientation = UPRIGHT,
     forward_offset_m: float = CameraModel.forward_offset_m,
 ) -> CameraModel:
-    """Read a camera file, our own or one of ROS, OpenCV or Kalibr.
+    """Read a camera file, our own or one of ROS or OpenCV.
 
     Args:
         path: the YAML file.
@@ -86,23 +79,32 @@ def load_camera(
         FileError: the file is absent or malformed.
         ValueRangeError: the camera was calibrated at another aspect ratio than the images'.
     """
-    file = _foreign(path) or read_yaml(path, _CameraFile, "camera file", remedy=_REMEDY).value
-    camera = file.camera(forward_offset_m)
+    file = _read(path)
+    (fx_px, _, cx_px), (_, fy_px, cy_px), _ = file.K
+    camera = CameraModel(
+        width_px=file.width_px,
+        height_px=file.height_px,
+        fx_px=fx_px,
+        fy_px=fy_px,
+        cx_px=cx_px,
+        cy_px=cy_px,
+        distortion=file.distortion,
+        forward_offset_m=(
+            forward_offset_m if file.forward_offset_m is None else file.forward_offset_m
+        ),
+    )
     if file.frames == "raw":
         camera = orientation.camera(camera)
-    return camera if size_px is None else fitted_camera(camera, *size_px, source=str(path))
-
-
-def _foreign(path: Path) -> _CameraFile | None:
-    content = foreign_camera(path) if path.is_file() else None
-    if content is None:
-        return None
-    try:
-        return _CAMERA_FILE.validate_python(content)
-    except ValidationError as error:
-        item = error.errors(include_url=False)[0]
-        place = ".".join(map(str, item["loc"]))
-        raise FileError(path, f"{place}: {item['msg']}, got '{item['input']}'") from error
+    if size_px is None:
+        return camera
+    aspect, wanted = camera.width_px / camera.height_px, size_px[0] / size_px[1]
+    if abs(aspect / wanted - 1.0) > _ASPECT_SLACK:
+        raise ValueRangeError(
+            f"{path} was calibrated at {camera.width_px}x{camera.height_px} (aspect "
+            f"{aspect:.3f}), the images are {size_px[0]}x{size_px[1]} (aspect {wanted:.3f}): "
+            "calibrate with images of the video that is flown with"
+        )
+    return camera.resized(*size_px)
 
 
 _Row = tuple[float, float, float]
@@ -125,9 +127,8 @@ class _CameraFile:
         (fx, skew, cx), (zero, fy, cy), last = self.K
         if skew != 0.0 or zero != 0.0 or last != (0.0, 0.0, 1.0):
             raise ValueRangeError("K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], without skew")
-        if not (
-            fx > 0.0 and fy > 0.0 and 0.0 <= cx <= self.width_px and 0.0 <= cy <= self.height_px
-        ):
+        inside = 0.0 <= cx <= self.width_px and 0.0 <= cy <= self.height_px
+        if not (fx > 0.0 and fy > 0.0 and inside):
             raise ValueRangeError(
                 "K must have positive focal lengths and its centre within the image, got "
                 f"f = ({fx}, {fy}), c = ({cx}, {cy}) for {self.width_px}x{self.height_px}"
@@ -138,42 +139,68 @@ class _CameraFile:
                 f"distortion must hold {known} numbers, got {len(self.distortion)}"
             )
 
-    def camera(self, forward_offset_m: float) -> CameraModel:
-        (fx, _, cx), (_, fy, cy), _ = self.K
-        return CameraModel(
-            width_px=self.width_px,
-            height_px=self.height_px,
-            fx_px=fx,
-            fy_px=fy,
-            cx_px=cx,
-            cy_px=cy,
-            distortion=self.distortion,
-            forward_offset_m=(
-                forward_offset_m if self.forward_offset_m is None else self.forward_offset_m
-            ),
+
+def _read(path: Path) -> _CameraFile:
+    if path.is_file():
+        with reading(path):
+            text = read_bounded(path, MAX_BYTES).decode()
+        if _FOREIGN.search(text):
+            return YamlFile(path, _OPENCV.sub("", text), _ForeignFile).value.camera_file()
+    remedy = "`uav-bt lab calibrate` makes one"
+    return read_yaml(path, _CameraFile, "camera file", remedy=remedy).value
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Matrix:
+    __pydantic_config__: ClassVar = ConfigDict(strict=True, allow_inf_nan=False)
+
+    data: tuple[float, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _ForeignFile:
+    """A camera file of ROS or OpenCV; its other keys are passed over."""
+
+    __pydantic_config__: ClassVar = ConfigDict(strict=True, allow_inf_nan=False)
+
+    image_width: Annotated[int, Field(gt=0)]
+    image_height: Annotated[int, Field(gt=0)]
+    camera_matrix: Annotated[
+        _Matrix, Field(validation_alias=AliasChoices("camera_matrix", "cameraMatrix"))
+    ]
+    distortion_coefficients: Annotated[
+        _Matrix, Field(validation_alias=AliasChoices("distortion_coefficients", "distCoeffs"))
+    ] = _Matrix(data=())
+    # Models whose numbers are OpenCV's k1, k2, p1, p2, k3, ...
+    distortion_model: Literal["plumb_bob", "rational_polynomial", "radtan", "none"] | None = None
+    fisheye_model: bool | int | None = None  # of OpenCV's program for calibration
+
+    def __post_init__(self) -> None:
+        if self.fisheye_model:
+            raise ValueRangeError(
+                f"fisheye_model: expected 0, a pinhole camera, got {self.fisheye_model}; calibrate "
+                "with `uav-bt lab calibrate`"
+            )
+        untold = self.fisheye_model is None and self.distortion_model is None
+        if untold and len(self.distortion_coefficients.data) == 4:
+            raise ValueRangeError(
+                "distortion_coefficients: 4 numbers may be those of a fisheye lens; if they are "
+                "k1, k2, p1 and p2, add `distortion_model: plumb_bob`"
+            )
+        self.camera_file()
+
+    def camera_file(self) -> _CameraFile:
+        """Return the same camera as a file of ours."""
+        numbers = self.camera_matrix.data
+        if len(numbers) != 9:
+            raise ValueRangeError(f"camera_matrix must have 9 numbers, got {len(numbers)}")
+        fx, skew, cx, zero, fy, cy, *last = numbers
+        return _CameraFile(
+            width_px=self.image_width,
+            height_px=self.image_height,
+            K=((fx, skew, cx), (zero, fy, cy), (last[0], last[1], last[2])),
+            distortion=self.distortion_coefficients.data,
         )
-
-
-_CAMERA_FILE: Final = TypeAdapter(_CameraFile)
-
-
-def fitted_camera(
-    camera: CameraModel, width_px: int, height_px: int, *, source: str = "the camera"
-) -> CameraModel:
-    """Return a camera scaled to another image size of the same aspect.
-
-    Raises:
-        ValueRangeError: the aspect ratios differ: the image was cropped or comes from another
-            camera.
-    """
-    aspect, wanted = camera.width_px / camera.height_px, width_px / height_px
-    if abs(aspect / wanted - 1.0) > _ASPECT_SLACK:
-        raise ValueRangeError(
-            f"{source} was calibrated at {camera.width_px}x{camera.height_px} (aspect "
-            f"{aspect:.3f}), the images are {width_px}x{height_px} (aspect {wanted:.3f}): "
-            "calibrate with images of the video that is flown with"
-        )
-    return camera.resized(width_px, height_px)
 
 
 class Undistorter:
@@ -184,53 +211,25 @@ class Undistorter:
     """
 
     def __init__(self, camera: CameraModel) -> None:
-        self._camera = camera
+        self.camera = replace(camera, distortion=())
+        """The camera of the undistorted images: the same intrinsics, no distortion."""
         self._map: tuple[Any, Any] | None = None
-        self._matrix = np.array(
-            [[camera.fx_px, 0.0, camera.cx_px], [0.0, camera.fy_px, camera.cy_px], [0.0, 0.0, 1.0]]
-        )
-        self._distortion = np.array(camera.distortion)
         if any(camera.distortion):
-            size = camera.width_px, camera.height_px
+            size, matrix = (camera.width_px, camera.height_px), camera.matrix
             self._map = cv2.initUndistortRectifyMap(
-                self._matrix, self._distortion, np.eye(3), self._matrix, size, cv2.CV_16SC2
+                matrix, np.array(camera.distortion), np.eye(3), matrix, size, cv2.CV_16SC2
             )
 
-    @property
-    def camera(self) -> CameraModel:
-        """The camera of the undistorted images: the same intrinsics, no distortion."""
-        return replace(self._camera, distortion=())
-
-    def undistort(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Return the undistorted image; black outside the original image.
-
-        Args:
-            image: (H, W) or (H, W, 3) uint8 at the camera's size.
+    def undistort(self, image: Image) -> Image:
+        """Return an undistorted image, (H, W) or (H, W, 3); black outside the original image.
 
         Raises:
-            ShapeError: the image has another size.
+            ShapeError: the image has another size than the camera.
         """
-        size = (self._camera.height_px, self._camera.width_px)
+        size = (self.camera.height_px, self.camera.width_px)
         if image.shape[:2] != size:
             expected = f"{size[0]}x{size[1]}, as its camera"
             raise ShapeError("image", expected=expected, actual=image.shape)
         if self._map is None:
             return image
         return np.asarray(cv2.remap(image, *self._map, cv2.INTER_LINEAR), dtype=np.uint8)
-
-    def points(self, pixels: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Return the positions in the undistorted image of pixels of the distorted one.
-
-        Args:
-            pixels: (..., 2) column and row, px.
-
-        Raises:
-            ShapeError: the last axis is not column and row.
-        """
-        if pixels.shape[-1:] != (2,):
-            raise ShapeError("pixels", expected="...x2", actual=pixels.shape)
-        if self._map is None:
-            return np.asarray(pixels, dtype=np.float64)
-        flat = np.asarray(pixels, dtype=np.float64).reshape(-1, 1, 2)
-        straight = cv2.undistortPoints(flat, self._matrix, self._distortion, P=self._matrix)
-        return np.asarray(straight, dtype=np.float64).reshape(pixels.shape)

@@ -16,13 +16,13 @@ times the ray's length.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import CameraModel, Frame
+from uav_bt.types.arrays import Floats32
 from uav_bt.types.projection import camera_axes
 
 _LEVEL = 1e-6  # rays that descend less than this per unit of depth never meet the ground
@@ -35,7 +35,7 @@ class CameraView:
     camera: CameraModel  # at the size of the class or depth map; undistorted
     pitch_rad: float  # of the optical axis to the horizon, negative down
     height_m: float  # of the lens above the ground
-    roll_rad: float = 0.0  # of the image about the optical axis, its right side down positive
+    roll_rad: float = 0.0  # of the image, right side down positive; no supported drone reports it
 
     def __post_init__(self) -> None:
         numbers = (self.pitch_rad, self.height_m, self.roll_rad)
@@ -45,45 +45,26 @@ class CameraView:
                 f"height {self.height_m} m, roll {self.roll_rad} rad, pitch {self.pitch_rad} rad"
             )
 
-    def resized(self, width_px: int, height_px: int) -> CameraView:
-        """Return the same view in an image resized (not cropped) to another size."""
-        if (width_px, height_px) == (self.camera.width_px, self.camera.height_px):
-            return self
-        return replace(self, camera=self.camera.resized(width_px, height_px))
 
-
-def view_of(
-    frame: Frame, camera: CameraModel, size_px: tuple[int, int], *, roll_rad: float = 0.0
-) -> CameraView:
-    """Return the view from a frame's telemetry, for maps of a size.
+def view_of(frame: Frame, camera: CameraModel, size_px: tuple[int, int]) -> CameraView:
+    """Return the view from a frame's telemetry, for maps of a width and height.
 
     The gimbal holds its pitch to the horizon at any attitude of the body. The body's attitude
     matters only for the lever: the lens is ahead of the body's centre and moves up and down with
     the nose.
-
-    Args:
-        frame: its gimbal pitch, attitude and height above the ground are used.
-        camera: intrinsics of that camera, at any size.
-        size_px: width and height of the class or depth map.
-        roll_rad: roll that the gimbal leaves; no supported drone reports it.
-
-    Raises:
-        ValueRangeError: the telemetry is not finite.
     """
     lever_m = camera.forward_offset_m * math.sin(frame.attitude.pitch_rad)
     return CameraView(
         camera=camera.resized(*size_px),
         pitch_rad=frame.gimbal_pitch_rad,
         height_m=frame.height_above_ground_m + lever_m,
-        roll_rad=roll_rad,
     )
 
 
-def level_rays(view: CameraView) -> NDArray[np.float32]:
+def level_rays(view: CameraView) -> Floats32:
     """Return every pixel's ray of unit depth in the level frame (equations 4 to 7).
 
-    Returns:
-        (3, H, W) float32: forward, right, down. A point at depth d of a pixel is d times its ray.
+    (3, H, W): forward, right, down. A point at depth d of a pixel is d times its ray.
     """
     camera = view.camera
     across = (np.arange(camera.width_px) - camera.cx_px) / camera.fx_px
@@ -95,8 +76,8 @@ def level_rays(view: CameraView) -> NDArray[np.float32]:
     return np.asarray(columns[:, None, :] + rows[:, :, None])
 
 
-def ray_lengths(camera: CameraModel) -> NDArray[np.float32]:
-    """Return the length of every pixel's ray of unit depth, (H, W) float32: range over depth."""
+def ray_lengths(camera: CameraModel) -> Floats32:
+    """Return the length of every pixel's ray of unit depth, (H, W): range over depth."""
     across = (np.arange(camera.width_px) - camera.cx_px) / camera.fx_px
     along = (np.arange(camera.height_px) - camera.cy_px) / camera.fy_px
     squared = across[None, :] ** 2 + along[:, None] ** 2 + 1.0
@@ -104,20 +85,17 @@ def ray_lengths(camera: CameraModel) -> NDArray[np.float32]:
 
 
 def ground_depth(
-    view: CameraView, *, plane_m: float = 0.0, rays: NDArray[np.float32] | None = None
-) -> NDArray[np.float32]:
+    view: CameraView, *, plane_m: float = 0.0, rays: Floats32 | None = None
+) -> Floats32:
     """Return the depth at which each pixel's ray meets a level plane (equations 8 and 9).
+
+    (H, W) metres along the optical axis; NaN where the ray does not meet the plane.
+    ValueRangeError if the lens is not above the plane.
 
     Args:
         view: the camera.
         plane_m: height of the plane above the ground, such as that of the landing mark's top.
         rays: `level_rays(view)`, if already computed.
-
-    Returns:
-        (H, W) float32 metres along the optical axis; NaN where the ray does not meet the plane.
-
-    Raises:
-        ValueRangeError: the lens is not above the plane.
     """
     above_m = view.height_m - plane_m
     if not above_m > 0.0:
@@ -137,15 +115,11 @@ class GroundPlane:
     """The ground in one view, computed once for all users."""
 
     view: CameraView
-    rays: NDArray[np.float32]  # (3, H, W), `level_rays`
-    depth_m: NDArray[np.float32]  # (H, W), `ground_depth`
+    rays: Floats32  # (3, H, W), `level_rays`
+    depth_m: Floats32  # (H, W), `ground_depth`
 
     @classmethod
     def of(cls, view: CameraView) -> GroundPlane:
-        """Return the ground in a view.
-
-        Raises:
-            ValueRangeError: the lens is not above the ground.
-        """
+        """Return the ground in a view; ValueRangeError if the lens is not above the ground."""
         rays = level_rays(view)
         return cls(view=view, rays=rays, depth_m=ground_depth(view, rays=rays))

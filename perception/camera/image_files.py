@@ -7,11 +7,11 @@ from typing import Final, Literal
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.camera.orientation import UPRIGHT, Orientation
 from uav_bt.errors import FileError
 from uav_bt.files import reading
+from uav_bt.types.arrays import Image
 
 IMAGE_SUFFIXES: Final = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
 FOREIGN_SUFFIXES: Final = (".arw", ".avif", ".cr2", ".cr3", ".dng", ".heic", ".heif", ".nef")
@@ -21,24 +21,11 @@ _JPEG_MARK: Final = b"\xff\xd8"
 _EXIF_MARK: Final = b"Exif\0\0"
 _EXIF_BYTES: Final = 65_536 + 64  # longest JPEG segment, and the segment before it
 _ORIENTATION_TAG: Final = 0x0112
-_EXIF: Final = {  # EXIF 2.3, table 4: value of the tag
-    2: Orientation(flip_columns=True),
-    3: Orientation(flip_columns=True, flip_rows=True),
-    4: Orientation(flip_rows=True),
-    5: Orientation(transpose=True),
-    6: Orientation(transpose=True, flip_columns=True),
-    7: Orientation(transpose=True, flip_columns=True, flip_rows=True),
-    8: Orientation(transpose=True, flip_rows=True),
-}
 _NAMED: Final = 3  # files that a message lists
 
 
 def image_files(folder: Path) -> tuple[list[Path], str]:
-    """Return the images of a folder, and a line about images in unsupported formats.
-
-    Raises:
-        FileError: the folder holds no image.
-    """
+    """Return the images of a folder (FileError without any), and a line about other formats."""
     inside = sorted(folder.iterdir())
     found = [path for path in inside if path.suffix.lower() in IMAGE_SUFFIXES]
     foreign = [path for path in inside if path.suffix.lower() in FOREIGN_SUFFIXES]
@@ -61,20 +48,11 @@ def _conversion(foreign: list[Path]) -> str:
     )
 
 
-def read_image(path: Path, *, colour: bool, as_stored: bool) -> NDArray[np.uint8]:
-    """Read an image file.
+def read_image(path: Path, *, colour: bool, as_stored: bool) -> Image:
+    """Read an image file as (H, W, 3) RGB, or (H, W) grey; FileError if it holds no image.
 
-    Args:
-        path: the file.
-        colour: whether to return three colours; otherwise grey.
-        as_stored: whether to keep the stored rows; otherwise the EXIF orientation is applied.
-
-    Returns:
-        (H, W, 3) uint8 RGB or (H, W) uint8. Images of more than 8 bits are shifted down by the bits
-        that they use, for example 12 bits in a 16-bit file.
-
-    Raises:
-        FileError: the file cannot be read or holds no image.
+    Unless the stored rows are wanted, the EXIF orientation is applied. Images of more than 8 bits
+    are shifted down by the bits that they use, for example 12 bits in a 16-bit file.
     """
     if path.suffix.lower() in FOREIGN_SUFFIXES:
         raise FileError(path, _conversion([path]))
@@ -94,11 +72,7 @@ def read_image(path: Path, *, colour: bool, as_stored: bool) -> NDArray[np.uint8
 
 
 def exif_orientation(path: Path) -> Orientation:
-    """Return the orientation in a JPEG file's EXIF data; upright without one.
-
-    Raises:
-        FileError: the file cannot be read.
-    """
+    """Return the orientation in a JPEG file's EXIF data; upright without one."""
     with reading(path), path.open("rb") as file:
         head = file.read(_EXIF_BYTES)
     begin = head.find(_EXIF_MARK)
@@ -110,5 +84,10 @@ def exif_orientation(path: Path) -> Orientation:
     count = int.from_bytes(tiff[place : place + 2], order)
     for entry in range(place + 2, place + 2 + 12 * count, 12):  # tag, type, count, value
         if int.from_bytes(tiff[entry : entry + 2], order) == _ORIENTATION_TAG:
-            return _EXIF.get(int.from_bytes(tiff[entry + 8 : entry + 10], order), UPRIGHT)
+            value = int.from_bytes(tiff[entry + 8 : entry + 10], order)  # EXIF 2.3, table 4
+            return Orientation(
+                transpose=value in (5, 6, 7, 8),
+                flip_columns=value in (2, 3, 6, 7),
+                flip_rows=value in (3, 4, 7, 8),
+            )
     return UPRIGHT

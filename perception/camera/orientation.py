@@ -10,14 +10,12 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.errors import ValueRangeError
 from uav_bt.types import CameraModel
+from uav_bt.types.arrays import Floats, Image
 
-_SLACK: Final = (
-    0.01  # of the matrix's largest entry; chosen: an angle of 0.6 degrees counts as none
-)
+_SLACK: Final = 0.01  # of the matrix's largest entry, 0.6 degrees, counts as none; chosen
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,19 +27,12 @@ class Orientation:
     flip_rows: bool = False  # swap top and bottom
 
     @staticmethod
-    def from_display_matrix(matrix: NDArray[np.floating]) -> Orientation:
-        """Return the orientation of a display matrix.
+    def from_display_matrix(matrix: Floats) -> Orientation:
+        """Return the orientation of a display matrix, (2, 2) of any scale: a, b, c, d.
 
-        Args:
-            matrix: (2, 2) floats a, b, c, d: column x and row y are shown at column a x + c y and
-                row b x + d y. Its scale is ignored.
-
-        Raises:
-            ShapeError: the matrix has another shape.
-            ValueRangeError: the angle is not a multiple of 90 degrees.
+        Column x and row y are shown at column a x + c y and row b x + d y. ValueRangeError if the
+        angle is not a multiple of 90 degrees.
         """
-        if matrix.shape != (2, 2):
-            raise ShapeError("display matrix", expected="2x2", actual=matrix.shape)
         largest = float(np.abs(matrix).max())
         kept = np.where(np.abs(matrix) > _SLACK * largest, matrix, 0.0)
         (a, b), (c, d) = kept.tolist()
@@ -59,7 +50,7 @@ class Orientation:
         """Whether images stay as they are."""
         return not (self.transpose or self.flip_columns or self.flip_rows)
 
-    def image(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def image(self, rgb: Image) -> Image:
         """Return an image, (H, W, 3) uint8, as a player shows it."""
         shown = rgb.swapaxes(0, 1) if self.transpose else rgb
         shown = shown[:, ::-1] if self.flip_columns else shown
@@ -69,9 +60,7 @@ class Orientation:
     def camera(self, raw: CameraModel) -> CameraModel:
         """Return the camera of shown images from the camera of raw ones.
 
-        Raises:
-            ValueRangeError: the images are turned, and the lens model has more than the five
-                numbers k1, k2, p1, p2, k3.
+        ValueRangeError if they are turned and the lens has more numbers than k1, k2, p1, p2, k3.
         """
         if self.upright:
             return raw
@@ -80,18 +69,14 @@ class Orientation:
                 f"a turned video needs a camera of five distortion numbers or fewer, got "
                 f"{len(raw.distortion)}; calibrate with `uav-bt lab calibrate`"
             )
-        width_px, height_px = raw.width_px, raw.height_px
-        fx_px, fy_px, cx_px, cy_px = raw.fx_px, raw.fy_px, raw.cx_px, raw.cy_px
-        k1, k2, p1, p2, *k3 = raw.distortion or (0.0, 0.0, 0.0, 0.0)
-        if self.transpose:
-            width_px, height_px = height_px, width_px
-            fx_px, fy_px, cx_px, cy_px = fy_px, fx_px, cy_px, cx_px
-            p1, p2 = p2, p1
         # Tangential terms: dx = 2 p1 x y + p2 (r2 + 2 x2), so p2 belongs to columns, p1 to rows.
-        if self.flip_columns:
-            cx_px, p2 = width_px - 1 - cx_px, -p2
-        if self.flip_rows:
-            cy_px, p1 = height_px - 1 - cy_px, -p1
+        k1, k2, p1, p2, *k3 = raw.distortion or (0.0, 0.0, 0.0, 0.0)
+        columns = (raw.width_px, raw.fx_px, raw.cx_px, p2)
+        rows = (raw.height_px, raw.fy_px, raw.cy_px, p1)
+        if self.transpose:
+            columns, rows = rows, columns
+        width_px, fx_px, cx_px, p2 = _flipped(*columns) if self.flip_columns else columns
+        height_px, fy_px, cy_px, p1 = _flipped(*rows) if self.flip_rows else rows
         return replace(
             raw,
             width_px=width_px,
@@ -102,6 +87,12 @@ class Orientation:
             cy_px=cy_px,
             distortion=(k1, k2, p1, p2, *k3) if raw.distortion else (),
         )
+
+
+def _flipped(
+    size_px: int, focal_px: float, centre_px: float, tangential: float
+) -> tuple[int, float, float, float]:
+    return size_px, focal_px, size_px - 1 - centre_px, -tangential
 
 
 UPRIGHT: Final = Orientation()

@@ -12,14 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.control.ego_state import OUTPUTS, VERSION, ControlNetConfig, state_size
-from perception.networks.onnx_runtime import compile_model, read_model, shrunk
+from perception.networks.onnx_runtime import OnnxNetwork, shrunk
 from perception.networks.weights_file import SHIPPED_WEIGHTS
-from uav_bt.errors import AnswerError, ShapeError, ValueRangeError, WeightsError
+from uav_bt.errors import ValueRangeError
 
 SHIPPED_STUDENT: Final = SHIPPED_WEIGHTS / "student.onnx"
 
 _COMMAND: Final = "`uav-bt net train student`"
-_ABOUT: Final = ["framework", "control"]  # where OpenVINO keeps an ONNX file's metadata
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,30 +51,26 @@ def _sigmoid(logit: float) -> float:
 class OnnxControlStudent:
     """A control student in an ONNX file from `uav-bt net export student`.
 
-    Args:
-        path: the ONNX file.
-        threads: number of inference threads.
-
     Raises:
         WeightsError: the file is absent, damaged, of another version, or not a control student.
     """
 
     def __init__(self, path: Path = SHIPPED_STUDENT, *, threads: int = 1) -> None:
-        self._path = path
-        model = read_model(path, _COMMAND)
-        self.config = _config_of(model, path)
-        config = self.config
-        self._frames = (1, config.views, 3, config.height_px, config.width_px)
-        self._state = (1, state_size(config.views))
-        self._check(model)
-        self._request = compile_model(model, threads, path).create_infer_request()
-        # Warm-up: the first inference is slow.
-        self._run(np.zeros(self._frames, np.float32), np.zeros(self._state, np.float32))
-
-    @property
-    def size_px(self) -> tuple[int, int]:
+        self._network = network = OnnxNetwork(path, _COMMAND)
+        self.config = config = _config_of(network)
+        self.size_px = config.width_px, config.height_px
         """Width and height of the network's images, px."""
-        return self.config.width_px, self.config.height_px
+        model = network.model
+        ports = {port.any_name: port for port in (*model.inputs, *model.outputs)}
+        for name, shape in {
+            "frames": (1, config.views, 3, config.height_px, config.width_px),
+            "state": (1, state_size(config.views)),
+            "prediction": (1, len(OUTPUTS)),
+        }.items():
+            got = ports[name].get_partial_shape() if name in ports else None
+            if got is None or got.is_dynamic or tuple(got.to_shape()) != shape:
+                raise network.refused(f"'{name}' must be {'x'.join(map(str, shape))}, got {got}")
+        network.compile([network.outputs()["prediction"]], threads)
 
     def preprocess(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Return an image, (H, W, 3) RGB, at the network's size: resized, never cropped."""
@@ -91,60 +86,31 @@ class OnnxControlStudent:
             state: (S,) float32, `ego_state.state_vector` of that decision.
 
         Raises:
-            ShapeError: an argument has another number or size.
             ValueRangeError: a number of the state is not finite.
             AnswerError: an output of the network is not finite.
         """
-        frames = np.stack(images)
-        _, views, channels, height, width = self._frames
-        if frames.shape != (views, height, width, channels):
-            expected = f"{views}x{height}x{width}x{channels}"
-            raise ShapeError("views", expected=expected, actual=frames.shape)
-        if state.shape != self._state[1:]:
-            raise ShapeError("state vector", expected=str(self._state[1]), actual=state.shape)
         # The network's layers would turn NaN into zero without an error.
         if not np.isfinite(state).all():
             raise ValueRangeError(
                 f"the state must be finite numbers, got {state.tolist()}; look at telemetry"
             )
-        planes = np.ascontiguousarray(frames.transpose(0, 3, 1, 2), dtype=np.float32) / 255.0
-        prediction = self._run(planes[None], state[None])
-        if not np.isfinite(prediction).all():
-            raise AnswerError(self._path, "the network's answer holds NaN or infinity")
-        return decode(prediction)
-
-    def _run(self, frames: NDArray[np.float32], state: NDArray[np.float32]) -> NDArray[np.float32]:
-        self._request.infer({"frames": frames, "state": state})
-        return np.asarray(self._request.get_output_tensor(0).data).reshape(-1).copy()
-
-    def _check(self, model: Any) -> None:
-        ports = {port.any_name: port for port in (*model.inputs, *model.outputs)}
-        expected = {
-            "frames": self._frames,
-            "state": self._state,
-            "prediction": (1, len(OUTPUTS)),
-        }
-        for name, shape in expected.items():
-            got = ports[name].get_partial_shape() if name in ports else None
-            if got is None or got.is_dynamic or tuple(got.to_shape()) != shape:
-                raise WeightsError(
-                    self._path, f"'{name}' must be {'x'.join(map(str, shape))}, got {got}"
-                )
+        planes = np.stack(images).transpose(0, 3, 1, 2)
+        frames = np.ascontiguousarray(planes, dtype=np.float32) / 255.0
+        (prediction,) = self._network.infer({"frames": frames[None], "state": state[None]})
+        return decode(prediction.reshape(-1))
 
 
-def _config_of(model: Any, path: Path) -> ControlNetConfig:
-    if not model.has_rt_info(_ABOUT):
-        raise WeightsError(path, f"is not a control student; {_COMMAND} makes one")
+def _config_of(network: OnnxNetwork) -> ControlNetConfig:
+    about = network.about("control")
+    if about is None:
+        raise network.refused(f"is not a control student; {_COMMAND} makes one")
     try:
-        about = json.loads(model.get_rt_info(_ABOUT).astype(str))
-        if about["version"] != VERSION:
-            raise WeightsError(
-                path,
-                f"expected a student of version {VERSION}, got {about['version']}; train it anew: "
-                f"{_COMMAND}",
+        stated = json.loads(about)
+        if stated["version"] != VERSION:
+            raise network.refused(
+                f"expected a student of version {VERSION}, got {stated['version']}; train it anew: "
+                f"{_COMMAND}"
             )
-        return ControlNetConfig.from_json(about["config"])
+        return ControlNetConfig.from_json(stated["config"])
     except (KeyError, TypeError, ValueError) as error:
-        raise WeightsError(
-            path, f"does not say what it is ({error}); {_COMMAND} makes one"
-        ) from error
+        raise network.refused(f"does not say what it is ({error}); {_COMMAND} makes one") from error

@@ -13,14 +13,19 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.mapping.arrivals import ArrivalConfig, find_arrivals
+from perception.mapping.arrivals import (
+    HIDDEN_M,
+    HIDDEN_MPS,
+    SETTLES_S,
+    STEP_M,
+    find_arrivals,
+    hidden_arrival,
+)
 from perception.mapping.ground_grid import CELL_M, GroundGrid
-from perception.mapping.hidden_arrival import HiddenArrivalConfig, hidden_arrival
 from perception.mapping.known_objects import KnownObjects
 from perception.mapping.landmarks import Landmarks, drop_missed, find_free, merge
 from perception.mapping.mark_place import MarkPlace
-from perception.mapping.mover_track import MoverConfig
-from perception.mapping.movers import MoverTracker
+from perception.mapping.movers import LIFE_S, MoverTracker
 from perception.mapping.objects import find_objects
 from perception.mapping.recent import RecentLayer
 from perception.mapping.registration import Contradiction, Registration
@@ -41,9 +46,6 @@ _LOW_M: Final = 1.2
 _SETTLED_S: Final = 1.0  # points known for this long correct the drone's pose; chosen
 _RESIDUAL_VIEWS: Final = 200  # number of views in the mean of the residual; chosen
 _OBJECTS_S: Final = 0.5  # interval between two searches for objects; chosen
-_ARRIVALS: Final = ArrivalConfig()
-_HIDDEN: Final = HiddenArrivalConfig()
-_MOVERS: Final = MoverConfig()
 
 
 class SiteMapper:
@@ -63,7 +65,7 @@ class SiteMapper:
         self._captured_s = -math.inf
         self._recent = RecentLayer()
         self._known_objects = KnownObjects()
-        self._movers = MoverTracker(_MOVERS)
+        self._movers = MoverTracker()
         self._begin()
 
     def _begin(self) -> None:
@@ -129,7 +131,7 @@ class SiteMapper:
         # Bases of a mover are kept for as long as the map keeps the mover.
         trails_m = self._movers.trails_m()
         trails_m[:, :2] = self._registration.correction.points_to_body(trails_m[:, :2])
-        self._recent.forget_trails(time_s + _MOVERS.life_s, trails_m)
+        self._recent.forget_trails(time_s + LIFE_S, trails_m)
         if time_s - self._objects_s >= _OBJECTS_S:
             classes, self._objects_s = self._classes, time_s
             found = find_objects(self._bases, classes.standing, classes.legs_m)
@@ -227,21 +229,21 @@ class SiteMapper:
         time_s, hidden_m = view.captured_s, self._recent.unplaced_m
         if not len(hidden_m) or view.height_m < _LOW_M:
             return
-        sides_m = [each.outline_m(_HIDDEN.step_m) for each in self._objects]
+        sides_m = [each.outline_m(STEP_M) for each in self._objects]
         known_m = np.vstack([self._obstacles_m(), *sides_m])
-        ahead = hidden_arrival(hidden_m, view.pose, self._grid, known_m, _HIDDEN)
+        ahead = hidden_arrival(hidden_m, view.pose, self._grid, known_m)
         if ahead is None:
             return
-        place_m = np.array([view.pose.x_m, view.pose.y_m]) + _HIDDEN.place_m * ahead
+        place_m = np.array([view.pose.x_m, view.pose.y_m]) + HIDDEN_M * ahead
         if not self._movers.may_be_at(place_m, time_s):
-            self._movers.meet(place_m, -_HIDDEN.speed_mps * ahead, time_s)
+            self._movers.meet(place_m, -HIDDEN_MPS * ahead, time_s)
 
     def _standing_bases(self, view: View, bases: Landmarks) -> Landmarks:
         """Pass the bases that have arrived to the mover tracker; return those that stand."""
         self._movers.predict(view.captured_s)
         on_ground = self._grid.was_ground(bases.xy_m)
         owned = self._movers.owns(bases.xy_m)
-        arrived = find_arrivals(bases, self._bases, on_ground, owned, _ARRIVALS)
+        arrived = find_arrivals(bases, self._bases, on_ground, owned)
         # Ground shows around a leg before the leg is near enough for the map.
         arrived &= ~self._on_legs[bases.ids]
         stands = ~arrived
@@ -249,8 +251,8 @@ class SiteMapper:
             bases.xy_m[arrived],
             np.array([view.lens.x_m, view.lens.y_m]),
             view.captured_s,
-            cut=view.is_cut()[arrived],
+            cut=view.is_cut(arrived)[arrived],
             judges=view.height_m >= _LOW_M,
         )
-        settled_s = bases.settled_s + np.where(on_ground, _ARRIVALS.settles_s, 0.0)
+        settled_s = bases.settled_s + np.where(on_ground, SETTLES_S, 0.0)
         return replace(bases, settled_s=settled_s).take(stands)

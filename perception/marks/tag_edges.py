@@ -26,12 +26,7 @@ _MOST_MOVED_PX: Final = 3.0  # a corner that moves farther was not on the tag
 def refine_corners(grey: NDArray[np.uint8], corners_px: Floats) -> Floats:
     """Return the corners of a dark square on a light ground, from lines along its edges.
 
-    Args:
-        grey: (H, W) image.
-        corners_px: (4, 2) rough corners in turn, as (column, row).
-
-    Returns:
-        (4, 2) corners; the rough ones if an edge is not found.
+    Corners are (4, 2) in turn, as (column, row); the rough ones if an edge is not found.
     """
     middle = corners_px.mean(axis=0)
     lines = []
@@ -56,11 +51,7 @@ def refine_corners(grey: NDArray[np.uint8], corners_px: Floats) -> Floats:
 def _edge(grey: NDArray[np.uint8], begin: Floats, end: Floats, outwards: Floats) -> Floats | None:
     """Return an edge as (normal x, normal y, distance); None without enough contrast.
 
-    Args:
-        grey: (H, W) image.
-        begin: (2,) rough begin of the edge.
-        end: (2,) rough end of the edge.
-        outwards: (2,) unit normal, away from the tag.
+    It goes roughly from `begin` to `end`; `outwards` is the unit normal away from the tag.
     """
     shares = np.linspace(*_INNER, _SAMPLES)[:, None]
     points = begin + shares * (end - begin)
@@ -84,16 +75,10 @@ def _edge(grey: NDArray[np.uint8], begin: Floats, end: Floats, outwards: Floats)
 def _sampled(grey: NDArray[np.uint8], points: Floats) -> Floats:
     """Return the brightness at points (N, M, 2) as (N, M), between pixels bilinearly."""
     columns, rows = points[..., 0].astype(np.float32), points[..., 1].astype(np.float32)
-    return np.asarray(
-        cv2.remap(
-            grey.astype(np.float32),
-            columns,
-            rows,
-            cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REPLICATE,
-        ),
-        dtype=np.float64,
-    )
+    values = grey.astype(np.float32)
+    border = cv2.BORDER_REPLICATE
+    found = cv2.remap(values, columns, rows, cv2.INTER_LINEAR, borderMode=border)
+    return np.asarray(found, dtype=np.float64)
 
 
 def _crossing(first: Floats, second: Floats) -> Floats | None:

@@ -2,42 +2,30 @@
 
 from __future__ import annotations
 
+import cmath
 import math
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from uav_bt.types import CameraModel
 from uav_bt.types.arrays import Floats
-from uav_bt.types.projection import camera_axes, project
+from uav_bt.types.projection import pixel_rays, project
 
 _ROUNDS: Final = 8  # Gauss-Newton converges within three or four
 _STEP: Final = 1e-5  # of the numeric derivative, metres and radians
 _ENOUGH: Final = 1e-6  # step below which the pose is final, metres and radians
+_LEAST_DOWN: Final = 1e-3  # of a ray of unit depth: flatter rays do not meet the board
 
 
-@dataclass(frozen=True, kw_only=True)
-class BoardPose:
-    """Pose of a level board in the level frame of the camera.
+class BoardPose(NamedTuple):
+    """Pose of a level board in the level frame of the camera."""
 
-    Attributes:
-        forward_m: Centre of the board ahead of the lens.
-        right_m: Centre of the board to the right of the lens.
-        down_m: Centre of the board below the lens.
-        up_rad: Direction of the board's upper edge from the heading, clockwise.
-        error_px: Root mean square distance of the corners from their projections.
-        tilt_rad: Angle of the board to the horizontal, before it is taken as level.
-    """
-
-    forward_m: float
+    forward_m: float  # its centre ahead of the lens
     right_m: float
     down_m: float
-    up_rad: float
-    error_px: float
-    tilt_rad: float
+    up_rad: float  # direction of its upper edge from the heading, clockwise
+    error_px: float  # root mean square distance of the corners from their projections
 
 
 def level_pose(
@@ -45,9 +33,8 @@ def level_pose(
 ) -> BoardPose | None:
     """Return the pose of a level board; None if no pose fits.
 
-    IPPE gives two poses that fit a small flat target almost equally well. The one whose plane is
-    nearer to the horizontal begins a least-squares fit with the four coordinates of a level board.
-    After: Collins and Bartoli, "Infinitesimal Plane-Based Pose Estimation", IJCV 2014.
+    The camera sees a level board on the plane one metre below it turned, shifted and scaled, which
+    is linear in complex numbers. From there a least-squares fit moves the four coordinates.
 
     Args:
         corners_m: (4 N, 3) corners on the board: right, towards the upper edge, 0.
@@ -55,72 +42,45 @@ def level_pose(
         camera: Intrinsics at the image's size.
         gimbal_pitch_rad: Pitch of the gimbal; 0 is level, negative is down.
     """
-    found = _candidates(corners_m, corners_px, camera)
-    if not found:
+    rays = pixel_rays(corners_px, camera, gimbal_pitch_rad)
+    if not rays[:, 2].min() > _LEAST_DOWN:
         return None
-    axes = camera_axes(gimbal_pitch_rad)
-    places = [(axes @ turn, axes @ shift) for turn, shift in found]
-    turn, shift = min(places, key=lambda place: float(place[0][2, 2]))  # z down: a normal is -1
-    tilt_rad = math.acos(min(1.0, max(-1.0, -float(turn[2, 2]))))
-    pose = np.array([*shift, math.atan2(turn[1, 1], turn[0, 1])])
+    board = corners_m[:, 1] + 1j * corners_m[:, 0]
+    seen = (rays[:, 0] + 1j * rays[:, 1]) / rays[:, 2]
+    off, spread = board - board.mean(), seen - seen.mean()
+    turn = complex((off.conj() @ spread) / (off.conj() @ off))  # its length is 1 / down
+    if turn == 0.0:
+        return None
+    down_m = 1.0 / abs(turn)
+    middle = complex(seen.mean() - turn * board.mean()) * down_m
+    pose = np.array([middle.real, middle.imag, down_m, cmath.phase(turn)])
 
-    def residual(of: NDArray[np.float64]) -> NDArray[np.float64]:
-        placed = _placed(corners_m, of)
+    def residual(of: Floats) -> Floats:
+        placed = placed_corners(corners_m, of)
         return np.asarray(project(placed, camera, gimbal_pitch_rad) - corners_px).ravel()
 
     for _ in range(_ROUNDS):
-        off = residual(pose)
-        slope = np.stack([(residual(pose + d) - off) / _STEP for d in _STEP * np.eye(4)], axis=1)
-        if not np.isfinite(slope).all() or not np.isfinite(off).all():
+        error = residual(pose)
+        slope = np.stack([(residual(pose + d) - error) / _STEP for d in _STEP * np.eye(4)], axis=1)
+        if not np.isfinite(slope).all() or not np.isfinite(error).all():
             return None
-        step = np.linalg.lstsq(slope, -off, rcond=None)[0]
+        step = np.linalg.lstsq(slope, -error, rcond=None)[0]
         pose += step
         if np.abs(step).max() < _ENOUGH:
             break
-    off = residual(pose)
-    if not np.isfinite(off).all() or pose[2] <= 0.0:
+    error = residual(pose)
+    if not np.isfinite(error).all() or pose[2] <= 0.0:
         return None
-    return BoardPose(
-        forward_m=float(pose[0]),
-        right_m=float(pose[1]),
-        down_m=float(pose[2]),
-        up_rad=math.remainder(float(pose[3]), math.tau),
-        error_px=float(np.sqrt(np.mean(off**2) * 2.0)),
-        tilt_rad=tilt_rad,
-    )
+    forward_m, right_m, down_m, up_rad = pose.tolist()
+    error_px = float(np.sqrt(np.mean(error**2) * 2.0))
+    return BoardPose(forward_m, right_m, down_m, math.remainder(up_rad, math.tau), error_px)
 
 
-def _candidates(
-    corners_m: Floats, corners_px: Floats, camera: CameraModel
-) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Return rotations (3, 3) and translations (3,) from the board to the camera."""
-    lens = np.array(
-        [[camera.fx_px, 0.0, camera.cx_px], [0.0, camera.fy_px, camera.cy_px], [0.0, 0.0, 1.0]]
-    )
-    # IPPE_SQUARE needs one square around the origin.
-    middle = corners_m.mean(axis=0)
-    method = cv2.SOLVEPNP_IPPE_SQUARE if len(corners_m) == 4 else cv2.SOLVEPNP_IPPE
-    count, turns, shifts, _ = cv2.solvePnPGeneric(
-        np.ascontiguousarray(corners_m - middle),
-        np.ascontiguousarray(corners_px, dtype=np.float64),
-        lens,
-        None,
-        flags=method,
-    )
-    found = []
-    for turn, shift in zip(turns[:count], shifts[:count], strict=True):
-        rotation = np.asarray(cv2.Rodrigues(turn)[0], dtype=np.float64)
-        place = shift.ravel() - rotation @ middle
-        if np.isfinite(rotation).all() and np.isfinite(place).all():
-            found.append((rotation, place))
-    return found
-
-
-def _placed(corners_m: Floats, pose: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return corners of a level board in the level frame, for (forward, right, down, up)."""
-    cos, sin = math.cos(pose[3]), math.sin(pose[3])
-    right_m, up_m = corners_m[:, 0], corners_m[:, 1]
+def placed_corners(corners_m: Floats, pose: Floats | BoardPose) -> Floats:
+    """Return corners of a level board in the level frame, (4 N, 3)."""
+    forward_m, right_m, down_m, up_rad = pose[:4]
     # Seen from above, the board's right is clockwise from its upper edge.
-    forward_m, aside_m = cos * up_m - sin * right_m, sin * up_m + cos * right_m
-    flat = np.stack([forward_m, aside_m, np.zeros(len(corners_m))], axis=1)
-    return np.asarray(flat + pose[:3])
+    placed = cmath.exp(1j * up_rad) * (corners_m[:, 1] + 1j * corners_m[:, 0])
+    return np.stack(
+        [placed.real + forward_m, placed.imag + right_m, np.full(len(placed), down_m)], axis=1
+    )

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import ClassVar, Final
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import ClassVar, Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -12,20 +13,25 @@ import numpy as np
 from perception.marks.tag_board import (
     APRILTAG_FAMILIES,
     ARUCO_FAMILIES,
-    TagBoard,
+    AprilTagOptions,
+    TagOptions,
     draw_board,
     read_board,
 )
 from perception.marks.tag_edges import refine_corners
-from perception.marks.tag_pose import BoardPose, level_pose
+from perception.marks.tag_pose import BoardPose, level_pose, placed_corners
 from uav_bt.landing_marks import MarkSighting, MarkView
 from uav_bt.types import LandingMark
 from uav_bt.types.arrays import Floats, Image
+from uav_bt.types.projection import project
 
 _SURE_PX: Final = 16.0  # least edge of a tag of full confidence: 2 pixels a cell of 36h11. Chosen.
 # Error of the corners above which the pose is a false match: pixels, and share of the edge. Chosen.
 _WORST_PX: Final = 2.0
 _WORST_SHARE: Final = 0.05
+# By the pose of one tag alone another tag of the board is expected within this share of its edge.
+# Chosen: the pose is noisier than the tag.
+_NEAR_SHARE: Final = 0.25
 # The measured height of the mark may differ from the lab's by this, and by this share of the range.
 # A larger difference lowers the confidence: the tag has another size than the lab file states.
 _HEIGHT_M: Final = 0.15
@@ -33,99 +39,127 @@ _HEIGHT_SHARE: Final = 0.15
 _PICTURE_PX_PER_M: Final = 1024.0
 
 
+class _Seen(NamedTuple):
+    """A tag in the image."""
+
+    place: int  # on the list of the mark's tags
+    corners_px: Floats  # (4, 2)
+    edge_px: float  # its shortest side
+
+
+class _Fit(NamedTuple):
+    """A pose of the mark by some of the tags in view."""
+
+    pose: BoardPose
+    edge_px: float
+    agreement: float  # of the measured height of the mark with the lab's, 0 to 1
+    weight: float  # number of tags, times that agreement
+
+
 class TagFinder:
-    """Base of the finders of tags; implements `MarkFinder`.
+    """Base of the finders of tags; implements `MarkFinder`. Its options are a `TagOptions`.
 
     The pose comes from the size of the tags, so that it needs neither a class map nor the height of
     the camera.
-
-    Args:
-        mark: Size and height of the mark's top. Its options are those of `read_board`.
-
-    Raises:
-        UnknownNameError: The family is unknown.
-        ValueRangeError: An option is unknown, missing or out of range, or a tag does not fit.
     """
 
     uses_images = True
     shows_heading = True
     families: ClassVar[Mapping[str, int]]
-    usual_family: ClassVar[str]
+    options: ClassVar[type[TagOptions]] = TagOptions
 
     def __init__(self, mark: LandingMark) -> None:
         self._mark = mark
-        self.board: Final[TagBoard] = read_board(mark, self.families, self.usual_family)
-        self._corners_m = [tag.corners_m() for tag in self.board.tags]
-        self._detector = cv2.aruco.ArucoDetector(self.board.own_dictionary())
+        self._board = read_board(mark, self.families, self.options)
+        self._corners_m = [tag.corners_m() for tag in self._board.tags]
+        self._detector = cv2.aruco.ArucoDetector(self._board.dictionary)
 
     def find(self, view: MarkView) -> MarkSighting | None:
-        """Return the mark in an image; None if it shows none of the tags."""
-        frame = view.frame
-        if not math.isfinite(frame.gimbal_pitch_rad):
+        """Return the mark in an image; None if it shows none of the tags, or two such marks."""
+        if not math.isfinite(view.frame.gimbal_pitch_rad):
             return None
-        corners_px = self._detect(frame.image)
-        if not corners_px:
+        height_px, width_px = view.frame.image.shape[:2]
+        view = replace(view, camera=view.camera.resized(width_px, height_px))
+        seen = self._detect(view.frame.image)
+        once = 0 < len(seen) == len({tag.place for tag in seen})
+        whole = self._fit(seen, view) if once else None
+        fits = [whole] if whole else [self._around(tag, seen, view) for tag in seen]
+        best = max(filter(None, fits), key=lambda fit: fit.weight, default=None)
+        if best is None:
             return None
-        height_px, width_px = frame.image.shape[:2]
-        camera = view.camera.resized(width_px, height_px)
-        pose = level_pose(
-            np.concatenate([self._corners_m[each] for each in corners_px]),
-            np.concatenate(list(corners_px.values())),
-            camera,
-            frame.gimbal_pitch_rad,
-        )
-        edge_px = max(_least_edge_px(corners) for corners in corners_px.values())
-        if pose is None or pose.error_px > max(_WORST_PX, _WORST_SHARE * edge_px):
+        # A pose counts fully if it has twice the weight of one at another place.
+        apart_m = max(tag.size_m for tag in self._board.tags) / 2.0
+        rivals = [
+            fit.weight for fit in fits if fit and math.dist(fit.pose[:2], best.pose[:2]) > apart_m
+        ]
+        clear = min(1.0, 2.0 * (1.0 - max(rivals, default=0.0) / best.weight))
+        if clear <= 0.0:
             return None
         return MarkSighting(
-            forward_m=pose.forward_m + camera.forward_offset_m,
-            right_m=pose.right_m,
+            forward_m=best.pose.forward_m + view.camera.forward_offset_m,
+            right_m=best.pose.right_m,
             height_m=self._mark.height_m,
-            confidence=min(1.0, edge_px / _SURE_PX) * self._agreement(pose, view),
-            heading_deg=-math.degrees(pose.up_rad),
+            confidence=min(1.0, best.edge_px / _SURE_PX) * best.agreement * clear,
+            heading_deg=-math.degrees(best.pose.up_rad),
         )
 
     def picture(self) -> Image:
         """Return the white top with its tags, (H, W, 3) RGB."""
-        return draw_board(self.board, self._mark, _PICTURE_PX_PER_M)
+        return draw_board(self._board, self._mark, _PICTURE_PX_PER_M)
 
-    def _detect(self, image: Image) -> dict[int, Floats]:
-        """Return the corners of the tags in an image, (4, 2) each, by their place on the list."""
+    def _detect(self, image: Image) -> list[_Seen]:
+        """Return the tags of the mark in an image; two prints of one tag come twice."""
         grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
         corners, ids, _ = self._detector.detectMarkers(grey)
-        if ids is None:
-            return {}
-        found: dict[int, Floats] = {}
-        for number, square in zip(ids.ravel(), corners, strict=True):
-            if int(number) not in found:
-                rough = np.asarray(square, dtype=np.float64).reshape(4, 2)
-                found[int(number)] = refine_corners(grey, rough)
+        found = []
+        for place, square in zip([] if ids is None else ids.ravel(), corners, strict=True):
+            rough = np.asarray(square, dtype=np.float64).reshape(4, 2)
+            fine = refine_corners(grey, rough)
+            edges_px = np.linalg.norm(fine - np.roll(fine, 1, axis=0), axis=1)
+            found.append(_Seen(int(place), fine, float(edges_px.min())))
         return found
 
-    def _agreement(self, pose: BoardPose, view: MarkView) -> float:
-        """Return how well the measured height of the mark agrees with the lab's, 0 to 1."""
-        camera_m = view.frame.height_above_ground_m
-        if not math.isfinite(camera_m):
-            return 1.0
-        off_m = abs(camera_m - pose.down_m - self._mark.height_m)
-        range_m = math.hypot(pose.forward_m, pose.right_m, pose.down_m)
-        return min(1.0, (_HEIGHT_M + _HEIGHT_SHARE * range_m) / max(off_m, 1e-9))
+    def _fit(self, tags: Sequence[_Seen], view: MarkView) -> _Fit | None:
+        """Return the pose of the mark by some tags; None if they do not lie on one board."""
+        pose = level_pose(
+            np.concatenate([self._corners_m[tag.place] for tag in tags]),
+            np.concatenate([tag.corners_px for tag in tags]),
+            view.camera,
+            view.frame.gimbal_pitch_rad,
+        )
+        edge_px = max(tag.edge_px for tag in tags)
+        if pose is None or pose.error_px > max(_WORST_PX, _WORST_SHARE * edge_px):
+            return None
+        agreement, camera_m = 1.0, view.frame.height_above_ground_m
+        if math.isfinite(camera_m):
+            off_m = abs(camera_m - pose.down_m - self._mark.height_m)
+            range_m = math.hypot(pose.forward_m, pose.right_m, pose.down_m)
+            agreement = min(1.0, (_HEIGHT_M + _HEIGHT_SHARE * range_m) / max(off_m, 1e-9))
+        return _Fit(pose, edge_px, agreement, len(tags) * agreement)
 
-
-def _least_edge_px(corners_px: Floats) -> float:
-    """Return the shortest side of a tag in the image, pixels; corners (4, 2)."""
-    return float(np.linalg.norm(corners_px - np.roll(corners_px, 1, axis=0), axis=1).min())
+    def _around(self, first: _Seen, seen: Sequence[_Seen], view: MarkView) -> _Fit | None:
+        """Return the pose of the mark by a tag and the others that fit it."""
+        alone = self._fit([first], view)
+        if alone is None:
+            return None
+        near: dict[int, tuple[float, _Seen]] = {}
+        for tag in seen:
+            placed = placed_corners(self._corners_m[tag.place], alone.pose)
+            expected_px = project(placed, view.camera, view.frame.gimbal_pitch_rad)
+            off = float(np.abs(expected_px - tag.corners_px).max()) / tag.edge_px
+            if off < near.get(tag.place, (_NEAR_SHARE,))[0]:
+                near[tag.place] = off, tag
+        return self._fit([tag for _, tag in near.values()] or [first], view) or alone
 
 
 class AprilTagFinder(TagFinder):
-    """Finds AprilTags; implements `MarkFinder`. Its upper edge is as OpenCV draws the tags."""
+    """Finds AprilTags, as AprilTag's own images show them; implements `MarkFinder`."""
 
     families = APRILTAG_FAMILIES
-    usual_family = "36h11"
+    options = AprilTagOptions
 
 
 class ArucoFinder(TagFinder):
     """Finds ArUco markers; implements `MarkFinder`."""
 
     families = ARUCO_FAMILIES
-    usual_family = "4x4_50"

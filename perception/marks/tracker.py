@@ -8,147 +8,144 @@ pose at their frame's capture. The fix is given relative to the present pose.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import replace
+from typing import Final
 
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
-from perception.marks.heading_track import HeadingTrack
-from uav_bt.errors import ValueRangeError
 from uav_bt.landing_marks import MarkSighting
 from uav_bt.types import DroneState, MarkFix, rotation
+from uav_bt.types.arrays import Floats
 from uav_bt.types.dead_reckoning import Odometry, OdometryPose
 
-
-@dataclass(frozen=True, kw_only=True)
-class MarkTrackerConfig:
-    """Noise model of the filter."""
-
-    bearing_std_rad: float = 0.02  # about 3 pixels of a 224-wide class map
-    range_std_ratio: float = 0.06  # error along the line of sight, relative to the range
-    floor_std_m: float = 0.03  # error of the mark's middle at close range
-    doubt_std_m: float = 0.3  # additional error, times 1 - confidence
-    drift_std_mps: float = 0.05  # growth of dead reckoning's error, per square root of a second
-    gate: float = 13.8  # squared Mahalanobis distance, chi-square 2 dof at 99.9 %
-    rejections_to_restart: int = 5  # after this number of outliers in a row the track restarts
+_BEARING_RAD: Final = 0.02  # standard deviation: about 3 pixels of a 224-wide class map
+_RANGE_SHARE: Final = 0.06  # standard deviation along the line of sight, relative to the range
+_FLOOR_M: Final = 0.03  # standard deviation of the mark's middle at close range
+_DOUBT_M: Final = 0.3  # additional standard deviation, times 1 - confidence
+_DRIFT_MPS: Final = 0.05  # growth of dead reckoning's error, per square root of a second
+_GATE: Final = 13.8  # squared Mahalanobis distance, chi-square with 2 degrees of freedom at 99.9 %
+_RESTART: Final = 5  # after this number of outliers in a row the track restarts
+# The same of the heading. Tags at 3 m: `benchmarks/landing_marks.py`; the others are chosen.
+_HEADING_RAD: Final = math.radians(3.0)
+_HEADING_DOUBT_RAD: Final = math.radians(20.0)
+_HEADING_DRIFT_RADPS: Final = math.radians(0.5)
+_HEADING_GATE: Final = 3.5  # standard deviations
 
 
 class MarkTracker:
-    """Fuses sightings into one place of the mark, and one heading where sightings have it.
+    """Fuses the sightings of any finder into one place, and one heading where they have it."""
 
-    Args:
-        config: Noise model.
-    """
-
-    def __init__(self, config: MarkTrackerConfig | None = None) -> None:
-        self._config = config or MarkTrackerConfig()
+    def __init__(self) -> None:
         self._odometry = Odometry()
-        self._heading = HeadingTrack()
-        self._filter: KalmanFilter | None = None
         self._filter_time_s = 0.0
-        self._seen_s = -math.inf
-        self._confidence = self._height_m = 0.0  # of the last sighting
-        self._rejected = 0
-
-    def predict(self, state: DroneState, now_s: float | None = None) -> None:
-        """Integrate the drone's motion.
-
-        Args:
-            state: telemetry.
-            now_s: time to which the newest pose is extrapolated, s; None for telemetry's newest
-                time.
-        """
-        pose = self._odometry.update(state, now_s)
-        if self._filter is not None:
-            dt = max(0.0, pose.time_s - self._filter_time_s)
-            self._filter.predict(Q=np.eye(2) * (self._config.drift_std_mps**2 * dt))
-            self._heading.predict(dt)
-        self._filter_time_s = pose.time_s
-
-    def pose_at(self, time_s: float) -> OdometryPose | None:
-        """Return the drone's pose at a time in the last seconds; None before any telemetry."""
-        return self._odometry.at(time_s)
-
-    def update(self, sighting: MarkSighting, *, captured_s: float) -> bool:
-        """Update the track with a sighting; a less confident one moves it less.
-
-        Args:
-            sighting: The mark, relative to the pose at the frame's capture.
-            captured_s: Capture time of the frame.
-
-        Returns:
-            False if the sighting was rejected as an outlier or came before any telemetry.
-
-        Raises:
-            ValueRangeError: The capture time is not finite.
-        """
-        if not math.isfinite(captured_s):
-            raise ValueRangeError(
-                f"the capture time of a sighting must be finite, got {captured_s}"
-            )
-        pose = self._odometry.at(captured_s)
-        if pose is None:
-            return False
-        measurement = np.array(pose.to_world(sighting.forward_m, sighting.right_m))
-        noise = self._measurement_noise(sighting, pose.yaw_rad)
-        if self._filter is None or self._rejected >= self._config.rejections_to_restart:
-            self._start(measurement, noise)
-            self._heading.forget()
-        elif self._distance(measurement, noise) > self._config.gate:
-            self._rejected += 1
-            return False
-        else:
-            self._filter.update(measurement, R=noise)
-        if sighting.heading_deg is not None:
-            up_rad = pose.yaw_rad - math.radians(sighting.heading_deg)
-            self._heading.update(up_rad, confidence=sighting.confidence)
-        self._rejected = 0
-        self._seen_s = max(self._seen_s, captured_s)
-        self._confidence, self._height_m = sighting.confidence, sighting.height_m
-        return True
-
-    def fix(self, *, detected: bool) -> MarkFix | None:
-        """Return the mark relative to the drone's present pose; None before the first sighting."""
-        pose = self._odometry.now
-        if self._filter is None or pose is None:
-            return None
-        forward_m, right_m = pose.to_body(*(float(v) for v in self._filter.x.ravel()))
-        return MarkFix(
-            captured_s=self._seen_s,
-            forward_m=forward_m,
-            right_m=right_m,
-            height_m=self._height_m,
-            detected=detected,
-            confidence=self._confidence,
-            std_m=float(np.sqrt(np.linalg.eigvalsh(self._filter.P)[-1])),
-            heading_deg=self._heading.relative_deg(pose.yaw_rad),
-        )
+        self.forget()
 
     def forget(self) -> None:
         """Drop the track; the odometry goes on."""
-        self._filter = None
-        self._heading.forget()
-        self._seen_s = -math.inf
+        self._filter: KalmanFilter | None = None
+        self._seen: MarkFix | None = None  # the sighting in the newest frame
+        self._accepted = False  # whether the track accepted that sighting
+        self._last: MarkFix | None = None  # the last sighting used, with the newest capture time
         self._rejected = 0
+        self._forget_heading()
 
-    def _start(self, measurement: np.ndarray, noise: np.ndarray) -> None:
-        kalman = KalmanFilter(dim_x=2, dim_z=2)
-        kalman.x = measurement.reshape(2, 1)
-        kalman.F = np.eye(2)
-        kalman.H = np.eye(2)
-        kalman.P = noise.copy()
-        self._filter = kalman
+    def _forget_heading(self) -> None:
+        self._up_rad: float | None = None  # of the mark's upper edge in the odometry's frame
+        self._up_variance = math.inf
+        self._up_rejected = 0
 
-    def _distance(self, measurement: np.ndarray, noise: np.ndarray) -> float:
-        residual = measurement - self._filter.x.ravel()  # type: ignore[union-attr]
-        covariance = self._filter.P + noise  # type: ignore[union-attr]
-        return float(residual @ np.linalg.solve(covariance, residual))
+    def predict(self, state: DroneState, now_s: float | None = None) -> None:
+        """Integrate the drone's motion up to `now_s`; None for telemetry's newest time."""
+        pose = self._odometry.update(state, now_s)
+        if self._filter is not None:
+            dt = max(0.0, pose.time_s - self._filter_time_s)
+            self._filter.predict(Q=np.eye(2) * (_DRIFT_MPS**2 * dt))
+            self._up_variance += _HEADING_DRIFT_RADPS**2 * dt
+        self._filter_time_s = pose.time_s
 
-    def _measurement_noise(self, sighting: MarkSighting, yaw_rad: float) -> np.ndarray:
-        cfg, range_m = self._config, sighting.range_m
-        doubt = cfg.doubt_std_m * (1.0 - sighting.confidence)
-        along = math.hypot(doubt, max(cfg.floor_std_m, cfg.range_std_ratio * range_m))
-        across = math.hypot(doubt, max(cfg.floor_std_m, cfg.bearing_std_rad * range_m))
-        direction = yaw_rad + math.atan2(sighting.right_m, sighting.forward_m)
-        turn = rotation(direction)
-        return np.asarray(turn @ np.diag([along**2, across**2]) @ turn.T)
+    def see(self, sighting: MarkSighting | None, captured_s: float) -> None:
+        """Update the track with the newest frame; None if the frame does not show the mark."""
+        self._seen, self._accepted = None, False
+        if sighting is None:
+            return
+        self._seen = MarkFix(
+            captured_s=captured_s,
+            forward_m=sighting.forward_m,
+            right_m=sighting.right_m,
+            height_m=sighting.height_m,
+            detected=True,
+            confidence=sighting.confidence,
+            heading_deg=sighting.heading_deg,
+        )
+        pose = self._odometry.at(captured_s)
+        self._accepted = pose is not None and self._place(self._seen, pose)
+        if pose is not None and self._accepted:
+            if sighting.heading_deg is not None:
+                self._turn(pose.yaw_rad - math.radians(sighting.heading_deg), sighting.confidence)
+            newest_s = captured_s if self._last is None else max(self._last.captured_s, captured_s)
+            self._last = replace(self._seen, captured_s=newest_s)
+
+    def fix(self) -> MarkFix | None:
+        """Return the mark relative to the drone; without telemetry only while it is seen."""
+        pose = self._odometry.now
+        if pose is None:
+            return self._seen
+        if self._filter is None or self._last is None:
+            return None
+        forward_m, right_m = pose.to_body(*(float(v) for v in self._filter.x.ravel()))
+        heading_deg = None
+        if self._up_rad is not None:
+            heading_deg = math.degrees(math.remainder(pose.yaw_rad - self._up_rad, math.tau))
+        return replace(
+            self._last,
+            forward_m=forward_m,
+            right_m=right_m,
+            detected=self._accepted,
+            std_m=float(np.sqrt(np.linalg.eigvalsh(self._filter.P)[-1])),
+            heading_deg=heading_deg,
+        )
+
+    def _place(self, seen: MarkFix, pose: OdometryPose) -> bool:
+        """Move the track by a sighting from a pose; return False for an outlier."""
+        measured = np.array(pose.to_world(seen.forward_m, seen.right_m))
+        noise = _noise(seen, pose.yaw_rad)
+        if self._filter is None or self._rejected >= _RESTART:
+            self._filter = KalmanFilter(dim_x=2, dim_z=2)
+            self._filter.x = measured.reshape(2, 1)
+            self._filter.F = np.eye(2)
+            self._filter.H = np.eye(2)
+            self._filter.P = noise.copy()
+            self._forget_heading()
+        else:
+            off = measured - self._filter.x.ravel()
+            if float(off @ np.linalg.solve(self._filter.P + noise, off)) > _GATE:
+                self._rejected += 1
+                return False
+            self._filter.update(measured, R=noise)
+        self._rejected = 0
+        return True
+
+    def _turn(self, up_rad: float, confidence: float) -> None:
+        """Move the heading by a measured direction of the upper edge; outliers count alone."""
+        noise = _HEADING_RAD**2 + (_HEADING_DOUBT_RAD * (1.0 - confidence)) ** 2
+        if self._up_rad is None or self._up_rejected >= _RESTART:
+            self._up_rad, self._up_variance, self._up_rejected = up_rad, noise, 0
+            return
+        off_rad = math.remainder(up_rad - self._up_rad, math.tau)
+        if abs(off_rad) > _HEADING_GATE * math.sqrt(self._up_variance + noise):
+            self._up_rejected += 1
+            return
+        gain = self._up_variance / (self._up_variance + noise)
+        self._up_rad += gain * off_rad
+        self._up_variance *= 1.0 - gain
+        self._up_rejected = 0
+
+
+def _noise(seen: MarkFix, yaw_rad: float) -> Floats:
+    """Return the covariance of a sighting in the odometry's frame, (2, 2)."""
+    doubt_m, range_m = _DOUBT_M * (1.0 - seen.confidence), seen.range_m
+    along_m = math.hypot(doubt_m, max(_FLOOR_M, _RANGE_SHARE * range_m))
+    across_m = math.hypot(doubt_m, max(_FLOOR_M, _BEARING_RAD * range_m))
+    turn = rotation(yaw_rad + seen.bearing_rad)
+    return np.asarray(turn @ np.diag([along_m**2, across_m**2]) @ turn.T)

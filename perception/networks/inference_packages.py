@@ -14,7 +14,7 @@ from collections.abc import MutableMapping
 from pathlib import Path
 from typing import Any, Final
 
-_CPU_INFO: Final = Path("/proc/cpuinfo")
+_CPU_INFO: Final = Path("/proc/cpuinfo")  # Linux only
 _CAPS: Final = ("ONEDNN_MAX_CPU_ISA", "DNNL_MAX_CPU_ISA")  # of oneDNN: current and older name
 
 
@@ -38,10 +38,7 @@ def import_nncf() -> Any:
 
 
 def instruction_sets() -> tuple[str, ...]:
-    """Return the instruction sets of this processor, and the cap that OpenVINO has for them.
-
-    Systems without a description of the processor, such as Windows, give the cap alone.
-    """
+    """Return the instruction sets of this processor, where known, and OpenVINO's cap for them."""
     lines = _CPU_INFO.read_text(encoding="utf-8").splitlines() if _CPU_INFO.is_file() else []
     known = {line for line in lines if line.startswith(("flags", "Features"))}  # x86, ARM
     return (*sorted(known), *(f"{name}={os.environ.get(name)}" for name in _CAPS))
@@ -54,16 +51,12 @@ def _switch_reports_off() -> None:
 
 
 def _spare_amx(environment: MutableMapping[str, str], cpu_info: Path) -> None:
-    """Keep OpenVINO from using a processor's tile instructions (AMX).
+    """Keep OpenVINO from using a processor's tile instructions (AMX), unless a cap is set.
 
     Some virtual machines announce AMX and then refuse to run it, which ends the process
     (uxlfoundation/oneDNN issue 5689). OpenVINO has no setting that disables it. Networks of a few
     million weights do not gain from it. Processors without AMX are not limited: any cap at AVX-512
     also disables VNNI on processors that have VNNI without AVX-512.
-
-    Args:
-        environment: environment variables of this process; an existing cap is kept.
-        cpu_info: Linux' description of the processor; other systems have no such file.
     """
     if any(name in environment for name in _CAPS) or not cpu_info.is_file():
         return

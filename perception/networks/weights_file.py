@@ -18,22 +18,16 @@ from uav_bt.files import did_you_mean_file, parse_json, write_whole
 SHIPPED_WEIGHTS: Final = Path(__file__).parents[1] / "weights"
 """The folder of the shipped weights."""
 
+_LEFT_OUT: Final = (
+    "an installed package leaves out weights that only exports need; work in a checkout of the "
+    "repository, or name a file ({})"
+)
+
 
 def write_weights(
-    path: Path,
-    tensors: Mapping[str, NDArray[Any]],
-    *,
-    kind: str,
-    details: Mapping[str, Any],
+    path: Path, tensors: Mapping[str, NDArray[Any]], *, kind: str, details: Mapping[str, Any]
 ) -> None:
-    """Write arrays and a note.
-
-    Args:
-        path: the file; replaced in one step, so that an interruption leaves the old one.
-        tensors: arrays by name.
-        kind: purpose of the weights; reading checks it.
-        details: JSON values.
-    """
+    """Write arrays by name, the purpose that reading checks, and JSON values."""
     content = save(
         {name: np.ascontiguousarray(tensor) for name, tensor in tensors.items()},
         metadata={"kind": kind, "details": json.dumps(details, sort_keys=True)},
@@ -42,31 +36,21 @@ def write_weights(
     start = 8 + int.from_bytes(content[:8], "little")
     header = json.dumps(json.loads(content[8:start]), sort_keys=True).encode()
     header += b" " * (-len(header) % 8)
-    content = len(header).to_bytes(8, "little") + header + content[start:]
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(path, content)
+    write_whole(path, len(header).to_bytes(8, "little") + header + content[start:])
 
 
 def read_weights(
     path: Path, *, kind: str, remedy: str
 ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """Read arrays and the note.
-
-    Args:
-        path: the file.
-        kind: required purpose of the weights.
-        remedy: advice for the message if the file cannot be used.
-
-    Returns:
-        Arrays by name, and the details.
+    """Return the arrays by name, and the JSON values.
 
     Raises:
-        WeightsError: the file is absent, damaged or of another kind.
+        WeightsError: the file is absent, damaged or of another kind; the message has the remedy.
     """
     if not path.is_file():
-        raise WeightsError(
-            path, f"there are no weights here{did_you_mean_file(path)}; {_where_from(path, remedy)}"
-        )
+        advice = _LEFT_OUT.format(remedy) if path.parent == SHIPPED_WEIGHTS else remedy
+        raise WeightsError(path, f"there are no weights here{did_you_mean_file(path)}; {advice}")
     try:
         with safe_open(path, framework="numpy") as file:
             note = file.metadata() or {}
@@ -79,12 +63,3 @@ def read_weights(
             path, f"expected weights of kind '{kind}', got '{note.get('kind')}'; {remedy}"
         )
     return tensors, details
-
-
-def _where_from(path: Path, remedy: str) -> str:
-    if path.parent != SHIPPED_WEIGHTS:
-        return remedy
-    return (
-        "an installed package leaves out weights that only exports need; work in a checkout of "
-        f"the repository, or name a file ({remedy})"
-    )

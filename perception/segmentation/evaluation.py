@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.errors import ValueRangeError
 from uav_bt.lab.classes import ROLE_NAMES, LabClasses
 
 
@@ -19,32 +19,11 @@ def confusion(
 ) -> NDArray[np.int64]:
     """Return the (C, C) counts of pixels by exact class (row) and predicted class (column).
 
-    Args:
-        predicted: (H, W) uint8 class ids.
-        exact: (H, W) uint8 class ids.
-        classes: number C of classes.
-
-    Raises:
-        ShapeError: the maps differ in size.
-        ValueRangeError: an id is not that of a class.
+    Both maps have the same size, and ids below the number of classes.
     """
-    if predicted.shape != exact.shape:
-        height, width = exact.shape[:2]
-        raise ShapeError("predicted ids", expected=f"{height}x{width}", actual=predicted.shape)
-    if max(int(predicted.max(initial=0)), int(exact.max(initial=0))) >= classes:
-        raise ValueRangeError(f"class ids must lie within 0 and {classes - 1}")
     # sklearn.metrics.confusion_matrix counts the same in 2.9 ms a mask where this takes 0.08 ms.
     pairs = exact.ravel().astype(np.int64) * classes + predicted.ravel()
-    counts = np.bincount(pairs, minlength=classes * classes)
-    return counts.reshape(classes, classes)
-
-
-def _iou(counts: NDArray[np.int64]) -> NDArray[np.float64]:
-    both = np.diag(counts).astype(np.float64)
-    either = counts.sum(axis=0) + counts.sum(axis=1) - both
-    iou = np.full(len(both), np.nan)
-    np.divide(both, either, out=iou, where=counts.sum(axis=1) > 0)
-    return iou
+    return np.bincount(pairs, minlength=classes * classes).reshape(classes, classes)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -105,6 +84,14 @@ class SegmentationScore:
         }
 
 
+def _iou(counts: NDArray[np.int64]) -> NDArray[np.float64]:
+    both = np.diag(counts).astype(np.float64)
+    either = counts.sum(axis=0) + counts.sum(axis=1) - both
+    iou = np.full(len(both), np.nan)
+    np.divide(both, either, out=iou, where=counts.sum(axis=1) > 0)
+    return iou
+
+
 def _by_name(names: Sequence[str], values: NDArray[np.float64]) -> dict[str, float | None]:
     return {
         name: None if np.isnan(value) else round(float(value), 4)
@@ -115,23 +102,17 @@ def _by_name(names: Sequence[str], values: NDArray[np.float64]) -> dict[str, flo
 def score_segmentation(
     pairs: Iterable[tuple[NDArray[np.uint8], NDArray[np.uint8]]], classes: LabClasses
 ) -> SegmentationScore:
-    """Score predicted maps against exact ones.
+    """Score predicted maps, (H, W), against exact ones.
 
-    Args:
-        pairs: predicted and exact (H, W) ids. An exact map of another size is resized to the
-            predicted one's (nearest pixel), so each network is scored at its resolution.
-        classes: classes of the lab.
-
-    Raises:
-        ValueRangeError: `pairs` is empty, or an id is not that of a class.
+    An exact map of another size is resized to the predicted one's (nearest pixel), so each network
+    is scored at its resolution.
     """
     count = len(classes)
     counts = np.zeros((count, count), dtype=np.int64)
     images = 0
     for predicted, exact in pairs:
-        same = exact.shape == predicted.shape
         size = (predicted.shape[1], predicted.shape[0])
-        truth = exact if same else cv2.resize(exact, size, interpolation=cv2.INTER_NEAREST_EXACT)
+        truth = cv2.resize(exact, size, interpolation=cv2.INTER_NEAREST_EXACT)
         counts += confusion(predicted, np.asarray(truth, dtype=np.uint8), count)
         images += 1
     if images == 0:

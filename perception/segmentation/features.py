@@ -19,60 +19,41 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.errors import ValueRangeError
 
-HUE_BINS: Final = 90
-SATURATION_BINS: Final = 64
-VALUE_BINS: Final = 36
-FEATURE_COUNT: Final = HUE_BINS + SATURATION_BINS + VALUE_BINS
+_HUE, _SATURATION, _VALUE = 90, 64, 36  # bins
+FEATURE_COUNT: Final = _HUE + _SATURATION + _VALUE
 
 _LEVELS: Final = np.arange(256)
 # Feature index of every 8-bit level of each channel. OpenCV never gives a hue above 179; the limit
 # fills the rest of the table.
 _BIN_OF_LEVEL: Final = np.stack(
     [
-        np.minimum(_LEVELS // 2, HUE_BINS - 1),
-        HUE_BINS + _LEVELS // 4,
-        HUE_BINS + SATURATION_BINS + _LEVELS * VALUE_BINS // 256,
+        np.minimum(_LEVELS // 2, _HUE - 1),
+        _HUE + _LEVELS // 4,
+        _HUE + _SATURATION + _LEVELS * _VALUE // 256,
     ],
     axis=1,
 )
 
+_BITS: Final = 5  # of each of red, green, blue in a coarse colour; measured a little better than 4
+_SIDE: Final = 1 << _BITS
+COLOUR_COUNT: Final = _SIDE**3
+
+_UNSEEN_SHARE: Final = 0.1  # probability spread evenly over all colours, for unseen ones
+
 
 def hsv_of(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the 8-bit HSV image, (H, W, 3), of an RGB image.
-
-    Args:
-        rgb: (H, W, 3) uint8.
-
-    Raises:
-        ShapeError: the image is not (H, W, 3).
-        ValueRangeError: the image is not uint8.
-    """
-    if rgb.ndim != 3 or rgb.shape[2] != 3:
-        raise ShapeError("image", expected="HxWx3", actual=rgb.shape)
-    if rgb.dtype != np.uint8:
-        raise ValueRangeError(f"an image must be uint8, got {rgb.dtype}")
+    """Return the 8-bit HSV image, (H, W, 3), of an RGB image."""
     return np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV), dtype=np.uint8)
 
 
 def channel_tables(weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the weight of each 8-bit level of each channel.
+    """Return the weight of each 8-bit level of each channel, (256, 3), of a linear model, (190,).
 
     A linear model on the histograms of a patch is a sum over its pixels, and a pixel adds the
     weights of its three bins; this table gives them without binning the image first.
-
-    Args:
-        weights: (190,) weights of a linear model.
-
-    Returns:
-        (256, 3) float64, by level and channel (hue, saturation, value).
-
-    Raises:
-        ShapeError: there are not 190 weights.
     """
-    if weights.shape != (FEATURE_COUNT,):
-        raise ShapeError("weights", expected=str(FEATURE_COUNT), actual=weights.shape)
     return np.asarray(weights[_BIN_OF_LEVEL], dtype=np.float64)
 
 
@@ -102,25 +83,17 @@ class WindowMeans:
     """Means over all whole windows of planes of one size, with reused memory.
 
     New arrays of this size cost more time in page faults than the sums.
-
-    Raises:
-        ValueRangeError: the plane is smaller than a window.
     """
 
     def __init__(self, *, width_px: int, height_px: int, side_px: int) -> None:
-        if side_px > min(height_px, width_px):
-            raise ValueRangeError(
-                f"an image of {width_px}x{height_px} is smaller than a window of {side_px} pixels"
-            )
         self._side = side_px
         self._total = np.empty((height_px + 1, width_px + 1))
         self._inner = np.empty((height_px - side_px + 1, width_px - side_px + 1))
 
     def of(self, plane: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the means, (H - side + 1, W - side + 1); valid until the next call.
+        """Return the means, (H - side + 1, W - side + 1), of a plane, (H, W).
 
-        Args:
-            plane: (H, W) float64; its mean is subtracted in place.
+        They are valid until the next call; the plane's mean is subtracted in place.
         """
         side, total, inner = self._side, self._total, self._inner
         # Without the mean, sums over the image and rounding errors stay small.
@@ -136,14 +109,9 @@ class WindowMeans:
 
 
 def spread_to_border(inner: NDArray[Any], side_px: int) -> NDArray[Any]:
-    """Return values of whole windows as a map of all pixels, placed as by `patch_slices`.
+    """Return values of whole windows, (H - side + 1, W - side + 1), as a map of all pixels, (H, W).
 
-    Args:
-        inner: (H - side + 1, W - side + 1).
-        side_px: side of the windows.
-
-    Returns:
-        (H, W) of the same type.
+    They are placed as by `patch_slices`.
     """
     before, after = side_px // 2, side_px - 1 - side_px // 2
     return np.pad(inner, ((before, after), (before, after)), mode="edge")
@@ -152,47 +120,21 @@ def spread_to_border(inner: NDArray[Any], side_px: int) -> NDArray[Any]:
 def patch_features(
     hsv: NDArray[np.uint8], points: NDArray[np.int64], patch_px: int
 ) -> NDArray[np.float64]:
-    """Return the normalised histograms of the patches around points.
+    """Return the normalised histograms, (N, 190), of the patches around points, (N, 2), x then y.
 
-    Args:
-        hsv: (H, W, 3) uint8, from `hsv_of`.
-        points: (N, 2) pixel coordinates, x then y.
-        patch_px: side of the patches, pixels.
-
-    Returns:
-        (N, 190) float64; each row sums to three.
-
-    Raises:
-        ShapeError: the points are not (N, 2).
-        ValueRangeError: a point lies outside the image.
+    Each row sums to three.
     """
-    if points.ndim != 2 or points.shape[1] != 2:
-        raise ShapeError("points", expected="Nx2", actual=points.shape)
     height_px, width_px = hsv.shape[:2]
-    channels = np.arange(3)
-    features = np.empty((len(points), FEATURE_COUNT), dtype=np.float64)
+    features = np.empty((len(points), FEATURE_COUNT))
     for row, (x, y) in enumerate(points.tolist()):
-        rows, columns = patch_slices(
-            x, y, patch_px=patch_px, width_px=width_px, height_px=height_px
-        )
-        bins = _BIN_OF_LEVEL[hsv[rows, columns], channels]
+        patch = patch_slices(x, y, patch_px=patch_px, width_px=width_px, height_px=height_px)
+        bins = _BIN_OF_LEVEL[hsv[patch], np.arange(3)]
         features[row] = np.bincount(bins.ravel(), minlength=FEATURE_COUNT)
     return features / float(patch_px * patch_px)
 
 
-_BITS: Final = 5  # of each of red, green, blue; measured a little better than four
-_SIDE: Final = 1 << _BITS
-COLOUR_COUNT: Final = _SIDE**3
-
-_UNSEEN_SHARE: Final = 0.1  # probability spread evenly over all colours, for unseen ones
-
-
 def colour_codes(rgb: NDArray[np.uint8]) -> NDArray[np.uint16]:
     """Return the code (0 to 32767) of each pixel's coarse colour, for (..., 3) uint8 RGB."""
-    if rgb.shape[-1] != 3:
-        raise ShapeError("image", expected="HxWx3", actual=rgb.shape)
-    if rgb.dtype != np.uint8:
-        raise ValueRangeError(f"an image must be uint8, got {rgb.dtype}")
     coarse = (rgb >> (8 - _BITS)).astype(np.uint16)
     codes = coarse[..., 0] << (2 * _BITS) | coarse[..., 1] << _BITS | coarse[..., 2]
     return np.asarray(codes, dtype=np.uint16)
@@ -204,19 +146,11 @@ def count_colours(rgb: NDArray[np.uint8]) -> NDArray[np.int64]:
 
 
 def palette_of_counts(counts: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Return the log-likelihood of each coarse colour in each class.
+    """Return the log-likelihood of each coarse colour in each class, (C, 32768), of pixel counts.
 
     Counts are spread to neighbouring colours, because a few thousand picks do not cover the
-    variation of light and noise between images.
-
-    Args:
-        counts: (C, 32768) pixels by class and colour.
-
-    Returns:
-        (C, 32768) float32, natural logarithms; uniform for a class without pixels.
+    variation of light and noise between images. A class without pixels gets a uniform one.
     """
-    if counts.ndim != 2 or counts.shape[1] != COLOUR_COUNT:
-        raise ShapeError("counts", expected=f"Cx{COLOUR_COUNT}", actual=counts.shape)
     cube = counts.reshape(-1, _SIDE, _SIDE, _SIDE).astype(np.float64)
     for axis in (1, 2, 3):
         padding = [(1, 1) if other == axis else (0, 0) for other in range(4)]

@@ -1,4 +1,4 @@
-"""Segmenters for flight: any ONNX network on the CPU, and the teacher itself."""
+"""Segmenters for flight: ONNX networks of classes or roles on the CPU, and the teacher itself."""
 
 from __future__ import annotations
 
@@ -10,51 +10,28 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.networks.mapping import ClassMapping, InputFormat, class_id_of, read_mapping
 from perception.networks.named import SHIPPED_UNET
-from perception.networks.onnx_runtime import (
-    accept_uint8,
-    class_numbers,
-    compile_model,
-    input_size,
-    is_room_network,
-    read_model,
-    shrunk,
-)
+from perception.networks.onnx_runtime import OnnxNetwork
 from perception.networks.weights_file import SHIPPED_WEIGHTS
-from perception.segmentation.clean import RefineConfig
-from perception.segmentation.mapping import ClassMapping, class_id_of, read_mapping
-from perception.segmentation.output_form import OutputForm, output_form
-from perception.segmentation.room_runtime import RoomSegmenter
 from perception.segmentation.teacher import Teacher, load_teacher
-from uav_bt.errors import AnswerError, ValueRangeError, WeightsError
-from uav_bt.lab.classes import LabClasses
+from uav_bt.errors import AnswerError
+from uav_bt.lab.classes import OBSTACLE, OUTSIDE, LabClasses
 from uav_bt.lab.shipped import load_lab
-from uav_bt.types import ClassMap, Frame
+from uav_bt.types import ClassMap, DepthMap, Frame
 
-_SHIPPED_TEACHER: Final = SHIPPED_WEIGHTS / "teacher.safetensors"
-_SHARP: Final = RefineConfig()
-_CLASSES: Final = ["framework", "classes"]  # where OpenVINO keeps an ONNX file's metadata
-_PROBABLE: Final = 0.5  # default threshold of a probability; chosen
+MAP_PX: Final = (224, 112)
+"""Width and height of the class maps of the U-Net and of the teacher."""
+
+_TRAIN: Final = "`uav-bt lab train`"
 
 
 class OnnxSegmenter:
-    """A segmentation network in an ONNX file, run by OpenVINO.
+    """A segmentation network in an ONNX file.
 
-    The network has one image as input and one output, see `OutputForm`. The same frame always gives
-    the same class map, also under load.
-
-    Args:
-        path: the ONNX file.
-        classes: classes of the lab.
-        mapping: meaning of its classes, or a mapping file; None for a network with the classes of
-            the lab.
-        threads: number of inference threads.
-
-    Raises:
-        WeightsError: the file is absent or damaged, the network is not for segmentation, or it
-            has other classes than the lab and no mapping.
-        FileError: the mapping file is absent or malformed.
-        ValueRangeError: the mapping names a class that the network does not have.
+    The network has one image as input. Its output has a score for each class, 1xCxHxW or 1xHxWxC,
+    or the number of the class, 1xHxW or with one channel. Without a mapping, or a mapping file, its
+    classes are those of the lab. A file that does not fit is a WeightsError.
     """
 
     def __init__(
@@ -65,149 +42,173 @@ class OnnxSegmenter:
         *,
         threads: int = 1,
     ) -> None:
-        self._path, self._classes = path, classes
-        self._mapping = _mapping_of(mapping, classes)
-        self._default = class_id_of(self._mapping.default, classes)
-        model = read_model(path, "`uav-bt lab train`")
-        if mapping is None:
-            _check_classes(model, path, classes)
-        wanted = self._mapping.input
-        planar = wanted.layout == "nchw"
-        self._size = input_size(model, path, planar=planar, size_px=wanted.size)
-        model = accept_uint8(
-            model, planar=planar, mean=wanted.mean, scale=wanted.scale, colours=wanted.colours
-        )
-        shape = model.output(0).get_partial_shape()
-        if shape.is_dynamic:
-            raise WeightsError(path, f"the output must be of fixed size, got {shape}")
-        self._form = self._output_form([int(length) for length in shape.to_shape()], model)
-        self._scores = self._form in (OutputForm.SCORES_FIRST, OutputForm.SCORES_LAST)
-        if self._mapping.threshold is not None and self._form is not OutputForm.ONE_CLASS:
-            raise WeightsError(
-                path,
-                "the mapping has a threshold, but the network is not one of one class: its output "
-                "must have one channel of floats, and the mapping must list class 0 only",
+        self._classes = classes
+        stated = read_mapping(mapping, classes) if isinstance(mapping, Path) else mapping
+        meant = stated or ClassMapping.identity(classes)
+        self._network = network = OnnxNetwork(path, _TRAIN)
+        if stated is None and network.about("classes") not in (None, json.dumps(classes.names)):
+            raise network.refused(
+                f"expected the classes {', '.join(classes.names)} of the lab, and the network "
+                f"states {network.about('classes'):.200}: train a network for this lab, or give a "
+                "class mapping"
             )
-        planar_output = self._form is OutputForm.SCORES_FIRST
-        # Class numbers do not show the number of classes, so the table covers the listed ones.
-        count = (
-            shape[1 if planar_output else 3].get_length()
-            if self._scores
-            else max(self._mapping.classes) + 1
-        )
-        if mapping is None and self._scores and count != len(classes):
-            raise WeightsError(
-                path,
-                f"expected scores of the {len(classes)} classes of the lab, and the network gives "
-                f"{count}: give a class mapping",
+        self.size_px = network.take_images(meant.input)
+        output = next(iter(network.outputs().values()))
+        if output.get_partial_shape().is_dynamic:
+            raise network.refused(
+                f"the output must be of fixed size, got {output.get_partial_shape()}"
             )
-        self._table = self._mapping.table(count, classes)
-        if self._scores:
-            model = class_numbers(model, planar=planar_output)
-        self._request = compile_model(model, threads, path).create_infer_request()
-        self._run(np.full((self._size[1], self._size[0], 3), 127, dtype=np.uint8))  # warm-up
-
-    @property
-    def size_px(self) -> tuple[int, int]:
-        """Width and height of the network's input, px; frames are resized to them."""
-        return self._size
+        self._axis, self._pixels = _form(network, tuple(output.get_shape()), meant)
+        if self._axis is None:
+            kind = output.get_element_type()
+            if set(meant.classes) == {0} and (kind.is_real() or kind.to_string() == "boolean"):
+                raise network.refused(
+                    "a network of one class, class 0, does not say what its numbers mean; export "
+                    "it with a score for each of two classes"
+                )
+            # Class numbers do not show the number of classes, so the table covers the listed ones.
+            count = max(meant.classes) + 1
+        else:
+            count = output.get_shape()[self._axis]
+            if stated is None and count != len(classes):
+                raise network.refused(
+                    f"expected scores of the {len(classes)} classes of the lab, and the network "
+                    f"gives {count}: give a class mapping"
+                )
+        self._table = meant.table(count, classes)
+        self._default = np.uint8(class_id_of(meant.default, classes))
+        (grey,) = network.compile([output], threads, class_axis=self._axis)
+        if np.isfinite(grey).all():
+            self._ids_of(grey)
 
     def segment(self, frame: Frame) -> ClassMap:
         """Return the class map of a frame, at the size of the network's output.
 
         Raises:
-            AnswerError: the network's output holds NaN or infinity.
-            WeightsError: the network's output does not fit its mapping.
+            AnswerError: the network's output holds NaN, infinity or no class number.
         """
         ids = self.ids(frame.image)
         return ClassMap(ids=ids, classes=self._classes, captured_s=frame.captured_s)
 
     def ids(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Return class ids, (h, w) uint8, of an image, (H, W, 3) uint8 RGB."""
-        numbers, sound = self._run(shrunk(rgb, self._size))
-        if not sound:
-            raise AnswerError(self._path, "the network's answer holds NaN or infinity")
-        if self._scores:
-            return np.asarray(self._table[numbers], dtype=np.uint8)
-        known = (numbers >= 0) & (numbers < len(self._table))
-        ours = self._table[np.where(known, numbers, 0)]
-        return np.where(known, ours, np.uint8(self._default))
+        return self._ids_of(self._network.run(rgb)[0])
 
-    def _output_form(self, shape: list[int], model: Any) -> OutputForm:
-        kind = model.output(0).get_element_type()
-        whole_numbers = not kind.is_real() and kind.to_string() != "boolean"
-        try:
-            return output_form(shape, self._size, self._mapping, whole_numbers=whole_numbers)
-        except ValueRangeError as error:
-            raise WeightsError(self._path, str(error)) from error
-
-    def _run(self, rgb: NDArray[np.uint8]) -> tuple[NDArray[Any], bool]:
-        """Return class numbers, (h, w), and whether the network's output is finite."""
-        self._request.infer([np.ascontiguousarray(rgb[None])])
-        output = np.asarray(self._request.get_output_tensor(0).data)
-        if self._scores:
-            numbers = output.reshape(output.shape[-2:])
-            return numbers, bool(self._request.get_output_tensor(1).data)
-        rows_first = output.ndim == 3 or output.shape[1] != 1
-        answer = output.reshape(output.shape[1:3] if rows_first else output.shape[2:])
-        if not np.isfinite(answer).all():
-            return answer, False
-        if self._form is OutputForm.ONE_CLASS:
-            return self._beyond_threshold(answer), True
-        if (answer != np.floor(answer)).any():
-            raise WeightsError(
-                self._path,
+    def _ids_of(self, answer: NDArray[Any]) -> NDArray[np.uint8]:
+        numbers = answer.reshape(self._pixels)
+        if self._axis is not None:
+            return self._table.take(numbers)
+        whole = numbers.astype(np.int64)
+        if (whole != numbers).any():
+            raise AnswerError(
+                self._network.path,
                 "class numbers must be whole numbers, and the network gives "
-                f"{answer[answer != np.floor(answer)][0]:.3g}; for the probability of one class, "
-                "list class 0 only in the mapping",
+                f"{numbers[whole != numbers][0]:.3g}; a network of scores needs a channel for each "
+                "class",
             )
-        return answer.astype(np.int64), True
+        known = (whole >= 0) & (whole < len(self._table))
+        return np.where(known, self._table[np.where(known, whole, 0)], self._default)
 
-    def _beyond_threshold(self, answer: NDArray[Any]) -> NDArray[np.int64]:
-        """Return class 0 where the output is above the threshold, else 1, an unlisted class."""
-        threshold = self._mapping.threshold
-        if threshold is None:
-            threshold = _PROBABLE
-            if answer.min() < 0 or answer.max() > 1:
-                raise WeightsError(
-                    self._path,
-                    "a network of one class must give probabilities within 0 and 1, got "
-                    f"{float(answer.min()):.3g} to {float(answer.max()):.3g}; if it gives scores "
-                    "before the sigmoid, add `threshold: 0` to the mapping file",
-                )
-        return np.where(answer > threshold, 0, 1)
+
+def _form(
+    network: OnnxNetwork, shape: tuple[int, ...], mapping: ClassMapping
+) -> tuple[int | None, tuple[int, ...]]:
+    """Return the axis of the scores (None: the output has class numbers), and rows and columns.
+
+    Scores come before or after rows and columns, which are recognised by the aspect ratio of the
+    input. If both places fit, the class list decides: the mapping must not name a class that the
+    network does not have.
+    """
+    given = "x".join(map(str, shape))
+    if len(shape) not in (3, 4) or shape[0] != 1:
+        raise network.refused(f"the output must be 1xCxHxW, 1xHxWxC or 1xHxW, got {given}")
+    pixels = {1: shape[2:], 3: shape[1:3]}
+    if len(shape) == 3 or 1 in (shape[1], shape[3]):
+        return None, shape[1:] if len(shape) == 3 else pixels[1 if shape[1] == 1 else 3]
+    if mapping.output is not None:
+        axis = 1 if mapping.output == "nchw" else 3
+        return axis, pixels[axis]
+    width_px, height_px = network.size_px
+    off = {at: abs(rows * width_px - columns * height_px) for at, (rows, columns) in pixels.items()}
+    # An exact fit is preferred to one with both sizes rounded, each by less than a pixel.
+    fitting = [at for at in off if off[at] == 0] or [
+        at for at in off if off[at] < width_px + height_px
+    ]
+    if len(fitting) > 1:
+        fitting = [at for at in fitting if max(mapping.classes) < shape[at]]
+    if len(fitting) != 1:
+        raise network.refused(
+            f"the output {given} does not show whether classes come before or after rows and "
+            "columns; add `output: nchw` or `output: nhwc` to the network's mapping file"
+        )
+    return fitting[0], pixels[fitting[0]]
+
+
+class RoomSegmenter:
+    """A network for any room: roles instead of classes, and relative depth by the same inference.
+
+    A role becomes a class of the lab: the first class that is outside, the first ground, and the
+    first obstacle that is no upper face. The network has no landing marks. Its outputs are `logits`
+    (1, 3, H, W) of outside, ground and obstacle, and `depth` (1, 1, h, w).
+    """
+
+    def __init__(self, path: Path, classes: LabClasses, *, threads: int = 1) -> None:
+        self._classes = classes
+        obstacle = next(iter(classes.standing), classes.of_role(OBSTACLE)[0])
+        self._table = np.array([classes.of_role(OUTSIDE)[0], classes.ground, obstacle], np.uint8)
+        self._network = network = OnnxNetwork(path, "docs/any-room.md: the command")
+        self.size_px = network.take_images(InputFormat())
+        outputs = network.outputs()
+        if not {"logits", "depth"} <= set(outputs):
+            raise network.refused(
+                f"expected the outputs logits and depth, got {', '.join(sorted(outputs))}"
+            )
+        shape = outputs["logits"].get_partial_shape()
+        if len(shape) != 4 or shape[1] != 3:
+            raise network.refused(f"expected scores of three roles, 1x3xHxW, got {shape}")
+        network.compile([outputs["logits"], outputs["depth"]], threads, class_axis=1)
+        self.relative_depth: DepthMap | None = None  # of the frame that was segmented last
+
+    def segment(self, frame: Frame) -> ClassMap:
+        """Return the class map of a frame, at the size of the network's input."""
+        class_map, self.relative_depth = self._perceive(frame)
+        return class_map
+
+    def estimate(self, frame: Frame) -> DepthMap:
+        """Return the relative depth of a frame; that of the last one is known already."""
+        last = self.relative_depth
+        if last is not None and last.captured_s == frame.captured_s:
+            return last
+        return self._perceive(frame)[1]
+
+    def _perceive(self, frame: Frame) -> tuple[ClassMap, DepthMap]:
+        roles, depth = self._network.run(frame.image)
+        at_s = frame.captured_s
+        ids = self._table[roles.reshape(roles.shape[-2:])]
+        # A copy: the next frame overwrites the output.
+        metres = np.array(depth.reshape(depth.shape[-2:]), np.float32)
+        return (
+            ClassMap(ids=ids, classes=self._classes, captured_s=at_s),
+            DepthMap(depth=metres, metric=False, captured_s=at_s, in_heights=True),
+        )
 
 
 class TeacherSegmenter:
-    """The teacher in flight: slower than the U-Net, but trained directly on the picks.
+    """The teacher in flight: slower than the U-Net, but trained directly on the picks."""
 
-    Args:
-        teacher: the trained teacher.
-        refine: how to sharpen its borders; None for the paper's procedure.
-        size_px: width and height of the class maps; by default those of the U-Net.
-    """
-
-    def __init__(
-        self,
-        teacher: Teacher,
-        refine: RefineConfig | None = _SHARP,
-        *,
-        size_px: tuple[int, int] = (224, 112),
-    ) -> None:
-        self._teacher, self._refine = teacher, refine
-        self._size = size_px
+    def __init__(self, teacher: Teacher, *, sharp: bool = True) -> None:
+        """Take a teacher; without `sharp` its maps are those of the paper's procedure."""
+        self._classes = teacher.classes
+        self._resized = teacher.resized
+        self._ids = teacher.refined_ids if sharp else teacher.paper_ids
 
     def segment(self, frame: Frame) -> ClassMap:
-        """Return the class map of a frame."""
-        rgb = self._teacher.resized(frame.image)
-        if self._refine is None:
-            ids = self._teacher.paper_ids(rgb)
-        else:
-            ids = self._teacher.refined_ids(rgb, self._refine)
-        small = cv2.resize(ids, self._size, interpolation=cv2.INTER_NEAREST_EXACT)
+        """Return the class map of a frame, at the size of the U-Net's."""
+        ids = self._ids(self._resized(frame.image))
+        small = cv2.resize(ids, MAP_PX, interpolation=cv2.INTER_NEAREST_EXACT)
         return ClassMap(
             ids=np.asarray(small, dtype=np.uint8),
-            classes=self._teacher.classes,
+            classes=self._classes,
             captured_s=frame.captured_s,
         )
 
@@ -215,63 +216,21 @@ class TeacherSegmenter:
 def load_segmenter(
     path: Path, classes: LabClasses, mapping: ClassMapping | None = None, *, threads: int = 1
 ) -> OnnxSegmenter | RoomSegmenter:
-    """Return the segmenter of an ONNX file: one of roles, or one of classes.
+    """Return the segmenter of an ONNX file: of roles, or of classes; arguments as there.
 
-    Args:
-        path: the ONNX file.
-        classes: classes of the lab.
-        mapping: meaning of its classes; None for a network of roles, or with the lab's classes.
-        threads: number of inference threads.
-
-    Raises:
-        WeightsError: the file cannot be used.
-        ValueRangeError: the mapping names a class that the network does not have.
+    Without a mapping it is one of roles if the file's metadata states roles.
     """
-    model = read_model(path, "`uav-bt lab train`")
-    if mapping is None and is_room_network(model):
+    if mapping is None and OnnxNetwork(path, _TRAIN).about("roles") is not None:
         return RoomSegmenter(path, classes, threads=threads)
     return OnnxSegmenter(path, classes, mapping, threads=threads)
 
 
 def shipped_unet(*, threads: int = 1) -> OnnxSegmenter:
-    """Return the shipped segmentation U-Net; its classes are those of the paper's lab.
-
-    Args:
-        threads: number of inference threads.
-    """
+    """Return the shipped segmentation U-Net; its classes are those of the paper's lab."""
     path = SHIPPED_WEIGHTS / f"{SHIPPED_UNET}.onnx"
     return OnnxSegmenter(path, load_lab().classes, threads=threads)
 
 
-def shipped_teacher(
-    classes: LabClasses, *, refine: RefineConfig | None = _SHARP
-) -> TeacherSegmenter:
-    """Return the shipped teacher.
-
-    Args:
-        classes: classes of the lab.
-        refine: how to sharpen borders; None for the paper's procedure.
-
-    Raises:
-        WeightsError: the lab has other classes than the paper's lab.
-    """
-    return TeacherSegmenter(load_teacher(_SHIPPED_TEACHER, classes), refine)
-
-
-def _check_classes(model: Any, path: Path, classes: LabClasses) -> None:
-    """Refuse a network that states other classes than those of the lab, in its metadata."""
-    if not model.has_rt_info(_CLASSES):
-        return
-    stated = model.get_rt_info(_CLASSES).astype(str)
-    if stated != json.dumps(classes.names):
-        raise WeightsError(
-            path,
-            f"expected the classes {', '.join(classes.names)} of the lab, and the network states "
-            f"{stated:.200}: train a network for this lab, or give a class mapping",
-        )
-
-
-def _mapping_of(mapping: ClassMapping | Path | None, classes: LabClasses) -> ClassMapping:
-    if mapping is None:
-        return ClassMapping.identity(classes)
-    return read_mapping(mapping, classes) if isinstance(mapping, Path) else mapping
+def shipped_teacher(classes: LabClasses) -> TeacherSegmenter:
+    """Return the shipped teacher, of a lab with the classes of the paper's."""
+    return TeacherSegmenter(load_teacher(SHIPPED_WEIGHTS / "teacher.safetensors", classes))

@@ -9,23 +9,16 @@ equal to scikit-learn's ``decision_function`` on that patch.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from perception.networks.weights_file import read_weights, write_weights
-from perception.segmentation.clean import (
-    RefineConfig,
-    dilated_grid,
-    drop_small_components,
-    filled_holes,
-    keep_largest_components,
-    sharpened,
-)
+from perception.segmentation import clean
 from perception.segmentation.features import (
     COLOUR_COUNT,
     FEATURE_COUNT,
@@ -36,7 +29,7 @@ from perception.segmentation.features import (
     spread_to_border,
 )
 from perception.segmentation.training.picks import PickedPatches
-from uav_bt.errors import ShapeError, ValueRangeError, WeightsError
+from uav_bt.errors import ValueRangeError, WeightsError
 from uav_bt.lab.classes import GROUND, OBSTACLE, OUTSIDE, LabClasses
 
 _KIND: Final = "hsv-histogram-svm"
@@ -57,10 +50,6 @@ class TeacherConfig:
             raise ValueRangeError(
                 f"a patch of {self.patch_px} pixels does not fit {self.width_px}x{self.height_px}"
             )
-        if self.cost <= 0.0 or self.max_iterations < 1:
-            raise ValueRangeError(
-                f"cost and max_iterations must be positive, got {self.cost}, {self.max_iterations}"
-            )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,20 +59,8 @@ class Teacher:
     classes: LabClasses  # C classes
     weights: NDArray[np.float64]  # (C, 190)
     bias: NDArray[np.float64]  # (C,); -inf for a class without picks, so that it never wins
-    config: TeacherConfig = field(default_factory=TeacherConfig)
-    # (C, 32768), `features.palette_of_counts`; needed only for sharp borders.
-    palette: NDArray[np.float32] | None = None
-
-    def __post_init__(self) -> None:
-        count = len(self.classes)
-        if self.weights.shape != (count, FEATURE_COUNT):
-            expected = f"{count}x{FEATURE_COUNT}"
-            raise ShapeError("weights", expected=expected, actual=self.weights.shape)
-        if self.bias.shape != (count,):
-            raise ShapeError("bias", expected=str(count), actual=self.bias.shape)
-        if self.palette is not None and self.palette.shape != (count, COLOUR_COUNT):
-            expected = f"{count}x{COLOUR_COUNT}"
-            raise ShapeError("palette", expected=expected, actual=self.palette.shape)
+    palette: NDArray[np.float32]  # (C, 32768), `features.palette_of_counts`
+    config: TeacherConfig
 
     @property
     def known(self) -> tuple[int, ...]:
@@ -95,33 +72,19 @@ class Teacher:
         size = (self.config.width_px, self.config.height_px)
         if rgb.shape[1::-1] == size:
             return rgb
-        shrinks = rgb.shape[1] >= size[0]
-        interpolation = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+        interpolation = cv2.INTER_AREA if rgb.shape[1] >= size[0] else cv2.INTER_LINEAR
         return np.asarray(cv2.resize(rgb, size, interpolation=interpolation), dtype=np.uint8)
 
     def scores(self, hsv: NDArray[np.uint8]) -> Iterator[tuple[int, NDArray[np.float64]]]:
-        """Yield, class by class, the score of the window around every pixel.
+        """Yield id and score of the window around every pixel, (H, W), of the classes with picks.
 
         Windows near the border are shifted inwards (`features.patch_slices`).
-
-        Args:
-            hsv: (H, W, 3) uint8.
-
-        Yields:
-            Class id and its (H, W) float64 scores, for the classes with picks.
         """
         for class_id, inner in self._window_scores(hsv):
             yield class_id, spread_to_border(inner, self.config.patch_px)
 
     def window_ids(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Return the best class of the window around every pixel.
-
-        Args:
-            rgb: (H, W, 3) uint8, at the teacher's size.
-
-        Returns:
-            (H, W) uint8 class ids.
-        """
+        """Return the best class, (H, W), of the window around every pixel of a resized image."""
         scores = self._window_scores(hsv_of(rgb))
         first, inner = next(scores)
         best = inner.copy()
@@ -132,45 +95,22 @@ class Teacher:
         return spread_to_border(ids, self.config.patch_px)
 
     def paper_ids(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Return the class map by the paper's procedure: dots, dilation, largest components.
-
-        Args:
-            rgb: (H, W, 3) uint8, at the teacher's size.
-
-        Returns:
-            (H, W) uint8 class ids.
-        """
-        dots = dilated_grid(self.window_ids(rgb))
+        """Return the class map of a resized image: dots, dilation, largest components."""
+        dots = clean.dilated_grid(self.window_ids(rgb))
         scattered = self.classes.of_role(OUTSIDE) + self.classes.of_role(GROUND)
-        return keep_largest_components(dots, scattered)
+        return clean.keep_largest_components(dots, scattered)
 
-    def refined_ids(self, rgb: NDArray[np.uint8], config: RefineConfig) -> NDArray[np.uint8]:
-        """Return the class map with sharp borders, and without holes in the sides of boxes.
-
-        Args:
-            rgb: (H, W, 3) uint8, at the teacher's size.
-            config: how to sharpen.
-
-        Returns:
-            (H, W) uint8 class ids.
-
-        Raises:
-            ValueRangeError: the teacher has no palette.
-        """
-        ids = self.window_ids(rgb)
-        if config.rounds == 0:
-            return ids
-        if self.palette is None:
-            raise ValueRangeError("this teacher has no palette to sharpen with; train it anew")
-        ids = sharpened(ids, rgb, self.palette, config)
-        ids = drop_small_components(ids, area_px=config.smallest_px)
+    def refined_ids(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return the class map of a resized image: sharp borders, no holes in sides of boxes."""
+        ids = clean.sharpened(self.window_ids(rgb), rgb, self.palette)
+        ids = clean.drop_small_components(ids, area_px=clean.SMALLEST_PX)
         # The top of the mark inside its sides is not a hole, nor are objects before the ground.
         top = self.classes.mark_top
-        return filled_holes(
+        return clean.filled_holes(
             ids,
             inside=self.classes.of_role(OBSTACLE),
             but=() if top is None else (top,),
-            area_px=config.hole_px,
+            area_px=clean.HOLE_PX,
         )
 
     def _window_scores(self, hsv: NDArray[np.uint8]) -> Iterator[tuple[int, NDArray[np.float64]]]:
@@ -190,22 +130,13 @@ class Teacher:
             yield class_id, scores
 
 
-# --- training and files ---------------------------------------------------------------------------
-
-
 def fit_teacher(patches: PickedPatches, config: TeacherConfig, *, seed: int = 0) -> Teacher:
-    """Train the one-vs-rest linear SVM and count the palette.
+    """Train the one-vs-rest linear SVM and count the palette; classes without a pick never win.
 
-    Args:
-        patches: patches around the picks, of at least two classes.
-        config: settings of the teacher.
-        seed: seed of liblinear's coordinate order.
-
-    Returns:
-        The teacher; classes without a pick never win.
+    The seed is that of liblinear's coordinate order.
 
     Raises:
-        ValueRangeError: fewer than two classes.
+        ValueRangeError: the picks are of fewer than two classes.
     """
     # Imported here because scikit-learn is slow to import and only training needs it.
     from sklearn.multiclass import OneVsRestClassifier  # noqa: PLC0415
@@ -216,48 +147,40 @@ def fit_teacher(patches: PickedPatches, config: TeacherConfig, *, seed: int = 0)
         raise ValueRangeError(f"a teacher needs picks of two classes at least, got {len(present)}")
     svm = LinearSVC(C=config.cost, max_iter=config.max_iterations, random_state=seed)
     model = OneVsRestClassifier(svm).fit(patches.features, patches.labels)
-    classes = patches.classes
-    weights = np.zeros((len(classes), FEATURE_COUNT))
-    bias = np.full(len(classes), -np.inf)
+    slopes = np.concatenate([machine.coef_ for machine in model.estimators_])
+    offsets = np.concatenate([machine.intercept_ for machine in model.estimators_])
     if len(present) == 2:  # scikit-learn keeps one machine, whose positive side is the second class
-        only = model.estimators_[0]
-        weights[present] = np.stack([-only.coef_[0], only.coef_[0]])
-        bias[present] = (-only.intercept_[0], only.intercept_[0])
-    else:
-        for class_id, machine in zip(present, model.estimators_, strict=True):
-            weights[class_id] = machine.coef_[0]
-            bias[class_id] = machine.intercept_[0]
+        slopes, offsets = np.stack([-slopes[0], slopes[0]]), np.stack([-offsets[0], offsets[0]])
+    weights = np.zeros((len(patches.classes), FEATURE_COUNT))
+    bias = np.full(len(patches.classes), -np.inf)
+    weights[present], bias[present] = slopes, offsets
     palette = palette_of_counts(patches.colour_counts)
-    return Teacher(classes=classes, weights=weights, bias=bias, config=config, palette=palette)
+    return Teacher(
+        classes=patches.classes, weights=weights, bias=bias, palette=palette, config=config
+    )
 
 
 def save_teacher(path: Path, teacher: Teacher) -> None:
     """Write the teacher as safetensors; the file is replaced in one step."""
-    tensors: dict[str, NDArray[Any]] = {"weights": teacher.weights, "bias": teacher.bias}
-    if teacher.palette is not None:
-        tensors["palette"] = teacher.palette.astype(np.float16)  # error of a likelihood: 0.4 %
+    palette = teacher.palette.astype(np.float16)  # error of a likelihood: 0.4 %
     write_weights(
         path,
-        tensors,
+        {"weights": teacher.weights, "bias": teacher.bias, "palette": palette},
         kind=_KIND,
         details={"config": asdict(teacher.config), "classes": teacher.classes.names},
     )
 
 
 def load_teacher(path: Path, classes: LabClasses) -> Teacher:
-    """Read a teacher.
-
-    Args:
-        path: the weights file.
-        classes: classes of the lab.
+    """Read a teacher of a lab with these classes.
 
     Raises:
         WeightsError: the file is absent, damaged, of another kind or of a lab with other classes.
     """
     tensors, details = read_weights(path, kind=_KIND, remedy="`uav-bt lab train` makes one")
+    count = len(classes)
     try:
         config = TeacherConfig(**details["config"])
-        palette = tensors["palette"].astype(np.float32) if "palette" in tensors else None
         if list(classes.names) != details["classes"]:
             raise WeightsError(
                 path,
@@ -266,10 +189,10 @@ def load_teacher(path: Path, classes: LabClasses) -> Teacher:
             )
         return Teacher(
             classes=classes,
-            weights=tensors["weights"],
-            bias=tensors["bias"],
+            weights=tensors["weights"].reshape(count, FEATURE_COUNT),
+            bias=tensors["bias"].reshape(count),
+            palette=tensors["palette"].reshape(count, COLOUR_COUNT).astype(np.float32),
             config=config,
-            palette=palette,
         )
-    except (KeyError, TypeError, ValueRangeError, ShapeError) as error:
+    except (KeyError, TypeError, ValueError) as error:
         raise WeightsError(path, f"is not a whole teacher ({error!r}); train it anew") from error

@@ -25,8 +25,8 @@ from perception.control.training.samples import ControlFlight, read_flight, writ
 from perception.depth.runtime import load_depth_estimator
 from perception.depth.training.clips import DepthLabels
 from perception.depth.training.labelling import read_labels, write_labels
+from perception.networks.mapping import read_mapping
 from perception.networks.weights_file import SHIPPED_WEIGHTS
-from perception.segmentation.mapping import read_mapping
 from perception.segmentation.runtime import load_segmenter
 from perception.segmentation.teacher import load_teacher
 from perception.segmentation.training.picks import read_picks

@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any, Final, Generic, TypeVar
 
-from perception.camera.frame_watch import FrameWatch, FrameWatchConfig
+from perception.camera.frame_watch import FrameWatch
 from uav_bt import plugins
 from uav_bt.app.drone_of_flight import make_drone
 from uav_bt.app.exact_masks import ExactSegmenter
@@ -27,7 +27,7 @@ from uav_bt.app.place_of_flight import (
 from uav_bt.app.random_faults import check_phases, with_faults
 from uav_bt.app.rules import area_of, check_mark, judge_of, rules_of, take_off_pose
 from uav_bt.app.site import Site, check_clearances
-from uav_bt.board import MISSION_KEYS
+from uav_bt.board import CAMERA, MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import FlightFolder, MissionContext
 from uav_bt.clock import TickClock
@@ -184,6 +184,7 @@ class Flight(Generic[DroneT]):
         self._check_network()
         try:
             self.drone.connect()
+            self.context.board.write(CAMERA, self.drone.camera)
             with collections_postponed():
                 self.mission.setup(self.context)
             yield
@@ -267,4 +268,4 @@ def join(
 
 def frame_judge(drone: Drone) -> FrameJudge:
     """Return the check of images: it explains why an image is unusable for flight."""
-    return FrameWatch(FrameWatchConfig(still_s=_STILL_S) if drone.live else None)
+    return FrameWatch(still_s=_STILL_S) if drone.live else FrameWatch()

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.fly.heading_control import HeadingGains
-from perception.camera.calibration import Calibration, CalibrationConfig
+from perception.camera.calibration import Calibration
 from perception.camera.calibration import calibrate as calibrate_camera
 from perception.camera.camera_file import write_camera
 from perception.camera.image_files import image_files, read_image
@@ -135,9 +135,8 @@ def calibrate(*, images: tuple[Path, ...], square_mm: float, out: Path) -> None:
     """
     files, foreign = _files(images)
     photographs = {str(path): _reader(path) for path in files}
-    config = CalibrationConfig(square_m=square_mm / 1000.0)
     with progress_bars() as advance:
-        found = calibrate_camera(photographs, config, advance=advance)
+        found = calibrate_camera(photographs, square_m=square_mm / 1000.0, advance=advance)
     _print_calibration(found)
     for line in foreign:
         click.echo(f"skipped {line}")

@@ -19,6 +19,7 @@ from perception.control.training.samples import (
     write_flight,
 )
 from perception.depth.training.clips import DepthLabels, Flight
+from perception.depth.training.footage import Footage, gathered, shrink
 from perception.depth.training.labelling import (
     add_parallax,
     contact_labels,
@@ -26,8 +27,6 @@ from perception.depth.training.labelling import (
     write_labels,
 )
 from perception.networks.onnx_runtime import shrunk
-from perception.odometry.camera_track import Footage
-from perception.odometry.flown_footage import FootageBuilder
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import reading
 from uav_bt.progress import Advance, silent
@@ -137,20 +136,25 @@ def footage_of(path: Path) -> Footage:
         FileError: the file is not a complete flight record, or has no frame.
     """
     reader = flight_record(path)
-    gathered = FootageBuilder(reader.camera)
+    states: list[DroneState] = []
 
     def frames() -> Iterator[StoredFrame]:
         for item in footage(reader):
             if isinstance(item, StoredFrame):
                 yield item
             elif isinstance(item, DroneState):
-                gathered.add_state(item)
+                states.append(item)
 
-    for frame in spaced(frames(), _FOOTAGE_EVERY_S):
-        gathered.add_frame(frame.note.with_image(image_of(frame, path)))
-    if not len(gathered):
-        raise FileError(path, "the record has no frame with an image to learn from")
-    return gathered.footage()
+    shown = [
+        frame.note.with_image(shrink(image_of(frame, path)))
+        for frame in spaced(frames(), _FOOTAGE_EVERY_S)
+    ]
+    found = gathered(shown, states, reader.camera)
+    if found is None:
+        raise FileError(
+            path, "the record lacks telemetry, or has no frame with an image to learn from"
+        )
+    return found
 
 
 # --- depth ----------------------------------------------------------------------------------------

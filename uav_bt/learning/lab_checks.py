@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from perception.segmentation.mapping import class_id_of, read_mapping
+from perception.networks.mapping import class_id_of, read_mapping
 from perception.segmentation.training.pick_checks import check_picks, placed_picks
 from perception.segmentation.training.picks import Pick
 from uav_bt.errors import FileError, InputError

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.camera.ground_plane import ground_depth, view_of
-from perception.marks.helipad_detector import H_SHARE
+from perception.marks.helipad import H_SHARE
 from perception.marks.region import region_on_plane
 from uav_bt.landing_marks import MarkFinder, MarkView
 from uav_bt.learning.geometry import MarkRanges

@@ -16,8 +16,8 @@ import numpy as np
 
 from perception.camera.image_files import read_image
 from perception.networks.onnx_runtime import shrunk
-from perception.segmentation.clean import RefineConfig
-from perception.segmentation.runtime import OnnxSegmenter, TeacherSegmenter
+from perception.segmentation.clean import REFINED_BY
+from perception.segmentation.runtime import MAP_PX, OnnxSegmenter, TeacherSegmenter
 from perception.segmentation.teacher import load_teacher
 from uav_bt.errors import FileError
 from uav_bt.files import whole_file
@@ -26,10 +26,9 @@ from uav_bt.progress import Advance, silent
 from uav_bt.types import Frame
 from uav_bt.types.arrays import Image
 
-SIZE_PX: Final = (224, 112)
+SIZE_PX: Final = MAP_PX
 """Width and height of the masks, of the network's images and of its class maps."""
 
-_REFINE: Final = RefineConfig()
 _PART: Final = 10  # images that a process labels at a time
 
 
@@ -57,13 +56,13 @@ class MaskSource:
         """
         if self.file.suffix.lower() == ".onnx":
             return OnnxSegmenter(self.file, self.classes, self.mapping).ids
-        teacher = TeacherSegmenter(load_teacher(self.file, self.classes), _REFINE, size_px=SIZE_PX)
+        teacher = TeacherSegmenter(load_teacher(self.file, self.classes))
         return lambda rgb: teacher.segment(_frame(rgb)).ids
 
     @property
     def fingerprint(self) -> str:
         """Hash of all that the masks of an image depend on."""
-        about = {"size": SIZE_PX, "refine": asdict(_REFINE), "classes": self.classes.names}
+        about = {"size": SIZE_PX, "refine": REFINED_BY, "classes": self.classes.names}
         text = json.dumps(about, sort_keys=True).encode()
         if self.file.suffix.lower() == ".onnx":
             files = [self.file] if self.mapping is None else [self.file, self.mapping]
@@ -72,7 +71,7 @@ class MaskSource:
         teacher = load_teacher(self.file, self.classes)
         tensors = (teacher.weights, teacher.bias, teacher.palette)
         config = json.dumps(asdict(teacher.config), sort_keys=True).encode()
-        return _digest(text, config, *(each.tobytes() for each in tensors if each is not None))
+        return _digest(text, config, *(each.tobytes() for each in tensors))
 
 
 def _frame(rgb: Image) -> Frame:

@@ -39,6 +39,11 @@ class CameraModel:
         """Focal lengths and principal point, px: fx, fy, cx, cy."""
         return self.fx_px, self.fy_px, self.cx_px, self.cy_px
 
+    @property
+    def matrix(self) -> NDArray[np.float64]:
+        """OpenCV's camera matrix, (3, 3)."""
+        return np.array([[self.fx_px, 0, self.cx_px], [0, self.fy_px, self.cy_px], [0.0, 0, 1]])
+
     def resized(self, width_px: int, height_px: int) -> CameraModel:
         """Return the intrinsics of the same image resized (not cropped) to another size.
 

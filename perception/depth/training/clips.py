@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.depth.training.clip import Clip, mirrored, recoloured, turned
-from perception.odometry.camera_track import CameraTrack, Footage, camera_track, measured_motion
+from perception.depth.training.footage import CameraTrack, Footage, camera_track, measured_motion
 from uav_bt.errors import ShapeError, ValueRangeError
 
 

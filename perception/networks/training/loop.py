@@ -93,20 +93,17 @@ def train(
     checkpoint: Path | None = None,
     progress: Callable[[Progress, Net], None] = ignore_progress,
 ) -> Net:
-    """Train a network, or continue from the checkpoint if there is one.
+    """Train a network in place, and return the running mean of its weights, on the CPU.
 
     Args:
-        net: the network, trained in place.
+        net: the network.
         objective: samples a batch and computes its loss with `net`, on the device of the config.
         config: how to train.
         kind: kind of checkpoint; another kind is refused.
         about: settings and data of the run, JSON values; a checkpoint with others is refused.
         beside: another network of the objective that is trained, too.
-        checkpoint: file of the run's state; read first if it exists.
+        checkpoint: file of the run's state; the run continues from it if it exists.
         progress: called after every step with the averaged network, in evaluation mode.
-
-    Returns:
-        A copy of the network with the running mean of its weights, in evaluation mode, on the CPU.
 
     Raises:
         WeightsError: the checkpoint is damaged or belongs to another run.
@@ -133,12 +130,8 @@ def train(
             )
         if checkpoint is not None and (step % config.checkpoint_every == 0 or step == config.steps):
             run.save(checkpoint, step)
-        now = Progress(
-            step=step,
-            steps=config.steps,
-            loss=value,
-            terms={name: float(term.detach()) for name, term in terms.items()},
-        )
+        shown = {name: float(term.detach()) for name, term in terms.items()}
+        now = Progress(step=step, steps=config.steps, loss=value, terms=shown)
         progress(now, run.averaged())
     return run.averaged().cpu()
 
@@ -149,8 +142,7 @@ class _Run(Generic[Net]):
     def __init__(
         self, net: Net, beside: nn.Module | None, config: LoopConfig, kind: str, about: str
     ) -> None:
-        self._kind = kind
-        self._about = about
+        self._kind, self._about = kind, about
         self.learners = nn.ModuleList([net] if beside is None else [net, beside])
         self.learners.to(config.device)
         self.mean = AveragedModel(net, multi_avg_fn=_running_mean(config.average), use_buffers=True)
@@ -164,10 +156,17 @@ class _Run(Generic[Net]):
 
     def save(self, path: Path, step: int) -> None:
         """Write the whole state after `step` steps."""
-        tensors = _named_arrays("learners", self.learners.state_dict())
-        tensors |= _named_arrays("mean", self.mean.state_dict())
+        states: dict[str, Mapping[str, Tensor]] = {
+            "learners": self.learners.state_dict(),
+            "mean": self.mean.state_dict(),
+        }
         for index, state in self.optimizer.state_dict()["state"].items():
-            tensors |= _named_arrays(f"optimizer/{index}", state)
+            states[f"optimizer/{index}"] = state
+        tensors: dict[str, NDArray[Any]] = {
+            f"{prefix}/{name}": tensor.detach().cpu().numpy()
+            for prefix, state in states.items()
+            for name, tensor in state.items()
+        }
         write_weights(path, tensors, kind=self._kind, details={"step": step, "about": self._about})
 
     def load(self, path: Path) -> int:
@@ -176,11 +175,11 @@ class _Run(Generic[Net]):
         if details.get("about") != self._about:
             raise WeightsError(path, f"belongs to a run with other settings or data; {_REMEDY}")
         try:
-            self.learners.load_state_dict(_tensors_under("learners", tensors))
-            self.mean.load_state_dict(_tensors_under("mean", tensors))
+            self.learners.load_state_dict(_under("learners/", tensors))
+            self.mean.load_state_dict(_under("mean/", tensors))
             whole = self.optimizer.state_dict()
             count = len(whole["param_groups"][0]["params"])
-            whole["state"] = {i: _tensors_under(f"optimizer/{i}", tensors) for i in range(count)}
+            whole["state"] = {at: _under(f"optimizer/{at}/", tensors) for at in range(count)}
             self.optimizer.load_state_dict(whole)
             return int(details["step"])
         except (KeyError, ValueError, RuntimeError) as error:
@@ -198,12 +197,7 @@ def _running_mean(max_decay: float) -> Callable[[Any, Any, Any], None]:
     return update
 
 
-def _named_arrays(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, NDArray[Any]]:
-    return {f"{prefix}/{name}": tensor.detach().cpu().numpy() for name, tensor in tensors.items()}
-
-
-def _tensors_under(prefix: str, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Tensor]:
-    start = f"{prefix}/"
+def _under(start: str, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Tensor]:
     return {
         name.removeprefix(start): torch.from_numpy(array.copy())
         for name, array in arrays.items()

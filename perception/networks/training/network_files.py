@@ -62,13 +62,7 @@ class NetworkFiles(Generic[Net]):
     details: Callable[[Net], Mapping[str, Any]] = lambda _: {}
 
     def save(self, path: Path, net: Net, *, notes: Mapping[str, Any]) -> None:
-        """Write a network's weights and config.
-
-        Args:
-            path: the safetensors file; replaced in one step.
-            net: the network; its `config` is a dataclass.
-            notes: how it was trained, JSON values.
-        """
+        """Write a network's weights and its `config`, a dataclass; notes say how it was trained."""
         tensors = {
             name: tensor.detach().numpy()
             for name, tensor in net.state_dict().items()
@@ -79,12 +73,7 @@ class NetworkFiles(Generic[Net]):
         write_weights(path, tensors, kind=self.kind, details={**self.details(net), **details})
 
     def load(self, path: Path) -> tuple[Net, dict[str, Any]]:
-        """Return the network of a file, in evaluation mode, and its notes.
-
-        Raises:
-            WeightsError: the file is absent, damaged, of another kind or version, holds NaN or
-                infinity, or lacks a layer.
-        """
+        """Return the network of a file, in evaluation mode, and its notes."""
         tensors, details = read_weights(path, kind=self.kind, remedy=self.remedy)
         version = details.get("version", 1)
         if version != self.version:
@@ -112,20 +101,11 @@ class NetworkFiles(Generic[Net]):
         *,
         calibration: Iterable[NDArray[np.uint8]] | None = None,
     ) -> None:
-        """Generate the ONNX file of the weights.
+        """Generate the ONNX file of the weights, replaced in one step.
 
         The same weights and images give the same bytes. The metadata holds the SHA-256 of the
-        weights and the precision, `fp32` or `int8`.
-
-        Args:
-            weights: the safetensors file.
-            onnx_path: the file to write; replaced in one step.
-            calibration: images, (h, w, 3) uint8 RGB of any size, for the ranges of 8-bit
-                quantisation. None for a network in floats.
-
-        Raises:
-            WeightsError: the weights cannot be used.
-            ShapeError: `calibration` holds no image.
+        weights and the precision: `int8`, or `fp32` without images, (h, w, 3) uint8 RGB of any
+        size, that give the ranges of the 8-bit integers.
         """
         net, _ = self.load(weights)
         ports = self.ports(net)
@@ -221,11 +201,7 @@ def _make_unsigned(model: onnx.ModelProto) -> None:
 def _samples(
     ports: OnnxPorts, images: Iterable[NDArray[np.uint8]]
 ) -> Iterator[dict[str, NDArray[np.float32]]]:
-    """Yield inputs of consecutive images; all other inputs are zero.
-
-    Raises:
-        ShapeError: `images` is empty.
-    """
+    """Yield inputs of consecutive images; all other inputs are zero."""
     (name, shape), *others = ports.inputs.items()
     height, width = shape[-2:]
     small = [shrunk(rgb, (width, height)) for rgb in images]

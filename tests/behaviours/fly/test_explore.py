@@ -1,4 +1,4 @@
-"""Explore: look, step, look again; blocked is a failure; blind is a pause."""
+"""Explore: look, step, look again. Avoid: one steady turn. CoverageGrows: new ground."""
 
 from __future__ import annotations
 
@@ -9,33 +9,29 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from behaviours.fly.explore import Explore
-from tests.behaviours.path.test_ways_out import mover
+from behaviours.fly.explore import Avoid, CoverageGrows, Explore
+from tests.behaviours.path.test_movers import mover
 from tests.paper_lab import paper_map
-from tests.worlds.leaves import (
-    ADVANCE,
-    TURN_RIGHT,
-    map_with,
-    steering_bench,
-)
+from tests.worlds.leaves import ADVANCE, TURN_LEFT, TURN_RIGHT, map_with, steering_bench
 from tests.worlds.values import motion
 from uav_bt.answers import Advance, Answer, Done, FollowLeg, Rotate
 from uav_bt.board import (
     CLASS_MAP,
     FLIGHT_HEIGHT,
     FLIGHT_PITCH,
-    FRAME,
     HELD_TURN,
     ODOMETRY,
     PHASE,
     SITE_MAP,
+    STATE,
 )
 from uav_bt.errors import AnswerError, NodeFailedError
 from uav_bt.protocols import PolicyView
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import Says, drawn_map, live, show
-from uav_bt.tree import Status
+from uav_bt.tree import Leaf, Status
 from uav_bt.types import (
+    Attitude,
     BodyVelocity,
     DroneState,
     FlyingState,
@@ -47,23 +43,49 @@ from uav_bt.types import (
     Velocity,
 )
 from uav_bt.types.dead_reckoning import OdometryPose
-from uav_bt.types.site_map import MapMover
+
+FAR = Advance(forward_m=1.0, reason="clear")
 
 
-def stepping(policy: Says | None = None, **attributes: object) -> LeafBench:
-    """Return a bench whose leaf has just begun its first step."""
-    bench = steering_bench(Explore, policy or Says(ADVANCE), **attributes)
+def begun(policy: Says, leaf: type[Leaf] = Explore, **attributes: object) -> LeafBench:
+    """Return a bench whose leaf has settled, and acts by its first view."""
+    bench = steering_bench(leaf, policy, **attributes)
     assert live(bench) is Status.RUNNING
     assert bench.proposed is None
-    assert live(bench, seconds=0.3) is Status.RUNNING
+    live(bench, seconds=0.3)
     return bench
 
 
-def test_steps_ahead_while_the_way_is_free() -> None:
-    """It settles, looks, and asks for the policy's step; the board says what goes on."""
-    bench = stepping()
+def near(bench: LeafBench, *points: tuple[float, float], edge_m: float = 9.0) -> None:
+    """Remember obstacles around the drone and an edge ahead, and tick."""
+    show(bench, seconds=0.3)
+    bench.board[SITE_MAP] = map_with(
+        NearObstacles(
+            points_m=np.array(points, dtype=np.float64).reshape(-1, 2),
+            edges_m=np.array([[edge_m, 0.0]]),
+            captured_s=bench.clock.now(),
+        )
+    )
+    assert bench.tick() is Status.RUNNING
 
-    assert bench.proposed == MoveBy(id=1, forward_m=0.3)
+
+def velocity(bench: LeafBench) -> Velocity:
+    assert isinstance(bench.proposed, Velocity)
+    return bench.proposed
+
+
+# Steps of Explore.
+
+
+def test_a_step_is_proposed_until_it_is_done() -> None:
+    """Meanwhile the policy is not asked."""
+    policy = Says(ADVANCE)
+    bench = begun(policy)
+    asked = len(policy.views)
+    for _ in range(3):
+        assert bench.proposed == MoveBy(id=1, forward_m=0.3)
+        assert live(bench) is Status.RUNNING
+    assert len(policy.views) == asked
     assert bench.board[PHASE] == "explore"
     assert bench.feedback == "clear"
 
@@ -76,90 +98,59 @@ def test_a_view_to_which_the_network_has_no_answer_is_waited_through() -> None:
                 raise AnswerError("net.onnx", "holds NaN")
             return super().decide(view)
 
-    bench = stepping(Once(ADVANCE))
+    bench = begun(Once(ADVANCE))
     assert bench.proposed is None
     assert [event.text for event in bench.notes.events] == ["no answer: net.onnx: holds NaN"]
     live(bench)
     assert bench.proposed == MoveBy(id=1, forward_m=0.3)
 
 
-def test_a_step_is_proposed_until_it_is_done() -> None:
-    """Same id every tick; meanwhile the policy is not asked."""
-    policy = Says(ADVANCE)
-    bench = stepping(policy)
-    asked = len(policy.views)
-    for _ in range(5):
-        assert live(bench) is Status.RUNNING
-        assert bench.proposed == MoveBy(id=1, forward_m=0.3)
-
-    assert len(policy.views) == asked
-
-
 @pytest.mark.parametrize("word", list(MovementState)[1:])
-def test_however_a_step_ended_it_looks_again(word: MovementState) -> None:
-    """Done, interrupted or rejected: the next step is decided from the new view.
-
-    A drone that broke off one step is asked for the next a second later: what interrupts may pass.
-    """
-    bench = stepping()
+def test_after_each_end_of_a_step_the_next_is_decided_from_a_new_view(word: MovementState) -> None:
+    """After one that was broken off a second later: what interrupts may pass."""
+    bench = begun(Says(ADVANCE))
     bench.clock.advance(0.5)
     bench.finish_movement(word)
     bench.tick(advance_s=0.1)
     assert bench.proposed is None  # the class map on the board shows the view before the step
+    assert bench.feedback == "waiting for a view"
     if word is not MovementState.DONE:
         live(bench, seconds=0.9)
         assert bench.proposed is None
-
     assert live(bench) is Status.RUNNING
     assert bench.proposed == MoveBy(id=2, forward_m=0.3)
 
 
-def test_a_view_from_before_the_step_does_not_count() -> None:
-    """Video is late: a frame captured while it still moved shows another place."""
-    policy = Says(ADVANCE)
-    bench = stepping(policy)
-    asked = len(policy.views)
-    late = bench.board[FRAME]
-    bench.clock.advance(0.5)
-    bench.finish_movement()
-    bench.board[FRAME] = late
-    bench.board[CLASS_MAP] = paper_map(ids=bench.board[CLASS_MAP].ids, captured_s=late.captured_s)
-
-    assert bench.tick(advance_s=0.1) is Status.RUNNING
-    assert bench.proposed is None
-    assert len(policy.views) == asked
-    assert bench.feedback == "waiting for a view"
-
-
 @pytest.mark.parametrize(
-    ("height_m", "down_m"), [(1.7, 0.2), (1.3, -0.2), (1.55, 0.0), (1.45, 0.0)]
+    ("flight_m", "height_m", "down_m"),
+    [(1.5, 1.7, 0.2), (1.5, 1.3, -0.2), (1.5, 1.55, 0.0), (1.5, 1.45, 0.0), (None, 0.9, 0.0)],
 )
-def test_a_step_corrects_the_height(height_m: float, down_m: float) -> None:
-    """Off the flight height by more than the altimeter's noise, the step leads back to it."""
+def test_a_step_corrects_the_height(flight_m: float | None, height_m: float, down_m: float) -> None:
+    """By more than the altimeter's noise; a mission that begins in the air has no flight height."""
     bench = steering_bench(Explore, Says(ADVANCE))
-    bench.board[FLIGHT_HEIGHT] = 1.5
+    if flight_m is not None:
+        bench.board[FLIGHT_HEIGHT] = flight_m
     live(bench, height_m=height_m)
     live(bench, seconds=0.3, height_m=height_m)
-
     assert isinstance(bench.proposed, MoveBy)
     assert bench.proposed.down_m == pytest.approx(down_m)
 
 
-def test_without_a_flight_height_the_drone_keeps_its_height() -> None:
-    """A mission that begins in the air has no TakeOff that says how high it flies."""
-    bench = steering_bench(Explore, Says(ADVANCE))
-    live(bench, height_m=0.9)
-    live(bench, seconds=0.3, height_m=0.9)
-
-    assert bench.proposed == MoveBy(id=1, forward_m=0.3)
-
-
-def test_a_blocked_way_is_a_failure() -> None:
-    """Avoid's turn: in the tick in which it ends it proposes nothing."""
-    bench = steering_bench(Explore, Says(TURN_RIGHT))
+@pytest.mark.parametrize(
+    ("leaf", "answer", "status"),
+    [
+        (Explore, TURN_RIGHT, Status.FAILURE),
+        (Explore, Done(), Status.SUCCESS),
+        (Avoid, ADVANCE, Status.SUCCESS),
+        (Avoid, Done(), Status.SUCCESS),
+    ],
+)
+def test_an_answer_ends_the_leaf_which_proposes_nothing_then(
+    leaf: type[Leaf], answer: Answer, status: Status
+) -> None:
+    bench = steering_bench(leaf, Says(answer))
     live(bench)
-
-    assert live(bench, seconds=0.3) is Status.FAILURE
+    assert live(bench, seconds=0.3) is status
     assert (bench.proposed, bench.pointed) == (None, None)
 
 
@@ -168,32 +159,26 @@ def test_the_policy_sees_the_frames_telemetry() -> None:
     policies = [Says(ADVANCE), Says(ADVANCE)]
     for policy in policies:
         bench = steering_bench(Explore, policy)
+        bench.board[HELD_TURN] = HeldTurn(direction=-1, turned_rad=7.0)
         live(bench, gimbal_deg=-25.0, height_m=1.4)
         live(bench, seconds=0.3, gimbal_deg=-25.0, height_m=1.4)
+        assert bench.board[HELD_TURN] == HeldTurn(), "the advance forgets it"
     (view,), (again,) = (policy.views for policy in policies)
-
     assert (view.camera.width_px, view.camera.height_px) == (32, 18)
     assert view.gimbal_pitch_rad == pytest.approx(-0.4363, abs=1e-4)
     assert view.height_above_ground_m == 1.4
-    assert view.turning == 0
+    assert (view.turning, view.full_turns) == (-1, 1)
     assert view.tie_break == again.tie_break
 
 
-def test_an_advance_forgets_the_held_turn() -> None:
-    """The obstacle is behind the drone: the next turn may go either way."""
-    policy = Says(ADVANCE)
-    bench = steering_bench(Explore, policy)
-    bench.board[HELD_TURN] = HeldTurn(direction=-1, turned_rad=7.0)
-    live(bench)
-    live(bench, seconds=0.3)
-
-    assert (policy.views[0].turning, policy.views[0].full_turns) == (-1, 1)
-    assert bench.board[HELD_TURN] == HeldTurn()
+@pytest.mark.parametrize("answer", [None, (0.2, 0.0)])
+def test_a_policy_that_returns_no_answer_is_named(answer: object) -> None:
+    said = r"decide\(\) of Says must return Advance, .*uav_bt\.answers, got"
+    with pytest.raises(NodeFailedError, match=said):
+        begun(Says(answer))  # type: ignore[arg-type]
 
 
-# --- flowing --------------------------------------------------------------------------------------
-
-FAR = Advance(forward_m=1.0, reason="clear")
+# Flowing steps.
 
 
 def moving_on(bench: LeafBench, forward_mps: float) -> Status:
@@ -203,107 +188,71 @@ def moving_on(bench: LeafBench, forward_mps: float) -> Status:
 
 
 def test_a_flowing_step_is_replaced_by_one_that_leads_further() -> None:
-    """No stop between: the new step begins while the old one is under way."""
-    bench = stepping(Says(FAR), flowing="true")
+    bench = begun(Says(FAR), flowing="true")
     for _ in range(2):
         moving_on(bench, 0.7)
         assert bench.proposed == MoveBy(id=1, forward_m=1.0)  # it leads 0.07 m further a tick
     moving_on(bench, 0.7)
-
     assert bench.proposed == MoveBy(id=2, forward_m=1.0)
 
 
-def test_what_was_flown_since_the_frame_is_not_flown_again() -> None:
+def test_the_distance_flown_since_the_frame_is_not_flown_again() -> None:
     """The decision was made for the place where the frame was captured."""
-    bench = stepping(Says(ADVANCE, FAR), flowing="true")
+    bench = begun(Says(ADVANCE, FAR), flowing="true")
     show(bench, velocity=BodyVelocity(forward_mps=0.5))
     bench.clock.advance(0.2)  # the video is late
-
     bench.tick()
-
     assert isinstance(bench.proposed, MoveBy)
     assert bench.proposed.forward_m == pytest.approx(0.9)
 
 
-def test_a_flowing_step_is_broken_off_when_the_way_is_blocked() -> None:
-    """It hovers, looks afresh, and only then fails."""
-    bench = stepping(Says(FAR, TURN_RIGHT), flowing="true")
-
+@pytest.mark.parametrize("flowing", [True, False])
+def test_a_flowing_step_is_broken_off_when_the_way_is_blocked(*, flowing: bool) -> None:
+    """It hovers, looks afresh, and only then fails. The paper's first level flies to its end."""
+    bench = begun(Says(FAR, TURN_RIGHT), flowing=flowing)
     assert moving_on(bench, 0.5) is Status.RUNNING
-    assert bench.proposed is None
-    assert live(bench, seconds=0.3) is Status.FAILURE
+    assert bench.proposed == (None if flowing else MoveBy(id=1, forward_m=1.0))
+    assert live(bench, seconds=0.3) is (Status.FAILURE if flowing else Status.RUNNING)
 
 
-def test_without_flowing_a_step_is_flown_to_its_end() -> None:
-    """As the paper's first level does."""
-    policy = Says(FAR, TURN_RIGHT)
-    bench = stepping(policy)
-    moving_on(bench, 0.5)
-
-    assert bench.proposed == MoveBy(id=1, forward_m=1.0)
+# Courses: answers with a speed.
 
 
-@pytest.mark.parametrize("answer", [None, (0.2, 0.0)])
-def test_a_policy_that_returns_no_answer_is_named(answer: object) -> None:
-    with pytest.raises(
-        NodeFailedError, match=r"decide\(\) of Says must return Advance, .*uav_bt\.answers, got"
-    ):
-        stepping(Says(answer))  # type: ignore[arg-type]
-
-
-def test_a_decision_with_a_speed_is_flown_without_a_stop() -> None:
-    """Ahead at that speed, the heading towards the bearing, every tick; no separate movement."""
-    policy = Says(FollowLeg(yaw_rad=0.3, speed_mps=0.5, reason="on"))
-    bench = stepping(policy)
-    for _ in range(3):
-        assert live(bench) is Status.RUNNING
-        assert isinstance(bench.proposed, Velocity)
-        assert bench.proposed.forward_mps == 0.5
-        assert bench.proposed.yaw_rate_radps > 0.0
-
-
-def test_a_speed_of_zero_turns_on_the_spot() -> None:
-    bench = stepping(Says(Rotate(yaw_rad=-1.0)))
-    assert isinstance(bench.proposed, Velocity)
-    assert bench.proposed.forward_mps == 0.0
-    assert bench.proposed.yaw_rate_radps < 0.0
-
-
-def test_at_a_speed_the_height_is_kept() -> None:
-    bench = steering_bench(Explore, Says(FollowLeg(speed_mps=0.4)))
+@pytest.mark.parametrize(
+    ("answer", "forward_mps", "side"),
+    [(FollowLeg(yaw_rad=0.3, speed_mps=0.5), 0.5, 1), (Rotate(yaw_rad=-1.0), 0.0, -1)],
+)
+def test_an_answer_with_a_heading_is_flown_without_a_stop(
+    answer: Answer, forward_mps: float, side: int
+) -> None:
+    bench = begun(Says(answer))
     bench.board[FLIGHT_HEIGHT] = 1.5
-    live(bench, height_m=1.2)
-    live(bench, seconds=0.3, height_m=1.2)
-    assert isinstance(bench.proposed, Velocity)
-    assert bench.proposed.down_mps < 0.0
+    for _ in range(3):
+        assert live(bench, height_m=1.2) is Status.RUNNING
+        assert velocity(bench).forward_mps == forward_mps
+        assert side * velocity(bench).yaw_rate_radps > 0.0
+        assert velocity(bench).down_mps == pytest.approx(-0.24)
 
 
 @pytest.mark.parametrize(("beside_m", "goes"), [(-0.35, 1.0), (0.35, -1.0), (0.6, 0.0)])
-def test_at_a_speed_it_keeps_away_from_what_is_beside_it(beside_m: float, goes: float) -> None:
+def test_at_a_speed_it_keeps_away_from_obstacles_beside_it(beside_m: float, goes: float) -> None:
     bench = steering_bench(Explore, Says(FollowLeg(speed_mps=0.4)))
     live(bench)
-    bench.board[SITE_MAP] = map_with(
-        NearObstacles(points_m=np.array([[0.1, beside_m]]), captured_s=0.0)
-    )
-    bench.allow_stale()
-    live(bench, seconds=0.3)
-    assert isinstance(bench.proposed, Velocity)
-    assert bench.proposed.forward_mps == 0.4
-    assert np.sign(bench.proposed.right_mps) == goes
+    near(bench, (0.1, beside_m))
+    assert velocity(bench).forward_mps == 0.4
+    assert np.sign(velocity(bench).right_mps) == goes
 
 
-@pytest.mark.parametrize("movers", [(), (mover(-1.5, 0.0),)])
+@pytest.mark.parametrize("moving", [True, False])
 @pytest.mark.parametrize("looks_down", [True, False])
-def test_at_the_edge_the_camera_is_lowered_to_the_ground(
-    movers: tuple[MapMover, ...], *, looks_down: bool
-) -> None:
+def test_at_the_edge_the_camera_is_lowered_to_the_ground(*, moving: bool, looks_down: bool) -> None:
     """Without ground in view the drone loses its place; a mover elsewhere does not change that."""
     flight_rad = math.radians(-42)
     bench = steering_bench(Explore, Says(ADVANCE), looks_down=looks_down)
     bench.board[FLIGHT_PITCH] = flight_rad
-    edge = replace(drawn_map(pose=(0.0, 1.8, math.pi / 2)), movers=movers)
+    edge = drawn_map(pose=(0.0, 1.8, math.pi / 2))
     here = OdometryPose(x_m=0.0, y_m=1.8, yaw_rad=math.pi / 2, time_s=0.0)
-    bench.board[SITE_MAP] = edge
+    bench.board[SITE_MAP] = replace(edge, movers=(mover(-1.5, 0.0),) if moving else ())
     bench.board[ODOMETRY] = motion(here, tracked_s=0.0)
     bench.allow_stale()
     live(bench)
@@ -313,25 +262,17 @@ def test_at_the_edge_the_camera_is_lowered_to_the_ground(
     assert bench.pointed == (GimbalTo(pitch_rad=flight_rad) if looks_down else None)
 
 
-def test_a_speed_is_not_flown_on_blind() -> None:
-    """Without a view for half a second the drone stops."""
-    bench = stepping(Says(FollowLeg(speed_mps=0.5)))
+def test_without_a_view_for_half_a_second_a_course_ends() -> None:
+    bench = begun(Says(FollowLeg(speed_mps=0.5)))
     bench.board[CLASS_MAP] = paper_map(ids=bench.board[CLASS_MAP].ids, captured_s=-1.0)
     bench.allow_stale()
-    proposed = []
-    for _ in range(8):
+    flies = []
+    for _ in range(7):
         bench.clock.advance(0.1)
         bench.observe(DroneState(captured_s=bench.clock.now(), flying=FlyingState.FLYING))
         bench.tick()
-        proposed.append(bench.proposed)
-    assert isinstance(proposed[0], Velocity)
-    assert proposed[-1] is None
-
-
-def test_nothing_left_to_do_is_a_success() -> None:
-    bench = steering_bench(Explore, Says(Done(reason="covered")))
-    live(bench)
-    assert live(bench, seconds=0.3) is Status.SUCCESS
+        flies.append(bench.proposed is not None)
+    assert flies == [True] * 5 + [False] * 2
 
 
 def test_loops_of_the_planner_are_compiled_when_a_leaf_is_set_up(
@@ -341,3 +282,158 @@ def test_loops_of_the_planner_are_compiled_when_a_leaf_is_set_up(
     monkeypatch.delitem(sys.modules, "behaviours.path.compiled_loops", raising=False)
     steering_bench(Explore, Says(TURN_RIGHT)).tick()
     assert "behaviours.path.compiled_loops" in sys.modules
+
+
+# Turns of Avoid.
+
+
+def rate(bench: LeafBench) -> float:
+    """Return the proposed yaw rate of a turn on the spot."""
+    turn = velocity(bench)
+    assert turn == Velocity(yaw_rate_radps=turn.yaw_rate_radps)
+    return turn.yaw_rate_radps
+
+
+def test_a_turn_is_held_whatever_the_policy_says_meanwhile() -> None:
+    """Also by the next activation, unless an advance came between. Clockwise is positive."""
+    policy = Says(TURN_RIGHT, TURN_LEFT)
+    bench = begun(policy, Avoid)
+    for tick in range(1, 5):
+        assert rate(bench) > 0.3
+        live(bench, yaw_rad=0.07 * tick)
+    assert [view.turning for view in policy.views] == [0, 1, 1, 1, 1]
+    for held, side in ((bench.board[HELD_TURN], 1), (HeldTurn(), -1)):
+        bench.halt()
+        bench.board[HELD_TURN] = held
+        live(bench)
+        assert bench.proposed is None
+        live(bench, seconds=0.3)
+        assert side * rate(bench) > 0.3
+
+
+@pytest.mark.parametrize("begin_rad", [0.0, 2.9])
+def test_a_free_way_counts_only_after_the_least_turn(begin_rad: float) -> None:
+    """Then the drone settles and looks once more. Turning back does not count as turned."""
+    bench = steering_bench(Avoid, Says(TURN_RIGHT, ADVANCE))
+
+    def at(turned_rad: float, seconds: float = 0.1) -> Status:
+        yaw_rad = math.remainder(begin_rad + turned_rad, math.tau)
+        return live(bench, seconds=seconds, yaw_rad=yaw_rad)
+
+    at(0.0)
+    at(0.0, 0.3)
+    for turned_rad in (0.4, 0.1, 0.45, 0.48, 0.55):
+        assert at(turned_rad) is Status.RUNNING
+        assert rate(bench) > 0.0
+    assert at(0.60) is Status.RUNNING
+    assert bench.proposed is None
+    assert at(0.62, 0.3) is Status.SUCCESS
+    assert (bench.proposed, bench.pointed) == (None, None)
+
+
+def test_an_answer_with_a_heading_ends_the_turn_at_once() -> None:
+    """No need to turn back to the view that showed the way."""
+    bench = begun(Says(TURN_RIGHT, Rotate(yaw_rad=-1.0)), Avoid)
+    for yaw_rad in (0.2, 0.45, 0.55):
+        assert live(bench, yaw_rad=yaw_rad) is Status.RUNNING
+    assert live(bench, yaw_rad=0.60) is Status.SUCCESS
+
+
+def test_it_turns_back_to_where_the_way_was_free() -> None:
+    """The turn has gone on since the frame was captured, and goes on until the drone hears."""
+    bench = begun(Says(TURN_RIGHT, ADVANCE), Avoid)
+    for yaw_rad in (0.3, 0.55):
+        live(bench, yaw_rad=yaw_rad)
+    show(bench, yaw_rad=0.60)
+    bench.board[STATE] = replace(bench.board[STATE], attitude=Attitude(yaw_rad=0.72))
+    bench.tick()
+    assert isinstance(bench.proposed, MoveBy)
+    assert bench.proposed.yaw_rad == pytest.approx(0.60 - 0.72 - 0.06)
+
+
+def test_where_it_is_not_free_any_more_the_turn_goes_on() -> None:
+    bench = begun(Says(TURN_RIGHT, ADVANCE, ADVANCE, ADVANCE, TURN_LEFT), Avoid)
+    for yaw_rad in (0.3, 0.55, 0.56):
+        live(bench, yaw_rad=yaw_rad)
+    assert bench.proposed is None
+    assert live(bench, seconds=0.3, yaw_rad=0.56) is Status.RUNNING
+    assert rate(bench) > 0.0
+
+
+def test_full_turns_in_vain_are_counted_for_the_policy() -> None:
+    policy = Says(TURN_RIGHT)
+    bench = begun(policy, Avoid)
+    for tick in range(1, 45):
+        live(bench, yaw_rad=(0.3 * tick + 3.0) % 6.283 - 3.0)
+    assert policy.views[0].full_turns == 0
+    assert policy.views[-1].full_turns == 2
+
+
+def test_the_drone_steps_away_from_a_near_obstacle_before_the_turn() -> None:
+    bench = steering_bench(Avoid, Says(TURN_RIGHT))
+    live(bench)
+    near(bench, (0.18, 0.24), (1.5, 0.0))
+    step = bench.proposed
+    assert isinstance(step, MoveBy)
+    assert (step.forward_m, step.right_m) == pytest.approx((-0.09, -0.12))
+    near(bench, (0.18, 0.24))
+    assert bench.proposed == step
+    bench.clock.advance(0.3)
+    bench.finish_movement()
+    bench.tick()
+    near(bench, (0.27, 0.36))
+    assert rate(bench) > 0.3
+
+
+def test_a_turn_keeps_away_from_obstacles_and_the_edge() -> None:
+    """A hovering drone drifts, also to where the camera does not look."""
+    bench = begun(Says(TURN_LEFT), Avoid)
+    for points, edge_m, push_mps in (
+        ([(0.5, 0.0)], 9.0, (0.0, 0.0)),
+        ([(0.0, 0.4), (0.0, -2.0)], 9.0, (0.0, -0.075)),
+        ([], 0.35, (0.0, 0.0)),
+        ([], 0.25, (-0.075, 0.0)),
+    ):
+        near(bench, *points, edge_m=edge_m)
+        turn = velocity(bench)
+        assert turn.yaw_rate_radps < -0.3
+        assert (turn.forward_mps, turn.right_mps) == pytest.approx(push_mps)
+
+
+# CoverageGrows.
+
+
+def answers(bench: LeafBench, covered: list[int], *, restarts: int = 0) -> list[Status]:
+    """Return the answers of ticks half a second apart, on a map of 100 ground cells."""
+    result = []
+    for count in covered:
+        bench.clock.advance(0.5)
+        site_map = map_with(NearObstacles(captured_s=bench.clock.now()))
+        cells = np.zeros((10, 10), dtype=bool)
+        passed = np.arange(100).reshape(10, 10) < count
+        bench.board[SITE_MAP] = replace(
+            site_map, seen_s=0.0 * passed, free=cells, outside=cells, passed=passed
+        )
+        bench.board[SITE_MAP] = replace(bench.board[SITE_MAP], restarts=restarts)
+        result.append(bench.tick())
+    return result
+
+
+YES, NO = Status.SUCCESS, Status.FAILURE
+
+
+def test_coverage_grows_until_a_window_brings_less_than_asked() -> None:
+    bench = LeafBench(CoverageGrows, min_share=0.02, window_s=2.5)
+    assert answers(bench, [10, 12, 14, 16, 18, 20, 22]) == [YES] * 7
+    # After a window at 22 to 23 cells the window has brought 1 of 100.
+    assert answers(bench, [22, 22, 23, 23, 23, 23]) == [*[YES] * 4, NO, NO]
+    assert answers(LeafBench(CoverageGrows, min_share=0, window_s=1), [10] * 9) == [YES] * 9
+
+
+@pytest.mark.parametrize(("pause_s", "restarts"), [(0.0, 0), (20.0, 0), (0.0, 1)])
+def test_a_pause_and_a_new_map_restart_the_window(pause_s: float, restarts: int) -> None:
+    bench = LeafBench(CoverageGrows, min_share=0.02, window_s=2.5)
+    before = [40, 42, 44, 46] if pause_s or restarts else []
+    answers(bench, before)
+    bench.clock.advance(pause_s)
+    assert answers(bench, [40] * 6, restarts=restarts) == [*[YES] * 5, NO]

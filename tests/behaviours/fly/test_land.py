@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from behaviours.fly.land import EmergencyLand, Land, LandHere
+from behaviours.fly.land import MARGIN_M, EmergencyLand, Land, LandHere
 from tests.behaviours.fly.test_landing_spot import CAMERA_DOWN, view_of_box
 from tests.paper_lab import BACKGROUND, BOXES, CARPET
 from tests.worlds.values import fix
@@ -171,7 +171,7 @@ def test_an_emergency_landing_takes_a_mat_for_what_it_is() -> None:
 
     step = bench.proposed
     assert isinstance(step, MoveBy)
-    hull_m = bench.leaf.mission.airframe.radius_m + EmergencyLand.config.margin_m
+    hull_m = bench.leaf.mission.airframe.radius_m + MARGIN_M
     assert 0.3 + hull_m - 0.03 <= step.right_m <= 0.9 - hull_m + 0.03
     assert -0.1 + hull_m - 0.03 <= step.forward_m <= 0.5 - hull_m + 0.03
 

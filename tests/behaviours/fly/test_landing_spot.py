@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from behaviours.fly.landing_spot import nearest_landing_spot
+from behaviours.fly.land import nearest_landing_spot
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, paper_map
 from tests.worlds import values
 from uav_bt.lab.shipped import default_mark
@@ -29,8 +29,7 @@ def spot(
     ids: NDArray[np.uint8], radius_m: float = 0.25, mark_m: float = default_mark().height_m
 ) -> tuple[float, float] | None:
     view = paper_map(ids=ids, captured_s=0.0)
-    found = nearest_landing_spot(view, CAMERA_DOWN, from_above(), radius_m=radius_m, mark_m=mark_m)
-    return (found.forward_m, found.right_m) if found else None
+    return nearest_landing_spot(view, CAMERA_DOWN, from_above(), radius_m=radius_m, mark_m=mark_m)
 
 
 def all_ground() -> NDArray[np.uint8]:

@@ -1,4 +1,4 @@
-"""The small leaves: hover for a while, point the camera, turn, know the mark."""
+"""The small leaves: hover for a while, point the camera, turn, messages, conditions."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ import math
 
 import pytest
 
-from behaviours.fly.look import HoverFor, Hovering, PointCamera, Turn
+from behaviours.fly.look import HoverFor, Hovering, MovesOn, PointCamera, Say, Turn
 from tests.worlds.leaves import wait
-from uav_bt.board import PHASE
+from tests.worlds.values import motion
+from uav_bt.board import ELAPSED, ODOMETRY, PHASE
+from uav_bt.errors import InputError
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import live
 from uav_bt.tree import Status
@@ -16,54 +18,41 @@ from uav_bt.types import (
     BodyVelocity,
     GimbalTo,
     Hover,
+    MissionPhase,
     MoveBy,
     MovementState,
     MovementStatus,
 )
+from uav_bt.types.dead_reckoning import OdometryPose
+from uav_bt.types.flight_results import EventKind, FlightEvent
 
 
-def test_hovers_for_its_time() -> None:
-    """It proposes a hover until the time is over, and nothing in the tick in which it is."""
+def test_hover_for_hovers_for_its_time_without_that_of_a_pilot() -> None:
     bench = LeafBench(HoverFor, seconds="2.0")
     assert live(bench) is Status.RUNNING
     assert bench.proposed == Hover()
     assert bench.board[PHASE] == "hover"
-    assert wait(bench, 1.9) is Status.RUNNING
-
-    assert live(bench, seconds=0.2) is Status.SUCCESS
-    assert bench.proposed is None
-
-
-def test_time_in_which_a_person_flies_is_not_hovered() -> None:
-    """The tree is not ticked then; the leaf hovers for the remaining time afterwards."""
-    bench = LeafBench(HoverFor, seconds=2.0)
-    live(bench)
-    wait(bench, 1.0)
-
+    assert wait(bench, 1.0) is Status.RUNNING
     assert live(bench, seconds=10.0) is Status.RUNNING
     assert wait(bench, 0.9) is Status.RUNNING
     assert live(bench, seconds=0.2) is Status.SUCCESS
-
-
-def test_points_until_a_frame_comes_from_there() -> None:
-    """The picture counts, not the command."""
-    bench = LeafBench(PointCamera, pitch_deg=-60.0)
-    assert live(bench, gimbal_deg=-30.0) is Status.RUNNING
-    assert bench.pointed == GimbalTo(pitch_rad=math.radians(-60))
     assert bench.proposed is None
 
+
+def test_point_camera_points_until_a_frame_has_the_pitch() -> None:
+    bench = LeafBench(PointCamera, pitch_deg=-60.0)
+    assert live(bench, gimbal_deg=-30.0) is Status.RUNNING
+    assert (bench.pointed, bench.proposed) == (GimbalTo(pitch_rad=math.radians(-60)), None)
     assert live(bench, gimbal_deg=-59.0) is Status.SUCCESS
     assert bench.pointed is None
 
 
-def test_turns_until_the_drone_says_it_ended() -> None:
+def test_turn_turns_until_the_drone_reports_the_end() -> None:
     """Clockwise positive."""
     bench = LeafBench(Turn, degrees=-90.0)
-    assert live(bench) is Status.RUNNING
-    assert bench.proposed == MoveBy(id=1, yaw_rad=-math.pi / 2)
-    assert live(bench) is Status.RUNNING
-    assert bench.proposed == MoveBy(id=1, yaw_rad=-math.pi / 2)
-
+    for _ in range(2):
+        assert live(bench) is Status.RUNNING
+        assert bench.proposed == MoveBy(id=1, yaw_rad=-math.pi / 2)
     bench.finish_movement()
     assert bench.tick(advance_s=0.1) is Status.SUCCESS
     assert bench.proposed is None
@@ -80,7 +69,6 @@ def test_an_interrupted_turn_goes_on_to_the_same_heading(
         live(bench, yaw_rad=math.remainder(math.radians(heading_deg), 2.0 * math.pi))
     over = MovementStatus(id=1, state=word)
     yaw_rad = math.radians(200 - 360)
-
     assert live(bench, seconds=seconds, yaw_rad=yaw_rad, movement=over) is Status.RUNNING
     assert isinstance(bench.proposed, MoveBy)
     assert bench.proposed.id == 2
@@ -92,7 +80,6 @@ def test_an_interrupted_turn_goes_on_to_the_same_heading(
 @pytest.mark.parametrize(
     ("velocity", "expected"),
     [
-        (BodyVelocity(), Status.SUCCESS),
         (BodyVelocity(forward_mps=0.1, right_mps=-0.1), Status.SUCCESS),
         (BodyVelocity(forward_mps=0.12, right_mps=-0.12), Status.FAILURE),
         (BodyVelocity(forward_mps=-0.3), Status.FAILURE),
@@ -100,5 +87,56 @@ def test_an_interrupted_turn_goes_on_to_the_same_heading(
     ],
 )
 def test_hovering_asks_for_the_horizontal_speed(velocity: BodyVelocity, expected: Status) -> None:
-    """Whatever its direction."""
     assert live(LeafBench(Hovering, below_mps=0.15), velocity=velocity) is expected
+
+
+def stay(bench: LeafBench, x_m: float, seconds: float) -> Status:
+    """Tick for a time at one place, twice a second; return the last answer."""
+    status = Status.RUNNING
+    for _ in range(round(2 * seconds)):
+        bench.clock.advance(0.5)
+        pose = OdometryPose(x_m=x_m, y_m=0.0, yaw_rad=0.0, time_s=bench.clock.now())
+        bench.board[ODOMETRY] = motion(pose, tracked_s=-math.inf)
+        status = bench.tick()
+    return status
+
+
+def test_moves_on_fails_after_a_stay_and_still_does_when_the_tree_tries_again() -> None:
+    bench = LeafBench(MovesOn, for_s=10.0)
+    assert stay(bench, 0.0, 9.0) is Status.SUCCESS
+    assert stay(bench, 0.6, 9.5) is Status.SUCCESS, "another place"
+    bench.clock.advance(100.0)
+    assert stay(bench, 0.6, 0.5) is Status.SUCCESS, "a pause does not count"
+    assert stay(bench, 0.4, 1.0) is Status.FAILURE
+    bench.halt()
+    assert stay(bench, 0.4, 0.5) is Status.FAILURE
+
+
+def test_say_fills_in_variables_and_board_keys() -> None:
+    text = "{side} of {count}, {share}, after {@elapsed_s} s in {@phase}; {nothing}, {@mark}"
+    bench = LeafBench(Say, text=text)
+    bench.board[ELAPSED] = 12.0
+    bench.board[PHASE] = MissionPhase.EXPLORE
+    bench.variables["side"], bench.variables["count"] = "left", 4
+    bench.variables["share"] = 0.12345
+    for _ in range(2):  # one event an activation
+        assert bench.tick() is Status.SUCCESS
+    filled = "left of 4, 0.123, after 12 s in explore; unknown, unknown"
+    event = FlightEvent(time_s=12.0, kind=EventKind.INFO, text=filled, node="Bench/Say")
+    assert bench.notes.events == [event, event]
+    assert bench.feedback == filled
+
+
+def test_say_warns_and_takes_a_text_of_one_placeholder() -> None:
+    bench = LeafBench(Say, text="{n}", level="warning")
+    bench.variables["n"] = 2.5
+    bench.tick()
+    assert [(event.kind, event.text) for event in bench.notes.events] == [
+        (EventKind.WARNING, "2.5")
+    ]
+
+
+@pytest.mark.parametrize("text", ["{two words}", "{}", "50 } %"])
+def test_say_refuses_a_bad_text(text: str) -> None:
+    with pytest.raises(InputError, match="belongs to no placeholder"):
+        Say(None, text=text)

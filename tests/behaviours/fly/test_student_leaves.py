@@ -8,10 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from behaviours.fly.corridor_clear import CorridorClear
-from behaviours.fly.explore import Explore
-from behaviours.perceive.advise import Advise
-from behaviours.perceive.recent_views import RememberViews
+from behaviours.fly.explore import CorridorClear, Explore
+from behaviours.perceive.recent_views import Advise, RememberViews
 from tests.worlds import values
 from tests.worlds.leaves import (
     ADVANCE,

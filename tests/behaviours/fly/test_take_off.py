@@ -29,61 +29,40 @@ def test_from_the_ground_to_the_flight_height() -> None:
     bench = on_the_ground()
     assert (bench.proposed, bench.pointed) == (TakeOffCommand(), AHEAD)
     assert bench.board[PHASE] == "take-off"
+    assert bench.board[FLIGHT_HEIGHT] == 1.5
+    assert bench.board[FLIGHT_PITCH] == pytest.approx(math.radians(-30.0))
     live(bench, flying=FlyingState.TAKING_OFF, height_m=0.9)
     assert bench.proposed == TakeOffCommand()
-
     live(bench, height_m=1.0)
     climb = bench.proposed
     assert isinstance(climb, MoveBy)
     assert climb.down_m == pytest.approx(-0.5)
     live(bench, height_m=1.3, flying=FlyingState.FLYING)
     assert bench.proposed == climb
-
     done = MovementStatus(id=climb.id, state=MovementState.DONE)
     assert live(bench, seconds=1.0, height_m=1.52, movement=done) is Status.SUCCESS
     assert (bench.proposed, bench.pointed) == (None, None)
 
 
-def test_the_height_holds_for_the_whole_mission() -> None:
-    """What steers afterwards reads it from the board, whatever the tree calls the leaf."""
-    bench = LeafBench(TakeOff, height_m=1.2, gimbal_deg=-40.0)
-    live(bench, flying=FlyingState.LANDED, height_m=0.45)
-
-    assert bench.board[FLIGHT_HEIGHT] == 1.2
-    assert bench.board[FLIGHT_PITCH] == pytest.approx(math.radians(-40.0))
-
-
-def test_near_enough_needs_no_climb() -> None:
-    """Within a decimetre of the flight height it is there."""
+def test_it_waits_for_the_camera_and_needs_no_climb_within_a_decimetre() -> None:
     bench = LeafBench(TakeOff, height_m=1.5, gimbal_deg=-30.0)
+    assert live(bench, height_m=1.42, gimbal_deg=-10.0) is Status.RUNNING
+    assert (bench.proposed, bench.pointed) == (None, AHEAD)
+    assert live(bench, height_m=1.42, gimbal_deg=-29.0) is Status.SUCCESS
+    assert bench.pointed is None
 
-    assert live(bench, height_m=1.42) is Status.SUCCESS
 
-
-def test_too_high_it_comes_down() -> None:
-    """The climb may be a descent."""
+def test_the_climb_may_be_a_descent() -> None:
     bench = LeafBench(TakeOff, height_m=1.0)
     live(bench, height_m=1.4)
-
     assert isinstance(bench.proposed, MoveBy)
     assert bench.proposed.down_m == pytest.approx(0.4)
-
-
-def test_waits_for_the_camera() -> None:
-    """At its height, it goes on pointing until a frame comes from there."""
-    bench = LeafBench(TakeOff, gimbal_deg=-30.0)
-    assert live(bench, gimbal_deg=-10.0) is Status.RUNNING
-    assert (bench.proposed, bench.pointed) == (None, AHEAD)
-
-    assert live(bench, gimbal_deg=-29.0) is Status.SUCCESS
-    assert bench.pointed is None
 
 
 def test_too_long_is_a_failure() -> None:
     """The leaf gives up a drone that stays on the ground, and sends no further command."""
     bench = on_the_ground(give_up_s=5.0)
     assert wait(bench, 4.9, flying=FlyingState.LANDED) is Status.RUNNING
-
     assert live(bench, seconds=0.2, flying=FlyingState.LANDED) is Status.FAILURE
     assert (bench.proposed, bench.pointed) == (None, None)
     assert "landed" in bench.feedback

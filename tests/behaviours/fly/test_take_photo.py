@@ -1,4 +1,4 @@
-"""Photographs: stored frames and the files beside them, and reasons for none."""
+"""Photographs: stored frames and the files beside them, the drone's own, and reasons for none."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from behaviours.fly.steadiness import Steadiness
-from behaviours.fly.take_photo import TakePhoto
+from behaviours.fly.take_photo import Steadiness, TakePhoto
 from tests.paper_lab import CARPET
 from tests.worlds.leaves import map_with
 from uav_bt.board import ELAPSED, FRAME, SITE_MAP, STATE
 from uav_bt.board.context import FlightFolder
 from uav_bt.errors import InputError
+from uav_bt.protocols import Still, StillState
 from uav_bt.record.images import decode_bytes, decode_image
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import live, show
@@ -34,26 +34,43 @@ from uav_bt.types import (
 from uav_bt.types.flight_results import EventKind
 
 
-class _Blind:
+class Blind:
     """Perception of a drone without images; the leaf only asks whether there is one."""
 
 
-def photo_bench(out: Path | None, *, sight: bool = False, **attributes: object) -> LeafBench:
-    """Return a bench whose flight has an output folder, or none."""
+class Camera:
+    """A camera that ends each photograph when the test lets it."""
+
+    def __init__(self) -> None:
+        self.asked = 0
+        self.end = Still()
+
+    def take_still(self) -> int:
+        self.asked += 1
+        return self.asked
+
+    def still(self, number: int) -> Still:
+        assert number == self.asked
+        return self.end
+
+    def fetch_still(self, media: str, limit_s: float) -> bytes:
+        raise AssertionError(f"{media} was fetched in flight, within {limit_s} s")
+
+
+def photo_bench(out: Path | None, **attributes: object) -> LeafBench:
+    """Return a bench whose flight has an output folder, or none; `sight` and `stills` are parts."""
+    parts = {name: attributes.pop(name, None) for name in ("sight", "stills")}
     bench = LeafBench(TakePhoto, **attributes)
-    bench.provide(
-        outputs=None if out is None else FlightFolder(out),
-        sight=_Blind() if sight else None,  # nothing calls it
-    )
+    bench.provide(outputs=None if out is None else FlightFolder(out), **parts)
     return bench
 
 
 def run(bench: LeafBench, ticks: int, **world: Any) -> list[Status]:
     """Tick until the leaf has ended, at most a number of times."""
-    answers: list[Status] = []
-    while len(answers) < ticks and (not answers or answers[-1] is Status.RUNNING):
-        answers.append(live(bench, **world))
-    return answers
+    found: list[Status] = []
+    while len(found) < ticks and (not found or found[-1] is Status.RUNNING):
+        found.append(live(bench, **world))
+    return found
 
 
 def names(folder: Path) -> list[str]:
@@ -61,12 +78,12 @@ def names(folder: Path) -> list[str]:
 
 
 def test_a_steady_drone_stores_frame_class_map_and_pose(tmp_path: Path) -> None:
-    bench = photo_bench(tmp_path, label="box 1, left")
+    bench = photo_bench(tmp_path, label="box {n}, {nothing}")
+    bench.variables["n"] = 1
     bench.board[ELAPSED] = 20.0
     for _ in range(5):
         assert live(bench) is Status.RUNNING
-        assert bench.proposed == Hover()
-        assert bench.pointed is None
+        assert (bench.proposed, bench.pointed) == (Hover(), None)
     show(bench)
     bench.board[SITE_MAP] = replace(
         map_with(NearObstacles()),
@@ -74,7 +91,7 @@ def test_a_steady_drone_stores_frame_class_map_and_pose(tmp_path: Path) -> None:
         captured_s=bench.clock.now(),
     )
     assert bench.tick() is Status.SUCCESS
-    name = "photo-001-box-1-left"
+    name = "photo-001-box-1-unknown"
     assert names(tmp_path) == [f"{name}-classes.png", f"{name}.jpg", f"{name}.json"]
     image = decode_image((tmp_path / f"{name}.jpg").read_bytes())
     assert image.shape == bench.board[FRAME].image.shape
@@ -82,7 +99,7 @@ def test_a_steady_drone_stores_frame_class_map_and_pose(tmp_path: Path) -> None:
     facts = json.loads((tmp_path / f"{name}.json").read_text(encoding="utf-8"))
     assert facts == {
         "frame": "start",
-        "label": "box 1, left",
+        "label": "box 1, unknown",
         "file": f"{name}.jpg",
         "class_map": f"{name}-classes.png",
         "time_s": 20.0,
@@ -92,38 +109,23 @@ def test_a_steady_drone_stores_frame_class_map_and_pose(tmp_path: Path) -> None:
         "camera_file": None,
         "camera_media": None,
     }
-    notes = bench.notes
-    assert [photo.label for photo in notes.photos] == ["box 1, left"]
-    assert [(event.kind, event.text) for event in notes.events] == [(EventKind.PHOTO, name)]
-
-
-def test_a_label_is_filled_in(tmp_path: Path) -> None:
-    bench = photo_bench(tmp_path, label="side {side} of {object}, {nothing}")
-    bench.variables["side"], bench.variables["object"] = 2, "object:3"
-    assert run(bench, 20)[-1] is Status.SUCCESS
-    (photo,) = bench.notes.photos
-    assert photo.label == "side 2 of object:3, unknown"
-    assert photo.file == "photo-001-side-2-of-object-3-unknown.jpg"
+    assert [photo.label for photo in bench.notes.photos] == ["box 1, unknown"]
+    assert [(event.kind, event.text) for event in bench.notes.events] == [(EventKind.PHOTO, name)]
 
 
 def test_while_the_drone_moves_or_turns_nothing_is_stored(tmp_path: Path) -> None:
-    bench = photo_bench(tmp_path, timeout_s=1.0)
-    answers = run(bench, 20, velocity=BodyVelocity(forward_mps=0.5), flying=FlyingState.FLYING)
-    assert answers[-1] is Status.FAILURE
-    assert bench.feedback == "no image within 1 s: the drone is not steady"
+    for forward_mps, turn_deg in ((0.5, 0.0), (0.0, 2.0)):
+        bench = photo_bench(tmp_path, timeout_s=1.0)
+        status, ticks = Status.RUNNING, 0
+        while status is Status.RUNNING and ticks < 20:
+            ticks += 1
+            velocity = BodyVelocity(forward_mps=forward_mps)
+            status = live(bench, velocity=velocity, yaw_rad=math.radians(ticks * turn_deg))
+        assert status is Status.FAILURE
+        assert bench.feedback == "no image within 1 s: the drone is not steady"
+        (event,) = bench.notes.events
+        assert (event.kind, event.text) == (EventKind.NO_PHOTO, bench.feedback)
     assert names(tmp_path) == []
-
-    bench = photo_bench(tmp_path, timeout_s=1.0)
-    yaw_rad = 0.0
-    for _ in range(20):
-        yaw_rad += 0.1 * math.radians(20)
-        status = live(bench, yaw_rad=yaw_rad)
-        if status is not Status.RUNNING:
-            break
-    assert status is Status.FAILURE
-    event = bench.notes.events[-1]
-    assert event.kind is EventKind.NO_PHOTO
-    assert event.text == "no image within 1 s: the drone is not steady"
 
 
 def test_the_camera_is_pointed_and_restored(tmp_path: Path) -> None:
@@ -143,9 +145,9 @@ def test_the_camera_is_pointed_and_restored(tmp_path: Path) -> None:
 def test_a_camera_that_does_not_come_back_delays_the_answer_only(tmp_path: Path) -> None:
     bench = photo_bench(tmp_path, pitch_deg="-80")
     run(bench, 10)
-    answers = run(bench, 60, gimbal_deg=-80.0)
-    assert answers[-1] is Status.SUCCESS
-    assert 18 <= len(answers) <= 25
+    found = run(bench, 60, gimbal_deg=-80.0)
+    assert found[-1] is Status.SUCCESS
+    assert 18 <= len(found) <= 25
 
 
 def test_a_failed_photograph_restores_the_camera(tmp_path: Path) -> None:
@@ -181,7 +183,7 @@ def test_without_a_folder_it_fails_at_once_and_says_what_to_do(
     bench.setup()
     assert "Bench/TakePhoto will fail: the flight has no output folder" in caplog.text
     assert live(bench) is Status.FAILURE
-    event = bench.notes.events[-1]
+    (event,) = bench.notes.events
     assert event.text == "'door': the flight has no output folder: fly with --out DIR"
 
 
@@ -202,37 +204,27 @@ def test_a_full_disk_is_a_failure_with_the_reason(
 
 
 def test_a_drone_without_images_stores_pose_and_class_map(tmp_path: Path) -> None:
-    bench = photo_bench(tmp_path, sight=True)
+    bench = photo_bench(tmp_path, sight=Blind())
     assert run(bench, 20)[-1] is Status.SUCCESS
     assert names(tmp_path) == ["photo-001-classes.png", "photo-001.json"]
     assert bench.notes.photos[0].file is None
 
 
-def test_a_drone_without_images_and_class_maps_fails_with_one_reason(tmp_path: Path) -> None:
-    bench = photo_bench(tmp_path, sight=True, timeout_s="1.0")
-    while (status := bench_without_classes(bench)) is Status.RUNNING:
-        pass
-    assert status is Status.FAILURE
-    assert bench.feedback == (
-        "no image within 1 s: the drone has no images, and no leaf makes a class map: add Segment"
-    )
-
-
-def bench_without_classes(bench: LeafBench) -> Status:
-    bench.clock.advance(0.1)
-    bench.hover(gimbal_pitch_rad=math.radians(-30))
-    return bench.tick()
-
-
-def test_without_a_class_map_the_image_is_stored_alone(tmp_path: Path) -> None:
-    bench = photo_bench(tmp_path)
-    while (status := bench_without_classes(bench)) is Status.RUNNING:
-        pass
+@pytest.mark.parametrize("sight", [None, Blind()])
+def test_without_class_maps_only_an_image_is_stored(tmp_path: Path, sight: Blind | None) -> None:
+    bench, status = photo_bench(tmp_path, sight=sight, timeout_s="1.0"), Status.RUNNING
+    while status is Status.RUNNING:
+        bench.clock.advance(0.1)
+        bench.hover(gimbal_pitch_rad=math.radians(-30))
+        status = bench.tick()
+    if sight is not None:
+        why = "the drone has no images, and no leaf makes a class map: add Segment"
+        assert (status, bench.feedback) == (Status.FAILURE, f"no image within 1 s: {why}")
+        return
     assert status is Status.SUCCESS
     assert names(tmp_path) == ["photo-001.jpg", "photo-001.json"]
     facts = json.loads((tmp_path / "photo-001.json").read_text(encoding="utf-8"))
-    assert facts["class_map"] is None
-    assert facts["pose"] is None
+    assert (facts["class_map"], facts["pose"]) == (None, None)
 
 
 @pytest.mark.parametrize("pitch", ["up", "-91", "nan", ""])
@@ -243,17 +235,78 @@ def test_a_pitch_that_is_none_is_refused(pitch: str) -> None:
 
 def test_a_drone_is_steady_by_its_mean_over_half_a_second() -> None:
     """One noisy sample neither makes it steady nor unsteady."""
-    steady, times = Steadiness(), [0.2 * index for index in range(12)]
-    for index, time_s in enumerate(times):
-        speed = 0.3 if index % 2 else -0.3
-        velocity = BodyVelocity(forward_mps=speed)
-        steady.update(
-            DroneState(captured_s=time_s, flying=FlyingState.HOVERING, velocity=velocity), None
-        )
+    steady = Steadiness()
+
+    def fly(time_s: float, forward_mps: float) -> None:
+        velocity = BodyVelocity(forward_mps=forward_mps)
+        state = DroneState(captured_s=time_s, flying=FlyingState.FLYING, velocity=velocity)
+        steady.update(state, None)
+
+    for index in range(12):
+        fly(0.2 * index, 0.3 if index % 2 else -0.3)
     assert steady.since_s == pytest.approx(0.6)
     for time_s in (2.4, 2.6, 2.8):
-        velocity = BodyVelocity(forward_mps=0.5)
-        steady.update(
-            DroneState(captured_s=time_s, flying=FlyingState.FLYING, velocity=velocity), None
-        )
+        fly(time_s, 0.5)
     assert steady.since_s == math.inf
+
+
+# The drone's own camera.
+
+SAVED = Still(state=StillState.SAVED, media="10000001")
+FULL = Still(state=StillState.FAILED, reason="the memory card is full")
+
+
+def asked(out: Path, **attributes: object) -> tuple[LeafBench, Camera]:
+    """Return a bench whose leaf has just asked the camera for a photograph."""
+    camera = Camera()
+    bench = photo_bench(out, stills=camera, label="door", **attributes)
+    for _ in range(30):
+        gimbal_deg = -30.0 if bench.pointed is None else -40.0
+        assert live(bench, gimbal_deg=gimbal_deg) is Status.RUNNING
+        if camera.asked:
+            return bench, camera
+    raise AssertionError("the camera was not asked")
+
+
+def test_frame_and_photograph_are_of_one_moment(tmp_path: Path) -> None:
+    bench, camera = asked(tmp_path, pitch_deg="-40")
+    at_s = bench.clock.now()
+    for _ in range(5):
+        assert live(bench, gimbal_deg=-40.0) is Status.RUNNING
+        assert (bench.proposed, bench.pointed) == (Hover(), GimbalTo(pitch_rad=math.radians(-40)))
+    assert names(tmp_path) == []
+    camera.end = SAVED
+    assert live(bench, gimbal_deg=-40.0) is Status.RUNNING
+    assert bench.pointed == GimbalTo(pitch_rad=math.radians(-30))
+    assert live(bench, gimbal_deg=-30.0) is Status.SUCCESS
+    (photo,) = bench.notes.photos
+    assert (photo.camera_file, photo.camera_media) == ("photo-001-door-camera.jpg", "10000001")
+    facts = json.loads((tmp_path / "photo-001-door.json").read_text())
+    assert facts["camera_file"] == photo.camera_file
+    assert photo.time_s <= at_s
+    assert camera.asked == 1
+
+
+def test_a_full_card_is_a_failure_and_the_frame_is_stored(tmp_path: Path) -> None:
+    bench, camera = asked(tmp_path)
+    camera.end = FULL
+    assert live(bench) is Status.FAILURE
+    assert bench.feedback == "the drone's camera took no photograph: the memory card is full"
+    assert [(event.kind, event.text) for event in bench.notes.events] == [
+        (EventKind.PHOTO, "photo-001-door"),
+        (EventKind.NO_PHOTO, f"'door': {bench.feedback}"),
+    ]
+    assert (tmp_path / "photo-001-door.jpg").is_file()
+    assert bench.notes.photos[0].camera_file is None
+
+
+def test_a_camera_that_does_not_answer_is_given_up(tmp_path: Path) -> None:
+    bench, _ = asked(tmp_path, timeout_s=1.0)
+    assert [live(bench) for _ in range(10)] == [*[Status.RUNNING] * 9, Status.FAILURE]
+    assert bench.feedback.endswith("the camera has not confirmed it within 1 s")
+
+
+def test_the_camera_may_be_left_out(tmp_path: Path) -> None:
+    bench = photo_bench(tmp_path, stills=(camera := Camera()), camera_photo="false")
+    assert run(bench, 6)[-1] is Status.SUCCESS
+    assert camera.asked == 0

@@ -1,4 +1,4 @@
-"""Fastest paths over a grid, against SciPy's search over the graph of neighbouring cells."""
+"""Fastest paths against SciPy's search, and the ground along them against the union of discs."""
 
 from __future__ import annotations
 
@@ -6,10 +6,15 @@ import itertools
 import math
 
 import numpy as np
+import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from behaviours.path.fastest import fastest_paths
+
+RADIUS = 5.0
+SHAPE = (40, 30)
+START = (20, 15)
 
 
 def by_scipy(open_: np.ndarray, cell_s: np.ndarray, start: tuple[int, int]) -> np.ndarray:
@@ -58,8 +63,33 @@ def test_no_path_leads_over_a_closed_cell() -> None:
     assert paths.reached.tolist() == [0, 1]
 
 
-def test_the_cells_after_two_steps() -> None:
+def test_on_a_line_the_cells_after_two_steps_and_what_each_step_adds() -> None:
     paths = fastest_paths(np.ones((1, 12), dtype=bool), np.ones((1, 12)), (0, 3))
     rows, columns = paths.after(2)
     assert rows.tolist() == [0] * 12
     assert columns.tolist() == [1, 1, 2, 3, 4, 5, 5, 5, 5, 5, 5, 5]
+    # Around the start the cells 1 to 5; each step adds the cell two ahead of its end.
+    covered = paths.covered(np.arange(12.0)[None], 2.0)
+    assert covered[0].tolist() == [15, 15, 15, 15, 21, 28, 36, 45, 55, 66, 66, 66]
+
+
+def union(path: list[tuple[int, int]], worth: np.ndarray) -> float:
+    """Return what all cells are worth that are as near to the path as the radius."""
+    rows, columns = np.indices(worth.shape)
+    near = np.zeros(worth.shape, dtype=bool)
+    for row, column in path:
+        near |= np.hypot(rows - row, columns - column) <= RADIUS
+    return float(worth[near].sum())
+
+
+def test_a_path_covers_the_union_of_the_discs_along_it() -> None:
+    worth = np.random.default_rng(4).random(SHAPE)
+    open_ = np.ones(SHAPE, dtype=bool)
+    open_[10:14, 5:25] = False
+    paths = fastest_paths(open_, np.ones(SHAPE), START)
+    covered = paths.covered(worth, RADIUS)
+    for end in [(0, 0), (39, 29), (20, 16), (9, 15), (21, 2)]:
+        assert covered[end] == pytest.approx(union(paths.to(end), worth), rel=0.08)
+    assert covered[20, 29] == pytest.approx(union(paths.to((20, 29)), worth))  # straight
+    assert covered[START] == pytest.approx(union([START], worth))
+    assert covered[11, 10] == 0.0

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from behaviours.path.clearance import ClearanceMap
-from behaviours.path.following import FollowConfig, follow
+from behaviours.path.following import follow
 from behaviours.path.margins import Margins
 from behaviours.path.nearby import RecentObstacles, recent_obstacles
 from behaviours.path.survey import best_route
@@ -78,11 +78,11 @@ def test_it_steers_around_a_corner_not_across_it() -> None:
     ahead = [(x_m, 0.0) for x_m in (0.5, 0.6, 0.7, 0.8, 0.9)]
     path_m = ahead + [(0.9, y_m) for y_m in (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)]
     leg = clearance.route_along([clearance.map.cell_of(*place_m) for place_m in path_m], time_s=3.0)
-    way = follow(leg, clearance.map, None, margins=MARGINS, config=FollowConfig())
+    way = follow(leg, clearance.map, None, margins=MARGINS)
     assert way is not None
     course = np.arange(0.0, 0.6, 0.05)[:, None] * (math.cos(way.yaw_rad), math.sin(way.yaw_rad))
     nearest_m = np.linalg.norm((0.45, 0.0) + course[:, None] - block, axis=-1).min()
-    assert nearest_m >= leg.clear_m.min() - FollowConfig().cut_m - 0.05  # half a cell
+    assert nearest_m >= leg.clear_m.min() - 0.03 - 0.05  # half a cell
 
 
 def test_in_the_open_it_looks_far_ahead() -> None:
@@ -99,7 +99,7 @@ def past(obstacles: np.ndarray, free_m: float = 0.3) -> FollowLeg | Rotate | Non
     path_m = [(x_m, 0.0) for x_m in np.arange(0.0, 1.0, 0.1)]
     leg = clearance.route_along([clearance.map.cell_of(*place_m) for place_m in path_m], time_s=3.0)
     corridor = values.corridor(free_m, "left", captured_s=1.0)
-    return follow(leg, clearance.map, corridor, margins=MARGINS, config=FollowConfig())
+    return follow(leg, clearance.map, corridor, margins=MARGINS)
 
 
 def test_it_creeps_past_what_the_map_has_beside_the_way() -> None:
@@ -107,7 +107,7 @@ def test_it_creeps_past_what_the_map_has_beside_the_way() -> None:
     beside = np.array([[x_m, -0.45] for x_m in (0.3, 0.4, 0.5)])
     way = past(beside)
     assert isinstance(way, FollowLeg)
-    assert way.speed_mps == pytest.approx(FollowConfig().past_mps)
+    assert way.speed_mps == 0.15
 
 
 def test_it_stops_before_what_is_not_on_the_map() -> None:

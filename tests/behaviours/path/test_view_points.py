@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import RecentObstacles
 from behaviours.path.passages import ClearanceMaps
-from behaviours.path.view_points import ViewPointConfig, view_points
+from behaviours.path.view_points import SIGHT_M, view_points
+from tests.behaviours.path.test_passages import MARK, corner
 from uav_bt.testing.world import drawn_map
 from uav_bt.types import Pose2D
 from uav_bt.types.site_map import MapObject, SiteMap
 
 NOTHING = np.empty((0, 2))
-CONFIG = ViewPointConfig()
 
 
 def box(x_m: float, y_m: float, *, yaw_deg: float = 0.0, class_id: int = 4) -> MapObject:
@@ -125,7 +125,7 @@ def test_nothing_between_the_place_and_the_object() -> None:
     assert len(poses) >= 3
     for pose in poses:
         line_m = np.linspace((pose.x_m, pose.y_m), (target.x_m, target.y_m), 60)
-        assert np.hypot(*(line_m - post[0]).T).min() >= CONFIG.sight_m - 0.03
+        assert np.hypot(*(line_m - post[0]).T).min() >= SIGHT_M - 0.03
 
 
 def test_an_object_whose_outline_was_not_seen_hides_what_is_behind_it() -> None:
@@ -155,6 +155,14 @@ def test_ground_that_cannot_be_reached_has_no_view_points() -> None:
     assert around(target, map_with(target, obstacles=wall, pose=(-1.2, 0.5, 0.0)))
 
 
+def test_places_to_which_only_a_drone_that_is_shut_in_flies_are_no_view_points() -> None:
+    """The object stands in a corner behind a gap that no other passage leads through."""
+    for gap_m, seen in ((0.5, False), (1.0, True)):
+        target = replace(box(-1.6, 1.5), size_m=0.1, width_m=0.1)
+        site_map = replace(corner(gap_m, at=MARK), objects=(target,))
+        assert bool(around(target, site_map, distance_m=0.4, count=8)) == seen
+
+
 @given(
     st.lists(st.tuples(st.floats(-2, 2), st.floats(-2, 2)), max_size=12),
     st.floats(-math.pi, math.pi),
@@ -181,6 +189,6 @@ def test_every_view_point_has_room_a_free_view_and_about_the_distance(
         line_m = np.linspace((pose.x_m, pose.y_m), (target.x_m, target.y_m), 80)
         for place in obstacles:
             assert math.dist(place, (pose.x_m, pose.y_m)) >= touch_m - 0.03
-            assert np.hypot(*(line_m - place).T).min() >= CONFIG.sight_m - 0.05
+            assert np.hypot(*(line_m - place).T).min() >= SIGHT_M - 0.05
         for other in poses[:index]:
             assert math.dist((pose.x_m, pose.y_m), (other.x_m, other.y_m)) > 0.02

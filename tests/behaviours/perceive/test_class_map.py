@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from behaviours.perceive.class_map import FindMark, Segment
 from tests.paper_lab import HELIPAD_BOX, HELIPAD_H, paper_map
-from tests.perception.marks.ground_views import CAMERA as GROUND_CAMERA
-from tests.perception.marks.ground_views import texture
-from tests.perception.marks.ground_views import view as view_of_ground
 from tests.perception.marks.tag_views import CAMERA as TAG_CAMERA
 from tests.perception.marks.tag_views import view_of
 from tests.worlds.leaves import replace_tree
 from tests.worlds.values import motion
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, ODOMETRY, SITE_MAP, STATE
-from uav_bt.errors import AnswerError
+from uav_bt.errors import AnswerError, InputError
 from uav_bt.lab.shipped import default_mark
 from uav_bt.landing_marks import MarkSighting
 from uav_bt.plugins import make_mark_finder
@@ -32,7 +30,6 @@ from uav_bt.types import (
     FlyingState,
     Frame,
     LandingMark,
-    Pose2D,
 )
 from uav_bt.types.dead_reckoning import OdometryPose
 
@@ -61,7 +58,7 @@ def segmenting() -> tuple[LeafBench, Counts]:
     return bench, network
 
 
-def test_each_frame_is_segmented_once() -> None:
+def test_each_frame_is_segmented_and_timed_once() -> None:
     """A repeated frame costs nothing; a new one gives a new class map, as old as the frame."""
     bench, network = segmenting()
     bench.hover()
@@ -73,7 +70,7 @@ def test_each_frame_is_segmented_once() -> None:
 
     bench.hover()
     bench.tick()
-    assert len(network.frames) == 2
+    assert len(network.frames) == len(bench.leaf.mission.stage_times_s["segmentation"]) == 2
     assert bench.board[CLASS_MAP].captured_s == pytest.approx(0.15)
 
 
@@ -87,16 +84,6 @@ def test_a_frame_without_an_answer_has_no_class_map() -> None:
         fresh = bench.board[CLASS_MAP].captured_s == bench.board[FRAME].captured_s
         assert fresh is not no_number
     assert [event.text for event in bench.notes.events] == ["no class map: net.onnx: holds NaN"]
-
-
-def test_the_stage_is_timed() -> None:
-    """One time per segmented frame goes into the mission's figures."""
-    bench, _ = segmenting()
-    for _ in range(3):
-        bench.hover()
-        bench.tick(advance_s=0.1)
-
-    assert len(bench.leaf.mission.stage_times_s["segmentation"]) == 3
 
 
 # --- FindMark ----------------------------------------------------------------------------------
@@ -128,19 +115,21 @@ def test_a_map_that_was_begun_anew_drops_the_carried_pad() -> None:
     assert bench.board[MARK] is carried  # the last written fix; nothing was written since
 
 
-def test_a_pad_in_view_gets_a_fix() -> None:
-    """Straight ahead, where the pitch and the height above the pad put it."""
+@pytest.mark.parametrize("top_m", [0.4, 0.05])
+def test_a_pad_in_view_gets_a_fix(top_m: float) -> None:
+    """Straight ahead, where the pitch and the height above the pad or mat put it."""
     bench = finding()
+    bench.provide(mark=replace(default_mark(), height_m=top_m))
     assert live(bench, ids=pad_map()) is Status.SUCCESS
 
     fix = bench.board[MARK]
     camera = bench.camera.resized(224, 112)
     below_axis = math.atan((40 - camera.cy_px) / camera.fy_px)
-    expected_m = (1.5 - 0.4) / math.tan(math.radians(30) + below_axis) + camera.forward_offset_m
+    expected_m = (1.5 - top_m) / math.tan(math.radians(30) + below_axis) + camera.forward_offset_m
     assert fix.detected
-    assert fix.captured_s == bench.clock.now()
+    assert (fix.captured_s, fix.height_m) == (bench.clock.now(), top_m)
     assert fix.forward_m == pytest.approx(expected_m, abs=1e-6)
-    assert fix.right_m == pytest.approx(0.0, abs=0.01)
+    assert fix.right_m == pytest.approx(0.0, abs=0.02)
 
 
 TAG = LandingMark(
@@ -168,42 +157,6 @@ def test_a_tag_is_found_in_the_image_without_a_class_map() -> None:
     assert (fix.height_m, fix.heading_deg) == (0.0, pytest.approx(30.0, abs=1.0))
 
 
-def above_spot(*, off_m: float, mark: str = "spot") -> LeafBench:
-    """Return a bench after a take-off, a flight of 2 m, and two views from above the spot.
-
-    Args:
-        off_m: Error of the map's take-off pose at the end, ahead of the drone.
-        mark: Value of the port.
-    """
-    bench, floor = LeafBench(FindMark, mark=mark), texture()
-    bench.camera = GROUND_CAMERA
-    live(bench, gimbal_deg=-90.0)
-    for x_m in (0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0):
-        pose = Pose2D(x_m=x_m, y_m=0.0, yaw_rad=0.0)
-        bench.clock.advance(0.1)
-        now_s = bench.clock.now()
-        late = x_m == 2.0 or SITE_MAP in bench.board
-        start = Pose2D(x_m=off_m if late else 0.0, y_m=0.0, yaw_rad=0.0)
-        if late:
-            bench.board[SITE_MAP] = replace(drawn_map(), pose=pose, start=start, captured_s=now_s)
-        bench.board[FRAME] = view_of_ground(floor, pose, at_s=now_s).frame
-        bench.tick()
-    return bench
-
-
-def test_the_take_off_spot_is_found_by_its_ground_where_the_map_is_wrong() -> None:
-    """The map is 0.3 m wrong, and the texture of the ground is right."""
-    fix = above_spot(off_m=0.3).board[MARK]
-
-    assert fix.detected
-    assert math.hypot(fix.forward_m, fix.right_m) < 0.03
-    assert fix.height_m == 0.0
-
-
-def test_another_mark_is_not_replaced_by_the_take_off_spot() -> None:
-    assert MARK not in above_spot(off_m=0.0, mark="place").board
-
-
 class TagSight:
     """Perception without images that sees a tag ahead."""
 
@@ -224,19 +177,17 @@ def test_without_images_a_tag_is_seen_by_the_drones_sight() -> None:
     assert fix.heading_deg == pytest.approx(5.0)
 
 
-def test_a_mat_is_found_at_its_own_height() -> None:
-    """The same pixels lie further away on a mat of 0.05 m than on a box of 0.4 m: 1.45 to 1.1."""
-    bench = LeafBench(FindMark)
-    bench.provide(mark=replace(default_mark(), height_m=0.05))
-    bench.camera = pinhole(640, 360)
-    live(bench, ids=pad_map())
-    mat, box_bench = bench.board[MARK], finding()
-    live(box_bench, ids=pad_map())
-    box, offset_m = box_bench.board[MARK], bench.camera.forward_offset_m
-
-    assert (mat.height_m, box.height_m) == (0.05, 0.4)
-    ratio = (mat.forward_m - offset_m) / (box.forward_m - offset_m)
-    assert ratio == pytest.approx((1.5 - 0.05) / (1.5 - 0.4))
+def fly_on(bench: LeafBench, ticks: int, velocity: BodyVelocity) -> None:
+    """Tick with telemetry of a velocity, without a view of the mark."""
+    for _ in range(ticks):
+        bench.clock.advance(0.1)
+        now_s = bench.clock.now()
+        bench.observe(DroneState(captured_s=now_s, flying=FlyingState.FLYING, velocity=velocity))
+        bench.board[CLASS_MAP] = paper_map(ids=ground(), captured_s=now_s)
+        if ODOMETRY in bench.board:
+            moved = bench.board[ODOMETRY]
+            bench.board[ODOMETRY] = replace(moved, pose=replace(moved.pose, time_s=now_s))
+        bench.tick()
 
 
 def test_a_pad_that_leaves_the_view_is_carried() -> None:
@@ -244,19 +195,7 @@ def test_a_pad_that_leaves_the_view_is_carried() -> None:
     bench = finding()
     live(bench, ids=pad_map())
     seen = bench.board[MARK]
-    for _ in range(10):
-        bench.clock.advance(0.1)
-        bench.observe(
-            DroneState(
-                captured_s=bench.clock.now(),
-                flying=FlyingState.FLYING,
-                velocity=BodyVelocity(forward_mps=0.5),
-                height_above_ground_m=1.5,
-                gimbal_pitch_rad=math.radians(-30),
-            )
-        )
-        bench.board[CLASS_MAP] = paper_map(ids=ground(), captured_s=bench.clock.now())
-        bench.tick()
+    fly_on(bench, 10, BodyVelocity(forward_mps=0.5))
 
     fix = bench.board[MARK]
     assert not fix.detected
@@ -265,11 +204,47 @@ def test_a_pad_that_leaves_the_view_is_carried() -> None:
     assert fix.std_m > seen.std_m
 
 
-def test_no_pad_no_fix() -> None:
-    """Nothing is written before the first sight."""
+@pytest.mark.parametrize(("error_mps", "moved_m"), [(0.0, -0.225), (-0.5, 0.0)])
+def test_a_pad_out_of_view_stays_where_the_ground_says_it_is(
+    error_mps: float, moved_m: float
+) -> None:
+    """Telemetry says that the drone flies to the right; by the ground it does so, or hovers."""
+    bench, velocity = finding(), BodyVelocity(right_mps=0.5)
+    live(bench, ids=pad_map())
+    before = bench.board[MARK]
+    bench.board[ODOMETRY] = motion(
+        OdometryPose(time_s=bench.clock.now(), x_m=0.0, y_m=0.0, yaw_rad=0.0),
+        velocity=BodyVelocity(right_mps=0.5 + error_mps),
+        error=BodyVelocity(right_mps=error_mps),
+    )
+    fly_on(bench, 5, velocity)
+
+    assert bench.board[MARK].right_m - before.right_m == pytest.approx(moved_m, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("kind", "options", "message"),
+    [
+        ("region", {"class": "nope"}, "unknown class with the role mark 'nope'.*helipad_h"),
+        ("region", {"klass": "nope"}, "landing mark 'region' has no option 'klass'"),
+        ("nope", {}, "unknown landing mark 'nope'"),
+    ],
+)
+def test_an_unknown_mark_is_refused_before_the_first_view(
+    kind: str, options: dict[str, str], message: str
+) -> None:
+    bench = finding()
+    bench.provide(mark=replace(default_mark(), kind=kind, options=options))
+    with pytest.raises(InputError, match=message):
+        bench.tick()
+
+
+@pytest.mark.parametrize("view", [{}, {"ids": pad_map(), "height_m": 0.3}])
+def test_without_a_pad_or_from_below_it_there_is_no_fix(view: dict[str, Any]) -> None:
+    """Nothing is written before the first sight; below the pad's height it has no place."""
     bench = finding()
 
-    assert live(bench) is Status.SUCCESS
+    assert live(bench, **view) is Status.SUCCESS
     assert MARK not in bench.board
 
 
@@ -293,42 +268,6 @@ def test_a_class_map_of_another_frame_is_not_placed() -> None:
 
     assert bench.tick() is Status.SUCCESS
     assert MARK not in bench.board
-
-
-def test_below_the_pads_height_there_is_no_fix() -> None:
-    """Taking off from the floor beside it, say."""
-    bench = finding()
-    live(bench, ids=pad_map(), height_m=0.3)
-
-    assert MARK not in bench.board
-
-
-def test_a_pad_out_of_view_stays_where_the_ground_says_it_is() -> None:
-    """Telemetry says that the drone flies to the right, the ground says that it hovers."""
-    places = []
-    for error_mps in (0.0, -0.5):
-        bench = finding()
-        live(bench, ids=pad_map())
-        before = bench.board[MARK]
-        for _ in range(5):
-            bench.clock.advance(0.1)
-            bench.observe(
-                DroneState(
-                    captured_s=bench.clock.now(),
-                    flying=FlyingState.FLYING,
-                    velocity=BodyVelocity(right_mps=0.5),
-                )
-            )
-            pose = OdometryPose(time_s=bench.clock.now(), x_m=0.0, y_m=0.0, yaw_rad=0.0)
-            bench.board[ODOMETRY] = motion(
-                pose,
-                velocity=BodyVelocity(right_mps=0.5 + error_mps),
-                error=BodyVelocity(right_mps=error_mps),
-            )
-            bench.tick()
-        places.append(bench.board[MARK].right_m - before.right_m)
-
-    assert places == [pytest.approx(-0.225, abs=0.03), pytest.approx(0.0, abs=0.03)]
 
 
 def test_a_pads_track_is_kept_by_the_next_tree() -> None:

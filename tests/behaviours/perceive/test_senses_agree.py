@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+import pytest
 
 from behaviours.perceive.senses_agree import SensesAgree
 from perception.camera.ground_plane import CameraView, ground_depth
@@ -78,83 +80,83 @@ def move(
     return answers
 
 
+def bench(**ports: float) -> LeafBench:
+    return LeafBench(SensesAgree, for_s=2.0, **ports)
+
+
 def test_right_inputs_agree() -> None:
     assert set(see(LeafBench(SensesAgree), 6.0)) == {Status.SUCCESS}
 
 
-def test_a_wrong_camera_file_fails_after_the_window_and_says_why() -> None:
-    bench = LeafBench(SensesAgree, for_s=2.0)
-    answers = see(bench, 3.0, focal=2.0)
+def test_a_wrong_camera_file_fails_after_the_window_and_says_why_until_it_is_right() -> None:
+    wrong = bench()
+    answers = see(wrong, 3.0, focal=2.0)
     assert answers[:19] == [Status.SUCCESS] * 19
     assert answers[22:] == [Status.FAILURE] * len(answers[22:])
-    assert "is the camera file that of this drone" in bench.feedback
+    assert "is the camera file that of this drone" in wrong.feedback
+    assert see(wrong, 2.5)[-1] is Status.SUCCESS
 
 
 def test_a_short_contradiction_passes() -> None:
-    bench = LeafBench(SensesAgree, for_s=2.0)
-    see(bench, 3.0)
-    assert set(see(bench, 0.8, focal=2.0)) == {Status.SUCCESS}
-    assert set(see(bench, 1.0)) == {Status.SUCCESS}
-
-
-def test_it_agrees_again_when_the_view_does() -> None:
-    bench = LeafBench(SensesAgree, for_s=2.0)
-    assert see(bench, 3.0, focal=2.0)[-1] is Status.FAILURE
-    assert see(bench, 2.5)[-1] is Status.SUCCESS
+    short = bench()
+    see(short, 3.0)
+    assert set(see(short, 0.8, focal=2.0)) == {Status.SUCCESS}
+    assert set(see(short, 1.0)) == {Status.SUCCESS}
 
 
 def test_without_depth_in_heights_nothing_is_contradicted() -> None:
     assert set(see(LeafBench(SensesAgree), 5.0, focal=2.0, depth=False)) == {Status.SUCCESS}
 
 
-def test_ground_that_passes_too_fast_for_telemetry_fails() -> None:
-    for factor in (0.7, 1.5, -0.2):
-        bench = LeafBench(SensesAgree, for_s=2.0)
-        answers = move(bench, 3.0, factor)
-        assert answers[:20] == [Status.SUCCESS] * 20
-        assert answers[21:] == [Status.FAILURE] * 9
-        assert "as fast as telemetry reports" in bench.feedback
-
-
-def test_a_small_or_unknown_factor_is_none() -> None:
-    for factor in (None, 0.9, 1.2):
-        assert set(move(LeafBench(SensesAgree, for_s=2.0), 4.0, factor)) == {Status.SUCCESS}
-
-
-def test_the_time_of_a_pause_does_not_count() -> None:
-    bench = LeafBench(SensesAgree, for_s=2.0)
-    move(bench, 1.5, 1.5)
-    bench.clock.advance(60.0)
-    assert set(move(bench, 1.5, 1.5)) == {Status.SUCCESS}
-
-
-def test_a_floor_whose_motion_is_rarely_measured_fails_after_the_window() -> None:
-    bench = LeafBench(SensesAgree, for_s=2.0)
-    answers = move(bench, 3.0, ground_share=0.5, follows=5)
+@pytest.mark.parametrize(
+    ("motions", "message"),
+    [
+        ({"stretch": 0.7}, "the ground passes 0.70 times as fast as telemetry reports"),
+        ({"stretch": 1.5}, "the ground passes 1.50 times as fast as telemetry reports"),
+        ({"stretch": -0.2}, "the ground passes -0.20 times as fast as telemetry reports"),
+        (
+            {"ground_share": 0.5, "follows": 5},
+            "the floor shows too little texture: its motion was measured in 19% of the frames",
+        ),
+    ],
+)
+def test_a_wrong_motion_over_the_ground_fails_after_the_window(
+    motions: dict[str, Any], message: str
+) -> None:
+    wrong = bench()
+    answers = move(wrong, 3.0, **motions)
     assert answers[:20] == [Status.SUCCESS] * 20
     assert answers[21:] == [Status.FAILURE] * 9
-    assert "the floor shows too little texture: its motion was measured in 19% of the frames" in (
-        bench.feedback
-    )
+    assert message in wrong.feedback
 
 
-def test_a_floor_that_is_followed_now_and_then_suffices() -> None:
-    bench = LeafBench(SensesAgree, for_s=2.0)
-    assert set(move(bench, 4.0, ground_share=0.5, follows=2)) == {Status.SUCCESS}
+@pytest.mark.parametrize("motions", [{"stretch": 1.5}, {"ground_share": 0.5, "follows": 100}])
+def test_the_motion_agrees_again_and_the_time_of_a_pause_does_not_count(
+    motions: dict[str, Any],
+) -> None:
+    wrong, paused = bench(), bench()
+    assert move(wrong, 3.0, **motions)[-1] is Status.FAILURE
+    assert move(wrong, 2.5, ground_share=0.5)[-1] is Status.SUCCESS
+
+    move(paused, 1.5, **motions)
+    paused.clock.advance(60.0)
+    assert set(move(paused, 1.5, **motions)) == {Status.SUCCESS}
 
 
-def test_little_ground_in_view_shows_nothing_of_the_floor() -> None:
-    for share in (None, 0.1):
-        bench = LeafBench(SensesAgree, for_s=2.0)
-        assert set(move(bench, 4.0, ground_share=share, follows=100)) == {Status.SUCCESS}
-
-
-def test_a_floor_with_texture_agrees_again() -> None:
-    bench = LeafBench(SensesAgree, for_s=2.0)
-    assert move(bench, 3.0, ground_share=0.5, follows=100)[-1] is Status.FAILURE
-    assert move(bench, 2.5, ground_share=0.5)[-1] is Status.SUCCESS
-
-
-def test_without_the_check_a_plain_floor_agrees() -> None:
-    bench = LeafBench(SensesAgree, for_s=2.0, followed=0.0)
-    assert set(move(bench, 4.0, ground_share=0.5, follows=100)) == {Status.SUCCESS}
+@pytest.mark.parametrize(
+    ("ports", "motions"),
+    [
+        ({}, {"stretch": None}),
+        ({}, {"stretch": 0.9}),
+        ({}, {"stretch": 1.2}),
+        ({}, {"ground_share": 0.5, "follows": 2}),  # followed now and then
+        ({}, {"ground_share": 0.1, "follows": 100}),  # little ground in view
+        ({}, {"ground_share": None, "follows": 100}),
+        ({"followed": 0.0}, {"ground_share": 0.5, "follows": 100}),  # no check
+        ({"stretch": 10.0}, {"stretch": 1.5}),
+    ],
+)
+def test_small_and_unknown_contradictions_are_none(
+    ports: dict[str, float], motions: dict[str, Any]
+) -> None:
+    assert set(move(bench(**ports), 4.0, **motions)) == {Status.SUCCESS}

@@ -18,7 +18,7 @@ from uav_bt.types.projection import ground_points, pixel_rays
 CAMERA = CameraModel(
     width_px=640, height_px=360, fx_px=465.6, fy_px=465.6, cx_px=319.5, cy_px=179.5
 ).resized(224, 112)
-PITCH_RAD = math.radians(-28)
+PITCH_RAD = math.radians(-30)
 HEIGHT_M = 1.5
 FOR_EVER = 1e3
 HIGH_M = 2.2  # of a box that reaches above the flight altitude

@@ -76,6 +76,26 @@ def test_when_it_looks_at_no_ground_for_long_it_turns_back_to_it() -> None:
     assert abs(decision.yaw_rad) == pytest.approx(math.pi, abs=0.1)
 
 
+def in_a_corner(yaw_deg: float) -> SiteMap:
+    """Return the map of a drone that looked out of a corner: a patch ahead, and the outside."""
+    x, y = np.indices((61, 61)) * 0.1 - 3.0
+    patch = (x > 1.7) & (y > 1.6)
+    corner = drawn_map(known=patch, pose=(1.7, 1.6, math.radians(yaw_deg)))
+    ahead = np.abs(np.arctan2(y - 1.6, x - 1.7) - math.pi / 4) < math.radians(35)
+    return replace(corner, outside=corner.outside & ahead, untracked_s=3.0)
+
+
+def test_in_a_corner_it_turns_away_from_the_patch_that_it_saw() -> None:
+    """A turn to the patch ahead ends at once, and the next view is the same."""
+    yaw_deg, flown_deg = 45.0, 0.0
+    while flown_deg < 60.0:  # with the tick's delay, in steps; the turn keeps its side
+        decision = decide(in_a_corner(yaw_deg))
+        assert isinstance(decision, Rotate)
+        assert decision.reason == "turns to the ground"
+        assert math.radians(30) < decision.yaw_rad <= math.pi
+        yaw_deg, flown_deg = yaw_deg + 10.0, flown_deg + 10.0
+
+
 def test_where_ground_is_in_view_that_cannot_be_followed_it_flies_on() -> None:
     """A plain floor has nothing to follow; turning would not help."""
     assert decide(replace(drawn_map(), untracked_s=20.0)).reason != "turns to the ground"
@@ -143,11 +163,6 @@ def test_a_drone_in_a_corner_explores_on_outside_it() -> None:
 def test_while_something_moves_nothing_is_covered_for_good() -> None:
     lane = replace(drawn_map(passed=ALL), lanes_m=np.array([[1.0, 1.0]]))
     assert isinstance(decide(lane, full_turns=1), Blocked)
-
-
-def test_the_same_view_gives_the_same_decision() -> None:
-    policy, seen = CoveragePolicy(), view(cast(), site_map=drawn_map())
-    assert policy.decide(seen) == policy.decide(seen)
 
 
 def test_where_nowhere_is_room_enough_it_flies_the_narrow_way() -> None:

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.depth.training.footage import FOOTAGE_SIZE_PX, Footage, shrink
 from perception.depth.training.labelling import LABEL_SIZE_PX, DepthLabels
-from perception.odometry.camera_track import FOOTAGE_SIZE_PX, Footage, shrink
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene_file import load_scene
@@ -83,8 +83,6 @@ def known_flight(count: int = 12, *, yaw_noise_rad: float = 0.0, seed: int = 0) 
         captured_s=times,
         gimbal_pitch_rad=np.full(count, PITCH_RAD),
         attitude_rad=told[0],
-        altitude_m=z - 0.45,
-        height_m=z,
         height_above_ground_m=z,
         state_s=times,
         state_attitude_rad=told[1],

@@ -1,8 +1,9 @@
-"""Views of a level picture at a known place, warped without a renderer."""
+"""Views of a level picture at a known place, warped without a renderer, and of class maps."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -11,10 +12,13 @@ from numpy.typing import NDArray
 
 from sim_bridge.anafi import anafi_camera
 from tests.worlds import values
-from uav_bt.types import Frame, LandingMark
+from uav_bt.landing_marks import MarkView
+from uav_bt.plugins import make_mark_finder
+from uav_bt.types import CameraModel, ClassMap, Frame, LandingMark
 from uav_bt.types.projection import project
 
 CAMERA = anafi_camera(640, 360)
+_PX_PER_M = 400.0  # of a drawn floor
 _FINER = 3  # the view is warped larger and shrunk, which smooths it as a lens does
 
 
@@ -36,16 +40,10 @@ def view_of(
     pitch_deg: float = -45.0,
     camera_m: float = 1.5,
 ) -> Frame:
-    """Return a frame that shows a mark's picture.
+    """Return a frame that shows a mark's picture, its upper edge first.
 
-    Args:
-        picture: The top of the mark, its upper edge first.
-        mark: Size and height.
-        forward_m: Distance of its middle ahead of the lens.
-        right_m: Distance to the right.
-        heading_deg: Heading of the camera relative to the mark, clockwise.
-        pitch_deg: Pitch of the gimbal.
-        camera_m: Height of the lens above the ground.
+    Its middle is ahead of the lens and to the right. The heading is that of the camera relative to
+    the mark, clockwise; the lens is `camera_m` above the ground.
     """
     up_rad = math.radians(-heading_deg)
     up = np.array([math.cos(up_rad), math.sin(up_rad), 0.0]) * mark.width_m / 2.0
@@ -62,3 +60,26 @@ def view_of(
     large = cv2.warpPerspective(picture, warp, size, borderValue=(110, 120, 110))
     image = cv2.resize(large, (CAMERA.width_px, CAMERA.height_px), interpolation=cv2.INTER_AREA)
     return values.frame(np.asarray(image, dtype=np.uint8), math.radians(pitch_deg), camera_m)
+
+
+def floor_view(prints: Sequence[tuple[LandingMark, float, float]]) -> Frame:
+    """Return a view straight down from 1.5 m at prints, each with its place right and ahead, m."""
+    floor = LandingMark(length_m=2.4, width_m=1.4, height_m=0.0)
+    picture = np.full((round(1.4 * _PX_PER_M), round(2.4 * _PX_PER_M), 3), 120, np.uint8)
+    for mark, right_m, ahead_m in prints:
+        top = make_mark_finder(mark).picture()
+        assert top is not None
+        side_px = round(mark.length_m * _PX_PER_M)
+        left = round((1.2 + right_m) * _PX_PER_M - side_px / 2.0)
+        upper = round((0.7 - ahead_m) * _PX_PER_M - side_px / 2.0)
+        paper = cv2.resize(top, (side_px, side_px), interpolation=cv2.INTER_AREA)
+        picture[upper : upper + side_px, left : left + side_px] = paper
+    return view_of(picture, floor, forward_m=0.0, pitch_deg=-90.0)
+
+
+def view_of_classes(
+    class_map: ClassMap | None, camera: CameraModel, *, pitch_deg: float, height_m: float
+) -> MarkView:
+    """Return a class map as the view of a camera at a pitch and a height above the ground."""
+    frame = values.frame((4, 8), math.radians(pitch_deg), height_m)
+    return MarkView(frame=frame, camera=camera, class_map=class_map)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import cv2
 import numpy as np
@@ -11,8 +12,7 @@ from numpy.typing import NDArray
 
 from perception.marks.region import RegionFinder
 from tests.paper_lab import paper_map
-from tests.perception.marks.class_views import view_of_classes
-from tests.perception.marks.tag_views import CAMERA
+from tests.perception.marks.tag_views import CAMERA, view_of_classes
 from uav_bt.errors import InputError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.landing_marks import MarkSighting
@@ -25,7 +25,7 @@ TOP = CLASSES.id_of("helipad_h")
 CAMERA_M = 1.5
 
 
-def mark(height_m: float = 0.2, **options: object) -> LandingMark:
+def mark(height_m: float = 0.2, **options: Any) -> LandingMark:
     return LandingMark(kind="region", length_m=0.5, width_m=0.5, height_m=height_m, options=options)
 
 
@@ -63,30 +63,24 @@ def test_the_place_is_right_at_any_height(
     assert found.confidence > 0.8
 
 
-def test_a_cut_or_partial_region_is_trusted_less() -> None:
-    whole, cut, part = (
-        seen(class_map, -90.0, of=mark())
-        for class_map in (
-            drawn(0.2, 0.0, -90.0),
-            drawn(0.2, 0.45, -90.0),
-            drawn(0.2, 0.0, -90.0, side_m=0.35),
-        )
-    )
-    assert whole is not None
-    assert cut is not None
-    assert part is not None
-    assert whole.confidence > 0.9
-    assert cut.confidence < 0.5
-    assert part.confidence == pytest.approx(0.5, abs=0.05)
+@pytest.mark.parametrize(
+    ("forward_m", "side_m", "least", "most"),
+    [(0.0, 0.5, 0.9, 1.0), (0.45, 0.5, 0.2, 0.5), (0.0, 0.35, 0.45, 0.55)],
+    ids=["whole", "cut by the border", "half of the area"],
+)
+def test_a_cut_or_partial_region_is_trusted_less(
+    forward_m: float, side_m: float, least: float, most: float
+) -> None:
+    found = seen(drawn(0.2, forward_m, -90.0, side_m), -90.0, of=mark())
+
+    assert found is not None
+    assert least < found.confidence <= most
 
 
 def test_specks_and_empty_views_are_no_mark() -> None:
-    assert seen(drawn(0.2, 1.0, -45.0, side_m=0.1), -45.0, of=mark()) is None
-    assert (
-        seen(paper_map(ids=np.zeros((112, 224), np.uint8), captured_s=0.0), -45.0, of=mark())
-        is None
-    )
-    assert seen(None, -45.0, of=mark()) is None
+    empty = paper_map(ids=np.zeros((112, 224), np.uint8), captured_s=0.0)
+    for class_map in (drawn(0.2, 1.0, -45.0, side_m=0.1), empty, None):
+        assert seen(class_map, -45.0, of=mark()) is None
 
 
 @pytest.mark.parametrize("camera_m", [math.nan, 0.1])
@@ -97,18 +91,8 @@ def test_without_a_height_above_the_mark_it_has_no_place(camera_m: float) -> Non
 def test_the_class_is_one_of_the_lab_with_the_role_mark() -> None:
     view = drawn(0.2, 1.0, -45.0)
 
-    assert view.classes.names == CLASSES.names
-    named = LandingMark(
-        kind="region", length_m=0.5, width_m=0.5, height_m=0.2, options={"class": "helipad_h"}
-    )
-    assert seen(view, -45.0, of=named) is not None
-    wrong = LandingMark(
-        kind="region", length_m=0.5, width_m=0.5, height_m=0.2, options={"class": "helipad"}
-    )
+    assert seen(view, -45.0, of=mark(**{"class": "helipad_h"})) is not None
     with pytest.raises(InputError, match="unknown class with the role mark 'helipad'"):
-        seen(view, -45.0, of=wrong)
-
-
-def test_unknown_options_are_refused() -> None:
+        seen(view, -45.0, of=mark(**{"class": "helipad"}))
     with pytest.raises(InputError, match="no option 'size_m'"):
         RegionFinder(mark(size_m=0.3))

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pytest
 
+from perception.marks.tag_pose import level_pose, placed_corners
 from perception.marks.tags import AprilTagFinder, ArucoFinder, TagFinder
-from tests.perception.marks.tag_views import CAMERA, tag_mark, view_of
+from tests.perception.marks.tag_views import CAMERA, floor_view, tag_mark, view_of
 from uav_bt.errors import InputError
 from uav_bt.landing_marks import MarkSighting, MarkView
 from uav_bt.types import LandingMark
+from uav_bt.types.projection import project
 
 OFFSET_M = CAMERA.forward_offset_m
-BOARD = {
+BOARD: Final[dict[str, Any]] = {
     "family": "36h11",
     "tags": [
         {"id": 3, "size_m": 0.18, "at_m": [-0.12, 0.12]},
@@ -57,46 +59,101 @@ def test_place_and_heading(
     assert found.confidence > 0.8
 
 
-@pytest.mark.parametrize("heading_deg", [-170.0, -90.0, 0.0, 45.0, 180.0])
-def test_the_heading_counts_clockwise_from_the_upper_edge(heading_deg: float) -> None:
-    mark = tag_mark()
-    found = seen(AprilTagFinder(mark), mark, forward_m=1.0, heading_deg=heading_deg)
+PAPER = tag_mark(height_m=0.0)  # tag 7 of 0.36 m, on white paper of 0.5 m
+SMALL = replace(PAPER, length_m=0.14, width_m=0.14, options={"id": 7, "size_m": 0.1})
+FOUR = tag_mark(
+    height_m=0.0,
+    options={"tags": [*BOARD["tags"], {"id": 6, "size_m": 0.18, "at_m": [-0.12, -0.12]}]},
+)
+THREE = replace(FOUR, options=BOARD)
+LOOSE = replace(SMALL, length_m=0.25, width_m=0.25, options={"id": 6, "size_m": 0.18})
+LONE = replace(FOUR, options={"tags": [BOARD["tags"][0]]})
 
-    assert found is not None
-    assert found.heading_deg is not None
-    assert math.remainder(found.heading_deg - heading_deg, 360.0) == pytest.approx(0.0, abs=1.0)
 
+@pytest.mark.parametrize("above_m", [1.5, math.nan])
+@pytest.mark.parametrize(
+    ("mark", "prints", "found_at"),
+    [
+        (PAPER, [(PAPER, 0.3, 0.1)], (0.1, 0.3)),
+        (PAPER, [(PAPER, 0.3, 0.1), (PAPER, -0.5, -0.1)], None),
+        (PAPER, [(PAPER, -0.5, -0.1), (PAPER, 0.3, 0.1)], None),
+        (FOUR, [(FOUR, 0.05, 0.03)], (0.03, 0.05)),
+        (FOUR, [(FOUR, 0.05, 0.03), (LOOSE, -0.6, 0.2)], (0.03, 0.05)),
+        (FOUR, [(LOOSE, -0.6, -0.3), (FOUR, 0.05, 0.03)], (0.03, 0.05)),
+        (FOUR, [(THREE, 0.05, 0.03), (LOOSE, -0.6, 0.2)], (0.03, 0.05)),
+        (FOUR, [(LONE, 0.05, 0.03), (LOOSE, -0.6, 0.2)], None),
+        # By its size the small print lies far below the floor, where the height is known.
+        (PAPER, [(SMALL, -0.5, 0.2), (PAPER, 0.3, 0.1)], "by height"),
+    ],
+)
+def test_of_two_prints_the_one_that_more_tags_show_counts(
+    mark: LandingMark,
+    prints: list[tuple[LandingMark, float, float]],
+    found_at: tuple[float, float] | str | None,
+    above_m: float,
+) -> None:
+    """Prints by the place of their middle to the right and ahead, seen from straight above."""
+    frame = replace(floor_view(prints), height_above_ground_m=above_m)
+    if found_at == "by height":
+        found_at = (0.1, 0.3) if above_m == 1.5 else None
+    found = AprilTagFinder(mark).find(MarkView(frame=frame, camera=CAMERA))
 
-def test_a_board_is_one_mark_even_if_a_tag_is_hidden() -> None:
-    """The middle is that of the mark, whichever tags are seen."""
-    mark = tag_mark(options=BOARD)
-    finder = AprilTagFinder(mark)
-    picture = finder.picture()
-    picture[: picture.shape[0] // 2, : picture.shape[1] // 2] = 255  # tag 3
-    for shown in (finder.picture(), picture):
-        frame = view_of(shown, mark, forward_m=1.0, right_m=0.2, heading_deg=-20.0)
-        found = finder.find(MarkView(frame=frame, camera=CAMERA))
-
+    if found_at is None:
+        assert found is None
+    else:
         assert found is not None
-        place = (found.forward_m - OFFSET_M, found.right_m)
-        assert place == pytest.approx((1.0, 0.2), abs=0.01)
-        assert found.heading_deg == pytest.approx(-20.0, abs=1.0)
+        assert (found.forward_m - OFFSET_M, found.right_m) == pytest.approx(found_at, abs=0.01)
+        assert found.confidence == 1.0
 
 
-def test_other_tags_are_not_the_mark() -> None:
-    mark = tag_mark()
-    other = replace(mark, options={"id": 8, "size_m": 0.36})
-    frame = view_of(AprilTagFinder(other).picture(), mark, forward_m=1.0)
+@pytest.mark.parametrize("pitch_deg", [-90.0, -45.0])
+@pytest.mark.parametrize("place", [(0.0, 0.0, 1.5, 0.0), (0.4, -0.2, 1.2, 2.0)])
+@pytest.mark.parametrize("noise_px", [0.0, 0.1])
+def test_the_pose_of_exact_and_noisy_corners(
+    pitch_deg: float, place: tuple[float, float, float, float], noise_px: float
+) -> None:
+    """Exactly below the lens, too: there the corners are symmetrical around the image's middle."""
+    square = np.array([(-1, 1, 0), (1, 1, 0), (1, -1, 0), (-1, -1, 0)]) * 0.08
+    ahead_m = 0.0 if pitch_deg == -90.0 else 1.2
+    centres = [(x, y, 0.0) for x in (-0.12, 0.12) for y in (-0.12, 0.12)]
+    corners_m = np.concatenate([square + np.array(centre) for centre in centres])
+    true = np.array(place) + np.array([ahead_m, 0.0, 0.0, 0.0])
+    pitch_rad = math.radians(pitch_deg)
+    pixels = project(placed_corners(corners_m, true), CAMERA, pitch_rad)
+    pixels += noise_px * np.random.default_rng(1).normal(size=pixels.shape)
+    pose = level_pose(corners_m, pixels, CAMERA, pitch_rad)
 
-    assert AprilTagFinder(mark).find(MarkView(frame=frame, camera=CAMERA)) is None
-    assert AprilTagFinder(other).find(MarkView(frame=frame, camera=CAMERA)) is not None
+    assert pose is not None
+    within = 0.01 if noise_px else 1e-7
+    assert pose[:4] == pytest.approx(tuple(true), abs=within)
+    assert pose.error_px == pytest.approx(noise_px * math.sqrt(2.0), abs=noise_px / 2.0 + 1e-7)
 
 
-def test_an_empty_view_shows_none() -> None:
-    mark = tag_mark()
-    frame = view_of(np.full((64, 64, 3), 255, np.uint8), mark, forward_m=1.0)
+def test_corners_above_the_horizon_are_no_level_board() -> None:
+    corners_m = np.array([(-1.0, 1, 0), (1, 1, 0), (1, -1, 0), (-1, -1, 0)])
+    pixels = np.array([(300.0, 150), (340, 150), (340, 190), (300, 190)])
 
-    assert AprilTagFinder(mark).find(MarkView(frame=frame, camera=CAMERA)) is None
+    assert level_pose(corners_m, pixels, CAMERA, 0.0) is None
+
+
+def test_other_tags_and_an_empty_view_are_not_the_mark() -> None:
+    other = tag_mark(options={"id": 8, "size_m": 0.36})
+    for picture in (AprilTagFinder(other).picture(), np.full((64, 64, 3), 255, np.uint8)):
+        frame = view_of(picture, other, forward_m=1.0)
+        assert AprilTagFinder(tag_mark()).find(MarkView(frame=frame, camera=CAMERA)) is None
+
+
+def test_prints_of_opencv_are_turned_by_half_a_turn() -> None:
+    options = {"id": 7, "size_m": 0.375}  # 384 pixels of the picture, so that no cell is cut
+    opencv = tag_mark(options={**options, "print": "opencv"})
+    finder, own = AprilTagFinder(opencv), AprilTagFinder(tag_mark(options=options))
+    assert (finder.picture()[::-1, ::-1] == own.picture()).all()
+
+    found = seen(finder, opencv, forward_m=1.0, heading_deg=30.0)
+    assert found is not None
+    assert found.heading_deg == pytest.approx(30.0, abs=1.0)
+    with pytest.raises(InputError, match="landing mark 'aruco' has no option 'print'"):
+        ArucoFinder(replace(opencv, kind="aruco"))
 
 
 def test_a_tag_of_another_size_than_stated_is_hardly_trusted() -> None:
@@ -123,18 +180,26 @@ def test_a_tag_of_another_size_than_stated_is_hardly_trusted() -> None:
             "no option 'familly'; did you mean 'family'",
         ),
         ({"id": 7, "size_m": 0.3, "family": "36h12"}, "unknown family of landing mark 'apriltag'"),
-        ({"id": 7}, "needs the option size_m"),
-        ({"size_m": 0.3}, "needs the option id"),
-        ({"id": 587, "size_m": 0.3}, "family 36h11 has the tags 0 to 586, got id 587"),
-        ({"id": 1.5, "size_m": 0.3}, "option id: expected a whole number from 0, got 1.5"),
         (
-            {"id": 7, "size_m": -0.3},
-            "option size_m: expected a positive number of metres, got -0.3",
+            {"id": 7, "size_m": 0.3, "print": "me"},
+            "print of .* should be 'apriltag' or 'opencv', got",
         ),
+        ({"id": 7}, "needs the option id, .*, and the option size_m"),
+        ({"size_m": 0.3}, "needs the option id, .*, and the option size_m"),
+        ({"id": 587, "size_m": 0.3}, "family 36h11 has the tags 0 to 586, got id 587"),
+        ({"id": 1.5, "size_m": 0.3}, "option id of .* should be a valid integer, got 1.5"),
+        ({"id": True, "size_m": 0.3}, "option id of .* should be a valid integer, got True"),
+        ({"id": 7, "size_m": -0.3}, "option size_m of .* should be greater than 0, got -0.3"),
+        ({"id": 7, "size_m": math.inf}, "option size_m of .* should be a finite number, got inf"),
         ({"id": 7, "size_m": 0.45}, "does not fit on a top of 0.5 x 0.5 m"),
-        ({"tags": []}, "option tags: expected a list of tags, got"),
-        ({"id": 7, "size_m": 0.3, "tags": BOARD["tags"]}, "give one tag by id and size_m, or"),
-        ({"tags": [{"id": 7, "size_m": 0.1, "at": [0, 0]}]}, "has no option 'at'"),
+        ({"tags": []}, "or several tags in the option tags"),
+        ({"tags": 3}, "option tags of .* should be a valid tuple, got 3"),
+        ({"tags": [{"id": 7}]}, "landing mark 'apriltag' needs the option tags.0.size_m"),
+        ({"id": 7, "size_m": 0.3, "tags": BOARD["tags"]}, "or several tags in the option tags"),
+        (
+            {"tags": [{"id": 7, "size_m": 0.1, "at": [0, 0]}]},
+            "has no option 'tags.0.at'; did you mean 'at_m'",
+        ),
         ({"tags": [{"id": 7, "size_m": 0.1, "at_m": [0.3, 0]}]}, "tag 7 of 0.1 m at .0.3, 0.0."),
         ({"tags": [{"id": 7, "size_m": 0.1}, {"id": 7, "size_m": 0.1}]}, "tag 7 is listed twice"),
     ],

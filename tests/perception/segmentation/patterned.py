@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 
 import numpy as np
 
-from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H
+from perception.segmentation.teacher import Teacher, TeacherConfig, fit_teacher
+from perception.segmentation.training.picks import PickedPatches, draw_picks, gather_patches
+from tests.paper_lab import BACKGROUND, BOXES, CARPET, CLASSES, HELIPAD_BOX, HELIPAD_H
 from uav_bt.types.arrays import Image
 
 _COLOURS = {
@@ -18,6 +21,7 @@ _COLOURS = {
     BOXES[2]: ((30, 60, 180), (140, 190, 245)),
 }
 PATTERNED = tuple(_COLOURS)
+CONFIG = TeacherConfig(width_px=160, height_px=90, patch_px=12)
 
 
 def paint(ids: Image, rng: np.random.Generator) -> Image:
@@ -52,3 +56,20 @@ def samples(
     for index in range(count):
         ids = layout(rng, width, height)
         yield f"{index}.png", paint(ids, rng), ids
+
+
+@cache
+def patches(config: TeacherConfig = CONFIG) -> PickedPatches:
+    """Return patches of twelve pictures of the teacher's size."""
+    size = {"width": config.width_px, "height": config.height_px}
+    exact = ((name, ids) for name, _, ids in samples(12, seed=1, **size))
+    rng = np.random.default_rng(0)
+    drawn = draw_picks(exact, rng, patch_px=config.patch_px, total=600)
+    images = ((name, rgb) for name, rgb, _ in samples(12, seed=1, **size))
+    return gather_patches(drawn, images, config.patch_px, CLASSES)
+
+
+@cache
+def teacher(config: TeacherConfig = CONFIG) -> Teacher:
+    """Return a teacher of these patches."""
+    return fit_teacher(patches(config), config)

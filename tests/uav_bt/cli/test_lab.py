@@ -89,7 +89,6 @@ def test_doubts_are_reported_and_the_camera_is_written(pictures: Path, tmp_path:
     result = run("lab", "calibrate", pictures, "--out", tmp_path / "camera.yaml")
     assert result.exit_code == 0, result.output
     assert "warning: corners were seen in" in result.stderr
-    assert "photograph the board there: lower left" in result.stderr
 
 
 def test_an_unreadable_picture_is_skipped_by_name(pictures: Path, tmp_path: Path) -> None:

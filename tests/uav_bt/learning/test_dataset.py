@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from perception.odometry.camera_track import shrink
+from perception.depth.training.footage import shrink
 from sim_bridge.anafi import anafi_camera
 from tests.worlds.footage import frame, state, write_record
 from uav_bt.errors import FileError, InputError

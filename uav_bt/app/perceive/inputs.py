@@ -13,6 +13,7 @@ import numpy as np
 from perception.camera.camera_file import load_camera
 from perception.camera.orientation import Orientation
 from perception.depth.runtime import load_depth_estimator
+from perception.networks.mapping import read_mapping
 from perception.networks.named import (
     ANY,
     CONTACT,
@@ -21,8 +22,7 @@ from perception.networks.named import (
     segmentation_file,
 )
 from perception.segmentation import runtime
-from perception.segmentation.mapping import read_mapping
-from perception.segmentation.room_runtime import RoomSegmenter
+from perception.segmentation.runtime import RoomSegmenter
 from sim_bridge.anafi import anafi_camera
 from uav_bt.app.perceive.frame_telemetry import FixedTelemetry, FlightTelemetry, Telemetry
 from uav_bt.app.perceive.pipeline import Pipeline

@@ -17,12 +17,12 @@ import numpy as np
 
 from perception.camera.camera_file import Undistorter
 from perception.camera.ground_plane import view_of
-from perception.depth.confidence import Confidences
+from perception.depth.confidence import Confidence
 from perception.depth.corridor import CorridorBuilder, CorridorConfig
 from perception.depth.metric import MetricDepth, MetricDepthMaker
 from perception.depth.scale import Scale
 from perception.depth.stage import DepthStage
-from perception.marks.tracked_mark import TrackedMark
+from perception.marks.tracker import MarkTracker
 from uav_bt.display.video.perception_video import Seen
 from uav_bt.errors import AnswerError, ValueRangeError
 from uav_bt.lab.shipped import default_mark
@@ -59,7 +59,7 @@ class Perceived(Seen):
 
     relative: DepthMap | None  # None without a network, and of a frozen image
     scale: Scale | None  # of the network's depth; None where none went in
-    confidences: Confidences
+    confidences: Mapping[str, Confidence]  # of `ground`, `scale` and `depth`
     sighting: MarkSighting | None  # the landing mark in this frame
     stage_s: Mapping[str, float]  # wall time by stage; a stage that did not run is not in it
 
@@ -116,7 +116,7 @@ class Pipeline:
             generator=copy.deepcopy(self._generator),
         )
         self._depth = DepthStage(self._network, maker, timer=self._timer)
-        self._track = TrackedMark()
+        self._track = MarkTracker()
         self._state: DroneState | None = None
 
     def perceive(self, frame: Frame, states: Sequence[DroneState] = ()) -> Perceived:

@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from perception.depth.training import clips, network, run
+from perception.depth.training.footage import Footage
 from perception.networks.training.loop import Progress
-from perception.odometry.camera_track import Footage
 from tests.perception.depth.depth_flight import known_flight
 from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
 

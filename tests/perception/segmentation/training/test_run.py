@@ -10,7 +10,8 @@ import onnx
 import pytest
 import torch
 
-from perception.networks.onnx_runtime import accept_uint8, compile_model, read_model
+from perception.networks.mapping import InputFormat
+from perception.networks.onnx_runtime import OnnxNetwork
 from perception.networks.training.loop import Progress
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.evaluation import score_segmentation
@@ -152,13 +153,13 @@ def test_the_onnx_file_answers_as_torch_does(tmp_path: Path) -> None:
     UNET_FILES.save(weights, net, notes={})
     UNET_FILES.export(weights, tmp_path / "unet.onnx")
     segmenter = OnnxSegmenter(tmp_path / "unet.onnx", CLASSES)
-    model = accept_uint8(read_model(tmp_path / "unet.onnx", "nothing"))
+    network = OnnxNetwork(tmp_path / "unet.onnx", "nothing")
+    network.take_images(InputFormat())
+    network.compile([network.outputs()["logits"]], 1)
     rgb = np.random.default_rng(0).integers(256, size=(32, 64, 3), dtype=np.uint8)
     with torch.inference_mode():
         expected = net(torch.from_numpy(rgb[None]).permute(0, 3, 1, 2) / 255.0).numpy()
-    np.testing.assert_allclose(
-        compile_model(model, 1, Path("net.onnx"))(rgb[None])[0], expected, rtol=1e-5, atol=1e-5
-    )
+    np.testing.assert_allclose(network.run(rgb)[0], expected, rtol=1e-5, atol=1e-5)
     np.testing.assert_array_equal(segmenter.ids(rgb), expected[0].argmax(axis=0))
 
 

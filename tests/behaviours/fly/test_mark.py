@@ -1,0 +1,645 @@
+"""ReturnToBase: search, approach, detour, and the last metre by the track."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from behaviours.path.margins import Margins
+from behaviours.path.nearby import RecentObstacles
+from behaviours.path.passages import ClearanceMaps
+from tests.behaviours.path.test_passages import MARK as MARK_M
+from tests.behaviours.path.test_passages import corner
+from tests.behaviours.path.test_survey import where
+from tests.worlds.leaves import (
+    ADVANCE,
+    RETURN_TO_BASE,
+    TURN_LEFT,
+    TURN_RIGHT,
+    map_with,
+    steering_bench,
+)
+from tests.worlds.values import fix, motion
+from uav_bt.answers import Done, FollowLeg
+from uav_bt.board import FLIGHT_HEIGHT, FLIGHT_PITCH, MARK, ODOMETRY, PHASE, SITE_MAP
+from uav_bt.testing import LeafBench
+from uav_bt.testing.world import Says, drawn_map, show
+from uav_bt.tree import Status
+from uav_bt.types import (
+    Clearances,
+    GimbalTo,
+    MoveBy,
+    NearObstacles,
+    Velocity,
+)
+from uav_bt.types.dead_reckoning import OdometryPose
+from uav_bt.types.site_map import MapMark, SiteMap
+
+SEARCH_GIMBAL = GimbalTo(pitch_rad=math.radians(-30))
+
+
+def fly(
+    bench: LeafBench,
+    pad: tuple[float, float] | None = None,
+    *,
+    seconds: float = 0.1,
+    unseen_s: float = 0.0,
+    std_m: float = 0.0,
+    site_map: SiteMap | None = None,
+    obstacles: Sequence[tuple[float, float]] = (),
+    yaw_rad: float = 0.0,
+) -> Status:
+    """Tick with the pad ahead and right, seen some time ago; None: never seen."""
+    show(bench, seconds=seconds, yaw_rad=yaw_rad)
+    now_s = bench.clock.now()
+    del bench.board[MARK]
+    if pad is not None:
+        bench.board[MARK] = fix(
+            now_s - unseen_s, pad[0], pad[1], detected=unseen_s == 0.0, std_m=std_m
+        )
+    near = NearObstacles(
+        points_m=np.array(obstacles, dtype=np.float64).reshape(-1, 2),
+        captured_s=now_s,
+    )
+    if site_map is None and obstacles:
+        site_map = map_with(near)
+    del bench.board[SITE_MAP]
+    if site_map is not None:
+        bench.board[SITE_MAP] = replace(site_map, captured_s=now_s, near=near)
+    return bench.tick()
+
+
+def searching(policy: Says, **attributes: object) -> LeafBench:
+    bench = steering_bench(RETURN_TO_BASE, policy, gimbal_deg=-30.0, **attributes)
+    bench.board[FLIGHT_PITCH] = math.radians(-30)
+    assert fly(bench) is Status.RUNNING
+    assert bench.proposed is None
+    return bench
+
+
+def approaching(pad: tuple[float, float] = (2.5, 0.0), policy: Says | None = None) -> LeafBench:
+    bench = searching(policy or Says(ADVANCE))
+    assert fly(bench, pad) is Status.RUNNING
+    assert bench.board[PHASE] == "approach"
+    return bench
+
+
+def velocity(bench: LeafBench) -> Velocity:
+    assert isinstance(bench.proposed, Velocity)
+    return bench.proposed
+
+
+# --- search ---------------------------------------------------------------------------------------
+
+
+def test_searches_under_the_policy() -> None:
+    """Without a mark in view it advances as exploring does, the camera ahead."""
+    bench = searching(Says(ADVANCE))
+    fly(bench, seconds=0.3)
+
+    assert bench.proposed == MoveBy(id=1, forward_m=0.3)
+    assert bench.pointed == SEARCH_GIMBAL
+    assert bench.board[PHASE] == "search"
+    fly(bench)
+    assert bench.proposed == MoveBy(id=1, forward_m=0.3)
+
+
+def test_a_policy_that_flies_at_a_speed_is_searched_under_at_that_speed() -> None:
+    """Not in one step to the end of its leg, which may be metres away."""
+    bench = searching(Says(FollowLeg(yaw_rad=0.1, speed_mps=0.4)))
+    fly(bench, seconds=0.3)
+    assert velocity(bench).forward_mps == pytest.approx(0.4)
+    assert velocity(bench).yaw_rate_radps > 0.0
+
+
+def test_while_the_policy_is_done_the_search_looks_round() -> None:
+    bench = searching(Says(Done(reason="covered")))
+    fly(bench, seconds=0.3)
+    assert velocity(bench).forward_mps == 0.0
+    assert abs(velocity(bench).yaw_rate_radps) > 0.3
+
+
+def test_the_search_turns_away_by_itself() -> None:
+    """Blocked it turns, and after a turn that worked it looks afresh before it advances."""
+    bench = searching(Says(TURN_LEFT, ADVANCE))
+    fly(bench, seconds=0.3)
+    assert velocity(bench).yaw_rate_radps < 0.0
+    assert velocity(bench).forward_mps == 0.0
+    fly(bench, yaw_rad=-0.3)
+    assert velocity(bench).yaw_rate_radps < 0.0
+    fly(bench, yaw_rad=-0.6)
+    fly(bench, yaw_rad=-0.6)
+    assert bench.proposed is None
+    fly(bench, yaw_rad=-0.6, seconds=0.3)
+
+    assert isinstance(bench.proposed, MoveBy)
+
+
+def test_a_pad_whose_place_is_uncertain_does_not_end_the_search() -> None:
+    """Only a sight of it does: the track may have gone astray."""
+    bench = searching(Says(ADVANCE))
+    fly(bench, (2.0, 0.0), seconds=0.3, unseen_s=3.0, std_m=0.5)
+
+    assert bench.board[PHASE] == "search"
+    assert isinstance(bench.proposed, MoveBy)
+
+
+def test_a_sight_of_the_pad_interrupts_a_step() -> None:
+    """The approach begins in the very tick."""
+    bench = searching(Says(ADVANCE))
+    fly(bench, seconds=0.3)
+    fly(bench, (2.0, 0.0))
+
+    assert bench.board[PHASE] == "approach"
+    assert velocity(bench).forward_mps > 0.0
+
+
+def test_a_pad_that_is_carried_well_needs_no_search() -> None:
+    """Behind the drone, seen a moment ago: it turns round to it."""
+    bench = searching(Says(ADVANCE))
+    fly(bench, (-1.5, 0.4), seconds=0.3, unseen_s=3.0, std_m=0.05)
+
+    assert bench.board[PHASE] == "approach"
+    assert abs(velocity(bench).yaw_rate_radps) > 0.3
+
+
+def test_a_track_that_led_nowhere_is_not_flown_to_again() -> None:
+    """Above the carried place, but no pad was centred on: begun again, it searches."""
+    bench = overflying()
+    seen_s = bench.clock.now() - 0.7
+    assert fly(bench, (0.1, 0.0), unseen_s=0.8) is Status.SUCCESS
+    fly(bench, (0.3, 0.0), unseen_s=bench.clock.now() + 0.11 - seen_s, std_m=0.05)
+
+    assert bench.board[PHASE] == "search"
+
+
+# --- search by the map ----------------------------------------------------------------------------
+
+
+def marked(x_m: float, y_m: float, *, seen_s: float = 1.0, yaw_rad: float = 0.0) -> SiteMap:
+    """Return ground of 4 x 4 m with the landing mark on it; the drone is in the middle."""
+    mark = MapMark(x_m=x_m, y_m=y_m, std_m=0.03, seen_s=seen_s)
+    return replace(drawn_map(pose=(0.0, 0.0, yaw_rad)), mark=mark)
+
+
+def test_it_flies_to_the_mark_of_the_map() -> None:
+    """At a speed, without asking the policy, though the mark was not seen for long."""
+    policy = Says(TURN_LEFT)
+    bench = searching(policy)
+    for _ in range(2):
+        fly(bench, site_map=marked(1.6, 0.2))
+        assert velocity(bench).forward_mps > 0.25
+        assert abs(velocity(bench).yaw_rate_radps) < 0.4
+    assert bench.board[PHASE] == "approach"
+    assert len(policy.views) <= 1
+
+
+def test_a_mark_of_the_map_that_is_not_there_counts_again_once_it_is_seen() -> None:
+    """Begun again above its place, the drone covers ground by the map."""
+    bench, there = searching(Says(TURN_LEFT)), marked(0.1, 0.0)
+    assert fly(bench, site_map=there) is Status.SUCCESS
+    elsewhere = replace(marked(0.4, 0.0), passed=where("right"))
+    for _ in range(3):
+        fly(bench, site_map=elsewhere, seconds=0.3)
+    assert bench.board[PHASE] == "search"
+    assert velocity(bench).yaw_rate_radps < -0.3  # to the left, where it has not been
+    seen = replace(elsewhere.mark, seen_s=bench.clock.now())
+    fly(bench, site_map=replace(elsewhere, mark=seen))
+    assert bench.board[PHASE] == "approach"
+
+
+def test_where_no_way_is_known_it_looks_around_and_then_makes_a_detour() -> None:
+    wall = np.column_stack([np.full(41, 0.8), np.linspace(-2.0, 2.0, 41)])
+    bench = searching(Says(TURN_LEFT))
+    shut = replace(marked(1.8, 0.0), obstacles_m=wall)
+    for _ in range(26):
+        fly(bench, (1.8, 0.0), site_map=shut, seconds=0.3)
+        assert velocity(bench).yaw_rate_radps > 0.3
+    for _ in range(4):
+        fly(bench, (1.8, 0.0), site_map=shut, seconds=0.3)
+    assert velocity(bench) == Velocity(yaw_rate_radps=-0.6)
+
+
+def test_a_sighting_far_from_the_maps_mark_is_taken_for_an_error() -> None:
+    """The mark, seen well before, is flown to."""
+    bench = searching(Says(ADVANCE))
+    fly(bench, pad=(1.5, -1.5), site_map=marked(1.5, 1.0))
+    assert bench.board[PHASE] == "approach"
+    assert velocity(bench).yaw_rate_radps > 0.3
+
+
+@pytest.mark.parametrize("by_map", [True, False])
+def test_a_pad_further_away_is_flown_to_by_the_map(*, by_map: bool) -> None:
+    """The map knows a box on the way that is out of the memory by now."""
+    box = np.column_stack([np.full(9, 0.8), np.linspace(-0.7, 0.1, 9)])
+    known = replace(marked(1.8, 0.0), obstacles_m=box)
+    bench = searching(Says(ADVANCE))
+    fly(bench, (1.8, 0.0), unseen_s=2.0, std_m=0.05, site_map=known if by_map else None)
+
+    assert bench.board[PHASE] == "approach"
+    assert (velocity(bench).yaw_rate_radps > 0.2) == by_map
+
+
+def test_by_a_map_that_views_contradict_no_route_is_flown() -> None:
+    """It flies straight while nothing that was seen is near that way."""
+    wrong = replace(marked(1.8, 0.0), contradicted_s=9.0)
+    bench = searching(Says(ADVANCE))
+    fly(bench, (1.8, 0.0), site_map=wrong)
+    assert velocity(bench).forward_mps > 0.0
+    fly(bench, (1.8, 0.0), site_map=wrong, obstacles=[(1.0, 0.1)])
+    assert bench.proposed is None
+
+
+def test_it_turns_to_a_mark_behind() -> None:
+    bench = searching(Says(ADVANCE))
+    fly(bench, site_map=marked(-1.6, 0.4))
+
+    assert velocity(bench).yaw_rate_radps > 0.5
+    assert velocity(bench).forward_mps == 0.0
+
+
+@pytest.mark.parametrize("moved_s", [-math.inf, 0.0])
+def test_on_the_way_it_stays_above_movers(moved_s: float) -> None:
+    bench = searching(Says(TURN_LEFT))
+    bench.board[FLIGHT_HEIGHT] = 1.5
+    for _ in range(3):
+        fly(bench, site_map=replace(marked(1.6, 0.2), moved_s=moved_s))
+    assert velocity(bench).forward_mps > 0.2
+    assert (velocity(bench).down_mps < -0.2) == (moved_s == 0.0)
+
+
+def test_between_two_maps_the_course_is_held() -> None:
+    bench = searching(Says(TURN_LEFT))
+    fly(bench, site_map=marked(1.6, 0.0))
+    bench.clock.advance(0.1)
+    bench.tick()
+
+    assert velocity(bench).forward_mps > 0.25
+
+
+def test_near_the_mark_the_camera_goes_down() -> None:
+    """Where the mark would be below the forward view."""
+    bench = searching(Says(ADVANCE))
+    fly(bench, site_map=marked(0.8, 0.0))
+    fly(bench, site_map=marked(0.8, 0.0))
+
+    assert bench.pointed == GimbalTo(pitch_rad=math.radians(-50))
+
+
+@pytest.mark.parametrize("approach", ["policy", "memory"])
+def test_at_the_edge_the_camera_is_lowered_where_the_map_leads_not_under_a_policy(
+    approach: str,
+) -> None:
+    """A student knows views of one pitch; lowered, a view shows it ground where the edge is."""
+    bench = steering_bench(RETURN_TO_BASE, Says(ADVANCE), gimbal_deg=-30.0, approach=approach)
+    edge = replace(
+        drawn_map(pose=(0.0, 1.8, math.pi / 2), passed=None),
+        seen_s=np.where(where("left"), -math.inf, drawn_map().seen_s).astype(np.float32),
+    )
+    here = OdometryPose(x_m=0.0, y_m=1.8, yaw_rad=math.pi / 2, time_s=0.0)
+    bench.board[ODOMETRY] = motion(here, tracked_s=0.0)
+    bench.allow_stale()
+    for _ in range(2):
+        fly(bench, site_map=edge, yaw_rad=math.pi / 2)
+    lowered = bench.pointed != SEARCH_GIMBAL
+    assert lowered == (approach == "memory")
+
+
+def test_the_map_leads_as_soon_as_it_knows_a_way() -> None:
+    """A step under the policy is broken off for it."""
+    bench = searching(Says(ADVANCE))
+    fly(bench, seconds=0.3)
+    assert bench.proposed == MoveBy(id=1, forward_m=0.3)
+    fly(bench, site_map=marked(1.6, 0.0))
+
+    assert isinstance(bench.proposed, Velocity)
+
+
+# --- approach -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_turns_to_the_pad_before_it_flies(side: int) -> None:
+    """Far off the heading: on the spot, towards it."""
+    bench = approaching((1.5, side * 1.2))
+
+    assert side * velocity(bench).yaw_rate_radps > 0.3
+    assert velocity(bench).forward_mps == 0.0
+
+
+def test_flies_to_a_pad_ahead_and_slows_down() -> None:
+    """Fast from afar, slowly when near, hardly turning."""
+    far, near = approaching((3.0, 0.05)), approaching((0.5, 0.02))
+
+    assert 0.2 < velocity(far).forward_mps <= 0.5
+    assert 0.0 < velocity(near).forward_mps < velocity(far).forward_mps
+    assert abs(velocity(far).yaw_rate_radps) < 0.1
+    assert far.pointed == SEARCH_GIMBAL
+
+
+def test_a_pad_missed_for_a_moment_is_still_approached() -> None:
+    """The tracker carries it."""
+    bench = approaching()
+    fly(bench, (2.4, 0.0), unseen_s=3.0)
+
+    assert velocity(bench).forward_mps > 0.0
+
+
+def test_a_pad_is_approached_for_as_long_as_the_board_carries_it() -> None:
+    """One number says how old a track may be: the board's."""
+    assert MARK.max_age_s == 20.0
+    bench = approaching()
+    fly(bench, (2.4, 0.0), unseen_s=19.8)
+    assert velocity(bench).forward_mps > 0.0
+
+
+@pytest.mark.parametrize("pad", [(2.4, 0.0), None])
+def test_a_pad_lost_for_long_is_searched_again(pad: tuple[float, float] | None) -> None:
+    """Too old a track, or none: stop, and search."""
+    bench = approaching()
+    bench.allow_stale()
+    fly(bench, pad, unseen_s=21.0)
+    assert bench.proposed is None
+    assert bench.board[PHASE] == "search"
+
+    fly(bench, seconds=0.3)
+    assert isinstance(bench.proposed, MoveBy)
+
+
+def test_what_stands_beside_or_behind_the_way_is_passed() -> None:
+    """A box well aside, one behind the pad, one behind the drone."""
+    bench = approaching((1.5, 0.0))
+    fly(bench, (1.5, 0.0), obstacles=[(1.0, 0.8), (1.9, 0.0), (-0.8, 0.0)])
+
+    assert velocity(bench).forward_mps > 0.0
+
+
+def boxed(*places_m: tuple[float, float], pad: tuple[float, float] = (2.5, 0.0)) -> SiteMap:
+    """Return ground of 6 x 6 m with obstacles and the mark, relative to the drone, at one side."""
+    side = np.indices((91, 91)) * 0.1 - 4.5
+    ground = np.abs(side).max(axis=0) <= 3.0
+    return replace(
+        drawn_map(pose=(-1.5, 0.0, 0.0)),
+        corner_m=(-4.5, -4.5),
+        seen_s=np.where(ground, 1.0, -math.inf).astype(np.float32),
+        free=ground,
+        outside=~ground,
+        passed=np.zeros_like(ground),
+        obstacles_m=np.array([(x_m - 1.5, y_m) for x_m, y_m in places_m]),
+        mark=MapMark(x_m=pad[0] - 1.5, y_m=pad[1], std_m=0.03, seen_s=0.1),
+    )
+
+
+@pytest.mark.parametrize(
+    ("box", "side"), [((1.0, 0.1), -1.0), ((0.8, -0.2), 1.0)], ids=["right", "left"]
+)
+def test_a_box_on_the_way_is_passed_on_its_free_side(box: tuple[float, float], side: float) -> None:
+    bench = searching(Says(ADVANCE))
+    fly(bench, (2.5, 0.0), site_map=boxed(box))
+
+    assert side * velocity(bench).yaw_rate_radps > 0.2
+
+
+def test_a_wide_way_round_is_better_than_a_narrow_one_straight_on() -> None:
+    """Half a metre is flown past slowly."""
+    bench = searching(Says(ADVANCE))
+    fly(bench, (2.5, 0.0), site_map=boxed((0.9, 0.42)))
+
+    assert velocity(bench).yaw_rate_radps < 0.0
+
+
+def test_where_there_is_no_wide_way_the_narrow_one_will_do() -> None:
+    """A gate of 0.7 m in a wall across the whole ground."""
+    gate = [(1.0, y_m) for y_m in np.arange(-3.0, 3.05, 0.05) if abs(y_m) >= 0.35]
+    bench = searching(Says(ADVANCE))
+    fly(bench, (2.5, 0.0), site_map=boxed(*gate))
+
+    assert velocity(bench).forward_mps > 0.1
+    assert abs(velocity(bench).yaw_rate_radps) < 0.2
+
+
+@pytest.mark.parametrize("apart_m", [0.55, 0.5])
+def test_beside_the_pad_the_way_may_be_narrow(apart_m: float) -> None:
+    """Boxes on three sides of it, and the ground below and behind it was never seen."""
+    pad = np.array([1.5, 0.0])
+    sides = [(0.0, -apart_m), (0.0, apart_m), (apart_m, 0.0)]
+    points = [pad + side + (0.02 * n, 0.02 * n) for side in sides for n in range(-2, 3)]
+    points = [point - (1.5, 0.0) for point in points]
+    around = boxed(*((x_m + 1.5, y_m) for x_m, y_m in points), pad=(1.5, 0.0))
+    hidden = np.hypot(*np.moveaxis(around.places_m() - (0.0, 0.0), -1, 0)) < 0.4
+    around = replace(
+        around,
+        free=around.free & ~hidden,
+        seen_s=np.where(hidden, -math.inf, around.seen_s).astype(np.float32),
+    )
+    bench = searching(Says(ADVANCE))
+    fly(bench, (1.5, 0.0), site_map=around)
+    assert velocity(bench).forward_mps > 0.2
+    assert abs(velocity(bench).yaw_rate_radps) < 0.1
+
+
+WALL = [(0.8 * math.cos(a), 0.8 * math.sin(a)) for a in np.radians(range(-180, 180, 10))]
+
+
+def test_where_there_is_no_way_it_stops_for_a_detour() -> None:
+    """It stops at once and then goes round under the policy."""
+    bench = approaching((2.5, 0.0))
+    fly(bench, (2.5, 0.0), obstacles=WALL)
+
+    assert bench.proposed is None
+    assert bench.pointed == SEARCH_GIMBAL
+
+
+def test_the_camera_follows_the_pad_down() -> None:
+    """It shows the ground before the pad, but is not so steep that bases would be mistaken."""
+    bench = approaching((1.2, 0.0))
+    assert bench.pointed is not None
+    assert -50.0 < math.degrees(bench.pointed.pitch_rad) < -35.0
+
+    near = approaching((0.5, 0.0))
+    assert near.pointed == GimbalTo(pitch_rad=math.radians(-50))
+
+
+def test_a_detour_takes_two_steps_and_faces_the_pad_again() -> None:
+    """Turn away, step, step, then turn back to the pad."""
+    policy = Says(TURN_RIGHT, ADVANCE)
+    bench = approaching((2.5, 0.0), policy)
+    fly(bench, (2.5, 0.0), obstacles=WALL)
+    fly(bench, (2.5, 0.0), obstacles=WALL, seconds=0.3)
+    assert velocity(bench).yaw_rate_radps > 0.0
+    for yaw_rad in (0.3, 0.6, 0.6):
+        fly(bench, (2.5, -1.0), obstacles=WALL, yaw_rad=yaw_rad)
+
+    for step in (1, 2):
+        fly(bench, (2.0, -1.5), obstacles=WALL, seconds=0.3, yaw_rad=0.6)
+        assert bench.proposed == MoveBy(id=step, forward_m=0.3)
+        bench.clock.advance(0.4)
+        bench.finish_movement()
+        if step == 2:
+            del bench.board[SITE_MAP]  # the wall
+        bench.tick()  # the class map still shows the view before the step
+        assert step == 2 or bench.proposed is None
+    fly(bench, (1.8, -1.5), yaw_rad=0.6)
+    assert bench.board[PHASE] == "approach"
+    assert velocity(bench).yaw_rate_radps < 0.0
+    assert velocity(bench).forward_mps == 0.0
+
+
+# --- the last metre -------------------------------------------------------------------------------
+
+
+def overflying() -> LeafBench:
+    bench = approaching((1.2, 0.0))
+    assert fly(bench, (1.0, 0.0), unseen_s=0.6) is Status.RUNNING
+    assert fly(bench, (0.9, 0.0), unseen_s=0.7) is Status.RUNNING
+    return bench
+
+
+def test_the_last_metre_goes_by_the_track() -> None:
+    """The pad has left the view below: on towards where it must be, until above it."""
+    bench = overflying()
+    assert 0.0 < velocity(bench).forward_mps < 0.6
+    assert fly(bench, (0.3, 0.0), unseen_s=2.0) is Status.RUNNING
+
+    assert fly(bench, (0.1, 0.0), unseen_s=2.6) is Status.SUCCESS
+    assert (bench.proposed, bench.pointed) == (None, None)
+
+
+def test_almost_above_the_pad_a_map_that_is_stale_permits_nothing() -> None:
+    """It makes a detour, as it does further away."""
+    bench = approaching((1.2, 0.0), Says(TURN_RIGHT))
+    bench.board[SITE_MAP] = map_with(NearObstacles(captured_s=bench.clock.now()))
+    bench.allow_stale()
+    bench.clock.advance(5.0)
+    for _ in range(12):
+        show(bench)
+        bench.board[MARK] = fix(bench.clock.now(), 0.4)
+        bench.tick()
+        assert bench.proposed is None or velocity(bench).forward_mps == 0.0
+    assert velocity(bench).yaw_rate_radps > 0.0
+
+
+def test_past_the_pad_it_is_there() -> None:
+    """It does not turn round for centimetres."""
+    bench = overflying()
+
+    assert fly(bench, (-0.02, 0.15), unseen_s=2.6) is Status.SUCCESS
+
+
+def test_a_tree_without_a_map_flies_the_last_metre() -> None:
+    """Without a map there are no obstacles to stop for."""
+    bench = overflying()
+    fly(bench, (0.6, 0.0), unseen_s=1.0)
+
+    assert velocity(bench).forward_mps > 0.0
+
+
+def test_a_track_that_ends_in_the_last_metre_is_searched_for() -> None:
+    """Nothing is known any more: stop and search."""
+    bench = overflying()
+    fly(bench, None)
+
+    assert bench.proposed is None
+    assert bench.board[PHASE] == "search"
+
+
+# --- manners --------------------------------------------------------------------------------------
+
+
+def test_a_pad_beyond_the_grounds_edge_is_not_flown_to() -> None:
+    site_map = drawn_map()
+    site_map.outside[:] = True
+    bench = searching(Says(ADVANCE))
+    fly(bench, pad=(1.5, 0.0), site_map=site_map)
+    assert bench.board[PHASE] == "search"
+    fly(bench, pad=(1.5, 0.0), site_map=drawn_map())
+    assert bench.board[PHASE] == "approach"
+
+
+def test_a_drone_that_does_not_get_on_gives_up() -> None:
+    """Neither the map nor the policy leads it out of its corner. The mission lands then."""
+    bench, shut = searching(Says(TURN_RIGHT)), corner(0.4)
+    mark, status, seconds = shut.pose.to_body(*MARK_M), Status.RUNNING, 0.0
+    while status is Status.RUNNING and seconds < 90.0:
+        here = OdometryPose(x_m=0.0, y_m=0.0, yaw_rad=0.0, time_s=bench.clock.now())
+        bench.board[ODOMETRY] = motion(here, tracked_s=0.0)
+        status, seconds = fly(bench, mark, site_map=shut, seconds=0.5), seconds + 0.5
+    assert status is Status.FAILURE
+    assert seconds == pytest.approx(60.0, abs=2.0)
+
+
+def test_unseen_ground_is_crossed_beside_the_pad_only() -> None:
+    """Far from it the cells may be the hidden side of a box."""
+    for hidden_m, crosses in ((0.8, True), (1.9, False)):
+        site_map = boxed((5.0, 5.0))
+        strip = np.abs(site_map.places_m()[..., 0] - (1.0 - hidden_m)) < 0.25
+        free, seen_s = site_map.free & ~strip, np.where(strip, -math.inf, site_map.seen_s)
+        site_map = replace(site_map, free=free, seen_s=seen_s.astype(np.float32))
+        maps = ClearanceMaps(site_map, RecentObstacles(), Margins(), over=(1.0, 0.0))
+        route = maps.route_to((1.0, 0.0), near_m=0.15, far_m=0.15)
+        assert (route is not None) == crosses
+
+
+def test_to_a_mark_far_beyond_the_known_ground_it_flies_to_where_that_ends() -> None:
+    """A metre of it ahead; from there more is seen, and the policy is not asked."""
+    known = boxed((9.0, 9.0), pad=(4.0, 0.0))
+    ahead = known.places_m()[..., 0] < -0.5  # the drone is at -1.5
+    seen_s = np.where(ahead, known.seen_s, -math.inf).astype(np.float32)
+    policy = Says(TURN_RIGHT)
+    bench = searching(policy)
+    fly(bench, (4.0, 0.0), site_map=replace(known, free=known.free & ahead, seen_s=seen_s))
+    assert velocity(bench).forward_mps > 0.2
+    assert policy.views == []
+
+
+# --- the place ------------------------------------------------------------------------------------
+
+
+def flies_ahead(clearances: Clearances, **seen: Any) -> bool:
+    """Return whether the leaf flies on in a place that asks for these distances."""
+    bench = steering_bench(RETURN_TO_BASE, Says(TURN_LEFT), gimbal_deg=-30.0)
+    bench.provide(clearances=clearances)
+    for _ in range(5):
+        fly(bench, **seen)
+    return isinstance(bench.proposed, Velocity) and bench.proposed.forward_mps > 0.0
+
+
+@pytest.mark.parametrize(("obstacle_m", "flown"), [(0.4, True), (0.6, False)])
+def test_the_way_to_the_mark_keeps_the_distance_that_the_place_asks_for(
+    obstacle_m: float, *, flown: bool
+) -> None:
+    """Between drone and mark a wall has a gap that leaves 0.4 m to either side.
+
+    The narrowest gap before the mark keeps 0.23 m by default, and 0.43 m in the second place.
+    """
+    y_m = np.arange(-2.0, 2.01, 0.05)
+    y_m = y_m[np.abs(y_m) > 0.38]
+    wall = np.column_stack([np.zeros(len(y_m)), y_m])
+    before = drawn_map(obstacles=wall, pose=(-0.8, 0.0, 0.0))
+    before = replace(before, mark=MapMark(x_m=1.0, y_m=0.0, std_m=0.03, seen_s=0.1))
+    place = Clearances(obstacle_m=obstacle_m)
+    assert flies_ahead(place, pad=(1.8, 0.0), site_map=before) == flown
+
+
+@pytest.mark.parametrize(("obstacle_m", "flown"), [(0.4, True), (0.55, False)])
+def test_without_a_map_the_straight_way_keeps_it_as_well(obstacle_m: float, *, flown: bool) -> None:
+    """An obstacle lies 0.6 m beside the way; 0.12 m more than the distance are kept."""
+    place = Clearances(obstacle_m=obstacle_m)
+    assert flies_ahead(place, pad=(2.5, 0.0), obstacles=[(1.0, 0.6)]) == flown
+
+
+def test_the_camera_follows_a_mat_further_down_than_a_box() -> None:
+    """1.45 m ahead and as far below, a mat lies 45 degrees below the horizon."""
+    bench = steering_bench(RETURN_TO_BASE, Says(ADVANCE), gimbal_deg=-30.0)
+    bench.board[FLIGHT_PITCH] = math.radians(-30)
+    for _ in range(2):
+        show(bench)
+        bench.board[MARK] = fix(bench.clock.now(), 1.45, height_m=0.05)
+        bench.tick()
+    assert bench.pointed is not None
+    assert bench.pointed.pitch_rad == pytest.approx(math.radians(-45.0))

@@ -1,0 +1,208 @@
+"""What moves, for the planner: slower, waiting, round it, and out of its way."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from behaviours.fly.giving_way import WayOut, way_out
+from behaviours.path.clearance import ClearanceMap
+from behaviours.path.movers import SPARE_M, TIMES_S, gap_m, outlines_m, runs_into, yielding_mps
+from behaviours.path.nearby import RecentObstacles
+from behaviours.path.survey import best_route
+from tests.behaviours.path.test_survey import where
+from uav_bt.testing.world import drawn_map
+from uav_bt.types.site_map import MapMover, SiteMap
+
+BODY_M = 0.2
+STAYS = np.zeros(2)
+AHEAD = np.array([[0.1 * step, 0.0] for step in range(20)])
+
+
+def mover(x_m: float, y_m: float, x_mps: float = 0.0, y_mps: float = 0.0) -> MapMover:
+    return MapMover(
+        id=1,
+        x_m=x_m,
+        y_m=y_m,
+        x_mps=x_mps,
+        y_mps=y_mps,
+        std_m=0.04,
+        std_mps=0.1,
+        radius_m=0.25,
+        first_s=0.0,
+        seen_s=1.0,
+    )
+
+
+def with_movers(*movers: MapMover, **drawn: object) -> SiteMap:
+    return replace(drawn_map(**drawn), movers=movers)  # type: ignore[arg-type]
+
+
+def escape(site_map: SiteMap, before: WayOut | None = None) -> WayOut:
+    clearance = ClearanceMap(
+        replace(site_map, movers=(), lanes_m=np.empty((0, 2))), RecentObstacles()
+    )
+    return way_out(clearance, site_map.movers, BODY_M, before=before)
+
+
+def min_room_m(way: WayOut, site_map: SiteMap) -> float:
+    """Return the gap to movers of a drone that flies a way after its reaction."""
+    flown_s = np.maximum(TIMES_S - 0.4, 0.0)
+    speed_mps = math.hypot(way.x_mps, way.y_mps)
+    flown_s = np.minimum(flown_s, 1.2 / max(speed_mps, 0.01))
+    places_m = flown_s[:, None] * (way.x_mps, way.y_mps)
+    return float(gap_m(site_map.movers, places_m, BODY_M))
+
+
+# --- along a path ---------------------------------------------------------------------------------
+
+
+def test_nothing_that_moves_slows_nothing_down() -> None:
+    assert yielding_mps((), AHEAD, 0.6, BODY_M) == 0.6
+    assert yielding_mps([mover(-1.5, 1.5, -0.5)], AHEAD, 0.6, BODY_M) == 0.6
+
+
+def test_it_waits_for_what_crosses_close_ahead() -> None:
+    assert yielding_mps([mover(0.9, -0.9, 0.0, 0.5)], AHEAD, 0.6, BODY_M) == 0.0
+
+
+def test_it_flies_slower_where_that_is_enough() -> None:
+    """What crosses 1.6 m ahead has passed before a slower drone is there."""
+    speed = yielding_mps([mover(1.6, -0.9, 0.0, 0.6)], AHEAD, 0.6, BODY_M)
+    assert 0.1 < speed < 0.6
+
+
+def test_behind_what_has_passed_it_flies_on() -> None:
+    assert yielding_mps([mover(0.9, 0.9, 0.0, 0.5)], AHEAD, 0.6, BODY_M) == 0.6
+
+
+@given(st.floats(-2, 2), st.floats(-2, 2), st.floats(-1, 1), st.floats(-1, 1), st.floats(0.12, 0.6))
+def test_the_speed_that_is_flown_keeps_the_room(
+    x_m: float, y_m: float, x_mps: float, y_mps: float, wanted_mps: float
+) -> None:
+    them = [mover(x_m, y_m, x_mps, y_mps)]
+    speed_mps = yielding_mps(them, AHEAD, wanted_mps, BODY_M)
+    assert 0.0 <= speed_mps <= wanted_mps
+    if speed_mps > 0.0:
+        places_m = np.column_stack([speed_mps * TIMES_S, np.zeros(len(TIMES_S))])
+        assert gap_m(them, places_m, BODY_M) >= SPARE_M - 1e-9
+
+
+def test_a_leg_leads_round_what_stands_in_the_way_for_now() -> None:
+    """A person who has stopped for a moment is passed at a distance."""
+    halted = mover(0.0, 0.7)
+    site_map = with_movers(halted, passed=where("left"), pose=(0.0, -0.4, math.pi / 2))
+    leg = best_route(ClearanceMap(site_map, RecentObstacles()))
+    assert leg is not None
+    apart_m = np.hypot(*(leg.path_m - (halted.x_m, halted.y_m)).T)
+    assert apart_m.min() > halted.radius_m + 0.3
+
+
+def test_ground_that_is_taken_lies_along_the_course() -> None:
+    points_m = outlines_m([mover(0.0, 0.0, 0.6)])
+    assert points_m[:, 0].max() == pytest.approx(0.6 + 0.25)
+    assert points_m[:, 0].min() == pytest.approx(-0.25)
+    assert outlines_m([]).shape == (0, 2)
+
+
+# --- out of the way -------------------------------------------------------------------------------
+
+
+def test_what_comes_at_the_drone_threatens_it_and_what_passes_does_not() -> None:
+    assert runs_into(with_movers(mover(1.5, 0.0, -0.5)), STAYS, BODY_M)
+    assert runs_into(with_movers(mover(0.5, 0.0)), STAYS, BODY_M)
+    assert not runs_into(with_movers(mover(1.5, 0.0, 0.5)), STAYS, BODY_M)
+    assert not runs_into(with_movers(mover(1.5, 1.2, -0.5)), STAYS, BODY_M)
+    assert not runs_into(with_movers(), STAYS, BODY_M)
+
+
+def test_a_mover_that_may_be_anywhere_threatens_nobody_far_away() -> None:
+    """It was lost from view five seconds ago; a way from where it was may lead to it."""
+    lost = replace(mover(2.5, 0.0), std_m=3.3, std_mps=0.65)
+    assert not runs_into(with_movers(lost), STAYS, BODY_M)
+    assert runs_into(with_movers(replace(lost, x_m=1.2)), STAYS, BODY_M)
+
+
+def test_a_drone_that_flies_into_the_way_of_something_runs_into_it() -> None:
+    crossing = with_movers(mover(0.9, -0.9, 0.0, 0.5))
+    assert runs_into(crossing, np.array([0.5, 0.0]), BODY_M)
+    assert not runs_into(crossing, np.array([0.0, 0.0]), BODY_M)
+    assert not runs_into(crossing, np.array([-0.5, 0.0]), BODY_M)
+
+
+@pytest.mark.parametrize("azimuth", np.arange(0.0, 2.0 * math.pi, 0.7))
+@pytest.mark.parametrize("speed_mps", [0.3, 0.5, 0.8])
+def test_in_the_open_it_gets_out_of_the_way(azimuth: float, speed_mps: float) -> None:
+    """Wherever it comes from, straight at the drone from two seconds away."""
+    towards = np.array([math.cos(azimuth), math.sin(azimuth)])
+    start_m, velocity = -towards * (0.6 + 2.0 * speed_mps), towards * speed_mps
+    site_map = with_movers(mover(*map(float, start_m), *map(float, velocity)))
+    assert min_room_m(WayOut(), site_map) < 0.0
+    assert min_room_m(escape(site_map), site_map) > 0.05
+
+
+def test_a_wall_to_the_one_side_is_no_way_out() -> None:
+    wall = np.column_stack([np.arange(-1.5, 1.5, 0.05), np.full(60, 0.5)])
+    comes = mover(1.6, -0.05, -0.6)
+    assert escape(with_movers(comes)).y_mps > 0.1
+    assert escape(with_movers(comes, obstacles=wall)).y_mps < -0.1
+
+
+def test_beyond_the_edge_and_over_unknown_ground_is_no_way_out() -> None:
+    assert escape(with_movers(mover(1.6, -0.05, -0.6))).y_mps > 0.1
+    at_edge = with_movers(mover(1.6, 1.45, -0.6), pose=(0.0, 1.5, 0.0))
+    assert escape(at_edge).y_mps < -0.1
+    unknown = with_movers(mover(1.6, -0.65, -0.6), known=where("left"), pose=(0.0, -0.6, 0.0))
+    assert escape(unknown).y_mps <= 0.0
+
+
+def test_ground_that_was_never_seen_is_no_way_out() -> None:
+    """The map counts it as free, because the drone is near."""
+    shown = with_movers(mover(-1.2, 0.0, x_mps=0.6))
+    unseen = np.where(shown.places_m()[..., 0] >= -0.3, -np.inf, shown.seen_s)
+    assert escape(shown) != WayOut()
+    assert escape(replace(shown, seen_s=unseen)) == WayOut()
+
+
+def test_it_can_stop_before_what_stands() -> None:
+    """In a dead end it gives way at the lower speed, from which it stops before the wall."""
+    line = np.arange(-1.5, 1.5, 0.05)
+    sides = [np.column_stack([np.full(60, side), line]) for side in (-0.5, 0.5)]
+    walls = np.vstack([*sides, np.column_stack([line, np.full(60, 1.4)])])
+    site_map = with_movers(mover(0.0, -1.4, 0.0, 0.6), obstacles=walls)
+    assert escape(site_map).y_mps == pytest.approx(0.3)
+
+
+def test_a_way_that_has_become_blocked_is_left() -> None:
+    """It went towards the wall; beside the wall it turns off instead of stopping."""
+    wall = np.column_stack([np.arange(-1.5, 1.5, 0.05), np.full(60, 0.42)])
+    site_map = with_movers(mover(-0.159, 0.948, -0.431, -0.717), obstacles=wall)
+    way = escape(site_map, WayOut(y_mps=0.6))
+    assert way.x_mps == pytest.approx(0.6)
+
+
+def test_ground_where_something_moved_is_not_flown_over_unseen() -> None:
+    """It may come back; where nobody has looked since, no leg leads there."""
+    lane = np.column_stack([np.arange(-2.0, 2.0, 0.1), np.full(40, 1.2)])
+    crossed = drawn_map(passed=where("left") | where("near"))
+    assert best_route(ClearanceMap(crossed, RecentObstacles())) is not None
+    leg = best_route(ClearanceMap(replace(crossed, lanes_m=lane), RecentObstacles()))
+    assert leg is None or leg.path_m[:, 1].max() < 1.2 - 0.6
+
+
+def test_shut_in_it_stays() -> None:
+    ring = [(0.39 * math.cos(a), 0.39 * math.sin(a)) for a in np.linspace(0, 2 * math.pi, 60)]
+    way = escape(with_movers(mover(1.6, 0.0, -0.6), obstacles=np.array(ring)))
+    assert math.hypot(way.x_mps, way.y_mps) == 0.0
+
+
+def test_it_does_not_change_its_mind_for_a_little_more_room() -> None:
+    head_on = with_movers(mover(1.6, 0.02, -0.5))
+    left, right = WayOut(x_mps=0.0, y_mps=-0.6), WayOut(x_mps=0.0, y_mps=0.6)
+    assert escape(head_on, left).y_mps < 0.0
+    assert escape(head_on, right).y_mps > 0.0

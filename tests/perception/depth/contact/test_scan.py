@@ -1,0 +1,96 @@
+"""The panorama of a class map, the runs in its columns, and the sides above bases."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from perception.camera.ground_plane import CameraView, level_rays
+from perception.depth.contact.depth import _sides
+from perception.depth.contact.scan import OUTSIDE, Panorama
+from tests.paper_lab import CARPET, CLASS_COUNT
+from uav_bt.testing import pinhole
+from uav_bt.types.projection import project
+
+CAMERA = pinhole(64, 36)
+BOX = 5
+
+
+@pytest.mark.parametrize(("pitch_rad", "roll_rad"), [(-0.4, 0.0), (-0.6, 0.05), (-1.5, 0.0)])
+def test_a_cell_has_the_class_of_the_nearest_pixel(pitch_rad: float, roll_rad: float) -> None:
+    ids = np.random.default_rng(0).integers(0, CLASS_COUNT, (36, 64), dtype=np.uint8)
+    view = CameraView(camera=CAMERA, pitch_rad=pitch_rad, height_m=1.5, roll_rad=roll_rad)
+    panorama = Panorama.of(ids, view)
+    azimuth, depression = np.meshgrid(panorama.azimuth_rad, panorama.depression_rad)
+    level = np.stack([np.cos(azimuth), np.sin(azimuth), np.tan(depression)], axis=-1)
+    with np.errstate(invalid="ignore"):
+        exact = project(level, CAMERA, pitch_rad, roll_rad)
+        inside = ((exact > -0.5) & (exact < (63.5, 35.5))).all(axis=-1)
+        # Between two pixels rounding decides.
+        clear = (np.abs(exact % 1.0 - 0.5) > 1e-3).all(axis=-1)
+    columns, rows = np.rint(exact[inside & clear]).astype(int).T
+    assert np.array_equal(panorama.ids[inside & clear], ids[rows, columns])
+    assert (panorama.ids[~inside & (clear | np.isnan(exact).any(axis=-1))] == OUTSIDE).all()
+
+
+def panorama_of(*columns: str) -> Panorama:
+    """Return a panorama of columns, each from low to high: c carpet, b box, o other, - outside."""
+    table = {"c": CARPET, "b": BOX, "o": 0, "-": OUTSIDE}
+    ids = np.array([[table[cell] for cell in column] for column in columns], dtype=np.uint8).T
+    return Panorama(
+        ids=np.ascontiguousarray(ids),
+        azimuth_rad=np.linspace(-0.1, 0.1, len(columns)),
+        depression_rad=np.linspace(0.9, 0.1, len(ids)),
+        pixel_rad=0.1,
+    )
+
+
+def test_the_lowest_long_run_of_a_class_counts() -> None:
+    """Two pixels at least, and a pixel has two rows."""
+    first, last = panorama_of("-cbbbobbbb", "bbbbcccccc", "ccccbbbccb", "----------").runs(
+        CLASS_COUNT
+    )
+    assert first[BOX].tolist() == [6, 0, -1, -1]
+    assert last[BOX].tolist() == [9, 3, 9, -1]
+    assert first[CARPET].tolist() == [-1, 4, 0, -1]
+
+
+def test_a_class_follows_within_a_gap_and_the_panorama() -> None:
+    """Two pixels of another class at most."""
+    panorama = panorama_of("cobbbbbb", "coooobbb", "cooooobb", "bbbbbbbb")
+    rows, columns = np.array([2, 5, 6, 0]), np.arange(4)
+    below = panorama.next_row(rows, columns, CARPET, -1)
+    assert below.tolist() == [0, 0, -1, -1]
+    assert panorama.next_row(below, columns, BOX, 1).tolist()[:2] == [2, 5]
+
+
+def test_a_side_has_the_range_of_the_base_in_its_column() -> None:
+    """A wall 2 m ahead: its depth at any pixel is that of the plane x = 2 m."""
+    view = CameraView(camera=CAMERA, pitch_rad=0.0, height_m=1.5)
+    rays = level_rays(view).reshape(3, -1)
+    ids = np.full(36 * 64, CARPET, dtype=np.uint8)
+    ids[::7] = BOX
+    azimuth = np.linspace(-0.7, 0.7, 1401)
+    seen = 1.5 / (2.0 / np.cos(azimuth))
+    slopes, fitted = np.stack([seen, 1.1 * seen]), azimuth > 0.0
+    slopes[0, azimuth < -0.3] = np.nan
+    pixels, depth_m, bound_m = _sides(
+        ids, BOX, rays, 1.5, (-0.7, 0.001), slopes, fitted, np.array([[0.75, 0.0]]), math.inf
+    )
+    assert pixels.tolist() == list(range(0, 36 * 64, 7))
+    places = np.arctan2(rays[1], rays[0])[pixels]
+    known = places > -0.299
+    assert depth_m[places > 0.001] == pytest.approx(2.0)  # by the line, which is exact
+    assert depth_m[known] == pytest.approx(2.0, rel=1e-3)
+    assert np.isnan(depth_m[places < -0.301]).all()
+    assert bound_m == pytest.approx(2.0 / 1.1, rel=1e-3)
+
+
+def test_the_layout_of_a_panorama_does_not_depend_on_the_height() -> None:
+    ids = np.zeros((36, 64), dtype=np.uint8)
+    view = CameraView(camera=CAMERA, pitch_rad=-0.5, height_m=1.5)
+    low, high = Panorama.of(ids, view), Panorama.of(ids, replace(view, height_m=9.0))
+    assert np.array_equal(low.ids, high.ids)

@@ -1,0 +1,31 @@
+"""Small networks as ONNX files, for the tests of all that run networks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import onnx.parser
+
+from uav_bt.types.arrays import Image
+
+IMAGE = "float[1,3,8,16]"
+
+
+def save(
+    path: Path, nodes: str, taken: str = IMAGE, given: str = IMAGE, constants: str = ""
+) -> Path:
+    """Write a network from `x` to `y`, in the text form of ONNX."""
+    head = '<ir_version: 9, opset_import: ["" : 17]>'
+    inner = f"<{constants}>" if constants else ""
+    model = onnx.parser.parse_model(f"{head} net ({taken} x) => ({given} y) {inner} {{{nodes}}}")
+    path.write_bytes(model.SerializeToString())
+    return path
+
+
+def halves() -> Image:
+    """Return an image of 16x8 pixels: the left half green, the right half blue."""
+    rgb = np.zeros((8, 16, 3), dtype=np.uint8)
+    rgb[:, :8, 1] = 200
+    rgb[:, 8:, 2] = 200
+    return rgb
