@@ -6,12 +6,18 @@ from typing import Final
 
 from behaviours.fly import can_return, explore, look, move_by, objects, take_off, take_photo
 from behaviours.fly.give_way import GiveWay
-from behaviours.fly.go_to_mark import Detour, GoToMark, StopAboveMark
-from behaviours.fly.go_to_mark_under_policy import GoToMarkUnderPolicy
+from behaviours.fly.go_to import GoTo
 from behaviours.fly.helipad_center import HelipadCenter
 from behaviours.fly.land import EmergencyLand, Land, LandHere
-from behaviours.fly.places import Face, GoTo
-from behaviours.fly.search_mark import MarkFound, ScanBelow, SearchByMap, SearchUnderPolicy
+from behaviours.fly.mark import (
+    Detour,
+    GoToMarkUnderPolicy,
+    MarkFound,
+    ScanBelow,
+    SearchUnderPolicy,
+    StopAboveMark,
+)
+from behaviours.fly.places import Face
 from behaviours.perceive.class_map import FindMark, Segment
 from behaviours.perceive.depth import BuildCorridor, EstimateDepth
 from behaviours.perceive.motion import TrackMotion
@@ -31,8 +37,8 @@ NODES: Final[tuple[type[Node], ...]] = (
     *objects.NODES,
     *take_off.NODES,
     *take_photo.NODES,
-    *(Face, GiveWay, GoTo, GoToMark, GoToMarkUnderPolicy, Detour, StopAboveMark),
+    *(Face, GiveWay, GoTo, GoToMarkUnderPolicy, Detour, StopAboveMark),
     *(HelipadCenter, Land, LandHere, EmergencyLand),
-    *(MarkFound, ScanBelow, SearchByMap, SearchUnderPolicy),
+    *(MarkFound, ScanBelow, SearchUnderPolicy),
     Rules,
 )

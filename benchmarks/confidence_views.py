@@ -188,15 +188,15 @@ class _Judge:
                     sample = sample_ground(relative, ground, plane_m, rng)
                     height_m = view.pose.z_m * (1.0 + height) if depth.in_heights else None
                     found = scale.update(sample, step * _APART_S, height_m)
-                    if found is None or found.why is None:
+                    if found is None:
                         continue
-                    measures = found.why.measures.items()
+                    measures = found.confidence.measures.items()
                     yield JudgedScale(
                         lab=self._name,
                         condition=condition,
                         over_exact=found.factor / exact,
-                        confidence=found.confidence,
-                        measures={key: each.value or 0.0 for key, each in measures},
+                        confidence=found.confidence.value or 0.0,
+                        measures={key: value for key, (value, _) in measures},
                     )
 
     def _plane_m(self, view: View, pitch_rad: float, height: float) -> NDArray[np.float32]:

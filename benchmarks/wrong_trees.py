@@ -11,7 +11,7 @@ from uav_bt.tree.shipped import tree_files
 
 _MISSIONS: Final = ("hover_and_look", "land_only", "survey_and_land", "explore_and_land_depth")
 _KEYS: Final = ("elapsed_s", "height_above_ground_m", "phase", "flight_height_m", "site_map")
-_KEYS_OF_OTHERS: Final = ("flight_pitch_rad", "mark_gone_s", "corridor", "mark", "odometry")
+_KEYS_OF_OTHERS: Final = ("flight_pitch_rad", "track_tried_s", "corridor", "mark", "odometry")
 _MOVERS: Final = (
     '<Turn degrees="90"/>',
     '<HoverFor seconds="1"/>',

@@ -6,11 +6,12 @@ import math
 from dataclasses import replace
 from typing import Any, ClassVar, Final
 
-from behaviours.fly.giving_way import GivingWay, GivingWayConfig
+from behaviours.fly.giving_way import CLIMB_MPS, CLIMB_PER_S, MARGINS, GivingWay
 from behaviours.fly.heading_control import HeadingController
 from behaviours.fly.keeping_away import by_the_map, push_away_mps
 from behaviours.fly.moving_leaf import MovingLeaf
 from behaviours.path.gimbal_pointing import ground_pitch_rad, mover_pitch_rad
+from behaviours.path.movers import raised_m
 from behaviours.ports import number
 from uav_bt.answers import FollowLeg, Rotate
 from uav_bt.board import (
@@ -54,11 +55,8 @@ class CourseLeaf(MovingLeaf):
         super().on_setup(mission)
         self._heading = HeadingController()
         self._ordered: tuple[float, float, float] | None = None  # yaw, rad; speed, m/s; time, s
-        giving_way = GivingWayConfig()
-        margins = giving_way.margins.within(mission.clearances)
-        moving = replace(giving_way.way_out.moving, body_m=mission.airframe.radius_m)
-        way_out = replace(giving_way.way_out, moving=moving)
-        self._giving_way = GivingWay(replace(giving_way, margins=margins, way_out=way_out))
+        margins = MARGINS.within(mission.clearances)
+        self._giving_way = GivingWay(margins, mission.airframe.radius_m)
 
     def fly_on(self, state: DroneState, answer: FollowLeg | Rotate | None) -> None:
         """Fly ahead while the heading is controlled, without a stop between answers.
@@ -106,8 +104,8 @@ class CourseLeaf(MovingLeaf):
 
     def give_way(self) -> bool:
         """Stop for a mover or get out of its way, and climb; False when none comes too near."""
-        site_map, state, cfg = self.read(SITE_MAP).value, self.state(), self._giving_way.config
-        self.write(RAISED, self._giving_way.raised_m(site_map))
+        site_map, state = self.read(SITE_MAP).value, self.state()
+        self.write(RAISED, raised_m(site_map))
         velocity = self._giving_way.velocity(
             site_map, self.obstacles(), self.read(ODOMETRY).value, now_s=self.clock.now()
         )
@@ -116,7 +114,7 @@ class CourseLeaf(MovingLeaf):
         self.drop_course()
         self.feedback_message = "gives way"
         off_m = 0.0 if state is None else self.off_height_m(state)
-        self.propose(replace(velocity, down_mps=clamp(cfg.climb_per_s * off_m, cfg.climb_mps)))
+        self.propose(replace(velocity, down_mps=clamp(CLIMB_PER_S * off_m, CLIMB_MPS)))
         return True
 
     def drop_course(self) -> None:

@@ -48,7 +48,7 @@ class Explore(SteeringLeaf):
                 return Status.FAILURE
             case answer:
                 self.go_on(state, answer)
-                return Status.RUNNING
+        return Status.RUNNING
 
 
 class Avoid(SteeringLeaf):
@@ -125,14 +125,12 @@ class CorridorClear(Leaf):
             self.port_value("way_m"), margin_m=self.port_value("beside_m"), assumed=False
         ):
             return f"obstacle {site_map.near.nearest_m:.2f} m away"
-        return "ground ends" if self._ground_is_short() and not self._pad_is_ahead() else ""
-
-    def _pad_is_ahead(self) -> bool:
-        """Return whether the pad, which stands on ground, is ahead."""
-        pad = self.read(MARK).value
-        return pad is not None and (
+        ends, pad = self._ground_is_short(), self.read(MARK).value
+        # The pad stands on ground.
+        pad_is_ahead = pad is not None and (
             abs(pad.bearing_rad) < _PAD_AHEAD_RAD or pad.range_m < _PAD_BELOW_M
         )
+        return "ground ends" if ends and not pad_is_ahead else ""
 
     def _ground_is_short(self) -> bool:
         """Return whether the ground ahead is too short in the newest view with a class map."""

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
 from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.fly.moving_leaf import STRAIGHT_DOWN_RAD, MovingLeaf, camera_points_at
+from behaviours.fly.places import number
 from behaviours.fly.step import Progress
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, PHASE, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.lab.classes import GROUND
 from uav_bt.lab.classes import MARK as MARK_ROLE
-from uav_bt.tree import Port, Status
+from uav_bt.tree import Status
 from uav_bt.types import (
     MIN_VIEW_HEIGHT_M,
     CameraModel,
@@ -107,18 +107,9 @@ class Land(LandingLeaf):
         return self.descend()
 
 
-_RADIUS: Final = Port(
-    "radius_m",
-    float,
-    default=0.0,
-    least=0,
-    most=5,
-    doc="radius of the free disc to land on, m; at least the hull and a margin",
+_RADIUS: Final = number(
+    "radius_m", 0.0, 0, 5, "radius of the free disc to land on, m; at least the hull and a margin"
 )
-
-
-def _look_s(doc: str) -> Port[float]:
-    return Port("look_s", float, default=6.0, least=0, most=600, doc=doc)
 
 
 class SpotLandingLeaf(LandingLeaf):
@@ -133,6 +124,7 @@ class SpotLandingLeaf(LandingLeaf):
     writes = (PHASE,)
     phase: ClassVar[MissionPhase]
     landed: ClassVar[Status]  # the answer on the ground
+    planned: ClassVar[bool]  # whether it fails in the air where it cannot land as it should
 
     def on_setup(self, mission: MissionContext) -> None:
         """Note the radius of the hull and the height of the landing mark."""
@@ -166,28 +158,26 @@ class SpotLandingLeaf(LandingLeaf):
             return Status.RUNNING
         if self.progress is Progress.INTERRUPTED:
             self._above_spot = False  # the step has not ended at the spot
-        if self._above_spot:
-            return self.without_step() if self.progress is Progress.FAILED else self.descend()
+        if self._above_spot and self.planned and self.progress is Progress.FAILED:
+            self.feedback_message = "the drone does not fly the step to free ground"
+            return Status.FAILURE
+        return self.descend() if self._above_spot else self._go_above_spot()
+
+    def _go_above_spot(self) -> Status:
+        """Move above a place; late, fail, or land without a margin or where the drone is."""
         late = self.leaf_clock.now() - self._started_s > self.port_value("look_s")
-        spot_m = self.spot_m(max(self.port_value("radius_m"), self._hull_m + MARGIN_M))
-        return self.without_spot() if spot_m is None and late else self.land_on(spot_m)
-
-    @abstractmethod
-    def without_spot(self) -> Status:
-        """Do what follows when no place was found within `look_s`."""
-
-    @abstractmethod
-    def without_step(self) -> Status:
-        """Do what follows when the drone does not fly the step to a place."""
-
-    def land_on(self, spot_m: tuple[float, float] | None) -> Status:
-        """Move above a place, ahead and to the right; None to look on."""
+        spot_m = self._spot_m(max(self.port_value("radius_m"), self._hull_m + MARGIN_M))
+        if spot_m is None and late and self.planned:
+            self.feedback_message = "no free ground in view"
+            return Status.FAILURE
+        if spot_m is None and late:
+            spot_m = self._spot_m(self._hull_m) or (0.0, 0.0)
         self._above_spot = spot_m is not None
         if spot_m is not None and math.hypot(*spot_m) > _TOLERANCE_M:
             self.start_move(forward_m=spot_m[0], right_m=spot_m[1])
         return Status.RUNNING
 
-    def spot_m(self, radius_m: float) -> tuple[float, float] | None:
+    def _spot_m(self, radius_m: float) -> tuple[float, float] | None:
         """Return the nearest place in view that holds a disc; None without one."""
         frame, camera = self.read(FRAME).value, self.read(CAMERA).value
         seen = self.read(CLASS_MAP).value
@@ -210,20 +200,20 @@ class EmergencyLand(SpotLandingLeaf):
     longer.
     """
 
-    ports = (_RADIUS, _look_s("seconds to look for such a place before landing without a margin"))
+    ports = (
+        _RADIUS,
+        number(
+            "look_s",
+            6.0,
+            0,
+            600,
+            "seconds to look for such a place before landing without a margin",
+        ),
+    )
     answers = (Status.FAILURE, Status.RUNNING)
     phase = MissionPhase.EMERGENCY_LANDING
     landed = Status.FAILURE
-
-    def without_spot(self) -> Status:
-        """Land on a place without a margin, or where the drone is."""
-        spot_m = self.spot_m(self._hull_m)
-        self._above_spot = True
-        return Status.RUNNING if spot_m is None else self.land_on(spot_m)
-
-    def without_step(self) -> Status:
-        """Land where the drone is."""
-        return self.descend()
+    planned = False
 
 
 class LandHere(SpotLandingLeaf):
@@ -233,19 +223,13 @@ class LandHere(SpotLandingLeaf):
     the step to it; the tree may fly elsewhere.
     """
 
-    ports = (_RADIUS, _look_s("seconds to look for such a place until it fails"))
+    ports = (
+        _RADIUS,
+        number("look_s", 6.0, 0, 600, "seconds to look for such a place until it fails"),
+    )
     phase = MissionPhase.LAND
     landed = Status.SUCCESS
-
-    def without_spot(self) -> Status:
-        """Fail, and fly on."""
-        self.feedback_message = "no free ground in view"
-        return Status.FAILURE
-
-    def without_step(self) -> Status:
-        """Fail, and fly on."""
-        self.feedback_message = "the drone does not fly the step to free ground"
-        return Status.FAILURE
+    planned = True
 
     def wait(self, state_age_s: float) -> Status:
         """Continue a landing that has begun; an unheard drone begins none."""

@@ -38,7 +38,7 @@ class MovingLeaf(Leaf):
     def on_setup(self, mission: MissionContext) -> None:
         """Begin without a movement."""
         self._step = StepInHand(mission.proposals, resumes=self.resumes)
-        self._progress = Progress.IDLE
+        self.progress = Progress.IDLE  # at the last call of `moving`; an end is reported once
         self._newest: DroneState | None = None
         self.leaf_clock = LeafClock(mission.clock)
 
@@ -83,11 +83,6 @@ class MovingLeaf(Leaf):
         return self.read(STATE).value
 
     @property
-    def progress(self) -> Progress:
-        """The state of the movement at the last call of `moving`; an end is reported once."""
-        return self._progress
-
-    @property
     def busy(self) -> bool:
         """Whether a movement is under way."""
         return self._step.busy
@@ -99,10 +94,10 @@ class MovingLeaf(Leaf):
 
     def moving(self, state: DroneState) -> bool:
         """Propose the movement in progress again; False without one. `progress` tells its end."""
-        self._progress = self._step.update(state, self.clock.now())
+        self.progress = self._step.update(state, self.clock.now())
         if self._step.proposal is not None:
             self.propose(self._step.proposal)
-        return self._progress is Progress.RUNNING
+        return self.progress is Progress.RUNNING
 
     def start_move(
         self,

@@ -200,10 +200,8 @@ class ViewPoints(MapLeaf):
             return self.fails(goal.reason)
         target = site_map.object(place.object_id) if place.frame is PlaceFrame.OBJECT else None
         if target is None:  # a place is an object without a size
-            at_s = site_map.captured_s
-            target = MapObject(
-                class_id=0, x_m=goal.x_m, y_m=goal.y_m, size_m=0.0, std_m=0.0, seen_s=at_s
-            )
+            x_m, y_m, at_s = goal.x_m, goal.y_m, site_map.captured_s
+            target = MapObject(class_id=0, x_m=x_m, y_m=y_m, size_m=0.0, std_m=0.0, seen_s=at_s)
         distance_m, count = self.port_value("distance_m"), self.port_value("count")
         maps = self.clearance_maps(site_map)
         poses = view_points(maps, target, distance_m=distance_m, count=count)

@@ -1,4 +1,4 @@
-"""Leaves that need a place on the map: GoTo flies there, Face turns to it."""
+"""Base of the leaves that need a place on the map, and Face, which turns to one."""
 
 from __future__ import annotations
 
@@ -8,10 +8,8 @@ from typing import ClassVar, Final
 
 from behaviours.fly.course_leaf import CourseLeaf
 from behaviours.fly.steering import GIVES_WAY
-from behaviours.path.margins import Margins
-from behaviours.path.to_place import WayTo, way_to
 from uav_bt.answers import Rotate
-from uav_bt.board import CORRIDOR, FLIGHT_HEIGHT, FLIGHT_PITCH, ODOMETRY, PHASE, SITE_MAP
+from uav_bt.board import FLIGHT_PITCH, PHASE, SITE_MAP
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.plugins import make_mark_finder
@@ -24,16 +22,9 @@ from uav_bt.types.site_map import SiteMap
 
 # When a place is reached. The numbers were chosen.
 _DOUBTED_S: Final = 1.0  # the map is not used when the views have contradicted it for longer
-_FACING_RAD: Final = math.radians(4)  # largest error of a heading
+FACING_RAD: Final = math.radians(4)  # largest error of a heading
 _FACED_S: Final = 0.3  # a place counts as faced after this time
-_STILL_MPS: Final = 0.15  # largest speed of a drone that stands still
-_HEIGHT_M: Final = 0.1  # largest error of a height
-_STEPS: Final = 2  # last steps that are flown before the drone counts as arrived where it is
-_PROGRESS_M: Final = 0.1  # a way that is shorter by this is progress
-_BELOW_M: Final = 1.0  # a place nearer than this may lie below the view in flight
-_BELOW_RAD: Final = math.radians(-55)  # shows it; the map takes no steeper views
-_LOOK_RAD: Final = math.radians(60)  # turn that is ordered while the drone looks for a way
-_NO_MAP: Final = "no map, or the views contradict it"
+NO_MAP: Final = "no map, or the views contradict it"
 
 
 def number(name: str, default: float, least: float, most: float, doc: str) -> Port[float]:
@@ -152,126 +143,6 @@ def _outside(text: str, place: Place, take_off: Pose2D | None, area: Area | None
     )
 
 
-class GoTo(PlaceLeaf):
-    """Fly to a place over ground that the map shows free; SUCCESS there, standing still.
-
-    The way keeps its distance from obstacles and edges to its end. Where no way is known the drone
-    looks around, and FAILURE comes after `blocked_s` without progress. FAILURE comes at once for a
-    place that cannot be found, such as an object that is not on the map.
-    An override or a pilot interrupts the flight, and it goes on afterwards.
-    """
-
-    place_port = Port(
-        "to", str, doc="place, such as start:2,0 or mark", check=Place.parse, sample="start:2,0"
-    )
-    ports = (
-        place_port,
-        number("arrive_m", 0.15, 0.05, 2, "distance from the place that counts as there, m"),
-        number("speed_mps", 0.6, 0.1, 2, "highest speed, m/s"),
-        number("blocked_s", 10.0, 0, 3600, "time without progress until it fails, s"),
-        GIVES_WAY,
-    )
-    reads = (*PlaceLeaf.reads, CORRIDOR)
-    writes = (*PlaceLeaf.writes, FLIGHT_HEIGHT)
-
-    def on_setup(self, mission: MissionContext) -> None:
-        """Note the margins of the place."""
-        super().on_setup(mission)
-        self._margins = Margins().within(mission.clearances)
-
-    def initialise(self) -> None:
-        """Plan afresh."""
-        super().initialise()
-        self.write(PHASE, MissionPhase.GO_TO)
-        self._planned_s = self._best_m = math.inf
-        self._steps = 0
-        self._below = False  # whether the drone looks at ground below the view in flight
-        self._trouble = "no map yet"
-
-    def work(self, state: DroneState) -> Status:
-        """Plan on each new map; follow the last plan in between."""
-        # Ahead of all proposals: a leaf that ends proposes nothing.
-        if self.leaf_clock.now() - self._progress_s > self.port_value("blocked_s"):
-            return self.fails(self._trouble)
-        if self.gives_way():
-            self._planned_s = math.inf
-            return Status.RUNNING
-        if self.moving(state):
-            return Status.RUNNING
-        site_map = self.trusted_map()
-        if site_map is None:
-            self._trouble = _NO_MAP
-            return Status.RUNNING
-        found = self.goal(site_map, self.port_value("to"))
-        if isinstance(found, Unresolved):
-            return self.fails(found.reason)
-        return self._towards(found, state, site_map)
-
-    def _towards(self, goal: Goal, state: DroneState, site_map: SiteMap) -> Status:
-        if goal.height_m is not None:
-            self.write(FLIGHT_HEIGHT, goal.height_m)
-        arrive_m = self.port_value("arrive_m")
-        apart_m = math.dist((goal.x_m, goal.y_m), (site_map.pose.x_m, site_map.pose.y_m))
-        if apart_m <= arrive_m and (self._steps >= _STEPS or apart_m < arrive_m / 2):
-            return self._arrived(state, site_map, goal)
-        if site_map.captured_s == self._planned_s:
-            self.fly_on(state, None)
-            return Status.RUNNING
-        self._planned_s = site_map.captured_s
-        way = way_to(
-            (goal.x_m, goal.y_m),
-            site_map,
-            self.obstacles(),
-            self.read(CORRIDOR).value,
-            margins=self._margins,
-            arrive_m=arrive_m,
-            most_mps=self.port_value("speed_mps"),
-        )
-        return self._go_on(state, way)
-
-    def _go_on(self, state: DroneState, way: WayTo) -> Status:
-        """Fly the next part of the way, or look for one."""
-        shorter = way.left_m < self._best_m - _PROGRESS_M
-        if way.course is not None and shorter:
-            self._progress_s = self.leaf_clock.now()
-        if shorter or way.left_m > self._best_m + _PROGRESS_M:  # a new way counts anew
-            self._best_m = way.left_m
-        self.feedback_message = self._trouble = way.reason
-        self._below = way.course is None and way.left_m <= _BELOW_M
-        if self._below:  # the ground there is below the view in flight
-            self.fly_on(state, Rotate(yaw_rad=way.bearing_rad, reason="looks down"))
-        elif way.course is None:
-            self.fly_on(state, Rotate(yaw_rad=_LOOK_RAD, reason="looks"))
-        elif isinstance(way.course, tuple):
-            self._steps += 1
-            self.start_move(forward_m=way.course[0], right_m=way.course[1])
-        else:
-            self.fly_on(state, way.course)
-        return Status.RUNNING
-
-    def gimbal_pitch_rad(self) -> float | None:
-        """Return the camera's pitch, lower while the ground of a near place is looked for."""
-        return _BELOW_RAD if self._below else super().gimbal_pitch_rad()
-
-    def _arrived(self, state: DroneState, site_map: SiteMap, goal: Goal) -> Status:
-        """Turn to the heading of the place and climb to its height."""
-        turn_rad = 0.0
-        if goal.yaw_rad is not None:
-            turn_rad = wrap_angle(goal.yaw_rad - site_map.pose.yaw_rad)
-        self.feedback_message = self._trouble = "at the place"
-        if abs(turn_rad) > _FACING_RAD:
-            self.fly_on(state, Rotate(yaw_rad=turn_rad, reason="turns"))
-            return Status.RUNNING
-        self.drop_course()
-        too_high_m, motion = self.too_high_m(state), self.read(ODOMETRY).value
-        if goal.height_m is not None and abs(too_high_m) > _HEIGHT_M:
-            self.start_move(down_m=too_high_m)
-            return Status.RUNNING
-        velocity = state.velocity if motion is None else motion.velocity
-        still = math.hypot(velocity.forward_mps, velocity.right_mps) < _STILL_MPS
-        return Status.SUCCESS if still else Status.RUNNING
-
-
 def _facing(text: str) -> float | Place:
     """Return the heading, radians, or the place of a text; raises ValueRangeError for neither."""
     try:
@@ -314,7 +185,7 @@ class Face(PlaceLeaf):
             return Status.RUNNING
         site_map = self.trusted_map()
         if site_map is None:
-            self.feedback_message = _NO_MAP
+            self.feedback_message = NO_MAP
             return Status.RUNNING
         text = self.port_value("at")
         facing = _facing(text)
@@ -327,7 +198,7 @@ class Face(PlaceLeaf):
             forward_m, right_m = site_map.pose.to_body(found.x_m, found.y_m)
             turn_rad = math.atan2(right_m, forward_m)
         self.feedback_message = f"{math.degrees(turn_rad):.0f} deg left"
-        if abs(turn_rad) > _FACING_RAD:
+        if abs(turn_rad) > FACING_RAD:
             self._faced_s = now_s
         if now_s - self._faced_s >= _FACED_S:
             return Status.SUCCESS

@@ -22,7 +22,7 @@ from uav_bt.board.blackboard import Key
 from uav_bt.board.context import MissionContext
 from uav_bt.protocols import LeafPolicy
 from uav_bt.tree import Port
-from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, HeldTurn
+from uav_bt.types import DroneState, HeldTurn
 
 POLICY = Port("policy", str, "segmentation", "leaf policy that chooses the way")
 LOOKS_DOWN = Port(
@@ -64,8 +64,7 @@ class SteeringLeaf(CourseLeaf):
         super().on_setup(mission)
         self._view_from_s = -math.inf  # frames captured earlier do not count
         self._advancing = False  # the movement under way, if any, is an advance
-        self._step_ends_m = 0.0  # distance left of the advance under way
-        self._stepped_s = 0.0
+        self._step_ends_m, self._stepped_s = 0.0, 0.0  # distance left of the advance under way
         self._begin_to_turn(None)
 
     def gimbal_pitch_rad(self) -> float | None:
@@ -99,14 +98,9 @@ class SteeringLeaf(CourseLeaf):
         """Start an advance that also corrects the height."""
         self.write(HELD_TURN, HeldTurn())
         error_m = self.off_height_m(state)
-        self._advancing = True
-        self._step_ends_m = forward_m
-        self._stepped_s = self.clock.now()
-        self.start_move(
-            forward_m=forward_m,
-            yaw_rad=answer.yaw_rad,
-            down_m=error_m if abs(error_m) > _ALTITUDE_SLACK_M else 0.0,
-        )
+        down_m = error_m if abs(error_m) > _ALTITUDE_SLACK_M else 0.0
+        self._advancing, self._step_ends_m, self._stepped_s = True, forward_m, self.clock.now()
+        self.start_move(forward_m=forward_m, yaw_rad=answer.yaw_rad, down_m=down_m)
 
     def flow(self, state: DroneState) -> bool:
         """Judge the view during a step; True if a longer step replaced it, or if it broke off."""
@@ -213,24 +207,15 @@ class SteeringLeaf(CourseLeaf):
             self.keep_turning(state, None)
         return False
 
-    def current_view(self) -> tuple[Frame, ClassMap, CameraModel] | None:
-        """Return the newest frame, its class map and the camera; None if the frame is too old."""
-        view = current_view(self)
-        return None if view is None or view[0].captured_s < self._view_from_s else view
-
     def decide(self) -> Answer | None:
         """Ask the policy about the newest view; None without a view or an answer to it."""
-        view = self.current_view()
-        if view is None:
+        view = current_view(self)
+        if view is None or view[0].captured_s < self._view_from_s:
             self.feedback_message = "waiting for a view"
             return None
-        shown = policy_view(
-            self,
-            *view,
-            held=self.held_turn,
-            tie_break=float(self._rng.random()),
-            clearances=self.mission.clearances,
-        )
+        held, chance = self.held_turn, float(self._rng.random())
+        clearances = self.mission.clearances
+        shown = policy_view(self, *view, held=held, tie_break=chance, clearances=clearances)
         with self._timer:
             answer = ask(self, self._policy, shown)
         if answer is not None:

@@ -54,18 +54,12 @@ def _pitch_rad(text: str) -> float | None:
     return math.radians(pitch_deg)
 
 
-class _Sample(NamedTuple):
-    time_s: float
-    velocity: tuple[float, float, float]
-    heading_s: float
-    yaw_rad: float
-
-
 class Steadiness:
     """Follows telemetry until the drone keeps place and heading; the camera levels itself."""
 
     def __init__(self) -> None:
-        self._samples: deque[_Sample] = deque()
+        # Telemetry, and its velocity forward, right and down.
+        self._samples: deque[tuple[DroneState, tuple[float, float, float]]] = deque()
         self.since_s = math.inf  # capture of the telemetry since which it is steady; inf: it is not
 
     def update(self, state: DroneState, motion: MotionEstimate | None) -> None:
@@ -74,36 +68,32 @@ class Steadiness:
         The drone is not steady before the samples span the time of an average.
         """
         samples = self._samples
-        if samples and state.captured_s <= samples[-1].time_s:
+        if samples and state.captured_s <= samples[-1][0].captured_s:
             return
         velocity = (state if motion is None else motion.over_ground(state)).velocity
-        speeds = (velocity.forward_mps, velocity.right_mps, velocity.down_mps)
-        yaw_rad = state.attitude.yaw_rad
-        samples.append(_Sample(state.captured_s, speeds, state.times.attitude_s, yaw_rad))
+        samples.append((state, (velocity.forward_mps, velocity.right_mps, velocity.down_mps)))
         # The oldest sample lies at least the span back, once there are such old ones.
-        while len(samples) > 2 and samples[1].time_s <= state.captured_s - _SPAN_S:
+        while len(samples) > 2 and samples[1][0].captured_s <= state.captured_s - _SPAN_S:
             samples.popleft()
-        if not self._is_steady():
+        if not self._is_steady(samples[0][0], state):
             self.since_s = math.inf
         elif math.isinf(self.since_s):
             self.since_s = state.captured_s
 
-    def _is_steady(self) -> bool:
-        oldest, newest = self._samples[0], self._samples[-1]
-        if newest.time_s - oldest.time_s < _SPAN_S - _SAME_S:
+    def _is_steady(self, oldest: DroneState, newest: DroneState) -> bool:
+        if newest.captured_s - oldest.captured_s < _SPAN_S - _SAME_S:
             return False
-        mean = np.mean([sample.velocity for sample in self._samples], axis=0)
-        if float(np.linalg.norm(mean)) > _STEADY_MPS:
-            return False
-        passed_s = newest.heading_s - oldest.heading_s
-        turned_rad = abs(wrap_angle(newest.yaw_rad - oldest.yaw_rad))
-        return passed_s > 0.0 and turned_rad / passed_s <= _STEADY_RADPS
+        mean_mps = np.mean([speeds for _, speeds in self._samples], axis=0)
+        passed_s = newest.times.attitude_s - oldest.times.attitude_s
+        turned_rad = abs(wrap_angle(newest.attitude.yaw_rad - oldest.attitude.yaw_rad))
+        turns = passed_s <= 0.0 or turned_rad / passed_s > _STEADY_RADPS
+        return not turns and float(np.linalg.norm(mean_mps)) <= _STEADY_MPS
 
 
 class _Shot(NamedTuple):
-    """A frame that is to be stored."""
+    """A frame that is to be stored, and the name of its files without suffix."""
 
-    name: str  # of its files, without suffix
+    name: str
     photo: Photo
     image: NDArray[np.uint8] | None
     ids: NDArray[np.uint8] | None
@@ -209,9 +199,13 @@ class TakePhoto(Leaf):
             return self._gives_up(_NO_FOLDER)
         if self._shot is not None:
             return self._await_camera(folder, self._shot)
-        if state is None or frame is None:
-            self._last_s = None
-            return None
+        if state is not None and frame is not None:
+            return self._look(folder, state, frame)
+        self._last_s = None
+        return None
+
+    def _look(self, folder: FlightFolder, state: DroneState, frame: Frame) -> Status | None:
+        """Store the frame, or ask the drone's camera first, if the frame fits. None: not yet."""
         now_s = self._leaf_clock.now()
         self._waited_s += 0.0 if self._last_s is None else now_s - self._last_s
         self._last_s = now_s
@@ -221,12 +215,17 @@ class TakePhoto(Leaf):
         seen = self.read(CLASS_MAP).value
         class_map = seen if seen is not None and seen.captured_s == frame.captured_s else None
         missing = self._missing(frame, class_map)
-        if missing is None:
-            return self._expose(folder, self._shot_of(frame, class_map))
-        self.feedback_message = missing
-        limit_s = self.port_value("timeout_s")
-        if self._waited_s >= limit_s - _SAME_S:
-            return self._gives_up(f"no image within {limit_s:g} s: {missing}")
+        if missing is not None:
+            self.feedback_message, limit_s = missing, self.port_value("timeout_s")
+            if self._waited_s >= limit_s - _SAME_S:
+                return self._gives_up(f"no image within {limit_s:g} s: {missing}")
+            return None
+        shot = self._shot_of(frame, class_map)
+        camera = self.mission.stills if self.port_value("camera_photo") else None
+        if camera is None:
+            return self._store(folder, shot)
+        self._shot, self._number, self._asked_s = shot, camera.take_still(), now_s
+        self.feedback_message = "the drone's camera takes a photograph"
         return None
 
     def _missing(self, frame: Frame, class_map: ClassMap | None) -> str | None:
@@ -239,16 +238,6 @@ class TakePhoto(Leaf):
             return "no frame since the drone is steady"
         if self._imageless and class_map is None:
             return "the drone has no images, and no leaf makes a class map: add Segment"
-        return None
-
-    def _expose(self, folder: FlightFolder, shot: _Shot) -> Status | None:
-        """Store a frame, or let the drone's camera take its photograph first."""
-        camera = self.mission.stills if self.port_value("camera_photo") else None
-        if camera is None:
-            return self._store(folder, shot)
-        self._shot, self._number = shot, camera.take_still()
-        self._asked_s = self._leaf_clock.now()
-        self.feedback_message = "the drone's camera takes a photograph"
         return None
 
     def _await_camera(self, folder: FlightFolder, shot: _Shot) -> Status | None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from behaviours.path.fastest import Cell, FastestPaths, fastest_paths
 from behaviours.path.margins import START_SLACK_M, YAW_RATE_RADPS, Margins
-from behaviours.path.movers_ahead import outlines_m
+from behaviours.path.movers import outlines_m
 from behaviours.path.nearby import RecentObstacles
 from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.site_map import SiteMap

@@ -12,7 +12,7 @@ import numpy as np
 
 from behaviours.path.clearance import Route
 from behaviours.path.margins import Margins
-from behaviours.path.movers_ahead import MoversAheadConfig, yielding_mps
+from behaviours.path.movers import yielding_mps
 from uav_bt.answers import FollowLeg, Rotate
 from uav_bt.types import Corridor, Pose2D
 from uav_bt.types.site_map import SiteMap
@@ -76,7 +76,7 @@ def follow(
     speed_mps = min(speed_mps * math.cos(bearing_rad), allowed_mps, most_mps)
     if speed_mps == 0.0:
         return None
-    speed_mps = yielding_mps(site_map.movers, route.path_m, speed_mps, MoversAheadConfig())
+    speed_mps = yielding_mps(site_map.movers, route.path_m, speed_mps)
     return FollowLeg(
         yaw_rad=bearing_rad, speed_mps=speed_mps, reason=reason if speed_mps > 0.0 else "waits"
     )

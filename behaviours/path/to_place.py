@@ -47,16 +47,29 @@ def way_to(
     margins: Margins,
     arrive_m: float,
     most_mps: float = math.inf,
+    over: bool = False,
 ) -> WayTo:
-    """Return the next part of the way to a place, metres in the map's frame.
+    """Return the next part of the way to a place.
 
     The way leads over ground that was seen free, keeps the margins to its end, and ends within
     `arrive_m` of the place.
+
+    Args:
+        place: Metres in the map's frame.
+        site_map: The newest map.
+        obstacles: Obstacles seen around the drone.
+        corridor: The safety corridor; None without depth.
+        margins: Distances that the way keeps.
+        arrive_m: Largest distance of the way's end from the place.
+        most_mps: Highest speed.
+        over: Whether the place is the landing mark: the way leads over it, and its last metres may
+            be narrower.
     """
     forward_m, right_m = site_map.pose.to_body(*place)
     apart_m, bearing_rad = math.hypot(forward_m, right_m), math.atan2(right_m, forward_m)
     recent = recent_obstacles(obstacles, site_map, unmapped_s=UNMAPPED_S)
-    maps = ClearanceMaps(site_map, recent, margins, crossing=True)
+    at = place if over else None
+    maps = ClearanceMaps(site_map, recent, margins, crossing=True, over=at)
     course: FollowLeg | Rotate | tuple[float, float] | None = None
     left_m = apart_m
     if apart_m <= STEP_M and maps[Passage.TIGHT].is_open_to(*place):
@@ -64,7 +77,9 @@ def way_to(
     else:
         route = maps.route_to(place, near_m=min(arrive_m, site_map.cell_m), far_m=arrive_m)
         reason = "" if route is not None else _trouble(place, maps)
-        if reason == _UNSEEN:  # fly as near as known ground leads; from there more is seen
+        if route is None and (
+            over or reason == _UNSEEN
+        ):  # fly as near as known ground leads; from there more is seen
             far_m = apart_m - _NEARER_M
             route = maps[Passage.ORDINARY].route_to(place, near_m=arrive_m, far_m=far_m)
         if route is None or len(route.path_m) == 1:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from behaviours.stage_timer import StageTimer
 from perception.camera.ground_plane import view_of
-from perception.depth.corridor import CorridorBuilder, CorridorConfig
 from perception.networks.named import ANY, CONTACT, SHIPPED_DEPTHS, depth_file
 from uav_bt.board import (
     CAMERA,
@@ -22,10 +21,13 @@ from uav_bt.board import (
     STATE,
 )
 from uav_bt.board.context import MissionContext
-from uav_bt.errors import AnswerError
+from uav_bt.errors import AnswerError, ValueRangeError
 from uav_bt.protocols import DepthEstimator
 from uav_bt.tree import Leaf, Port, Status
-from uav_bt.types import DepthMap, Frame
+from uav_bt.types import CameraModel, DepthMap, Frame
+
+if TYPE_CHECKING:
+    from perception.depth.corridor import CorridorConfig
 
 # Obstacles beyond the front plane of the corridor, 2 m, stop no step. Chosen.
 NETWORK_AHEAD_M: Final = 2.5
@@ -44,8 +46,8 @@ class EstimateDepth(Leaf):
         Port(
             "model",
             str,
-            default="depth",
-            doc="'depth', an ONNX file (and its mapping), or 'contact' (no network); "
+            "depth",
+            "'depth', an ONNX file (and its mapping), or 'contact' (no network); "
             "'depth' and 'any' are not run for frames of which the network of `Segment` gives the "
             "depth",
             look_up=depth_file,
@@ -54,29 +56,29 @@ class EstimateDepth(Leaf):
         Port(
             "source",
             str,
-            default="fused",
-            doc="'network', or 'fused': by ground contact where it is known",
+            "fused",
+            "'network', or 'fused': by ground contact where it is known",
             choices=("fused", "network", "contact"),
             at_setup=True,
         ),
         Port(
             "network_ahead_m",
             float,
-            default=NETWORK_AHEAD_M,
+            NETWORK_AHEAD_M,
+            "fused: run the network if an obstacle that ground contact does not measure may be "
+            "nearer than this, m; 20: always",
             least=0.0,
             most=20.0,
-            doc="fused: run the network if an obstacle that ground contact does not measure may be "
-            "nearer than this, m; 20: always",
             at_setup=True,
         ),
         Port(
             "least_confidence",
             float,
-            default=0.2,
+            0.2,
+            "least confidence of the scale with which the network's depth is used; below it "
+            "depth is by ground contact alone",
             least=0.0,
             most=1.0,
-            doc="least confidence of the scale with which the network's depth is used; below it "
-            "depth is by ground contact alone",
             at_setup=True,
         ),
     )
@@ -91,24 +93,20 @@ class EstimateDepth(Leaf):
             FileError: its mapping file cannot be used.
             UnknownNameError: no network has this name.
         """
-        # Late: OpenCV is heavy.
-        from perception.depth.contact.depth import ContactDepthConfig  # noqa: PLC0415
-        from perception.depth.metric import MetricDepthConfig, MetricDepthMaker  # noqa: PLC0415
-        from perception.depth.stage import DepthStage  # noqa: PLC0415  (OpenCV is heavy)
+        # Late: OpenCV and Numba are heavy.
+        from perception.depth.metric import MetricDepthMaker  # noqa: PLC0415
+        from perception.depth.stage import DepthStage  # noqa: PLC0415
 
         model = self.port_value("model")
-        self._stage = DepthStage(
-            None if model == CONTACT else mission.sight or self._load(model, mission),
-            MetricDepthMaker(
-                source=CONTACT if model == CONTACT else self.port_value("source"),
-                generator=mission.rng(self.path),
-                config=MetricDepthConfig(
-                    network_ahead_m=self.port_value("network_ahead_m"),
-                    least_confidence=self.port_value("least_confidence"),
-                    contact=ContactDepthConfig(pad_height_m=mission.mark.height_m),
-                ),
-            ),
+        maker = MetricDepthMaker(
+            source=CONTACT if model == CONTACT else self.port_value("source"),
+            generator=mission.rng(self.path),
+            least_confidence=self.port_value("least_confidence"),
+            network_ahead_m=self.port_value("network_ahead_m"),
+            mark_height_m=mission.mark.height_m,
         )
+        network = None if model == CONTACT else mission.sight or self._load(model, mission)
+        self._stage = DepthStage(network, maker)
         self._times_s = mission.stage_times_s
         self._last_index = -1
 
@@ -174,37 +172,37 @@ class BuildCorridor(Leaf):
         Port(
             "side_m",
             float,
-            default=0.5,
+            0.5,
+            "left and right wall from the drone's centre, m",
             least=0.05,
             most=20,
-            doc="left and right wall from the drone's centre, m",
             at_setup=True,
         ),
         Port(
             "front_m",
             float,
-            default=2.0,
+            2.0,
+            "front plane from the drone's centre, m",
             least=0.05,
             most=50,
-            doc="front plane from the drone's centre, m",
             at_setup=True,
         ),
         Port(
             "up_down_m",
             float,
-            default=0.8,
+            0.8,
+            "upper and lower wall from its centre, m",
             least=0.05,
             most=20,
-            doc="upper and lower wall from its centre, m",
             at_setup=True,
         ),
         Port(
             "focal_factor",
             float,
-            default=1.0,
+            1.0,
+            "the paper's f, 0.8 to 1.2",
             least=0.5,
             most=2,
-            doc="the paper's f, 0.8 to 1.2",
             at_setup=True,
         ),
         Port("background", bool, default=False, doc="count the background, too"),
@@ -213,25 +211,26 @@ class BuildCorridor(Leaf):
     writes = (CORRIDOR,)
 
     def config(self) -> CorridorConfig:
-        """Return the configuration of the corridor from the ports.
+        """Return the configuration of the corridor from the ports."""
+        from perception.depth.corridor import CorridorConfig  # noqa: PLC0415  (Numba is heavy)
 
-        Raises:
-            ValueRangeError: a distance is not positive.
-        """
-        side_m, up_down_m = self.port_value("side_m"), self.port_value("up_down_m")
-        return CorridorConfig(
-            left_m=side_m,
-            right_m=side_m,
-            front_m=self.port_value("front_m"),
-            up_m=up_down_m,
-            down_m=up_down_m,
-            focal_factor=self.port_value("focal_factor"),
-        )
+        names = ("side_m", "front_m", "up_down_m", "focal_factor")
+        return CorridorConfig(**{name: self.port_value(name) for name in names})
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Place the planes; raises ValueRangeError for impossible distances."""
+        """Place the planes; raises ValueRangeError if the front plane is not ahead of the lens."""
+        from perception.depth.corridor import CorridorBuilder  # noqa: PLC0415  (Numba is heavy)
+
         nose_m = mission.airframe.body_size_m[0] / 2
-        self._builder = CorridorBuilder(replace(self.config(), nose_m=nose_m))
+        config, camera = replace(self.config(), nose_m=nose_m), self.read(CAMERA).value
+        lens_m = CameraModel.forward_offset_m if camera is None else camera.forward_offset_m
+        least_m = lens_m + config.least_plane_m
+        if not config.front_m > least_m:
+            raise ValueRangeError(
+                f"front_m must be more than {least_m:.2f} m from the drone's centre, just ahead of "
+                f"the lens; got {config.front_m:g}"
+            )
+        self._builder = CorridorBuilder(config)
         self._timer = StageTimer(mission, "corridor")
         self._last_s = -math.inf
 

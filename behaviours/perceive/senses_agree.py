@@ -97,8 +97,8 @@ class SensesAgree(Leaf):
             self._last_index = frame.index
             found = self._compare(relative, class_map, frame, camera, self._generator)
             if found is not None:
-                self._agreements.append((now_s, found.value or 0.0))
-                self._reason = found.reason
+                value, self._reason = found
+                self._agreements.append((now_s, value))
         mean = _mean(self._agreements, self._began_s)
         if mean is None or mean >= self.port_value("least"):
             return ""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import Self
 
+from behaviours.path.movers import ABOVE_M, RAISED_S, raised_m
 from behaviours.stage_timer import StageTimer
 from uav_bt.board import (
     CAMERA,
@@ -16,11 +17,8 @@ from uav_bt.board import (
 )
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Leaf, Status
-from uav_bt.types import CameraModel, ClassMap, Frame
-from uav_bt.types.dead_reckoning import MotionEstimate
-
-if TYPE_CHECKING:
-    from perception.mapping.site_mapper import SiteMapperConfig
+from uav_bt.types.flight_results import EventKind
+from uav_bt.types.site_map import SiteMap
 
 
 class MapSite(Leaf):
@@ -31,7 +29,6 @@ class MapSite(Leaf):
     """
 
     answers = (Status.SUCCESS,)
-    mapping: ClassVar[SiteMapperConfig | None] = None  # None: the defaults
     reads = (FRAME, CLASS_MAP, CAMERA, ODOMETRY, MARK)
     needed = (ODOMETRY,)
     writes = (SITE_MAP,)
@@ -41,13 +38,15 @@ class MapSite(Leaf):
         # Late: SciPy takes long to import and `uav-bt check` must answer at once.
         from perception.mapping.site_mapper import SiteMapper  # noqa: PLC0415
 
-        self._mapper = SiteMapper(mission.classes, self.mapping, mark_m=mission.mark.radius_m)
+        self._mapper = SiteMapper(mission.classes, mark_m=mission.mark.radius_m)
         self._timer = StageTimer(mission, "map")
         self._last_s = -math.inf
+        self._raised = False  # whether leaves that give way fly higher
 
     def on_inherit(self, former: Self) -> None:
         """Keep the map and the drone's pose on it."""
         self._mapper, self._last_s = former._mapper, former._last_s
+        self._raised = former._raised
 
     def update(self) -> Status:
         """Add a new class map, and write the map with the drone's present pose."""
@@ -62,23 +61,29 @@ class MapSite(Leaf):
         with self._timer:
             if self._last_s != class_map.captured_s == frame.captured_s == motion.seen.time_s:
                 self._last_s = class_map.captured_s
-                self._take_in(class_map, frame, camera, motion)
+                height_px, width_px = class_map.ids.shape
+                self._mapper.look(class_map, frame, camera.resized(width_px, height_px), motion)
+                fix = self.read(MARK).value
+                if fix is not None and fix.detected:
+                    self._mapper.see_mark(fix)
             site_map = self._mapper.map(motion)
+        self._tell_of_movers(site_map)
         if self._last_s > -math.inf:
             self.write(SITE_MAP, site_map, captured_s=self._last_s)
         return Status.SUCCESS
 
-    def _take_in(
-        self, class_map: ClassMap, frame: Frame, camera: CameraModel, motion: MotionEstimate
-    ) -> None:
-        height_px, width_px = class_map.ids.shape
-        sized = camera.resized(width_px, height_px)
-        view = self._mapper.view(class_map, frame, sized, motion.seen)
-        self._mapper.follow(motion)
-        if view is None:
-            self._mapper.pass_over(frame.captured_s)
-        else:
-            self._mapper.add(view)
-        fix = self.read(MARK).value
-        if fix is not None and fix.detected:
-            self._mapper.see_mark(fix)
+    def _tell_of_movers(self, site_map: SiteMap) -> None:
+        """Add an event when leaves that give way begin and end to fly higher."""
+        if (raised_m(site_map) > 0.0) == self._raised:
+            return
+        self._raised = not self._raised
+        text = f"no mover for {RAISED_S:.0f} s: leaves that give way return to the flight height"
+        if self._raised:
+            place = ""
+            if site_map.movers:
+                newest = max(site_map.movers, key=lambda mover: mover.first_s)
+                place = " at start:{:.1f},{:.1f}".format(
+                    *site_map.start.to_body(newest.x_m, newest.y_m)
+                )
+            text = f"a mover{place}: leaves that give way fly {ABOVE_M} m higher"
+        self.mission.add_event(EventKind.INFO, text, self.path)

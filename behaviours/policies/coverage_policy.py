@@ -55,26 +55,27 @@ class CoveragePolicy:
                 "policy 'coverage' flies by the map of the place, and none is on the board: put "
                 "<Segment/>, <TrackMotion/> and <MapSite/> ahead of the leaves that fly"
             )
-        ground_rad = _ground_rad(site_map)
-        side = view.turning or ground_rad or 1.0
-        turn = Blocked(yaw_rad=math.copysign(_TURN_RAD, side), reason="no way", free_m=0.0)
-        if ground_rad is None:
-            return replace(turn, reason="no ground seen")
+        if not site_map.ground.any():
+            return _turn(view.turning, "no ground seen")
         if site_map.contradicted_s > _DOUBTED_S:
-            return replace(turn, reason="the view contradicts the map")
+            return _turn(view.turning or _ground_rad(site_map), "the view contradicts the map")
         if site_map.untracked_s > _BLIND_S and _sees_little_ground(view, site_map):
-            return Rotate(
-                yaw_rad=_look_rad(view, site_map, ground_rad), reason="turns to the ground"
-            )
+            return Rotate(yaw_rad=_look_rad(view, site_map), reason="turns to the ground")
         margins = Margins().within(view.clearances)
         route, clearance = _route(site_map, margins)
-        if route is None:
-            # Moving obstacles block ground only for a while.
-            still = not site_map.movers and not len(site_map.lanes_m)
-            covered = view.full_turns > 0 and not clearance.shut_in and still
-            return Done(reason="covered") if covered else turn
-        reason = f"{route.new_m2:.1f} m2 in {route.time_s:.0f} s"
-        return follow(route, site_map, view.corridor, margins=margins, reason=reason) or turn
+        answer: Answer | None = None
+        if route is not None:
+            reason = f"{route.new_m2:.1f} m2 in {route.time_s:.0f} s"
+            answer = follow(route, site_map, view.corridor, margins=margins, reason=reason)
+        # Moving obstacles block ground only for a while.
+        elif not site_map.movers and not len(site_map.lanes_m) and view.full_turns > 0:
+            answer = None if clearance.shut_in else Done(reason="covered")
+        return answer or _turn(view.turning or _ground_rad(site_map), "no way")
+
+
+def _turn(side: float, reason: str) -> Blocked:
+    """Return a turn for another view, clockwise for a side of 0 or more."""
+    return Blocked(yaw_rad=math.copysign(_TURN_RAD, side or 1.0), reason=reason, free_m=0.0)
 
 
 def _route(site_map: SiteMap, margins: Margins) -> tuple[Route | None, ClearanceMap]:
@@ -104,11 +105,10 @@ def _sees_little_ground(view: PolicyView, site_map: SiteMap) -> bool:
     return shown < LITTLE_GROUND
 
 
-def _look_rad(view: PolicyView, site_map: SiteMap, ground_rad: float) -> float:
-    """Return the bearing of ground that a view shows: the known one, or else what may be ground.
+def _look_rad(view: PolicyView, site_map: SiteMap) -> float:
+    """Return the bearing of the known ground, or of what may be ground if a view shows none there.
 
-    In a corner, the known ground is a patch ahead that no view is filled by: the drone saw it while
-    it looked out of the area.
+    In a corner the known ground is a patch ahead, which the drone saw as it looked out of the area.
     """
 
     def share(bearing_rad: float) -> float:
@@ -116,6 +116,7 @@ def _look_rad(view: PolicyView, site_map: SiteMap, ground_rad: float) -> float:
         turned = replace(site_map, pose=pose)
         return ground_share(turned, view.camera, view.gimbal_pitch_rad, view.height_above_ground_m)
 
+    ground_rad = _ground_rad(site_map)
     if abs(ground_rad) > _FACED_RAD and share(ground_rad) >= LITTLE_GROUND:
         return ground_rad
     shares = {bearing_rad: share(bearing_rad) for bearing_rad in _LOOKS_RAD}
@@ -123,8 +124,8 @@ def _look_rad(view: PolicyView, site_map: SiteMap, ground_rad: float) -> float:
     return enough[0] if enough else max(_LOOKS_RAD, key=shares.__getitem__)
 
 
-def _ground_rad(site_map: SiteMap) -> float | None:
-    """Return the bearing of the mean of the ground around the drone; None if none was seen."""
+def _ground_rad(site_map: SiteMap) -> float:
+    """Return the bearing of the mean of the ground around the drone, or else of all ground."""
     pose, reach = site_map.pose, math.ceil(_AROUND_M / site_map.cell_m)
     first = np.maximum(np.array(site_map.cell_of(pose.x_m, pose.y_m)) - reach, 0)
     window = site_map.ground[first[0] :, first[1] :][: 2 * reach + 1, : 2 * reach + 1]
@@ -132,7 +133,5 @@ def _ground_rad(site_map: SiteMap) -> float | None:
     near_m = places_m[np.hypot(*places_m.T) <= _AROUND_M]
     if not len(near_m):
         near_m = pose.points_to_body(site_map.middles_m(np.argwhere(site_map.ground)))
-    if not len(near_m):
-        return None
     forward_m, right_m = near_m.mean(axis=0)
     return math.atan2(right_m, forward_m)

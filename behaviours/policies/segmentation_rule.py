@@ -114,7 +114,6 @@ class SegmentationRule:
         per_px = _REFERENCE_PIXELS / roles.size
         obstacles = high.count(roles == OBSTACLE) * per_px * high_ratio
         ground = low.count(roles != OUTSIDE) * per_px * low_ratio
-
         relief = min(view.full_turns, _MAX_FULL_TURNS)
         obstacle_limit = _OBSTACLE_PX * (1.0 + _OBSTACLE_RELIEF * relief)
         if view.turning:

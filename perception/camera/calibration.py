@@ -186,7 +186,7 @@ def _try_layout(
             # A third radial term would bend the image's corners, which boards seldom reach.
             flags=cv2.CALIB_FIX_K3,
         )
-        camera = _camera(np.asarray(matrix), np.asarray(distortion).ravel(), size_px)
+        camera = _camera(np.asarray(matrix, np.float64), np.ravel(distortion), size_px)
         deviation_px = float(np.max(np.ravel(deviations)[:4]))  # of fx, fy, cx, cy
         return float(error_px), camera, deviation_px, np.asarray(per_view, np.float64).ravel()
 

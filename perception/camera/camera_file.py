@@ -191,13 +191,14 @@ class _ForeignFile:
 
     def camera_file(self) -> _CameraFile:
         """Return the same camera as a file of ours."""
-        matrix = self.camera_matrix.data
-        if len(matrix) != 9:
-            raise ValueRangeError(f"camera_matrix must have 9 numbers, got {len(matrix)}")
+        numbers = self.camera_matrix.data
+        if len(numbers) != 9:
+            raise ValueRangeError(f"camera_matrix must have 9 numbers, got {len(numbers)}")
+        fx, skew, cx, zero, fy, cy, *last = numbers
         return _CameraFile(
             width_px=self.image_width,
             height_px=self.image_height,
-            K=(matrix[0:3], matrix[3:6], matrix[6:9]),
+            K=((fx, skew, cx), (zero, fy, cy), (last[0], last[1], last[2])),
             distortion=self.distortion_coefficients.data,
         )
 

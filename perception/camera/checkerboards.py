@@ -78,7 +78,7 @@ def _look_again(photographs: Photographs, boards: dict[str, Corners], advance: A
     ]
     for done, name in enumerate(less, start=1):
         whole = find_board(photographs[name](), columns, rows)
-        if whole is not None:
+        if whole is not None and shows(whole, columns, rows):
             boards[name] = whole
         advance("boards again", done, len(less))
 
@@ -102,14 +102,12 @@ def find_any_board(image: Image) -> Corners | None:
         if not found:
             continue
         rows, columns = meta.shape[:2]
-        grid = _canonical(np.asarray(points, dtype=np.float32).reshape(rows, columns, 2))
+        grid = np.asarray(points, dtype=np.float32).reshape(rows, columns, 2)
         if best is None or grid.size > best.size:
             best = grid
         if best.size > 2 * 2 * seed[0] * seed[1]:
             break  # grown to twice the seed, so it cannot be clutter
-    if best is None or best.size < 2 * MIN_CORNERS:
-        return None
-    return _refined(image, best, shrink)
+    return None if best is None else _refined(image, best, shrink)
 
 
 def find_board(image: Image, columns: int, rows: int) -> Corners | None:
@@ -119,7 +117,7 @@ def find_board(image: Image, columns: int, rows: int) -> Corners | None:
         found, points = cv2.findChessboardCornersSB(small, (columns, rows), flags=flags)
         if found:
             grid = np.asarray(points, dtype=np.float32).reshape(rows, columns, 2)
-            return _refined(image, _canonical(grid), shrink)
+            return _refined(image, grid, shrink)
     return None
 
 
@@ -133,23 +131,26 @@ def _searchable(image: Image) -> tuple[Image, float]:
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8), shrink
 
 
-def _canonical(grid: Corners) -> Corners:
-    """Return the grid turned to at least as many columns as rows, and not mirrored."""
-    if grid.shape[0] > grid.shape[1]:
-        grid = np.rot90(grid)
-    along, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
-    if along[0] * down[1] - along[1] * down[0] < 0.0:
-        grid = grid[:, ::-1]
-    return np.ascontiguousarray(grid)
+def _refined(image: Image, grid: Corners, shrink: float) -> Corners | None:
+    """Refine corners to subpixel accuracy in the full image; None with too few corners in it.
 
-
-def _refined(image: Image, grid: Corners, shrink: float) -> Corners:
-    """Refine corners to subpixel accuracy in the full image.
-
-    This is needed even without shrinking: the search is biased to one side, which in the twin moves
-    the camera's centre by half a pixel. The refined corners have more scatter but less bias.
+    It is turned to at least as many columns as rows, and not mirrored. Refining is needed even
+    without shrinking: the search is biased to one side, which in the twin moves the camera's centre
+    by half a pixel. The refined corners have more scatter but less bias.
     """
     full = (grid + 0.5) * np.float32(shrink) - np.float32(0.5)
+    # The search guesses corners beyond the image: their columns or rows are left out.
+    last_px = np.array(image.shape[::-1]) - 1
+    inside = np.all((full >= 0.0) & (full <= last_px), axis=-1)
+    columns, rows = inside.all(axis=0), inside.all(axis=1)
+    full = full[:, columns] if columns.mean() >= rows.mean() else full[rows]
+    if full.size < 2 * MIN_CORNERS:
+        return None
+    if full.shape[0] > full.shape[1]:
+        full = np.rot90(full)
+    along, down = full[0, -1] - full[0, 0], full[-1, 0] - full[0, 0]
+    if along[0] * down[1] - along[1] * down[0] < 0.0:
+        full = full[:, ::-1]
     steps_px = [np.linalg.norm(np.diff(full, axis=axis), axis=-1).min() for axis in (0, 1)]
     # The window must not reach the neighbouring corners.
     reach = int(np.clip(round(0.35 * float(min(steps_px))), 2, 15))
@@ -157,4 +158,4 @@ def _refined(image: Image, grid: Corners, shrink: float) -> Corners:
     placed = cv2.cornerSubPix(
         image, np.ascontiguousarray(full.reshape(-1, 1, 2)), (reach, reach), (-1, -1), ends
     )
-    return np.asarray(placed, dtype=np.float32).reshape(grid.shape)
+    return np.asarray(placed, dtype=np.float32).reshape(full.shape)

@@ -35,7 +35,7 @@ class CameraView:
     camera: CameraModel  # at the size of the class or depth map; undistorted
     pitch_rad: float  # of the optical axis to the horizon, negative down
     height_m: float  # of the lens above the ground
-    roll_rad: float = 0.0  # of the image about the optical axis, its right side down positive
+    roll_rad: float = 0.0  # of the image, right side down positive; no supported drone reports it
 
     def __post_init__(self) -> None:
         numbers = (self.pitch_rad, self.height_m, self.roll_rad)
@@ -46,9 +46,7 @@ class CameraView:
             )
 
 
-def view_of(
-    frame: Frame, camera: CameraModel, size_px: tuple[int, int], *, roll_rad: float = 0.0
-) -> CameraView:
+def view_of(frame: Frame, camera: CameraModel, size_px: tuple[int, int]) -> CameraView:
     """Return the view from a frame's telemetry, for maps of a width and height.
 
     The gimbal holds its pitch to the horizon at any attitude of the body. The body's attitude
@@ -60,7 +58,6 @@ def view_of(
         camera=camera.resized(*size_px),
         pitch_rad=frame.gimbal_pitch_rad,
         height_m=frame.height_above_ground_m + lever_m,
-        roll_rad=roll_rad,  # that the gimbal leaves; no supported drone reports it
     )
 
 

@@ -69,18 +69,14 @@ class Orientation:
                 f"a turned video needs a camera of five distortion numbers or fewer, got "
                 f"{len(raw.distortion)}; calibrate with `uav-bt lab calibrate`"
             )
-        width_px, height_px = raw.width_px, raw.height_px
-        fx_px, fy_px, cx_px, cy_px = raw.pinhole_px
-        k1, k2, p1, p2, *k3 = raw.distortion or (0.0, 0.0, 0.0, 0.0)
-        if self.transpose:
-            width_px, height_px = height_px, width_px
-            fx_px, fy_px, cx_px, cy_px = fy_px, fx_px, cy_px, cx_px
-            p1, p2 = p2, p1
         # Tangential terms: dx = 2 p1 x y + p2 (r2 + 2 x2), so p2 belongs to columns, p1 to rows.
-        if self.flip_columns:
-            cx_px, p2 = width_px - 1 - cx_px, -p2
-        if self.flip_rows:
-            cy_px, p1 = height_px - 1 - cy_px, -p1
+        k1, k2, p1, p2, *k3 = raw.distortion or (0.0, 0.0, 0.0, 0.0)
+        columns = (raw.width_px, raw.fx_px, raw.cx_px, p2)
+        rows = (raw.height_px, raw.fy_px, raw.cy_px, p1)
+        if self.transpose:
+            columns, rows = rows, columns
+        width_px, fx_px, cx_px, p2 = _flipped(*columns) if self.flip_columns else columns
+        height_px, fy_px, cy_px, p1 = _flipped(*rows) if self.flip_rows else rows
         return replace(
             raw,
             width_px=width_px,
@@ -91,6 +87,12 @@ class Orientation:
             cy_px=cy_px,
             distortion=(k1, k2, p1, p2, *k3) if raw.distortion else (),
         )
+
+
+def _flipped(
+    size_px: int, focal_px: float, centre_px: float, tangential: float
+) -> tuple[int, float, float, float]:
+    return size_px, focal_px, size_px - 1 - centre_px, -tangential
 
 
 UPRIGHT: Final = Orientation()

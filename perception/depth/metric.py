@@ -3,63 +3,39 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import Final, Literal
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.camera.ground_plane import CameraView, GroundPlane, view_of
-from perception.depth.confidence import Confidence, Confidences
-from perception.depth.contact.contacts import Remembered
-from perception.depth.contact.depth import ContactDepth, ContactDepthConfig, ContactEstimation
-from perception.depth.evidence import ground_confidence
-from perception.depth.scale import (
-    AdaptiveScale,
-    Scale,
-    ScaleConfig,
-    ScaleEstimator,
-    sample_ground,
-)
+from perception.depth.confidence import Confidence, Measure, ground_confidence
+from perception.depth.contact.base import Remembered
+from perception.depth.contact.depth import ContactDepth, ContactEstimation
+from perception.depth.scale import AdaptiveScale, Scale, ScaleEstimator, sample_ground
 from uav_bt.errors import UnknownNameError
-from uav_bt.types import (
-    CameraModel,
-    ClassMap,
-    DepthMap,
-    Frame,
-    NearObstacles,
-    Pose2D,
-)
+from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame, NearObstacles, Pose2D
+from uav_bt.types.arrays import Floats32
 
-Source = Literal["network", "contact", "fused"]
-SOURCES: Final[tuple[Source, ...]] = ("network", "contact", "fused")
+SOURCES: Final = ("network", "contact", "fused")
 LEAST_CONFIDENCE: Final = 0.2
 """Least confidence of a scale that is used. Of lower ones seven of ten or fewer are right."""
-_NO_NETWORK: Final = "the depth is by ground contact, without the network"
+MAX_DEPTH_M: Final = 20.0
+"""Larger than any lab; limits the depth of a network's sky."""
 
-
-@dataclass(frozen=True, kw_only=True)
-class MetricDepthConfig:
-    """Which frames are refused, and limits of the depth."""
-
-    black_level: float = 8.0  # a frame with a mean below this, of 255, is black
-    checked_px: int = 8  # step in rows and columns between the pixels of that mean
-    min_height_m: float = 0.15  # a lower drone stands, and its camera is too near to the ground
-    max_m: float = 20.0  # larger than any lab; limits the depth of a network's sky
-    roll_rad: float = 0.0  # known roll of the image that the gimbal leaves, right side down
-    least_confidence: float = LEAST_CONFIDENCE
-    # `fused` depth needs the network if the farthest possible point of an obstacle of unknown depth
-    # is within these distances of the lens: ahead, to either side, and below. `max_m` ahead always
-    # runs it. On the validation scenes the corridor then misses 27 instead of 24 of the intruded
-    # images (`uav-bt net evaluate depth --scene val-a --scene val-b`, methods flown and fused).
-    network_ahead_m: float = 20.0
-    network_aside_m: float = 1.0
-    network_below_m: float = 1.4
-    stray_px: int = 4  # fewer pixels of unknown depth are noise of the class map
-    sampling: ScaleConfig = field(default_factory=ScaleConfig)
-    contact: ContactDepthConfig = field(default_factory=ContactDepthConfig)
+_BLACK: Final = 8.0  # a frame with a mean below this, of 255, is black
+_CHECKED_PX: Final = 8  # step in rows and columns between the pixels of that mean
+_LEAST_HEIGHT_M: Final = 0.15  # a lower drone stands, its camera is too near to the ground
+# `fused` depth needs the network if the farthest possible point of an obstacle of unknown depth is
+# within these distances of the lens, to either side and below. On the validation scenes the
+# corridor then misses 27 instead of 24 of the intruded images (`uav-bt net evaluate depth --scene
+# val-a --scene val-b`, methods flown and fused).
+_ASIDE_M: Final = 1.0
+_BELOW_M: Final = 1.4
+_STRAY_PX: Final = 4  # fewer pixels of unknown depth are noise of the class map
+_NO_NETWORK: Final = Confidence(reason="the depth is by ground contact, without the network")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,23 +43,25 @@ class MetricDepth:
     """Metric depth, or the reason for missing or partial depth."""
 
     depth: DepthMap | None
+    # That the ground is seen as such, of the scale of the network's depth, and of the depth.
+    confidences: Mapping[str, Confidence]  # `ground`, `scale` and `depth`
     refusal: str = ""  # for the status line and the records; depth by ground contact may remain
     scale: Scale | None = None  # of the network's depth; None if no network depth was used
     relative: DepthMap | None = None  # the network's relative depth, if the network ran here
-    confidences: Confidences = field(default_factory=Confidences)
 
     @classmethod
     def refused(cls, refusal: str, relative: DepthMap | None = None) -> MetricDepth:
         """Return no depth, for a reason."""
-        none = Confidences.none(refusal)
+        none = dict.fromkeys(("ground", "scale", "depth"), Confidence(reason=refusal))
         return cls(depth=None, refusal=refusal, relative=relative, confidences=none)
 
-    def limited(self, name: str, by: Confidence) -> MetricDepth:
-        """Return it with a further measure, which the confidence of the depth cannot exceed."""
-        confidences, depth = self.confidences.limited(name, by), self.depth
+    def limited(self, name: str, by: Measure) -> MetricDepth:
+        """Return it with a further measure, which neither ground nor depth can exceed."""
+        about = {key: self.confidences[key].limited(name, by) for key in ("ground", "depth")}
+        depth = self.depth
         if depth is not None:
-            depth = replace(depth, confidence=confidences.depth.value or 0.0)
-        return replace(self, depth=depth, confidences=confidences)
+            depth = replace(depth, confidence=about["depth"].value or 0.0)
+        return replace(self, depth=depth, confidences={**self.confidences, **about})
 
 
 class MetricDepthMaker:
@@ -96,7 +74,10 @@ class MetricDepthMaker:
             the height of a roof if the base of its box is out of sight.
         scale: estimator of the scale of the network's depth; None for `AdaptiveScale`.
         generator: samples the ground's pixels.
-        config: which frames are refused.
+        least_confidence: of a scale that is used.
+        network_ahead_m: ``fused`` needs the network if an obstacle of unknown depth may be nearer
+            than this; `MAX_DEPTH_M` always runs it.
+        mark_height_m: height of the landing mark's top above the ground.
 
     Raises:
         UnknownNameError: the source is unknown.
@@ -108,14 +89,16 @@ class MetricDepthMaker:
         source: str = "fused",
         scale: ScaleEstimator | None = None,
         generator: np.random.Generator,
-        config: MetricDepthConfig | None = None,
+        least_confidence: float = LEAST_CONFIDENCE,
+        network_ahead_m: float = MAX_DEPTH_M,
+        mark_height_m: float | None = None,
     ) -> None:
         if source not in SOURCES:
             raise UnknownNameError("depth source", source, SOURCES)
-        self._source = source
-        self._config = config or MetricDepthConfig()
+        self._source, self._generator = source, generator
         self._scale = AdaptiveScale() if scale is None else scale
-        self._generator = generator
+        self._least_confidence, self._ahead_m = least_confidence, network_ahead_m
+        self._mark_height_m = mark_height_m
 
     def restart(self) -> None:
         """Forget the scale of earlier frames; the next one shows another place."""
@@ -139,93 +122,94 @@ class MetricDepthMaker:
                 it. The function is called if the depth is needed; ``contact`` never needs it.
             remembered: obstacles' bases seen earlier, for bases now out of view.
         """
-        refusal = self._refusal(frame, class_map)
+        refusal = _refusal(frame, class_map)
         if refusal:
             return MetricDepth.refused(refusal)
         height_px, width_px = class_map.ids.shape
-        view = view_of(frame, camera, (width_px, height_px), roll_rad=self._config.roll_rad)
+        view = view_of(frame, camera, (width_px, height_px))
         if not view.height_m > 0.0:
             return MetricDepth.refused("no height above the ground")
-        ground, captured_s = GroundPlane.of(view), frame.captured_s
-        contact = None
+        ground, contact = GroundPlane.of(view), None
         if self._source != "network":
-            contact = ContactEstimation(class_map, ground, self._config.contact, remembered)
-            measured = contact.result()
-            if self._source == "contact" or self._suffices(measured, class_map, ground):
-                return _contact_only(measured, captured_s, "", Confidence(reason=_NO_NETWORK))
+            contact = ContactEstimation(class_map, ground, remembered, self._mark_height_m)
+            known = contact.result()
+            if self._source == "contact" or self._suffices(known, class_map, ground):
+                return _without_scale(known, frame.captured_s, "", _NO_NETWORK)
         relative = relative() if callable(relative) else relative
-        refusal = _relative_refusal(frame, relative)
-        if refusal or relative is None:
-            return MetricDepth.refused(refusal, relative)
-        scale, of_scale, on_ground = self._scale_of(relative, class_map, ground)
-        if scale is None:
-            known = None if contact is None else contact.result()
-            refusal = f"no scale: {of_scale.reason}"
-            without = _contact_only(known, captured_s, refusal, of_scale, on_ground)
-            return replace(without, relative=relative)
-        metres = scale.apply(_resized(relative.depth, view))
-        network_m = np.clip(metres, 0.0, self._config.max_m)
-        if contact is not None:
-            contact.complete(network_m)
-        known = None if contact is None else contact.result()
-        depth = _fused(scale, network_m, known, captured_s)
-        confidences = Confidences(
-            ground=on_ground,
-            scale=of_scale,
-            depth=Confidence(value=depth.confidence, reason=of_scale.reason),
-        )
-        return MetricDepth(depth=depth, scale=scale, relative=relative, confidences=confidences)
+        if relative is None or relative.captured_s != frame.captured_s:
+            return MetricDepth.refused("no relative depth of this frame", relative)
+        if not np.isfinite(relative.depth).all():
+            return MetricDepth.refused("relative depth is not finite", relative)
+        return self._by_network(relative, class_map, ground, contact)
 
     def _suffices(self, contact: ContactDepth, class_map: ClassMap, ground: GroundPlane) -> bool:
         """Return whether no obstacle of unknown depth may be near the path ahead."""
-        ahead_m, aside_m = self._config.network_ahead_m, self._config.network_aside_m
-        if ahead_m >= self._config.max_m:
+        if self._ahead_m >= MAX_DEPTH_M:
             return False
         unknown = ~np.isfinite(contact.depth) & class_map.is_above_ground
         forward_m, right_m, down_m = contact.at_most[unknown] * ground.rays[:, unknown]
-        near = (forward_m < ahead_m) & (np.abs(right_m) < aside_m)
-        near &= down_m < self._config.network_below_m
-        return int(np.count_nonzero(near)) <= self._config.stray_px
+        near = (forward_m < self._ahead_m) & (np.abs(right_m) < _ASIDE_M) & (down_m < _BELOW_M)
+        return int(np.count_nonzero(near)) <= _STRAY_PX
 
-    def _scale_of(
-        self, relative: DepthMap, class_map: ClassMap, ground: GroundPlane
-    ) -> tuple[Scale | None, Confidence, Confidence]:
-        """Return the scale of a network's depth if it is trusted, its confidence, the ground's."""
-        fitting, sampling = _resized(relative.depth, ground.view), self._config.sampling
-        sample = sample_ground(
-            fitting, class_map.is_ground, ground.depth_m, self._generator, sampling
-        )
+    def _by_network(
+        self,
+        relative: DepthMap,
+        class_map: ClassMap,
+        ground: GroundPlane,
+        contact: ContactEstimation | None,
+    ) -> MetricDepth:
+        """Return a network's depth, completed and bounded by contact if there is any."""
+        fitting = _resized(relative.depth, ground.view)
+        sample = sample_ground(fitting, class_map.is_ground, ground.depth_m, self._generator)
         on_ground = Confidence(reason="too little ground")
         if sample is not None:
             on_ground = ground_confidence(sample.measures)
         height_m = ground.view.height_m if relative.in_heights else None
-        scale = self._scale.update(sample, class_map.captured_s, height_m)
-        if scale is None:
-            why = "too little ground" if sample is None else "the ground disagrees with itself"
-            return None, Confidence(reason=why), on_ground
-        confidence = scale.why or Confidence(value=scale.confidence)
-        trusted = scale.confidence >= self._config.least_confidence
-        return scale if trusted else None, confidence, on_ground
+        scale = self._scale.update(sample, relative.captured_s, height_m)
+        why = "too little ground" if sample is None else "the ground disagrees with itself"
+        of_scale = Confidence(reason=why) if scale is None else scale.confidence
+        sure, known = of_scale.value or 0.0, None
+        if scale is None or sure < self._least_confidence:
+            known = None if contact is None else contact.result()
+            refusal = f"no scale: {of_scale.reason}"
+            without = _without_scale(known, relative.captured_s, refusal, of_scale, on_ground)
+            return replace(without, relative=relative)
+        metres = np.float32(scale.factor) * fitting + np.float32(scale.shift_m)
+        metres = np.clip(metres, 0.0, MAX_DEPTH_M)
+        if contact is not None:
+            contact.complete(metres)
+            known = contact.result()
+            metres = np.where(np.isfinite(known.depth), known.depth, metres)
+            metres = np.minimum(metres, known.at_most)
+        depth = DepthMap(
+            depth=np.asarray(metres, dtype=np.float32),
+            metric=True,
+            captured_s=relative.captured_s,
+            confidence=sure,
+            at_most=None if known is None else known.at_most,
+        )
+        of_depth = Confidence(sure, of_scale.reason)
+        confidences = {"ground": on_ground, "scale": of_scale, "depth": of_depth}
+        return MetricDepth(depth=depth, scale=scale, relative=relative, confidences=confidences)
 
-    def _refusal(self, frame: Frame, class_map: ClassMap) -> str:
-        height_m, pitch_rad = frame.height_above_ground_m, frame.gimbal_pitch_rad
-        finite = map(math.isfinite, (height_m, pitch_rad, frame.attitude.pitch_rad))
-        if not all(finite):
-            return "telemetry is not finite"
-        if height_m < self._config.min_height_m:
-            return "no height above the ground"
-        every = self._config.checked_px
-        if frame.image[::every, ::every].mean() < self._config.black_level:
-            return "the frame is black"
-        if class_map.captured_s != frame.captured_s:
-            return "the class map is of another frame"
-        return ""
+
+def _refusal(frame: Frame, class_map: ClassMap) -> str:
+    height_m, pitch_rad = frame.height_above_ground_m, frame.gimbal_pitch_rad
+    if not all(map(math.isfinite, (height_m, pitch_rad, frame.attitude.pitch_rad))):
+        return "telemetry is not finite"
+    if height_m < _LEAST_HEIGHT_M:
+        return "no height above the ground"
+    if frame.image[::_CHECKED_PX, ::_CHECKED_PX].mean() < _BLACK:
+        return "the frame is black"
+    if class_map.captured_s != frame.captured_s:
+        return "the class map is of another frame"
+    return ""
 
 
 def remembered_bases(
     near: NearObstacles, now: Pose2D, then: Pose2D, frame: Frame, camera: CameraModel
 ) -> Remembered:
-    """Return remembered obstacles relative to the lens at a frame's capture.
+    """Return obstacles near the drone, from the lens at a frame's capture.
 
     Args:
         near: obstacles from the body's centre at the pose `now`.
@@ -239,13 +223,7 @@ def remembered_bases(
     return Remembered.at(then_m - (lever_m, 0.0))
 
 
-def _relative_refusal(frame: Frame, relative: DepthMap | None) -> str:
-    if relative is None or relative.captured_s != frame.captured_s:
-        return "no relative depth of this frame"
-    return "" if np.isfinite(relative.depth).all() else "relative depth is not finite"
-
-
-def _contact_only(
+def _without_scale(
     contact: ContactDepth | None,
     captured_s: float,
     refusal: str,
@@ -253,42 +231,23 @@ def _contact_only(
     ground: Confidence | None = None,
 ) -> MetricDepth:
     """Return the depth by ground contact; None instead of an empty map, which would mean free."""
-    confidences = Confidences(ground=ground or Confidence(reason=scale.reason), scale=scale)
+    confidences = {"ground": ground or Confidence(reason=scale.reason), "scale": scale}
     if contact is None or not np.isfinite(contact.depth).any():
         refusal = refusal or "nothing in view stands on ground"
-        confidences = replace(confidences, depth=Confidence(reason=refusal))
+        confidences["depth"] = Confidence(reason=refusal)
         return MetricDepth(depth=None, refusal=refusal, confidences=confidences)
-    known = DepthMap(
+    depth = DepthMap(
         depth=contact.depth,
         metric=True,
         captured_s=captured_s,
         confidence=contact.known_share,
         at_most=contact.at_most,
     )
-    confidences = replace(confidences, depth=Confidence(value=known.confidence, reason=refusal))
-    return MetricDepth(depth=known, refusal=refusal, confidences=confidences)
+    confidences["depth"] = Confidence(contact.known_share, refusal)
+    return MetricDepth(depth=depth, refusal=refusal, confidences=confidences)
 
 
-def _fused(
-    scale: Scale,
-    network_m: NDArray[np.float32],
-    contact: ContactDepth | None,
-    captured_s: float,
-) -> DepthMap:
-    metres = network_m
-    if contact is not None:
-        metres = np.where(np.isfinite(contact.depth), contact.depth, metres)
-        metres = np.minimum(metres, contact.at_most)
-    return DepthMap(
-        depth=np.asarray(metres, dtype=np.float32),
-        metric=True,
-        captured_s=captured_s,
-        confidence=scale.confidence,
-        at_most=None if contact is None else contact.at_most,
-    )
-
-
-def _resized(depth: NDArray[np.float32], view: CameraView) -> NDArray[np.float32]:
+def _resized(depth: Floats32, view: CameraView) -> Floats32:
     size = (view.camera.width_px, view.camera.height_px)
     if depth.shape[::-1] == size:
         return depth

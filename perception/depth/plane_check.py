@@ -16,13 +16,9 @@ import cv2
 import numpy as np
 
 from perception.camera.ground_plane import GroundPlane, view_of
-from perception.depth.confidence import Confidence
-from perception.depth.evidence import evidence
+from perception.depth.confidence import Measure, evidence, weakest
 from perception.depth.scale import sample_ground
 from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
-
-MEASURES: Final = ("slope", "height")
-"""Measures of `evidence` that show it."""
 
 _EXTENT: Final = 0.9  # least extent of the ground in view
 # Steeper views are not judged. Their ranges differ little, so a small error of the depth looks
@@ -36,19 +32,11 @@ def agreement_with_plane(
     frame: Frame,
     camera: CameraModel,
     generator: np.random.Generator,
-) -> Confidence | None:
-    """Return how far depth in heights agrees with the plane of the ground, 0 to 1.
+) -> Measure | None:
+    """Return how far depth in heights agrees with the plane of the ground: the weakest measure.
 
-    Args:
-        relative: Depth of the frame in heights of the camera, at any size.
-        class_map: Class map of that frame.
-        frame: Its telemetry gives the plane.
-        camera: Intrinsics at any size.
-        generator: Samples the pixels of the ground.
-
-    Returns:
-        The weakest measure with its reason; None where too little ground is in view, for a camera
-        that looks down steeply, and for depth of another unit or of another frame.
+    None where too little ground is in view, for a camera that looks down steeply, and for depth of
+    another unit or of another frame.
     """
     if frame.gimbal_pitch_rad < _STEEPEST_RAD:
         return None
@@ -64,8 +52,6 @@ def agreement_with_plane(
     if sample is None:
         return None
     found = evidence(sample.measures, None, plane.view.height_m)
-    if (found["extent"].value or 0.0) < _EXTENT:
+    if found["extent"][0] < _EXTENT:
         return None
-    about = {name: found[name] for name in MEASURES}
-    weakest = min(about.values(), key=lambda each: each.value or 0.0)
-    return Confidence(value=weakest.value, reason=weakest.reason, measures=about)
+    return weakest({name: found[name] for name in ("slope", "height")})

@@ -18,20 +18,11 @@ _MAX_DEPTH: Final = 1e4  # for a disparity of zero, in the network's unit
 
 
 class OnnxDepthEstimator:
-    """A depth network in an ONNX file.
+    """A depth network in an ONNX file, with a mapping file beside it unless it is ours.
 
     The network has one input image, (1, 3, H, W) RGB in [0, 1] or as in its mapping file, and one
     output (1, 1, h, w) or (1, h, w), h and w at most H and W. Of several outputs `depth` is used.
     The output is relative depth along the optical axis, or disparity, which is inverted.
-
-    Args:
-        path: the ONNX file; for the mapping file beside it see `perception.networks.mapping`.
-        threads: number of inference threads.
-
-    Raises:
-        WeightsError: the file is absent or damaged, its output is not a depth map, or it is unknown
-            whether it gives depth or disparity.
-        FileError: the mapping file beside it is malformed.
     """
 
     def __init__(self, path: Path, *, threads: int = 1) -> None:
@@ -48,7 +39,6 @@ class OnnxDepthEstimator:
         self._inverse = mapping.output == "disparity"
         self._in_heights = network.about("roles") is not None  # the second head of `any`
         self.size_px = network.take_images(mapping.input)
-        """Width and height of the network's input, px; frames are resized to them."""
         outputs = network.outputs()
         chosen = outputs.get("depth", next(iter(outputs.values())))
         shape = network.compile([chosen], threads)[0].shape

@@ -5,35 +5,21 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from perception.depth.evidence import flow_confidence
+from perception.depth.confidence import flow_measure
 from perception.depth.metric import MetricDepth, MetricDepthMaker, remembered_bases
-from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import DepthEstimator
 from uav_bt.types import CameraModel, ClassMap, DepthMap, DroneState, Frame, NearObstacles
+from uav_bt.types.arrays import Image
 from uav_bt.types.dead_reckoning import MotionEstimate
 
-
-def _ignore(stage: str, spent_s: float) -> None:
-    """Drop the time of a stage."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class DepthStageConfig:
-    """Which frames are refused before any computation."""
-
-    moving_mps: float = 0.2  # above this speed two equal images mean a frozen video
-    compared_px: int = 8  # step in rows and columns between compared pixels
-    aspect_slack: float = 0.01  # relative; 640x360 and 854x480 are both 16:9, others are cropped
-
-    def __post_init__(self) -> None:
-        if not (self.moving_mps > 0.0 and self.compared_px >= 1 and self.aspect_slack >= 0.0):
-            raise ValueRangeError(f"speed and spacing must be positive, got {self}")
+_MOVING_MPS: Final = 0.2  # above this speed two equal images mean a frozen video
+_COMPARED_PX: Final = 8  # step in rows and columns between compared pixels
+_ASPECT_SLACK: Final = 0.01  # relative; 640x360 and 854x480 are both 16:9, others are cropped
 
 
 class DepthStage:
@@ -42,7 +28,6 @@ class DepthStage:
     Args:
         network: frame in, relative depth out; None for depth by ground contact alone.
         maker: makes the metric depth.
-        config: which frames are refused.
         timer: wall clock of the stages' times, seconds.
     """
 
@@ -50,13 +35,10 @@ class DepthStage:
         self,
         network: DepthEstimator | None,
         maker: MetricDepthMaker,
-        config: DepthStageConfig | None = None,
-        *,
         timer: Callable[[], float] = time.perf_counter,
     ) -> None:
         self._network, self._maker, self._timer = network, maker, timer
-        self._config = config or DepthStageConfig()
-        self._last_image: NDArray[np.uint8] | None = None
+        self._last_image: Image | None = None
 
     def perceive(
         self,
@@ -67,7 +49,7 @@ class DepthStage:
         state: DroneState | None = None,
         near: NearObstacles | None = None,
         motion: MotionEstimate | None = None,
-        spent: Callable[[str, float], None] = _ignore,
+        spent: Callable[[str, float], object] = lambda *_: None,
     ) -> MetricDepth:
         """Return the depth of a new frame, at the class map's size.
 
@@ -85,7 +67,7 @@ class DepthStage:
         Raises:
             AnswerError: the network's output cannot be used.
         """
-        refusal = self._frozen(frame, state) or self._misfit(frame, camera)
+        refusal = self._frozen(frame, state) or _misfit(frame, camera)
         if refusal:
             return MetricDepth.refused(refusal)
         began_s, network_s = self._timer(), 0.0
@@ -99,35 +81,32 @@ class DepthStage:
             return depth
 
         remembered = None
-        same = motion is not None and motion.seen.time_s == frame.captured_s
-        if near is not None and motion is not None and same:
+        if near is not None and motion is not None and motion.seen.time_s == frame.captured_s:
             remembered = remembered_bases(near, motion.pose, motion.seen, frame, camera)
         network = None if self._network is None else partial(relative, self._network)
         metric = self._maker.make(frame, class_map, camera, network, remembered)
         spent("metric_depth", self._timer() - began_s - network_s)
         if motion is None or motion.stretch is None:
             return metric
-        return metric.limited("flow", flow_confidence(motion.stretch))
+        return metric.limited("flow", flow_measure(motion.stretch))
 
     def _frozen(self, frame: Frame, state: DroneState | None) -> str:
         """Return a refusal if a moving drone sent the same image again."""
-        every, before = self._config.compared_px, self._last_image
-        self._last_image = frame.image[::every, ::every].copy()
+        before = self._last_image
+        self._last_image = frame.image[::_COMPARED_PX, ::_COMPARED_PX].copy()
         if before is None or state is None:
             return ""
         velocity = state.velocity
         speed_mps = math.hypot(velocity.forward_mps, velocity.right_mps, velocity.down_mps)
-        if speed_mps > self._config.moving_mps and np.array_equal(before, self._last_image):
-            return "the image is frozen"
-        return ""
+        still = speed_mps > _MOVING_MPS and np.array_equal(before, self._last_image)
+        return "the image is frozen" if still else ""
 
-    def _misfit(self, frame: Frame, camera: CameraModel) -> str:
-        """Return a message if frame and camera differ in aspect ratio; otherwise empty."""
-        height_px, width_px = frame.image.shape[:2]
-        stretch = (width_px * camera.height_px) / (height_px * camera.width_px)
-        if abs(stretch - 1.0) <= self._config.aspect_slack:
-            return ""
-        return (
-            f"the frame is {width_px}x{height_px}, its camera "
-            f"{camera.width_px}x{camera.height_px}: another aspect"
-        )
+
+def _misfit(frame: Frame, camera: CameraModel) -> str:
+    """Return a message if frame and camera differ in aspect ratio; otherwise empty."""
+    height_px, width_px = frame.image.shape[:2]
+    stretch = (width_px * camera.height_px) / (height_px * camera.width_px)
+    if abs(stretch - 1.0) <= _ASPECT_SLACK:
+        return ""
+    size = f"{camera.width_px}x{camera.height_px}"
+    return f"the frame is {width_px}x{height_px}, its camera {size}: another aspect"

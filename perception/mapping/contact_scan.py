@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +50,8 @@ class GroundScan:
     height_m: float  # of the camera above the ground
     config: ContactScanConfig
     covered: Covered | None = None  # ground below boards of objects on legs
+    # (C,) whether a class, or the one below it, is of objects on legs
+    on_legs: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(256, dtype=bool))
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,8 @@ class Bases:
     # (M, 2): the nearest sample in view on bearings where it shows an obstacle. The obstacle stands
     # there or nearer, since a vertical edge keeps its bearing.
     hidden_m: NDArray[np.float64]
-    hidden_tall: NDArray[np.bool_]  # whether that obstacle reaches the drone's height
+    # whether that obstacle reaches the drone's height; no object on legs, below which ground shows
+    hidden_tall: NDArray[np.bool_]
     edges_m: NDArray[np.float64]  # (K, 2): borders of ground and background behind it
     hidden_edges_m: NDArray[np.float64]  # (L, 2): nearest samples in view that are background
 
@@ -101,9 +104,14 @@ def scan_ground(
         camera.pinhole_px,
     )
     classes, covered = class_map.classes, None
-    if classes.legs_m.any():
+    on_legs = classes.legs_m > 0.0
+    on_legs[classes.top_of[on_legs]] = True
+    on_legs[0] = False  # the background, which is the top of classes without one
+    if on_legs.any():
         covered = cover_below(level_m, ids, roles, classes, config.min_run)
-    return GroundScan(level_m, ids, roles, image_roles, classes.top_of, height_m, config, covered)
+    return GroundScan(
+        level_m, ids, roles, image_roles, classes.top_of, height_m, config, covered, on_legs
+    )
 
 
 def find_bases(scan: GroundScan) -> Bases:
@@ -121,7 +129,8 @@ def find_bases(scan: GroundScan) -> Bases:
             scan.level_m, scan.ids, *placed, scan.top_of, scan.height_m
         ),
         hidden_m=scan.level_m[rows[hides], first[hides]],
-        hidden_tall=_are_tall(scan, rows[hides]),
+        hidden_tall=_are_tall(scan, rows[hides])
+        & ~scan.on_legs[scan.ids[rows[hides], first[hides]]],
         edges_m=_borders_m(scan, edge_rows[ends], edge[ends]),
         hidden_edges_m=scan.level_m[edge_rows[ended], edge[ended]],
     )

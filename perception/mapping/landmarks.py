@@ -7,133 +7,104 @@ instead of moving the point with the drift. It is removed when views show ground
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial.distance import cdist
 
-from perception.mapping.tables import PointTable, first_in_cells, nearest_circles
 from perception.mapping.view import View
-from uav_bt.lab.classes import OUTSIDE
-from uav_bt.types.arrays import Flags, Floats
+from uav_bt.types.arrays import Flags, Floats, Indices
+
+_SAME_M: Final = 0.08  # a point seen this near to a known point is that point again; chosen
+# A point with this weight no longer moves. A sighting at 1 m has weight 1, and the weight falls
+# with the square of the range. Chosen.
+_ENOUGH: Final = 3.0
+_MAX_WEIGHT: Final = 4.0  # of one sighting, at 0.5 m and nearer; chosen
+# Ground at a point counts against it only if ground is also seen at 0.05 m on all four sides.
+# Chosen.
+_PROBES_M: Final = 0.05 * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
+# A point is removed after this number of views with ground around it: its weight, within these
+# limits. One view with a wrong pose must not remove the points that would correct the pose. Chosen.
+_MISSED: Final = 3.0, 10.0
+# A leg is seen again this near to its point: it is narrower than the errors of a view. Chosen.
+_LEG_M: Final = 0.15
 
 
-@dataclass(frozen=True, kw_only=True)
-class LandmarkConfig:
-    """Which points are kept, and when they are removed."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PointTable:
+    """N points of a level plane; subclasses add columns."""
 
-    same_m: float = 0.08  # a point seen this near to a known point is that point again. Chosen.
-    # A point with this weight no longer moves. A sighting at 1 m has weight 1, and the weight falls
-    # with the square of the range. Chosen.
-    enough: float = 3.0
-    max_weight: float = 4.0  # of one sighting, at 0.5 m and nearer. Chosen.
-    # Ground at a point counts against it only if ground is also seen at this distance on all four
-    # sides. Chosen.
-    probe_m: float = 0.05
-    # A point is removed after a number of views with ground around it. This number is its weight,
-    # at least `min_missed` and at most `max_missed`. One view with a wrong pose must not remove the
-    # points that would correct the pose. Chosen.
-    min_missed: float = 3.0
-    max_missed: float = 10.0
-    # A leg is seen again this near to its point: it is narrower than the errors of a view. Chosen.
-    leg_m: float = 0.15
+    xy_m: Floats  # (N, 2)
+
+    def __len__(self) -> int:
+        return len(self.xy_m)
+
+    def take(self, which: Flags | Indices) -> Self:
+        """Return the rows of (N,) flags, or of row numbers."""
+        if which.dtype == np.bool_ and which.all():
+            return self  # callers never write to columns
+        rows = np.flatnonzero(which) if which.dtype == np.bool_ else which
+        columns = vars(self).items()
+        return type(self)(**{name: column.take(rows, axis=0) for name, column in columns})
+
+    def with_rows(self, other: Self) -> Self:
+        """Return this table with another's rows below."""
+        mine, theirs = vars(self), vars(other)
+        return type(self)(**{name: np.concatenate([mine[name], theirs[name]]) for name in mine})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Landmarks(PointTable):
-    """Points of one kind.
+    """Points of one kind in the map's frame."""
 
-    Attributes:
-        xy_m: (N, 2) positions in the map's frame.
-        weight: (N,) weight of the sightings that placed it, 1/m2.
-        first_s: (N,) capture time of the first view that showed it.
-        seen_s: (N,) capture time of the newest view that showed it.
-        settled_s: (N,) time from which points beside it count as the same standing obstacle.
-        from_m: (N, 2) position of the camera at the first sighting.
-        ids: (N,) uint8 class of the obstacle; background at the edge of the ground.
-        missed: (N,) number of views with only ground there since the last sighting.
-    """
-
-    weight: Floats
-    first_s: Floats
-    seen_s: Floats
-    settled_s: Floats
-    from_m: Floats
-    ids: NDArray[np.uint8]
-    missed: Floats
+    weight: Floats  # (N,) weight of the sightings that placed it, 1/m2
+    first_s: Floats  # (N,) capture time of the first view that showed it
+    seen_s: Floats  # (N,) capture time of the newest view that showed it
+    settled_s: Floats  # (N,) from then on points beside it count as the same standing obstacle
+    from_m: Floats  # (N, 2) position of the camera at the first sighting
+    ids: NDArray[np.uint8]  # (N,) class of the obstacle; background at the edge of the ground
+    missed: Floats  # (N,) number of views with only ground there since the last sighting
 
     @classmethod
-    def none(cls) -> Landmarks:
-        """Return an empty table."""
+    def of(cls, view: View, points_m: Floats, ids: NDArray[np.uint8]) -> Self:
+        """Return points of a view, placed by its pose."""
+        lens, times_s = view.lens, np.full(len(points_m), view.captured_s)
         return cls(
-            xy_m=np.empty((0, 2)),
-            weight=np.empty(0),
-            first_s=np.empty(0),
-            seen_s=np.empty(0),
-            settled_s=np.empty(0),
-            from_m=np.empty((0, 2)),
-            ids=np.empty(0, dtype=np.uint8),
-            missed=np.empty(0),
+            xy_m=lens.points_to_world(points_m),
+            weight=1.0 / np.maximum((points_m**2).sum(axis=1), 1.0 / _MAX_WEIGHT),
+            first_s=times_s,
+            seen_s=times_s,
+            settled_s=times_s,
+            from_m=np.tile([lens.x_m, lens.y_m], (len(points_m), 1)),
+            ids=ids,
+            missed=np.zeros(len(points_m)),
         )
 
-    def settled_after(self, waits_s: Floats) -> Landmarks:
-        """Return the points with later settling times.
-
-        Args:
-            waits_s: (N,) delays.
-        """
-        return replace(self, settled_s=self.settled_s + waits_s)
-
-
-def bases_of(view: View, config: LandmarkConfig) -> Landmarks:
-    """Return the bases of a view, placed by its pose."""
-    return _placed(view, view.bases_m, view.base_ids, config)
+    @classmethod
+    def none(cls) -> Self:
+        """Return an empty table."""
+        pairs, empty, ids = np.empty((0, 2)), np.empty(0), np.empty(0, dtype=np.uint8)
+        times_s = {"first_s": empty, "seen_s": empty, "settled_s": empty}
+        return cls(xy_m=pairs, weight=empty, from_m=pairs, ids=ids, missed=empty, **times_s)
 
 
-def edges_of(view: View, config: LandmarkConfig) -> Landmarks:
-    """Return the edges of the ground in a view, placed by its pose."""
-    ids = np.full(len(view.edges_m), OUTSIDE, dtype=np.uint8)
-    return _placed(view, view.edges_m, ids, config)
-
-
-def _placed(
-    view: View, points_m: Floats, ids: NDArray[np.uint8], config: LandmarkConfig
-) -> Landmarks:
-    lens, count = view.lens, len(points_m)
-    times_s = np.full(count, view.captured_s)
-    return Landmarks(
-        xy_m=lens.points_to_world(points_m),
-        weight=1.0 / np.maximum((points_m**2).sum(axis=1), 1.0 / config.max_weight),
-        first_s=times_s,
-        seen_s=times_s,
-        settled_s=times_s,
-        from_m=np.tile([lens.x_m, lens.y_m], (count, 1)),
-        ids=ids,
-        missed=np.zeros(count),
-    )
-
-
-def merge(
-    known: Landmarks, seen: Landmarks, config: LandmarkConfig, *, adds: bool = True
-) -> Landmarks:
-    """Return the known points with those of a view.
+def merge(known: Landmarks, seen: Landmarks, *, adds: bool = True) -> Landmarks:
+    """Return the known points with those of a view; new ones only if it `adds`.
 
     A point of the view near a known point is that point again, which moves to the weighted mean of
-    its sightings. The others are new.
-
-    Args:
-        known: the map's points.
-        seen: the view's points.
-        config: distances and weights.
-        adds: whether new points are added.
+    its sightings.
     """
-    seen = seen.take(first_in_cells(seen.xy_m, config.same_m))
+    seen = seen.take(first_in_cells(seen.xy_m, _SAME_M))
     if not len(known) or not len(seen):
         return known.with_rows(seen) if adds else known
-    apart_m, nearest = nearest_circles(seen.xy_m, known.xy_m, np.zeros(len(known)))
-    again = apart_m <= config.same_m
+    apart_m, nearest = nearest_circles(seen.xy_m, known.xy_m)
+    again = apart_m <= _SAME_M
     result = known.with_rows(seen.take(~again & adds))  # a copy
     rows, sighted = nearest[again], seen.take(again)  # several may be of one known point
-    moves = result.weight[rows] < config.enough
+    moves = result.weight[rows] < _ENOUGH
     pull_m = sighted.weight[:, None] * (sighted.xy_m - result.xy_m[rows])
     np.add.at(result.weight, rows, sighted.weight)
     np.add.at(result.xy_m, rows[moves], pull_m[moves] / result.weight[rows[moves], None])
@@ -142,44 +113,59 @@ def merge(
     return result
 
 
-def find_free(
-    known: Landmarks, view: View, config: LandmarkConfig, on_legs: Flags | None = None
-) -> tuple[Flags, Flags]:
-    """Return which known points lie in a view, and which of them show ground.
+def find_free(known: Landmarks, view: View, on_legs: Flags) -> tuple[Flags, Flags]:
+    """Return which known points lie in a view and its range, and which of these show ground, (N,).
 
-    Args:
-        known: the map's points, N of them.
-        view: placed in the map's frame.
-        config: distance around a point at which ground must be seen.
-        on_legs: (number of classes,) whether a class stands on legs; default: none.
-
-    Returns:
-        (N,) whether a point and its surroundings lie in the image and in range; and (N,) whether
-        they also show only ground.
+    The view is placed in the map's frame; `on_legs` has the classes that stand on legs.
     """
     local_m = view.lens.points_to_body(known.xy_m)
-    probe_m = config.probe_m * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
-    inside, ground = view.shows_ground(local_m[:, None, :] + probe_m)
+    inside, ground = view.shows_ground(local_m[:, None, :] + _PROBES_M)
     in_view = inside.all(axis=1) & (np.hypot(*local_m.T) <= view.reach_m)
     free = in_view & ground.all(axis=1)
-    if on_legs is not None and on_legs.any():
+    if on_legs.any():
         legs = np.flatnonzero(free & on_legs[known.ids])
         seen_m = view.bases_m[on_legs[view.base_ids]]
-        off_m, _ = nearest_circles(local_m[legs], seen_m, np.zeros(len(seen_m)))
-        free[legs] = off_m > config.leg_m
+        free[legs] = nearest_circles(local_m[legs], seen_m)[0] > _LEG_M
     return np.asarray(in_view), np.asarray(free)
 
 
-def drop_missed(known: Landmarks, free: Flags, config: LandmarkConfig) -> Landmarks:
-    """Count a view against points with only ground around them, and drop those missed too often.
-
-    Args:
-        known: the map's points, N of them.
-        free: (N,) points around which the view shows only ground.
-        config: limits for dropping points.
-    """
+def drop_missed(known: Landmarks, free: Flags) -> Landmarks:
+    """Count a view against `free` points, and drop those missed too often."""
     if not free.any():
         return known
     missed = known.missed + free
-    enough = np.clip(known.weight, config.min_missed, config.max_missed)
-    return replace(known, missed=missed).take(missed < enough)
+    return replace(known, missed=missed).take(missed < np.clip(known.weight, *_MISSED))
+
+
+def first_in_cells(xy_m: Floats, cell_m: float, *keys: NDArray[Any]) -> Indices:
+    """Return the row of the first point in each cell of a grid, ordered by cell.
+
+    The points of a cell are sorted by `keys`, (N,) columns, the least important first.
+    """
+    cells = np.floor(xy_m / cell_m).astype(np.int64)
+    codes = (cells[:, 0] << 32) + cells[:, 1]
+    order = np.lexsort((*keys, codes))
+    codes = codes[order]
+    begins = np.ones(len(codes), dtype=bool)
+    np.not_equal(codes[1:], codes[:-1], out=begins[1:])
+    return np.asarray(order[begins])
+
+
+def clusters(xy_m: Floats, apart_m: float) -> Indices:
+    """Return the number of each point's cluster by single linkage, in the order of first points."""
+    beside = csr_array(cdist(xy_m, xy_m) <= apart_m)
+    return np.asarray(connected_components(beside, directed=False)[1])
+
+
+def nearest_circles(
+    xy_m: Floats, centres_m: Floats, radii_m: Floats | float = 0.0
+) -> tuple[Floats, Indices]:
+    """Return each point's distance to its nearest circle, negative inside, and that circle's row.
+
+    Without circles the distance is infinite.
+    """
+    if not len(centres_m):
+        return np.full(len(xy_m), np.inf), np.zeros(len(xy_m), dtype=np.intp)
+    off_m = cdist(xy_m, centres_m) - radii_m
+    nearest = off_m.argmin(axis=1)
+    return off_m[np.arange(len(xy_m)), nearest], nearest

@@ -1,72 +1,45 @@
-"""Kalman filter that tracks one cluster of bases that has arrived on free ground."""
+"""One cluster of bases that has arrived on free ground: where it is, and whether it moves.
+
+A Kalman filter predicts the cluster. A straight line through its last places decides: a base that
+moves keeps to the line, while the base of a standing thing jumps between its legs and edges. The
+numbers were chosen on flights among people, carts, chairs and tables in the twin.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from filterpy.common import Q_discrete_white_noise
 from filterpy.kalman import KalmanFilter
 
-from uav_bt.errors import ValueRangeError
 from uav_bt.types.arrays import Flags, Floats
 
+MIN_RADIUS_M: Final = 0.25
+SHRINKS: Final = 0.98  # ratio by which the radius may shrink from one sighting to the next
+ACCEL_MPS2: Final = 0.5  # standard deviation of the acceleration; movers start and stop
+START_MPS: Final = 0.5  # standard deviation of a new cluster's velocity
 
-@dataclass(frozen=True, kw_only=True)
-class MoverConfig:
-    """When a cluster is a mover, and for how long. Chosen on the twin's people and carts."""
-
-    apart_m: float = 0.3  # points further apart belong to two clusters
-    min_points: int = 3  # a cluster with fewer points is ignored
-    max_width_m: float = 1.2  # a wider cluster is a wall that a displaced view shows
-    # Assumed depth of a mover; its base is seen from one side, its middle lies behind.
-    depth_m: float = 0.4
-    min_radius_m: float = 0.25  # least radius of a mover
-    shrinks: float = 0.98  # ratio by which the radius may shrink from one sighting to the next
-    owned_m: float = 0.15  # points this near to the circle of a mover belong to it
-    std_m: float = 0.06  # standard deviation of a cluster's middle
-    cut_std_m: float = 0.3  # the same where the end of the view cuts the cluster off
-    range_std_ratio: float = 0.02  # the same as a ratio of its range, in addition
-    accel_mps2: float = 0.5  # standard deviation of the acceleration; movers start and stop
-    start_mps: float = 0.5  # standard deviation of a new cluster's velocity
-    # Largest squared Mahalanobis distance of a sighting; chi-square, 2 dof, 99.9 %.
-    gate: float = 13.8
-    same_m: float = 0.45  # a cluster this near to a track starts no other
-    early_sightings: int = 3  # sightings after which a fast cluster most likely moves
-    sightings: int = 5  # sightings after which a cluster may be a mover
-    moved_m: float = 0.3  # distance from its first place after which a fast cluster is a mover
-    moved_near_m: float = 0.2  # the same within `near_m` of the camera
-    moved_slowly_m: float = 0.45  # the same for a slow one
-    min_mps: float = 0.1  # least speed of a mover
-    max_mps: float = 1.5  # largest speed of a mover
-    sure: float = 2.0  # a cluster is fast above this many standard deviations of its velocity
-    stays_m: float = 0.2  # a cluster within this distance of one place for `stays_s` stands
-    stays_s: float = 3.0  # time within `stays_m` after which a cluster stands
-    doubt_s: float = 0.6  # a cluster that has not moved is forgotten after this time unseen
-    # A fast cluster within `near_m` of the camera that is unseen for `lost_s` is a mover, although
-    # it has not moved by `moved_m`: its base is below the view.
-    lost_s: float = 0.2
-    near_m: float = 1.2
-    sure_lost: float = 1.0  # `sure` for such a cluster, which was seen for a short time
-    life_s: float = 6.0  # a mover is forgotten after this time unseen
-    # A mover out of view keeps its velocity for this time. After it the mover may have turned: it
-    # is anywhere within the way that it covers at `turned_ratio` of its speed.
-    carry_s: float = 0.6
-    turned_ratio: float = 1.5
-    turned_mps: float = 0.5  # least speed for that way; a mover that turns is measured too slow
-    # A cluster or a mover is forgotten when its place is seen free for this long.
-    free_s: float = 0.3
-    # An obstacle that has arrived may be a waiting mover for this time after any movement.
-    waits_s: float = 90.0
-    trail_s: float = 3.0  # past places of a mover are kept for this long
-    # A point of the map belongs to a mover that was there within this time of the point's first
-    # sighting.
-    passed_s: float = 1.0
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.min_mps < self.max_mps or self.sightings < 2:
-            raise ValueRangeError(f"a mover needs speeds in order and sightings, got {self}")
+EARLY_SIGHTINGS: Final = 3  # sightings after which a fast cluster most likely moves
+EARLY_SURE: Final = 2.0  # a velocity above this many standard deviations of the filter is fast
+SIGHTINGS: Final = 6  # sightings that a line needs
+LINE_S: Final = 1.5  # the line goes through the places of this time
+LINE_STD_M: Final = 0.05  # largest standard deviation of the places beside the line
+LINE_SURE: Final = 9.0  # least ratio of its speed to the standard deviation of the speed
+LOST_SURE: Final = 6.0  # the same for a cluster that comes below the view
+MOVED_M: Final = 0.3  # distance from its first place after which a cluster may be a mover
+MOVED_NEAR_M: Final = 0.2  # the same within `NEAR_M` of the camera
+NEAR_M: Final = 1.2
+LOST_S: Final = 0.2  # a cluster unseen for this time has left the view
+# A standing edge at some height seems to move against the camera: by this ratio at most, which is
+# that of an edge at 0.6 m seen from 1.5 m.
+PARALLAX: Final = 0.7
+MIN_MPS: Final = 0.1
+MAX_MPS: Final = 1.5
+STAYS_M: Final = 0.2  # a cluster within this distance of one place for `STAYS_S` stands
+STAYS_S: Final = 3.0
+TRAIL_S: Final = 3.0  # past places of a mover are kept for this long
 
 
 class MoverTrack:
@@ -76,34 +49,45 @@ class MoverTrack:
         number: number of the track.
         place_m: (2,) its middle, in the map's frame.
         noise: (2, 2) covariance of the middle, m2.
+        from_m: (2,) position of the camera.
         time_s: capture time of the first view that showed it.
-        config: when a cluster is a mover.
+        whole: whether the view shows all of it.
     """
 
     def __init__(
-        self, number: int, place_m: Floats, noise: Floats, time_s: float, config: MoverConfig
+        self,
+        number: int,
+        place_m: Floats,
+        noise: Floats,
+        from_m: Floats,
+        time_s: float,
+        *,
+        whole: bool,
     ) -> None:
-        self.number, self._config = number, config
-        self.first_m = place_m
+        self.number, self.first_m, self.is_whole = number, place_m, whole
         self.filter = KalmanFilter(dim_x=4, dim_z=2)  # x, its velocity, y, its velocity
         self.filter.H = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
-        self.first_s = self.seen_s = self.time_s = self.anchor_s = time_s
-        self._begin(place_m, noise)
+        self.first_s = self.seen_s = self.time_s = time_s
         self.free_since_s: float | None = None
-        self.radius_m = config.min_radius_m
+        self.radius_m = MIN_RADIUS_M
         self.sightings = 1
         self.moves = self.stands = self.has_moved = False
         self.replaces_lost = False  # it was another track before it left the view
-        self.is_whole = True  # it was seen as a whole
-        self._was_fast = False  # at the last sighting, by `sure_lost`
         self.trail: list[tuple[float, float, float]] = []  # s, x, y
+        self._begin(place_m, noise, from_m)
 
-    def _begin(self, place_m: Floats, noise: Floats) -> None:
-        start_mps = self._config.start_mps
+    def _begin(self, place_m: Floats, noise: Floats, from_m: Floats) -> None:
         self.filter.x = np.array([[place_m[0]], [0.0], [place_m[1]], [0.0]])
-        self.filter.P = np.diag([0.0, start_mps**2, 0.0, start_mps**2])
+        self.filter.P = np.diag([0.0, START_MPS**2, 0.0, START_MPS**2])
         self.filter.P[np.ix_([0, 2], [0, 2])] = noise
-        self.begin_m = self.anchor_m = self.seen_m = place_m
+        self.seen_m, self.stands = place_m, False
+        self._line: list[tuple[float, float, float]] = []  # s, x, y
+        self._wait(from_m)
+
+    def _wait(self, from_m: Floats) -> None:
+        """Judge movement from the present place on."""
+        self._begin_m = self._anchor_m = self.place_m
+        self._from_m, self._anchor_s = from_m, self.time_s
 
     @property
     def place_m(self) -> Floats:
@@ -123,13 +107,9 @@ class MoverTrack:
     @property
     def is_under_way(self) -> bool:
         """Whether it moves, certainly or most likely."""
-        cfg = self._config
-        fast = self._is_fast(cfg.sure) and not self.stands
-        return self.moves or (fast and self.sightings >= cfg.early_sightings)
-
-    def _is_fast(self, sure: float) -> bool:
         speed_mps = float(np.hypot(*self.velocity_mps))
-        return speed_mps >= max(self._config.min_mps, sure * self.std(1))
+        fast = speed_mps >= max(MIN_MPS, EARLY_SURE * self.std(1)) and not self.stands
+        return self.moves or (fast and self.sightings >= EARLY_SIGHTINGS)
 
     def predict(self, time_s: float) -> None:
         """Predict its state at a time."""
@@ -137,7 +117,7 @@ class MoverTrack:
         if step_s <= 0.0:
             return
         self.filter.F = np.kron(np.eye(2), [[1.0, step_s], [0.0, 1.0]])
-        noise = Q_discrete_white_noise(2, step_s, self._config.accel_mps2**2, block_size=2)
+        noise = Q_discrete_white_noise(2, step_s, ACCEL_MPS2**2, block_size=2)
         self.filter.predict(Q=noise)
         self.time_s = time_s
 
@@ -147,27 +127,28 @@ class MoverTrack:
         spread = self.filter.P[np.ix_([0, 2], [0, 2])] + noise
         return float(residual @ np.linalg.solve(spread, residual))
 
-    def sight(self, place_m: Floats, noise: Floats, radius_m: float, *, whole: bool = True) -> None:
+    def sight(
+        self, place_m: Floats, noise: Floats, from_m: Floats, radius_m: float, *, whole: bool
+    ) -> None:
         """Update the track with a sighting at the time of the last prediction.
 
         Args:
             place_m: (2,) the middle of the cluster.
             noise: (2, 2) covariance of the middle, m2.
+            from_m: (2,) position of the camera in the map's frame.
             radius_m: radius of the visible part.
             whole: whether the visible part is the whole.
         """
-        cfg = self._config
         if whole and not self.is_whole and not self.moves:  # restart: earlier middles were of parts
-            self._begin(place_m, noise)
-            self.anchor_s, self.stands = self.time_s, False
+            self._begin(place_m, noise, from_m)
         else:
             self.filter.update(place_m.reshape(2, 1), R=noise)
+        self._line.append((self.time_s, float(place_m[0]), float(place_m[1])))
         self.is_whole |= whole
         self.seen_m = self.place_m
         self.seen_s, self.sightings, self.free_since_s = self.time_s, self.sightings + 1, None
         # The visible part changes with its place in the view.
-        self.radius_m = max(cfg.min_radius_m, radius_m, cfg.shrinks * self.radius_m)
-        self._was_fast = self._is_fast(cfg.sure_lost)  # a prediction makes the velocity uncertain
+        self.radius_m = max(MIN_RADIUS_M, radius_m, SHRINKS * self.radius_m)
 
     def judge(self, from_m: Floats, *, moves: bool = True) -> None:
         """Decide whether it moves or stands.
@@ -176,32 +157,54 @@ class MoverTrack:
             from_m: (2,) position of the camera in the map's frame.
             moves: whether the sighting may show movement; if not, judging restarts at this place.
         """
-        cfg, place_m = self._config, self.place_m
+        place_m = self.place_m
         if not moves:
-            self.begin_m = self.anchor_m = place_m
-            self.anchor_s = self.time_s
+            self._wait(from_m)
+            self._line = []
             return
-        speed_mps = float(np.hypot(*self.velocity_mps))
-        if math.dist(place_m, self.anchor_m) > cfg.stays_m:
-            self.anchor_m, self.anchor_s = place_m, self.time_s
+        if math.dist(place_m, self._anchor_m) > STAYS_M:
+            self._anchor_m, self._anchor_s = place_m, self.time_s
             self.stands = False
-        elif self.time_s - self.anchor_s >= cfg.stays_s:
+        elif self.time_s - self._anchor_s >= STAYS_S:
             if not self.stands:
-                self.begin_m = place_m
+                self._begin_m, self._from_m = place_m, from_m
             self.moves, self.stands = False, True
-        moved_m = math.dist(place_m, self.begin_m)
-        is_near = math.dist(place_m, from_m) < cfg.near_m
-        if (
-            self.sightings >= cfg.sightings
-            and moved_m >= (cfg.moved_near_m if is_near else cfg.moved_m)
-            and cfg.min_mps <= speed_mps <= cfg.max_mps
-            and (speed_mps >= cfg.sure * self.std(1) or moved_m >= cfg.moved_slowly_m)
-        ):
+        is_near = math.dist(place_m, from_m) < NEAR_M
+        enough_m = MOVED_NEAR_M if is_near else MOVED_M
+        if self._moved_m(from_m) >= enough_m and self._keeps_to_line(LINE_SURE):
             self.moves, self.stands, self.has_moved = True, False, True
         if self.moves:
             self.trail.append((self.time_s, float(place_m[0]), float(place_m[1])))
-            oldest_s = self.time_s - cfg.trail_s
+            oldest_s = self.time_s - TRAIL_S
             self.trail = [past for past in self.trail if past[0] >= oldest_s]
+
+    def _moved_m(self, from_m: Floats) -> float:
+        """Return the distance from its first place that the camera's movement does not explain."""
+        moved_m, flown_m = self.place_m - self._begin_m, from_m - self._from_m
+        against = -float(moved_m @ flown_m) / max(float(flown_m @ flown_m), 1e-6)
+        return float(np.hypot(*(moved_m + min(max(against, 0.0), PARALLAX) * flown_m)))
+
+    def _keeps_to_line(self, sure: float) -> bool:
+        """Return whether its last places lie on a straight line, at a constant speed.
+
+        Args:
+            sure: least ratio of the speed to its standard deviation.
+        """
+        self._line = [place for place in self._line if place[0] >= self.seen_s - LINE_S]
+        if len(self._line) < SIGHTINGS:
+            return False
+        times_s, places_m = np.array(self._line)[:, 0], np.array(self._line)[:, 1:]
+        times_s, places_m = times_s - times_s.mean(), places_m - places_m.mean(axis=0)
+        spread_s2 = float(times_s @ times_s)
+        velocity_mps = times_s @ places_m / spread_s2
+        rest_m = places_m - np.outer(times_s, velocity_mps)
+        std_m = max(math.sqrt(float((rest_m**2).sum()) / (2 * len(times_s) - 4)), 1e-3)
+        speed_mps = float(np.hypot(*velocity_mps))
+        return bool(
+            std_m <= LINE_STD_M
+            and MIN_MPS <= speed_mps <= MAX_MPS
+            and speed_mps * math.sqrt(spread_s2) >= sure * std_m
+        )
 
     def assume(self, velocity_mps: Floats) -> None:
         """Take the cluster for a mover with a velocity, (2,) in the map's frame, m/s."""
@@ -209,16 +212,16 @@ class MoverTrack:
         self.moves = self.has_moved = True
 
     def leave(self, from_m: Floats, time_s: float) -> None:
-        """Take a fast cluster for a mover when it has come below the view.
+        """Take a cluster that moved for a mover when it has come below the view.
+
+        It need not have moved by `MOVED_NEAR_M`.
 
         Args:
             from_m: (2,) position of the camera in the map's frame.
             time_s: capture time of the newest view.
         """
-        cfg = self._config
-        known, lost = self.sightings >= cfg.sightings, time_s - self.seen_s > cfg.lost_s
-        fast, near = self._was_fast and not self.stands, math.dist(self.seen_m, from_m) < cfg.near_m
-        if known and lost and fast and near:
+        lost, near = time_s - self.seen_s > LOST_S, math.dist(self.seen_m, from_m) < NEAR_M
+        if lost and near and not self.stands and self._keeps_to_line(LOST_SURE):
             self.moves = self.has_moved = True
 
     def holds(self, points_m: Floats, margin_m: float) -> Flags:

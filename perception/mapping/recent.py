@@ -13,33 +13,28 @@ from __future__ import annotations
 import enum
 import math
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.mapping.tables import PointTable, first_in_cells
+from perception.mapping.landmarks import PointTable, first_in_cells
 from perception.mapping.view import View
 from uav_bt.lab.classes import GROUND, NO_ROLE
 from uav_bt.types import NearObstacles, wrap_angles
 from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.dead_reckoning import OdometryPose
 
-
-@dataclass(frozen=True, kw_only=True)
-class RecentLayerConfig:
-    """Which points are kept, and for how long."""
-
-    max_age_s: float = 30.0  # of bases. Dead reckoning drifts by about a decimetre in this time.
-    edge_age_s: float = 60.0  # of the edge of the ground, where a decimetre matters less. Chosen.
-    assumed_age_s: float = 10.0  # of assumed points. Chosen.
-    # Ranges at which an obstacle of unknown range is assumed. A nearer obstacle would touch the
-    # body. Chosen.
-    assumed_ranges_m: tuple[float, ...] = (0.4, 0.6, 0.8, 1.0)
-    cell_m: float = 0.05  # one point is kept in each cell of this size. Chosen.
-    # A known point explains an obstacle of unknown range up to this difference in bearing and up
-    # to `explain_m` behind the ground that the obstacle hides. Chosen.
-    explain_rad: float = 0.12
-    explain_m: float = 0.3
+_MAX_AGE_S: Final = 30.0  # of bases; dead reckoning drifts by about a decimetre in this time
+_EDGE_AGE_S: Final = 60.0  # of the edge of the ground, where a decimetre matters less; chosen
+_ASSUMED_AGE_S: Final = 10.0  # of assumed points; chosen
+# Ranges at which an obstacle of unknown range is assumed; nearer it would touch the body. Chosen.
+_ASSUMED_M: Final = np.array([0.4, 0.6, 0.8, 1.0])
+_CELL_M: Final = 0.05  # one point is kept in each cell of this size; chosen
+# A known point explains an obstacle of unknown range up to this difference in bearing and up to
+# this distance behind the ground that the obstacle hides. Chosen.
+_EXPLAIN_RAD: Final = 0.12
+_EXPLAIN_M: Final = 0.3
 
 
 class _Kind(enum.IntEnum):
@@ -58,43 +53,26 @@ class _Points(PointTable):
     seen_s: Floats  # (N,) last sighting of the point or of the obstacle there
     kinds: NDArray[np.int8]  # (N,) values of `_Kind`
 
-    @classmethod
-    def of(cls, xy_m: Floats, *, until_s: float, seen_s: float, kind: _Kind) -> _Points:
-        """Return points with equal times and kind."""
-        count = len(xy_m)
-        return cls(
-            xy_m=xy_m,
-            until_s=np.full(count, until_s),
-            seen_s=np.full(count, seen_s),
-            kinds=np.full(count, kind, dtype=np.int8),
-        )
 
-
-_NONE = _Points.of(np.empty((0, 2)), until_s=0.0, seen_s=0.0, kind=_Kind.BASE)
+_NONE: Final = _Points(
+    xy_m=np.empty((0, 2)),
+    until_s=np.empty(0),
+    seen_s=np.empty(0),
+    kinds=np.empty(0, dtype=np.int8),
+)
+_NO_RAD: Final = np.empty(0)
+_NO_M: Final = np.empty((0, 2))
 
 
 class RecentLayer:
-    """Keeps the points of the last views.
+    """Keeps the points of the last views."""
 
-    Args:
-        config: which points are kept.
-    """
-
-    def __init__(self, config: RecentLayerConfig | None = None) -> None:
-        self._config = config or RecentLayerConfig()
-        self._points = _NONE
-        self._newest_s = -math.inf
-        self._unplaced_rad = self._unplaced_edges_rad = np.empty(0)  # dead-reckoned frame
-        self._unplaced_m = np.empty((0, 2))
-
-    @property
-    def unplaced_m(self) -> Floats:
-        """Nearest ground in the newest view on the bearings of obstacles of unknown range, (N, 2).
-
-        Forward and right of the body's centre at capture; of obstacles that reach the drone's
-        height.
-        """
-        return self._unplaced_m
+    def __init__(self) -> None:
+        # (N, 2) Nearest ground in the newest view on the bearings of obstacles of unknown range
+        # that reach the drone's height, forward and right of the body's centre at capture
+        self.unplaced_m = _NO_M
+        self._points, self._newest_s = _NONE, -math.inf
+        self.forget()
 
     def expire(self, now_s: float) -> None:
         """Drop points that have expired at a time."""
@@ -103,18 +81,12 @@ class RecentLayer:
     def forget(self) -> None:
         """Drop everything."""
         self._points = _NONE
-        self._forget_unplaced()
-
-    def _forget_unplaced(self) -> None:
-        self._unplaced_rad = self._unplaced_edges_rad = np.empty(0)
-        self._unplaced_m = np.empty((0, 2))
+        self.pass_over(self._newest_s)
 
     def forget_trails(self, until_s: float, trails_m: Floats) -> None:
-        """Limit the life of bases on the trails of movers.
+        """Drop bases on the trails of movers at a time at the latest.
 
-        Args:
-            until_s: time at which these bases are dropped at the latest.
-            trails_m: (K, 3) places in the dead-reckoned frame, and the radius around each, m.
+        `trails_m`: (K, 3) places in the dead-reckoned frame, and the radius around each, m.
         """
         points = self._points
         if not len(trails_m) or not len(points):
@@ -127,43 +99,32 @@ class RecentLayer:
     def pass_over(self, captured_s: float) -> None:
         """Record a frame in which nothing can be placed."""
         self._newest_s = captured_s
-        self._forget_unplaced()
+        self._unplaced_rad = self._unplaced_edges_rad = _NO_RAD  # dead-reckoned frame
+        self.unplaced_m = _NO_M
 
     def add(self, view: View) -> None:
         """Add a view, whose pose is dead-reckoned."""
-        cfg, found, pose = self._config, view.contacts, view.pose
-        self.pass_over(view.captured_s)
+        found, pose, now_s = view.contacts, view.pose, view.captured_s
+        self.pass_over(now_s)
         self._drop_where_ground_shows(view)
-        self._drop_assumed_before_ground(view)
-        base_s, edge_s = view.captured_s + cfg.max_age_s, view.captured_s + cfg.edge_age_s
         edges_m = found.edges_m[np.hypot(*found.edges_m.T) <= view.config.max_range_m]
         # Not the bases without a neighbour: on the vertical edge of an obstacle whose base is
         # hidden they would explain the obstacle, and give it a range that is too long.
-        for seen_m, until_s, kind in (
-            (view.bases_m, base_s, _Kind.BASE),
-            (edges_m, edge_s, _Kind.EDGE),
-        ):
-            xy_m = pose.points_to_world(view.body_m(seen_m))
-            self._add(_Points.of(xy_m, until_s=until_s, seen_s=self._newest_s, kind=kind))
+        self._add(pose.points_to_world(view.body_m(view.bases_m)), now_s + _MAX_AGE_S, _Kind.BASE)
+        self._add(pose.points_to_world(view.body_m(edges_m)), now_s + _EDGE_AGE_S, _Kind.EDGE)
         hidden_m, ended_m = view.body_m(found.hidden_m), view.body_m(found.hidden_edges_m)
-        unplaced = ~self._explained(view, hidden_m, _Kind.BASE, base_s)
+        unplaced = ~self._explained(view, hidden_m, _Kind.BASE, now_s + _MAX_AGE_S)
+        ended = ~self._explained(view, ended_m, _Kind.EDGE, now_s + _EDGE_AGE_S)
         unplaced_rad = _bearings(hidden_m[unplaced])
-        self._unplaced_m = hidden_m[unplaced & found.hidden_tall]
+        self.unplaced_m = hidden_m[unplaced & found.hidden_tall]
         self._unplaced_rad = unplaced_rad + pose.yaw_rad
-        ended_m = ended_m[~self._explained(view, ended_m, _Kind.EDGE, edge_s)]
-        self._unplaced_edges_rad = _bearings(ended_m) + pose.yaw_rad
+        self._unplaced_edges_rad = _bearings(ended_m[ended]) + pose.yaw_rad
         rays = np.stack([np.cos(unplaced_rad), np.sin(unplaced_rad)], axis=-1)
-        assumed_m = (rays[:, None, :] * np.array(cfg.assumed_ranges_m)[:, None]).reshape(-1, 2)
-        assumed_s = view.captured_s + cfg.assumed_age_s
-        xy_m, seen_s = pose.points_to_world(assumed_m), self._newest_s
-        self._add(_Points.of(xy_m, until_s=assumed_s, seen_s=seen_s, kind=_Kind.ASSUMED))
+        assumed_m = (rays[:, None, :] * _ASSUMED_M[:, None]).reshape(-1, 2)
+        self._add(pose.points_to_world(assumed_m), now_s + _ASSUMED_AGE_S, _Kind.ASSUMED)
 
     def near(self, pose: OdometryPose) -> NearObstacles:
-        """Return the points relative to the body.
-
-        Args:
-            pose: dead-reckoned pose of the body, not earlier than the views.
-        """
+        """Return the points relative to the body, whose pose is not earlier than the views."""
         points = self._points.take(self._points.until_s >= pose.time_s)
         local_m, age_s = pose.points_to_body(points.xy_m), pose.time_s - points.seen_s
         is_base, is_edge = points.kinds == _Kind.BASE, points.kinds == _Kind.EDGE
@@ -179,32 +140,24 @@ class RecentLayer:
         )
 
     def _drop_where_ground_shows(self, view: View) -> None:
-        local_m = view.pose.points_to_body(self._points.xy_m)
-        _, ground = view.shows_ground(local_m - view.body_m(np.zeros(2)))
-        self._points = self._points.take(~ground)
-
-    def _drop_assumed_before_ground(self, view: View) -> None:
-        """Drop assumed points before the nearest ground in view.
+        """Drop points on ground in view, and assumed points before the nearest ground in view.
 
         An obstacle there that reached up to the drone would hide the nearest ground.
         """
-        scan, assumed = view.scan, self._points.kinds == _Kind.ASSUMED
-        if not assumed.any() or not scan.roles.size:
-            return
-        first = np.arange(len(scan.roles)), (scan.roles != NO_ROLE).argmax(axis=1)
-        bearings = np.arctan2(scan.level_m[:, 0, 1], scan.level_m[:, 0, 0])
-        local_m = view.pose.points_to_body(self._points.xy_m[assumed]) - view.body_m(np.zeros(2))
-        azimuths = _bearings(local_m)
-        nearest = np.abs(azimuths[:, None] - bearings).argmin(axis=1)
-        hidden = np.hypot(*local_m.T) < np.hypot(*scan.level_m[first].T)[nearest]
-        in_view = (azimuths >= bearings[0]) & (azimuths <= bearings[-1])
-        ground = scan.roles[first][nearest] == GROUND
-        kept = ~assumed
-        kept[assumed] = ~(hidden & in_view & ground)
-        self._points = self._points.take(kept)
+        local_m = view.pose.points_to_body(self._points.xy_m) - view.body_m(np.zeros(2))
+        gone, scan = view.shows_ground(local_m)[1], view.scan
+        assumed = self._points.kinds == _Kind.ASSUMED
+        if assumed.any() and scan.roles.size:
+            first = np.arange(len(scan.roles)), (scan.roles != NO_ROLE).argmax(axis=1)
+            bearings, azimuths = _bearings(scan.level_m[:, 0]), _bearings(local_m)
+            nearest = np.abs(azimuths[:, None] - bearings).argmin(axis=1)
+            hidden = np.hypot(*local_m.T) < np.hypot(*scan.level_m[first].T)[nearest]
+            in_view = (azimuths >= bearings[0]) & (azimuths <= bearings[-1])
+            gone |= assumed & hidden & in_view & (scan.roles[first][nearest] == GROUND)
+        self._points = self._points.take(~gone)
 
     def _explained(self, view: View, hidden_m: Floats, kind: _Kind, until_s: float) -> Flags:
-        """Return which obstacles of unknown range a known point explains, (N,).
+        """Return which obstacles of unknown range a known point of a kind explains, (N,).
 
         A point that explains an obstacle is kept until `until_s`.
 
@@ -215,12 +168,10 @@ class RecentLayer:
             kind: kind of the points that may explain them.
             until_s: new expiry time of explaining points.
         """
-        cfg, points = self._config, self._points
-        local_m = view.pose.points_to_body(points.xy_m)
-        limits_m = np.hypot(*hidden_m.T) + cfg.explain_m
+        points, local_m = self._points, view.pose.points_to_body(self._points.xy_m)
         explains: Flags = (
-            (np.abs(_bearings(hidden_m)[:, None] - _bearings(local_m)) < cfg.explain_rad)
-            & (np.hypot(*local_m.T) <= limits_m[:, None])
+            (np.abs(_bearings(hidden_m)[:, None] - _bearings(local_m)) < _EXPLAIN_RAD)
+            & (np.hypot(*local_m.T) <= np.hypot(*hidden_m.T)[:, None] + _EXPLAIN_M)
             & (points.kinds == kind)
         )
         there = explains.any(axis=0)
@@ -231,12 +182,17 @@ class RecentLayer:
         )
         return np.asarray(explains.any(axis=1))
 
-    def _add(self, new: _Points) -> None:
-        if len(new):
-            points = new.with_rows(self._points)
-            # Of one kind the newest point is kept.
-            cell_m, keys = self._config.cell_m, (-points.until_s, points.kinds)
-            self._points = points.take(first_in_cells(points.xy_m, cell_m, *keys))
+    def _add(self, xy_m: Floats, until_s: float, kind: _Kind) -> None:
+        new = _Points(
+            xy_m=xy_m,
+            until_s=np.full(len(xy_m), until_s),
+            seen_s=np.full(len(xy_m), self._newest_s),
+            kinds=np.full(len(xy_m), kind, dtype=np.int8),
+        )
+        points = new.with_rows(self._points)
+        # Of one kind the newest point is kept.
+        keys = -points.until_s, points.kinds
+        self._points = points.take(first_in_cells(points.xy_m, _CELL_M, *keys))
 
 
 def _bearings(points_m: Floats) -> Floats:

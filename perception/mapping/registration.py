@@ -14,7 +14,6 @@ with the inverse Hessian as covariance, and filterpy has no such update.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -26,42 +25,43 @@ from uav_bt.compiled import compiled
 from uav_bt.lab.classes import OUTSIDE
 from uav_bt.types import Pose2D
 from uav_bt.types.arrays import Floats, Indices
+from uav_bt.types.dead_reckoning import OdometryPose
 
+# Standard deviation of the position's drift per axis in one second; it grows with the square root
+# of time. The odometry has an error of a few centimetres in ten seconds while it follows the
+# ground, and more on telemetry alone (blind).
+_WALK_M: Final = 0.015
+_BLIND_WALK_M: Final = 0.04
+_WALK_RAD: Final = 0.008  # standard deviation of the heading's drift in one second
+_MAX_YAW_STD_RAD: Final = 0.06  # upper limit of the heading's standard deviation
+_POINT_STD_M: Final = 0.03  # standard deviation of a point near the camera
+_RANGE_STD_RATIO: Final = 0.02  # in addition, by range: errors of height and pitch
+_GATE_M: Final = 0.35  # a point further from all known points is new; chosen
+# Errors of neighbouring samples, and of views 0.1 s apart, are correlated: this number of points
+# counts as one. Chosen.
+_ALIKE: Final = 8.0
+_MARK_ALIKE: Final = 30.0  # likewise for sightings of the landing mark
+_MARK_GATE_STDS: Final = 3.0  # a mark beyond these and the gate is another mark; chosen
+_ROUNDS: Final = 3  # of matching
+_SETTLED_M: Final = 1e-4  # a smaller step ends the rounds
+_NEIGHBOURS: Final = 6  # nearest points of the map per point
+_LINE_REACH_M: Final = 0.25  # distance of the neighbours that determine a line
+_LINE_RATIO: Final = 8.0  # least ratio of their variances along and across a line
+_MIN_POINTS: Final = 12  # matched points; with fewer a view corrects nothing
 _CLASSES_APART_M: Final = 1000.0  # wider than any place
-
-
-@dataclass(frozen=True, kw_only=True)
-class RegistrationConfig:
-    """Drift of dead reckoning, and errors of views."""
-
-    # Standard deviation of the position's drift per axis in one second; it grows with the square
-    # root of time. The odometry has an error of a few centimetres in ten seconds while it follows
-    # the ground, and more on telemetry alone (`blind_walk_m`).
-    walk_m: float = 0.015
-    blind_walk_m: float = 0.04
-    walk_rad: float = 0.008  # standard deviation of the heading's drift in one second
-    max_yaw_std_rad: float = 0.06  # upper limit of the heading's standard deviation
-    point_std_m: float = 0.03  # standard deviation of a point near the camera
-    range_std_ratio: float = 0.02  # in addition, by range: errors of height and pitch
-    gate_m: float = 0.35  # a point further from all known points is new; chosen
-    # Errors of neighbouring samples, and of views 0.1 s apart, are correlated: this number of
-    # points counts as one. Chosen.
-    alike: float = 8.0
-    mark_alike: float = 30.0  # likewise for sightings of the landing mark
-    mark_gate_stds: float = 3.0  # a mark beyond these and `gate_m` is another mark; chosen
-    rounds: int = 3  # of matching
-    settled_m: float = 1e-4  # a smaller step ends the rounds
-    neighbours: int = 6  # nearest points of the map per point
-    line_reach_m: float = 0.25  # distance of the neighbours that determine a line
-    line_ratio: float = 8.0  # least ratio of their variances along and across a line
-    min_points: int = 12  # matched points; with fewer a view corrects nothing
+# Views contradict the map if they show only ground at more than this share of its points in view.
+# Under heavy drift the share was 0.25; chosen above it.
+_SHARE: Final = 0.4
+_JUDGED_S: Final = 3.0  # time constant with which earlier views are forgotten; chosen
+_JUDGED_POINTS: Final = 80.0  # least number of points in these views; chosen
+_RESTART_S: Final = 2.0  # a map contradicted for longer is restarted; chosen
+_GAP_S: Final = 0.5  # longer gaps between views do not count as contradiction; chosen
 
 
 class Registration:
     """The correction from the dead-reckoned frame to the map's, and its covariance."""
 
-    def __init__(self, config: RegistrationConfig | None = None) -> None:
-        self._config = config or RegistrationConfig()
+    def __init__(self) -> None:
         self._state = np.zeros(3)  # x, y, yaw
         self._covariance = np.zeros((3, 3))
         self._time_s: float | None = None
@@ -75,26 +75,23 @@ class Registration:
         """Return a dead-reckoned pose in the map's frame."""
         return self.correction.pose_to_world(pose)
 
-    def predict(self, reckoned: Pose2D, time_s: float, *, tracked: bool) -> None:
-        """Increase the uncertainty up to a time.
+    def predict(self, reckoned: OdometryPose, *, tracked: bool) -> None:
+        """Increase the uncertainty up to the time of the drone's dead-reckoned pose.
 
-        Args:
-            reckoned: the drone's dead-reckoned pose; the heading drifts about its position.
-            time_s: time of that pose.
-            tracked: whether the odometry follows the ground; otherwise it uses telemetry alone.
+        `tracked`: whether the odometry follows the ground; otherwise it uses telemetry alone.
         """
-        cfg = self._config
-        walk_m = cfg.walk_m if tracked else cfg.blind_walk_m
-        if self._time_s is not None and time_s > self._time_s:
+        walk_m = _WALK_M if tracked else _BLIND_WALK_M
+        if self._time_s is not None and reckoned.time_s > self._time_s:
+            # The heading drifts about the drone's position.
             arm = np.array(self.correction.to_world(reckoned.x_m, reckoned.y_m)) - self._state[:2]
             about = np.array([[1.0, 0.0, arm[1]], [0.0, 1.0, -arm[0]], [0.0, 0.0, 1.0]])
-            turns = self._covariance[2, 2] < cfg.max_yaw_std_rad**2
-            walk = np.diag([walk_m**2, walk_m**2, turns * cfg.walk_rad**2])
-            self._covariance += about @ walk @ about.T * (time_s - self._time_s)
-        self._time_s = time_s
+            turns = self._covariance[2, 2] < _MAX_YAW_STD_RAD**2
+            walk = np.diag([walk_m**2, walk_m**2, turns * _WALK_RAD**2])
+            self._covariance += about @ walk @ about.T * (reckoned.time_s - self._time_s)
+        self._time_s = reckoned.time_s
 
     def match(self, view: View, known_m: Floats, known_ids: NDArray[np.uint8]) -> float | None:
-        """Correct by the points of a view that are on the map.
+        """Correct by the points of a dead-reckoned view that are on the map.
 
         Args:
             view: the view, with its dead-reckoned pose.
@@ -105,14 +102,13 @@ class Registration:
             The median distance of the view's points from the map's, across lines; None with too
             few matched points.
         """
-        cfg, local_m = self._config, np.vstack([view.bases_m, view.edges_m])
-        if min(len(local_m), len(known_m)) < cfg.min_points:
+        local_m = np.vstack([view.bases_m, view.edges_m])
+        if min(len(local_m), len(known_m)) < _MIN_POINTS:
             return None
         seen_m = view.pose.points_to_world(view.body_m(local_m))
-        edge_ids = np.full(len(view.edges_m), OUTSIDE, dtype=np.uint8)
-        ids = np.concatenate([view.base_ids, edge_ids])
+        ids = np.concatenate([view.base_ids, np.full(len(view.edges_m), OUTSIDE, dtype=np.uint8)])
         tree = cKDTree(_apart(known_m, known_ids))
-        std_m = np.hypot(cfg.point_std_m, cfg.range_std_ratio * np.hypot(*local_m.T))
+        std_m = np.hypot(_POINT_STD_M, _RANGE_STD_RATIO * np.hypot(*local_m.T))
         prior = np.linalg.inv(self._covariance + 1e-8 * np.eye(3))
         state, hessian = self._state.copy(), prior
 
@@ -120,50 +116,73 @@ class Registration:
             places_m = _pose(state).points_to_world(seen_m)
             distances_m, indices = tree.query(
                 _apart(places_m, ids),
-                k=min(cfg.neighbours, len(known_m)),
+                k=min(_NEIGHBOURS, len(known_m)),
                 # Points beyond have no weight, and their lines do not matter.
-                distance_upper_bound=cfg.gate_m + cfg.line_reach_m,
+                distance_upper_bound=_GATE_M + _LINE_REACH_M,
             )
-            limits = cfg.gate_m, cfg.line_reach_m, cfg.line_ratio
-            return _equations(places_m, state[:2], std_m, distances_m, indices, known_m, limits)
+            return _equations(places_m, state[:2], std_m, distances_m, indices, known_m)
 
-        for _ in range(cfg.rounds):
+        for _ in range(_ROUNDS):
             residual_m, seen_hessian, seen_gradient = equations()
-            if len(residual_m) < cfg.min_points:
+            if len(residual_m) < _MIN_POINTS:
                 return None
-            hessian = prior + seen_hessian / cfg.alike
-            gradient = seen_gradient / cfg.alike + prior @ (state - self._state)
+            hessian = prior + seen_hessian / _ALIKE
+            gradient = seen_gradient / _ALIKE + prior @ (state - self._state)
             step = np.linalg.solve(hessian, gradient)
             state = state - step
-            if np.abs(step).max() < cfg.settled_m:
+            if np.abs(step).max() < _SETTLED_M:
                 break
         self._state, self._covariance = state, np.linalg.inv(hessian)
         residual_m, _, _ = equations()
         return float(np.median(np.abs(residual_m))) if len(residual_m) else None
 
     def correct_by_mark(self, seen_m: Floats, known_m: Floats, std_m: float) -> bool:
-        """Correct by the landing mark, whose place in the map is known.
+        """Correct by the landing mark; False if the difference is too large for drift.
 
         Args:
             seen_m: (2,) seen position, in the dead-reckoned frame.
             known_m: (2,) position in the map.
             std_m: standard deviation of their difference.
-
-        Returns:
-            False if the difference is too large for the drone's drift.
         """
-        cfg = self._config
         place = np.array(self.correction.to_world(*map(float, seen_m)))
         residual_m, arm = place - known_m, place - self._state[:2]
-        if math.hypot(*residual_m) > max(cfg.gate_m, cfg.mark_gate_stds * std_m):
+        if math.hypot(*residual_m) > max(_GATE_M, _MARK_GATE_STDS * std_m):
             return False
         slopes = np.array([[1.0, 0.0, -arm[1]], [0.0, 1.0, arm[0]]])
-        noise = np.eye(2) * std_m**2 * cfg.mark_alike
+        noise = np.eye(2) * std_m**2 * _MARK_ALIKE
         gain = self._covariance @ slopes.T
         gain = gain @ np.linalg.inv(slopes @ gain + noise)
         self._state = self._state - gain @ residual_m
         self._covariance = (np.eye(3) - gain @ slopes) @ self._covariance
         return True
+
+
+class Contradiction:
+    """Detection of views that contradict the map, because the drone's pose on it is wrong."""
+
+    def __init__(self, agreed_s: float) -> None:
+        self._agreed_s = agreed_s  # time of the last view that agreed; -inf before any
+        self._judged_s = -math.inf
+        self._points = np.zeros(2)  # points of the map in views, and those that showed ground
+
+    def add(self, time_s: float, in_view: int, free: int) -> None:
+        """Add the number of the map's points in a view, and of those at which it shows ground."""
+        unseen_s = time_s - self._judged_s
+        self._points = self._points * math.exp(-unseen_s / _JUDGED_S) + (in_view, free)
+        self._judged_s = time_s
+        if _GAP_S < unseen_s < math.inf:
+            self._agreed_s += unseen_s
+        in_all, gone = self._points
+        if in_all < _JUDGED_POINTS or gone <= _SHARE * in_all:
+            self._agreed_s = time_s
+
+    def lasts_s(self, time_s: float) -> float:
+        """Return the time for which views have contradicted the map, s."""
+        return max(0.0, time_s - self._agreed_s) if self._agreed_s > -math.inf else 0.0
+
+    def is_certain(self, time_s: float) -> bool:
+        """Return whether the map must be restarted."""
+        return self.lasts_s(time_s) > _RESTART_S
 
 
 def _pose(state: Floats) -> Pose2D:
@@ -177,9 +196,8 @@ def _apart(places_m: Floats, ids: NDArray[np.uint8]) -> Floats:
 
 
 @compiled(
-    "Tuple((float64[::1], float64[:, ::1], float64[::1]))"
-    "(float64[:, ::1], float64[::1], float64[::1], float64[:, ::1], intp[:, ::1], float64[:, ::1],"
-    " UniTuple(float64, 3))"
+    "Tuple((float64[::1], float64[:, ::1], float64[::1]))(float64[:, ::1], float64[::1],"
+    " float64[::1], float64[:, ::1], intp[:, ::1], float64[:, ::1])"
 )
 def _equations(  # noqa: PLR0917 - Numba passes arguments by position
     places_m: Floats,
@@ -188,7 +206,6 @@ def _equations(  # noqa: PLR0917 - Numba passes arguments by position
     distances_m: Floats,
     indices: Indices,
     known_m: Floats,
-    limits: tuple[float, float, float],
 ) -> tuple[Floats, Floats, Floats]:
     """Set up the least squares of one round of matching.
 
@@ -198,30 +215,26 @@ def _equations(  # noqa: PLR0917 - Numba passes arguments by position
     Args:
         places_m: (N, 2) points of the view in the map's frame.
         origin_m: (2,) origin of the dead-reckoned frame, about which the correction turns.
-        std_m: (N,) standard deviation of each point.
+        std_m: (N,) standard deviations.
         distances_m: (N, K) distances of the nearest known points, the nearest first.
         indices: (N, K) rows of these points; any value where the distance is infinite.
         known_m: (M, 2) known points.
-        limits: distance of a place from its nearest known point at most, m; distance of the
-            neighbours beyond it that determine a line, m; least ratio of variances along and
-            across a line.
 
     Returns:
         (R,) residuals of the places near enough to known points; the Hessian (3, 3) and the
         gradient (3,) of their weighted squares by x, y and yaw.
     """
-    gate_m, line_reach_m, line_ratio = limits
     residuals_m = np.empty(len(places_m))
     hessian, gradient = np.zeros((3, 3)), np.zeros(3)
     slope = np.empty(3)
     count = 0
     for place in range(len(places_m)):
         nearest_m = distances_m[place, 0]
-        if not nearest_m <= gate_m:
+        if not nearest_m <= _GATE_M:
             continue
         x_m, y_m = places_m[place, 0], places_m[place, 1]
         number, middle_x, middle_y = 0, 0.0, 0.0
-        while number < indices.shape[1] and distances_m[place, number] <= nearest_m + line_reach_m:
+        while number < indices.shape[1] and distances_m[place, number] <= nearest_m + _LINE_REACH_M:
             middle_x += known_m[indices[place, number], 0]
             middle_y += known_m[indices[place, number], 1]
             number += 1
@@ -233,7 +246,7 @@ def _equations(  # noqa: PLR0917 - Numba passes arguments by position
             xx, xy, yy = xx + dx * dx, xy + dx * dy, yy + dy * dy
         # Eigenvalues of the symmetric 2x2 matrix of the spread; the normal has the smaller one.
         half, root = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
-        if half + root > line_ratio * max(half - root, 1e-9):
+        if half + root > _LINE_RATIO * max(half - root, 1e-9):
             angle = 0.5 * math.atan2(2.0 * xy, xx - yy)  # of the line
             normal_x, normal_y = -math.sin(angle), math.cos(angle)
             residual_m = (x_m - middle_x) * normal_x + (y_m - middle_y) * normal_y

@@ -197,12 +197,34 @@ class View:
         shape = points_m.shape[:-1]
         return inside.reshape(shape), shows.reshape(shape)
 
-    def is_cut(self) -> Flags:
-        """Return which of `bases_m` lie at the left or right end of the image, (N,)."""
+    def is_cut(self, arrived: Flags) -> Flags:
+        """Return which of `bases_m` may be followed by more of the same obstacle, (N,).
+
+        It goes on beyond the end of the image, behind a nearer obstacle, beyond the reach of the
+        map, or with bases that have not arrived.
+
+        Args:
+            arrived: (N,) bases on ground that was seen free before.
+        """
         down_m = np.full((len(self.bases_m), 1), self.height_m)
         columns = project(np.hstack([self.bases_m, down_m]), self.camera, self.pitch_rad)[:, 0]
         margin_px = self.config.cut_share * self.camera.width_px
-        return np.asarray((columns < margin_px) | (columns > self.camera.width_px - margin_px))
+        ends = (columns < margin_px) | (columns > self.camera.width_px - margin_px)
+        placed, bases = self.contacts.placed_m @ (1.0, 1.0j), self.bases_m @ (1.0, 1.0j)
+        others_m = np.vstack(
+            [self.contacts.placed_m[~np.isin(placed, bases)], self.contacts.hidden_m]
+        )
+        points_m = np.vstack([self.bases_m, others_m])
+        inside = np.concatenate([arrived, np.zeros(len(others_m), dtype=bool)])
+        ranges_m, bearings_rad = np.hypot(*points_m.T), np.arctan2(*points_m.T[::-1])
+        order = np.argsort(bearings_rad)
+        inside, ranges_m, bearings_rad = inside[order], ranges_m[order], bearings_rad[order]
+        beside = np.diff(bearings_rad) <= self.config.beside_rad
+        nearer = np.diff(ranges_m)
+        cut = np.zeros(len(points_m), dtype=bool)
+        cut[order[:-1]] |= inside[:-1] & ~inside[1:] & beside & (nearer < 0.2)
+        cut[order[1:]] |= inside[1:] & ~inside[:-1] & beside & (nearer > -0.2)
+        return np.asarray(ends | cut[: len(ends)])
 
 
 def _have_neighbours(points_m: Floats, config: ViewConfig) -> Flags:

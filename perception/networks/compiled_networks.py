@@ -52,7 +52,8 @@ def compiled_network(model: Any, path: Path, settings: Mapping[str, Any]) -> Any
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         write_whole(file, hashlib.sha256(content).digest() + content)
-        for old in sorted(file.parent.glob("*.blob"), key=_written)[:-_KEPT_FILES]:
+        kept_files = sorted(file.parent.glob("*.blob"), key=lambda each: each.stat().st_mtime)
+        for old in kept_files[:-_KEPT_FILES]:
             old.unlink()
     except (OSError, FileError) as error:  # or another process has deleted a file
         _LOG.info("a compiled network is not kept: %s", error)
@@ -99,7 +100,3 @@ def _read(file: Path) -> bytes | None:
         return None
     network = content[_DIGEST_BYTES:]
     return network if hashlib.sha256(network).digest() == content[:_DIGEST_BYTES] else None
-
-
-def _written(file: Path) -> float:
-    return file.stat().st_mtime

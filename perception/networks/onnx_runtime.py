@@ -33,17 +33,12 @@ class OnnxNetwork:
     """A network of an ONNX file: one image at a time in, arrays out.
 
     It is read, prepared (`take_images`), and compiled with the outputs that are wanted. The same
-    input always gives the same outputs, also under load.
-
-    Args:
-        path: the ONNX file.
-        remedy: command that makes such a file, for the message when it is absent.
-
-    Raises:
-        WeightsError: the file is absent or no readable network.
+    input always gives the same outputs, also under load. `size_px` is the width and height of its
+    images, to which others are resized. A file that cannot be used is a WeightsError.
     """
 
     def __init__(self, path: Path, remedy: str) -> None:
+        """Read the file; `remedy` is the command that makes one."""
         check_onnx(path, remedy)
         self.path = path
         try:
@@ -62,18 +57,17 @@ class OnnxNetwork:
         return self.model.get_rt_info(key).astype(str) if self.model.has_rt_info(key) else None
 
     def outputs(self) -> dict[str, Any]:
-        """Return the outputs by name."""
+        """Return the outputs by all their names, in order."""
         return {
-            next(iter(port.get_names()), f"{at}"): port.get_node().input_value(0)
+            name: port.get_node().input_value(0)
             for at, port in enumerate(self.model.outputs)
+            for name in port.get_names() or (f"{at}",)
         }
 
     def take_images(self, wanted: InputFormat) -> tuple[int, int]:
-        """Let the network take uint8 RGB images, 1xHxWx3, faster than converting them first.
+        """Let the network take uint8 RGB images, 1xHxWx3, and return their width and height.
 
-        Returns:
-            Width and height of its images, px. An open batch size becomes 1, and an open size that
-            of the format.
+        That is faster than converting them first. An open size becomes that of the format.
         """
         self.size_px = self._sized(wanted)
         openvino = import_openvino()

@@ -49,15 +49,6 @@ class _Sight(NamedTuple):
     shown: tuple[GroundView, Image] | None
 
 
-class _Step(NamedTuple):
-    """A measured displacement that awaits comparison with telemetry's velocity."""
-
-    begin_s: float
-    end_s: float
-    way_m: Floats  # (2,), in the odometry's frame
-    spread_m: float  # of the tracked points
-
-
 class GroundOdometry:
     """Integrates telemetry, and corrects it by every frame with enough ground.
 
@@ -83,7 +74,9 @@ class GroundOdometry:
         self._tracked_s = -math.inf  # capture time of the last frame with tracked ground
         self._ground_share: float | None = None  # of the last image in which points were selected
         self._turn_radps = 0.0  # last measured on the ground
-        self._steps: deque[_Step] = deque()  # oldest first
+        # Displacements that await comparison with telemetry's velocity, oldest first: begin and
+        # end, s; (2,) m in the odometry's frame; spread of the points, m.
+        self._steps: deque[tuple[float, float, Floats, float]] = deque()
 
     @property
     def now(self) -> OdometryPose | None:
@@ -130,21 +123,15 @@ class GroundOdometry:
         if velocity_s > known_s:
             # Telemetry's pose at the last frame is recomputed with the later velocity. If the
             # frame's corrected pose came from telemetry, both have the same error and stay.
-            then_s = self._tracked_s
-            tracked = self._seen is not None and self._seen[1].time_s == then_s
-            if self._seen is not None and tracked and velocity_s - then_s <= _MAX_GAP_S:
-                self._seen = self._raw(then_s), self._seen[1]
+            seen = None if self._seen is None else self._seen[1]
+            tracked = seen is not None and seen.time_s == self._tracked_s
+            if seen is not None and tracked and velocity_s - seen.time_s <= _MAX_GAP_S:
+                self._seen = self._raw(seen.time_s), seen
             self._compare()
         return self.now
 
     def see(self, class_map: ClassMap, frame: Frame, camera: CameraModel) -> None:
-        """Correct the pose by the ground in a frame.
-
-        Args:
-            class_map: class map of `frame`.
-            frame: the newest frame; its telemetry gives pitch and height of the camera.
-            camera: intrinsics at any size of the same aspect ratio.
-        """
+        """Correct the pose by the ground in the newest frame; the camera is of any size."""
         if self._odometry.now is None:
             return
         self._odometry.add_heading(frame.captured_s, frame.attitude.yaw_rad)
@@ -155,22 +142,24 @@ class GroundOdometry:
             self._seen, self._unflown_s = (raw, raw), self._odometry.unflown_s
             return
         then, seen = self._seen
-        way, passed_s = _between(then, raw), max(0.0, frame.captured_s - seen.time_s)
+        passed_s = max(0.0, frame.captured_s - seen.time_s)
         self._error.predict(passed_s)
+        flown_m = then.to_body(raw.x_m, raw.y_m)  # by telemetry, forward and right
+        flown_rad = math.remainder(raw.yaw_rad - then.yaw_rad, 2.0 * math.pi)
         missed_m = self._missed_m(seen.yaw_rad, raw.time_s)
-        x_m, y_m = np.array([way.x_m, way.y_m]) + rotate_points(missed_m, -seen.yaw_rad)
-        expected = replace(way, x_m=float(x_m), y_m=float(y_m))
+        x_m, y_m = (np.array(flown_m) + rotate_points(missed_m, -seen.yaw_rad)).tolist()
+        expected = Pose2D(x_m=x_m, y_m=y_m, yaw_rad=flown_rad)
         shown = self._shown(before, expected, passed_s, camera.forward_offset_m)
         turned_rad = None
         if shown is not None:
             self._tracked_s = frame.captured_s
             (x_m, y_m), turned_rad = (shown.motion.x_m, shown.motion.y_m), shown.motion.yaw_rad
-            missed_m = np.array(rotate(x_m - way.x_m, y_m - way.y_m, seen.yaw_rad))
+            missed_m = np.array(rotate(x_m - flown_m[0], y_m - flown_m[1], seen.yaw_rad))
             way_m = np.array(rotate(x_m, y_m, seen.yaw_rad))
-            self._steps.append(_Step(seen.time_s, frame.captured_s, way_m, shown.spread_m))
+            self._steps.append((seen.time_s, frame.captured_s, way_m, shown.spread_m))
         self._heading.see(raw.yaw_rad, turned_rad, passed_s)
-        x_m, y_m = np.array(seen.to_world(way.x_m, way.y_m)) + missed_m
-        here = replace(raw, x_m=float(x_m), y_m=float(y_m), yaw_rad=self._heading.yaw_rad)
+        x_m, y_m = (np.array(seen.to_world(*flown_m)) + missed_m).tolist()
+        here = replace(raw, x_m=x_m, y_m=y_m, yaw_rad=self._heading.yaw_rad)
         self._seen, self._unflown_s = (raw, here), self._odometry.unflown_s
         self._compare()
 
@@ -192,27 +181,23 @@ class GroundOdometry:
 
     def _compare(self) -> None:
         """Correct telemetry's velocity by the displacements that it now covers in time."""
-        while self._steps and self._steps[0].end_s <= self._odometry.velocity_s:
-            step = self._steps.popleft()
-            begin, end = self._raw(step.begin_s), self._raw(step.end_s)
-            turn_rad, passed_s = self._heading.correction_rad, step.end_s - step.begin_s
+        while self._steps and self._steps[0][1] <= self._odometry.velocity_s:
+            begin_s, end_s, way_m, spread_m = self._steps.popleft()
+            begin, end = self._raw(begin_s), self._raw(end_s)
+            turn_rad, passed_s = self._heading.correction_rad, end_s - begin_s
             reported_m = np.array(rotate(end.x_m - begin.x_m, end.y_m - begin.y_m, turn_rad))
-            seen_mps, yaw_rad = (step.way_m - reported_m) / passed_s, begin.yaw_rad + turn_rad
-            self._error.correct(seen_mps, passed_s, step.spread_m, yaw_rad)
-            both_m = rotate_points(np.stack([step.way_m, reported_m]), -yaw_rad)
+            seen_mps, yaw_rad = (way_m - reported_m) / passed_s, begin.yaw_rad + turn_rad
+            self._error.correct(seen_mps, passed_s, spread_m, yaw_rad)
+            both_m = rotate_points(np.stack([way_m, reported_m]), -yaw_rad)
             seen, reported = (both_m / passed_s).tolist()
             self._stretch.add(complex(*seen), complex(*reported), passed_s)
 
     def _shown(
         self, before: _Sight | None, expected: Pose2D, passed_s: float, offset_m: float
     ) -> GroundMotion | None:
-        """Return the body's motion since the previous frame, measured on the ground.
+        """Return the body's motion since the frame before, measured on the ground.
 
-        Args:
-            before: the previous frame.
-            expected: the motion by telemetry.
-            passed_s: time since the previous frame.
-            offset_m: distance of the lens ahead of the body's centre.
+        Telemetry expects it; the lens is `offset_m` ahead of the body's centre.
         """
         now, self._ground_share = self._last, None
         if before is None or now is None or not 0.0 < passed_s <= _MAX_GAP_S:
@@ -265,12 +250,10 @@ class GroundOdometry:
         then, seen = self._seen
         turn_rad = self._heading.correction_rad
         x_m, y_m = rotate(raw.x_m - then.x_m, raw.y_m - then.y_m, turn_rad)
-        missed_m = self._missed_m(raw.yaw_rad + turn_rad, raw.time_s)
+        yaw_rad = raw.yaw_rad + turn_rad
+        x_missed_m, y_missed_m = self._missed_m(yaw_rad, raw.time_s).tolist()
         return replace(
-            raw,
-            x_m=seen.x_m + x_m + float(missed_m[0]),
-            y_m=seen.y_m + y_m + float(missed_m[1]),
-            yaw_rad=raw.yaw_rad + turn_rad,
+            raw, x_m=seen.x_m + x_m + x_missed_m, y_m=seen.y_m + y_m + y_missed_m, yaw_rad=yaw_rad
         )
 
 
@@ -278,10 +261,3 @@ def _of_lens(motion: Pose2D, offset_m: float) -> Pose2D:
     """Return the motion of the point `offset_m` ahead, from the motion of a point."""
     x_m, y_m = motion.to_world(offset_m, 0.0)
     return Pose2D(x_m=x_m - offset_m, y_m=y_m, yaw_rad=motion.yaw_rad)
-
-
-def _between(first: Pose2D, second: Pose2D) -> Pose2D:
-    """Return the second pose relative to the first."""
-    forward_m, right_m = first.to_body(second.x_m, second.y_m)
-    turn_rad = math.remainder(second.yaw_rad - first.yaw_rad, 2.0 * math.pi)
-    return Pose2D(x_m=forward_m, y_m=right_m, yaw_rad=turn_rad)

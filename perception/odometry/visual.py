@@ -76,15 +76,14 @@ def ground_motion(
 ) -> GroundMotion | None:
     """Measure the pose of the second camera in the level frame of the first.
 
+    None with too few points on the ground, and on ground without texture.
+
     Args:
         first: the frame in which points are selected.
         second: the frame in which they are tracked.
-        guess: the motion by telemetry, the start of the search; x forward, y right, yaw clockwise.
+        guess: the motion by telemetry, the start of the search.
         ground: (H, W), not zero where the first frame shows ground; without it only the robust fit
             rejects other points.
-
-    Returns:
-        The motion; None with too few points on the ground, and on ground without texture.
     """
     quality = _QUALITY if ground is None else _QUALITY_IN_MASK
     corners = cv2.goodFeaturesToTrack(first.grey, _POINTS, quality, _SPACING_PX, mask=ground)
@@ -116,14 +115,9 @@ def _tracked(
 ) -> GroundMotion | None:
     """Track points and fit their motion by iterative reweighting, which rejects other points.
 
-    Args:
-        points: (N, 2) pixels in the first frame, and (N, 2) their places on the ground, m, in the
-            level frame of the first camera.
-        first: the frame of the points.
-        second: the frame in which they are tracked.
-        guess: the motion by telemetry.
-        shift_m: of the guess from which they are tracked, ahead and to the right; None without a
-            ground mask.
+    Points are (N, 2) pixels in the first frame, and (N, 2) their places on the ground, m, in its
+    level frame. They are tracked from the guess, shifted ahead and to the right; None without a
+    ground mask.
     """
     begin, here = points
     off_m = shift_m or 0.0
@@ -179,12 +173,11 @@ def _reweighted(
     Args:
         here: (N, 2) points in the level frame of the first camera, m.
         there: (N, 2) the same points in that of the second, m.
-        residual_m: (N, 2) differences by which the points are first weighted, m; overwritten.
+        residual_m: (N, 2) differences by which the points are first weighted; overwritten.
         max_scale: largest relative error of the second height.
 
     Returns:
-        Pose of the second camera in the level frame of the first: x, y, yaw; root mean square of
-        the points around their middle, m; number of inliers.
+        Pose of the second camera in the level frame of the first; spread of the points; inliers.
     """
     x_m, y_m, yaw_rad, spread_m2 = 0.0, 0.0, 0.0, 0.0
     weights = np.empty(len(here))

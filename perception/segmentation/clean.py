@@ -13,7 +13,7 @@ class's palette (the likelihood). The result is a better prior for the next roun
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Final
+from typing import Any, Final
 
 import cv2
 import numpy as np
@@ -92,13 +92,9 @@ def drop_small_components(ids: NDArray[np.uint8], *, area_px: int) -> NDArray[np
 def filled_holes(
     ids: NDArray[np.uint8], *, inside: Collection[int], but: Collection[int] = (), area_px: int
 ) -> NDArray[np.uint8]:
-    """Return the map without holes, which are small pieces surrounded by one class.
+    """Return the map without holes of at most an area, surrounded by one class of `inside`.
 
-    Args:
-        ids: (H, W) uint8 class ids.
-        inside: the classes whose holes are filled.
-        but: classes whose pieces are never holes.
-        area_px: area of the largest piece that counts as a hole.
+    Pieces of the classes `but` are never holes.
     """
     filled = ids.copy()
     around = np.ones((3, 3), dtype=np.uint8)
@@ -118,12 +114,12 @@ def filled_holes(
 
 def _pieces(
     mask: NDArray[np.bool_], connectivity: int
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
     """Return labels of connected pieces, their areas and boxes; 0 is what is not in the mask."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats(
         mask.astype(np.uint8), connectivity=connectivity
     )
-    return np.asarray(labels), stats[:, cv2.CC_STAT_AREA], stats[:, :4]
+    return labels, stats[:, cv2.CC_STAT_AREA], stats[:, :4]
 
 
 def _absorbed(ids: NDArray[np.uint8], stray: NDArray[np.bool_]) -> NDArray[np.uint8]:

@@ -15,6 +15,7 @@ from perception.networks.named import SHIPPED_UNET
 from perception.networks.onnx_runtime import OnnxNetwork
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.teacher import Teacher, load_teacher
+from uav_bt.errors import AnswerError
 from uav_bt.lab.classes import OBSTACLE, OUTSIDE, LabClasses
 from uav_bt.lab.shipped import load_lab
 from uav_bt.types import ClassMap, DepthMap, Frame
@@ -29,20 +30,8 @@ class OnnxSegmenter:
     """A segmentation network in an ONNX file.
 
     The network has one image as input. Its output has a score for each class, 1xCxHxW or 1xHxWxC,
-    or the number of the class, 1xHxW or with one channel.
-
-    Args:
-        path: the ONNX file.
-        classes: classes of the lab.
-        mapping: meaning of its classes, or a mapping file; None for a network with the classes of
-            the lab.
-        threads: number of inference threads.
-
-    Raises:
-        WeightsError: the file is absent or damaged, the network is not for segmentation, or it
-            has other classes than the lab and no mapping.
-        FileError: the mapping file is absent or malformed.
-        ValueRangeError: the mapping names a class that the network does not have.
+    or the number of the class, 1xHxW or with one channel. Without a mapping, or a mapping file, its
+    classes are those of the lab. A file that does not fit is a WeightsError.
     """
 
     def __init__(
@@ -64,7 +53,6 @@ class OnnxSegmenter:
                 "class mapping"
             )
         self.size_px = network.take_images(meant.input)
-        """Width and height of the network's input, px; frames are resized to them."""
         output = next(iter(network.outputs().values()))
         if output.get_partial_shape().is_dynamic:
             raise network.refused(
@@ -97,8 +85,7 @@ class OnnxSegmenter:
         """Return the class map of a frame, at the size of the network's output.
 
         Raises:
-            AnswerError: the network's output holds NaN or infinity.
-            WeightsError: the network's output holds no class numbers.
+            AnswerError: the network's output holds NaN, infinity or no class number.
         """
         ids = self.ids(frame.image)
         return ClassMap(ids=ids, classes=self._classes, captured_s=frame.captured_s)
@@ -110,10 +97,11 @@ class OnnxSegmenter:
     def _ids_of(self, answer: NDArray[Any]) -> NDArray[np.uint8]:
         numbers = answer.reshape(self._pixels)
         if self._axis is not None:
-            return self._table[numbers]
+            return self._table.take(numbers)
         whole = numbers.astype(np.int64)
         if (whole != numbers).any():
-            raise self._network.refused(
+            raise AnswerError(
+                self._network.path,
                 "class numbers must be whole numbers, and the network gives "
                 f"{numbers[whole != numbers][0]:.3g}; a network of scores needs a channel for each "
                 "class",
@@ -160,16 +148,8 @@ class RoomSegmenter:
     """A network for any room: roles instead of classes, and relative depth by the same inference.
 
     A role becomes a class of the lab: the first class that is outside, the first ground, and the
-    first obstacle that is no upper face. The network has no landing marks.
-
-    Args:
-        path: the ONNX file, with the outputs `logits` (1, 3, H, W) of outside, ground and obstacle,
-            and `depth` (1, 1, h, w).
-        classes: classes of the lab.
-        threads: number of inference threads.
-
-    Raises:
-        WeightsError: the file is absent or damaged, or has other outputs.
+    first obstacle that is no upper face. The network has no landing marks. Its outputs are `logits`
+    (1, 3, H, W) of outside, ground and obstacle, and `depth` (1, 1, h, w).
     """
 
     def __init__(self, path: Path, classes: LabClasses, *, threads: int = 1) -> None:
@@ -178,7 +158,6 @@ class RoomSegmenter:
         self._table = np.array([classes.of_role(OUTSIDE)[0], classes.ground, obstacle], np.uint8)
         self._network = network = OnnxNetwork(path, "docs/any-room.md: the command")
         self.size_px = network.take_images(InputFormat())
-        """Width and height of the network's input, px; frames are resized to them."""
         outputs = network.outputs()
         if not {"logits", "depth"} <= set(outputs):
             raise network.refused(
@@ -188,15 +167,10 @@ class RoomSegmenter:
         if len(shape) != 4 or shape[1] != 3:
             raise network.refused(f"expected scores of three roles, 1x3xHxW, got {shape}")
         network.compile([outputs["logits"], outputs["depth"]], threads, class_axis=1)
-        self.relative_depth: DepthMap | None = None
-        """Depth of the frame that was segmented last, in heights of the camera above the ground."""
+        self.relative_depth: DepthMap | None = None  # of the frame that was segmented last
 
     def segment(self, frame: Frame) -> ClassMap:
-        """Return the class map of a frame, at the size of the network's input.
-
-        Raises:
-            AnswerError: the network's output holds NaN or infinity.
-        """
+        """Return the class map of a frame, at the size of the network's input."""
         class_map, self.relative_depth = self._perceive(frame)
         return class_map
 

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.confidence import fitted, table
 from benchmarks.confidence_views import JudgedScale
-from perception.depth.evidence import COEFFICIENTS
+from perception.depth.confidence import COEFFICIENTS
 
 
 def judged(count: int = 400) -> list[JudgedScale]:

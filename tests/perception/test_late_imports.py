@@ -18,11 +18,9 @@ def test_the_leaves_can_be_known_without_numba() -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_the_site_map_and_the_corridor_compile_before_the_flight() -> None:
+def test_the_site_map_compiles_before_the_flight() -> None:
     code = "import sys\nimport perception.mapping.site_mapper\n"
-    code += "from perception.depth.corridor import CorridorBuilder\nCorridorBuilder()\n"
-    code += "wanted = 'perception.mapping.scan_loops', 'perception.depth.corridor_loops'\n"
-    code += "assert all(name in sys.modules for name in wanted)"
+    code += "assert 'perception.mapping.scan_loops' in sys.modules"
     done = subprocess.run(  # noqa: S603 - our own interpreter and code
         [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=False
     )

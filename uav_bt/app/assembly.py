@@ -27,7 +27,7 @@ from uav_bt.app.place_of_flight import (
 from uav_bt.app.random_faults import check_phases, with_faults
 from uav_bt.app.rules import area_of, check_mark, judge_of, rules_of, take_off_pose
 from uav_bt.app.site import Site, check_clearances
-from uav_bt.board import MISSION_KEYS
+from uav_bt.board import CAMERA, MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import FlightFolder, MissionContext
 from uav_bt.clock import TickClock
@@ -184,6 +184,7 @@ class Flight(Generic[DroneT]):
         self._check_network()
         try:
             self.drone.connect()
+            self.context.board.write(CAMERA, self.drone.camera)
             with collections_postponed():
                 self.mission.setup(self.context)
             yield

@@ -109,7 +109,7 @@ def evaluate_depth(
         "images_with_edges": sum(count > 0 for count in edges),
         "edges": sum(edges),
         "median_edge_m": _plain(float(np.median(lengths_m)) if lengths_m.size else math.nan),
-        "points": sum(len(points) for points in questions.points),
+        "points": sum(len(points.range_m) for points in questions.points),
         "tables": {
             table: [_plain(asdict(row)) for row in _MAKERS[table](questions, plan.masks, advance)]
             for table in tables

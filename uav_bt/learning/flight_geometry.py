@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from perception.camera.camera_file import Undistorter
 from perception.camera.ground_plane import ground_depth, view_of
-from perception.depth.metric import MetricDepthConfig, MetricDepthMaker
-from perception.depth.scale import ScaleConfig, sample_ground
+from perception.depth.metric import MetricDepthMaker
+from perception.depth.scale import sample_ground
 from perception.depth.stage import DepthStage
 from uav_bt.errors import FileError
 from uav_bt.lab.lab import Lab
@@ -37,7 +37,7 @@ from uav_bt.types import CameraModel, ClassMap, Frame, LandingMark
 from uav_bt.types.arrays import Floats
 
 _MOST_FRAMES: Final = 60  # of all frames of a record, one a second or fewer
-_GROUND: Final = ScaleConfig(max_range_m=4.0)
+_GROUND_M: Final = 4.0  # largest depth of the ground that is compared
 
 
 def open_flight(path: Path, lab: Lab) -> RecordReader:
@@ -141,8 +141,7 @@ class _Meter:
         class_map = self._segmenter.segment(frame)
         # A new maker for each frame: the scale of an earlier frame would hide a lack of ground.
         # The check looks for wrong scales, so all of them count.
-        config = MetricDepthConfig(least_confidence=0.0)
-        maker = MetricDepthMaker(source="network", generator=self._generator, config=config)
+        maker = MetricDepthMaker(source="network", generator=self._generator, least_confidence=0.0)
         metric = DepthStage(self._network, maker).perceive(frame, class_map, self._camera)
         found.frames += 1
         depth = None if metric.depth is None else metric.depth.depth
@@ -160,5 +159,5 @@ class _Meter:
     ) -> list[Floats]:
         height_px, width_px = depth.shape
         plane_m = ground_depth(view_of(frame, self._camera, (width_px, height_px)))
-        ground = sample_ground(depth, class_map.is_ground, plane_m, self._generator, _GROUND)
+        ground = sample_ground(depth, class_map.is_ground, plane_m, self._generator, _GROUND_M)
         return [] if ground is None else [np.asarray(ground.predicted / ground.known_m - 1.0)]

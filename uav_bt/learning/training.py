@@ -15,7 +15,6 @@ from perception.control.training.network import STUDENT_FILES
 from perception.control.training.run import ControlTrainingConfig, predict_control, train_control
 from perception.control.training.samples import ControlFlight, ControlSamples
 from perception.control.training.scoring import ControlScore, score_control
-from perception.depth.evaluation.scores import DepthSample, DepthScore, score_depth
 from perception.depth.training.clips import ClipSource, Flight
 from perception.depth.training.network import DEPTH_FILES, DepthNetConfig
 from perception.depth.training.run import DepthTrainingConfig, predict_depth
@@ -24,6 +23,7 @@ from perception.networks.training.network_files import NetworkFiles, parameter_c
 from perception.segmentation.training.unet import UNET_FILES
 from uav_bt.errors import WeightsError
 from uav_bt.lab.shipped import load_lab
+from uav_bt.learning.depth_scores import DepthScore, score_depth
 from uav_bt.learning.diary import Diary, write_depth_sheet
 from uav_bt.learning.views import DepthViews
 from uav_bt.progress import Advance, silent
@@ -59,7 +59,7 @@ def score_depth_on(views: DepthViews, predicted: NDArray[np.float32]) -> DepthSc
     """
     classes = load_lab().classes
     return score_depth(
-        DepthSample(predicted=mine, truth_m=truth, roles=classes.roles(ids), ground_m=ground)
+        (mine, truth, classes.roles(ids), ground)
         for mine, truth, ids, ground in zip(
             predicted, views.depth_m, views.ids, views.ground_m, strict=True
         )

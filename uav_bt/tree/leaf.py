@@ -81,6 +81,10 @@ class Leaf(Node):
 
     # --- for authors to override ------------------------------------------------------------------
 
+    def needs(self) -> tuple[Key[Any], ...]:
+        """Return the keys without which the leaf cannot succeed with the values of its ports."""
+        return self.needed
+
     def refuses(self, rules: MissionRules) -> str | None:
         """Return why the leaf cannot keep the mission's rules with the values that its file has."""
 

@@ -20,70 +20,36 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.ground_plane import CameraView, GroundPlane
-from perception.depth.contact.contacts import (
-    Base,
-    BaseConfig,
-    Remembered,
-    Runs,
-    find_base,
-    rows_above,
-)
-from perception.depth.contact.lines import fit_base
-from perception.depth.contact.panorama import Panorama
-from perception.depth.contact.side_loops import sides
-from uav_bt.errors import ShapeError
+from perception.camera.ground_plane import GroundPlane
+from perception.depth.contact.base import Base, Remembered, find_base, fit_base
+from perception.depth.contact.scan import Panorama
+from uav_bt.compiled import compiled
 from uav_bt.lab.shipped import default_mark
 from uav_bt.types import ClassMap
-from uav_bt.types.arrays import Floats, Indices
+from uav_bt.types.arrays import Flags, Floats, Floats32, Indices
 
-
-@dataclass(frozen=True, kw_only=True)
-class ContactDepthConfig:
-    """Dimensions of the lab, and limits for noise in the class map."""
-
-    # Height of the landing mark's top above the ground.
-    pad_height_m: float = field(default_factory=lambda: default_mark().height_m)
-    max_depth_m: float = 8.0  # the lab's diagonal; larger depths are mask noise
-    max_roof_m: float = 1.0  # largest extent of a roof behind its front edge
-    min_edge: int = 3  # least number of columns in which a roof must meet its side
-    # Ratio by which the network overestimates the distance of roofs below the lens if the base of
-    # the box is out of sight: median 1.14 on the training scenes, 1.06 to 1.17 on the validation
-    # scenes, half of all within 1.01 and 1.45 (commit 71858fd,
-    # U-Net masks).
-    roof_too_far: float = 1.1
-    base: BaseConfig = field(default_factory=BaseConfig)
+_MAX_DEPTH_M: Final = 8.0  # the lab's diagonal; larger depths are mask noise
+_MAX_ROOF_M: Final = 1.0  # largest extent of a roof behind its front edge
+_MIN_EDGE: Final = 3  # least number of columns in which a roof must meet its side
+# Ratio by which the network overestimates the distance of roofs below the lens if the base of the
+# box is out of sight: median 1.14 on the training scenes, 1.06 to 1.17 on the validation scenes,
+# half of all within 1.01 and 1.45 (commit 71858fd, U-Net masks).
+ROOF_TOO_FAR: Final = 1.1
 
 
 @dataclass(frozen=True, kw_only=True)
 class ContactDepth:
     """Depth from masks and geometry."""
 
-    depth: NDArray[np.float32]  # (H, W) metres along the optical axis; NaN where unknown
-    at_most: NDArray[np.float32]  # (H, W) metres; upper bound of the depth, inf without one
+    depth: Floats32  # (H, W) metres along the optical axis; NaN where unknown
+    at_most: Floats32  # (H, W) metres; upper bound of the depth, inf without one
     known_share: float  # of the pixels of boxes, roofs and mark, 0 to 1; 1 without such pixels
-
-
-def contact_depth(
-    class_map: ClassMap, view: CameraView, *, remembered: Remembered | None = None
-) -> ContactDepth:
-    """Estimate the depth of ground, boxes, roofs and mark.
-
-    Args:
-        class_map: the class map.
-        view: the camera, at the map's size.
-        remembered: bases seen earlier, for boxes whose base is now out of view.
-
-    Raises:
-        ShapeError: the map has another size than the view.
-        ValueRangeError: the lens is not above the ground.
-    """
-    return ContactEstimation(class_map, GroundPlane.of(view), remembered=remembered).result()
 
 
 class ContactEstimation:
@@ -92,38 +58,32 @@ class ContactEstimation:
     Args:
         class_map: the class map.
         ground: the ground plane of the view, at the map's size.
-        config: dimensions of the lab.
         remembered: bases seen earlier, for boxes whose base is now out of view.
-
-    Raises:
-        ShapeError: the map has another size than the view.
-        ValueRangeError: the lens is not above the ground.
+        mark_height_m: height of the landing mark's top above the ground; None for that of the
+            default lab.
     """
 
     def __init__(
         self,
         class_map: ClassMap,
         ground: GroundPlane,
-        config: ContactDepthConfig | None = None,
         remembered: Remembered | None = None,
+        mark_height_m: float | None = None,
     ) -> None:
-        self._size = (ground.view.camera.height_px, ground.view.camera.width_px)
-        self._check("class map", class_map.ids.shape)
         self._class_map, self._classes = class_map, class_map.classes
         ids = self._classes.with_one_ground(class_map.ids)
-        config, panorama = config or ContactDepthConfig(), Panorama.of(ids, ground.view)
         self._ids = ids.ravel()
-        self._height_m, self._config = ground.view.height_m, config
+        self._height_m, self._remembered = ground.view.height_m, remembered
+        self._mark_m = default_mark().height_m if mark_height_m is None else mark_height_m
         self._rays, depth_m = ground.rays.reshape(3, -1), ground.depth_m.ravel()
-        self._panorama, self._remembered = panorama, remembered
-        self._runs = Runs.of(panorama, len(self._classes), config.base)
+        self._panorama = Panorama.of(ids, ground.view)
+        self._runs = self._panorama.runs(len(self._classes))
         self._depth = np.where(self._ids == self._classes.ground, depth_m, np.float32(np.nan))
         self._at_most = np.where(np.isnan(depth_m), np.float32(np.inf), depth_m)
         self._incomplete: set[int] = set()  # boxes with pixels of unknown depth
         self._present = np.bincount(self._ids, minlength=256) > 0
-
-        standing, top_of = self._classes.standing, self._classes.top_of
-        bases = {box: self._base(box) for box in standing if self._present[box]}
+        top_of = self._classes.top_of
+        bases = {box: self._base(box) for box in self._classes.standing if self._present[box]}
         for box, base in bases.items():
             self._fill_sides(box, base)
         self._carriers = {
@@ -134,16 +94,12 @@ class ContactEstimation:
         for roof, carriers in self._carriers.items():
             self._fill_roof(roof, carriers.values())
 
-    def complete(self, network_m: NDArray[np.float32]) -> None:
+    def complete(self, network_m: Floats32) -> None:
         """Estimate the roofs of boxes whose base is out of sight, and the sides below them.
 
         Args:
             network_m: (H, W) a network's metric depth.
-
-        Raises:
-            ShapeError: it has another size than the class map.
         """
-        self._check("network's depth", network_m.shape)
         for roof, carriers in self._carriers.items():
             self._fill_below_roof(roof, carriers, network_m.ravel())
 
@@ -152,37 +108,25 @@ class ContactEstimation:
         depth = self._depth.copy()
         self._fill_mark(depth)
         with np.errstate(invalid="ignore"):
-            depth[depth > self._config.max_depth_m] = np.nan
-        things = self._class_map.is_above_ground.ravel()
+            depth[depth > _MAX_DEPTH_M] = np.nan
+        things, size = self._class_map.is_above_ground.ravel(), self._class_map.ids.shape
         count = int(np.count_nonzero(things))
         known = int(np.count_nonzero(things & np.isfinite(depth)))
         return ContactDepth(
-            depth=depth.reshape(self._size),
-            at_most=self._at_most.reshape(self._size).copy(),
+            depth=depth.reshape(size),
+            at_most=self._at_most.reshape(size).copy(),
             known_share=known / count if count else 1.0,
         )
-
-    def _check(self, name: str, shape: tuple[int, ...]) -> None:
-        if shape != self._size:
-            expected = f"{self._size[0]}x{self._size[1]}, as its camera"
-            raise ShapeError(name, expected=expected, actual=shape)
 
     def _base(self, thing: int) -> Base:
         return find_base(
             self._panorama,
             self._runs,
-            self._config.base,
             thing=thing,
             ground=self._classes.ground,
             height_m=self._height_m,
             remembered=self._remembered,
         )
-
-    def _pixels(self, thing: int) -> tuple[Indices, Floats, Floats]:
-        """Return the pixels of a class, their azimuths, and their rays' level parts."""
-        pixels = np.flatnonzero(self._ids == thing)
-        forward, right = self._rays[0, pixels], self._rays[1, pixels]
-        return pixels, np.arctan2(right, forward), np.hypot(forward, right)
 
     def _fill_sides(self, box: int, base: Base) -> None:
         pixels, depth, bound = self._side_depth(box, base)
@@ -197,7 +141,7 @@ class ContactEstimation:
         The bound is the ground at the lowest pixel of the column.
         """
         azimuth, line = self._panorama.azimuth_rad, base.line
-        return sides(
+        return _sides(
             self._ids,
             thing,
             self._rays,
@@ -213,9 +157,10 @@ class ContactEstimation:
 
     def _fill_roof(self, roof: int, carriers: Iterable[Base]) -> None:
         """Set each roof pixel to the height of the upper edge of the box below it."""
-        pixels, azimuth, level = self._pixels(roof)
-        down = self._rays[2, pixels]
-        columns = self._panorama.columns(azimuth)
+        pixels = np.flatnonzero(self._ids == roof)
+        forward, right, down = self._rays[:, pixels]
+        level = np.hypot(forward, right)
+        columns = self._panorama.columns(np.arctan2(right, forward))
         rows = self._panorama.rows(np.arctan2(down, level))
         nearest_below = np.full(pixels.size, -1, dtype=np.intp)
         for base in carriers:
@@ -228,11 +173,11 @@ class ContactEstimation:
                 continue
             front = self._height_m / (base.slope[columns[mine]] * level[mine])
             depth = np.fmax(above_m / down[mine], front)  # not nearer than the front edge
-            plausible = depth <= front + self._config.max_roof_m / level[mine]
+            plausible = depth <= front + _MAX_ROOF_M / level[mine]
             self._depth[pixels[mine][plausible]] = depth[plausible]
 
     def _fill_below_roof(
-        self, roof: int, carriers: Mapping[int, Base], network_m: NDArray[np.float32]
+        self, roof: int, carriers: Mapping[int, Base], network_m: Floats32
     ) -> None:
         """Fill roofs, and the sides below their edges, of boxes whose base is out of sight.
 
@@ -247,7 +192,7 @@ class ContactEstimation:
         above_m = {box: self._above_roof(base, roof) for box, base in carriers.items()}
         if pixels.size:
             down = self._rays[2, pixels]
-            seen_m = float(np.median(network_m[pixels] * down)) / self._config.roof_too_far
+            seen_m = float(np.median(network_m[pixels] * down)) / ROOF_TOO_FAR
             above_m = {box: known_m or seen_m for box, known_m in above_m.items()}
             # Roof pixels without a side below are level with those that have one.
             only_m = next(iter(above_m.values())) if len(above_m) == 1 else seen_m
@@ -258,37 +203,32 @@ class ContactEstimation:
 
     def _below_edge(self, base: Base, roof: int, above_m: float) -> Base:
         """Return the base completed where it is out of sight, from the edge of the roof above."""
-        hidden = np.isnan(base.slope)
         columns, edge = self._roof_edge(base, roof)
         azimuth = self._panorama.azimuth_rad
-        line = fit_base(azimuth[columns], edge, self._panorama.pixel_rad, self._config.base.line)
+        line = fit_base(azimuth[columns], edge, self._panorama.pixel_rad)
         if line is None:
             return base
         slope = np.fmax(line.slope(azimuth) * self._height_m / above_m, base.visible)
-        return replace(base, slope=np.where(hidden, slope, base.slope))
+        return replace(base, slope=np.where(np.isnan(base.slope), slope, base.slope))
 
     def _above_roof(self, base: Base, roof: int) -> float:
         """Return the lens's height above the roof's edge; 0 if the edge is not found."""
         columns, edge = self._roof_edge(base, roof)
         share = edge / base.slope[columns]
         share = share[np.isfinite(share)]
-        if share.size < self._config.min_edge:
-            return 0.0
-        return self._height_m * float(np.median(share))
+        return self._height_m * float(np.median(share)) if share.size >= _MIN_EDGE else 0.0
 
     def _roof_edge(self, base: Base, roof: int) -> tuple[Indices, Floats]:
         """Return the columns in which a roof meets a side below it, and the edge's slope there."""
-        panorama = self._panorama
         columns = np.flatnonzero(base.top_row >= 0)
-        top = base.top_row[columns]
-        above = rows_above(panorama, top, columns, roof, self._config.base.gap_px)
+        top, depression = base.top_row[columns], self._panorama.depression_rad
+        above = self._panorama.next_row(top, columns, roof, 1)
         meets = above >= 0
-        depression = panorama.depression_rad
         return columns[meets], np.tan(0.5 * (depression[top[meets]] + depression[above[meets]]))
 
-    def _fill_mark(self, filled: Floats) -> None:
+    def _fill_mark(self, filled: Floats32) -> None:
         """Fill sides and top of what carries the mark; its rim has the class of its sides."""
-        above_m = self._height_m - self._config.pad_height_m
+        above_m = self._height_m - self._mark_m
         down = np.maximum(self._rays[2], np.float32(1e-6))
         top, side = self._classes.mark_top, self._classes.mark_sides
         if top is not None and self._present[top] and above_m > 0.0:
@@ -300,3 +240,59 @@ class ContactEstimation:
                 # A ray that passes above the upper edge of the side meets the top.
                 depth = np.maximum(depth, above_m / down[pixels])
             filled[pixels] = depth
+
+
+@compiled(
+    "Tuple((intp[::1], float64[::1], float64[::1]))"
+    "(Array(uint8, 1, 'C', readonly=True), int64, float32[:, ::1], float64, UniTuple(float64, 2),"
+    " float64[:, ::1], boolean[::1], float64[:, ::1], float64)"
+)
+def _sides(  # noqa: PLR0917 - Numba passes arguments by position
+    ids: NDArray[np.uint8],
+    thing: int,
+    rays: Floats32,
+    height_m: float,
+    azimuths_rad: tuple[float, float],
+    slopes: Floats,
+    fitted: Flags,
+    faces: Floats,
+    corner_rad: float,
+) -> tuple[Indices, Floats, Floats]:
+    """Return the depth of the side pixels of a class from the base below them.
+
+    Args:
+        ids: (P,) class ids of the image.
+        thing: the class id.
+        rays: (3, P) rays of unit depth: forward, right, down.
+        height_m: height of the lens above the ground.
+        azimuths_rad: azimuth of the panorama's first column, and step between columns.
+        slopes: (2, A) slope of the base, and of the lowest visible pixel, by column; or NaN.
+        fitted: (A,) columns whose slope comes from the fitted line.
+        faces: (0 to 2, 2) factors of cosine and sine of the line.
+        corner_rad: azimuth where its second face begins.
+
+    Returns:
+        (N,) pixels; (N,) their depth, m, NaN where unknown; (N,) upper bounds, m, or NaN.
+    """
+    first_rad, step_rad = azimuths_rad
+    pixels = np.empty(len(ids), dtype=np.intp)
+    depth_m, bound_m = np.empty(len(ids)), np.empty(len(ids))
+    count = 0
+    for pixel in range(len(ids)):
+        if ids[pixel] != thing:
+            continue
+        azimuth_rad = math.atan2(rays[1, pixel], rays[0, pixel])
+        forward, right = np.float64(rays[0, pixel]), np.float64(rays[1, pixel])
+        level = math.sqrt(forward * forward + right * right)
+        nearest = np.rint((azimuth_rad - first_rad) / step_rad)
+        column = int(min(max(nearest, 0.0), slopes.shape[1] - 1.0))
+        slope = slopes[0, column]
+        if fitted[column] and len(faces):
+            face = 1 if azimuth_rad >= corner_rad else 0
+            exact = (faces[face, 0] * forward + faces[face, 1] * right) / level
+            slope = exact if exact > 0.0 else slope
+        pixels[count] = pixel
+        depth_m[count] = height_m / (slope * level)
+        bound_m[count] = height_m / (slopes[1, column] * level)
+        count += 1
+    return pixels[:count], depth_m[:count], bound_m[:count]

@@ -38,8 +38,6 @@ class Footage:
     captured_s: Floats  # (N,), increasing
     gimbal_pitch_rad: Floats  # (N,), relative to the horizon
     attitude_rad: Floats  # (N, 3): roll, pitch, yaw (clockwise) at capture
-    altitude_m: Floats  # (N,), above the take-off point
-    height_m: Floats  # (N,), above the surface below
     height_above_ground_m: Floats  # (N,), of the body's centre
     # Telemetry of every tick. It arrives sooner than the frames and is matched to them by time.
     state_s: Floats  # (M,), increasing
@@ -70,26 +68,25 @@ def gathered(
         states: in the order of time.
         camera: of the flight, at any size; without distortion.
     """
-    images, rows, attitudes = [], [], []
+    images, rows = [], []
     for frame in frames:
-        heights_m = (frame.altitude_m, frame.height_m, frame.height_above_ground_m)
-        row, angles = (frame.captured_s, frame.gimbal_pitch_rad, *heights_m), _rad(frame.attitude)
-        if all(map(math.isfinite, (*row, *angles))):
+        seen = (frame.captured_s, frame.gimbal_pitch_rad, frame.height_above_ground_m)
+        row = (*seen, *_rad(frame.attitude))
+        if all(map(math.isfinite, row)):
             images.append(frame)
             rows.append(row)
-            attitudes.append(angles)
     told, newest_s = [], -math.inf  # times of velocity and attitude, velocity, angles
     for state in states:
         times, speeds = state.times, state.velocity
         velocity = (speeds.forward_mps, speeds.right_mps, speeds.down_mps)
-        row = (times.velocity_s, times.attitude_s, *velocity, *_rad(state.attitude))
-        if all(map(math.isfinite, row)) and times.velocity_s > newest_s:
-            told.append(row)
+        line = (times.velocity_s, times.attitude_s, *velocity, *_rad(state.attitude))
+        if all(map(math.isfinite, line)) and times.velocity_s > newest_s:
+            told.append(line)
             newest_s = times.velocity_s
     if not images or not told:
         return None
-    captured_s, pitch_rad, altitude_m, height_m, above_ground_m = np.array(rows).T.copy()
-    telemetry = np.array(told)
+    shown, telemetry = np.array(rows), np.array(told)
+    captured_s, pitch_rad, height_m = shown[:, :3].T.copy()
     state_s, attitude_s = telemetry[:, 0], telemetry[:, 1]
     turned = np.unwrap(telemetry[:, 5:], axis=0).T
     return Footage(
@@ -97,10 +94,8 @@ def gathered(
         index=np.array([frame.index for frame in images], dtype=np.int64),
         captured_s=captured_s,
         gimbal_pitch_rad=pitch_rad,
-        attitude_rad=np.array(attitudes),
-        altitude_m=altitude_m,
-        height_m=height_m,
-        height_above_ground_m=above_ground_m,
+        attitude_rad=shown[:, 3:].copy(),
+        height_above_ground_m=height_m,
         state_s=state_s.copy(),
         # At the times of the velocities.
         state_attitude_rad=np.stack([np.interp(state_s, attitude_s, line) for line in turned], 1),

@@ -16,8 +16,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.ground_plane import view_of
-from perception.depth.contact.depth import contact_depth
+from perception.camera.ground_plane import GroundPlane, view_of
+from perception.depth.contact.depth import ContactEstimation
 from perception.depth.metric import remembered_bases
 from perception.depth.training.clips import DepthLabels
 from perception.depth.training.footage import (
@@ -74,8 +74,6 @@ def frames_of(footage: Footage) -> Iterator[Frame]:
             captured_s=float(footage.captured_s[place]),
             gimbal_pitch_rad=float(footage.gimbal_pitch_rad[place]),
             attitude=Attitude(roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw),
-            altitude_m=float(footage.altitude_m[place]),
-            height_m=float(footage.height_m[place]),
             height_above_ground_m=float(footage.height_above_ground_m[place]),
         )
 
@@ -137,7 +135,7 @@ def contact_labels(
                 if placed is not None:
                     recent.add(placed)
             if place % config.every == 0:
-                known = contact_depth(class_map, view, remembered=remembered)
+                known = ContactEstimation(class_map, GroundPlane.of(view), remembered).result()
                 depth[place], bound[place] = _small(known.depth), _small(known.at_most)
         advance("contact", place + 1, len(footage))
     return DepthLabels(depth_m=depth, at_most_m=bound)

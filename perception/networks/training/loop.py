@@ -93,20 +93,17 @@ def train(
     checkpoint: Path | None = None,
     progress: Callable[[Progress, Net], None] = ignore_progress,
 ) -> Net:
-    """Train a network, or continue from the checkpoint if there is one.
+    """Train a network in place, and return the running mean of its weights, on the CPU.
 
     Args:
-        net: the network, trained in place.
+        net: the network.
         objective: samples a batch and computes its loss with `net`, on the device of the config.
         config: how to train.
         kind: kind of checkpoint; another kind is refused.
         about: settings and data of the run, JSON values; a checkpoint with others is refused.
         beside: another network of the objective that is trained, too.
-        checkpoint: file of the run's state; read first if it exists.
+        checkpoint: file of the run's state; the run continues from it if it exists.
         progress: called after every step with the averaged network, in evaluation mode.
-
-    Returns:
-        A copy of the network with the running mean of its weights, in evaluation mode, on the CPU.
 
     Raises:
         WeightsError: the checkpoint is damaged or belongs to another run.

@@ -73,12 +73,7 @@ class NetworkFiles(Generic[Net]):
         write_weights(path, tensors, kind=self.kind, details={**self.details(net), **details})
 
     def load(self, path: Path) -> tuple[Net, dict[str, Any]]:
-        """Return the network of a file, in evaluation mode, and its notes.
-
-        Raises:
-            WeightsError: the file is absent, damaged, of another kind or version, holds NaN or
-                infinity, or lacks a layer.
-        """
+        """Return the network of a file, in evaluation mode, and its notes."""
         tensors, details = read_weights(path, kind=self.kind, remedy=self.remedy)
         version = details.get("version", 1)
         if version != self.version:

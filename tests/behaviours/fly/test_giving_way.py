@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from behaviours.fly.explore import Avoid, Explore
-from behaviours.fly.giving_way import GivingWay, GivingWayConfig
+from behaviours.fly.giving_way import MARGINS, GivingWay
 from behaviours.fly.steering import SteeringLeaf
-from tests.behaviours.path.test_ways_out import mover
+from behaviours.path.movers import ABOVE_M, RAISED_S, raised_m
+from tests.behaviours.path.test_movers import mover
 from tests.worlds.leaves import ADVANCE, RETURN_TO_BASE, TURN_RIGHT, steering_bench
 from tests.worlds.values import motion
 from uav_bt.board import FLIGHT_HEIGHT, ODOMETRY, SITE_MAP
@@ -120,12 +121,11 @@ def test_it_stays_above_after_something_moved(
     assert bench.proposed.down_mps == pytest.approx(down_mps if allowed else 0.0)
 
 
-def test_it_stays_above_to_the_end_of_the_flight() -> None:
-    """A mover that left the view ten minutes ago may come back."""
-    shown, config = drawn_map(), GivingWayConfig()
-    site_map = replace(shown, moved_s=shown.captured_s - 600.0)
-    assert GivingWay(config).raised_m(site_map) == config.above_m
-    assert GivingWay(config).raised_m(shown) == 0.0
+def test_it_stays_above_while_a_mover_may_come_back_and_then_comes_down() -> None:
+    shown = drawn_map()
+    for unseen_s, above_m in [(5.0, ABOVE_M), (RAISED_S, ABOVE_M), (RAISED_S + 1.0, 0.0)]:
+        assert raised_m(replace(shown, moved_s=shown.captured_s - unseen_s)) == above_m
+    assert raised_m(shown) == 0.0
 
 
 def test_without_the_port_nobody_gives_way() -> None:
@@ -163,7 +163,7 @@ def test_a_way_is_not_flown_on_without_a_new_view() -> None:
 
 def test_without_a_new_view_it_stops_for_a_mover_that_was_on_its_way() -> None:
     """The view that showed it far away is old, such as while the camera looks straight down."""
-    giving_way, shown = GivingWay(), drawn_map()
+    giving_way, shown = GivingWay(MARGINS, 0.2), drawn_map()
     far = replace(shown, movers=(mover(3.2, 0.0, -0.6),))
     now_s = shown.captured_s
     assert giving_way.velocity(far, None, None, now_s=now_s) is None
@@ -176,12 +176,12 @@ def test_without_a_new_view_it_stops_for_a_mover_that_was_on_its_way() -> None:
 
 def test_a_way_of_an_earlier_encounter_does_not_count() -> None:
     """A mover comes from ahead and slightly from the right, where the drone once went."""
-    giving_way, shown = GivingWay(), drawn_map()
+    giving_way, shown = GivingWay(MARGINS, 0.2), drawn_map()
     earlier = replace(shown, movers=(mover(1.6, -0.03, -0.6),))
     later = replace(shown, movers=(mover(1.6, 0.03, -0.6),), captured_s=shown.captured_s + 60.0)
     for site_map in (earlier, later):
         way = giving_way.velocity(site_map, None, None, now_s=site_map.captured_s)
-        fresh = GivingWay().velocity(site_map, None, None, now_s=site_map.captured_s)
+        fresh = GivingWay(MARGINS, 0.2).velocity(site_map, None, None, now_s=site_map.captured_s)
         assert way == fresh
 
 

@@ -27,17 +27,8 @@ START = Pose2D(x_m=-1.5, y_m=-1.5, yaw_rad=math.radians(90))
 def box(
     number: int, x_m: float, y_m: float, *, class_id: int = BOXES[0], points: int = 9
 ) -> MapObject:
-    return MapObject(
-        class_id=class_id,
-        x_m=x_m,
-        y_m=y_m,
-        size_m=0.4,
-        width_m=0.4,
-        std_m=0.1,
-        seen_s=1.0,
-        id=number,
-        points=points,
-    )
+    place = {"x_m": x_m, "y_m": y_m, "size_m": 0.4, "width_m": 0.4, "std_m": 0.1, "seen_s": 1.0}
+    return MapObject(class_id=class_id, id=number, points=points, **place)
 
 
 def map_of(*objects: MapObject, wall: bool = False) -> SiteMap:
@@ -167,34 +158,19 @@ def test_other_places_have_view_points_too() -> None:
             assert math.dist((goal.x_m, goal.y_m), (0.3, 0.0)) == pytest.approx(0.7, abs=0.02)
 
 
-def test_a_loop_visits_the_view_points_of_the_next_object() -> None:
-    tree = parse_tree(
-        """<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>
-        <NextObject class="NAME" place="{object}"/>
-        <ViewPoints of="{object}" distance_m="0.8" places="{places}"/>
-        <Script code="count := 0"/>
-        <LoopString queue="{places}" value="{place}"><Script code="count += 1"/></LoopString>
-        </Sequence></BehaviorTree></root>""".replace("NAME", NAMES[1])
-    )
-    seen = map_of(box(1, -1.0, 1.0), box(2, 0.2, 0.1, class_id=BOXES[1]))
-    tree.board.write(SITE_MAP, seen)
-    tree.tick_until(Status.SUCCESS, 20)
-    assert tree.variables["object"] == "object:2"
-    assert tree.variables["count"] == len(parse_places(tree.variables["places"])) == 4
-    assert tree.variables["places"].endswith(tree.variables["place"])
-
-
-def test_what_the_map_does_not_know_has_no_view_points() -> None:
-    for of, reason in (("object:3", "no object 3"), ("mark", "not seen"), ("lab:0,0", "unknown")):
-        bench = LeafBench(ViewPoints, of=of)
-        assert show(bench, map_of()) is Status.FAILURE
-        assert reason in bench.feedback
-
-
-def test_an_object_in_a_corner_without_room_has_no_view_points() -> None:
-    bench = LeafBench(ViewPoints, of="object:1", distance_m=0.3, count=2)
+@pytest.mark.parametrize(
+    ("of", "reason"),
+    [
+        ("object:3", "no object 3"),
+        ("mark", "not seen"),
+        ("lab:0,0", "unknown"),
+        ("object:1", "room"),  # in a corner
+    ],
+)
+def test_without_a_place_there_are_no_view_points(of: str, reason: str) -> None:
+    bench = LeafBench(ViewPoints, of=of, distance_m=0.3, count=2)
     assert show(bench, map_of(box(1, 1.9, 1.9))) is Status.FAILURE
-    assert "room" in bench.feedback
+    assert reason in bench.feedback
 
 
 def test_an_object_counts_as_seen_when_it_is_placed_precisely() -> None:

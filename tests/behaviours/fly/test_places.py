@@ -9,10 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from behaviours.fly.go_to import GoTo
 from behaviours.fly.move_by import MoveBy
-from behaviours.fly.places import Face, GoTo
+from behaviours.fly.places import Face
 from behaviours.fly.take_off import ClimbTo
-from tests.behaviours.path.test_ways_out import mover
+from tests.behaviours.path.test_movers import mover
 from uav_bt.board import FLIGHT_HEIGHT, PHASE
 from uav_bt.errors import InputError
 from uav_bt.testing import LeafBench

@@ -6,33 +6,24 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from behaviours.path.next_viewpoint import GroundInView
 from tests.paper_lab import CLASSES
-from uav_bt.answers import Done, FollowLeg, Rotate
 from uav_bt.types import Pose2D
-from uav_bt.types.arrays import Flags
 from uav_bt.types.site_map import MapMark, SiteMap
 
 CELL_M = 0.1
-SIGHT = GroundInView(near_m=1.2, far_m=3.8, half_rad=math.radians(34))
-_YAW_RATE_RADPS = 0.9
-_TICK_S = 0.2
+NEAR_M, FAR_M, HALF_RAD = 1.2, 3.8, math.radians(34)  # of the ground in view
 
 
 @dataclass
 class DrawnHall:
-    """Square ground around the origin, its side in metres, with square boxes and a mark."""
+    """Square ground around the origin, its side in metres with square boxes."""
 
     side_m: float
     boxes: tuple[tuple[float, float], ...] = ()
-    mark: tuple[float, float] | None = None
     pose: Pose2D = field(default_factory=lambda: Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0))
     box_m: float = 0.45
     now_s: float = 0.0
-    flown_m: float = 0.0
-    found: bool = False
 
     def __post_init__(self) -> None:
         reach = self.side_m / 2 + 2.5
@@ -49,8 +40,8 @@ class DrawnHall:
 
     def look(self) -> None:
         """Add the camera's view from this pose to the map."""
-        azimuths = self.pose.yaw_rad + np.linspace(-SIGHT.half_rad, SIGHT.half_rad, 81)
-        ranges = np.arange(0.05, SIGHT.far_m, 0.05)
+        azimuths = self.pose.yaw_rad + np.linspace(-HALF_RAD, HALF_RAD, 81)
+        ranges = np.arange(0.05, FAR_M, 0.05)
         rays = np.stack(
             [np.cos(azimuths)[:, None] * ranges, np.sin(azimuths)[:, None] * ranges], axis=-1
         )
@@ -59,12 +50,11 @@ class DrawnHall:
         rows, columns = np.clip(np.moveaxis(cells, -1, 0), 0, self.ground.shape[0] - 1)
         solid = self.solid[rows, columns]
         before = np.logical_or.accumulate(solid, axis=1)
-        shown = ~before & (ranges >= SIGHT.near_m)
-        below = ~before & (ranges < SIGHT.near_m) & ~before[:, [24]]
+        shown = ~before & (ranges >= NEAR_M)
+        below = ~before & (ranges < NEAR_M) & ~before[:, [24]]
         first = solid & ~np.pad(before, ((0, 0), (1, 0)))[:, :-1] & (ranges <= 3.0)
-        on_pad = self._is_pad(rows, columns)
         is_ground = self.ground[rows, columns]
-        seen = shown & is_ground & ~on_pad
+        seen = shown & is_ground
         self.seen_s[rows[seen], columns[seen]] = self.now_s
         self.free[rows[seen], columns[seen]] = True
         self.free[rows[below], columns[below]] = True
@@ -73,22 +63,6 @@ class DrawnHall:
         self.stands[rows[first], columns[first]] = True
         body = np.hypot(*np.moveaxis(self._xy - here_m, -1, 0)) <= 0.35
         self.free |= body
-        self.found |= bool((shown & on_pad).sum() > 20)
-
-    def fly(self, course: FollowLeg | Rotate | Done) -> None:
-        """Fly for one tick, and look."""
-        turn_rad = 0.0 if isinstance(course, Done) else course.yaw_rad
-        turn = max(-_YAW_RATE_RADPS, min(_YAW_RATE_RADPS, 1.6 * turn_rad)) * _TICK_S
-        step_m = course.speed_mps * _TICK_S if isinstance(course, FollowLeg) else 0.0
-        yaw_rad = self.pose.yaw_rad + turn
-        self.pose = Pose2D(
-            x_m=self.pose.x_m + step_m * math.cos(yaw_rad),
-            y_m=self.pose.y_m + step_m * math.sin(yaw_rad),
-            yaw_rad=yaw_rad,
-        )
-        self.now_s += _TICK_S
-        self.flown_m += step_m
-        self.look()
 
     def map(self, mark: MapMark | None = None, *, contradicted_s: float = 0.0) -> SiteMap:
         """Return the map of all views up to now."""
@@ -108,20 +82,5 @@ class DrawnHall:
             contradicted_s=contradicted_s,
         )
 
-    def clearance_m(self) -> float:
-        """Return how far the drone is from the nearest box."""
-        apart = self._xy[self.solid] - (self.pose.x_m, self.pose.y_m)
-        return float(np.hypot(*apart.T).min()) if len(apart) else math.inf
-
-    def seen_share(self) -> float:
-        """Return the share of the free ground that was seen."""
-        free = self.ground & ~self.solid
-        return float((np.isfinite(self.seen_s) & free).sum() / free.sum())
-
     def _origin(self) -> float:
         return self.corner_m[0] / CELL_M
-
-    def _is_pad(self, rows: NDArray[np.int_], columns: NDArray[np.int_]) -> Flags:
-        if self.mark is None:
-            return np.zeros(rows.shape, dtype=bool)
-        return np.asarray(np.abs(self._xy[rows, columns] - self.mark).max(axis=-1) <= 0.25)

@@ -14,7 +14,7 @@ from behaviours.path.gimbal_pointing import (
     mark_pitch_rad,
     mover_pitch_rad,
 )
-from tests.behaviours.path.test_ways_out import mover, with_movers
+from tests.behaviours.path.test_movers import mover, with_movers
 from tests.behaviours.policies.cast_world import CAMERA
 from uav_bt.testing.world import drawn_map
 from uav_bt.types import NearObstacles

@@ -14,6 +14,7 @@ from perception.depth.metric import LEAST_CONFIDENCE
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, CLASSES, HELIPAD_H, paper_map
 from tests.worlds import values
 from tests.worlds.values import motion
+from uav_bt.board import CAMERA as CAMERA_KEY
 from uav_bt.board import CLASS_MAP, CORRIDOR, FRAME, METRIC_DEPTH, ODOMETRY, RELATIVE_DEPTH
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import AnswerError, InputError
@@ -358,6 +359,22 @@ def test_walls_stand_where_the_file_puts_them() -> None:
     bench = LeafBench(BuildCorridor, front_m=0.9, side_m=0.3, up_down_m=0.5)
     show_depth(bench, 1.0, box_ahead())
     assert bench.board[CORRIDOR].nearest_side is None
+
+
+@pytest.mark.parametrize(("lens_m", "least"), [(None, "0.17"), (0.6, "0.62")])
+def test_a_front_plane_that_the_lens_has_passed_is_refused_at_setup(
+    lens_m: float | None, least: str
+) -> None:
+    """Without a camera on the board the lens is the ANAFI's."""
+    for front_m, refused in ((float(least) - 0.01, True), (float(least) + 0.01, False)):
+        bench = LeafBench(BuildCorridor, front_m=front_m)
+        if lens_m is not None:
+            bench.board[CAMERA_KEY] = replace(CAMERA, forward_offset_m=lens_m)
+        if refused:
+            with pytest.raises(InputError, match=rf"front_m must be more than {least} m .* lens"):
+                bench.setup()
+        else:
+            bench.setup()
 
 
 def test_depth_of_another_frame_builds_nothing() -> None:

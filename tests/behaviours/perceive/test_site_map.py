@@ -140,3 +140,17 @@ def test_the_map_is_kept_when_another_tree_takes_over() -> None:
     site_map = bench.board[SITE_MAP]
     assert site_map.captured_s > known.captured_s
     assert (site_map.seen_s == known.captured_s).any()  # ground that only it had seen
+
+
+def test_events_tell_of_the_climb_for_a_mover_and_of_its_end() -> None:
+    bench = mapping()
+    for step in range(40):
+        ids = np.full((112, 224), CARPET, dtype=np.uint8)
+        if step > 10:
+            ids[:70, 30 + 4 * step : 50 + 4 * step] = BOXES[0]
+        live(bench, ids=ids)
+    live(bench, seconds=61.0)
+    higher, back = (event.text for event in bench.notes.events)
+    assert higher.startswith("a mover at start:")
+    assert higher.endswith("leaves that give way fly 0.5 m higher")
+    assert back == "no mover for 60 s: leaves that give way return to the flight height"

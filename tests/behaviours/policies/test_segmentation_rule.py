@@ -123,25 +123,6 @@ def test_the_obstacle_threshold_is_a_share_of_the_map(
         assert [is_free(look) for look in looks] == [True, False]
 
 
-@pytest.mark.parametrize("size_px", [(112, 56), (640, 360)])
-@pytest.mark.parametrize(
-    ("boxes", "ground_m"),
-    [
-        ([], FOR_EVER),
-        ([(1.2, -0.9, 0.1)], FOR_EVER),
-        ([(1.3, 1.0, 1.6)], FOR_EVER),
-        ([], 1.2),
-        ([(1.3, -2.0, 2.0)], FOR_EVER),
-    ],
-)
-def test_the_decision_does_not_depend_on_the_map_size(
-    size_px: tuple[int, int], boxes: Sequence[Box], ground_m: float
-) -> None:
-    camera = CAMERA.resized(*size_px)
-    other = RULE.decide(view(cast(boxes, ground_m=ground_m, camera=camera), camera=camera))
-    assert other == RULE.decide(view(cast(boxes, ground_m=ground_m)))
-
-
 def test_full_turns_in_vain_lower_the_demands_up_to_a_limit() -> None:
     crowded = view(with_obstacle_pixels(1200))
     assert not is_free(crowded)

@@ -83,8 +83,6 @@ def known_flight(count: int = 12, *, yaw_noise_rad: float = 0.0, seed: int = 0) 
         captured_s=times,
         gimbal_pitch_rad=np.full(count, PITCH_RAD),
         attitude_rad=told[0],
-        altitude_m=z - 0.45,
-        height_m=z,
         height_above_ground_m=z,
         state_s=times,
         state_attitude_rad=told[1],

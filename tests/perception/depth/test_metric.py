@@ -95,9 +95,10 @@ def test_a_scale_that_is_not_trusted_leaves_depth_by_contact(drawn: View) -> Non
     assert made.depth is not None
     assert np.isnan(made.depth.depth[drawn.ids == BOXES[1]]).all()
     assert made.scale is None
-    assert made.confidences.scale.value is not None
-    assert made.confidences.scale.value < LEAST_CONFIDENCE
-    assert made.refusal == f"no scale: {made.confidences.scale.reason}"
+    scale = made.confidences["scale"]
+    assert scale.value is not None
+    assert scale.value < LEAST_CONFIDENCE
+    assert made.refusal == f"no scale: {scale.reason}"
 
 
 def test_contact_needs_no_network_and_leaves_the_unknown_unknown(drawn: View) -> None:
@@ -204,6 +205,18 @@ def test_a_map_of_nothing_is_no_depth(drawn: View, source: str, word: str) -> No
 def test_unknown_sources_are_refused() -> None:
     with pytest.raises(UnknownNameError, match="fused"):
         maker("fusd")
+
+
+def test_a_further_measure_limits_ground_and_depth_but_not_the_scale(drawn: View) -> None:
+    made = maker("network").make(frame(drawn), class_map(drawn), CAMERA, relative(drawn))
+    found = made.limited("flow", (0.2, "the ground passes too fast"))
+
+    assert found.depth is not None
+    assert found.depth.confidence == 0.2
+    assert found.confidences["scale"] == made.confidences["scale"]
+    for name in ("ground", "depth"):
+        assert found.confidences[name].reason == "the ground passes too fast"
+    assert "flow" in found.confidences["ground"].measures
 
 
 # --- remembered bases -----------------------------------------------------------------------------

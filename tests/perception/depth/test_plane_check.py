@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from perception.camera.ground_plane import CameraView, ground_depth
-from perception.depth.confidence import Confidence
+from perception.depth.confidence import Measure
 from perception.depth.plane_check import agreement_with_plane
 from tests.paper_lab import BACKGROUND, CARPET, paper_map
 from tests.worlds import values
@@ -31,7 +32,7 @@ def agreement(
     ground: bool = True,
     wall: bool = False,
     pitch_rad: float = PITCH_RAD,
-) -> Confidence | None:
+) -> Measure | None:
     """Return the agreement of exact depth in heights with telemetry and camera as given."""
     view = CameraView(camera=CAMERA.resized(*SIZE), pitch_rad=pitch_rad, height_m=HEIGHT_M)
     depth = np.nan_to_num(ground_depth(view), nan=50.0) / np.float32(HEIGHT_M)
@@ -50,35 +51,22 @@ def agreement(
     )
 
 
-def value(**how: float | bool) -> float:
-    found = agreement(**how)  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    ("least", "most", "how"),
+    [
+        pytest.param(0.9, 1.0, {}, id="right inputs"),
+        pytest.param(0.0, 0.3, {"focal": 0.5}, id="half the focal length"),
+        pytest.param(0.0, 0.3, {"focal": 2.0}, id="twice the focal length"),
+        pytest.param(0.0, 0.15, {"wall": True}, id="a wall that counts as ground"),
+        pytest.param(0.0, 0.4, {"pitch_off_deg": 10.0}, id="pitch"),
+        pytest.param(0.9, 1.0, {"height_off_m": 0.5}, id="a wrong height does not show"),
+    ],
+)
+def test_what_is_wrong_shows(least: float, most: float, how: dict[str, Any]) -> None:
+    found = agreement(**how)
     assert found is not None
-    assert found.value is not None
-    return found.value
-
-
-def test_right_inputs_agree() -> None:
-    assert value() > 0.9
-
-
-@pytest.mark.parametrize("focal", [0.5, 2.0])
-def test_a_focal_length_that_is_wrong_by_two_shows(focal: float) -> None:
-    assert value(focal=focal) < 0.3
-    found = agreement(focal=focal)
-    assert found is not None
-    assert found.reason
-
-
-def test_a_wall_that_counts_as_ground_shows() -> None:
-    assert value(wall=True) < 0.15
-
-
-def test_a_wrong_pitch_shows() -> None:
-    assert value(pitch_off_deg=10.0) < 0.4
-
-
-def test_a_wrong_height_does_not_show() -> None:
-    assert value(height_off_m=0.5) > 0.9
+    assert least < found[0] <= most
+    assert found[1]
 
 
 def test_depth_in_another_unit_and_views_without_ground_say_nothing() -> None:

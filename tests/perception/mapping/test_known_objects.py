@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.mapping.known_objects import KnownObjectConfig, KnownObjects
+from perception.mapping.known_objects import KnownObjects
 from uav_bt.types import Pose2D
 from uav_bt.types.site_map import MapObject
 
@@ -26,47 +26,35 @@ def ids(objects: Sequence[MapObject]) -> list[int]:
     return [each.id for each in objects]
 
 
-def test_ids_begin_at_one_and_stay() -> None:
+@pytest.mark.parametrize(
+    "searches",  # places of the boxes found, and their ids
+    [
+        pytest.param([{0.0: 1, 1.0: 2}, {1.1: 2, -0.1: 1}], id="stay"),
+        pytest.param(
+            [{0.0: 1, 2.0: 2}, {2.0: 2}, {}, {2.1: 2, 0.2: 1}], id="vanish and come again"
+        ),
+        pytest.param([{0.0: 1}, {}, {1.0: 2}], id="elsewhere"),
+        pytest.param(
+            [{0.0: 1, 0.7: 2}, {0.4: 2}, {0.4: 2}, {0.05: 1, 0.65: 2}],
+            id="merge and split again",
+        ),
+        pytest.param([{0.0: 1}, {0.35: 2, -0.2: 1}], id="the nearest part of a split"),
+        pytest.param(
+            [{0.0: 1, 0.45: 2}, *({x_m: 2} for x_m in (0.45, 0.4, 0.3, 0.2, 0.1))],
+            id="one that stands takes no id from one that vanished",
+        ),
+    ],
+)
+def test_ids_last_for_the_mission(searches: list[dict[float, int]]) -> None:
     known = KnownObjects()
-    assert ids(known.named([box(0.0), box(1.0), box(0.0, class_id=5)])) == [1, 2, 3]
-    assert ids(known.named([box(1.1), box(0.1, class_id=5), box(-0.1)])) == [2, 3, 1]
+    for places in searches:
+        assert ids(known.named([box(x_m) for x_m in places])) == list(places.values())
 
 
-def test_an_object_that_vanishes_gets_its_id_again() -> None:
+def test_an_object_of_another_class_is_another_object() -> None:
     known = KnownObjects()
-    known.named([box(0.0), box(2.0)])
-    assert ids(known.named([box(2.0)])) == [2]
-    assert ids(known.named([])) == []
-    assert ids(known.named([box(2.1), box(0.2)])) == [2, 1]
-
-
-def test_ids_are_not_used_again_elsewhere_or_for_another_class() -> None:
-    known = KnownObjects()
-    known.named([box(0.0)])
-    known.named([])
-    assert ids(known.named([box(0.0, class_id=5), box(1.0)])) == [2, 3]
-
-
-def test_objects_that_merge_become_the_nearer_one_and_split_again() -> None:
-    known = KnownObjects()
-    assert ids(known.named([box(0.0), box(0.7)])) == [1, 2]
-    assert ids(known.named([box(0.4)])) == [2]
-    assert ids(known.named([box(0.4)])) == [2]
-    assert ids(known.named([box(0.05), box(0.65)])) == [1, 2]
-
-
-def test_the_part_nearest_to_the_place_keeps_the_id_of_an_object_that_splits() -> None:
-    known = KnownObjects()
-    known.named([box(0.0)])
-    assert ids(known.named([box(0.35), box(-0.2)])) == [2, 1]
-
-
-def test_an_object_that_stands_takes_no_id_from_one_that_vanished_beside_it() -> None:
-    known = KnownObjects()
-    assert ids(known.named([box(0.0), box(0.45)])) == [1, 2]
-    known.named([box(0.45)])
-    for x_m in (0.4, 0.3, 0.2, 0.1):
-        assert ids(known.named([box(x_m)])) == [2]
+    assert ids(known.named([box(0.0), box(0.0, class_id=5)])) == [1, 2]
+    assert ids(known.named([box(0.1, class_id=5), box(-0.1), box(0.0, class_id=6)])) == [2, 1, 3]
 
 
 def test_after_a_restart_objects_are_found_in_the_frame_of_the_new_map() -> None:
@@ -129,7 +117,7 @@ def test_the_height_is_the_median_over_bearings_and_views() -> None:
         (found,) = known.named([box(0.0)])
     assert found.height_m == pytest.approx(0.82)
     assert found.height_std_m is not None
-    assert KnownObjectConfig().floor_m < found.height_std_m < 0.03
+    assert 0.02 < found.height_std_m < 0.03
 
 
 def test_without_enough_edges_of_its_own_an_object_has_no_height() -> None:

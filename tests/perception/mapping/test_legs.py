@@ -12,7 +12,7 @@ import pytest
 from behaviours.path.clearance import ClearanceMap
 from behaviours.path.nearby import RecentObstacles
 from perception.mapping.ground_grid import GroundGrid
-from perception.mapping.landmarks import LandmarkConfig, bases_of, find_free
+from perception.mapping.landmarks import Landmarks, find_free
 from perception.mapping.site_mapper import SiteMapper
 from perception.mapping.view import View
 from tests.worlds import values
@@ -186,9 +186,9 @@ def test_no_route_leads_between_the_legs_of_a_table_at_flight_height() -> None:
 def test_a_displaced_leg_stays_on_the_map() -> None:
     table = Pose2D(x_m=2.2, y_m=0.0, yaw_rad=math.pi / 2)
     found = view(table, board_m=1.6)
-    known = bases_of(found, LandmarkConfig())
+    known = Landmarks.of(found, found.bases_m, found.base_ids)
     known = known.take(np.argsort(known.xy_m[:, 0])[:2])
     known.xy_m[:] = [known.xy_m[0] - np.array([0.12, 0.0]), (1.3, 0.0)]
     on_legs = lab(1.3).legs_m > 0.0
-    assert find_free(known, found, LandmarkConfig(), on_legs)[1].tolist() == [False, True]
-    assert find_free(known, found, LandmarkConfig())[1].tolist() == [True, True]
+    assert find_free(known, found, on_legs)[1].tolist() == [False, True]
+    assert find_free(known, found, np.zeros_like(on_legs))[1].tolist() == [True, True]

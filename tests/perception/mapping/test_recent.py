@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from perception.mapping.contact_scan import Bases, find_bases, scan_ground
-from perception.mapping.recent import RecentLayer, RecentLayerConfig
+from perception.mapping.recent import RecentLayer
 from perception.mapping.view import View, ViewConfig
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
@@ -18,7 +18,6 @@ from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, paper_map
 from tests.worlds import values
-from uav_bt.errors import ShapeError
 from uav_bt.types import (
     Attitude,
     BodyVelocity,
@@ -64,36 +63,31 @@ def frame(time_s: float, pitch_rad: float = PITCH_RAD) -> Frame:
     return values.frame((36, 64), pitch_rad, HEIGHT_M, captured_s=time_s)
 
 
-def state(time_s: float, yaw_rad: float = 0.0, forward_mps: float = 0.0) -> DroneState:
-    return DroneState(
-        captured_s=time_s,
-        flying=FlyingState.FLYING,
-        attitude=Attitude(yaw_rad=yaw_rad),
-        velocity=BodyVelocity(forward_mps=forward_mps),
-    )
-
-
 class Flight:
-    """A drone with telemetry that places its views.
+    """A drone with telemetry that places its views."""
 
-    Args:
-        config: which points are kept.
-        view: which are placed.
-    """
+    def __init__(self, view: ViewConfig | None = None) -> None:
+        self.recent, self._odometry, self._view = RecentLayer(), Odometry(), view
 
-    def __init__(
-        self, config: RecentLayerConfig | None = None, view: ViewConfig | None = None
-    ) -> None:
-        self.recent, self._odometry, self._view = RecentLayer(config), Odometry(), view
-
-    def predict(self, sample: DroneState) -> None:
+    def predict(self, time_s: float, yaw_rad: float = 0.0, forward_mps: float = 0.0) -> None:
+        sample = DroneState(
+            captured_s=time_s,
+            flying=FlyingState.FLYING,
+            attitude=Attitude(yaw_rad=yaw_rad),
+            velocity=BodyVelocity(forward_mps=forward_mps),
+        )
         self.recent.expire(self._odometry.update(sample).time_s)
+
+    def ahead(self, begin: int, end: int, forward_mps: float) -> None:
+        """Fly ahead for some tenths of a second."""
+        for tenths in range(begin, end):
+            self.predict(0.1 * tenths, forward_mps=forward_mps)
 
     def points(self) -> NearObstacles:
         assert self._odometry.now is not None
         return self.recent.near(self._odometry.now)
 
-    def look(self, ids: Ids, time_s: float, pitch_rad: float = PITCH_RAD) -> None:
+    def look(self, ids: Ids, time_s: float, pitch_rad: float = PITCH_RAD) -> NearObstacles:
         pose = self._odometry.at(time_s)
         assert pose is not None
         class_map = paper_map(ids=ids, captured_s=time_s)
@@ -102,7 +96,19 @@ class Flight:
             self.recent.pass_over(time_s)
         else:
             self.recent.add(view)
+        return self.points()
 
+
+def looked(ids: Ids) -> Flight:
+    """Return a flight after its first look."""
+    flight = Flight()
+    flight.predict(0.0)
+    flight.look(ids, 0.0)
+    return flight
+
+
+FAR_BOX = (2.0, -0.4, 0.4)  # distance ahead of the camera, ends to the right
+NEAR_BOX = (0.8, 0.2, 0.6)
 
 # --- bases ----------------------------------------------------------------------------------------
 
@@ -164,8 +170,8 @@ def test_an_edge_nearer_than_the_view_has_bearings_and_no_place() -> None:
 def test_specks_have_no_base() -> None:
     """A few obstacle pixels on the ground are a mistake of the mask."""
     ids = bare_ground()
+    assert bases(ids).hidden_m.shape == (0, 2)
     ids[60:62, 100:104] = BOXES[0]
-
     assert bases(ids).placed_m.shape == (0, 2)
 
 
@@ -183,12 +189,6 @@ def test_no_sample_lies_behind_the_camera(half_view_deg: int) -> None:
     assert (np.diff(ranges_m, axis=1) > 0.0).all()
 
 
-def test_no_obstacle_no_bases() -> None:
-    """Empty results keep their shape."""
-    assert bases(bare_ground()).placed_m.shape == (0, 2)
-    assert bases(bare_ground()).hidden_m.shape == (0, 2)
-
-
 def test_a_box_nearer_than_the_view_hides_its_base() -> None:
     """It gives the nearest ground in view on its bearings, and no base."""
     found = bases(draw_box(bare_ground(), 0.8, 0.2, 0.6))
@@ -199,259 +199,6 @@ def test_a_box_nearer_than_the_view_hides_its_base() -> None:
     assert bearings.max() == pytest.approx(math.atan2(0.6, 0.8), abs=math.radians(1.5))
     edge = np.column_stack([found.hidden_m, np.full(len(found.hidden_m), HEIGHT_M)])
     assert (project(edge, CAMERA, PITCH_RAD)[:, 1] > 108).all()
-
-
-# --- recent ---------------------------------------------------------------------------------------
-
-
-def test_a_base_is_remembered_after_it_left_the_view() -> None:
-    """Flown past and turned away from, the box is still where it was."""
-    flight = Flight()
-    flight.predict(state(0.0, forward_mps=0.5))
-    flight.look(draw_box(bare_ground(), 2.0, 0.4, 0.8), 0.0)
-    for tick in range(1, 31):
-        flight.predict(state(0.1 * tick, forward_mps=0.5))
-    flight.predict(state(3.1, yaw_rad=math.pi / 2))
-
-    found = flight.points().points_m
-
-    # It was 2.0 + 0.15 ahead of the centre; 1.5 m flown and half a tick of braking; turned right.
-    ahead = 2.0 + CAMERA_FORWARD_M - 1.5 - 0.025
-    assert np.median(np.abs(found[:, 1] + ahead)) < 0.04
-    assert found[:, 1].max() < -ahead + 0.06
-    assert (found[:, 0].min(), found[:, 0].max()) == pytest.approx((0.4, 0.8), abs=0.08)
-
-
-def test_seen_again_a_point_is_kept_once() -> None:
-    """Ten looks at one box leave as many points as one look."""
-    once, often = Flight(), Flight()
-    ids = draw_box(bare_ground(), 2.0, -0.4, 0.4)
-    for flight, looks in ((once, 1), (often, 10)):
-        for tick in range(looks):
-            flight.predict(state(0.1 * tick))
-            flight.look(ids, 0.1 * tick)
-
-    assert len(often.points().points_m) == len(once.points().points_m) > 5
-
-
-def test_ground_seen_in_its_place_forgets_a_point() -> None:
-    """Mistakes and moved obstacles are dropped."""
-    flight = Flight()
-    flight.predict(state(0.0))
-    flight.look(draw_box(bare_ground(), 2.0, -0.4, 0.4), 0.0)
-
-    flight.predict(state(0.1))
-    flight.look(bare_ground(), 0.1)
-
-    assert flight.points().points_m.shape == (0, 2)
-    assert flight.points().nearest_m == math.inf
-
-
-def test_old_points_are_forgotten() -> None:
-    """Dead reckoning drifts, so every point is dropped after its time."""
-    flight = Flight(RecentLayerConfig(max_age_s=5.0))
-    flight.predict(state(0.0))
-    flight.look(draw_box(bare_ground(), 2.0, -0.4, 0.4), 0.0)
-
-    flight.predict(state(5.0))
-    assert len(flight.points().points_m) > 0
-    assert np.allclose(flight.points().points_age_s, 5.0)
-    flight.predict(state(5.1))
-    assert len(flight.points().points_m) == 0
-
-
-def test_the_end_of_the_ground_is_remembered_longer() -> None:
-    """A decimetre matters less there; and it does not count among the obstacles."""
-    flight = Flight(RecentLayerConfig(max_age_s=5.0, edge_age_s=9.0))
-    ids = draw_box(bare_ground(), 1.8, -0.3, 0.2)
-    ids[:60][ids[:60] == CARPET] = BACKGROUND
-    flight.predict(state(0.0))
-    flight.look(ids, 0.0)
-    nearest_m = flight.points().nearest_m
-    assert nearest_m == pytest.approx(1.8 + CAMERA_FORWARD_M, abs=0.1)
-
-    flight.predict(state(5.1))
-
-    assert len(flight.points().points_m) == 0
-    assert len(flight.points().edges_m) > 10
-    flight.predict(state(9.1))
-    assert len(flight.points().edges_m) == 0
-
-
-def test_far_bases_are_not_remembered() -> None:
-    """Beyond the range a pixel is worth too many centimetres."""
-    flight = Flight(view=ViewConfig(max_range_m=2.0))
-    flight.predict(state(0.0))
-    flight.look(draw_box(bare_ground(), 2.1, -0.4, 0.4), 0.0)
-
-    assert len(flight.points().points_m) == 0
-
-
-def test_looking_down_adds_nothing_and_forgets_nothing() -> None:
-    """Straight down a roof is nearer than any base."""
-    flight = Flight()
-    flight.predict(state(0.0))
-    flight.look(draw_box(bare_ground(), 2.0, -0.4, 0.4), 0.0)
-    before = flight.points().points_m
-
-    flight.predict(state(0.1))
-    flight.look(bare_ground(), 0.1, pitch_rad=-math.pi / 2)
-
-    assert np.array_equal(flight.points().points_m, before)
-    assert flight.points().captured_s == pytest.approx(0.1)
-
-
-NEAR_BOX = RecentLayerConfig(assumed_ranges_m=(0.5, 1.0), assumed_age_s=3.0)
-
-
-def test_an_unexplained_near_box_is_a_bearing() -> None:
-    """Its bearings, from the body's centre, turn as the drone does."""
-    flight = Flight(NEAR_BOX)
-    flight.predict(state(0.0, yaw_rad=3.0))
-    flight.look(draw_box(bare_ground(), 0.8, 0.2, 0.6), 0.0)
-
-    found = flight.points()
-    assert len(found.unplaced_rad) > 5
-    assert (found.unplaced_rad > 0.1).all()
-    assert found.unplaced_within(math.radians(60)) == len(found.unplaced_rad)
-    assert found.unplaced_within(0.1) == 0
-
-    flight.predict(state(0.1, yaw_rad=3.0 + 1.0 - 2 * math.pi))
-    assert flight.points().unplaced_rad == pytest.approx(found.unplaced_rad - 1.0)
-
-
-def test_an_unexplained_near_box_is_assumed_anywhere_on_its_bearing() -> None:
-    """At the assumed ranges, for the assumed time; no longer, since it was never seen there."""
-    flight = Flight(NEAR_BOX)
-    flight.predict(state(0.0))
-    flight.look(draw_box(bare_ground(), 0.8, 0.2, 0.6), 0.0)
-
-    found = flight.points()
-    assert len(found.points_m) == 0
-    ranges = np.hypot(found.assumed_m[:, 0], found.assumed_m[:, 1])
-    bearings = np.arctan2(found.assumed_m[:, 1], found.assumed_m[:, 0])
-    assert np.unique(np.round(ranges, 6)) == pytest.approx([0.5, 1.0])
-    assert bearings.min() == pytest.approx(found.unplaced_rad.min(), abs=0.1)
-    assert bearings.max() == pytest.approx(found.unplaced_rad.max(), abs=0.1)
-
-    flight.predict(state(2.9))
-    assert len(flight.points().assumed_m) > 0
-    flight.predict(state(3.1))
-    assert len(flight.points().assumed_m) == 0
-
-
-def test_ground_at_the_lower_edge_ends_what_is_assumed_before_it() -> None:
-    """The view begins further away than the first assumed range; a tall box would reach into it."""
-    flight = Flight(NEAR_BOX)
-    flight.predict(state(0.0))
-    flight.look(draw_box(bare_ground(), 0.8, 0.2, 0.6), 0.0)
-    assumed = flight.points().assumed_m
-    flight.predict(state(0.1, yaw_rad=math.pi))
-    flight.look(bare_ground(), 0.1)
-    assert len(flight.points().assumed_m) == len(assumed)  # it looks elsewhere
-
-    flight.predict(state(0.2))
-    flight.look(bare_ground(), 0.2)
-    assert len(flight.points().assumed_m) == 0
-
-
-def test_a_remembered_base_explains_the_near_box() -> None:
-    """The base seen from further away is the same box: its range is known."""
-    flight = Flight()
-    flight.predict(state(0.0, forward_mps=1.0))
-    flight.look(draw_box(bare_ground(), 1.8, -0.3, 0.3), 0.0)
-    for tick in range(1, 11):
-        flight.predict(state(0.1 * tick, forward_mps=1.0))
-    ids = bare_ground()
-    ids[:, 90:134] = BOXES[0]
-    flight.look(ids, 1.0)
-
-    found = flight.points()
-
-    assert len(found.points_m) > 5
-    assert len(found.unplaced_rad) == 0
-    assert found.nearest_m == pytest.approx(1.8 + CAMERA_FORWARD_M - 1.0, abs=0.06)
-    assert found.points_age_s[np.hypot(*found.points_m.T).argmin()] == 0.0  # the box is in view
-
-
-def test_the_side_of_a_near_box_does_not_explain_it() -> None:
-    """In a turn its vertical edge meets ground further away than the box, on single bearings."""
-    flight = Flight()
-    for tick in range(200):
-        yaw_rad = math.radians(0.3 * tick - 30)
-        side_m = -0.5 * math.tan(yaw_rad)
-        flight.predict(state(0.05 * tick, yaw_rad=yaw_rad))
-        flight.look(draw_box(bare_ground(), 0.5, side_m, side_m + 0.5), 0.05 * tick)
-
-        assert len(flight.points().points_m) == 0
-    assert len(flight.points().unplaced_rad) > 20
-
-
-def test_the_pad_is_no_obstacle() -> None:
-    """The drone flies above it."""
-    flight = Flight()
-    flight.predict(state(0.0))
-    ids = draw_box(bare_ground(), 2.0, -0.4, 0.4)
-    flight.look(
-        np.where(ids == CARPET, 1, HELIPAD_BOX).astype(np.uint8),
-        0.0,
-    )
-
-    assert len(flight.points().points_m) == 0
-
-
-# --- points ---------------------------------------------------------------------------------------
-
-
-def test_a_way_keeps_its_margin() -> None:
-    """Distance to the way, not to its line: beyond an end it is the distance to the end."""
-    ahead = NearObstacles(points_m=np.array([[0.5, 0.4]]), captured_s=0.0)
-
-    assert ahead.allows(1.0, margin_m=0.39)
-    assert not ahead.allows(1.0, margin_m=0.41)
-    assert ahead.allows(0.2, margin_m=0.49)
-    assert not ahead.allows(0.2, margin_m=0.51)
-
-
-def test_what_is_near_already_may_be_left_but_not_approached() -> None:
-    """Inside the margin only the direction counts, whichever it is."""
-    beside = NearObstacles(points_m=np.array([[0.0, 0.3]]), captured_s=0.0)
-
-    assert beside.nearest_m == pytest.approx(0.3)
-    assert beside.allows(0.3, margin_m=0.5)
-    assert beside.allows(0.0, -0.3, margin_m=0.5)
-    assert not beside.allows(0.0, 0.3, margin_m=0.5)
-
-
-def test_assumed_points_count_by_default() -> None:
-    """They are assumptions: who is stuck may drop them."""
-    assumed = NearObstacles(
-        points_m=np.empty((0, 2)), assumed_m=np.array([[0.4, 0.0]]), captured_s=0.0
-    )
-
-    assert not assumed.allows(0.3, margin_m=0.3)
-    assert assumed.allows(0.3, margin_m=0.3, assumed=False)
-
-
-def test_what_is_within_a_reach_keeps_its_age() -> None:
-    points = NearObstacles(
-        points_m=np.array([[0.3, 0.0], [1.0, 0.0]]),
-        edges_m=np.array([[2.0, 0.0]]),
-        captured_s=0.0,
-        points_age_s=np.array([1.0, 2.0]),
-    )
-    near = points.within(0.5)
-    assert (len(near.points_m), len(near.edges_m)) == (1, 0)
-    assert near.points_age_s.tolist() == [1.0]
-
-
-def test_points_must_be_pairs() -> None:
-    """A wrong shape is refused."""
-    with pytest.raises(ShapeError, match="obstacle points must be Nx2, got 3"):
-        NearObstacles(points_m=np.zeros(3), captured_s=0.0)
-
-
-# --- agreement with the twin ----------------------------------------------------------------------
 
 
 def test_the_twins_box_is_where_it_stands() -> None:
@@ -476,54 +223,177 @@ def test_the_twins_box_is_where_it_stands() -> None:
             assert shrunk.footprint.distance_m(x, y) > 0.0
 
 
+# --- recent ---------------------------------------------------------------------------------------
+
+
+def test_a_base_is_remembered_after_it_left_the_view() -> None:
+    """Flown past and turned away from, the box is still where it was."""
+    flight = Flight()
+    flight.predict(0.0, forward_mps=0.5)
+    flight.look(draw_box(bare_ground(), 2.0, 0.4, 0.8), 0.0)
+    flight.ahead(1, 31, 0.5)
+    flight.predict(3.1, yaw_rad=math.pi / 2)
+
+    found = flight.points().points_m
+
+    # It was 2.0 + 0.15 ahead of the centre; 1.5 m flown and half a tick of braking; turned right.
+    ahead = 2.0 + CAMERA_FORWARD_M - 1.5 - 0.025
+    assert np.median(np.abs(found[:, 1] + ahead)) < 0.04
+    assert found[:, 1].max() < -ahead + 0.06
+    assert (found[:, 0].min(), found[:, 0].max()) == pytest.approx((0.4, 0.8), abs=0.08)
+
+
+def test_seen_again_a_point_is_kept_once_until_ground_shows_there() -> None:
+    """Ten looks at one box leave as many points as one look."""
+    ids, flight = draw_box(bare_ground(), *FAR_BOX), Flight()
+    counts = []
+    for tenths in range(10):
+        flight.predict(0.1 * tenths)
+        counts.append(len(flight.look(ids, 0.1 * tenths).points_m))
+    assert set(counts) == {counts[0]}
+    assert counts[0] > 5
+    flight.predict(1.0)
+    found = flight.look(bare_ground(), 1.0)
+    assert found.points_m.shape == (0, 2)
+    assert found.nearest_m == math.inf
+
+
+def test_old_points_are_forgotten_and_the_end_of_the_ground_later() -> None:
+    """Dead reckoning drifts; a decimetre matters less at the edge, which is no obstacle."""
+    ids = draw_box(bare_ground(), 1.8, -0.3, 0.2)
+    ids[:60][ids[:60] == CARPET] = BACKGROUND
+    flight = looked(ids)
+    assert flight.points().nearest_m == pytest.approx(1.8 + CAMERA_FORWARD_M, abs=0.1)
+    for time_s, bases_left, edges_left in ((30.0, True, True), (30.1, False, True)):
+        flight.predict(time_s)
+        found = flight.points()
+        assert bool(len(found.points_m)) is bases_left
+        assert np.allclose(found.points_age_s, time_s)
+        assert (len(found.edges_m) > 10) is edges_left
+    flight.predict(60.1)
+    assert len(flight.points().edges_m) == 0
+
+
+def test_far_bases_and_the_pad_are_not_remembered() -> None:
+    """Beyond the range a pixel is worth too many centimetres; the drone flies above the pad."""
+    flight = Flight(ViewConfig(max_range_m=2.0))
+    flight.predict(0.0)
+    ids = draw_box(bare_ground(), 2.1, -0.4, 0.4)
+    assert len(flight.look(ids, 0.0).points_m) == 0
+    ids = draw_box(bare_ground(), *FAR_BOX)
+    pad = np.where(ids == CARPET, CARPET, HELIPAD_BOX).astype(np.uint8)
+    assert len(looked(pad).points().points_m) == 0
+
+
+def test_looking_down_adds_nothing_and_forgets_nothing() -> None:
+    """Straight down a roof is nearer than any base."""
+    flight = looked(draw_box(bare_ground(), *FAR_BOX))
+    before = flight.points().points_m
+    flight.predict(0.1)
+    found = flight.look(bare_ground(), 0.1, pitch_rad=-math.pi / 2)
+    assert np.array_equal(found.points_m, before)
+    assert found.captured_s == pytest.approx(0.1)
+
+
+def test_an_unexplained_near_box_is_a_bearing() -> None:
+    """Its bearings, from the body's centre, turn as the drone does."""
+    flight = Flight()
+    flight.predict(0.0, yaw_rad=3.0)
+    found = flight.look(draw_box(bare_ground(), *NEAR_BOX), 0.0)
+    assert len(found.unplaced_rad) > 5
+    assert (found.unplaced_rad > 0.1).all()
+    flight.predict(0.1, yaw_rad=3.0 + 1.0 - 2 * math.pi)
+    assert flight.points().unplaced_rad == pytest.approx(found.unplaced_rad - 1.0)
+
+
+def test_an_unexplained_near_box_is_assumed_anywhere_on_its_bearing() -> None:
+    """At the assumed ranges, for the assumed time; no longer, since it was never seen there."""
+    flight = looked(draw_box(bare_ground(), *NEAR_BOX))
+    found = flight.points()
+    assert len(found.points_m) == 0
+    ranges = np.hypot(*found.assumed_m.T)
+    bearings = np.arctan2(found.assumed_m[:, 1], found.assumed_m[:, 0])
+    assert np.unique(np.round(ranges, 6)) == pytest.approx([0.4, 0.6, 0.8, 1.0])
+    assert bearings.min() == pytest.approx(found.unplaced_rad.min(), abs=0.1)
+    assert bearings.max() == pytest.approx(found.unplaced_rad.max(), abs=0.1)
+
+    flight.predict(9.9)
+    assert len(flight.points().assumed_m) > 0
+    flight.predict(10.1)
+    assert len(flight.points().assumed_m) == 0
+
+
+def test_ground_at_the_lower_edge_ends_what_is_assumed_before_it() -> None:
+    """The view begins further away than the first assumed range; a tall box would reach into it."""
+    flight = looked(draw_box(bare_ground(), 0.8, -0.2, 0.2))
+    assumed = flight.points().assumed_m
+    assert len(assumed) > 20
+    flight.predict(0.1, yaw_rad=math.pi)
+    assert len(flight.look(bare_ground(), 0.1).assumed_m) == len(assumed)  # it looks elsewhere
+    flight.predict(0.2)
+    assert len(flight.look(bare_ground(), 0.2).assumed_m) == 0
+
+
+def test_a_remembered_base_explains_the_near_box() -> None:
+    """The base seen from further away is the same box: its range is known."""
+    flight = Flight()
+    flight.predict(0.0, forward_mps=1.0)
+    flight.look(draw_box(bare_ground(), 1.8, -0.3, 0.3), 0.0)
+    flight.ahead(1, 11, 1.0)
+    ids = bare_ground()
+    ids[:, 90:134] = BOXES[0]
+    found = flight.look(ids, 1.0)
+    assert len(found.points_m) > 5
+    assert len(found.unplaced_rad) == 0
+    assert found.nearest_m == pytest.approx(1.8 + CAMERA_FORWARD_M - 1.0, abs=0.06)
+    assert found.points_age_s[np.hypot(*found.points_m.T).argmin()] == 0.0  # the box is in view
+
+
+def test_the_side_of_a_near_box_does_not_explain_it() -> None:
+    """In a turn its vertical edge meets ground further away than the box, on single bearings."""
+    flight = Flight()
+    for tick in range(200):
+        yaw_rad = math.radians(0.3 * tick - 30)
+        side_m = -0.5 * math.tan(yaw_rad)
+        flight.predict(0.05 * tick, yaw_rad=yaw_rad)
+        found = flight.look(draw_box(bare_ground(), 0.5, side_m, side_m + 0.5), 0.05 * tick)
+        assert len(found.points_m) == 0
+    assert len(found.unplaced_rad) > 20
+
+
 def test_an_edge_that_was_never_seen_is_marked_by_its_bearings() -> None:
     """Its bearings turn with the drone, and an obstacle is not made of it."""
-    flight = Flight()
-    flight.predict(state(0.0))
-    flight.look(end_ground(bare_ground(), 0.8), 0.0)
-
+    flight = looked(end_ground(bare_ground(), 0.8))
     found = flight.points()
-
     assert len(found.unplaced_edges_rad) > 40
     assert len(found.unplaced_rad) == len(found.edges_m) == len(found.assumed_m) == 0
-    flight.predict(state(0.1, yaw_rad=1.0))
+    flight.predict(0.1, yaw_rad=1.0)
     assert flight.points().unplaced_edges_rad == pytest.approx(found.unplaced_edges_rad - 1.0)
 
 
 def test_a_remembered_edge_explains_one_that_is_nearer_than_the_view() -> None:
     """Flown up to, it is where it was seen to be."""
     flight = Flight()
-    flight.predict(state(0.0, forward_mps=0.5))
+    flight.predict(0.0, forward_mps=0.5)
     flight.look(end_ground(bare_ground(), 2.0), 0.0)
-    for tick in range(1, 25):
-        flight.predict(state(0.1 * tick, forward_mps=0.5))
-    flight.look(end_ground(bare_ground(), 0.8), 2.4)
-
-    found = flight.points()
-
-    ahead = np.abs(found.unplaced_edges_rad) < math.radians(20)
-    assert not ahead.any()
+    flight.ahead(1, 25, 0.5)
+    found = flight.look(end_ground(bare_ground(), 0.8), 2.4)
+    assert not (np.abs(found.unplaced_edges_rad) < math.radians(20)).any()
     assert len(found.edges_m) > 10
 
 
 def test_all_can_be_forgotten() -> None:
-    flight = Flight()
-    flight.predict(state(0.0))
-    flight.look(draw_box(bare_ground(), 2.0, -0.2, 0.2), 0.0)
+    flight = looked(draw_box(bare_ground(), *FAR_BOX))
     assert len(flight.points().points_m)
     flight.recent.forget()
-    after = flight.points()
-    assert not len(after.points_m)
-    assert not len(after.edges_m)
+    assert not len(flight.points().points_m)
 
 
 def test_a_shorter_life_makes_nothing_older() -> None:
     """What may move is soon forgotten, and was seen lately all the same."""
-    flight = Flight()
-    flight.predict(state(0.0))
-    flight.look(draw_box(bare_ground(), 2.0, -0.2, 0.2), 0.0)
+    flight = looked(draw_box(bare_ground(), *FAR_BOX))
     flight.recent.forget_trails(2.5, np.array([[2.2, 0.0, 1.0]]))
-    flight.predict(state(1.0))
+    flight.predict(1.0)
     assert np.allclose(flight.points().points_age_s, 1.0)
-    flight.predict(state(2.6))
+    flight.predict(2.6)
     assert not len(flight.points().points_m)

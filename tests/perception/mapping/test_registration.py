@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from perception.mapping.registration import _equations
-
-GATE_M, LINE_REACH_M, LINE_RATIO = 0.35, 0.25, 8.0
+from perception.mapping.registration import _GATE_M, _LINE_RATIO, _LINE_REACH_M, _equations
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -23,12 +21,12 @@ def test_each_place_is_matched_across_the_line_of_its_neighbours(seed: int) -> N
 
     expected_m, slopes, weights = [], [], []
     for place_m, near_m, rows, std in zip(places_m, distances_m, indices, std_m, strict=True):
-        if near_m[0] > GATE_M:
+        if near_m[0] > _GATE_M:
             continue
-        around_m = known_m[rows[near_m <= near_m[0] + LINE_REACH_M]]
+        around_m = known_m[rows[near_m <= near_m[0] + _LINE_REACH_M]]
         spread_m = around_m - around_m.mean(axis=0)
         values, vectors = np.linalg.eigh(spread_m.T @ spread_m)
-        if values[1] > LINE_RATIO * max(values[0], 1e-9):
+        if values[1] > _LINE_RATIO * max(values[0], 1e-9):
             normal, foot_m = vectors[:, 0], around_m.mean(axis=0)
         else:
             normal, foot_m = (place_m - around_m[0]) / near_m[0], around_m[0]
@@ -38,7 +36,7 @@ def test_each_place_is_matched_across_the_line_of_its_neighbours(seed: int) -> N
         weights.append(1.0 / (1.0 + (expected_m[-1] / std) ** 2) / std**2)
 
     residuals_m, hessian, gradient = _equations(
-        places_m, origin_m, std_m, distances_m, indices, known_m, (GATE_M, LINE_REACH_M, LINE_RATIO)
+        places_m, origin_m, std_m, distances_m, indices, known_m
     )
     slope, weight = np.array(slopes), np.array(weights)
     assert 20 < len(residuals_m) == len(expected_m)
@@ -54,7 +52,7 @@ def test_a_point_beside_a_wall_is_moved_across_it_alone() -> None:
     places_m = np.array([[1.0, 0.1]])
     distances_m, indices = cKDTree(known_m).query(places_m, k=5)
     residuals_m, hessian, gradient = _equations(
-        places_m, np.zeros(2), np.array([0.1]), distances_m, indices, known_m, (0.35, 0.25, 8.0)
+        places_m, np.zeros(2), np.array([0.1]), distances_m, indices, known_m
     )
     assert np.abs(residuals_m) == pytest.approx([0.1])
     # Weight: 1 / (1 + 1) / 0.01 = 50. Slopes: 0 along x, 1 along y, 1 m per radian.

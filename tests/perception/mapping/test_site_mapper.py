@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from perception.mapping.contradiction import ContradictionConfig
-from perception.mapping.mark_place import MarkPlaceConfig
-from perception.mapping.site_mapper import SiteMapper, SiteMapperConfig
+from perception.mapping.ground_grid import PASSED_M
+from perception.mapping.mark_place import MOVED_VIEWS
+from perception.mapping.registration import Contradiction
+from perception.mapping.site_mapper import SiteMapper
 from perception.mapping.view import View
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
@@ -21,7 +23,7 @@ from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
 from tests.paper_lab import BOXES, CARPET, CLASSES, paper_map
 from tests.worlds import values
-from uav_bt.types import BodyVelocity, ClassMap, Frame, MarkFix, Pose2D
+from uav_bt.types import BodyVelocity, ClassMap, Frame, Pose2D
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 from uav_bt.types.site_map import MapMark, SiteMap
 
@@ -32,6 +34,7 @@ BOX = BoxSpec(pattern=3, position_m=(1.0, 0.4), yaw_deg=20, size_m=(0.4, 0.4, 1.
 LOW = BoxSpec(pattern=5, position_m=(-1.2, -1.0), yaw_deg=60, size_m=(0.5, 0.4, 0.8))
 SCENE = Scene(name="two", helipad=Helipad(position_m=(-1.9, 1.4)), boxes=(BOX, LOW))
 STEP_S = 0.2
+AT_START = OdometryPose(time_s=0.0, x_m=0.0, y_m=0.0, yaw_rad=0.0)
 
 Drift = Callable[[float], tuple[float, float, float]]  # seconds: metres x, y and radians of yaw
 
@@ -106,8 +109,14 @@ def to_world(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return points * (1.0, -1.0)
 
 
+@cache
+def mapped() -> SiteMap:
+    """Return the map after a flight without drift."""
+    return fly(SiteMapper(CLASSES))[-1]
+
+
 def test_bases_stand_on_the_boxes_outlines() -> None:
-    found = fly(SiteMapper(CLASSES))[-1]
+    found = mapped()
     assert len(found.obstacles_m) > 12
     for x_m, y_m in to_world(found.obstacles_m):
         nearest = min(box.footprint.distance_m(x_m, y_m) for box in SCENE.boxes)
@@ -115,7 +124,7 @@ def test_bases_stand_on_the_boxes_outlines() -> None:
 
 
 def test_edges_lie_on_the_grounds_edge() -> None:
-    found = fly(SiteMapper(CLASSES))[-1]
+    found = mapped()
     x, y = np.abs(found.edges_m).T
     off_m = np.minimum(np.abs(x - 2.5), np.abs(y - 2.0))
     assert len(off_m) > 50
@@ -123,7 +132,7 @@ def test_edges_lie_on_the_grounds_edge() -> None:
 
 
 def test_the_map_has_ground_where_it_was_seen_and_outside_elsewhere() -> None:
-    found = fly(SiteMapper(CLASSES))[-1]
+    found = mapped()
     places = np.abs(found.places_m())
     inside = (places[..., 0] < 2.3) & (places[..., 1] < 1.8)
     beyond = (places[..., 0] > 2.7) | (places[..., 1] > 2.2)
@@ -133,7 +142,7 @@ def test_the_map_has_ground_where_it_was_seen_and_outside_elsewhere() -> None:
 
 
 def test_both_boxes_are_objects_where_they_stand() -> None:
-    found = fly(SiteMapper(CLASSES))[-1].objects
+    found = mapped().objects
     assert [thing.class_id for thing in found] == [SCENE.class_of(box) for box in SCENE.boxes]
     for thing, box in zip(found, SCENE.boxes, strict=True):
         assert math.dist((thing.x_m, -thing.y_m), box.position_m) < 0.12
@@ -163,7 +172,7 @@ def test_drift_is_corrected_by_what_is_seen_again() -> None:
 
 
 def test_without_drift_nothing_is_corrected() -> None:
-    correction = fly(SiteMapper(CLASSES))[-1].correction
+    correction = mapped().correction
     assert math.hypot(correction.x_m, correction.y_m) < 0.03
 
 
@@ -177,26 +186,21 @@ def test_a_map_that_views_contradict_is_begun_anew() -> None:
 
 
 def test_what_was_passed_is_near_the_path() -> None:
-    found = fly(SiteMapper(CLASSES))[-1]
+    found = mapped()
     path = np.array([(pose.x_m, pose.y_m) for pose, _ in flown()])
     places = found.places_m()[found.passed]
     apart = np.hypot(*np.moveaxis(places[:, None] - path, -1, 0)).min(axis=1)
-    assert apart.max() <= SiteMapperConfig().grid.passed_m + 0.1
+    assert apart.max() <= PASSED_M + 0.1
 
 
 def test_the_mark_corrects_and_is_remembered() -> None:
     mapper = SiteMapper(CLASSES)
-    still = OdometryPose(time_s=0.0, x_m=0.0, y_m=0.0, yaw_rad=0.0)
-    mapper.follow(motion(still))
-    mapper.see_mark(
-        MarkFix(captured_s=0.0, forward_m=1.0, right_m=0.5, height_m=0.4, detected=True)
-    )
+    mapper.follow(motion(AT_START))
+    mapper.see_mark(values.fix(0.0, 1.0, 0.5))
     for tenths in range(1, 600):
-        drifted = OdometryPose(time_s=tenths / 10, x_m=0.1, y_m=0.0, yaw_rad=0.0)
+        drifted = replace(AT_START, time_s=tenths / 10, x_m=0.1)
         mapper.follow(motion(drifted))
-        mapper.see_mark(
-            MarkFix(captured_s=tenths / 10, forward_m=1.0, right_m=0.5, height_m=0.4, detected=True)
-        )
+        mapper.see_mark(values.fix(tenths / 10, 1.0, 0.5))
     found = mapper.map(motion(drifted))
     assert found.mark is not None
     assert math.dist((found.mark.x_m, found.mark.y_m), (1.0, 0.5)) < 0.03
@@ -210,7 +214,7 @@ def sighted(
     marks = []
     for index in range(views):
         time_s = from_s + index / 10
-        here = motion(OdometryPose(time_s=time_s, x_m=0.0, y_m=0.0, yaw_rad=0.0))
+        here = motion(replace(AT_START, time_s=time_s))
         mapper.follow(here)
         mapper.see_mark(values.fix(time_s, 1.0, right_m, confidence=confidence))
         mark = mapper.map(here).mark
@@ -223,10 +227,7 @@ def sighted(
 def test_the_map_keeps_the_direction_of_the_marks_upper_edge(
     heading_deg: float | None, yaw_deg: float | None
 ) -> None:
-    mapper, here = (
-        SiteMapper(CLASSES),
-        motion(OdometryPose(time_s=0.0, x_m=0.0, y_m=0.0, yaw_rad=0.0)),
-    )
+    mapper, here = SiteMapper(CLASSES), motion(AT_START)
     mapper.follow(here)
     for captured_s in (0.0, 0.1):
         mapper.see_mark(
@@ -247,7 +248,7 @@ def show_ground(
     height_m: float = HEIGHT_M,
 ) -> SiteMap:
     """Let the mapper see ground, from x, with an obstacle in columns; return the map then."""
-    pose = OdometryPose(time_s=time_s, x_m=x_m, y_m=0.0, yaw_rad=0.0)
+    pose = replace(AT_START, time_s=time_s, x_m=x_m)
     mapper.follow(motion(pose))
     frame = values.frame((4, 8), PITCH_RAD, height_m, captured_s=time_s)
     ids = np.full((112, 224), CARPET, dtype=np.uint8)
@@ -258,9 +259,9 @@ def show_ground(
 
 def test_a_mark_is_moved_by_as_much_as_the_map_may_have_drifted() -> None:
     """Only by sightings again and again."""
-    mapper, views = SiteMapper(CLASSES), MarkPlaceConfig().moved_views
+    mapper = SiteMapper(CLASSES)
     sighted(mapper, 0.5, from_s=0.0, views=20)
-    *before, last = sighted(mapper, 0.0, from_s=2.0, views=views)
+    *before, last = sighted(mapper, 0.0, from_s=2.0, views=MOVED_VIEWS)
     assert all(mark.y_m == pytest.approx(0.5, abs=0.02) for mark in before)
     assert last.y_m == pytest.approx(0.0, abs=0.02)
     assert last.moved_m == pytest.approx(0.5, abs=0.02)
@@ -273,7 +274,7 @@ def test_a_doubtful_sighting_gives_way_to_a_good_one() -> None:
     mark = sighted(mapper, 0.0, from_s=2.0, views=1)[0]
     assert mark.y_m == pytest.approx(0.0, abs=0.03)
     assert mark.moved_m == 0.0
-    here = motion(OdometryPose(time_s=2.0, x_m=0.0, y_m=0.0, yaw_rad=0.0))
+    here = motion(replace(AT_START, time_s=2.0))
     assert mapper.map(here).pose.y_m == pytest.approx(0.0, abs=0.03)
 
 
@@ -288,10 +289,10 @@ def test_sightings_far_from_a_mark_that_still_stands_are_errors() -> None:
 
 def test_a_mark_that_was_carried_away_is_found_elsewhere() -> None:
     """Ground was seen where it was."""
-    mapper, views = SiteMapper(CLASSES), MarkPlaceConfig().moved_views
+    mapper = SiteMapper(CLASSES)
     sighted(mapper, 0.5, from_s=0.0, views=20)
     show_ground(mapper, 3.0)
-    last = sighted(mapper, -1.0, from_s=4.0, views=views)[-1]
+    last = sighted(mapper, -1.0, from_s=4.0, views=MOVED_VIEWS)[-1]
     assert last.y_m == pytest.approx(-1.0, abs=0.02)
     assert last.moved_m == pytest.approx(1.5, abs=0.02)
 
@@ -369,15 +370,23 @@ def test_a_box_that_is_looked_at_from_far_stays_on_the_map() -> None:
     assert len(later.objects) == 1
 
 
-def test_time_without_views_does_not_count_against_the_map() -> None:
-    """After a long gap one view that is wrong is not enough to give the map up."""
-    mapper = SiteMapper(
-        CLASSES, SiteMapperConfig(contradiction=ContradictionConfig(judged_points=5.0))
-    )
-    fly(mapper)
-    found = show_ground(mapper, len(flown()) * STEP_S + 10.0)
-    assert found.restarts == 0
-    assert found.contradicted_s < 1.0
+@pytest.mark.parametrize(
+    ("step_s", "free", "lasts_s"),
+    [
+        pytest.param(0.2, 50, 1.8, id="views show ground at half of the points"),
+        pytest.param(0.2, 30, 0.0, id="at too few of them"),
+        pytest.param(0.6, 50, 0.0, id="time without views does not count"),
+    ],
+)
+def test_views_contradict_the_map_by_their_share_of_ground(
+    step_s: float, free: int, lasts_s: float
+) -> None:
+    agreement = Contradiction(step_s)
+    for view in range(1, 11):
+        agreement.add(step_s * view, 100, free)
+    assert agreement.lasts_s(10 * step_s) == pytest.approx(lasts_s, abs=1e-9)
+    assert not agreement.is_certain(10 * step_s)
+    assert agreement.is_certain(10 * step_s + 0.3) == (lasts_s > 0.0)
 
 
 @pytest.mark.parametrize("heading_deg", [None, 30.0])

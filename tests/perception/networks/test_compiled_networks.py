@@ -132,7 +132,7 @@ def test_what_a_compilation_depends_on_has_its_own_file(
     with monkeypatch.context() as machine:
         machine.setattr(compiled_networks, "instruction_sets", lambda: ("flags : sse2",))
         answer(path)
-    openvino = vars(compiled_networks)["import_openvino"]()
+    openvino: Any = vars(compiled_networks)["import_openvino"]()
     monkeypatch.setattr(openvino, "get_version", lambda: "2031.0.0")
     answer(path)
     assert len(list(folder.iterdir())) == len(compilations) == 5

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from behaviours.fly.say import Say
+from behaviours.fly.look import Say
 from tests.worlds.tables import cases
 from tests.worlds.trees import check, document, subtree
 from uav_bt.board import HEIGHT, MARK, ODOMETRY, PHASE

@@ -17,7 +17,7 @@ import numpy as np
 
 from perception.camera.camera_file import Undistorter
 from perception.camera.ground_plane import view_of
-from perception.depth.confidence import Confidences
+from perception.depth.confidence import Confidence
 from perception.depth.corridor import CorridorBuilder, CorridorConfig
 from perception.depth.metric import MetricDepth, MetricDepthMaker
 from perception.depth.scale import Scale
@@ -59,7 +59,7 @@ class Perceived(Seen):
 
     relative: DepthMap | None  # None without a network, and of a frozen image
     scale: Scale | None  # of the network's depth; None where none went in
-    confidences: Confidences
+    confidences: Mapping[str, Confidence]  # of `ground`, `scale` and `depth`
     sighting: MarkSighting | None  # the landing mark in this frame
     stage_s: Mapping[str, float]  # wall time by stage; a stage that did not run is not in it
 

@@ -216,11 +216,7 @@ def _as_json(image: TimedImage, seen: Perceived) -> dict[str, Any]:
             "scale": None if seen.scale is None else _scale_json(seen.scale),
             "known_share": round(float(np.isfinite(depth.depth).mean()), 4),
         },
-        "confidence": {
-            "ground": _confidence_json(seen.confidences.ground),
-            "scale": _confidence_json(seen.confidences.scale),
-            "depth": _confidence_json(seen.confidences.depth),
-        },
+        "confidence": {name: _confidence_json(each) for name, each in seen.confidences.items()},
         "refusal": seen.refusal or None,
         "corridor": None if seen.corridor is None else _corridor_json(seen.corridor),
         "mark": None if seen.mark is None else _mark_json(seen.mark),
@@ -233,7 +229,8 @@ def _confidence_json(confidence: Confidence) -> dict[str, Any]:
     row: dict[str, Any] = {"value": value, "reason": confidence.reason or None}
     if confidence.measures:
         row["measures"] = {
-            name: _confidence_json(each) for name, each in confidence.measures.items()
+            name: {"value": round(measure, 4), "reason": reason}
+            for name, (measure, reason) in confidence.measures.items()
         }
     return row
 

@@ -131,7 +131,7 @@ def setting_of(
         corridor=None
         if corridor is None
         else CorridorSize(
-            side_m=corridor.left_m, front_m=corridor.front_m, up_down_m=corridor.up_m
+            side_m=corridor.side_m, front_m=corridor.front_m, up_down_m=corridor.up_down_m
         ),
         intruding=None if tree is None else corridor_marker(tree, camera),
     )

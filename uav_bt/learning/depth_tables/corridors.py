@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from perception.camera.ground_plane import view_of
-from perception.depth.corridor import CorridorConfig, CorridorPlanes, build_corridor
+from perception.depth.corridor import CorridorBuilder, CorridorConfig
 from uav_bt.learning.depth_tables.images import MAP_SIZE_PX, Masks, SampleImage
 from uav_bt.learning.depth_tables.methods import methods_for, metric_maps
 from uav_bt.progress import Advance, silent
@@ -87,33 +87,25 @@ class _Truth:
 def _truths(image: SampleImage, config: CorridorConfig) -> _Truth:
     plain = replace(config, focal_factor=1.0)
     depth = DepthMap(depth=image.depth_m, metric=True, captured_s=image.frame.captured_s)
-    offset_m = image.camera.forward_offset_m
 
     def build(by_m: float) -> Corridor:
         walls = replace(
             plain,
-            left_m=plain.left_m + by_m,
-            right_m=plain.right_m + by_m,
-            up_m=plain.up_m + by_m,
-            down_m=plain.down_m + by_m,
+            side_m=plain.side_m + by_m,
+            up_down_m=plain.up_down_m + by_m,
             # The front plane must stay ahead of the lens.
-            front_m=max(plain.front_m + by_m, offset_m + 0.03),
+            front_m=max(plain.front_m + by_m, image.camera.forward_offset_m + 0.03),
         )
-        planes = CorridorPlanes.of(image.truth, walls)
         things = image.exact.is_above_ground
-        return build_corridor(depth, planes, offset_m=offset_m, things=things, config=walls)
+        return CorridorBuilder(walls).build(depth, image.truth, things=things)
 
     return _Truth(exact=build(0.0), narrow=build(-_CLEARLY_M), wide=build(_CLEARLY_M))
 
 
 def _seen(image: SampleImage, depth: DepthMap, masks: Masks, config: CorridorConfig) -> Corridor:
-    return build_corridor(
-        depth,
-        CorridorPlanes.of(view_of(image.frame, image.camera, MAP_SIZE_PX), config),
-        offset_m=image.camera.forward_offset_m,
-        things=image.masks[masks].is_above_ground,
-        config=config,
-    )
+    view = view_of(image.frame, image.camera, MAP_SIZE_PX)
+    things = image.masks[masks].is_above_ground
+    return CorridorBuilder(config).build(depth, view, things=things)
 
 
 def _row(

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from behaviours.perceive.depth import NETWORK_AHEAD_M
 from perception.camera.ground_plane import CameraView, ground_depth, view_of
-from perception.depth.metric import LEAST_CONFIDENCE, MetricDepthConfig, MetricDepthMaker
+from perception.depth.metric import LEAST_CONFIDENCE, MAX_DEPTH_M, MetricDepthMaker
 from perception.depth.scale import GroundSample, Scale
-from uav_bt.errors import ShapeError
 from uav_bt.learning.depth_tables.images import MAP_SIZE_PX, Masks, SampleImage
 from uav_bt.types import ClassMap, DepthMap, Frame
 
@@ -67,21 +66,9 @@ def lowest_pixel_depth(class_map: ClassMap, view: CameraView) -> NDArray[np.floa
 
     A box and its roof are one object. The depth of the background is unknown.
 
-    Args:
-        class_map: the class map.
-        view: the camera, at the size of the map.
-
     Returns:
-        (H, W) float32 metres along the optical axis; NaN where unknown.
-
-    Raises:
-        ShapeError: the sizes of map and view differ.
-        ValueRangeError: the lens is not above the ground.
+        (H, W) metres along the optical axis; NaN where unknown.
     """
-    size = (view.camera.height_px, view.camera.width_px)
-    if class_map.ids.shape != size:
-        expected = f"{size[0]}x{size[1]}, as its camera"
-        raise ShapeError("class map", expected=expected, actual=class_map.ids.shape)
     ground = ground_depth(view)
     depth = np.where(class_map.is_ground, ground, np.float32(np.nan))
     for thing in _things(class_map):
@@ -118,7 +105,7 @@ class Method:
     # Constant scale of all images, which are processed twice; None: the adaptive scale.
     collects: Literal["constant", "least_squares"] | None = None
     # The network is used for images with an unmeasured obstacle that may be nearer than this, m.
-    ahead_m: float = MetricDepthConfig.network_ahead_m
+    ahead_m: float = MAX_DEPTH_M
     flat: bool = False  # True: a constant depth of one instead of the network
     least_confidence: float = 0.0  # of a scale that is used; the paper's methods use all
 
@@ -196,9 +183,8 @@ def metric_maps(
         source=method.source,
         scale=None if method.collects is None else CollectedScale(method.collects),
         generator=np.random.default_rng(seed),
-        config=MetricDepthConfig(
-            network_ahead_m=method.ahead_m, least_confidence=method.least_confidence
-        ),
+        network_ahead_m=method.ahead_m,
+        least_confidence=method.least_confidence,
     )
 
     def all_maps() -> list[DepthMap]:

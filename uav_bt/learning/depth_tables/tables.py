@@ -13,22 +13,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.evaluation.point_pairs import (
-    PairConfig,
-    PointPairs,
-    pair_distances,
-    pick_pairs,
-)
-from perception.depth.evaluation.scores import (
+from uav_bt.learning.depth_tables.images import Masks, SampleImage
+from uav_bt.learning.depth_tables.methods import Error, Method, methods_for, metric_maps
+from uav_bt.learning.depth_tables.pairs import (
     ErrorSummary,
     MeasuredPoints,
-    PointConfig,
+    PointPairs,
     draw_points,
+    pair_distances,
+    pick_pairs,
     ranges_at,
     summarise_errors,
 )
-from uav_bt.learning.depth_tables.images import Masks, SampleImage
-from uav_bt.learning.depth_tables.methods import Error, Method, methods_for, metric_maps
 from uav_bt.progress import Advance, silent
 from uav_bt.types import DepthMap
 from uav_bt.types.arrays import Floats
@@ -45,21 +41,14 @@ class DepthQuestions:
     points: Sequence[MeasuredPoints]
 
     @classmethod
-    def of(
-        cls,
-        images: Sequence[SampleImage],
-        *,
-        seed: int = 0,
-        pairs: PairConfig | None = None,
-        points: PointConfig | None = None,
-    ) -> DepthQuestions:
+    def of(cls, images: Sequence[SampleImage], *, seed: int = 0) -> DepthQuestions:
         """Select pairs and points in each image."""
         chosen, drawn = [], []
         for number, image in enumerate(images):
             generator = np.random.default_rng((seed, number))
             exact, camera = image.exact, image.camera
-            chosen.append(pick_pairs(exact, image.depth_m, camera, generator, pairs))
-            drawn.append(draw_points(exact, image.depth_m, camera, generator, points))
+            chosen.append(pick_pairs(exact, image.depth_m, camera, generator))
+            drawn.append(draw_points(exact, image.depth_m, camera, generator))
         return cls(images=images, pairs=chosen, points=drawn)
 
     def edge_lengths(self) -> Floats:
@@ -84,7 +73,7 @@ class DepthQuestions:
         self, depths: Sequence[NDArray[np.float32]], *, across: bool, patch_px: int = 1
     ) -> Floats:
         lengths = [
-            pair_distances(depth, pairs, image.camera, patch_px=patch_px)[pairs.across == across]
+            pair_distances(depth, pairs, image.camera, patch_px)[pairs.across == across]
             for depth, pairs, image in zip(depths, self.pairs, self.images, strict=True)
         ]
         return np.concatenate(lengths)
@@ -95,7 +84,9 @@ class DepthQuestions:
         """Summarise the errors of distances from the camera: obstacles, ground, or both (None)."""
         estimated, truth = [], []
         for map_, points, image in zip(maps, self.points, self.images, strict=True):
-            counts = np.full(len(points), True) if obstacle is None else points.obstacle == obstacle
+            counts = np.full(points.range_m.shape, True)
+            if obstacle is not None:
+                counts = points.obstacle == obstacle
             estimated.append(ranges_at(map_.depth, points, image.camera)[counts])
             truth.append(points.range_m[counts])
         return summarise_errors(np.concatenate(estimated), np.concatenate(truth))

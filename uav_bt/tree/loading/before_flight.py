@@ -280,7 +280,7 @@ def _needed_keys(uses: Uses) -> Iterator[Fault]:
     """Yield leaves that cannot succeed, because no leaf writes a board key that they need."""
     written = {key for leaf in uses.tree.leaves() for key in leaf.writes}
     for leaf in uses.tree.leaves():
-        for key in leaf.needed:
+        for key in leaf.needs():
             if key not in written:
                 message = (
                     f"it needs board key '{key.name}', which no leaf of the tree writes: add "

@@ -148,7 +148,7 @@ def test_a_networks_depth_is_scaled_by_the_ground() -> None:
     assert seen.depth is not None
     assert np.isfinite(seen.depth.depth).all()
     assert seen.relative is not None
-    for one in (seen.confidences.ground, seen.confidences.scale, seen.confidences.depth):
+    for one in (seen.confidences["ground"], seen.confidences["scale"], seen.confidences["depth"]):
         assert one.value is not None
         assert 0.7 < one.value <= 1.0
 
@@ -168,9 +168,9 @@ def test_what_has_no_depth_says_why_and_has_no_corridor(
     seen = pipeline(ids).perceive(frame(**changes))
     assert seen.refusal == words
     assert seen.depth is None
-    assert (seen.confidences.depth.value, seen.confidences.depth.reason) == (None, words)
-    assert seen.confidences.ground.value is seen.confidences.scale.value is None
-    assert seen.confidences.scale.reason
+    assert (seen.confidences["depth"].value, seen.confidences["depth"].reason) == (None, words)
+    assert seen.confidences["ground"].value is seen.confidences["scale"].value is None
+    assert seen.confidences["scale"].reason
     assert seen.corridor is None
     assert seen.intruding is None
 

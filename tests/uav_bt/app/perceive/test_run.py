@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from perception.camera.ground_plane import ground_depth, view_of
-from perception.depth.evidence import COEFFICIENTS
+from perception.depth.confidence import COEFFICIENTS
 from perception.segmentation.runtime import shipped_unet
 from tests.uav_bt.app.perceive.perceive_world import (
     SIZE,

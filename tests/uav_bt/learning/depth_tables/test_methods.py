@@ -11,7 +11,6 @@ import pytest
 from perception.camera.ground_plane import CameraView, ground_depth
 from perception.depth.scale import GroundSample
 from tests.paper_lab import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS, paper_map
-from uav_bt.errors import ShapeError
 from uav_bt.learning.depth_tables.methods import CollectedScale, lowest_pixel_depth
 from uav_bt.types import CameraModel
 
@@ -69,19 +68,12 @@ def test_a_roof_without_its_side_is_unknown() -> None:
     assert np.isnan(lowest_pixel_depth(paper_map(ids), VIEW)[90:, 40:80]).all()
 
 
-def test_a_map_of_another_size_is_refused() -> None:
-    with pytest.raises(ShapeError, match="class map must be 112x224, as its camera, got 56x112"):
-        lowest_pixel_depth(paper_map(np.zeros((56, 112), dtype=np.uint8)), VIEW)
-
-
 # --- constant scales ------------------------------------------------------------------------------
 
 
 def sample(known_m: float, predicted: float) -> GroundSample:
     return GroundSample(
-        pixels=np.zeros((3, 2), dtype=np.intp),
-        known_m=np.full(3, known_m, np.float32),
-        predicted=np.full(3, predicted, np.float32),
+        known_m=np.full(3, known_m, np.float32), predicted=np.full(3, predicted, np.float32)
     )
 
 

@@ -216,7 +216,11 @@ def test_pairs_are_questions_with_every_patch_and_across_faces_without(
 def test_points_are_split_into_obstacles_and_ground(questions: DepthQuestions) -> None:
     rows = {(row.method, row.what): row.error for row in distance_table(questions, "exact")}
     both, obstacles, ground = (rows["contact", what] for what in ("both", "obstacles", "ground"))
-    assert both.total == obstacles.total + ground.total == sum(map(len, questions.points))
+    assert (
+        both.total
+        == obstacles.total + ground.total
+        == sum(len(points.range_m) for points in questions.points)
+    )
     assert ground.max_m < 0.05
     assert rows["lowest_pixel", "obstacles"].mean_m > rows["contact", "obstacles"].mean_m
 

@@ -26,7 +26,7 @@ from tests.worlds.leaves import (
 )
 from tests.worlds.values import fix, motion
 from uav_bt.answers import Done, FollowLeg
-from uav_bt.board import FLIGHT_HEIGHT, MARK, ODOMETRY, PHASE, SITE_MAP
+from uav_bt.board import FLIGHT_HEIGHT, FLIGHT_PITCH, MARK, ODOMETRY, PHASE, SITE_MAP
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import Says, drawn_map, show
 from uav_bt.tree import Status
@@ -52,7 +52,6 @@ def fly(
     std_m: float = 0.0,
     site_map: SiteMap | None = None,
     obstacles: Sequence[tuple[float, float]] = (),
-    unplaced_rad: Sequence[float] = (),
     yaw_rad: float = 0.0,
 ) -> Status:
     """Tick with the pad ahead and right, seen some time ago; None: never seen."""
@@ -65,10 +64,9 @@ def fly(
         )
     near = NearObstacles(
         points_m=np.array(obstacles, dtype=np.float64).reshape(-1, 2),
-        unplaced_rad=np.array(unplaced_rad, dtype=np.float64),
         captured_s=now_s,
     )
-    if site_map is None and (obstacles or unplaced_rad):
+    if site_map is None and obstacles:
         site_map = map_with(near)
     del bench.board[SITE_MAP]
     if site_map is not None:
@@ -78,6 +76,7 @@ def fly(
 
 def searching(policy: Says, **attributes: object) -> LeafBench:
     bench = steering_bench(RETURN_TO_BASE, policy, gimbal_deg=-30.0, **attributes)
+    bench.board[FLIGHT_PITCH] = math.radians(-30)
     assert fly(bench) is Status.RUNNING
     assert bench.proposed is None
     return bench
@@ -189,17 +188,49 @@ def marked(x_m: float, y_m: float, *, seen_s: float = 1.0, yaw_rad: float = 0.0)
 
 
 def test_it_flies_to_the_mark_of_the_map() -> None:
-    """At a speed, without asking the policy."""
+    """At a speed, without asking the policy, though the mark was not seen for long."""
     policy = Says(TURN_LEFT)
     bench = searching(policy)
-    fly(bench, site_map=marked(1.6, 0.2))
-
-    assert velocity(bench).forward_mps > 0.25
-    assert abs(velocity(bench).yaw_rate_radps) < 0.4
-    assert bench.board[PHASE] == "search"
-    fly(bench, site_map=marked(1.6, 0.2))
-    assert velocity(bench).forward_mps > 0.25
+    for _ in range(2):
+        fly(bench, site_map=marked(1.6, 0.2))
+        assert velocity(bench).forward_mps > 0.25
+        assert abs(velocity(bench).yaw_rate_radps) < 0.4
+    assert bench.board[PHASE] == "approach"
     assert len(policy.views) <= 1
+
+
+def test_a_mark_of_the_map_that_is_not_there_counts_again_once_it_is_seen() -> None:
+    """Begun again above its place, the drone covers ground by the map."""
+    bench, there = searching(Says(TURN_LEFT)), marked(0.1, 0.0)
+    assert fly(bench, site_map=there) is Status.SUCCESS
+    elsewhere = replace(marked(0.4, 0.0), passed=where("right"))
+    for _ in range(3):
+        fly(bench, site_map=elsewhere, seconds=0.3)
+    assert bench.board[PHASE] == "search"
+    assert velocity(bench).yaw_rate_radps < -0.3  # to the left, where it has not been
+    seen = replace(elsewhere.mark, seen_s=bench.clock.now())
+    fly(bench, site_map=replace(elsewhere, mark=seen))
+    assert bench.board[PHASE] == "approach"
+
+
+def test_where_no_way_is_known_it_looks_around_and_then_makes_a_detour() -> None:
+    wall = np.column_stack([np.full(41, 0.8), np.linspace(-2.0, 2.0, 41)])
+    bench = searching(Says(TURN_LEFT))
+    shut = replace(marked(1.8, 0.0), obstacles_m=wall)
+    for _ in range(26):
+        fly(bench, (1.8, 0.0), site_map=shut, seconds=0.3)
+        assert velocity(bench).yaw_rate_radps > 0.3
+    for _ in range(4):
+        fly(bench, (1.8, 0.0), site_map=shut, seconds=0.3)
+    assert velocity(bench) == Velocity(yaw_rate_radps=-0.6)
+
+
+def test_a_sighting_far_from_the_maps_mark_is_taken_for_an_error() -> None:
+    """The mark, seen well before, is flown to."""
+    bench = searching(Says(ADVANCE))
+    fly(bench, pad=(1.5, -1.5), site_map=marked(1.5, 1.0))
+    assert bench.board[PHASE] == "approach"
+    assert velocity(bench).yaw_rate_radps > 0.3
 
 
 @pytest.mark.parametrize("by_map", [True, False])
@@ -212,16 +243,6 @@ def test_a_pad_further_away_is_flown_to_by_the_map(*, by_map: bool) -> None:
 
     assert bench.board[PHASE] == "approach"
     assert (velocity(bench).yaw_rate_radps > 0.2) == by_map
-
-
-def test_a_pad_that_the_map_knows_no_way_to_is_approached_by_a_detour() -> None:
-    wall = np.column_stack([np.full(41, 0.8), np.linspace(-2.0, 2.0, 41)])
-    bench = searching(Says(TURN_RIGHT))
-    for _ in range(3):
-        fly(bench, (1.8, 0.0), site_map=replace(marked(1.8, 0.0), obstacles_m=wall), seconds=0.3)
-
-    assert bench.board[PHASE] == "approach"
-    assert velocity(bench) == Velocity(yaw_rate_radps=0.6)
 
 
 def test_by_a_map_that_views_contradict_no_route_is_flown() -> None:
@@ -268,51 +289,6 @@ def test_near_the_mark_the_camera_goes_down() -> None:
     fly(bench, site_map=marked(0.8, 0.0))
 
     assert bench.pointed == GimbalTo(pitch_rad=math.radians(-50))
-
-
-def turned_round(bench: LeafBench, site_map: SiteMap) -> int:
-    """Let it look down once round; return the ticks that took."""
-    ticks, yaw_rad = 0, 0.0
-    while bench.pointed == GimbalTo(pitch_rad=math.radians(-65)):
-        yaw_rad += 0.3
-        ticks += 1
-        fly(bench, site_map=site_map, seconds=0.3, yaw_rad=yaw_rad)
-    return ticks
-
-
-def test_a_mark_that_is_not_there_is_looked_for_below_and_then_elsewhere() -> None:
-    """It faces the place, looks down once round, and then goes to ground that was not seen."""
-    bench, there = searching(Says(TURN_LEFT)), marked(0.8, 0.0)
-    there = replace(there, seen_s=np.where(where("left"), -math.inf, there.seen_s))
-    for _ in range(12):
-        fly(bench, site_map=there)
-    assert bench.pointed == GimbalTo(pitch_rad=math.radians(-65))
-    assert turned_round(bench, there) == pytest.approx(2 * math.pi / 0.3, abs=2)
-    fly(bench, site_map=there)
-
-    assert bench.pointed == SEARCH_GIMBAL
-    assert velocity(bench).yaw_rate_radps < -0.3  # to the left, where nothing was seen
-    fly(bench, site_map=replace(there, mark=replace(there.mark, seen_s=bench.clock.now())))
-    assert bench.pointed != SEARCH_GIMBAL  # it was seen again
-
-
-def test_without_a_way_on_the_map_the_policy_searches() -> None:
-    """Obstacles on the map shut the drone in."""
-    bench = searching(Says(ADVANCE))
-    ring = [(0.5 * math.cos(a), 0.5 * math.sin(a)) for a in np.linspace(0.0, 6.2, 60)]
-    shut_in = replace(marked(1.8, 0.0), obstacles_m=np.array(ring))
-    fly(bench, site_map=replace(shut_in, contradicted_s=9.0), seconds=0.3)
-
-    assert isinstance(bench.proposed, MoveBy)
-
-
-def test_a_policy_that_judges_the_approach_searches_as_well() -> None:
-    """A student is not led by the map."""
-    bench = steering_bench(RETURN_TO_BASE, Says(ADVANCE), gimbal_deg=-30.0, approach="policy")
-    fly(bench, site_map=marked(1.6, 0.0))
-    fly(bench, site_map=marked(1.6, 0.0), seconds=0.3)
-
-    assert isinstance(bench.proposed, MoveBy)
 
 
 @pytest.mark.parametrize("approach", ["policy", "memory"])
@@ -403,8 +379,8 @@ def test_what_stands_beside_or_behind_the_way_is_passed() -> None:
     assert velocity(bench).forward_mps > 0.0
 
 
-def boxed(*places_m: tuple[float, float]) -> SiteMap:
-    """Return ground of 6 x 6 m with points of obstacles; the drone is in the middle of one side."""
+def boxed(*places_m: tuple[float, float], pad: tuple[float, float] = (2.5, 0.0)) -> SiteMap:
+    """Return ground of 6 x 6 m with obstacles and the mark, relative to the drone, at one side."""
     side = np.indices((91, 91)) * 0.1 - 4.5
     ground = np.abs(side).max(axis=0) <= 3.0
     return replace(
@@ -415,6 +391,7 @@ def boxed(*places_m: tuple[float, float]) -> SiteMap:
         outside=~ground,
         passed=np.zeros_like(ground),
         obstacles_m=np.array([(x_m - 1.5, y_m) for x_m, y_m in places_m]),
+        mark=MapMark(x_m=pad[0] - 1.5, y_m=pad[1], std_m=0.03, seen_s=0.1),
     )
 
 
@@ -453,7 +430,7 @@ def test_beside_the_pad_the_way_may_be_narrow(apart_m: float) -> None:
     sides = [(0.0, -apart_m), (0.0, apart_m), (apart_m, 0.0)]
     points = [pad + side + (0.02 * n, 0.02 * n) for side in sides for n in range(-2, 3)]
     points = [point - (1.5, 0.0) for point in points]
-    around = boxed(*((x_m + 1.5, y_m) for x_m, y_m in points))
+    around = boxed(*((x_m + 1.5, y_m) for x_m, y_m in points), pad=(1.5, 0.0))
     hidden = np.hypot(*np.moveaxis(around.places_m() - (0.0, 0.0), -1, 0)) < 0.4
     around = replace(
         around,
@@ -478,24 +455,6 @@ def test_where_there_is_no_way_it_stops_for_a_detour() -> None:
     assert bench.pointed == SEARCH_GIMBAL
 
 
-def test_a_detour_ends_as_soon_as_a_way_is_known() -> None:
-    """Not before it has looked elsewhere, though."""
-    bench = approaching((2.5, 0.0), Says(TURN_RIGHT))
-    fly(bench, (2.5, 0.0), obstacles=WALL)
-    fly(bench, (2.5, 0.0), seconds=0.5)
-    assert velocity(bench).yaw_rate_radps > 0.0
-    assert velocity(bench).forward_mps == 0.0
-
-    fly(bench, (2.5, 0.0), seconds=0.6)
-    fly(bench, (2.5, 0.0))
-
-    assert velocity(bench).forward_mps > 0.0
-
-
-# Two degrees of an obstacle of unknown range.
-UNPLACED_RAD = (0.1, 0.12)
-
-
 def test_the_camera_follows_the_pad_down() -> None:
     """It shows the ground before the pad, but is not so steep that bases would be mistaken."""
     bench = approaching((1.2, 0.0))
@@ -504,32 +463,6 @@ def test_the_camera_follows_the_pad_down() -> None:
 
     near = approaching((0.5, 0.0))
     assert near.pointed == GimbalTo(pitch_rad=math.radians(-50))
-
-
-def test_it_looks_down_at_what_has_no_range_yet() -> None:
-    """And waits if that is ahead; a second after it has gone, the camera follows the pad."""
-    bench = approaching((1.4, 0.0))
-    fly(bench, (1.4, 0.0), unplaced_rad=UNPLACED_RAD)
-
-    assert bench.pointed == GimbalTo(pitch_rad=math.radians(-50))
-    assert velocity(bench).forward_mps == 0.0
-
-    fly(bench, (1.4, 0.0), seconds=0.5)
-    assert bench.pointed == GimbalTo(pitch_rad=math.radians(-50))
-    assert velocity(bench).forward_mps > 0.0
-    fly(bench, (1.4, 0.0), seconds=0.6)
-    assert bench.pointed is not None
-    assert bench.pointed.pitch_rad == pytest.approx(-math.atan2(1.1, 1.4))
-
-
-def test_what_has_no_range_even_from_above_is_gone_round() -> None:
-    """It stands where no camera looks: a detour."""
-    bench = approaching((1.4, 0.0))
-    for _ in range(21):
-        fly(bench, (1.4, 0.0), unplaced_rad=UNPLACED_RAD)
-
-    assert bench.proposed is None
-    assert bench.pointed == SEARCH_GIMBAL
 
 
 def test_a_detour_takes_two_steps_and_faces_the_pad_again() -> None:
@@ -547,11 +480,11 @@ def test_a_detour_takes_two_steps_and_faces_the_pad_again() -> None:
         assert bench.proposed == MoveBy(id=step, forward_m=0.3)
         bench.clock.advance(0.4)
         bench.finish_movement()
+        if step == 2:
+            del bench.board[SITE_MAP]  # the wall
         bench.tick()  # the class map still shows the view before the step
-        assert bench.proposed is None
-    for _ in range(2):
-        fly(bench, (1.8, -1.5), yaw_rad=0.6, seconds=0.6)
-
+        assert step == 2 or bench.proposed is None
+    fly(bench, (1.8, -1.5), yaw_rad=0.6)
     assert bench.board[PHASE] == "approach"
     assert velocity(bench).yaw_rate_radps < 0.0
     assert velocity(bench).forward_mps == 0.0
@@ -575,17 +508,6 @@ def test_the_last_metre_goes_by_the_track() -> None:
 
     assert fly(bench, (0.1, 0.0), unseen_s=2.6) is Status.SUCCESS
     assert (bench.proposed, bench.pointed) == (None, None)
-
-
-def test_almost_above_the_pad_nothing_of_unknown_range_is_gone_round() -> None:
-    """It stands beside the pad, or behind it, and a detour would come back to the same view."""
-    bench = approaching((1.2, 0.0))
-    for _ in range(25):
-        fly(bench, (0.4, 0.0), unplaced_rad=UNPLACED_RAD)
-        assert velocity(bench).forward_mps > 0.0
-    fly(bench, (0.05, 0.4), unplaced_rad=UNPLACED_RAD)
-    assert velocity(bench).yaw_rate_radps > 0.0
-    assert fly(bench, (0.1, 0.0), unplaced_rad=UNPLACED_RAD) is Status.SUCCESS
 
 
 def test_almost_above_the_pad_a_map_that_is_stale_permits_nothing() -> None:
@@ -629,17 +551,6 @@ def test_a_track_that_ends_in_the_last_metre_is_searched_for() -> None:
 # --- manners --------------------------------------------------------------------------------------
 
 
-def test_a_pad_far_from_the_maps_mark_is_not_flown_to() -> None:
-    """A mask took something else for it; the mark, seen well before, is flown to."""
-    bench = searching(Says(ADVANCE))
-    fly(bench, pad=(1.5, -1.5), site_map=marked(2.0, 1.0))
-    assert bench.board[PHASE] == "search"
-    fly(bench, pad=(1.9, 0.9), site_map=marked(2.0, 1.0))
-    assert bench.board[PHASE] == "approach"
-    fly(bench, pad=(1.5, -1.5), site_map=marked(2.0, 1.0))
-    assert bench.board[PHASE] == "search"
-
-
 def test_a_pad_beyond_the_grounds_edge_is_not_flown_to() -> None:
     site_map = drawn_map()
     site_map.outside[:] = True
@@ -647,37 +558,6 @@ def test_a_pad_beyond_the_grounds_edge_is_not_flown_to() -> None:
     fly(bench, pad=(1.5, 0.0), site_map=site_map)
     assert bench.board[PHASE] == "search"
     fly(bench, pad=(1.5, 0.0), site_map=drawn_map())
-    assert bench.board[PHASE] == "approach"
-
-
-def test_where_no_way_is_known_unseen_ground_is_looked_at_before_a_detour() -> None:
-    """The policy is not asked; the drone turns to the half that was not seen."""
-    wall = np.column_stack([np.full(41, 0.6), np.linspace(-2.0, 2.0, 41)])
-    shut = replace(marked(1.8, 0.0), obstacles_m=wall)
-    shut = replace(
-        shut,
-        free=shut.free & ~where("left"),
-        seen_s=np.where(where("left"), -math.inf, shut.seen_s).astype(np.float32),
-    )
-    policy = Says(TURN_RIGHT)
-    bench = searching(policy)
-    for _ in range(3):
-        fly(bench, (1.8, 0.0), site_map=shut)
-    assert policy.views == []
-    assert velocity(bench).yaw_rate_radps < -0.2
-    assert bench.board[PHASE] == "approach"
-
-
-def test_where_all_ground_was_seen_and_no_way_is_known_the_policy_makes_a_detour() -> None:
-    """To look at the same ground again and again would bring nothing."""
-    policy = Says(TURN_RIGHT)
-    bench = searching(policy)
-    wall = np.column_stack([np.full(41, 0.6), np.linspace(-2.0, 2.0, 41)])
-    shut = replace(marked(1.8, 0.0), obstacles_m=wall)
-    fly(bench, seconds=2.0)  # the ground was seen at 1 s
-    for _ in range(10):
-        fly(bench, (1.8, 0.0), site_map=shut)
-    assert velocity(bench).yaw_rate_radps > 0.2
     assert bench.board[PHASE] == "approach"
 
 
@@ -707,7 +587,7 @@ def test_unseen_ground_is_crossed_beside_the_pad_only() -> None:
 
 def test_to_a_mark_far_beyond_the_known_ground_it_flies_to_where_that_ends() -> None:
     """A metre of it ahead; from there more is seen, and the policy is not asked."""
-    known = boxed((9.0, 9.0))
+    known = boxed((9.0, 9.0), pad=(4.0, 0.0))
     ahead = known.places_m()[..., 0] < -0.5  # the drone is at -1.5
     seen_s = np.where(ahead, known.seen_s, -math.inf).astype(np.float32)
     policy = Says(TURN_RIGHT)
@@ -720,16 +600,6 @@ def test_to_a_mark_far_beyond_the_known_ground_it_flies_to_where_that_ends() -> 
 # --- the place ------------------------------------------------------------------------------------
 
 
-def passage() -> SiteMap:
-    """Return ground between two walls, 0.3 m to the left and to the right of the way ahead."""
-    x_m = np.arange(-2.0, 2.01, 0.05)
-    walls = np.vstack([np.column_stack([x_m, np.full(len(x_m), side)]) for side in (-0.3, 0.3)])
-    x, y = np.indices((61, 61)) * 0.1 - 3.0
-    between = (np.abs(y) <= 0.31) & (np.abs(x) <= 2.01)
-    drawn = drawn_map(obstacles=walls, known=between, pose=(-1.5, 0.0, 0.0))
-    return replace(drawn, outside=~between)
-
-
 def flies_ahead(clearances: Clearances, **seen: Any) -> bool:
     """Return whether the leaf flies on in a place that asks for these distances."""
     bench = steering_bench(RETURN_TO_BASE, Says(TURN_LEFT), gimbal_deg=-30.0)
@@ -739,29 +609,21 @@ def flies_ahead(clearances: Clearances, **seen: Any) -> bool:
     return isinstance(bench.proposed, Velocity) and bench.proposed.forward_mps > 0.0
 
 
-@pytest.mark.parametrize(("obstacle_m", "flown"), [(0.4, True), (0.5, False)])
+@pytest.mark.parametrize(("obstacle_m", "flown"), [(0.4, True), (0.6, False)])
 def test_the_way_to_the_mark_keeps_the_distance_that_the_place_asks_for(
     obstacle_m: float, *, flown: bool
 ) -> None:
     """Between drone and mark a wall has a gap that leaves 0.4 m to either side.
 
-    The narrowest passage before the mark keeps 0.34 m by default, and 0.44 m in the second place.
+    The narrowest gap before the mark keeps 0.23 m by default, and 0.43 m in the second place.
     """
     y_m = np.arange(-2.0, 2.01, 0.05)
     y_m = y_m[np.abs(y_m) > 0.38]
     wall = np.column_stack([np.zeros(len(y_m)), y_m])
     before = drawn_map(obstacles=wall, pose=(-0.8, 0.0, 0.0))
+    before = replace(before, mark=MapMark(x_m=1.0, y_m=0.0, std_m=0.03, seen_s=0.1))
     place = Clearances(obstacle_m=obstacle_m)
     assert flies_ahead(place, pad=(1.8, 0.0), site_map=before) == flown
-
-
-@pytest.mark.parametrize(("obstacle_m", "flown"), [(0.4, True), (0.5, False)])
-def test_the_way_to_where_the_mark_was_seen_keeps_it_as_well(
-    obstacle_m: float, *, flown: bool
-) -> None:
-    mark = MapMark(x_m=1.5, y_m=0.0, std_m=0.1, seen_s=0.1)
-    place = Clearances(obstacle_m=obstacle_m)
-    assert flies_ahead(place, site_map=replace(passage(), mark=mark)) == flown
 
 
 @pytest.mark.parametrize(("obstacle_m", "flown"), [(0.4, True), (0.55, False)])
@@ -774,6 +636,7 @@ def test_without_a_map_the_straight_way_keeps_it_as_well(obstacle_m: float, *, f
 def test_the_camera_follows_a_mat_further_down_than_a_box() -> None:
     """1.45 m ahead and as far below, a mat lies 45 degrees below the horizon."""
     bench = steering_bench(RETURN_TO_BASE, Says(ADVANCE), gimbal_deg=-30.0)
+    bench.board[FLIGHT_PITCH] = math.radians(-30)
     for _ in range(2):
         show(bench)
         bench.board[MARK] = fix(bench.clock.now(), 1.45, height_m=0.05)

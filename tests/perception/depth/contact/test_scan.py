@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from perception.camera.ground_plane import CameraView, level_rays
-from perception.depth.contact.contacts import BaseConfig, Runs, rows_above
-from perception.depth.contact.panorama import OUTSIDE, Panorama
-from perception.depth.contact.side_loops import sides
+from perception.depth.contact.depth import _sides
+from perception.depth.contact.scan import OUTSIDE, Panorama
 from tests.paper_lab import CARPET, CLASS_COUNT
 from uav_bt.testing import pinhole
 from uav_bt.types.projection import project
@@ -50,20 +49,22 @@ def panorama_of(*columns: str) -> Panorama:
 
 
 def test_the_lowest_long_run_of_a_class_counts() -> None:
-    """Two rows a pixel: a run of one pixel has two rows."""
-    panorama = panorama_of("-cbobb", "bbcccc", "cccbcb", "------")
-    runs = Runs.of(panorama, CLASS_COUNT, BaseConfig(min_run_px=1.0))
-    assert runs.first[BOX].tolist() == [4, 0, -1, -1]
-    assert runs.last[BOX].tolist() == [5, 1, 5, -1]
-    assert runs.first[CARPET].tolist() == [-1, 2, 0, -1]
+    """Two pixels at least, and a pixel has two rows."""
+    first, last = panorama_of("-cbbbobbbb", "bbbbcccccc", "ccccbbbccb", "----------").runs(
+        CLASS_COUNT
+    )
+    assert first[BOX].tolist() == [6, 0, -1, -1]
+    assert last[BOX].tolist() == [9, 3, 9, -1]
+    assert first[CARPET].tolist() == [-1, 4, 0, -1]
 
 
 def test_a_class_follows_within_a_gap_and_the_panorama() -> None:
-    panorama = panorama_of("cobbbb", "coobbb", "cooobb", "bbbbbb")
-    rows, columns = np.array([2, 3, 4, 0]), np.arange(4)
-    below = rows_above(panorama, rows, columns, CARPET, 1.0, step=-1)
+    """Two pixels of another class at most."""
+    panorama = panorama_of("cobbbbbb", "coooobbb", "cooooobb", "bbbbbbbb")
+    rows, columns = np.array([2, 5, 6, 0]), np.arange(4)
+    below = panorama.next_row(rows, columns, CARPET, -1)
     assert below.tolist() == [0, 0, -1, -1]
-    assert rows_above(panorama, below[:2], columns[:2], BOX, 0.5).tolist() == [2, -1]
+    assert panorama.next_row(below, columns, BOX, 1).tolist()[:2] == [2, 5]
 
 
 def test_a_side_has_the_range_of_the_base_in_its_column() -> None:
@@ -76,7 +77,7 @@ def test_a_side_has_the_range_of_the_base_in_its_column() -> None:
     seen = 1.5 / (2.0 / np.cos(azimuth))
     slopes, fitted = np.stack([seen, 1.1 * seen]), azimuth > 0.0
     slopes[0, azimuth < -0.3] = np.nan
-    pixels, depth_m, bound_m = sides(
+    pixels, depth_m, bound_m = _sides(
         ids, BOX, rays, 1.5, (-0.7, 0.001), slopes, fitted, np.array([[0.75, 0.0]]), math.inf
     )
     assert pixels.tolist() == list(range(0, 36 * 64, 7))

@@ -10,23 +10,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from behaviours.fly.giving_way import WayOut, way_out
 from behaviours.path.clearance import ClearanceMap
-from behaviours.path.movers_ahead import MoversAheadConfig, gap_m, outlines_m, yielding_mps
+from behaviours.path.movers import SPARE_M, TIMES_S, gap_m, outlines_m, runs_into, yielding_mps
 from behaviours.path.nearby import RecentObstacles
 from behaviours.path.survey import best_route
-from behaviours.path.ways_out import (
-    WayOut,
-    WayOutConfig,
-    is_threatened,
-    runs_into,
-    standing_alone,
-    way_out,
-)
 from tests.behaviours.path.test_survey import where
 from uav_bt.testing.world import drawn_map
 from uav_bt.types.site_map import MapMover, SiteMap
 
-CONFIG, MOVING = WayOutConfig(), MoversAheadConfig()
+BODY_M = 0.2
+STAYS = np.zeros(2)
 AHEAD = np.array([[0.1 * step, 0.0] for step in range(20)])
 
 
@@ -50,39 +44,41 @@ def with_movers(*movers: MapMover, **drawn: object) -> SiteMap:
 
 
 def escape(site_map: SiteMap, before: WayOut | None = None) -> WayOut:
-    clearance = ClearanceMap(standing_alone(site_map), RecentObstacles())
-    return way_out(clearance, site_map.movers, CONFIG, before=before)
+    clearance = ClearanceMap(
+        replace(site_map, movers=(), lanes_m=np.empty((0, 2))), RecentObstacles()
+    )
+    return way_out(clearance, site_map.movers, BODY_M, before=before)
 
 
 def min_room_m(way: WayOut, site_map: SiteMap) -> float:
     """Return the gap to movers of a drone that flies a way after its reaction."""
-    flown_s = np.maximum(MOVING.times_s - CONFIG.reaction_s, 0.0)
+    flown_s = np.maximum(TIMES_S - 0.4, 0.0)
     speed_mps = math.hypot(way.x_mps, way.y_mps)
-    flown_s = np.minimum(flown_s, CONFIG.furthest_m / max(speed_mps, 0.01))
+    flown_s = np.minimum(flown_s, 1.2 / max(speed_mps, 0.01))
     places_m = flown_s[:, None] * (way.x_mps, way.y_mps)
-    return float(gap_m(site_map.movers, places_m, MOVING))
+    return float(gap_m(site_map.movers, places_m, BODY_M))
 
 
 # --- along a path ---------------------------------------------------------------------------------
 
 
 def test_nothing_that_moves_slows_nothing_down() -> None:
-    assert yielding_mps((), AHEAD, 0.6, MOVING) == 0.6
-    assert yielding_mps([mover(-1.5, 1.5, -0.5)], AHEAD, 0.6, MOVING) == 0.6
+    assert yielding_mps((), AHEAD, 0.6, BODY_M) == 0.6
+    assert yielding_mps([mover(-1.5, 1.5, -0.5)], AHEAD, 0.6, BODY_M) == 0.6
 
 
 def test_it_waits_for_what_crosses_close_ahead() -> None:
-    assert yielding_mps([mover(0.9, -0.9, 0.0, 0.5)], AHEAD, 0.6, MOVING) == 0.0
+    assert yielding_mps([mover(0.9, -0.9, 0.0, 0.5)], AHEAD, 0.6, BODY_M) == 0.0
 
 
 def test_it_flies_slower_where_that_is_enough() -> None:
     """What crosses 1.6 m ahead has passed before a slower drone is there."""
-    speed = yielding_mps([mover(1.6, -0.9, 0.0, 0.6)], AHEAD, 0.6, MOVING)
+    speed = yielding_mps([mover(1.6, -0.9, 0.0, 0.6)], AHEAD, 0.6, BODY_M)
     assert 0.1 < speed < 0.6
 
 
 def test_behind_what_has_passed_it_flies_on() -> None:
-    assert yielding_mps([mover(0.9, 0.9, 0.0, 0.5)], AHEAD, 0.6, MOVING) == 0.6
+    assert yielding_mps([mover(0.9, 0.9, 0.0, 0.5)], AHEAD, 0.6, BODY_M) == 0.6
 
 
 @given(st.floats(-2, 2), st.floats(-2, 2), st.floats(-1, 1), st.floats(-1, 1), st.floats(0.12, 0.6))
@@ -90,11 +86,11 @@ def test_the_speed_that_is_flown_keeps_the_room(
     x_m: float, y_m: float, x_mps: float, y_mps: float, wanted_mps: float
 ) -> None:
     them = [mover(x_m, y_m, x_mps, y_mps)]
-    speed_mps = yielding_mps(them, AHEAD, wanted_mps, MOVING)
+    speed_mps = yielding_mps(them, AHEAD, wanted_mps, BODY_M)
     assert 0.0 <= speed_mps <= wanted_mps
     if speed_mps > 0.0:
-        places_m = np.column_stack([speed_mps * MOVING.times_s, np.zeros(len(MOVING.times_s))])
-        assert gap_m(them, places_m, MOVING) >= MOVING.spare_m - 1e-9
+        places_m = np.column_stack([speed_mps * TIMES_S, np.zeros(len(TIMES_S))])
+        assert gap_m(them, places_m, BODY_M) >= SPARE_M - 1e-9
 
 
 def test_a_leg_leads_round_what_stands_in_the_way_for_now() -> None:
@@ -118,25 +114,25 @@ def test_ground_that_is_taken_lies_along_the_course() -> None:
 
 
 def test_what_comes_at_the_drone_threatens_it_and_what_passes_does_not() -> None:
-    assert is_threatened(with_movers(mover(1.5, 0.0, -0.5)), CONFIG)
-    assert is_threatened(with_movers(mover(0.5, 0.0)), CONFIG)
-    assert not is_threatened(with_movers(mover(1.5, 0.0, 0.5)), CONFIG)
-    assert not is_threatened(with_movers(mover(1.5, 1.2, -0.5)), CONFIG)
-    assert not is_threatened(with_movers(), CONFIG)
+    assert runs_into(with_movers(mover(1.5, 0.0, -0.5)), STAYS, BODY_M)
+    assert runs_into(with_movers(mover(0.5, 0.0)), STAYS, BODY_M)
+    assert not runs_into(with_movers(mover(1.5, 0.0, 0.5)), STAYS, BODY_M)
+    assert not runs_into(with_movers(mover(1.5, 1.2, -0.5)), STAYS, BODY_M)
+    assert not runs_into(with_movers(), STAYS, BODY_M)
 
 
 def test_a_mover_that_may_be_anywhere_threatens_nobody_far_away() -> None:
     """It was lost from view five seconds ago; a way from where it was may lead to it."""
     lost = replace(mover(2.5, 0.0), std_m=3.3, std_mps=0.65)
-    assert not is_threatened(with_movers(lost), CONFIG)
-    assert is_threatened(with_movers(replace(lost, x_m=1.2)), CONFIG)
+    assert not runs_into(with_movers(lost), STAYS, BODY_M)
+    assert runs_into(with_movers(replace(lost, x_m=1.2)), STAYS, BODY_M)
 
 
 def test_a_drone_that_flies_into_the_way_of_something_runs_into_it() -> None:
     crossing = with_movers(mover(0.9, -0.9, 0.0, 0.5))
-    assert runs_into(crossing, np.array([0.5, 0.0]), CONFIG)
-    assert not runs_into(crossing, np.array([0.0, 0.0]), CONFIG)
-    assert not runs_into(crossing, np.array([-0.5, 0.0]), CONFIG)
+    assert runs_into(crossing, np.array([0.5, 0.0]), BODY_M)
+    assert not runs_into(crossing, np.array([0.0, 0.0]), BODY_M)
+    assert not runs_into(crossing, np.array([-0.5, 0.0]), BODY_M)
 
 
 @pytest.mark.parametrize("azimuth", np.arange(0.0, 2.0 * math.pi, 0.7))
@@ -179,9 +175,6 @@ def test_it_can_stop_before_what_stands() -> None:
     sides = [np.column_stack([np.full(60, side), line]) for side in (-0.5, 0.5)]
     walls = np.vstack([*sides, np.column_stack([line, np.full(60, 1.4)])])
     site_map = with_movers(mover(0.0, -1.4, 0.0, 0.6), obstacles=walls)
-    clearance = ClearanceMap(standing_alone(site_map), RecentObstacles())
-    brakes_at_once = replace(CONFIG, brake_mps2=1e9, reaction_s=0.0)
-    assert way_out(clearance, site_map.movers, brakes_at_once).y_mps == pytest.approx(0.6)
     assert escape(site_map).y_mps == pytest.approx(0.3)
 
 

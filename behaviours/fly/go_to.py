@@ -1,0 +1,210 @@
+"""GoTo: fly to a place by the map."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+from behaviours.fly.mark_track import (
+    SLOW_DOWN_PER_S,
+    TRACK_KEYS,
+    believed_fix,
+    is_clear,
+    straight_to,
+)
+from behaviours.fly.places import FACING_RAD, NO_MAP, PlaceLeaf, number
+from behaviours.fly.steering import GIVES_WAY
+from behaviours.path.gimbal_pointing import mark_pitch_rad
+from behaviours.path.margins import Margins
+from behaviours.path.to_place import STEP_M, WayTo, way_to
+from uav_bt.answers import Rotate
+from uav_bt.board import CORRIDOR, FLIGHT_HEIGHT, ODOMETRY, PHASE
+from uav_bt.board.blackboard import Key
+from uav_bt.board.context import MissionContext
+from uav_bt.tree import Port, Status
+from uav_bt.types import DroneState, MissionPhase, wrap_angle
+from uav_bt.types.place import Place, PlaceFrame
+from uav_bt.types.place_frames import Goal, Unresolved
+from uav_bt.types.site_map import SiteMap
+
+# The numbers were chosen.
+_STILL_MPS: Final = 0.15  # largest speed of a drone that stands still
+_HEIGHT_M: Final = 0.1  # largest error of a height
+_STEPS: Final = 2  # last steps that are flown before the drone counts as arrived where it is
+_PROGRESS_M: Final = 0.1  # a way that is shorter by this is progress
+_BELOW_M: Final = 1.0  # a place nearer than this may lie below the view in flight
+_BELOW_RAD: Final = math.radians(-55)  # shows it; the map takes no steeper views
+_LOOK_RAD: Final = math.radians(60)  # turn that is ordered while the drone looks for a way
+# Without a usable map the drone flies straight to the mark, if no obstacle is nearer to that way
+# than a route's distance and this, up to `_BEFORE_M` before the mark.
+_STRAIGHT_MORE_M: Final = 0.12
+_BEFORE_M: Final = 0.35
+# Boxes beside the mark may end the way to it at this distance; the last metre is flown straight.
+_FAR_M: Final = 0.9
+
+
+class GoTo(PlaceLeaf):
+    """Fly to a place over ground that the map shows free; SUCCESS there, standing still.
+
+    The way keeps its distance from obstacles and edges to its end. Where no way is known the drone
+    looks around, and FAILURE comes after `blocked_s` without progress. FAILURE comes at once for a
+    place that cannot be found, such as an object that is not on the map.
+    An override or a pilot interrupts the flight, and it goes on afterwards.
+
+    To the landing mark the last metres may be narrower, the camera follows it down, and with an
+    `arrive_m` of more than 0.35 m the leaf ends where the straight way on is free. Without a
+    usable map the drone flies straight to the tracked mark while nothing is near that way.
+    """
+
+    place_port = Port(
+        "to", str, doc="place, such as start:2,0 or mark", check=Place.parse, sample="start:2,0"
+    )
+    ports = (
+        place_port,
+        number("arrive_m", 0.15, 0.05, 2, "distance from the place that counts as there, m"),
+        number("speed_mps", 0.6, 0.1, 2, "highest speed, m/s"),
+        number("blocked_s", 10.0, 0, 3600, "time without progress until it fails, s"),
+        GIVES_WAY,
+    )
+    reads = (*PlaceLeaf.reads, *TRACK_KEYS, CORRIDOR)
+    writes = (*PlaceLeaf.writes, FLIGHT_HEIGHT)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Note the margins of the place."""
+        super().on_setup(mission)
+        self._margins = Margins().within(mission.clearances, mission.mark)
+        self._mark_m = mission.mark.height_m
+
+    def needs(self) -> tuple[Key[Any], ...]:
+        """Return the map; the landing mark is flown to without one as well."""
+        text = self.initial_value(self.place_port)
+        place = None if text is None else Place.parse(text)
+        return () if place is not None and place.frame is PlaceFrame.MARK else self.needed
+
+    def initialise(self) -> None:
+        """Plan afresh."""
+        super().initialise()
+        self._is_mark = Place.parse(self.port_value("to")).frame is PlaceFrame.MARK
+        self.write(PHASE, MissionPhase.APPROACH if self._is_mark else MissionPhase.GO_TO)
+        self._planned_s = self._best_m = math.inf
+        self._steps = 0
+        self._below = False  # whether the drone looks at ground below the view in flight
+        self._trouble = "no map yet"
+
+    def work(self, state: DroneState) -> Status:
+        """Plan on each new map; follow the last plan in between."""
+        # Ahead of all proposals: a leaf that ends proposes nothing.
+        if self.leaf_clock.now() - self._progress_s > self.port_value("blocked_s"):
+            return self.fails(self._trouble)
+        if self.gives_way():
+            self._planned_s = math.inf
+            return Status.RUNNING
+        if self.moving(state):
+            return Status.RUNNING
+        site_map = self.trusted_map()
+        if site_map is None:
+            return self._without_map(state)
+        found = self.goal(site_map, self.port_value("to"))
+        if isinstance(found, Unresolved):
+            return self.fails(found.reason)
+        return self._towards(found, state, site_map)
+
+    def _towards(self, goal: Goal, state: DroneState, site_map: SiteMap) -> Status:
+        if goal.height_m is not None:
+            self.write(FLIGHT_HEIGHT, goal.height_m)
+        arrive_m, to_m = self.port_value("arrive_m"), site_map.pose.to_body(goal.x_m, goal.y_m)
+        apart_m = math.dist((goal.x_m, goal.y_m), (site_map.pose.x_m, site_map.pose.y_m))
+        ends_here = self._is_mark and arrive_m > STEP_M
+        clear = ends_here and is_clear(self, *to_m)
+        there = clear if ends_here else self._steps >= _STEPS or apart_m < arrive_m / 2
+        if there and apart_m <= arrive_m:
+            return self._arrived(state, site_map, goal)
+        if site_map.captured_s == self._planned_s:
+            self.fly_on(state, None)
+            return Status.RUNNING
+        self._planned_s = site_map.captured_s
+        slow_mps = SLOW_DOWN_PER_S * apart_m if self._is_mark else math.inf
+        way = way_to(
+            (goal.x_m, goal.y_m),
+            site_map,
+            self.obstacles(),
+            self.read(CORRIDOR).value,
+            margins=self._margins,
+            arrive_m=_FAR_M if ends_here else arrive_m,
+            most_mps=min(self.port_value("speed_mps"), slow_mps),
+            over=self._is_mark,
+        )
+        if clear and way.course is None and apart_m <= _FAR_M:
+            return self._arrived(state, site_map, goal)
+        return self._go_on(state, way)
+
+    def _without_map(self, state: DroneState) -> Status:
+        """Fly straight to the mark without a map, or while views contradict it; else wait."""
+        if not self._is_mark:
+            self._trouble = NO_MAP
+            return Status.RUNNING
+        fix = believed_fix(self, self._mark_m)
+        if fix is None:
+            return self.fails("the landing mark was not seen yet, or not for long")
+        if fix.range_m <= self.port_value("arrive_m") and is_clear(
+            self, fix.forward_m, fix.right_m
+        ):
+            return Status.SUCCESS
+        share = max(1.0 - _BEFORE_M / max(fix.range_m, _BEFORE_M), 0.0)
+        to_m = share * fix.forward_m, share * fix.right_m
+        margin_m = self._margins.touch_m + _STRAIGHT_MORE_M
+        if not is_clear(self, *to_m, margin_m=margin_m, assumed=True):
+            return self.fails("no known way")
+        course, left_m = straight_to(fix), fix.range_m
+        reason = course.reason
+        return self._go_on(
+            state, WayTo(course=course, left_m=left_m, bearing_rad=0.0, reason=reason)
+        )
+
+    def _go_on(self, state: DroneState, way: WayTo) -> Status:
+        """Fly the next part of the way, or look for one."""
+        shorter = way.left_m < self._best_m - _PROGRESS_M
+        if way.course is not None and shorter:
+            self._progress_s = self.leaf_clock.now()
+        if shorter or way.left_m > self._best_m + _PROGRESS_M:  # a new way counts anew
+            self._best_m = way.left_m
+        self.feedback_message = self._trouble = way.reason
+        self._below = way.course is None and way.left_m <= _BELOW_M
+        if self._below:  # the ground there is below the view in flight
+            self.fly_on(state, Rotate(yaw_rad=way.bearing_rad, reason="looks down"))
+        elif way.course is None:
+            self.fly_on(state, Rotate(yaw_rad=_LOOK_RAD, reason="looks"))
+        elif isinstance(way.course, tuple):
+            self._steps += 1
+            self.start_move(forward_m=way.course[0], right_m=way.course[1])
+        else:
+            self.fly_on(state, way.course)
+        return Status.RUNNING
+
+    def gimbal_pitch_rad(self) -> float | None:
+        """Return the camera's pitch, lower for the mark and for the ground of a near place."""
+        pitch_rad, state = super().gimbal_pitch_rad(), self.state()
+        if self._below:
+            return _BELOW_RAD
+        fix = believed_fix(self, self._mark_m) if self._is_mark else None
+        if fix is None or state is None or pitch_rad is None:
+            return pitch_rad
+        return mark_pitch_rad(fix.range_m, state.height_above_ground_m - fix.height_m, pitch_rad)
+
+    def _arrived(self, state: DroneState, site_map: SiteMap, goal: Goal) -> Status:
+        """Turn to the heading of the place and climb to its height."""
+        turn_rad = 0.0
+        if goal.yaw_rad is not None:
+            turn_rad = wrap_angle(goal.yaw_rad - site_map.pose.yaw_rad)
+        self.feedback_message = self._trouble = "at the place"
+        if abs(turn_rad) > FACING_RAD:
+            self.fly_on(state, Rotate(yaw_rad=turn_rad, reason="turns"))
+            return Status.RUNNING
+        self.drop_course()
+        too_high_m, motion = self.too_high_m(state), self.read(ODOMETRY).value
+        if goal.height_m is not None and abs(too_high_m) > _HEIGHT_M:
+            self.start_move(down_m=too_high_m)
+            return Status.RUNNING
+        velocity = state.velocity if motion is None else motion.velocity
+        still = math.hypot(velocity.forward_mps, velocity.right_mps) < _STILL_MPS
+        return Status.SUCCESS if still else Status.RUNNING

@@ -1,1 +1,0 @@
-"""Evaluation of depth against exact or measured distances."""
