@@ -77,6 +77,8 @@ class GroundGrid:
         An obstacle there that reached the flight height would hide that ground.
         """
         roles = view.scan.roles[::_NEAR_BEARINGS]
+        if not roles.size:  # of a camera that looks up
+            return
         first = np.arange(len(roles)), (roles != NO_ROLE).argmax(axis=1)
         lands = (roles[first] == GROUND) | (roles[first] == MARK)
         nearest_m = view.scan.level_m[::_NEAR_BEARINGS][first][lands]
