@@ -34,13 +34,8 @@ def level_pose(
     """Return the pose of a level board; None if no pose fits.
 
     The camera sees a level board on the plane one metre below it turned, shifted and scaled, which
-    is linear in complex numbers. From there a least-squares fit moves the four coordinates.
-
-    Args:
-        corners_m: (4 N, 3) corners on the board: right, towards the upper edge, 0.
-        corners_px: (4 N, 2) the same corners in the image, as (column, row).
-        camera: Intrinsics at the image's size.
-        gimbal_pitch_rad: Pitch of the gimbal; 0 is level, negative is down.
+    is linear in complex numbers. From there a least-squares fit moves the four coordinates. Corners
+    are (4 N, 3) on the board (right, towards the upper edge, 0) and (4 N, 2) in the image.
     """
     rays = pixel_rays(corners_px, camera, gimbal_pitch_rad)
     if not rays[:, 2].min() > _LEAST_DOWN:

@@ -47,13 +47,9 @@ class MarkTracker:
         self._seen: MarkFix | None = None  # the sighting in the newest frame
         self._accepted = False  # whether the track accepted that sighting
         self._last: MarkFix | None = None  # the last sighting used, with the newest capture time
-        self._rejected = 0
-        self._forget_heading()
-
-    def _forget_heading(self) -> None:
-        self._up_rad: float | None = None  # of the mark's upper edge in the odometry's frame
-        self._up_variance = math.inf
-        self._up_rejected = 0
+        # Direction of the mark's upper edge in the odometry's frame, rad, and its variance
+        self._up: tuple[float, float] | None = None
+        self._rejected = self._up_rejected = 0  # outliers in a row
 
     def predict(self, state: DroneState, now_s: float | None = None) -> None:
         """Integrate the drone's motion up to `now_s`; None for telemetry's newest time."""
@@ -61,7 +57,8 @@ class MarkTracker:
         if self._filter is not None:
             dt = max(0.0, pose.time_s - self._filter_time_s)
             self._filter.predict(Q=np.eye(2) * (_DRIFT_MPS**2 * dt))
-            self._up_variance += _HEADING_DRIFT_RADPS**2 * dt
+            if self._up is not None:
+                self._up = self._up[0], self._up[1] + _HEADING_DRIFT_RADPS**2 * dt
         self._filter_time_s = pose.time_s
 
     def see(self, sighting: MarkSighting | None, captured_s: float) -> None:
@@ -95,8 +92,8 @@ class MarkTracker:
             return None
         forward_m, right_m = pose.to_body(*(float(v) for v in self._filter.x.ravel()))
         heading_deg = None
-        if self._up_rad is not None:
-            heading_deg = math.degrees(math.remainder(pose.yaw_rad - self._up_rad, math.tau))
+        if self._up is not None:
+            heading_deg = math.degrees(math.remainder(pose.yaw_rad - self._up[0], math.tau))
         return replace(
             self._last,
             forward_m=forward_m,
@@ -116,7 +113,7 @@ class MarkTracker:
             self._filter.F = np.eye(2)
             self._filter.H = np.eye(2)
             self._filter.P = noise.copy()
-            self._forget_heading()
+            self._up, self._up_rejected = None, 0
         else:
             off = measured - self._filter.x.ravel()
             if float(off @ np.linalg.solve(self._filter.P + noise, off)) > _GATE:
@@ -129,17 +126,16 @@ class MarkTracker:
     def _turn(self, up_rad: float, confidence: float) -> None:
         """Move the heading by a measured direction of the upper edge; outliers count alone."""
         noise = _HEADING_RAD**2 + (_HEADING_DOUBT_RAD * (1.0 - confidence)) ** 2
-        if self._up_rad is None or self._up_rejected >= _RESTART:
-            self._up_rad, self._up_variance, self._up_rejected = up_rad, noise, 0
+        if self._up is None or self._up_rejected >= _RESTART:
+            self._up, self._up_rejected = (up_rad, noise), 0
             return
-        off_rad = math.remainder(up_rad - self._up_rad, math.tau)
-        if abs(off_rad) > _HEADING_GATE * math.sqrt(self._up_variance + noise):
+        old_rad, variance = self._up
+        off_rad = math.remainder(up_rad - old_rad, math.tau)
+        if abs(off_rad) > _HEADING_GATE * math.sqrt(variance + noise):
             self._up_rejected += 1
             return
-        gain = self._up_variance / (self._up_variance + noise)
-        self._up_rad += gain * off_rad
-        self._up_variance *= 1.0 - gain
-        self._up_rejected = 0
+        gain = variance / (variance + noise)
+        self._up, self._up_rejected = (old_rad + gain * off_rad, variance * (1.0 - gain)), 0
 
 
 def _noise(seen: MarkFix, yaw_rad: float) -> Floats:

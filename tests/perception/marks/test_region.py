@@ -25,8 +25,10 @@ TOP = CLASSES.id_of("helipad_h")
 CAMERA_M = 1.5
 
 
-def mark(height_m: float = 0.2, **options: Any) -> LandingMark:
-    return LandingMark(kind="region", length_m=0.5, width_m=0.5, height_m=height_m, options=options)
+def mark(height_m: float = 0.2, options: dict[str, Any] | None = None) -> LandingMark:
+    return LandingMark(
+        kind="region", length_m=0.5, width_m=0.5, height_m=height_m, options=options or {}
+    )
 
 
 def drawn(height_m: float, forward_m: float, pitch_deg: float, side_m: float = 0.5) -> ClassMap:
@@ -91,8 +93,8 @@ def test_without_a_height_above_the_mark_it_has_no_place(camera_m: float) -> Non
 def test_the_class_is_one_of_the_lab_with_the_role_mark() -> None:
     view = drawn(0.2, 1.0, -45.0)
 
-    assert seen(view, -45.0, of=mark(**{"class": "helipad_h"})) is not None
+    assert seen(view, -45.0, of=mark(options={"class": "helipad_h"})) is not None
     with pytest.raises(InputError, match="unknown class with the role mark 'helipad'"):
-        seen(view, -45.0, of=mark(**{"class": "helipad"}))
+        seen(view, -45.0, of=mark(options={"class": "helipad"}))
     with pytest.raises(InputError, match="no option 'size_m'"):
-        RegionFinder(mark(size_m=0.3))
+        RegionFinder(mark(options={"size_m": 0.3}))
