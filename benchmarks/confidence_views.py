@@ -187,7 +187,7 @@ class _Judge:
                     plane_m = self._plane_m(view, pitch, height)
                     sample = sample_ground(relative, ground, plane_m, rng)
                     height_m = view.pose.z_m * (1.0 + height) if depth.in_heights else None
-                    found = scale.update(sample, step * _APART_S, height_m)
+                    found = scale(sample, step * _APART_S, height_m)
                     if found is None:
                         continue
                     measures = found.confidence.measures.items()

@@ -20,7 +20,7 @@ from uav_bt.types.site_map import SiteMap
 Place = tuple[float, float]  # (x, y), metres in the map's frame
 
 _ROUNDING_M: Final = 1e-6  # distances on the grid that differ by less are equal
-_LINE_SAMPLES: Final = 10  # samples of a straight line of about 0.6 m (`follow`)
+_SHARES: Final = np.linspace(0.0, 1.0, 10)[:, None]  # samples of a line of about 0.6 m (`follow`)
 _START_M: Final = 0.7  # m; within this distance a route may keep the drone's present clearance
 _ENOUGH_REACHED: Final = 0.5  # share of the flyable cells below which the drone is shut in
 _TURN_M: Final = 0.5  # m; length of the route over which the time of its first turn is spread
@@ -258,8 +258,7 @@ class ClearanceMap:
     def route_along(self, path: list[Cell], *, time_s: float, new_m2: float = 0.0) -> Route:
         """Return the route along a path over cells."""
         cells = np.array(path)
-        shares = np.linspace(0.0, 1.0, _LINE_SAMPLES)[:, None]
-        lines = np.rint(cells[0] + shares * (cells - cells[0])[:, None]).astype(int)
+        lines = np.rint(cells[0] + _SHARES * (cells - cells[0])[:, None]).astype(int)
         return Route(
             path_m=self.map.middles_m(cells),
             clear_m=self.clear_m[tuple(cells.T)],
@@ -274,8 +273,7 @@ class ClearanceMap:
         end = self.map.cell_of(x_m, y_m)
         if self._within(end) != end:
             return False
-        shares = np.linspace(0.0, 1.0, _LINE_SAMPLES)[:, None]
-        rows, columns = np.rint(self.start + shares * (np.array(end) - self.start)).astype(int).T
+        rows, columns = np.rint(self.start + _SHARES * (np.array(end) - self.start)).astype(int).T
         return bool(self.open[rows, columns].all())
 
     @property
@@ -284,11 +282,6 @@ class ClearanceMap:
         wide = self.open & self.roomy
         reached = np.isfinite(self.fastest.time_s) & wide
         return bool(reached.sum() < _ENOUGH_REACHED * wide.sum())
-
-    @property
-    def too_narrow(self) -> bool:
-        """Whether no cell has the clearance that routes need."""
-        return not (self.open & self.roomy).any()
 
     def _around(self, place: Place, reach_m: float) -> Flags:
         apart_m = np.linalg.norm(self.map.places_m() - place, axis=-1)

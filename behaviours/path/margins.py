@@ -1,7 +1,23 @@
 """Margins of routes: distances from obstacles and edges, and speeds.
 
-Distances are from the body's centre to the nearest point. Half of the body's diagonal is 0.2 m. The
-numbers were chosen in flights on the training scenes unless their line states otherwise.
+| passage         | obstacle | edge   | assumed obstacle        | unseen cell  | slowest  |
+|-----------------|----------|--------|-------------------------|--------------|----------|
+| ordinary        | 0.40 + r | 0.30+r | 0.38 + r                | 0.35         | 0.3 m/s  |
+| tight           | 0.30     | 0.30   | 0.38                    | 0.35         | 0.3 m/s  |
+| tight, at a pad | 0.34     | 0.20   | crossed, 3 times slower | the same     | 0.3 m/s  |
+| out             | 0.30     | 0.20   | 0.38; crossed in sight  | 0.35         | 0.1 m/s  |
+| out, at a pad   | 0.30     | 0.20   | crossed, 3 times slower | the same     | 0.1 m/s  |
+
+Metres from the body's centre, whose hull has a radius of 0.2 m; r is 8 times the residual of the
+views above 0.016 m, at most 0.12 m. `Margins.within` shifts all of them for a place.
+
+- Survey, GoTo, the way to the mark and view points take the ordinary passage, and the tight one
+  where the ordinary one has no route or a much longer one.
+- MoveBy and the last step of GoTo keep the tight margins, CanReturn the ordinary ones.
+- The way out is for a drone that the tight passage shuts in: a route may begin with little
+  clearance, so a drone that swayed comes through gaps that other margins close behind it.
+
+The numbers were chosen in flights on the training scenes unless their line states otherwise.
 """
 
 from __future__ import annotations
@@ -22,34 +38,18 @@ START_SLACK_M: Final = 0.03  # m; clearance that a route may lose near the drone
 _SURE_M: Final = 0.016  # m; residual of views when place and height are known (profile lab)
 _UNSURE_TIMES: Final = 8.0  # extra distance per metre of residual above that
 _PAD_EDGE_M: Final = 0.2  # m; distance of the last metres before the pad from the edge
+# m; by which a tight passage at the pad is narrower: with less room the drone could touch unseen
+# sides of boxes, whose place is assumed and rounded to the grid
+_PAD_NARROWER_M: Final = 0.06
 _AWAY_MPS: Final = 0.1  # m/s; at `min_start_m`: a route that begins there takes the shortest exit
 
 
 class Passage(enum.Enum):
-    """Width of a passage that a route may use, from the widest.
-
-    `OUT` is for a drone that is shut in by the tightest passage.
-    """
+    """Width of a passage that a route may use, from the widest; `OUT` is for a shut-in drone."""
 
     ORDINARY = "ordinary"
     TIGHT = "tight"
-    TIGHTEST = "tightest"
     OUT = "out"
-
-
-# How much nearer to obstacles than the ordinary one a passage leads, metres, and whether the
-# residual of the views widens it. Unseen sides of boxes beside the pad have an assumed place,
-# rounded to the grid.
-_ELSEWHERE: Final = {
-    Passage.TIGHT: (0.06, True),
-    Passage.TIGHTEST: (NARROWER_M, False),
-    Passage.OUT: (NARROWER_M, False),
-}
-_AT_PAD: Final = {
-    Passage.TIGHT: (0.02, True),
-    Passage.TIGHTEST: (0.06, False),
-    Passage.OUT: (NARROWER_M, False),
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,25 +113,20 @@ class Margins:
         )
 
     def through(self, passage: Passage, *, at_pad: bool = False) -> Margins:
-        """Return the margins of a passage, from the ordinary ones.
-
-        The way out is also narrower beside edges, as far as the last metres before the pad are. It
-        is flown as slowly as a route that begins with little clearance. A route may begin with
-        little clearance, so a drone that swayed comes through gaps that other margins close.
-        """
+        """Return the margins of a passage, from the ordinary ones; the module has their table."""
         if passage is Passage.ORDINARY:
             return self
-        nearer_m, by_residual = (_AT_PAD if at_pad else _ELSEWHERE)[passage]
-        edge_m, slow_mps = self.pad_edge_m if at_pad else self.edge_m, self.slow_mps
-        if passage is Passage.OUT:
+        is_out = passage is Passage.OUT
+        edge_m = self.pad_edge_m if at_pad else self.edge_m
+        if is_out:
             edge_m = max(edge_m - NARROWER_M, min(edge_m, self.pad_edge_m))
-            slow_mps = _AWAY_MPS
         return replace(
             self,
-            touch_m=self.touch_m - nearer_m,
+            touch_m=self.touch_m - (_PAD_NARROWER_M if at_pad and not is_out else NARROWER_M),
             edge_m=edge_m,
-            unsure_m=self.unsure_m if by_residual else 0.0,
-            slow_mps=slow_mps,
+            unsure_m=0.0,
+            slow_mps=_AWAY_MPS if is_out else self.slow_mps,
+            past_assumed=is_out,
             cross_unknown=at_pad,
         )
 
@@ -142,8 +137,8 @@ class Margins:
     def at_pad(self) -> Margins:
         """Return the margins of the last metres before the pad.
 
-        The camera sees those metres from nearby before the drone flies them, so assumed obstacles
-        and unseen cells there cost time but do not block the route.
+        The camera sees those metres before the drone flies them, so assumed obstacles and unseen
+        cells cost time but do not block the route.
         """
         return self.through(Passage.TIGHT, at_pad=True)
 

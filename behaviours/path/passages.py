@@ -50,7 +50,6 @@ class ClearanceMaps:
         recent: Obstacles that are not on the map.
         margins: Margins of the ordinary passage.
         crossing: Whether narrower passages may cross the lanes of movers.
-        past_assumed: Whether the tightest passage may cross open ground with assumed obstacles.
         over: Landing mark that routes may lead over. With it, narrower passages use the margins of
             the last metres before the mark.
     """
@@ -62,11 +61,10 @@ class ClearanceMaps:
         margins: Margins,
         *,
         crossing: bool = False,
-        past_assumed: bool = False,
         over: Place | None = None,
     ) -> None:
         self.map, self._recent, self._margins = site_map, recent, margins
-        self._crossing, self._past_assumed, self._over = crossing, past_assumed, over
+        self._crossing, self._over = crossing, over
         self._distances = Distances(site_map, recent)
         self._made: dict[Passage, ClearanceMap] = {}
 
@@ -74,8 +72,6 @@ class ClearanceMaps:
         if passage not in self._made:
             found = self.map
             margins = self._margins.through(passage, at_pad=self._over is not None)
-            if passage in (Passage.TIGHTEST, Passage.OUT) and self._over is None:
-                margins = replace(margins, past_assumed=self._past_assumed)
             if self._crossing and passage is not Passage.ORDINARY:
                 found = replace(found, lanes_m=np.empty((0, 2)))
             self._made[passage] = ClearanceMap(
@@ -84,9 +80,9 @@ class ClearanceMaps:
         return self._made[passage]
 
     def usable(self) -> Iterator[Passage]:
-        """Yield the passages from the widest; `OUT` only if the tightest shuts the drone in."""
-        yield from (Passage.ORDINARY, Passage.TIGHT, Passage.TIGHTEST)
-        if self[Passage.TIGHTEST].shut_in:
+        """Yield the passages from the widest; `OUT` only if the tight one shuts the drone in."""
+        yield from (Passage.ORDINARY, Passage.TIGHT)
+        if self[Passage.TIGHT].shut_in:
             yield Passage.OUT
 
     def route_to(self, to: Place, *, near_m: float, far_m: float) -> Route | None:

@@ -95,18 +95,16 @@ class EstimateDepth(Leaf):
         """
         # Late: OpenCV and Numba are heavy.
         from perception.depth.metric import MetricDepthMaker  # noqa: PLC0415
-        from perception.depth.stage import DepthStage  # noqa: PLC0415
 
         model = self.port_value("model")
-        maker = MetricDepthMaker(
+        self._maker = MetricDepthMaker(
+            None if model == CONTACT else mission.sight or self._load(model, mission),
             source=CONTACT if model == CONTACT else self.port_value("source"),
             generator=mission.rng(self.path),
             least_confidence=self.port_value("least_confidence"),
             network_ahead_m=self.port_value("network_ahead_m"),
             mark_height_m=mission.mark.height_m,
         )
-        network = None if model == CONTACT else mission.sight or self._load(model, mission)
-        self._stage = DepthStage(network, maker)
         self._times_s = mission.stage_times_s
         self._last_index = -1
 
@@ -119,7 +117,7 @@ class EstimateDepth(Leaf):
             return Status.SUCCESS
         self._last_index = frame.index
         try:
-            metric = self._stage.perceive(
+            metric = self._maker.make(
                 frame,
                 class_map,
                 camera,

@@ -81,16 +81,14 @@ def _turn(side: float, reason: str) -> Blocked:
 def _route(site_map: SiteMap, margins: Margins) -> tuple[Route | None, ClearanceMap]:
     """Return the best route through the widest passage with one, and the last map searched."""
     recent = recent_obstacles(site_map.near, site_map, unmapped_s=UNMAPPED_S)
-    maps = ClearanceMaps(site_map, recent, margins, past_assumed=True)
+    maps = ClearanceMaps(site_map, recent, margins)
     clearance = maps[Passage.ORDINARY]
     route = best_route(clearance)
     if route is None or route.new_m2 < _LITTLE_M2PS * route.time_s:
         clearance = maps[Passage.TIGHT]
         route = best_route(clearance) or route
-    if route is None and (clearance.shut_in or clearance.too_narrow):
-        clearance = maps[Passage.TIGHTEST]
-        if clearance.shut_in:
-            clearance = maps[Passage.OUT]
+    if route is None and clearance.shut_in:
+        clearance = maps[Passage.OUT]
         route = best_route(clearance)
     return route, clearance
 

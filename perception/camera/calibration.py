@@ -12,7 +12,7 @@ no information. All limits are chosen.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -95,10 +95,9 @@ def calibrate(
             f"{len(photographs)}{f' ({copies} are copies of others)' if copies else ''}; take "
             "more, in good light, from different sides, with the whole board in view"
         )
-    trials = []
+    trials: list[LayoutTrial] = []
     for done, (columns, rows) in enumerate(layouts, start=1):
-        trial = _try_layout(boards, columns, rows, size_px, square_m)
-        trials += [] if trial is None else [trial]
+        trials += _trials(boards, columns, rows, size_px, square_m)
         advance(f"layouts, {columns}x{rows}", done, len(layouts))
     trials.sort(key=lambda trial: -trial.corners)
     believed = [trial for trial in trials if not fault(trial)]
@@ -156,14 +155,14 @@ def _reason(grid: Corners | None, best: LayoutTrial, boards: int) -> str:
 # --- solving --------------------------------------------------------------------------------------
 
 
-def _try_layout(
+def _trials(
     boards: Mapping[str, Corners],
     columns: int,
     rows: int,
     size_px: tuple[int, int],
     square_m: float,
-) -> LayoutTrial | None:
-    """Solve for a camera from one layout; larger boards contribute a part of this layout."""
+) -> Iterator[LayoutTrial]:
+    """Yield the camera from one layout, if any; larger boards contribute a part of this layout."""
     views = {
         name: np.ascontiguousarray(grid[:rows, :columns])
         for name, grid in boards.items()
@@ -193,21 +192,18 @@ def _try_layout(
     error_px, camera, deviation_px, views_px = solve(names)
     limit_px = max(_STRAY_FLOOR_PX, _STRAY_FACTOR * float(np.median(views_px)))
     kept = [name for name, view_px in zip(names, views_px, strict=True) if view_px <= limit_px]
-    if len(kept) < _MIN_IMAGES:
-        return None
-    if len(kept) < len(names):
+    if _MIN_IMAGES <= len(kept) < len(names):
         error_px, camera, deviation_px, _ = solve(kept)
-    if camera is None:
-        return None
-    return LayoutTrial(
-        columns=columns,
-        rows=rows,
-        images=tuple(kept),
-        error_px=error_px,
-        common_error_px=_common_error(boards, camera, square_m),
-        camera=camera,
-        deviation_px=deviation_px,
-    )
+    if len(kept) >= _MIN_IMAGES and camera is not None:
+        yield LayoutTrial(
+            columns=columns,
+            rows=rows,
+            images=tuple(kept),
+            error_px=error_px,
+            common_error_px=_common_error(boards, camera, square_m),
+            camera=camera,
+            deviation_px=deviation_px,
+        )
 
 
 def _points(columns: int, rows: int, square_m: float) -> Floats32:
@@ -260,11 +256,9 @@ def _common_error(boards: Mapping[str, Corners], camera: CameraModel, square_m: 
 def fault(trial: LayoutTrial) -> str:
     """Return why a camera is refused, although its corners may fit; empty when it is accepted."""
     camera = trial.camera
-    off = max(
-        abs(camera.cx_px - (camera.width_px - 1) / 2) / camera.width_px,
-        abs(camera.cy_px - (camera.height_px - 1) / 2) / camera.height_px,
-    )
     fx_px, fy_px, cx_px, cy_px = camera.pinhole_px
+    places = (cx_px + 0.5) / camera.width_px, (cy_px + 0.5) / camera.height_px
+    off = max(abs(place - 0.5) for place in places)
     bent = " ".join(f"{value:.3g}" for value in camera.distortion)
     known_px = trial.deviation_px
     limits = (  # what, its value, and the largest that is accepted; NaN is refused, too

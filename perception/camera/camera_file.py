@@ -30,7 +30,7 @@ import numpy as np
 from pydantic import AliasChoices, ConfigDict, Field
 
 from perception.camera.calibration import LayoutTrial
-from perception.camera.orientation import UPRIGHT, Orientation
+from perception.camera.image_files import UPRIGHT, Orientation
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.files import read_bounded, reading, write_whole
 from uav_bt.types import CameraModel

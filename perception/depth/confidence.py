@@ -29,23 +29,18 @@ from uav_bt.types.arrays import Floats, Floats32
 Measure = tuple[float, str]
 """How far a measurement speaks for a quantity, 0 to 1, and the measurement in words."""
 
-# By measure, in the order of `evidence`.
-INTERCEPT: Final = -9.64
+# Intercept and coefficients by measure, in the order of `evidence`: for depth in an unknown unit,
+# and for depth in heights of the camera.
+INTERCEPTS: Final = -9.64, -9.66
 COEFFICIENTS: Final[Mapping[str, float]] = MappingProxyType(
     {"spread": 5.86, "extent": 3.45, "slope": 2.92, "residual": 1.74, "history": 0.90}
 )
-# The same for a network whose depth is in heights of the camera.
-INTERCEPT_IN_HEIGHTS: Final = -9.66
 COEFFICIENTS_IN_HEIGHTS: Final[Mapping[str, float]] = MappingProxyType(
     {"spread": 3.24, "extent": 1.54, "slope": 2.12, "residual": 1.14, "history": 0.09}
     | {"height": 5.52}
 )
-
 # Each measure is a half at these values. Chosen on the training scenes.
-_SPREAD: Final = 0.1
-_SLOPE: Final = 0.3
-_RESIDUAL: Final = 0.03
-_INNOVATION: Final = 0.1
+_SPREAD, _SLOPE, _RESIDUAL, _INNOVATION = 0.1, 0.3, 0.03, 0.1
 _HEIGHT: Final = 0.2  # twice the standard deviation of the logarithm in rooms of no training
 _FLOW: Final = math.log(1.2)  # a scale is right within a fifth
 # The extent is one from this share of the visible ground and this span of ranges on.
@@ -169,10 +164,11 @@ def evidence(
 
 def scale_confidence(found: Mapping[str, Measure]) -> Confidence:
     """Return the probability that a scale with this evidence is right within a fifth."""
-    intercept, weights = INTERCEPT, COEFFICIENTS
-    if "height" in found:
-        intercept, weights = INTERCEPT_IN_HEIGHTS, COEFFICIENTS_IN_HEIGHTS
-    logit = intercept + sum(weight * found[name][0] for name, weight in weights.items())
+    in_heights = "height" in found
+    weights = COEFFICIENTS_IN_HEIGHTS if in_heights else COEFFICIENTS
+    logit = INTERCEPTS[in_heights] + sum(
+        weight * found[name][0] for name, weight in weights.items()
+    )
     value = 1.0 / (1.0 + math.exp(-logit))
     lost = {name: weight * (1.0 - found[name][0]) for name, weight in weights.items()}
     reason = found[max(lost, key=lost.__getitem__)][1] if value < 0.5 else ""

@@ -3,21 +3,37 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
-import cv2
 import numpy as np
 
-from perception.camera.ground_plane import CameraView, GroundPlane, view_of
-from perception.depth.confidence import Confidence, Measure, ground_confidence
+from perception.camera.ground_plane import GroundPlane, view_of
+from perception.depth.confidence import Confidence, Measure, flow_measure, ground_confidence
 from perception.depth.contact.base import Remembered
 from perception.depth.contact.depth import ContactDepth, ContactEstimation
-from perception.depth.scale import AdaptiveScale, Scale, ScaleEstimator, sample_ground
+from perception.depth.scale import (
+    AdaptiveScale,
+    Scale,
+    ScaleEstimator,
+    resized,
+    sample_ground,
+)
 from uav_bt.errors import UnknownNameError
-from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame, NearObstacles, Pose2D
-from uav_bt.types.arrays import Floats32
+from uav_bt.protocols import DepthEstimator
+from uav_bt.types import (
+    CameraModel,
+    ClassMap,
+    DepthMap,
+    DroneState,
+    Frame,
+    NearObstacles,
+    Pose2D,
+)
+from uav_bt.types.arrays import Image
+from uav_bt.types.dead_reckoning import MotionEstimate
 
 SOURCES: Final = ("network", "contact", "fused")
 LEAST_CONFIDENCE: Final = 0.2
@@ -27,6 +43,8 @@ MAX_DEPTH_M: Final = 20.0
 
 _BLACK: Final = 8.0  # a frame with a mean below this, of 255, is black
 _CHECKED_PX: Final = 8  # step in rows and columns between the pixels of that mean
+_MOVING_MPS: Final = 0.2  # above this speed two equal images mean a frozen video
+_ASPECT_SLACK: Final = 0.01  # relative; 640x360 and 854x480 are both 16:9, others are cropped
 _LEAST_HEIGHT_M: Final = 0.15  # a lower drone stands, its camera is too near to the ground
 # `fused` depth needs the network if the farthest possible point of an obstacle of unknown depth is
 # within these distances of the lens, to either side and below. On the validation scenes the
@@ -65,9 +83,10 @@ class MetricDepth:
 
 
 class MetricDepthMaker:
-    """Makes metric depth from a frame's class map, telemetry and relative depth.
+    """Makes metric depth frame by frame, from the class map, telemetry and a network.
 
     Args:
+        network: frame in, relative depth out, at any size; None for depth by ground contact alone.
         source: ``network`` (relative depth times scale), ``contact`` (masks and geometry, NaN where
             these give no depth) or ``fused``: ``contact`` where it is known, otherwise the network,
             limited by the upper bound of ``contact``. In ``contact`` depth, the network then gives
@@ -75,9 +94,10 @@ class MetricDepthMaker:
         scale: estimator of the scale of the network's depth; None for `AdaptiveScale`.
         generator: samples the ground's pixels.
         least_confidence: of a scale that is used.
-        network_ahead_m: ``fused`` needs the network if an obstacle of unknown depth may be nearer
+        network_ahead_m: ``fused`` runs the network if an obstacle of unknown depth may be nearer
             than this; `MAX_DEPTH_M` always runs it.
         mark_height_m: height of the landing mark's top above the ground.
+        timer: wall clock of the stages' times, seconds.
 
     Raises:
         UnknownNameError: the source is unknown.
@@ -85,6 +105,7 @@ class MetricDepthMaker:
 
     def __init__(
         self,
+        network: DepthEstimator | None,
         *,
         source: str = "fused",
         scale: ScaleEstimator | None = None,
@@ -92,55 +113,81 @@ class MetricDepthMaker:
         least_confidence: float = LEAST_CONFIDENCE,
         network_ahead_m: float = MAX_DEPTH_M,
         mark_height_m: float | None = None,
+        timer: Callable[[], float] = time.perf_counter,
     ) -> None:
         if source not in SOURCES:
             raise UnknownNameError("depth source", source, SOURCES)
-        self._source, self._generator = source, generator
+        self._network, self._source, self._generator = network, source, generator
         self._scale = AdaptiveScale() if scale is None else scale
         self._least_confidence, self._ahead_m = least_confidence, network_ahead_m
-        self._mark_height_m = mark_height_m
-
-    def restart(self) -> None:
-        """Forget the scale of earlier frames; the next one shows another place."""
-        self._scale.restart()
+        self._mark_height_m, self._timer = mark_height_m, timer
+        self._last_image: Image | None = None
 
     def make(
         self,
         frame: Frame,
         class_map: ClassMap,
         camera: CameraModel,
-        relative: DepthMap | Callable[[], DepthMap] | None = None,
-        remembered: Remembered | None = None,
+        *,
+        state: DroneState | None = None,
+        near: NearObstacles | None = None,
+        motion: MotionEstimate | None = None,
+        spent: Callable[[str, float], object] = lambda *_: None,
     ) -> MetricDepth:
-        """Return the metric depth of a frame, at the class map's size.
+        """Return the metric depth of a new frame, at the class map's size.
 
         Args:
             frame: its telemetry gives the ground plane.
             class_map: class map of that frame.
-            camera: intrinsics, at any size.
-            relative: the network's depth of that frame, at any size, or a function that returns
-                it. The function is called if the depth is needed; ``contact`` never needs it.
-            remembered: obstacles' bases seen earlier, for bases now out of view.
+            camera: intrinsics at any size of the frame's aspect ratio.
+            state: the newest telemetry, if there is any.
+            near: obstacles near the drone, from the body's centre at the pose of `motion`.
+            motion: the drone's pose now and at this frame. Without it, or with one of another
+                frame, no remembered obstacle is used.
+            spent: called with the name of a stage, `relative_depth` if the network ran and
+                `metric_depth`, and its wall time in seconds.
+
+        Raises:
+            AnswerError: the network's output cannot be used.
         """
-        refusal = _refusal(frame, class_map)
+        refusal = self._frozen(frame, state) or _refusal(frame, class_map, camera)
         if refusal:
             return MetricDepth.refused(refusal)
+        remembered = None
+        if near is not None and motion is not None and motion.seen.time_s == frame.captured_s:
+            remembered = remembered_bases(near, motion.pose, motion.seen, frame, camera)
+        began_s, network_s = self._timer(), 0.0
         height_px, width_px = class_map.ids.shape
-        view = view_of(frame, camera, (width_px, height_px))
-        if not view.height_m > 0.0:
-            return MetricDepth.refused("no height above the ground")
-        ground, contact = GroundPlane.of(view), None
+        ground = GroundPlane.of(view_of(frame, camera, (width_px, height_px)))
+        contact, metric = None, None
         if self._source != "network":
             contact = ContactEstimation(class_map, ground, remembered, self._mark_height_m)
             known = contact.result()
             if self._source == "contact" or self._suffices(known, class_map, ground):
-                return _without_scale(known, frame.captured_s, "", _NO_NETWORK)
-        relative = relative() if callable(relative) else relative
-        if relative is None or relative.captured_s != frame.captured_s:
-            return MetricDepth.refused("no relative depth of this frame", relative)
-        if not np.isfinite(relative.depth).all():
-            return MetricDepth.refused("relative depth is not finite", relative)
-        return self._by_network(relative, class_map, ground, contact)
+                metric = _without_scale(known, frame.captured_s, "", _NO_NETWORK)
+        if metric is None:
+            relative = None
+            if self._network is not None:
+                asked_s = self._timer()
+                relative = self._network.estimate(frame)
+                network_s = self._timer() - asked_s
+                spent("relative_depth", network_s)
+            metric = self._by_network(relative, class_map, ground, contact)
+        spent("metric_depth", self._timer() - began_s - network_s)
+        if motion is None or motion.stretch is None:
+            return metric
+        return metric.limited("flow", flow_measure(motion.stretch))
+
+    def _frozen(self, frame: Frame, state: DroneState | None) -> str:
+        """Return a refusal if a moving drone sent the same image again."""
+        before, image = self._last_image, frame.image[::_CHECKED_PX, ::_CHECKED_PX].copy()
+        self._last_image = image
+        if before is None or state is None:
+            return ""
+        velocity = state.velocity
+        speed_mps = math.hypot(velocity.forward_mps, velocity.right_mps, velocity.down_mps)
+        still = speed_mps > _MOVING_MPS and np.array_equal(before, image)
+        return "the image is frozen" if still else ""
 
     def _suffices(self, contact: ContactDepth, class_map: ClassMap, ground: GroundPlane) -> bool:
         """Return whether no obstacle of unknown depth may be near the path ahead."""
@@ -153,19 +200,23 @@ class MetricDepthMaker:
 
     def _by_network(
         self,
-        relative: DepthMap,
+        relative: DepthMap | None,
         class_map: ClassMap,
         ground: GroundPlane,
         contact: ContactEstimation | None,
     ) -> MetricDepth:
         """Return a network's depth, completed and bounded by contact if there is any."""
-        fitting = _resized(relative.depth, ground.view)
+        if relative is None or relative.captured_s != class_map.captured_s:
+            return MetricDepth.refused("no relative depth of this frame", relative)
+        if not np.isfinite(relative.depth).all():
+            return MetricDepth.refused("relative depth is not finite", relative)
+        fitting = resized(relative.depth, class_map.ids.shape)
         sample = sample_ground(fitting, class_map.is_ground, ground.depth_m, self._generator)
         on_ground = Confidence(reason="too little ground")
         if sample is not None:
             on_ground = ground_confidence(sample.measures)
         height_m = ground.view.height_m if relative.in_heights else None
-        scale = self._scale.update(sample, relative.captured_s, height_m)
+        scale = self._scale(sample, relative.captured_s, height_m)
         why = "too little ground" if sample is None else "the ground disagrees with itself"
         of_scale = Confidence(reason=why) if scale is None else scale.confidence
         sure, known = of_scale.value or 0.0, None
@@ -193,11 +244,17 @@ class MetricDepthMaker:
         return MetricDepth(depth=depth, scale=scale, relative=relative, confidences=confidences)
 
 
-def _refusal(frame: Frame, class_map: ClassMap) -> str:
+def _refusal(frame: Frame, class_map: ClassMap, camera: CameraModel) -> str:
+    height_px, width_px = frame.image.shape[:2]
+    stretch = (width_px * camera.height_px) / (height_px * camera.width_px)
+    if abs(stretch - 1.0) > _ASPECT_SLACK:
+        size = f"{camera.width_px}x{camera.height_px}"
+        return f"the frame is {width_px}x{height_px}, its camera {size}: another aspect"
     height_m, pitch_rad = frame.height_above_ground_m, frame.gimbal_pitch_rad
     if not all(map(math.isfinite, (height_m, pitch_rad, frame.attitude.pitch_rad))):
         return "telemetry is not finite"
-    if height_m < _LEAST_HEIGHT_M:
+    lens_m = height_m + camera.forward_offset_m * math.sin(frame.attitude.pitch_rad)
+    if height_m < _LEAST_HEIGHT_M or not lens_m > 0.0:
         return "no height above the ground"
     if frame.image[::_CHECKED_PX, ::_CHECKED_PX].mean() < _BLACK:
         return "the frame is black"
@@ -245,10 +302,3 @@ def _without_scale(
     )
     confidences["depth"] = Confidence(contact.known_share, refusal)
     return MetricDepth(depth=depth, refusal=refusal, confidences=confidences)
-
-
-def _resized(depth: Floats32, view: CameraView) -> Floats32:
-    size = (view.camera.width_px, view.camera.height_px)
-    if depth.shape[::-1] == size:
-        return depth
-    return np.asarray(cv2.resize(depth, size, interpolation=cv2.INTER_LINEAR), dtype=np.float32)

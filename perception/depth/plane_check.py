@@ -12,12 +12,11 @@ from __future__ import annotations
 import math
 from typing import Final
 
-import cv2
 import numpy as np
 
 from perception.camera.ground_plane import GroundPlane, view_of
 from perception.depth.confidence import Measure, evidence, weakest
-from perception.depth.scale import sample_ground
+from perception.depth.scale import resized, sample_ground
 from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
 
 _EXTENT: Final = 0.9  # least extent of the ground in view
@@ -45,9 +44,7 @@ def agreement_with_plane(
         return None
     height_px, width_px = class_map.ids.shape
     plane = GroundPlane.of(view_of(frame, camera, (width_px, height_px)))
-    depth = relative.depth
-    if depth.shape != class_map.ids.shape:
-        depth = np.asarray(cv2.resize(depth, (width_px, height_px)), dtype=np.float32)
+    depth = resized(relative.depth, class_map.ids.shape)
     sample = sample_ground(depth, class_map.is_ground, plane.depth_m, generator)
     if sample is None:
         return None

@@ -13,9 +13,10 @@ range, which is wrong by 1/cos of the angle to the axis, up to a fifth in the co
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final, Protocol
+from typing import Final
 
 import cv2
 import numpy as np
@@ -65,6 +66,13 @@ class GroundSample:
         return GroundMeasures.of(self.known_m, self.predicted, self.share)
 
 
+def resized(depth: Floats32, shape: tuple[int, ...]) -> Floats32:
+    """Return depth at another size, (H, W)."""
+    if depth.shape == shape:
+        return depth
+    return np.asarray(cv2.resize(depth, shape[::-1]), dtype=np.float32)
+
+
 def sample_ground(
     relative: Floats32,
     is_ground: Flags,
@@ -104,24 +112,9 @@ def sample_ground(
     )
 
 
-class ScaleEstimator(Protocol):
-    """Estimates the scale of each frame from its ground."""
-
-    def update(
-        self, sample: GroundSample | None, captured_s: float, height_m: float | None = None
-    ) -> Scale | None:
-        """Return the scale after a frame, whose sample is None with too little ground.
-
-        Args:
-            sample: the frame's ground.
-            captured_s: time of the frame.
-            height_m: height of the camera above the ground, if the depth is in such heights.
-        """
-        ...
-
-    def restart(self) -> None:
-        """Forget the scale of earlier frames; the next one shows another place."""
-        ...
+ScaleEstimator = Callable[[GroundSample | None, float, float | None], Scale | None]
+"""Returns the scale after a frame, from its ground, None with too little, its capture time, and the
+height of the camera above the ground, m, if the depth is in such heights."""
 
 
 class AdaptiveScale:
@@ -131,11 +124,7 @@ class AdaptiveScale:
         self._filter = ScaleFilter()
         self._measured = 0.0  # confidence of the last frame that entered the filter
 
-    def restart(self) -> None:
-        """Forget the scale of earlier frames."""
-        self._filter = ScaleFilter()
-
-    def update(
+    def __call__(
         self, sample: GroundSample | None, captured_s: float, height_m: float | None = None
     ) -> Scale | None:
         """Return the smoothed scale; without ground the last one, until it is too uncertain."""

@@ -57,11 +57,10 @@ class GroundGrid:
     def add(self, view: View) -> None:
         """Add the ground in a view, which is placed in the map's frame."""
         scan, lens = view.scan, view.lens
-        lens_at = (lens.x_m, lens.y_m, math.cos(lens.yaw_rad), math.sin(lens.yaw_rad))
         used, outside = _vote(
             scan.level_m,
             scan.roles,
-            lens_at,
+            (lens.x_m, lens.y_m, math.cos(lens.yaw_rad), math.sin(lens.yaw_rad)),
             view.captured_s,
             self._beyond,
             self.seen_s,
@@ -70,7 +69,22 @@ class GroundGrid:
         self.full |= outside
         if used[0, 0] <= used[1, 0]:
             self._use(used)
-        _clear_below(scan.level_m, scan.roles, lens_at, self.free)
+        self._clear_below(view)
+
+    def _clear_below(self, view: View) -> None:
+        """Mark the cells between the camera and the nearest ground in view as free.
+
+        An obstacle there that reached the flight height would hide that ground.
+        """
+        roles = view.scan.roles[::_NEAR_BEARINGS]
+        first = np.arange(len(roles)), (roles != NO_ROLE).argmax(axis=1)
+        lands = (roles[first] == GROUND) | (roles[first] == MARK)
+        nearest_m = view.scan.level_m[::_NEAR_BEARINGS][first][lands]
+        length_m = np.maximum(np.hypot(*nearest_m.T), _NEAR_STEP_M)
+        shares = np.arange(_NEAR_STEP_M, _MAX_RANGE_M, _NEAR_STEP_M) / length_m[:, None]
+        places_m = (nearest_m[:, None] * shares[..., None])[shares < 1.0]
+        cells = _cells(view.lens.points_to_world(places_m))
+        self.free[tuple(cells[_inside(cells)].T)] = True
 
     def fly_over(self, x_m: float, y_m: float) -> None:
         """Mark the cells below the drone as passed and free of obstacles."""
@@ -85,24 +99,21 @@ class GroundGrid:
 
     def was_ground(self, places_m: Floats) -> Flags:
         """Return which places, (N, 2) in the map's frame, have all ground around them seen."""
-        cells = _cells(places_m)[:, None, :] + self._around
-        inside = _inside(cells).all(axis=1)
-        known = np.zeros(len(places_m), dtype=bool)
-        known[inside] = np.isfinite(self.seen_s[*np.moveaxis(cells[inside], -1, 0)]).all(axis=1)
-        return known
+        return np.isfinite(self._seen_s(_cells(places_m)[:, None, :] + self._around)).all(axis=1)
 
     def shows_ground(self, place_m: Floats, *, since_s: float) -> bool:
         """Return whether all ground around a place, (2,), was seen after `since_s`."""
-        cells = _cells(place_m) + self._around
-        return bool(_inside(cells).all() and (self.seen_s[tuple(cells.T)] > since_s).all())
+        return bool((self._seen_s(_cells(place_m) + self._around) > since_s).all())
 
     def shown_at(self, places_m: Floats, captured_s: float) -> Flags:
         """Return at which places, (N, 2), the newest view showed ground; it was captured then."""
-        cells = _cells(places_m)
-        inside = _inside(cells)
-        shown = np.zeros(len(places_m), dtype=bool)
-        shown[inside] = self.seen_s[tuple(cells[inside].T)] == captured_s
-        return shown
+        return self._seen_s(_cells(places_m)) == captured_s
+
+    def _seen_s(self, cells: NDArray[np.intp]) -> Floats:
+        """Return when cells, (..., 2), last showed ground; -inf outside the grid."""
+        inside, seen_s = _inside(cells), np.full(cells.shape[:-1], -np.inf)
+        seen_s[inside] = self.seen_s[tuple(cells[inside].T)]
+        return seen_s
 
     def note_moving(self, places_m: Floats, captured_s: float) -> None:
         """Record the middles of movers and possible movers, (K, 2), that a view shows."""
@@ -206,35 +217,3 @@ def _vote(  # noqa: PLR0917 - Numba passes arguments by position
             elif more_ground[row, column] < 0:
                 beyond[row, column] = min(beyond[row, column] + 1, _MAX_VOTES)
     return used, outside
-
-
-@compiled("void(float64[:, :, ::1], uint8[:, ::1], UniTuple(float64, 4), boolean[:, ::1])")
-def _clear_below(
-    level_m: Floats,
-    roles: NDArray[np.uint8],
-    lens_at: tuple[float, float, float, float],
-    free: Flags,
-) -> None:
-    """Mark the cells between the camera and the nearest ground in view as free, as in `_vote`.
-
-    An obstacle there that reached the flight height would hide that ground.
-    """
-    x_m, y_m, cos, sin = lens_at
-    steps = int(np.ceil((_MAX_RANGE_M - _NEAR_STEP_M) / _NEAR_STEP_M))
-    for bearing in range(0, roles.shape[0], _NEAR_BEARINGS):
-        nearest = 0
-        while nearest < roles.shape[1] and roles[bearing, nearest] == NO_ROLE:
-            nearest += 1
-        if nearest == roles.shape[1] or (roles[bearing, nearest] not in (GROUND, MARK)):
-            continue
-        forward_m, right_m = level_m[bearing, nearest, 0], level_m[bearing, nearest, 1]
-        length_m = max(np.hypot(forward_m, right_m), _NEAR_STEP_M)
-        for step in range(steps):
-            share = (_NEAR_STEP_M + step * _NEAR_STEP_M) / length_m
-            if share >= 1.0:
-                break
-            near_m, beside_m = forward_m * share, right_m * share
-            row = int(np.rint((near_m * cos - beside_m * sin + x_m) / CELL_M)) + _MIDDLE
-            column = int(np.rint((near_m * sin + beside_m * cos + y_m) / CELL_M)) + _MIDDLE
-            if 0 <= row < _SIDE and 0 <= column < _SIDE:
-                free[row, column] = True

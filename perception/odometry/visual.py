@@ -9,7 +9,7 @@ pixels; the turn from the ground has a fraction of that error. `GroundOdometry`
 
 On a floor of one colour the corners are image noise. Their flow ends where it began, at the guess,
 so that they agree with one another and with telemetry. Points of the ground are therefore tracked
-from two guesses: a motion that depends on the guess is none.
+from two guesses, and a motion that depends on the guess is left out.
 """
 
 from __future__ import annotations

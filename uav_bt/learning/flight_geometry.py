@@ -20,7 +20,6 @@ from perception.camera.camera_file import Undistorter
 from perception.camera.ground_plane import ground_depth, view_of
 from perception.depth.metric import MetricDepthMaker
 from perception.depth.scale import sample_ground
-from perception.depth.stage import DepthStage
 from uav_bt.errors import FileError
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import DEFAULT_LAB
@@ -141,8 +140,10 @@ class _Meter:
         class_map = self._segmenter.segment(frame)
         # A new maker for each frame: the scale of an earlier frame would hide a lack of ground.
         # The check looks for wrong scales, so all of them count.
-        maker = MetricDepthMaker(source="network", generator=self._generator, least_confidence=0.0)
-        metric = DepthStage(self._network, maker).perceive(frame, class_map, self._camera)
+        maker = MetricDepthMaker(
+            self._network, source="network", generator=self._generator, least_confidence=0.0
+        )
+        metric = maker.make(frame, class_map, self._camera)
         found.frames += 1
         depth = None if metric.depth is None else metric.depth.depth
         if depth is None:

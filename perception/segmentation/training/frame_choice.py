@@ -22,25 +22,16 @@ _LEAST_DISTANCE: Final = 0.2  # a correlation of 0.98
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Look:
-    """Measures of one image.
+    """Measures of one image."""
 
-    Attributes:
-        sharpness: Variance of the Laplacian at a width of 320 pixels.
-        blank: Whether it is dark or of one colour.
-        thumbnail: (576,) float32, mean 0, standard deviation 1; zeros if all is of one colour.
-    """
-
-    sharpness: float
-    blank: bool
+    sharpness: float  # variance of the Laplacian at a width of 320 pixels
+    blank: bool  # whether it is dark or of one colour
+    # (576,), mean 0, standard deviation 1; zeros if all is of one colour
     thumbnail: NDArray[np.float32]
 
 
 def look_at(grey: NDArray[np.uint8]) -> Look:
-    """Measure an image.
-
-    Args:
-        grey: (H, W) uint8; other widths than 320 are resized.
-    """
+    """Measure a grey image, (H, W); other widths than 320 are resized."""
     height_px, width_px = grey.shape
     if width_px != SHARPNESS_WIDTH_PX:
         size_px = sharpness_size_px(width_px, height_px)
@@ -63,11 +54,7 @@ def sharpness_size_px(width_px: int, height_px: int) -> tuple[int, int]:
 
 
 def clear_ones(looks: Sequence[Look]) -> NDArray[np.bool_]:
-    """Return which images of one video are neither blank nor much less sharp than the others.
-
-    Returns:
-        (N,) bool.
-    """
+    """Return which images of one video, (N,), are neither blank nor much less sharp than others."""
     sharpness = np.array([look.sharpness for look in looks])
     seen = ~np.array([look.blank for look in looks], dtype=bool)
     if not seen.any():
@@ -77,31 +64,19 @@ def clear_ones(looks: Sequence[Look]) -> NDArray[np.bool_]:
 
 
 def different_ones(looks: Sequence[Look]) -> list[int]:
-    """Choose images that differ, by farthest-point selection.
+    """Return the indices of images that differ, in the order of farthest-point selection.
 
     The sharpest image is first. Each further one is the image that differs most from the nearest
     chosen one. Images that are nearly the same as a chosen one are never taken.
-
-    Args:
-        looks: Of the images.
-
-    Returns:
-        Indices in the order of choice: the first n of them are the choice of n images.
     """
     if not looks:
         return []
     thumbnails = np.stack([look.thumbnail for look in looks])
     chosen = [int(np.argmax([look.sharpness for look in looks]))]
-    nearest = _distances(thumbnails, chosen[0])
-    while nearest.max() >= _LEAST_DISTANCE:
-        farthest = int(np.argmax(nearest))
-        chosen.append(farthest)
-        nearest = np.minimum(nearest, _distances(thumbnails, farthest))
-    return chosen
-
-
-def _distances(thumbnails: NDArray[np.float32], index: int) -> NDArray[np.float64]:
-    """Return the root of the mean squared differences from one thumbnail, (N,)."""
-    squared = (thumbnails - thumbnails[index]) ** 2
-    distances: NDArray[np.float64] = np.sqrt(squared.mean(axis=1, dtype=np.float64))
-    return distances
+    nearest = np.full(len(looks), np.inf)
+    while True:
+        squared = (thumbnails - thumbnails[chosen[-1]]) ** 2
+        nearest = np.minimum(nearest, np.sqrt(squared.mean(axis=1, dtype=np.float64)))
+        if nearest.max() < _LEAST_DISTANCE:
+            return chosen
+        chosen.append(int(np.argmax(nearest)))

@@ -1,36 +1,66 @@
-"""The images that a person picks on: shrunk for the teacher, and divided into super-pixels."""
+"""The images that a person picks on: shrunk for the teacher, and divided into super-pixels.
+
+Super-pixels are small regions whose borders follow the edges of objects. A watershed from a regular
+grid of markers gives them (Machairas et al., Waterpixels, IEEE Trans. Image Process. 2015), because
+OpenCV has SLIC only in its contributed modules.
+"""
 
 from __future__ import annotations
 
-import threading
-from collections import OrderedDict
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from perception.camera.image_files import read_image
 from perception.segmentation.teacher import TeacherConfig
 from perception.segmentation.training.picks import Pick, PickedPatches, gather_patches
-from perception.segmentation.training.super_pixels import SuperPixels, find_super_pixels
 from uav_bt.errors import ValueRangeError
 from uav_bt.lab.classes import LabClasses
+from uav_bt.types.arrays import Image
 
 HALF_SIZE: Final = TeacherConfig(width_px=576, height_px=324, patch_px=20)
 """The teacher at half of its size: a person waits for it."""
 
-_MOST_DIVIDED: Final = 8  # images whose super-pixels are kept: 3 MB each
-_MOST_SMALL: Final = 128  # images of half size that are kept: 0.6 MB each
+MAX_WIDTH_PX: Final = 1152  # wider images are shrunk to it
+_SIDE_SHARE: Final = 40.0 / MAX_WIDTH_PX  # side of a region in widths of the image
+_MIN_SIDE_PX: Final = 4
+_BLUR_PX: Final = 1.5  # standard deviation at the full width; noise makes ragged borders
+_MOST_KEPT: Final = 128  # shrunk and divided images in memory, 0.6 and 3 MB each
 
-_Kept = TypeVar("_Kept")
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SuperPixels:
+    """The super-pixels of an image."""
+
+    ids: NDArray[np.int32]  # (h, w) region of each pixel of the shrunk image, 0 to N - 1
+    # (N, 2) x and y of the pixel of each region that is farthest from its border, shrunk image
+    innermost: NDArray[np.int64]
+    size_px: tuple[int, int]  # width and height of the image
+
+    def at(self, x: int, y: int) -> int:
+        """Return the region of a pixel of the image."""
+        height, width = self.ids.shape
+        column = int((x + 0.5) * width / self.size_px[0])
+        row = int((y + 0.5) * height / self.size_px[1])
+        return int(self.ids[row, column])
+
+    def innermost_of(self, region: int) -> tuple[int, int]:
+        """Return x and y of a region's innermost pixel, in the image."""
+        height, width = self.ids.shape
+        x, y = (self.innermost[region] + 0.5).tolist()
+        return int(x * self.size_px[0] / width), int(y * self.size_px[1] / height)
 
 
 class PickImages:
-    """The images of a folder, and a cache of patches and super-pixels of the last ones.
+    """The images of a folder.
 
     Args:
         folder: Folder of the images.
@@ -38,12 +68,10 @@ class PickImages:
     """
 
     def __init__(self, folder: Path, uses: Mapping[str, str]) -> None:
-        self.folder: Final = folder
-        self.uses: Final = dict(uses)
+        self.folder, self.uses = folder, dict(uses)
         self._sizes_px: dict[str, tuple[int, int]] = {}
-        self._divided: OrderedDict[str, SuperPixels] = OrderedDict()
-        self._small: OrderedDict[str, NDArray[np.uint8]] = OrderedDict()
-        self._lock = threading.RLock()  # a server answers several requests at a time
+        self.small = lru_cache(_MOST_KEPT)(self._shrunk)
+        self.super_pixels = lru_cache(_MOST_KEPT)(self._divided)
 
     def file(self, name: str) -> Path:
         """Return the file of a listed image.
@@ -56,79 +84,97 @@ class PickImages:
         return self.folder / name
 
     def size_px(self, name: str) -> tuple[int, int]:
-        """Return width and height of an image.
-
-        Raises:
-            ValueRangeError: The name is not on the list.
-            FileError: The image cannot be read.
-        """
+        """Return width and height of an image."""
         if name not in self._sizes_px:
-            self.small(name)
+            self._read(name)
         return self._sizes_px[name]
 
-    def super_pixels(self, name: str) -> SuperPixels:
-        """Return the super-pixels of an image.
-
-        Raises:
-            ValueRangeError: The name is not on the list.
-            FileError: The image cannot be read.
-        """
-        with self._lock:
-            return _kept(
-                self._divided, name, _MOST_DIVIDED, lambda: find_super_pixels(self._read(name))
-            )
-
-    def small(self, name: str) -> NDArray[np.uint8]:
-        """Return an image at `HALF_SIZE`, (324, 576, 3) RGB uint8.
-
-        Raises:
-            ValueRangeError: The name is not on the list.
-            FileError: The image cannot be read.
-        """
-        size = (HALF_SIZE.width_px, HALF_SIZE.height_px)
-
-        def shrink() -> NDArray[np.uint8]:
-            resized = cv2.resize(self._read(name), size, interpolation=cv2.INTER_AREA)
-            return np.asarray(resized, dtype=np.uint8)
-
-        with self._lock:
-            return _kept(self._small, name, _MOST_SMALL, shrink)
-
     def patches(self, picks: Iterable[Pick], classes: LabClasses) -> PickedPatches:
-        """Return features and colours around picks, at `HALF_SIZE`.
-
-        Args:
-            picks: Picks on listed images.
-            classes: Classes of the lab.
-
-        Raises:
-            ValueRangeError: There is no pick, or one lies on no listed image or outside its image.
-            FileError: An image cannot be read.
-        """
+        """Return features and colours around picks on listed images, at `HALF_SIZE`."""
         scaled = []
         for pick in picks:
             width, height = self.size_px(pick.image)
             x, y = pick.x * HALF_SIZE.width_px // width, pick.y * HALF_SIZE.height_px // height
             scaled.append(replace(pick, x=x, y=y))
         names = dict.fromkeys(pick.image for pick in scaled)
-        return gather_patches(scaled, self._smalls(names), HALF_SIZE.patch_px, classes)
+        images = ((name, self.small(name)) for name in names)
+        return gather_patches(scaled, images, HALF_SIZE.patch_px, classes)
 
-    def _smalls(self, names: Iterable[str]) -> Iterator[tuple[str, NDArray[np.uint8]]]:
-        for name in names:
-            yield name, self.small(name)
+    def _shrunk(self, name: str) -> Image:
+        size = (HALF_SIZE.width_px, HALF_SIZE.height_px)
+        resized = cv2.resize(self._read(name), size, interpolation=cv2.INTER_AREA)
+        return np.asarray(resized, dtype=np.uint8)
 
-    def _read(self, name: str) -> NDArray[np.uint8]:
+    def _divided(self, name: str) -> SuperPixels:
+        return find_super_pixels(self._read(name))
+
+    def _read(self, name: str) -> Image:
         # With the EXIF orientation, as browsers and training have it.
         rgb = read_image(self.file(name), colour=True, as_stored=False)
         self._sizes_px[name] = (rgb.shape[1], rgb.shape[0])
         return rgb
 
 
-def _kept(store: OrderedDict[str, _Kept], name: str, most: int, make: Callable[[], _Kept]) -> _Kept:
-    """Return the entry of a name; the entry that was used longest ago is removed."""
-    if name not in store:
-        store[name] = make()
-        if len(store) > most:
-            store.popitem(last=False)
-    store.move_to_end(name)
-    return store[name]
+def find_super_pixels(rgb: Image) -> SuperPixels:
+    """Divide an image, (H, W, 3), into super-pixels of about 40 pixels at a width of 1152."""
+    height, width = rgb.shape[:2]
+    small = rgb
+    if width > MAX_WIDTH_PX:
+        size = (MAX_WIDTH_PX, max(1, round(height * MAX_WIDTH_PX / width)))
+        small = np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    sigma = max(0.5, _BLUR_PX * small.shape[1] / MAX_WIDTH_PX)
+    smooth = np.asarray(cv2.GaussianBlur(small, (0, 0), sigma), dtype=np.uint8)
+    side = max(_MIN_SIDE_PX, round(_SIDE_SHARE * small.shape[1]))
+    ids = _flooded(smooth, _markers(smooth, side))
+    return SuperPixels(ids=ids, innermost=_innermost(ids), size_px=(width, height))
+
+
+def _markers(smooth: Image, side: int) -> NDArray[np.int32]:
+    """Return (h, w) marks from 1 on: one in the middle half of each cell of the grid."""
+    kernel = np.ones((3, 3), dtype=np.uint8)
+    gradient = cv2.morphologyEx(smooth, cv2.MORPH_GRADIENT, kernel).max(axis=2)
+    height, width = gradient.shape
+    markers = np.zeros((height, width), dtype=np.int32)
+    count = 0
+    for top, bottom in _cells(height, side):
+        for left, right in _cells(width, side):
+            window = gradient[top:bottom, left:right]
+            row, column = np.unravel_index(int(window.argmin()), window.shape)
+            count += 1
+            markers[top + row, left + column] = count
+    return markers
+
+
+def _cells(length: int, side: int) -> list[tuple[int, int]]:
+    """Return begin and end of the middle half of each cell along an axis."""
+    edges = np.linspace(0, length, max(1, round(length / side)) + 1)
+    found = []
+    for begin, end in pairwise(edges.tolist()):
+        first = int(begin + 0.25 * (end - begin))
+        found.append((first, max(first + 1, int(end - 0.25 * (end - begin)))))
+    return found
+
+
+def _flooded(smooth: Image, markers: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the region of every pixel, from 0 on."""
+    # The watershed marks the image's frame as border, too: a frame of one pixel is added.
+    wide = cv2.copyMakeBorder(smooth, 1, 1, 1, 1, cv2.BORDER_REPLICATE)
+    flooded = np.pad(markers, 1)
+    cv2.watershed(wide, flooded)
+    regions = flooded[1:-1, 1:-1].astype(np.float32)  # of float, because int32 is not dilated
+    kernel = np.ones((3, 3), dtype=np.uint8)
+    while (lines := regions < 1.0).any():
+        regions[lines] = cv2.dilate(regions, kernel)[lines]
+    return np.asarray(regions, dtype=np.int32) - 1
+
+
+def _innermost(ids: NDArray[np.int32]) -> NDArray[np.int64]:
+    """Return (N, 2) x and y of the pixel of each region with the largest distance to its border."""
+    wide = np.pad(ids, 1, constant_values=-1)
+    middle = wide[1:-1, 1:-1]
+    inside = np.ones(ids.shape, dtype=bool)
+    for neighbour in (wide[:-2, 1:-1], wide[2:, 1:-1], wide[1:-1, :-2], wide[1:-1, 2:]):
+        inside &= neighbour == middle
+    distance = cv2.distanceTransform(inside.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    places = ndimage.maximum_position(distance, ids, np.arange(int(ids.max()) + 1))
+    return np.array([(column, row) for row, column in places], dtype=np.int64)

@@ -7,7 +7,7 @@ requests, for example with `urllib`:
     GET  /picture/NAME    the image
     GET  /segments/NAME   its super-pixels as PNG: number = red + 256 * green; at most 1152 wide
     GET  /preview/NAME    the teacher's present class map in the classes' colours, PNG of 576x324
-    GET  /next?after=NAME the image to pick on next: {image, reason, margin}; image may be null
+    GET  /next?after=NAME the image to pick on next: {image, reason}; image may be null
     POST /pick            {image, x, y, class}: a pick at a pixel
     POST /paint           {image, class, points: [[x, y], ...]}: a pick in each super-pixel
     POST /erase           {image, points: [[x, y], ...]}: no picks in these super-pixels; a single
@@ -22,11 +22,13 @@ Refused requests have the status 400, 403 or 404 and a line of text.
 from __future__ import annotations
 
 import json
+import threading
+from collections.abc import Callable
 from dataclasses import asdict
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, HTTPServer, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 from urllib.parse import parse_qs, unquote, urlsplit
 
 import cv2
@@ -34,7 +36,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.camera.image_files import read_image
-from perception.segmentation.training.next_image import ImageChooser
 from perception.segmentation.training.pick_session import PickSession, Point
 from uav_bt.errors import UavBtError, ValueRangeError
 from uav_bt.files import parse_json
@@ -51,9 +52,11 @@ _REQUESTS: Final[dict[str, dict[str, type]]] = {
     "/pick": {"image": str, "x": int, "y": int, "class": str},
     "/paint": {"image": str, "class": str, "points": list},
     "/erase": {"image": str, "points": list},
+    "/undo": {},
 }
 _KINDS: Final = {str: "text", int: "whole number", list: "list"}
 _JSON: Final = "application/json"
+_TEXT: Final = "text/plain; charset=utf-8"
 _LONGEST_REQUEST: Final = 65_536  # bytes; a point takes about ten
 _IDLE_S: Final = 10.0  # an idle connection is closed after this time
 
@@ -68,83 +71,86 @@ def make_pick_server(session: PickSession, *, port: int = 0) -> HTTPServer:
 
     class Handler(_Handler):
         picks_of = session
-        chooser = ImageChooser(session.images, session.classes)
+        one_at_a_time = threading.Lock()  # a browser asks for several things at a time
 
     return ThreadingHTTPServer(("127.0.0.1", port), Handler)
 
 
 class _Handler(BaseHTTPRequestHandler):
-    picks_of: PickSession
-    chooser: ImageChooser
+    picks_of: ClassVar[PickSession]
+    one_at_a_time: ClassVar[threading.Lock]
     timeout = _IDLE_S
 
     def do_GET(self) -> None:
-        if not self._is_ours():
-            return
-        try:
-            asked = urlsplit(self.path)  # raises ValueError, such as for "//["
-            place, _, name = unquote(asked.path)[1:].partition("/")
-            if place == "" and not name:
-                self._send(HTTPStatus.OK, "text/html; charset=utf-8", _PAGE.read_bytes())
-            elif place == "state" and not name:
-                self._send_state()
-            elif place == "next" and not name:
-                after = parse_qs(asked.query).get("after", [None])[0]
-                chosen = self.chooser.choose(self.picks_of.picks, after)
-                self._send(HTTPStatus.OK, _JSON, json.dumps(asdict(chosen)).encode())
-            elif place == "picture":
-                self._send(HTTPStatus.OK, *_picture(self.picks_of.images.file(name)))
-            elif place == "segments":
-                ids = self.picks_of.images.super_pixels(name).ids
-                self._send_png(np.stack([ids % 256, ids // 256, 0 * ids], axis=2))
-            elif place == "preview":
-                class_map = self.chooser.class_map(name, self.picks_of.picks)
-                self._send_png(self.picks_of.classes.colours[class_map])
-            else:
-                self._refuse(HTTPStatus.NOT_FOUND, f"there is no {asked.path}")
-        except ConnectionError:
-            pass  # the browser no longer waits
-        except (UavBtError, OSError, ValueError) as error:
-            self._refuse(HTTPStatus.NOT_FOUND, str(error))
+        self._answer(self._shown, HTTPStatus.NOT_FOUND)
 
     def do_POST(self) -> None:
-        if not self._is_ours():
-            return
+        self._answer(self._changed, HTTPStatus.BAD_REQUEST)
+
+    def _answer(self, find: Callable[[], tuple[str, bytes]], refusal: HTTPStatus) -> None:
+        """Send what a request asks for, a media type and bytes, or why it is refused."""
+        status = HTTPStatus.OK
+        try:
+            if not self._is_ours():
+                status, refusal = HTTPStatus.FORBIDDEN, HTTPStatus.FORBIDDEN
+                raise ValueRangeError("only this machine may ask")
+            with self.one_at_a_time:
+                media, body = find()
+        except LookupError as error:  # no such place
+            status, media, body = HTTPStatus.NOT_FOUND, _TEXT, str(error.args[0]).encode()
+        except (UavBtError, OSError, ValueError) as error:
+            status, media, body = refusal, _TEXT, str(error).encode()
+        try:
+            self.send_response(status)
+            self.send_header("Content-Type", media)
+            self.send_header("Content-Length", str(len(body)))
+            self.send_header("Cache-Control", "no-store")
+            self.end_headers()
+            self.wfile.write(body)
+        except ConnectionError:
+            pass  # the browser no longer waits
+
+    def _shown(self) -> tuple[str, bytes]:
+        session = self.picks_of
+        asked = urlsplit(self.path)  # raises ValueError, such as for "//["
+        place, _, name = unquote(asked.path)[1:].partition("/")
+        if place == "picture":
+            return _picture(session.images.file(name))
+        if place == "segments":
+            ids = session.images.super_pixels(name).ids
+            return "image/png", _png(np.stack([ids % 256, ids // 256, 0 * ids], axis=2))
+        if place == "preview":
+            class_map = session.chooser.class_map(name, session.picks)
+            return "image/png", _png(session.classes.colours[class_map])
+        if not name and place == "":
+            return "text/html; charset=utf-8", _PAGE.read_bytes()
+        if not name and place == "state":
+            return self._state()
+        if not name and place == "next":
+            after = parse_qs(asked.query).get("after", [None])[0]
+            image, reason = session.chooser.choose(session.picks, after)
+            return _JSON, json.dumps({"image": image, "reason": reason}).encode()
+        raise LookupError(f"there is no {asked.path}")
+
+    def _changed(self) -> tuple[str, bytes]:
+        """Make the change that a request asks for."""
+        session, place = self.picks_of, urlsplit(self.path).path
         length = self.headers.get("Content-Length", "")
         if not length.isdecimal() or int(length) > _LONGEST_REQUEST:
-            message = f"a request needs a length of at most {_LONGEST_REQUEST} bytes"
-            self._refuse(HTTPStatus.BAD_REQUEST, message)
-            return
-        try:
-            image = self._changed(self.rfile.read(int(length)))
-            if image is not None:
-                self._send_state(image or None)
-        except ConnectionError:
-            pass
-        except UavBtError as error:
-            self._refuse(HTTPStatus.BAD_REQUEST, str(error))
-
-    def _changed(self, body: bytes) -> str | None:
-        """Make the change that a request asks for.
-
-        Returns:
-            The changed image, an empty text without one; None if the request was refused.
-        """
-        session, place = self.picks_of, urlsplit(self.path).path
-        if place == "/undo":
-            return session.undo() or ""
+            raise ValueRangeError(f"a request needs a length of at most {_LONGEST_REQUEST} bytes")
         if place not in _REQUESTS:
-            self._refuse(HTTPStatus.NOT_FOUND, f"there is no {place}")
-            return None
+            raise LookupError(f"there is no {place}")
+        body = self.rfile.read(int(length))
+        if place == "/undo":
+            return self._state(session.undo())
         asked = _fields(body, _REQUESTS[place])
-        image = str(asked["image"])
         if place == "/pick":
-            session.add(image, asked["x"], asked["y"], asked["class"])
+            session.add(asked["image"], asked["x"], asked["y"], asked["class"])
         elif place == "/paint":
-            session.paint(image, _points(asked["points"]), asked["class"])
+            session.paint(asked["image"], _points(asked["points"]), asked["class"])
         else:
-            session.erase(image, _points(asked["points"]))
-        return image
+            session.erase(asked["image"], _points(asked["points"]))
+        return self._state(asked["image"])
 
     def _is_ours(self) -> bool:
         # A foreign page whose name resolves to this machine would send that name as the host. For a
@@ -152,12 +158,9 @@ class _Handler(BaseHTTPRequestHandler):
         port = self.connection.getsockname()[1]
         hosts = {f"{name}:{port}" for name in ("127.0.0.1", "localhost")}
         origins = {None, *(f"http://{host}" for host in hosts)}
-        if self.headers.get("Host") in hosts and self.headers.get("Origin") in origins:
-            return True
-        self._refuse(HTTPStatus.FORBIDDEN, "only this machine may ask")
-        return False
+        return self.headers.get("Host") in hosts and self.headers.get("Origin") in origins
 
-    def _send_state(self, image: str | None = None) -> None:
+    def _state(self, image: str | None = None) -> tuple[str, bytes]:
         session = self.picks_of
         state = {
             "names": list(session.images.uses),
@@ -169,32 +172,14 @@ class _Handler(BaseHTTPRequestHandler):
             "picked_images": session.picked_images(),
             "image": image,
         }
-        self._send(HTTPStatus.OK, _JSON, json.dumps(state).encode())
-
-    def _send_png(self, rgb: NDArray[Any]) -> None:
-        self._send(HTTPStatus.OK, "image/png", _png(rgb.astype(np.uint8)))
-
-    def _refuse(self, status: HTTPStatus, message: str) -> None:
-        self._send(status, "text/plain; charset=utf-8", message.encode())
-
-    def _send(self, status: HTTPStatus, media: str, body: bytes) -> None:
-        self.send_response(status)
-        self.send_header("Content-Type", media)
-        self.send_header("Content-Length", str(len(body)))
-        self.send_header("Cache-Control", "no-store")
-        self.end_headers()
-        self.wfile.write(body)
+        return _JSON, json.dumps(state).encode()
 
     def log_message(self, *_: Any) -> None:
         """Log nothing, because the page shows the result."""
 
 
 def _fields(body: bytes, kinds: dict[str, type]) -> dict[str, Any]:
-    """Return the fields of a request.
-
-    Raises:
-        InputError: The body is no JSON, or a field is absent or of another type.
-    """
+    """Return the fields of a request's JSON."""
     asked = parse_json(body)
     if not isinstance(asked, dict) or any(type(asked.get(n)) is not k for n, k in kinds.items()):
         fields = ", ".join(f"{name} ({_KINDS[kind]})" for name, kind in kinds.items())
@@ -203,11 +188,7 @@ def _fields(body: bytes, kinds: dict[str, type]) -> dict[str, Any]:
 
 
 def _points(given: list[Any]) -> list[Point]:
-    """Return the points of a request.
-
-    Raises:
-        ValueRangeError: It has no point, or one is not a pair of whole numbers.
-    """
+    """Return the points of a request."""
     if not given or any(
         not isinstance(point, list) or [type(each) for each in point] != [int, int]
         for point in given
@@ -224,6 +205,6 @@ def _picture(file: Path) -> tuple[str, bytes]:
     return "image/png", _png(read_image(file, colour=True, as_stored=False))
 
 
-def _png(rgb: NDArray[np.uint8]) -> bytes:
-    _, encoded = cv2.imencode(".png", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR))
+def _png(rgb: NDArray[Any]) -> bytes:
+    _, encoded = cv2.imencode(".png", cv2.cvtColor(rgb.astype(np.uint8), cv2.COLOR_RGB2BGR))
     return encoded.tobytes()

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import threading
 from collections import Counter, deque
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Final
 
-from perception.segmentation.training.next_image import CHECK, TRAIN
+from perception.segmentation.training.next_image import CHECK, TRAIN, ImageChooser
 from perception.segmentation.training.pick_images import PickImages
 from perception.segmentation.training.picks import Pick, read_picks, write_picks
 from uav_bt.errors import FileError, ValueRangeError
@@ -25,14 +24,14 @@ Point = tuple[int, int]  # x and y, pixels of the image
 class PickSession:
     """The picks of a lab while a person makes them.
 
+    Methods raise ValueRangeError for an image that is not on the list or a point outside it,
+    UnknownNameError for an unknown class, and FileError where a file cannot be read or written.
+
     Args:
         folder: Folder of the images.
         picks_path: The picks file; existing picks are read.
         classes: Classes of the lab.
         uses: Use of each image (`train` or `check`), by file name.
-
-    Raises:
-        FileError: The picks file is malformed.
     """
 
     def __init__(
@@ -44,20 +43,13 @@ class PickSession:
         self.picks: list[Pick] = read_picks(picks_path, classes) if picks_path.exists() else []
         self._written = _content(picks_path)  # to notice the changes of another program
         self._strokes: deque[tuple[str, list[Pick]]] = deque(maxlen=_MOST_UNDONE)
-        self._lock = threading.Lock()  # several tabs may pick at once
+        self.chooser: Final = ImageChooser(self.images, classes)
 
     def add(self, image: str, x: int, y: int, class_name: str) -> None:
-        """Add a pick at a pixel.
-
-        Raises:
-            ValueRangeError: The image is not on the list, or the pixel lies outside it.
-            UnknownNameError: The class is unknown.
-            FileError: The image cannot be read, or the picks cannot be written.
-        """
+        """Add a pick at a pixel."""
         class_id = self.classes.id_of(class_name)
         self._check(image, [(x, y)])
-        with self._lock:
-            self._replace(image, [*self.picks, Pick(image=image, x=x, y=y, class_id=class_id)])
+        self._replace(image, [*self.picks, Pick(image=image, x=x, y=y, class_id=class_id)])
 
     def paint(self, image: str, points: Sequence[Point], class_name: str) -> None:
         """Give every super-pixel under the points one pick of a class.
@@ -65,62 +57,46 @@ class PickSession:
         It lies at the point of the stroke that is nearest to the innermost pixel, so that a stroke
         along a thin leg stays on it. Picks of other classes in these super-pixels are removed. One
         that has a pick of the class keeps it.
-
-        Raises:
-            ValueRangeError: The image is not on the list, or a point lies outside it.
-            UnknownNameError: The class is unknown.
-            FileError: The image cannot be read, or the picks cannot be written.
         """
         class_id = self.classes.id_of(class_name)
         regions = self._regions(image, points)
         found = self.images.super_pixels(image)
-        with self._lock:
-            kept, done = [], set()
-            for pick in self.picks:
-                region = found.at(pick.x, pick.y) if self._lies_on(pick, image) else None
-                if region not in regions or pick.class_id == class_id:
-                    kept.append(pick)
-                    done.add(region)
-            for region in regions:
-                if region not in done:
-                    x, y = min(regions[region], key=partial(math.dist, found.innermost_of(region)))
-                    kept.append(Pick(image=image, x=x, y=y, class_id=class_id))
-            self._replace(image, kept)
+        kept, done = [], set()
+        for pick in self.picks:
+            region = found.at(pick.x, pick.y) if self._lies_on(pick, image) else None
+            if region not in regions or pick.class_id == class_id:
+                kept.append(pick)
+                done.add(region)
+        for region in regions:
+            if region not in done:
+                x, y = min(regions[region], key=partial(math.dist, found.innermost_of(region)))
+                kept.append(Pick(image=image, x=x, y=y, class_id=class_id))
+        self._replace(image, kept)
 
     def erase(self, image: str, points: Sequence[Point]) -> None:
         """Remove the picks in every super-pixel under the points; a single point removes one pick.
 
         That is the pick nearest to the point in its super-pixel.
-
-        Raises:
-            ValueRangeError: The image is not on the list, or a point lies outside it.
-            FileError: The image cannot be read, or the picks cannot be written.
         """
         regions = self._regions(image, points)
         found = self.images.super_pixels(image)
-        with self._lock:
-            hit = [
-                pick
-                for pick in self.picks
-                if self._lies_on(pick, image) and found.at(pick.x, pick.y) in regions
-            ]
-            if len(points) == 1:
-                hit = sorted(hit, key=lambda pick: math.dist(points[0], (pick.x, pick.y)))[:1]
-            self._replace(image, [pick for pick in self.picks if pick not in hit])
+        hit = [
+            pick
+            for pick in self.picks
+            if self._lies_on(pick, image) and found.at(pick.x, pick.y) in regions
+        ]
+        if len(points) == 1:
+            hit = sorted(hit, key=lambda pick: math.dist(points[0], (pick.x, pick.y)))[:1]
+        self._replace(image, [pick for pick in self.picks if pick not in hit])
 
     def undo(self) -> str | None:
-        """Take back the last stroke of this session.
-
-        Returns:
-            The image of the stroke; None without a stroke.
-        """
-        with self._lock:
-            if not self._strokes:
-                return None
-            image, before = self._strokes[-1]
-            self._write(before)
-            self._strokes.pop()
-            return image
+        """Take back the last stroke of this session; return its image, None without a stroke."""
+        if not self._strokes:
+            return None
+        image, before = self._strokes[-1]
+        self._write(before)
+        self._strokes.pop()
+        return image
 
     def counts(self) -> dict[str, int]:
         """Return the number of picks of each class, by name."""

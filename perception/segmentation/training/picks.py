@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Literal, cast, get_args
+from typing import Final, Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from perception.segmentation.features import (
     patch_slices,
     spread_to_border,
 )
-from uav_bt.errors import FileError, ShapeError, ValueRangeError, did_you_mean
+from uav_bt.errors import FileError, ValueRangeError, did_you_mean
 from uav_bt.files import did_you_mean_file, read_bounded, reading, write_whole
 from uav_bt.lab.classes import MAX_CLASSES, LabClasses
 
@@ -61,13 +61,7 @@ class Pick:
 
 
 def write_picks(path: Path, picks: Iterable[Pick], classes: LabClasses) -> None:
-    """Write picks as CSV; the file is replaced in one step.
-
-    Args:
-        path: the file.
-        picks: the picks.
-        classes: classes of the lab; the file has their names.
-    """
+    """Write picks as CSV with the names of classes; the file is replaced in one step."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(_COLUMNS)
@@ -77,53 +71,32 @@ def write_picks(path: Path, picks: Iterable[Pick], classes: LabClasses) -> None:
 
 
 def read_picks(path: Path, classes: LabClasses) -> list[Pick]:
-    """Read a picks file.
-
-    Args:
-        path: the file.
-        classes: classes of the lab.
-
-    Raises:
-        FileError: the file is absent or malformed; the message names the line.
-    """
+    """Read a picks file; a malformed one is refused with its line."""
     return [pick for _, pick in read_numbered_picks(path, classes)]
 
 
 def read_numbered_picks(path: Path, classes: LabClasses) -> list[tuple[int, Pick]]:
-    """Read a picks file; each pick comes with its line number.
-
-    Args:
-        path: the file.
-        classes: classes of the lab.
-
-    Raises:
-        FileError: the file is absent or malformed; the message names the line.
-    """
+    """Read a picks file; each pick comes with its line number."""
     with reading(path):
         if not path.exists():
             raise FileError(path, f"there is no such picks file{did_you_mean_file(path)}")
         text = read_bounded(path, _MAX_BYTES).decode()
     reader = csv.reader(io.StringIO(text))
+    try:
+        rows = [(reader.line_num, row) for row in reader]
+    except csv.Error as error:
+        raise FileError(path, f"no CSV: {error}", line=reader.line_num) from error
+    if rows and tuple(rows[0][1]) != _COLUMNS:
+        raise FileError(path, f"the columns must be {','.join(_COLUMNS)}", line=1)
     picks: list[tuple[int, Pick]] = []
-    for row in _rows(reader, path):
-        if reader.line_num == 1:
-            if tuple(row) != _COLUMNS:
-                raise FileError(path, f"the columns must be {','.join(_COLUMNS)}", line=1)
-            continue
+    for line, row in rows[1:]:
         try:
-            picks.append((reader.line_num, _parse(row, classes.names)))
+            picks.append((line, _parse(row, classes.names)))
         except ValueRangeError as error:
-            raise FileError(path, str(error), line=reader.line_num) from error
+            raise FileError(path, str(error), line=line) from error
     if not picks:
         raise FileError(path, "holds no picks; a picks file needs a header and at least one row")
     return picks
-
-
-def _rows(reader: Any, path: Path) -> Iterator[list[str]]:
-    try:
-        yield from reader
-    except csv.Error as error:
-        raise FileError(path, f"no CSV: {error}", line=reader.line_num) from error
 
 
 def _parse(row: Sequence[str], names: Sequence[str]) -> Pick:
@@ -138,13 +111,8 @@ def _parse(row: Sequence[str], names: Sequence[str]) -> Pick:
         column, line = int(x), int(y)
     except ValueError as error:
         raise ValueRangeError(f"x and y must be whole pixels, got '{x}', '{y}'") from error
-    return Pick(
-        image=image,
-        x=column,
-        y=line,
-        class_id=names.index(name),
-        origin=cast("Origin", origin),
-    )
+    class_id = names.index(name)
+    return Pick(image=image, x=column, y=line, class_id=class_id, origin=cast("Origin", origin))
 
 
 # --- picks to features ----------------------------------------------------------------------------
@@ -166,7 +134,7 @@ def gather_patches(
     patch_px: int,
     classes: LabClasses,
 ) -> PickedPatches:
-    """Return features and colours of the patches around all picks.
+    """Return features and colours of the patches around all picks, in the images' order.
 
     Args:
         picks: picks on these images.
@@ -174,11 +142,8 @@ def gather_patches(
         patch_px: side of the patches, pixels.
         classes: classes of the lab.
 
-    Returns:
-        Features, labels and colours, in the images' order.
-
     Raises:
-        ValueRangeError: a pick lies outside its image, or its image is missing.
+        ValueRangeError: a pick's image is missing, or there is no pick.
     """
     by_image: dict[str, list[Pick]] = {}
     for pick in picks:
@@ -215,15 +180,6 @@ def gather_patches(
 # --- simulated picks ------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Site:
-    """Points of one image with the purest patches of one class."""
-
-    image: str
-    share: float  # largest share of the class in a patch
-    points: NDArray[np.int64]  # (N, 2) x, y of patches with about this share
-
-
 def draw_picks(
     samples: Iterable[tuple[str, NDArray[np.uint8]]],
     rng: np.random.Generator,
@@ -245,43 +201,37 @@ def draw_picks(
 
     Returns:
         Picks labelled ``simulated``, by class.
-
-    Raises:
-        ShapeError: ids are not (H, W).
-        ValueRangeError: `samples` is empty.
     """
-    sites: dict[int, list[_Site]] = {}
+    # By class: image, largest share of the class in a patch, and (N, 2) x, y of such patches.
+    sites: dict[int, list[tuple[str, float, NDArray[np.int64]]]] = {}
     for name, ids in samples:
-        if ids.ndim != 2:
-            raise ShapeError("class ids", expected="HxW", actual=ids.shape)
         for class_id in np.unique(ids).tolist():
-            sites.setdefault(class_id, []).append(
-                _site(name, ids == class_id, rng, patch_px=patch_px)
-            )
-    if not sites:
-        raise ValueRangeError("cannot draw picks: not one sample came")
+            site = name, *_purest(ids == class_id, rng, patch_px)
+            sites.setdefault(class_id, []).append(site)
     picks: list[Pick] = []
     for class_id in sorted(sites):
         wanted = int(rng.integers(_IMAGES_PER_CLASS[0], _IMAGES_PER_CLASS[1] + 1))
         # All images that reach the purity are equally good, so that distances and angles vary.
         order = rng.permutation(len(sites[class_id]))
-        ranked = sorted(order, key=lambda i: -min(sites[class_id][i].share, _PURITY))
+        ranked = sorted(order, key=lambda i: -min(sites[class_id][i][1], _PURITY))
         chosen = [sites[class_id][i] for i in ranked[:wanted]]
         share = -(-total // (len(sites) * len(chosen)))
-        for site in chosen:
-            points = rng.permutation(site.points)[:share]
+        for name, _, points in chosen:
             picks.extend(
-                Pick(image=site.image, x=x, y=y, class_id=class_id, origin="simulated")
-                for x, y in points.tolist()
+                Pick(image=name, x=x, y=y, class_id=class_id, origin="simulated")
+                for x, y in rng.permutation(points)[:share].tolist()
             )
     return picks
 
 
-def _site(name: str, mask: NDArray[np.bool_], rng: np.random.Generator, *, patch_px: int) -> _Site:
+def _purest(
+    mask: NDArray[np.bool_], rng: np.random.Generator, patch_px: int
+) -> tuple[float, NDArray[np.int64]]:
+    """Return the largest share of a class in a patch, and points with about this share."""
     means = WindowMeans(width_px=mask.shape[1], height_px=mask.shape[0], side_px=patch_px)
     share = spread_to_border(means.of(mask.astype(np.float64)), patch_px)
     share[~mask] = 0.0  # a person clicks on the object
     best = float(share.max())
     points = np.argwhere(share >= min(_PURITY, 0.95 * best))[:, ::-1].astype(np.int64)
     # A few hundred points are enough; whole masks of every image would fill the memory.
-    return _Site(image=name, share=best, points=rng.permutation(points)[:500])
+    return best, rng.permutation(points)[:500]

@@ -30,9 +30,8 @@ from perception.networks.training.loop import (
     ignore_progress,
     train,
 )
-from perception.segmentation.training.class_balance import balance_classes
 from perception.segmentation.training.unet import UNet, UNetConfig
-from uav_bt.errors import ShapeError, UnknownNameError, ValueRangeError
+from uav_bt.errors import UnknownNameError, ValueRangeError
 
 _SMOOTHING: Final = 1.0  # pixels; avoids 0 / 0 in the Dice term of an absent class
 
@@ -40,14 +39,7 @@ _SMOOTHING: Final = 1.0  # pixels; avoids 0 / 0 in the Dice term of an absent cl
 def cross_entropy(
     logits: Tensor, ids: Tensor, ignored: int, weights: Tensor | None = None
 ) -> Tensor:
-    """Return the mean categorical cross-entropy.
-
-    Args:
-        logits: (N, C, H, W) float.
-        ids: (N, H, W) int64 class ids.
-        ignored: the id of pixels that do not count.
-        weights: (C,) float weights of the classes; None: equal ones.
-    """
+    """Return the mean categorical cross-entropy; arguments as of `bce_dice`."""
     return functional.cross_entropy(logits, ids, weight=weights, ignore_index=ignored)
 
 
@@ -58,7 +50,7 @@ def bce_dice(logits: Tensor, ids: Tensor, ignored: int, weights: Tensor | None =
         logits: (N, C, H, W) float.
         ids: (N, H, W) int64 class ids.
         ignored: the id of pixels that do not count.
-        weights: (C,) float weights of the classes in the binary cross-entropy; None: equal ones.
+        weights: (C,) float weights of the classes in the cross-entropy; None: equal ones.
     """
     classes = logits.shape[1]
     counts = (ids != ignored).unsqueeze(1).to(logits.dtype)
@@ -75,9 +67,40 @@ def bce_dice(logits: Tensor, ids: Tensor, ignored: int, weights: Tensor | None =
     return mean_bce + (1.0 - dice).mean()
 
 
-LOSSES: Final[Mapping[str, Callable[[Tensor, Tensor, int, Tensor | None], Tensor]]] = (
-    MappingProxyType({"cross_entropy": cross_entropy, "bce_dice": bce_dice})
-)
+LOSSES: Final = MappingProxyType({"cross_entropy": cross_entropy, "bce_dice": bce_dice})
+
+_SHOWN: Final = 0.002  # least share of an image's pixels with which it shows a class
+_WEIGHT_LIMITS: Final = (0.3, 6.0)
+
+
+def balance_classes(
+    ids: NDArray[np.uint8], classes: int
+) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+    """Return how rare classes are drawn more often and weigh more.
+
+    A class that no image shows changes nothing.
+
+    Args:
+        ids: (N, H, W) class ids; those of C and more do not count.
+        classes: Number C of classes.
+
+    Returns:
+        (N,) probability of drawing each image, in sum one; (C,) weight of each class in the loss,
+        whose mean over all pixels is one, apart from the limits.
+    """
+    counts = np.stack([np.bincount(each.ravel(), minlength=256)[:classes] for each in ids])
+    shown = counts >= _SHOWN * ids[0].size
+    images = np.maximum(shown.sum(axis=0), 1)
+    # Half of the draws take a class first and then an image that shows it, the others any image.
+    by_class = np.where(shown, 1.0 / images, 0.0).sum(axis=1)
+    even = np.full(len(ids), 1.0 / len(ids))
+    total = by_class.sum()
+    shares = 0.5 * even + 0.5 * by_class / total if total > 0.0 else even
+    frequency = counts.sum(axis=0) / max(int(counts.sum()), 1)
+    weights = np.where(frequency > 0.0, 1.0 / np.sqrt(np.maximum(frequency, 1e-9)), 0.0)
+    mean = float((frequency * weights).sum())
+    weights = np.clip(weights / (mean or 1.0), *_WEIGHT_LIMITS)
+    return shares, weights.astype(np.float32)
 
 
 _HUE_LEVEL_DEG: Final = 2.0  # step of OpenCV's 8-bit hue
@@ -109,22 +132,11 @@ def augmented(
     rng: np.random.Generator,
     config: AugmentConfig,
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Return an augmented image and its class ids, moved in the same way.
+    """Return an augmented image, (H, W, 3), and its class ids, (H, W), moved in the same way.
 
     Outside the original, image and class ids are mirrored.
-
-    Args:
-        rgb: (H, W, 3) uint8.
-        ids: (H, W) uint8.
-        rng: random generator of the changes.
-        config: limits of the changes.
-
-    Raises:
-        ShapeError: image and ids differ in size.
     """
     height, width = rgb.shape[:2]
-    if ids.shape != (height, width):
-        raise ShapeError("class ids", expected=f"{height}x{width}", actual=ids.shape)
     hue, saturation, value, angle, across, down = rng.uniform(-1.0, 1.0, size=6).tolist()
     hsv = cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV)
     table = np.stack(
@@ -186,16 +198,6 @@ class LabelledImages:
     ids: NDArray[np.uint8]  # (N, H, W); `IGNORED` where unknown
     classes: tuple[str, ...]  # names by id
 
-    def __post_init__(self) -> None:
-        if self.rgb.ndim != 4 or self.rgb.shape[3] != 3 or not len(self.rgb):
-            raise ShapeError("images", expected="NxHxWx3, N > 0", actual=self.rgb.shape)
-        if self.ids.shape != self.rgb.shape[:3]:
-            expected = "x".join(map(str, self.rgb.shape[:3]))
-            raise ShapeError("labels", expected=expected, actual=self.ids.shape)
-        used, count = np.unique(self.ids), len(self.classes)
-        if ((used >= count) & (used != IGNORED)).any():
-            raise ValueRangeError(f"labels must lie within 0 and {count - 1} or be {IGNORED}")
-
 
 def train_unet(
     images: LabelledImages,
@@ -219,22 +221,20 @@ def train_unet(
 
     Returns:
         The network with the running mean of its weights, in evaluation mode.
-
-    Raises:
-        WeightsError: the checkpoint is damaged or belongs to another run.
-        ValueRangeError: the loss has become NaN or infinite.
     """
     torch.manual_seed(config.seed)
     net = channels_last(UNet(net_config, images.classes))
     if start is not None:
-        net.load_state_dict(_taken_over(start, images.classes), strict=False)
+        taken = start.state_dict()
+        if start.classes != images.classes:
+            taken = {name: each for name, each in taken.items() if not name.startswith("head.")}
+        net.load_state_dict(taken, strict=False)
     loss = LOSSES[config.loss]
     shares: NDArray[np.float64] | None = None
     weights: Tensor | None = None
     if config.balanced:
-        balance = balance_classes(images.ids, len(images.classes))
-        shares = balance.image_shares
-        weights = torch.from_numpy(balance.class_weights).to(config.device)
+        shares, of_classes = balance_classes(images.ids, len(images.classes))
+        weights = torch.from_numpy(of_classes).to(config.device)
 
     def objective(rng: np.random.Generator) -> tuple[Tensor, Mapping[str, Tensor]]:
         chosen = rng.choice(len(images.rgb), size=config.batch, p=shares)
@@ -252,25 +252,8 @@ def train_unet(
     )
 
 
-def _taken_over(start: UNet, classes: tuple[str, ...]) -> dict[str, Tensor]:
-    same = start.classes == classes
-    return {
-        name: tensor
-        for name, tensor in start.state_dict().items()
-        if same or not name.startswith("head.")
-    }
-
-
 def predict(net: UNet, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the class ids of images.
-
-    Args:
-        net: the network.
-        rgb: (N, H, W, 3) uint8, at the network's size.
-
-    Returns:
-        (N, H, W) uint8.
-    """
+    """Return the class ids, (N, H, W), of images of the network's size, (N, H, W, 3)."""
     with torch.inference_mode():
         logits = net(_to_input(rgb))
     return np.asarray(logits.argmax(dim=1).to(torch.uint8).numpy(), dtype=np.uint8)

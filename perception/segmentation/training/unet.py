@@ -87,25 +87,11 @@ class UNet(nn.Module):
         self.spread = nn.PixelShuffle(2)
 
     def forward(self, rgb: Tensor) -> Tensor:
-        """Return the logits of each pixel.
-
-        Args:
-            rgb: (N, 3, H, W) float, 0 to 1.
-
-        Returns:
-            (N, C, H, W) float.
-        """
+        """Return the logits of each pixel, (N, C, H, W)."""
         return cast("Tensor", self.spread(self.head(self.features(rgb))))
 
     def features(self, rgb: Tensor) -> Tensor:
-        """Return the features of each half-size pixel, from which the head makes the logits.
-
-        Args:
-            rgb: (N, 3, H, W) float, 0 to 1.
-
-        Returns:
-            (N, F, H / 2, W / 2) float.
-        """
+        """Return the features from which the head makes the logits, (N, F, H / 2, W / 2)."""
         skips: list[Tensor] = []
         features = rgb - 0.5  # so that the convolutions' zero padding is mid-grey, not black
         for level, block in enumerate(self.down):

@@ -95,13 +95,6 @@ def test_flies_towards_the_pad_in_proportion() -> None:
     assert far.forward_mps > 0.0
 
 
-def test_far_from_it_the_speed_is_limited() -> None:
-    bench = climbed()
-    look(bench, (3.0, -4.0), seconds=1.0, ended=1)
-
-    assert math.hypot(steered(bench).forward_mps, steered(bench).right_mps) <= 0.25 + 1e-9
-
-
 def test_between_two_frames_it_flies_on_but_not_blindly() -> None:
     bench = climbed()
     look(bench, (0.1, 0.0), seconds=1.0, ended=1)
@@ -144,15 +137,6 @@ def test_one_look_does_not_confirm() -> None:
     look(bench, (0.1, 0.0))
     look(bench, (0.0, 0.0))
     assert isinstance(bench.proposed, Velocity)  # one again, not two: no descent yet
-
-
-def test_a_movement_is_held_until_it_ends() -> None:
-    """The same proposal every tick, whatever is seen on the way."""
-    bench = climbed()
-    first = moved(bench)
-    for _ in range(4):
-        assert look(bench, (0.5, 0.5), height_m=1.6) is Status.RUNNING
-        assert moved(bench) == first
 
 
 def test_a_look_from_before_the_movement_ended_does_not_count() -> None:

@@ -123,14 +123,6 @@ def test_an_emergency_landing_does_not_wait_for_telemetry_and_is_not_taken_back(
     assert bench.proposed == LandCommand()
 
 
-def test_without_an_offset_it_lands_at_once() -> None:
-    """A camera under the centre needs no step."""
-    bench = bench_with_lens(0.0)
-    live(bench)
-
-    assert bench.proposed == LandCommand()
-
-
 def test_the_step_is_as_long_as_the_camera_is_ahead() -> None:
     """A calibrated camera says where its lens sits; no other number is asked."""
     bench = bench_with_lens(0.07)
@@ -223,14 +215,6 @@ def test_on_the_ground_there_is_nothing_to_do(
 # --- EmergencyLand --------------------------------------------------------------------------------
 
 
-def test_looks_down_before_it_judges() -> None:
-    """A forward view says nothing about what lies below."""
-    bench = LeafBench(EmergencyLand)
-    assert live(bench, gimbal_deg=-30.0) is Status.RUNNING
-    assert (bench.proposed, bench.pointed) == (None, DOWN)
-    assert bench.board[PHASE] == "emergency landing"
-
-
 @pytest.mark.parametrize(
     ("leaf", "ended"), [(EmergencyLand, Status.FAILURE), (LandHere, Status.SUCCESS)]
 )
@@ -250,16 +234,6 @@ def test_moves_to_the_spot_and_lands(leaf: type[EmergencyLand | LandHere], ended
     assert bench.proposed == LandCommand()
     assert live(bench, flying=FlyingState.LANDED) is ended
     assert (bench.proposed, bench.pointed) == (None, None)
-
-
-def test_right_above_a_spot_it_needs_no_step() -> None:
-    """Ground all around: down."""
-    bench = LeafBench(EmergencyLand, radius_m=0.1)
-    live(bench, gimbal_deg=-90.0)
-    assert not isinstance(bench.proposed, MoveBy)
-    live(bench, gimbal_deg=-90.0)
-
-    assert bench.proposed == LandCommand()
 
 
 @pytest.mark.parametrize("missing", [None, FRAME, CLASS_MAP, CAMERA])

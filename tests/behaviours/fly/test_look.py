@@ -20,8 +20,6 @@ from uav_bt.types import (
     Hover,
     MissionPhase,
     MoveBy,
-    MovementState,
-    MovementStatus,
 )
 from uav_bt.types.dead_reckoning import OdometryPose
 from uav_bt.types.flight_results import EventKind, FlightEvent
@@ -56,25 +54,6 @@ def test_turn_turns_until_the_drone_reports_the_end() -> None:
     bench.finish_movement()
     assert bench.tick(advance_s=0.1) is Status.SUCCESS
     assert bench.proposed is None
-
-
-@pytest.mark.parametrize("seconds", [0.1, 10.0])
-@pytest.mark.parametrize("word", [MovementState.INTERRUPTED, MovementState.REJECTED])
-def test_an_interrupted_turn_goes_on_to_the_same_heading(
-    seconds: float, word: MovementState
-) -> None:
-    """After an override as after a person who turned it back a little."""
-    bench = LeafBench(Turn, degrees=200.0)
-    for heading_deg in (150, 170, 190, 210):
-        live(bench, yaw_rad=math.remainder(math.radians(heading_deg), 2.0 * math.pi))
-    over = MovementStatus(id=1, state=word)
-    yaw_rad = math.radians(200 - 360)
-    assert live(bench, seconds=seconds, yaw_rad=yaw_rad, movement=over) is Status.RUNNING
-    assert isinstance(bench.proposed, MoveBy)
-    assert bench.proposed.id == 2
-    assert math.degrees(bench.proposed.yaw_rad) == pytest.approx(150)
-    done = MovementStatus(id=2, state=MovementState.DONE)
-    assert live(bench, yaw_rad=yaw_rad, movement=done) is Status.SUCCESS
 
 
 @pytest.mark.parametrize(

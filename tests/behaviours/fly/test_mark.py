@@ -25,7 +25,7 @@ from tests.worlds.leaves import (
     steering_bench,
 )
 from tests.worlds.values import fix, motion
-from uav_bt.answers import Done, FollowLeg
+from uav_bt.answers import FollowLeg
 from uav_bt.board import FLIGHT_HEIGHT, FLIGHT_PITCH, MARK, ODOMETRY, PHASE, SITE_MAP
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import Says, drawn_map, show
@@ -117,29 +117,6 @@ def test_a_policy_that_flies_at_a_speed_is_searched_under_at_that_speed() -> Non
     assert velocity(bench).yaw_rate_radps > 0.0
 
 
-def test_while_the_policy_is_done_the_search_looks_round() -> None:
-    bench = searching(Says(Done(reason="covered")))
-    fly(bench, seconds=0.3)
-    assert velocity(bench).forward_mps == 0.0
-    assert abs(velocity(bench).yaw_rate_radps) > 0.3
-
-
-def test_the_search_turns_away_by_itself() -> None:
-    """Blocked it turns, and after a turn that worked it looks afresh before it advances."""
-    bench = searching(Says(TURN_LEFT, ADVANCE))
-    fly(bench, seconds=0.3)
-    assert velocity(bench).yaw_rate_radps < 0.0
-    assert velocity(bench).forward_mps == 0.0
-    fly(bench, yaw_rad=-0.3)
-    assert velocity(bench).yaw_rate_radps < 0.0
-    fly(bench, yaw_rad=-0.6)
-    fly(bench, yaw_rad=-0.6)
-    assert bench.proposed is None
-    fly(bench, yaw_rad=-0.6, seconds=0.3)
-
-    assert isinstance(bench.proposed, MoveBy)
-
-
 def test_a_pad_whose_place_is_uncertain_does_not_end_the_search() -> None:
     """Only a sight of it does: the track may have gone astray."""
     bench = searching(Says(ADVANCE))
@@ -147,25 +124,6 @@ def test_a_pad_whose_place_is_uncertain_does_not_end_the_search() -> None:
 
     assert bench.board[PHASE] == "search"
     assert isinstance(bench.proposed, MoveBy)
-
-
-def test_a_sight_of_the_pad_interrupts_a_step() -> None:
-    """The approach begins in the very tick."""
-    bench = searching(Says(ADVANCE))
-    fly(bench, seconds=0.3)
-    fly(bench, (2.0, 0.0))
-
-    assert bench.board[PHASE] == "approach"
-    assert velocity(bench).forward_mps > 0.0
-
-
-def test_a_pad_that_is_carried_well_needs_no_search() -> None:
-    """Behind the drone, seen a moment ago: it turns round to it."""
-    bench = searching(Says(ADVANCE))
-    fly(bench, (-1.5, 0.4), seconds=0.3, unseen_s=3.0, std_m=0.05)
-
-    assert bench.board[PHASE] == "approach"
-    assert abs(velocity(bench).yaw_rate_radps) > 0.3
 
 
 def test_a_track_that_led_nowhere_is_not_flown_to_again() -> None:
@@ -233,18 +191,6 @@ def test_a_sighting_far_from_the_maps_mark_is_taken_for_an_error() -> None:
     assert velocity(bench).yaw_rate_radps > 0.3
 
 
-@pytest.mark.parametrize("by_map", [True, False])
-def test_a_pad_further_away_is_flown_to_by_the_map(*, by_map: bool) -> None:
-    """The map knows a box on the way that is out of the memory by now."""
-    box = np.column_stack([np.full(9, 0.8), np.linspace(-0.7, 0.1, 9)])
-    known = replace(marked(1.8, 0.0), obstacles_m=box)
-    bench = searching(Says(ADVANCE))
-    fly(bench, (1.8, 0.0), unseen_s=2.0, std_m=0.05, site_map=known if by_map else None)
-
-    assert bench.board[PHASE] == "approach"
-    assert (velocity(bench).yaw_rate_radps > 0.2) == by_map
-
-
 def test_by_a_map_that_views_contradict_no_route_is_flown() -> None:
     """It flies straight while nothing that was seen is near that way."""
     wrong = replace(marked(1.8, 0.0), contradicted_s=9.0)
@@ -255,14 +201,6 @@ def test_by_a_map_that_views_contradict_no_route_is_flown() -> None:
     assert bench.proposed is None
 
 
-def test_it_turns_to_a_mark_behind() -> None:
-    bench = searching(Says(ADVANCE))
-    fly(bench, site_map=marked(-1.6, 0.4))
-
-    assert velocity(bench).yaw_rate_radps > 0.5
-    assert velocity(bench).forward_mps == 0.0
-
-
 @pytest.mark.parametrize("moved_s", [-math.inf, 0.0])
 def test_on_the_way_it_stays_above_movers(moved_s: float) -> None:
     bench = searching(Says(TURN_LEFT))
@@ -271,24 +209,6 @@ def test_on_the_way_it_stays_above_movers(moved_s: float) -> None:
         fly(bench, site_map=replace(marked(1.6, 0.2), moved_s=moved_s))
     assert velocity(bench).forward_mps > 0.2
     assert (velocity(bench).down_mps < -0.2) == (moved_s == 0.0)
-
-
-def test_between_two_maps_the_course_is_held() -> None:
-    bench = searching(Says(TURN_LEFT))
-    fly(bench, site_map=marked(1.6, 0.0))
-    bench.clock.advance(0.1)
-    bench.tick()
-
-    assert velocity(bench).forward_mps > 0.25
-
-
-def test_near_the_mark_the_camera_goes_down() -> None:
-    """Where the mark would be below the forward view."""
-    bench = searching(Says(ADVANCE))
-    fly(bench, site_map=marked(0.8, 0.0))
-    fly(bench, site_map=marked(0.8, 0.0))
-
-    assert bench.pointed == GimbalTo(pitch_rad=math.radians(-50))
 
 
 @pytest.mark.parametrize("approach", ["policy", "memory"])
@@ -342,14 +262,6 @@ def test_flies_to_a_pad_ahead_and_slows_down() -> None:
     assert far.pointed == SEARCH_GIMBAL
 
 
-def test_a_pad_missed_for_a_moment_is_still_approached() -> None:
-    """The tracker carries it."""
-    bench = approaching()
-    fly(bench, (2.4, 0.0), unseen_s=3.0)
-
-    assert velocity(bench).forward_mps > 0.0
-
-
 def test_a_pad_is_approached_for_as_long_as_the_board_carries_it() -> None:
     """One number says how old a track may be: the board's."""
     assert MARK.max_age_s == 20.0
@@ -369,14 +281,6 @@ def test_a_pad_lost_for_long_is_searched_again(pad: tuple[float, float] | None) 
 
     fly(bench, seconds=0.3)
     assert isinstance(bench.proposed, MoveBy)
-
-
-def test_what_stands_beside_or_behind_the_way_is_passed() -> None:
-    """A box well aside, one behind the pad, one behind the drone."""
-    bench = approaching((1.5, 0.0))
-    fly(bench, (1.5, 0.0), obstacles=[(1.0, 0.8), (1.9, 0.0), (-0.8, 0.0)])
-
-    assert velocity(bench).forward_mps > 0.0
 
 
 def boxed(*places_m: tuple[float, float], pad: tuple[float, float] = (2.5, 0.0)) -> SiteMap:
@@ -405,24 +309,6 @@ def test_a_box_on_the_way_is_passed_on_its_free_side(box: tuple[float, float], s
     assert side * velocity(bench).yaw_rate_radps > 0.2
 
 
-def test_a_wide_way_round_is_better_than_a_narrow_one_straight_on() -> None:
-    """Half a metre is flown past slowly."""
-    bench = searching(Says(ADVANCE))
-    fly(bench, (2.5, 0.0), site_map=boxed((0.9, 0.42)))
-
-    assert velocity(bench).yaw_rate_radps < 0.0
-
-
-def test_where_there_is_no_wide_way_the_narrow_one_will_do() -> None:
-    """A gate of 0.7 m in a wall across the whole ground."""
-    gate = [(1.0, y_m) for y_m in np.arange(-3.0, 3.05, 0.05) if abs(y_m) >= 0.35]
-    bench = searching(Says(ADVANCE))
-    fly(bench, (2.5, 0.0), site_map=boxed(*gate))
-
-    assert velocity(bench).forward_mps > 0.1
-    assert abs(velocity(bench).yaw_rate_radps) < 0.2
-
-
 @pytest.mark.parametrize("apart_m", [0.55, 0.5])
 def test_beside_the_pad_the_way_may_be_narrow(apart_m: float) -> None:
     """Boxes on three sides of it, and the ground below and behind it was never seen."""
@@ -444,15 +330,6 @@ def test_beside_the_pad_the_way_may_be_narrow(apart_m: float) -> None:
 
 
 WALL = [(0.8 * math.cos(a), 0.8 * math.sin(a)) for a in np.radians(range(-180, 180, 10))]
-
-
-def test_where_there_is_no_way_it_stops_for_a_detour() -> None:
-    """It stops at once and then goes round under the policy."""
-    bench = approaching((2.5, 0.0))
-    fly(bench, (2.5, 0.0), obstacles=WALL)
-
-    assert bench.proposed is None
-    assert bench.pointed == SEARCH_GIMBAL
 
 
 def test_the_camera_follows_the_pad_down() -> None:
@@ -529,14 +406,6 @@ def test_past_the_pad_it_is_there() -> None:
     bench = overflying()
 
     assert fly(bench, (-0.02, 0.15), unseen_s=2.6) is Status.SUCCESS
-
-
-def test_a_tree_without_a_map_flies_the_last_metre() -> None:
-    """Without a map there are no obstacles to stop for."""
-    bench = overflying()
-    fly(bench, (0.6, 0.0), unseen_s=1.0)
-
-    assert velocity(bench).forward_mps > 0.0
 
 
 def test_a_track_that_ends_in_the_last_metre_is_searched_for() -> None:

@@ -15,7 +15,7 @@ from behaviours.path.nearby import RecentObstacles, recent_obstacles
 from behaviours.path.survey import best_route
 from tests.behaviours.path.test_survey import where
 from tests.worlds import values
-from uav_bt.answers import FollowLeg, Rotate
+from uav_bt.answers import FollowLeg
 from uav_bt.testing.world import drawn_map
 from uav_bt.types import NearObstacles
 
@@ -56,9 +56,8 @@ def test_what_the_map_does_not_show_on_its_ground_counts_for_a_while(
     nothing = np.zeros((61, 61), dtype=bool)
     unseen = recent_obstacles(old, drawn_map(known=nothing), unmapped_s=3.0)
     assert len(unseen.seen_m) == len(BOX)  # nobody saw the ground
-    assert len(recent_obstacles(old, drawn_map()).seen_m) == len(
-        BOX
-    )  # what pushes away counts as before
+    away = recent_obstacles(old, drawn_map())  # what pushes away counts as before
+    assert len(away.seen_m) == len(BOX)
 
 
 def test_single_points_are_no_obstacle() -> None:
@@ -91,33 +90,23 @@ def test_in_the_open_it_looks_far_ahead() -> None:
     assert leg.straight_m == pytest.approx(np.minimum.accumulate(leg.clear_m), abs=0.15)
 
 
-def past(obstacles: np.ndarray, free_m: float = 0.3) -> FollowLeg | Rotate | None:
-    """Return the course straight ahead with a corridor blocked at a near distance."""
-    clearance = ClearanceMap(
-        drawn_map(pose=(0.0, 0.0, 0.0), obstacles=obstacles), RecentObstacles()
-    )
-    path_m = [(x_m, 0.0) for x_m in np.arange(0.0, 1.0, 0.1)]
-    leg = clearance.route_along([clearance.map.cell_of(*place_m) for place_m in path_m], time_s=3.0)
+@pytest.mark.parametrize(
+    ("x_m", "y_m", "free_m", "speed_mps"),
+    [
+        ((0.3, 0.4, 0.5), -0.45, 0.3, 0.15),  # mapped beside the way; the corridor is wider
+        ((1.5, -0.3, 0.2), 1.2, 0.3, None),  # not on the map there
+        ((0.5, 0.6, 0.7), -0.45, 0.27, None),  # nearer than anything on the map
+        ((0.1, 0.2, 0.3), -0.45, 0.2, None),  # within the hull, mapped or not
+    ],
+)
+def test_it_creeps_past_what_the_map_has_and_stops_before_what_it_lacks(
+    x_m: tuple[float, ...], y_m: float, free_m: float, speed_mps: float | None
+) -> None:
+    """Straight ahead, with a corridor that is blocked at a near distance."""
+    obstacles = np.array([[x, y_m] for x in x_m])
+    clearance = ClearanceMap(drawn_map(obstacles=obstacles), RecentObstacles())
+    path = [clearance.map.cell_of(x, 0.0) for x in np.arange(0.0, 1.0, 0.1)]
+    leg = clearance.route_along(path, time_s=3.0)
     corridor = values.corridor(free_m, "left", captured_s=1.0)
-    return follow(leg, clearance.map, corridor, margins=MARGINS)
-
-
-def test_it_creeps_past_what_the_map_has_beside_the_way() -> None:
-    """The corridor is wider than the way there."""
-    beside = np.array([[x_m, -0.45] for x_m in (0.3, 0.4, 0.5)])
-    way = past(beside)
-    assert isinstance(way, FollowLeg)
-    assert way.speed_mps == 0.15
-
-
-def test_it_stops_before_what_is_not_on_the_map() -> None:
-    elsewhere = np.array([[1.5, -0.45], [-0.3, 0.3], [0.2, 1.2]])
-    assert past(elsewhere) is None
-
-
-def test_what_is_nearer_than_anything_on_the_map_stops_it() -> None:
-    """Right ahead of it stands something that the map does not know."""
-    beside = np.array([[x_m, -0.45] for x_m in (0.5, 0.6, 0.7)])
-    assert past(beside, free_m=0.27) is None
-    right_here = np.array([[x_m, -0.45] for x_m in (0.1, 0.2, 0.3)])
-    assert past(right_here, free_m=0.2) is None
+    way = follow(leg, clearance.map, corridor, margins=MARGINS)
+    assert (way.speed_mps if isinstance(way, FollowLeg) else way) == speed_mps

@@ -1,4 +1,4 @@
-"""Where the camera looks on the way to the mark."""
+"""Where the camera looks: at the ground, the mark, movers, and obstacles of unknown range."""
 
 from __future__ import annotations
 
@@ -53,39 +53,30 @@ def test_what_has_no_range_ahead_is_looked_at_from_above_for_a_while(what: str) 
     assert looking.pitch_rad(known(**{what: [-40.0, 44.0]}), 0.0) == LOWEST_RAD
     assert looking.pitch_rad(known(), 0.9) == LOWEST_RAD
     assert looking.pitch_rad(known(), 1.1) is None
+    for specks_or_beside_deg in ([10.0], [-60.0, 50.0, 70.0]):
+        assert LookingDown().pitch_rad(known(**{what: specks_or_beside_deg}), 0.0) is None
 
 
-@pytest.mark.parametrize("what", ["unplaced", "unplaced_edges"])
-@pytest.mark.parametrize("degrees", [[10.0], [-60.0, 50.0, 70.0]])
-def test_specks_and_what_is_beside_are_not(what: str, degrees: list[float]) -> None:
-    assert LookingDown().pitch_rad(known(**{what: degrees}), 0.0) is None
-
-
-def test_in_the_open_the_camera_looks_ahead() -> None:
-    inside = drawn_map(pose=(-1.5, 0.0, 0.0))
-    assert ground_pitch_rad(inside, CAMERA, FLIGHT_RAD, 1.5) == FLIGHT_RAD
-
-
-@pytest.mark.parametrize("yaw_deg", [60, 90, 120])
-def test_at_the_edge_it_looks_down_to_the_ground_before_it(yaw_deg: float) -> None:
-    """0.6 m from the edge, where the view in flight begins more than a metre ahead."""
-    edge = drawn_map(pose=(0.0, 1.4, math.radians(yaw_deg)))
-    pitch_rad = ground_pitch_rad(edge, CAMERA, FLIGHT_RAD, 1.5)
-    assert pitch_rad == pytest.approx(math.radians(-56))
-    before = ground_share(edge, CAMERA, FLIGHT_RAD, 1.5)
-    assert ground_share(edge, CAMERA, pitch_rad, 1.5) > before
-
-
-def test_a_camera_that_looks_down_further_in_flight_stays() -> None:
-    edge = drawn_map(pose=(0.0, 1.8, math.radians(90)))
-    assert ground_pitch_rad(edge, CAMERA, math.radians(-70), 1.5) == math.radians(-70)
-
-
-def test_beyond_the_edge_it_looks_ahead_to_the_ground() -> None:
-    """It lies further away than the lowered camera shows."""
-    beyond = drawn_map(pose=(0.0, 4.0, math.radians(-90)))
-    assert ground_share(beyond, CAMERA, FLIGHT_RAD, 1.5) < 0.35
-    assert ground_pitch_rad(beyond, CAMERA, FLIGHT_RAD, 1.5) == FLIGHT_RAD
+@pytest.mark.parametrize(
+    ("x_m", "y_m", "yaw_deg", "flight_deg", "pitch_deg"),
+    [
+        (-1.5, 0.0, 0, -30, -30),
+        (0.0, 1.4, 60, -30, -56),  # 0.6 m from the edge the view in flight begins beyond it
+        (0.0, 1.4, 90, -30, -56),
+        (0.0, 1.4, 120, -30, -56),
+        (0.0, 1.8, 90, -70, -70),  # it looks down further in flight
+        (0.0, 4.0, -90, -30, -30),  # the ground lies further away than a lowered camera shows
+    ],
+)
+def test_at_the_edge_the_camera_looks_down_to_the_ground_before_it(
+    x_m: float, y_m: float, yaw_deg: float, flight_deg: float, pitch_deg: float
+) -> None:
+    site_map = drawn_map(pose=(x_m, y_m, math.radians(yaw_deg)))
+    flight_rad, expected_rad = math.radians(flight_deg), math.radians(pitch_deg)
+    pitch_rad = ground_pitch_rad(site_map, CAMERA, flight_rad, 1.5)
+    assert pitch_rad == pytest.approx(expected_rad)
+    before, after = (ground_share(site_map, CAMERA, rad, 1.5) for rad in (flight_rad, pitch_rad))
+    assert after > before or pitch_rad == flight_rad
 
 
 @pytest.mark.parametrize("height_m", [0.8, 1.5])

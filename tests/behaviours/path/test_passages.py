@@ -1,4 +1,4 @@
-"""The way out of a corner, through a gap that the other passages close behind the drone."""
+"""Margins of a place and of its passages, and the way out of a corner by a narrow gap."""
 
 from __future__ import annotations
 
@@ -10,11 +10,81 @@ import pytest
 from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import RecentObstacles
 from behaviours.path.passages import ClearanceMaps
+from uav_bt.errors import ValueRangeError
 from uav_bt.testing.world import drawn_map
+from uav_bt.types import Clearances, LandingMark
 from uav_bt.types.site_map import SiteMap
 
 CORNER = (-1.6, 1.4)
 MARK = (0.5, -1.0)
+
+
+@pytest.mark.parametrize(
+    ("passage", "at_pad", "distances_m", "slow_mps"),
+    [
+        (Passage.ORDINARY, False, (0.4, 0.3), 0.3),
+        (Passage.TIGHT, False, (0.3, 0.3), 0.3),
+        (Passage.TIGHT, True, (0.34, 0.2), 0.3),
+        (Passage.OUT, False, (0.3, 0.2), 0.1),
+        (Passage.OUT, True, (0.3, 0.2), 0.1),
+    ],
+)
+def test_distances_from_obstacles_and_edges_and_the_slowest_speed(
+    passage: Passage, *, at_pad: bool, distances_m: tuple[float, float], slow_mps: float
+) -> None:
+    margins = Margins().through(passage, at_pad=at_pad)
+    assert (margins.touch_m, margins.edge_m) == pytest.approx(distances_m)
+    speeds_mps = margins.speed_mps(np.array([0.0, margins.touch_m, 0.6, margins.wide_m, 3.0]))
+    assert np.all(np.diff(speeds_mps) >= 0.0)
+    assert speeds_mps[[0, 1, -1]].tolist() == [0.1, slow_mps, 0.6]
+    # Views that do not fit the map widen the ordinary passage only.
+    assert (margins.by(1.0) == margins) == (passage is not Passage.ORDINARY)
+
+
+@pytest.mark.parametrize(
+    ("place", "ordinary_m", "tight_m", "pad_m", "out_m"),
+    [
+        (Clearances(), (0.4, 0.3), (0.3, 0.3), (0.34, 0.2), (0.3, 0.2)),
+        (
+            Clearances(obstacle_m=0.5, edge_m=0.45),
+            *((0.5, 0.45), (0.4, 0.45), (0.44, 0.35), (0.4, 0.35)),
+        ),
+        (Clearances(obstacle_m=0.35), (0.35, 0.3), (0.25, 0.3), (0.29, 0.2), (0.25, 0.2)),
+        (Clearances(edge_m=0.15), (0.4, 0.15), (0.3, 0.15), (0.34, 0.2), (0.3, 0.15)),
+    ],
+)
+def test_a_place_shifts_the_distances_of_all_passages(
+    place: Clearances,
+    ordinary_m: tuple[float, float],
+    tight_m: tuple[float, float],
+    pad_m: tuple[float, float],
+    out_m: tuple[float, float],
+) -> None:
+    margins = Margins().within(place)
+    all_of = (margins, margins.tight(), margins.at_pad(), margins.through(Passage.OUT))
+    found_m = [(each.touch_m, each.edge_m) for each in all_of]
+    assert found_m == [pytest.approx(each) for each in (ordinary_m, tight_m, pad_m, out_m)]
+    assert margins.min_start_m <= margins.touch_m < margins.wide_m
+    assert margins.wide_m - margins.touch_m == pytest.approx(Margins.wide_m - Margins.touch_m)
+
+
+def test_unknown_cells_lanes_and_the_mark_are_those_of_the_place() -> None:
+    """Half of the diagonal of 0.6 x 0.8 m is 0.5 m, and a cell is 0.1 m."""
+    mark = LandingMark(length_m=0.6, width_m=0.8, height_m=0.05)
+    margins = Margins().within(Clearances(unknown_m=0.3, lane_m=0.9), mark)
+    assert (margins.unknown_m, margins.lane_m, margins.over_m) == pytest.approx((0.3, 0.9, 0.6))
+
+
+def test_margins_that_differ_from_the_default_keep_their_difference() -> None:
+    """Exactly where the place is the default."""
+    further = Margins(touch_m=0.38, edge_m=0.4)
+    assert further.within(Clearances()) == further
+    assert further.within(Clearances(edge_m=0.5)).edge_m == pytest.approx(0.6)
+
+
+def test_speeds_in_the_wrong_order_are_refused() -> None:
+    with pytest.raises(ValueRangeError, match="in order"):
+        Margins(slow_mps=1.0, fast_mps=0.5)
 
 
 def corner(gap_m: float, *, at: tuple[float, float] = CORNER) -> SiteMap:
@@ -40,7 +110,7 @@ def test_a_drone_in_a_corner_flies_out_by_the_gap_beside_the_edge(
 ) -> None:
     """0.2 m from the edge and 0.3 m from the wall, which a route may begin with as well."""
     maps = maps_of(corner(0.5), over=over)
-    assert maps[Passage.TIGHTEST].shut_in
+    assert maps[Passage.TIGHT].shut_in
     route = maps.route_to(MARK, near_m=0.15, far_m=0.15)
     assert route is not None
     assert route.margins == maps[Passage.OUT].margins
@@ -56,5 +126,5 @@ def test_the_clearance_of_the_drones_own_cell_does_not_decide_whether_it_gets_ou
 
 def test_nobody_flies_into_the_corner_by_that_gap() -> None:
     maps = maps_of(corner(0.5, at=MARK))
-    assert list(maps.usable()) == [Passage.ORDINARY, Passage.TIGHT, Passage.TIGHTEST]
+    assert list(maps.usable()) == [Passage.ORDINARY, Passage.TIGHT]
     assert maps.route_to(CORNER, near_m=0.15, far_m=0.15) is None

@@ -12,7 +12,7 @@ import yaml
 
 from perception.camera.calibration import LayoutTrial
 from perception.camera.camera_file import Undistorter, load_camera, write_camera
-from perception.camera.orientation import Orientation
+from perception.camera.image_files import Orientation
 from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.types import CameraModel
 

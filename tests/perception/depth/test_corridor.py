@@ -126,7 +126,8 @@ def test_planes_are_made_once_for_each_camera_and_attitude() -> None:
     first = builder._planes(LEVEL)
     builder.build(depth_map(far()), CameraView(camera=CAMERA, pitch_rad=0.0, height_m=0.0))
     assert builder._planes(LEVEL) is first
-    assert builder._planes(LEVEL.resized(30, 20))[1].shape == (20, 30)
+    small = CameraView(camera=CAMERA.resized(30, 20), pitch_rad=0.0, height_m=1.5)
+    assert builder._planes(small)[1].shape == (20, 30)
 
 
 # --- inside the corridor --------------------------------------------------------------------------

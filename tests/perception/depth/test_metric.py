@@ -8,15 +8,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from perception.depth.metric import LEAST_CONFIDENCE, MetricDepthMaker, remembered_bases
+from perception.depth.metric import (
+    LEAST_CONFIDENCE,
+    MetricDepth,
+    MetricDepthMaker,
+    remembered_bases,
+)
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.objects import BoxSpec, Helipad
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import View, render_views
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_H, paper_map
+from tests.worlds.values import motion
 from uav_bt.errors import UnknownNameError
 from uav_bt.types import ClassMap, DepthMap, Frame, NearObstacles, Pose2D
+from uav_bt.types.dead_reckoning import OdometryPose
 
 SIZE = (224, 112)
 CAMERA = anafi_camera(160, 90)
@@ -59,12 +66,30 @@ def relative(drawn: View, unit: float = 0.25, captured_s: float = 3.0) -> DepthM
     return DepthMap(depth=drawn.depth * np.float32(unit), metric=False, captured_s=captured_s)
 
 
-def maker(source: str) -> MetricDepthMaker:
-    return MetricDepthMaker(source=source, generator=np.random.default_rng(0))
+class Network:
+    """A network that gives the same depth for each frame, or none."""
+
+    def __init__(self, depth: DepthMap) -> None:
+        self.depth = depth
+
+    def estimate(self, frame: Frame) -> DepthMap:  # noqa: ARG002
+        return self.depth
+
+
+def make(
+    source: str,
+    frame: Frame,
+    class_map: ClassMap,
+    relative: DepthMap | None = None,
+    **given: Any,
+) -> MetricDepth:
+    network = None if relative is None else Network(relative)
+    maker = MetricDepthMaker(network, source=source, generator=np.random.default_rng(0))
+    return maker.make(frame, class_map, CAMERA, **given)
 
 
 def test_a_networks_depth_becomes_metres(drawn: View) -> None:
-    made = maker("network").make(frame(drawn), class_map(drawn), CAMERA, relative(drawn))
+    made = make("network", frame(drawn), class_map(drawn), relative(drawn))
 
     assert made.refusal == ""
     assert made.depth is not None
@@ -79,7 +104,7 @@ def test_a_network_of_another_size_is_resized(drawn: View) -> None:
         metric=False,
         captured_s=3.0,
     )
-    made = maker("network").make(frame(drawn), class_map(drawn), CAMERA, small)
+    made = make("network", frame(drawn), class_map(drawn), small)
 
     assert made.depth is not None
     assert made.depth.depth.shape == (112, 224)
@@ -90,7 +115,7 @@ def test_a_network_of_another_size_is_resized(drawn: View) -> None:
 def test_a_scale_that_is_not_trusted_leaves_depth_by_contact(drawn: View) -> None:
     """The network sees a wall at a constant depth."""
     flat = DepthMap(depth=np.ones_like(drawn.depth), metric=False, captured_s=3.0)
-    made = maker("fused").make(frame(drawn), class_map(drawn), CAMERA, flat)
+    made = make("fused", frame(drawn), class_map(drawn), flat)
 
     assert made.depth is not None
     assert np.isnan(made.depth.depth[drawn.ids == BOXES[1]]).all()
@@ -102,7 +127,7 @@ def test_a_scale_that_is_not_trusted_leaves_depth_by_contact(drawn: View) -> Non
 
 
 def test_contact_needs_no_network_and_leaves_the_unknown_unknown(drawn: View) -> None:
-    made = maker("contact").make(frame(drawn), class_map(drawn), CAMERA)
+    made = make("contact", frame(drawn), class_map(drawn))
 
     assert made.depth is not None
     assert made.depth.at_most is not None
@@ -119,7 +144,7 @@ def test_fused_takes_contact_where_it_knows_and_the_network_elsewhere(drawn: Vie
     ahead, cut = drawn.ids == BOXES[0], drawn.ids == BOXES[1]
     wrong[ahead] *= 1.5
     given = DepthMap(depth=wrong, metric=False, captured_s=3.0)
-    made = maker("fused").make(frame(drawn), class_map(drawn), CAMERA, given)
+    made = make("fused", frame(drawn), class_map(drawn), given)
 
     assert made.depth is not None
     error_m = np.abs(made.depth.depth - drawn.depth)
@@ -132,7 +157,7 @@ def test_fused_is_never_further_than_the_ground_allows(drawn: View) -> None:
     far = relative(drawn).depth.copy()
     far[drawn.ids == BOXES[1]] *= 10.0
     given = DepthMap(depth=far, metric=False, captured_s=3.0)
-    made = maker("fused").make(frame(drawn), class_map(drawn), CAMERA, given)
+    made = make("fused", frame(drawn), class_map(drawn), given)
 
     assert made.depth is not None
     assert made.depth.at_most is not None
@@ -155,7 +180,7 @@ def test_fused_is_never_further_than_the_ground_allows(drawn: View) -> None:
 def test_a_bad_frame_is_refused_by_name(
     drawn: View, source: str, changes: dict[str, Any], word: str
 ) -> None:
-    made = maker(source).make(frame(drawn, **changes), class_map(drawn), CAMERA, relative(drawn))
+    made = make(source, frame(drawn, **changes), class_map(drawn), relative(drawn))
 
     assert made.depth is None
     assert word in made.refusal
@@ -164,7 +189,7 @@ def test_a_bad_frame_is_refused_by_name(
 @pytest.mark.parametrize("source", ["network", "fused"])
 def test_a_network_that_says_nothing_usable_is_refused_by_name(drawn: View, source: str) -> None:
     def refusal(given: DepthMap | None) -> str:
-        made = maker(source).make(frame(drawn), class_map(drawn), CAMERA, given)
+        made = make(source, frame(drawn), class_map(drawn), given)
         assert made.depth is None
         return made.refusal
 
@@ -180,8 +205,8 @@ def test_without_a_scale_contact_remains(drawn: View) -> None:
     ids = np.where(drawn.ids == CARPET, BACKGROUND, drawn.ids).astype(np.uint8)
     ids[60:70, 100:120] = HELIPAD_H
     bare = paper_map(ids=ids, captured_s=3.0)
-    network = maker("network").make(frame(drawn), bare, CAMERA, relative(drawn))
-    fused = maker("fused").make(frame(drawn), bare, CAMERA, relative(drawn))
+    network = make("network", frame(drawn), bare, relative(drawn))
+    fused = make("fused", frame(drawn), bare, relative(drawn))
 
     assert network.depth is None
     assert network.refusal == "no scale: too little ground"
@@ -196,7 +221,7 @@ def test_without_a_scale_contact_remains(drawn: View) -> None:
 def test_a_map_of_nothing_is_no_depth(drawn: View, source: str, word: str) -> None:
     """It would read as a free way."""
     nothing = paper_map(ids=np.zeros((112, 224), dtype=np.uint8), captured_s=3.0)
-    made = maker(source).make(frame(drawn), nothing, CAMERA, relative(drawn))
+    made = make(source, frame(drawn), nothing, relative(drawn))
 
     assert made.depth is None
     assert word in made.refusal
@@ -204,11 +229,11 @@ def test_a_map_of_nothing_is_no_depth(drawn: View, source: str, word: str) -> No
 
 def test_unknown_sources_are_refused() -> None:
     with pytest.raises(UnknownNameError, match="fused"):
-        maker("fusd")
+        MetricDepthMaker(None, source="fusd", generator=np.random.default_rng(0))
 
 
 def test_a_further_measure_limits_ground_and_depth_but_not_the_scale(drawn: View) -> None:
-    made = maker("network").make(frame(drawn), class_map(drawn), CAMERA, relative(drawn))
+    made = make("network", frame(drawn), class_map(drawn), relative(drawn))
     found = made.limited("flow", (0.2, "the ground passes too fast"))
 
     assert found.depth is not None
@@ -235,7 +260,10 @@ def test_remembered_obstacles_are_placed_from_the_lens_at_the_frames_capture(dra
     assert seen.azimuth_rad == pytest.approx([math.atan2(1.25, ahead)])
 
 
-def test_contact_uses_what_is_remembered(drawn: View) -> None:
+@pytest.mark.parametrize(("seen_s", "known"), [(3.0, True), (2.9, False)])
+def test_contact_uses_what_is_remembered_at_the_frames_pose(
+    drawn: View, seen_s: float, *, known: bool
+) -> None:
     """The box on the left is cut off; its outline was seen before."""
     edge = np.linspace(-0.15, 0.15, 7)
     rim = [
@@ -243,11 +271,11 @@ def test_contact_uses_what_is_remembered(drawn: View) -> None:
         np.stack([edge + 0.7, np.full(7, -0.3)], 1),
     ]
     points = NearObstacles(points_m=np.concatenate(rim) + np.array([0.15, 0.0]), captured_s=3.0)
-    here = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
-    remembered = remembered_bases(points, here, here, frame(drawn), CAMERA)
-    made = maker("contact").make(frame(drawn), class_map(drawn), CAMERA, remembered=remembered)
+    here = motion(OdometryPose(x_m=0.0, y_m=0.0, yaw_rad=0.0, time_s=seen_s), tracked_s=seen_s)
+    made = make("contact", frame(drawn), class_map(drawn), near=points, motion=here)
 
     assert made.depth is not None
     error_m = np.abs(made.depth.depth - drawn.depth)[drawn.ids == BOXES[1]]
-    assert np.isfinite(error_m).mean() > 0.9
-    assert np.nanmedian(error_m) < 0.03
+    assert (np.isfinite(error_m).mean() > 0.9) == known
+    if known:
+        assert np.nanmedian(error_m) < 0.03

@@ -95,7 +95,7 @@ def test_the_adaptive_scale_follows_a_network_whose_unit_changes() -> None:
     """The network's unit halves: a second later the scale has doubled."""
     estimator, scale = AdaptiveScale(), None
     for frame in range(40):
-        scale = estimator.update(sample(predicted(2.0 if frame < 30 else 4.0)), 0.1 * frame)
+        scale = estimator(sample(predicted(2.0 if frame < 30 else 4.0)), 0.1 * frame)
     assert scale is not None
     assert (scale.factor, scale.shift_m) == (pytest.approx(4.0, rel=0.01), 0.0)
 
@@ -103,7 +103,7 @@ def test_the_adaptive_scale_follows_a_network_whose_unit_changes() -> None:
 def test_wrong_masks_on_a_third_of_the_points_do_not_move_the_median() -> None:
     relative = predicted()
     relative[:, :70] *= 3.0
-    scale = AdaptiveScale().update(sample(relative), 0.0)
+    scale = AdaptiveScale()(sample(relative), 0.0)
     assert scale is not None
     assert scale.factor == pytest.approx(2.5, rel=0.02)
 
@@ -113,7 +113,7 @@ def test_confidence_falls_with_scatter_and_with_little_ground() -> None:
     patch = ~ALL
     patch[60:74, 80:94] = True
     clean, rough, few = (
-        confidence(AdaptiveScale().update(given, 0.0))
+        confidence(AdaptiveScale()(given, 0.0))
         for given in (
             sample(predicted()),
             sample(predicted() * noise),
@@ -127,20 +127,20 @@ def test_confidence_falls_with_scatter_and_with_little_ground() -> None:
 
 def test_without_ground_the_scale_carries_on_for_a_while_and_then_is_none() -> None:
     estimator = AdaptiveScale()
-    assert estimator.update(None, 0.0) is None
-    first = estimator.update(sample(predicted()), 0.1)
-    carried = estimator.update(None, 0.6)
+    assert estimator(None, 0.0) is None
+    first = estimator(sample(predicted()), 0.1)
+    carried = estimator(None, 0.6)
     assert first is not None
     assert carried is not None
     assert carried.factor == pytest.approx(first.factor)
     assert confidence(carried) < 0.5 < confidence(first)
-    assert estimator.update(None, 60.0) is None
+    assert estimator(None, 60.0) is None
 
 
 def test_a_frame_that_disagrees_leaves_the_scale_and_lowers_its_confidence() -> None:
     estimator = AdaptiveScale()
-    first = estimator.update(sample(predicted(2.0)), 0.0)
-    other = estimator.update(sample(predicted(4.0)), 0.1)
+    first = estimator(sample(predicted(2.0)), 0.0)
+    other = estimator(sample(predicted(4.0)), 0.1)
     assert first is not None
     assert other is not None
     assert other.factor == pytest.approx(first.factor)
@@ -150,10 +150,8 @@ def test_a_frame_that_disagrees_leaves_the_scale_and_lowers_its_confidence() -> 
 
 def test_a_doubtful_scale_is_no_surer_when_it_is_carried_on() -> None:
     estimator = AdaptiveScale()
-    first = estimator.update(sample(np.full((112, 224), 1.5, dtype=np.float32)), 0.0)
-    assert confidence(estimator.update(None, 0.1)) < confidence(first) < 0.5
-    estimator.restart()
-    assert estimator.update(None, 0.2) is None
+    first = estimator(sample(np.full((112, 224), 1.5, dtype=np.float32)), 0.0)
+    assert confidence(estimator(None, 0.1)) < confidence(first) < 0.5
 
 
 # --- the filter -----------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from perception.camera.camera_file import load_camera
-from perception.camera.orientation import Orientation
+from perception.camera.image_files import Orientation
 from perception.depth.runtime import load_depth_estimator
 from perception.networks.mapping import read_mapping
 from perception.networks.named import (

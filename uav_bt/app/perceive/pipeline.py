@@ -21,7 +21,6 @@ from perception.depth.confidence import Confidence
 from perception.depth.corridor import CorridorBuilder, CorridorConfig
 from perception.depth.metric import MetricDepth, MetricDepthMaker
 from perception.depth.scale import Scale
-from perception.depth.stage import DepthStage
 from perception.marks.tracker import MarkTracker
 from uav_bt.display.video.perception_video import Seen
 from uav_bt.errors import AnswerError, ValueRangeError
@@ -111,11 +110,12 @@ class Pipeline:
         The scale, the track of the mark, the telemetry, the image with which a frozen one is
         compared, and the random numbers start anew. Images are then perceived alike in any order.
         """
-        maker = MetricDepthMaker(
+        self._depth = MetricDepthMaker(
+            self._network,
             source="contact" if self._network is None else self._config.source,
             generator=copy.deepcopy(self._generator),
+            timer=self._timer,
         )
-        self._depth = DepthStage(self._network, maker, timer=self._timer)
         self._track = MarkTracker()
         self._state: DroneState | None = None
 
@@ -139,7 +139,7 @@ class Pipeline:
         with self._timed(spent, "segmentation"):
             class_map = self._segmenter.segment(frame)
         try:
-            metric = self._depth.perceive(
+            metric = self._depth.make(
                 frame, class_map, self.camera, state=self._state, spent=spent.__setitem__
             )
         except AnswerError as error:

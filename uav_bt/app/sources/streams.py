@@ -9,7 +9,7 @@ from typing import Any, Final, Protocol
 import cv2
 import numpy as np
 
-from perception.camera.orientation import UPRIGHT, Orientation
+from perception.camera.image_files import UPRIGHT, Orientation
 from uav_bt.errors import InputError
 from uav_bt.protocols import Clock
 from uav_bt.types.arrays import Image

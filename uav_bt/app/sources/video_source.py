@@ -14,7 +14,7 @@ import numpy as np
 from av.video.reformatter import Interpolation
 from numpy.typing import NDArray
 
-from perception.camera.orientation import UPRIGHT, Orientation
+from perception.camera.image_files import UPRIGHT, Orientation
 from uav_bt.app.sources.streams import TimedImage, TimedImages
 from uav_bt.display.video.video_file import FILM
 from uav_bt.errors import FileError, ValueRangeError

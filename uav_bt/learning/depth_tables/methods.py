@@ -34,10 +34,7 @@ class CollectedScale:
         self._known: list[float] = []
         self._predicted: list[float] = []
 
-    def restart(self) -> None:
-        """Keep all frames: a constant is that of all places."""
-
-    def update(
+    def __call__(
         self,
         sample: GroundSample | None,
         captured_s: float,
@@ -180,6 +177,7 @@ def metric_maps(
             for frame, image in zip(frames, images, strict=True)
         ]
     maker = MetricDepthMaker(
+        _Estimated(images, flat=method.flat),
         source=method.source,
         scale=None if method.collects is None else CollectedScale(method.collects),
         generator=np.random.default_rng(seed),
@@ -190,8 +188,7 @@ def metric_maps(
     def all_maps() -> list[DepthMap]:
         made = []
         for frame, image in zip(frames, images, strict=True):
-            relative = _flat(frame) if method.flat else image.relative
-            metric = maker.make(frame, image.masks[masks], image.video, relative)
+            metric = maker.make(frame, image.masks[masks], image.video)
             made.append(metric.depth or _nothing(frame))
         return made
 
@@ -205,9 +202,18 @@ def _lowest_pixel(frame: Frame, image: SampleImage, class_map: ClassMap) -> Dept
     return DepthMap(depth=depth, metric=True, captured_s=frame.captured_s)
 
 
-def _flat(frame: Frame) -> DepthMap:
-    ones: NDArray[np.float32] = np.ones(MAP_SIZE_PX[::-1], dtype=np.float32)
-    return DepthMap(depth=ones, metric=False, captured_s=frame.captured_s)
+class _Estimated:
+    """The depth that a network gave for images, or a constant one."""
+
+    def __init__(self, images: Sequence[SampleImage], *, flat: bool) -> None:
+        self._depths = {image.frame.index: image.relative for image in images}
+        self._flat = flat
+
+    def estimate(self, frame: Frame) -> DepthMap:
+        """Return the relative depth of a frame."""
+        depth = None if self._flat else self._depths[frame.index]
+        ones: NDArray[np.float32] = np.ones(MAP_SIZE_PX[::-1], dtype=np.float32)
+        return depth or DepthMap(depth=ones, metric=False, captured_s=frame.captured_s)
 
 
 def _nothing(frame: Frame) -> DepthMap:

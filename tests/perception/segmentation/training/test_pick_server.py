@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from perception.segmentation.training.pick_images import find_super_pixels
 from perception.segmentation.training.pick_server import make_pick_server
 from perception.segmentation.training.pick_session import PickSession
 from perception.segmentation.training.picks import read_picks
-from perception.segmentation.training.super_pixels import find_super_pixels
 from tests.paper_lab import CLASSES
 
 USES = {"a.png": "train", "b.jpg": "train", "d.tif": "check"}

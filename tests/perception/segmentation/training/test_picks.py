@@ -84,11 +84,6 @@ def test_the_same_generator_draws_the_same_picks() -> None:
     assert first == second
 
 
-def test_nothing_to_draw_from_is_refused() -> None:
-    with pytest.raises(ValueRangeError, match="not one sample"):
-        picks.draw_picks([], np.random.default_rng(0), patch_px=8)
-
-
 def test_patches_of_missing_pictures_and_pixels_are_refused() -> None:
     pick = picks.Pick(image="0.png", x=400, y=4, class_id=1)
     (name, rgb, _) = next(samples(1, seed=0))

@@ -84,7 +84,7 @@ def test_least_squares_agrees_with_the_textbook_on_noisy_frames() -> None:
     estimator = CollectedScale("least_squares")
     scale = None
     for frame in range(40):
-        scale = estimator.update(sample(known[frame], given[frame]), 0.1 * frame)
+        scale = estimator(sample(known[frame], given[frame]), 0.1 * frame)
 
     expected = np.linalg.lstsq(np.stack([given, np.ones(40)], axis=1), known, rcond=None)[0]
     assert scale is not None
@@ -94,8 +94,8 @@ def test_least_squares_agrees_with_the_textbook_on_noisy_frames() -> None:
 @pytest.mark.parametrize("method", ["constant", "least_squares"])
 def test_frames_that_are_alike_have_no_shift(method: Literal["constant", "least_squares"]) -> None:
     estimator = CollectedScale(method)
-    assert estimator.update(None, 0.0) is None
+    assert estimator(None, 0.0) is None
     for known_m in (1.0, 1.1, 30.0):
-        scale = estimator.update(sample(known_m, 0.5), 0.0)
+        scale = estimator(sample(known_m, 0.5), 0.0)
     assert scale is not None
     assert (scale.factor, scale.shift_m) == (pytest.approx(2.2), 0.0)
