@@ -1,100 +1,83 @@
-"""Scan of a class map for bases of obstacles and the ground's edge, by bearing."""
+"""Scan of a class map for bases of obstacles and the ground's edge, by bearing.
+
+The scan follows bearings, not columns: away from the image's centre a vertical edge leans, and the
+lowest obstacle pixel of a column may lie half-way up a box.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.mapping import scan_loops
 from perception.mapping.legs import Covered, cover_below
-from uav_bt.errors import ValueRangeError
+from uav_bt.compiled import compiled
 from uav_bt.lab.classes import GROUND, NO_ROLE, OBSTACLE, OUTSIDE
 from uav_bt.types import CameraModel, ClassMap, Frame
+from uav_bt.types.arrays import Flags, Floats, Indices
 from uav_bt.types.projection import camera_axes
 
+MIN_HEIGHT_M: Final = 0.05  # chosen; lower heights are raised to this to avoid division by zero
+_BEARING_STEP_RAD: Final = math.radians(1.0)  # about three columns of a 224-wide map
+_ELEVATION_STEP_RAD: Final = math.radians(0.5)  # about one row of a 224-wide map
+_MAX_ELEVATION_RAD: Final = math.radians(-8.0)  # ground above this elevation is beyond the lab
+_MIN_RUN: Final = 4  # samples of obstacle or background above a base; fewer are mask noise
+# An obstacle at a metre that covers a bearing up to this elevation reaches the drone's height.
+_TALL_RAD: Final = math.radians(-25.0)
+_TALL_SHARE: Final = 0.9  # of the samples that it covers; the others are mask noise
 
-@dataclass(frozen=True, kw_only=True)
-class ContactScanConfig:
-    """Resolution of the scan.
-
-    The scan follows bearings, not columns: away from the image's centre a vertical edge leans, and
-    the lowest obstacle pixel of a column may lie half-way up a box.
-    """
-
-    bearing_step_rad: float = math.radians(1.0)  # about three columns of a 224-wide map
-    elevation_step_rad: float = math.radians(0.5)  # about one row of a 224-wide map
-    max_elevation_rad: float = math.radians(-8.0)  # ground above this elevation is beyond the lab
-    min_run: int = 4  # samples of obstacle or background above a base; fewer are mask noise
-    # An obstacle at a metre that covers a bearing up to this elevation reaches the drone's height.
-    tall_rad: float = math.radians(-25.0)
-    tall_share: float = 0.9  # of the samples that it covers; the others are mask noise
-
-    def __post_init__(self) -> None:
-        steps = min(self.bearing_step_rad, self.elevation_step_rad)
-        if not steps > 0.0 or self.min_run < 1 or not self.max_elevation_rad < 0.0:
-            raise ValueRangeError(f"a scan needs positive steps below the horizon, got {self}")
+Ids = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)
 class GroundScan:
     """A class map sampled at points of the ground along bearings."""
 
-    level_m: NDArray[np.float64]  # (B, E, 2) forward, right of the point below the camera
-    ids: NDArray[np.uint8]  # (B, E) class ids; `NO_ROLE` for samples below the image
-    roles: NDArray[np.uint8]  # (B, E) role ids; `NO_ROLE` for samples below the image
-    image_roles: NDArray[np.uint8]  # (H, W) role ids of the whole class map
-    top_of: NDArray[np.uint8]  # (C,) class of the upper face of each class; 0 without one
+    level_m: Floats  # (B, E, 2) forward, right of the point below the camera
+    ids: Ids  # (B, E) class ids; `NO_ROLE` for samples below the image
+    roles: Ids  # (B, E) role ids; `NO_ROLE` for samples below the image
+    image_roles: Ids  # (H, W) role ids of the whole class map
+    top_of: Ids  # (C,) class of the upper face of each class; 0 without one
     height_m: float  # of the camera above the ground
-    config: ContactScanConfig
+    min_run: int = _MIN_RUN
     covered: Covered | None = None  # ground below boards of objects on legs
     # (C,) whether a class, or the one below it, is of objects on legs
-    on_legs: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(256, dtype=bool))
+    on_legs: Flags = field(default_factory=lambda: np.zeros(256, dtype=bool))
 
 
 @dataclass(frozen=True)
 class Bases:
     """Bases of obstacles and edges of the ground, from the point below the camera."""
 
-    placed_m: NDArray[np.float64]  # (N, 2) forward, right
-    placed_ids: NDArray[np.uint8]  # (N,) classes of the obstacles there
+    placed_m: Floats  # (N, 2) forward, right
+    placed_ids: Ids  # (N,) classes of the obstacles there
     # (N,) heights of their upper edges above the ground, m; NaN where the roof is not in view
-    placed_heights_m: NDArray[np.float64]
+    placed_heights_m: Floats
     # (M, 2): the nearest sample in view on bearings where it shows an obstacle. The obstacle stands
     # there or nearer, since a vertical edge keeps its bearing.
-    hidden_m: NDArray[np.float64]
+    hidden_m: Floats
     # whether that obstacle reaches the drone's height; no object on legs, below which ground shows
-    hidden_tall: NDArray[np.bool_]
-    edges_m: NDArray[np.float64]  # (K, 2): borders of ground and background behind it
-    hidden_edges_m: NDArray[np.float64]  # (L, 2): nearest samples in view that are background
+    hidden_tall: Flags
+    edges_m: Floats  # (K, 2): borders of ground and background behind it
+    hidden_edges_m: Floats  # (L, 2): nearest samples in view that are background
 
 
-def scan_ground(
-    class_map: ClassMap, frame: Frame, camera: CameraModel, config: ContactScanConfig | None = None
-) -> GroundScan:
-    """Sample a class map along bearings, each from near to far.
-
-    Args:
-        class_map: class map of `frame`.
-        frame: its gimbal pitch and height place the samples on the ground.
-        camera: intrinsics at the class map's size.
-        config: resolution of the scan.
-    """
-    config = config or ContactScanConfig()
-    pitch_rad, height_m = frame.gimbal_pitch_rad, max(frame.height_above_ground_m, 0.05)
+def scan_ground(class_map: ClassMap, frame: Frame, camera: CameraModel) -> GroundScan:
+    """Sample a class map along bearings, each from near to far; the camera is at its size."""
+    pitch_rad, height_m = frame.gimbal_pitch_rad, max(frame.height_above_ground_m, MIN_HEIGHT_M)
     height_px, width_px = class_map.ids.shape
     half_view = math.atan2(width_px / 2, camera.fx_px)
     lowest = pitch_rad - math.atan2(height_px / 2, camera.fy_px)
-    lowest = max(lowest, -math.pi / 2 + config.elevation_step_rad)  # lower is behind the camera
+    lowest = max(lowest, -math.pi / 2 + _ELEVATION_STEP_RAD)  # lower is behind the camera
     # At the lower edge the same columns span wider bearings than at the image's centre.
     widest = math.atan(math.tan(half_view) / max(math.cos(lowest), 0.2))
-    bearings = np.arange(-widest, widest, config.bearing_step_rad)
-    end = min(config.max_elevation_rad, pitch_rad + 0.6)
-    elevations = np.arange(lowest, end, config.elevation_step_rad)
+    bearings = np.arange(-widest, widest, _BEARING_STEP_RAD)
+    elevations = np.arange(lowest, min(_MAX_ELEVATION_RAD, pitch_rad + 0.6), _ELEVATION_STEP_RAD)
     image_roles = class_map.roles
-    level_m, ids, roles = scan_loops.sampled(
+    level_m, ids, roles = _sampled(
         np.ascontiguousarray(class_map.ids),
         image_roles,
         np.column_stack([np.cos(bearings), np.sin(bearings)]),
@@ -108,45 +91,152 @@ def scan_ground(
     on_legs[classes.top_of[on_legs]] = True
     on_legs[0] = False  # the background, which is the top of classes without one
     if on_legs.any():
-        covered = cover_below(level_m, ids, roles, classes, config.min_run)
+        runs = first_runs(roles, OBSTACLE, _MIN_RUN)
+        covered = cover_below(level_m, ids, roles, classes, runs)
     return GroundScan(
-        level_m, ids, roles, image_roles, classes.top_of, height_m, config, covered, on_legs
+        level_m, ids, roles, image_roles, classes.top_of, height_m, covered=covered, on_legs=on_legs
     )
 
 
 def find_bases(scan: GroundScan) -> Bases:
     """Find the first obstacle on the ground on each bearing of a scan, and the ground's edge."""
-    min_run = scan.config.min_run
-    rows, first, before = scan_loops.first_runs(scan.roles, OBSTACLE, min_run)
+    rows, first, before = first_runs(scan.roles, OBSTACLE, scan.min_run)
     stands, hides = before == GROUND, before == NO_ROLE
-    edge_rows, edge, edge_before = scan_loops.first_runs(scan.roles, OUTSIDE, min_run)
+    edge_rows, edge, edge_before = first_runs(scan.roles, OUTSIDE, scan.min_run)
     ends, ended = edge_before == GROUND, edge_before == NO_ROLE
-    placed = rows[stands], first[stands]
+    placed, hidden = (rows[stands], first[stands]), (rows[hides], first[hides])
     return Bases(
         placed_m=_borders_m(scan, *placed),
         placed_ids=scan.ids[placed],
-        placed_heights_m=scan_loops.upper_edges(
-            scan.level_m, scan.ids, *placed, scan.top_of, scan.height_m
-        ),
-        hidden_m=scan.level_m[rows[hides], first[hides]],
-        hidden_tall=_are_tall(scan, rows[hides])
-        & ~scan.on_legs[scan.ids[rows[hides], first[hides]]],
+        placed_heights_m=_upper_edges(scan.level_m, scan.ids, *placed, scan.top_of, scan.height_m),
+        hidden_m=scan.level_m[hidden],
+        hidden_tall=_are_tall(scan, rows[hides]) & ~scan.on_legs[scan.ids[hidden]],
         edges_m=_borders_m(scan, edge_rows[ends], edge[ends]),
         hidden_edges_m=scan.level_m[edge_rows[ended], edge[ended]],
     )
 
 
-def _are_tall(scan: GroundScan, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
+def _are_tall(scan: GroundScan, rows: Indices) -> Flags:
     """Return whether obstacles cover bearings up to the elevation of the drone's height."""
     ranges_m = np.hypot(*np.moveaxis(scan.level_m[rows], -1, 0))
-    below = ranges_m <= scan.height_m / math.tan(-scan.config.tall_rad)
+    below = ranges_m <= scan.height_m / math.tan(-_TALL_RAD)
     shown = below & (scan.roles[rows] != NO_ROLE)
     covered = shown & (scan.roles[rows] == OBSTACLE)
-    return np.asarray(covered.sum(axis=1) >= scan.config.tall_share * shown.sum(axis=1))
+    return np.asarray(covered.sum(axis=1) >= _TALL_SHARE * shown.sum(axis=1))
 
 
-def _borders_m(
-    scan: GroundScan, rows: NDArray[np.intp], first: NDArray[np.intp]
-) -> NDArray[np.float64]:
+def _borders_m(scan: GroundScan, rows: Indices, first: Indices) -> Floats:
     """Return the beginnings of runs: half-way between their first samples and those before."""
     return np.asarray((scan.level_m[rows, first] + scan.level_m[rows, first - 1]) / 2)
+
+
+@compiled(
+    "Tuple((float64[:, :, ::1], uint8[:, ::1], uint8[:, ::1]))"
+    "(Array(uint8, 2, 'C', readonly=True), uint8[:, ::1], float64[:, ::1], float64[::1], float64,"
+    " float64[:, ::1], UniTuple(float64, 4))"
+)
+def _sampled(  # noqa: PLR0917 - Numba passes arguments by position
+    image_ids: Ids,
+    image_roles: Ids,
+    directions: Floats,
+    ranges_m: Floats,
+    height_m: float,
+    axes: Floats,
+    pinhole_px: tuple[float, float, float, float],
+) -> tuple[Floats, Ids, Ids]:
+    """Sample a class map on a polar grid of the ground; return the first fields of `GroundScan`.
+
+    Args:
+        image_ids: (H, W) class ids.
+        image_roles: (H, W) role ids.
+        directions: (B, 2) cosine and sine of each bearing.
+        ranges_m: (E,) horizontal range of the samples on a bearing.
+        height_m: height of the camera.
+        axes: (3, 3) rotation from the camera frame to the level frame.
+        pinhole_px: focal lengths and principal point: fx, fy, cx, cy.
+    """
+    fx, fy, cx, cy = pinhole_px
+    shape = len(directions), len(ranges_m)
+    level_m = np.empty((shape[0], shape[1], 2))
+    ids = np.full(shape, NO_ROLE, dtype=np.uint8)
+    roles = np.full(shape, NO_ROLE, dtype=np.uint8)
+    for bearing in range(shape[0]):
+        for sample in range(shape[1]):
+            forward_m = directions[bearing, 0] * ranges_m[sample]
+            right_m = directions[bearing, 1] * ranges_m[sample]
+            level_m[bearing, sample, 0] = forward_m
+            level_m[bearing, sample, 1] = right_m
+            depth = forward_m * axes[0, 2] + right_m * axes[1, 2] + height_m * axes[2, 2]
+            if not depth > 1e-9:  # behind the camera, as `project` has it
+                continue
+            x = forward_m * axes[0, 0] + right_m * axes[1, 0] + height_m * axes[2, 0]
+            y = forward_m * axes[0, 1] + right_m * axes[1, 1] + height_m * axes[2, 1]
+            column, row = np.rint(fx * x / depth + cx), np.rint(fy * y / depth + cy)
+            inside = 0 <= column < image_ids.shape[1] and 0 <= row < image_ids.shape[0]
+            if inside:
+                ids[bearing, sample] = image_ids[int(row), int(column)]
+                roles[bearing, sample] = image_roles[int(row), int(column)]
+    return level_m, ids, roles
+
+
+@compiled(
+    "Tuple((intp[::1], intp[::1], uint8[::1]))(Array(uint8, 2, 'C', readonly=True), int64, int64)"
+)
+def first_runs(sampled: Ids, role: int, min_run: int) -> tuple[Indices, Indices, Ids]:
+    """Find the nearest run of a role on each bearing of (B, E) role ids.
+
+    Returns:
+        The bearings with a run, the index of its first sample, and the role before it.
+    """
+    rows = np.empty(len(sampled), dtype=np.intp)
+    first = np.empty(len(sampled), dtype=np.intp)
+    before = np.empty(len(sampled), dtype=np.uint8)
+    found = 0
+    for bearing in range(sampled.shape[0]):
+        run = 0
+        for sample in range(sampled.shape[1]):
+            run = run + 1 if sampled[bearing, sample] == role else 0
+            if run == min_run:
+                begin = sample - run + 1
+                rows[found], first[found] = bearing, begin
+                before[found] = sampled[bearing, begin - 1] if begin > 0 else NO_ROLE
+                found += 1
+                break
+    return rows[:found], first[:found], before[:found]
+
+
+@compiled(
+    "float64[::1](float64[:, :, ::1], uint8[:, ::1], intp[::1], intp[::1],"
+    " Array(uint8, 1, 'C', readonly=True), float64)"
+)
+def _upper_edges(  # noqa: PLR0917 - Numba passes arguments by position
+    level_m: Floats, ids: Ids, rows: Indices, first: Indices, roof_of: Ids, height_m: float
+) -> Floats:
+    """Return the heights of the upper edges of sides above the ground, (N,) metres.
+
+    A side is vertical, so its upper edge has the range of its base. The edge is known where the
+    roof above it is in view; NaN where the side does not end at two samples of its roof.
+
+    Args:
+        level_m: (B, E, 2) samples of a scan, metres forward and right.
+        ids: (B, E) their class ids.
+        rows: (N,) bearings of the sides.
+        first: (N,) index of the first sample of each side, not 0.
+        roof_of: (C,) class of the roof on the sides of each class; 0 without one.
+        height_m: height of the camera above the ground.
+    """
+    heights_m = np.full(len(rows), np.nan)
+    for side in range(len(rows)):
+        row, base, end = rows[side], first[side], first[side]
+        class_id = ids[row, base]
+        while end < ids.shape[1] and ids[row, end] == class_id:
+            end += 1
+        roof = roof_of[class_id]
+        if roof == 0 or end + 1 >= ids.shape[1]:
+            continue
+        if ids[row, end] == roof and ids[row, end + 1] == roof:
+            ranges_m = np.hypot(level_m[row, :, 0], level_m[row, :, 1])
+            base_m = (ranges_m[base - 1] + ranges_m[base]) / 2.0
+            slope = (height_m / ranges_m[end - 1] + height_m / ranges_m[end]) / 2.0
+            heights_m[side] = height_m - base_m * slope
+    return heights_m

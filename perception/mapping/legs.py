@@ -18,36 +18,27 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.mapping import scan_loops
 from uav_bt.compiled import compiled
 from uav_bt.lab.classes import NO_ROLE, OBSTACLE, LabClasses
 from uav_bt.types.arrays import Flags, Floats, Indices
 
 _OVERHANG_M: Final = 0.25  # a board may extend beyond its outer legs by this; chosen
-_DEEPER: Final = (
-    0.5  # of the span: an outer point this far behind a leg is the edge of a board. Chosen
-)
+# Of the span: an outer point this far behind a leg is the edge of a board. Chosen.
+_DEEPER: Final = 0.5
+
+Ids = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)
 class Covered:
-    """Ground below boards, which a view shows and on which an object stands.
+    """Ground below boards, which a view shows and on which an object stands."""
 
-    Attributes:
-        bearings_rad: (B,) bearings of the scan, increasing.
-        ranges_m: (B, 2) ranges between which the ground of a bearing lies below a board; NaN
-            without one.
-    """
-
-    bearings_rad: Floats
+    bearings_rad: Floats  # (B,) bearings of the scan, increasing
+    # (B, 2) between which the ground of a bearing lies below a board; NaN without one
     ranges_m: Floats
 
     def holds(self, points_m: Floats) -> Flags:
-        """Return which points lie on such ground, (N,).
-
-        Args:
-            points_m: (N, 2) forward and right of the point below the camera.
-        """
+        """Return which points, (N, 2) from the point below the camera, lie on such ground."""
         places_rad = np.arctan2(points_m[:, 1], points_m[:, 0])
         after = np.clip(
             np.searchsorted(self.bearings_rad, places_rad), 1, len(self.bearings_rad) - 1
@@ -60,10 +51,10 @@ class Covered:
 
 def cover_below(
     level_m: Floats,
-    ids: NDArray[np.uint8],
-    roles: NDArray[np.uint8],
+    ids: Ids,
+    roles: Ids,
     classes: LabClasses,
-    min_run: int,
+    runs: tuple[Indices, Indices, Ids],
 ) -> Covered | None:
     """Give the samples of the ground below boards to the objects that stand there.
 
@@ -72,12 +63,12 @@ def cover_below(
         ids: (B, E) their class ids, changed.
         roles: (B, E) their role ids, changed.
         classes: classes of the lab.
-        min_run: samples of an obstacle at least.
+        runs: `first_runs` of obstacles.
 
     Returns:
         The ground below boards; None if no object on legs is in view.
     """
-    rows, first, before = scan_loops.first_runs(roles, OBSTACLE, min_run)
+    rows, first, before = runs
     kinds = np.zeros(len(ids), dtype=np.uint8)
     kinds[rows] = _carriers(classes)[ids[rows, first]]
     if not kinds.any():
@@ -107,7 +98,7 @@ def cover_below(
     return Covered(bearings_rad=np.arctan2(level_m[:, 0, 1], level_m[:, 0, 0]), ranges_m=ranges_m)
 
 
-def _carriers(classes: LabClasses) -> NDArray[np.uint8]:
+def _carriers(classes: LabClasses) -> Ids:
     """Return the class on legs of each class and of the upper faces on it, (256,); 0 for others."""
     carriers = np.zeros(256, dtype=np.uint8)
     on_legs = np.flatnonzero(classes.legs_m > 0.0)
@@ -125,16 +116,13 @@ def _carriers(classes: LabClasses) -> NDArray[np.uint8]:
 def _near_side(
     points_m: Floats, groups: Indices, hidden: Flags, spans_m: Floats
 ) -> tuple[Floats, Flags]:
-    """Return where the near side of an object on legs lies on each bearing.
+    """Return the range of an object's near side by bearing, and whether it is below the image.
 
     Args:
         points_m: (B, 2) lowest points of its class, by bearing.
         groups: (B,) number of the object; the same on bearings side by side.
         hidden: (B,) whether the point is the nearest in view, and the object begins before it.
         spans_m: (B,) largest distance between two of its legs; 0 without legs.
-
-    Returns:
-        (B,) range; and (B,) whether the side lies below the image there.
     """
     count = len(points_m)
     near_m = np.sqrt(points_m[:, 0] ** 2 + points_m[:, 1] ** 2)
@@ -156,16 +144,9 @@ def _near_side(
 
 @compiled("boolean[::1](float64[:, ::1], intp[::1], float64[::1], float64[::1])")
 def _overhangs(points_m: Floats, groups: Indices, near_m: Floats, spans_m: Floats) -> Flags:
-    """Return the bearings that show the edge of a board beside the outer legs.
+    """Return the bearings, (B,), that show the edge of a board beside the outer legs.
 
-    Args:
-        points_m: (B, 2) lowest points of its class, by bearing.
-        groups: (B,) number of the object; the same on bearings side by side.
-        near_m: (B,) range of the object's near side.
-        spans_m: (B,) largest distance between two of its legs; 0 without legs.
-
-    Returns:
-        (B,) flags.
+    The arguments are those of `_near_side`, and the range that it returns.
     """
     count = len(points_m)
     hangs = np.zeros(count, dtype=np.bool_)

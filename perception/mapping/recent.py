@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.mapping.landmarks import PointTable, first_in_cells
-from perception.mapping.view import View
+from perception.mapping.view import MAX_RANGE_M, View
 from uav_bt.lab.classes import GROUND, NO_ROLE
 from uav_bt.types import NearObstacles, wrap_angles
 from uav_bt.types.arrays import Flags, Floats
@@ -107,7 +107,7 @@ class RecentLayer:
         found, pose, now_s = view.contacts, view.pose, view.captured_s
         self.pass_over(now_s)
         self._drop_where_ground_shows(view)
-        edges_m = found.edges_m[np.hypot(*found.edges_m.T) <= view.config.max_range_m]
+        edges_m = found.edges_m[np.hypot(*found.edges_m.T) <= MAX_RANGE_M]
         # Not the bases without a neighbour: on the vertical edge of an obstacle whose base is
         # hidden they would explain the obstacle, and give it a range that is too long.
         self._add(pose.points_to_world(view.body_m(view.bases_m)), now_s + _MAX_AGE_S, _Kind.BASE)

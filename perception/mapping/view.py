@@ -2,49 +2,40 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-from perception.mapping import scan_loops
 from perception.mapping.contact_scan import (
+    MIN_HEIGHT_M,
     Bases,
-    ContactScanConfig,
     GroundScan,
     find_bases,
     scan_ground,
 )
+from uav_bt.compiled import compiled
+from uav_bt.lab.classes import GROUND
 from uav_bt.types import CameraModel, ClassMap, Frame, Pose2D
 from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.projection import camera_axes, project
 
-MIN_HEIGHT_M: Final = 0.05  # chosen; lower heights are raised to this to avoid division by zero
-
-
-@dataclass(frozen=True, kw_only=True)
-class ViewConfig:
-    """Which frames and which of their points are used for the map."""
-
-    # Lowest pitch of the gimbal; in steeper views roofs hide bases. Chosen.
-    min_pitch_rad: float = -1.0
-    # Points further from the camera are not placed. At 1.5 m height and this range one row of the
-    # class map is 5 cm of ground.
-    max_range_m: float = 3.0
-    # The same limit as a ratio of the camera's height, for the map's points. The range error of one
-    # pixel grows with range squared over height. Chosen.
-    max_range_ratio: float = 2.0
-    # A base is used only with another base this near in bearing and range. On the bearing of a
-    # vertical edge, samples that miss the obstacle below and hit it above look like a base far
-    # behind. Both chosen.
-    beside_rad: float = 0.03
-    beside_m: float = 0.12
-    # Share of the image's width at either end, in which an object may continue beyond the image.
-    # Chosen.
-    cut_share: float = 0.025
-    # Resolution of the scan.
-    scan: ContactScanConfig = field(default_factory=ContactScanConfig)
+# Points further from the camera are not placed. At 1.5 m height and this range one row of the class
+# map is 5 cm of ground.
+MAX_RANGE_M: Final = 3.0
+# The same limit as a ratio of the camera's height, for the map's points. The range error of one
+# pixel grows with range squared over height. Chosen.
+_MAX_RANGE_RATIO: Final = 2.0
+_MIN_PITCH_RAD: Final = -1.0  # of the gimbal; in steeper views roofs hide bases. Chosen.
+# A base is used only with another base this near in bearing and range. On the bearing of a vertical
+# edge, samples that miss the obstacle below and hit it above look like a base far behind. Chosen.
+_BESIDE_RAD: Final = 0.03
+_BESIDE_M: Final = 0.12
+# Share of the image's width at either end, in which an object may continue beyond the image.
+# Chosen.
+_CUT_SHARE: Final = 0.025
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,74 +43,47 @@ class View:
     """Bases and edges of the ground in one frame.
 
     Points are forward and right of the point below the camera, in metres.
-
-    Attributes:
-        captured_s: Capture time of the frame.
-        pose: Pose of the body at capture; dead-reckoned, or in the map's frame after `at`.
-        camera: Intrinsics at the class map's size.
-        pitch_rad: Pitch of the gimbal at capture, negative down.
-        height_m: Height of the camera above the ground.
-        config: Which points are used.
-        scan: The class map along bearings.
-        contacts: The bases and edges of the scan, at any range.
-        bases_m: (N, 2) bases near enough for the map, each with another one beside it.
-        base_ids: (N,) classes of the obstacles there.
-        base_heights_m: (N,) heights of their upper edges; NaN where the roof is not in view.
-        edges_m: (M, 2) edges of the ground near enough for the map.
     """
 
     captured_s: float
-    pose: Pose2D
-    camera: CameraModel
-    pitch_rad: float
-    height_m: float
-    config: ViewConfig
-    scan: GroundScan
-    contacts: Bases
-    bases_m: Floats
-    base_ids: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]
-    base_heights_m: Floats
-    edges_m: Floats
+    pose: Pose2D  # of the body at capture; dead-reckoned, or in the map's frame after `at`
+    camera: CameraModel  # at the class map's size
+    pitch_rad: float  # of the gimbal at capture, negative down
+    height_m: float  # of the camera above the ground
+    scan: GroundScan  # the class map along bearings
+    contacts: Bases  # the bases and edges of the scan, at any range
+    bases_m: Floats  # (N, 2) bases near enough for the map, each with another one beside it
+    base_ids: NDArray[np.uint8]  # (N,) classes of the obstacles there
+    base_heights_m: Floats  # (N,) heights of their upper edges; NaN where the roof is not in view
+    edges_m: Floats  # (M, 2) edges of the ground near enough for the map
 
     @classmethod
     def of(
-        cls,
-        class_map: ClassMap,
-        frame: Frame,
-        camera: CameraModel,
-        pose: Pose2D,
-        config: ViewConfig | None = None,
+        cls, class_map: ClassMap, frame: Frame, camera: CameraModel, pose: Pose2D
     ) -> Self | None:
-        """Return the view of a frame.
+        """Return the view of a frame; None when the camera looks too far down.
 
         Args:
             class_map: class map of `frame`.
             frame: its gimbal pitch and height place its points.
             camera: intrinsics at the class map's size.
             pose: dead-reckoned pose of the body at the frame's capture.
-            config: which points are used.
-
-        Returns:
-            The view; None when the camera looks too far down.
         """
-        config = config or ViewConfig()
-        if frame.gimbal_pitch_rad < config.min_pitch_rad:
+        if frame.gimbal_pitch_rad < _MIN_PITCH_RAD:
             return None
-        scan = scan_ground(class_map, frame, camera, config.scan)
+        scan = scan_ground(class_map, frame, camera)
         contacts, height_m = find_bases(scan), frame.height_above_ground_m
-        reach_m = min(config.max_range_m, config.max_range_ratio * height_m)
-        firm = _have_neighbours(contacts.placed_m, config)
+        firm = _have_neighbours(contacts.placed_m)
         legs = class_map.classes.legs_m[contacts.placed_ids] > 0.0
-        firm |= legs & _stand_out(contacts.placed_m, config)
-        firm &= np.hypot(*contacts.placed_m.T) <= reach_m
-        near = np.hypot(*contacts.edges_m.T) <= reach_m
+        firm |= legs & _stand_out(contacts.placed_m)
+        firm &= np.hypot(*contacts.placed_m.T) <= _reach_m(height_m)
+        near = np.hypot(*contacts.edges_m.T) <= _reach_m(height_m)
         return cls(
             captured_s=frame.captured_s,
             pose=pose,
             camera=camera,
             pitch_rad=frame.gimbal_pitch_rad,
             height_m=height_m,
-            config=config,
             scan=scan,
             contacts=contacts,
             bases_m=contacts.placed_m[firm],
@@ -131,7 +95,7 @@ class View:
     @property
     def reach_m(self) -> float:
         """Range up to which points of the map are used, m."""
-        return min(self.config.max_range_m, self.config.max_range_ratio * self.height_m)
+        return _reach_m(self.height_m)
 
     @cached_property
     def lens(self) -> Pose2D:
@@ -144,18 +108,12 @@ class View:
         return replace(self, pose=pose)
 
     def without(self, centre: Pose2D, radius_m: float) -> Self:
-        """Return the view without the bases within a circle.
-
-        Args:
-            centre: middle of the circle, in the frame of `pose`.
-            radius_m: radius of the circle.
-        """
-        forward_m, right_m = self.lens.to_body(centre.x_m, centre.y_m)
-
-        def outside(points_m: Floats) -> Flags:
-            return np.asarray(np.hypot(*(points_m - (forward_m, right_m)).T) > radius_m)
-
-        placed, bases = outside(self.contacts.placed_m), outside(self.bases_m)
+        """Return the view without the bases within a circle in the frame of `pose`."""
+        centre_m = self.lens.to_body(centre.x_m, centre.y_m)
+        placed, bases = (
+            np.hypot(*(points_m - centre_m).T) > radius_m
+            for points_m in (self.contacts.placed_m, self.bases_m)
+        )
         return replace(
             self,
             contacts=replace(
@@ -174,18 +132,12 @@ class View:
         return np.asarray(points_m + np.array([self.camera.forward_offset_m, 0.0]))
 
     def shows_ground(self, points_m: Floats) -> tuple[Flags, Flags]:
-        """Return which points lie in the image, and which of them show free ground.
+        """Return which points, (..., 2), lie in the image, and which of them show free ground.
 
         Ground below the board of an object on legs is not free.
-
-        Args:
-            points_m: (..., 2) on the ground, forward and right of the point below the camera.
-
-        Returns:
-            Two arrays of flags, (...).
         """
         places_m = np.ascontiguousarray(points_m.reshape(-1, 2))
-        inside, shows = scan_loops.looked_up(
+        inside, shows = _looked_up(
             places_m,
             max(self.height_m, MIN_HEIGHT_M),
             self.scan.image_roles,
@@ -208,7 +160,7 @@ class View:
         """
         down_m = np.full((len(self.bases_m), 1), self.height_m)
         columns = project(np.hstack([self.bases_m, down_m]), self.camera, self.pitch_rad)[:, 0]
-        margin_px = self.config.cut_share * self.camera.width_px
+        margin_px = _CUT_SHARE * self.camera.width_px
         ends = (columns < margin_px) | (columns > self.camera.width_px - margin_px)
         placed, bases = self.contacts.placed_m @ (1.0, 1.0j), self.bases_m @ (1.0, 1.0j)
         others_m = np.vstack(
@@ -219,7 +171,7 @@ class View:
         ranges_m, bearings_rad = np.hypot(*points_m.T), np.arctan2(*points_m.T[::-1])
         order = np.argsort(bearings_rad)
         inside, ranges_m, bearings_rad = inside[order], ranges_m[order], bearings_rad[order]
-        beside = np.diff(bearings_rad) <= self.config.beside_rad
+        beside = np.diff(bearings_rad) <= _BESIDE_RAD
         nearer = np.diff(ranges_m)
         cut = np.zeros(len(points_m), dtype=bool)
         cut[order[:-1]] |= inside[:-1] & ~inside[1:] & beside & (nearer < 0.2)
@@ -227,11 +179,15 @@ class View:
         return np.asarray(ends | cut[: len(ends)])
 
 
-def _have_neighbours(points_m: Floats, config: ViewConfig) -> Flags:
+def _reach_m(height_m: float) -> float:
+    return min(MAX_RANGE_M, _MAX_RANGE_RATIO * height_m)
+
+
+def _have_neighbours(points_m: Floats) -> Flags:
     """Return which points, sorted by bearing, have another point beside them."""
     ranges_m, bearings_rad = np.hypot(*points_m.T), np.arctan2(*points_m.T[::-1])
-    alike = (np.abs(np.diff(bearings_rad)) <= config.beside_rad) & (
-        np.abs(np.diff(ranges_m)) <= config.beside_m
+    alike = (np.abs(np.diff(bearings_rad)) <= _BESIDE_RAD) & (
+        np.abs(np.diff(ranges_m)) <= _BESIDE_M
     )
     found = np.zeros(len(points_m), dtype=bool)
     found[1:] |= alike
@@ -239,14 +195,56 @@ def _have_neighbours(points_m: Floats, config: ViewConfig) -> Flags:
     return found
 
 
-def _stand_out(points_m: Floats, config: ViewConfig) -> Flags:
+def _stand_out(points_m: Floats) -> Flags:
     """Return which points, sorted by bearing, are nearer than those on the bearings beside them.
 
     A leg may be as narrow as one bearing.
     """
     ranges_m, bearings_rad = np.hypot(*points_m.T), np.arctan2(*points_m.T[::-1])
-    beside = np.diff(bearings_rad) <= config.beside_rad
+    beside = np.diff(bearings_rad) <= _BESIDE_RAD
     nearer = np.ones(len(points_m), dtype=bool)
     nearer[1:] &= ~beside | (np.diff(ranges_m) < 0.0)
     nearer[:-1] &= ~beside | (np.diff(ranges_m) > 0.0)
     return nearer
+
+
+@compiled(
+    "Tuple((boolean[::1], boolean[::1]))"
+    "(float64[:, ::1], float64, uint8[:, ::1], float64[:, ::1], UniTuple(float64, 4))"
+)
+def _looked_up(
+    points_m: Floats,
+    height_m: float,
+    image_roles: NDArray[np.uint8],
+    axes: Floats,
+    pinhole_px: tuple[float, float, float, float],
+) -> tuple[Flags, Flags]:
+    """Look up points of the ground, (N, 2), in an image of role ids.
+
+    Args:
+        points_m: (N, 2) forward and right of the point below the camera.
+        height_m: height of the camera.
+        image_roles: (H, W) role ids.
+        axes: (3, 3) rotation from the camera frame to the level frame.
+        pinhole_px: focal lengths and principal point: fx, fy, cx, cy.
+
+    Returns:
+        (N,) whether a point lies in the image, and (N,) whether the image shows ground there.
+    """
+    fx, fy, cx, cy = pinhole_px
+    last_row, last_column = image_roles.shape[0] - 1, image_roles.shape[1] - 1
+    inside = np.zeros(len(points_m), dtype=np.bool_)
+    shows = np.zeros(len(points_m), dtype=np.bool_)
+    for place in range(len(points_m)):
+        forward_m, right_m = points_m[place, 0], points_m[place, 1]
+        depth = forward_m * axes[0, 2] + right_m * axes[1, 2] + height_m * axes[2, 2]
+        if not depth > 1e-9:  # behind the camera, as `project` has it
+            continue
+        x = forward_m * axes[0, 0] + right_m * axes[1, 0] + height_m * axes[2, 0]
+        y = forward_m * axes[0, 1] + right_m * axes[1, 1] + height_m * axes[2, 1]
+        column, row = fx * x / depth + cx, fy * y / depth + cy
+        if 0 <= column <= last_column and 0 <= row <= last_row:
+            inside[place] = True
+            role = image_roles[int(np.rint(row)), int(np.rint(column))]
+            shows[place] = role == GROUND
+    return inside, shows

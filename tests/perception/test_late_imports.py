@@ -20,7 +20,7 @@ def test_the_leaves_can_be_known_without_numba() -> None:
 
 def test_the_site_map_compiles_before_the_flight() -> None:
     code = "import sys\nimport perception.mapping.site_mapper\n"
-    code += "assert 'perception.mapping.scan_loops' in sys.modules"
+    code += "assert 'perception.mapping.contact_scan' in sys.modules"
     done = subprocess.run(  # noqa: S603 - our own interpreter and code
         [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=False
     )

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from perception.mapping.contact_scan import (
-    ContactScanConfig,
     GroundScan,
     find_bases,
     scan_ground,
@@ -65,9 +64,7 @@ def test_the_nearest_long_run_of_a_role_counts() -> None:
     )
     level_m = np.zeros((4, 6, 2))
     level_m[..., 0] = np.arange(6)
-    bases = find_bases(
-        GroundScan(level_m, roles, roles, roles, CLASSES.top_of, 1.5, ContactScanConfig(min_run=2))
-    )
+    bases = find_bases(GroundScan(level_m, roles, roles, roles, CLASSES.top_of, 1.5, min_run=2))
     assert bases.placed_m[:, 0].tolist() == [2.5]
     assert bases.hidden_m[:, 0].tolist() == [1.0]
     assert bases.edges_m[:, 0].tolist() == [1.5]
@@ -89,9 +86,7 @@ def test_a_side_is_as_high_as_the_border_to_its_roof() -> None:
     level_m = np.zeros((4, 7, 2))
     level_m[..., 0] = np.arange(7)
     roles = CLASSES.roles(ids)
-    bases = find_bases(
-        GroundScan(level_m, ids, roles, roles, CLASSES.top_of, 1.5, ContactScanConfig(min_run=2))
-    )
+    bases = find_bases(GroundScan(level_m, ids, roles, roles, CLASSES.top_of, 1.5, min_run=2))
     assert bases.placed_m[:, 0].tolist() == [1.5] * 4
     edge_m = 1.5 * (1.0 - 1.5 * (1 / 4 + 1 / 5) / 2)
     assert bases.placed_heights_m[0] == pytest.approx(edge_m)

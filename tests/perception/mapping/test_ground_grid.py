@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from perception.mapping.contact_scan import ContactScanConfig, GroundScan, find_bases
+from perception.mapping.contact_scan import GroundScan, find_bases
 from perception.mapping.ground_grid import CELL_M, PASSED_M, REACH_M, GroundGrid
-from perception.mapping.view import View, ViewConfig
+from perception.mapping.view import View
 from tests.paper_lab import CLASSES
 from uav_bt.lab.classes import GROUND, NO_ROLE, OUTSIDE
 from uav_bt.testing import pinhole
@@ -32,7 +32,7 @@ def see(
     level_m = np.zeros((len(roles), len(ahead_m), 2))
     level_m[..., 0] = ahead_m
     ids = np.array(roles, dtype=np.uint8)
-    scan = GroundScan(level_m, ids, ids, ids, CLASSES.top_of, 1.5, ContactScanConfig(min_run=1))
+    scan = GroundScan(level_m, ids, ids, ids, CLASSES.top_of, 1.5, min_run=1)
     x_m, y_m, yaw_rad = pose
     view = View(
         captured_s=captured_s,
@@ -40,7 +40,6 @@ def see(
         camera=CAMERA,
         pitch_rad=-0.7,
         height_m=1.5,
-        config=ViewConfig(),
         scan=scan,
         contacts=find_bases(scan),
         bases_m=np.empty((0, 2)),

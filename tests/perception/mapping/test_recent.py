@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from perception.mapping.contact_scan import Bases, find_bases, scan_ground
 from perception.mapping.recent import RecentLayer
-from perception.mapping.view import View, ViewConfig
+from perception.mapping.view import View
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.objects import BoxSpec, Helipad
@@ -66,8 +66,8 @@ def frame(time_s: float, pitch_rad: float = PITCH_RAD) -> Frame:
 class Flight:
     """A drone with telemetry that places its views."""
 
-    def __init__(self, view: ViewConfig | None = None) -> None:
-        self.recent, self._odometry, self._view = RecentLayer(), Odometry(), view
+    def __init__(self) -> None:
+        self.recent, self._odometry = RecentLayer(), Odometry()
 
     def predict(self, time_s: float, yaw_rad: float = 0.0, forward_mps: float = 0.0) -> None:
         sample = DroneState(
@@ -91,7 +91,7 @@ class Flight:
         pose = self._odometry.at(time_s)
         assert pose is not None
         class_map = paper_map(ids=ids, captured_s=time_s)
-        view = View.of(class_map, frame(time_s, pitch_rad), CAMERA, pose, self._view)
+        view = View.of(class_map, frame(time_s, pitch_rad), CAMERA, pose)
         if view is None:
             self.recent.pass_over(time_s)
         else:
@@ -276,9 +276,9 @@ def test_old_points_are_forgotten_and_the_end_of_the_ground_later() -> None:
 
 def test_far_bases_and_the_pad_are_not_remembered() -> None:
     """Beyond the range a pixel is worth too many centimetres; the drone flies above the pad."""
-    flight = Flight(ViewConfig(max_range_m=2.0))
+    flight = Flight()
     flight.predict(0.0)
-    ids = draw_box(bare_ground(), 2.1, -0.4, 0.4)
+    ids = draw_box(bare_ground(), 3.2, -0.4, 0.4)
     assert len(flight.look(ids, 0.0).points_m) == 0
     ids = draw_box(bare_ground(), *FAR_BOX)
     pad = np.where(ids == CARPET, CARPET, HELIPAD_BOX).astype(np.uint8)
