@@ -251,10 +251,6 @@ class ClearanceMap:
         row, column = map(int, cells[end])
         return self.route_along(paths.to((row, column)), time_s=float(time_s[end]))
 
-    def route_to_cell(self, cell: Cell) -> Route:
-        """Return the fastest route to a reachable cell."""
-        return self.route_along(self.fastest.to(cell), time_s=float(self.fastest.time_s[cell]))
-
     def route_along(self, path: list[Cell], *, time_s: float, new_m2: float = 0.0) -> Route:
         """Return the route along a path over cells."""
         cells = np.array(path)

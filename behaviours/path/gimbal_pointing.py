@@ -1,4 +1,4 @@
-"""Camera pitch towards the landing mark, ground near an edge, movers, or unplaced obstacles."""
+"""Camera pitch towards the landing mark, ground near an edge, or movers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from uav_bt.types import MIN_VIEW_HEIGHT_M, CameraModel, NearObstacles
+from uav_bt.types import MIN_VIEW_HEIGHT_M, CameraModel
 from uav_bt.types.arrays import Floats
 from uav_bt.types.projection import ground_points
 from uav_bt.types.site_map import SiteMap
@@ -26,10 +26,7 @@ _BASE_RAD: Final = math.radians(
     10
 )  # largest angle of a mover's base below the middle of the image;
 # the half view of an ANAFI is 20 degrees
-_AHEAD_RAD: Final = math.radians(45)  # half angle in which obstacles of unknown range are looked at
-_LOOK_DOWN_S: Final = 1.0  # s; long enough for the map to place the obstacle
 _SAMPLES: Final = 12, 9  # columns and rows of an image
-_MIN_BEARINGS: Final = 2  # 1-degree bearings of one obstacle; fewer are specks of the mask
 _MIN_RANGE_M: Final = 0.05  # m; chosen: smaller ranges count as this, to avoid a division by zero
 
 
@@ -89,24 +86,3 @@ def mark_pitch_rad(range_m: float, above_m: float, flight_rad: float) -> float:
     """
     mark_rad = -math.atan2(max(above_m, 0.0), max(range_m, _MIN_RANGE_M))
     return min(flight_rad, max(mark_rad, _MARK_RAD))
-
-
-def shows_unplaced(obstacles: NearObstacles | None, half_angle_rad: float) -> bool:
-    """Return whether an obstacle of unknown range lies in a sector around the heading."""
-    return obstacles is not None and obstacles.unplaced_within(half_angle_rad) >= _MIN_BEARINGS
-
-
-class LookingDown:
-    """Looks down for a time at obstacles of unknown range and at edges ahead."""
-
-    def __init__(self) -> None:
-        self._until_s = -math.inf
-
-    def pitch_rad(self, obstacles: NearObstacles | None, now_s: float) -> float | None:
-        """Return the camera's pitch; None without a reason to look down."""
-        if obstacles is not None and (
-            shows_unplaced(obstacles, _AHEAD_RAD)
-            or obstacles.ends_within(_AHEAD_RAD) >= _MIN_BEARINGS
-        ):
-            self._until_s = now_s + _LOOK_DOWN_S
-        return _MARK_RAD if now_s < self._until_s else None

@@ -16,60 +16,44 @@ _SAME_M: Final = 0.25  # points within this distance of a point of the map are d
 _LEAST: Final = 3  # smaller groups of points are dropped as errors of a network
 
 
-def _nothing() -> Floats:
-    return np.empty((0, 2))
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecentObstacles:
-    """Obstacles in addition to those of the site map, metres in the map's frame.
+    """Obstacles in addition to those of the site map, metres in the map's frame."""
 
-    Attributes:
-        seen_m: (N, 2) points of obstacles.
-        assumed_m: (M, 2) points where an obstacle is assumed.
-        edges_m: (K, 2) points where the ground ends.
-    """
-
-    seen_m: Floats = field(default_factory=_nothing)
-    assumed_m: Floats = field(default_factory=_nothing)
-    edges_m: Floats = field(default_factory=_nothing)
+    # (N, 2) points of obstacles
+    seen_m: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    # (M, 2) points where an obstacle is assumed
+    assumed_m: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    # (K, 2) points where the ground ends
+    edges_m: Floats = field(default_factory=lambda: np.empty((0, 2)))
 
 
 def recent_obstacles(
-    obstacles: NearObstacles | None,
-    site_map: SiteMap,
-    *,
-    unmapped_s: float = math.inf,
+    obstacles: NearObstacles | None, site_map: SiteMap, *, unmapped_s: float = math.inf
 ) -> RecentObstacles:
     """Return the recently seen obstacles around the drone that are not on the map.
 
     The map places static obstacles by many views and corrects the drone's drift. Recent points are
-    placed by a few views and drift.
-
-    Args:
-        obstacles: Points around the drone, in the body frame; None while unknown.
-        site_map: The newest map.
-        unmapped_s: Points last seen longer ago are dropped on ground that the map has seen: a lost
-            drone may have misplaced them.
+    placed by a few views and drift. Those last seen longer than `unmapped_s` ago are dropped on
+    ground that the map has seen: a lost drone may have misplaced them.
     """
     from behaviours.path.compiled_loops import has_near  # noqa: PLC0415  (see that module)
 
     if obstacles is None:
         return RecentObstacles()
     to_map = site_map.pose.points_to_world
-    points_m = _believed(site_map, to_map(obstacles.points_m), obstacles.points_age_s, unmapped_s)
-    edges_m = _believed(site_map, to_map(obstacles.edges_m), obstacles.edges_age_s, unmapped_s)
+
+    def believed(points_m: Floats, age_s: Floats) -> Floats:
+        places_m, old = to_map(points_m), age_s > unmapped_s
+        if not old.any():
+            return places_m
+        return places_m[~(old & site_map.lies_on(site_map.ground, places_m))]
+
+    points_m = believed(obstacles.points_m, obstacles.points_age_s)
+    edges_m = believed(obstacles.edges_m, obstacles.edges_age_s)
     new_m = points_m[~has_near(points_m, site_map.obstacles_m, _SAME_M, 1)]
     return RecentObstacles(
         seen_m=new_m[has_near(new_m, new_m, _SAME_M, _LEAST)],
         assumed_m=to_map(obstacles.assumed_m),
         edges_m=edges_m[~has_near(edges_m, site_map.edges_m, _SAME_M, 1)],
     )
-
-
-def _believed(site_map: SiteMap, places_m: Floats, age_s: Floats, unmapped_s: float) -> Floats:
-    """Return the places that are recent, or not on ground that the map has seen."""
-    old = age_s > unmapped_s
-    if not old.any():
-        return places_m
-    return places_m[~(old & site_map.lies_on(site_map.ground, places_m))]

@@ -77,6 +77,8 @@ class GroundGrid:
         An obstacle there that reached the flight height would hide that ground.
         """
         roles = view.scan.roles[::_NEAR_BEARINGS]
+        if not roles.size:  # of a camera that looks up
+            return
         first = np.arange(len(roles)), (roles != NO_ROLE).argmax(axis=1)
         lands = (roles[first] == GROUND) | (roles[first] == MARK)
         nearest_m = view.scan.level_m[::_NEAR_BEARINGS][first][lands]
@@ -99,7 +101,8 @@ class GroundGrid:
 
     def was_ground(self, places_m: Floats) -> Flags:
         """Return which places, (N, 2) in the map's frame, have all ground around them seen."""
-        return np.isfinite(self._seen_s(_cells(places_m)[:, None, :] + self._around)).all(axis=1)
+        seen_s = self._seen_s(_cells(places_m)[:, None, :] + self._around)
+        return np.asarray(np.isfinite(seen_s).all(axis=1))
 
     def shows_ground(self, place_m: Floats, *, since_s: float) -> bool:
         """Return whether all ground around a place, (2,), was seen after `since_s`."""
@@ -107,7 +110,7 @@ class GroundGrid:
 
     def shown_at(self, places_m: Floats, captured_s: float) -> Flags:
         """Return at which places, (N, 2), the newest view showed ground; it was captured then."""
-        return self._seen_s(_cells(places_m)) == captured_s
+        return np.asarray(self._seen_s(_cells(places_m)) == captured_s)
 
     def _seen_s(self, cells: NDArray[np.intp]) -> Floats:
         """Return when cells, (..., 2), last showed ground; -inf outside the grid."""

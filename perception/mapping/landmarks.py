@@ -11,8 +11,6 @@ from typing import Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import cdist
 
 from perception.mapping.view import View
@@ -153,8 +151,13 @@ def first_in_cells(xy_m: Floats, cell_m: float, *keys: NDArray[Any]) -> Indices:
 
 def clusters(xy_m: Floats, apart_m: float) -> Indices:
     """Return the number of each point's cluster by single linkage, in the order of first points."""
-    beside = csr_array(cdist(xy_m, xy_m) <= apart_m)
-    return np.asarray(connected_components(beside, directed=False)[1])
+    beside = cdist(xy_m, xy_m) <= apart_m
+    firsts, before = np.arange(len(xy_m)), None
+    while before is None or (firsts != before).any():
+        before = firsts
+        firsts = np.where(beside, firsts, len(xy_m)).min(axis=1, initial=len(xy_m))
+        firsts = firsts[firsts]
+    return np.unique(firsts, return_inverse=True)[1]
 
 
 def nearest_circles(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import ClassVar, Final, NamedTuple
 
 import cv2
@@ -79,7 +78,7 @@ class TagFinder:
         if not math.isfinite(view.frame.gimbal_pitch_rad):
             return None
         height_px, width_px = view.frame.image.shape[:2]
-        view = replace(view, camera=view.camera.resized(width_px, height_px))
+        view = MarkView(frame=view.frame, camera=view.camera.resized(width_px, height_px))
         seen = self._detect(view.frame.image)
         once = 0 < len(seen) == len({tag.place for tag in seen})
         whole = self._fit(seen, view) if once else None

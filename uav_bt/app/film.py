@@ -14,6 +14,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,6 @@ from rich.console import Console
 
 from behaviours.perceive.depth import BuildCorridor
 from perception.camera.ground_plane import view_of
-from perception.depth.corridor import CorridorBuilder, CorridorConfig
 from sim_bridge.twin.placed import PlacedObject
 from sim_bridge.twin.scene import Scene
 from uav_bt.app.assembly import Flight, Listeners
@@ -41,6 +41,9 @@ from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree
 from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame, Pose2D
+
+if TYPE_CHECKING:
+    from perception.depth.corridor import CorridorConfig
 
 
 def map_of_scene(scene: Scene) -> LabMap:
@@ -223,6 +226,8 @@ def corridor_marker(tree: MissionTree, camera: CameraModel) -> Intruding | None:
     Returns:
         None where the tree does not build one corridor, with a leaf of ours.
     """
+    from perception.depth.corridor import CorridorBuilder  # noqa: PLC0415  (Numba is heavy)
+
     leaf = _corridor_leaf(tree)
     if leaf is None:
         return None

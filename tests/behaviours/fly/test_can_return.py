@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import pytest
 
 from behaviours.fly.can_return import CanReturn
-from tests.behaviours.path.drawn_hall import DrawnHall
 from uav_bt.board import SITE_MAP
 from uav_bt.board.keys import (
     BATTERY_PER_MIN,
@@ -18,8 +16,8 @@ from uav_bt.board.keys import (
     UNKNOWN,
 )
 from uav_bt.testing import LeafBench
+from uav_bt.testing.world import drawn_map
 from uav_bt.tree import Status
-from uav_bt.types import Pose2D
 
 
 def bench_with(
@@ -75,14 +73,7 @@ def test_in_a_gap_of_the_odometry_the_last_distance_counts() -> None:
 
 def test_a_route_of_the_map_replaces_the_estimated_detour() -> None:
     """In an empty hall the way is straight: 4 m and the last metre, not 6 m."""
-    hall = DrawnHall(side_m=10.0)
-    for degrees in range(0, 360, 20):
-        hall.pose = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=math.radians(degrees))
-        hall.look()
-    for metres in range(5):
-        hall.pose = Pose2D(x_m=float(metres), y_m=0.0, yaw_rad=0.0)
-        hall.look()
-    site_map = hall.map()
+    site_map = drawn_map(ground_m=10.0, pose=(4.0, 0.0, 0.0))
     bench = bench_with(charge=0.194)  # 5 m: 4.25 %, and 6 m would take 4.5 %
     assert bench.tick() is Status.FAILURE
     bench.clock.advance(3.0)

@@ -1,14 +1,12 @@
-"""Where the camera looks: at the ground, the mark, movers, and obstacles of unknown range."""
+"""Where the camera looks: at the ground, the mark and movers."""
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
 
 from behaviours.path.gimbal_pointing import (
-    LookingDown,
     ground_pitch_rad,
     ground_share,
     mark_pitch_rad,
@@ -17,18 +15,9 @@ from behaviours.path.gimbal_pointing import (
 from tests.behaviours.path.test_movers import mover, with_movers
 from tests.behaviours.policies.cast_world import CAMERA
 from uav_bt.testing.world import drawn_map
-from uav_bt.types import NearObstacles
 
 FLIGHT_RAD = math.radians(-30)
 LOWEST_RAD = math.radians(-50)
-
-
-def known(**bearings_deg: list[float]) -> NearObstacles:
-    return NearObstacles(
-        points_m=np.empty((0, 2)),
-        captured_s=0.0,
-        **{f"{name}_rad": np.radians(degrees) for name, degrees in bearings_deg.items()},
-    )
 
 
 @pytest.mark.parametrize(
@@ -45,16 +34,6 @@ def test_the_base_of_the_nearest_mover_stays_in_view(range_m: float, base_deg: f
     pitch_deg = math.degrees(mover_pitch_rad(near, FLIGHT_RAD, 1.5))
     assert -56.0 <= pitch_deg <= -30.0
     assert -base_deg > pitch_deg - 21.0  # half of the view is 20 degrees high
-
-
-@pytest.mark.parametrize("what", ["unplaced", "unplaced_edges"])
-def test_what_has_no_range_ahead_is_looked_at_from_above_for_a_while(what: str) -> None:
-    looking = LookingDown()
-    assert looking.pitch_rad(known(**{what: [-40.0, 44.0]}), 0.0) == LOWEST_RAD
-    assert looking.pitch_rad(known(), 0.9) == LOWEST_RAD
-    assert looking.pitch_rad(known(), 1.1) is None
-    for specks_or_beside_deg in ([10.0], [-60.0, 50.0, 70.0]):
-        assert LookingDown().pitch_rad(known(**{what: specks_or_beside_deg}), 0.0) is None
 
 
 @pytest.mark.parametrize(
