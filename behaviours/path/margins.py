@@ -11,7 +11,7 @@ views above 0.016 m, at most 0.12 m. `Margins.within` shifts all distances for a
 
 - Survey, GoTo, the way to the mark and view points take the ordinary passage, and the tight one
   where the ordinary one has no route, or a much longer one (in a survey: little new ground). The
-  last is the way out; a survey takes it only if the tight passage shuts the drone in.
+  last is the way out; a survey takes it only if the tight one shuts it in or is nowhere.
 - MoveBy and the last step of GoTo keep the tight margins, CanReturn the ordinary ones. A drone
   that gives way to a mover keeps 0.38 m from obstacles and 0.40 m from edges.
 - Assumed obstacles block within 0.38 m, unseen cells within 0.35 m. In the narrow passages before
