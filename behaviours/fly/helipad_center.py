@@ -71,13 +71,7 @@ class HelipadCenter(MovingLeaf):
     points = True
     ports = (
         number("climb_m", 0.2, 0, 5, "how much to climb for a view of the pad, m"),
-        number(
-            "low_m",
-            1.1,
-            0.3,
-            20,
-            "height above the ground of the second centring, m; at least 0.7 m above the mark",
-        ),
+        number("low_m", 1.1, 0.3, 20, "second centring's height, m; at least 0.7 m above the mark"),
         number("tolerance_m", 0.04, 0.01, 1, "largest offset that counts as centred, m"),
         number("give_up_s", 20.0, 0, 3600, "seconds until it is lost, take-overs apart"),
         HEADING,

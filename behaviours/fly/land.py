@@ -202,13 +202,7 @@ class EmergencyLand(SpotLandingLeaf):
 
     ports = (
         _RADIUS,
-        number(
-            "look_s",
-            6.0,
-            0,
-            600,
-            "seconds to look for such a place before landing without a margin",
-        ),
+        number("look_s", 6.0, 0, 600, "seconds until it lands without a margin around the hull"),
     )
     answers = (Status.FAILURE, Status.RUNNING)
     phase = MissionPhase.EMERGENCY_LANDING

@@ -215,13 +215,7 @@ class Detour(SteeringLeaf):
     ports = (
         *(POLICY, FLOWING, GIMBAL),
         Port("steps", int, default=2, least=1, most=100, doc="steps that are taken"),
-        number(
-            "turn_away_deg",
-            0.0,
-            0,
-            360,
-            "least turn at its beginning, to the side of the turn that is held, degrees",
-        ),
+        number("turn_away_deg", 0.0, 0, 360, "least turn at its beginning, to the held side, deg"),
     )
     reads = (*SteeringLeaf.reads, *TRACK_KEYS)
 

@@ -1,21 +1,24 @@
 """Margins of routes: distances from obstacles and edges, and speeds.
 
-| passage         | obstacle | edge   | assumed obstacle        | unseen cell  | slowest  |
-|-----------------|----------|--------|-------------------------|--------------|----------|
-| ordinary        | 0.40 + r | 0.30+r | 0.38 + r                | 0.35         | 0.3 m/s  |
-| tight           | 0.30     | 0.30   | 0.38                    | 0.35         | 0.3 m/s  |
-| tight, at a pad | 0.34     | 0.20   | crossed, 3 times slower | the same     | 0.3 m/s  |
-| out             | 0.30     | 0.20   | 0.38; crossed in sight  | 0.35         | 0.1 m/s  |
-| out, at a pad   | 0.30     | 0.20   | crossed, 3 times slower | the same     | 0.1 m/s  |
+| passage  | from obstacles | from edges                         | at `touch_m` |
+|----------|----------------|------------------------------------|--------------|
+| ordinary | 0.40 + r       | 0.30 + r                           | 0.3 m/s      |
+| tight    | 0.34           | 0.30; 0.20 before the pad          | 0.3 m/s      |
+| out      | 0.30           | 0.30; 0.20 there, or if it is shut | 0.1 m/s      |
 
 Metres from the body's centre, whose hull has a radius of 0.2 m; r is 8 times the residual of the
-views above 0.016 m, at most 0.12 m. `Margins.within` shifts all of them for a place.
+views above 0.016 m, at most 0.12 m. `Margins.within` shifts all distances for a place.
 
 - Survey, GoTo, the way to the mark and view points take the ordinary passage, and the tight one
-  where the ordinary one has no route or a much longer one.
+  where the ordinary one has no route, or a much longer one (in a survey: little new ground). The
+  last is the way out; a survey takes it only if the tight passage shuts the drone in.
 - MoveBy and the last step of GoTo keep the tight margins, CanReturn the ordinary ones.
-- The way out is for a drone that the tight passage shuts in: a route may begin with little
-  clearance, so a drone that swayed comes through gaps that other margins close behind it.
+- Assumed obstacles block within 0.38 m, unseen cells within 0.35 m. In the narrow passages before
+  the pad they only cost time. The way out of a drone that is shut in crosses an assumed obstacle on
+  open, seen ground.
+
+A drone that is shut in may begin with little clearance, and so comes through gaps beside an edge
+that other margins close behind it. Nobody flies in by them.
 
 The numbers were chosen in flights on the training scenes unless their line states otherwise.
 """
@@ -38,14 +41,13 @@ START_SLACK_M: Final = 0.03  # m; clearance that a route may lose near the drone
 _SURE_M: Final = 0.016  # m; residual of views when place and height are known (profile lab)
 _UNSURE_TIMES: Final = 8.0  # extra distance per metre of residual above that
 _PAD_EDGE_M: Final = 0.2  # m; distance of the last metres before the pad from the edge
-# m; by which a tight passage at the pad is narrower: with less room the drone could touch unseen
-# sides of boxes, whose place is assumed and rounded to the grid
-_PAD_NARROWER_M: Final = 0.06
+_TIGHTER_M: Final = 0.06  # m; a tight passage is narrower by this: with less room, faster than the
+# way out, the drone could touch unseen sides of boxes, whose place is assumed and rounded to cells
 _AWAY_MPS: Final = 0.1  # m/s; at `min_start_m`: a route that begins there takes the shortest exit
 
 
 class Passage(enum.Enum):
-    """Width of a passage that a route may use, from the widest; `OUT` is for a shut-in drone."""
+    """Width of a passage that a route may use, from the widest; `OUT` is the last resort."""
 
     ORDINARY = "ordinary"
     TIGHT = "tight"
@@ -112,21 +114,21 @@ class Margins:
             edge_m=self.edge_m + more_m,
         )
 
-    def through(self, passage: Passage, *, at_pad: bool = False) -> Margins:
+    def through(self, passage: Passage, *, at_pad: bool = False, shut_in: bool = False) -> Margins:
         """Return the margins of a passage, from the ordinary ones; the module has their table."""
         if passage is Passage.ORDINARY:
             return self
         is_out = passage is Passage.OUT
         edge_m = self.pad_edge_m if at_pad else self.edge_m
-        if is_out:
+        if is_out and shut_in:
             edge_m = max(edge_m - NARROWER_M, min(edge_m, self.pad_edge_m))
         return replace(
             self,
-            touch_m=self.touch_m - (_PAD_NARROWER_M if at_pad and not is_out else NARROWER_M),
+            touch_m=self.touch_m - (NARROWER_M if is_out else _TIGHTER_M),
             edge_m=edge_m,
             unsure_m=0.0,
             slow_mps=_AWAY_MPS if is_out else self.slow_mps,
-            past_assumed=is_out,
+            past_assumed=is_out and shut_in,
             cross_unknown=at_pad,
         )
 

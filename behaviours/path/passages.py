@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
@@ -70,8 +69,9 @@ class ClearanceMaps:
 
     def __getitem__(self, passage: Passage) -> ClearanceMap:
         if passage not in self._made:
-            found = self.map
-            margins = self._margins.through(passage, at_pad=self._over is not None)
+            found, at_pad = self.map, self._over is not None
+            shut_in = passage is Passage.OUT and self[Passage.TIGHT].shut_in
+            margins = self._margins.through(passage, at_pad=at_pad, shut_in=shut_in)
             if self._crossing and passage is not Passage.ORDINARY:
                 found = replace(found, lanes_m=np.empty((0, 2)))
             self._made[passage] = ClearanceMap(
@@ -79,19 +79,13 @@ class ClearanceMaps:
             )
         return self._made[passage]
 
-    def usable(self) -> Iterator[Passage]:
-        """Yield the passages from the widest; `OUT` only if the tight one shuts the drone in."""
-        yield from (Passage.ORDINARY, Passage.TIGHT)
-        if self[Passage.TIGHT].shut_in:
-            yield Passage.OUT
-
     def route_to(self, to: Place, *, near_m: float, far_m: float) -> Route | None:
         """Return the route to a place through the widest passage, unless a narrower saves time.
 
         `to`, `near_m` and `far_m` are those of `ClearanceMap.route_to`.
         """
         best: Route | None = None
-        for passage in self.usable():
+        for passage in Passage:
             if best is not None and best.length_m <= _DIRECT * best.apart_m:
                 break
             found = self[passage].route_to(to, near_m=near_m, far_m=far_m)

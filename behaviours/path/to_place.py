@@ -95,12 +95,12 @@ def _trouble(place: Place, maps: ClearanceMaps) -> str:
     """Return why no route leads to a place."""
     if maps.map.is_beyond_edge(*place):
         return "the place lies beyond the edge of the ground"
-    tight = maps[Passage.TIGHT]
-    if _nearest_m(place, maps.map.obstacles_m) < tight.margins.touch_m:
+    narrowest = maps[Passage.OUT]
+    if _nearest_m(place, maps.map.obstacles_m) < narrowest.margins.touch_m:
         return "no room at the place: an obstacle is too near"
-    if _nearest_m(place, maps.map.edges_m) < tight.margins.edge_m:
+    if _nearest_m(place, maps.map.edges_m) < narrowest.margins.edge_m:
         return "no room at the place: the edge of the ground is too near"
-    is_open = maps.map.lies_on(tight.open, np.array(place))
+    is_open = maps.map.lies_on(narrowest.open, np.array(place))
     return _NO_WAY if is_open else _UNSEEN
 
 

@@ -94,7 +94,7 @@ def _time_s(maps: ClearanceMaps, places_m: Floats) -> Floats:
     steps = (places_m - np.array(maps.map.corner_m)) / maps.map.cell_m
     cells = np.rint(steps).astype(np.intp)
     inside = ((cells >= 0) & (cells < maps.map.seen_s.shape)).all(axis=-1)
-    for passage in maps.usable():
+    for passage in Passage:
         time_s[inside] = maps[passage].fastest.time_s[tuple(cells[inside].T)]
         if np.isfinite(time_s).any():
             break

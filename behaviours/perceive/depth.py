@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
+from behaviours.ports import number
 from behaviours.stage_timer import StageTimer
 from perception.camera.ground_plane import view_of
 from perception.networks.named import ANY, CONTACT, SHIPPED_DEPTHS, depth_file
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 
 # Obstacles beyond the front plane of the corridor, 2 m, stop no step. Chosen.
 NETWORK_AHEAD_M: Final = 2.5
+_FROM: Final = "from the drone's centre, m"
 
 
 class EstimateDepth(Leaf):
@@ -47,9 +49,8 @@ class EstimateDepth(Leaf):
             "model",
             str,
             "depth",
-            "'depth', an ONNX file (and its mapping), or 'contact' (no network); "
-            "'depth' and 'any' are not run for frames of which the network of `Segment` gives the "
-            "depth",
+            "'depth', an ONNX file (and its mapping), or 'contact' (no network); 'depth' and 'any' "
+            "are not run for frames of which the network of `Segment` gives the depth",
             look_up=depth_file,
             at_setup=True,
         ),
@@ -61,24 +62,22 @@ class EstimateDepth(Leaf):
             choices=("fused", "network", "contact"),
             at_setup=True,
         ),
-        Port(
+        number(
             "network_ahead_m",
-            float,
             NETWORK_AHEAD_M,
+            0,
+            20,
             "fused: run the network if an obstacle that ground contact does not measure may be "
             "nearer than this, m; 20: always",
-            least=0.0,
-            most=20.0,
             at_setup=True,
         ),
-        Port(
+        number(
             "least_confidence",
-            float,
             0.2,
+            0,
+            1,
             "least confidence of the scale with which the network's depth is used; below it "
             "depth is by ground contact alone",
-            least=0.0,
-            most=1.0,
             at_setup=True,
         ),
     )
@@ -86,13 +85,7 @@ class EstimateDepth(Leaf):
     writes = (RELATIVE_DEPTH, METRIC_DEPTH)
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Load the network.
-
-        Raises:
-            WeightsError: the file is absent or no usable network.
-            FileError: its mapping file cannot be used.
-            UnknownNameError: no network has this name.
-        """
+        """Load the network; raises WeightsError or FileError when it cannot be loaded."""
         # Late: OpenCV and Numba are heavy.
         from perception.depth.metric import MetricDepthMaker  # noqa: PLC0415
 
@@ -144,7 +137,7 @@ class EstimateDepth(Leaf):
         # Late: an inference runtime takes seconds to import; `uav-bt check` must answer at once.
         from perception.depth.runtime import load_depth_estimator  # noqa: PLC0415
 
-        network: DepthEstimator = load_depth_estimator(model, threads=mission.inference_threads)
+        network = load_depth_estimator(model, threads=mission.inference_threads)
         return _SegmentsDepth(self, network) if model in (SHIPPED_DEPTHS[0], ANY) else network
 
 
@@ -167,42 +160,12 @@ class BuildCorridor(Leaf):
 
     answers = (Status.SUCCESS,)
     ports = (
-        Port(
-            "side_m",
-            float,
-            0.5,
-            "left and right wall from the drone's centre, m",
-            least=0.05,
-            most=20,
-            at_setup=True,
+        number("side_m", 0.5, 0.05, 20, f"left and right wall {_FROM}", at_setup=True),
+        number("front_m", 2.0, 0.05, 50, f"front plane {_FROM}", at_setup=True),
+        number(
+            "up_down_m", 0.8, 0.05, 20, "upper and lower wall from its centre, m", at_setup=True
         ),
-        Port(
-            "front_m",
-            float,
-            2.0,
-            "front plane from the drone's centre, m",
-            least=0.05,
-            most=50,
-            at_setup=True,
-        ),
-        Port(
-            "up_down_m",
-            float,
-            0.8,
-            "upper and lower wall from its centre, m",
-            least=0.05,
-            most=20,
-            at_setup=True,
-        ),
-        Port(
-            "focal_factor",
-            float,
-            1.0,
-            "the paper's f, 0.8 to 1.2",
-            least=0.5,
-            most=2,
-            at_setup=True,
-        ),
+        number("focal_factor", 1.0, 0.5, 2, "the paper's f, 0.8 to 1.2", at_setup=True),
         Port("background", bool, default=False, doc="count the background, too"),
     )
     reads = (STATE, FRAME, CLASS_MAP, CAMERA, METRIC_DEPTH)

@@ -109,4 +109,4 @@ class Clearances:
         return {name: least for name, least in least_m.items() if getattr(self, name) < least}
 
 
-NARROWER_M = 0.10  # a tight passage keeps this much less from obstacles; chosen
+NARROWER_M = 0.10  # the narrowest passage keeps this much less from obstacles; chosen

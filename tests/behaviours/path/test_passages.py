@@ -20,19 +20,21 @@ MARK = (0.5, -1.0)
 
 
 @pytest.mark.parametrize(
-    ("passage", "at_pad", "distances_m", "slow_mps"),
+    ("passage", "where", "distances_m", "slow_mps"),
     [
-        (Passage.ORDINARY, False, (0.4, 0.3), 0.3),
-        (Passage.TIGHT, False, (0.3, 0.3), 0.3),
-        (Passage.TIGHT, True, (0.34, 0.2), 0.3),
-        (Passage.OUT, False, (0.3, 0.2), 0.1),
-        (Passage.OUT, True, (0.3, 0.2), 0.1),
+        (Passage.ORDINARY, {}, (0.4, 0.3), 0.3),
+        (Passage.TIGHT, {}, (0.34, 0.3), 0.3),
+        (Passage.TIGHT, {"at_pad": True}, (0.34, 0.2), 0.3),
+        (Passage.OUT, {}, (0.3, 0.3), 0.1),
+        (Passage.OUT, {"shut_in": True}, (0.3, 0.2), 0.1),
+        (Passage.OUT, {"at_pad": True}, (0.3, 0.2), 0.1),
+        (Passage.OUT, {"at_pad": True, "shut_in": True}, (0.3, 0.2), 0.1),
     ],
 )
 def test_distances_from_obstacles_and_edges_and_the_slowest_speed(
-    passage: Passage, *, at_pad: bool, distances_m: tuple[float, float], slow_mps: float
+    passage: Passage, where: dict[str, bool], distances_m: tuple[float, float], slow_mps: float
 ) -> None:
-    margins = Margins().through(passage, at_pad=at_pad)
+    margins = Margins().through(passage, **where)
     assert (margins.touch_m, margins.edge_m) == pytest.approx(distances_m)
     speeds_mps = margins.speed_mps(np.array([0.0, margins.touch_m, 0.6, margins.wide_m, 3.0]))
     assert np.all(np.diff(speeds_mps) >= 0.0)
@@ -44,13 +46,13 @@ def test_distances_from_obstacles_and_edges_and_the_slowest_speed(
 @pytest.mark.parametrize(
     ("place", "ordinary_m", "tight_m", "pad_m", "out_m"),
     [
-        (Clearances(), (0.4, 0.3), (0.3, 0.3), (0.34, 0.2), (0.3, 0.2)),
+        (Clearances(), (0.4, 0.3), (0.34, 0.3), (0.34, 0.2), (0.3, 0.2)),
         (
             Clearances(obstacle_m=0.5, edge_m=0.45),
-            *((0.5, 0.45), (0.4, 0.45), (0.44, 0.35), (0.4, 0.35)),
+            *((0.5, 0.45), (0.44, 0.45), (0.44, 0.35), (0.4, 0.35)),
         ),
-        (Clearances(obstacle_m=0.35), (0.35, 0.3), (0.25, 0.3), (0.29, 0.2), (0.25, 0.2)),
-        (Clearances(edge_m=0.15), (0.4, 0.15), (0.3, 0.15), (0.34, 0.2), (0.3, 0.15)),
+        (Clearances(obstacle_m=0.35), (0.35, 0.3), (0.29, 0.3), (0.29, 0.2), (0.25, 0.2)),
+        (Clearances(edge_m=0.15), (0.4, 0.15), (0.34, 0.15), (0.34, 0.2), (0.3, 0.15)),
     ],
 )
 def test_a_place_shifts_the_distances_of_all_passages(
@@ -61,7 +63,12 @@ def test_a_place_shifts_the_distances_of_all_passages(
     out_m: tuple[float, float],
 ) -> None:
     margins = Margins().within(place)
-    all_of = (margins, margins.tight(), margins.at_pad(), margins.through(Passage.OUT))
+    all_of = (
+        margins,
+        margins.tight(),
+        margins.at_pad(),
+        margins.through(Passage.OUT, shut_in=True),
+    )
     found_m = [(each.touch_m, each.edge_m) for each in all_of]
     assert found_m == [pytest.approx(each) for each in (ordinary_m, tight_m, pad_m, out_m)]
     assert margins.min_start_m <= margins.touch_m < margins.wide_m
@@ -125,6 +132,16 @@ def test_the_clearance_of_the_drones_own_cell_does_not_decide_whether_it_gets_ou
 
 
 def test_nobody_flies_into_the_corner_by_that_gap() -> None:
-    maps = maps_of(corner(0.5, at=MARK))
-    assert list(maps.usable()) == [Passage.ORDINARY, Passage.TIGHT]
-    assert maps.route_to(CORNER, near_m=0.15, far_m=0.15) is None
+    assert maps_of(corner(0.5, at=MARK)).route_to(CORNER, near_m=0.15, far_m=0.15) is None
+
+
+@pytest.mark.parametrize(("half_m", "touch_m"), [(0.4, 0.4), (0.3, 0.3), (0.2, None)])
+def test_a_gap_is_flown_by_the_widest_passage_that_fits(
+    half_m: float, touch_m: float | None
+) -> None:
+    """From one half of the ground to the other: nobody is shut in."""
+    y_m = np.arange(-2.2, 2.25, 0.1)
+    y_m = y_m[np.abs(y_m) > half_m - 0.01]
+    maps = maps_of(drawn_map(obstacles=np.column_stack([0.0 * y_m, y_m]), pose=(1.0, 0.0, 0.0)))
+    found = maps.route_to((-1.0, 0.0), near_m=0.15, far_m=0.15)
+    assert (found and round(found.margins.touch_m, 2)) == touch_m

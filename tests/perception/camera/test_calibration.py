@@ -118,7 +118,6 @@ def test_a_lenss_distortion_is_found_and_taken_out(whole: list[Image]) -> None:
     assert camera.fx_px == pytest.approx(TRUE.fx_px, rel=2e-3)
     board = find_board(Undistorter(camera).undistort(bent[1]), 24, 13)
     true = find_board(whole[1], 24, 13)
-    assert board is not None
     assert true is not None
     assert min(np.abs(grid - true).max() for grid in (board, board[::-1, ::-1])) < 1.0
 
@@ -128,8 +127,6 @@ def test_large_pictures_are_searched_small_and_refined_at_full_size(whole: list[
     large = np.asarray(cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC), np.uint8)
     small_board, large_board = find_any_board(image), find_any_board(large)
 
-    assert small_board is not None
-    assert large_board is not None
     assert large_board.shape == small_board.shape == (13, 24, 2)
     halved = (large_board + 0.5) / 2 - 0.5
     # A board looks the same upside down.
@@ -142,7 +139,6 @@ def test_a_board_is_found_however_it_is_turned(whole: list[Image], turn: int) ->
     """Columns outnumber rows, and the grid is never mirrored."""
     board = find_any_board(np.ascontiguousarray(np.rot90(whole[4], turn)))
 
-    assert board is not None
     assert board.shape == (13, 24, 2)
     along, down = board[0, -1] - board[0, 0], board[-1, 0] - board[0, 0]
     assert along[0] * down[1] - along[1] * down[0] > 0.0

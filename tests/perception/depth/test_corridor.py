@@ -167,33 +167,12 @@ def test_an_intrusion_belongs_to_the_plane_its_ray_would_cross(
     assert corridor.nearest_m == pytest.approx(ranges_m[STRAY_PX], rel=1e-5)
 
 
-def test_what_is_beyond_its_plane_is_outside() -> None:
-    """Along the optical axis, not along the ray: at 45 degrees 0.6 m of depth is 0.85 m away."""
-    depth = far()
-    depth[18:23, 59:61] = 0.6  # right of the right wall
-    depth[patch(CENTRE)] = 1.9  # ahead of the front plane
-    corridor = built(depth)
-
-    assert corridor.nearest_side is None
-    assert corridor.free_distance_m == pytest.approx(2.05)
-
-
 def test_the_free_distance_ends_at_what_is_between_the_walls_and_not_beside_them() -> None:
     depth = far()
     depth[:, 45:] = 1.5  # 0.75 m and more to the right
     assert built(depth).free_distance_m > 5.0
     depth[:, 32:45] = 1.5
     assert built(depth).free_distance_m == pytest.approx(1.65)
-
-
-def test_each_hand_has_its_own_nearest() -> None:
-    depth = far()
-    depth[patch((20, 25))] = 0.8
-    depth[patch((20, 35))] = 1.2
-    corridor = built(depth)
-
-    assert corridor.nearest_left_m < 1.0 < corridor.nearest_right_m < 1.5
-    assert corridor.nearest_m == corridor.nearest_left_m
 
 
 def test_time_to_impact_counts_from_the_nose_at_the_present_speed() -> None:
@@ -213,17 +192,6 @@ def test_a_few_stray_pixels_are_not_believed() -> None:
     assert built(depth).nearest_side is None
     depth[21, 28] = 0.3
     assert built(depth).nearest_side == "front"
-
-
-def test_only_obstacles_count_where_obstacles_are_given() -> None:
-    depth = far()
-    depth[:20] = 0.3
-    depth[20:, 25:35] = 1.0
-    things = np.zeros((41, 61), dtype=bool)
-    things[20:] = True
-
-    assert built(depth, things=things).free_distance_m == pytest.approx(1.15)
-    assert built(depth).free_distance_m < 0.5
 
 
 # --- unknown depth --------------------------------------------------------------------------------
@@ -250,29 +218,6 @@ def test_an_unknown_thing_that_must_be_inside_leaves_nothing_free() -> None:
     assert corridor.nearest_m <= 1.5
     assert corridor.nearest_side == "front"
     assert corridor.unknown_px == 120
-
-
-def test_an_unknown_thing_that_may_be_outside_is_counted_only() -> None:
-    depth, things = far(), np.zeros((41, 61), dtype=bool)
-    depth[20, 55:] = np.nan
-    things[20, 55:] = True
-    corridor = built(depth, things=things)
-
-    assert corridor.unknown_px == 6
-    assert corridor.nearest_side is None
-    assert corridor.free_distance_m == math.inf
-
-
-def test_the_pixels_for_pictures_are_those_inside() -> None:
-    depth, at_most = far(), np.full((41, 61), np.inf)
-    depth[20, 30] = 1.0  # inside, known
-    depth[20, 40], at_most[20, 40] = np.nan, 0.9  # inside at any rate
-    depth[20, 50] = np.nan  # nobody knows
-    depth[10, 30] = 1.0  # inside, and no thing
-    things = np.ones((41, 61), dtype=bool)
-    things[10, 30] = False
-    marked = CorridorBuilder().intruding(depth_map(depth, at_most), LEVEL, things=things)
-    assert sorted(map(tuple, np.argwhere(marked).tolist())) == [(20, 30), (20, 40)]
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -84,7 +84,6 @@ def test_the_upper_edge_of_the_image_is_that_of_the_mark(
         frame = view_of(top, mark, **view)
         found = finder.find(MarkView(frame=frame, camera=CAMERA))
 
-        assert found is not None
         assert found.heading_deg is not None
         assert abs(math.remainder(found.heading_deg - heading_deg, 360.0)) < 2.0
         place = (found.forward_m - CAMERA.forward_offset_m, found.right_m)

@@ -49,7 +49,6 @@ def drawn_pad(column: int, row: int, size: int = 10) -> Ids:
 def pair(ids: Ids) -> tuple[tuple[float, float], float]:
     """Return the centroid of the H, and the score."""
     best = best_pair(paper_map(ids=ids))
-    assert best is not None
     return best[0].centroid, best[1]
 
 
@@ -91,7 +90,6 @@ def in_the_twin(
 def test_a_pad_is_found_by_its_h() -> None:
     best = best_pair(paper_map(ids=drawn_pad(90, 50)))
 
-    assert best is not None
     assert best[0].centroid == pytest.approx((89.5, 49.5))
     assert best[0].area_px == 200
     assert best[1] > 0.9
@@ -239,8 +237,6 @@ def test_of_a_larger_mark_the_same_h_is_a_smaller_part() -> None:
         sighting(ids, -90.0, 1.4, replace(default_mark(), length_m=side_m, width_m=side_m))
         for side_m in (0.5, 1.0)
     )
-    assert usual is not None
-    assert large is not None
     assert usual.confidence < 0.9
     assert large.confidence == pytest.approx(usual.confidence / 4.0)
 

@@ -58,7 +58,6 @@ def test_the_place_is_right_at_any_height(
 ) -> None:
     found = seen(drawn(height_m, forward_m, pitch_deg), pitch_deg, of=mark(height_m))
 
-    assert found is not None
     assert found.forward_m - CAMERA.forward_offset_m == pytest.approx(forward_m, abs=0.03)
     assert found.right_m == pytest.approx(0.0, abs=0.02)
     assert (found.height_m, found.heading_deg) == (height_m, None)
@@ -75,7 +74,6 @@ def test_a_cut_or_partial_region_is_trusted_less(
 ) -> None:
     found = seen(drawn(0.2, forward_m, -90.0, side_m), -90.0, of=mark())
 
-    assert found is not None
     assert least < found.confidence <= most
 
 

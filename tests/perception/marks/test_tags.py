@@ -52,7 +52,6 @@ def test_place_and_heading(
         pitch_deg=pitch_deg,
     )
 
-    assert found is not None
     place = (found.forward_m - OFFSET_M, found.right_m, found.height_m)
     assert place == pytest.approx((forward_m, -0.1, height_m), abs=within_m)
     assert found.heading_deg == pytest.approx(35.0, abs=1.0)
@@ -101,7 +100,6 @@ def test_of_two_prints_the_one_that_more_tags_show_counts(
     if found_at is None:
         assert found is None
     else:
-        assert found is not None
         assert (found.forward_m - OFFSET_M, found.right_m) == pytest.approx(found_at, abs=0.01)
         assert found.confidence == 1.0
 
@@ -123,7 +121,6 @@ def test_the_pose_of_exact_and_noisy_corners(
     pixels += noise_px * np.random.default_rng(1).normal(size=pixels.shape)
     pose = level_pose(corners_m, pixels, CAMERA, pitch_rad)
 
-    assert pose is not None
     within = 0.01 if noise_px else 1e-7
     assert pose[:4] == pytest.approx(tuple(true), abs=within)
     assert pose.error_px == pytest.approx(noise_px * math.sqrt(2.0), abs=noise_px / 2.0 + 1e-7)
@@ -150,7 +147,6 @@ def test_prints_of_opencv_are_turned_by_half_a_turn() -> None:
     assert (finder.picture()[::-1, ::-1] == own.picture()).all()
 
     found = seen(finder, opencv, forward_m=1.0, heading_deg=30.0)
-    assert found is not None
     assert found.heading_deg == pytest.approx(30.0, abs=1.0)
     with pytest.raises(InputError, match="landing mark 'aruco' has no option 'print'"):
         ArucoFinder(replace(opencv, kind="aruco"))
@@ -166,8 +162,6 @@ def test_a_tag_of_another_size_than_stated_is_hardly_trusted() -> None:
         for mark in (small, tag_mark())
     )
 
-    assert right is not None
-    assert wrong is not None
     assert right.confidence == 1.0
     assert wrong.confidence < 0.5
 

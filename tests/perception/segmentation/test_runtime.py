@@ -239,7 +239,6 @@ def test_depth_belongs_to_the_frame_and_is_in_heights(depot: DepthViews) -> None
     for index, rgb in enumerate(depot.rgb):
         segmenter.segment(frame_of(rgb, captured_s=float(index)))
         depth = segmenter.relative_depth
-        assert depth is not None
         assert (depth.captured_s, depth.metric, depth.in_heights) == (index, False, True)
         ground = classes.roles(depot.ids[index]) == GROUND
         size = (depot.ids.shape[2], depot.ids.shape[1])

@@ -17,10 +17,12 @@ from numpy.typing import NDArray
 from perception.segmentation.training.pick_images import find_super_pixels
 from perception.segmentation.training.pick_server import make_pick_server
 from perception.segmentation.training.pick_session import PickSession
-from perception.segmentation.training.picks import read_picks
+from perception.segmentation.training.picks import Pick, read_picks
 from tests.paper_lab import CLASSES
+from tests.worlds.tables import cases
 
 USES = {"a.png": "train", "b.jpg": "train", "d.tif": "check"}
+CLICK = {"image": "a.png", "x": 3, "y": 4, "class": "carpet"}
 
 
 @pytest.fixture
@@ -53,28 +55,11 @@ def _ask(page: HTTPConnection, path: str, body: str | None = None, **headers: st
     return answer.status, answer.read()
 
 
-def _click(**changes: object) -> str:
-    return json.dumps({"image": "a.png", "x": 3, "y": 4, "class": "carpet", **changes})
-
-
-def test_the_page_and_its_images_are_served(page: HTTPConnection, folder: Path) -> None:
-    status, body = _ask(page, "/")
+def _send(page: HTTPConnection, path: str, **changes: object) -> dict:
+    """Return the state after a click on 'a.png', or after a request with other fields."""
+    status, body = _ask(page, path, json.dumps({**CLICK, **changes}))
     assert status == 200
-    assert b"<canvas" in body
-    assert _ask(page, "/picture/b.jpg") == (200, (folder / "b.jpg").read_bytes())
-    state = json.loads(_ask(page, "/state")[1])
-    assert state["names"] == ["a.png", "b.jpg", "d.tif"]
-    assert state["uses"] == ["train", "train", "check"]
-    assert state["classes"] == list(CLASSES.names)
-    assert state["colours"] == CLASSES.colours.tolist()
-    assert state["picked_images"] == {"train": 0, "check": 0}
-
-
-def test_an_image_that_browsers_do_not_show_becomes_png(page: HTTPConnection) -> None:
-    status, body = _ask(page, "/picture/d.tif")
-    assert status == 200
-    assert body.startswith(b"\x89PNG")
-    assert (_decoded(body) == 90).all()
+    return json.loads(body)
 
 
 def _decoded(png: bytes) -> NDArray[np.uint8]:
@@ -82,12 +67,25 @@ def _decoded(png: bytes) -> NDArray[np.uint8]:
     return cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
 
 
+def test_the_page_and_its_images_are_served(page: HTTPConnection, folder: Path) -> None:
+    status, body = _ask(page, "/")
+    assert (status, b"<canvas" in body) == (200, True)
+    assert _ask(page, "/picture/b.jpg") == (200, (folder / "b.jpg").read_bytes())
+    state = json.loads(_ask(page, "/state")[1])
+    assert dict(zip(state["names"], state["uses"], strict=True)) == USES
+    assert state["classes"] == list(CLASSES.names)
+    assert state["colours"] == CLASSES.colours.tolist()
+    assert state["picked_images"] == {"train": 0, "check": 0}
+    # An image that browsers do not show becomes PNG.
+    status, body = _ask(page, "/picture/d.tif")
+    assert (status, body[:4]) == (200, b"\x89PNG")
+    assert (_decoded(body) == 90).all()
+
+
 def test_segments_number_the_super_pixels(page: HTTPConnection, folder: Path) -> None:
     rgb = np.random.default_rng(0).integers(0, 255, (90, 90, 3), dtype=np.uint8)
     cv2.imwrite(str(folder / "a.png"), rgb)
-    status, body = _ask(page, "/segments/a.png")
-    assert status == 200
-    red, green, blue = np.moveaxis(_decoded(body).astype(int), 2, 0)
+    red, green, blue = np.moveaxis(_decoded(_ask(page, "/segments/a.png")[1]).astype(int), 2, 0)
     ids = red + 256 * green
     assert np.array_equal(ids, find_super_pixels(rgb[..., ::-1].copy()).ids)
     assert ids.max() > 255
@@ -95,127 +93,73 @@ def test_segments_number_the_super_pixels(page: HTTPConnection, folder: Path) ->
 
 
 def test_strokes_are_painted_erased_and_undone(page: HTTPConnection, tmp_path: Path) -> None:
-    stroke = {"image": "a.png", "points": [[1, 1], [14, 7]]}
-    status, body = _ask(page, "/paint", json.dumps({**stroke, "class": "carpet"}))
-    state = json.loads(body)
-    assert (status, state["image"], state["counts"]["carpet"]) == (200, "a.png", 2)
+    state = _send(page, "/paint", points=[[1, 1], [14, 7]])
+    assert (state["image"], state["counts"]["carpet"]) == ("a.png", 2)
     assert state["picked_images"] == {"train": 1, "check": 0}
     assert len(read_picks(tmp_path / "picks.csv", CLASSES)) == 2
-    _, body = _ask(page, "/erase", json.dumps({**stroke, "points": [[1, 1]]}))
-    assert json.loads(body)["counts"]["carpet"] == 1
-    _, body = _ask(page, "/undo", "")
-    assert (json.loads(body)["image"], json.loads(body)["counts"]["carpet"]) == ("a.png", 2)
-    _ask(page, "/undo", "{}")
+    assert _send(page, "/erase", points=[[1, 1]])["counts"]["carpet"] == 1
+    undone = _send(page, "/undo")
+    assert (undone["image"], undone["counts"]["carpet"]) == ("a.png", 2)
+    _ask(page, "/undo", "")
     assert json.loads(_ask(page, "/undo", "")[1])["image"] is None
 
 
 def test_the_next_image_and_the_class_map_are_served(page: HTTPConnection) -> None:
-    status, body = _ask(page, "/next?after=a.png")
-    assert (status, json.loads(body)["image"]) == (200, "b.jpg")
+    assert json.loads(_ask(page, "/next?after=a.png")[1])["image"] == "b.jpg"
     status, body = _ask(page, "/preview/a.png")
     assert (status, b"picks of two classes" in body) == (404, True)
     for name, x in (("carpet", 1), ("background", 14)):
-        _ask(page, "/paint", _stroke([[x, 4]], **{"class": name}))
+        _send(page, "/paint", points=[[x, 4]], **{"class": name})
     status, body = _ask(page, "/preview/a.png")
     assert (status, _decoded(body).shape) == (200, (324, 576, 3))
 
 
-def _stroke(points: object, **changes: object) -> str:
-    return json.dumps({"image": "a.png", "class": "carpet", "points": points, **changes})
-
-
-@pytest.mark.parametrize(
-    ("path", "body", "message"),
-    [
-        ("/paint", _stroke([]), b"at least one"),
-        ("/paint", _stroke([[1, 2, 3]]), b"pairs [x, y]"),
-        ("/paint", _stroke([[1, 2.5]]), b"pairs [x, y]"),
-        ("/paint", _stroke([[True, 1]]), b"pairs [x, y]"),
-        ("/paint", _stroke("1,2"), b"points (list)"),
-        ("/paint", _stroke([[1, 2], [16, 2]]), b"(16, 2) lies outside of 16x9 pixels"),
-        ("/paint", _stroke([[1, 2]], **{"class": "carpte"}), b"did you mean 'carpet'"),
-        ("/erase", _stroke([[1, 2]], image="c.png"), b"no image 'c.png'"),
-        ("/erase", _stroke(None), b"points (list)"),
-    ],
-)
-def test_a_bad_stroke_is_refused(
-    page: HTTPConnection, tmp_path: Path, path: str, body: str, message: bytes
-) -> None:
-    status, answer = _ask(page, path, body)
-    assert (status, message in answer) == (400, True), answer
-    assert not (tmp_path / "picks.csv").exists()
-
-
-@pytest.mark.parametrize(
-    ("path", "body"),
-    [("/nothing", None), ("/state/a", None), ("/segments/", None), ("/preview/x.png", None),
-     ("/draw", "{}")],
-)  # fmt: skip
-def test_what_is_not_there_is_not_found(page: HTTPConnection, path: str, body: str | None) -> None:
-    assert _ask(page, path, body)[0] == 404
-
-
 def test_a_click_is_on_disk_and_undo_takes_it_back(page: HTTPConnection, tmp_path: Path) -> None:
-    _ask(page, "/pick", _click())
-    status, body = _ask(page, "/pick", _click(image="b.jpg"))
-    assert status == 200
-    assert len(json.loads(body)["picks"]) == 2
-    assert [pick.image for pick in read_picks(tmp_path / "picks.csv", CLASSES)] == [
-        "a.png",
-        "b.jpg",
-    ]
+    _send(page, "/pick")
+    assert len(_send(page, "/pick", image="b.jpg")["picks"]) == 2
+    first, second = read_picks(tmp_path / "picks.csv", CLASSES)
+    assert (first, second.image) == (Pick(image="a.png", x=3, y=4, class_id=1), "b.jpg")
     _ask(page, "/undo", "")
-    (pick,) = read_picks(tmp_path / "picks.csv", CLASSES)
-    assert (pick.image, pick.x, pick.y, pick.class_id, pick.origin) == ("a.png", 3, 4, 1, "hand")
-
-
-@pytest.mark.parametrize("name", ["../secret.png", "..%2Fsecret.png", "notes.txt", "c.png"])
-def test_nothing_but_the_listed_images_is_served(page: HTTPConnection, name: str) -> None:
-    status, body = _ask(page, f"/picture/{name}")
-    assert status == 404
-    assert b"no image" in body
+    assert read_picks(tmp_path / "picks.csv", CLASSES) == [first]
 
 
 @pytest.mark.parametrize(
-    ("body", "message"),
+    ("path", "changes", "message"),
     [
-        (_click(image="../secret.png"), b"no image"),
-        (_click(**{"class": "carpte"}), b"did you mean 'carpet'"),
-        (_click(x=-1), b"(-1, 4) lies outside of 16x9 pixels"),
-        (_click(x=16), b"(16, 4) lies outside of 16x9 pixels"),
-        (_click(y=9), b"(3, 9) lies outside of 16x9 pixels"),
-        (_click(x=1.5), b"expected the fields"),
-        (_click(x="3"), b"expected the fields"),
-        (_click(image=None), b"expected the fields"),
-        ('{"x": 1e999}', b"beyond a double's range"),
-        ("[" * 2000 + "]" * 2000, b"nested "),
-        ("\xff", b"no JSON"),
-        ("{", b"no JSON"),
-        ("[]", b"expected the fields"),
-        ("x" * 70_000, b"at most 65536"),
+        *cases("perception")["bad_requests"],
+        ("/pick", "[" * 2000 + "]" * 2000, "nested "),
+        ("/pick", "x" * 70_000, "at most 65536"),
     ],
 )
-def test_a_bad_click_is_refused_and_nothing_is_written(
-    page: HTTPConnection, tmp_path: Path, body: str, message: bytes
+def test_a_bad_request_is_refused_and_nothing_is_written(
+    page: HTTPConnection, tmp_path: Path, path: str, changes: dict | str, message: str
 ) -> None:
-    status, answer = _ask(page, "/pick", body)
-    assert status == 400
-    assert message in answer
+    body = changes if isinstance(changes, str) else json.dumps({**CLICK, **changes})
+    status, answer = _ask(page, path, body)
+    assert (status, message in answer.decode()) == (400, True), answer
     assert not (tmp_path / "picks.csv").exists()
 
 
-def test_another_sites_name_for_this_machine_is_refused(page: HTTPConnection) -> None:
-    assert _ask(page, "/state", Host="evil.example")[0] == 403
-    assert _ask(page, "/pick", _click(), Host="evil.example:80")[0] == 403
+def test_what_is_not_there_or_not_listed_is_not_found(page: HTTPConnection) -> None:
+    for path in ("/nothing", "/state/a", "/segments/", "/preview/x.png"):
+        assert _ask(page, path)[0] == 404
+    for name in ("../secret.png", "..%2Fsecret.png", "notes.txt", "c.png"):
+        status, answer = _ask(page, f"/picture/{name}")
+        assert (status, b"no image" in answer) == (404, True)
+    assert _ask(page, "/draw", "{}")[0] == 404
 
 
 @pytest.mark.parametrize("origin", ["https://evil.example", "null", "http://127.0.0.1:1"])
 def test_what_another_page_sends_is_refused(
     page: HTTPConnection, tmp_path: Path, origin: str
 ) -> None:
-    assert _ask(page, "/pick", _click(), Origin=origin)[0] == 403
+    click = json.dumps(CLICK)
+    assert _ask(page, "/pick", click, Origin=origin)[0] == 403
+    # Another site may take a name for this machine.
+    assert _ask(page, "/state", Host="evil.example")[0] == 403
+    assert _ask(page, "/pick", click, Host="evil.example:80")[0] == 403
     assert not (tmp_path / "picks.csv").exists()
-    assert _ask(page, "/pick", _click(), Origin=f"http://127.0.0.1:{page.port}")[0] == 200
+    assert _ask(page, "/pick", click, Origin=f"http://127.0.0.1:{page.port}")[0] == 200
 
 
 def test_connections_that_say_nothing_keep_nobody_out(page: HTTPConnection) -> None:
@@ -228,7 +172,7 @@ def test_connections_that_say_nothing_keep_nobody_out(page: HTTPConnection) -> N
 
 def test_an_image_that_cannot_be_read_takes_no_click(page: HTTPConnection, folder: Path) -> None:
     (folder / "a.png").write_bytes(b"no image")
-    status, answer = _ask(page, "/pick", _click())
+    status, answer = _ask(page, "/pick", json.dumps(CLICK))
     assert (status, b"is not a readable image" in answer) == (400, True)
 
 
@@ -236,10 +180,6 @@ def test_an_image_that_cannot_be_read_takes_no_click(page: HTTPConnection, folde
 def test_the_script_of_the_page_can_be_parsed(page: HTTPConnection, tmp_path: Path) -> None:
     script = _ask(page, "/")[1].partition(b"<script>")[2].partition(b"</script>")[0]
     (tmp_path / "page.js").write_bytes(script)
-    done = subprocess.run(  # noqa: S603  # our own script
-        [str(shutil.which("node")), "--check", str(tmp_path / "page.js")],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    node = [str(shutil.which("node")), "--check", str(tmp_path / "page.js")]
+    done = subprocess.run(node, capture_output=True, text=True, check=False)  # noqa: S603  # our own
     assert done.returncode == 0, done.stderr
