@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from behaviours.fly.explore import Avoid, CoverageGrows, Explore
+from behaviours.fly.explore import Avoid, CorridorClear, CoverageGrows, Explore
 from tests.behaviours.path.test_movers import mover
 from tests.paper_lab import paper_map
 from tests.worlds import values
@@ -17,9 +17,11 @@ from tests.worlds.leaves import ADVANCE, TURN_LEFT, TURN_RIGHT, map_with, steeri
 from uav_bt.answers import Advance, Answer, Done, FollowLeg, Rotate
 from uav_bt.board import (
     CLASS_MAP,
+    CORRIDOR,
     FLIGHT_HEIGHT,
     FLIGHT_PITCH,
     HELD_TURN,
+    MARK,
     ODOMETRY,
     PHASE,
     SITE_MAP,
@@ -186,6 +188,7 @@ def test_a_flowing_step_is_replaced_by_one_that_leads_further() -> None:
     assert move(bench).forward_m == pytest.approx(0.9)
 
 
+@pytest.mark.parametrize("flowing", [True, False])
 def test_a_flowing_step_is_broken_off_when_the_way_is_blocked(*, flowing: bool) -> None:
     """It hovers, looks afresh, and only then fails. The paper's first level flies to its end."""
     bench = begun(Says(FAR, TURN_RIGHT), flowing=flowing)
@@ -399,3 +402,47 @@ def test_a_pause_and_a_new_map_restart_the_window(pause_s: float, restarts: int)
     answers(bench, before)
     bench.clock.advance(pause_s)
     assert answers(bench, [40] * 6, restarts=restarts) == [*[YES] * 5, NO]
+
+
+@pytest.mark.parametrize(
+    ("ahead_m", "impact_s", "obstacle", "clear"),
+    [
+        (3.0, math.inf, None, True),
+        (0.61, math.inf, None, True),
+        (0.59, math.inf, None, False),
+        (1.0, 0.9, None, True),
+        (1.0, 0.7, None, False),  # too fast for the room
+        (3.0, math.inf, (1.5, 0.0), True),
+        (3.0, math.inf, (0.5, 0.0), False),  # it has left the view
+        (3.0, math.inf, (0.2, 0.45), True),
+        (3.0, math.inf, (-0.3, 0.0), True),  # what lies behind may be left
+    ],
+)
+def test_the_corridor_is_clear_with_enough_room(
+    ahead_m: float, impact_s: float, obstacle: tuple[float, float] | None, *, clear: bool
+) -> None:
+    bench = LeafBench(CorridorClear, ahead_m=0.6, impact_s=0.8, beside_m=0.4)
+    show(bench)
+    now_s = bench.clock.now()
+    room = values.corridor(ahead_m, "front", captured_s=now_s, impact_s=impact_s)
+    bench.board[CORRIDOR] = room
+    if obstacle is not None:
+        points_m = np.array([obstacle])
+        bench.board[SITE_MAP] = map_with(NearObstacles(points_m=points_m, captured_s=now_s))
+    assert bench.tick() is (YES if clear else NO)
+
+
+@pytest.mark.parametrize(
+    ("pad", "status"), [(None, NO), ((1.5, 0.1), YES), ((-0.1, 0.3), YES), ((1.0, 1.0), NO)]
+)
+def test_only_on_the_way_to_the_pad_the_ground_may_end(
+    pad: tuple[float, float] | None, status: Status
+) -> None:
+    """Behind the pad."""
+    bench = LeafBench(CorridorClear)
+    show(bench, ids=np.zeros((18, 32), dtype=np.uint8))
+    now_s = bench.clock.now()
+    if pad is not None:
+        bench.board[MARK] = values.fix(now_s, *pad)
+    bench.board[CORRIDOR] = values.corridor(3.0, nearest_m=math.inf, captured_s=now_s)
+    assert bench.tick() is status

@@ -13,7 +13,7 @@ import pytest
 
 from behaviours.fly.take_photo import Steadiness, TakePhoto
 from tests.paper_lab import CARPET
-from tests.worlds import records
+from tests.worlds import footage
 from tests.worlds.leaves import map_with
 from uav_bt.board import ELAPSED, FRAME, SITE_MAP, STATE
 from uav_bt.board.context import FlightFolder
@@ -232,7 +232,7 @@ def test_a_drone_is_steady_by_its_mean_over_half_a_second() -> None:
     steady, since_s = Steadiness(), []
     speeds_mps = [0.3 if index % 2 else -0.3 for index in range(12)] + [0.5] * 3
     for index, forward_mps in enumerate(speeds_mps):
-        steady.update(records.state(0.2 * index, forward_mps), None)
+        steady.update(footage.state(0.2 * index, forward_mps), None)
         since_s.append(steady.since_s)
     assert since_s[11] == pytest.approx(0.6)
     assert since_s[-1] == math.inf
