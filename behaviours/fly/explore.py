@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from behaviours.fly.leaf_clock import LeafClock
+from behaviours.fly.moving_leaf import LeafClock
 from behaviours.fly.steering import FLOWING, GIVES_WAY, SteeringLeaf
 from behaviours.policies.corridor_rule import ground_reach
 from behaviours.policies.view import VIEW_KEYS, current_view, policy_view

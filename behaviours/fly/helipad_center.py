@@ -12,9 +12,8 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from behaviours.fly.moving_leaf import STRAIGHT_DOWN_RAD, MovingLeaf, camera_points_at
+from behaviours.fly.moving_leaf import STRAIGHT_DOWN_RAD, MovingLeaf, Progress, camera_points_at
 from behaviours.fly.places import number
-from behaviours.fly.step import Progress
 from uav_bt.board import CAMERA, FRAME, MARK, PHASE, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import InputError, ValueRangeError

@@ -8,9 +8,8 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.fly.moving_leaf import STRAIGHT_DOWN_RAD, MovingLeaf, camera_points_at
+from behaviours.fly.moving_leaf import STRAIGHT_DOWN_RAD, MovingLeaf, Progress, camera_points_at
 from behaviours.fly.places import number
-from behaviours.fly.step import Progress
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, PHASE, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.lab.classes import GROUND

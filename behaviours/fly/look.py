@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 
-from behaviours.fly.leaf_clock import LeafClock
-from behaviours.fly.moving_leaf import MovingLeaf, camera_points_at
-from behaviours.fly.step import Progress
+from behaviours.fly.moving_leaf import LeafClock, MovingLeaf, Progress, camera_points_at
 from behaviours.ports import number
 from uav_bt.board import FRAME, ODOMETRY, PHASE, STATE
 from uav_bt.board.context import MissionContext

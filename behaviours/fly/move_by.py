@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from behaviours.fly.moving_leaf import Progress
 from behaviours.fly.places import PlaceLeaf
-from behaviours.fly.step import Progress
 from behaviours.path.clearance import ClearanceMap
 from behaviours.path.margins import Margins
 from behaviours.path.nearby import recent_obstacles

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Final
 
 from behaviours.fly.course_leaf import CourseLeaf
 from behaviours.fly.keeping_away import step_away_m
-from behaviours.fly.step import Progress
+from behaviours.fly.moving_leaf import Progress
 from behaviours.policies.view import VIEW_KEYS, ask, current_view, policy_view
 from behaviours.stage_timer import StageTimer
 from uav_bt.answers import Advance, Answer, Blocked, Done, FollowLeg, Rotate

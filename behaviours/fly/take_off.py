@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar, Final
 
-from behaviours.fly.moving_leaf import MovingLeaf, camera_points_at
-from behaviours.fly.step import Progress
+from behaviours.fly.moving_leaf import MovingLeaf, Progress, camera_points_at
 from behaviours.ports import number
 from uav_bt.board import FLIGHT_HEIGHT, FLIGHT_PITCH, FRAME, PHASE, STATE
 from uav_bt.board.blackboard import Key

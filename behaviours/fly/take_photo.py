@@ -13,8 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.fly.leaf_clock import LeafClock
-from behaviours.fly.moving_leaf import camera_points_at
+from behaviours.fly.moving_leaf import LeafClock, camera_points_at
 from behaviours.ports import number
 from uav_bt.board import CLASS_MAP, ELAPSED, FRAME, ODOMETRY, PHASE, SITE_MAP, STATE
 from uav_bt.board.context import FlightFolder, MissionContext

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from behaviours.fly.leaf_clock import LeafClock
+from behaviours.fly.moving_leaf import LeafClock
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, ODOMETRY, RELATIVE_DEPTH
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Leaf, Port, Status

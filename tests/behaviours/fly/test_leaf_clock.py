@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from behaviours.fly.leaf_clock import LeafClock
+from behaviours.fly.moving_leaf import LeafClock
 from uav_bt.clock import ManualClock
 
 

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from behaviours.fly.step import RETRIES, RETRY_S, Progress, StepInHand
+from behaviours.fly.moving_leaf import RETRIES, RETRY_S, Progress, StepInHand
 from uav_bt.board.context import Proposals
 from uav_bt.types import (
     Attitude,
