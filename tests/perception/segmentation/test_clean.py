@@ -7,42 +7,13 @@ import numpy as np
 from perception.segmentation import clean
 from perception.segmentation.evaluation import score_segmentation
 from perception.segmentation.teacher import TeacherConfig
-from tests.paper_lab import BACKGROUND, CARPET, CLASSES
+from tests.paper_lab import CLASSES
 from tests.perception.segmentation.patterned import samples, teacher
 from uav_bt.types.arrays import Image
-
-SCATTERED = (BACKGROUND, CARPET)
 
 
 def blank(height: int, width: int, class_id: int = 0) -> Image:
     return np.full((height, width), class_id, dtype=np.uint8)
-
-
-def test_dots_dilate_to_a_map_without_gaps() -> None:
-    assert (clean.dilated_grid(blank(52, 73, 5)) == 5).all()
-
-
-def test_an_object_gains_the_margin_over_the_background() -> None:
-    ids = blank(60, 60)
-    ids[20:40, 20:40] = 6
-    painted = clean.dilated_grid(ids)
-    assert (painted == 6).sum() > (ids == 6).sum()
-    assert painted[0, 0] == 0
-
-
-def test_only_the_largest_piece_of_an_object_stays() -> None:
-    """The ground and what is around keep all theirs."""
-    ids = blank(40, 60)
-    ids[5:20, 5:20] = 4
-    ids[30:33, 30:33] = 4
-    ids[33:36, 33:36] = 4  # touches the one before at a corner: the same piece
-    ids[:, 42:] = 1
-    ids[20:23, 50:53] = 4
-    ids[:3, 57:] = 0
-    kept = clean.keep_largest_components(ids, SCATTERED)
-    assert (kept[5:20, 5:20] == 4).all()
-    assert (kept == 4).sum() == 15 * 15
-    assert (kept[31, 31], kept[21, 51], kept[1, 58]) == (0, 1, 0)
 
 
 def test_small_pieces_go_and_large_ones_stay_whatever_their_number() -> None:

@@ -21,7 +21,7 @@ from perception.segmentation.training.run import AugmentConfig, augmented
 from perception.segmentation.training.unet import UNET_FILES
 from tests.paper_lab import CLASSES
 from tests.perception.segmentation.patterned import PATTERNED, samples
-from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
+from uav_bt.errors import ValueRangeError, WeightsError
 
 NET = unet.UNetConfig(width_px=64, height_px=32, channels=(8, 12, 16), outputs=17)
 SHORT = run.TrainingConfig(steps=6, batch=2, checkpoint_every=3, warm_up_steps=2)
@@ -54,23 +54,6 @@ def test_the_shipped_shape_has_about_a_million_parameters() -> None:
 def test_a_size_that_cannot_be_halved_is_refused() -> None:
     with pytest.raises(ValueRangeError, match="3 levels need sides divisible by 8, got 60x32"):
         replace(NET, width_px=60)
-
-
-@pytest.mark.parametrize("name", ["cross_entropy", "bce_dice"])
-def test_a_loss_is_small_for_the_right_answer_and_ignores_what_nobody_knows(name: str) -> None:
-    ids = torch.tensor([[[0, 3], [16, run.IGNORED]]])
-    right = torch.full((1, 17, 2, 2), -20.0)
-    for row, column, class_id in ((0, 0, 0), (0, 1, 3), (1, 0, 16), (1, 1, 5)):
-        right[0, class_id, row, column] = 20.0
-    loss = run.LOSSES[name]
-    assert loss(right, ids, run.IGNORED).item() < 0.02
-    wrong = right.clone()
-    wrong[0, :, 1, 1] = right[0, :, 0, 0]  # another answer where nobody knows
-    assert loss(wrong, ids, run.IGNORED).item() == pytest.approx(
-        loss(right, ids, run.IGNORED).item(), abs=1e-6
-    )
-    wrong[0, :, 0, 0] = right[0, :, 0, 1]
-    assert loss(wrong, ids, run.IGNORED).item() > 0.1
 
 
 def test_a_few_steps_teach_the_patterns(pictures: run.LabelledImages) -> None:
@@ -124,10 +107,6 @@ def test_a_checkpoint_of_another_run_or_a_damaged_one_is_refused(
 def test_settings_that_cannot_be_are_refused() -> None:
     with pytest.raises(ValueRangeError, match="must be positive"):
         replace(SHORT, steps=0)
-    with pytest.raises(UnknownNameError, match="unknown loss 'dice'"):
-        replace(SHORT, loss="dice")  # type: ignore[arg-type]
-    with pytest.raises(ValueRangeError, match="must not be negative"):
-        AugmentConfig(shift=-0.1)
 
 
 # --- files ----------------------------------------------------------------------------------------
@@ -195,8 +174,6 @@ def test_blur_and_noise_change_the_image_and_not_the_labels() -> None:
     np.testing.assert_array_equal(same, ids)
     steps = [np.abs(np.diff(image.astype(int), axis=1)).mean() for image in (blurred, plain, noisy)]
     assert steps[0] < steps[1] < steps[2]
-    with pytest.raises(ValueRangeError, match="must not be negative"):
-        replace(STILL, noise=-1.0)
 
 
 def test_a_network_begins_with_the_weights_of_another_one(pictures: run.LabelledImages) -> None:
