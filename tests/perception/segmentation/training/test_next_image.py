@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from perception.segmentation.training.next_image import ImageChooser, wanted_use
-from perception.segmentation.training.pick_session import PickSession
+from perception.segmentation.training.pick_session import ImageChooser, PickSession, wanted_use
 from tests.perception.segmentation.training import pick_places
 from tests.perception.segmentation.training.pick_places import CRATE, FLOOR, PLACE, session_of
 from uav_bt.errors import ValueRangeError
