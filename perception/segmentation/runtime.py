@@ -188,12 +188,13 @@ class RoomSegmenter:
 class TeacherSegmenter:
     """The teacher in flight: slower than the U-Net, but trained directly on the picks."""
 
-    def __init__(self, teacher: Teacher) -> None:
-        self._teacher = teacher
+    def __init__(self, teacher: Teacher, *, sharp: bool = True) -> None:
+        """Take a teacher; without `sharp` its maps are those of the paper's procedure."""
+        self._teacher, self._ids = teacher, teacher.refined_ids if sharp else teacher.paper_ids
 
     def segment(self, frame: Frame) -> ClassMap:
         """Return the class map of a frame, at the size of the U-Net's."""
-        whole = self._teacher.refined_ids(self._teacher.resized(frame.image))
+        whole = self._ids(self._teacher.resized(frame.image))
         small = cv2.resize(whole, MAP_PX, interpolation=cv2.INTER_NEAREST_EXACT)
         ids, classes = np.asarray(small, dtype=np.uint8), self._teacher.classes
         return ClassMap(ids=ids, classes=classes, captured_s=frame.captured_s)

@@ -30,7 +30,7 @@ from perception.segmentation.features import (
 )
 from perception.segmentation.training.picks import PickedPatches
 from uav_bt.errors import ValueRangeError, WeightsError
-from uav_bt.lab.classes import OBSTACLE, LabClasses
+from uav_bt.lab.classes import GROUND, OBSTACLE, OUTSIDE, LabClasses
 
 _KIND: Final = "hsv-histogram-svm"
 
@@ -91,6 +91,12 @@ class Teacher:
             np.putmask(ids, inner > best, np.uint8(class_id))
             np.maximum(best, inner, out=best)
         return spread_to_border(ids, self.config.patch_px)
+
+    def paper_ids(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return the class map of a resized image: dots, dilation, largest components."""
+        dots = clean.dilated_grid(self.window_ids(rgb))
+        scattered = self.classes.of_role(OUTSIDE) + self.classes.of_role(GROUND)
+        return clean.keep_largest_components(dots, scattered)
 
     def refined_ids(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Return the class map of a resized image: sharp borders, no holes in sides of boxes."""

@@ -3,8 +3,7 @@
 Mocanu et al. (arXiv 2510.16624, experiments on the first level) change hue by up to 5 degrees,
 saturation by 2 %, value by 6 %, and translate and rotate at random. Stronger colour changes are
 worse, because the patterns differ by colour. Images are not mirrored, because the patterns are not
-symmetric. The loss is categorical cross-entropy, which the paper found better than binary
-cross-entropy with Dice.
+symmetric. The paper found categorical cross-entropy better than binary cross-entropy with Dice.
 
 Importing this module imports torch.
 """
@@ -14,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final, Literal
 
 import cv2
@@ -31,6 +31,43 @@ from perception.networks.training.loop import (
     train,
 )
 from perception.segmentation.training.unet import UNet, UNetConfig
+from uav_bt.errors import UnknownNameError
+
+_SMOOTHING: Final = 1.0  # pixels; avoids 0 / 0 in the Dice term of an absent class
+
+
+def cross_entropy(
+    logits: Tensor, ids: Tensor, ignored: int, weights: Tensor | None = None
+) -> Tensor:
+    """Return the mean categorical cross-entropy; arguments as of `bce_dice`."""
+    return functional.cross_entropy(logits, ids, weight=weights, ignore_index=ignored)
+
+
+def bce_dice(logits: Tensor, ids: Tensor, ignored: int, weights: Tensor | None = None) -> Tensor:
+    """Return binary cross-entropy over one mask per class, plus the classes' mean Dice loss.
+
+    Args:
+        logits: (N, C, H, W) float.
+        ids: (N, H, W) int64 class ids.
+        ignored: the id of pixels that do not count.
+        weights: (C,) float weights of the classes in the cross-entropy; None: equal ones.
+    """
+    classes = logits.shape[1]
+    counts = (ids != ignored).unsqueeze(1).to(logits.dtype)
+    masks = functional.one_hot(ids.where(ids != ignored, 0), classes).permute(0, 3, 1, 2)
+    target = masks.to(logits.dtype) * counts
+    bce = functional.binary_cross_entropy_with_logits(logits, target, reduction="none")
+    if weights is not None:
+        bce = bce * weights[:, None, None]
+    mean_bce = (bce * counts).sum() / (counts.sum() * classes).clamp(min=1.0)
+    probability = logits.sigmoid() * counts
+    overlap = (probability * target).sum(dim=(0, 2, 3))
+    total = probability.sum(dim=(0, 2, 3)) + target.sum(dim=(0, 2, 3))
+    dice = (2.0 * overlap + _SMOOTHING) / (total + _SMOOTHING)
+    return mean_bce + (1.0 - dice).mean()
+
+
+LOSSES: Final = MappingProxyType({"cross_entropy": cross_entropy, "bce_dice": bce_dice})
 
 _SHOWN: Final = 0.002  # least share of an image's pixels with which it shows a class
 _WEIGHT_LIMITS: Final = (0.3, 6.0)
@@ -125,9 +162,14 @@ IGNORED: Final = 255  # label of an unknown pixel, which the loss leaves out
 class TrainingConfig(LoopConfig):
     """How the U-Net is trained."""
 
-    loss: Literal["cross_entropy"] = "cross_entropy"  # the paper's best
+    loss: Literal["cross_entropy", "bce_dice"] = "cross_entropy"  # the paper's best comes first
     augment: AugmentConfig = field(default_factory=AugmentConfig)
     balanced: bool = False  # rare classes are drawn more often and weigh more
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.loss not in LOSSES:
+            raise UnknownNameError("loss", self.loss, LOSSES)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -172,8 +214,7 @@ def train_unet(
         rgb, ids = (np.stack(each) for each in zip(*pairs, strict=True))
         logits = net(_to_input(rgb).to(config.device))
         known = torch.from_numpy(ids.astype(np.int64)).to(config.device)
-        loss = functional.cross_entropy(logits, known, weight=weights, ignore_index=IGNORED)
-        return loss, {}
+        return LOSSES[config.loss](logits, known, IGNORED, weights), {}
 
     return train(
         net,

@@ -33,8 +33,6 @@ def test_a_patch_starts_half_its_side_before_its_pixel_and_is_whole() -> None:
     for x, y in ((100, 0), (0, 90), (-1, 0)):
         with pytest.raises(ValueRangeError, match="outside the 100x90"):
             features.patch_slices(x, y, **SIZE)
-    with pytest.raises(ValueRangeError, match="smaller than a patch of 40"):
-        features.patch_slices(0, 0, **{**SIZE, "width_px": 39})
 
 
 def test_window_means_are_those_of_the_patches_to_the_last_digits() -> None:

@@ -69,10 +69,6 @@ def test_patches_count_every_pixel_of_their_class() -> None:
     gathered = picks.gather_patches([pick, pick], [(name, rgb)], 8, CLASSES)
     assert gathered.features.shape == (2, 190)
     assert gathered.colour_counts[1].sum() == gathered.colour_counts.sum() == 2 * 64
-    for given, image, message in (
-        ([picks.Pick(image=name, x=400, y=4, class_id=1)], name, "outside the 160x90"),
-        ([pick], "other.png", r"not there: 0\.png"),
-        ([], name, "not one pick"),
-    ):
-        with pytest.raises(ValueRangeError, match=message):
-            picks.gather_patches(given, [(image, rgb)], 8, CLASSES)
+    outside = picks.Pick(image=name, x=400, y=4, class_id=1)
+    with pytest.raises(ValueRangeError, match="outside the 160x90"):
+        picks.gather_patches([outside], [(name, rgb)], 8, CLASSES)
