@@ -20,7 +20,7 @@ from perception.networks.weights_file import SHIPPED_WEIGHTS, read_weights, writ
 from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
 from tests.paper_lab import CLASSES
 from tests.perception.control.control_world import TINY
-from uav_bt.errors import AnswerError, ValueRangeError, WeightsError
+from uav_bt.errors import AnswerError, ShapeError, ValueRangeError, WeightsError
 
 RNG = np.random.default_rng(3)
 PICTURES = [RNG.integers(0, 256, (16, 32, 3), dtype=np.uint8) for _ in range(3)]
@@ -110,6 +110,11 @@ def test_the_file_says_how_it_was_trained(weights: Path) -> None:
     assert (net.config, notes) == (TINY, {"steps": 3})
 
 
+def test_integers_need_pictures(weights: Path, tmp_path: Path) -> None:
+    with pytest.raises(ShapeError, match="N > 0"):
+        STUDENT_FILES.export(weights, tmp_path / "x.onnx", calibration=[])
+
+
 # --- refused input --------------------------------------------------------------------------------
 
 
@@ -119,6 +124,15 @@ def test_weights_of_another_version_are_refused(weights: Path, tmp_path: Path) -
     write_weights(old, tensors, kind="control-student", details={**details, "version": 0})
     with pytest.raises(WeightsError, match="of version 2, got 0; `uav-bt net train"):
         STUDENT_FILES.export(old, tmp_path / "old.onnx")
+
+
+def test_weights_that_lack_a_layer_are_refused(weights: Path, tmp_path: Path) -> None:
+    tensors, details = read_weights(weights, kind="control-student", remedy="")
+    part = tmp_path / "part.safetensors"
+    del tensors["head.bias"]
+    write_weights(part, tensors, kind="control-student", details=details)
+    with pytest.raises(WeightsError, match=r"(?s)is not a complete network .*head\.bias"):
+        STUDENT_FILES.export(part, tmp_path / "part.onnx")
 
 
 def test_another_network_is_no_student(tmp_path: Path) -> None:
