@@ -14,7 +14,7 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.control.ego_state import EgoState, state_vector
+from perception.control.ego_state import state_vector
 from perception.control.runtime import SHIPPED_STUDENT, OnnxControlStudent
 from perception.networks.named import check_onnx
 from uav_bt.answers import Advance, Blocked
@@ -59,13 +59,13 @@ class StudentPolicy:
                 "put <RememberViews/> ahead of the leaves that fly"
             )
         views = [view.recent.ago(age_s) for age_s in self._student.config.ages_s]
-        ego = EgoState(
+        state = state_vector(
+            [past.pose for past in views],
             height_above_ground_m=view.height_above_ground_m,
             gimbal_pitch_rad=view.gimbal_pitch_rad,
             turning=view.turning,
             full_turns=view.full_turns,
         )
-        state = state_vector(ego, [past.pose for past in views])
         estimate = self._student.estimate([self._image(past) for past in views], state)
         wanted = _ADVANCE_AT - _RELIEF * min(view.full_turns, _MAX_FULL_TURNS)
         free_m = min(max(estimate.free_m, 0.0), _LONGEST_STEP_M)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from typing import Any, Final
 
 import numpy as np
@@ -37,12 +37,6 @@ class ControlNetConfig:
     spacing_s: float = 0.5  # between views; the paper has three within a second
 
     def __post_init__(self) -> None:
-        divisor = 2 ** len(self.channels)
-        if len(self.channels) < 2 or self.width_px % divisor or self.height_px % divisor:
-            raise ValueRangeError(
-                f"{len(self.channels)} levels need sides divisible by {divisor}, "
-                f"got {self.width_px}x{self.height_px}"
-            )
         if self.views < 1 or not self.spacing_s > 0.0:
             raise ValueRangeError(
                 f"views and their spacing must be positive, got {self.views}, {self.spacing_s} s"
@@ -53,17 +47,9 @@ class ControlNetConfig:
         """Ages of the views, s, the present one first."""
         return tuple(self.spacing_s * number for number in range(self.views))
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the shape as plain JSON values."""
-        return asdict(self)
-
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> ControlNetConfig:
-        """Return the shape from the values of `to_json`.
-
-        Raises:
-            KeyError: a value is missing.
-        """
+        """Return the shape from the JSON of its fields; KeyError if one is missing."""
         known = {item.name: values[item.name] for item in fields(cls)}
         return cls(**{**known, "channels": tuple(known["channels"])})
 
@@ -79,27 +65,27 @@ _SIDED: Final = (False, False, True, False)  # values that change sign in a mirr
 _SIDED_MOVED: Final = (False, False, True, True, False)
 
 
-@dataclass(frozen=True, kw_only=True)
-class EgoState:
-    """The state of the drone at a decision."""
-
-    height_above_ground_m: float
-    gimbal_pitch_rad: float
-    turning: int = 0  # a turn under way: +1 clockwise, -1 counter-clockwise, 0 none
-    full_turns: int = 0  # consecutive full turns without a free path
-
-
 def state_size(views: int) -> int:
     """Return the length of the state vector for a number of views."""
     return _EGO + _MOVED * (views - 1)
 
 
-def state_vector(ego: EgoState, poses: Sequence[OdometryPose]) -> NDArray[np.float32]:
+def state_vector(
+    poses: Sequence[OdometryPose],
+    *,
+    height_above_ground_m: float,
+    gimbal_pitch_rad: float,
+    turning: int,
+    full_turns: int,
+) -> NDArray[np.float32]:
     """Return the state vector of a decision.
 
     Args:
-        ego: the drone's state.
         poses: poses at the capture of each view, the present one first.
+        height_above_ground_m: of the drone.
+        gimbal_pitch_rad: of the camera.
+        turning: a turn under way: +1 clockwise, -1 counter-clockwise, 0 none.
+        full_turns: consecutive full turns without a free path.
 
     Returns:
         (4 + 5 (V - 1),) float32. The first four are height and pitch relative to their usual
@@ -109,10 +95,10 @@ def state_vector(ego: EgoState, poses: Sequence[OdometryPose]) -> NDArray[np.flo
     """
     now = poses[0]
     values = [
-        ego.height_above_ground_m - _HEIGHT_M,
-        ego.gimbal_pitch_rad - _PITCH_RAD,
-        float(ego.turning),
-        min(ego.full_turns, _MAX_FULL_TURNS) / _MAX_FULL_TURNS,
+        height_above_ground_m - _HEIGHT_M,
+        gimbal_pitch_rad - _PITCH_RAD,
+        float(turning),
+        min(full_turns, _MAX_FULL_TURNS) / _MAX_FULL_TURNS,
     ]
     for then in poses[1:]:
         turned_rad = then.yaw_rad - now.yaw_rad

@@ -81,13 +81,8 @@ class OnnxControlStudent:
     ) -> ControlEstimate:
         """Return the network's prediction for a decision.
 
-        Args:
-            images: V images (h, w, 3) uint8 RGB, from `preprocess`; the present one first.
-            state: (S,) float32, `ego_state.state_vector` of that decision.
-
-        Raises:
-            ValueRangeError: a number of the state is not finite.
-            AnswerError: an output of the network is not finite.
+        The images are V from `preprocess`, the present one first, and the state is their
+        `state_vector`. ValueRangeError: it is not finite; AnswerError: the prediction is not.
         """
         # The network's layers would turn NaN into zero without an error.
         if not np.isfinite(state).all():

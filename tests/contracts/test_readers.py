@@ -127,7 +127,6 @@ def write_views(path: Path) -> None:
     write_flight(
         path,
         ControlFlight(
-            size_px=np.array([30, 20]),
             images=np.frombuffer(image(".jpg"), np.uint8),
             ends=np.array([1]),
             poses=np.zeros((1, 4)),

@@ -9,7 +9,6 @@ import click
 
 from perception.control.ego_state import ControlNetConfig
 from perception.control.training.run import ControlTrainingConfig
-from perception.control.training.samples import SampleConfig
 from uav_bt.cli.command import Command
 from uav_bt.cli.flight_options import flight_option
 from uav_bt.cli.options import FOLDER, INPUT, RUNS, grouped, output_option, records_argument
@@ -19,10 +18,6 @@ from uav_bt.cli.values import Number, WholeNumber
 from uav_bt.learning import diary, training
 from uav_bt.learning.dataset import read_advised_flights, split_records
 from uav_bt.learning.lab_training import UNET_WEIGHTS
-
-
-def _config(*, near_weight: float, **others: Any) -> dict[str, Any]:
-    return {"samples": SampleConfig(near_weight=near_weight), **others}
 
 
 @click.command(cls=Command)
@@ -68,7 +63,7 @@ def _config(*, near_weight: float, **others: Any) -> dict[str, Any]:
 )
 @grouped(
     "config",
-    _config,
+    dict,
     near_weight=click.option(
         "--near-weight",
         type=Number(min=0.0, min_open=True),

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from perception.control.ego_state import ControlNetConfig
 from perception.control.training.samples import (
     ControlFlight,
-    FlightBuilder,
+    advised_flight,
     read_flight,
     write_flight,
 )
@@ -35,6 +35,7 @@ from uav_bt.record.footage import flight_record, footage
 from uav_bt.record.moment import StoredFrame
 from uav_bt.record.reader import RecordReader
 from uav_bt.types import CameraModel, DroneState
+from uav_bt.types.arrays import Image
 
 _FOOTAGE_EVERY_S: Final = 0.1  # one tick
 _END_BYTES: Final = 64 * 1024  # hashed bytes of both ends, where a record has its index
@@ -254,7 +255,20 @@ def _kept(reader: RecordReader, net: ControlNetConfig, folder: Path) -> ControlF
 
 
 def _read(reader: RecordReader, size_px: tuple[int, int]) -> ControlFlight:
-    builder, advice = FlightBuilder(size_px), None
+    flight = advised_flight(_advised_views(reader, size_px))
+    if flight is None:
+        raise FileError(
+            reader.path,
+            "this flight contains no advice to learn from: fly "
+            "explore_and_land_advised, or put <Advise/> into the tree",
+        )
+    return flight
+
+
+def _advised_views(
+    reader: RecordReader, size_px: tuple[int, int]
+) -> Iterator[tuple[Image, Advice]]:
+    advice = None
     for item in footage(reader):
         if isinstance(item, Advice):
             advice = item
@@ -264,11 +278,4 @@ def _read(reader: RecordReader, size_px: tuple[int, int]) -> ControlFlight:
             and advice.frame_index == item.note.index
             and advice.answer.reason != _BLIND
         ):
-            builder.add(shrunk(image_of(item, reader.path), size_px), advice)
-    if not len(builder):
-        raise FileError(
-            reader.path,
-            "this flight contains no advice to learn from: fly "
-            "explore_and_land_advised, or put <Advise/> into the tree",
-        )
-    return builder.flight()
+            yield shrunk(image_of(item, reader.path), size_px), advice

@@ -10,8 +10,13 @@ from typing import Any, Final
 import numpy as np
 
 from perception.control.runtime import ControlEstimate, OnnxControlStudent
-from perception.control.training.samples import Batch, ControlFlight, ControlSamples
-from perception.control.training.scoring import ControlScore, score_control
+from perception.control.training.samples import (
+    Batch,
+    ControlFlight,
+    ControlSamples,
+    ControlScore,
+    score_control,
+)
 from uav_bt.errors import UnknownNameError, ValueRangeError
 from uav_bt.learning.depth_tables.corridors import corridor_table
 from uav_bt.learning.depth_tables.images import ImagePlan, Masks, take_images
@@ -37,7 +42,7 @@ def evaluate_student(
 
     Raises:
         ValueRangeError: no view can be scored.
-        WeightsError: an output of the network is not a number.
+        AnswerError: an output of the network is not a number.
     """
 
     def estimates(batch: Batch) -> list[ControlEstimate]:

@@ -13,8 +13,12 @@ from numpy.typing import NDArray
 from perception.control.ego_state import ControlNetConfig
 from perception.control.training.network import STUDENT_FILES
 from perception.control.training.run import ControlTrainingConfig, predict_control, train_control
-from perception.control.training.samples import ControlFlight, ControlSamples
-from perception.control.training.scoring import ControlScore, score_control
+from perception.control.training.samples import (
+    ControlFlight,
+    ControlSamples,
+    ControlScore,
+    score_control,
+)
 from perception.depth.training.clips import ClipSource
 from perception.depth.training.footage import Flight
 from perception.depth.training.network import DEPTH_FILES, DepthNetConfig
@@ -186,8 +190,8 @@ def train_student(
     """
     settings = config or ControlTrainingConfig()
     shape = net_config or ControlNetConfig()
-    samples = ControlSamples(flights, shape, settings.samples)
-    others = ControlSamples(held_out, shape, settings.samples) if held_out else None
+    samples = ControlSamples(flights, shape, settings.near_weight)
+    others = ControlSamples(held_out, shape) if held_out else None
     losses: list[float] = []
 
     def score(net: Any) -> ControlScore | None:

@@ -7,6 +7,7 @@ Importing this module imports torch.
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from typing import Final, cast
 
 import torch
@@ -18,26 +19,18 @@ from perception.segmentation.training.unet import UNet, UNetConfig
 
 
 class ControlNet(nn.Module):
-    """Views and ego state in, the next movement out.
-
-    Args:
-        config: the network's shape.
-        dropout: share of each view's embedding that is dropped in training.
-    """
+    """Views and ego state in, the next movement out; training drops a share of each embedding."""
 
     def __init__(self, config: ControlNetConfig, *, dropout: float = 0.0) -> None:
         super().__init__()
         self.config = config
-        whole = UNet(
-            UNetConfig(
-                width_px=config.width_px,
-                height_px=config.height_px,
-                channels=config.channels,
-                outputs=17,  # unused, but the draws of the initial weights depend on it
-            ),
-            classes=(),
+        unet = UNetConfig(
+            width_px=config.width_px,
+            height_px=config.height_px,
+            channels=config.channels,
+            outputs=17,  # unused, but the draws of the initial weights depend on it
         )
-        self.down = whole.down
+        self.down = UNet(unet, classes=()).down
         self.pool = nn.MaxPool2d(2)
         self.bottleneck = nn.Conv2d(config.channels[-1], config.bottleneck, 1)
         places = (config.height_px * config.width_px) // 4 ** len(config.channels)
@@ -49,14 +42,9 @@ class ControlNet(nn.Module):
         self.head = nn.Linear(config.hidden, len(OUTPUTS))
 
     def forward(self, frames: Tensor, state: Tensor) -> Tensor:
-        """Return the values of `ego_state.OUTPUTS`.
+        """Return the values of `ego_state.OUTPUTS`, (N, 5).
 
-        Args:
-            frames: (N, V, 3, H, W) float RGB in [0, 1], the present view first.
-            state: (N, S) float, `ego_state.state_vector`.
-
-        Returns:
-            (N, 5) float.
+        Frames are (N, V, 3, H, W) float RGB in [0, 1], the present view first, states (N, S).
         """
         count, views = frames.shape[:2]
         # So that the convolutions' zero padding is mid-grey, not black.
@@ -72,7 +60,7 @@ class ControlNet(nn.Module):
 
 def _ports(net: ControlNet) -> OnnxPorts:
     config = net.config
-    about = {"version": VERSION, "outputs": OUTPUTS, "config": config.to_json()}
+    about = {"version": VERSION, "outputs": OUTPUTS, "config": asdict(config)}
     return OnnxPorts(
         inputs={
             "frames": (1, config.views, 3, config.height_px, config.width_px),

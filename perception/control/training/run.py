@@ -6,7 +6,7 @@ Importing this module imports torch.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Final
 
@@ -19,7 +19,7 @@ from torch.nn import functional as F  # noqa: N812 - everybody's name for it
 from perception.control.ego_state import ControlNetConfig, mirrored
 from perception.control.runtime import ControlEstimate, decode
 from perception.control.training.network import ControlNet
-from perception.control.training.samples import Batch, ControlSamples, SampleConfig
+from perception.control.training.samples import Batch, ControlSamples
 from perception.networks.training.loop import (
     LoopConfig,
     Progress,
@@ -27,7 +27,6 @@ from perception.networks.training.loop import (
     ignore_progress,
     train,
 )
-from uav_bt.errors import ValueRangeError
 
 # Weight of blocked paths. A free path taken for blocked costs a turn; a blocked path taken for free
 # may cost the drone.
@@ -35,18 +34,19 @@ _CAUTION: Final = 1.5
 # Learnt quantile of lengths. Too short a step costs a stop; too long a step costs more.
 _QUANTILE: Final = 0.35
 _SIDE, _METRES, _ENDS = 0.5, 2.0, 0.5
+_MIRROR: Final = 0.5  # share of mirrored windows; lab and rules are symmetric
+_GAIN: Final = 0.3  # relative brightness in both directions: lamps differ
+_TINT: Final = 0.06  # relative gain of each colour: white balances differ
+_EXPOSURE: Final = 0.05  # relative brightness of each view: automatic exposure varies
+_NOISE: Final = 3.0  # largest standard deviation, grey levels
 
 
 def choice_loss(prediction: Tensor, labels: Tensor, turning: Tensor) -> Tensor:
     """Return the loss of the choice between advance and turn, and of side, lengths and edge.
 
-    A squared error of the movement would give the mean of an advance and a turn where both are
-    likely, which is neither.
-
-    Args:
-        prediction: (N, 5) float, `ego_state.OUTPUTS`.
-        labels: (N, 4) float, the rule's answer, as in `ControlFlight`.
-        turning: (N,) float, the turn under way.
+    Predictions are `ego_state.OUTPUTS`, (N, 5), labels and turns those of `Batch`. A squared error
+    of the movement would give the mean of an advance and a turn where both are likely, which is
+    neither.
     """
     forward_m, yaw_rad, ends, free_m = labels.unbind(dim=1)
     advances = (forward_m > 0.0).float()
@@ -70,50 +70,23 @@ def _pinball(prediction: Tensor, truth: Tensor, counts: Tensor) -> Tensor:
     return torch.maximum(_QUANTILE * left, (_QUANTILE - 1.0) * left).mean()
 
 
-@dataclass(frozen=True, kw_only=True)
-class ControlAugmentConfig:
-    """Limits of the augmentation of windows."""
-
-    mirror: float = 0.5  # share of mirrored windows; lab and rules are symmetric
-    gain: float = 0.3  # relative brightness in both directions: lamps differ
-    tint: float = 0.06  # relative gain of each colour: white balances differ
-    exposure: float = 0.05  # relative brightness of each view: automatic exposure varies
-    noise: float = 3.0  # largest standard deviation, grey levels
-
-
-def augmented(batch: Batch, rng: np.random.Generator, config: ControlAugmentConfig) -> Batch:
-    """Return randomly augmented copies of windows.
-
-    Args:
-        batch: the windows.
-        rng: random generator of the changes.
-        config: limits of the changes.
-    """
-    count, views = batch.frames.shape[:2]
-    flipped: NDArray[np.bool_] = np.asarray(rng.random(count) < config.mirror)
-    frames = np.where(flipped[:, None, None, None, None], batch.frames[..., ::-1, :], batch.frames)
+def mirrored_windows(batch: Batch, flipped: NDArray[np.bool_]) -> Batch:
+    """Return windows of which some, (N,), are those of a mirrored world."""
     labels = batch.labels.copy()
     labels[flipped, 1] *= -1.0
+    frames = np.where(flipped[:, None, None, None, None], batch.frames[..., ::-1, :], batch.frames)
     state = np.where(flipped[:, None], mirrored(batch.state), batch.state)
-    return Batch(
-        frames=_relit(frames, rng, config, (count, views)),
-        state=state.astype(np.float32),
-        labels=labels,
-        turning=np.where(flipped, -batch.turning, batch.turning).astype(np.float32),
-    )
+    turning = np.where(flipped, -batch.turning, batch.turning)
+    return Batch(frames=frames, state=state, labels=labels, turning=turning)
 
 
-def _relit(
-    frames: NDArray[np.uint8],
-    rng: np.random.Generator,
-    config: ControlAugmentConfig,
-    shape: tuple[int, int],
-) -> NDArray[np.uint8]:
-    count, views = shape
-    gain = np.exp(rng.uniform(-config.gain, config.gain, (count, 1, 1, 1, 1)))
-    tint = np.exp(rng.uniform(-config.tint, config.tint, (count, 1, 1, 1, 3)))
-    exposure = np.exp(rng.uniform(-config.exposure, config.exposure, (count, views, 1, 1, 1)))
-    noise = rng.uniform(0.0, config.noise, (count, 1, 1, 1, 1)).astype(np.float32)
+def relit(frames: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:
+    """Return views, (N, V, H, W, 3), in other light and with the noise of a sensor."""
+    count, views = frames.shape[:2]
+    gain = np.exp(rng.uniform(-_GAIN, _GAIN, (count, 1, 1, 1, 1)))
+    tint = np.exp(rng.uniform(-_TINT, _TINT, (count, 1, 1, 1, 3)))
+    exposure = np.exp(rng.uniform(-_EXPOSURE, _EXPOSURE, (count, views, 1, 1, 1)))
+    noise = rng.uniform(0.0, _NOISE, (count, 1, 1, 1, 1)).astype(np.float32)
     grain = rng.standard_normal(frames.shape, dtype=np.float32) * noise
     changed = frames * (gain * tint * exposure).astype(np.float32) + grain
     return np.clip(np.rint(changed), 0.0, 255.0).astype(np.uint8)
@@ -130,13 +103,7 @@ class ControlTrainingConfig(LoopConfig):
     warm_up_steps: int = 200
     dropout: float = 0.2  # of each view's embedding, against reliance on single values
     average: float = 0.995
-    samples: SampleConfig = field(default_factory=SampleConfig)
-    augment: ControlAugmentConfig = field(default_factory=ControlAugmentConfig)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not 0.0 <= self.dropout < 1.0:
-            raise ValueRangeError(f"dropout must lie within 0 and 1, got {self.dropout}")
+    near_weight: float = 2.0  # how much more often views near obstacles are drawn
 
 
 def train_control(
@@ -148,18 +115,15 @@ def train_control(
     checkpoint: Path | None = None,
     progress: Callable[[Progress, ControlNet], None] = ignore_progress,
 ) -> ControlNet:
-    """Train the network, or continue from the checkpoint if there is one.
+    """Return the network with the running mean of its weights, in evaluation mode.
 
     Args:
         samples: training data at the network's size.
         config: how to train.
         net_config: the network's shape.
         start: initial weights by name; layers that are missing or of another shape start at random.
-        checkpoint: file of the run's state; read first if it exists.
+        checkpoint: file of the run's state, from which it continues if it exists.
         progress: called after every step with the averaged network.
-
-    Returns:
-        The network with the running mean of its weights, in evaluation mode.
 
     Raises:
         WeightsError: the checkpoint is damaged or belongs to another run.
@@ -167,14 +131,19 @@ def train_control(
     """
     torch.manual_seed(config.seed)
     net = channels_last(ControlNet(net_config, dropout=config.dropout))
-    _begin_with(net, start or {})
+    with torch.no_grad():
+        for name, value in net.state_dict().items():
+            given = (start or {}).get(name)
+            if given is not None and given.shape == tuple(value.shape):
+                value.copy_(torch.from_numpy(np.array(given)))
 
     def objective(rng: np.random.Generator) -> tuple[Tensor, Mapping[str, Tensor]]:
         torch.manual_seed(int(rng.integers(2**31)))  # of the dropout
-        batch = augmented(samples.draw(rng, config.batch), rng, config.augment)
+        drawn = samples.draw(rng, config.batch)
+        batch = mirrored_windows(drawn, rng.random(config.batch) < _MIRROR)
         numbers = map(torch.from_numpy, (batch.state, batch.labels, batch.turning))
         state, labels, turning = (tensor.to(config.device) for tensor in numbers)
-        frames = _planes(batch.frames).to(config.device)
+        frames = _planes(relit(batch.frames, rng)).to(config.device)
         return choice_loss(net(frames, state), labels, turning), {}
 
     return train(
@@ -182,11 +151,7 @@ def train_control(
         objective,
         config,
         kind="control-checkpoint",
-        about={
-            "training": asdict(config),
-            "net": net_config.to_json(),
-            "windows": len(samples),
-        },
+        about={"training": asdict(config), "net": asdict(net_config), "windows": len(samples)},
         checkpoint=checkpoint,
         progress=progress,
     )
@@ -204,11 +169,3 @@ def predict_control(net: ControlNet, batch: Batch) -> list[ControlEstimate]:
 
 def _planes(frames: NDArray[np.uint8]) -> Tensor:
     return torch.from_numpy(frames).permute(0, 1, 4, 2, 3).float().div_(255.0)
-
-
-@torch.no_grad()
-def _begin_with(net: ControlNet, start: Mapping[str, NDArray[np.float32]]) -> None:
-    for name, value in net.state_dict().items():
-        given = start.get(name)
-        if given is not None and given.shape == tuple(value.shape):
-            value.copy_(torch.from_numpy(np.array(given)))

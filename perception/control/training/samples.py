@@ -1,45 +1,53 @@
-"""Training data of the control student: labelled views of flights, compressed."""
+"""Training data of the control student: labelled views of flights, and scores against them.
+
+This module does not import torch.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.control.ego_state import ControlNetConfig, EgoState, state_vector
+from perception.control.ego_state import ControlNetConfig, state_vector
+from perception.control.runtime import ControlEstimate
 from uav_bt.answers import Advance, Answer, Blocked
-from uav_bt.errors import FileError, ShapeError, ValueRangeError
+from uav_bt.errors import FileError, ValueRangeError
 from uav_bt.files import whole_file
 from uav_bt.protocols import Advice
+from uav_bt.types.arrays import Flags, Image
 from uav_bt.types.dead_reckoning import OdometryPose
 
 # Shrinking has already removed noise; a JPEG has a sixth of a PNG's bytes.
 _JPEG: Final = [cv2.IMWRITE_JPEG_QUALITY, 95]
+# Views of the mission's middle: in flight, looking ahead.
+_HEIGHTS_M: Final = (1.0, 2.2)
+_PITCHES_RAD: Final = (-0.75, -0.25)
+_NEAR_M: Final = 0.7  # views with a shorter free path are near an obstacle
+# Share of views with a turn under way that are used without it, with the rule's answer for that
+# case. Few views show the beginning of a turn, where its side is chosen.
+_FRESH: Final = 0.5
+_AT_ONCE: Final = 32  # scored windows
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ControlFlight:
     """One flight: N labelled views in the order of time."""
 
-    size_px: NDArray[np.int64]  # (2,) width and height of the images
     images: NDArray[np.uint8]  # (B,) concatenated JPEG files
     ends: NDArray[np.int64]  # (N,) end of each file in `images`
     poses: NDArray[np.float64]  # (N, 4) time, x, y, yaw: `OdometryPose`
-    ego: NDArray[np.float64]  # (N, 4) `EgoState`'s fields
+    ego: NDArray[np.float64]  # (N, 4) height, gimbal pitch, turn under way, full turns
     # (N, 2, 4) forward_m, yaw_rad, ground_ends, free_m of the rule's answer with the turn under
     # way, and without it; free_m NaN if unknown.
     labels: NDArray[np.float32]
 
-    def __len__(self) -> int:
-        """How many views there are."""
-        return len(self.ends)
-
-    def image(self, place: int) -> NDArray[np.uint8]:
+    def image(self, place: int) -> Image:
         """Return a view's image, (H, W, 3) RGB."""
         begin = int(self.ends[place - 1]) if place else 0
         bgr = cv2.imdecode(self.images[begin : int(self.ends[place])], cv2.IMREAD_COLOR)
@@ -53,67 +61,31 @@ class ControlFlight:
         return OdometryPose(time_s=time_s, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
 
 
-class FlightBuilder:
-    """Collects a flight's labelled views.
+def advised_flight(views: Iterable[tuple[Image, Advice]]) -> ControlFlight | None:
+    """Return a flight of images, (H, W, 3) RGB, and the rule's answers to them; None if empty.
 
-    Args:
-        size_px: width and height of stored images.
+    Raises:
+        ValueRangeError: the rule answered with a class that the student cannot learn.
     """
-
-    def __init__(self, size_px: tuple[int, int]) -> None:
-        self._size_px = size_px
-        self._images: list[NDArray[np.uint8]] = []
-        self._poses: list[tuple[float, ...]] = []
-        self._ego: list[tuple[float, ...]] = []
-        self._labels: list[list[tuple[float, ...]]] = []
-
-    def add(self, image: NDArray[np.uint8], advice: Advice) -> None:
-        """Add a view.
-
-        Args:
-            image: (H, W, 3) RGB, of the builder's size.
-            advice: the rule's answer to it.
-
-        Raises:
-            ShapeError: the image is of another size.
-            ValueRangeError: the rule answered with a class that the student cannot learn.
-        """
-        width, height = self._size_px
-        if image.shape != (height, width, 3):
-            raise ShapeError("image", expected=f"{height}x{width}x3", actual=image.shape)
+    images: list[NDArray[np.uint8]] = []
+    rows: list[tuple[float, ...]] = []
+    labels: list[tuple[tuple[float, ...], tuple[float, ...]]] = []
+    for image, advice in views:
         _, data = cv2.imencode(".jpg", np.ascontiguousarray(image[..., ::-1]), _JPEG)
-        self._images.append(np.asarray(data, dtype=np.uint8).reshape(-1))
-        self._poses.append((advice.captured_s, advice.x_m, advice.y_m, advice.yaw_rad))
-        self._ego.append(
-            (
-                advice.height_above_ground_m,
-                advice.gimbal_pitch_rad,
-                float(advice.turning),
-                float(advice.full_turns),
-            )
-        )
-        self._labels.append([_label(advice.answer), _label(advice.fresh)])
-
-    def __len__(self) -> int:
-        """How many views there are."""
-        return len(self._images)
-
-    def flight(self) -> ControlFlight:
-        """Return the flight.
-
-        Raises:
-            ValueRangeError: the flight has no views.
-        """
-        if not self._images:
-            raise ValueRangeError("a flight without labelled views cannot be learned from")
-        return ControlFlight(
-            size_px=np.array(self._size_px),
-            images=np.concatenate(self._images),
-            ends=np.cumsum([len(data) for data in self._images]),
-            poses=np.array(self._poses),
-            ego=np.array(self._ego),
-            labels=np.array(self._labels, dtype=np.float32),
-        )
+        images.append(np.asarray(data, dtype=np.uint8).reshape(-1))
+        pose = (advice.captured_s, advice.x_m, advice.y_m, advice.yaw_rad)
+        ego = (advice.height_above_ground_m, advice.gimbal_pitch_rad)
+        rows.append((*pose, *ego, float(advice.turning), float(advice.full_turns)))
+        labels.append((_label(advice.answer), _label(advice.fresh)))
+    if not images:
+        return None
+    return ControlFlight(
+        images=np.concatenate(images),
+        ends=np.cumsum([len(data) for data in images]),
+        poses=np.array(rows)[:, :4],
+        ego=np.array(rows)[:, 4:],
+        labels=np.array(labels, dtype=np.float32),
+    )
 
 
 def _label(answer: Answer) -> tuple[float, ...]:
@@ -155,29 +127,6 @@ def read_flight(path: Path) -> ControlFlight:
 # --- windows --------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, kw_only=True)
-class SampleConfig:
-    """Which views are used for training, and how often."""
-
-    # Views of the mission's middle: in flight, looking ahead.
-    heights_m: tuple[float, float] = (1.0, 2.2)
-    pitches_rad: tuple[float, float] = (-0.75, -0.25)
-    # Views with a free path shorter than near_m are near an obstacle. They are sampled near_weight
-    # times as often; the paper uses them twice.
-    near_m: float = 0.7
-    near_weight: float = 2.0
-    # Share of views with a turn under way that are used without it, with the rule's answer for that
-    # case. Few views show the beginning of a turn, where its side is chosen.
-    fresh: float = 0.5
-
-    def __post_init__(self) -> None:
-        if not (self.near_weight > 0.0 and 0.0 <= self.fresh <= 1.0):
-            raise ValueRangeError(
-                f"near_weight must be positive and fresh a share, got {self.near_weight} and "
-                f"{self.fresh}"
-            )
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Batch:
     """Windows of views for training."""
@@ -189,99 +138,139 @@ class Batch:
 
 
 class ControlSamples:
-    """All windows of some flights.
+    """All windows of some flights, whose images have the network's size.
 
-    Args:
-        flights: their views, all of the network's size.
-        net: the network, for its size and the ages of its views.
-        config: which views are taken, and how often.
+    Views near an obstacle are sampled `near_weight` times as often; the paper uses them twice.
 
     Raises:
-        ShapeError: images are of another size.
         ValueRangeError: no view can be learnt from.
     """
 
     def __init__(
-        self,
-        flights: Sequence[ControlFlight],
-        net: ControlNetConfig,
-        config: SampleConfig | None = None,
+        self, flights: Sequence[ControlFlight], net: ControlNetConfig, near_weight: float = 2.0
     ) -> None:
-        self.config = config or SampleConfig()
-        self._net = net
-        self._flights = tuple(flights)
-        wanted = (net.width_px, net.height_px)
-        for flight in self._flights:
-            if tuple(flight.size_px) != wanted:
-                raise ShapeError(
-                    "a flight's images",
-                    expected="x".join(map(str, wanted)),
-                    actual=flight.size_px.tolist(),
-                )
-        taken = [self._taken(flight) for flight in self._flights]
-        counts = np.array([len(places) for places in taken], dtype=np.int64)
-        self._flight = np.repeat(np.arange(len(taken)), counts)
-        if not len(self._flight):
+        self._ages_s = net.ages_s
+        self._flights = flights
+        self._windows = [(flight, int(at)) for flight in flights for at in _taken(flight)]
+        if not self._windows:
             raise ValueRangeError(
-                f"{len(self._flights)} flights hold no view to learn from: none was captured "
-                f"{self.config.heights_m} m high with the camera at {self.config.pitches_rad} rad"
+                f"{len(flights)} flights hold no view to learn from: none was captured "
+                f"{_HEIGHTS_M} m high with the camera at {_PITCHES_RAD} rad"
             )
-        self._place = np.concatenate(taken)
-        near = np.array([self._is_near(at) for at in range(len(self))])
-        weights = np.where(near, self.config.near_weight, 1.0)
+        near = np.array([flight.labels[at, 1, 3] < _NEAR_M for flight, at in self._windows])
+        weights = np.where(near, near_weight, 1.0)
         self._upto = np.cumsum(weights) / weights.sum()
         self.near_share = float(near.mean())
 
     def __len__(self) -> int:
         """Return the number of windows."""
-        return len(self._flight)
+        return len(self._windows)
 
     def draw(self, rng: np.random.Generator, count: int) -> Batch:
         """Return random windows, those near obstacles more often."""
         chosen = np.searchsorted(self._upto, rng.random(count), side="right")
-        fresh = rng.random(count) < self.config.fresh
-        return self._batch(np.minimum(chosen, len(self) - 1), fresh)
+        return self._batch(np.minimum(chosen, len(self) - 1), rng.random(count) < _FRESH)
 
     def window(self, places: Sequence[int]) -> Batch:
         """Return windows by number, without changes."""
         return self._batch(np.asarray(places), np.zeros(len(places), dtype=bool))
 
-    def _batch(self, chosen: NDArray[np.int64], fresh: NDArray[np.bool_]) -> Batch:
-        frames, states, labels, turning = [], [], [], []
-        for at, unturned in zip(chosen, fresh, strict=True):
-            flight, place = self._flights[self._flight[at]], int(self._place[at])
-            height_m, pitch_rad, turn, full_turns = flight.ego[place]
-            ego = EgoState(
+    def _batch(self, chosen: NDArray[np.int64], fresh: Flags) -> Batch:
+        frames, states, labels, turns = [], [], [], []
+        for number, unturned in zip(chosen, fresh, strict=True):
+            flight, place = self._windows[number]
+            height_m, pitch_rad, turning, full_turns = flight.ego[place]
+            if unturned:
+                turning = full_turns = 0
+            # The places of the views: as `RecentViews.ago` finds them in flight.
+            times_s = flight.poses[: place + 1, 0]
+            ages_s = np.subtract.outer(self._ages_s, times_s[place] - times_s)
+            views = np.abs(ages_s).argmin(axis=1)
+            frames.append(np.stack([flight.image(view) for view in views]))
+            state = state_vector(
+                [flight.pose(view) for view in views],
                 height_above_ground_m=height_m,
                 gimbal_pitch_rad=pitch_rad,
-                turning=0 if unturned else int(turn),
-                full_turns=0 if unturned else int(full_turns),
+                turning=int(turning),
+                full_turns=int(full_turns),
             )
-            views = self._views(flight, place)
-            frames.append(np.stack([flight.image(view) for view in views]))
-            states.append(state_vector(ego, [flight.pose(view) for view in views]))
+            states.append(state)
             labels.append(flight.labels[place, int(unturned)])
-            turning.append(ego.turning)
+            turns.append(turning)
         return Batch(
             frames=np.stack(frames),
             state=np.stack(states),
             labels=np.stack(labels),
-            turning=np.array(turning, dtype=np.float32),
+            turning=np.array(turns, dtype=np.float32),
         )
 
-    def _views(self, flight: ControlFlight, place: int) -> list[int]:
-        """Return the places of a window's views: as `RecentViews.ago` finds them in flight."""
-        times_s = flight.poses[: place + 1, 0]
-        return [
-            int(np.abs(times_s - (times_s[place] - age_s)).argmin()) for age_s in self._net.ages_s
-        ]
 
-    def _taken(self, flight: ControlFlight) -> NDArray[np.int64]:
-        (low_m, high_m), (down_rad, up_rad) = self.config.heights_m, self.config.pitches_rad
-        height_m, pitch_rad = flight.ego[:, 0], flight.ego[:, 1]
-        good = (height_m >= low_m) & (height_m <= high_m)
-        return np.flatnonzero(good & (pitch_rad >= down_rad) & (pitch_rad <= up_rad))
+def _taken(flight: ControlFlight) -> NDArray[np.intp]:
+    (low_m, high_m), (down_rad, up_rad) = _HEIGHTS_M, _PITCHES_RAD
+    height_m, pitch_rad = flight.ego[:, 0], flight.ego[:, 1]
+    good = (height_m >= low_m) & (height_m <= high_m)
+    return np.flatnonzero(good & (pitch_rad >= down_rad) & (pitch_rad <= up_rad))
 
-    def _is_near(self, at: int) -> bool:
-        free_m = self._flights[self._flight[at]].labels[self._place[at], 1, 3]
-        return bool(free_m < self.config.near_m)
+
+# --- scores ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlScore:
+    """Agreement with the rule; shares are of the windows that they apply to."""
+
+    windows: int
+    missed: float  # share of paths blocked for the rule where the student advances
+    stopped: float  # share of paths free for the rule where the student turns
+    wrong_side: float  # share of beginning turns to the wrong side
+    step_error_m: float  # mean absolute error of the step, where both advance
+    step_excess_m: float  # mean excess of the step, where both advance
+    wrong_end: float  # share of views with a wrong end of the ground
+    free_error_m: float  # mean absolute error of the free path
+    movement_mse: float  # the paper's mean squared error of forward metres and yaw radians
+
+    def to_json(self) -> dict[str, float | None]:
+        """Return the score as plain JSON values; None for measures without windows."""
+        return {name: value if np.isfinite(value) else None for name, value in asdict(self).items()}
+
+
+def score_control(
+    predict: Callable[[Batch], Sequence[ControlEstimate]],
+    samples: ControlSamples,
+    *,
+    max_windows: int = 2000,
+) -> ControlScore:
+    """Score a network on windows without augmentation, evenly spread over all."""
+    count = min(max_windows, len(samples))
+    chosen = np.unique(np.linspace(0, len(samples) - 1, count).astype(int))
+    estimates: list[ControlEstimate] = []
+    parts: list[NDArray[np.float32]] = []
+    for first in range(0, len(chosen), _AT_ONCE):
+        batch = samples.window([int(at) for at in chosen[first : first + _AT_ONCE]])
+        estimates += predict(batch)
+        parts.append(np.column_stack([batch.labels, batch.turning]))
+    forward_m, yaw_rad, ends, free_m, turning = np.concatenate(parts).T.astype(float)
+    said = {
+        item.name: np.array([getattr(each, item.name) for each in estimates])
+        for item in fields(ControlEstimate)
+    }
+    free, goes, clockwise = forward_m > 0.0, said["advance"] > 0.5, said["clockwise"] > 0.5
+    excess = (said["step_m"] - forward_m)[free & goes]
+    turn_rad = np.where(goes, 0.0, np.where(clockwise, 1.0, -1.0) * np.pi / 6.0)
+    step_m = np.where(goes, said["step_m"], 0.0)
+    squared = (step_m - forward_m) ** 2 + (turn_rad - yaw_rad) ** 2
+    return ControlScore(
+        windows=len(chosen),
+        missed=_mean(goes[~free]),
+        stopped=_mean(~goes[free]),
+        wrong_side=_mean((clockwise != (yaw_rad > 0.0))[~free & (turning == 0.0)]),
+        step_error_m=_mean(np.abs(excess)),
+        step_excess_m=_mean(np.maximum(excess, 0.0)),
+        wrong_end=_mean((said["ground_ends"] > 0.5) != (ends > 0.5)),
+        free_error_m=_mean(np.abs(said["free_m"] - free_m)[np.isfinite(free_m)]),
+        movement_mse=_mean(squared) / 2.0,
+    )
+
+
+def _mean(values: NDArray[Any]) -> float:
+    return float(np.mean(values)) if len(values) else float("nan")

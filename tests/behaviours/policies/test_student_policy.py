@@ -107,12 +107,14 @@ def test_it_looks_back_as_far_as_it_was_trained_to(
 ) -> None:
     asked: list[Any] = []
     monkeypatch.setattr(
-        student, "state_vector", lambda *told: asked.append(told) or np.zeros(14, "f")
+        student,
+        "state_vector",
+        lambda poses, **told: asked.append((poses, told)) or np.zeros(14, "f"),
     )
     policy_saying(*GO).decide(seen(turning=1, full_turns=2))
-    ego, poses = asked[0]
+    poses, told = asked[0]
     assert [pose.time_s for pose in poses] == pytest.approx([1.1, 0.6, 0.1])
-    assert (ego.turning, ego.full_turns) == (1, 2)
+    assert (told["turning"], told["full_turns"]) == (1, 2)
 
 
 def test_each_picture_is_shrunk_once(policy_saying: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,11 +6,13 @@ a network of any size can learn it.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from perception.control.ego_state import ControlNetConfig
-from perception.control.training.samples import ControlFlight, FlightBuilder
+from perception.control.training.samples import ControlFlight, advised_flight
 from uav_bt.answers import Advance, Answer, Blocked
 from uav_bt.protocols import Advice
 
@@ -55,12 +57,25 @@ def made_up_flight(
 ) -> ControlFlight:
     """Return a flight whose views are free or blocked at random."""
     rng = np.random.default_rng(seed)
-    builder = FlightBuilder((net.width_px, net.height_px))
-    for index in range(views):
-        answer = (
-            Advance(forward_m=0.8, free_m=1.0)
-            if rng.random() < 0.5
-            else Blocked(yaw_rad=TURN_RAD * rng.choice([-1.0, 1.0]), free_m=0.1)
-        )
-        builder.add(picture(answer, rng, net), advice(index, answer, **changed))
-    return builder.flight()
+    answers = (
+        Advance(forward_m=0.8, free_m=1.0)
+        if rng.random() < 0.5
+        else Blocked(yaw_rad=TURN_RAD * rng.choice([-1.0, 1.0]), free_m=0.1)
+        for _ in range(views)
+    )
+    return flight_of(answers, rng, net, **changed)
+
+
+def flight_of(
+    answers: Iterable[Answer],
+    rng: np.random.Generator,
+    net: ControlNetConfig = TINY,
+    **changed: object,
+) -> ControlFlight:
+    """Return a flight of pictures to which the rule gives these answers."""
+    flight = advised_flight(
+        (picture(answer, rng, net), advice(index, answer, **changed))
+        for index, answer in enumerate(answers)
+    )
+    assert flight is not None
+    return flight

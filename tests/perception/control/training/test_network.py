@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from dataclasses import astuple, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import onnx
@@ -59,23 +59,10 @@ def test_it_is_smaller_than_the_papers() -> None:
     assert parameter_count(ControlNet(ControlNetConfig())) < 900_000
 
 
-@pytest.mark.parametrize(
-    ("changed", "error", "message"),
-    [
-        ({"width_px": 30}, ValueRangeError, "divisible by 4, got 30x16"),
-        ({"views": 0}, ValueRangeError, "views and their spacing must be positive"),
-        ({"spacing_s": 0.0}, ValueRangeError, "views and their spacing must be positive"),
-    ],
-)
-def test_a_shape_that_cannot_be_is_refused(
-    changed: dict[str, object], error: type[Exception], message: str
-) -> None:
-    with pytest.raises(error, match=message):
+@pytest.mark.parametrize("changed", [{"views": 0}, {"spacing_s": 0.0}])
+def test_a_shape_that_cannot_be_is_refused(changed: dict[str, Any]) -> None:
+    with pytest.raises(ValueRangeError, match="views and their spacing must be positive"):
         replace(TINY, **changed)
-
-
-def test_a_shape_survives_its_file() -> None:
-    assert ControlNetConfig.from_json(json.loads(json.dumps(TINY.to_json()))) == TINY
 
 
 def test_views_are_seen_in_their_order() -> None:
@@ -99,10 +86,8 @@ def test_what_flies_says_what_was_trained(weights: Path) -> None:
     student = OnnxControlStudent(weights.with_suffix(".onnx"))
     assert student.config == TINY
     assert student.size_px == (32, 16)
-    wanted = decode(predicted_by_torch(seeded()))
-    got = student.estimate(PICTURES, NUMBERS)
-    for name in ("advance", "clockwise", "step_m", "ground_ends", "free_m"):
-        assert getattr(got, name) == pytest.approx(getattr(wanted, name), abs=1e-5), name
+    wanted = astuple(decode(predicted_by_torch(seeded())))
+    assert astuple(student.estimate(PICTURES, NUMBERS)) == pytest.approx(wanted, abs=1e-5)
 
 
 def test_in_integers_it_says_almost_the_same(weights: Path, tmp_path: Path) -> None:
@@ -144,21 +129,10 @@ def test_weights_of_another_version_are_refused(weights: Path, tmp_path: Path) -
 def test_weights_that_lack_a_layer_are_refused(weights: Path, tmp_path: Path) -> None:
     tensors, details = read_weights(weights, kind="control-student", remedy="")
     part = tmp_path / "part.safetensors"
-    write_weights(
-        part, {k: v for k, v in tensors.items() if k != "head.bias"}, kind="control-student",
-        details=details,
-    )  # fmt: skip
+    del tensors["head.bias"]
+    write_weights(part, tensors, kind="control-student", details=details)
     with pytest.raises(WeightsError, match=r"(?s)is not a complete network .*head\.bias"):
         STUDENT_FILES.export(part, tmp_path / "part.onnx")
-
-
-def test_weights_that_hold_nan_are_refused(tmp_path: Path) -> None:
-    net = seeded()
-    with torch.no_grad():
-        net.head.bias[0] = float("nan")
-    STUDENT_FILES.save(tmp_path / "nan.safetensors", net, notes={})
-    with pytest.raises(WeightsError, match=r"NaN or infinity \(head\.bias\)"):
-        STUDENT_FILES.export(tmp_path / "nan.safetensors", tmp_path / "nan.onnx")
 
 
 def test_another_network_is_no_student(tmp_path: Path) -> None:
@@ -174,8 +148,6 @@ def test_another_network_is_no_student(tmp_path: Path) -> None:
 
 
 def test_an_onnx_file_of_another_version_is_refused(weights: Path, tmp_path: Path) -> None:
-    import onnx  # noqa: PLC0415
-
     model = onnx.load(weights.with_suffix(".onnx"))
     for note in model.metadata_props:
         note.value = note.value.replace('"version": 2', '"version": 7')
@@ -187,8 +159,6 @@ def test_an_onnx_file_of_another_version_is_refused(weights: Path, tmp_path: Pat
 
 def test_an_answer_that_is_no_number_is_an_error(weights: Path, tmp_path: Path) -> None:
     """Never a silent zero."""
-    import onnx  # noqa: PLC0415
-
     model = onnx.load(weights.with_suffix(".onnx"))
     (bias,) = [one for one in model.graph.initializer if one.name == "head.bias"]
     bias.CopyFrom(onnx.numpy_helper.from_array(np.full(5, np.nan, np.float32), bias.name))
@@ -204,14 +174,9 @@ def test_telemetry_that_is_no_number_is_an_error(weights: Path) -> None:
         student.estimate(PICTURES, np.full_like(NUMBERS, np.nan))
 
 
-# --- meaning of the outputs -----------------------------------------------------------------------
-
-
 def test_a_choice_is_described_by_shares_and_metres() -> None:
     said = decode(np.array([0.0, 2.0, 0.7, -3.0, 0.9]))
-    assert (said.advance, said.step_m, said.free_m) == (0.5, 0.7, 0.9)
-    assert said.clockwise == pytest.approx(0.881, abs=1e-3)
-    assert said.ground_ends == pytest.approx(0.047, abs=1e-3)
+    assert astuple(said) == pytest.approx((0.5, 0.881, 0.7, 0.047, 0.9), abs=1e-3)
 
 
 # --- what ships -----------------------------------------------------------------------------------

@@ -6,10 +6,8 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
-from torch import Tensor
 
 from perception.control.runtime import ControlEstimate
 from perception.control.training.run import (
@@ -18,12 +16,11 @@ from perception.control.training.run import (
     predict_control,
     train_control,
 )
-from perception.control.training.samples import ControlSamples
-from perception.control.training.scoring import ControlScore, score_control
+from perception.control.training.samples import ControlSamples, score_control
 from perception.networks.training.loop import Progress
 from perception.segmentation.training.unet import UNet, UNetConfig
 from tests.perception.control.control_world import TINY, made_up_flight
-from uav_bt.errors import ValueRangeError, WeightsError
+from uav_bt.errors import WeightsError
 
 QUICK = ControlTrainingConfig(
     steps=200, batch=8, warm_up_steps=10, learning_rate=1e-2, average=0.9, dropout=0.0
@@ -31,14 +28,11 @@ QUICK = ControlTrainingConfig(
 SHORT = replace(QUICK, steps=6, checkpoint_every=3)
 
 
-def scored(samples: ControlSamples, net: object) -> ControlScore:
-    return score_control(lambda batch: predict_control(net, batch), samples)  # type: ignore[arg-type]  # a ControlNet
-
-
 def test_it_learns_what_the_rule_does() -> None:
     """On views that it has not seen."""
     net = train_control(ControlSamples([made_up_flight(1)], TINY), QUICK, TINY)
-    score = scored(ControlSamples([made_up_flight(2)], TINY), net)
+    unseen = ControlSamples([made_up_flight(2)], TINY)
+    score = score_control(lambda batch: predict_control(net, batch), unseen)
     assert score.windows == 60
     assert (score.missed, score.stopped, score.wrong_side) == (0.0, 0.0, 0.0)
     assert score.step_error_m < 0.15
@@ -85,19 +79,6 @@ def test_it_begins_with_the_weights_it_is_given() -> None:
     assert begun == pytest.approx(start["down.0.0.weight"], abs=1e-6)
 
 
-def test_a_loss_that_is_no_number_ends_the_run() -> None:
-    samples = ControlSamples([made_up_flight(1)], TINY)
-    start = {"head.bias": np.full(5, np.nan, dtype=np.float32)}
-    with pytest.raises(ValueRangeError, match="the loss is nan after 1 steps"):
-        train_control(samples, SHORT, TINY, start=start)
-
-
-@pytest.mark.parametrize("changed", [{"steps": 0}, {"average": 1.0}, {"dropout": 1.0}])
-def test_settings_that_cannot_be_are_refused(changed: dict[str, float]) -> None:
-    with pytest.raises(ValueRangeError, match="must"):
-        replace(QUICK, **changed)
-
-
 def test_the_score_tells_misses_from_stops() -> None:
     """A network that always goes on misses all that is blocked, and never stops."""
     samples = ControlSamples([made_up_flight(1)], TINY)
@@ -110,47 +91,35 @@ def test_the_score_tells_misses_from_stops() -> None:
     assert score.wrong_end == 0.0
 
 
-NAN = math.nan
+def loss(said: list[float], label: list[float], turning: float = 0.0) -> float:
+    """The loss of advance, clockwise, step, end and free path said, for what the rule answered."""
+    rows = (torch.tensor([row], dtype=torch.float32) for row in (said, label))
+    return float(choice_loss(*rows, torch.tensor([turning])))
 
 
-def rows(*numbers: list[float]) -> Tensor:
-    return torch.tensor(numbers, dtype=torch.float32)
+FREE, BLOCKED = [0.8, 0.0, 0.0, 1.0], [0.0, 0.5, 0.0, 0.0]
 
 
 def test_an_unknown_free_way_is_not_learnt_from() -> None:
-    said = rows([5.0, 0.0, 0.8, -5.0, 0.1])
-    near, far = rows([0.8, 0.0, 0.0, NAN]), rows([0.8, 0.0, 0.0, 1.0])
-    untold, told = (float(choice_loss(said, label, torch.zeros(1))) for label in (near, far))
+    said = [5.0, 0.0, 0.8, -5.0, 0.1]
+    untold = loss(said, [0.8, 0.0, 0.0, math.nan])
     assert math.isfinite(untold)
-    assert untold < told
+    assert untold < loss(said, FREE)
 
 
 def test_a_right_choice_costs_little_and_a_missed_obstacle_most() -> None:
-    free, blocked = rows([0.8, 0.0, 0.0, 1.0]), rows([0.0, 0.5, 0.0, 0.0])
-    go, turn = rows([4.0, 4.0, 0.8, -4.0, 1.0]), rows([-4.0, 4.0, 0.8, -4.0, 1.0])
-    still = torch.zeros(1)
-    assert float(choice_loss(go, free, still)) < 0.1
-    missed, stopped = (
-        float(choice_loss(said, label, still) - choice_loss(right, label, still))
-        for said, label, right in ((go, blocked, turn), (turn, free, go))
-    )
+    go, turn = [4.0, 4.0, 0.8, -4.0, 1.0], [-4.0, 4.0, 0.8, -4.0, 1.0]
+    assert loss(go, FREE) < 0.1
+    missed, stopped = loss(go, BLOCKED) - loss(turn, BLOCKED), loss(turn, FREE) - loss(go, FREE)
     assert missed > 1.3 * stopped
 
 
 def test_the_side_of_a_turn_under_way_teaches_nothing() -> None:
-    blocked = rows([0.0, 0.5, 0.0, 0.0])
-    left, right = rows([-4.0, -4.0, 0.0, -4.0, 0.0]), rows([-4.0, 4.0, 0.0, -4.0, 0.0])
-    begins, under_way = torch.zeros(1), torch.ones(1)
-    assert (
-        float(choice_loss(left, blocked, begins)) > float(choice_loss(right, blocked, begins)) + 1
-    )
-    assert torch.equal(
-        choice_loss(left, blocked, under_way), choice_loss(right, blocked, under_way)
-    )
+    left, right = [-4.0, -4.0, 0.0, -4.0, 0.0], [-4.0, 4.0, 0.0, -4.0, 0.0]
+    assert loss(left, BLOCKED) > loss(right, BLOCKED) + 1
+    assert loss(left, BLOCKED, turning=1.0) == loss(right, BLOCKED, turning=1.0)
 
 
 def test_a_step_too_long_costs_more_than_one_too_short() -> None:
-    free = rows([0.6, 0.0, 0.0, 1.0])
-    long, short = rows([4.0, 0.0, 0.8, -4.0, 1.0]), rows([4.0, 0.0, 0.4, -4.0, 1.0])
-    still = torch.zeros(1)
-    assert float(choice_loss(long, free, still)) > float(choice_loss(short, free, still))
+    label = [0.6, 0.0, 0.0, 1.0]
+    assert loss([4.0, 0.0, 0.8, -4.0, 1.0], label) > loss([4.0, 0.0, 0.4, -4.0, 1.0], label)
