@@ -279,6 +279,11 @@ class ClearanceMap:
         reached = np.isfinite(self.fastest.time_s) & wide
         return bool(reached.sum() < _ENOUGH_REACHED * wide.sum())
 
+    @property
+    def too_narrow(self) -> bool:
+        """Whether no cell has the clearance that routes need."""
+        return not (self.open & self.roomy).any()
+
     def _around(self, place: Place, reach_m: float) -> Flags:
         apart_m = np.linalg.norm(self.map.places_m() - place, axis=-1)
         return np.asarray(apart_m <= reach_m)

@@ -1,18 +1,19 @@
 """Margins of routes: distances from obstacles and edges, and speeds.
 
-| passage  | from obstacles | from edges                         | at `touch_m` |
-|----------|----------------|------------------------------------|--------------|
-| ordinary | 0.40 + r       | 0.30 + r                           | 0.3 m/s      |
-| tight    | 0.34           | 0.30; 0.20 before the pad          | 0.3 m/s      |
-| out      | 0.30           | 0.30; 0.20 there, or if it is shut | 0.1 m/s      |
+| passage  | obstacles | edges                                 | lowest speed |
+|----------|-----------|---------------------------------------|--------------|
+| ordinary | 0.40 + r  | 0.30 + r                              | 0.3 m/s      |
+| tight    | 0.34      | 0.30; 0.20 before the pad             | 0.3 m/s      |
+| out      | 0.30      | 0.30; 0.20 before the pad, or shut in | 0.1 m/s      |
 
 Metres from the body's centre, whose hull has a radius of 0.2 m; r is 8 times the residual of the
 views above 0.016 m, at most 0.12 m. `Margins.within` shifts all distances for a place.
 
 - Survey, GoTo, the way to the mark and view points take the ordinary passage, and the tight one
   where the ordinary one has no route, or a much longer one (in a survey: little new ground). The
-  last is the way out; a survey takes it only if the tight passage shuts the drone in.
-- MoveBy and the last step of GoTo keep the tight margins, CanReturn the ordinary ones.
+  last is the way out; a survey takes it only if the tight one shuts it in or is nowhere.
+- MoveBy and the last step of GoTo keep the tight margins, CanReturn the ordinary ones. A drone
+  that gives way to a mover keeps 0.38 m from obstacles and 0.40 m from edges.
 - Assumed obstacles block within 0.38 m, unseen cells within 0.35 m. In the narrow passages before
   the pad they only cost time. The way out of a drone that is shut in crosses an assumed obstacle on
   open, seen ground.

@@ -19,7 +19,6 @@ from uav_bt.types import ClassMap, Frame
 
 _MODEL: Final = "'unet', 'any' (any room, by roles), 'teacher', or an ONNX file"
 _CLASSES: Final = "class-mapping file of a foreign ONNX network"
-_MARK: Final = "place: the mark of the scene, the site or the lab"
 
 
 def _mapping_file(classes: str) -> None:
@@ -101,7 +100,6 @@ class FindMark(Leaf):
     """
 
     answers = (Status.SUCCESS,)
-    ports = (Port("mark", str, default="place", choices=("place",), doc=_MARK, at_setup=True),)
     reads = (STATE, FRAME, CLASS_MAP, CAMERA, ODOMETRY, SITE_MAP)
     writes = (MARK,)
 

@@ -84,7 +84,7 @@ def _route(site_map: SiteMap, margins: Margins) -> tuple[Route | None, Clearance
     if route is None or route.new_m2 < _LITTLE_M2PS * route.time_s:
         clearance = maps[Passage.TIGHT]
         route = best_route(clearance) or route
-    if route is None and clearance.shut_in:
+    if route is None and (clearance.shut_in or clearance.too_narrow):
         clearance = maps[Passage.OUT]
         route = best_route(clearance)
     return route, clearance

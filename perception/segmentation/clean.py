@@ -1,13 +1,11 @@
-"""Clean class maps from the teacher's windows: the paper's procedure, and sharper borders.
+"""Clean class maps from the teacher's windows, with sharper borders.
 
 Mocanu et al. (arXiv 2510.16624, experiments on the first level) classify every fifth pixel, dilate
-the dots until they join, and keep the largest connected component of each class but carpet and
-background.
-
-A 40-pixel window displaces the border of a class by up to 20 pixels, and the student would learn
-this error. `sharpened` is not from the paper. By Bayes' rule it multiplies, for every pixel, the
-share of a class in the neighbourhood (the prior) by the probability of the pixel's colour in the
-class's palette (the likelihood). The result is a better prior for the next round.
+the dots, and keep the largest component of each class. But a 40-pixel window displaces the border
+of a class by up to 20 pixels, and the student would learn this error. By Bayes' rule `sharpened`
+multiplies, for every pixel, the share of a class in the neighbourhood (the prior) by the
+probability of the pixel's colour in the class's palette (the likelihood). The result is a better
+prior for the next round.
 """
 
 from __future__ import annotations
@@ -20,10 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.segmentation.features import colour_codes
-from uav_bt.lab.classes import NO_ROLE
-
-_STEP_PX: Final = 5  # between the paper's dots
-_DILATION_PX: Final = 7  # side of the square around each dot
 
 # Chosen on the validation scenes, in pixels of the teacher's 1152x648 image.
 _ROUNDS: Final = 3
@@ -46,51 +40,32 @@ _MIN_SHARE: Final = 1e-4  # added to the prior to keep its logarithm finite
 _SURROUND: Final = 0.95  # share of a hole's rim that must be of the class around it
 
 
-def dilated_grid(ids: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the class map, (H, W), after sampling a grid of dots and dilating them.
-
-    Classes are painted in the order of their ids, so that objects cover the margin of what
-    lies around them; the paper accepts these additional pixels.
-    """
-    dots = np.zeros(ids.shape, dtype=bool)
-    dots[_STEP_PX // 2 :: _STEP_PX, _STEP_PX // 2 :: _STEP_PX] = True
-    kernel = np.ones((_DILATION_PX, _DILATION_PX), dtype=np.uint8)
-    painted = np.full(ids.shape, NO_ROLE, dtype=np.uint8)
-    for class_id in np.unique(ids[dots]).tolist():
-        mask = (dots & (ids == class_id)).astype(np.uint8)
-        painted[cv2.dilate(mask, kernel).astype(bool)] = class_id
-    return _absorbed(painted, painted == NO_ROLE)
-
-
-def keep_largest_components(
-    ids: NDArray[np.uint8], scattered: Collection[int]
-) -> NDArray[np.uint8]:
-    """Return the map with one piece of each class but the scattered ones, such as the ground.
-
-    Other pieces take the surrounding class.
-    """
-    stray = np.zeros(ids.shape, dtype=bool)
-    for class_id in set(np.unique(ids).tolist()) - set(scattered):
-        labels, areas_px, _ = _pieces(ids == class_id, 8)
-        stray |= (labels > 0) & (labels != 1 + int(np.argmax(areas_px[1:])))
-    return _absorbed(ids, stray)
-
-
 def drop_small_components(ids: NDArray[np.uint8], *, area_px: int) -> NDArray[np.uint8]:
     """Return the map without pieces of any class smaller than an area.
 
-    Unlike `keep_largest_components` it allows several pieces of a class: a box behind another box,
-    or two boxes under the same roof pattern.
+    A class may have several pieces: a box behind another box, or two boxes of the same pattern.
     """
     stray = np.zeros(ids.shape, dtype=bool)
     for class_id in np.unique(ids).tolist():
         labels, areas_px, _ = _pieces(ids == class_id, 8)
         stray |= (labels > 0) & (areas_px < area_px)[labels]
-    return _absorbed(ids, stray)
+    if not stray.any() or stray.all():
+        return ids.copy()
+    _, nearest = cv2.distanceTransformWithLabels(
+        stray.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    # Each pixel has the label of its nearest zero, and each label has the class of its zero.
+    class_of_label = np.zeros(int(nearest.max()) + 1, dtype=np.uint8)
+    class_of_label[nearest[~stray]] = ids[~stray]
+    return np.asarray(class_of_label[nearest], dtype=np.uint8)
 
 
 def filled_holes(
-    ids: NDArray[np.uint8], *, inside: Collection[int], but: Collection[int] = (), area_px: int
+    ids: NDArray[np.uint8],
+    *,
+    inside: Collection[int],
+    but: Collection[int | None] = (),
+    area_px: int,
 ) -> NDArray[np.uint8]:
     """Return the map without holes of at most an area, surrounded by one class of `inside`.
 
@@ -105,9 +80,8 @@ def filled_holes(
             part = np.s_[max(top - 1, 0) : top + height + 1, max(left - 1, 0) : left + width + 1]
             piece = (labels[part] == label).astype(np.uint8)
             rim = ids[part][cv2.dilate(piece, around) > piece]
-            counts = np.bincount(rim)
-            outer = int(counts.argmax())
-            if outer in inside and counts[outer] >= _SURROUND * rim.size:
+            outer = int(np.bincount(rim).argmax())
+            if outer in inside and np.count_nonzero(rim == outer) >= _SURROUND * rim.size:
                 filled[part][piece.astype(bool)] = outer
     return filled
 
@@ -116,23 +90,8 @@ def _pieces(
     mask: NDArray[np.bool_], connectivity: int
 ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
     """Return labels of connected pieces, their areas and boxes; 0 is what is not in the mask."""
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(
-        mask.astype(np.uint8), connectivity=connectivity
-    )
-    return labels, stats[:, cv2.CC_STAT_AREA], stats[:, :4]
-
-
-def _absorbed(ids: NDArray[np.uint8], stray: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Give stray pixels the class of the nearest other pixel."""
-    if not stray.any() or stray.all():
-        return ids.copy()
-    _, nearest = cv2.distanceTransformWithLabels(
-        stray.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
-    )
-    # Each pixel has the label of its nearest zero, and each label has the class of its zero.
-    class_of_label = np.zeros(int(nearest.max()) + 1, dtype=np.uint8)
-    class_of_label[nearest[~stray]] = ids[~stray]
-    return np.asarray(class_of_label[nearest], dtype=np.uint8)
+    found = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=connectivity)
+    return found[1], found[2][:, cv2.CC_STAT_AREA], found[2][:, :4]
 
 
 def sharpened(
@@ -145,8 +104,7 @@ def sharpened(
     codes = colour_codes(rgb)
     present = np.unique(ids).tolist()
     likelihood = {
-        class_id: cv2.GaussianBlur(palette[class_id][codes], (0, 0), _BLUR_PX)
-        for class_id in present
+        each: cv2.GaussianBlur(palette[each][codes], (0, 0), _BLUR_PX) for each in present
     }
     square = (_NEIGHBOURHOOD_PX, _NEIGHBOURHOOD_PX)
     for _ in range(_ROUNDS):

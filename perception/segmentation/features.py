@@ -27,14 +27,9 @@ FEATURE_COUNT: Final = _HUE + _SATURATION + _VALUE
 _LEVELS: Final = np.arange(256)
 # Feature index of every 8-bit level of each channel. OpenCV never gives a hue above 179; the limit
 # fills the rest of the table.
-_BIN_OF_LEVEL: Final = np.stack(
-    [
-        np.minimum(_LEVELS // 2, _HUE - 1),
-        _HUE + _LEVELS // 4,
-        _HUE + _SATURATION + _LEVELS * _VALUE // 256,
-    ],
-    axis=1,
-)
+_HUE_BINS: Final = np.minimum(_LEVELS // 2, _HUE - 1)
+_VALUE_BINS: Final = _HUE + _SATURATION + _LEVELS * _VALUE // 256
+_BIN_OF_LEVEL: Final = np.stack([_HUE_BINS, _HUE + _LEVELS // 4, _VALUE_BINS], axis=1)
 
 _BITS: Final = 5  # of each of red, green, blue in a coarse colour; measured a little better than 4
 _SIDE: Final = 1 << _BITS
@@ -63,15 +58,9 @@ def patch_slices(
     """Return rows and columns of the patch of a pixel.
 
     A patch of even size has no middle pixel: it starts ``patch_px // 2`` before its pixel. Near the
-    image's border the patch is shifted inwards, so that it is always whole.
-
-    Raises:
-        ValueRangeError: the pixel lies outside the image, or the image is smaller than a patch.
+    image's border the patch is shifted inwards, so that it is always whole. ValueRangeError for a
+    pixel outside the image.
     """
-    if patch_px > min(width_px, height_px):
-        raise ValueRangeError(
-            f"an image of {width_px}x{height_px} is smaller than a patch of {patch_px} pixels"
-        )
     if not (0 <= x < width_px and 0 <= y < height_px):
         raise ValueRangeError(f"pixel ({x}, {y}) lies outside the {width_px}x{height_px} image")
     left = min(max(x - patch_px // 2, 0), width_px - patch_px)
@@ -101,10 +90,10 @@ class WindowMeans:
         np.subtract(plane, mean, out=plane)
         cv2.integral(plane, total, sdepth=cv2.CV_64F)
         np.subtract(total[side:, side:], total[:-side, side:], out=inner)
-        np.subtract(inner, total[side:, :-side], out=inner)
-        np.add(inner, total[:-side, :-side], out=inner)
-        np.multiply(inner, 1.0 / (side * side), out=inner)
-        np.add(inner, mean, out=inner)
+        inner -= total[side:, :-side]
+        inner += total[:-side, :-side]
+        inner *= 1.0 / (side * side)
+        inner += mean
         return inner
 
 
@@ -130,7 +119,7 @@ def patch_features(
         patch = patch_slices(x, y, patch_px=patch_px, width_px=width_px, height_px=height_px)
         bins = _BIN_OF_LEVEL[hsv[patch], np.arange(3)]
         features[row] = np.bincount(bins.ravel(), minlength=FEATURE_COUNT)
-    return features / float(patch_px * patch_px)
+    return features / float(patch_px**2)
 
 
 def colour_codes(rgb: NDArray[np.uint8]) -> NDArray[np.uint16]:
@@ -153,8 +142,7 @@ def palette_of_counts(counts: NDArray[np.int64]) -> NDArray[np.float32]:
     """
     cube = counts.reshape(-1, _SIDE, _SIDE, _SIDE).astype(np.float64)
     for axis in (1, 2, 3):
-        padding = [(1, 1) if other == axis else (0, 0) for other in range(4)]
-        wide = np.moveaxis(np.pad(cube, padding, mode="edge"), axis, 0)
+        wide = np.pad(np.moveaxis(cube, axis, 0), [(1, 1), *3 * [(0, 0)]], mode="edge")
         cube = np.moveaxis(0.25 * wide[:-2] + 0.5 * wide[1:-1] + 0.25 * wide[2:], 0, axis)
     spread = cube.reshape(-1, COLOUR_COUNT)
     total = spread.sum(axis=1, keepdims=True)

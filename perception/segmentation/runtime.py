@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.networks.mapping import ClassMapping, InputFormat, class_id_of, read_mapping
-from perception.networks.named import SHIPPED_UNET
 from perception.networks.onnx_runtime import OnnxNetwork
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.teacher import Teacher, load_teacher
@@ -54,10 +53,8 @@ class OnnxSegmenter:
             )
         self.size_px = network.take_images(meant.input)
         output = next(iter(network.outputs().values()))
-        if output.get_partial_shape().is_dynamic:
-            raise network.refused(
-                f"the output must be of fixed size, got {output.get_partial_shape()}"
-            )
+        if (size := output.get_partial_shape()).is_dynamic:
+            raise network.refused(f"the output must be of fixed size, got {size}")
         self._axis, self._pixels = _form(network, tuple(output.get_shape()), meant)
         if self._axis is None:
             kind = output.get_element_type()
@@ -84,8 +81,7 @@ class OnnxSegmenter:
     def segment(self, frame: Frame) -> ClassMap:
         """Return the class map of a frame, at the size of the network's output.
 
-        Raises:
-            AnswerError: the network's output holds NaN, infinity or no class number.
+        AnswerError if the output holds NaN, infinity or no class number.
         """
         ids = self.ids(frame.image)
         return ClassMap(ids=ids, classes=self._classes, captured_s=frame.captured_s)
@@ -131,9 +127,8 @@ def _form(
     width_px, height_px = network.size_px
     off = {at: abs(rows * width_px - columns * height_px) for at, (rows, columns) in pixels.items()}
     # An exact fit is preferred to one with both sizes rounded, each by less than a pixel.
-    fitting = [at for at in off if off[at] == 0] or [
-        at for at in off if off[at] < width_px + height_px
-    ]
+    most = 1 if 0 in off.values() else width_px + height_px
+    fitting = [at for at in off if off[at] < most]
     if len(fitting) > 1:
         fitting = [at for at in fitting if max(mapping.classes) < shape[at]]
     if len(fitting) != 1:
@@ -182,35 +177,26 @@ class RoomSegmenter:
         return self._perceive(frame)[1]
 
     def _perceive(self, frame: Frame) -> tuple[ClassMap, DepthMap]:
-        roles, depth = self._network.run(frame.image)
-        at_s = frame.captured_s
-        ids = self._table[roles.reshape(roles.shape[-2:])]
+        roles, depths = self._network.run(frame.image)
+        ids, at_s = self._table[roles.reshape(roles.shape[-2:])], frame.captured_s
         # A copy: the next frame overwrites the output.
-        metres = np.array(depth.reshape(depth.shape[-2:]), np.float32)
-        return (
-            ClassMap(ids=ids, classes=self._classes, captured_s=at_s),
-            DepthMap(depth=metres, metric=False, captured_s=at_s, in_heights=True),
-        )
+        depth = np.array(depths.reshape(depths.shape[-2:]), np.float32)
+        class_map = ClassMap(ids=ids, classes=self._classes, captured_s=at_s)
+        return class_map, DepthMap(depth=depth, metric=False, captured_s=at_s, in_heights=True)
 
 
 class TeacherSegmenter:
     """The teacher in flight: slower than the U-Net, but trained directly on the picks."""
 
-    def __init__(self, teacher: Teacher, *, sharp: bool = True) -> None:
-        """Take a teacher; without `sharp` its maps are those of the paper's procedure."""
-        self._classes = teacher.classes
-        self._resized = teacher.resized
-        self._ids = teacher.refined_ids if sharp else teacher.paper_ids
+    def __init__(self, teacher: Teacher) -> None:
+        self._teacher = teacher
 
     def segment(self, frame: Frame) -> ClassMap:
         """Return the class map of a frame, at the size of the U-Net's."""
-        ids = self._ids(self._resized(frame.image))
-        small = cv2.resize(ids, MAP_PX, interpolation=cv2.INTER_NEAREST_EXACT)
-        return ClassMap(
-            ids=np.asarray(small, dtype=np.uint8),
-            classes=self._classes,
-            captured_s=frame.captured_s,
-        )
+        whole = self._teacher.refined_ids(self._teacher.resized(frame.image))
+        small = cv2.resize(whole, MAP_PX, interpolation=cv2.INTER_NEAREST_EXACT)
+        ids, classes = np.asarray(small, dtype=np.uint8), self._teacher.classes
+        return ClassMap(ids=ids, classes=classes, captured_s=frame.captured_s)
 
 
 def load_segmenter(
@@ -227,8 +213,7 @@ def load_segmenter(
 
 def shipped_unet(*, threads: int = 1) -> OnnxSegmenter:
     """Return the shipped segmentation U-Net; its classes are those of the paper's lab."""
-    path = SHIPPED_WEIGHTS / f"{SHIPPED_UNET}.onnx"
-    return OnnxSegmenter(path, load_lab().classes, threads=threads)
+    return OnnxSegmenter(SHIPPED_WEIGHTS / "unet.onnx", load_lab().classes, threads=threads)
 
 
 def shipped_teacher(classes: LabClasses) -> TeacherSegmenter:

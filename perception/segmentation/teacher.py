@@ -30,7 +30,7 @@ from perception.segmentation.features import (
 )
 from perception.segmentation.training.picks import PickedPatches
 from uav_bt.errors import ValueRangeError, WeightsError
-from uav_bt.lab.classes import GROUND, OBSTACLE, OUTSIDE, LabClasses
+from uav_bt.lab.classes import OBSTACLE, LabClasses
 
 _KIND: Final = "hsv-histogram-svm"
 
@@ -52,7 +52,7 @@ class TeacherConfig:
             )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Teacher:
     """The trained linear model: a score for each class is ``weights @ features + bias``."""
 
@@ -70,8 +70,6 @@ class Teacher:
     def resized(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Return the image at the teacher's size (area interpolation when it shrinks)."""
         size = (self.config.width_px, self.config.height_px)
-        if rgb.shape[1::-1] == size:
-            return rgb
         interpolation = cv2.INTER_AREA if rgb.shape[1] >= size[0] else cv2.INTER_LINEAR
         return np.asarray(cv2.resize(rgb, size, interpolation=interpolation), dtype=np.uint8)
 
@@ -94,24 +92,13 @@ class Teacher:
             np.maximum(best, inner, out=best)
         return spread_to_border(ids, self.config.patch_px)
 
-    def paper_ids(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Return the class map of a resized image: dots, dilation, largest components."""
-        dots = clean.dilated_grid(self.window_ids(rgb))
-        scattered = self.classes.of_role(OUTSIDE) + self.classes.of_role(GROUND)
-        return clean.keep_largest_components(dots, scattered)
-
     def refined_ids(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Return the class map of a resized image: sharp borders, no holes in sides of boxes."""
         ids = clean.sharpened(self.window_ids(rgb), rgb, self.palette)
         ids = clean.drop_small_components(ids, area_px=clean.SMALLEST_PX)
         # The top of the mark inside its sides is not a hole, nor are objects before the ground.
-        top = self.classes.mark_top
-        return clean.filled_holes(
-            ids,
-            inside=self.classes.of_role(OBSTACLE),
-            but=() if top is None else (top,),
-            area_px=clean.HOLE_PX,
-        )
+        sides, but = self.classes.of_role(OBSTACLE), (self.classes.mark_top,)
+        return clean.filled_holes(ids, inside=sides, but=but, area_px=clean.HOLE_PX)
 
     def _window_scores(self, hsv: NDArray[np.uint8]) -> Iterator[tuple[int, NDArray[np.float64]]]:
         """Yield the scores of all whole windows; each array is valid until the next one."""
@@ -134,9 +121,6 @@ def fit_teacher(patches: PickedPatches, config: TeacherConfig, *, seed: int = 0)
     """Train the one-vs-rest linear SVM and count the palette; classes without a pick never win.
 
     The seed is that of liblinear's coordinate order.
-
-    Raises:
-        ValueRangeError: the picks are of fewer than two classes.
     """
     # Imported here because scikit-learn is slow to import and only training needs it.
     from sklearn.multiclass import OneVsRestClassifier  # noqa: PLC0415
@@ -154,10 +138,7 @@ def fit_teacher(patches: PickedPatches, config: TeacherConfig, *, seed: int = 0)
     weights = np.zeros((len(patches.classes), FEATURE_COUNT))
     bias = np.full(len(patches.classes), -np.inf)
     weights[present], bias[present] = slopes, offsets
-    palette = palette_of_counts(patches.colour_counts)
-    return Teacher(
-        classes=patches.classes, weights=weights, bias=bias, palette=palette, config=config
-    )
+    return Teacher(patches.classes, weights, bias, palette_of_counts(patches.colour_counts), config)
 
 
 def save_teacher(path: Path, teacher: Teacher) -> None:
@@ -172,11 +153,7 @@ def save_teacher(path: Path, teacher: Teacher) -> None:
 
 
 def load_teacher(path: Path, classes: LabClasses) -> Teacher:
-    """Read a teacher of a lab with these classes.
-
-    Raises:
-        WeightsError: the file is absent, damaged, of another kind or of a lab with other classes.
-    """
+    """Read a teacher of a lab with these classes; another file is a WeightsError."""
     tensors, details = read_weights(path, kind=_KIND, remedy="`uav-bt lab train` makes one")
     count = len(classes)
     try:
@@ -187,12 +164,8 @@ def load_teacher(path: Path, classes: LabClasses) -> Teacher:
                 f"expected the classes {', '.join(classes.names)} of the lab, got "
                 f"{', '.join(details['classes'])}; train a teacher on picks of this lab",
             )
-        return Teacher(
-            classes=classes,
-            weights=tensors["weights"].reshape(count, FEATURE_COUNT),
-            bias=tensors["bias"].reshape(count),
-            palette=tensors["palette"].reshape(count, COLOUR_COUNT).astype(np.float32),
-            config=config,
-        )
+        weights = tensors["weights"].reshape(count, FEATURE_COUNT)
+        palette = tensors["palette"].reshape(count, COLOUR_COUNT).astype(np.float32)
+        return Teacher(classes, weights, tensors["bias"].reshape(count), palette, config)
     except (KeyError, TypeError, ValueError) as error:
         raise WeightsError(path, f"is not a whole teacher ({error!r}); train it anew") from error

@@ -23,7 +23,6 @@ from perception.control.runtime import OnnxControlStudent
 from perception.control.training.network import STUDENT_FILES
 from perception.control.training.samples import ControlFlight, read_flight, write_flight
 from perception.depth.runtime import load_depth_estimator
-from perception.depth.training.clips import DepthLabels
 from perception.depth.training.labelling import read_labels, write_labels
 from perception.networks.mapping import read_mapping
 from perception.networks.weights_file import SHIPPED_WEIGHTS
@@ -231,7 +230,7 @@ BINARIES: Final = {
     "labels": Reader(
         read_labels,
         "a.npz",
-        lambda path: write_labels(path, DepthLabels(depth_m=np.ones((2, 4, 6), np.float16))),
+        lambda path: write_labels(path, np.ones((2, 2, 4, 6), np.float16)),
     ),
     "views": Reader(read_flight, "a.npz", write_views),
     "teacher": Reader(

@@ -6,7 +6,7 @@ import contextlib
 
 import click
 
-from perception.segmentation.training.next_image import CHECK, TRAIN
+from perception.segmentation.training.pick_images import CHECK, TRAIN
 from perception.segmentation.training.pick_server import make_pick_server
 from perception.segmentation.training.pick_session import PickSession
 from uav_bt.cli.command import Command

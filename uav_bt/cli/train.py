@@ -82,12 +82,6 @@ def depth(
     """
     if not photometric and labels == "none":
         raise click.UsageError("--no-photometric with --labels none leaves nothing to learn from")
-    weighted = DepthTrainingConfig(
-        **config,
-        photometric=1.0 if photometric else 0.0,
-        geometry=0.1 if photometric else 0.0,
-        labels=1.0 if labels == "contact" else 0.0,
-    )
     with progress_bars() as advance:
         read = read_flights(
             flights, shipped_unet() if labels == "contact" else None, run, advance=advance
@@ -95,7 +89,7 @@ def depth(
         score = training.train_depth(
             read,
             out,
-            config=weighted,
+            config=DepthTrainingConfig(**config, photometric=photometric),
             start=start,
             checkpoint=run / "checkpoint.safetensors",
             views=depth_views(DepthViewPlan()) if validate else None,

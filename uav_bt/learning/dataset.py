@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -18,8 +19,7 @@ from perception.control.training.samples import (
     read_flight,
     write_flight,
 )
-from perception.depth.training.clips import DepthLabels, Flight
-from perception.depth.training.footage import Footage, gathered, shrink
+from perception.depth.training.footage import Flight, gathered, shrink
 from perception.depth.training.labelling import (
     add_parallax,
     contact_labels,
@@ -129,7 +129,7 @@ def image_of(frame: StoredFrame, record: Path) -> NDArray[np.uint8]:
         raise FileError(record, f"frame {frame.note.index} is damaged: {error}") from error
 
 
-def footage_of(path: Path) -> Footage:
+def footage_of(path: Path) -> Flight:
     """Read a record's telemetry, and ten frames per second at the size of the depth network.
 
     Raises:
@@ -177,19 +177,20 @@ def read_flights(
     """
     flights = []
     for done, path in enumerate(paths, start=1):
-        footage = footage_of(path)
-        labels = None
+        flight = footage_of(path)
         if segmenter is not None:
-            labels = _kept_labels(path, footage, segmenter, folder, advance)
-        flights.append(Flight(footage=footage, labels=labels))
+            labels = _kept_labels(path, flight, segmenter, folder, advance)
+            flight = replace(flight, labels=labels)
+        flights.append(flight)
         advance("flights", done, len(paths))
     return flights
 
 
 def _kept_labels(
-    path: Path, footage: Footage, segmenter: Segmenter, folder: Path, advance: Advance
-) -> DepthLabels:
-    about = zlib.crc32(footage.captured_s.tobytes() + footage.frames[-1].tobytes())
+    path: Path, flight: Flight, segmenter: Segmenter, folder: Path, advance: Advance
+) -> NDArray[np.float16]:
+    times_s = np.array([frame.captured_s for frame in flight.frames])
+    about = zlib.crc32(times_s.tobytes() + flight.frames[-1].image.tobytes())
     file = folder / f"labels-{path.stem}-{about:08x}.npz"
     if file.is_file():
         return read_labels(file)
@@ -197,8 +198,8 @@ def _kept_labels(
     def report(stage: str, done: int, total: int) -> None:
         advance(f"{stage}, {path.stem}", done, total)
 
-    labels = contact_labels(footage, segmenter, advance=report)
-    made = add_parallax(footage, labels, advance=report)
+    labels = contact_labels(flight, segmenter, advance=report)
+    made = add_parallax(flight, labels, advance=report)
     folder.mkdir(parents=True, exist_ok=True)
     write_labels(file, made)
     return made

@@ -12,8 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from perception.depth.training.footage import shrink
-from perception.depth.training.labelling import LABEL_SIZE_PX
+from perception.depth.training.footage import LABEL_SIZE_PX, shrink
 from uav_bt.errors import FileError
 from uav_bt.learning.views import DepthViews
 from uav_bt.types.arrays import Image

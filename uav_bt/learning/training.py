@@ -15,7 +15,8 @@ from perception.control.training.network import STUDENT_FILES
 from perception.control.training.run import ControlTrainingConfig, predict_control, train_control
 from perception.control.training.samples import ControlFlight, ControlSamples
 from perception.control.training.scoring import ControlScore, score_control
-from perception.depth.training.clips import ClipSource, Flight
+from perception.depth.training.clips import ClipSource
+from perception.depth.training.footage import Flight
 from perception.depth.training.network import DEPTH_FILES, DepthNetConfig
 from perception.depth.training.run import DepthTrainingConfig, predict_depth
 from perception.depth.training.run import train_depth as run_depth_training
@@ -111,7 +112,7 @@ def train_depth(
             diary.note(now.step, {"loss": now.loss, "terms": dict(now.terms), **score})
             write_depth_sheet(diary.folder / f"step-{now.step:06d}.png", views, predicted)
 
-    clips = ClipSource(flights, settings.clips)
+    clips = ClipSource(flights)
     net = run_depth_training(
         clips,
         settings,

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.camera.ground_plane import CameraView, ground_depth
-from perception.depth.training.footage import shrink
-from perception.depth.training.labelling import LABEL_SIZE_PX
+from perception.depth.training.footage import LABEL_SIZE_PX, shrink
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.profile import Profile

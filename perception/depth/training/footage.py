@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Final
 
 import cv2
@@ -18,11 +18,16 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from perception.odometry.visual import GroundView, ground_motion
-from uav_bt.types import Attitude, CameraModel, DroneState, Frame, Pose2D
-from uav_bt.types.arrays import Floats, Image
+from uav_bt.types import Attitude, CameraModel, DroneState, FlyingState, Frame, Pose2D
+from uav_bt.types.arrays import Flags, Floats, Image, Indices
 from uav_bt.types.projection import camera_axes
 
 FOOTAGE_SIZE_PX: Final = (320, 256)  # width, height: SC-Depth's size for indoor video
+LABEL_SIZE_PX: Final = (FOOTAGE_SIZE_PX[0] // 2, FOOTAGE_SIZE_PX[1] // 2)  # the network's output
+EVERY: Final = 3  # every third frame is labelled: neighbours look alike, and dense flow is slow
+_MIN_HEIGHT_M: Final = 0.8  # above the ground; frames before take-off are left out
+_MIN_MOVE_M: Final = 0.04  # between two frames; less shows no depth
+_MAX_APART_S: Final = 2.0  # between two frames; integrated velocity drifts
 # Width of the local parabola over headings. Their noise is about a third of a degree, more than a
 # pixel. This width removes most of the noise and keeps turns.
 _YAW_WINDOW_S: Final = 0.15
@@ -30,23 +35,15 @@ _HEIGHT_WINDOW_S: Final = 0.4  # of the height's parabola; shorter than a climb 
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Footage:
-    """One flight's video and telemetry; all times are of the flight's clock."""
+class Flight:
+    """One flight's N frames, telemetry and labels; all times are of the flight's clock."""
 
-    frames: Image  # (N, H, W, 3) RGB, resized, never cropped
-    index: NDArray[np.int64]  # (N,), the drone's frame numbers, increasing
-    captured_s: Floats  # (N,), increasing
-    gimbal_pitch_rad: Floats  # (N,), relative to the horizon
-    attitude_rad: Floats  # (N, 3): roll, pitch, yaw (clockwise) at capture
-    height_above_ground_m: Floats  # (N,), of the body's centre
-    # Telemetry of every tick. It arrives sooner than the frames and is matched to them by time.
-    state_s: Floats  # (M,), increasing
-    state_attitude_rad: Floats  # (M, 3)
-    velocity_mps: Floats  # (M, 3): forward, right, down in the heading-aligned body frame
+    frames: tuple[Frame, ...]  # in the order of time; resized, never cropped
+    states: tuple[DroneState, ...]  # velocity, and the attitude at its time
     camera: CameraModel  # at the frames' size
-
-    def __len__(self) -> int:
-        return len(self.frames)
+    # (N, 2, h, w), metres along the optical axis: depth, NaN where unknown, and an upper bound, inf
+    # without one.
+    labels: NDArray[np.float16] | None = None
 
 
 def shrink(image: Image, size_px: tuple[int, int] = FOOTAGE_SIZE_PX) -> Image:
@@ -56,151 +53,154 @@ def shrink(image: Image, size_px: tuple[int, int] = FOOTAGE_SIZE_PX) -> Image:
     return np.asarray(cv2.resize(image, size_px, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
+def grey(frame: Frame) -> Image:
+    """Return a frame's image in grey, (H, W)."""
+    return np.asarray(cv2.cvtColor(frame.image, cv2.COLOR_RGB2GRAY), np.uint8)
+
+
 def gathered(
     frames: Iterable[Frame], states: Iterable[DroneState], camera: CameraModel
-) -> Footage | None:
-    """Return the footage of a flight; None without a frame or without telemetry.
+) -> Flight | None:
+    """Return a flight of shrunk frames and telemetry; None without one of them.
 
     Telemetry that is not finite is left out with its frame, and velocities that are not new.
-
-    Args:
-        frames: shrunk, in the order of time.
-        states: in the order of time.
-        camera: of the flight, at any size; without distortion.
     """
-    images, rows = [], []
-    for frame in frames:
-        seen = (frame.captured_s, frame.gimbal_pitch_rad, frame.height_above_ground_m)
-        row = (*seen, *_rad(frame.attitude))
-        if all(map(math.isfinite, row)):
-            images.append(frame)
-            rows.append(row)
-    told, newest_s = [], -math.inf  # times of velocity and attitude, velocity, angles
+    shown = [
+        frame
+        for frame in frames
+        if _finite(
+            frame.captured_s,
+            frame.gimbal_pitch_rad,
+            frame.height_above_ground_m,
+            *astuple(frame.attitude),
+        )
+    ]
+    told: list[DroneState] = []
     for state in states:
-        times, speeds = state.times, state.velocity
-        velocity = (speeds.forward_mps, speeds.right_mps, speeds.down_mps)
-        line = (times.velocity_s, times.attitude_s, *velocity, *_rad(state.attitude))
-        if all(map(math.isfinite, line)) and times.velocity_s > newest_s:
-            told.append(line)
-            newest_s = times.velocity_s
-    if not images or not told:
+        velocity_s, newest_s = state.times.velocity_s, told[-1].times.velocity_s if told else -1e9
+        values = (state.times.attitude_s, *astuple(state.velocity), *astuple(state.attitude))
+        if _finite(velocity_s, *values) and velocity_s > newest_s:
+            told.append(state)
+    if not shown or not told:
         return None
-    shown, telemetry = np.array(rows), np.array(told)
-    captured_s, pitch_rad, height_m = shown[:, :3].T.copy()
-    state_s, attitude_s = telemetry[:, 0], telemetry[:, 1]
-    turned = np.unwrap(telemetry[:, 5:], axis=0).T
-    return Footage(
-        frames=np.stack([frame.image for frame in images]),
-        index=np.array([frame.index for frame in images], dtype=np.int64),
-        captured_s=captured_s,
-        gimbal_pitch_rad=pitch_rad,
-        attitude_rad=shown[:, 3:].copy(),
-        height_above_ground_m=height_m,
-        state_s=state_s.copy(),
-        # At the times of the velocities.
-        state_attitude_rad=np.stack([np.interp(state_s, attitude_s, line) for line in turned], 1),
-        velocity_mps=telemetry[:, 2:5].copy(),
+    state_s = [state.times.velocity_s for state in told]
+    attitude_s = [state.times.attitude_s for state in told]
+    turned = np.unwrap([astuple(state.attitude) for state in told], axis=0).T
+    aligned = zip(*(np.interp(state_s, attitude_s, angles) for angles in turned), strict=True)
+    return Flight(
+        frames=tuple(shown),
+        states=tuple(
+            DroneState(
+                captured_s=state.times.velocity_s,
+                flying=FlyingState.FLYING,
+                attitude=Attitude(roll_rad=float(roll), pitch_rad=float(pitch), yaw_rad=float(yaw)),
+                velocity=state.velocity,
+            )
+            for state, (roll, pitch, yaw) in zip(told, aligned, strict=True)
+        ),
         camera=camera.resized(*FOOTAGE_SIZE_PX),
     )
 
 
-def _rad(attitude: Attitude) -> tuple[float, float, float]:
-    return attitude.roll_rad, attitude.pitch_rad, attitude.yaw_rad
+def _finite(*values: float) -> bool:
+    return all(map(math.isfinite, values))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class CameraTrack:
-    """Pose of the camera at each frame.
+    """Poses of the camera at a flight's frames.
 
     The frame of reference has its origin at the drone's first position, x along heading zero, y to
     its right, z down.
     """
 
-    rotation: Floats  # (N, 3, 3), from the camera frame (x right, y down, z forward)
-    position_m: Floats  # (N, 3), of the lens
-    yaw_rad: Floats  # (N,), smoothed, unwrapped, clockwise
-    height_m: Floats  # (N,), of the lens above the ground, smoothed
+    def __init__(self, flight: Flight) -> None:
+        self._flight, frames, states = flight, flight.frames, flight.states
+        self._captured_s = captured_s = np.array([frame.captured_s for frame in frames])
+        state_s = np.array([state.captured_s for state in states])
+        times = np.concatenate([captured_s, state_s])
+        attitudes = [frame.attitude for frame in frames] + [state.attitude for state in states]
+        headings = np.array([attitude.yaw_rad for attitude in attitudes])
+        order = np.argsort(times, kind="stable")
+        times, headings = times[order], np.unwrap(headings[order])
+        self.yaw_rad = _local_parabola(times, headings, captured_s, _YAW_WINDOW_S)
+        """(N,), smoothed, unwrapped, clockwise."""
+        state_yaw_rad = _local_parabola(times, headings, state_s, _YAW_WINDOW_S)
+        velocity_mps = np.array([astuple(state.velocity) for state in states])
+        rates = _about_down(state_yaw_rad).apply(velocity_mps)
+        steps_m = 0.5 * (rates[1:] + rates[:-1]) * np.diff(state_s)[:, None]
+        flown_m = np.concatenate([np.zeros((1, 3)), np.cumsum(steps_m, axis=0)])
+        centre_m = np.stack([np.interp(captured_s, state_s, line) for line in flown_m.T], axis=1)
+        # The lens is ahead of the body's centre and goes up and down with its nose.
+        pitch_rad = np.array([frame.attitude.pitch_rad for frame in frames])
+        ahead_m, zero = flight.camera.forward_offset_m, np.zeros_like(pitch_rad)
+        lever = np.stack([ahead_m * np.cos(pitch_rad), zero, -ahead_m * np.sin(pitch_rad)], axis=1)
+        level = np.stack([camera_axes(frame.gimbal_pitch_rad) for frame in frames])
+        turn = _about_down(self.yaw_rad)
+        self.rotation = turn.as_matrix() @ level
+        """(N, 3, 3), from the camera frame (x right, y down, z forward)."""
+        self.position_m = centre_m + turn.apply(lever)
+        """(N, 3), of the lens."""
+        heights_m = np.array([frame.height_above_ground_m for frame in frames])
+        self.aloft: Flags = heights_m >= _MIN_HEIGHT_M
+        """(N,), whether a frame was taken in flight."""
+        smooth_m = _local_parabola(captured_s, heights_m, captured_s, _HEIGHT_WINDOW_S)
+        self._height_m = -lever[:, 2] + smooth_m  # of the lens above the ground
+
+    def near(self, place: int, max_move_m: float, max_turn_rad: float) -> Indices:
+        """Return the frames that show depth beside a frame: moved, but not too far or too long."""
+        moved_m = np.linalg.norm(self.position_m - self.position_m[place], axis=1)
+        # The angle between two optical axes: pitch and heading together.
+        cosine = self.rotation[:, :, 2] @ self.rotation[place, :, 2]
+        return np.flatnonzero(
+            (moved_m >= _MIN_MOVE_M)
+            & (moved_m <= max_move_m)
+            & (cosine >= math.cos(max_turn_rad))
+            & (np.abs(self._captured_s - self._captured_s[place]) <= _MAX_APART_S)
+        )
 
     def motion(self, origin: int, target: int) -> Floats:
-        """Return the transform of points between the cameras of two frames, (3, 4), metres."""
+        """Return the transform of points between two frames' cameras by telemetry, (3, 4), m."""
         turn = self.rotation[target].T
         rotation = turn @ self.rotation[origin]
         translation = turn @ (self.position_m[origin] - self.position_m[target])
         return np.concatenate([rotation, translation[:, None]], axis=1)
 
-
-def camera_track(footage: Footage) -> CameraTrack:
-    """Return the camera's track through a flight, from telemetry."""
-    times = np.concatenate([footage.captured_s, footage.state_s])
-    headings = np.concatenate([footage.attitude_rad[:, 2], footage.state_attitude_rad[:, 2]])
-    order = np.argsort(times, kind="stable")
-    times, headings = times[order], np.unwrap(headings[order])
-    yaw_rad = _local_parabola(times, headings, footage.captured_s, _YAW_WINDOW_S)
-    state_yaw_rad = _local_parabola(times, headings, footage.state_s, _YAW_WINDOW_S)
-
-    rates = _about_down(state_yaw_rad).apply(footage.velocity_mps)
-    steps_m = 0.5 * (rates[1:] + rates[:-1]) * np.diff(footage.state_s)[:, None]
-    flown_m = np.concatenate([np.zeros((1, 3)), np.cumsum(steps_m, axis=0)])
-    centre_m = np.stack(
-        [np.interp(footage.captured_s, footage.state_s, line) for line in flown_m.T], axis=1
-    )
-    # The lens is ahead of the body's centre and goes up and down with its nose.
-    pitch_rad, ahead_m = footage.attitude_rad[:, 1], footage.camera.forward_offset_m
-    lever = np.stack(
-        [ahead_m * np.cos(pitch_rad), np.zeros_like(pitch_rad), -ahead_m * np.sin(pitch_rad)],
-        axis=1,
-    )
-    level = np.stack([camera_axes(float(pitch)) for pitch in footage.gimbal_pitch_rad])
-    heights_m = _local_parabola(
-        footage.captured_s, footage.height_above_ground_m, footage.captured_s, _HEIGHT_WINDOW_S
-    )
-    return CameraTrack(
-        rotation=_about_down(yaw_rad).as_matrix() @ level,
-        position_m=centre_m + _about_down(yaw_rad).apply(lever),
-        yaw_rad=yaw_rad,
-        height_m=-lever[:, 2] + heights_m,
-    )
-
-
-def measured_motion(
-    footage: Footage, track: CameraTrack, origin: int, target: int
-) -> Floats | None:
-    """Return the transform of points between the cameras of two frames, measured on the ground.
-
-    (3, 4), metres; None if the images do not show enough ground.
-    """
-    apart = _about_down(-track.yaw_rad[origin]).apply(
-        track.position_m[target] - track.position_m[origin]
-    )
-    guess = Pose2D(
-        x_m=float(apart[0]),
-        y_m=float(apart[1]),
-        yaw_rad=float(track.yaw_rad[target] - track.yaw_rad[origin]),
-    )
-    # The mean height and telemetry's climb, because the noise of two heights would bias the result.
-    middle_m = 0.5 * float(track.height_m[origin] + track.height_m[target])
-    climb_m = -float(apart[2])
-    first, second = (
-        GroundView(
-            grey=np.asarray(cv2.cvtColor(footage.frames[place], cv2.COLOR_RGB2GRAY), np.uint8),
-            camera=footage.camera,
-            gimbal_pitch_rad=float(footage.gimbal_pitch_rad[place]),
-            height_m=middle_m + share * climb_m,
+    def measured_motion(self, origin: int, target: int) -> Floats | None:
+        """Return `motion` measured on the ground; None if the images do not show enough of it."""
+        apart = _about_down(-self.yaw_rad[origin]).apply(
+            self.position_m[target] - self.position_m[origin]
         )
-        for place, share in ((origin, -0.5), (target, 0.5))
-    )
-    if min(first.height_m, second.height_m) <= 0.0:
-        return None
-    shown = ground_motion(first, second, guess)
-    if shown is None:
-        return None
-    found = shown.motion
-    back = _about_down(-found.yaw_rad).as_matrix()
-    axes = [camera_axes(view.gimbal_pitch_rad) for view in (first, second)]
-    moved = np.array([found.x_m, found.y_m, apart[2]])
-    rotation = axes[1].T @ back @ axes[0]
-    translation = -axes[1].T @ back @ moved
-    return np.concatenate([rotation, translation[:, None]], axis=1)
+        guess = Pose2D(
+            x_m=float(apart[0]),
+            y_m=float(apart[1]),
+            yaw_rad=float(self.yaw_rad[target] - self.yaw_rad[origin]),
+        )
+        # The mean height and telemetry's climb: the noise of two heights would bias the result.
+        middle_m = 0.5 * float(self._height_m[origin] + self._height_m[target])
+        climb_m = -float(apart[2])
+        if middle_m <= 0.5 * abs(climb_m):
+            return None
+        first, second = (
+            GroundView(
+                grey=grey(frame),
+                camera=self._flight.camera,
+                gimbal_pitch_rad=frame.gimbal_pitch_rad,
+                height_m=middle_m + share * climb_m,
+            )
+            for frame, share in (
+                (self._flight.frames[origin], -0.5),
+                (self._flight.frames[target], 0.5),
+            )
+        )
+        shown = ground_motion(first, second, guess)
+        if shown is None:
+            return None
+        found = shown.motion
+        back = _about_down(-found.yaw_rad).as_matrix()
+        here, there = (camera_axes(view.gimbal_pitch_rad) for view in (first, second))
+        moved = np.array([found.x_m, found.y_m, apart[2]])
+        translation = -there.T @ back @ moved
+        return np.concatenate([there.T @ back @ here, translation[:, None]], axis=1)
 
 
 def _about_down(yaw_rad: float | Floats) -> Rotation:

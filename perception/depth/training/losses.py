@@ -5,12 +5,11 @@ Bian et al., "Unsupervised scale-consistent depth and ego-motion learning from m
 for pixels that violate the assumptions, and smoothness where the image is smooth. In addition: the
 distance to labels.
 
-`warp` shows one image from another camera by depth, motion and intrinsics. Pixel centres are at
-integer coordinates, as in OpenCV and in `CameraModel`. So the sampling grid is normalised by the
-size less one and sampled with aligned corners. Both must be used together; otherwise the image
-shifts by up to half a pixel. kornia's `warp_frame_depth` gives the same values (to 4e-6) in twice
-the time, but not the depth and the mask for the losses; its SSIM has a Gaussian window instead of
-SC-Depth's mean.
+Pixel centres are at integer coordinates, as in OpenCV and in `CameraModel`. So the sampling grid is
+normalised by the size less one and sampled with aligned corners. Both must be used together;
+otherwise the image shifts by up to half a pixel. kornia's `warp_frame_depth` gives the same values
+(to 4e-6) in twice the time, but not the depth and the mask for the losses; its SSIM has a Gaussian
+window instead of SC-Depth's mean.
 
 Importing this module imports torch.
 """
@@ -18,38 +17,111 @@ Importing this module imports torch.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from uav_bt.errors import ShapeError
+from perception.depth.training.clips import Clip
+from perception.depth.training.network import DepthNet, PoseNet
 
-_NEAREST = 1e-3  # depth below which a point counts as behind the camera
+_NEAREST_M: Final = 1e-3  # depth below which a point counts as behind the camera
+_SSIM_SHARE: Final = 0.85
+_C1, _C2 = 0.01**2, 0.03**2  # Wang et al. (2004), for values from 0 to 1
+_MIN_PIXELS: Final = 100.0  # with fewer pixels in a mask the mean is reduced towards zero
 
 
-@dataclass(frozen=True, kw_only=True)
-class Warped:
-    """The source sampled at the target's pixels."""
+def loss_terms(
+    clips: Sequence[Clip], net: DepthNet, pose: PoseNet | None, *, compare: bool, device: str
+) -> dict[str, Tensor]:
+    """Return the terms of a batch: `smoothness`, and `labels` where all clips have them.
 
-    values: Tensor  # (N, C, H, W): values of the source at the target's points
-    depth: Tensor  # (N, 1, H, W): depth of these points along the source camera's optical axis
-    valid: Tensor  # (N, 1, H, W) bool: whether the point lies in the source's image
+    Args:
+        clips: the batch.
+        net: the network that learns.
+        pose: network for the camera's motions; None for the motions of the clips.
+        compare: whether frames are compared, which adds `photometric` and `geometry`.
+        device: of the networks.
+    """
+    # Ordered by frame, so that all targets come first.
+    images = _planes([clip.images for clip in clips], device)
+    depth: Tensor = net(images)
+    # Compared at the size of the depth, which is four times faster and loses no detail.
+    small = functional.avg_pool2d(images, 2)
+    terms: dict[str, Tensor] = {}
+    if compare:
+        count = len(clips)
+
+        def pairs(each: Tensor) -> tuple[Tensor, Tensor]:
+            target, others = each[:count].repeat(2, 1, 1, 1), each[count:]
+            return torch.cat([target, others]), torch.cat([others, target])
+
+        if pose is None:
+            there = torch.from_numpy(np.stack([clip.motions for clip in clips], axis=1))
+            there = there.flatten(0, 1).to(device)
+            motions = torch.cat([there, invert_motion(there)])
+        else:
+            motions = pose(*pairs(small))
+        half = [clip.camera.resized(*small.shape[:1:-1]).pinhole_px for clip in clips]
+        intrinsics = torch.tensor(half, device=device).repeat(4, 1)
+        # All pairs in both directions at once.
+        maps = consistency_maps(*pairs(small), pairs(depth), motions, intrinsics)
+        photometric, geometric, mask = best_of(maps, count)
+        terms["photometric"] = masked_mean(photometric, mask)
+        terms["geometry"] = masked_mean(geometric, mask)
+    terms["smoothness"] = smoothness_loss(depth, small)
+    labels = [clip.labels for clip in clips if clip.labels is not None]
+    if labels:
+        label, bound = _planes(labels, device).chunk(2, dim=1)
+        terms["labels"] = label_loss(depth, label, bound)
+    return terms
+
+
+def _planes(arrays: Sequence[NDArray[np.float32]], device: str) -> Tensor:
+    """Return arrays, (3, H, W, C) each, as (3 N, C, H, W), ordered by frame and channels-last."""
+    stacked = torch.from_numpy(np.stack(arrays, axis=1)).to(device)
+    return stacked.flatten(0, 1).permute(0, 3, 1, 2)
+
+
+def warp(
+    source: Tensor, depth: Tensor, motion: Tensor, intrinsics: Tensor
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Sample a source image at a target's points.
+
+    Args:
+        source: (N, C, H, W), values per pixel of the source camera.
+        depth: (N, 1, H, W) of the target's pixels along its optical axis.
+        motion: (N, 3, 4), from the target camera's frame to the source camera's.
+        intrinsics: (N, 4): fx, fy, cx, cy of both, in pixels of that size.
+
+    Returns:
+        Values of the source at the points, (N, C, H, W); depth of the points along the source
+        camera's optical axis, (N, 1, H, W); whether they lie in its image, (N, 1, H, W) bool.
+    """
+    count, _, height, width = source.shape
+    points = motion[:, :, :3] @ pixel_rays(intrinsics, height, width)
+    points = points * depth.reshape(count, 1, -1) + motion[:, :, 3:]
+    far = points[:, 2].clamp(min=_NEAREST_M)
+    fx, fy, cx, cy = (value[:, None] for value in intrinsics.unbind(dim=1))
+    column = fx * points[:, 0] / far + cx
+    row = fy * points[:, 1] / far + cy
+    grid = torch.stack([2.0 * column / (width - 1) - 1.0, 2.0 * row / (height - 1) - 1.0], dim=2)
+    inside = (grid.abs().amax(dim=2) <= 1.0) & (points[:, 2] > _NEAREST_M)
+    values = functional.grid_sample(
+        source,
+        grid.reshape(count, height, width, 2),
+        mode="bilinear",
+        padding_mode="border",
+        align_corners=True,
+    )
+    return values, far.reshape(depth.shape), inside.reshape(depth.shape)
 
 
 def pixel_rays(intrinsics: Tensor, height: int, width: int) -> Tensor:
-    """Return rays of unit depth in the camera frame (x right, y down, z forward).
-
-    Args:
-        intrinsics: (N, 4): fx, fy, cx, cy in pixels of that size.
-        height: in pixels.
-        width: in pixels.
-
-    Returns:
-        (N, 3, H * W).
-    """
+    """Return rays of unit depth in the camera frame (x right, y down, z forward), (N, 3, H W)."""
     rows, columns = torch.meshgrid(
         torch.arange(height, dtype=intrinsics.dtype, device=intrinsics.device),
         torch.arange(width, dtype=intrinsics.dtype, device=intrinsics.device),
@@ -61,75 +133,14 @@ def pixel_rays(intrinsics: Tensor, height: int, width: int) -> Tensor:
     return torch.stack([x, y, torch.ones_like(x)], dim=1)
 
 
-def warp(source: Tensor, depth: Tensor, motion: Tensor, intrinsics: Tensor) -> Warped:
-    """Sample the source at the target's points.
-
-    Args:
-        source: (N, C, H, W), values per pixel of the source camera.
-        depth: (N, 1, H, W) of the target's pixels along its optical axis.
-        motion: (N, 3, 4), from the target camera's frame to the source camera's.
-        intrinsics: (N, 4): fx, fy, cx, cy of both, in pixels of that size.
-
-    Raises:
-        ShapeError: depth, motion or intrinsics do not belong to the source.
-    """
-    count, _, height, width = source.shape
-    _check("warping", depth, (count, 1, height, width))
-    _check("warping", motion, (count, 3, 4))
-    _check("warping", intrinsics, (count, 4))
-    rays = pixel_rays(intrinsics, height, width)
-    rotated = motion[:, :, :3] @ rays
-    points = rotated * depth.reshape(count, 1, -1) + motion[:, :, 3:]
-    far = points[:, 2:].clamp(min=_NEAREST)
-    fx, fy, cx, cy = (value[:, None] for value in intrinsics.unbind(dim=1))
-    column = fx * points[:, 0] / far[:, 0] + cx
-    row = fy * points[:, 1] / far[:, 0] + cy
-    grid = torch.stack([2.0 * column / (width - 1) - 1.0, 2.0 * row / (height - 1) - 1.0], dim=2)
-    grid = grid.reshape(count, height, width, 2)
-    inside = (grid.abs().amax(dim=3) <= 1.0) & (points[:, 2] > _NEAREST).reshape(
-        count, height, width
-    )
-    values = functional.grid_sample(
-        source, grid, mode="bilinear", padding_mode="border", align_corners=True
-    )
-    return Warped(
-        values=values, depth=far.reshape(count, 1, height, width), valid=inside.unsqueeze(1)
-    )
-
-
 def invert_motion(motion: Tensor) -> Tensor:
     """Return the inverse of rigid motions, (N, 3, 4)."""
     back = motion[:, :, :3].transpose(1, 2)
     return torch.cat([back, -back @ motion[:, :, 3:]], dim=2)
 
 
-_SSIM_SHARE: Final = 0.85
-_C1, _C2 = 0.01**2, 0.03**2  # Wang et al. (2004), for values from 0 to 1
-_MIN_PIXELS: Final = 100.0  # with fewer pixels in a mask the mean is reduced towards zero
-
-
-def _check(name: str, tensor: Tensor, shape: Sequence[int]) -> None:
-    if tensor.shape != torch.Size(shape):
-        raise ShapeError(name, expected="x".join(map(str, shape)), actual=tensor.shape)
-
-
 def photometric_error(first: Tensor, second: Tensor) -> Tensor:
-    """Return 0.15 L1 + 0.85 (1 - SSIM) / 2, channel mean.
-
-    Args:
-        first: (N, 3, H, W), 0 to 1.
-        second: (N, 3, H, W), 0 to 1.
-
-    Returns:
-        (N, 1, H, W), 0 to 1.
-    """
-    _check("the second image", second, first.shape)
-    difference = (first - second).abs().clamp(max=1.0)
-    error = (1.0 - _SSIM_SHARE) * difference + _SSIM_SHARE * _dissimilarity(first, second)
-    return error.mean(dim=1, keepdim=True)
-
-
-def _dissimilarity(first: Tensor, second: Tensor) -> Tensor:
+    """Return 0.15 L1 + 0.85 (1 - SSIM) / 2 of images, 0 to 1: channel mean, (N, 1, H, W)."""
     # One pooling of the stacked images is faster than five.
     stacked = torch.cat([first, second, first * first, second * second, first * second], dim=1)
     padded = functional.pad(stacked, (1, 1, 1, 1), mode="reflect")
@@ -140,16 +151,18 @@ def _dissimilarity(first: Tensor, second: Tensor) -> Tensor:
     covariance = product - mean_1 * mean_2
     above = (2.0 * mean_1 * mean_2 + _C1) * (2.0 * covariance + _C2)
     below = (mean_1**2 + mean_2**2 + _C1) * (variance_1 + variance_2 + _C2)
-    return ((1.0 - above / below) / 2.0).clamp(0.0, 1.0)
+    unlike = ((1.0 - above / below) / 2.0).clamp(0.0, 1.0)
+    difference = (first - second).abs().clamp(max=1.0)
+    error = (1.0 - _SSIM_SHARE) * difference + _SSIM_SHARE * unlike
+    return error.mean(dim=1, keepdim=True)
 
 
-@dataclass(frozen=True, kw_only=True)
-class ConsistencyMaps:
-    """Consistency of a source image with a target image, by pixel of the target."""
+class ConsistencyMaps(NamedTuple):
+    """Consistency of source images with target images, by pixel of the target, (N, 1, H, W)."""
 
-    photometric: Tensor  # (N, 1, H, W), weighted by the geometric agreement
-    geometric: Tensor  # (N, 1, H, W), 0 (depths agree) to 1
-    mask: Tensor  # (N, 1, H, W) float, 1 where the pixel counts
+    photometric: Tensor  # weighted by the geometric agreement
+    geometric: Tensor  # 0 (depths agree) to 1
+    mask: Tensor  # float, 1 where the pixel counts
 
 
 def consistency_maps(
@@ -159,46 +172,40 @@ def consistency_maps(
     motion: Tensor,
     intrinsics: Tensor,
 ) -> ConsistencyMaps:
-    """Compare a target with the warped source.
+    """Compare targets with warped sources, (N, 3, H, W), whose depths are (N, 1, H, W) each.
 
     A pixel counts if its point lies in the source's image and if warping explains it better than no
-    motion. The latter excludes objects that move with the camera, and uniform colour.
-
-    Args:
-        target: (N, 3, H, W), 0 to 1.
-        source: (N, 3, H, W), 0 to 1.
-        depths: of target and source, (N, 1, H, W) each.
-        motion: (N, 3, 4), from the target camera's frame to the source camera's.
-        intrinsics: (N, 4): fx, fy, cx, cy.
+    motion. The latter excludes objects that move with the camera, and uniform colour. Motion and
+    intrinsics are those of `warp`.
     """
     target_depth, source_depth = depths
-    warped = warp(torch.cat([source, source_depth], dim=1), target_depth, motion, intrinsics)
-    seen, projected = warped.values[:, :3], warped.values[:, 3:]
-    geometric = (warped.depth - projected).abs() / (warped.depth + projected)
+    values, depth, valid = warp(
+        torch.cat([source, source_depth], dim=1), target_depth, motion, intrinsics
+    )
+    seen, projected = values[:, :3], values[:, 3:]
+    geometric = (depth - projected).abs() / (depth + projected)
     error = photometric_error(target, seen)
     with torch.no_grad():
-        identity = photometric_error(target, source)
-        mask = (warped.valid & (error < identity)).to(error.dtype)
+        mask = (valid & (error < photometric_error(target, source))).to(error.dtype)
         agreement = 1.0 - geometric
-    return ConsistencyMaps(photometric=error * agreement, geometric=geometric, mask=mask)
+    return ConsistencyMaps(error * agreement, geometric, mask)
 
 
-def best_of(maps: Sequence[ConsistencyMaps]) -> ConsistencyMaps:
-    """Return, for each pixel, the values of the source that explains the target best.
+def best_of(maps: ConsistencyMaps, count: int) -> ConsistencyMaps:
+    """Keep, for each target's pixel, the values of the source that explains it best.
 
-    Args:
-        maps: maps of the same target and several sources.
+    The first 2 `count` maps are those of `count` targets with their first, then with their second
+    source. Further maps are kept as they are.
     """
-    photometric = torch.stack([each.photometric for each in maps])
-    mask = torch.stack([each.mask for each in maps])
     with torch.no_grad():
-        choice = (photometric + 2.0 * (1.0 - mask)).argmin(dim=0, keepdim=True)
-    geometric = torch.stack([each.geometric for each in maps])
-    return ConsistencyMaps(
-        photometric=photometric.gather(0, choice)[0],
-        geometric=geometric.gather(0, choice)[0],
-        mask=mask.gather(0, choice)[0],
-    )
+        score = maps.photometric + 2.0 * (1.0 - maps.mask)
+        first_is_best = score[:count] <= score[count : 2 * count]
+
+    def kept(each: Tensor) -> Tensor:
+        best = each[:count].where(first_is_best, each[count : 2 * count])
+        return torch.cat([best, each[2 * count :]])
+
+    return ConsistencyMaps(*map(kept, maps))
 
 
 def masked_mean(values: Tensor, mask: Tensor) -> Tensor:
@@ -207,13 +214,7 @@ def masked_mean(values: Tensor, mask: Tensor) -> Tensor:
 
 
 def smoothness_loss(depth: Tensor, image: Tensor) -> Tensor:
-    """Return the mean gradient of the mean-normalised depth, less where the image has edges.
-
-    Args:
-        depth: (N, 1, H, W).
-        image: (N, 3, H, W), 0 to 1.
-    """
-    _check("depth to smooth", depth, (len(image), 1, *image.shape[2:]))
+    """Return the mean gradient of the mean-normalised depth, less where the image has edges."""
     level = depth / depth.mean(dim=(2, 3), keepdim=True).clamp(min=1e-7)
     loss = depth.new_zeros(())
     for axis in (2, 3):
@@ -222,23 +223,17 @@ def smoothness_loss(depth: Tensor, image: Tensor) -> Tensor:
     return loss
 
 
-def label_loss(depth: Tensor, label: Tensor, at_most: Tensor | None = None) -> Tensor:
+def label_loss(depth: Tensor, label: Tensor, at_most: Tensor) -> Tensor:
     """Return the mean distance of log depth to the labels, robust to wrong ones (L1).
 
-    Args:
-        depth: (N, 1, H, W), positive.
-        label: (N, 1, H, W); NaN where unknown.
-        at_most: (N, 1, H, W) upper bound, inf without one; None if no pixel has a bound.
+    All are (N, 1, H, W). Labels are NaN where unknown; the upper bound is inf without one.
     """
-    _check("depth labels", label, depth.shape)
     known = torch.isfinite(label)
     log_depth = depth.log()
     distance = (log_depth - label.where(known, depth.detach()).log()).abs()
-    loss = masked_mean(distance, known.to(depth.dtype))
-    if at_most is not None:
-        _check("depth bounds", at_most, depth.shape)
-        # Only for pixels without a label, because a label is more precise.
-        bounded = torch.isfinite(at_most) & ~known
-        excess = functional.relu(log_depth - at_most.where(bounded, depth.detach()).log())
-        loss = loss + masked_mean(excess, bounded.to(depth.dtype))
-    return loss
+    # Only for pixels without a label, because a label is more precise.
+    bounded = torch.isfinite(at_most) & ~known
+    excess = functional.relu(log_depth - at_most.where(bounded, depth.detach()).log())
+    return masked_mean(distance, known.to(depth.dtype)) + masked_mean(
+        excess, bounded.to(depth.dtype)
+    )

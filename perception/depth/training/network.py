@@ -23,10 +23,13 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from perception.networks.training.network_files import NetworkFiles, OnnxPorts
-from uav_bt.errors import ValueRangeError
 
 _DISPARITY_RANGE: Final = 10.0  # SC-Depth's: depth lies within 0.1 and 100
 _DISPARITY_FLOOR: Final = 0.01
+# The prediction of an untrained network: labels and telemetry need metres from the start.
+_INITIAL_DEPTH_M: Final = 2.0
+_POSE_WIDTHS: Final = (16, 32, 64, 128, 128)  # by level, from half size downwards
+_POSE_GAIN: Final = 0.01  # movements of an untrained network are small
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,21 +41,6 @@ class DepthNetConfig:
     # By level, from half size downwards. More of them, or two residual blocks a level, cost more
     # milliseconds than a flight's pipeline has.
     channels: tuple[int, ...] = (16, 32, 48, 96, 160)
-    # The prediction of an untrained network. Metric labels and telemetry need metres from the
-    # start; a pose network starts from small movements and so needs a small world.
-    initial_depth: float = 2.0
-
-    def __post_init__(self) -> None:
-        halvings = 2 ** len(self.channels)
-        if len(self.channels) < 3 or self.width_px % halvings or self.height_px % halvings:
-            raise ValueRangeError(
-                f"{len(self.channels)} levels (of at least 3) need sides divisible by {halvings}, "
-                f"got {self.width_px}x{self.height_px}"
-            )
-        if not 0.11 <= self.initial_depth <= 50.0:
-            raise ValueRangeError(
-                f"initial_depth must lie within 0.11 and 50, got {self.initial_depth}"
-            )
 
 
 class _Halve(nn.Sequential):
@@ -113,18 +101,11 @@ class DepthNet(nn.Module):
         )
         self.head = nn.Conv2d(widths[1], 4, 3, padding=1, padding_mode="reflect")
         self.spread = nn.PixelShuffle(2)
-        share = (1.0 / config.initial_depth - _DISPARITY_FLOOR) / _DISPARITY_RANGE
+        share = (1.0 / _INITIAL_DEPTH_M - _DISPARITY_FLOOR) / _DISPARITY_RANGE
         nn.init.constant_(cast("Tensor", self.head.bias), math.log(share / (1.0 - share)))
 
     def forward(self, rgb: Tensor) -> Tensor:
-        """Return the depth along the optical axis of each half-size pixel.
-
-        Args:
-            rgb: (N, 3, H, W) float, 0 to 1.
-
-        Returns:
-            (N, 1, H/2, W/2) float; metres if it was trained on metres, else an arbitrary unit.
-        """
+        """Return the depth along the optical axis: metres if it was trained on metres."""
         features = self.stem(rgb - 0.5)  # so that the encoder's zero padding is mid-grey
         skips: list[Tensor] = []
         for level in self.down:
@@ -139,26 +120,19 @@ class DepthNet(nn.Module):
 
 def _build(details: dict[str, Any]) -> DepthNet:
     config = details["config"]
-    return DepthNet(DepthNetConfig(**{**config, "channels": tuple(config["channels"])}))
-
-
-def _ports(net: DepthNet) -> OnnxPorts:
-    return OnnxPorts(
-        inputs={"image": (1, 3, net.config.height_px, net.config.width_px)}, outputs=("depth",)
-    )
+    names = ("width_px", "height_px", "channels")
+    return DepthNet(DepthNetConfig(**{name: config[name] for name in names}))
 
 
 DEPTH_FILES: Final = NetworkFiles(
     kind="depth-network",
     remedy="`uav-bt net train depth` makes one",
     build=_build,
-    ports=_ports,
+    ports=lambda net: OnnxPorts(
+        inputs={"image": (1, 3, net.config.height_px, net.config.width_px)}, outputs=("depth",)
+    ),
 )
 """Input `image`: (1, 3, H, W) float32 RGB in [0, 1]. Output `depth`: (1, 1, H/2, W/2) float32."""
-
-
-_WIDTHS: Final = (16, 32, 64, 128, 128)  # by level, from half size downwards
-_GAIN: Final = 0.01
 
 
 class PoseNet(nn.Module):
@@ -166,35 +140,23 @@ class PoseNet(nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        layers: list[nn.Module] = []
-        for inputs, outputs in zip((6, *_WIDTHS[:-1]), _WIDTHS, strict=True):
-            kernel = 7 if inputs == 6 else 3
-            layers += [
-                nn.Conv2d(inputs, outputs, kernel, stride=2, padding=kernel // 2, bias=False),
-                nn.BatchNorm2d(outputs),
-                nn.ReLU(inplace=True),
-            ]
-        self.features = nn.Sequential(*layers)
-        self.head = nn.Conv2d(_WIDTHS[-1], 6, 1)
+        sides = [(6, _POSE_WIDTHS[0], 7), *((*each, 3) for each in pairwise(_POSE_WIDTHS))]
+        self.features = nn.Sequential(*(_Halve(*each) for each in sides))
+        self.head = nn.Conv2d(_POSE_WIDTHS[-1], 6, 1)
 
     def forward(self, first: Tensor, second: Tensor) -> Tensor:
         """Return the transform of points from the first camera to the second, (N, 3, 4)."""
         features = self.features(torch.cat([first, second], dim=1) - 0.5)
-        return motion_matrix(_GAIN * self.head(features).mean(dim=(2, 3)))
+        return motion_matrix(_POSE_GAIN * self.head(features).mean(dim=(2, 3)))
 
 
 def motion_matrix(numbers: Tensor) -> Tensor:
-    """Return rigid motions from six numbers each.
+    """Return rigid motions, (N, 3, 4): rotation and translation.
 
-    Args:
-        numbers: (N, 6): translation x, y, z, and a rotation vector (axis times angle, radians).
-
-    Returns:
-        (N, 3, 4): rotation and translation.
+    The numbers, (N, 6), are a translation and a rotation vector (axis times angle, radians).
     """
     translation, vector = numbers[:, :3], numbers[:, 3:]
     x, y, z = vector.unbind(dim=1)
     zero = torch.zeros_like(x)
     cross = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero], dim=1).reshape(-1, 3, 3)
-    rotation = torch.linalg.matrix_exp(cross)
-    return torch.cat([rotation, translation.unsqueeze(2)], dim=2)
+    return torch.cat([torch.linalg.matrix_exp(cross), translation.unsqueeze(2)], dim=2)

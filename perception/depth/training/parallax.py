@@ -13,152 +13,87 @@ residuals or too little parallax stay unknown.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from uav_bt.errors import ShapeError
 from uav_bt.types import CameraModel
-from uav_bt.types.arrays import Floats, Image
+from uav_bt.types.arrays import Flags, Floats, Floats32, Image
 
-Map = NDArray[np.float32]
-
-_OUTSIDE = 1e3  # px, flow outside the image, which fails the loop test
-
-
-@dataclass(frozen=True, kw_only=True)
-class ParallaxConfig:
-    """Which flows are accepted."""
-
-    min_views: int = 2  # besides the frame, so that a wrong flow is detected
-    min_parallax_px: float = 6.0  # root sum square; an error of half a pixel is 8 % of it
-    max_misfit_px: float = 0.7  # root mean square residual
-    max_loop_px: float = 0.8  # sum of forward and backward flow
-    min_depth_m: float = 0.2
-    max_depth_m: float = 4.0  # further away parallax is too small, and ground contact is in view
+_MIN_VIEWS: Final = 2  # besides the frame, so that a wrong flow is detected
+_MIN_PARALLAX_PX: Final = 6.0  # root sum square; an error of half a pixel is 8 % of it
+_MAX_MISFIT_PX: Final = 0.7  # root mean square residual
+_MAX_LOOP_PX: Final = 0.8  # sum of forward and backward flow
+_MIN_DEPTH_M: Final = 0.2
+_MAX_DEPTH_M: Final = 4.0  # further away parallax is too small, and ground contact is in view
+_OUTSIDE: Final = 1e3  # px, flow outside the image, which fails the loop test
 
 
-class Parallax:
-    """Depth of one frame from its flow to others."""
+def parallax_depth(
+    grey: Image, camera: CameraModel, others: Iterable[tuple[Image, Floats]]
+) -> Floats32:
+    """Return a frame's depth from its flow to others.
 
-    def __init__(
-        self, grey: Image, camera: CameraModel, config: ParallaxConfig | None = None
-    ) -> None:
-        """Start without other frames.
+    Args:
+        grey: (H, W), the frame.
+        camera: camera of all frames, at their size.
+        others: images, (H, W), each with the transform of points from the frame's camera to that
+            image's, (3, 4), metres.
 
-        Args:
-            grey: (H, W), the frame.
-            camera: camera of all frames, at their size.
-            config: which flows are accepted.
+    Returns:
+        (H, W) metres along the optical axis; NaN where unknown.
+    """
+    terms = [_term(grey, camera, other, motion) for other, motion in others]
+    # Sums over views of the least-squares problem slope * depth = shift, in pixels.
+    slope_sq, product, misfit, parallax = np.zeros((4, *grey.shape))
+    views = np.zeros(grey.shape, np.intp)
+    for good, slope, shift in terms:
+        slope_sq += good * (slope**2).sum(axis=0)
+        product += good * (slope * shift).sum(axis=0)
+    solvable = slope_sq > 0.0
+    depth = product / np.where(solvable, slope_sq, 1.0)
+    within = solvable & (depth >= _MIN_DEPTH_M) & (depth <= _MAX_DEPTH_M)
+    depth = np.where(within, depth, _MAX_DEPTH_M)  # avoids division by zero
+    for good, slope, shift in terms:
+        views += good
+        # Pixels, to first order: the depth in the other frame is nearly the same.
+        misfit += good * ((slope - shift / depth) ** 2).sum(axis=0)
+        parallax += good * ((shift / depth) ** 2).sum(axis=0)
+    known = (
+        within
+        & (views >= _MIN_VIEWS)
+        & (parallax >= _MIN_PARALLAX_PX**2)
+        & (misfit <= np.maximum(views, 1) * _MAX_MISFIT_PX**2)
+    )
+    return np.where(known, depth, np.nan).astype(np.float32)
 
-        Raises:
-            ShapeError: the frame and the camera differ in size.
-        """
-        if grey.shape != (camera.height_px, camera.width_px):
-            expected = f"{camera.height_px}x{camera.width_px}, as its camera"
-            raise ShapeError("frame", expected=expected, actual=grey.shape)
-        self._config = config or ParallaxConfig()
-        self._grey = grey
-        self._camera = camera
-        self._flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
-        columns, rows = np.meshgrid(
-            np.arange(camera.width_px, dtype=np.float32),
-            np.arange(camera.height_px, dtype=np.float32),
-        )
-        self._pixels = np.stack([columns, rows], axis=2)
-        self._rays = np.stack(
-            [(columns - camera.cx_px) / camera.fx_px, (rows - camera.cy_px) / camera.fy_px]
-        )
-        # Sums over views of the least-squares problem slope * depth = shift, in pixels.
-        self._slope_sq = np.zeros(grey.shape, np.float64)
-        self._product = np.zeros(grey.shape, np.float64)
-        self._terms: list[tuple[NDArray[np.bool_], Floats, Floats]] = []
 
-    def add(self, grey: Image, motion: Floats) -> None:
-        """Add another frame.
-
-        Args:
-            grey: (H, W), the other frame.
-            motion: (3, 4), transform of points from the frame's camera to the other's, metres.
-        """
-        # With the rotation removed only parallax remains, so flows are short.
-        turn = motion[:, :3]
-        other, seen = self._turned(grey, turn)
-        there = np.asarray(self._flow.calc(self._grey, other, self._nothing()), np.float32)
-        back = np.asarray(self._flow.calc(other, self._grey, self._nothing()), np.float32)
-        landed = self._pixels + there
-        returned = np.asarray(
-            cv2.remap(
-                back,
-                landed[..., 0],
-                landed[..., 1],
-                cv2.INTER_LINEAR,
-                borderMode=cv2.BORDER_CONSTANT,
-                borderValue=(_OUTSIDE, _OUTSIDE),
-            )
-        )
-        loop = np.hypot(*np.moveaxis(there + returned, 2, 0))
-        inside = cv2.remap(
-            seen,
-            landed[..., 0],
-            landed[..., 1],
-            cv2.INTER_NEAREST,
-            borderMode=cv2.BORDER_CONSTANT,
-            borderValue=(0,),
-        )
-        x = (landed[..., 0] - self._camera.cx_px) / self._camera.fx_px
-        y = (landed[..., 1] - self._camera.cy_px) / self._camera.fy_px
-        t = turn.T @ motion[:, 3]
-        fx, fy = self._camera.fx_px, self._camera.fy_px
-        # Divided by the depth, as in `depth`, these are in pixels of the other frame.
-        slope = np.stack([fx * (self._rays[0] - x), fy * (self._rays[1] - y)])
-        shift = np.stack([fx * (x * t[2] - t[0]), fy * (y * t[2] - t[1])])
-        good = (loop < self._config.max_loop_px) & (np.asarray(inside) > 0)
-        self._terms.append((good, slope, shift))
-        self._slope_sq += good * (slope**2).sum(axis=0)
-        self._product += good * (slope * shift).sum(axis=0)
-
-    def _turned(self, grey: Image, turn: Floats) -> tuple[Image, Image]:
-        """Return another frame rotated to this frame's attitude, and its valid pixels."""
-        camera = self._camera
-        matrix = np.array(
-            [
-                [camera.fx_px, 0.0, camera.cx_px],
-                [0.0, camera.fy_px, camera.cy_px],
-                [0.0, 0.0, 1.0],
-            ]
-        )
-        homography = matrix @ turn @ np.linalg.inv(matrix)
-        size = (camera.width_px, camera.height_px)
-        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        other = cv2.warpPerspective(grey, homography, size, flags=flags)
-        seen = cv2.warpPerspective(np.full_like(grey, 255), homography, size, flags=flags)
-        return np.asarray(other, np.uint8), np.asarray(seen == 255, np.uint8)
-
-    def _nothing(self) -> Map:
-        return np.zeros((*self._grey.shape, 2), np.float32)
-
-    def depth(self) -> Map:
-        """Return the depth along the optical axis, (H, W) metres; NaN where unknown."""
-        config = self._config
-        views = np.zeros(self._grey.shape, np.intp)
-        misfit = np.zeros(self._grey.shape)
-        parallax = np.zeros(self._grey.shape)
-        solvable = self._slope_sq > 0.0
-        depth = self._product / np.where(solvable, self._slope_sq, 1.0)
-        within = solvable & (depth >= config.min_depth_m) & (depth <= config.max_depth_m)
-        depth = np.where(within, depth, config.max_depth_m)  # avoids division by zero
-        for good, slope, shift in self._terms:
-            views += good
-            # Pixels, to first order: the depth in the other frame is nearly the same.
-            misfit += good * ((slope - shift / depth) ** 2).sum(axis=0)
-            parallax += good * ((shift / depth) ** 2).sum(axis=0)
-        known = (
-            within
-            & (views >= config.min_views)
-            & (parallax >= config.min_parallax_px**2)
-            & (misfit <= np.maximum(views, 1) * config.max_misfit_px**2)
-        )
-        return np.where(known, depth, np.nan).astype(np.float32)
+def _term(
+    grey: Image, camera: CameraModel, other: Image, motion: Floats
+) -> tuple[Flags, Floats, Floats]:
+    """Return where the flow to another frame is good, (H, W), and slope and shift, (2, H, W)."""
+    # With the rotation removed only parallax remains, so flows are short.
+    turn, size = motion[:, :3], grey.shape[::-1]
+    homography = camera.matrix @ turn @ np.linalg.inv(camera.matrix)
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    seen = cv2.warpPerspective(np.full_like(other, 255), homography, size, flags=flags) == 255
+    other = np.asarray(cv2.warpPerspective(other, homography, size, flags=flags), np.uint8)
+    flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+    there = flow.calc(grey, other, np.zeros((*grey.shape, 2), np.float32))
+    back = flow.calc(other, grey, np.zeros((*grey.shape, 2), np.float32))
+    columns, rows = np.meshgrid(*(np.arange(side, dtype=np.float32) for side in size))
+    x_px, y_px = columns + there[..., 0], rows + there[..., 1]
+    returned = cv2.remap(
+        back, x_px, y_px, cv2.INTER_LINEAR, None, cv2.BORDER_CONSTANT, (_OUTSIDE, _OUTSIDE)
+    )
+    inside = cv2.remap(seen.astype(np.uint8), x_px, y_px, cv2.INTER_NEAREST)
+    loop = np.hypot(*np.moveaxis(there + returned, 2, 0))
+    fx, fy, cx, cy = camera.pinhole_px
+    x, y = (x_px - cx) / fx, (y_px - cy) / fy
+    t = turn.T @ motion[:, 3]
+    # Divided by the depth, these are in pixels of the other frame.
+    slope = np.stack([fx * ((columns - cx) / fx - x), fy * ((rows - cy) / fy - y)])
+    shift = np.stack([fx * (x * t[2] - t[0]), fy * (y * t[2] - t[1])])
+    return (loop < _MAX_LOOP_PX) & (inside > 0), slope, shift

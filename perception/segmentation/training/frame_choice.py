@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -20,8 +19,7 @@ _DARKEST: Final = 24.0  # grey level that a hundredth of the image must exceed
 _LEAST_DISTANCE: Final = 0.2  # a correlation of 0.98
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Look:
+class Look(NamedTuple):
     """Measures of one image."""
 
     sharpness: float  # variance of the Laplacian at a width of 320 pixels
@@ -33,11 +31,9 @@ class Look:
 def look_at(grey: NDArray[np.uint8]) -> Look:
     """Measure a grey image, (H, W); other widths than 320 are resized."""
     height_px, width_px = grey.shape
-    if width_px != SHARPNESS_WIDTH_PX:
-        size_px = sharpness_size_px(width_px, height_px)
-        shrinks = width_px > SHARPNESS_WIDTH_PX
-        interpolation = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
-        grey = np.asarray(cv2.resize(grey, size_px, interpolation=interpolation), dtype=np.uint8)
+    size_px = sharpness_size_px(width_px, height_px)
+    interpolation = cv2.INTER_AREA if width_px > size_px[0] else cv2.INTER_LINEAR
+    grey = np.asarray(cv2.resize(grey, size_px, interpolation=interpolation), dtype=np.uint8)
     small = cv2.resize(grey, _THUMBNAIL_PX, interpolation=cv2.INTER_AREA).astype(np.float32)
     contrast = float(small.std())
     scale = 1.0 / contrast if contrast > 0.0 else 0.0

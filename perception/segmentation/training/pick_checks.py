@@ -12,8 +12,7 @@ from typing import Final
 import numpy as np
 
 from perception.segmentation.teacher import fit_teacher
-from perception.segmentation.training.next_image import CHECK, TRAIN
-from perception.segmentation.training.pick_images import HALF_SIZE, PickImages
+from perception.segmentation.training.pick_images import CHECK, HALF_SIZE, TRAIN, PickImages
 from perception.segmentation.training.picks import Pick, read_numbered_picks
 from uav_bt.errors import FileError, did_you_mean
 from uav_bt.lab.classes import GROUND, LabClasses
@@ -31,18 +30,8 @@ def check_picks(
 
     Warned of are classes without picks or with few, classes that the check images do not show, and
     classes that look alike: of a teacher that did not learn from an image, the picks there of one
-    class are often taken for the other.
-
-    Args:
-        path: The picks file.
-        folder: Folder of the images.
-        classes: Classes of the lab.
-        uses: Use of each image (`train` or `check`), by file name.
-
-    Raises:
-        FileError: A pick lies outside its image or on an image that is not there, or there are no
-            picks to learn from of two classes or of the ground. The message names the line where
-            there is one.
+    class are often taken for the other. FileError for a misplaced pick (`placed_picks`), and if
+    there are no picks to learn from of two classes or of the ground.
     """
     picks = placed_picks(path, folder, classes, uses)
     learned = [pick for pick in picks if uses[pick.image] == TRAIN]
@@ -70,21 +59,16 @@ def placed_picks(
     picks = read_numbered_picks(path, classes)
     for line, pick in picks:
         if pick.image not in uses:
-            raise FileError(
-                path,
-                f"expected a pick on an image in {folder}, got '{pick.image}'"
-                f"{did_you_mean(pick.image, uses)}; bring the image back, or delete the line",
-                line=line,
-            )
-        width, height = images.size_px(pick.image)
-        if pick.x >= width or pick.y >= height:
-            raise FileError(
-                path,
-                f"expected a pick within the {width}x{height} pixels of '{pick.image}', got "
-                f"({pick.x}, {pick.y}); delete the line, or bring back the image that it was made "
-                "on",
-                line=line,
-            )
+            wanted = f"on an image in {folder}"
+            got = f"'{pick.image}'{did_you_mean(pick.image, uses)}"
+        else:
+            width, height = images.size_px(pick.image)
+            if pick.x < width and pick.y < height:
+                continue
+            wanted = f"within the {width}x{height} pixels of '{pick.image}'"
+            got = f"({pick.x}, {pick.y})"
+        advice = "delete the line, or bring back the image that it was made on"
+        raise FileError(path, f"expected a pick {wanted}, got {got}; {advice}", line=line)
     return [pick for _, pick in picks]
 
 

@@ -8,11 +8,11 @@ OpenCV has SLIC only in its contributed modules.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -29,6 +29,8 @@ from uav_bt.types.arrays import Image
 HALF_SIZE: Final = TeacherConfig(width_px=576, height_px=324, patch_px=20)
 """The teacher at half of its size: a person waits for it."""
 
+TRAIN: Final = "train"  # uses of images
+CHECK: Final = "check"
 MAX_WIDTH_PX: Final = 1152  # wider images are shrunk to it
 _SIDE_SHARE: Final = 40.0 / MAX_WIDTH_PX  # side of a region in widths of the image
 _MIN_SIDE_PX: Final = 4
@@ -36,8 +38,7 @@ _BLUR_PX: Final = 1.5  # standard deviation at the full width; noise makes ragge
 _MOST_KEPT: Final = 128  # shrunk and divided images in memory, 0.6 and 3 MB each
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SuperPixels:
+class SuperPixels(NamedTuple):
     """The super-pixels of an image."""
 
     ids: NDArray[np.int32]  # (h, w) region of each pixel of the shrunk image, 0 to N - 1
@@ -60,25 +61,16 @@ class SuperPixels:
 
 
 class PickImages:
-    """The images of a folder.
-
-    Args:
-        folder: Folder of the images.
-        uses: Use of each image (`train` or `check`), by file name in the order of the list.
-    """
+    """The images of a folder, with the use of each (`TRAIN` or `CHECK`) by file name, in order."""
 
     def __init__(self, folder: Path, uses: Mapping[str, str]) -> None:
         self.folder, self.uses = folder, dict(uses)
         self._sizes_px: dict[str, tuple[int, int]] = {}
         self.small = lru_cache(_MOST_KEPT)(self._shrunk)
-        self.super_pixels = lru_cache(_MOST_KEPT)(self._divided)
+        self.super_pixels = lru_cache(_MOST_KEPT)(lambda name: find_super_pixels(self._read(name)))
 
     def file(self, name: str) -> Path:
-        """Return the file of a listed image.
-
-        Raises:
-            ValueRangeError: The name is not on the list. Files outside the folder are not opened.
-        """
+        """Return the file of a listed image; others, outside the folder too, are not opened."""
         if name not in self.uses:
             raise ValueRangeError(f"there is no image '{name}'")
         return self.folder / name
@@ -96,17 +88,13 @@ class PickImages:
             width, height = self.size_px(pick.image)
             x, y = pick.x * HALF_SIZE.width_px // width, pick.y * HALF_SIZE.height_px // height
             scaled.append(replace(pick, x=x, y=y))
-        names = dict.fromkeys(pick.image for pick in scaled)
-        images = ((name, self.small(name)) for name in names)
+        images = ((name, self.small(name)) for name in dict.fromkeys(p.image for p in scaled))
         return gather_patches(scaled, images, HALF_SIZE.patch_px, classes)
 
     def _shrunk(self, name: str) -> Image:
         size = (HALF_SIZE.width_px, HALF_SIZE.height_px)
         resized = cv2.resize(self._read(name), size, interpolation=cv2.INTER_AREA)
         return np.asarray(resized, dtype=np.uint8)
-
-    def _divided(self, name: str) -> SuperPixels:
-        return find_super_pixels(self._read(name))
 
     def _read(self, name: str) -> Image:
         # With the EXIF orientation, as browsers and training have it.
@@ -126,22 +114,19 @@ def find_super_pixels(rgb: Image) -> SuperPixels:
     smooth = np.asarray(cv2.GaussianBlur(small, (0, 0), sigma), dtype=np.uint8)
     side = max(_MIN_SIDE_PX, round(_SIDE_SHARE * small.shape[1]))
     ids = _flooded(smooth, _markers(smooth, side))
-    return SuperPixels(ids=ids, innermost=_innermost(ids), size_px=(width, height))
+    return SuperPixels(ids, _innermost(ids), (width, height))
 
 
 def _markers(smooth: Image, side: int) -> NDArray[np.int32]:
     """Return (h, w) marks from 1 on: one in the middle half of each cell of the grid."""
     kernel = np.ones((3, 3), dtype=np.uint8)
     gradient = cv2.morphologyEx(smooth, cv2.MORPH_GRADIENT, kernel).max(axis=2)
-    height, width = gradient.shape
-    markers = np.zeros((height, width), dtype=np.int32)
-    count = 0
-    for top, bottom in _cells(height, side):
-        for left, right in _cells(width, side):
-            window = gradient[top:bottom, left:right]
-            row, column = np.unravel_index(int(window.argmin()), window.shape)
-            count += 1
-            markers[top + row, left + column] = count
+    markers = np.zeros(gradient.shape, dtype=np.int32)
+    cells = product(*(_cells(length, side) for length in gradient.shape))
+    for number, ((top, bottom), (left, right)) in enumerate(cells, start=1):
+        window = gradient[top:bottom, left:right]
+        row, column = np.unravel_index(int(window.argmin()), window.shape)
+        markers[top + row, left + column] = number
     return markers
 
 
@@ -171,10 +156,8 @@ def _flooded(smooth: Image, markers: NDArray[np.int32]) -> NDArray[np.int32]:
 def _innermost(ids: NDArray[np.int32]) -> NDArray[np.int64]:
     """Return (N, 2) x and y of the pixel of each region with the largest distance to its border."""
     wide = np.pad(ids, 1, constant_values=-1)
-    middle = wide[1:-1, 1:-1]
-    inside = np.ones(ids.shape, dtype=bool)
-    for neighbour in (wide[:-2, 1:-1], wide[2:, 1:-1], wide[1:-1, :-2], wide[1:-1, 2:]):
-        inside &= neighbour == middle
+    around = (wide[:-2, 1:-1], wide[2:, 1:-1], wide[1:-1, :-2], wide[1:-1, 2:])
+    inside = np.all([neighbour == ids for neighbour in around], axis=0)
     distance = cv2.distanceTransform(inside.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     places = ndimage.maximum_position(distance, ids, np.arange(int(ids.max()) + 1))
     return np.array([(column, row) for row, column in places], dtype=np.int64)

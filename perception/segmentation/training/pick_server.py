@@ -28,7 +28,7 @@ from dataclasses import asdict
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, HTTPServer, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, cast
 from urllib.parse import parse_qs, unquote, urlsplit
 
 import cv2
@@ -41,13 +41,7 @@ from uav_bt.errors import UavBtError, ValueRangeError
 from uav_bt.files import parse_json
 
 _PAGE: Final = Path(__file__).with_name("pick_page.html")
-_MEDIA: Final = {
-    ".bmp": "image/bmp",
-    ".jpeg": "image/jpeg",
-    ".jpg": "image/jpeg",
-    ".png": "image/png",
-    ".webp": "image/webp",
-}
+_SHOWN: Final = (".bmp", ".jpeg", ".jpg", ".png", ".webp")  # formats that browsers show
 _REQUESTS: Final[dict[str, dict[str, type]]] = {
     "/pick": {"image": str, "x": int, "y": int, "class": str},
     "/paint": {"image": str, "class": str, "points": list},
@@ -62,12 +56,7 @@ _IDLE_S: Final = 10.0  # an idle connection is closed after this time
 
 
 def make_pick_server(session: PickSession, *, port: int = 0) -> HTTPServer:
-    """Return a server for the page, bound to the loopback address.
-
-    Args:
-        session: Images and picks.
-        port: 0 takes a free port; `server.server_port` gives its number.
-    """
+    """Return a server for the page, bound to the loopback address; port 0 takes a free one."""
 
     class Handler(_Handler):
         picks_of = session
@@ -144,13 +133,14 @@ class _Handler(BaseHTTPRequestHandler):
         if place == "/undo":
             return self._state(session.undo())
         asked = _fields(body, _REQUESTS[place])
+        image: str = asked["image"]
         if place == "/pick":
-            session.add(asked["image"], asked["x"], asked["y"], asked["class"])
+            session.add(image, asked["x"], asked["y"], asked["class"])
         elif place == "/paint":
-            session.paint(asked["image"], _points(asked["points"]), asked["class"])
+            session.paint(image, _points(asked["points"]), asked["class"])
         else:
-            session.erase(asked["image"], _points(asked["points"]))
-        return self._state(asked["image"])
+            session.erase(image, _points(asked["points"]))
+        return self._state(image)
 
     def _is_ours(self) -> bool:
         # A foreign page whose name resolves to this machine would send that name as the host. For a
@@ -189,19 +179,17 @@ def _fields(body: bytes, kinds: dict[str, type]) -> dict[str, Any]:
 
 def _points(given: list[Any]) -> list[Point]:
     """Return the points of a request."""
-    if not given or any(
-        not isinstance(point, list) or [type(each) for each in point] != [int, int]
-        for point in given
-    ):
+    points = [tuple(point) if isinstance(point, list) else () for point in given]
+    if not points or any([type(each) for each in point] != [int, int] for point in points):
         raise ValueRangeError("expected points as pairs [x, y] of whole numbers, at least one")
-    return [(x, y) for x, y in given]
+    return cast("list[Point]", points)
 
 
 def _picture(file: Path) -> tuple[str, bytes]:
     """Return media type and bytes of an image; what browsers do not show becomes PNG."""
-    media = _MEDIA.get(file.suffix.lower())
-    if media is not None:
-        return media, file.read_bytes()
+    suffix = file.suffix.lower()
+    if suffix in _SHOWN:
+        return f"image/{suffix[1:].replace('jpg', 'jpeg')}", file.read_bytes()
     return "image/png", _png(read_image(file, colour=True, as_stored=False))
 
 

@@ -3,7 +3,8 @@
 Mocanu et al. (arXiv 2510.16624, experiments on the first level) change hue by up to 5 degrees,
 saturation by 2 %, value by 6 %, and translate and rotate at random. Stronger colour changes are
 worse, because the patterns differ by colour. Images are not mirrored, because the patterns are not
-symmetric. The paper found categorical cross-entropy better than binary cross-entropy with Dice.
+symmetric. The loss is categorical cross-entropy, which the paper found better than binary
+cross-entropy with Dice.
 
 Importing this module imports torch.
 """
@@ -13,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Final, Literal
 
 import cv2
@@ -31,43 +31,6 @@ from perception.networks.training.loop import (
     train,
 )
 from perception.segmentation.training.unet import UNet, UNetConfig
-from uav_bt.errors import UnknownNameError, ValueRangeError
-
-_SMOOTHING: Final = 1.0  # pixels; avoids 0 / 0 in the Dice term of an absent class
-
-
-def cross_entropy(
-    logits: Tensor, ids: Tensor, ignored: int, weights: Tensor | None = None
-) -> Tensor:
-    """Return the mean categorical cross-entropy; arguments as of `bce_dice`."""
-    return functional.cross_entropy(logits, ids, weight=weights, ignore_index=ignored)
-
-
-def bce_dice(logits: Tensor, ids: Tensor, ignored: int, weights: Tensor | None = None) -> Tensor:
-    """Return binary cross-entropy over one mask per class, plus the classes' mean Dice loss.
-
-    Args:
-        logits: (N, C, H, W) float.
-        ids: (N, H, W) int64 class ids.
-        ignored: the id of pixels that do not count.
-        weights: (C,) float weights of the classes in the cross-entropy; None: equal ones.
-    """
-    classes = logits.shape[1]
-    counts = (ids != ignored).unsqueeze(1).to(logits.dtype)
-    masks = functional.one_hot(ids.where(ids != ignored, 0), classes).permute(0, 3, 1, 2)
-    target = masks.to(logits.dtype) * counts
-    bce = functional.binary_cross_entropy_with_logits(logits, target, reduction="none")
-    if weights is not None:
-        bce = bce * weights[:, None, None]
-    mean_bce = (bce * counts).sum() / (counts.sum() * classes).clamp(min=1.0)
-    probability = logits.sigmoid() * counts
-    overlap = (probability * target).sum(dim=(0, 2, 3))
-    total = probability.sum(dim=(0, 2, 3)) + target.sum(dim=(0, 2, 3))
-    dice = (2.0 * overlap + _SMOOTHING) / (total + _SMOOTHING)
-    return mean_bce + (1.0 - dice).mean()
-
-
-LOSSES: Final = MappingProxyType({"cross_entropy": cross_entropy, "bce_dice": bce_dice})
 
 _SHOWN: Final = 0.002  # least share of an image's pixels with which it shows a class
 _WEIGHT_LIMITS: Final = (0.3, 6.0)
@@ -76,17 +39,10 @@ _WEIGHT_LIMITS: Final = (0.3, 6.0)
 def balance_classes(
     ids: NDArray[np.uint8], classes: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-    """Return how rare classes are drawn more often and weigh more.
+    """Return the probability of drawing each image, (N,), and the weights of the C classes.
 
-    A class that no image shows changes nothing.
-
-    Args:
-        ids: (N, H, W) class ids; those of C and more do not count.
-        classes: Number C of classes.
-
-    Returns:
-        (N,) probability of drawing each image, in sum one; (C,) weight of each class in the loss,
-        whose mean over all pixels is one, apart from the limits.
+    Rare classes are drawn more often and weigh more. The weights' mean over all pixels is one,
+    apart from the limits. Ids of C and more do not count.
     """
     counts = np.stack([np.bincount(each.ravel(), minlength=256)[:classes] for each in ids])
     shown = counts >= _SHOWN * ids[0].size
@@ -121,16 +77,9 @@ class AugmentConfig:
     blur_px: float = 0.0  # standard deviation of a Gaussian, pixels of the network's image
     noise: float = 0.0  # standard deviation of a pixel's noise, grey levels
 
-    def __post_init__(self) -> None:
-        if min(asdict(self).values()) < 0.0:
-            raise ValueRangeError(f"augmentation limits must not be negative, got {self}")
-
 
 def augmented(
-    rgb: NDArray[np.uint8],
-    ids: NDArray[np.uint8],
-    rng: np.random.Generator,
-    config: AugmentConfig,
+    rgb: NDArray[np.uint8], ids: NDArray[np.uint8], rng: np.random.Generator, config: AugmentConfig
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """Return an augmented image, (H, W, 3), and its class ids, (H, W), moved in the same way.
 
@@ -139,18 +88,14 @@ def augmented(
     height, width = rgb.shape[:2]
     hue, saturation, value, angle, across, down = rng.uniform(-1.0, 1.0, size=6).tolist()
     hsv = cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV)
-    table = np.stack(
-        [
-            np.round(np.arange(256) + hue * config.hue_deg / _HUE_LEVEL_DEG) % 180,
-            np.clip(np.round(np.arange(256) * (1.0 + saturation * config.saturation)), 0, 255),
-            np.clip(np.round(np.arange(256) * (1.0 + value * config.value)), 0, 255),
-        ],
-        axis=1,
-    ).astype(np.uint8)[None]
+    levels = np.arange(256)
+    factors = (1.0 + saturation * config.saturation, 1.0 + value * config.value)
+    hues = np.round(levels + hue * config.hue_deg / _HUE_LEVEL_DEG) % 180
+    others = [np.clip(np.round(levels * factor), 0, 255) for factor in factors]
+    table = np.stack([hues, *others], axis=1).astype(np.uint8)[None]
     coloured = _degraded(cv2.cvtColor(cv2.LUT(hsv, table), cv2.COLOR_HSV2RGB), rng, config)
-    turn = cv2.getRotationMatrix2D(
-        ((width - 1) / 2.0, (height - 1) / 2.0), angle * config.rotation_deg, 1.0
-    )
+    middle = ((width - 1) / 2.0, (height - 1) / 2.0)
+    turn = cv2.getRotationMatrix2D(middle, angle * config.rotation_deg, 1.0)
     turn[:, 2] += (across * config.shift * width, down * config.shift * height)
     size, border = (width, height), cv2.BORDER_REFLECT_101
     moved = cv2.warpAffine(coloured, turn, size, flags=cv2.INTER_LINEAR, borderMode=border)
@@ -180,14 +125,9 @@ IGNORED: Final = 255  # label of an unknown pixel, which the loss leaves out
 class TrainingConfig(LoopConfig):
     """How the U-Net is trained."""
 
-    loss: Literal["cross_entropy", "bce_dice"] = "cross_entropy"  # the paper's best comes first
+    loss: Literal["cross_entropy"] = "cross_entropy"  # the paper's best
     augment: AugmentConfig = field(default_factory=AugmentConfig)
     balanced: bool = False  # rare classes are drawn more often and weigh more
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.loss not in LOSSES:
-            raise UnknownNameError("loss", self.loss, LOSSES)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -208,19 +148,10 @@ def train_unet(
     checkpoint: Path | None = None,
     progress: Callable[[Progress, UNet], None] = ignore_progress,
 ) -> UNet:
-    """Train the network, or continue from the checkpoint if there is one.
+    """Train the network on images of its size, or continue from the checkpoint if there is one.
 
-    Args:
-        images: the training set, at the network's size.
-        config: how to train.
-        net_config: the network's shape.
-        start: network whose weights it begins with: all layers, without the head if its classes
-            are others; None: random ones.
-        checkpoint: file of the run's state; read first if it exists.
-        progress: called after every step with the averaged network.
-
-    Returns:
-        The network with the running mean of its weights, in evaluation mode.
+    It begins with the weights of `start`, without the head if its classes are others. Returned is
+    the network with the running mean of its weights, in evaluation mode.
     """
     torch.manual_seed(config.seed)
     net = channels_last(UNet(net_config, images.classes))
@@ -229,7 +160,6 @@ def train_unet(
         if start.classes != images.classes:
             taken = {name: each for name, each in taken.items() if not name.startswith("head.")}
         net.load_state_dict(taken, strict=False)
-    loss = LOSSES[config.loss]
     shares: NDArray[np.float64] | None = None
     weights: Tensor | None = None
     if config.balanced:
@@ -238,8 +168,12 @@ def train_unet(
 
     def objective(rng: np.random.Generator) -> tuple[Tensor, Mapping[str, Tensor]]:
         chosen = rng.choice(len(images.rgb), size=config.batch, p=shares)
-        rgb, ids = _batch(images, chosen, rng, config)
-        return loss(net(rgb.to(config.device)), ids.to(config.device), IGNORED, weights), {}
+        pairs = [augmented(images.rgb[i], images.ids[i], rng, config.augment) for i in chosen]
+        rgb, ids = (np.stack(each) for each in zip(*pairs, strict=True))
+        logits = net(_to_input(rgb).to(config.device))
+        known = torch.from_numpy(ids.astype(np.int64)).to(config.device)
+        loss = functional.cross_entropy(logits, known, weight=weights, ignore_index=IGNORED)
+        return loss, {}
 
     return train(
         net,
@@ -262,15 +196,3 @@ def predict(net: UNet, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def _to_input(rgb: NDArray[np.uint8]) -> Tensor:
     batch = torch.from_numpy(rgb).permute(0, 3, 1, 2).float().div_(255.0)
     return batch.contiguous(memory_format=torch.channels_last)
-
-
-def _batch(
-    images: LabelledImages,
-    chosen: NDArray[np.int64],
-    rng: np.random.Generator,
-    config: TrainingConfig,
-) -> tuple[Tensor, Tensor]:
-    pairs = [augmented(images.rgb[i], images.ids[i], rng, config.augment) for i in chosen]
-    rgb = np.stack([pair[0] for pair in pairs])
-    ids = np.stack([pair[1] for pair in pairs])
-    return _to_input(rgb), torch.from_numpy(ids.astype(np.int64))

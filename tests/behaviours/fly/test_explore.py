@@ -9,17 +9,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from behaviours.fly.explore import Avoid, CoverageGrows, Explore
+from behaviours.fly.explore import Avoid, CorridorClear, CoverageGrows, Explore
 from tests.behaviours.path.test_movers import mover
 from tests.paper_lab import paper_map
+from tests.worlds import values
 from tests.worlds.leaves import ADVANCE, TURN_LEFT, TURN_RIGHT, map_with, steering_bench
-from tests.worlds.values import motion
 from uav_bt.answers import Advance, Answer, Done, FollowLeg, Rotate
 from uav_bt.board import (
     CLASS_MAP,
+    CORRIDOR,
     FLIGHT_HEIGHT,
     FLIGHT_PITCH,
     HELD_TURN,
+    MARK,
     ODOMETRY,
     PHASE,
     SITE_MAP,
@@ -33,8 +35,6 @@ from uav_bt.tree import Leaf, Status
 from uav_bt.types import (
     Attitude,
     BodyVelocity,
-    DroneState,
-    FlyingState,
     GimbalTo,
     HeldTurn,
     MoveBy,
@@ -59,13 +59,10 @@ def begun(policy: Says, leaf: type[Leaf] = Explore, **attributes: object) -> Lea
 def near(bench: LeafBench, *points: tuple[float, float], edge_m: float = 9.0) -> None:
     """Remember obstacles around the drone and an edge ahead, and tick."""
     show(bench, seconds=0.3)
-    bench.board[SITE_MAP] = map_with(
-        NearObstacles(
-            points_m=np.array(points, dtype=np.float64).reshape(-1, 2),
-            edges_m=np.array([[edge_m, 0.0]]),
-            captured_s=bench.clock.now(),
-        )
-    )
+    points_m = np.array(points, dtype=np.float64).reshape(-1, 2)
+    edges_m, now_s = np.array([[edge_m, 0.0]]), bench.clock.now()
+    seen = NearObstacles(points_m=points_m, edges_m=edges_m, captured_s=now_s)
+    bench.board[SITE_MAP] = map_with(seen)
     assert bench.tick() is Status.RUNNING
 
 
@@ -74,7 +71,9 @@ def velocity(bench: LeafBench) -> Velocity:
     return bench.proposed
 
 
-# Steps of Explore.
+def move(bench: LeafBench) -> MoveBy:
+    assert isinstance(bench.proposed, MoveBy)
+    return bench.proposed
 
 
 def test_a_step_is_proposed_until_it_is_done() -> None:
@@ -132,8 +131,7 @@ def test_a_step_corrects_the_height(flight_m: float | None, height_m: float, dow
         bench.board[FLIGHT_HEIGHT] = flight_m
     live(bench, height_m=height_m)
     live(bench, seconds=0.3, height_m=height_m)
-    assert isinstance(bench.proposed, MoveBy)
-    assert bench.proposed.down_m == pytest.approx(down_m)
+    assert move(bench).down_m == pytest.approx(down_m)
 
 
 @pytest.mark.parametrize(
@@ -178,44 +176,25 @@ def test_a_policy_that_returns_no_answer_is_named(answer: object) -> None:
         begun(Says(answer))  # type: ignore[arg-type]
 
 
-# Flowing steps.
-
-
-def moving_on(bench: LeafBench, forward_mps: float) -> Status:
-    """Show the leaf a world of now in which the drone flies ahead, and tick it."""
-    show(bench, velocity=BodyVelocity(forward_mps=forward_mps))
-    return bench.tick()
-
-
 def test_a_flowing_step_is_replaced_by_one_that_leads_further() -> None:
     bench = begun(Says(FAR), flowing="true")
-    for _ in range(2):
-        moving_on(bench, 0.7)
-        assert bench.proposed == MoveBy(id=1, forward_m=1.0)  # it leads 0.07 m further a tick
-    moving_on(bench, 0.7)
-    assert bench.proposed == MoveBy(id=2, forward_m=1.0)
-
-
-def test_the_distance_flown_since_the_frame_is_not_flown_again() -> None:
-    """The decision was made for the place where the frame was captured."""
+    for number in (1, 1, 2):  # it leads 0.07 m further a tick
+        live(bench, velocity=BodyVelocity(forward_mps=0.7))
+        assert bench.proposed == MoveBy(id=number, forward_m=1.0)
+    # The decision was made for the place where the frame was captured.
     bench = begun(Says(ADVANCE, FAR), flowing="true")
     show(bench, velocity=BodyVelocity(forward_mps=0.5))
-    bench.clock.advance(0.2)  # the video is late
-    bench.tick()
-    assert isinstance(bench.proposed, MoveBy)
-    assert bench.proposed.forward_m == pytest.approx(0.9)
+    bench.tick(advance_s=0.2)  # the video is late
+    assert move(bench).forward_m == pytest.approx(0.9)
 
 
 @pytest.mark.parametrize("flowing", [True, False])
 def test_a_flowing_step_is_broken_off_when_the_way_is_blocked(*, flowing: bool) -> None:
     """It hovers, looks afresh, and only then fails. The paper's first level flies to its end."""
     bench = begun(Says(FAR, TURN_RIGHT), flowing=flowing)
-    assert moving_on(bench, 0.5) is Status.RUNNING
+    assert live(bench, velocity=BodyVelocity(forward_mps=0.5)) is Status.RUNNING
     assert bench.proposed == (None if flowing else MoveBy(id=1, forward_m=1.0))
     assert live(bench, seconds=0.3) is (Status.FAILURE if flowing else Status.RUNNING)
-
-
-# Courses: answers with a speed.
 
 
 @pytest.mark.parametrize(
@@ -253,7 +232,7 @@ def test_at_the_edge_the_camera_is_lowered_to_the_ground(*, moving: bool, looks_
     edge = drawn_map(pose=(0.0, 1.8, math.pi / 2))
     here = OdometryPose(x_m=0.0, y_m=1.8, yaw_rad=math.pi / 2, time_s=0.0)
     bench.board[SITE_MAP] = replace(edge, movers=(mover(-1.5, 0.0),) if moving else ())
-    bench.board[ODOMETRY] = motion(here, tracked_s=0.0)
+    bench.board[ODOMETRY] = values.motion(here, tracked_s=0.0)
     bench.allow_stale()
     live(bench)
     assert bench.pointed == (GimbalTo(pitch_rad=math.radians(-56)) if looks_down else None)
@@ -264,12 +243,11 @@ def test_at_the_edge_the_camera_is_lowered_to_the_ground(*, moving: bool, looks_
 
 def test_without_a_view_for_half_a_second_a_course_ends() -> None:
     bench = begun(Says(FollowLeg(speed_mps=0.5)))
-    bench.board[CLASS_MAP] = paper_map(ids=bench.board[CLASS_MAP].ids, captured_s=-1.0)
+    ids, flies = bench.board[CLASS_MAP].ids, []
     bench.allow_stale()
-    flies = []
     for _ in range(7):
-        bench.clock.advance(0.1)
-        bench.observe(DroneState(captured_s=bench.clock.now(), flying=FlyingState.FLYING))
+        show(bench)
+        bench.board[CLASS_MAP] = paper_map(ids, captured_s=-1.0)
         bench.tick()
         flies.append(bench.proposed is not None)
     assert flies == [True] * 5 + [False] * 2
@@ -282,9 +260,6 @@ def test_loops_of_the_planner_are_compiled_when_a_leaf_is_set_up(
     monkeypatch.delitem(sys.modules, "behaviours.path.compiled_loops", raising=False)
     steering_bench(Explore, Says(TURN_RIGHT)).tick()
     assert "behaviours.path.compiled_loops" in sys.modules
-
-
-# Turns of Avoid.
 
 
 def rate(bench: LeafBench) -> float:
@@ -331,24 +306,20 @@ def test_a_free_way_counts_only_after_the_least_turn(begin_rad: float) -> None:
     assert (bench.proposed, bench.pointed) == (None, None)
 
 
-def test_an_answer_with_a_heading_ends_the_turn_at_once() -> None:
-    """No need to turn back to the view that showed the way."""
-    bench = begun(Says(TURN_RIGHT, Rotate(yaw_rad=-1.0)), Avoid)
-    for yaw_rad in (0.2, 0.45, 0.55):
-        assert live(bench, yaw_rad=yaw_rad) is Status.RUNNING
-    assert live(bench, yaw_rad=0.60) is Status.SUCCESS
-
-
 def test_it_turns_back_to_where_the_way_was_free() -> None:
-    """The turn has gone on since the frame was captured, and goes on until the drone hears."""
-    bench = begun(Says(TURN_RIGHT, ADVANCE), Avoid)
-    for yaw_rad in (0.3, 0.55):
-        live(bench, yaw_rad=yaw_rad)
-    show(bench, yaw_rad=0.60)
-    bench.board[STATE] = replace(bench.board[STATE], attitude=Attitude(yaw_rad=0.72))
-    bench.tick()
-    assert isinstance(bench.proposed, MoveBy)
-    assert bench.proposed.yaw_rad == pytest.approx(0.60 - 0.72 - 0.06)
+    """The turn has gone on since the frame was captured, and goes on until the drone hears.
+
+    An answer with a heading ends the turn at once: it shows the way from here.
+    """
+    for answer, status in ((ADVANCE, Status.RUNNING), (Rotate(yaw_rad=-1.0), Status.SUCCESS)):
+        bench = begun(Says(TURN_RIGHT, answer), Avoid)
+        for yaw_rad in (0.3, 0.55):
+            assert live(bench, yaw_rad=yaw_rad) is Status.RUNNING
+        show(bench, yaw_rad=0.60)
+        bench.board[STATE] = replace(bench.board[STATE], attitude=Attitude(yaw_rad=0.72))
+        assert bench.tick() is status
+        if status is Status.RUNNING:
+            assert move(bench).yaw_rad == pytest.approx(0.60 - 0.72 - 0.06)
 
 
 def test_where_it_is_not_free_any_more_the_turn_goes_on() -> None:
@@ -373,8 +344,7 @@ def test_the_drone_steps_away_from_a_near_obstacle_before_the_turn() -> None:
     bench = steering_bench(Avoid, Says(TURN_RIGHT))
     live(bench)
     near(bench, (0.18, 0.24), (1.5, 0.0))
-    step = bench.proposed
-    assert isinstance(step, MoveBy)
+    step = move(bench)
     assert (step.forward_m, step.right_m) == pytest.approx((-0.09, -0.12))
     near(bench, (0.18, 0.24))
     assert bench.proposed == step
@@ -400,21 +370,16 @@ def test_a_turn_keeps_away_from_obstacles_and_the_edge() -> None:
         assert (turn.forward_mps, turn.right_mps) == pytest.approx(push_mps)
 
 
-# CoverageGrows.
-
-
 def answers(bench: LeafBench, covered: list[int], *, restarts: int = 0) -> list[Status]:
     """Return the answers of ticks half a second apart, on a map of 100 ground cells."""
-    result = []
+    result, no = [], np.zeros((10, 10), dtype=bool)
     for count in covered:
         bench.clock.advance(0.5)
-        site_map = map_with(NearObstacles(captured_s=bench.clock.now()))
-        cells = np.zeros((10, 10), dtype=bool)
-        passed = np.arange(100).reshape(10, 10) < count
-        bench.board[SITE_MAP] = replace(
-            site_map, seen_s=0.0 * passed, free=cells, outside=cells, passed=passed
+        passed, now_s = np.arange(100).reshape(10, 10) < count, bench.clock.now()
+        changes = {"seen_s": 0.0 * passed, "passed": passed, "restarts": restarts}
+        bench.board[SITE_MAP] = values.site_map(
+            3, captured_s=now_s, free=no, outside=no, contradicted_s=9.0, **changes
         )
-        bench.board[SITE_MAP] = replace(bench.board[SITE_MAP], restarts=restarts)
         result.append(bench.tick())
     return result
 
@@ -437,3 +402,47 @@ def test_a_pause_and_a_new_map_restart_the_window(pause_s: float, restarts: int)
     answers(bench, before)
     bench.clock.advance(pause_s)
     assert answers(bench, [40] * 6, restarts=restarts) == [*[YES] * 5, NO]
+
+
+@pytest.mark.parametrize(
+    ("ahead_m", "impact_s", "obstacle", "clear"),
+    [
+        (3.0, math.inf, None, True),
+        (0.61, math.inf, None, True),
+        (0.59, math.inf, None, False),
+        (1.0, 0.9, None, True),
+        (1.0, 0.7, None, False),  # too fast for the room
+        (3.0, math.inf, (1.5, 0.0), True),
+        (3.0, math.inf, (0.5, 0.0), False),  # it has left the view
+        (3.0, math.inf, (0.2, 0.45), True),
+        (3.0, math.inf, (-0.3, 0.0), True),  # what lies behind may be left
+    ],
+)
+def test_the_corridor_is_clear_with_enough_room(
+    ahead_m: float, impact_s: float, obstacle: tuple[float, float] | None, *, clear: bool
+) -> None:
+    bench = LeafBench(CorridorClear, ahead_m=0.6, impact_s=0.8, beside_m=0.4)
+    show(bench)
+    now_s = bench.clock.now()
+    room = values.corridor(ahead_m, "front", captured_s=now_s, impact_s=impact_s)
+    bench.board[CORRIDOR] = room
+    if obstacle is not None:
+        points_m = np.array([obstacle])
+        bench.board[SITE_MAP] = map_with(NearObstacles(points_m=points_m, captured_s=now_s))
+    assert bench.tick() is (YES if clear else NO)
+
+
+@pytest.mark.parametrize(
+    ("pad", "status"), [(None, NO), ((1.5, 0.1), YES), ((-0.1, 0.3), YES), ((1.0, 1.0), NO)]
+)
+def test_only_on_the_way_to_the_pad_the_ground_may_end(
+    pad: tuple[float, float] | None, status: Status
+) -> None:
+    """Behind the pad."""
+    bench = LeafBench(CorridorClear)
+    show(bench, ids=np.zeros((18, 32), dtype=np.uint8))
+    now_s = bench.clock.now()
+    if pad is not None:
+        bench.board[MARK] = values.fix(now_s, *pad)
+    bench.board[CORRIDOR] = values.corridor(3.0, nearest_m=math.inf, captured_s=now_s)
+    assert bench.tick() is status

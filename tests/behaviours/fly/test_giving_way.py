@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,31 +29,35 @@ COMES = mover(1.6, 0.0, -0.6)
 CROSSES = mover(0.9, -0.9, 0.0, 0.5)
 
 
+def fly(bench: LeafBench, *, yaw_rad: float = 0.0, forward_mps: float = 0.0, **shown: Any) -> None:
+    """Show a map, on which no mover is by default, and the drone's motion, and tick."""
+    show(bench, site_map=replace(drawn_map(pose=(0.0, 0.0, yaw_rad)), **shown))
+    now_s = bench.clock.now()
+    pose = OdometryPose(time_s=now_s, x_m=0.0, y_m=0.0, yaw_rad=yaw_rad)
+    speed = BodyVelocity(forward_mps=forward_mps)
+    bench.board[ODOMETRY] = motion(pose, velocity=speed, tracked_s=now_s)
+    assert bench.tick() is Status.RUNNING
+
+
 def flown(
     leaf: type[SteeringLeaf],
     *movers: MapMover,
     gives_way: bool = True,
-    yaw_rad: float = 0.0,
-    forward_mps: float = 0.0,
+    place: Clearances | None = None,
+    **flight: float,
 ) -> LeafBench:
     """Return a bench whose leaf has worked for half a second, with movers from the last tick on."""
     policy = Says(TURN_RIGHT if leaf is Avoid else ADVANCE)
     bench = steering_bench(leaf, policy, gives_way=gives_way)
+    bench.provide(clearances=place or Clearances())
     for step in range(5):
-        site_map = drawn_map(pose=(0.0, 0.0, yaw_rad))
-        show(bench, site_map=replace(site_map, movers=movers if step == 4 else ()))
-        move(bench, yaw_rad=yaw_rad, forward_mps=forward_mps)
-        assert bench.tick() is Status.RUNNING
+        fly(bench, movers=movers if step == 4 else (), **flight)
     return bench
 
 
-def move(bench: LeafBench, *, yaw_rad: float = 0.0, forward_mps: float = 0.0) -> None:
-    """Write the drone's motion of now on the board."""
-    now_s = bench.clock.now()
-    pose = OdometryPose(time_s=now_s, x_m=0.0, y_m=0.0, yaw_rad=yaw_rad)
-    bench.board[ODOMETRY] = motion(
-        pose, velocity=BodyVelocity(forward_mps=forward_mps), tracked_s=now_s
-    )
+def course(bench: LeafBench) -> Velocity:
+    assert isinstance(bench.proposed, Velocity)
+    return bench.proposed
 
 
 def gives_way(bench: LeafBench) -> bool:
@@ -64,8 +69,7 @@ def gives_way(bench: LeafBench) -> bool:
 def test_it_leaves_the_way_of_what_comes(leaf: type[SteeringLeaf], yaw_rad: float) -> None:
     """Across its course mostly, wherever the nose points."""
     bench = flown(leaf, COMES, yaw_rad=yaw_rad)
-    way = bench.proposed
-    assert isinstance(way, Velocity)
+    way = course(bench)
     assert gives_way(bench)
     x_mps = math.cos(yaw_rad) * way.forward_mps - math.sin(yaw_rad) * way.right_mps
     y_mps = math.sin(yaw_rad) * way.forward_mps + math.cos(yaw_rad) * way.right_mps
@@ -76,8 +80,7 @@ def test_it_leaves_the_way_of_what_comes(leaf: type[SteeringLeaf], yaw_rad: floa
 
 @pytest.mark.parametrize("leaf", LEAVES)
 def test_it_stops_before_it_flies_into_the_way_of_something(leaf: type[SteeringLeaf]) -> None:
-    stopped = flown(leaf, CROSSES, forward_mps=0.5).proposed
-    assert isinstance(stopped, Velocity)
+    stopped = course(flown(leaf, CROSSES, forward_mps=0.5))
     assert (stopped.forward_mps, stopped.right_mps) == (0.0, 0.0)
     assert stopped.yaw_rate_radps < -0.3  # it watches what crosses from the left
     assert not gives_way(flown(leaf, CROSSES))
@@ -97,13 +100,10 @@ def test_it_evades_a_lost_mover_whose_base_is_below_the_view(side: float) -> Non
     lost = replace(mover(3.0, side), std_mps=0.6)
     hidden = NearObstacles(unplaced_rad=side * np.radians(np.arange(10.0, 30.0)))
     for step in range(30):
-        site_map = replace(drawn_map(), movers=(lost,) if step > 25 else ())
-        show(bench, site_map=replace(site_map, near=hidden if step == 29 else NearObstacles()))
-        move(bench)
-        bench.tick()
+        near = hidden if step == 29 else NearObstacles()
+        fly(bench, movers=(lost,) if step > 25 else (), near=near)
         assert gives_way(bench) == (step == 29)
-    assert isinstance(bench.proposed, Velocity)
-    assert bench.proposed.right_mps * side < -0.2 or bench.proposed.forward_mps < -0.2
+    assert course(bench).right_mps * side < -0.2 or course(bench).forward_mps < -0.2
 
 
 @pytest.mark.parametrize(("moved_s", "down_mps"), [(-math.inf, 0.0), (0.0, -0.25)])
@@ -114,11 +114,8 @@ def test_it_stays_above_after_something_moved(
     bench = steering_bench(Avoid, Says(TURN_RIGHT), gives_way=allowed)
     bench.board[FLIGHT_HEIGHT] = 1.5
     for _ in range(5):
-        show(bench, site_map=replace(drawn_map(), moved_s=moved_s))
-        move(bench)
-        bench.tick()
-    assert isinstance(bench.proposed, Velocity)
-    assert bench.proposed.down_mps == pytest.approx(down_mps if allowed else 0.0)
+        fly(bench, moved_s=moved_s)
+    assert course(bench).down_mps == pytest.approx(down_mps if allowed else 0.0)
 
 
 def test_it_stays_above_while_a_mover_may_come_back_and_then_comes_down() -> None:
@@ -128,22 +125,16 @@ def test_it_stays_above_while_a_mover_may_come_back_and_then_comes_down() -> Non
     assert raised_m(shown) == 0.0
 
 
-def test_without_the_port_nobody_gives_way() -> None:
-    """The rules of the paper stay as they are."""
-    bench = flown(Explore, COMES, gives_way=False)
-    assert isinstance(bench.proposed, MoveBy)
-
-
 def test_between_two_maps_the_way_is_held_and_afterwards_the_mission_goes_on() -> None:
+    """Without the port nobody gives way: the rules of the paper stay as they are."""
+    assert isinstance(flown(Explore, COMES, gives_way=False).proposed, MoveBy)
     bench = flown(Explore, COMES)
     way = bench.proposed
     bench.clock.advance(0.1)
     bench.tick()
     assert bench.proposed == way
     for _ in range(6):
-        show(bench, site_map=drawn_map())
-        move(bench)
-        bench.tick()
+        fly(bench)
     assert isinstance(bench.proposed, MoveBy)
 
 
@@ -154,11 +145,9 @@ def test_a_way_is_not_flown_on_without_a_new_view() -> None:
     assert bench.proposed != Velocity()
     for _ in range(10):
         show(bench)
-        move(bench)
         bench.board.write(SITE_MAP, shown)  # anew, of the same view
         bench.tick()
-    assert isinstance(bench.proposed, Velocity)
-    assert (bench.proposed.forward_mps, bench.proposed.right_mps) == (0.0, 0.0)
+    assert (course(bench).forward_mps, course(bench).right_mps) == (0.0, 0.0)
 
 
 def test_without_a_new_view_it_stops_for_a_mover_that_was_on_its_way() -> None:
@@ -190,32 +179,14 @@ def test_a_larger_airframe_gives_way_earlier(radius_m: float) -> None:
     bench = steering_bench(Explore, Says(ADVANCE), gives_way=True)
     side_m = math.sqrt(2.0) * radius_m
     bench.provide(airframe=Airframe(body_size_m=(side_m, side_m, 0.1)))
-    standing = mover(0.8 + radius_m, 0.0)
-    for _ in range(3):
-        show(bench, site_map=replace(drawn_map(), movers=(standing,)))
-        move(bench)
-        bench.tick()
-    assert not gives_way(bench)
-    for _ in range(3):
-        show(bench, site_map=replace(drawn_map(), movers=(mover(0.6 + radius_m, 0.0),)))
-        move(bench)
-        bench.tick()
-    assert gives_way(bench)
-
-
-def velocity_in(place: Clearances) -> Velocity:
-    bench = steering_bench(Explore, Says(ADVANCE), gives_way=True)
-    bench.provide(clearances=place)
-    for step in range(5):
-        show(bench, site_map=replace(drawn_map(), movers=(COMES,) if step == 4 else ()))
-        move(bench)
-        bench.tick()
-    assert isinstance(bench.proposed, Velocity)
-    return bench.proposed
+    for ahead_m, near in ((0.8, False), (0.6, True)):
+        for _ in range(3):
+            fly(bench, movers=(mover(ahead_m + radius_m, 0.0),))
+        assert gives_way(bench) == near
 
 
 def test_it_does_not_leave_the_distance_from_the_edge_that_the_place_asks_for() -> None:
     """On ground of 4 m a side no place lies 2.5 m from the edge: it stays where it is."""
-    usual, far = (velocity_in(Clearances(edge_m=edge_m)) for edge_m in (0.3, 2.5))
-    assert math.hypot(usual.forward_mps, usual.right_mps) > 0.1
-    assert math.hypot(far.forward_mps, far.right_mps) == pytest.approx(0.0)
+    for edge_m, flies in ((0.3, True), (2.5, False)):
+        way = course(flown(Explore, COMES, place=Clearances(edge_m=edge_m)))
+        assert (math.hypot(way.forward_mps, way.right_mps) > 0.1) == flies

@@ -76,18 +76,13 @@ def test_the_integrals_zone_keeps_a_long_turn_from_overshooting() -> None:
     assert max(unzoned) > max(zoned) + 4
 
 
-def test_after_a_reset_it_answers_as_a_new_one() -> None:
+def test_after_a_reset_it_answers_as_a_new_one_and_to_a_second_call_at_one_time_the_same() -> None:
     used, fresh = HeadingController(), HeadingController()
     for tick in range(50):
         used.update(0.15, 100.0 + TICK_S * tick)
     used.reset()
     for now_s, bearing in ((0.0, -0.1), (0.1, -0.05), (0.2, 0.02)):
-        assert used.update(bearing, now_s) == fresh.update(bearing, now_s)
-
-
-def test_a_second_call_at_one_time_has_the_same_answer() -> None:
-    controller = HeadingController()
-    controller.update(0.1, 0.0)
-    answer = controller.update(0.12, 0.1)
-    assert controller.update(0.5, 0.1) == answer
-    assert controller.update(0.5, 0.05) == answer
+        answer = used.update(bearing, now_s)
+        assert answer == fresh.update(bearing, now_s)
+    for now_s in (0.2, 0.15):
+        assert used.update(0.5, now_s) == answer

@@ -8,20 +8,14 @@ from dataclasses import replace
 import pytest
 
 from behaviours.fly.helipad_center import HelipadCenter
+from tests.perception.marks.tag_views import tag_mark
 from tests.worlds.values import fix
 from uav_bt.board import FRAME, MARK, PHASE
 from uav_bt.errors import InputError
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import show
 from uav_bt.tree import Status
-from uav_bt.types import (
-    GimbalTo,
-    LandingMark,
-    MoveBy,
-    MovementState,
-    MovementStatus,
-    Velocity,
-)
+from uav_bt.types import GimbalTo, MoveBy, MovementState, MovementStatus, Velocity
 
 DOWN = GimbalTo(pitch_rad=-math.pi / 2)
 CAMERA_FORWARD_M = 0.15
@@ -36,12 +30,14 @@ def look(
     gimbal_deg: float = -90.0,
     ended: int | None = None,
     word: MovementState = MovementState.DONE,
+    heading_deg: float | None = None,
 ) -> Status:
     """Tick with the pad in view, ahead and right of the camera; None: not in view."""
     movement = MovementStatus(id=ended, state=word) if ended is not None else None
     show(bench, seconds=seconds, height_m=height_m, gimbal_deg=gimbal_deg, movement=movement)
     if offset_m is not None:
-        bench.board[MARK] = fix(bench.clock.now(), offset_m[0] + CAMERA_FORWARD_M, offset_m[1])
+        ahead_m, now_s = offset_m[0] + CAMERA_FORWARD_M, bench.clock.now()
+        bench.board[MARK] = fix(now_s, ahead_m, offset_m[1], heading_deg=heading_deg)
     else:
         del bench.board[MARK]
     return bench.tick()
@@ -75,24 +71,28 @@ def steered(bench: LeafBench) -> Velocity:
 def test_climbs_first_looking_down() -> None:
     """Before anything is judged."""
     bench = climbed(climb_m=0.2)
-
     assert moved(bench) == MoveBy(id=1, down_m=-0.2)
     assert bench.pointed == DOWN
     assert bench.board[PHASE] == "center"
 
 
 def test_flies_towards_the_pad_in_proportion() -> None:
-    """The camera, not the body, goes above the centre, and slows down near it."""
+    """The camera, not the body, goes above the centre, and slows down near it.
+
+    A calibrated camera's offset counts, not the nominal one.
+    """
     bench = climbed()
     look(bench, (0.15, -0.2), seconds=1.0, ended=1)
     far = steered(bench)
     look(bench, (0.06, -0.08))
     near = steered(bench)
-
     assert far.forward_mps / 0.15 == pytest.approx(far.right_mps / -0.2)
     assert near.forward_mps == pytest.approx(0.4 * far.forward_mps)
     assert near.right_mps == pytest.approx(0.4 * far.right_mps)
     assert far.forward_mps > 0.0
+    bench.camera = replace(bench.camera, forward_offset_m=CAMERA_FORWARD_M - 0.08)
+    look(bench, (-0.02, -0.08))
+    assert steered(bench).forward_mps == pytest.approx(near.forward_mps)
 
 
 def test_between_two_frames_it_flies_on_but_not_blindly() -> None:
@@ -105,17 +105,6 @@ def test_between_two_frames_it_flies_on_but_not_blindly() -> None:
     assert bench.proposed is None
 
 
-def test_where_the_lens_sits_is_the_cameras_business() -> None:
-    """A calibrated camera's offset counts, not the nominal one."""
-    bench = climbed()
-    look(bench, (0.1, 0.0), seconds=1.0, ended=1)
-    known = steered(bench).forward_mps
-    bench.camera = replace(bench.camera, forward_offset_m=CAMERA_FORWARD_M - 0.08)
-    look(bench, (0.02, 0.0))
-
-    assert steered(bench).forward_mps == pytest.approx(known)
-
-
 def test_centred_twice_then_lower_then_centred_again() -> None:
     """Two looks in a row agree, high up and again low down; then success, proposing nothing."""
     bench = climbed(tolerance_m=0.04, low_m=1.1)
@@ -124,7 +113,6 @@ def test_centred_twice_then_lower_then_centred_again() -> None:
     assert look(bench, (0.01, 0.02)) is Status.RUNNING
     descent = moved(bench)
     assert descent.down_m == pytest.approx(1.7 - 1.1)
-
     assert look(bench, (0.0, 0.02), seconds=1.5, height_m=1.1, ended=descent.id) is Status.RUNNING
     assert look(bench, (0.0, 0.02), height_m=1.1) is Status.SUCCESS
     assert (bench.proposed, bench.pointed) == (None, None)
@@ -139,34 +127,18 @@ def test_one_look_does_not_confirm() -> None:
     assert isinstance(bench.proposed, Velocity)  # one again, not two: no descent yet
 
 
-def test_a_look_from_before_the_movement_ended_does_not_count() -> None:
-    """Video is late: that frame shows the pad from elsewhere."""
-    bench = climbed()
-    show(
-        bench,
-        seconds=1.0,
-        height_m=1.7,
-        gimbal_deg=-90.0,
-        movement=MovementStatus(id=1, state=MovementState.DONE),
-    )
-    bench.board[MARK] = fix(bench.clock.now() - 0.15, 0.6)
-    bench.tick()
-
-    assert bench.proposed is None
-
-
-@pytest.mark.parametrize("why", ["gimbal", "tracked", "no frame"])
+@pytest.mark.parametrize("why", ["gimbal", "tracked", "no frame", "late"])
 def test_only_what_is_seen_from_above_counts(why: str) -> None:
-    """Not while the camera tilts, not a track without a detection, not without a frame."""
+    """Not while the camera tilts, not a track without a detection, not without a frame.
+
+    Nor a look from before the movement ended: video is late, and shows the pad from elsewhere.
+    """
     bench = climbed()
-    show(
-        bench,
-        seconds=0.9,
-        height_m=1.7,
-        gimbal_deg=-60.0 if why == "gimbal" else -90.0,
-        movement=MovementStatus(id=1, state=MovementState.DONE),
-    )
-    bench.board[MARK] = fix(bench.clock.now(), 0.6, detected=why != "tracked")
+    gimbal_deg = -60.0 if why == "gimbal" else -90.0
+    movement = MovementStatus(id=1, state=MovementState.DONE)
+    show(bench, seconds=1.0, height_m=1.7, gimbal_deg=gimbal_deg, movement=movement)
+    captured_s = bench.clock.now() - (0.15 if why == "late" else 0.0)
+    bench.board[MARK] = fix(captured_s, 0.6, detected=why != "tracked")
     if why == "no frame":
         del bench.board[FRAME]
     assert bench.tick() is Status.RUNNING
@@ -181,7 +153,6 @@ def test_without_a_sight_of_it_it_looks_from_higher() -> None:
     search(bench, 1.1)
     second = moved(bench)
     assert second.down_m == pytest.approx(-0.2)
-
     look(bench, None, seconds=1.0, ended=second.id, height_m=2.3)
     search(bench, 1.1, height_m=2.3)
     assert bench.proposed is None
@@ -209,7 +180,6 @@ def test_an_interrupted_descent_goes_on_and_is_not_taken_for_flown(seconds: floa
     descent = moved(bench)
     over = MovementState.INTERRUPTED
     look(bench, (0.0, 0.0), seconds=seconds, height_m=1.5, ended=descent.id, word=over)
-
     assert moved(bench).id != descent.id
     assert moved(bench).down_m == pytest.approx(1.5 - 1.1)
 
@@ -218,57 +188,43 @@ def test_lost_for_too_long_is_a_failure() -> None:
     """It gives up, says so, and proposes nothing."""
     bench = climbed(give_up_s=5.0)
     look(bench, None, seconds=1.0, ended=1, height_m=2.3)
-
     assert search(bench, 3.9, height_m=2.3) is Status.RUNNING
     assert search(bench, 0.2, height_m=2.3) is Status.FAILURE
     assert (bench.proposed, bench.pointed) == (None, None)
     assert bench.feedback == "mark lost"
 
 
-# --- the heading to land with ---------------------------------------------------------------------
-
-TAG = LandingMark(
-    kind="apriltag", length_m=0.5, width_m=0.5, height_m=0.0, options={"id": 7, "size_m": 0.3}
-)
-
-
-def tagged(heading_deg: float | None, wanted: str) -> LeafBench:
-    """Return a bench above a tag that is seen at a heading, after the climb."""
-    bench = LeafBench(HelipadCenter, heading_deg=wanted)
-    bench.provide(mark=TAG)
-    look(bench, None, height_m=1.5)
-    movement = MovementStatus(id=1, state=MovementState.DONE)
-    show(bench, seconds=1.0, height_m=1.7, gimbal_deg=-90.0, movement=movement)
-    bench.board[MARK] = fix(
-        bench.clock.now(), CAMERA_FORWARD_M, height_m=0.0, heading_deg=heading_deg
-    )
-    assert bench.tick() is Status.RUNNING
-    return bench
+TAG = tag_mark(height_m=0.0)
 
 
 @pytest.mark.parametrize(
     ("seen_deg", "wanted", "turn_deg"),
-    [(30.0, "90", 60.0), (170.0, "-170", 20.0), (5.0, "0", -5.0)],
+    [
+        (30.0, "90", 60.0),
+        (170.0, "-170", 20.0),
+        (5.0, "0", -5.0),
+        (88.0, "90", None),  # within the slack
+        (30.0, "any", None),
+        (None, "90", None),
+    ],
 )
 def test_turns_the_short_way_to_the_wanted_heading(
-    seen_deg: float, wanted: str, turn_deg: float
+    seen_deg: float | None, wanted: str, turn_deg: float | None
 ) -> None:
-    assert moved(tagged(seen_deg, wanted)).yaw_rad == pytest.approx(math.radians(turn_deg))
+    """On the tag that is seen after the climb."""
+    bench = LeafBench(HelipadCenter, heading_deg=wanted)
+    bench.provide(mark=TAG)
+    look(bench, None, height_m=1.5)
+    look(bench, (0.0, 0.0), seconds=1.0, ended=1, heading_deg=seen_deg)
+    if turn_deg is None:
+        assert isinstance(bench.proposed, Velocity)
+    else:
+        assert moved(bench).yaw_rad == pytest.approx(math.radians(turn_deg))
 
 
-@pytest.mark.parametrize(("seen_deg", "wanted"), [(88.0, "90"), (30.0, "any"), (None, "90")])
-def test_does_not_turn_within_the_slack_or_without_need(
-    seen_deg: float | None, wanted: str
-) -> None:
-    assert isinstance(tagged(seen_deg, wanted).proposed, Velocity)
-
-
-def test_a_heading_needs_a_mark_that_shows_it() -> None:
+def test_a_heading_is_a_number_and_needs_a_mark_that_shows_it() -> None:
     with pytest.raises(InputError, match="kind 'helipad' does not"):
         look(LeafBench(HelipadCenter, heading_deg="90"), None)
-
-
-def test_a_heading_is_a_number() -> None:
     with pytest.raises(InputError, match="expected any, or degrees from -360 to 360, got 'north'"):
         LeafBench(HelipadCenter, heading_deg="north")
 
@@ -281,5 +237,4 @@ def test_centres_again_above_the_mark_as_high_as_it_is(mark_m: float, low_m: flo
     look(bench, None, height_m=1.5)
     look(bench, (0.0, 0.0), seconds=1.0, ended=1)
     look(bench, (0.0, 0.0))
-
     assert moved(bench).down_m == pytest.approx(1.7 - low_m)

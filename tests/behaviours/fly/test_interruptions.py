@@ -58,7 +58,7 @@ def sense(drone: ScriptedDrone) -> type[Leaf]:
             frame = self.read(FRAME).value
             if frame is None:
                 return Status.SUCCESS
-            self.write(CLASS_MAP, paper_map(ids=GROUND, captured_s=frame.captured_s))
+            self.write(CLASS_MAP, paper_map(GROUND, captured_s=frame.captured_s))
             heading, x_m, y_m = drone.state.attitude.yaw_rad, -drone.x_m, -drone.y_m
             ahead = math.hypot(x_m, y_m) > NEAREST_AHEAD_M
             detected = ahead or frame.gimbal_pitch_rad < math.radians(-80)
@@ -80,14 +80,15 @@ def sense(drone: ScriptedDrone) -> type[Leaf]:
 class World:
     """A mission on a scripted drone, and what interrupts it."""
 
-    def __init__(self, body: str, fault: str | None = None) -> None:
+    def __init__(self, body: str, fault: str, place: str, duration_s: float = math.inf) -> None:
         # A movement takes 1.5 s, so that it is under way when it is interrupted.
         self.inner = ScriptedDrone(movement_ticks=15)
         self.inner.camera = replace(self.inner.camera, forward_offset_m=0.15)
         self.drone: Any = self.inner
         listeners: list[Any] = [self]
-        if fault is not None:
-            self.drone = FaultyDrone(self.inner, Fault.parse(fault))
+        if fault != BY_HAND:
+            text = f"{fault}@{place}" + (f"~{duration_s}" if duration_s < math.inf else "")
+            self.drone = FaultyDrone(self.inner, Fault.parse(text))
             listeners.append(self.drone)
         # In place of the installed ones, which would need something to see.
         policies: dict[str, LeafPolicy] = {
@@ -104,7 +105,7 @@ class World:
         judge = Judge(JudgeConfig(land_on=LandOn.ANY))
         self.runner = MissionRunner(self.drone, tree, context, judge, listeners=listeners)
         self.records: list[TickRecord] = []
-        self.takes_over: str | None = None  # PHASE+SECONDS
+        self.takes_over = place if fault == BY_HAND else None  # PHASE+SECONDS
         self._took_over_s: float | None = None
 
     def on_tick(self, record: TickRecord) -> None:
@@ -135,28 +136,24 @@ PLACES = {
     "HelipadCenter, down": "center+2",
     "Land": "land+0.5",
 }
+TURN = '<Sequence><TakeOff height_m="1"/><Turn degrees="90"/><Land/></Sequence>'
 BY_HAND = "by hand"
+FAULTS = [BY_HAND, "pilot", "video-lost", "link-lost", "interrupted"]
 
 
 @pytest.mark.parametrize("place", PLACES.values(), ids=PLACES.keys())
-@pytest.mark.parametrize("fault", [BY_HAND, "pilot", "video-lost", "link-lost", "interrupted"])
+@pytest.mark.parametrize("fault", FAULTS)
 def test_what_passes_ends_no_mission(place: str, fault: str) -> None:
     """A person flies for longer than the leaves' own time limits leave room for."""
-    duration_s = 10.0 if fault == "pilot" else 2.5
-    world = World(MISSION, None if fault == BY_HAND else f"{fault}@{place}~{duration_s}")
-    world.takes_over = place if fault == BY_HAND else None
-
+    world = World(MISSION, fault, place, 10.0 if fault == "pilot" else 2.5)
     assert world.fly() == Verdict(outcome=Outcome.SUCCESS, reason="landed")
     manual = sum(each.override is Override.MANUAL for each in world.records)
     assert manual >= 99 if fault == BY_HAND else world.drone.began_s is not None
 
 
-@pytest.mark.parametrize("fault", [BY_HAND, "pilot", "video-lost", "link-lost", "interrupted"])
+@pytest.mark.parametrize("fault", FAULTS)
 def test_an_interrupted_turn_ends_at_its_heading(fault: str) -> None:
-    body = '<Sequence><TakeOff height_m="1"/><Turn degrees="90"/><Land/></Sequence>'
-    world = World(body, None if fault == BY_HAND else f"{fault}@look+0.5~3")
-    world.takes_over = "look+0.5" if fault == BY_HAND else None
-
+    world = World(TURN, fault, "look+0.5", 3.0)
     assert world.fly().outcome is Outcome.SUCCESS
     assert math.degrees(world.inner.state.attitude.yaw_rad) == pytest.approx(90)
     assert {record.override for record in world.records} != {None} or fault == "interrupted"
@@ -170,18 +167,15 @@ def test_an_interrupted_turn_ends_at_its_heading(fault: str) -> None:
 
 def test_a_drone_that_never_turns_ends_the_mission_and_the_leaf_says_why() -> None:
     """A lasting fault is not a passing override."""
-    body = '<Sequence><TakeOff height_m="1"/><Turn degrees="90"/><Land/></Sequence>'
-    world = World(body, "interrupted@look+0.5")
-
+    world = World(TURN, "interrupted", "look+0.5")
     assert world.fly().outcome is Outcome.ABORTED
     (turn,) = (leaf for leaf in world.tree.leaves() if leaf.name == "Turn")
     assert "interrupted 6 times" in turn.feedback_message
 
 
-@pytest.mark.parametrize("fault", ["pilot", "video-lost", "link-lost", "interrupted"])
+@pytest.mark.parametrize("fault", FAULTS[1:])
 def test_an_emergency_landing_goes_on_too(fault: str) -> None:
     """The mission fails, but it ends on the ground."""
     body = '<Sequence><Sense/><TakeOff height_m="1"/><EmergencyLand/></Sequence>'
-    world = World(body, f"{fault}@emergency landing+0.2~8")
-
+    world = World(body, fault, "emergency landing+0.2", 8.0)
     assert world.fly().reason == "the tree failed; landed"

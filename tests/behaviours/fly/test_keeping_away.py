@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from behaviours.fly.keeping_away import (
-    KEEP_AWAY_M,
-    PUSH_MPS,
-    PUSH_PER_S,
-    ROOM_STEP_M,
-    by_the_map,
-    push_away_mps,
-    step_away_m,
-)
+from behaviours.fly.keeping_away import by_the_map, push_away_mps, step_away_m
 from uav_bt.testing.world import drawn_map
 from uav_bt.types import MapObject, NearObstacles
 
-Points = list[tuple[float, float]]
+Points = Sequence[tuple[float, float]]
 
 
-def around(points: Points, edges: Points | None = None) -> NearObstacles:
-    places_m = [np.array(each, dtype=float).reshape(-1, 2) for each in (points, edges or [])]
-    return NearObstacles(points_m=places_m[0], edges_m=places_m[1], captured_s=0.0)
+def around(points: Points, edges: Points = ()) -> NearObstacles:
+    points_m, edges_m = (np.array(each, dtype=float).reshape(-1, 2) for each in (points, edges))
+    return NearObstacles(points_m=points_m, edges_m=edges_m, captured_s=0.0)
 
 
 BESIDE: Points = [(0.0, 0.3)]
@@ -33,14 +26,14 @@ BESIDE: Points = [(0.0, 0.3)]
 @pytest.mark.parametrize(
     ("obstacles", "edge_m", "step_m"),
     [
-        (around([*BESIDE, (2.0, 0.0)]), 0.3, (0.0, -ROOM_STEP_M)),
+        (around([*BESIDE, (2.0, 0.0)]), 0.3, (0.0, -0.15)),
         (None, 0.3, None),
         (around([]), 0.3, None),
         (around([(0.5, 0.0)]), 0.3, None),
         (around([*BESIDE, (0.0, -0.4)]), 0.3, None),  # to another obstacle
         # Between a box and the edge the drone stays rather than leave the ground.
         (around(BESIDE, [(0.0, -0.4)]), 0.3, None),
-        (around(BESIDE, [(0.0, -0.6)]), 0.3, (0.0, -ROOM_STEP_M)),
+        (around(BESIDE, [(0.0, -0.6)]), 0.3, (0.0, -0.15)),
         (around(BESIDE, [(0.0, -0.6)]), 0.5, None),  # it ends 0.45 m before that edge
     ],
 )
@@ -55,25 +48,25 @@ def test_the_push_grows_with_the_intrusion_up_to_a_limit() -> None:
     pushes_mps = [-push_away_mps(around([(0.0, at_m)]))[1] for at_m in (1.0, 0.44, 0.35, 0.2)]
     assert pushes_mps[0] == 0.0
     assert pushes_mps == sorted(set(pushes_mps))
-    assert pushes_mps[-1] == pytest.approx(PUSH_MPS)
+    assert pushes_mps[-1] == pytest.approx(0.2)
     _, right_mps = push_away_mps(around([(0.0, 0.4)], [(0.0, -1.0)]))
-    assert right_mps == pytest.approx(-PUSH_PER_S * (KEEP_AWAY_M - 0.4))
+    assert right_mps == pytest.approx(-0.075)
 
 
 def test_mapped_obstacles_are_kept_away_from_where_the_map_has_them() -> None:
-    """Remembered on the left, where they have drifted to; the map knows them on the right."""
+    """Remembered on the left, where they have drifted to; the map knows them on the right.
+
+    A map that views contradict is not used.
+    """
     site_map = drawn_map(obstacles=np.array([(0.0, 0.3), (0.0, 0.35), (0.05, 0.3)]))
-    found = by_the_map(around([(0.0, 0.1), (0.02, 0.1), (0.0, 0.12)]), site_map)
+    seen = around([(0.0, 0.1), (0.02, 0.1), (0.0, 0.12)])
+    found = by_the_map(seen, site_map)
     assert found is not None
     assert found.nearest_m == pytest.approx(0.3)
     assert push_away_mps(found)[1] < 0.0
-    seen = by_the_map(around([(0.0, -0.3), (0.0, -0.32), (0.02, -0.3)]), drawn_map())
-    assert seen is not None
-    assert seen.nearest_m == pytest.approx(0.3)
-
-
-def test_a_map_that_views_contradict_is_not_used() -> None:
-    seen, site_map = around([(0.0, 0.1)]), drawn_map(obstacles=np.array([(0.0, 0.3)]))
+    unmapped = by_the_map(around([(0.0, -0.3), (0.0, -0.32), (0.02, -0.3)]), drawn_map())
+    assert unmapped is not None
+    assert unmapped.nearest_m == pytest.approx(0.3)
     assert by_the_map(seen, replace(site_map, contradicted_s=0.5)) is seen
     assert by_the_map(seen, None) is seen
     assert by_the_map(None, site_map) is None

@@ -14,13 +14,7 @@ from uav_bt.errors import InputError
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import live
 from uav_bt.tree import Status
-from uav_bt.types import (
-    BodyVelocity,
-    GimbalTo,
-    Hover,
-    MissionPhase,
-    MoveBy,
-)
+from uav_bt.types import BodyVelocity, GimbalTo, Hover, MissionPhase, MoveBy
 from uav_bt.types.dead_reckoning import OdometryPose
 from uav_bt.types.flight_results import EventKind, FlightEvent
 
@@ -101,18 +95,16 @@ def test_say_fills_in_variables_and_board_keys() -> None:
     for _ in range(2):  # one event an activation
         assert bench.tick() is Status.SUCCESS
     filled = "left of 4, 0.123, after 12 s in explore; unknown, unknown"
-    event = FlightEvent(time_s=12.0, kind=EventKind.INFO, text=filled, node="Bench/Say")
-    assert bench.notes.events == [event, event]
+    assert (
+        bench.notes.events
+        == [FlightEvent(time_s=12.0, kind=EventKind.INFO, text=filled, node="Bench/Say")] * 2
+    )
     assert bench.feedback == filled
-
-
-def test_say_warns_and_takes_a_text_of_one_placeholder() -> None:
     bench = LeafBench(Say, text="{n}", level="warning")
     bench.variables["n"] = 2.5
     bench.tick()
-    assert [(event.kind, event.text) for event in bench.notes.events] == [
-        (EventKind.WARNING, "2.5")
-    ]
+    (event,) = bench.notes.events
+    assert (event.kind, event.text) == (EventKind.WARNING, "2.5")
 
 
 @pytest.mark.parametrize("text", ["{two words}", "{}", "50 } %"])

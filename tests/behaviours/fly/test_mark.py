@@ -25,18 +25,13 @@ from tests.worlds.leaves import (
     steering_bench,
 )
 from tests.worlds.values import fix, motion
-from uav_bt.answers import FollowLeg
+from uav_bt.answers import Advance, Answer, Blocked, Done, FollowLeg
 from uav_bt.board import FLIGHT_HEIGHT, FLIGHT_PITCH, MARK, ODOMETRY, PHASE, SITE_MAP
+from uav_bt.errors import InputError
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import Says, drawn_map, show
 from uav_bt.tree import Status
-from uav_bt.types import (
-    Clearances,
-    GimbalTo,
-    MoveBy,
-    NearObstacles,
-    Velocity,
-)
+from uav_bt.types import Clearances, GimbalTo, MoveBy, NearObstacles, Velocity
 from uav_bt.types.dead_reckoning import OdometryPose
 from uav_bt.types.site_map import MapMark, SiteMap
 
@@ -50,6 +45,7 @@ def fly(
     seconds: float = 0.1,
     unseen_s: float = 0.0,
     std_m: float = 0.0,
+    height_m: float = 0.4,
     site_map: SiteMap | None = None,
     obstacles: Sequence[tuple[float, float]] = (),
     yaw_rad: float = 0.0,
@@ -59,13 +55,10 @@ def fly(
     now_s = bench.clock.now()
     del bench.board[MARK]
     if pad is not None:
-        bench.board[MARK] = fix(
-            now_s - unseen_s, pad[0], pad[1], detected=unseen_s == 0.0, std_m=std_m
-        )
-    near = NearObstacles(
-        points_m=np.array(obstacles, dtype=np.float64).reshape(-1, 2),
-        captured_s=now_s,
-    )
+        seen = {"detected": unseen_s == 0.0, "std_m": std_m, "height_m": height_m}
+        bench.board[MARK] = fix(now_s - unseen_s, *pad, **seen)
+    points_m = np.array(obstacles, dtype=np.float64).reshape(-1, 2)
+    near = NearObstacles(points_m=points_m, captured_s=now_s)
     if site_map is None and obstacles:
         site_map = map_with(near)
     del bench.board[SITE_MAP]
@@ -74,16 +67,24 @@ def fly(
     return bench.tick()
 
 
-def searching(policy: Says, **attributes: object) -> LeafBench:
+def returning(answer: Answer | Says = ADVANCE, **attributes: object) -> LeafBench:
+    policy = answer if isinstance(answer, Says) else Says(answer)
     bench = steering_bench(RETURN_TO_BASE, policy, gimbal_deg=-30.0, **attributes)
     bench.board[FLIGHT_PITCH] = math.radians(-30)
+    return bench
+
+
+def searching(answer: Answer | Says = ADVANCE) -> LeafBench:
+    bench = returning(answer)
     assert fly(bench) is Status.RUNNING
     assert bench.proposed is None
     return bench
 
 
-def approaching(pad: tuple[float, float] = (2.5, 0.0), policy: Says | None = None) -> LeafBench:
-    bench = searching(policy or Says(ADVANCE))
+def approaching(
+    pad: tuple[float, float] = (2.5, 0.0), answer: Answer | Says = ADVANCE
+) -> LeafBench:
+    bench = searching(answer)
     assert fly(bench, pad) is Status.RUNNING
     assert bench.board[PHASE] == "approach"
     return bench
@@ -94,24 +95,15 @@ def velocity(bench: LeafBench) -> Velocity:
     return bench.proposed
 
 
-# --- search ---------------------------------------------------------------------------------------
-
-
-def test_searches_under_the_policy() -> None:
-    """Without a mark in view it advances as exploring does, the camera ahead."""
-    bench = searching(Says(ADVANCE))
-    fly(bench, seconds=0.3)
-
-    assert bench.proposed == MoveBy(id=1, forward_m=0.3)
+def test_it_searches_under_the_policy() -> None:
+    """At the speed of a policy that has one: its leg may be metres long."""
+    bench = searching()
+    for seconds in (0.3, 0.1):
+        fly(bench, seconds=seconds)
+        assert bench.proposed == MoveBy(id=1, forward_m=0.3)
     assert bench.pointed == SEARCH_GIMBAL
     assert bench.board[PHASE] == "search"
-    fly(bench)
-    assert bench.proposed == MoveBy(id=1, forward_m=0.3)
-
-
-def test_a_policy_that_flies_at_a_speed_is_searched_under_at_that_speed() -> None:
-    """Not in one step to the end of its leg, which may be metres away."""
-    bench = searching(Says(FollowLeg(yaw_rad=0.1, speed_mps=0.4)))
+    bench = searching(FollowLeg(yaw_rad=0.1, speed_mps=0.4))
     fly(bench, seconds=0.3)
     assert velocity(bench).forward_mps == pytest.approx(0.4)
     assert velocity(bench).yaw_rate_radps > 0.0
@@ -119,9 +111,8 @@ def test_a_policy_that_flies_at_a_speed_is_searched_under_at_that_speed() -> Non
 
 def test_a_pad_whose_place_is_uncertain_does_not_end_the_search() -> None:
     """Only a sight of it does: the track may have gone astray."""
-    bench = searching(Says(ADVANCE))
+    bench = searching()
     fly(bench, (2.0, 0.0), seconds=0.3, unseen_s=3.0, std_m=0.5)
-
     assert bench.board[PHASE] == "search"
     assert isinstance(bench.proposed, MoveBy)
 
@@ -132,48 +123,53 @@ def test_a_track_that_led_nowhere_is_not_flown_to_again() -> None:
     seen_s = bench.clock.now() - 0.7
     assert fly(bench, (0.1, 0.0), unseen_s=0.8) is Status.SUCCESS
     fly(bench, (0.3, 0.0), unseen_s=bench.clock.now() + 0.11 - seen_s, std_m=0.05)
-
     assert bench.board[PHASE] == "search"
 
 
-# --- search by the map ----------------------------------------------------------------------------
+# Search by the map.
 
 
-def marked(x_m: float, y_m: float, *, seen_s: float = 1.0, yaw_rad: float = 0.0) -> SiteMap:
+def marked(x_m: float, y_m: float, *, seen_s: float = 1.0) -> SiteMap:
     """Return ground of 4 x 4 m with the landing mark on it; the drone is in the middle."""
-    mark = MapMark(x_m=x_m, y_m=y_m, std_m=0.03, seen_s=seen_s)
-    return replace(drawn_map(pose=(0.0, 0.0, yaw_rad)), mark=mark)
+    return replace(drawn_map(), mark=MapMark(x_m=x_m, y_m=y_m, std_m=0.03, seen_s=seen_s))
 
 
-def test_it_flies_to_the_mark_of_the_map() -> None:
-    """At a speed, without asking the policy, though the mark was not seen for long."""
-    policy = Says(TURN_LEFT)
+@pytest.mark.parametrize("moved_s", [-math.inf, 0.0])
+def test_it_flies_to_the_mark_of_the_map(moved_s: float) -> None:
+    """At a speed, above movers, without asking the policy, though the mark was not seen for long.
+
+    A step under the policy is broken off for it.
+    """
+    policy = Says(ADVANCE)
     bench = searching(policy)
+    bench.board[FLIGHT_HEIGHT] = 1.5
+    fly(bench, seconds=0.3)
+    assert bench.proposed == MoveBy(id=1, forward_m=0.3)
     for _ in range(2):
-        fly(bench, site_map=marked(1.6, 0.2))
+        fly(bench, site_map=replace(marked(1.6, 0.2), moved_s=moved_s))
         assert velocity(bench).forward_mps > 0.25
         assert abs(velocity(bench).yaw_rate_radps) < 0.4
+    assert (velocity(bench).down_mps < -0.2) == (moved_s == 0.0)
     assert bench.board[PHASE] == "approach"
     assert len(policy.views) <= 1
 
 
 def test_a_mark_of_the_map_that_is_not_there_counts_again_once_it_is_seen() -> None:
     """Begun again above its place, the drone covers ground by the map."""
-    bench, there = searching(Says(TURN_LEFT)), marked(0.1, 0.0)
+    bench, there = searching(TURN_LEFT), marked(0.1, 0.0)
     assert fly(bench, site_map=there) is Status.SUCCESS
     elsewhere = replace(marked(0.4, 0.0), passed=where("right"))
     for _ in range(3):
         fly(bench, site_map=elsewhere, seconds=0.3)
     assert bench.board[PHASE] == "search"
     assert velocity(bench).yaw_rate_radps < -0.3  # to the left, where it has not been
-    seen = replace(elsewhere.mark, seen_s=bench.clock.now())
-    fly(bench, site_map=replace(elsewhere, mark=seen))
+    fly(bench, site_map=marked(0.4, 0.0, seen_s=bench.clock.now()))
     assert bench.board[PHASE] == "approach"
 
 
 def test_where_no_way_is_known_it_looks_around_and_then_makes_a_detour() -> None:
     wall = np.column_stack([np.full(41, 0.8), np.linspace(-2.0, 2.0, 41)])
-    bench = searching(Says(TURN_LEFT))
+    bench = searching(TURN_LEFT)
     shut = replace(marked(1.8, 0.0), obstacles_m=wall)
     for _ in range(26):
         fly(bench, (1.8, 0.0), site_map=shut, seconds=0.3)
@@ -185,7 +181,7 @@ def test_where_no_way_is_known_it_looks_around_and_then_makes_a_detour() -> None
 
 def test_a_sighting_far_from_the_maps_mark_is_taken_for_an_error() -> None:
     """The mark, seen well before, is flown to."""
-    bench = searching(Says(ADVANCE))
+    bench = searching()
     fly(bench, pad=(1.5, -1.5), site_map=marked(1.5, 1.0))
     assert bench.board[PHASE] == "approach"
     assert velocity(bench).yaw_rate_radps > 0.3
@@ -194,21 +190,11 @@ def test_a_sighting_far_from_the_maps_mark_is_taken_for_an_error() -> None:
 def test_by_a_map_that_views_contradict_no_route_is_flown() -> None:
     """It flies straight while nothing that was seen is near that way."""
     wrong = replace(marked(1.8, 0.0), contradicted_s=9.0)
-    bench = searching(Says(ADVANCE))
+    bench = searching()
     fly(bench, (1.8, 0.0), site_map=wrong)
     assert velocity(bench).forward_mps > 0.0
     fly(bench, (1.8, 0.0), site_map=wrong, obstacles=[(1.0, 0.1)])
     assert bench.proposed is None
-
-
-@pytest.mark.parametrize("moved_s", [-math.inf, 0.0])
-def test_on_the_way_it_stays_above_movers(moved_s: float) -> None:
-    bench = searching(Says(TURN_LEFT))
-    bench.board[FLIGHT_HEIGHT] = 1.5
-    for _ in range(3):
-        fly(bench, site_map=replace(marked(1.6, 0.2), moved_s=moved_s))
-    assert velocity(bench).forward_mps > 0.2
-    assert (velocity(bench).down_mps < -0.2) == (moved_s == 0.0)
 
 
 @pytest.mark.parametrize("approach", ["policy", "memory"])
@@ -216,58 +202,35 @@ def test_at_the_edge_the_camera_is_lowered_where_the_map_leads_not_under_a_polic
     approach: str,
 ) -> None:
     """A student knows views of one pitch; lowered, a view shows it ground where the edge is."""
-    bench = steering_bench(RETURN_TO_BASE, Says(ADVANCE), gimbal_deg=-30.0, approach=approach)
-    edge = replace(
-        drawn_map(pose=(0.0, 1.8, math.pi / 2), passed=None),
-        seen_s=np.where(where("left"), -math.inf, drawn_map().seen_s).astype(np.float32),
-    )
+    bench, drawn = returning(approach=approach), drawn_map(pose=(0.0, 1.8, math.pi / 2))
+    edge = replace(drawn, seen_s=np.where(where("left"), -math.inf, drawn.seen_s))
     here = OdometryPose(x_m=0.0, y_m=1.8, yaw_rad=math.pi / 2, time_s=0.0)
     bench.board[ODOMETRY] = motion(here, tracked_s=0.0)
     bench.allow_stale()
     for _ in range(2):
         fly(bench, site_map=edge, yaw_rad=math.pi / 2)
-    lowered = bench.pointed != SEARCH_GIMBAL
-    assert lowered == (approach == "memory")
+    assert (bench.pointed != SEARCH_GIMBAL) == (approach == "memory")
 
 
-def test_the_map_leads_as_soon_as_it_knows_a_way() -> None:
-    """A step under the policy is broken off for it."""
-    bench = searching(Says(ADVANCE))
-    fly(bench, seconds=0.3)
-    assert bench.proposed == MoveBy(id=1, forward_m=0.3)
-    fly(bench, site_map=marked(1.6, 0.0))
-
-    assert isinstance(bench.proposed, Velocity)
-
-
-# --- approach -------------------------------------------------------------------------------------
+# Approach.
 
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_turns_to_the_pad_before_it_flies(side: int) -> None:
-    """Far off the heading: on the spot, towards it."""
     bench = approaching((1.5, side * 1.2))
-
     assert side * velocity(bench).yaw_rate_radps > 0.3
     assert velocity(bench).forward_mps == 0.0
 
 
 def test_flies_to_a_pad_ahead_and_slows_down() -> None:
-    """Fast from afar, slowly when near, hardly turning."""
+    """Hardly turning, for as long as the board carries the pad: one number says how long."""
     far, near = approaching((3.0, 0.05)), approaching((0.5, 0.02))
-
     assert 0.2 < velocity(far).forward_mps <= 0.5
     assert 0.0 < velocity(near).forward_mps < velocity(far).forward_mps
     assert abs(velocity(far).yaw_rate_radps) < 0.1
     assert far.pointed == SEARCH_GIMBAL
-
-
-def test_a_pad_is_approached_for_as_long_as_the_board_carries_it() -> None:
-    """One number says how old a track may be: the board's."""
-    assert MARK.max_age_s == 20.0
-    bench = approaching()
-    fly(bench, (2.4, 0.0), unseen_s=19.8)
-    assert velocity(bench).forward_mps > 0.0
+    fly(far, (2.4, 0.0), unseen_s=MARK.max_age_s - 0.2)
+    assert velocity(far).forward_mps > 0.0
 
 
 @pytest.mark.parametrize("pad", [(2.4, 0.0), None])
@@ -278,80 +241,73 @@ def test_a_pad_lost_for_long_is_searched_again(pad: tuple[float, float] | None) 
     fly(bench, pad, unseen_s=21.0)
     assert bench.proposed is None
     assert bench.board[PHASE] == "search"
-
     fly(bench, seconds=0.3)
     assert isinstance(bench.proposed, MoveBy)
 
 
 def boxed(*places_m: tuple[float, float], pad: tuple[float, float] = (2.5, 0.0)) -> SiteMap:
     """Return ground of 6 x 6 m with obstacles and the mark, relative to the drone, at one side."""
-    side = np.indices((91, 91)) * 0.1 - 4.5
-    ground = np.abs(side).max(axis=0) <= 3.0
     return replace(
-        drawn_map(pose=(-1.5, 0.0, 0.0)),
-        corner_m=(-4.5, -4.5),
-        seen_s=np.where(ground, 1.0, -math.inf).astype(np.float32),
-        free=ground,
-        outside=~ground,
-        passed=np.zeros_like(ground),
+        drawn_map(ground_m=6.0, pose=(-1.5, 0.0, 0.0)),
         obstacles_m=np.array([(x_m - 1.5, y_m) for x_m, y_m in places_m]),
         mark=MapMark(x_m=pad[0] - 1.5, y_m=pad[1], std_m=0.03, seen_s=0.1),
     )
+
+
+def unseen(site_map: SiteMap, hidden: Any) -> SiteMap:
+    """Return the map without the ground of these cells."""
+    seen_s = np.where(hidden, -math.inf, site_map.seen_s)
+    return replace(site_map, free=site_map.free & ~hidden, seen_s=seen_s)
 
 
 @pytest.mark.parametrize(
     ("box", "side"), [((1.0, 0.1), -1.0), ((0.8, -0.2), 1.0)], ids=["right", "left"]
 )
 def test_a_box_on_the_way_is_passed_on_its_free_side(box: tuple[float, float], side: float) -> None:
-    bench = searching(Says(ADVANCE))
+    bench = searching()
     fly(bench, (2.5, 0.0), site_map=boxed(box))
-
     assert side * velocity(bench).yaw_rate_radps > 0.2
 
 
 @pytest.mark.parametrize("apart_m", [0.55, 0.5])
 def test_beside_the_pad_the_way_may_be_narrow(apart_m: float) -> None:
     """Boxes on three sides of it, and the ground below and behind it was never seen."""
-    pad = np.array([1.5, 0.0])
-    sides = [(0.0, -apart_m), (0.0, apart_m), (apart_m, 0.0)]
-    points = [pad + side + (0.02 * n, 0.02 * n) for side in sides for n in range(-2, 3)]
-    points = [point - (1.5, 0.0) for point in points]
-    around = boxed(*((x_m + 1.5, y_m) for x_m, y_m in points), pad=(1.5, 0.0))
-    hidden = np.hypot(*np.moveaxis(around.places_m() - (0.0, 0.0), -1, 0)) < 0.4
-    around = replace(
-        around,
-        free=around.free & ~hidden,
-        seen_s=np.where(hidden, -math.inf, around.seen_s).astype(np.float32),
-    )
-    bench = searching(Says(ADVANCE))
+    sides = [(1.5, -apart_m), (1.5, apart_m), (1.5 + apart_m, 0.0)]
+    points = [(x_m + 0.02 * n, y_m + 0.02 * n) for x_m, y_m in sides for n in range(-2, 3)]
+    around = boxed(*points, pad=(1.5, 0.0))
+    around = unseen(around, np.hypot(*np.moveaxis(around.places_m(), -1, 0)) < 0.4)
+    bench = searching()
     fly(bench, (1.5, 0.0), site_map=around)
     assert velocity(bench).forward_mps > 0.2
     assert abs(velocity(bench).yaw_rate_radps) < 0.1
 
 
-WALL = [(0.8 * math.cos(a), 0.8 * math.sin(a)) for a in np.radians(range(-180, 180, 10))]
+@pytest.mark.parametrize(
+    ("range_m", "height_m", "pitch_deg"),
+    [(1.2, 0.4, -42.5), (0.5, 0.4, -50.0), (1.45, 0.05, -45.0)],
+)
+def test_the_camera_follows_the_pad_down(range_m: float, height_m: float, pitch_deg: float) -> None:
+    """It shows the ground before the pad, but is not so steep that bases would be mistaken.
 
-
-def test_the_camera_follows_the_pad_down() -> None:
-    """It shows the ground before the pad, but is not so steep that bases would be mistaken."""
-    bench = approaching((1.2, 0.0))
+    It follows a mat further down than a box.
+    """
+    bench = searching()
+    fly(bench, (range_m, 0.0), height_m=height_m)
     assert bench.pointed is not None
-    assert -50.0 < math.degrees(bench.pointed.pitch_rad) < -35.0
+    assert math.degrees(bench.pointed.pitch_rad) == pytest.approx(pitch_deg, abs=0.1)
 
-    near = approaching((0.5, 0.0))
-    assert near.pointed == GimbalTo(pitch_rad=math.radians(-50))
+
+WALL = [(0.8 * math.cos(a), 0.8 * math.sin(a)) for a in np.radians(range(-180, 180, 10))]
 
 
 def test_a_detour_takes_two_steps_and_faces_the_pad_again() -> None:
     """Turn away, step, step, then turn back to the pad."""
-    policy = Says(TURN_RIGHT, ADVANCE)
-    bench = approaching((2.5, 0.0), policy)
+    bench = approaching((2.5, 0.0), Says(TURN_RIGHT, ADVANCE))
     fly(bench, (2.5, 0.0), obstacles=WALL)
     fly(bench, (2.5, 0.0), obstacles=WALL, seconds=0.3)
     assert velocity(bench).yaw_rate_radps > 0.0
     for yaw_rad in (0.3, 0.6, 0.6):
         fly(bench, (2.5, -1.0), obstacles=WALL, yaw_rad=yaw_rad)
-
     for step in (1, 2):
         fly(bench, (2.0, -1.5), obstacles=WALL, seconds=0.3, yaw_rad=0.6)
         assert bench.proposed == MoveBy(id=step, forward_m=0.3)
@@ -367,7 +323,7 @@ def test_a_detour_takes_two_steps_and_faces_the_pad_again() -> None:
     assert velocity(bench).forward_mps == 0.0
 
 
-# --- the last metre -------------------------------------------------------------------------------
+# The last metre.
 
 
 def overflying() -> LeafBench:
@@ -377,19 +333,24 @@ def overflying() -> LeafBench:
     return bench
 
 
-def test_the_last_metre_goes_by_the_track() -> None:
-    """The pad has left the view below: on towards where it must be, until above it."""
+@pytest.mark.parametrize("end", [(0.1, 0.0), (-0.02, 0.15), None])
+def test_the_last_metre_goes_by_the_track(end: tuple[float, float] | None) -> None:
+    """The pad has left the view below: on towards where it must be, until above it or past it.
+
+    Without the track it stops and searches.
+    """
     bench = overflying()
     assert 0.0 < velocity(bench).forward_mps < 0.6
     assert fly(bench, (0.3, 0.0), unseen_s=2.0) is Status.RUNNING
-
-    assert fly(bench, (0.1, 0.0), unseen_s=2.6) is Status.SUCCESS
-    assert (bench.proposed, bench.pointed) == (None, None)
+    assert fly(bench, end, unseen_s=2.6) is (Status.RUNNING if end is None else Status.SUCCESS)
+    assert bench.proposed is None
+    assert (bench.pointed is None) == (end is not None)
+    assert (bench.board[PHASE] == "search") == (end is None)
 
 
 def test_almost_above_the_pad_a_map_that_is_stale_permits_nothing() -> None:
     """It makes a detour, as it does further away."""
-    bench = approaching((1.2, 0.0), Says(TURN_RIGHT))
+    bench = approaching((1.2, 0.0), TURN_RIGHT)
     bench.board[SITE_MAP] = map_with(NearObstacles(captured_s=bench.clock.now()))
     bench.allow_stale()
     bench.clock.advance(5.0)
@@ -401,38 +362,18 @@ def test_almost_above_the_pad_a_map_that_is_stale_permits_nothing() -> None:
     assert velocity(bench).yaw_rate_radps > 0.0
 
 
-def test_past_the_pad_it_is_there() -> None:
-    """It does not turn round for centimetres."""
-    bench = overflying()
-
-    assert fly(bench, (-0.02, 0.15), unseen_s=2.6) is Status.SUCCESS
-
-
-def test_a_track_that_ends_in_the_last_metre_is_searched_for() -> None:
-    """Nothing is known any more: stop and search."""
-    bench = overflying()
-    fly(bench, None)
-
-    assert bench.proposed is None
-    assert bench.board[PHASE] == "search"
-
-
-# --- manners --------------------------------------------------------------------------------------
-
-
 def test_a_pad_beyond_the_grounds_edge_is_not_flown_to() -> None:
     site_map = drawn_map()
     site_map.outside[:] = True
-    bench = searching(Says(ADVANCE))
-    fly(bench, pad=(1.5, 0.0), site_map=site_map)
-    assert bench.board[PHASE] == "search"
-    fly(bench, pad=(1.5, 0.0), site_map=drawn_map())
-    assert bench.board[PHASE] == "approach"
+    bench = searching()
+    for shown, phase in ((site_map, "search"), (drawn_map(), "approach")):
+        fly(bench, pad=(1.5, 0.0), site_map=shown)
+        assert bench.board[PHASE] == phase
 
 
 def test_a_drone_that_does_not_get_on_gives_up() -> None:
     """Neither the map nor the policy leads it out of its corner. The mission lands then."""
-    bench, shut = searching(Says(TURN_RIGHT)), corner(0.4)
+    bench, shut = searching(TURN_RIGHT), corner(0.4)
     mark, status, seconds = shut.pose.to_body(*MARK_M), Status.RUNNING, 0.0
     while status is Status.RUNNING and seconds < 90.0:
         here = OdometryPose(x_m=0.0, y_m=0.0, yaw_rad=0.0, time_s=bench.clock.now())
@@ -442,73 +383,143 @@ def test_a_drone_that_does_not_get_on_gives_up() -> None:
     assert seconds == pytest.approx(60.0, abs=2.0)
 
 
-def test_unseen_ground_is_crossed_beside_the_pad_only() -> None:
+@pytest.mark.parametrize(("hidden_m", "crosses"), [(0.8, True), (1.9, False)])
+def test_unseen_ground_is_crossed_beside_the_pad_only(hidden_m: float, *, crosses: bool) -> None:
     """Far from it the cells may be the hidden side of a box."""
-    for hidden_m, crosses in ((0.8, True), (1.9, False)):
-        site_map = boxed((5.0, 5.0))
-        strip = np.abs(site_map.places_m()[..., 0] - (1.0 - hidden_m)) < 0.25
-        free, seen_s = site_map.free & ~strip, np.where(strip, -math.inf, site_map.seen_s)
-        site_map = replace(site_map, free=free, seen_s=seen_s.astype(np.float32))
-        maps = ClearanceMaps(site_map, RecentObstacles(), Margins(), over=(1.0, 0.0))
-        route = maps.route_to((1.0, 0.0), near_m=0.15, far_m=0.15)
-        assert (route is not None) == crosses
+    site_map = boxed((5.0, 5.0))
+    site_map = unseen(site_map, np.abs(site_map.places_m()[..., 0] - (1.0 - hidden_m)) < 0.25)
+    maps = ClearanceMaps(site_map, RecentObstacles(), Margins(), over=(1.0, 0.0))
+    assert (maps.route_to((1.0, 0.0), near_m=0.15, far_m=0.15) is not None) == crosses
 
 
 def test_to_a_mark_far_beyond_the_known_ground_it_flies_to_where_that_ends() -> None:
     """A metre of it ahead; from there more is seen, and the policy is not asked."""
-    known = boxed((9.0, 9.0), pad=(4.0, 0.0))
-    ahead = known.places_m()[..., 0] < -0.5  # the drone is at -1.5
-    seen_s = np.where(ahead, known.seen_s, -math.inf).astype(np.float32)
-    policy = Says(TURN_RIGHT)
+    known, policy = boxed((9.0, 9.0), pad=(4.0, 0.0)), Says(TURN_RIGHT)
     bench = searching(policy)
-    fly(bench, (4.0, 0.0), site_map=replace(known, free=known.free & ahead, seen_s=seen_s))
+    beyond = known.places_m()[..., 0] >= -0.5  # the drone is at -1.5
+    fly(bench, (4.0, 0.0), site_map=unseen(known, beyond))
     assert velocity(bench).forward_mps > 0.2
     assert policy.views == []
 
 
-# --- the place ------------------------------------------------------------------------------------
+# The distances that the place asks for.
+
+Y_M = np.arange(-2.0, 2.01, 0.05)
+GAP_M = np.column_stack([np.zeros(len(Y_M)), Y_M])[np.abs(Y_M) > 0.38]
+BEHIND_A_GAP = replace(
+    drawn_map(obstacles=GAP_M, pose=(-0.8, 0.0, 0.0)),
+    mark=MapMark(x_m=1.0, y_m=0.0, std_m=0.03, seen_s=0.1),
+)
 
 
-def flies_ahead(clearances: Clearances, **seen: Any) -> bool:
-    """Return whether the leaf flies on in a place that asks for these distances."""
-    bench = steering_bench(RETURN_TO_BASE, Says(TURN_LEFT), gimbal_deg=-30.0)
-    bench.provide(clearances=clearances)
+@pytest.mark.parametrize(
+    ("obstacle_m", "seen", "flown"),
+    [
+        # A wall has a gap that leaves 0.4 m to either side. The narrowest gap before the mark
+        # keeps 0.23 m by default, and 0.43 m in the second place.
+        (0.4, {"pad": (1.8, 0.0), "site_map": BEHIND_A_GAP}, True),
+        (0.6, {"pad": (1.8, 0.0), "site_map": BEHIND_A_GAP}, False),
+        # An obstacle lies 0.6 m beside the straight way; 0.12 m more than the distance are kept.
+        (0.4, {"pad": (2.5, 0.0), "obstacles": [(1.0, 0.6)]}, True),
+        (0.55, {"pad": (2.5, 0.0), "obstacles": [(1.0, 0.6)]}, False),
+    ],
+)
+def test_the_way_to_the_mark_keeps_the_distance_that_the_place_asks_for(
+    obstacle_m: float, seen: dict[str, Any], *, flown: bool
+) -> None:
+    bench = returning(TURN_LEFT)
+    bench.provide(clearances=Clearances(obstacle_m=obstacle_m))
     for _ in range(5):
         fly(bench, **seen)
-    return isinstance(bench.proposed, Velocity) and bench.proposed.forward_mps > 0.0
+    ahead = isinstance(bench.proposed, Velocity) and bench.proposed.forward_mps > 0.0
+    assert ahead == flown
 
 
-@pytest.mark.parametrize(("obstacle_m", "flown"), [(0.4, True), (0.6, False)])
-def test_the_way_to_the_mark_keeps_the_distance_that_the_place_asks_for(
-    obstacle_m: float, *, flown: bool
+# Under a policy.
+
+FREE = Advance(forward_m=0.8, free_m=0.9, reason="clear")
+NO_WAY = Blocked(yaw_rad=0.5, free_m=0.1, reason="obstacle")
+EDGE = Blocked(yaw_rad=0.5, ground_ends=True, free_m=1.0, reason="edge")
+
+
+def asked(answer: Answer | Says, pad: tuple[float, float] = (2.0, 0.0)) -> LeafBench:
+    """Return a bench with a pad 2 m ahead, on which the policy has been asked."""
+    bench = returning(answer, approach="policy")
+    fly(bench, pad)
+    assert velocity(bench).forward_mps == 0.0  # frames are older than the approach
+    fly(bench, pad, seconds=0.3)
+    return bench
+
+
+@pytest.mark.parametrize(
+    ("answer", "free"),
+    [
+        (FREE, True),
+        (EDGE, True),  # the ground may end behind the pad
+        (ADVANCE, True),  # without a distance the kind of the answer counts
+        (replace(FREE, forward_m=0.3, free_m=0.2), True),  # a step that it would take is room
+        (FollowLeg(speed_mps=0.2), True),
+        (NO_WAY, False),
+        (TURN_RIGHT, False),
+        (Done(), False),
+        (replace(EDGE, free_m=0), False),
+        (replace(EDGE, free_m=np.float32(0.1)), False),
+    ],
+)
+def test_flies_to_the_pad_while_the_policy_finds_the_way_free(
+    answer: Answer, *, free: bool
 ) -> None:
-    """Between drone and mark a wall has a gap that leaves 0.4 m to either side.
-
-    The narrowest gap before the mark keeps 0.23 m by default, and 0.43 m in the second place.
-    """
-    y_m = np.arange(-2.0, 2.01, 0.05)
-    y_m = y_m[np.abs(y_m) > 0.38]
-    wall = np.column_stack([np.zeros(len(y_m)), y_m])
-    before = drawn_map(obstacles=wall, pose=(-0.8, 0.0, 0.0))
-    before = replace(before, mark=MapMark(x_m=1.0, y_m=0.0, std_m=0.03, seen_s=0.1))
-    place = Clearances(obstacle_m=obstacle_m)
-    assert flies_ahead(place, pad=(1.8, 0.0), site_map=before) == flown
-
-
-@pytest.mark.parametrize(("obstacle_m", "flown"), [(0.4, True), (0.55, False)])
-def test_without_a_map_the_straight_way_keeps_it_as_well(obstacle_m: float, *, flown: bool) -> None:
-    """An obstacle lies 0.6 m beside the way; 0.12 m more than the distance are kept."""
-    place = Clearances(obstacle_m=obstacle_m)
-    assert flies_ahead(place, pad=(2.5, 0.0), obstacles=[(1.0, 0.6)]) == flown
-
-
-def test_the_camera_follows_a_mat_further_down_than_a_box() -> None:
-    """1.45 m ahead and as far below, a mat lies 45 degrees below the horizon."""
-    bench = steering_bench(RETURN_TO_BASE, Says(ADVANCE), gimbal_deg=-30.0)
-    bench.board[FLIGHT_PITCH] = math.radians(-30)
+    bench = asked(answer)
+    assert bench.board[PHASE] == "approach"
+    if free:
+        assert velocity(bench).forward_mps > 0.0
+        return
     for _ in range(2):
-        show(bench)
-        bench.board[MARK] = fix(bench.clock.now(), 1.45, height_m=0.05)
+        fly(bench, (2.0, 0.0), seconds=0.3)
+    assert bench.proposed == Velocity(yaw_rate_radps=0.6)
+
+
+def test_turns_to_the_pad_before_anybody_is_asked() -> None:
+    policy = Says(NO_WAY)
+    turn = velocity(asked(policy, (1.0, 1.0)))
+    assert policy.views == []
+    assert (turn.forward_mps, turn.yaw_rate_radps > 0.0) == (0.0, True)
+
+
+def test_a_detour_goes_to_the_side_of_the_last_one() -> None:
+    """Whichever side the policy would choose from the end of that detour."""
+    policy, yaw_rad, stepped = Says(NO_WAY), 0.0, False
+    bench = asked(policy)
+    for _ in range(2):
+        fly(bench, (2.0, 0.0), seconds=0.3)
+    assert bench.proposed == Velocity(yaw_rate_radps=0.6)
+    policy.answers = [FREE]
+    while not stepped:
+        if isinstance(bench.proposed, Velocity):
+            yaw_rad += 0.3 * bench.proposed.yaw_rate_radps
+        show(bench, seconds=0.3, yaw_rad=yaw_rad)
         bench.tick()
-    assert bench.pointed is not None
-    assert bench.pointed.pitch_rad == pytest.approx(math.radians(-45.0))
+        if isinstance(bench.proposed, MoveBy):
+            stepped = bench.proposed.forward_m > 0.0
+            bench.finish_movement()
+            bench.tick()
+    policy.answers = [replace(NO_WAY, yaw_rad=-0.5)]
+    for _ in range(3):
+        fly(bench, (2.0, 0.0), seconds=0.3)
+    assert bench.proposed == Velocity(yaw_rate_radps=0.6)
+
+
+@pytest.mark.parametrize(("range_m", "forward_mps"), [(1.2, 0.45), (1.5, 0.0)])
+def test_a_pad_is_only_flown_over_unseen_where_it_is_below_the_view(
+    range_m: float, forward_mps: float
+) -> None:
+    """Further away something hides it."""
+    bench = asked(Says(FREE, NO_WAY))
+    for unseen_s in (0.6, 1.2, 1.8):
+        fly(bench, (range_m, 0.0), seconds=0.6, unseen_s=unseen_s)
+    assert velocity(bench).forward_mps == pytest.approx(forward_mps)
+
+
+def test_an_unknown_approach_is_refused() -> None:
+    with pytest.raises(InputError, match="got 'memry'; did you mean 'memory'"):
+        returning(approach="memry")

@@ -48,12 +48,11 @@ def show(bench: LeafBench, site_map: SiteMap) -> Status:
     return bench.tick()
 
 
-def next_object(**ports: str) -> LeafBench:
-    return LeafBench(NextObject, place="{place}", label="{label}", **ports)
-
-
-def handed_out(bench: LeafBench, site_map: SiteMap) -> list[tuple[str, str]]:
+def handed_out(
+    site_map: SiteMap, bench: LeafBench | None = None, **ports: str
+) -> list[tuple[str, str]]:
     """Return place and label of each tick until the leaf fails."""
+    bench = bench or LeafBench(NextObject, place="{place}", label="{label}", **ports)
     found = []
     while show(bench, site_map) is Status.SUCCESS:
         found.append((bench.variables["place"], bench.variables["label"]))
@@ -74,32 +73,27 @@ def test_without_a_map_they_fail_and_say_so(
 
 def test_objects_are_handed_out_once_the_nearest_first() -> None:
     site_map = map_of(box(1, 1.0, 1.0), box(2, -0.3, -0.8, class_id=BOXES[1]), box(3, 0.8, -1.0))
-    bench = next_object()
-    assert handed_out(bench, site_map) == [
+    bench = LeafBench(NextObject, place="{place}", label="{label}")
+    assert handed_out(site_map, bench) == [
         ("object:2", NAMES[1]),
         ("object:3", NAMES[0]),
         ("object:1", NAMES[0]),
     ]
     assert bench.board[VISITED] == "object:2;object:3;object:1"
     assert "no further object" in bench.feedback
-    assert handed_out(bench, map_of(*site_map.objects, box(4, 1.0, 0.0))) == [
-        ("object:4", NAMES[0])
-    ]
+    more = map_of(*site_map.objects, box(4, 1.0, 0.0))
+    assert handed_out(more, bench) == [("object:4", NAMES[0])]
 
 
 def test_the_nearest_is_the_one_with_the_shortest_route() -> None:
-    """The second box is nearer through the wall, but the way round is longer."""
+    """The second is nearer through a wall, but the way round is longer. No route: it is last."""
     boxes = box(1, -1.5, 0.8), box(2, 0.6, -1.5, class_id=BOXES[1])
-    assert handed_out(next_object(), map_of(*boxes))[0] == ("object:2", NAMES[1])
-    assert handed_out(next_object(), map_of(*boxes, wall=True))[0] == ("object:1", NAMES[0])
-
-
-def test_an_object_that_no_route_leads_to_comes_last() -> None:
-    x_m = np.arange(-2.2, 2.2, 0.05)
-    closed = map_of(box(1, -1.4, 1.0), box(2, 1.2, -1.4))
+    assert handed_out(map_of(*boxes))[0] == ("object:2", NAMES[1])
+    assert handed_out(map_of(*boxes, wall=True))[0] == ("object:1", NAMES[0])
+    closed, x_m = map_of(box(1, -1.4, 1.0), box(2, 1.2, -1.4)), np.arange(-2.2, 2.2, 0.05)
     wall_m = np.column_stack([x_m, np.full(len(x_m), -0.4)])
     closed = replace(closed, obstacles_m=np.vstack([closed.obstacles_m, wall_m]))
-    assert [place for place, _ in handed_out(next_object(), closed)] == ["object:2", "object:1"]
+    assert [place for place, _ in handed_out(closed)] == ["object:2", "object:1"]
 
 
 def test_only_the_classes_of_the_port_and_objects_with_enough_points_count() -> None:
@@ -109,8 +103,8 @@ def test_only_the_classes_of_the_port_and_objects_with_enough_points_count() -> 
         box(3, 0.0, 1.0, class_id=BOXES[2]),
         box(4, 0.0, 0.0, class_id=BOXES[0], points=4),
     )
-    assert handed_out(next_object(**{"class": NAMES[0]}), site_map) == [("object:1", NAMES[0])]
-    found = handed_out(next_object(**{"class": f"{NAMES[2]}; {NAMES[0]}"}), site_map)
+    assert handed_out(site_map, **{"class": NAMES[0]}) == [("object:1", NAMES[0])]
+    found = handed_out(site_map, **{"class": f"{NAMES[2]}; {NAMES[0]}"})
     assert sorted(found) == [("object:1", NAMES[0]), ("object:3", NAMES[2])]
 
 
@@ -174,10 +168,8 @@ def test_without_a_place_there_are_no_view_points(of: str, reason: str) -> None:
 
 
 def test_an_object_counts_as_seen_when_it_is_placed_precisely() -> None:
-    rough = replace(box(1, 0.0, 0.0), std_m=0.2)
     bench = LeafBench(ObjectSeen, **{"class": NAMES[0], "std_m": 0.15})
-    assert show(bench, map_of(rough)) is Status.FAILURE
-    assert show(bench, map_of(replace(rough, class_id=BOXES[1], std_m=0.1))) is Status.FAILURE
-    assert show(bench, map_of(replace(rough, std_m=0.1, points=4))) is Status.FAILURE
-    assert show(bench, map_of(replace(rough, std_m=0.1))) is Status.SUCCESS
+    for changes in ({"std_m": 0.2}, {"class_id": BOXES[1]}, {"points": 4}):
+        assert show(bench, map_of(replace(box(1, 0.0, 0.0), **changes))) is Status.FAILURE
+    assert show(bench, map_of(box(1, 0.0, 0.0))) is Status.SUCCESS
     assert bench.feedback == "object:1"

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,23 +14,24 @@ from behaviours.fly.look import MoveBy
 from behaviours.fly.places import Face
 from behaviours.fly.take_off import ClimbTo
 from tests.behaviours.path.test_movers import mover
+from tests.perception.marks.tag_views import tag_mark
 from uav_bt.board import FLIGHT_HEIGHT, PHASE
 from uav_bt.errors import InputError
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import drawn_map, live
 from uav_bt.tree import Status
-from uav_bt.types import GimbalTo, LandingMark, MovementState, MovementStatus, Pose2D, Velocity
+from uav_bt.types import GimbalTo, MovementState, MovementStatus, Pose2D, Velocity
 from uav_bt.types import MoveBy as MoveByCommand
 from uav_bt.types.area import Area
 from uav_bt.types.site_map import MapMark, MapObject, SiteMap
 
 
 def on(
-    x_m: float = 0.0, y_m: float = 0.0, yaw_rad: float = 0.0, *, walls: Sequence[float] = ()
+    x_m: float = 0.0, y_m: float = 0.0, yaw_rad: float = 0.0, *, wall_m: float | None = None
 ) -> SiteMap:
-    """Return ground of 4 x 4 m with the drone on it, and walls across at some x."""
-    across = [((x_m, -2.0), (x_m, 2.0)) for x_m in walls]
-    return drawn_map(pose=(x_m, y_m, yaw_rad), walls=across)
+    """Return ground of 4 x 4 m with the drone on it, and maybe a wall across at some x."""
+    walls = [] if wall_m is None else [((wall_m, -2.0), (wall_m, 2.0))]
+    return drawn_map(pose=(x_m, y_m, yaw_rad), walls=walls)
 
 
 def velocity(bench: LeafBench) -> Velocity:
@@ -38,15 +39,35 @@ def velocity(bench: LeafBench) -> Velocity:
     return bench.proposed
 
 
+def step(bench: LeafBench) -> MoveByCommand:
+    assert isinstance(bench.proposed, MoveByCommand)
+    return bench.proposed
+
+
 def done(bench: LeafBench) -> MovementStatus:
     """Return the telemetry of a movement that has ended."""
-    assert isinstance(bench.proposed, MoveByCommand)
-    return MovementStatus(id=bench.proposed.id, state=MovementState.DONE)
+    return MovementStatus(id=step(bench).id, state=MovementState.DONE)
 
 
-def test_it_flies_ahead_to_a_place_ahead() -> None:
-    bench = LeafBench(GoTo, to="start:1.5,0")
-    assert live(bench, site_map=on()) is Status.RUNNING
+X_M, Y_M = np.indices((61, 61)) * 0.1 - 3.0
+
+
+@pytest.mark.parametrize(
+    ("to", "site_map"),
+    [
+        ("start:1.5,0", on()),
+        # The drone took off at (1, 0) of the map, facing its y: the place is at (1, 1.5).
+        (
+            "start:1.5,0",
+            replace(on(yaw_rad=1.0), start=Pose2D(x_m=1.0, y_m=0.0, yaw_rad=math.pi / 2)),
+        ),
+        # As near as the ground is known: what lies further on was not seen yet.
+        ("start:1.9,0", drawn_map(known=X_M < 1.0)),
+    ],
+)
+def test_it_flies_ahead_to_a_place_ahead(to: str, site_map: SiteMap) -> None:
+    bench = LeafBench(GoTo, to=to)
+    assert live(bench, site_map=site_map) is Status.RUNNING
     assert velocity(bench).forward_mps > 0.2
     assert bench.board[PHASE] == "go to"
 
@@ -54,20 +75,8 @@ def test_it_flies_ahead_to_a_place_ahead() -> None:
 def test_the_last_step_ends_at_the_place_and_then_it_is_there() -> None:
     bench = LeafBench(GoTo, to="start:1.5,0")
     live(bench, site_map=on(1.2, 0.1))
-    step = bench.proposed
-    assert isinstance(step, MoveByCommand)
-    assert (step.forward_m, step.right_m) == pytest.approx((0.3, -0.1))
+    assert (step(bench).forward_m, step(bench).right_m) == pytest.approx((0.3, -0.1))
     assert live(bench, site_map=on(1.5, 0.0), movement=done(bench)) is Status.SUCCESS
-
-
-def test_the_place_counts_from_the_take_off_pose() -> None:
-    """The drone took off at (1, 0) of the map, facing its y: the place is at (1, 1.5)."""
-    bench = LeafBench(GoTo, to="start:1.5,0")
-    live(
-        bench,
-        site_map=replace(on(yaw_rad=1.0), start=Pose2D(x_m=1.0, y_m=0.0, yaw_rad=math.pi / 2)),
-    )
-    assert velocity(bench).forward_mps > 0.2
 
 
 def test_body_counts_from_where_the_leaf_began() -> None:
@@ -79,31 +88,21 @@ def test_body_counts_from_where_the_leaf_began() -> None:
 
 def test_where_no_way_is_known_it_looks_around_and_fails_after_a_time() -> None:
     bench = LeafBench(GoTo, to="start:1.5,0", blocked_s=3.0)
-    walled = on(walls=[0.8])
-    statuses = [live(bench, site_map=walled, seconds=0.3) for _ in range(9)]
-    assert set(statuses) == {Status.RUNNING}
-    assert velocity(bench).yaw_rate_radps > 0.3
-    assert [live(bench, site_map=on(walls=[0.8]), seconds=0.3) for _ in range(3)][
-        -1
-    ] is Status.FAILURE
+    statuses, turns = [], []
+    for _ in range(12):
+        statuses.append(live(bench, site_map=on(wall_m=0.8), seconds=0.3))
+        turns.append(bench.proposed)
+    assert set(statuses[:9]) == {Status.RUNNING}
+    assert isinstance(turns[8], Velocity)
+    assert turns[8].yaw_rate_radps > 0.3
+    assert statuses[-1] is Status.FAILURE
     assert "no known way" in bench.leaf.feedback_message
-
-
-def test_it_flies_as_near_as_the_ground_is_known() -> None:
-    """What lies further on was not seen yet."""
-    x_m, _ = np.indices((61, 61)) * 0.1 - 3.0
-    known = drawn_map(known=x_m < 1.0)
-    bench = LeafBench(GoTo, to="start:1.9,0")
-    live(bench, site_map=known)
-    assert velocity(bench).forward_mps > 0.2
 
 
 def test_it_looks_down_at_unseen_ground_nearby() -> None:
     """That ground is below the view in flight."""
-    x_m, y_m = np.moveaxis(np.moveaxis(np.indices((61, 61)), 0, -1) * 0.1 - 3.0, -1, 0)
-    known = drawn_map(known=np.hypot(x_m, y_m - 0.6) > 0.3)
     bench = LeafBench(GoTo, to="start:0,0.6")
-    live(bench, site_map=known)
+    live(bench, site_map=drawn_map(known=np.hypot(X_M, Y_M - 0.6) > 0.3))
     assert velocity(bench).forward_mps == 0.0
     assert velocity(bench).yaw_rate_radps > 0.3
     assert bench.pointed == GimbalTo(pitch_rad=math.radians(-55))
@@ -120,12 +119,8 @@ def test_it_looks_down_at_unseen_ground_nearby() -> None:
 )
 def test_a_place_that_cannot_be_reached_fails_with_its_reason(place: str, reason: str) -> None:
     bench = LeafBench(GoTo, to=place, blocked_s=1.0)
-    status = Status.RUNNING
-    for _ in range(8):
-        status = live(bench, site_map=on(walls=[1.6]), seconds=0.3)
-        if status is not Status.RUNNING:
-            break
-    assert status is Status.FAILURE
+    ticks = (live(bench, site_map=on(wall_m=1.6), seconds=0.3) for _ in range(8))
+    assert next(each for each in ticks if each is not Status.RUNNING) is Status.FAILURE
     assert reason in bench.leaf.feedback_message
 
 
@@ -156,7 +151,7 @@ def test_the_time_of_giving_way_does_not_count(
         near = replace(on(), movers=(mover(0.8, 0.0),) if step > 2 else ())
         assert live(bench, site_map=near, seconds=0.2) is Status.RUNNING
     assert bench.leaf.feedback_message == "gives way"
-    walled = on(walls=(0.5,))
+    walled = on(wall_m=0.5)
     ticks = 0
     while live(bench, site_map=walled, seconds=0.2) is Status.RUNNING:
         ticks += 1
@@ -174,26 +169,13 @@ def test_a_height_becomes_the_height_of_the_flight() -> None:
     bench = LeafBench(GoTo, to="start:0,0,1.2")
     live(bench, site_map=on())
     assert bench.board[FLIGHT_HEIGHT] == 1.2
-    climb = bench.proposed
-    assert isinstance(climb, MoveByCommand)
-    assert climb.down_m == pytest.approx(0.3)
+    assert step(bench).down_m == pytest.approx(0.3)
     assert live(bench, site_map=on(), height_m=1.2, movement=done(bench)) is Status.SUCCESS
-
-
-def test_a_place_of_the_drawing_needs_the_take_off_pose_there() -> None:
-    bench = LeafBench(GoTo, to="lab:1,0")
-    with pytest.raises(InputError, match="take-off pose"):
-        live(bench, site_map=on())
-
-
-TAG = LandingMark(
-    kind="apriltag", length_m=0.5, width_m=0.5, height_m=0.1, options={"id": 7, "size_m": 0.3}
-)
 
 
 def test_a_place_of_the_drawing_counts_from_a_tag_once_it_was_seen() -> None:
     bench = LeafBench(GoTo, to="lab:1,0")
-    bench.provide(mark=TAG, mark_pose=Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0))
+    bench.provide(mark=tag_mark(), mark_pose=ORIGIN)
     assert live(bench, site_map=on()) is Status.FAILURE
     assert "the landing mark and its heading were not seen yet" in bench.leaf.feedback_message
     # The tag's upper edge is to the left of the drone, and the drawing's x ahead of it.
@@ -202,20 +184,24 @@ def test_a_place_of_the_drawing_counts_from_a_tag_once_it_was_seen() -> None:
     assert velocity(bench).forward_mps > 0.2
 
 
-def test_a_helipad_leads_to_no_place_of_the_drawing() -> None:
-    bench = LeafBench(GoTo, to="lab:1,0")
-    bench.provide(mark_pose=Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0))
-    with pytest.raises(InputError, match="a helipad shows no heading"):
-        live(bench, site_map=on())
-
-
+ORIGIN = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 YARD = Area((((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)),))
 
 
-def test_a_place_outside_the_area_is_refused_before_the_take_off() -> None:
-    bench = LeafBench(GoTo, to="start:1.5,0")
-    bench.provide(area=YARD)
-    with pytest.raises(InputError, match=r"lies 0\.5 m outside"):
+@pytest.mark.parametrize(
+    ("to", "place", "message"),
+    [
+        ("lab:1,0", {}, "take-off pose"),
+        ("lab:1,0", {"mark_pose": ORIGIN}, "a helipad shows no heading"),
+        ("start:1.5,0", {"area": YARD}, r"lies 0\.5 m outside"),
+    ],
+)
+def test_a_place_that_is_nowhere_is_refused_before_the_take_off(
+    to: str, place: dict[str, Any], message: str
+) -> None:
+    bench = LeafBench(GoTo, to=to)
+    bench.provide(**place)
+    with pytest.raises(InputError, match=message):
         live(bench, site_map=on())
 
 
@@ -231,9 +217,6 @@ def test_a_place_that_turns_out_to_lie_outside_fails() -> None:
 def test_other_texts_are_refused_where_the_tree_is_made(place: str) -> None:
     with pytest.raises(InputError, match="expected a place"):
         LeafBench(GoTo, to=place)
-
-
-# --- Face -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -254,57 +237,36 @@ def test_a_heading_is_a_finite_number(at: str) -> None:
         LeafBench(Face, at=at)
 
 
-def test_it_faces_the_place_for_a_moment() -> None:
+def test_it_faces_the_place_for_a_moment_and_gives_up_when_it_is_kept_from_turning() -> None:
     bench = LeafBench(Face, at="0")
     assert live(bench, site_map=on()) is Status.RUNNING
     assert [live(bench, site_map=on(), seconds=0.2) for _ in range(2)][-1] is Status.SUCCESS
-
-
-def test_it_gives_up_when_it_is_kept_from_turning() -> None:
     bench = LeafBench(Face, at="180", give_up_s=1.0)
     assert [live(bench, site_map=on(), seconds=0.4) for _ in range(4)][-1] is Status.FAILURE
-
-
-# --- MoveBy ---------------------------------------------------------------------------------------
 
 
 def test_it_moves_where_the_map_shows_free_ground() -> None:
     bench = LeafBench(MoveBy, right_m=0.5)
     live(bench, site_map=on())
-    step = bench.proposed
-    assert isinstance(step, MoveByCommand)
-    assert (step.forward_m, step.right_m) == (0.0, 0.5)
+    assert (step(bench).forward_m, step(bench).right_m) == (0.0, 0.5)
     assert live(bench, site_map=on(0.0, 0.5), movement=done(bench)) is Status.SUCCESS
 
 
-def test_it_does_not_move_towards_a_wall() -> None:
+def test_it_does_not_move_towards_a_wall_and_stops_for_one_that_appears() -> None:
     bench = LeafBench(MoveBy, forward_m=0.7)
-    assert live(bench, site_map=on(walls=[0.9])) is Status.FAILURE
+    assert live(bench, site_map=on(wall_m=0.9)) is Status.FAILURE
     assert bench.proposed is None
-
-
-def test_it_stops_for_a_wall_that_appears() -> None:
     bench = LeafBench(MoveBy, forward_m=1.0)
     assert live(bench, site_map=on()) is Status.RUNNING
-    assert live(bench, site_map=on(0.2, walls=[1.2]), seconds=0.3) is Status.FAILURE
+    assert live(bench, site_map=on(0.2, wall_m=1.2), seconds=0.3) is Status.FAILURE
 
 
-def test_up_needs_no_map() -> None:
+def test_climbs_need_no_map_and_the_flight_goes_on_at_the_new_height() -> None:
     bench = LeafBench(MoveBy, up_m=0.3)
     assert live(bench) is Status.RUNNING
-    climb = bench.proposed
-    assert isinstance(climb, MoveByCommand)
-    assert climb.down_m == -0.3
-
-
-# --- ClimbTo --------------------------------------------------------------------------------------
-
-
-def test_it_climbs_and_the_flight_goes_on_at_that_height() -> None:
+    assert step(bench).down_m == -0.3
     bench = LeafBench(ClimbTo, height_m=1.8)
     live(bench)
-    climb = bench.proposed
-    assert isinstance(climb, MoveByCommand)
-    assert climb.down_m == pytest.approx(-0.3)
+    assert step(bench).down_m == pytest.approx(-0.3)
     assert bench.board[FLIGHT_HEIGHT] == 1.8
     assert live(bench, height_m=1.8, movement=done(bench)) is Status.SUCCESS

@@ -51,11 +51,10 @@ def rest_of(step: StepInHand) -> MoveBy:
     return step.proposal
 
 
-def test_a_movement_is_proposed_until_the_drone_reports_its_end() -> None:
+def test_a_movement_is_proposed_until_the_drone_reports_its_end_or_it_is_dropped() -> None:
     step = StepInHand(Proposals())
     assert step.update(state(1.0), 1.0) is Progress.IDLE
     assert (step.proposal, step.busy, step.ended_s) == (None, False, -math.inf)
-
     first = step.start(MoveBy(id=0, forward_m=0.3), state(0.0), 0.0)
     second = step.start(MoveBy(id=0, forward_m=0.2), state(0.0), 0.0)
     assert second.id != first.id
@@ -65,13 +64,10 @@ def test_a_movement_is_proposed_until_the_drone_reports_its_end() -> None:
     assert step.update(state(0.9, second.id, MovementState.DONE), 1.0) is Progress.DONE
     assert step.ended_s == 1.0
     assert step.update(state(1.1, second.id, MovementState.DONE), 1.1) is Progress.IDLE
-
-
-def test_a_dropped_movement_ends_when_it_is_dropped() -> None:
-    step, _ = begun(state(0.0), forward_m=0.3)
-    step.drop(0.4)
-    step.drop(0.9)
-    assert (step.busy, step.ended_s) == (False, 0.4)
+    step.start(MoveBy(id=0, forward_m=0.3), state(1.2), 1.2)
+    step.drop(1.4)
+    step.drop(1.9)
+    assert (step.busy, step.ended_s) == (False, 1.4)
 
 
 @pytest.mark.parametrize("word", EARLY)
@@ -118,20 +114,16 @@ def test_the_rest_of_a_turn_is_measured_by_the_heading(
     assert (rest.forward_m, rest.right_m, rest.down_m) == (0.0, 0.0, 0.0)
 
 
-def test_the_rest_of_a_climb_is_measured_by_the_altimeter() -> None:
-    step, first = begun(state(0.0, altitude_m=1.0), down_m=-0.5)
-    step.update(state(1.0, first.id, MovementState.INTERRUPTED, altitude_m=1.3), 1.0)
-    assert rest_of(step).down_m == pytest.approx(-0.2)
-
-
 def test_the_rest_of_a_step_is_dead_reckoned_and_given_from_the_heading_of_now() -> None:
-    """0.2 m of 0.5 m straight on were flown when it was turned to the right."""
-    step, first = begun(state(0.0, forward_mps=0.2), forward_m=0.5)
+    """0.2 m of 0.5 m straight on were flown when it was turned to the right. It climbed, too."""
+    step, first = begun(state(0.0, forward_mps=0.2), forward_m=0.5, down_m=-0.5)
     step.update(state(1.0, forward_mps=0.2), 1.0)
     step.update(state(1.0 + 1e-9, yaw_deg=90), 1.0)
-    step.update(state(1.1, first.id, MovementState.INTERRUPTED, yaw_deg=90), 1.1)
+    ended = state(1.1, first.id, MovementState.INTERRUPTED, yaw_deg=90, altitude_m=1.8)
+    step.update(ended, 1.1)
     rest = rest_of(step)
     assert (rest.forward_m, rest.right_m) == pytest.approx((0.0, -0.3), abs=1e-6)
+    assert rest.down_m == pytest.approx(-0.2)
     assert rest.yaw_rad == 0.0, "nobody asked for a turn"
 
 

@@ -50,9 +50,6 @@ def test_it_waits_for_the_camera_and_needs_no_climb_within_a_decimetre() -> None
     assert (bench.proposed, bench.pointed) == (None, AHEAD)
     assert live(bench, height_m=1.42, gimbal_deg=-29.0) is Status.SUCCESS
     assert bench.pointed is None
-
-
-def test_the_climb_may_be_a_descent() -> None:
     bench = LeafBench(TakeOff, height_m=1.0)
     live(bench, height_m=1.4)
     assert isinstance(bench.proposed, MoveBy)

@@ -11,6 +11,7 @@ import pytest
 from behaviours.path.clearance import ClearanceMap, Distances
 from behaviours.path.margins import Margins
 from behaviours.path.nearby import RecentObstacles
+from tests.behaviours.path.test_survey import RING
 from uav_bt.testing.world import drawn_map
 from uav_bt.types.site_map import MapObject, SiteMap
 
@@ -61,12 +62,6 @@ def test_lanes_count_apart_from_obstacles() -> None:
     assert not ClearanceMap(site_map, NONE).roomy[24, 30]
 
 
-def test_walls_all_round_shut_in() -> None:
-    ring = [(0.8 * math.cos(a), 0.8 * math.sin(a)) for a in np.linspace(0, 2 * math.pi, 120)]
-    assert clearance(drawn_map(obstacles=np.array(ring))).shut_in
-    assert not clearance(drawn_map()).shut_in
-
-
 def test_views_that_are_off_the_map_widen_the_distances() -> None:
     margins = Margins()
     assert margins.by(0.016) == margins
@@ -77,15 +72,18 @@ def test_views_that_are_off_the_map_widen_the_distances() -> None:
     assert clearance(replace(site_map, residual_m=0.05)).open.sum() < clearance(site_map).open.sum()
 
 
+def test_walls_all_round_shut_in() -> None:
+    assert clearance(drawn_map(obstacles=0.8 * RING)).shut_in
+    assert not clearance(drawn_map()).shut_in
+
+
 def test_the_unknown_is_kept_away_from_on_all_sides_alike() -> None:
     hidden = (np.abs(X) < 0.25) & (np.abs(Y) < 0.25)
     clear_m = clearance(drawn_map(known=~hidden, pose=(-1.5, -1.5, 0.0))).clear_m
     assert np.array_equal(clear_m, clear_m[::-1])
     assert np.array_equal(clear_m, clear_m[:, ::-1])
     assert clear_m[30, 36] == pytest.approx(0.4 + 0.4 - Margins.unknown_m)
-
-
-def test_a_single_cell_that_no_ray_has_met_is_not_unknown() -> None:
+    # A single cell that no ray has met is not unknown.
     speck = (np.abs(X) < 0.05) & (np.abs(Y) < 0.05)
     found = clearance(drawn_map(known=~speck, pose=(-1.5, -1.5, 0.0)))
     assert found.clear_m[30, 31] > Margins.wide_m

@@ -64,9 +64,6 @@ def test_single_points_are_no_obstacle() -> None:
     lonely = np.array([[1.0, 1.0], [1.1, 1.0], [-1.0, -1.0]])
     assert not len(recent_obstacles(seen(lonely), drawn_map()).seen_m)
     assert len(recent_obstacles(seen(np.vstack([lonely, [[1.0, 1.1]]])), drawn_map()).seen_m) == 3
-
-
-def test_nothing_seen_is_nothing_lately() -> None:
     assert recent_obstacles(None, drawn_map()).seen_m.shape == (0, 2)
 
 

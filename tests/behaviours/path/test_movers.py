@@ -15,28 +15,17 @@ from behaviours.path.clearance import ClearanceMap
 from behaviours.path.movers import SPARE_M, TIMES_S, gap_m, outlines_m, runs_into, yielding_mps
 from behaviours.path.nearby import RecentObstacles
 from behaviours.path.survey import best_route
-from tests.behaviours.path.test_survey import where
+from tests.behaviours.path.test_survey import RING, where
 from uav_bt.testing.world import drawn_map
 from uav_bt.types.site_map import MapMover, SiteMap
 
 BODY_M = 0.2
-STAYS = np.zeros(2)
 AHEAD = np.array([[0.1 * step, 0.0] for step in range(20)])
 
 
 def mover(x_m: float, y_m: float, x_mps: float = 0.0, y_mps: float = 0.0) -> MapMover:
-    return MapMover(
-        id=1,
-        x_m=x_m,
-        y_m=y_m,
-        x_mps=x_mps,
-        y_mps=y_mps,
-        std_m=0.04,
-        std_mps=0.1,
-        radius_m=0.25,
-        first_s=0.0,
-        seen_s=1.0,
-    )
+    place = {"x_m": x_m, "y_m": y_m, "x_mps": x_mps, "y_mps": y_mps, "radius_m": 0.25}
+    return MapMover(id=1, std_m=0.04, std_mps=0.1, first_s=0.0, seen_s=1.0, **place)
 
 
 def with_movers(*movers: MapMover, **drawn: object) -> SiteMap:
@@ -59,26 +48,21 @@ def min_room_m(way: WayOut, site_map: SiteMap) -> float:
     return float(gap_m(site_map.movers, places_m, BODY_M))
 
 
-# --- along a path ---------------------------------------------------------------------------------
-
-
-def test_nothing_that_moves_slows_nothing_down() -> None:
-    assert yielding_mps((), AHEAD, 0.6, BODY_M) == 0.6
-    assert yielding_mps([mover(-1.5, 1.5, -0.5)], AHEAD, 0.6, BODY_M) == 0.6
-
-
-def test_it_waits_for_what_crosses_close_ahead() -> None:
-    assert yielding_mps([mover(0.9, -0.9, 0.0, 0.5)], AHEAD, 0.6, BODY_M) == 0.0
-
-
-def test_it_flies_slower_where_that_is_enough() -> None:
-    """What crosses 1.6 m ahead has passed before a slower drone is there."""
-    speed = yielding_mps([mover(1.6, -0.9, 0.0, 0.6)], AHEAD, 0.6, BODY_M)
-    assert 0.1 < speed < 0.6
-
-
-def test_behind_what_has_passed_it_flies_on() -> None:
-    assert yielding_mps([mover(0.9, 0.9, 0.0, 0.5)], AHEAD, 0.6, BODY_M) == 0.6
+@pytest.mark.parametrize(
+    ("movers", "least_mps", "most_mps"),
+    [
+        ([], 0.6, 0.6),
+        ([mover(-1.5, 1.5, -0.5)], 0.6, 0.6),
+        ([mover(0.9, -0.9, 0.0, 0.5)], 0.0, 0.0),  # it waits for what crosses close ahead
+        # What crosses 1.6 m ahead has passed before a slower drone is there.
+        ([mover(1.6, -0.9, 0.0, 0.6)], 0.11, 0.59),
+        ([mover(0.9, 0.9, 0.0, 0.5)], 0.6, 0.6),  # behind what has passed it flies on
+    ],
+)
+def test_it_flies_as_fast_as_movers_on_its_path_allow(
+    movers: list[MapMover], least_mps: float, most_mps: float
+) -> None:
+    assert least_mps <= yielding_mps(movers, AHEAD, 0.6, BODY_M) <= most_mps
 
 
 @given(st.floats(-2, 2), st.floats(-2, 2), st.floats(-1, 1), st.floats(-1, 1), st.floats(0.12, 0.6))
@@ -110,29 +94,30 @@ def test_ground_that_is_taken_lies_along_the_course() -> None:
     assert outlines_m([]).shape == (0, 2)
 
 
-# --- out of the way -------------------------------------------------------------------------------
+LOST = replace(mover(2.5, 0.0), std_m=3.3, std_mps=0.65)  # from view five seconds ago
 
 
-def test_what_comes_at_the_drone_threatens_it_and_what_passes_does_not() -> None:
-    assert runs_into(with_movers(mover(1.5, 0.0, -0.5)), STAYS, BODY_M)
-    assert runs_into(with_movers(mover(0.5, 0.0)), STAYS, BODY_M)
-    assert not runs_into(with_movers(mover(1.5, 0.0, 0.5)), STAYS, BODY_M)
-    assert not runs_into(with_movers(mover(1.5, 1.2, -0.5)), STAYS, BODY_M)
-    assert not runs_into(with_movers(), STAYS, BODY_M)
-
-
-def test_a_mover_that_may_be_anywhere_threatens_nobody_far_away() -> None:
-    """It was lost from view five seconds ago; a way from where it was may lead to it."""
-    lost = replace(mover(2.5, 0.0), std_m=3.3, std_mps=0.65)
-    assert not runs_into(with_movers(lost), STAYS, BODY_M)
-    assert runs_into(with_movers(replace(lost, x_m=1.2)), STAYS, BODY_M)
-
-
-def test_a_drone_that_flies_into_the_way_of_something_runs_into_it() -> None:
-    crossing = with_movers(mover(0.9, -0.9, 0.0, 0.5))
-    assert runs_into(crossing, np.array([0.5, 0.0]), BODY_M)
-    assert not runs_into(crossing, np.array([0.0, 0.0]), BODY_M)
-    assert not runs_into(crossing, np.array([-0.5, 0.0]), BODY_M)
+@pytest.mark.parametrize(
+    ("movers", "flies_mps", "threatens"),
+    [
+        ([mover(1.5, 0.0, -0.5)], 0.0, True),
+        ([mover(0.5, 0.0)], 0.0, True),
+        ([mover(1.5, 0.0, 0.5)], 0.0, False),
+        ([mover(1.5, 1.2, -0.5)], 0.0, False),
+        ([], 0.0, False),
+        # What may be anywhere threatens nobody far away: a way from where it was may lead to it.
+        ([LOST], 0.0, False),
+        ([replace(LOST, x_m=1.2)], 0.0, True),
+        # A drone that flies into the way of something runs into it.
+        ([mover(0.9, -0.9, 0.0, 0.5)], 0.5, True),
+        ([mover(0.9, -0.9, 0.0, 0.5)], 0.0, False),
+        ([mover(0.9, -0.9, 0.0, 0.5)], -0.5, False),
+    ],
+)
+def test_what_comes_at_the_drone_threatens_it_and_what_passes_does_not(
+    movers: list[MapMover], flies_mps: float, *, threatens: bool
+) -> None:
+    assert runs_into(with_movers(*movers), np.array([flies_mps, 0.0]), BODY_M) == threatens
 
 
 @pytest.mark.parametrize("azimuth", np.arange(0.0, 2.0 * math.pi, 0.7))
@@ -146,15 +131,11 @@ def test_in_the_open_it_gets_out_of_the_way(azimuth: float, speed_mps: float) ->
     assert min_room_m(escape(site_map), site_map) > 0.05
 
 
-def test_a_wall_to_the_one_side_is_no_way_out() -> None:
+def test_a_wall_the_edge_and_unknown_ground_are_no_way_out() -> None:
     wall = np.column_stack([np.arange(-1.5, 1.5, 0.05), np.full(60, 0.5)])
     comes = mover(1.6, -0.05, -0.6)
     assert escape(with_movers(comes)).y_mps > 0.1
     assert escape(with_movers(comes, obstacles=wall)).y_mps < -0.1
-
-
-def test_beyond_the_edge_and_over_unknown_ground_is_no_way_out() -> None:
-    assert escape(with_movers(mover(1.6, -0.05, -0.6))).y_mps > 0.1
     at_edge = with_movers(mover(1.6, 1.45, -0.6), pose=(0.0, 1.5, 0.0))
     assert escape(at_edge).y_mps < -0.1
     unknown = with_movers(mover(1.6, -0.65, -0.6), known=where("left"), pose=(0.0, -0.6, 0.0))
@@ -169,13 +150,15 @@ def test_ground_that_was_never_seen_is_no_way_out() -> None:
     assert escape(replace(shown, seen_s=unseen)) == WayOut()
 
 
-def test_it_can_stop_before_what_stands() -> None:
+def test_it_can_stop_before_what_stands_and_shut_in_it_stays() -> None:
     """In a dead end it gives way at the lower speed, from which it stops before the wall."""
     line = np.arange(-1.5, 1.5, 0.05)
     sides = [np.column_stack([np.full(60, side), line]) for side in (-0.5, 0.5)]
     walls = np.vstack([*sides, np.column_stack([line, np.full(60, 1.4)])])
     site_map = with_movers(mover(0.0, -1.4, 0.0, 0.6), obstacles=walls)
     assert escape(site_map).y_mps == pytest.approx(0.3)
+    way = escape(with_movers(mover(1.6, 0.0, -0.6), obstacles=0.39 * RING))
+    assert math.hypot(way.x_mps, way.y_mps) == 0.0
 
 
 def test_a_way_that_has_become_blocked_is_left() -> None:
@@ -195,14 +178,7 @@ def test_ground_where_something_moved_is_not_flown_over_unseen() -> None:
     assert leg is None or leg.path_m[:, 1].max() < 1.2 - 0.6
 
 
-def test_shut_in_it_stays() -> None:
-    ring = [(0.39 * math.cos(a), 0.39 * math.sin(a)) for a in np.linspace(0, 2 * math.pi, 60)]
-    way = escape(with_movers(mover(1.6, 0.0, -0.6), obstacles=np.array(ring)))
-    assert math.hypot(way.x_mps, way.y_mps) == 0.0
-
-
 def test_it_does_not_change_its_mind_for_a_little_more_room() -> None:
     head_on = with_movers(mover(1.6, 0.02, -0.5))
-    left, right = WayOut(x_mps=0.0, y_mps=-0.6), WayOut(x_mps=0.0, y_mps=0.6)
-    assert escape(head_on, left).y_mps < 0.0
-    assert escape(head_on, right).y_mps > 0.0
+    for side in (-1.0, 1.0):
+        assert side * escape(head_on, WayOut(y_mps=0.6 * side)).y_mps > 0.0

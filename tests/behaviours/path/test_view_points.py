@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -21,25 +22,18 @@ from uav_bt.types import Pose2D
 from uav_bt.types.site_map import MapObject, SiteMap
 
 NOTHING = np.empty((0, 2))
+AT_M = (-1.5, -1.5)  # the drone
 
 
 def box(x_m: float, y_m: float, *, yaw_deg: float = 0.0, class_id: int = 4) -> MapObject:
-    return MapObject(
-        class_id=class_id,
-        x_m=x_m,
-        y_m=y_m,
-        size_m=0.5,
-        width_m=0.3,
-        yaw_rad=math.radians(yaw_deg),
-        std_m=0.05,
-        seen_s=1.0,
-    )
+    place = {"x_m": x_m, "y_m": y_m, "yaw_rad": math.radians(yaw_deg), "std_m": 0.05}
+    return MapObject(class_id=class_id, size_m=0.5, width_m=0.3, seen_s=1.0, **place)
 
 
 def map_with(
     *objects: MapObject,
     obstacles: NDArray[np.float64] = NOTHING,
-    pose: tuple[float, float, float] = (-1.5, -1.5, 0.0),
+    pose: tuple[float, float, float] = (*AT_M, 0.0),
 ) -> SiteMap:
     """Return the drawn map with objects, whose outlines are among its obstacles."""
     outlines_m = [each.outline_m(0.08) for each in objects]
@@ -79,41 +73,32 @@ def test_four_places_face_the_four_sides(yaw_deg: float) -> None:
         assert quarters == pytest.approx(round(quarters), abs=1e-6)
 
 
+def apart_m(pose: Pose2D, x_m: float, y_m: float) -> float:
+    return math.dist((pose.x_m, pose.y_m), (x_m, y_m))
+
+
 def test_the_tour_begins_nearest_to_the_drone_and_goes_round() -> None:
+    """A single place is at the side that faces the drone."""
     target = box(0.0, 0.0)
-    first, *others = around(target, map_with(target), count=6)
-    assert len(others) == 5
-    assert all(
-        math.dist((first.x_m, first.y_m), (-1.5, -1.5))
-        < math.dist((each.x_m, each.y_m), (-1.5, -1.5))
-        for each in others
-    )
-    poses = [first, *others]
-    steps_m = [
-        math.dist((a.x_m, a.y_m), (b.x_m, b.y_m)) for a, b in zip(poses, others, strict=False)
-    ]
-    assert max(steps_m) < 1.3
-
-
-def test_a_single_place_is_at_the_side_that_faces_the_drone() -> None:
-    target = box(0.0, 0.0)
+    poses = around(target, map_with(target), count=6)
+    from_drone_m = [apart_m(each, *AT_M) for each in poses]
+    assert len(poses) == 6
+    assert from_drone_m[0] < min(from_drone_m[1:])
+    assert max(apart_m(a, b.x_m, b.y_m) for a, b in itertools.pairwise(poses)) < 1.3
     (pose,) = around(target, map_with(target, pose=(1.6, 0.2, 0.0)), count=1)
     assert (pose.x_m, pose.y_m) == pytest.approx((0.25 + 0.8, 0.0))
 
 
 def test_a_place_beside_is_taken_where_a_wanted_one_has_no_room() -> None:
+    """There are fewer at the edge of the ground."""
     target, other = box(0.0, 0.0), box(1.1, 0.0, class_id=5)
     poses = around(target, map_with(target, other))
     assert len(poses) == 4
     beside = next(each for each in poses if each.x_m > 0.5)
     assert abs(beside.y_m) > 0.3
     assert bearing_error_rad(target, beside) < 1e-6
-
-
-def test_at_a_wall_there_are_fewer_places() -> None:
-    """The box stands at the edge of the ground."""
-    target = box(1.7, 0.0)
-    poses = around(target, map_with(target))
+    at_edge = box(1.7, 0.0)
+    poses = around(at_edge, map_with(at_edge))
     assert 2 <= len(poses) <= 3
     assert all(each.x_m < 1.71 for each in poses)
 
@@ -142,7 +127,7 @@ def test_a_place_without_a_size_is_looked_at_from_the_drones_side() -> None:
     spot = replace(box(0.5, 0.5), size_m=0.0, width_m=0.0)
     poses = around(spot, map_with(), count=3)
     assert len(poses) == 3
-    assert all(math.dist((each.x_m, each.y_m), (0.5, 0.5)) == pytest.approx(0.8) for each in poses)
+    assert [apart_m(each, 0.5, 0.5) for each in poses] == pytest.approx([0.8] * 3)
     to_drone_rad = math.atan2(-1.5 - 0.5, -1.5 - 0.5)
     assert math.atan2(poses[0].y_m - 0.5, poses[0].x_m - 0.5) == pytest.approx(to_drone_rad)
 
@@ -173,22 +158,18 @@ def test_every_view_point_has_room_a_free_view_and_about_the_distance(
     places: list[tuple[float, float]], yaw_rad: float, wanted_m: float, count: int
 ) -> None:
     target = replace(box(0.2, -0.1), yaw_rad=yaw_rad)
-    far = [
-        p for p in places if math.dist(p, (0.2, -0.1)) > 0.6 and math.dist(p, (-1.5, -1.5)) > 0.7
-    ]
+    far = [p for p in places if math.dist(p, (0.2, -0.1)) > 0.6 and math.dist(p, AT_M) > 0.7]
     obstacles = np.array(far, dtype=float).reshape(-1, 2)
     site_map = map_with(target, obstacles=obstacles)
     poses = around(target, site_map, distance_m=wanted_m, count=count)
-    touch_m = ClearanceMaps(site_map, RecentObstacles(), Margins())[
-        Passage.ORDINARY
-    ].margins.touch_m
+    maps = ClearanceMaps(site_map, RecentObstacles(), Margins())
+    touch_m = maps[Passage.ORDINARY].margins.touch_m
     assert len(poses) <= count
     for index, pose in enumerate(poses):
         assert 0.7 * 0.8 * wanted_m <= distance_m(target, pose) <= 1.2 * wanted_m + 1e-6
         assert bearing_error_rad(target, pose) < 1e-6
         line_m = np.linspace((pose.x_m, pose.y_m), (target.x_m, target.y_m), 80)
         for place in obstacles:
-            assert math.dist(place, (pose.x_m, pose.y_m)) >= touch_m - 0.03
+            assert apart_m(pose, *place) >= touch_m - 0.03
             assert np.hypot(*(line_m - place).T).min() >= SIGHT_M - 0.05
-        for other in poses[:index]:
-            assert math.dist((pose.x_m, pose.y_m), (other.x_m, other.y_m)) > 0.02
+        assert all(apart_m(pose, other.x_m, other.y_m) > 0.02 for other in poses[:index])

@@ -30,19 +30,20 @@ def decide(found: Corridor | None = None, ids: Any = None, **seen: Any) -> Advan
     return CorridorRule().decide(view(shown, corridor=found or corridor(), **seen))
 
 
-@pytest.mark.parametrize(("free_m", "step_m"), [(2.5, 1.0), (1.6, 1.0), (1.3, 0.7), (0.95, 0.35)])
-def test_the_step_ends_the_margin_before_an_obstacle_ahead(free_m: float, step_m: float) -> None:
+@pytest.mark.parametrize(
+    ("free_m", "step_m"),
+    [(2.5, 1.0), (1.6, 1.0), (1.3, 0.7), (0.95, 0.35), (0.89, None), (0.5, None), (0.0, None)],
+)
+def test_the_step_ends_the_margin_before_an_obstacle_ahead(
+    free_m: float, step_m: float | None
+) -> None:
     decision = decide(corridor(free_m, "front"))
-    assert isinstance(decision, Advance)
-    assert decision.forward_m == pytest.approx(step_m)
-    assert (decision.yaw_rad, decision.reason) == (0.0, "clear")
-
-
-@pytest.mark.parametrize("free_m", [0.0, 0.5, 0.89])
-def test_too_little_room_is_no_step(free_m: float) -> None:
-    decision = decide(corridor(free_m, "left"))
-    assert isinstance(decision, Blocked)
-    assert (decision.reason, decision.ground_ends) == ("obstacle", False)
+    if isinstance(decision, Advance):
+        assert decision.forward_m == pytest.approx(step_m)
+        assert (decision.yaw_rad, decision.reason) == (0.0, "clear")
+    else:
+        assert step_m is None
+        assert (decision.reason, decision.ground_ends) == ("obstacle", False)
 
 
 def test_the_step_ends_the_edges_margin_before_the_end_of_the_ground() -> None:
@@ -99,18 +100,20 @@ def test_without_depth_the_drone_looks_round() -> None:
     assert decision.yaw_rad == pytest.approx(-TURN_RAD)
 
 
-def test_a_turn_ends_with_more_room_than_a_step_needs() -> None:
-    """No dithering at the threshold."""
-    found = corridor(0.95, "front")
-    assert isinstance(decide(found), Advance)
-    assert isinstance(decide(found, turning=1), Blocked)
-
-
-def test_after_full_turns_less_room_is_accepted_up_to_a_limit() -> None:
-    found = corridor(0.8, "front")
-    assert isinstance(decide(found, full_turns=2), Blocked)
-    assert isinstance(decide(found, full_turns=3), Advance)
-    assert isinstance(decide(corridor(0.7, "front"), full_turns=50), Blocked)
+@pytest.mark.parametrize(
+    ("free_m", "seen", "advances"),
+    [
+        (0.95, {}, True),
+        (0.95, {"turning": 1}, False),  # no dithering at the threshold
+        (0.8, {"full_turns": 2}, False),
+        (0.8, {"full_turns": 3}, True),
+        (0.7, {"full_turns": 50}, False),
+    ],
+)
+def test_a_turn_asks_for_more_room_and_full_turns_for_less_up_to_a_limit(
+    free_m: float, seen: dict[str, int], *, advances: bool
+) -> None:
+    assert isinstance(decide(corridor(free_m, "front"), **seen), Advance) == advances
 
 
 @given(

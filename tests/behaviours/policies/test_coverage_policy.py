@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from behaviours.policies.coverage_policy import CoveragePolicy
 from tests.behaviours.path.test_passages import corner
@@ -20,6 +22,7 @@ from uav_bt.types import Clearances
 from uav_bt.types.site_map import SiteMap
 
 ALL = np.ones((61, 61), dtype=bool)
+AHEAD = drawn_map(passed=where("left"), pose=(0.0, -0.2, math.pi / 2))
 
 
 def decide(site_map: SiteMap | None, **seen: object) -> Answer:
@@ -40,17 +43,10 @@ def test_without_ground_it_looks_round_and_nothing_is_covered() -> None:
         assert decision.reason == "no ground seen"
 
 
-def test_it_turns_before_it_flies_to_what_lies_behind() -> None:
-    decision = decide(drawn_map(passed=where("right"), pose=(0.0, 0.5, math.pi / 2)))
-    assert isinstance(decision, Rotate)
-    assert abs(decision.yaw_rad) > math.radians(35)
-
-
 def test_by_a_map_that_the_view_contradicts_it_does_not_fly() -> None:
-    ahead = drawn_map(passed=where("left"), pose=(0.0, -0.2, math.pi / 2))
-    assert isinstance(decide(replace(ahead, contradicted_s=0.5)), FollowLeg | Rotate)
-    assert isinstance(decide(replace(ahead, contradicted_s=1.5)), Blocked)
-    assert not isinstance(decide(replace(ahead, contradicted_s=1.5), full_turns=2), Done)
+    assert isinstance(decide(replace(AHEAD, contradicted_s=0.5)), FollowLeg | Rotate)
+    assert isinstance(decide(replace(AHEAD, contradicted_s=1.5)), Blocked)
+    assert not isinstance(decide(replace(AHEAD, contradicted_s=1.5), full_turns=2), Done)
 
 
 @pytest.mark.parametrize(("yaw_deg", "side"), [(60, -1), (120, 1), (-60, -1), (-120, 1)])
@@ -65,15 +61,6 @@ def test_without_a_way_it_turns_to_where_the_ground_is(yaw_deg: float, side: int
     held = decide(shut, turning=-side)
     assert isinstance(held, Blocked)
     assert held.yaw_rad * side < 0.0  # a turn under way is held
-
-
-def test_when_it_looks_at_no_ground_for_long_it_turns_back_to_it() -> None:
-    outwards = drawn_map(pose=(0.0, 1.8, math.radians(90)))
-    assert decide(replace(outwards, untracked_s=1.5)).reason != "turns to the ground"
-    decision = decide(replace(outwards, untracked_s=2.5))
-    assert isinstance(decision, Rotate)
-    assert decision.reason == "turns to the ground"
-    assert abs(decision.yaw_rad) == pytest.approx(math.pi, abs=0.1)
 
 
 def in_a_corner(yaw_deg: float) -> SiteMap:
@@ -96,44 +83,53 @@ def test_in_a_corner_it_turns_away_from_the_patch_that_it_saw() -> None:
         yaw_deg, flown_deg = yaw_deg + 10.0, flown_deg + 10.0
 
 
-def test_where_ground_is_in_view_that_cannot_be_followed_it_flies_on() -> None:
-    """A plain floor has nothing to follow; turning would not help."""
-    assert decide(replace(drawn_map(), untracked_s=20.0)).reason != "turns to the ground"
+OUTWARDS = {"pose": (0.0, 1.8, math.radians(90))}
+HIDDEN = cast([(0.4, -2.0, 2.0)])  # by an obstacle
 
 
-def test_when_an_obstacle_hides_the_ground_it_turns_back_to_it_for_a_while() -> None:
-    """The map has ground in the view. Turns to a leg, and back to the ground, would alternate."""
-    hidden = cast([(0.4, -2.0, 2.0)])
-    seen = replace(drawn_map(), untracked_s=3.0)
-    assert decide(seen).reason != "turns to the ground"
-    assert CoveragePolicy().decide(view(hidden, site_map=seen)).reason == "turns to the ground"
-    for_long = replace(seen, untracked_s=20.0)
-    assert CoveragePolicy().decide(view(hidden, site_map=for_long)).reason != "turns to the ground"
+@pytest.mark.parametrize(
+    ("drawn", "ids", "changes", "turns"),
+    [
+        (OUTWARDS, None, {"untracked_s": 1.5}, False),
+        (OUTWARDS, None, {"untracked_s": 2.5}, True),
+        # A plain floor has nothing to follow; turning would not help.
+        ({}, None, {"untracked_s": 20.0}, False),
+        # The map has ground in the view. Turns to a leg, and back to the ground, would alternate.
+        ({}, None, {"untracked_s": 3.0}, False),
+        ({}, HIDDEN, {"untracked_s": 3.0}, True),
+        ({}, HIDDEN, {"untracked_s": 20.0}, False),
+        # The map has ground there and no view shows it: the drone is not where it believes to be.
+        ({}, None, {"captured_s": 4.0, "untracked_s": 3.0}, True),
+    ],
+)
+def test_when_it_looks_at_no_ground_for_long_it_turns_back_to_it(
+    drawn: dict[str, Any], ids: NDArray[np.uint8] | None, changes: dict[str, float], *, turns: bool
+) -> None:
+    shown = view(cast() if ids is None else ids, site_map=replace(drawn_map(**drawn), **changes))
+    decision = CoveragePolicy().decide(shown)
+    assert (decision.reason == "turns to the ground") == turns
+    if turns and drawn:
+        assert isinstance(decision, Rotate)
+        assert abs(decision.yaw_rad) == pytest.approx(math.pi, abs=0.1)
 
 
-def test_where_no_ground_is_seen_though_the_map_has_some_there_it_turns_back() -> None:
-    """The drone is not where it believes to be."""
-    lost = replace(drawn_map(), captured_s=4.0, untracked_s=3.0)
-    assert decide(lost).reason == "turns to the ground"
-
-
-def test_facing_new_ground_it_flies() -> None:
-    decision = decide(drawn_map(passed=where("left"), pose=(0.0, -0.2, math.pi / 2)))
+def test_it_turns_before_it_flies_to_what_lies_behind_and_flies_to_what_it_faces() -> None:
+    decision = decide(drawn_map(passed=where("right"), pose=(0.0, 0.5, math.pi / 2)))
+    assert isinstance(decision, Rotate)
+    assert abs(decision.yaw_rad) > math.radians(35)
+    decision = decide(AHEAD)
     assert isinstance(decision, FollowLeg)
     assert decision.speed_mps > 0.25
 
 
-@pytest.mark.parametrize(("free_m", "max_mps"), [(0.4, 0.25), (0.6, 0.25), (1.0, 0.6)])
-def test_what_the_corridor_shows_limits_the_speed(free_m: float, max_mps: float) -> None:
-    ahead = drawn_map(passed=where("left"), pose=(0.0, -0.2, math.pi / 2))
-    answer = decide(ahead, corridor=corridor(free_m, "front"))
-    assert isinstance(answer, FollowLeg)
-    assert answer.speed_mps <= max_mps
-
-
-def test_what_the_corridor_shows_right_ahead_blocks() -> None:
-    ahead = drawn_map(passed=where("left"), pose=(0.0, -0.2, math.pi / 2))
-    assert isinstance(decide(ahead, corridor=corridor(0.3, "front")), Blocked)
+@pytest.mark.parametrize(("free_m", "max_mps"), [(0.3, None), (0.4, 0.25), (0.6, 0.25), (1.0, 0.6)])
+def test_what_the_corridor_shows_limits_the_speed(free_m: float, max_mps: float | None) -> None:
+    answer = decide(AHEAD, corridor=corridor(free_m, "front"))
+    if max_mps is None:
+        assert isinstance(answer, Blocked)
+    else:
+        assert isinstance(answer, FollowLeg)
+        assert answer.speed_mps <= max_mps
 
 
 def test_covered_after_a_full_turn_without_a_leg() -> None:

@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.training.footage import FOOTAGE_SIZE_PX, Footage, shrink
-from perception.depth.training.labelling import LABEL_SIZE_PX, DepthLabels
+from perception.depth.training.footage import FOOTAGE_SIZE_PX, LABEL_SIZE_PX, Flight, shrink
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import render_views
+from uav_bt.types import Attitude, BodyVelocity, DroneState, FlyingState, Frame
 from uav_bt.types.projection import camera_axes
 
 PITCH_RAD = math.radians(-28.0)
@@ -25,18 +25,18 @@ AHEAD_M = 0.15
 class KnownFlight:
     """Footage and its ground truth."""
 
-    footage: Footage
+    footage: Flight
     depth_m: NDArray[np.float32]  # (N, 256, 320)
     ids: NDArray[np.uint8]  # (N, 256, 320)
     poses: list[CameraPose]
 
-    def labels(self) -> DepthLabels:
-        """Return the true depth of every frame at the size of labels."""
+    def labels(self) -> NDArray[np.float16]:
+        """Return the true depth of every frame, without bounds, as `Flight.labels`."""
         small = [
             cv2.resize(exact, LABEL_SIZE_PX, interpolation=cv2.INTER_NEAREST_EXACT)
             for exact in self.depth_m
         ]
-        return DepthLabels(depth_m=np.stack(small).astype(np.float16))
+        return np.stack([small, np.full_like(small, np.inf)], axis=1).astype(np.float16)
 
     def motion(self, origin: int, target: int) -> NDArray[np.float64]:
         """Return the true movement of points from one camera's frame to another's, (3, 4)."""
@@ -75,18 +75,29 @@ def known_flight(count: int = 12, *, yaw_noise_rad: float = 0.0, seed: int = 0) 
     # Velocity as it is at the ticks: differences of the very positions, half a step each way.
     vx, vy, vz = (np.gradient(axis, times) for axis in (x, y, z))
     c, s = np.cos(yaw), np.sin(yaw)
-    told = np.zeros((2, count, 3))
-    told[:, :, 2] = -yaw + noise
-    footage = Footage(
-        frames=np.stack([shrink(view.image) for view in views]),
-        index=3 * np.arange(count, dtype=np.int64),
-        captured_s=times,
-        gimbal_pitch_rad=np.full(count, PITCH_RAD),
-        attitude_rad=told[0],
-        height_above_ground_m=z,
-        state_s=times,
-        state_attitude_rad=told[1],
-        velocity_mps=np.stack([c * vx + s * vy, s * vx - c * vy, -vz], axis=1),
+    velocities = np.stack([c * vx + s * vy, s * vx - c * vy, -vz], axis=1).tolist()
+    seen, told = ([Attitude(yaw_rad=float(angle)) for angle in -yaw + each] for each in noise)
+    footage = Flight(
+        frames=tuple(
+            Frame(
+                image=shrink(view.image),
+                index=3 * place,
+                captured_s=float(times[place]),
+                gimbal_pitch_rad=PITCH_RAD,
+                attitude=seen[place],
+                height_above_ground_m=float(z[place]),
+            )
+            for place, view in enumerate(views)
+        ),
+        states=tuple(
+            DroneState(
+                captured_s=float(times[place]),
+                flying=FlyingState.FLYING,
+                attitude=told[place],
+                velocity=BodyVelocity(forward_mps=forward, right_mps=right, down_mps=down),
+            )
+            for place, (forward, right, down) in enumerate(velocities)
+        ),
         camera=anafi_camera(640, 360).resized(*FOOTAGE_SIZE_PX),
     )
     return KnownFlight(

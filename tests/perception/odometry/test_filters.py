@@ -1,7 +1,5 @@
 """Filters of the heading, of the velocity's error and of the factor between displacements."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -24,63 +22,47 @@ def test_telemetry_s_noise_and_slow_error_do_not_turn_it() -> None:
     assert np.std(np.diff(errors)) < 0.002
 
 
-def test_without_ground_telemetry_leads() -> None:
+@pytest.mark.parametrize(
+    ("told_rad", "turned_rad", "yaw_rad"),
+    [
+        # Without ground telemetry leads.
+        ([math.remainder(0.1 * step, 2.0 * math.pi) for step in range(50)], [None] * 50, 4.9),
+        # A leap of telemetry is its error.
+        ([0.0] * 10 + [1.57] * 10, [None] + [0.0] * 19, 0.0),
+        # Looking beyond the ground the drone turns by a right angle; then the ground is back.
+        ([0.1 * min(step, 15) for step in range(26)], [None] * 16 + [0.0] * 10, 1.5),
+    ],
+    ids=["no ground", "leap", "unseen turn"],
+)
+def test_the_heading_follows(
+    told_rad: list[float], turned_rad: list[float | None], yaw_rad: float
+) -> None:
     heading = Heading()
-    for step in range(50):
-        heading.see(math.remainder(0.1 * step, 2.0 * math.pi), None, STEP_S)
-    assert math.remainder(heading.yaw_rad - 4.9, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-6)
+    for told, turned in zip(told_rad, turned_rad, strict=True):
+        heading.see(told, turned, STEP_S)
+    assert math.remainder(heading.yaw_rad - yaw_rad, 2.0 * math.pi) == pytest.approx(0.0, abs=0.01)
+    off_rad = told_rad[-1] + heading.correction_rad - yaw_rad
+    assert math.remainder(off_rad, 2.0 * math.pi) == pytest.approx(0.0, abs=0.01)
 
 
-def test_a_leap_of_telemetry_is_its_error() -> None:
-    heading = Heading()
-    for step in range(20):
-        heading.see(0.0 if step < 10 else 1.57, None if step == 0 else 0.0, STEP_S)
-    assert heading.yaw_rad == pytest.approx(0.0, abs=0.01)
-    assert 1.57 + heading.correction_rad == pytest.approx(0.0, abs=0.01)
-
-
-def test_a_turn_that_no_image_showed_is_believed() -> None:
-    """Looking beyond the ground the drone turns by a right angle; then the ground is back."""
-    heading = Heading()
-    for step in range(16):
-        heading.see(0.1 * step, None, STEP_S)
-    for _ in range(10):
-        heading.see(1.5, 0.0, STEP_S)
-    assert heading.yaw_rad == pytest.approx(1.5, abs=0.01)
-
-
-# --- the error of the velocity ---
-
-
-def learned(
-    true_mps: float, seconds: float, *, noise_mps: float = 0.03, spread_m: float = 0.6
-) -> VelocityError:
-    error, noise = VelocityError(), np.random.default_rng(2).normal(0.0, noise_mps, (600, 2))
+def learned(true_mps: float, seconds: float, *, spread_m: float = 0.6) -> VelocityError:
+    error, noise = VelocityError(), np.random.default_rng(2).normal(0.0, 0.03, (600, 2))
     for wrong in noise[: round(seconds / STEP_S)]:
         error.predict(STEP_S)
         error.correct(np.array([true_mps, 0.0]) + wrong, STEP_S, spread_m, 0.0)
     return error
 
 
-def test_a_large_error_is_learned_within_some_seconds() -> None:
+def test_an_error_is_learned_slowly_on_little_ground_and_forgotten_unseen() -> None:
+    assert np.hypot(*learned(0.0, 20.0).mps(0.0)) < 0.005  # noise is none
     assert learned(0.2, 4.0).mps(0.0) == pytest.approx([0.2, 0.0], abs=0.02)
-
-
-def test_noise_is_no_error() -> None:
-    assert np.hypot(*learned(0.0, 20.0).mps(0.0)) < 0.005
-
-
-def test_an_error_that_is_not_seen_is_forgotten() -> None:
+    wide, small = (learned(0.2, 0.5, spread_m=each).mps(0.0)[0] for each in (0.6, 0.3))
+    assert small < 0.5 * wide
     error = learned(0.2, 10.0)
+    # Before a turn it counts half as a bias and half as a drift.
+    assert error.bias_mps(0.0) == pytest.approx([0.1, 0.0], abs=0.02)
     error.predict(120.0)
     assert error.mps(0.0) == pytest.approx([0.0, 0.0])
-
-
-def test_a_small_patch_of_ground_teaches_slowly() -> None:
-    wide, small = (
-        float(learned(0.2, 0.5, spread_m=spread_m).mps(0.0)[0]) for spread_m in (0.6, 0.3)
-    )
-    assert small < 0.5 * wide
 
 
 @pytest.mark.parametrize("turns", [True, False], ids=["bias", "drift"])
@@ -97,11 +79,6 @@ def test_a_turn_tells_a_bias_from_a_drift(turns: bool) -> None:  # noqa: FBT001
     assert error.mps(math.radians(180)) == pytest.approx(expected, abs=0.07)
 
 
-def test_an_error_counts_half_as_either_before_a_turn() -> None:
-    error = learned(0.2, 10.0)
-    assert error.bias_mps(0.0) == pytest.approx([0.1, 0.0], abs=0.02)
-
-
 def test_one_wrong_motion_is_left_out_and_many_are_believed() -> None:
     error = learned(0.0, 10.0)
     error.correct(np.array([0.9, -0.5]), STEP_S, 0.6, 0.0)
@@ -112,23 +89,18 @@ def test_one_wrong_motion_is_left_out_and_many_are_believed() -> None:
     assert error.mps(0.0) == pytest.approx([0.3, 0.0], abs=0.05)
 
 
-# --- the stretch ---
-
-
 def flown(
-    factor: float, seconds: float, *, speed_mps: float = 0.4, drift_mps: float = 0.0, seed: int = 4
+    factor: float, seconds: float, *, speed_mps: float = 0.4, drift_mps: float = 0.0
 ) -> Stretch:
     """Fly to and fro, with the noise of frames and of telemetry."""
-    stretch, noise = Stretch(), np.random.default_rng(seed)
+    stretch, noise = Stretch(), np.random.default_rng(4)
     for step in range(round(seconds / STEP_S)):
         ahead = speed_mps * math.sin(step * STEP_S)
         aside = 0.5 * speed_mps * math.cos(0.7 * step * STEP_S)
         errors = noise.normal(0.0, 0.03, 4)
-        stretch.add(
-            complex(factor * ahead + drift_mps + errors[0], factor * aside + errors[1]),
-            complex(ahead + 0.5 * errors[2], aside + 0.5 * errors[3]),
-            STEP_S,
-        )
+        seen = complex(factor * ahead + drift_mps + errors[0], factor * aside + errors[1])
+        told = complex(ahead + 0.5 * errors[2], aside + 0.5 * errors[3])
+        stretch.add(seen, told, STEP_S)
     return stretch
 
 
@@ -137,19 +109,10 @@ def test_the_factor_of_all_displacements_is_found(factor: float) -> None:
     assert flown(factor, 12.0).factor == pytest.approx(factor, rel=0.06)
 
 
-def test_a_drift_is_no_factor() -> None:
+def test_drift_hovering_and_few_or_old_displacements_show_no_factor() -> None:
     assert flown(1.0, 20.0, drift_mps=0.2).factor == pytest.approx(1.0, abs=0.06)
-
-
-def test_a_drone_that_hovers_shows_no_factor() -> None:
     assert flown(2.0, 60.0, speed_mps=0.02).factor is None
-
-
-def test_a_few_displacements_are_too_few() -> None:
     assert flown(2.0, 0.3).factor is None
-
-
-def test_old_displacements_are_forgotten() -> None:
     stretch = flown(2.0, 20.0)
     for step in range(1200):
         ahead = 0.4 * math.sin(step * STEP_S)

@@ -1,9 +1,7 @@
 """Dead reckoning corrected by the ground, in pictures of the twin with telemetry that drifts."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,10 +13,11 @@ from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.objects import Helipad
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import Scene
-from sim_bridge.twin.views import render_views
+from sim_bridge.twin.views import View, render_views
 from tests.paper_lab import CARPET, paper_map
+from tests.uav_bt.types.circle_flight import state
 from tests.worlds import values
-from uav_bt.types import Attitude, BodyVelocity, DroneState, FlyingState, Frame, Pose2D
+from uav_bt.types import BodyVelocity, Frame, Pose2D
 from uav_bt.types.arrays import Image
 
 SIZE_PX = (320, 180)
@@ -30,17 +29,6 @@ STILL = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 LAB = Scene(name="empty", helipad=Helipad(position_m=(-2.2, -1.7)), boxes=())
 BLACK = np.zeros((9, 16, 3), np.uint8)
 ALL_GROUND = np.full((9, 16), CARPET, np.uint8)
-
-
-def tell(
-    odometry: GroundOdometry, time_s: float, velocity: BodyVelocity, yaw_rad: float = 0.0
-) -> None:
-    attitude = Attitude(yaw_rad=yaw_rad)
-    odometry.predict(
-        DroneState(
-            captured_s=time_s, flying=FlyingState.FLYING, attitude=attitude, velocity=velocity
-        )
-    )
 
 
 def show(
@@ -55,60 +43,58 @@ def show(
     odometry.see(paper_map(ids=ids, captured_s=time_s), frame, CAMERA)
 
 
-def pose(x_m: float, y_m: float, yaw_rad: float = 0.0) -> CameraPose:
-    return CameraPose(x_m=x_m, y_m=y_m, z_m=HEIGHT_M, yaw_rad=yaw_rad, pitch_rad=PITCH_RAD)
+def views(*places: tuple[float, float]) -> Sequence[View]:
+    """Return images from a metre behind the origin, each some metres aside and turned."""
+    poses = [
+        CameraPose(x_m=-1.0, y_m=y_m, z_m=HEIGHT_M, yaw_rad=yaw_rad, pitch_rad=PITCH_RAD)
+        for y_m, yaw_rad in places
+    ]
+    return render_views(LAB, poses, size_px=SIZE_PX, profile=Profile.named("lab"))
 
 
 def fly(
-    poses: Sequence[CameraPose],
-    told: BodyVelocity,
-    *,
-    blind: bool = False,
-    yaw_off_rad: Callable[[int], float] = lambda _: 0.0,
-    height_off_m: Callable[[int], float] = lambda _: 0.0,
+    *places: tuple[float, float],
+    yaw_off_rad: Sequence[float] = (0.0,) * 40,
+    low_m: float = 0.0,
+    **told: float,
 ) -> GroundOdometry:
-    """Show the images of poses, 0.1 s apart, with the reported velocity and errors."""
+    """Show the images of places, 0.1 s apart, with the reported velocity and errors."""
     odometry = GroundOdometry()
-    views = render_views(LAB, poses, size_px=SIZE_PX, profile=Profile.named("lab"))
-    for index, view in enumerate(views):
-        tell(odometry, index * STEP_S, told, -view.pose.yaw_rad + yaw_off_rad(index))
-        image = np.zeros_like(view.image) if blind else view.image
-        show(odometry, index, image, view.ids, HEIGHT_M + height_off_m(index))
+    for index, view in enumerate(views(*places)):
+        yaw_rad = -view.pose.yaw_rad + yaw_off_rad[index]
+        odometry.predict(state(index * STEP_S, yaw_rad, **told))
+        show(odometry, index, view.image, view.ids, HEIGHT_M - low_m * index)
     return odometry
+
+
+HERE = (0.0, 0.0)
 
 
 def test_a_drone_that_stands_still_stays_where_it_is() -> None:
     """Telemetry says it drifts by 0.15 m; the ground says it does not."""
-    odometry = fly([pose(-1.0, 0.0)] * 16, BodyVelocity(forward_mps=0.06, right_mps=-0.08))
-
-    assert math.hypot(odometry.now.x_m, odometry.now.y_m) < 0.02
+    now = fly(*[HERE] * 16, forward_mps=0.06, right_mps=-0.08).now
+    assert math.hypot(now.x_m, now.y_m) < 0.02
 
 
 def test_a_height_that_is_wrong_does_not_pass_for_a_way_ahead() -> None:
     """By half a percent too low: the ground would have come nearer by half a centimetre."""
-    odometry = fly([pose(-1.0, 0.0)] * 2, BodyVelocity(), height_off_m=lambda index: -0.008 * index)
-
-    assert math.hypot(odometry.now.x_m, odometry.now.y_m) < 0.002
+    now = fly(HERE, HERE, low_m=0.008).now
+    assert math.hypot(now.x_m, now.y_m) < 0.002
 
 
 def test_the_noise_of_telemetry_s_heading_is_not_the_pose_s() -> None:
     noise_rad = np.random.default_rng(1).normal(0.0, 0.015, 31)
     noise_rad[0] = 0.0
-    turn = [pose(-1.0, 0.0, -0.03 * step) for step in range(31)]
-    odometry = fly(turn, BodyVelocity(), yaw_off_rad=lambda index: float(noise_rad[index]))
-
-    assert odometry.estimate.seen.yaw_rad == pytest.approx(0.9, abs=0.01)
+    turn = [(0.0, -0.03 * step) for step in range(31)]
+    seen = fly(*turn, yaw_off_rad=noise_rad.tolist()).estimate.seen
+    assert seen.yaw_rad == pytest.approx(0.9, abs=0.01)
 
 
 @pytest.mark.parametrize("leapt_rad", [0.15, 0.3, -1.57])
 def test_a_leap_of_telemetry_s_heading_turns_nothing(leapt_rad: float) -> None:
-    slide = [pose(-1.0, 0.015 * step) for step in range(21)]
-    estimate = fly(
-        slide,
-        BodyVelocity(right_mps=-0.15),
-        yaw_off_rad=lambda index: leapt_rad if index >= 10 else 0.0,
-    ).estimate
-
+    slide = [(0.015 * step, 0.0) for step in range(21)]
+    leap = [0.0] * 10 + [leapt_rad] * 11
+    estimate = fly(*slide, yaw_off_rad=leap, right_mps=-0.15).estimate
     assert estimate.seen.yaw_rad == pytest.approx(0.0, abs=0.02)
     assert estimate.pose.yaw_rad == pytest.approx(0.0, abs=0.02)
     assert (estimate.pose.x_m, estimate.pose.y_m) == pytest.approx((0.0, -0.3), abs=0.03)
@@ -116,61 +102,45 @@ def test_a_leap_of_telemetry_s_heading_turns_nothing(leapt_rad: float) -> None:
 
 def test_turning_about_the_camera_moves_nothing() -> None:
     """A turn of 60 degrees with the lens in one place moves the body's centre only."""
-    turns = [pose(-1.0, 0.0, -math.radians(4 * step)) for step in range(16)]
+    odometry = fly(*[(0.0, -math.radians(4 * step)) for step in range(16)])
     offset_m = CAMERA.forward_offset_m
-    odometry = fly(turns, BodyVelocity())
-
     lens = odometry.now.to_world(offset_m, 0.0)
     assert math.hypot(lens[0] - offset_m, lens[1]) < 0.03
 
 
-def test_the_border_of_the_ground_is_left_out() -> None:
+def test_the_border_of_the_ground_and_ground_without_texture_are_left_out() -> None:
     """A corner of a box that touches ground in the image moves otherwise than the ground does."""
-    (view,) = render_views(LAB, [pose(-1.0, 0.0)], size_px=SIZE_PX, profile=Profile.named("lab"))
-    ids = np.zeros_like(view.ids)
-    ids[100:103] = CARPET  # a strip that is all border
-    odometry = GroundOdometry()
-    for index in range(6):
-        tell(odometry, index * STEP_S, BodyVelocity(forward_mps=0.1))
-        show(odometry, index, view.image, ids)
-    assert odometry.estimate.tracked_s < 0.0  # never
-
-
-def test_before_the_first_telemetry_there_is_no_pose() -> None:
-    odometry = GroundOdometry()
-    show(odometry, 0)
-    assert (odometry.now, odometry.at(1.0), odometry.estimate) == (None, None, None)
+    (view,) = views(HERE)
+    border = np.zeros_like(view.ids)
+    border[100:103] = CARPET  # a strip that is all border
+    for image, ids in ((view.image, border), (np.zeros_like(view.image), view.ids)):
+        odometry = GroundOdometry()
+        assert (odometry.now, odometry.at(1.0), odometry.estimate) == (None, None, None)
+        show(odometry, 0, image, ids)  # before the first telemetry
+        assert odometry.now is None
+        for index in range(6):
+            odometry.predict(state(index * STEP_S, forward_mps=0.2))
+            show(odometry, index, image, ids)
+        assert odometry.estimate.pose.x_m == pytest.approx(0.1)
+        assert odometry.estimate.tracked_s < 0.0  # never
+    assert odometry.estimate.ground_share > 0.2
 
 
 def test_the_velocity_over_the_ground_is_estimated_and_goes_on_without_frames() -> None:
     """Telemetry says that it stands still, heading to the right of the slide's direction."""
-    slide = [pose(-1.0, 0.015 * step, yaw_rad=-0.5) for step in range(31)]
-    odometry = fly(slide, BodyVelocity())
+    odometry = fly(*[(0.015 * step, -0.5) for step in range(31)])
     before = odometry.estimate
-
     forward_mps, right_mps = before.velocity.forward_mps, before.velocity.right_mps
     assert (before.pose.x_m, before.pose.y_m) == pytest.approx((0.0, -0.45), abs=0.02)
     assert forward_mps == pytest.approx(-0.15 * math.sin(0.5), abs=0.03)
     assert right_mps == pytest.approx(-0.15 * math.cos(0.5), abs=0.03)
     assert before.error == BodyVelocity(forward_mps=forward_mps, right_mps=right_mps)
     assert before.seen.time_s == before.tracked_s == pytest.approx(3.0)
-    assert before.ground_share is not None
     assert before.ground_share > 0.2
-
-    tell(odometry, 3.5, BodyVelocity(), 0.5)
+    odometry.predict(state(3.5, 0.5))
     after = odometry.estimate
     assert after.pose.y_m - before.pose.y_m == pytest.approx(-0.075, abs=0.015)
     assert (after.seen, after.untracked_s) == (before.seen, pytest.approx(0.5))
-
-
-def test_without_texture_telemetry_stays_and_the_share_of_ground_is_stated() -> None:
-    odometry = fly([pose(-1.0, 0.0)] * 6, BodyVelocity(forward_mps=0.2), blind=True)
-    motion = odometry.estimate
-
-    assert motion.pose.x_m == pytest.approx(0.1)
-    assert motion.tracked_s < 0.0
-    assert motion.ground_share is not None
-    assert motion.ground_share > 0.2
 
 
 def test_a_velocity_that_is_only_late_is_no_error_of_telemetry() -> None:
@@ -179,25 +149,15 @@ def test_a_velocity_that_is_only_late_is_no_error_of_telemetry() -> None:
     slides_s = [max(0.0, time_s - 0.6) for time_s in times_s]
     mps = [min(0.3, 1.2 * slid_s) for slid_s in slides_s]
     slid_m = [0.6 * min(slid_s, 0.25) ** 2 + 0.3 * max(0.0, slid_s - 0.25) for slid_s in slides_s]
-    odometry, errors_mps = GroundOdometry(), []
-    views = render_views(LAB, [pose(-1.0, -place_m) for place_m in slid_m], size_px=SIZE_PX)
-    for index, view in enumerate(views):
+    odometry = GroundOdometry()
+    for index, view in enumerate(views(*[(-place_m, 0.0) for place_m in slid_m])):
         measured = max(0, index // 2 * 2 - 2)
-        state = DroneState(
-            captured_s=times_s[measured],
-            flying=FlyingState.FLYING,
-            velocity=BodyVelocity(right_mps=mps[measured]),
-        )
-        odometry.predict(state, times_s[index])
+        odometry.predict(state(times_s[measured], right_mps=mps[measured]), times_s[index])
         show(odometry, index, view.image, view.ids)
         error = odometry.estimate.error
-        errors_mps.append(math.hypot(error.forward_mps, error.right_mps))
+        assert math.hypot(error.forward_mps, error.right_mps) < 0.03
         assert odometry.estimate.seen.y_m == pytest.approx(slid_m[index], abs=0.01)
-    assert max(errors_mps) < 0.03
     assert odometry.now.y_m == pytest.approx(slid_m[-1], abs=0.01)
-
-
-# --- motions that are measured elsewhere ----------------------------------------------------------
 
 
 @pytest.mark.parametrize("telemetry", [True, False])
@@ -209,7 +169,7 @@ def test_without_frames_the_known_error_of_the_velocity_is_still_corrected(
     for index in range(400):
         lost = 200 <= index < 300
         if telemetry or not lost:
-            tell(odometry, index * STEP_S, BodyVelocity(forward_mps=0.1))
+            odometry.predict(state(index * STEP_S, forward_mps=0.1))
         if not lost:
             show(odometry, index)
     assert abs(odometry.now.x_m) < 0.4
@@ -232,7 +192,7 @@ def test_the_error_of_a_wrong_velocity_turns_with_the_drone() -> None:
 
     odometry = GroundOdometry(measure=measure)
     for index, yaw_rad in enumerate(turned_rad):
-        tell(odometry, index * STEP_S, BodyVelocity(forward_mps=0.2), yaw_rad)
+        odometry.predict(state(index * STEP_S, yaw_rad, forward_mps=0.2))
         show(odometry, index)
     assert math.hypot(odometry.now.x_m, odometry.now.y_m) < 0.7
 
@@ -246,8 +206,8 @@ def test_the_factor_of_a_wrong_height_is_stated() -> None:
 
     odometry = GroundOdometry(measure=measure)
     for index in range(100):
-        tell(odometry, index * STEP_S, BodyVelocity(forward_mps=0.4 * math.sin(index * STEP_S)))
+        time_s = index * STEP_S
+        odometry.predict(state(time_s, forward_mps=0.4 * math.sin(time_s)))
         show(odometry, index)
-        if index == 2:
-            assert odometry.estimate.stretch is None
+        assert index != 2 or odometry.estimate.stretch is None
     assert odometry.estimate.stretch == pytest.approx(1.5, abs=0.03)

@@ -18,11 +18,8 @@ def blank(height: int, width: int, class_id: int = 0) -> Image:
     return np.full((height, width), class_id, dtype=np.uint8)
 
 
-def test_dots_dilate_to_a_map_without_gaps() -> None:
+def test_dots_dilate_to_a_map_without_gaps_and_objects_gain_the_margin() -> None:
     assert (clean.dilated_grid(blank(52, 73, 5)) == 5).all()
-
-
-def test_an_object_gains_the_margin_over_the_background() -> None:
     ids = blank(60, 60)
     ids[20:40, 20:40] = 6
     painted = clean.dilated_grid(ids)
@@ -54,23 +51,17 @@ def test_small_pieces_go_and_large_ones_stay_whatever_their_number() -> None:
     np.testing.assert_array_equal(clean.drop_small_components(blank(9, 9), area_px=1000), 0)
 
 
-def test_a_hole_in_a_boxs_side_is_filled() -> None:
-    ids = blank(60, 60, 4)
-    ids[20:30, 20:30] = 0
-    ids[0:6, 0:6] = 0  # at the picture's edge: as much a hole
-    assert (clean.filled_holes(ids, inside=(4,), area_px=100) == 4).all()
-
-
-def test_what_is_too_large_or_between_two_classes_or_exempt_is_no_hole() -> None:
-    ids = blank(60, 60, 4)
+def test_a_small_hole_within_one_class_is_filled_and_no_other() -> None:
+    box, ground = blank(60, 60, 4), blank(60, 60, 1)
+    box[20:30, 20:30] = box[0:6, 0:6] = 0  # at the picture's edge: as much a hole
+    assert (clean.filled_holes(box, inside=(4,), area_px=100) == 4).all()
+    ids = blank(60, 60, 4)  # too large, between two classes, and exempt
     ids[5:20, 5:20] = 0
     ids[:, 40:] = 5
     ids[30:36, 37:43] = 0
     ids[50:55, 10:15] = 2
-    np.testing.assert_array_equal(
-        clean.filled_holes(ids, inside=(4, 5), but=(2,), area_px=100), ids
-    )
-    ground = blank(60, 60, 1)
+    filled = clean.filled_holes(ids, inside=(4, 5), but=(2,), area_px=100)
+    np.testing.assert_array_equal(filled, ids)
     ground[20:25, 20:25] = 4  # before the ground stands an object
     np.testing.assert_array_equal(clean.filled_holes(ground, inside=(4,), area_px=100), ground)
 

@@ -14,12 +14,10 @@ from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.runtime import (
     OnnxSegmenter,
     RoomSegmenter,
-    TeacherSegmenter,
     load_segmenter,
     shipped_teacher,
     shipped_unet,
 )
-from perception.segmentation.teacher import load_teacher
 from tests.paper_lab import CLASSES
 from tests.perception.networks.small_networks import IMAGE, halves, save
 from tests.perception.segmentation.patterned import samples
@@ -42,6 +40,8 @@ CARPET, HELIPAD_BOX, BOX_1, BOX_3 = 1, 3, 4, 6
 # One channel: the green share of a pixel, and whether it is more than a half.
 GREEN = "share = Conv(x, g)"
 MORE = f"{GREEN} y = Greater(share, half)"
+SHARE = f"{GREEN} y = Identity(share)"
+ONE, ROOF = {0: "carpet"}, {0: "roof_1", 1: "carpet"}
 CONSTANTS = "float[1,3,1,1] g = {0, 1, 0}, float half = {0.5}"
 
 
@@ -53,10 +53,9 @@ def picture() -> Image:
     return next(samples(1, seed=0, width=640, height=360))[1]
 
 
-# --- networks of classes --------------------------------------------------------------------------
-
-
 BLUE_FIRST = ClassMapping(classes=THREE.classes, input=InputFormat(colours="bgr"))
+WHOLE = "m = Mul(x, many) y = Cast <to=6> (m)"
+FLOATS = "a = ArgMax <axis=1> (x) y = Cast <to=1> (a)"
 NUMBERS = "y = ArgMax <axis=1, keepdims=0> (x)"
 REST = ClassMapping(classes={1: "carpet"}, default="box_3")
 TWO = ClassMapping(classes={0: "helipad_box", 1: "carpet"})
@@ -69,30 +68,16 @@ TWO = ClassMapping(classes={0: "helipad_box", 1: "carpet"})
         (SAME, (IMAGE, IMAGE), BLUE_FIRST, (CARPET, BOX_1)),
         # Scores that come last are recognised by the aspect.
         (LAST, (IMAGE, "float[1,8,16,3]"), THREE, (CARPET, HELIPAD_BOX)),
-        (
-            "m = Mul(x, many) y = Cast <to=6> (m)",
-            (IMAGE, "int32[1,3,8,16]"),
-            THREE,
-            (CARPET, HELIPAD_BOX),
-        ),
+        (WHOLE, (IMAGE, "int32[1,3,8,16]"), THREE, (CARPET, HELIPAD_BOX)),
         # Class numbers; those that the mapping does not list take the default.
         (NUMBERS, (IMAGE, "int64[1,8,16]"), REST, (CARPET, BOX_3)),
-        (
-            "a = ArgMax <axis=1> (x) y = Cast <to=1> (a)",
-            (IMAGE, "float[1,1,8,16]"),
-            REST,
-            (CARPET, BOX_3),
-        ),
+        (FLOATS, (IMAGE, "float[1,1,8,16]"), REST, (CARPET, BOX_3)),
         (MORE, (IMAGE, "bool[1,1,8,16]"), TWO, (CARPET, HELIPAD_BOX)),
     ],
     ids=["first", "bgr", "last", "whole", "numbers", "floats", "truth"],
 )
 def test_a_foreign_network_answers_in_our_classes(
-    tmp_path: Path,
-    nodes: str,
-    ports: tuple[str, str],
-    mapping: ClassMapping,
-    ids: tuple[int, int],
+    tmp_path: Path, nodes: str, ports: tuple[str, str], mapping: ClassMapping, ids: tuple[int, int]
 ) -> None:
     path = save(tmp_path / "n.onnx", nodes, *ports, f"{CONSTANTS}, float many = {{100.0}}")
     segmenter = OnnxSegmenter(path, CLASSES, mapping)
@@ -103,13 +88,19 @@ def test_a_foreign_network_answers_in_our_classes(
     assert class_map.ids.tolist() == [[ids[0]] * 8 + [ids[1]] * 8] * 8
 
 
-def test_a_mapping_file_is_read(tmp_path: Path) -> None:
+def test_a_mapping_file_is_read_and_one_for_another_network_refused(tmp_path: Path) -> None:
     path = save(tmp_path / "n.onnx", SAME)
     (tmp_path / "n.yaml").write_text("classes: {0: roof_5}", encoding="utf-8")
     red = np.full((8, 16, 3), (9, 0, 0), dtype=np.uint8)
     assert (OnnxSegmenter(path, CLASSES, tmp_path / "n.yaml").ids(red) == 16).all()
     with pytest.raises(FileError, match="no such class mapping"):
         OnnxSegmenter(path, CLASSES, tmp_path / "none.yaml")
+    with pytest.raises(ValueRangeError, match="names class 16, the network has classes 0 to 2"):
+        OnnxSegmenter(path, CLASSES, ClassMapping.identity(CLASSES))
+    with pytest.raises(WeightsError, match=r"scores of the 17 classes .* gives 3: give"):
+        OnnxSegmenter(path, CLASSES)
+    with pytest.raises(WeightsError, match="no such network"):
+        load_segmenter(tmp_path / "absent.onnx", CLASSES)
 
 
 def test_scores_in_an_unclear_place_are_refused_until_the_mapping_says_it(tmp_path: Path) -> None:
@@ -139,25 +130,10 @@ def test_the_class_list_decides_where_both_places_fit(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("nodes", "given", "classes", "message"),
     [
-        (
-            "y = Flatten <axis=1> (x)",
-            "float[1,384]",
-            {0: "carpet"},
-            "output must be 1xCxHxW, 1xHxWxC or 1xHxW, got 1x384",
-        ),
-        (
-            f"{GREEN} y = Identity(share)",
-            "float[1,1,8,16]",
-            {0: "roof_1", 1: "carpet"},
-            r"must be whole numbers, and the network gives 0\.498",
-        ),
-        (
-            f"{GREEN} y = Identity(share)",
-            "float[1,1,8,16]",
-            {0: "carpet"},
-            "one class, class 0, does not say .* a score for each of two classes",
-        ),
-        (MORE, "bool[1,1,8,16]", {0: "carpet"}, "one class, class 0, does not say"),
+        ("y = Flatten <axis=1> (x)", "float[1,384]", ONE, "xC or 1xHxW, got 1x384"),
+        (SHARE, "float[1,1,8,16]", ROOF, r"must be whole numbers, and the network gives 0\.498"),
+        (SHARE, "float[1,1,8,16]", ONE, "class 0, does not say .* a score for each of two classes"),
+        (MORE, "bool[1,1,8,16]", ONE, "one class, class 0, does not say"),
     ],
 )
 def test_a_network_of_another_output_is_refused(
@@ -168,19 +144,11 @@ def test_a_network_of_another_output_is_refused(
         OnnxSegmenter(path, CLASSES, ClassMapping(classes=classes))
 
 
-def test_a_mapping_for_another_network_is_refused(tmp_path: Path) -> None:
-    path = save(tmp_path / "n.onnx", SAME)
-    with pytest.raises(ValueRangeError, match="names class 16, the network has classes 0 to 2"):
-        OnnxSegmenter(path, CLASSES, ClassMapping.identity(CLASSES))
-    with pytest.raises(WeightsError, match=r"scores of the 17 classes .* gives 3: give"):
-        OnnxSegmenter(path, CLASSES)
-
-
 def test_a_pixel_without_a_class_number_is_an_error_of_the_answer(tmp_path: Path) -> None:
     """The mission goes on without this frame; for the grey image of the start all is well."""
     nodes = f"{GREEN} more = Sub(share, half) y = Relu(more)"
     path = save(tmp_path / "n.onnx", nodes, given="float[1,1,8,16]", constants=CONSTANTS)
-    segmenter = OnnxSegmenter(path, CLASSES, ClassMapping(classes={0: "roof_1", 1: "carpet"}))
+    segmenter = OnnxSegmenter(path, CLASSES, ClassMapping(classes=ROOF))
     with pytest.raises(AnswerError, match=r"must be whole numbers, and the network gives 0\.284"):
         segmenter.ids(halves())
 
@@ -201,17 +169,15 @@ def test_a_network_of_a_lab_with_other_classes_is_refused() -> None:
         shipped_teacher(other)
     mapping = ClassMapping(classes={1: "ground", 4: "obstacle"})
     assert OnnxSegmenter(UNET, other, mapping).size_px == (224, 112)
+    assert isinstance(load_segmenter(UNET, CLASSES), OnnxSegmenter)
+    with pytest.raises(WeightsError, match="expected the outputs logits and depth"):
+        RoomSegmenter(UNET, CLASSES)
 
 
-def test_the_teacher_flies_sharp_and_as_in_the_paper() -> None:
-    teacher = load_teacher(SHIPPED_WEIGHTS / "teacher.safetensors", CLASSES)
-    for segmenter in (shipped_teacher(CLASSES), TeacherSegmenter(teacher, sharp=False)):
-        class_map = segmenter.segment(frame_of(picture()))
-        assert class_map.ids.shape == (112, 224)
-        assert class_map.captured_s == 2.5
-
-
-# --- the network for any room ---------------------------------------------------------------------
+def test_the_teacher_flies() -> None:
+    class_map = shipped_teacher(CLASSES).segment(frame_of(picture()))
+    assert class_map.ids.shape == (112, 224)
+    assert class_map.captured_s == 2.5
 
 
 @pytest.fixture(scope="module")
@@ -234,12 +200,15 @@ def test_ground_of_a_room_without_labels_is_found(depot: DepthViews) -> None:
 
 def test_depth_belongs_to_the_frame_and_is_in_heights(depot: DepthViews) -> None:
     classes = load_lab("depot").classes
-    segmenter = RoomSegmenter(ANY, classes)
+    segmenter, alone = RoomSegmenter(ANY, classes), load_depth_estimator("any")
     assert segmenter.relative_depth is None
+    frame = frame_of(depot.rgb[0])
+    np.testing.assert_array_equal(segmenter.estimate(frame).depth, alone.estimate(frame).depth)
     for index, rgb in enumerate(depot.rgb):
         segmenter.segment(frame_of(rgb, captured_s=float(index)))
         depth = segmenter.relative_depth
         assert (depth.captured_s, depth.metric, depth.in_heights) == (index, False, True)
+        np.testing.assert_array_equal(depth.depth, alone.depth(rgb))
         ground = classes.roles(depot.ids[index]) == GROUND
         size = (depot.ids.shape[2], depot.ids.shape[1])
         predicted = cv2.resize(depth.depth, size, interpolation=cv2.INTER_LINEAR)
@@ -251,20 +220,3 @@ def test_roles_become_the_first_classes_of_a_lab() -> None:
     noise = np.random.default_rng(0).integers(0, 255, (112, 224, 3), dtype=np.uint8)
     ids = set(np.unique(RoomSegmenter(ANY, CLASSES).segment(frame_of(noise)).ids).tolist())
     assert ids <= {CLASSES.of_role(OUTSIDE)[0], CLASSES.ground, CLASSES.of_role(OBSTACLE)[0]}
-
-
-def test_the_second_head_is_a_depth_network(depot: DepthViews) -> None:
-    segmenter = RoomSegmenter(ANY, CLASSES)
-    frame = frame_of(depot.rgb[0])
-    alone = load_depth_estimator("any").estimate(frame).depth
-    np.testing.assert_array_equal(segmenter.estimate(frame).depth, alone)
-    segmenter.segment(frame)
-    np.testing.assert_array_equal(segmenter.estimate(frame).depth, alone)
-
-
-def test_other_networks_are_segmenters_of_classes(tmp_path: Path) -> None:
-    assert isinstance(load_segmenter(UNET, CLASSES), OnnxSegmenter)
-    with pytest.raises(WeightsError, match="expected the outputs logits and depth"):
-        RoomSegmenter(UNET, CLASSES)
-    with pytest.raises(WeightsError, match="no such network"):
-        load_segmenter(tmp_path / "absent.onnx", CLASSES)

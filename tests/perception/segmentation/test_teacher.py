@@ -44,6 +44,11 @@ def test_the_teacher_tells_patterns_apart() -> None:
     )
     assert score.role_miou > 0.8
     assert score.accuracy > 0.9
+    # A class without picks never wins.
+    assert teacher().known == PATTERNED
+    assert set(np.unique(teacher().window_ids(next(samples(1, seed=2))[1]))) <= set(PATTERNED)
+    for size in ((45, 80, 3), (180, 320, 3), (90, 160, 3)):
+        assert teacher().resized(np.zeros(size, dtype=np.uint8)).shape == (90, 160, 3)
 
 
 def test_the_papers_map_has_one_piece_of_each_object() -> None:
@@ -53,12 +58,6 @@ def test_the_papers_map_has_one_piece_of_each_object() -> None:
     for class_id in set(np.unique(made)) - {0, 1}:
         count, _ = cv2.connectedComponents((made == class_id).astype(np.uint8), connectivity=8)
         assert count == 2
-
-
-def test_a_class_without_picks_never_wins() -> None:
-    (_, rgb, _) = next(samples(1, seed=2))
-    assert set(np.unique(teacher().window_ids(rgb))) <= set(PATTERNED)
-    assert teacher().known == PATTERNED
 
 
 def test_two_classes_give_two_opposite_machines_and_one_is_refused() -> None:
@@ -75,7 +74,7 @@ def test_two_classes_give_two_opposite_machines_and_one_is_refused() -> None:
         fit_teacher(alone, CONFIG)
 
 
-def test_a_saved_teacher_comes_back(tmp_path: Path) -> None:
+def test_a_saved_teacher_comes_back_and_one_of_wrong_parts_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "teacher.safetensors"
     save_teacher(path, teacher())
     again = load_teacher(path, CLASSES)
@@ -83,33 +82,16 @@ def test_a_saved_teacher_comes_back(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.weights, teacher().weights)
     np.testing.assert_array_equal(again.bias, teacher().bias)
     np.testing.assert_allclose(again.palette, teacher().palette, atol=5e-3)
-
-
-@pytest.mark.parametrize(
-    ("tensors", "details"),
-    [
+    given, stated = read_weights(path, kind="hsv-histogram-svm", remedy="")
+    for tensors, details in (
         ({"weights": np.zeros((16, 190))}, {}),
         ({}, {"config": {"patch_px": 700}}),
         ({}, {"config": {"size": 3}}),
         ({}, {"classes": None}),
-    ],
-)
-def test_a_teacher_of_wrong_parts_is_refused(tmp_path: Path, tensors: dict, details: dict) -> None:
-    path = tmp_path / "teacher.safetensors"
-    save_teacher(path, teacher())
-    given, stated = read_weights(path, kind="hsv-histogram-svm", remedy="")
-    write_weights(
-        path, {**given, **tensors}, kind="hsv-histogram-svm", details={**stated, **details}
-    )
-    with pytest.raises(WeightsError, match="is not a whole teacher"):
-        load_teacher(path, CLASSES)
-
-
-def test_a_patch_larger_than_the_image_is_refused() -> None:
+    ):
+        parts = {"kind": "hsv-histogram-svm", "details": {**stated, **details}}
+        write_weights(path, {**given, **tensors}, **parts)
+        with pytest.raises(WeightsError, match="is not a whole teacher"):
+            load_teacher(path, CLASSES)
     with pytest.raises(ValueRangeError, match="does not fit"):
         TeacherConfig(patch_px=700)
-
-
-def test_pictures_of_any_size_come_to_the_teachers() -> None:
-    for size in ((45, 80, 3), (180, 320, 3), (90, 160, 3)):
-        assert teacher().resized(np.zeros(size, dtype=np.uint8)).shape == (90, 160, 3)

@@ -111,13 +111,13 @@ def test_a_tree_in_which_nobody_advises_is_refused(tmp_path: Path) -> None:
 
 
 def test_all_leaves_that_fly_by_a_policy_are_found_whatever_they_are_called(tmp_path: Path) -> None:
-    """The adviser keeps its rule. `ReturnToBase` contains two leaves with a policy."""
+    """The adviser keeps its rule. `ReturnToBase` contains three leaves with a policy."""
     tree = tree_file(
         tmp_path,
         """<ReactiveSequence><Segment/><Advise policy="corridor"/>
         <Fallback><Explore name="wander"/><ReturnToBase/></Fallback></ReactiveSequence>""",
     )
-    assert nodes_under_policy(tree) == ["wander", "SearchUnderPolicy", "Detour"]
+    assert nodes_under_policy(tree) == ["wander", "SearchUnderPolicy", "look", "Detour"]
 
 
 def test_no_flights_are_refused() -> None:

@@ -55,8 +55,8 @@ def test_labels_are_made_once_and_kept(film: Path, tmp_path: Path) -> None:
     assert segmenter.asked == COUNT
     assert first.labels is not None
     assert again.labels is not None
-    np.testing.assert_array_equal(first.labels.depth_m, again.labels.depth_m)
-    assert np.isfinite(first.labels.depth_m[::3, 100]).all()
+    np.testing.assert_array_equal(first.labels, again.labels)
+    assert np.isfinite(first.labels[::3, 0, 100]).all()
 
 
 def test_without_a_segmenter_there_are_no_labels(film: Path, tmp_path: Path) -> None:
@@ -66,9 +66,7 @@ def test_without_a_segmenter_there_are_no_labels(film: Path, tmp_path: Path) -> 
 
 def test_a_run_leaves_weights_scores_and_pictures(film: Path, tmp_path: Path) -> None:
     flights = read_flights([film], _Ground(), tmp_path)
-    config = DepthTrainingConfig(
-        steps=2, batch=1, photometric=0.0, geometry=0.0, checkpoint_every=1
-    )
+    config = DepthTrainingConfig(steps=2, batch=1, photometric=False, checkpoint_every=1)
     weights = tmp_path / "depth.safetensors"
     score = training.train_depth(
         flights,

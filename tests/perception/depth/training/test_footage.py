@@ -1,10 +1,11 @@
 """The camera's movement: from telemetry, and measured on the ground."""
 
-import cv2
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from perception.depth.training.footage import camera_track, measured_motion, shrink
+from perception.depth.training.footage import CameraTrack, grey, shrink
 from perception.odometry.visual import GroundView, ground_motion
 from tests.perception.depth.depth_flight import KnownFlight, known_flight
 from uav_bt.types import Pose2D
@@ -36,7 +37,7 @@ def _turn_error_rad(found: np.ndarray, true: np.ndarray) -> float:
 
 
 def test_exact_telemetry_gives_the_exact_movement(flight: KnownFlight) -> None:
-    track = camera_track(flight.footage)
+    track = CameraTrack(flight.footage)
     for origin, target in ((2, 6), (6, 2), (3, 9)):
         found, true = track.motion(origin, target), flight.motion(origin, target)
         assert _turn_error_rad(found, true) < 1e-4
@@ -44,25 +45,27 @@ def test_exact_telemetry_gives_the_exact_movement(flight: KnownFlight) -> None:
 
 
 def test_a_movement_and_its_opposite_cancel(flight: KnownFlight) -> None:
-    track = camera_track(flight.footage)
+    track = CameraTrack(flight.footage)
     there, back = track.motion(2, 7), track.motion(7, 2)
     np.testing.assert_allclose(back[:, :3] @ there[:, :3], np.eye(3), atol=1e-9)
     np.testing.assert_allclose(back[:, :3] @ there[:, 3] + back[:, 3], 0.0, atol=1e-9)
 
 
 def test_smoothing_keeps_the_turn_and_loses_noise(noisy: KnownFlight, flight: KnownFlight) -> None:
-    raw = noisy.footage.attitude_rad[:, 2]
-    exact = flight.footage.attitude_rad[:, 2]
-    smooth = camera_track(noisy.footage).yaw_rad
+    raw, exact = (
+        np.array([frame.attitude.yaw_rad for frame in each.footage.frames])
+        for each in (noisy, flight)
+    )
+    smooth = CameraTrack(noisy.footage).yaw_rad
     assert np.std(smooth - exact) < 0.75 * np.std(raw - exact)
 
 
 def test_the_ground_tells_the_movement_better_than_noisy_telemetry(noisy: KnownFlight) -> None:
-    track = camera_track(noisy.footage)
+    track = CameraTrack(noisy.footage)
     told, measured = [], []
     for origin, target in ((1, 4), (2, 6), (3, 7), (8, 4), (9, 5)):
         true = noisy.motion(origin, target)
-        found = measured_motion(noisy.footage, track, origin, target)
+        found = track.measured_motion(origin, target)
         assert found is not None
         told.append(_turn_error_rad(track.motion(origin, target), true))
         measured.append(_turn_error_rad(found, true))
@@ -71,25 +74,21 @@ def test_the_ground_tells_the_movement_better_than_noisy_telemetry(noisy: KnownF
     assert np.mean(measured) < 0.5 * np.mean(told)
 
 
-def test_without_texture_telemetry_stays(flight: KnownFlight) -> None:
-    footage = flight.footage
-    grey = np.full(footage.frames.shape[1:3], 90, np.uint8)
-    view = GroundView(grey=grey, camera=footage.camera, gimbal_pitch_rad=-0.5, height_m=1.5)
-    still = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
-    assert ground_motion(view, view, still) is None
+def test_without_texture_nothing_is_measured(flight: KnownFlight) -> None:
+    plain = np.full((256, 320, 3), 90, np.uint8)
+    frames = tuple(replace(frame, image=plain) for frame in flight.footage.frames)
+    assert CameraTrack(replace(flight.footage, frames=frames)).measured_motion(2, 6) is None
 
 
 def test_two_equal_pictures_show_no_movement(flight: KnownFlight) -> None:
-    footage = flight.footage
+    frame = flight.footage.frames[4]
     view = GroundView(
-        grey=np.asarray(cv2.cvtColor(footage.frames[4], cv2.COLOR_RGB2GRAY), np.uint8),
-        camera=footage.camera,
-        gimbal_pitch_rad=float(footage.gimbal_pitch_rad[4]),
+        grey=grey(frame),
+        camera=flight.footage.camera,
+        gimbal_pitch_rad=frame.gimbal_pitch_rad,
         height_m=1.5,
     )
-    guess = Pose2D(x_m=0.02, y_m=-0.01, yaw_rad=0.01)
-    found = ground_motion(view, view, guess)
+    found = ground_motion(view, view, Pose2D(x_m=0.02, y_m=-0.01, yaw_rad=0.01))
     assert found is not None
-    assert abs(found.motion.x_m) < 2e-3
-    assert abs(found.motion.y_m) < 2e-3
-    assert abs(found.motion.yaw_rad) < 1e-3
+    still = (found.motion.x_m, found.motion.y_m, found.motion.yaw_rad)
+    assert still == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)

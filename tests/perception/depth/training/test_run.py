@@ -3,45 +3,43 @@
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 import torch
 
-from perception.depth.training import clips, network, run
-from perception.depth.training.footage import Footage
+from perception.depth.training import network, run
+from perception.depth.training.clips import ClipSource
+from perception.depth.training.footage import Flight, shrink
 from perception.networks.training.loop import Progress
 from tests.perception.depth.depth_flight import known_flight
-from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
+from uav_bt.errors import ValueRangeError, WeightsError
 
-SIZE = (64, 64)
+SIZE_PX = (64, 64)
 NET = network.DepthNetConfig(width_px=64, height_px=64, channels=(8, 12, 16))
 SHORT = run.DepthTrainingConfig(steps=4, batch=1, checkpoint_every=2, warm_up_steps=2)
-LABELS_ONLY = replace(SHORT, photometric=0.0, geometry=0.0, smoothness=0.0)
+LABELS_ONLY = replace(SHORT, photometric=False)
 
 
 @pytest.fixture(scope="module")
-def flight() -> clips.Flight:
+def flight() -> Flight:
     known = known_flight(8)
-    whole = known.footage
-    frames = [cv2.resize(frame, SIZE, interpolation=cv2.INTER_AREA) for frame in whole.frames]
-    footage: Footage = replace(
-        whole, frames=np.stack(frames).astype(np.uint8), camera=whole.camera.resized(*SIZE)
+    small = [replace(frame, image=shrink(frame.image, SIZE_PX)) for frame in known.footage.frames]
+    return Flight(
+        frames=tuple(small),
+        states=known.footage.states,
+        camera=known.footage.camera.resized(*SIZE_PX),
+        labels=known.labels()[:, :, 2::4, 2::5],
     )
-    labels = known.labels().depth_m[:, 2::4, 2::5]
-    return clips.Flight(footage=footage, labels=clips.DepthLabels(depth_m=labels))
 
 
 @pytest.fixture(scope="module")
-def source(flight: clips.Flight) -> clips.ClipSource:
-    return clips.ClipSource([flight], replace(SHORT.clips, odometry=False))
+def source(flight: Flight) -> ClipSource:
+    return ClipSource([flight])
 
 
 @pytest.fixture(scope="module")
-def bare(flight: clips.Flight) -> clips.ClipSource:
-    return clips.ClipSource(
-        [clips.Flight(footage=flight.footage)], replace(SHORT.clips, odometry=False)
-    )
+def bare(flight: Flight) -> ClipSource:
+    return ClipSource([replace(flight, labels=None)])
 
 
 def _same(one: network.DepthNet, two: network.DepthNet) -> bool:
@@ -49,7 +47,7 @@ def _same(one: network.DepthNet, two: network.DepthNet) -> bool:
     return all(torch.equal(first, second) for first, second in pairs)
 
 
-def test_labels_teach_depth(source: clips.ClipSource) -> None:
+def test_labels_teach_depth(source: ClipSource) -> None:
     told: list[float] = []
     config = replace(LABELS_ONLY, steps=50, batch=2, learning_rate=5e-3)
     run.train_depth(
@@ -59,7 +57,7 @@ def test_labels_teach_depth(source: clips.ClipSource) -> None:
     assert np.mean(told[-5:]) < 0.6 * np.mean(told[:5])
 
 
-def test_neighbouring_frames_teach_without_labels(bare: clips.ClipSource) -> None:
+def test_neighbouring_frames_teach_without_labels(bare: ClipSource) -> None:
     terms: list[dict[str, float]] = []
     config = replace(SHORT, steps=30, batch=2, learning_rate=5e-3)
     run.train_depth(bare, config, NET, progress=lambda now, _net: terms.append(dict(now.terms)))
@@ -68,9 +66,9 @@ def test_neighbouring_frames_teach_without_labels(bare: clips.ClipSource) -> Non
     assert np.mean(total[-6:]) < np.mean(total[:6])
 
 
-def test_a_pose_network_learns_beside_it(bare: clips.ClipSource) -> None:
+def test_a_pose_network_learns_beside_it(bare: ClipSource) -> None:
     config = replace(SHORT, pose="network")
-    net = run.train_depth(bare, config, replace(NET, initial_depth=0.2))
+    net = run.train_depth(bare, config, NET)
     assert not net.training
     with torch.inference_mode():
         assert net(torch.rand(1, 3, 64, 64)).shape == (1, 1, 32, 32)
@@ -78,7 +76,7 @@ def test_a_pose_network_learns_beside_it(bare: clips.ClipSource) -> None:
 
 @pytest.mark.parametrize("pose", ["telemetry", "network"])
 def test_a_resumed_run_ends_where_an_unbroken_one_does(
-    source: clips.ClipSource, tmp_path: Path, pose: str
+    source: ClipSource, tmp_path: Path, pose: str
 ) -> None:
     config = replace(SHORT, pose=pose)
     unbroken = run.train_depth(source, config, NET)
@@ -105,16 +103,14 @@ def test_a_resumed_run_ends_where_an_unbroken_one_does(
     assert _same(unbroken, resumed)
 
 
-def test_a_checkpoint_of_other_settings_is_refused(
-    source: clips.ClipSource, tmp_path: Path
-) -> None:
+def test_a_checkpoint_of_other_settings_is_refused(source: ClipSource, tmp_path: Path) -> None:
     path = tmp_path / "checkpoint.safetensors"
     run.train_depth(source, LABELS_ONLY, NET, checkpoint=path)
     with pytest.raises(WeightsError, match="other settings or data; delete the file"):
         run.train_depth(source, replace(LABELS_ONLY, seed=1), NET, checkpoint=path)
 
 
-def test_a_run_may_begin_with_trained_weights(source: clips.ClipSource, tmp_path: Path) -> None:
+def test_a_run_may_begin_with_trained_weights(source: ClipSource, tmp_path: Path) -> None:
     path = tmp_path / "depth.safetensors"
     first = run.train_depth(source, LABELS_ONLY, NET)
     network.DEPTH_FILES.save(path, first, notes={})
@@ -130,7 +126,7 @@ def test_a_run_may_begin_with_trained_weights(source: clips.ClipSource, tmp_path
     assert kept[0] < 1e-4
 
 
-def test_weights_of_another_shape_are_refused(source: clips.ClipSource, tmp_path: Path) -> None:
+def test_weights_of_another_shape_are_refused(source: ClipSource, tmp_path: Path) -> None:
     path = tmp_path / "depth.safetensors"
     other = network.DepthNet(replace(NET, channels=(8, 12, 20)))
     network.DEPTH_FILES.save(path, other, notes={})
@@ -138,25 +134,9 @@ def test_weights_of_another_shape_are_refused(source: clips.ClipSource, tmp_path
         run.train_depth(source, LABELS_ONLY, NET, start=path)
 
 
-def test_nothing_to_learn_from_is_refused(bare: clips.ClipSource) -> None:
-    with pytest.raises(ValueRangeError, match="these flights have none"):
-        run.train_depth(bare, LABELS_ONLY, NET)
-
-
-def test_frames_of_another_size_than_the_networks_are_refused(source: clips.ClipSource) -> None:
-    with pytest.raises(ValueRangeError, match="takes 96x64 images, the flights' are 64x64"):
-        run.train_depth(source, LABELS_ONLY, replace(NET, width_px=96))
-
-
-def test_an_unknown_source_of_the_pose_is_refused() -> None:
-    with pytest.raises(UnknownNameError, match="did you mean 'telemetry'"):
-        replace(SHORT, pose="telemetri")
-
-
-@pytest.mark.parametrize("change", [{"steps": 0}, {"learning_rate": 0.0}, {"labels": -1.0}])
-def test_numbers_that_make_no_sense_are_refused(change: dict[str, float]) -> None:
+def test_numbers_that_make_no_sense_are_refused() -> None:
     with pytest.raises(ValueRangeError):
-        replace(SHORT, **change)
+        replace(SHORT, steps=0)
 
 
 def test_predictions_are_depth_maps_at_half_the_size() -> None:

@@ -27,41 +27,23 @@ def noisy(grey: Grey, seed: int) -> Grey:
     return np.clip(grey + noise, 0, 255).astype(np.uint8)
 
 
-def test_blur_lowers_the_sharpness() -> None:
+def test_blur_lowers_the_sharpness_and_the_size_does_not() -> None:
     sharp, soft = (look_at(blurred(pattern(0), sigma)).sharpness for sigma in (0.5, 3.0))
     assert sharp > 10.0 * soft
-
-
-def test_sharpness_is_measured_at_one_width() -> None:
     large = np.asarray(cv2.resize(pattern(0), (1280, 720), interpolation=cv2.INTER_NEAREST))
     assert look_at(large).sharpness == pytest.approx(look_at(pattern(0)).sharpness, rel=0.01)
 
 
-@pytest.mark.parametrize(
-    "grey",
-    [
-        np.full((180, 320), 130, np.uint8),
-        np.zeros((180, 320), np.uint8),
-        noisy(np.full((180, 320), 8, np.uint8), 1),
-        (pattern(0) // 20).astype(np.uint8),
-    ],
-    ids=["one colour", "black", "noise of a dark image", "dark"],
-)
-def test_dark_images_and_those_of_one_colour_are_blank(grey: Grey) -> None:
-    assert look_at(grey).blank
-    assert not look_at(pattern(0)).blank
-
-
 def test_blurred_and_blank_images_are_left_out() -> None:
-    images = [pattern(seed) for seed in range(6)]
-    images[2] = blurred(images[2], 4.0)
-    images[4] = np.zeros((180, 320), np.uint8)
-    clear = clear_ones([look_at(image) for image in images])
-    assert clear.tolist() == [True, True, False, True, False, True]
-
-
-def test_none_of_a_video_out_of_focus_is_clear() -> None:
-    assert not clear_ones([look_at(blurred(pattern(seed), 12.0)) for seed in range(4)]).any()
+    """One colour, black, the noise of a dark image, dark."""
+    plain, black = np.full((180, 320), 130, np.uint8), np.zeros((180, 320), np.uint8)
+    blank = [plain, black, noisy(black + np.uint8(8), 1), (pattern(0) // 20).astype(np.uint8)]
+    sharp = [pattern(seed) for seed in range(4)]
+    assert [look_at(image).blank for image in [*blank, *sharp]] == [True] * 4 + [False] * 4
+    clear = clear_ones([look_at(image) for image in [*sharp, blurred(pattern(4), 4.0), black]])
+    assert clear.tolist() == [True] * 4 + [False] * 2
+    # None of a video out of focus is clear.
+    assert not clear_ones([look_at(blurred(image, 12.0)) for image in sharp]).any()
     assert clear_ones([]).shape == (0,)
 
 

@@ -6,15 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from perception.segmentation.training.next_image import ImageChooser, wanted_use
-from perception.segmentation.training.pick_session import PickSession
-from tests.perception.segmentation.training.pick_places import (
-    CRATE,
-    FLOOR,
-    PLACE,
-    session_of,
-    write_image,
-)
+from perception.segmentation.training.pick_session import ImageChooser, PickSession, wanted_use
+from tests.perception.segmentation.training import pick_places
+from tests.perception.segmentation.training.pick_places import CRATE, FLOOR, PLACE, session_of
 from uav_bt.errors import ValueRangeError
 
 BROWN = (125, 105, 50)  # between floor and crate
@@ -23,14 +17,14 @@ BROWN = (125, 105, 50)  # between floor and crate
 def _images(folder: Path, *shown: Sequence[tuple[int, int, int]], checks: str = "") -> PickSession:
     uses = {}
     for number, colours in enumerate(shown):
-        write_image(folder / "frames" / f"{number}.png", *colours, seed=number)
+        pick_places.write_image(folder / "frames" / f"{number}.png", *colours, seed=number)
         uses[f"{number}.png"] = "check" if str(number) in checks else "train"
     return session_of(folder, uses)
 
 
-def _pick(session: PickSession, image: str) -> None:
+def _pick(session: PickSession, image: str, *, right: str = "crate") -> None:
     session.paint(image, [(x, y) for x in range(5, 70, 4) for y in range(5, 90, 4)], "floor")
-    session.paint(image, [(x, y) for x in range(90, 155, 4) for y in range(5, 90, 4)], "crate")
+    session.paint(image, [(x, y) for x in range(90, 155, 4) for y in range(5, 90, 4)], right)
 
 
 def test_the_least_sure_image_comes_next(tmp_path: Path) -> None:
@@ -43,22 +37,21 @@ def test_the_least_sure_image_comes_next(tmp_path: Path) -> None:
 
 
 def test_a_new_teacher_follows_new_picks(tmp_path: Path) -> None:
-    session = _images(tmp_path, (FLOOR, CRATE), (FLOOR, BROWN), (FLOOR, BROWN))
+    session = _images(tmp_path, (FLOOR, CRATE), (FLOOR, BROWN), (BROWN, FLOOR), (CRATE, FLOOR))
     chooser = ImageChooser(session.images, PLACE)
-    _pick(session, "0.png")
-    assert PLACE.id_of("pad") not in chooser.class_map("2.png", session.picks)
-    session.paint("1.png", [(x, y) for x in range(90, 155, 4) for y in range(5, 90, 4)], "pad")
-    assert PLACE.id_of("pad") in chooser.class_map("2.png", session.picks)
+    for image, right, asked in (("0.png", "crate", "3.png"), ("1.png", "pad", "2.png")):
+        _pick(session, image, right=right)
+        ids = chooser.class_map(asked, session.picks)
+        assert ids.shape == (324, 576)
+        assert set(np.unique(ids[:, 50:200])) == {PLACE.id_of(right)}
+        assert set(np.unique(ids[:, 380:530])) == {PLACE.id_of("floor")}
 
 
 def test_without_a_teacher_images_far_from_the_others_come(tmp_path: Path) -> None:
     session = _images(tmp_path, *[(FLOOR,)] * 9)
     chooser = ImageChooser(session.images, PLACE)
-    found, name = [], "0.png"
-    for _ in range(3):
-        name = str(chooser.choose(session.picks, name)[0])
-        found.append(name)
-    assert found == ["8.png", "4.png", "2.png"]
+    for shown, following in (("0.png", "8.png"), ("8.png", "4.png"), ("4.png", "2.png")):
+        assert chooser.choose(session.picks, shown)[0] == following
 
 
 def test_each_image_without_picks_is_offered_once_before_any_comes_again(tmp_path: Path) -> None:
@@ -83,12 +76,9 @@ def test_the_use_that_is_short_comes_next(tmp_path: Path) -> None:
     for name in ("0.png", "1.png", "2.png", "3.png"):
         _pick(session, name)
     assert chooser.choose(session.picks)[0] in {"5.png", "6.png"}
-    _pick(session, "5.png")
-    assert chooser.choose(session.picks)[0] == "6.png"
-    _pick(session, "6.png")
-    assert chooser.choose(session.picks)[0] == "4.png"
-    _pick(session, "4.png")
-    assert chooser.choose(session.picks)[0] is None
+    for picked, wanted in (("5.png", "6.png"), ("6.png", "4.png"), ("4.png", None)):
+        _pick(session, picked)
+        assert chooser.choose(session.picks)[0] == wanted
 
 
 def test_the_teacher_does_not_learn_from_check_images(tmp_path: Path) -> None:
@@ -98,12 +88,3 @@ def test_the_teacher_does_not_learn_from_check_images(tmp_path: Path) -> None:
     assert chooser.choose(session.picks)[1] == "far from the others"
     with pytest.raises(ValueRangeError, match="needs picks of two classes"):
         chooser.class_map("1.png", session.picks)
-
-
-def test_the_class_map_is_the_present_teachers(tmp_path: Path) -> None:
-    session = _images(tmp_path, (FLOOR, CRATE), (CRATE, FLOOR))
-    _pick(session, "0.png")
-    ids = ImageChooser(session.images, PLACE).class_map("1.png", session.picks)
-    assert ids.shape == (324, 576)
-    assert set(np.unique(ids[:, 50:200])) == {PLACE.id_of("crate")}
-    assert set(np.unique(ids[:, 380:530])) == {PLACE.id_of("floor")}

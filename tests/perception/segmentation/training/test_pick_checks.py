@@ -7,13 +7,7 @@ import pytest
 
 from perception.segmentation.training.pick_checks import check_picks
 from perception.segmentation.training.picks import Pick, write_picks
-from tests.perception.segmentation.training.pick_places import (
-    CRATE,
-    FLOOR,
-    PAD,
-    PLACE,
-    write_image,
-)
+from tests.perception.segmentation.training.pick_places import CRATE, FLOOR, PAD, PLACE, write_image
 from uav_bt.errors import FileError
 
 USES = {"a.png": "train", "b.png": "train", "c.png": "check"}
@@ -30,15 +24,10 @@ def place(tmp_path: Path) -> Path:
 def _picks(*names: str, images: tuple[str, ...] = tuple(USES), count: int = 12) -> list[Pick]:
     rng = np.random.default_rng(0)
     return [
-        Pick(
-            image=image,
-            x=int(rng.integers(*THIRDS[name])),
-            y=int(rng.integers(5, 85)),
-            class_id=PLACE.id_of(name),
-        )
+        Pick(image=image, x=x, y=y, class_id=PLACE.id_of(name))
         for image in images
         for name in names
-        for _ in range(count)
+        for x, y in rng.integers((THIRDS[name][0], 5), (THIRDS[name][1], 85), (count, 2)).tolist()
     ]
 
 
@@ -54,27 +43,34 @@ def test_good_picks_have_only_the_class_that_is_not_there(place: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("pick", "words"),
+    ("image", "x", "y", "words"),
     [
-        (Pick(image="a.png", x=160, y=3, class_id=1), r"160x90 pixels of 'a\.png', got \(160, 3\)"),
-        (Pick(image="a.png", x=3, y=90, class_id=1), r"got \(3, 90\)"),
-        (Pick(image="aa.png", x=3, y=3, class_id=1), r"got 'aa\.png'; did you mean 'a\.png'"),
+        ("a.png", 160, 3, r"160x90 pixels of 'a\.png', got \(160, 3\)"),
+        ("a.png", 3, 90, r"got \(3, 90\)"),
+        ("aa.png", 3, 3, r"got 'aa\.png'; did you mean 'a\.png'"),
     ],
 )
-def test_a_pick_at_no_place_names_its_line(place: Path, pick: Pick, words: str) -> None:
+def test_a_pick_at_no_place_names_its_line(
+    place: Path, image: str, x: int, y: int, words: str
+) -> None:
+    pick = Pick(image=image, x=x, y=y, class_id=1)
     with pytest.raises(FileError, match=words) as found:
         _checked(place, [*_picks("floor", "crate", count=1), pick])
     assert found.value.line == 8
 
 
-def test_picks_of_one_class_are_refused(place: Path) -> None:
-    with pytest.raises(FileError, match="two classes at least on images for training, got 1"):
-        _checked(place, _picks("floor") + _picks("crate", images=("c.png",)))
-
-
-def test_picks_without_the_ground_are_refused(place: Path) -> None:
-    with pytest.raises(FileError, match=r"picks of the ground \('floor'\).*got none"):
-        _checked(place, _picks("crate", "pad") + _picks("floor", images=("c.png",)))
+@pytest.mark.parametrize(
+    ("learned", "checked", "words"),
+    [
+        (["floor"], "crate", "two classes at least on images for training, got 1"),
+        (["crate", "pad"], "floor", r"picks of the ground \('floor'\).*got none"),
+    ],
+)
+def test_picks_of_one_class_or_without_the_ground_are_refused(
+    place: Path, learned: list[str], checked: str, words: str
+) -> None:
+    with pytest.raises(FileError, match=words):
+        _checked(place, _picks(*learned) + _picks(checked, images=("c.png",)))
 
 
 def test_few_picks_are_named(place: Path) -> None:
@@ -84,20 +80,17 @@ def test_few_picks_are_named(place: Path) -> None:
 
 def test_what_the_check_does_not_see_is_named(place: Path) -> None:
     learned = _picks("floor", "crate", images=("a.png", "b.png"))
-    assert "no image for the check has picks: the network cannot be scored" in _checked(
-        place, learned
-    )
+    unseen = "no image for the check has picks"
+    assert f"{unseen}: the network cannot be scored" in _checked(place, learned)
     found = _checked(place, learned + _picks("floor", images=("c.png",)))
-    assert "no image for the check has picks of 'crate': they cannot be scored" in found
+    assert f"{unseen} of 'crate': they cannot be scored" in found
 
 
 def test_classes_of_one_colour_are_named_together(
     place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(THIRDS, "pad", THIRDS["crate"])
-    (found,) = (
-        line for line in _checked(place, _picks("floor", "crate", "pad")) if "alike" in line
-    )
-    assert found.startswith("classes 'crate' and 'pad' look alike: ")
-    one_image = _checked(place, _picks("floor", "crate", "pad", images=("a.png",), count=30))
-    assert any("'crate' and 'pad' look alike" in line for line in one_image)
+    for images, count in ((tuple(USES), 12), (("a.png",), 30)):
+        picks = _picks("floor", "crate", "pad", images=images, count=count)
+        (found,) = (line for line in _checked(place, picks) if "alike" in line)
+        assert found.startswith("classes 'crate' and 'pad' look alike: ")

@@ -9,15 +9,10 @@ from perception.segmentation.features import patch_slices
 from perception.segmentation.training import picks
 from tests.paper_lab import CLASSES, HELIPAD_H
 from tests.perception.segmentation.patterned import PATTERNED, samples
+from tests.worlds.tables import cases
 from uav_bt.errors import FileError, ValueRangeError
 
 HEADER = "image,x,y,class,origin\n"
-
-
-def _file(tmp_path: Path, text: str) -> Path:
-    path = tmp_path / "picks.csv"
-    path.write_text(text, encoding="utf-8")
-    return path
 
 
 def test_written_picks_come_back(tmp_path: Path) -> None:
@@ -31,28 +26,17 @@ def test_written_picks_come_back(tmp_path: Path) -> None:
     assert path.read_text(encoding="utf-8").startswith(HEADER)
 
 
-@pytest.mark.parametrize(
-    ("row", "message"),
-    [
-        ("a.png,1,2,carpte,hand", "unknown class 'carpte'; did you mean 'carpet'"),
-        ("a.png,1,2,carpet", "expected 5 columns, got 4"),
-        ("a.png,1.5,2,carpet,hand", "whole pixels, got '1.5'"),
-        ("a.png,-1,2,carpet,hand", "not be negative"),
-        ("../a.png,1,2,carpet,hand", "without a folder"),
-        ("a.png,1,2,carpet,robot", "'hand' or 'simulated', got 'robot'"),
-    ],
-)
+@pytest.mark.parametrize(("row", "message"), cases("perception")["bad_pick_rows"])
 def test_a_bad_row_is_refused_with_its_line(tmp_path: Path, row: str, message: str) -> None:
-    path = _file(tmp_path, f"{HEADER}a.png,1,2,carpet,hand\n{row}\n")
-    with pytest.raises(FileError, match=f"picks.csv:3: .*{message}"):
-        picks.read_picks(path, CLASSES)
-
-
-def test_empty_and_headless_files_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="holds no picks"):
-        picks.read_picks(_file(tmp_path, HEADER), CLASSES)
-    with pytest.raises(FileError, match="csv:1: the columns must be"):
-        picks.read_picks(_file(tmp_path, "a.png,1,2,carpet,hand\n"), CLASSES)
+    path = tmp_path / "picks.csv"
+    for text, words in (
+        (f"{HEADER}a.png,1,2,carpet,hand\n{row}\n", f"picks.csv:3: .*{message}"),
+        (HEADER, "holds no picks"),
+        (f"{row}\n", "csv:1: the columns must be"),
+    ):
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(FileError, match=words):
+            picks.read_picks(path, CLASSES)
 
 
 def test_drawn_picks_lie_well_inside_their_class() -> None:
@@ -68,31 +52,15 @@ def test_drawn_picks_lie_well_inside_their_class() -> None:
 
 def test_each_class_gets_its_share_from_seven_to_nine_pictures() -> None:
     exact = {name: ids for name, _, ids in samples(20, seed=4)}
-    drawn = picks.draw_picks(exact.items(), np.random.default_rng(0), patch_px=8, total=600)
+    drawn, again = (
+        picks.draw_picks(exact.items(), np.random.default_rng(0), patch_px=8, total=600)
+        for _ in range(2)
+    )
+    assert drawn == again
     for class_id in PATTERNED:
         mine = [pick for pick in drawn if pick.class_id == class_id]
         assert 90 <= len(mine) <= 115
         assert 7 <= len({pick.image for pick in mine}) <= 9
-
-
-def test_the_same_generator_draws_the_same_picks() -> None:
-    exact = {name: ids for name, _, ids in samples(5, seed=4)}
-    first, second = (
-        picks.draw_picks(exact.items(), np.random.default_rng(7), patch_px=8, total=100)
-        for _ in range(2)
-    )
-    assert first == second
-
-
-def test_patches_of_missing_pictures_and_pixels_are_refused() -> None:
-    pick = picks.Pick(image="0.png", x=400, y=4, class_id=1)
-    (name, rgb, _) = next(samples(1, seed=0))
-    with pytest.raises(ValueRangeError, match="outside the 160x90"):
-        picks.gather_patches([pick], [(name, rgb)], 8, CLASSES)
-    with pytest.raises(ValueRangeError, match=r"not there: 0\.png"):
-        picks.gather_patches([pick], [("other.png", rgb)], 8, CLASSES)
-    with pytest.raises(ValueRangeError, match="not one pick"):
-        picks.gather_patches([], [(name, rgb)], 8, CLASSES)
 
 
 def test_patches_count_every_pixel_of_their_class() -> None:
@@ -100,5 +68,11 @@ def test_patches_count_every_pixel_of_their_class() -> None:
     pick = picks.Pick(image=name, x=40, y=40, class_id=1)
     gathered = picks.gather_patches([pick, pick], [(name, rgb)], 8, CLASSES)
     assert gathered.features.shape == (2, 190)
-    assert gathered.colour_counts[1].sum() == 2 * 64
-    assert gathered.colour_counts.sum() == 2 * 64
+    assert gathered.colour_counts[1].sum() == gathered.colour_counts.sum() == 2 * 64
+    for given, image, message in (
+        ([picks.Pick(image=name, x=400, y=4, class_id=1)], name, "outside the 160x90"),
+        ([pick], "other.png", r"not there: 0\.png"),
+        ([], name, "not one pick"),
+    ):
+        with pytest.raises(ValueRangeError, match=message):
+            picks.gather_patches(given, [(image, rgb)], 8, CLASSES)
