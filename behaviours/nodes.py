@@ -1,44 +1,34 @@
-"""The leaves that this package contributes to tree files: each module lists its own."""
+"""The leaves that this package contributes to tree files."""
 
 from __future__ import annotations
 
 from typing import Final
 
-from behaviours.fly import can_return, explore, look, move_by, objects, take_off, take_photo
-from behaviours.fly.give_way import GiveWay
+from behaviours.fly import look, mark
+from behaviours.fly.course_leaf import GiveWay
+from behaviours.fly.explore import Avoid, CorridorClear, CoverageGrows, Explore
 from behaviours.fly.go_to import GoTo
 from behaviours.fly.helipad_center import HelipadCenter
 from behaviours.fly.land import EmergencyLand, Land, LandHere
-from behaviours.fly.mark import (
-    Detour,
-    GoToMarkUnderPolicy,
-    MarkFound,
-    ScanBelow,
-    SearchUnderPolicy,
-    StopAboveMark,
-)
+from behaviours.fly.objects import NextObject, ObjectSeen, ViewPoints
 from behaviours.fly.places import Face
+from behaviours.fly.take_off import ClimbTo, TakeOff
+from behaviours.fly.take_photo import TakePhoto
 from behaviours.perceive.class_map import FindMark, Segment
 from behaviours.perceive.depth import BuildCorridor, EstimateDepth
-from behaviours.perceive.motion import TrackMotion
 from behaviours.perceive.recent_views import Advise, RememberViews
 from behaviours.perceive.senses_agree import SensesAgree
-from behaviours.perceive.site_map import MapSite
+from behaviours.perceive.site_map import MapSite, TrackMotion
 from uav_bt.tree import Node
 from uav_bt.tree.rules import Rules
 
 NODES: Final[tuple[type[Node], ...]] = (
     *(Advise, BuildCorridor, EstimateDepth, FindMark, MapSite),
     *(RememberViews, Segment, SensesAgree, TrackMotion),
-    *can_return.NODES,
-    *explore.NODES,
-    *look.NODES,
-    *move_by.NODES,
-    *objects.NODES,
-    *take_off.NODES,
-    *take_photo.NODES,
-    *(Face, GiveWay, GoTo, GoToMarkUnderPolicy, Detour, StopAboveMark),
-    *(HelipadCenter, Land, LandHere, EmergencyLand),
-    *(MarkFound, ScanBelow, SearchUnderPolicy),
-    Rules,
+    *(Avoid, CorridorClear, CoverageGrows, Explore),
+    *(look.CanReturn, look.HoverFor, look.Hovering, look.MoveBy, look.MovesOn),
+    *(look.PointCamera, look.Say, look.Turn, mark.Detour, mark.GoToMarkUnderPolicy),
+    *(mark.MarkFound, mark.ScanBelow, mark.SearchUnderPolicy, mark.StopAboveMark),
+    *(NextObject, ObjectSeen, ViewPoints, ClimbTo, TakeOff, TakePhoto),
+    *(Face, GiveWay, GoTo, HelipadCenter, Land, LandHere, EmergencyLand, Rules),
 )

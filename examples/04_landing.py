@@ -4,8 +4,7 @@ from behaviours.fly.helipad_center import HelipadCenter
 from behaviours.fly.land import Land
 from behaviours.fly.take_off import TakeOff
 from behaviours.perceive.class_map import FindMark, Segment
-from behaviours.perceive.motion import TrackMotion
-from behaviours.perceive.site_map import MapSite
+from behaviours.perceive.site_map import MapSite, TrackMotion
 from uav_bt import app
 from uav_bt.tree import MissionTree, shipped_subtree
 from uav_bt.tree.nodes import ReactiveSequence, RetryUntilSuccessful, Sequence

@@ -1,4 +1,4 @@
-"""Base of the leaves that fly courses: a heading and a speed, held between answers."""
+"""Base of the leaves that fly courses (a heading and a speed, held between answers); GiveWay."""
 
 from __future__ import annotations
 
@@ -6,45 +6,36 @@ import math
 from dataclasses import replace
 from typing import Any, ClassVar, Final
 
-from behaviours.fly.giving_way import CLIMB_MPS, CLIMB_PER_S, MARGINS, GivingWay
 from behaviours.fly.heading_control import HeadingController
-from behaviours.fly.keeping_away import by_the_map, push_away_mps
+from behaviours.fly.keeping_away import MARGINS, GivingWay, by_the_map, push_away_mps
 from behaviours.fly.moving_leaf import MovingLeaf
 from behaviours.path.gimbal_pointing import ground_pitch_rad, mover_pitch_rad
 from behaviours.path.movers import raised_m
 from behaviours.ports import number
 from uav_bt.answers import FollowLeg, Rotate
-from uav_bt.board import (
-    CAMERA,
-    FLIGHT_HEIGHT,
-    HELD_TURN,
-    ODOMETRY,
-    PHASE,
-    RAISED,
-    SITE_MAP,
-    STATE,
-)
+from uav_bt.board import CAMERA, FLIGHT_HEIGHT, HELD_TURN, ODOMETRY, PHASE, RAISED, SITE_MAP, STATE
 from uav_bt.board.blackboard import Key
 from uav_bt.board.context import MissionContext
+from uav_bt.tree import Port, Status
 from uav_bt.types import DroneState, HeldTurn, NearObstacles, Velocity, clamp
 
+Keys = tuple[Key[Any], ...]
 GIMBAL = number("gimbal_deg", -30.0, -90, 90, "camera pitch in flight, degrees")
 
 # The numbers were chosen in flights on the training scenes.
 _LASTS_S: Final = 0.5  # a course ends after this time without a new answer
 _CLIMB_PER_S: Final = 0.8  # climb rate per metre of error in height
 _CLIMB_MPS: Final = 0.25  # highest climb rate
+_GIVES_WAY_PER_S: Final = 2.0  # the same while the drone gives way
+_GIVES_WAY_MPS: Final = 0.5
 _EVADED_M: Final = 0.2  # a turn corrects only larger errors in height: those of giving way
 
 
 class CourseLeaf(MovingLeaf):
     """Base of the leaves that fly at a speed and keep away from obstacles."""
 
-    reads: ClassVar[tuple[Key[Any], ...]] = (
-        *(STATE, FLIGHT_HEIGHT, RAISED),
-        *(CAMERA, ODOMETRY, SITE_MAP),
-    )
-    writes: ClassVar[tuple[Key[Any], ...]] = (PHASE, HELD_TURN, RAISED)
+    reads: ClassVar[Keys] = (STATE, FLIGHT_HEIGHT, RAISED, CAMERA, ODOMETRY, SITE_MAP)
+    writes: ClassVar[Keys] = (PHASE, HELD_TURN, RAISED)
     resumes = False  # after an interruption the leaf decides anew, on a new view
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -55,8 +46,7 @@ class CourseLeaf(MovingLeaf):
         super().on_setup(mission)
         self._heading = HeadingController()
         self._ordered: tuple[float, float, float] | None = None  # yaw, rad; speed, m/s; time, s
-        margins = MARGINS.within(mission.clearances)
-        self._giving_way = GivingWay(margins, mission.airframe.radius_m)
+        self._giving_way = GivingWay(MARGINS.within(mission.clearances), mission.airframe.radius_m)
 
     def fly_on(self, state: DroneState, answer: FollowLeg | Rotate | None) -> None:
         """Fly ahead while the heading is controlled, without a stop between answers.
@@ -82,10 +72,9 @@ class CourseLeaf(MovingLeaf):
         self.propose(velocity)
 
     def turn_keeping_away(self, yaw_rate_radps: float) -> Velocity:
-        """Return a turn on the spot that moves away from obstacles that are too near.
+        """Return a turn on the spot that moves away from what is too near: hovering drones drift.
 
-        A hovering drone drifts, also towards places that the camera does not show. It returns to
-        the flight height after it has climbed to give way.
+        The drone returns to the flight height after it has climbed to give way.
         """
         placed = None if self.read(ODOMETRY).value is None else self.read(SITE_MAP).value
         forward_mps, right_mps = push_away_mps(by_the_map(self.obstacles(), placed))
@@ -106,15 +95,14 @@ class CourseLeaf(MovingLeaf):
         """Stop for a mover or get out of its way, and climb; False when none comes too near."""
         site_map, state = self.read(SITE_MAP).value, self.state()
         self.write(RAISED, raised_m(site_map))
-        velocity = self._giving_way.velocity(
-            site_map, self.obstacles(), self.read(ODOMETRY).value, now_s=self.clock.now()
-        )
+        motion, now_s = self.read(ODOMETRY).value, self.clock.now()
+        velocity = self._giving_way.velocity(site_map, self.obstacles(), motion, now_s=now_s)
         if velocity is None:
             return False
         self.drop_course()
         self.feedback_message = "gives way"
         off_m = 0.0 if state is None else self.off_height_m(state)
-        self.propose(replace(velocity, down_mps=clamp(CLIMB_PER_S * off_m, CLIMB_MPS)))
+        self.propose(replace(velocity, down_mps=clamp(_GIVES_WAY_PER_S * off_m, _GIVES_WAY_MPS)))
         return True
 
     def drop_course(self) -> None:
@@ -148,3 +136,28 @@ class CourseLeaf(MovingLeaf):
         height_m = state.height_above_ground_m
         low_rad = ground_pitch_rad(site_map, camera, flight_rad, height_m)
         return mover_pitch_rad(site_map, low_rad, height_m) if site_map.movers else low_rad
+
+
+class GiveWay(CourseLeaf):
+    """Stop for a mover, and get out of its way; FAILURE when none comes too near.
+
+    As the first child of a `ReactiveFallback` it interrupts the others.
+    """
+
+    points = True
+    answers = (Status.FAILURE, Status.RUNNING)
+    ports = (Port("gives_way", bool, True, "where not, it always fails"), GIMBAL)
+
+    def update(self) -> Status:
+        """Give way if the port is set; without telemetry FAILURE."""
+        return super().update() if self.state() is not None else Status.FAILURE
+
+    def work(self, state: DroneState) -> Status:
+        """Give way."""
+        del state
+        gives_way = self.port_value("gives_way") and self.give_way()
+        return Status.RUNNING if gives_way else Status.FAILURE
+
+    def gimbal_pitch_rad(self) -> float:
+        """Return the pitch in flight, or lower to show the base of a mover."""
+        return self.ground_pitch_rad(math.radians(self.port_value("gimbal_deg")))

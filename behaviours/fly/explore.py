@@ -41,13 +41,10 @@ class Explore(SteeringLeaf):
         """Continue the step in progress, or begin the next if the policy finds the path free."""
         if self.gives_way() or self.flow(state) or self.moving(state):
             return Status.RUNNING
-        match self.decide():
-            case Done():
-                return Status.SUCCESS
-            case Blocked():
-                return Status.FAILURE
-            case answer:
-                self.go_on(state, answer)
+        answer = self.decide()
+        if isinstance(answer, Blocked | Done):
+            return Status.SUCCESS if isinstance(answer, Done) else Status.FAILURE
+        self.go_on(state, answer)
         return Status.RUNNING
 
 
@@ -71,7 +68,7 @@ class Avoid(SteeringLeaf):
         answer = self.decide()
         if isinstance(answer, Done):
             return Status.SUCCESS
-        if answer is not None and not isinstance(answer, Blocked) and self.turn_is_complete:
+        if answer is not None and not isinstance(answer, Blocked) and self.turn_left_rad <= 0.0:
             # Legs and rotations state a heading, so the drone need not face it first.
             if not self.turning or not isinstance(answer, Advance):
                 return Status.SUCCESS
@@ -97,16 +94,10 @@ class CorridorClear(Leaf):
         # Shorter than the shortest step.
         number("way_m", 0.3, 0, 20, "path that must keep clear of remembered obstacles, m"),
         number("beside_m", 0.42, 0, 20, "room to them along that path, m"),
-        number(
-            "ground_m",
-            0.6,
-            0,
-            50,
-            "ground ahead of the body's centre, m; not needed where the pad lies ahead",
-        ),
+        number("ground_m", 0.6, 0, 50, "ground ahead, m; not needed where the pad lies ahead"),
     )
     reads = (*VIEW_KEYS, MARK)
-    _ground_ends = False  # in the newest view
+    _ground_ends = False  # in the newest view with a class map
 
     def update(self) -> Status:
         """Compare the corridor, the obstacles of the map and the ground with the ports."""
@@ -125,21 +116,16 @@ class CorridorClear(Leaf):
             self.port_value("way_m"), margin_m=self.port_value("beside_m"), assumed=False
         ):
             return f"obstacle {site_map.near.nearest_m:.2f} m away"
-        ends, pad = self._ground_is_short(), self.read(MARK).value
-        # The pad stands on ground.
-        pad_is_ahead = pad is not None and (
-            abs(pad.bearing_rad) < _PAD_AHEAD_RAD or pad.range_m < _PAD_BELOW_M
-        )
-        return "ground ends" if ends and not pad_is_ahead else ""
-
-    def _ground_is_short(self) -> bool:
-        """Return whether the ground ahead is too short in the newest view with a class map."""
-        seen = current_view(self)
+        seen, pad = current_view(self), self.read(MARK).value
         if seen is not None:
             view = policy_view(self, *seen, held=HeldTurn(), tie_break=0.5)
             reach_m = ground_reach(view.class_map.roles, view) + view.camera.forward_offset_m
             self._ground_ends = reach_m < self.port_value("ground_m")
-        return self._ground_ends
+        if pad is not None and (
+            abs(pad.bearing_rad) < _PAD_AHEAD_RAD or pad.range_m < _PAD_BELOW_M
+        ):
+            return ""  # the pad stands on ground
+        return "ground ends" if self._ground_ends else ""
 
 
 class CoverageGrows(Leaf):
@@ -151,13 +137,7 @@ class CoverageGrows(Leaf):
 
     condition = True
     ports = (
-        number(
-            "min_share",
-            0.01,
-            0,
-            1,
-            "newly covered share of the known ground that a window must bring; 0: none",
-        ),
+        number("min_share", 0.01, 0, 1, "new share of the known ground in a window; 0: none"),
         number("window_s", 30.0, 1, 3600, "length of the window, s"),
     )
     reads = (SITE_MAP,)
@@ -189,6 +169,3 @@ class CoverageGrows(Leaf):
         self.feedback_message = f"{100 * gained:.1f} % in {now_s - since_s:.0f} s"
         least = self.port_value("min_share")
         return Status.SUCCESS if least == 0 or gained >= least else Status.FAILURE
-
-
-NODES = (Avoid, CorridorClear, CoverageGrows, Explore)

@@ -38,13 +38,12 @@ class HeadingController:
         # simple-pid keeps the integral within the output limits; `update` adds the integral's zone.
         terms = self.gains.proportional, self.gains.integral, self.gains.derivative
         self._pid = PID(*terms, setpoint=0.0, sample_time=None, output_limits=(-limit, limit))
-        self._last_s: float | None = None
-        self._output = 0.0
+        self.reset()
 
     def reset(self) -> None:
         """Reset the controller; call it when the controller takes over."""
         self._pid.reset()
-        self._last_s = None
+        self._last_s: float | None = None
         self._output = 0.0
 
     def update(self, bearing_rad: float, now_s: float) -> float:

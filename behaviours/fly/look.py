@@ -1,17 +1,34 @@
-"""Small leaves that hover, turn, point the camera and add messages, and related conditions."""
+"""Small leaves that hover, move, point the camera and add messages, and related conditions."""
 
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from behaviours.fly.moving_leaf import LeafClock, MovingLeaf, Progress, camera_points_at
+from behaviours.fly.places import PlaceLeaf
+from behaviours.path.clearance import ClearanceMap
+from behaviours.path.margins import Margins
+from behaviours.path.nearby import recent_obstacles
+from behaviours.path.passages import route
 from behaviours.ports import number
-from uav_bt.board import FRAME, ODOMETRY, PHASE, STATE
+from uav_bt.board import FRAME, ODOMETRY, PHASE, SITE_MAP, STATE
 from uav_bt.board.context import MissionContext
+from uav_bt.board.keys import BATTERY_PER_MIN, BATTERY_SHARE, FLYING, HOME
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.tree.script.parser import fill_text, parse_text
 from uav_bt.types import DroneState, GimbalTo, Hover, MissionPhase, Pose2D
 from uav_bt.types.flight_results import EventKind
+
+_TEXT: Final = "one line; {variable} and {@board_key} are replaced by their values"
+# The numbers were chosen.
+_NEAR_M: Final = 0.02  # a movement along the ground that is shorter needs no map
+_SPEED_MPS: Final = 0.4  # mean speed on the way home
+_DETOUR: Final = 1.5  # length of the way over the straight distance, where no route is known
+_LANDING_S: Final = 30.0  # from the arrival to the landing
+_USE_PER_MIN: Final = 0.05  # before it is measured: an ANAFI is empty after 25 minutes
+_PLAN_EVERY_S: Final = 2.0  # time between two plans of the route
+_HOME_M: Final = 1.0  # largest distance from the end of the route to the take-off point
 
 
 class HoverFor(Leaf):
@@ -23,13 +40,10 @@ class HoverFor(Leaf):
     ports = (number("seconds", 3.0, 0, 3600, "how long, s"),)
     writes = (PHASE,)
 
-    def on_setup(self, mission: MissionContext) -> None:
-        """Create the leaf's clock."""
-        self._leaf_clock = LeafClock(mission.clock)
-
     def initialise(self) -> None:
         """Set the end time."""
         self.write(PHASE, MissionPhase.HOVER)
+        self._leaf_clock = LeafClock(self.clock)
         self._until_s = self._leaf_clock.now() + self.port_value("seconds")
 
     def update(self) -> Status:
@@ -39,11 +53,6 @@ class HoverFor(Leaf):
             return Status.SUCCESS
         self.propose(Hover())
         return Status.RUNNING
-
-    def terminate(self, new_status: Status) -> None:
-        """Stop the clock."""
-        del new_status
-        self._leaf_clock.stop()
 
 
 class PointCamera(Leaf):
@@ -85,13 +94,63 @@ class Turn(MovingLeaf):
         if not self._begun:
             self._begun = True
             self.start_move(yaw_rad=math.radians(self.port_value("degrees")))
-            return Status.RUNNING
-        if self.moving(state):
-            return Status.RUNNING
-        if self.progress is Progress.DONE:
-            return Status.SUCCESS
-        self.feedback_message = self.trouble
-        return Status.FAILURE
+        elif not self.moving(state):
+            self.feedback_message = self.trouble
+            return Status.SUCCESS if self.progress is Progress.DONE else Status.FAILURE
+        return Status.RUNNING
+
+
+class MoveBy(PlaceLeaf):
+    """Move in a straight line without turning; SUCCESS at its end.
+
+    FAILURE when the map does not show the line free, at the beginning or later, and after repeated
+    attempts without progress. A movement straight up or down needs no map. An override interrupts
+    the movement, and it goes on afterwards.
+    """
+
+    repeats = True
+    ports = (
+        number("forward_m", 0.0, -5, 5, "distance ahead, m"),
+        number("right_m", 0.0, -5, 5, "distance to the right, m"),
+        number("up_m", 0.0, -5, 5, "distance upwards, m"),
+    )
+    resumes = True
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Note the margins of the place."""
+        super().on_setup(mission)
+        self._margins = Margins().within(mission.clearances).tight()
+
+    def initialise(self) -> None:
+        """Begin with the movement."""
+        super().initialise()
+        self.write(PHASE, MissionPhase.GO_TO)
+        self._to: tuple[float, float] | None = None  # x and y of its end on the map, m
+        self._begun = False
+        self._checked_s = -math.inf  # capture time of the map on which the line was checked
+
+    def work(self, state: DroneState) -> Status:
+        """Move while the line is free."""
+        forward_m, right_m = self.port_value("forward_m"), self.port_value("right_m")
+        if math.hypot(forward_m, right_m) > _NEAR_M:
+            site_map = self.trusted_map()
+            if site_map is None:
+                return self.fails("no map shows whether the way is free")
+            self._to = self._to or site_map.pose.to_world(forward_m, right_m)
+            if site_map.captured_s != self._checked_s:
+                self._checked_s = site_map.captured_s
+                recent = recent_obstacles(self.obstacles(), site_map)
+                if not ClearanceMap(site_map, recent, self._margins).is_open_to(*self._to):
+                    return self.fails("the map does not show the way free")
+        if not self._begun:
+            self._begun = True
+            down_m = -self.port_value("up_m")
+            self.start_move(forward_m=forward_m, right_m=right_m, down_m=down_m)
+        elif not self.moving(state):
+            if self.progress is Progress.DONE:
+                return Status.SUCCESS
+            return self.fails(self.trouble or "a person has flown the drone")
+        return Status.RUNNING
 
 
 class Hovering(Leaf):
@@ -148,32 +207,72 @@ class MovesOn(Leaf):
         return Status.SUCCESS if stayed_s < self.port_value("for_s") else Status.FAILURE
 
 
+class CanReturn(Leaf):
+    """SUCCESS while the battery suffices for the way to the take-off point and a landing.
+
+    The use of the battery is that of the present flight. The way is the route over the site map,
+    or 1.5 times the straight distance where the map has no route. A drone on the ground is at home.
+    While the place is unknown the last known distance counts. FAILURE without a report of the
+    battery, and in the air as long as the distance was never known.
+    """
+
+    condition = True
+    ports = (number("reserve", 0.15, 0, 1, "share of the battery left after the landing, 0 to 1"),)
+    reads = (BATTERY_SHARE, BATTERY_PER_MIN, FLYING, HOME, SITE_MAP)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Start without a distance."""
+        import behaviours.path.compiled_loops  # noqa: F401, PLC0415  (compiled before the flight)
+
+        self._margins = Margins().within(mission.clearances, mission.mark)
+        self._planned_s, self._detour = -math.inf, _DETOUR
+        self._way_m: float | None = None
+
+    def update(self) -> Status:
+        """Compare the charge with the need of the way home."""
+        charge, per_min = self.read(BATTERY_SHARE).value, self.read(BATTERY_PER_MIN).value
+        if charge is None or charge < 0.0:
+            self.feedback_message = "the battery is unknown"
+            return Status.FAILURE
+        way_m = self._way()
+        if way_m is None:
+            self.feedback_message = "the way home is unknown"
+            return Status.FAILURE
+        if per_min is None or per_min < 0.0:
+            per_min = _USE_PER_MIN
+        need = per_min * (way_m / _SPEED_MPS + _LANDING_S) / 60.0
+        self.feedback_message = f"{way_m:.1f} m home take {100 * need:.0f} % of the battery"
+        return Status.SUCCESS if charge - need >= self.port_value("reserve") else Status.FAILURE
+
+    def _way(self) -> float | None:
+        """Return the length of the way home, metres; None if it was never known."""
+        if not self.read(FLYING).value:
+            return 0.0
+        home_m, site_map = self.read(HOME).value, self.read(SITE_MAP).value
+        if home_m is not None and home_m >= 0.0:
+            now_s = self.clock.now()
+            if site_map is not None and now_s - self._planned_s >= _PLAN_EVERY_S:
+                self._planned_s, self._detour = now_s, _DETOUR
+                recent, start = recent_obstacles(site_map.near, site_map), site_map.start
+                to = (start.x_m, start.y_m)
+                planned = route(site_map, to, self._margins, recent=recent, near_m=_HOME_M)
+                if planned is not None and home_m >= _HOME_M:
+                    self._detour = max((planned.length_m + _HOME_M) / home_m, 1.0)
+            self._way_m = self._detour * home_m
+        return self._way_m
+
+
 class Say(Leaf):
     """Add a message to the flight's events; SUCCESS always."""
 
     answers = (Status.SUCCESS,)
     ports = (
-        Port(
-            "text",
-            str,
-            check=parse_text,
-            doc="one line; {variable} and {@board_key} are replaced by their values",
-        ),
-        Port(
-            "level",
-            str,
-            default=EventKind.INFO.value,
-            choices=(EventKind.INFO.value, EventKind.WARNING.value),
-            doc="kind of the event: info or warning",
-        ),
+        Port("text", str, check=parse_text, doc=_TEXT),
+        Port("level", str, "info", "kind of the event", choices=("info", "warning")),
     )
 
     def update(self) -> Status:
         """Add the message; a name without a value becomes "unknown"."""
-        text = fill_text(self.port_value("text"), self.environment)
-        self.feedback_message = text
+        self.feedback_message = text = fill_text(self.port_value("text"), self.environment)
         self.mission.add_event(EventKind(self.port_value("level")), text, self.path)
         return Status.SUCCESS
-
-
-NODES = (HoverFor, Hovering, MovesOn, PointCamera, Say, Turn)

@@ -27,18 +27,12 @@ from uav_bt.types.place import SEPARATOR, Place, PlaceFrame
 from uav_bt.types.place_frames import Unresolved, resolve, start_place
 from uav_bt.types.site_map import MapObject, SiteMap
 
-VISITED: Final = Key(
-    "visited",
-    str,
-    "objects that NextObject has chosen in this mission, such as object:1;object:4",
-    writer="NextObject",
-)
-CLASS: Final = Port(
-    "class",
-    str,
-    default="",
-    doc="class of the object, such as box_5, or several with ; between them; empty: any",
-)
+_CHOSEN: Final = "objects that NextObject has chosen in this mission, such as object:1;object:4"
+VISITED: Final = Key("visited", str, _CHOSEN, writer="NextObject")
+_CLASS: Final = "class of the object, such as box_5, or several with ; between them; empty: any"
+CLASS: Final = Port("class", str, "", _CLASS)
+_VIEWS: Final = "places such as start:1,0@90;start:2,1@180, for LoopString"
+_FROM: Final = "distance from the side of the object, or from the other place, m"
 
 _BESIDE_M: Final = 0.15  # a route ends this far beyond the margin of the object; a cell and a half
 _MIN_POINTS: Final = 6  # of an object on the map; fewer may be an error of a network. Chosen.
@@ -62,26 +56,23 @@ class MapLeaf(Leaf):
     def on_setup(self, mission: MissionContext) -> None:
         """Take the margins of the place; raises UnknownNameError for a class that the lab lacks."""
         self._margins = Margins().within(mission.clearances)
-        self._check_class(lambda: mission.classes)
+        if CLASS in self.ports:
+            _class_ids(self.initial_value(CLASS) or "", mission.classes)
 
     def refuses_lab(self, lab: Callable[[], Lab]) -> str | None:
         """Refuse a class that the lab lacks."""
         try:
-            self._check_class(lambda: lab().classes)
+            if CLASS in self.ports and (names := self.initial_value(CLASS)):
+                _class_ids(names, lab().classes)
         except UnknownNameError as error:
             return str(error)
         return None
 
-    def _check_class(self, classes: Callable[[], LabClasses]) -> None:
-        if CLASS in self.ports and (names := self.initial_value(CLASS)):
-            _class_ids(names, classes())
-
     def update(self) -> Status:
         """Answer by the newest map."""
-        site_map = self.read(SITE_MAP).value
-        if site_map is None:
-            return self.fails("no site map: <MapSite/> must tick ahead of this leaf")
-        return self.work(site_map)
+        if (site_map := self.read(SITE_MAP).value) is not None:
+            return self.work(site_map)
+        return self.fails("no site map: <MapSite/> must tick ahead of this leaf")
 
     @abstractmethod
     def work(self, site_map: SiteMap) -> Status:
@@ -143,13 +134,12 @@ class NextObject(MapLeaf):
         """Choose an object."""
         visited = self.read(VISITED).value or ""
         chosen = set(visited.split(SEPARATOR))
-        left = {f"object:{item.id}": item for item in self.seen(site_map)}
-        left = {place: item for place, item in left.items() if place not in chosen}
+        left = [item for item in self.seen(site_map) if f"object:{item.id}" not in chosen]
         if not left:
             return self.fails("the map has no further object of this class")
         maps = self.clearance_maps(site_map)
-        place = min(left, key=lambda each: _route_m(maps, left[each]))
-        label = site_map.classes.names[left[place].class_id]
+        item = min(left, key=lambda each: _route_m(maps, each))
+        place, label = f"object:{item.id}", site_map.classes.names[item.class_id]
         self.write(VISITED, SEPARATOR.join(filter(None, (visited, place))))
         self.set_port(self.PLACE, place)
         self.set_port(self.LABEL, label)
@@ -167,26 +157,13 @@ class ViewPoints(MapLeaf):
     the object.
     """
 
-    OF: ClassVar = Port(
-        "of", str, check=Place.parse, sample="object:1", doc="the object, or another place"
-    )
-    PLACES: ClassVar = Port(
-        "places",
-        str,
-        direction="output",
-        doc="places such as start:1,0@90;start:2,1@180, for LoopString",
-    )
+    OF: ClassVar = Port("of", str, check=Place.parse, sample="object:1", doc="object, or place")
+    PLACES: ClassVar = Port("places", str, direction="output", doc=_VIEWS)
     answers = (Status.SUCCESS, Status.FAILURE)
     needed = (SITE_MAP,)
     ports = (
         OF,
-        number(
-            "distance_m",
-            1.0,
-            0.3,
-            10,
-            "distance from the side of the object, or from the other place, m",
-        ),
+        number("distance_m", 1.0, 0.3, 10, _FROM),
         Port("count", int, default=4, least=1, most=36, doc="wanted number of places"),
         PLACES,
     )
@@ -202,9 +179,8 @@ class ViewPoints(MapLeaf):
         if target is None:  # a place is an object without a size
             x_m, y_m, at_s = goal.x_m, goal.y_m, site_map.captured_s
             target = MapObject(class_id=0, x_m=x_m, y_m=y_m, size_m=0.0, std_m=0.0, seen_s=at_s)
-        distance_m, count = self.port_value("distance_m"), self.port_value("count")
-        maps = self.clearance_maps(site_map)
-        poses = view_points(maps, target, distance_m=distance_m, count=count)
+        shape = {name: self.port_value(name) for name in ("distance_m", "count")}
+        poses = view_points(self.clearance_maps(site_map), target, **shape)
         if not poses:
             return self.fails(f"no place around {of} has room and a free view")
         self.feedback_message = f"{len(poses)} places around {of}"
@@ -221,6 +197,3 @@ def _route_m(maps: ClearanceMaps, item: MapObject) -> tuple[bool, float]:
     if route is None:
         return True, math.dist((pose.x_m, pose.y_m), (item.x_m, item.y_m))
     return False, route.length_m + math.dist(route.path_m[-1], (item.x_m, item.y_m))
-
-
-NODES = (NextObject, ObjectSeen, ViewPoints)

@@ -11,26 +11,20 @@ import math
 from dataclasses import replace
 from typing import Any, ClassVar, Final
 
-from behaviours.fly.course_leaf import CourseLeaf
+from behaviours.fly.course_leaf import CourseLeaf, Keys
 from behaviours.fly.keeping_away import step_away_m
 from behaviours.fly.moving_leaf import Progress
 from behaviours.policies.view import VIEW_KEYS, ask, current_view, policy_view
-from behaviours.stage_timer import StageTimer
+from behaviours.ports import StageTimer
 from uav_bt.answers import Advance, Answer, Blocked, Done, FollowLeg, Rotate
 from uav_bt.board import FLIGHT_PITCH, FRAME, HELD_TURN, ODOMETRY
-from uav_bt.board.blackboard import Key
 from uav_bt.board.context import MissionContext
 from uav_bt.protocols import LeafPolicy
 from uav_bt.tree import Port
 from uav_bt.types import DroneState, HeldTurn
 
 POLICY = Port("policy", str, "segmentation", "leaf policy that chooses the way")
-LOOKS_DOWN = Port(
-    "looks_down",
-    bool,
-    default=False,
-    doc="lower the camera where, by the site map, it would show little ground to follow",
-)
+LOOKS_DOWN = Port("looks_down", bool, False, "lower the camera where it would show little ground")
 GIVES_WAY = Port("gives_way", bool, True, "stop for what moves, and get out of its way")
 FLOWING = Port("flowing", bool, False, "look ahead during a step: lengthen it, or break it off")
 
@@ -50,7 +44,7 @@ class SteeringLeaf(CourseLeaf):
 
     points = True
     ports: ClassVar[tuple[Port[Any], ...]] = (POLICY, LOOKS_DOWN)
-    reads: ClassVar[tuple[Key[Any], ...]] = (*CourseLeaf.reads, FLIGHT_PITCH, *VIEW_KEYS)
+    reads: ClassVar[Keys] = (*CourseLeaf.reads, FLIGHT_PITCH, *VIEW_KEYS)
 
     def may_point(self) -> bool:
         """Return False for a leaf whose port `looks_down` is false."""
@@ -68,11 +62,9 @@ class SteeringLeaf(CourseLeaf):
         self._begin_to_turn(None)
 
     def gimbal_pitch_rad(self) -> float | None:
-        """Return the camera's pitch; None to leave it unchanged, without the port `looks_down`."""
-        flight_rad = self.read(FLIGHT_PITCH).value
-        if flight_rad is None or not self.port_value(LOOKS_DOWN.name):
-            return None
-        return self.ground_pitch_rad(flight_rad)
+        """Return the camera's pitch; None, to leave it unchanged, without the port `looks_down`."""
+        flight_rad = self.read(FLIGHT_PITCH).value if self.port_value(LOOKS_DOWN.name) else None
+        return None if flight_rad is None else self.ground_pitch_rad(flight_rad)
 
     def gives_way(self) -> bool:
         """Give way if the port `gives_way` is set; False if not, or if nothing comes too near."""
@@ -126,11 +118,10 @@ class SteeringLeaf(CourseLeaf):
     def make_room(self) -> bool:
         """Start a step away from an obstacle that is too near; False where none is, or no room."""
         step_m = step_away_m(self.obstacles(), self.mission.clearances.edge_m)
-        if step_m is None:
-            return False
-        self._advancing = False
-        self.start_move(forward_m=step_m[0], right_m=step_m[1])
-        return True
+        if step_m is not None:
+            self._advancing = False
+            self.start_move(forward_m=step_m[0], right_m=step_m[1])
+        return step_m is not None
 
     def drop_course(self) -> None:
         """Drop movement, course and turn; only views captured from now on count."""
@@ -141,13 +132,8 @@ class SteeringLeaf(CourseLeaf):
     def _begin_to_turn(self, least_rad: float | None, yaw_rad: float = math.nan) -> None:
         """Begin a turn by at least an angle, at a heading; None: no turn is under way."""
         self.turning = least_rad is not None
-        self._turn_left_rad = least_rad or 0.0  # before a free view may end the turn
+        self.turn_left_rad = least_rad or 0.0  # before a free view may end the turn
         self._turn_yaw_rad = yaw_rad  # of the last tick
-
-    @property
-    def turn_is_complete(self) -> bool:
-        """True when the drone has turned as far as the policy asked, or without a turn."""
-        return self._turn_left_rad <= 0.0
 
     @property
     def held_turn(self) -> HeldTurn:
@@ -161,11 +147,9 @@ class SteeringLeaf(CourseLeaf):
             if away_rad is None:
                 return
             self._begin_to_turn(abs(away_rad), yaw_rad)
-        direction = held.direction
-        if direction == 0 and away_rad is not None:
-            direction = 1 if away_rad > 0.0 else -1
+        direction = held.direction or (0 if away_rad is None else 1 if away_rad > 0.0 else -1)
         turned_rad = math.remainder(yaw_rad - self._turn_yaw_rad, 2.0 * math.pi)
-        self._turn_left_rad -= direction * turned_rad
+        self.turn_left_rad -= direction * turned_rad
         self._turn_yaw_rad = yaw_rad
         turned_rad = held.turned_rad + abs(turned_rad)
         self.write(HELD_TURN, replace(held, direction=direction, turned_rad=turned_rad))
@@ -179,13 +163,12 @@ class SteeringLeaf(CourseLeaf):
         The turn has gone on since the frame was captured, and may have passed a narrow free
         direction. Without turning back, the drone would pass it again in every full turn.
         """
-        frame, direction = self.read(FRAME).value, self.held_turn.direction
-        motion = self.read(ODOMETRY).value
+        frame, motion = self.read(FRAME).value, self.read(ODOMETRY).value
         self.drop_course()
         if frame is None:
             return
         yaw_rad = state.attitude.yaw_rad if motion is None else motion.reported_yaw_rad
-        ends_rad = yaw_rad + direction * _YAW_RATE_RADPS * _TURN_LAG_S
+        ends_rad = yaw_rad + self.held_turn.direction * _YAW_RATE_RADPS * _TURN_LAG_S
         back_rad = math.remainder(frame.attitude.yaw_rad - ends_rad, 2.0 * math.pi)
         if abs(back_rad) > _TURN_BACK_RAD:
             self._advancing = False
@@ -201,7 +184,7 @@ class SteeringLeaf(CourseLeaf):
                 self.keep_turning(state, answer.yaw_rad if isinstance(answer, Blocked) else 0.0)
         elif not self.turning:
             return self.go_on(state, answer)
-        elif answer is not None and self.turn_is_complete:
+        elif answer is not None and self.turn_left_rad <= 0.0:
             self.turn_back(state)  # judge the view once more, then advance
         else:
             self.keep_turning(state, None)
@@ -213,9 +196,8 @@ class SteeringLeaf(CourseLeaf):
         if view is None or view[0].captured_s < self._view_from_s:
             self.feedback_message = "waiting for a view"
             return None
-        held, chance = self.held_turn, float(self._rng.random())
-        clearances = self.mission.clearances
-        shown = policy_view(self, *view, held=held, tie_break=chance, clearances=clearances)
+        tie_break = float(self._rng.random())
+        shown = policy_view(self, *view, held=self.held_turn, tie_break=tie_break)
         with self._timer:
             answer = ask(self, self._policy, shown)
         if answer is not None:

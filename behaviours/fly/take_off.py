@@ -20,17 +20,12 @@ _SLACK_M: Final = 0.1  # smaller errors in height are corrected by the mission's
 def above_ceiling(height_m: float) -> str | None:
     """Return a warning for a flight height above the default ceiling; else None."""
     ceiling_m = Limits().ceiling_m
-    if height_m <= ceiling_m:
-        return None
-    return (
-        f"{height_m:g} m lies above the ceiling of {ceiling_m:g} m: it flies only at a site whose "
-        "limit ceiling_m is higher"
-    )
+    above = f"{height_m:g} m lies above the ceiling of {ceiling_m:g} m"
+    only = "it flies only at a site whose limit ceiling_m is higher"
+    return f"{above}: {only}" if height_m > ceiling_m else None
 
 
-def _height(default: float | None) -> Port[float]:
-    doc = "flight height above the ground, m"
-    return number("height_m", default, 0.3, 20, doc, caution=above_ceiling)
+_HEIGHT: Final = 0.3, 20.0, "flight height above the ground, m"  # range and text of the port
 
 
 class ClimbTo(MovingLeaf):
@@ -40,7 +35,9 @@ class ClimbTo(MovingLeaf):
     """
 
     repeats = True
-    ports: ClassVar[tuple[Port[Any], ...]] = (_height(None),)
+    ports: ClassVar[tuple[Port[Any], ...]] = (
+        number("height_m", None, *_HEIGHT, caution=above_ceiling),
+    )
     reads: ClassVar[tuple[Key[Any], ...]] = (STATE,)
     writes: ClassVar[tuple[Key[Any], ...]] = (PHASE, FLIGHT_HEIGHT)
     phase: ClassVar[MissionPhase] = MissionPhase.GO_TO
@@ -73,7 +70,7 @@ class TakeOff(ClimbTo):
 
     points = True
     ports = (
-        _height(1.5),
+        number("height_m", 1.5, *_HEIGHT, caution=above_ceiling),
         number("gimbal_deg", -30.0, -90, 90, "camera pitch in flight, degrees"),
         number("give_up_s", 20.0, 0, 3600, "seconds until it has failed, take-overs apart"),
     )
@@ -106,6 +103,3 @@ class TakeOff(ClimbTo):
         """Wait until a frame was captured at the camera's pitch."""
         points_ahead = camera_points_at(self.read(FRAME).value, self.gimbal_pitch_rad())
         return Status.SUCCESS if points_ahead else Status.RUNNING
-
-
-NODES = (ClimbTo, TakeOff)

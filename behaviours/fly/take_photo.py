@@ -11,7 +11,6 @@ from dataclasses import asdict, replace
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from behaviours.fly.moving_leaf import LeafClock, camera_points_at
 from behaviours.ports import number
@@ -29,6 +28,9 @@ _LOG: Final = logging.getLogger(__name__)
 
 _NO_FOLDER: Final = "the flight has no output folder: fly with --out DIR"
 _KEEP: Final = "keep"
+_LABEL: Final = "text in report and file names; {variable} and {@board_key} become their values"
+_PITCH: Final = "camera pitch, 0 level, -90 straight down, degrees, restored afterwards; or keep"
+_WAIT: Final = "longest wait for a steady drone and a new frame, s; and for the drone's camera"
 _RESTORE_S: Final = 2.0  # longest wait for the camera's former pitch; chosen
 _LABEL_LENGTH: Final = 40  # characters of a label in a file's name
 _SAME_S: Final = 1e-6  # ticks are a tenth of a second, and floats add up
@@ -62,10 +64,7 @@ class Steadiness:
         self.since_s = math.inf  # capture of the telemetry since which it is steady; inf: it is not
 
     def update(self, state: DroneState, motion: MotionEstimate | None) -> None:
-        """Add telemetry, whose velocity the motion over the ground corrects.
-
-        The drone is not steady before the samples span the time of an average.
-        """
+        """Add telemetry, whose velocity the motion over the ground corrects."""
         samples = self._samples
         if samples and state.captured_s <= samples[-1][0].captured_s:
             return
@@ -74,10 +73,8 @@ class Steadiness:
         # The oldest sample lies at least the span back, once there are such old ones.
         while len(samples) > 2 and samples[1][0].captured_s <= state.captured_s - _SPAN_S:
             samples.popleft()
-        if not self._is_steady(samples[0][0], state):
-            self.since_s = math.inf
-        elif math.isinf(self.since_s):
-            self.since_s = state.captured_s
+        steady = self._is_steady(samples[0][0], state)
+        self.since_s = min(self.since_s, state.captured_s) if steady else math.inf
 
     def _is_steady(self, oldest: DroneState, newest: DroneState) -> bool:
         if newest.captured_s - oldest.captured_s < _SPAN_S - _SAME_S:
@@ -90,12 +87,12 @@ class Steadiness:
 
 
 class _Shot(NamedTuple):
-    """A frame that is to be stored, and the name of its files without suffix."""
+    """What is to be stored, and the name of its files without suffix."""
 
     name: str
     photo: Photo
-    image: NDArray[np.uint8] | None
-    ids: NDArray[np.uint8] | None
+    frame: Frame
+    class_map: ClassMap | None
 
 
 class TakePhoto(Leaf):
@@ -112,46 +109,20 @@ class TakePhoto(Leaf):
     moves = True
     points = True
     ports = (
-        Port(
-            "label",
-            str,
-            default="",
-            check=parse_text,
-            doc="text in the report and in the files' names; {variable} and {@board_key} are "
-            "replaced by their values",
-        ),
-        Port(
-            "pitch_deg",
-            str,
-            default=_KEEP,
-            check=_pitch_rad,
-            doc="camera pitch of the photograph, 0 level, -90 straight down, degrees; restored "
-            "afterwards. keep: the camera stays where it is",
-        ),
-        number(
-            "timeout_s",
-            5.0,
-            0.1,
-            600,
-            "longest wait for a steady drone and a new frame, s; and for the drone's camera",
-        ),
-        Port(
-            "camera_photo",
-            bool,
-            default=True,
-            doc="whether the drone's own camera takes a photograph, too, where it can (ANAFI)",
-        ),
+        Port("label", str, "", _LABEL, check=parse_text),
+        Port("pitch_deg", str, _KEEP, _PITCH, check=_pitch_rad),
+        number("timeout_s", 5.0, 0.1, 600, _WAIT),
+        Port("camera_photo", bool, True, "whether the drone's own camera takes one, too (ANAFI)"),
     )
     reads = (STATE, FRAME, ELAPSED, CLASS_MAP, ODOMETRY, SITE_MAP)
     writes = (PHASE,)
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Create the leaf's clock; warn if the flight has no output folder."""
+        """Import the encoders; warn if the flight has no output folder."""
         # Late: OpenCV takes long to import, and `uav-bt check` must answer at once.
         from uav_bt.record.images import encode_bytes, encode_image  # noqa: PLC0415
 
         self._encode_ids, self._encode_image = encode_bytes, encode_image
-        self._leaf_clock = LeafClock(mission.clock)
         self._imageless = mission.sight is not None
         if mission.outputs is None:
             _LOG.warning("Warning: %s will fail: %s", self.path, _NO_FOLDER)
@@ -159,41 +130,34 @@ class TakePhoto(Leaf):
     def initialise(self) -> None:
         """Begin to wait."""
         self.write(PHASE, MissionPhase.LOOK)
+        self._leaf_clock = LeafClock(self.clock)
         self._label = fill_text(self.port_value("label"), self.environment)
-        self._steady = Steadiness()
-        self._wanted_rad = _pitch_rad(self.port_value("pitch_deg"))
+        self._steady, self._wanted_rad = Steadiness(), _pitch_rad(self.port_value("pitch_deg"))
         self._former_rad: float | None = None  # the camera's pitch to restore
         self._answer: Status | None = None  # known once the photograph is stored or given up
-        self._waited_s = 0.0
         self._last_s: float | None = None  # leaf time of the last tick that counted
-        self._answered_s = 0.0
         self._shot: _Shot | None = None  # waits for the drone's camera
+        self._waited_s, self._answered_s = 0.0, 0.0
         self._number, self._asked_s = 0, 0.0  # of that camera's photograph
 
     def update(self) -> Status:
         """Hover and point the camera until the photograph is stored and the camera restored."""
         self._leaf_clock.tick()
-        frame, wanted_rad = self.read(FRAME).value, self._wanted_rad
+        frame, wanted_rad, now_s = self.read(FRAME).value, self._wanted_rad, self._leaf_clock.now()
         if self._answer is None:
-            self._answer = self._take(self.read(STATE).value, frame)
-            self._answered_s = self._leaf_clock.now()
+            self._answer, self._answered_s = self._take(frame), now_s
         if self._answer is not None:
-            wanted_rad = self._to_restore(frame)
-            if wanted_rad is None:
+            wanted_rad, late = self._former_rad, now_s - self._answered_s > _RESTORE_S
+            if wanted_rad is None or late or camera_points_at(frame, wanted_rad):
                 return self._answer
         if wanted_rad is not None:
             self.point(GimbalTo(pitch_rad=wanted_rad))
         self.propose(Hover())
         return Status.RUNNING
 
-    def terminate(self, new_status: Status) -> None:
-        """Stop the clock."""
-        del new_status
-        self._leaf_clock.stop()
-
-    def _take(self, state: DroneState | None, frame: Frame | None) -> Status | None:
+    def _take(self, frame: Frame | None) -> Status | None:
         """Store the photograph when the frame fits. None: not yet."""
-        folder = self.mission.outputs
+        folder, state = self.mission.outputs, self.read(STATE).value
         if folder is None:
             return self._gives_up(_NO_FOLDER)
         if self._shot is not None:
@@ -213,12 +177,10 @@ class TakePhoto(Leaf):
         self._steady.update(state, self.read(ODOMETRY).value)
         seen = self.read(CLASS_MAP).value
         class_map = seen if seen is not None and seen.captured_s == frame.captured_s else None
-        missing = self._missing(frame, class_map)
-        if missing is not None:
+        if missing := self._missing(frame, class_map):
             self.feedback_message, limit_s = missing, self.port_value("timeout_s")
-            if self._waited_s >= limit_s - _SAME_S:
-                return self._gives_up(f"no image within {limit_s:g} s: {missing}")
-            return None
+            late = self._waited_s >= limit_s - _SAME_S
+            return self._gives_up(f"no image within {limit_s:g} s: {missing}") if late else None
         shot = self._shot_of(frame, class_map)
         camera = self.mission.stills if self.port_value("camera_photo") else None
         if camera is None:
@@ -227,8 +189,8 @@ class TakePhoto(Leaf):
         self.feedback_message = "the drone's camera takes a photograph"
         return None
 
-    def _missing(self, frame: Frame, class_map: ClassMap | None) -> str | None:
-        """Return what keeps the frame from being stored. None: nothing does."""
+    def _missing(self, frame: Frame, class_map: ClassMap | None) -> str:
+        """Return what keeps the frame from being stored; empty when nothing does."""
         if self._wanted_rad is not None and not camera_points_at(frame, self._wanted_rad):
             return f"the camera is at {math.degrees(frame.gimbal_pitch_rad):.0f} degrees"
         if math.isinf(self._steady.since_s):
@@ -237,10 +199,10 @@ class TakePhoto(Leaf):
             return "no frame since the drone is steady"
         if self._imageless and class_map is None:
             return "the drone has no images, and no leaf makes a class map: add Segment"
-        return None
+        return ""
 
     def _await_camera(self, folder: FlightFolder, shot: _Shot) -> Status | None:
-        """Store the frame once the camera has ended. None: it is at work."""
+        """Store the frame once the drone's camera has ended. None: it is at work."""
         camera, limit_s = self.mission.stills, self.port_value("timeout_s")
         still = None if camera is None else camera.still(self._number)
         if still is None or still.state is StillState.TAKING:
@@ -253,9 +215,9 @@ class TakePhoto(Leaf):
             return self._store(folder, shot._replace(photo=photo))
         else:
             reason = still.reason
-        if self._store(folder, shot) is Status.FAILURE:
-            return Status.FAILURE
-        return self._gives_up(f"the drone's camera took no photograph: {reason}")
+        stored = self._store(folder, shot) is Status.SUCCESS
+        failure = f"the drone's camera took no photograph: {reason}"
+        return self._gives_up(failure) if stored else Status.FAILURE
 
     def _shot_of(self, frame: Frame, class_map: ClassMap | None) -> _Shot:
         name = f"photo-{self.mission.notes.next_photo():03d}"
@@ -271,17 +233,16 @@ class TakePhoto(Leaf):
             height_m=round(frame.height_above_ground_m, 3),
             gimbal_pitch_deg=round(math.degrees(frame.gimbal_pitch_rad), 1),
         )
-        image = None if self._imageless else frame.image
-        return _Shot(name, photo, image, None if class_map is None else class_map.ids)
+        return _Shot(name, photo, frame, class_map)
 
     def _store(self, folder: FlightFolder, shot: _Shot) -> Status:
         """Write the files of a photograph: `NAME.jpg`, `NAME-classes.png` and `NAME.json`."""
         photo, content = shot.photo, {"frame": FRAME_OF_RESULTS, **asdict(shot.photo)}
         try:
-            if shot.image is not None and photo.file is not None:
-                folder.write(photo.file, self._encode_image(shot.image, "high")[0])
-            if shot.ids is not None and photo.class_map is not None:
-                folder.write(photo.class_map, self._encode_ids(shot.ids))
+            if photo.file is not None:
+                folder.write(photo.file, self._encode_image(shot.frame.image, "high")[0])
+            if shot.class_map is not None and photo.class_map is not None:
+                folder.write(photo.class_map, self._encode_ids(shot.class_map.ids))
             folder.write(f"{shot.name}.json", json.dumps(content, indent=2) + "\n")
         except InputError as error:
             return self._gives_up(str(error))
@@ -295,13 +256,3 @@ class TakePhoto(Leaf):
         text = f"'{self._label}': {reason}" if self._label else reason
         self.mission.add_event(EventKind.NO_PHOTO, text, self.path)
         return Status.FAILURE
-
-    def _to_restore(self, frame: Frame | None) -> float | None:
-        """Return the former pitch while the camera is still elsewhere; None when that is over."""
-        former_rad, waited_s = self._former_rad, self._leaf_clock.now() - self._answered_s
-        if former_rad is None or waited_s > _RESTORE_S or camera_points_at(frame, former_rad):
-            return None
-        return former_rad
-
-
-NODES = (TakePhoto,)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final, Self
 
-from behaviours.stage_timer import StageTimer
+from behaviours.ports import StageTimer
 from perception.networks.named import segmentation_file
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, ODOMETRY, RELATIVE_DEPTH, SITE_MAP, STATE
 from uav_bt.board.context import MissionContext

@@ -6,8 +6,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-from behaviours.ports import number
-from behaviours.stage_timer import StageTimer
+from behaviours.ports import StageTimer, number
 from perception.camera.ground_plane import view_of
 from perception.networks.named import ANY, CONTACT, SHIPPED_DEPTHS, depth_file
 from uav_bt.board import (
@@ -33,6 +32,11 @@ if TYPE_CHECKING:
 # Obstacles beyond the front plane of the corridor, 2 m, stop no step. Chosen.
 NETWORK_AHEAD_M: Final = 2.5
 _FROM: Final = "from the drone's centre, m"
+_MODEL: Final = "'depth' or 'any' (where `Segment` gives none), 'contact', or an ONNX file"
+_SOURCES: Final = ("fused", "network", "contact")
+_SOURCE: Final = "'network', or 'fused': by ground contact where it is known"
+_AHEAD: Final = "fused: run the network for unmeasured obstacles nearer than this, m; 20: always"
+_LEAST: Final = "least confidence of the scale; below it depth is by ground contact alone"
 
 
 class EstimateDepth(Leaf):
@@ -45,41 +49,10 @@ class EstimateDepth(Leaf):
 
     answers = (Status.SUCCESS,)
     ports = (
-        Port(
-            "model",
-            str,
-            "depth",
-            "'depth', an ONNX file (and its mapping), or 'contact' (no network); 'depth' and 'any' "
-            "are not run for frames of which the network of `Segment` gives the depth",
-            look_up=depth_file,
-            at_setup=True,
-        ),
-        Port(
-            "source",
-            str,
-            "fused",
-            "'network', or 'fused': by ground contact where it is known",
-            choices=("fused", "network", "contact"),
-            at_setup=True,
-        ),
-        number(
-            "network_ahead_m",
-            NETWORK_AHEAD_M,
-            0,
-            20,
-            "fused: run the network if an obstacle that ground contact does not measure may be "
-            "nearer than this, m; 20: always",
-            at_setup=True,
-        ),
-        number(
-            "least_confidence",
-            0.2,
-            0,
-            1,
-            "least confidence of the scale with which the network's depth is used; below it "
-            "depth is by ground contact alone",
-            at_setup=True,
-        ),
+        Port("model", str, "depth", _MODEL, look_up=depth_file, at_setup=True),
+        Port("source", str, "fused", _SOURCE, choices=_SOURCES, at_setup=True),
+        number("network_ahead_m", NETWORK_AHEAD_M, 0, 20, _AHEAD, at_setup=True),
+        number("least_confidence", 0.2, 0, 1, _LEAST, at_setup=True),
     )
     reads = (STATE, FRAME, CLASS_MAP, CAMERA, SITE_MAP, ODOMETRY, RELATIVE_DEPTH)
     writes = (RELATIVE_DEPTH, METRIC_DEPTH)
@@ -104,8 +77,7 @@ class EstimateDepth(Leaf):
     def update(self) -> Status:
         """Estimate the depth of the frame if it is a new one and has been segmented."""
         frame, camera = self.read(FRAME).value, self.read(CAMERA).value
-        class_map, state = self.read(CLASS_MAP).value, self.read(STATE).value
-        site_map = self.read(SITE_MAP).value
+        class_map, site_map = self.read(CLASS_MAP).value, self.read(SITE_MAP).value
         if frame is None or camera is None or class_map is None or frame.index == self._last_index:
             return Status.SUCCESS
         self._last_index = frame.index
@@ -114,10 +86,10 @@ class EstimateDepth(Leaf):
                 frame,
                 class_map,
                 camera,
-                state=state,
+                state=self.read(STATE).value,
                 near=None if site_map is None else site_map.near,
                 motion=self.read(ODOMETRY).value,
-                spent=self._spent,
+                spent=lambda stage, spent_s: self._times_s.setdefault(stage, []).append(spent_s),
             )
         except AnswerError as error:
             self.feedback_message = f"no depth: {error}"
@@ -129,9 +101,6 @@ class EstimateDepth(Leaf):
         if metric.depth is not None:
             self.write(METRIC_DEPTH, metric.depth, captured_s=frame.captured_s)
         return Status.SUCCESS
-
-    def _spent(self, stage: str, spent_s: float) -> None:
-        self._times_s.setdefault(stage, []).append(spent_s)
 
     def _load(self, model: str, mission: MissionContext) -> DepthEstimator:
         # Late: an inference runtime takes seconds to import; `uav-bt check` must answer at once.
@@ -162,9 +131,7 @@ class BuildCorridor(Leaf):
     ports = (
         number("side_m", 0.5, 0.05, 20, f"left and right wall {_FROM}", at_setup=True),
         number("front_m", 2.0, 0.05, 50, f"front plane {_FROM}", at_setup=True),
-        number(
-            "up_down_m", 0.8, 0.05, 20, "upper and lower wall from its centre, m", at_setup=True
-        ),
+        number("up_down_m", 0.8, 0.05, 20, f"upper and lower wall {_FROM}", at_setup=True),
         number("focal_factor", 1.0, 0.5, 2, "the paper's f, 0.8 to 1.2", at_setup=True),
         Port("background", bool, default=False, doc="count the background, too"),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from behaviours.policies.view import VIEW_KEYS, ask, current_view, policy_view
+from behaviours.ports import number
 from uav_bt.answers import Answer
 from uav_bt.board import ADVICE, FRAME, HELD_TURN, RECENT_VIEWS, STATE
 from uav_bt.board.context import MissionContext
@@ -20,9 +21,7 @@ class RememberViews(Leaf):
 
     answers = (Status.SUCCESS,)
     # Enough for three views 2 s apart; the rest covers the interval between frames.
-    ports = (
-        Port("keep_s", float, default=4.2, least=0, most=30, doc="how long frames are kept, s"),
-    )
+    ports = (number("keep_s", 4.2, 0, 30, "how long frames are kept, s"),)
     reads = (STATE, FRAME)
     writes = (RECENT_VIEWS,)
 
@@ -42,9 +41,8 @@ class RememberViews(Leaf):
         if state is not None:
             self._odometry.update(state)
         pose = None if frame is None else self._odometry.at(frame.captured_s)
-        if frame is None or pose is None:
-            return Status.SUCCESS
-        if self._views and self._views[-1].frame.index == frame.index:
+        last = self._views[-1].frame.index if self._views else None
+        if frame is None or pose is None or frame.index == last:
             return Status.SUCCESS
         newest = PastView(frame=frame, pose=replace(pose, time_s=frame.captured_s))
         oldest_s = frame.captured_s - self.port_value("keep_s")
@@ -79,15 +77,14 @@ class Advise(Leaf):
         view, recent = current_view(self), self.read(RECENT_VIEWS).value
         if view is None or recent is None or view[0].index == self._last_index:
             return Status.SUCCESS
-        frame, newest = view[0], recent.newest
-        if newest.frame.index != frame.index:
+        frame, pose = view[0], recent.newest.pose
+        if recent.newest.frame.index != frame.index:
             return Status.SUCCESS
         self._last_index = frame.index
         held, tie_break = self.read(HELD_TURN).value or HeldTurn(), float(self._rng.random())
 
         def asked(turn: HeldTurn) -> Answer | None:
-            near = self.mission.clearances
-            shown = policy_view(self, *view, held=turn, tie_break=tie_break, clearances=near)
+            shown = policy_view(self, *view, held=turn, tie_break=tie_break)
             return ask(self, self._policy, shown)
 
         answer = asked(held)
@@ -97,9 +94,9 @@ class Advise(Leaf):
         advice = Advice(
             frame_index=frame.index,
             captured_s=frame.captured_s,
-            x_m=newest.pose.x_m,
-            y_m=newest.pose.y_m,
-            yaw_rad=newest.pose.yaw_rad,
+            x_m=pose.x_m,
+            y_m=pose.y_m,
+            yaw_rad=pose.yaw_rad,
             height_above_ground_m=frame.height_above_ground_m,
             gimbal_pitch_rad=frame.gimbal_pitch_rad,
             turning=held.direction,

@@ -1,4 +1,4 @@
-"""The leaf that keeps the map of the place."""
+"""The leaves that estimate the motion over the ground and keep the map of the place."""
 
 from __future__ import annotations
 
@@ -6,19 +6,55 @@ import math
 from typing import Self
 
 from behaviours.path.movers import ABOVE_M, RAISED_S, raised_m
-from behaviours.stage_timer import StageTimer
-from uav_bt.board import (
-    CAMERA,
-    CLASS_MAP,
-    FRAME,
-    MARK,
-    ODOMETRY,
-    SITE_MAP,
-)
+from behaviours.policies.view import current_view
+from behaviours.ports import StageTimer
+from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, ODOMETRY, SITE_MAP, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Leaf, Status
 from uav_bt.types.flight_results import EventKind
 from uav_bt.types.site_map import SiteMap
+
+
+class TrackMotion(Leaf):
+    """Estimate the drone's pose and velocity over the ground in every tick; SUCCESS always.
+
+    The estimate integrates telemetry. Each class map with enough ground in view corrects it. It is
+    written from the first class map on. Leaves that need the drone's position (`MapSite`, the
+    position hold) read it. Place this leaf after `Segment` and before `MapSite`.
+    """
+
+    answers = (Status.SUCCESS,)
+    reads = (STATE, FRAME, CLASS_MAP, CAMERA)
+    writes = (ODOMETRY,)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Make the odometry."""
+        from perception.odometry.ground import GroundOdometry  # noqa: PLC0415  (OpenCV is heavy)
+
+        self._odometry = GroundOdometry(mission.sight and mission.sight.motion)
+        self._timer = StageTimer(mission, "odometry")
+        self._last_s = -1.0
+
+    def on_inherit(self, former: Self) -> None:
+        """Keep the odometry, and with it the origin of its frame."""
+        self._odometry, self._last_s = former._odometry, former._last_s
+
+    def update(self) -> Status:
+        """Integrate telemetry, and correct the estimate with a new class map."""
+        state = self.read(STATE).value
+        if state is None:
+            return Status.SUCCESS
+        self._odometry.predict(state, self.clock.now())
+        seen = current_view(self)
+        if seen is not None and seen[0].captured_s != self._last_s:
+            frame, class_map, camera = seen
+            self._last_s = frame.captured_s
+            with self._timer:
+                self._odometry.see(class_map, frame, camera)
+        motion = self._odometry.estimate
+        if motion is not None:
+            self.write(ODOMETRY, motion, captured_s=motion.pose.time_s)
+        return Status.SUCCESS
 
 
 class MapSite(Leaf):
@@ -40,13 +76,11 @@ class MapSite(Leaf):
 
         self._mapper = SiteMapper(mission.classes, mark_m=mission.mark.radius_m)
         self._timer = StageTimer(mission, "map")
-        self._last_s = -math.inf
-        self._raised = False  # whether leaves that give way fly higher
+        self._last_s, self._raised = -math.inf, False  # whether leaves that give way fly higher
 
     def on_inherit(self, former: Self) -> None:
         """Keep the map and the drone's pose on it."""
-        self._mapper, self._last_s = former._mapper, former._last_s
-        self._raised = former._raised
+        self._mapper, self._last_s, self._raised = former._mapper, former._last_s, former._raised
 
     def update(self) -> Status:
         """Add a new class map, and write the map with the drone's present pose."""
@@ -59,11 +93,10 @@ class MapSite(Leaf):
             self.feedback_message = "no odometry: <TrackMotion/> must tick ahead of this leaf"
             return Status.SUCCESS
         with self._timer:
-            if self._last_s != class_map.captured_s == frame.captured_s == motion.seen.time_s:
-                self._last_s = class_map.captured_s
-                height_px, width_px = class_map.ids.shape
-                self._mapper.look(class_map, frame, camera.resized(width_px, height_px), motion)
-                fix = self.read(MARK).value
+            seen, fix = current_view(self), self.read(MARK).value
+            if seen is not None and self._last_s != frame.captured_s == motion.seen.time_s:
+                self._last_s = frame.captured_s
+                self._mapper.look(class_map, frame, seen[2], motion)
                 if fix is not None and fix.detected:
                     self._mapper.see_mark(fix)
             site_map = self._mapper.map(motion)
@@ -82,8 +115,7 @@ class MapSite(Leaf):
             place = ""
             if site_map.movers:
                 newest = max(site_map.movers, key=lambda mover: mover.first_s)
-                place = " at start:{:.1f},{:.1f}".format(
-                    *site_map.start.to_body(newest.x_m, newest.y_m)
-                )
+                x_m, y_m = site_map.start.to_body(newest.x_m, newest.y_m)
+                place = f" at start:{x_m:.1f},{y_m:.1f}"
             text = f"a mover{place}: leaves that give way fly {ABOVE_M} m higher"
         self.mission.add_event(EventKind.INFO, text, self.path)

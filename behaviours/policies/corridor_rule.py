@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.policies.view import nearest_ground_m
+from behaviours.policies.view import greater_side, is_unplaced_ahead, nearest_ground_m
 from uav_bt.answers import Advance, Blocked
 from uav_bt.lab.classes import GROUND, OBSTACLE, OUTSIDE
 from uav_bt.protocols import PolicyView
@@ -48,10 +48,6 @@ _MARGIN_RELIEF_M: Final = 0.04
 _MAX_FULL_TURNS: Final = 3  # full turns after which the margins shrink no further
 # A turn ends only with this much more free path than a step, which prevents dithering.
 _HYSTERESIS_M: Final = 0.15
-# An obstacle of unknown range within this bearing from straight ahead forbids a step.
-_UNPLACED_HALF_ANGLE_RAD: Final = math.radians(45)
-_UNPLACED_MIN: Final = 2  # fewer are mask noise
-_TIE_RATIO: Final = 0.1  # halves closer than this are a tie, which the random sample decides
 
 
 def ground_reach(roles: NDArray[np.uint8], view: PolicyView) -> float:
@@ -70,8 +66,8 @@ def ground_reach(roles: NDArray[np.uint8], view: PolicyView) -> float:
     pixels = project(points, view.camera, view.gimbal_pitch_rad)
     with np.errstate(invalid="ignore"):
         columns, rows = np.rint(pixels[..., 0]), np.rint(pixels[..., 1])
-        inside = (columns >= 0) & (columns < roles.shape[1]) & (rows >= 0)
-        inside &= rows < roles.shape[0]
+        inside = (columns >= 0) & (columns < roles.shape[1])
+        inside &= (rows >= 0) & (rows < roles.shape[0])
     is_background = np.zeros(inside.shape, dtype=bool)
     seen = roles[rows[inside].astype(int), columns[inside].astype(int)]
     is_background[inside] = seen == OUTSIDE
@@ -112,9 +108,8 @@ class CorridorRule:
             side = _more(view, GROUND)
             reason = "edge" if by_corridor_m >= min_step_m else "corner"
         else:  # away from the intrusion, or to the emptier half
-            sides = {"left": 1.0, "right": -1.0}
-            nearest = corridor.nearest_side or ""
-            side = sides[nearest] if nearest in sides else -_more(view, OBSTACLE)
+            beside = {"left": 1.0, "right": -1.0}.get(corridor.nearest_side or "")
+            side = -_more(view, OBSTACLE) if beside is None else beside
             reason = "obstacle"
         yaw_rad = _held(view, side)
         return Blocked(yaw_rad=yaw_rad, ground_ends=ground_ends, reason=reason, free_m=free_m)
@@ -125,7 +120,7 @@ def _beside(view: PolicyView, step_m: float, margin_m: float) -> float:
     if view.site_map is None:
         return step_m
     near, assumed = view.site_map.near, view.full_turns == 0
-    if near.unplaced_within(_UNPLACED_HALF_ANGLE_RAD) >= _UNPLACED_MIN:
+    if is_unplaced_ahead(view):
         return 0.0
     for length_m in (step_m, *np.arange(0.9, _SHORTEST_STEP_M - 0.01, -0.1).tolist()):
         if length_m <= step_m and near.allows(length_m, margin_m=margin_m, assumed=assumed):
@@ -143,6 +138,4 @@ def _more(view: PolicyView, role: int) -> float:
     shown = view.class_map.roles == role
     middle = shown.shape[1] // 2
     left, right = np.count_nonzero(shown[:, :middle]), np.count_nonzero(shown[:, middle:])
-    if abs(left - right) <= _TIE_RATIO * max(left, right):
-        return view.tie_break - 0.5
-    return 1.0 if right > left else -1.0
+    return greater_side(view, int(left), int(right))

@@ -1,7 +1,4 @@
-"""Coverage policy: fly the route over the site map that covers the most new ground per second.
-
-The numbers were chosen in surveys of the training scenes.
-"""
+"""Coverage policy: fly the route over the site map that covers the most new ground per second."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.policies.view import nearest_ground_m
+from behaviours.policies.view import greater_side, is_unplaced_ahead, nearest_ground_m
 from uav_bt.answers import Advance, Blocked
 from uav_bt.lab.classes import GROUND, OBSTACLE, OUTSIDE
 from uav_bt.protocols import PolicyView
@@ -66,11 +66,6 @@ _MAX_FULL_TURNS: Final = 3  # full turns after which the thresholds change no fu
 # rest allows for drift and mask errors. From a nearer obstacle the drone may only leave.
 _MARGIN_M: Final = 0.55
 _MARGIN_RELIEF_M: Final = 0.06  # reduction of it after each full turn without a free path
-# An obstacle of unknown range within this bearing from straight ahead forbids a step. Outside it
-# the path passes the obstacle at 0.7 of its range or more.
-_UNPLACED_HALF_ANGLE_RAD: Final = math.radians(45)
-_UNPLACED_MIN: Final = 2  # fewer are mask noise
-_TIE_RATIO: Final = 0.1  # halves closer than this are a tie, which the random sample decides
 
 
 class Rectangle(NamedTuple):
@@ -84,11 +79,6 @@ class Rectangle(NamedTuple):
     def count(self, wanted: NDArray[np.bool_]) -> int:
         """Return the number of wanted pixels within the region."""
         return int(np.count_nonzero(wanted[self.top : self.bottom, self.left : self.right]))
-
-    def halves(self) -> tuple[Rectangle, Rectangle]:
-        """Return the left and the right half."""
-        middle = (self.left + self.right) // 2
-        return self._replace(right=middle), self._replace(left=middle)
 
     @property
     def size_px(self) -> int:
@@ -130,23 +120,22 @@ class SegmentationRule:
             yaw_rad = math.copysign(math.pi, view.tie_break - 0.5)
         else:  # away from obstacles, or to more ground; clockwise, to the right, is positive
             wanted = roles == (OBSTACLE if ground_goes_on else GROUND)
-            left, right = (half.count(wanted) for half in high.halves())
-            side = float(left - right if ground_goes_on else right - left)
-            if abs(side) <= _TIE_RATIO * max(left, right):
-                side = view.tie_break - 0.5
-            yaw_rad = math.copysign(TURN_RAD, side)
+            middle = (high.left + high.right) // 2
+            sides = (
+                high._replace(right=middle).count(wanted),
+                high._replace(left=middle).count(wanted),
+            )
+            left, right = reversed(sides) if ground_goes_on else sides
+            yaw_rad = math.copysign(TURN_RAD, greater_side(view, left, right))
         return Blocked(yaw_rad=yaw_rad, ground_ends=not ground_goes_on, reason=reason)
 
 
 def _keeps_margin(view: PolicyView, relief: int) -> bool:
-    if view.site_map is None:
-        return True
-    near = view.site_map.near
-    if near.unplaced_within(_UNPLACED_HALF_ANGLE_RAD) >= _UNPLACED_MIN:
-        return False
+    if view.site_map is None or is_unplaced_ahead(view):
+        return view.site_map is None
     margin_m = _MARGIN_M - _MARGIN_RELIEF_M * relief
     # Assumed obstacles may block every path; after a full turn only seen ones count.
-    return near.allows(STEP_M, margin_m=margin_m, assumed=relief == 0)
+    return view.site_map.near.allows(STEP_M, margin_m=margin_m, assumed=relief == 0)
 
 
 def _patches(view: PolicyView) -> tuple[Rectangle, Rectangle]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final
 
 import numpy as np
@@ -12,7 +13,7 @@ from uav_bt.board.blackboard import Key
 from uav_bt.errors import AnswerError, MissionError, PolicyFailedError
 from uav_bt.protocols import LeafPolicy, PolicyView
 from uav_bt.tree import Leaf
-from uav_bt.types import MIN_VIEW_HEIGHT_M, CameraModel, ClassMap, Clearances, Frame, HeldTurn
+from uav_bt.types import MIN_VIEW_HEIGHT_M, CameraModel, ClassMap, Frame, HeldTurn
 from uav_bt.types.projection import ground_points
 
 VIEW_KEYS: Final[tuple[Key[Any], ...]] = (
@@ -20,16 +21,24 @@ VIEW_KEYS: Final[tuple[Key[Any], ...]] = (
     *(SITE_MAP, RECENT_VIEWS, HELD_TURN),
 )
 """The board keys that a leaf must declare in `reads` before it asks policies."""
+# An obstacle of unknown range within this bearing from straight ahead forbids a step. Outside it
+# the path passes the obstacle at 0.7 of its range or more.
+_UNPLACED_HALF_ANGLE_RAD: Final = math.radians(45)
+_UNPLACED_MIN: Final = 2  # fewer are mask noise
+_TIE_RATIO: Final = 0.1  # halves closer than this are a tie, which the random sample decides
 
 
 def current_view(leaf: Leaf) -> tuple[Frame, ClassMap, CameraModel] | None:
-    """Return the newest frame, its class map and the camera; None while one is missing."""
+    """Return the newest frame, its class map and the camera at that size; None without one."""
     frame, class_map = leaf.read(FRAME).value, leaf.read(CLASS_MAP).value
     camera = leaf.read(CAMERA).value
     if frame is None or class_map is None or camera is None:
         return None
     # Pitch and height belong to the frame that the class map was made from.
-    return (frame, class_map, camera) if class_map.captured_s == frame.captured_s else None
+    if class_map.captured_s != frame.captured_s:
+        return None
+    height_px, width_px = class_map.ids.shape
+    return frame, class_map, camera.resized(width_px, height_px)
 
 
 def ask(leaf: Leaf, policy: LeafPolicy, view: PolicyView) -> Answer | None:
@@ -59,19 +68,14 @@ def policy_view(
     *,
     held: HeldTurn,
     tie_break: float,
-    clearances: Clearances | None = None,
 ) -> PolicyView:
-    """Return the input of a policy for a frame and its class map.
-
-    `held` is the turn under way, `tie_break` a uniform random sample from [0, 1).
-    """
-    height_px, width_px = class_map.ids.shape
+    """Return the input of a policy for a view; `tie_break` is a random sample from [0, 1)."""
     recent = leaf.read(RECENT_VIEWS).value
     if recent is not None and recent.newest.frame.index != frame.index:
         recent = None
     return PolicyView(
         class_map=class_map,
-        camera=camera.resized(width_px, height_px),
+        camera=camera,
         gimbal_pitch_rad=frame.gimbal_pitch_rad,
         height_above_ground_m=frame.height_above_ground_m,
         corridor=leaf.read(CORRIDOR).value,
@@ -80,8 +84,21 @@ def policy_view(
         turning=held.direction,
         full_turns=held.full_turns,
         tie_break=tie_break,
-        clearances=clearances or Clearances(),
+        clearances=leaf.mission.clearances,
     )
+
+
+def is_unplaced_ahead(view: PolicyView) -> bool:
+    """Return whether the map has an obstacle of unknown range ahead, which forbids a step."""
+    if view.site_map is None:
+        return False
+    return view.site_map.near.unplaced_within(_UNPLACED_HALF_ANGLE_RAD) >= _UNPLACED_MIN
+
+
+def greater_side(view: PolicyView, left: int, right: int) -> float:
+    """Return the side of the greater count, positive: the right one; chance decides a tie."""
+    is_tie = abs(left - right) <= _TIE_RATIO * max(left, right)
+    return view.tie_break - 0.5 if is_tie else float(right - left)
 
 
 def nearest_ground_m(view: PolicyView) -> float:

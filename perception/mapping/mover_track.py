@@ -14,7 +14,7 @@ import numpy as np
 from filterpy.common import Q_discrete_white_noise
 from filterpy.kalman import KalmanFilter
 
-from uav_bt.types.arrays import Flags, Floats
+from uav_bt.types.arrays import Floats
 
 MIN_RADIUS_M: Final = 0.25
 SHRINKS: Final = 0.98  # ratio by which the radius may shrink from one sighting to the next
@@ -45,13 +45,8 @@ TRAIL_S: Final = 3.0  # past places of a mover are kept for this long
 class MoverTrack:
     """Position and velocity of a cluster of bases, and whether it moves or stands.
 
-    Args:
-        number: number of the track.
-        place_m: (2,) its middle, in the map's frame.
-        noise: (2, 2) covariance of the middle, m2.
-        from_m: (2,) position of the camera.
-        time_s: capture time of the first view that showed it.
-        whole: whether the view shows all of it.
+    A sighting states its middle, (2,) in the map's frame, the covariance of that, m2, the position
+    of the camera, and whether the view shows the whole of it.
     """
 
     def __init__(
@@ -68,7 +63,7 @@ class MoverTrack:
         self.filter = KalmanFilter(dim_x=4, dim_z=2)  # x, its velocity, y, its velocity
         self.filter.H = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
         self.first_s = self.seen_s = self.time_s = time_s
-        self.free_since_s: float | None = None
+        self.free_since_s = math.inf  # views show ground at its place since then
         self.radius_m = MIN_RADIUS_M
         self.sightings = 1
         self.moves = self.stands = self.has_moved = False
@@ -130,15 +125,7 @@ class MoverTrack:
     def sight(
         self, place_m: Floats, noise: Floats, from_m: Floats, radius_m: float, *, whole: bool
     ) -> None:
-        """Update the track with a sighting at the time of the last prediction.
-
-        Args:
-            place_m: (2,) the middle of the cluster.
-            noise: (2, 2) covariance of the middle, m2.
-            from_m: (2,) position of the camera in the map's frame.
-            radius_m: radius of the visible part.
-            whole: whether the visible part is the whole.
-        """
+        """Update the track with a sighting at the time of the last prediction."""
         if whole and not self.is_whole and not self.moves:  # restart: earlier middles were of parts
             self._begin(place_m, noise, from_m)
         else:
@@ -146,17 +133,12 @@ class MoverTrack:
         self._line.append((self.time_s, float(place_m[0]), float(place_m[1])))
         self.is_whole |= whole
         self.seen_m = self.place_m
-        self.seen_s, self.sightings, self.free_since_s = self.time_s, self.sightings + 1, None
+        self.seen_s, self.sightings, self.free_since_s = self.time_s, self.sightings + 1, math.inf
         # The visible part changes with its place in the view.
         self.radius_m = max(MIN_RADIUS_M, radius_m, SHRINKS * self.radius_m)
 
     def judge(self, from_m: Floats, *, moves: bool = True) -> None:
-        """Decide whether it moves or stands.
-
-        Args:
-            from_m: (2,) position of the camera in the map's frame.
-            moves: whether the sighting may show movement; if not, judging restarts at this place.
-        """
+        """Decide whether it moves or stands; judging restarts where the view shows no movement."""
         place_m = self.place_m
         if not moves:
             self._wait(from_m)
@@ -171,24 +153,20 @@ class MoverTrack:
             self.moves, self.stands = False, True
         is_near = math.dist(place_m, from_m) < NEAR_M
         enough_m = MOVED_NEAR_M if is_near else MOVED_M
-        if self._moved_m(from_m) >= enough_m and self._keeps_to_line(LINE_SURE):
+        moved_m, flown_m = place_m - self._begin_m, from_m - self._from_m
+        against = -float(moved_m @ flown_m) / max(float(flown_m @ flown_m), 1e-6)
+        moved_m = moved_m + min(max(against, 0.0), PARALLAX) * flown_m  # not by the camera's
+        if np.hypot(*moved_m) >= enough_m and self._keeps_to_line(LINE_SURE):
             self.moves, self.stands, self.has_moved = True, False, True
         if self.moves:
             self.trail.append((self.time_s, float(place_m[0]), float(place_m[1])))
             oldest_s = self.time_s - TRAIL_S
             self.trail = [past for past in self.trail if past[0] >= oldest_s]
 
-    def _moved_m(self, from_m: Floats) -> float:
-        """Return the distance from its first place that the camera's movement does not explain."""
-        moved_m, flown_m = self.place_m - self._begin_m, from_m - self._from_m
-        against = -float(moved_m @ flown_m) / max(float(flown_m @ flown_m), 1e-6)
-        return float(np.hypot(*(moved_m + min(max(against, 0.0), PARALLAX) * flown_m)))
-
     def _keeps_to_line(self, sure: float) -> bool:
         """Return whether its last places lie on a straight line, at a constant speed.
 
-        Args:
-            sure: least ratio of the speed to its standard deviation.
+        `sure` is the least ratio of the speed to its standard deviation.
         """
         self._line = [place for place in self._line if place[0] >= self.seen_s - LINE_S]
         if len(self._line) < SIGHTINGS:
@@ -206,25 +184,8 @@ class MoverTrack:
             and speed_mps * math.sqrt(spread_s2) >= sure * std_m
         )
 
-    def assume(self, velocity_mps: Floats) -> None:
-        """Take the cluster for a mover with a velocity, (2,) in the map's frame, m/s."""
-        self.filter.x[[1, 3], 0] = velocity_mps
-        self.moves = self.has_moved = True
-
     def leave(self, from_m: Floats, time_s: float) -> None:
-        """Take a cluster that moved for a mover when it has come below the view.
-
-        It need not have moved by `MOVED_NEAR_M`.
-
-        Args:
-            from_m: (2,) position of the camera in the map's frame.
-            time_s: capture time of the newest view.
-        """
+        """Take a cluster for a mover that has come below the view before it moved far enough."""
         lost, near = time_s - self.seen_s > LOST_S, math.dist(self.seen_m, from_m) < NEAR_M
         if lost and near and not self.stands and self._keeps_to_line(LOST_SURE):
             self.moves = self.has_moved = True
-
-    def holds(self, points_m: Floats, margin_m: float) -> Flags:
-        """Return which points are within its circle and a margin around."""
-        apart_m = np.hypot(*(points_m - self.place_m).T)
-        return np.asarray(apart_m <= self.radius_m + margin_m)

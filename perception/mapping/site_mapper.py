@@ -13,19 +13,20 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.mapping.arrivals import (
-    HIDDEN_M,
-    HIDDEN_MPS,
-    SETTLES_S,
-    STEP_M,
-    find_arrivals,
-    hidden_arrival,
-)
 from perception.mapping.ground_grid import CELL_M, GroundGrid
 from perception.mapping.known_objects import KnownObjects
 from perception.mapping.landmarks import Landmarks, drop_missed, find_free, merge
 from perception.mapping.mark_place import MarkPlace
-from perception.mapping.movers import LIFE_S, MoverTracker
+from perception.mapping.movers import (
+    HIDDEN_M,
+    HIDDEN_MPS,
+    LIFE_S,
+    SETTLES_S,
+    STEP_M,
+    MoverTracker,
+    find_arrivals,
+    hidden_arrival,
+)
 from perception.mapping.objects import find_objects
 from perception.mapping.recent import RecentLayer
 from perception.mapping.registration import Contradiction, Registration

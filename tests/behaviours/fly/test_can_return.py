@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from behaviours.fly.can_return import CanReturn
+from behaviours.fly.look import CanReturn
 from uav_bt.board import SITE_MAP
 from uav_bt.board.keys import BATTERY_PER_MIN, BATTERY_SHARE, FLYING, HOME, UNKNOWN
 from uav_bt.testing import LeafBench

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from behaviours.fly.explore import Avoid, Explore
-from behaviours.fly.giving_way import MARGINS, GivingWay
+from behaviours.fly.keeping_away import MARGINS, GivingWay
 from behaviours.fly.steering import SteeringLeaf
 from behaviours.path.movers import ABOVE_M, RAISED_S, raised_m
 from tests.behaviours.path.test_movers import mover

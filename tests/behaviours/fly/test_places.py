@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from behaviours.fly.go_to import GoTo
-from behaviours.fly.move_by import MoveBy
+from behaviours.fly.look import MoveBy
 from behaviours.fly.places import Face
 from behaviours.fly.take_off import ClimbTo
 from tests.behaviours.path.test_movers import mover

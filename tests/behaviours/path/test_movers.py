@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.fly.giving_way import WayOut, way_out
+from behaviours.fly.keeping_away import WayOut, way_out
 from behaviours.path.clearance import ClearanceMap
 from behaviours.path.movers import SPARE_M, TIMES_S, gap_m, outlines_m, runs_into, yielding_mps
 from behaviours.path.nearby import RecentObstacles

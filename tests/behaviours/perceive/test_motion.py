@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from behaviours.perceive.motion import TrackMotion
+from behaviours.perceive.site_map import TrackMotion
 from tests.worlds.leaves import replace_tree
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, ODOMETRY, STATE
 from uav_bt.board.blackboard import Key

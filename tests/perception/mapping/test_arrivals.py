@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from perception.mapping.arrivals import find_arrivals, hidden_arrival
 from perception.mapping.ground_grid import GroundGrid
 from perception.mapping.landmarks import Landmarks
+from perception.mapping.movers import find_arrivals, hidden_arrival
 from uav_bt.types import Pose2D
 
 
