@@ -10,7 +10,14 @@ from uav_bt.answers import Advance, Blocked
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import Says, live
 from uav_bt.tree import Leaf, MissionTree, Status, shipped_subtree
-from uav_bt.types import NearObstacles, SiteMap
+from uav_bt.types import (
+    MoveBy,
+    MovementState,
+    MovementStatus,
+    NearObstacles,
+    SiteMap,
+    Velocity,
+)
 
 ADVANCE = Advance(forward_m=0.3, reason="clear")
 TURN_RIGHT = Blocked(yaw_rad=0.5, reason="obstacle")
@@ -34,6 +41,23 @@ def wait(bench: LeafBench, seconds: float, **world: Any) -> Status:
         status = live(bench, **{**world, "seconds": min(0.5, seconds)})
         seconds -= 0.5
     return status
+
+
+def velocity(bench: LeafBench) -> Velocity:
+    """Return the velocity that a leaf proposes."""
+    assert isinstance(bench.proposed, Velocity)
+    return bench.proposed
+
+
+def step(bench: LeafBench) -> MoveBy:
+    """Return the movement that a leaf proposes."""
+    assert isinstance(bench.proposed, MoveBy)
+    return bench.proposed
+
+
+def ended(bench: LeafBench, word: MovementState = MovementState.DONE) -> MovementStatus:
+    """Return the telemetry of that movement, at its end."""
+    return MovementStatus(id=step(bench).id, state=word)
 
 
 def replace_tree(bench: LeafBench, leaf: Leaf) -> None:

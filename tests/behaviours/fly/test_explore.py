@@ -13,7 +13,15 @@ from behaviours.fly.explore import Avoid, CorridorClear, CoverageGrows, Explore
 from tests.behaviours.path.test_movers import mover
 from tests.paper_lab import paper_map
 from tests.worlds import values
-from tests.worlds.leaves import ADVANCE, TURN_LEFT, TURN_RIGHT, map_with, steering_bench
+from tests.worlds.leaves import (
+    ADVANCE,
+    TURN_LEFT,
+    TURN_RIGHT,
+    map_with,
+    steering_bench,
+    step,
+    velocity,
+)
 from uav_bt.answers import Advance, Answer, Done, FollowLeg, Rotate
 from uav_bt.board import (
     CLASS_MAP,
@@ -66,18 +74,7 @@ def near(bench: LeafBench, *points: tuple[float, float], edge_m: float = 9.0) ->
     assert bench.tick() is Status.RUNNING
 
 
-def velocity(bench: LeafBench) -> Velocity:
-    assert isinstance(bench.proposed, Velocity)
-    return bench.proposed
-
-
-def move(bench: LeafBench) -> MoveBy:
-    assert isinstance(bench.proposed, MoveBy)
-    return bench.proposed
-
-
 def test_a_step_is_proposed_until_it_is_done() -> None:
-    """Meanwhile the policy is not asked."""
     policy = Says(ADVANCE)
     bench = begun(policy)
     asked = len(policy.views)
@@ -131,7 +128,7 @@ def test_a_step_corrects_the_height(flight_m: float | None, height_m: float, dow
         bench.board[FLIGHT_HEIGHT] = flight_m
     live(bench, height_m=height_m)
     live(bench, seconds=0.3, height_m=height_m)
-    assert move(bench).down_m == pytest.approx(down_m)
+    assert step(bench).down_m == pytest.approx(down_m)
 
 
 @pytest.mark.parametrize(
@@ -185,7 +182,7 @@ def test_a_flowing_step_is_replaced_by_one_that_leads_further() -> None:
     bench = begun(Says(ADVANCE, FAR), flowing="true")
     show(bench, velocity=BodyVelocity(forward_mps=0.5))
     bench.tick(advance_s=0.2)  # the video is late
-    assert move(bench).forward_m == pytest.approx(0.9)
+    assert step(bench).forward_m == pytest.approx(0.9)
 
 
 @pytest.mark.parametrize("flowing", [True, False])
@@ -256,7 +253,6 @@ def test_without_a_view_for_half_a_second_a_course_ends() -> None:
 def test_loops_of_the_planner_are_compiled_when_a_leaf_is_set_up(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Nothing may be compiled in flight."""
     monkeypatch.delitem(sys.modules, "behaviours.path.compiled_loops", raising=False)
     steering_bench(Explore, Says(TURN_RIGHT)).tick()
     assert "behaviours.path.compiled_loops" in sys.modules
@@ -319,7 +315,7 @@ def test_it_turns_back_to_where_the_way_was_free() -> None:
         bench.board[STATE] = replace(bench.board[STATE], attitude=Attitude(yaw_rad=0.72))
         assert bench.tick() is status
         if status is Status.RUNNING:
-            assert move(bench).yaw_rad == pytest.approx(0.60 - 0.72 - 0.06)
+            assert step(bench).yaw_rad == pytest.approx(0.60 - 0.72 - 0.06)
 
 
 def test_where_it_is_not_free_any_more_the_turn_goes_on() -> None:
@@ -344,10 +340,10 @@ def test_the_drone_steps_away_from_a_near_obstacle_before_the_turn() -> None:
     bench = steering_bench(Avoid, Says(TURN_RIGHT))
     live(bench)
     near(bench, (0.18, 0.24), (1.5, 0.0))
-    step = move(bench)
-    assert (step.forward_m, step.right_m) == pytest.approx((-0.09, -0.12))
+    away = step(bench)
+    assert (away.forward_m, away.right_m) == pytest.approx((-0.09, -0.12))
     near(bench, (0.18, 0.24))
-    assert bench.proposed == step
+    assert bench.proposed == away
     bench.clock.advance(0.3)
     bench.finish_movement()
     bench.tick()
@@ -438,7 +434,6 @@ def test_the_corridor_is_clear_with_enough_room(
 def test_only_on_the_way_to_the_pad_the_ground_may_end(
     pad: tuple[float, float] | None, status: Status
 ) -> None:
-    """Behind the pad."""
     bench = LeafBench(CorridorClear)
     show(bench, ids=np.zeros((18, 32), dtype=np.uint8))
     now_s = bench.clock.now()

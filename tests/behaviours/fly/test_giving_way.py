@@ -14,7 +14,7 @@ from behaviours.fly.keeping_away import MARGINS, GivingWay
 from behaviours.fly.steering import SteeringLeaf
 from behaviours.path.movers import ABOVE_M, RAISED_S, raised_m
 from tests.behaviours.path.test_movers import mover
-from tests.worlds.leaves import ADVANCE, RETURN_TO_BASE, TURN_RIGHT, steering_bench
+from tests.worlds.leaves import ADVANCE, RETURN_TO_BASE, TURN_RIGHT, steering_bench, velocity
 from tests.worlds.values import motion
 from uav_bt.board import FLIGHT_HEIGHT, ODOMETRY, SITE_MAP
 from uav_bt.testing import LeafBench
@@ -22,16 +22,26 @@ from uav_bt.testing.world import Says, drawn_map, show
 from uav_bt.tree import Status
 from uav_bt.types import Airframe, BodyVelocity, Clearances, MoveBy, NearObstacles, Velocity
 from uav_bt.types.dead_reckoning import OdometryPose
-from uav_bt.types.site_map import MapMover
+from uav_bt.types.site_map import MapMover, SiteMap
 
 LEAVES = [Explore, Avoid, RETURN_TO_BASE]
 COMES = mover(1.6, 0.0, -0.6)
 CROSSES = mover(0.9, -0.9, 0.0, 0.5)
 
 
-def fly(bench: LeafBench, *, yaw_rad: float = 0.0, forward_mps: float = 0.0, **shown: Any) -> None:
-    """Show a map, on which no mover is by default, and the drone's motion, and tick."""
-    show(bench, site_map=replace(drawn_map(pose=(0.0, 0.0, yaw_rad)), **shown))
+def fly(
+    bench: LeafBench,
+    *,
+    yaw_rad: float = 0.0,
+    forward_mps: float = 0.0,
+    again: SiteMap | None = None,
+    **shown: Any,
+) -> None:
+    """Show a map without movers, or the map of an earlier view, and the drone's motion; tick."""
+    drawn = replace(drawn_map(pose=(0.0, 0.0, yaw_rad)), **shown)
+    show(bench, site_map=drawn if again is None else None)
+    if again is not None:
+        bench.board.write(SITE_MAP, again)
     now_s = bench.clock.now()
     pose = OdometryPose(time_s=now_s, x_m=0.0, y_m=0.0, yaw_rad=yaw_rad)
     speed = BodyVelocity(forward_mps=forward_mps)
@@ -55,11 +65,6 @@ def flown(
     return bench
 
 
-def course(bench: LeafBench) -> Velocity:
-    assert isinstance(bench.proposed, Velocity)
-    return bench.proposed
-
-
 def gives_way(bench: LeafBench) -> bool:
     return any(leaf.feedback_message == "gives way" for leaf in bench.tree.leaves())
 
@@ -69,7 +74,7 @@ def gives_way(bench: LeafBench) -> bool:
 def test_it_leaves_the_way_of_what_comes(leaf: type[SteeringLeaf], yaw_rad: float) -> None:
     """Across its course mostly, wherever the nose points."""
     bench = flown(leaf, COMES, yaw_rad=yaw_rad)
-    way = course(bench)
+    way = velocity(bench)
     assert gives_way(bench)
     x_mps = math.cos(yaw_rad) * way.forward_mps - math.sin(yaw_rad) * way.right_mps
     y_mps = math.sin(yaw_rad) * way.forward_mps + math.cos(yaw_rad) * way.right_mps
@@ -80,7 +85,7 @@ def test_it_leaves_the_way_of_what_comes(leaf: type[SteeringLeaf], yaw_rad: floa
 
 @pytest.mark.parametrize("leaf", LEAVES)
 def test_it_stops_before_it_flies_into_the_way_of_something(leaf: type[SteeringLeaf]) -> None:
-    stopped = course(flown(leaf, CROSSES, forward_mps=0.5))
+    stopped = velocity(flown(leaf, CROSSES, forward_mps=0.5))
     assert (stopped.forward_mps, stopped.right_mps) == (0.0, 0.0)
     assert stopped.yaw_rate_radps < -0.3  # it watches what crosses from the left
     assert not gives_way(flown(leaf, CROSSES))
@@ -103,7 +108,7 @@ def test_it_evades_a_lost_mover_whose_base_is_below_the_view(side: float) -> Non
         near = hidden if step == 29 else NearObstacles()
         fly(bench, movers=(lost,) if step > 25 else (), near=near)
         assert gives_way(bench) == (step == 29)
-    assert course(bench).right_mps * side < -0.2 or course(bench).forward_mps < -0.2
+    assert velocity(bench).right_mps * side < -0.2 or velocity(bench).forward_mps < -0.2
 
 
 @pytest.mark.parametrize(("moved_s", "down_mps"), [(-math.inf, 0.0), (0.0, -0.25)])
@@ -115,7 +120,7 @@ def test_it_stays_above_after_something_moved(
     bench.board[FLIGHT_HEIGHT] = 1.5
     for _ in range(5):
         fly(bench, moved_s=moved_s)
-    assert course(bench).down_mps == pytest.approx(down_mps if allowed else 0.0)
+    assert velocity(bench).down_mps == pytest.approx(down_mps if allowed else 0.0)
 
 
 def test_it_stays_above_while_a_mover_may_come_back_and_then_comes_down() -> None:
@@ -139,15 +144,12 @@ def test_between_two_maps_the_way_is_held_and_afterwards_the_mission_goes_on() -
 
 
 def test_a_way_is_not_flown_on_without_a_new_view() -> None:
-    """The camera looks elsewhere: the way may have ended, and what comes may have gone."""
     bench = flown(Explore, COMES)
     shown = bench.board[SITE_MAP]
     assert bench.proposed != Velocity()
     for _ in range(10):
-        show(bench)
-        bench.board.write(SITE_MAP, shown)  # anew, of the same view
-        bench.tick()
-    assert (course(bench).forward_mps, course(bench).right_mps) == (0.0, 0.0)
+        fly(bench, again=shown)
+    assert (velocity(bench).forward_mps, velocity(bench).right_mps) == (0.0, 0.0)
 
 
 def test_without_a_new_view_it_stops_for_a_mover_that_was_on_its_way() -> None:
@@ -188,5 +190,5 @@ def test_a_larger_airframe_gives_way_earlier(radius_m: float) -> None:
 def test_it_does_not_leave_the_distance_from_the_edge_that_the_place_asks_for() -> None:
     """On ground of 4 m a side no place lies 2.5 m from the edge: it stays where it is."""
     for edge_m, flies in ((0.3, True), (2.5, False)):
-        way = course(flown(Explore, COMES, place=Clearances(edge_m=edge_m)))
+        way = velocity(flown(Explore, COMES, place=Clearances(edge_m=edge_m)))
         assert (math.hypot(way.forward_mps, way.right_mps) > 0.1) == flies

@@ -39,7 +39,6 @@ def test_the_first_answer_is_proportional_and_the_rate_is_limited() -> None:
 
 
 def test_the_integral_removes_a_steady_drift() -> None:
-    """A target that keeps moving sideways is followed without a lasting error."""
     controller, drift_radps = HeadingController(), 0.08
     bearing, bearings = 0.0, []
     for tick in range(600):
@@ -52,7 +51,6 @@ def test_the_integral_removes_a_steady_drift() -> None:
 
 
 def test_long_saturation_leaves_no_windup() -> None:
-    """Held at the limit for a minute, it stops at the target once it may turn."""
     controller = HeadingController()
     for tick in range(600):  # something keeps the drone from turning
         assert controller.update(2.5, TICK_S * tick) == pytest.approx(1.0)

@@ -9,6 +9,7 @@ import pytest
 
 from behaviours.fly.helipad_center import HelipadCenter
 from tests.perception.marks.tag_views import tag_mark
+from tests.worlds.leaves import step, velocity
 from tests.worlds.values import fix
 from uav_bt.board import FRAME, MARK, PHASE
 from uav_bt.errors import InputError
@@ -58,20 +59,9 @@ def climbed(**attributes: object) -> LeafBench:
     return bench
 
 
-def moved(bench: LeafBench) -> MoveBy:
-    assert isinstance(bench.proposed, MoveBy)
-    return bench.proposed
-
-
-def steered(bench: LeafBench) -> Velocity:
-    assert isinstance(bench.proposed, Velocity)
-    return bench.proposed
-
-
 def test_climbs_first_looking_down() -> None:
-    """Before anything is judged."""
     bench = climbed(climb_m=0.2)
-    assert moved(bench) == MoveBy(id=1, down_m=-0.2)
+    assert step(bench) == MoveBy(id=1, down_m=-0.2)
     assert bench.pointed == DOWN
     assert bench.board[PHASE] == "center"
 
@@ -83,24 +73,24 @@ def test_flies_towards_the_pad_in_proportion() -> None:
     """
     bench = climbed()
     look(bench, (0.15, -0.2), seconds=1.0, ended=1)
-    far = steered(bench)
+    far = velocity(bench)
     look(bench, (0.06, -0.08))
-    near = steered(bench)
+    near = velocity(bench)
     assert far.forward_mps / 0.15 == pytest.approx(far.right_mps / -0.2)
     assert near.forward_mps == pytest.approx(0.4 * far.forward_mps)
     assert near.right_mps == pytest.approx(0.4 * far.right_mps)
     assert far.forward_mps > 0.0
     bench.camera = replace(bench.camera, forward_offset_m=CAMERA_FORWARD_M - 0.08)
     look(bench, (-0.02, -0.08))
-    assert steered(bench).forward_mps == pytest.approx(near.forward_mps)
+    assert velocity(bench).forward_mps == pytest.approx(near.forward_mps)
 
 
 def test_between_two_frames_it_flies_on_but_not_blindly() -> None:
     bench = climbed()
     look(bench, (0.1, 0.0), seconds=1.0, ended=1)
-    course = steered(bench)
+    course = velocity(bench)
     assert search(bench, 0.2) is Status.RUNNING
-    assert steered(bench) == course
+    assert velocity(bench) == course
     search(bench, 0.2)
     assert bench.proposed is None
 
@@ -109,9 +99,9 @@ def test_centred_twice_then_lower_then_centred_again() -> None:
     """Two looks in a row agree, high up and again low down; then success, proposing nothing."""
     bench = climbed(tolerance_m=0.04, low_m=1.1)
     look(bench, (0.01, 0.02), seconds=1.0, ended=1)
-    assert steered(bench).right_mps > 0.0
+    assert velocity(bench).right_mps > 0.0
     assert look(bench, (0.01, 0.02)) is Status.RUNNING
-    descent = moved(bench)
+    descent = step(bench)
     assert descent.down_m == pytest.approx(1.7 - 1.1)
     assert look(bench, (0.0, 0.02), seconds=1.5, height_m=1.1, ended=descent.id) is Status.RUNNING
     assert look(bench, (0.0, 0.02), height_m=1.1) is Status.SUCCESS
@@ -119,7 +109,6 @@ def test_centred_twice_then_lower_then_centred_again() -> None:
 
 
 def test_one_look_does_not_confirm() -> None:
-    """A look that is off in between starts the count again."""
     bench = climbed()
     look(bench, (0.0, 0.0), seconds=1.0, ended=1)
     look(bench, (0.1, 0.0))
@@ -151,7 +140,7 @@ def test_without_a_sight_of_it_it_looks_from_higher() -> None:
     look(bench, None, seconds=1.0, ended=1)
     assert bench.proposed is None
     search(bench, 1.1)
-    second = moved(bench)
+    second = step(bench)
     assert second.down_m == pytest.approx(-0.2)
     look(bench, None, seconds=1.0, ended=second.id, height_m=2.3)
     search(bench, 1.1, height_m=2.3)
@@ -168,7 +157,7 @@ def test_time_in_which_a_person_flies_does_not_count() -> None:
     search(bench, 0.9)
     assert bench.proposed is None
     search(bench, 0.2)
-    assert moved(bench).down_m < 0.0
+    assert step(bench).down_m < 0.0
 
 
 @pytest.mark.parametrize("seconds", [0.1, 10.0])
@@ -177,15 +166,14 @@ def test_an_interrupted_descent_goes_on_and_is_not_taken_for_flown(seconds: floa
     bench = climbed(low_m=1.1)
     look(bench, (0.0, 0.0), seconds=1.0, ended=1)
     look(bench, (0.0, 0.0))
-    descent = moved(bench)
+    descent = step(bench)
     over = MovementState.INTERRUPTED
     look(bench, (0.0, 0.0), seconds=seconds, height_m=1.5, ended=descent.id, word=over)
-    assert moved(bench).id != descent.id
-    assert moved(bench).down_m == pytest.approx(1.5 - 1.1)
+    assert step(bench).id != descent.id
+    assert step(bench).down_m == pytest.approx(1.5 - 1.1)
 
 
 def test_lost_for_too_long_is_a_failure() -> None:
-    """It gives up, says so, and proposes nothing."""
     bench = climbed(give_up_s=5.0)
     look(bench, None, seconds=1.0, ended=1, height_m=2.3)
     assert search(bench, 3.9, height_m=2.3) is Status.RUNNING
@@ -211,7 +199,6 @@ TAG = tag_mark(height_m=0.0)
 def test_turns_the_short_way_to_the_wanted_heading(
     seen_deg: float | None, wanted: str, turn_deg: float | None
 ) -> None:
-    """On the tag that is seen after the climb."""
     bench = LeafBench(HelipadCenter, heading_deg=wanted)
     bench.provide(mark=TAG)
     look(bench, None, height_m=1.5)
@@ -219,7 +206,7 @@ def test_turns_the_short_way_to_the_wanted_heading(
     if turn_deg is None:
         assert isinstance(bench.proposed, Velocity)
     else:
-        assert moved(bench).yaw_rad == pytest.approx(math.radians(turn_deg))
+        assert step(bench).yaw_rad == pytest.approx(math.radians(turn_deg))
 
 
 def test_a_heading_is_a_number_and_needs_a_mark_that_shows_it() -> None:
@@ -237,4 +224,4 @@ def test_centres_again_above_the_mark_as_high_as_it_is(mark_m: float, low_m: flo
     look(bench, None, height_m=1.5)
     look(bench, (0.0, 0.0), seconds=1.0, ended=1)
     look(bench, (0.0, 0.0))
-    assert moved(bench).down_m == pytest.approx(1.7 - low_m)
+    assert step(bench).down_m == pytest.approx(1.7 - low_m)

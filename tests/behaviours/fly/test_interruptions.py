@@ -166,7 +166,6 @@ def test_an_interrupted_turn_ends_at_its_heading(fault: str) -> None:
 
 
 def test_a_drone_that_never_turns_ends_the_mission_and_the_leaf_says_why() -> None:
-    """A lasting fault is not a passing override."""
     world = World(TURN, "interrupted", "look+0.5")
     assert world.fly().outcome is Outcome.ABORTED
     (turn,) = (leaf for leaf in world.tree.leaves() if leaf.name == "Turn")
@@ -175,7 +174,6 @@ def test_a_drone_that_never_turns_ends_the_mission_and_the_leaf_says_why() -> No
 
 @pytest.mark.parametrize("fault", FAULTS[1:])
 def test_an_emergency_landing_goes_on_too(fault: str) -> None:
-    """The mission fails, but it ends on the ground."""
     body = '<Sequence><Sense/><TakeOff height_m="1"/><EmergencyLand/></Sequence>'
     world = World(body, fault, "emergency landing+0.2", 8.0)
     assert world.fly().reason == "the tree failed; landed"

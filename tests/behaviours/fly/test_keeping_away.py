@@ -73,7 +73,6 @@ def test_mapped_obstacles_are_kept_away_from_where_the_map_has_them() -> None:
 
 
 def test_the_sides_of_an_object_that_were_never_seen_push_too() -> None:
-    """A box of 0.4 m whose far side was seen, and a wall as near on the other hand."""
     box = MapObject(class_id=4, x_m=0.0, y_m=0.5, size_m=0.4, width_m=0.4, std_m=0.1, seen_s=1.0)
     x_m = np.arange(-0.2, 0.25, 0.1)
     sides_m = np.vstack([np.column_stack([x_m, np.full(len(x_m), at_m)]) for at_m in (0.7, -0.4)])

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from behaviours.fly.land import MARGIN_M, EmergencyLand, Land, LandHere, nearest_landing_spot
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, paper_map
 from tests.worlds import values
+from tests.worlds.leaves import ended, step
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, PHASE, STATE
 from uav_bt.board.blackboard import Key
 from uav_bt.lab.shipped import default_mark
@@ -38,16 +39,6 @@ def landing(forward_offset_m: float = 0.15) -> LeafBench:
     bench = LeafBench(Land)
     bench.camera = replace(bench.camera, forward_offset_m=forward_offset_m)
     return bench
-
-
-def step_of(bench: LeafBench) -> MoveBy:
-    assert isinstance(bench.proposed, MoveBy)
-    return bench.proposed
-
-
-def ended(bench: LeafBench, word: MovementState = MovementState.DONE) -> MovementStatus:
-    """Return the telemetry of the movement that is proposed, at its end."""
-    return MovementStatus(id=step_of(bench).id, state=word)
 
 
 def test_steps_forward_then_lands() -> None:
@@ -132,12 +123,11 @@ def test_an_interrupted_step_goes_on_with_the_rest() -> None:
     for _ in range(6):
         live(bench, velocity=BodyVelocity(forward_mps=0.2), flying=FlyingState.FLYING)
     live(bench, movement=ended(bench, MovementState.INTERRUPTED))
-    assert step_of(bench).id == 2
-    assert step_of(bench).forward_m == pytest.approx(0.04, abs=0.01)
+    assert step(bench).id == 2
+    assert step(bench).forward_m == pytest.approx(0.04, abs=0.01)
 
 
 def test_where_a_person_flew_it_or_it_is_landing_already_there_it_lands() -> None:
-    """The step was for another place."""
     bench = landing()
     live(bench)
     live(bench, seconds=10.0, movement=ended(bench, MovementState.INTERRUPTED))
@@ -189,7 +179,7 @@ def look(bench: LeafBench, ids: NDArray[np.uint8] | None = None, **world: Any) -
 def test_moves_to_the_spot_and_lands(leaf: type[EmergencyLand | LandHere]) -> None:
     bench = LeafBench(leaf, radius_m=0.15)
     look(bench, RIGHT)
-    assert step_of(bench).right_m > 0.2
+    assert step(bench).right_m > 0.2
     assert bench.pointed == DOWN
     look(bench, movement=ended(bench))
     assert bench.proposed == LandCommand()
@@ -223,7 +213,6 @@ def test_without_ground_in_view_it_lands_after_a_while(missing: Key[Any] | None)
 def test_after_a_take_over_in_the_descent_it_looks_again(
     leaf: type[EmergencyLand | LandHere],
 ) -> None:
-    """The pilot has flown the drone above boxes."""
     bench = LeafBench(leaf)
     for _ in range(2):
         look(bench)
@@ -236,12 +225,11 @@ def test_after_a_take_over_in_the_descent_it_looks_again(
 
 
 def test_flown_elsewhere_by_a_person_it_looks_for_a_new_spot() -> None:
-    """The one that it was flying to was seen from another place."""
     bench = LeafBench(EmergencyLand, radius_m=0.15)
     look(bench, RIGHT)
-    first = step_of(bench)
+    first = step(bench)
     look(bench, RIGHT, seconds=10.0, movement=ended(bench, MovementState.INTERRUPTED))
-    assert step_of(bench).id != first.id
+    assert step(bench).id != first.id
     look(bench, movement=ended(bench))
     assert bench.proposed == LandCommand()
 
@@ -252,7 +240,7 @@ def test_a_disc_smaller_than_the_hull_is_not_enough() -> None:
     ids[:, 18:] = BOXES[0]
     bench = LeafBench(EmergencyLand, radius_m=0.05)
     look(bench, ids)
-    assert step_of(bench).right_m < -0.05
+    assert step(bench).right_m < -0.05
 
 
 def test_where_no_place_has_a_margin_it_takes_one_that_holds_the_hull() -> None:
@@ -265,7 +253,7 @@ def test_where_no_place_has_a_margin_it_takes_one_that_holds_the_hull() -> None:
         assert bench.proposed is None
     for _ in range(2):
         look(bench, ids)
-    assert step_of(bench).right_m > 0.3
+    assert step(bench).right_m > 0.3
 
 
 @BOTH
@@ -331,7 +319,6 @@ def test_on_open_ground_the_spot_is_right_below(radius_m: float, *, fits: bool) 
 
 
 def test_the_spot_keeps_clear_of_a_box() -> None:
-    """Half of the view is a roof: the spot is on the other side, a radius away from it."""
     ids = ALL_GROUND.copy()
     ids[:, :95] = BOXES[0]
     found = spot(ids)
@@ -365,7 +352,6 @@ def rim_m(found: tuple[float, float], centre: tuple[float, float]) -> float:
 
 
 def test_over_the_rim_of_the_box_it_lands_beside_it() -> None:
-    """The box begins 5 cm right of the body: the disc of 0.25 m ends there, 0.2 m to the left."""
     found = spot(view_of_box((-3.0, 3.0), (0.05, 3.0)))
     assert found is not None
     assert found[1] == pytest.approx(0.05 - 0.25, abs=1.5 * PIXEL_M)
@@ -395,7 +381,6 @@ def test_the_side_of_the_box_is_no_place_to_land(right_m: float) -> None:
 
 
 def test_from_below_the_top_only_the_ground_counts() -> None:
-    """A drone beside the box, lower than its top, cannot land on it."""
     assert spot(np.full_like(ALL_GROUND, HELIPAD_BOX), 0.05, TOP_M, height_m=0.4) is None
 
 
@@ -419,6 +404,6 @@ def test_an_emergency_landing_takes_a_mat_for_what_it_is() -> None:
     bench.camera = CAMERA_DOWN
     bench.provide(mark=LandingMark(length_m=0.6, width_m=0.6, height_m=0.05))
     look(bench, view_of_box((-0.1, 0.5), (0.3, 0.9), around=BACKGROUND, top_m=0.05))
-    step, hull_m = step_of(bench), bench.leaf.mission.airframe.radius_m + MARGIN_M
-    assert 0.3 + hull_m - 0.03 <= step.right_m <= 0.9 - hull_m + 0.03
-    assert -0.1 + hull_m - 0.03 <= step.forward_m <= 0.5 - hull_m + 0.03
+    spot_m, hull_m = step(bench), bench.leaf.mission.airframe.radius_m + MARGIN_M
+    assert 0.3 + hull_m - 0.03 <= spot_m.right_m <= 0.9 - hull_m + 0.03
+    assert -0.1 + hull_m - 0.03 <= spot_m.forward_m <= 0.5 - hull_m + 0.03

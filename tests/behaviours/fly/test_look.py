@@ -40,7 +40,6 @@ def test_point_camera_points_until_a_frame_has_the_pitch() -> None:
 
 
 def test_turn_turns_until_the_drone_reports_the_end() -> None:
-    """Clockwise positive."""
     bench = LeafBench(Turn, degrees=-90.0)
     for _ in range(2):
         assert live(bench) is Status.RUNNING

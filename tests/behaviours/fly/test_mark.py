@@ -23,6 +23,7 @@ from tests.worlds.leaves import (
     TURN_RIGHT,
     map_with,
     steering_bench,
+    velocity,
 )
 from tests.worlds.values import fix, motion
 from uav_bt.answers import Advance, Answer, Blocked, Done, FollowLeg
@@ -88,11 +89,6 @@ def approaching(
     assert fly(bench, pad) is Status.RUNNING
     assert bench.board[PHASE] == "approach"
     return bench
-
-
-def velocity(bench: LeafBench) -> Velocity:
-    assert isinstance(bench.proposed, Velocity)
-    return bench.proposed
 
 
 def test_it_searches_under_the_policy() -> None:
@@ -180,7 +176,6 @@ def test_where_no_way_is_known_it_looks_around_and_then_makes_a_detour() -> None
 
 
 def test_a_sighting_far_from_the_maps_mark_is_taken_for_an_error() -> None:
-    """The mark, seen well before, is flown to."""
     bench = searching()
     fly(bench, pad=(1.5, -1.5), site_map=marked(1.5, 1.0))
     assert bench.board[PHASE] == "approach"
@@ -235,7 +230,6 @@ def test_flies_to_a_pad_ahead_and_slows_down() -> None:
 
 @pytest.mark.parametrize("pad", [(2.4, 0.0), None])
 def test_a_pad_lost_for_long_is_searched_again(pad: tuple[float, float] | None) -> None:
-    """Too old a track, or none: stop, and search."""
     bench = approaching()
     bench.allow_stale()
     fly(bench, pad, unseen_s=21.0)
@@ -301,7 +295,6 @@ WALL = [(0.8 * math.cos(a), 0.8 * math.sin(a)) for a in np.radians(range(-180, 1
 
 
 def test_a_detour_takes_two_steps_and_faces_the_pad_again() -> None:
-    """Turn away, step, step, then turn back to the pad."""
     bench = approaching((2.5, 0.0), Says(TURN_RIGHT, ADVANCE))
     fly(bench, (2.5, 0.0), obstacles=WALL)
     fly(bench, (2.5, 0.0), obstacles=WALL, seconds=0.3)
@@ -349,7 +342,6 @@ def test_the_last_metre_goes_by_the_track(end: tuple[float, float] | None) -> No
 
 
 def test_almost_above_the_pad_a_map_that_is_stale_permits_nothing() -> None:
-    """It makes a detour, as it does further away."""
     bench = approaching((1.2, 0.0), TURN_RIGHT)
     bench.board[SITE_MAP] = map_with(NearObstacles(captured_s=bench.clock.now()))
     bench.allow_stale()
@@ -513,7 +505,6 @@ def test_a_detour_goes_to_the_side_of_the_last_one() -> None:
 def test_a_pad_is_only_flown_over_unseen_where_it_is_below_the_view(
     range_m: float, forward_mps: float
 ) -> None:
-    """Further away something hides it."""
     bench = asked(Says(FREE, NO_WAY))
     for unseen_s in (0.6, 1.2, 1.8):
         fly(bench, (range_m, 0.0), seconds=0.6, unseen_s=unseen_s)

@@ -15,13 +15,13 @@ from behaviours.fly.places import Face
 from behaviours.fly.take_off import ClimbTo
 from tests.behaviours.path.test_movers import mover
 from tests.perception.marks.tag_views import tag_mark
+from tests.worlds.leaves import ended, step, velocity
 from uav_bt.board import FLIGHT_HEIGHT, PHASE
 from uav_bt.errors import InputError
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import drawn_map, live
 from uav_bt.tree import Status
-from uav_bt.types import GimbalTo, MovementState, MovementStatus, Pose2D, Velocity
-from uav_bt.types import MoveBy as MoveByCommand
+from uav_bt.types import GimbalTo, Pose2D, Velocity
 from uav_bt.types.area import Area
 from uav_bt.types.site_map import MapMark, MapObject, SiteMap
 
@@ -32,21 +32,6 @@ def on(
     """Return ground of 4 x 4 m with the drone on it, and maybe a wall across at some x."""
     walls = [] if wall_m is None else [((wall_m, -2.0), (wall_m, 2.0))]
     return drawn_map(pose=(x_m, y_m, yaw_rad), walls=walls)
-
-
-def velocity(bench: LeafBench) -> Velocity:
-    assert isinstance(bench.proposed, Velocity)
-    return bench.proposed
-
-
-def step(bench: LeafBench) -> MoveByCommand:
-    assert isinstance(bench.proposed, MoveByCommand)
-    return bench.proposed
-
-
-def done(bench: LeafBench) -> MovementStatus:
-    """Return the telemetry of a movement that has ended."""
-    return MovementStatus(id=step(bench).id, state=MovementState.DONE)
 
 
 X_M, Y_M = np.indices((61, 61)) * 0.1 - 3.0
@@ -76,7 +61,7 @@ def test_the_last_step_ends_at_the_place_and_then_it_is_there() -> None:
     bench = LeafBench(GoTo, to="start:1.5,0")
     live(bench, site_map=on(1.2, 0.1))
     assert (step(bench).forward_m, step(bench).right_m) == pytest.approx((0.3, -0.1))
-    assert live(bench, site_map=on(1.5, 0.0), movement=done(bench)) is Status.SUCCESS
+    assert live(bench, site_map=on(1.5, 0.0), movement=ended(bench)) is Status.SUCCESS
 
 
 def test_body_counts_from_where_the_leaf_began() -> None:
@@ -100,7 +85,6 @@ def test_where_no_way_is_known_it_looks_around_and_fails_after_a_time() -> None:
 
 
 def test_it_looks_down_at_unseen_ground_nearby() -> None:
-    """That ground is below the view in flight."""
     bench = LeafBench(GoTo, to="start:0,0.6")
     live(bench, site_map=drawn_map(known=np.hypot(X_M, Y_M - 0.6) > 0.3))
     assert velocity(bench).forward_mps == 0.0
@@ -134,8 +118,8 @@ def test_it_waits_for_a_map() -> None:
 
 def test_progress_counts_not_time() -> None:
     bench = LeafBench(GoTo, to="start:1.9,0", blocked_s=1.0)
-    for step in range(12):
-        assert live(bench, site_map=on(-1.5 + 0.2 * step), seconds=0.6) is Status.RUNNING
+    for tick in range(12):
+        assert live(bench, site_map=on(-1.5 + 0.2 * tick), seconds=0.6) is Status.RUNNING
 
 
 @pytest.mark.parametrize(
@@ -145,10 +129,9 @@ def test_progress_counts_not_time() -> None:
 def test_the_time_of_giving_way_does_not_count(
     leaf: type[GoTo | Face], ports: dict[str, str | float]
 ) -> None:
-    """After it the leaf has as much time left as before."""
     bench = LeafBench(leaf, **ports)
-    for step in range(40):
-        near = replace(on(), movers=(mover(0.8, 0.0),) if step > 2 else ())
+    for tick in range(40):
+        near = replace(on(), movers=(mover(0.8, 0.0),) if tick > 2 else ())
         assert live(bench, site_map=near, seconds=0.2) is Status.RUNNING
     assert bench.leaf.feedback_message == "gives way"
     walled = on(wall_m=0.5)
@@ -170,7 +153,7 @@ def test_a_height_becomes_the_height_of_the_flight() -> None:
     live(bench, site_map=on())
     assert bench.board[FLIGHT_HEIGHT] == 1.2
     assert step(bench).down_m == pytest.approx(0.3)
-    assert live(bench, site_map=on(), height_m=1.2, movement=done(bench)) is Status.SUCCESS
+    assert live(bench, site_map=on(), height_m=1.2, movement=ended(bench)) is Status.SUCCESS
 
 
 def test_a_place_of_the_drawing_counts_from_a_tag_once_it_was_seen() -> None:
@@ -249,7 +232,7 @@ def test_it_moves_where_the_map_shows_free_ground() -> None:
     bench = LeafBench(MoveBy, right_m=0.5)
     live(bench, site_map=on())
     assert (step(bench).forward_m, step(bench).right_m) == (0.0, 0.5)
-    assert live(bench, site_map=on(0.0, 0.5), movement=done(bench)) is Status.SUCCESS
+    assert live(bench, site_map=on(0.0, 0.5), movement=ended(bench)) is Status.SUCCESS
 
 
 def test_it_does_not_move_towards_a_wall_and_stops_for_one_that_appears() -> None:
@@ -269,4 +252,4 @@ def test_climbs_need_no_map_and_the_flight_goes_on_at_the_new_height() -> None:
     live(bench)
     assert step(bench).down_m == pytest.approx(-0.3)
     assert bench.board[FLIGHT_HEIGHT] == 1.8
-    assert live(bench, height_m=1.8, movement=done(bench)) is Status.SUCCESS
+    assert live(bench, height_m=1.8, movement=ended(bench)) is Status.SUCCESS

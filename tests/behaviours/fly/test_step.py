@@ -128,7 +128,6 @@ def test_the_rest_of_a_step_is_dead_reckoned_and_given_from_the_heading_of_now()
 
 
 def test_a_small_rest_is_done() -> None:
-    """So is a turn whose end the drone never reported."""
     step, first = begun(state(0.0), yaw_rad=math.radians(60))
     ended = state(2.0, first.id, MovementState.INTERRUPTED, yaw_deg=58)
     assert step.update(ended, 2.0) is Progress.DONE
@@ -157,7 +156,6 @@ def test_a_movement_without_progress_fails_and_says_why(word: MovementState) -> 
 
 
 def test_a_movement_with_progress_is_not_given_up() -> None:
-    """Interrupted after every ten degrees it still turns round."""
     step, _ = begun(state(0.0), yaw_rad=math.radians(350))
     progress, turned_deg = Progress.RUNNING, 0
     while progress is Progress.RUNNING:

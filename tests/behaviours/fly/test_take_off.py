@@ -7,12 +7,12 @@ import math
 import pytest
 
 from behaviours.fly.take_off import TakeOff
-from tests.worlds.leaves import wait
+from tests.worlds.leaves import ended, step, wait
 from uav_bt.board import FLIGHT_HEIGHT, FLIGHT_PITCH, PHASE
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import live
 from uav_bt.tree import Status
-from uav_bt.types import FlyingState, GimbalTo, MoveBy, MovementState, MovementStatus
+from uav_bt.types import FlyingState, GimbalTo
 from uav_bt.types import TakeOff as TakeOffCommand
 
 AHEAD = GimbalTo(pitch_rad=math.radians(-30))
@@ -25,7 +25,6 @@ def on_the_ground(**attributes: object) -> LeafBench:
 
 
 def test_from_the_ground_to_the_flight_height() -> None:
-    """Take-off until it hovers, then the missing climb, then success."""
     bench = on_the_ground()
     assert (bench.proposed, bench.pointed) == (TakeOffCommand(), AHEAD)
     assert bench.board[PHASE] == "take-off"
@@ -34,12 +33,11 @@ def test_from_the_ground_to_the_flight_height() -> None:
     live(bench, flying=FlyingState.TAKING_OFF, height_m=0.9)
     assert bench.proposed == TakeOffCommand()
     live(bench, height_m=1.0)
-    climb = bench.proposed
-    assert isinstance(climb, MoveBy)
+    climb = step(bench)
     assert climb.down_m == pytest.approx(-0.5)
     live(bench, height_m=1.3, flying=FlyingState.FLYING)
     assert bench.proposed == climb
-    done = MovementStatus(id=climb.id, state=MovementState.DONE)
+    done = ended(bench)
     assert live(bench, seconds=1.0, height_m=1.52, movement=done) is Status.SUCCESS
     assert (bench.proposed, bench.pointed) == (None, None)
 
@@ -52,12 +50,10 @@ def test_it_waits_for_the_camera_and_needs_no_climb_within_a_decimetre() -> None
     assert bench.pointed is None
     bench = LeafBench(TakeOff, height_m=1.0)
     live(bench, height_m=1.4)
-    assert isinstance(bench.proposed, MoveBy)
-    assert bench.proposed.down_m == pytest.approx(0.4)
+    assert step(bench).down_m == pytest.approx(0.4)
 
 
 def test_too_long_is_a_failure() -> None:
-    """The leaf gives up a drone that stays on the ground, and sends no further command."""
     bench = on_the_ground(give_up_s=5.0)
     assert wait(bench, 4.9, flying=FlyingState.LANDED) is Status.RUNNING
     assert live(bench, seconds=0.2, flying=FlyingState.LANDED) is Status.FAILURE

@@ -228,7 +228,6 @@ def test_a_pitch_that_is_none_is_refused(pitch: str) -> None:
 
 
 def test_a_drone_is_steady_by_its_mean_over_half_a_second() -> None:
-    """One noisy sample neither makes it steady nor unsteady."""
     steady, since_s = Steadiness(), []
     speeds_mps = [0.3 if index % 2 else -0.3 for index in range(12)] + [0.5] * 3
     for index, forward_mps in enumerate(speeds_mps):

@@ -78,7 +78,6 @@ def test_the_speed_that_is_flown_keeps_the_room(
 
 
 def test_a_leg_leads_round_what_stands_in_the_way_for_now() -> None:
-    """A person who has stopped for a moment is passed at a distance."""
     halted = mover(0.0, 0.7)
     site_map = with_movers(halted, passed=where("left"), pose=(0.0, -0.4, math.pi / 2))
     leg = best_route(ClearanceMap(site_map, RecentObstacles()))
@@ -162,7 +161,6 @@ def test_it_can_stop_before_what_stands_and_shut_in_it_stays() -> None:
 
 
 def test_a_way_that_has_become_blocked_is_left() -> None:
-    """It went towards the wall; beside the wall it turns off instead of stopping."""
     wall = np.column_stack([np.arange(-1.5, 1.5, 0.05), np.full(60, 0.42)])
     site_map = with_movers(mover(-0.159, 0.948, -0.431, -0.717), obstacles=wall)
     way = escape(site_map, WayOut(y_mps=0.6))

@@ -79,7 +79,6 @@ def test_unknown_cells_lanes_and_the_mark_are_those_of_the_place() -> None:
 
 
 def test_margins_that_differ_from_the_default_keep_their_difference() -> None:
-    """Exactly where the place is the default."""
     further = Margins(touch_m=0.38, edge_m=0.4)
     assert further.within(Clearances()) == further
     assert further.within(Clearances(edge_m=0.5)).edge_m == pytest.approx(0.6)

@@ -104,7 +104,6 @@ def test_a_place_beside_is_taken_where_a_wanted_one_has_no_room() -> None:
 
 
 def test_nothing_between_the_place_and_the_object() -> None:
-    """A post stands between; the wanted distance is behind it."""
     target, post = box(0.0, 0.0), np.array([[-0.75, 0.0], [-0.75, 0.05], [-0.75, -0.05]])
     poses = around(target, map_with(target, obstacles=post), distance_m=1.3)
     assert len(poses) >= 3
@@ -133,7 +132,6 @@ def test_a_place_without_a_size_is_looked_at_from_the_drones_side() -> None:
 
 
 def test_ground_that_cannot_be_reached_has_no_view_points() -> None:
-    """A wall divides the ground; the object stands behind it."""
     wall = np.column_stack([np.arange(-2.2, 2.3, 0.05), np.full(90, -0.6)])
     target = box(0.0, 0.9)
     assert around(target, map_with(target, obstacles=wall)) == []

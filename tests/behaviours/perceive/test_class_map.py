@@ -89,7 +89,6 @@ def test_a_pad_in_view_gets_a_fix(top_m: float) -> None:
 
 
 def test_a_tag_is_found_in_the_image_without_a_class_map() -> None:
-    """Place, height and heading are on the board as those of any mark."""
     bench = finding()
     mark = tag_mark(height_m=0.0)
     bench.provide(mark=mark)
@@ -164,7 +163,6 @@ def test_an_unknown_mark_is_refused_before_the_first_view(
 
 @pytest.mark.parametrize("view", [{}, {"ids": pad_map(), "height_m": 0.3}])
 def test_without_a_pad_or_from_below_it_there_is_no_fix(view: dict[str, Any]) -> None:
-    """Nothing is written before the first sight; below the pad's height it has no place."""
     bench = finding()
     assert live(bench, **view) is Status.SUCCESS
     assert MARK not in bench.board
@@ -185,7 +183,6 @@ def test_without_its_inputs_it_finds_nothing(missing: Key[Any] | None) -> None:
 
 
 def test_a_pads_track_is_kept_by_the_next_tree_and_dropped_where_the_map_begins_anew() -> None:
-    """Then the drone is elsewhere than the track believes."""
     bench = finding()
     live(bench, ids=pad_map())
     replace_tree(bench, FindMark())

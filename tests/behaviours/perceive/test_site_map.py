@@ -50,7 +50,6 @@ def live(
 
 
 def test_a_box_in_view_is_near_after_a_turn() -> None:
-    """A box ahead is to the left after a turn to the right."""
     bench = mapping()
     assert live(bench, ids=box_map()) is Status.SUCCESS
     ahead = bench.board[SITE_MAP].near
@@ -63,7 +62,6 @@ def test_a_box_in_view_is_near_after_a_turn() -> None:
 
 
 def test_between_two_views_the_map_moves_along_with_the_drone() -> None:
-    """Turned by 90 degrees without a new frame: pose and near obstacles turn, too."""
     bench = mapping()
     live(bench, ids=box_map())
     ahead, captured_s = bench.board[SITE_MAP].near, bench.clock.now()

@@ -54,7 +54,6 @@ def test_the_step_ends_the_edges_margin_before_the_end_of_the_ground() -> None:
 
 
 def test_remembered_obstacles_shorten_or_forbid_the_step() -> None:
-    """One beside the way, or two bearings near to ahead without a known base."""
     beside = NearObstacles(points_m=np.array([(1.0, 0.4)]), captured_s=0.0)
     decision = decide(site_map=map_with(beside))
     assert isinstance(decision, Advance)
@@ -83,7 +82,6 @@ def test_the_turn_leads_away_from_the_intrusion(
 
 @pytest.mark.parametrize(("slant", "sign"), [(0.6, -1), (-0.6, 1)])
 def test_the_edge_is_turned_along(slant: float, sign: int) -> None:
-    """Where the ground ends aslant, the turn goes to where more of it lies."""
     decision = decide(ids=cast(ground_m=1.2, slant=slant))
     assert isinstance(decision, Blocked)
     assert (decision.reason, decision.ground_ends) == ("edge", True)

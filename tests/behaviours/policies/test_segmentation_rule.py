@@ -74,7 +74,6 @@ def test_in_a_corner_the_drone_turns_round(tie_break: float, side: int) -> None:
 
 
 def test_the_mark_counts_as_ground() -> None:
-    """It hides ground that is there all the same."""
     strip = cast(ground_m=1.3)
     assert RULE.decide(view(strip)).reason == "edge"
     behind_a_pad = np.where(strip == BACKGROUND, HELIPAD_BOX, strip).astype(np.uint8)

@@ -132,7 +132,6 @@ def test_each_picture_is_shrunk_once(policy_saying: Any, monkeypatch: pytest.Mon
 
 
 def test_without_remembered_views_it_says_what_is_missing(policy_saying: Any) -> None:
-    """Never a silent zero: the mission ends with this, and the drone lands."""
     with pytest.raises(MissionError, match="put <RememberViews/> ahead"):
         policy_saying(*GO).decide(cast_world.view(cast_world.cast()))
 
