@@ -18,7 +18,6 @@ from sim_bridge.twin.views import render_views
 from uav_bt.types.projection import camera_axes
 
 PITCH_RAD = math.radians(-28.0)
-AHEAD_M = 0.15
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,10 +31,8 @@ class KnownFlight:
 
     def labels(self) -> DepthLabels:
         """Return the true depth of every frame at the size of labels."""
-        small = [
-            cv2.resize(exact, LABEL_SIZE_PX, interpolation=cv2.INTER_NEAREST_EXACT)
-            for exact in self.depth_m
-        ]
+        how = cv2.INTER_NEAREST_EXACT
+        small = [cv2.resize(exact, LABEL_SIZE_PX, interpolation=how) for exact in self.depth_m]
         return DepthLabels(depth_m=np.stack(small).astype(np.float16))
 
     def motion(self, origin: int, target: int) -> NDArray[np.float64]:
@@ -56,14 +53,13 @@ def known_flight(count: int = 12, *, yaw_noise_rad: float = 0.0, seed: int = 0) 
     scene = load_scene("train-a")
     times = 0.1 * np.arange(count)
     yaw = 0.9 + 0.25 * times  # counter-clockwise, as the world has it
-    speed = 0.5
-    x = -1.3 + np.cumsum(speed * 0.1 * np.cos(yaw))
-    y = -1.2 + np.cumsum(speed * 0.1 * np.sin(yaw))
+    x = -1.3 + np.cumsum(0.05 * np.cos(yaw))  # 0.5 m/s
+    y = -1.2 + np.cumsum(0.05 * np.sin(yaw))
     z = 1.5 + 0.05 * np.sin(times)
     poses = [
         CameraPose(
-            x_m=float(x[i] + AHEAD_M * math.cos(yaw[i])),
-            y_m=float(y[i] + AHEAD_M * math.sin(yaw[i])),
+            x_m=float(x[i] + 0.15 * math.cos(yaw[i])),  # the lens ahead of the centre
+            y_m=float(y[i] + 0.15 * math.sin(yaw[i])),
             z_m=float(z[i]),
             yaw_rad=float(yaw[i]),
             pitch_rad=PITCH_RAD,
