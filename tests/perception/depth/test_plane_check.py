@@ -19,31 +19,27 @@ from uav_bt.types import DepthMap
 
 CAMERA = pinhole(640, 360)
 SIZE = (224, 112)
-PITCH_RAD = math.radians(-32.0)
 HEIGHT_M = 1.5
 
 
 def agreement(
     *,
     focal: float = 1.0,
+    pitch_deg: float = -32.0,
     pitch_off_deg: float = 0.0,
     height_off_m: float = 0.0,
     in_heights: bool = True,
-    ground: bool = True,
+    shown: int = CARPET,
     wall: bool = False,
-    pitch_rad: float = PITCH_RAD,
 ) -> Measure | None:
     """Return the agreement of exact depth in heights with telemetry and camera as given."""
+    pitch_rad, said_rad = math.radians(pitch_deg), math.radians(pitch_deg + pitch_off_deg)
     view = CameraView(camera=CAMERA.resized(*SIZE), pitch_rad=pitch_rad, height_m=HEIGHT_M)
     depth = np.nan_to_num(ground_depth(view), nan=50.0) / np.float32(HEIGHT_M)
     if wall:
         depth = np.full_like(depth, 2.0)
-    frame = values.frame(
-        np.full((360, 640, 3), 90, np.uint8),
-        pitch_rad + math.radians(pitch_off_deg),
-        HEIGHT_M + height_off_m,
-    )
-    ids = np.full(SIZE[::-1], CARPET if ground else BACKGROUND, np.uint8)
+    frame = values.frame((360, 640), said_rad, HEIGHT_M + height_off_m)
+    ids = np.full(SIZE[::-1], shown, np.uint8)
     camera = replace(CAMERA, fx_px=focal * CAMERA.fx_px, fy_px=focal * CAMERA.fy_px)
     relative = DepthMap(depth=depth, metric=False, captured_s=0.0, in_heights=in_heights)
     return agreement_with_plane(
@@ -69,11 +65,14 @@ def test_what_is_wrong_shows(least: float, most: float, how: dict[str, Any]) -> 
     assert found[1]
 
 
-def test_depth_in_another_unit_and_views_without_ground_say_nothing() -> None:
-    assert agreement(in_heights=False) is None
-    assert agreement(ground=False) is None
-
-
-@pytest.mark.parametrize("pitch_deg", [-90.0, -65.0])
-def test_a_steep_view_is_not_judged(pitch_deg: float) -> None:
-    assert agreement(focal=0.5, pitch_rad=math.radians(pitch_deg)) is None
+@pytest.mark.parametrize(
+    "how",
+    [
+        pytest.param({"in_heights": False}, id="another unit"),
+        pytest.param({"shown": BACKGROUND}, id="no ground"),
+        pytest.param({"focal": 0.5, "pitch_deg": -65.0}, id="a steep view"),
+        pytest.param({"focal": 0.5, "pitch_deg": -90.0}, id="straight down"),
+    ],
+)
+def test_some_views_say_nothing(how: dict[str, Any]) -> None:
+    assert agreement(**how) is None

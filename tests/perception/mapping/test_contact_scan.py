@@ -8,18 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.mapping.contact_scan import (
-    GroundScan,
-    find_bases,
-    scan_ground,
-)
+from perception.mapping.contact_scan import GroundScan, find_bases, scan_ground
 from perception.mapping.ground_grid import GroundGrid
 from perception.mapping.view import View
 from tests.paper_lab import BOXES, CARPET, CLASS_COUNT, CLASSES, ROOFS, paper_map
 from tests.worlds import values
 from uav_bt.lab.classes import NO_ROLE
 from uav_bt.testing import pinhole
-from uav_bt.types import ClassMap, Frame, Pose2D
+from uav_bt.types import CameraModel, ClassMap, Frame, Pose2D
 from uav_bt.types.projection import project
 
 CAMERA = replace(pinhole(224, 112), forward_offset_m=0.1)
@@ -34,6 +30,13 @@ def noise(seed: int = 0) -> ClassMap:
 
 def frame(pitch_rad: float) -> Frame:
     return values.frame((36, 64), pitch_rad, captured_s=1.0, index=1)
+
+
+def along(samples: int, bearings: int = 4) -> np.ndarray:
+    """Return places a metre apart, straight ahead on each bearing."""
+    level_m = np.zeros((bearings, samples, 2))
+    level_m[..., 0] = np.arange(samples)
+    return level_m
 
 
 @pytest.mark.parametrize("pitch_deg", [-5, -40, -85])
@@ -51,42 +54,50 @@ def test_a_sample_has_the_class_of_the_nearest_pixel(pitch_deg: int) -> None:
     assert (scan.roles[~inside] == NO_ROLE).all()
 
 
-def test_the_nearest_long_run_of_a_role_counts() -> None:
-    """Roles: 0 outside, 1 ground, 3 obstacle; runs have two samples at least."""
-    roles = np.array(
-        [
-            [1, 3, 1, 3, 3, 0],  # a speck, then an obstacle that begins at sample 3
-            [NO_ROLE, 3, 3, 1, 1, 1],  # its base is below the image
-            [1, 1, 1, 1, 1, 3],  # too short
-            [1, 1, 0, 0, 3, 3],  # an edge at sample 2, then an obstacle behind the ground's end
-        ],
-        dtype=np.uint8,
+@pytest.mark.parametrize("half_view_deg", [21, 35, 40])
+def test_no_sample_lies_behind_the_camera(half_view_deg: int) -> None:
+    """Pitched down by 1 rad, a lens of 80 degrees sees the ground behind the point below it."""
+    focal_px = 56.0 / math.tan(math.radians(half_view_deg))
+    wide = CameraModel(
+        width_px=224, height_px=112, fx_px=focal_px, fy_px=focal_px, cx_px=111.5, cy_px=55.5
     )
-    level_m = np.zeros((4, 6, 2))
-    level_m[..., 0] = np.arange(6)
-    bases = find_bases(GroundScan(level_m, roles, roles, roles, CLASSES.top_of, 1.5, min_run=2))
-    assert bases.placed_m[:, 0].tolist() == [2.5]
-    assert bases.hidden_m[:, 0].tolist() == [1.0]
-    assert bases.edges_m[:, 0].tolist() == [1.5]
-    assert len(bases.hidden_edges_m) == 0
+    level_m = scan_ground(noise(), frame(-1.0), wide).level_m
+    assert (level_m[..., 0] > 0.0).all()
+    assert (np.diff(np.hypot(*np.moveaxis(level_m, -1, 0)), axis=1) > 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("roles", "kind", "at_m"),  # roles: 0 outside, 1 ground, 3 obstacle
+    [
+        pytest.param([1, 3, 1, 3, 3, 0], "placed_m", 2.5, id="a speck, then an obstacle"),
+        pytest.param([1, 3, 3, 0, 0, 0], "placed_m", 0.5, id="no edge behind an obstacle"),
+        pytest.param([NO_ROLE, 3, 3, 1, 1, 1], "hidden_m", 1.0, id="a base below the image"),
+        pytest.param([1, 1, 0, 0, 3, 3], "edges_m", 1.5, id="the ground ends before an obstacle"),
+        pytest.param([0, 0, 0, 1, 1, 1], "hidden_edges_m", 0.0, id="the ground ended before"),
+        pytest.param([1, 1, 1, 1, 1, 3], "", 0.0, id="too short"),
+        pytest.param([0, 0, 3, 3, 0, 0], "hidden_edges_m", 0.0, id="no ground below"),
+    ],
+)
+def test_the_nearest_long_run_of_a_role_counts(roles: list[int], kind: str, at_m: float) -> None:
+    """Runs have two samples at least."""
+    ids = np.array([roles], dtype=np.uint8)
+    bases = find_bases(GroundScan(along(6, 1), ids, ids, ids, CLASSES.top_of, 1.5, min_run=2))
+    for each in ("placed_m", "hidden_m", "edges_m", "hidden_edges_m"):
+        assert getattr(bases, each)[:, 0].tolist() == [at_m] * (each == kind)
 
 
 def test_a_side_is_as_high_as_the_border_to_its_roof() -> None:
     """The camera is 1.5 m high; the side begins at 1.5 m, its roof covers the ground at 4.5 m."""
     side, roof, other = BOXES[0], ROOFS[0], ROOFS[1]
-    ids = np.array(
-        [
-            [CARPET, CARPET, side, side, side, roof, roof],
-            [CARPET, CARPET, side, side, side, side, roof],  # a single sample of roof is noise
-            [CARPET, CARPET, side, side, side, other, other],  # the roof of another box
-            [CARPET, CARPET, side, side, side, side, side],  # the edge is above the image
-        ],
-        dtype=np.uint8,
-    )
-    level_m = np.zeros((4, 7, 2))
-    level_m[..., 0] = np.arange(7)
+    tops = [
+        [side, roof, roof],
+        [side, side, roof],  # a single sample of roof is noise
+        [side, other, other],  # the roof of another box
+        [side, side, side],  # the edge is above the image
+    ]
+    ids = np.array([[CARPET, CARPET, side, side, *top] for top in tops], dtype=np.uint8)
     roles = CLASSES.roles(ids)
-    bases = find_bases(GroundScan(level_m, ids, roles, roles, CLASSES.top_of, 1.5, min_run=2))
+    bases = find_bases(GroundScan(along(7), ids, roles, roles, CLASSES.top_of, 1.5, min_run=2))
     assert bases.placed_m[:, 0].tolist() == [1.5] * 4
     edge_m = 1.5 * (1.0 - 1.5 * (1 / 4 + 1 / 5) / 2)
     assert bases.placed_heights_m[0] == pytest.approx(edge_m)

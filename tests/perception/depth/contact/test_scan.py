@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -39,20 +38,15 @@ def test_a_cell_has_the_class_of_the_nearest_pixel(pitch_rad: float, roll_rad: f
 def panorama_of(*columns: str) -> Panorama:
     """Return a panorama of columns, each from low to high: c carpet, b box, o other, - outside."""
     table = {"c": CARPET, "b": BOX, "o": 0, "-": OUTSIDE}
-    ids = np.array([[table[cell] for cell in column] for column in columns], dtype=np.uint8).T
-    return Panorama(
-        ids=np.ascontiguousarray(ids),
-        azimuth_rad=np.linspace(-0.1, 0.1, len(columns)),
-        depression_rad=np.linspace(0.9, 0.1, len(ids)),
-        pixel_rad=0.1,
-    )
+    ids = np.array([[table[cell] for cell in row] for row in zip(*columns, strict=True)], np.uint8)
+    azimuth_rad, depression_rad = np.zeros(len(columns)), np.linspace(0.9, 0.1, len(ids))
+    return Panorama(ids=ids, azimuth_rad=azimuth_rad, depression_rad=depression_rad, pixel_rad=0.1)
 
 
 def test_the_lowest_long_run_of_a_class_counts() -> None:
     """Two pixels at least, and a pixel has two rows."""
-    first, last = panorama_of("-cbbbobbbb", "bbbbcccccc", "ccccbbbccb", "----------").runs(
-        CLASS_COUNT
-    )
+    panorama = panorama_of("-cbbbobbbb", "bbbbcccccc", "ccccbbbccb", "----------")
+    first, last = panorama.runs(CLASS_COUNT)
     assert first[BOX].tolist() == [6, 0, -1, -1]
     assert last[BOX].tolist() == [9, 3, 9, -1]
     assert first[CARPET].tolist() == [-1, 4, 0, -1]
@@ -87,10 +81,3 @@ def test_a_side_has_the_range_of_the_base_in_its_column() -> None:
     assert depth_m[known] == pytest.approx(2.0, rel=1e-3)
     assert np.isnan(depth_m[places < -0.301]).all()
     assert bound_m == pytest.approx(2.0 / 1.1, rel=1e-3)
-
-
-def test_the_layout_of_a_panorama_does_not_depend_on_the_height() -> None:
-    ids = np.zeros((36, 64), dtype=np.uint8)
-    view = CameraView(camera=CAMERA, pitch_rad=-0.5, height_m=1.5)
-    low, high = Panorama.of(ids, view), Panorama.of(ids, replace(view, height_m=9.0))
-    assert np.array_equal(low.ids, high.ids)
