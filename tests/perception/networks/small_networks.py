@@ -1,7 +1,5 @@
 """Small networks as ONNX files, for the tests of all that run networks."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

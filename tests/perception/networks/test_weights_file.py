@@ -1,7 +1,5 @@
 """Weights files: damaged files give one clear error."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

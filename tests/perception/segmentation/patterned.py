@@ -1,7 +1,5 @@
 """Small made-up pictures in which colour tells the class, for the segmentation's tests."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import cache
 

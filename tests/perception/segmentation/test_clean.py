@@ -1,7 +1,5 @@
 """Votes to class maps: dots, components, holes, sharp borders."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from perception.segmentation import clean
@@ -40,13 +38,9 @@ def test_only_the_largest_piece_of_an_object_stays() -> None:
     assert (kept[5:20, 5:20] == 4).all()
     assert (kept == 4).sum() == 15 * 15
     assert (kept[31, 31], kept[21, 51], kept[1, 58]) == (0, 1, 0)
-
-
-def test_small_pieces_go_and_large_ones_stay_whatever_their_number() -> None:
+    # Small pieces go and large ones stay, whatever their number.
     ids = blank(40, 40)
-    ids[5:15, 5:15] = 12
-    ids[25:35, 25:35] = 12
-    ids[2, 30:34] = 12
+    ids[5:15, 5:15] = ids[25:35, 25:35] = ids[2, 30:34] = 12
     assert (clean.drop_small_components(ids, area_px=20) == 12).sum() == 200
     np.testing.assert_array_equal(clean.drop_small_components(blank(9, 9), area_px=1000), 0)
 
@@ -66,21 +60,16 @@ def test_a_small_hole_within_one_class_is_filled_and_no_other() -> None:
     np.testing.assert_array_equal(clean.filled_holes(ground, inside=(4,), area_px=100), ground)
 
 
-def test_sharpening_brings_the_map_closer_to_the_exact_one() -> None:
+def test_sharpening_brings_the_map_closer_to_the_exact_one_and_invents_no_class() -> None:
     size = {"width": 480, "height": 270}
     trained = teacher(TeacherConfig(width_px=480, height_px=270, patch_px=40))
+    pictures = [(rgb, ids) for _, rgb, ids in samples(4, seed=5, **size)]
     plain, sharp = (
-        score_segmentation(
-            ((ids_of(rgb), ids) for _, rgb, ids in samples(4, seed=5, **size)), CLASSES
-        )
+        score_segmentation(((ids_of(rgb), ids) for rgb, ids in pictures), CLASSES)
         for ids_of in (trained.window_ids, trained.refined_ids)
     )
     assert sharp.miou > plain.miou + 0.02
     assert sharp.role_miou > plain.role_miou + 0.02
-
-
-def test_sharpening_invents_no_class() -> None:
-    (_, rgb, _) = next(samples(1, seed=6))
-    ids = blank(90, 160)
-    ids[:, 80:] = 1
-    assert set(np.unique(clean.sharpened(ids, rgb, teacher().palette))) <= {0, 1}
+    ids = blank(270, 480)
+    ids[:, 240:] = 1
+    assert set(np.unique(clean.sharpened(ids, pictures[0][0], trained.palette))) <= {0, 1}

@@ -1,7 +1,5 @@
 """Patches as 190 numbers."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -17,9 +15,7 @@ def test_one_colour_fills_one_bin_of_each_histogram() -> None:
     assert row.shape == (190,)
     assert np.flatnonzero(row).tolist() == [89, 90 + 63, 154 + 18]
     assert row.sum() == pytest.approx(3.0)
-
-
-def test_every_level_has_a_bin_and_every_bin_a_level() -> None:
+    # Every level has a bin, and every bin a level.
     reached = features.channel_tables(np.arange(190, dtype=np.float64))
     assert set(reached[:180, 0]) == set(range(90))
     assert set(reached[:, 1]) == set(range(90, 154))
@@ -54,9 +50,7 @@ def test_a_palette_is_a_distribution_over_colours() -> None:
     np.testing.assert_allclose(likelihood.sum(axis=1), 1.0, rtol=1e-4)
     assert likelihood[3].argmax() == 1234
     np.testing.assert_allclose(likelihood[0], 1.0 / features.COLOUR_COUNT, rtol=1e-4)
-
-
-def test_colour_codes_keep_the_five_highest_bits_of_each_channel() -> None:
+    # A colour's code keeps the five highest bits of each channel.
     rgb = np.array([[[255, 0, 0], [7, 8, 0], [0, 0, 255]]], dtype=np.uint8)
     assert features.colour_codes(rgb).tolist() == [[31 << 10, 1 << 5, 31]]
     assert features.count_colours(rgb).sum() == 3

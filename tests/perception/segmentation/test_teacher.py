@@ -1,7 +1,5 @@
 """The SVM teacher: dense inference equals scikit-learn patch by patch."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -49,9 +47,7 @@ def test_the_teacher_tells_patterns_apart() -> None:
     assert set(np.unique(teacher().window_ids(next(samples(1, seed=2))[1]))) <= set(PATTERNED)
     for size in ((45, 80, 3), (180, 320, 3), (90, 160, 3)):
         assert teacher().resized(np.zeros(size, dtype=np.uint8)).shape == (90, 160, 3)
-
-
-def test_the_papers_map_has_one_piece_of_each_object() -> None:
+    # The paper's map has one piece of each object.
     (_, rgb, ids) = next(samples(1, seed=5))
     made = teacher().paper_ids(rgb)
     assert made.shape == ids.shape

@@ -1,7 +1,5 @@
 """Images for training: sharp ones that differ from each other."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest
@@ -54,9 +52,7 @@ def test_nearly_the_same_images_are_taken_once() -> None:
     assert {index // 2 for index in chosen if index < 4} == {0, 1}
     assert len(chosen) == 2
     assert different_ones([]) == []
-
-
-def test_the_farthest_image_follows_the_sharpest() -> None:
+    # The farthest image follows the sharpest.
     half = pattern(0)
     half[:, 160:] = pattern(1)[:, 160:]
     images = [blurred(half, 1.0), pattern(0), blurred(pattern(1), 1.0)]

@@ -48,10 +48,17 @@ def test_a_new_teacher_follows_new_picks(tmp_path: Path) -> None:
 
 
 def test_without_a_teacher_images_far_from_the_others_come(tmp_path: Path) -> None:
+    """A teacher does not learn from images for the check."""
     session = _images(tmp_path, *[(FLOOR,)] * 9)
     chooser = ImageChooser(session.images, PLACE)
     for shown, following in (("0.png", "8.png"), ("8.png", "4.png"), ("4.png", "2.png")):
         assert chooser.choose(session.picks, shown)[0] == following
+    session = _images(tmp_path, (FLOOR, CRATE), (FLOOR, CRATE), checks="0")
+    _pick(session, "0.png")
+    chooser = ImageChooser(session.images, PLACE)
+    assert chooser.choose(session.picks)[1] == "far from the others"
+    with pytest.raises(ValueRangeError, match="needs picks of two classes"):
+        chooser.class_map("1.png", session.picks)
 
 
 def test_each_image_without_picks_is_offered_once_before_any_comes_again(tmp_path: Path) -> None:
@@ -79,12 +86,3 @@ def test_the_use_that_is_short_comes_next(tmp_path: Path) -> None:
     for picked, wanted in (("5.png", "6.png"), ("6.png", "4.png"), ("4.png", None)):
         _pick(session, picked)
         assert chooser.choose(session.picks)[0] == wanted
-
-
-def test_the_teacher_does_not_learn_from_check_images(tmp_path: Path) -> None:
-    session = _images(tmp_path, (FLOOR, CRATE), (FLOOR, CRATE), checks="0")
-    _pick(session, "0.png")
-    chooser = ImageChooser(session.images, PLACE)
-    assert chooser.choose(session.picks)[1] == "far from the others"
-    with pytest.raises(ValueRangeError, match="needs picks of two classes"):
-        chooser.class_map("1.png", session.picks)

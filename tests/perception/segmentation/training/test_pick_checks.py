@@ -42,53 +42,35 @@ def test_good_picks_have_only_the_class_that_is_not_there(place: Path) -> None:
     ]
 
 
-@pytest.mark.parametrize(
-    ("image", "x", "y", "words"),
-    [
+def test_a_pick_at_no_place_names_its_line(place: Path) -> None:
+    for image, x, y, words in (
         ("a.png", 160, 3, r"160x90 pixels of 'a\.png', got \(160, 3\)"),
         ("a.png", 3, 90, r"got \(3, 90\)"),
         ("aa.png", 3, 3, r"got 'aa\.png'; did you mean 'a\.png'"),
-    ],
-)
-def test_a_pick_at_no_place_names_its_line(
-    place: Path, image: str, x: int, y: int, words: str
-) -> None:
-    pick = Pick(image=image, x=x, y=y, class_id=1)
-    with pytest.raises(FileError, match=words) as found:
-        _checked(place, [*_picks("floor", "crate", count=1), pick])
-    assert found.value.line == 8
+    ):
+        pick = Pick(image=image, x=x, y=y, class_id=1)
+        with pytest.raises(FileError, match=words) as found:
+            _checked(place, [*_picks("floor", "crate", count=1), pick])
+        assert found.value.line == 8
 
 
-@pytest.mark.parametrize(
-    ("learned", "checked", "words"),
-    [
-        (["floor"], "crate", "two classes at least on images for training, got 1"),
-        (["crate", "pad"], "floor", r"picks of the ground \('floor'\).*got none"),
-    ],
-)
-def test_picks_of_one_class_or_without_the_ground_are_refused(
-    place: Path, learned: list[str], checked: str, words: str
-) -> None:
-    with pytest.raises(FileError, match=words):
-        _checked(place, _picks(*learned) + _picks(checked, images=("c.png",)))
-
-
-def test_few_picks_are_named(place: Path) -> None:
+def test_classes_with_few_or_no_picks_are_named(place: Path) -> None:
+    """On images for training and for the check."""
+    check = ("c.png",)
+    with pytest.raises(FileError, match="two classes at least on images for training, got 1"):
+        _checked(place, _picks("floor") + _picks("crate", images=check))
+    with pytest.raises(FileError, match=r"picks of the ground \('floor'\).*got none"):
+        _checked(place, _picks("crate", "pad") + _picks("floor", images=check))
     found = _checked(place, _picks("floor", "pad") + _picks("crate", count=2))
     assert "class 'crate' has only 4 picks on images for training: 20 or more are better" in found
-
-
-def test_what_the_check_does_not_see_is_named(place: Path) -> None:
     learned = _picks("floor", "crate", images=("a.png", "b.png"))
     unseen = "no image for the check has picks"
     assert f"{unseen}: the network cannot be scored" in _checked(place, learned)
-    found = _checked(place, learned + _picks("floor", images=("c.png",)))
+    found = _checked(place, learned + _picks("floor", images=check))
     assert f"{unseen} of 'crate': they cannot be scored" in found
 
 
-def test_classes_of_one_colour_are_named_together(
-    place: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_classes_of_one_colour_are_named(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(THIRDS, "pad", THIRDS["crate"])
     for images, count in ((tuple(USES), 12), (("a.png",), 30)):
         picks = _picks("floor", "crate", "pad", images=images, count=count)

@@ -40,14 +40,10 @@ def test_a_stroke_gives_each_super_pixel_one_pick(session: PickSession) -> None:
     assert read_picks(session.path, PLACE) == session.picks
     assert session.counts() == {"wall": 0, "floor": len(session.picks), "crate": 0, "pad": 0}
     assert session.picked_images() == {"train": 1, "check": 0}
-
-
-def test_painting_again_changes_nothing(session: PickSession) -> None:
-    session.paint("a.png", LEFT, "floor")
     before = list(session.picks)
-    session.paint("a.png", LEFT[:5], "floor")
+    session.paint("a.png", LEFT[:5], "floor")  # again: it changes nothing, and is no stroke
     assert session.picks == before
-    session.undo()  # the second stroke was none
+    session.undo()
     assert session.picks == []
 
 
@@ -105,24 +101,15 @@ def test_earlier_picks_are_gone_on_with(session: PickSession, tmp_path: Path) ->
     again = session_of(tmp_path, {"a.png": "train", "b.png": "check"})
     assert again.undo() is None  # the strokes of another session stay
     again.add("b.png", 2, 2, "crate")
-    assert read_picks(session.path, PLACE) == [
-        *session.picks,
-        Pick(image="b.png", x=2, y=2, class_id=2),
-    ]
-
-
-def test_a_pick_outside_its_image_does_not_stop_a_stroke(session: PickSession) -> None:
+    added = Pick(image="b.png", x=2, y=2, class_id=2)
+    assert read_picks(session.path, PLACE) == [*session.picks, added]
+    # Picks of another program are not overwritten.
+    with pytest.raises(FileError, match="was changed by another program"):
+        session.add("a.png", 5, 5, "floor")
+    assert read_picks(session.path, PLACE) == again.picks
+    # A pick outside its image does not stop a stroke.
     session.path.write_text("image,x,y,class,origin\na.png,500,5,floor,hand\n", encoding="utf-8")
-    again = session_of(session.path.parent, {"a.png": "train"})
+    again = session_of(tmp_path, {"a.png": "train"})
     again.paint("a.png", LEFT, "crate")
     again.erase("a.png", LEFT)
     assert [pick.x for pick in again.picks] == [500]
-
-
-def test_picks_of_another_program_are_not_overwritten(session: PickSession) -> None:
-    session.add("a.png", 1, 1, "floor")
-    text = session.path.read_text() + "a.png,3,3,crate,hand\n"
-    session.path.write_text(text)
-    with pytest.raises(FileError, match="was changed by another program"):
-        session.add("a.png", 5, 5, "floor")
-    assert session.path.read_text() == text
