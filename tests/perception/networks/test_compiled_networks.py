@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from perception.depth.runtime import load_depth_estimator
-from perception.networks import compiled_networks
+from perception.networks import inference_packages as compiled_networks
 from perception.networks.inference_packages import import_openvino
 from perception.networks.mapping import InputFormat
 from perception.networks.onnx_runtime import OnnxNetwork
