@@ -81,17 +81,11 @@ class ClassMapping:
         return ClassMapping(classes=dict(enumerate(classes.names)))
 
     def table(self, count: int, classes: LabClasses) -> NDArray[np.uint8]:
-        """Return our class id of each of the network's `count` classes.
-
-        Raises:
-            ValueRangeError: the mapping names a class that the network does not have.
-            UnknownNameError: the lab does not have a class.
-        """
-        if max(self.classes) >= count:
-            raise ValueRangeError(
-                f"the mapping names class {max(self.classes)}, the network has classes 0 to "
-                f"{count - 1}"
-            )
+        """Return our class id of each of the network's `count` classes; all must be known."""
+        most = max(self.classes)
+        if most >= count:
+            known = f"the network has classes 0 to {count - 1}"
+            raise ValueRangeError(f"the mapping names class {most}, {known}")
         table = np.full(count, class_id_of(self.default, classes), dtype=np.uint8)
         for theirs, ours in self.classes.items():
             table[theirs] = class_id_of(ours, classes)
@@ -127,11 +121,7 @@ def class_id_of(name: str, classes: LabClasses) -> int:
 
 
 def read_mapping(path: Path, classes: LabClasses) -> ClassMapping:
-    """Read the mapping file of a segmentation network.
-
-    Raises:
-        FileError: the file is absent or malformed, or the lab does not have a class.
-    """
+    """Read the mapping file of a segmentation network; its classes must be those of the lab."""
     file = read_yaml(path, ClassMapping, "class mapping")
     with file.at("default"):
         class_id_of(file.value.default, classes)

@@ -40,8 +40,7 @@ def depth_file(model: str) -> Path | None:
 def check_onnx(path: Path, remedy: str) -> None:
     """Check a file's first byte for ONNX; OpenVINO's message for other files is long.
 
-    Raises:
-        WeightsError: the file is absent or not ONNX. `remedy` is the command that writes one.
+    `remedy` is the command that writes such a file.
     """
     if not path.is_file():
         raise WeightsError(
@@ -54,9 +53,8 @@ def check_onnx(path: Path, remedy: str) -> None:
             f"'{path.with_suffix('.onnx').name}', which `uav-bt net train` writes beside it",
         )
     with reading(path, WeightsError), path.open("rb") as file:
-        head = file.read(len(_IR_VERSION))
-    if head != _IR_VERSION:
-        raise WeightsError(path, "is not a readable ONNX network")
+        if file.read(1) != _IR_VERSION:
+            raise WeightsError(path, "is not a readable ONNX network")
 
 
 def _file(model: str, shipped: tuple[str, ...], what: str, without: str) -> Path | None:

@@ -11,8 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.networks.compiled_networks import compiled_network
-from perception.networks.inference_packages import import_openvino
+from perception.networks.inference_packages import compiled_network, import_openvino
 from perception.networks.mapping import InputFormat
 from perception.networks.named import check_onnx
 from uav_bt.errors import AnswerError, ValueRangeError, WeightsError
@@ -87,14 +86,14 @@ class OnnxNetwork:
 
     def _sized(self, wanted: InputFormat) -> tuple[int, int]:
         planar = wanted.layout == "nchw"
-        form = "1x3xHxW" if planar else "1xHxWx3"
         channels, rows, columns = (1, 2, 3) if planar else (3, 1, 2)
         if len(self.model.inputs) != 1:
             raise self.refused(f"the network must have one input, it has {len(self.model.inputs)}")
         shape = self.model.input(0).get_partial_shape()
-        given = str(shape)
+        given, form = str(shape), "1x3xHxW" if planar else "1xHxWx3"
+        misfit = self.refused(f"the input must be {form}, got {given}")
         if len(shape) != 4:
-            raise self.refused(f"the input must be {form}, got {given}")
+            raise misfit
         width_px, height_px = wanted.size or (None, None)
         for axis, length in ((0, 1), (channels, 3), (columns, width_px), (rows, height_px)):
             if shape[axis].is_dynamic and length is not None:
@@ -105,7 +104,7 @@ class OnnxNetwork:
                 "to the network's mapping file"
             )
         if shape[channels] != 3 or shape[0] != 1:
-            raise self.refused(f"the input must be {form}, got {given}")
+            raise misfit
         if self.model.is_dynamic():
             self.model.reshape(shape)
         size_px = shape[columns].get_length(), shape[rows].get_length()
@@ -121,11 +120,8 @@ class OnnxNetwork:
     ) -> list[NDArray[Any]]:
         """Compile the network, and return its outputs for a first, grey input.
 
-        Args:
-            outputs: wanted outputs, of `outputs`.
-            threads: number of inference threads.
-            class_axis: axis of the classes in the first output, 1 or 3; it becomes the number of
-                the best class, 1x1xHxW int32 (the lowest on a tie), which is faster inside.
+        Along `class_axis`, 1 or 3, the first output has scores of classes. It becomes the number of
+        the best class, 1x1xHxW int32 (the lowest on a tie), which is faster inside.
         """
         if threads < 1:
             raise ValueRangeError(f"inference needs at least one thread, got {threads}")
@@ -135,7 +131,11 @@ class OnnxNetwork:
             each if each.get_element_type().is_real() else ops.convert(each, "f32").output(0)
             for each in outputs
         ]
-        finite = reduce(ops.logical_and, (_all_finite(each) for each in reals))
+        checks = []
+        for each in reals:
+            axes = ops.constant(np.arange(len(each.get_partial_shape())))
+            checks.append(ops.reduce_logical_and(ops.is_finite(each), axes, keep_dims=False))
+        finite = reduce(ops.logical_and, checks)
         wanted = list(outputs)
         if class_axis is not None:
             # Along the second axis the first of equal scores is taken, along others not always.
@@ -147,10 +147,9 @@ class OnnxNetwork:
         results = [ops.result(each) for each in (*wanted, finite)]
         name = self.model.get_friendly_name()
         model = openvino.Model(results, self.model.get_parameters(), name)
+        settings = {**_SETTINGS, "INFERENCE_NUM_THREADS": threads}
         try:
-            compiled = compiled_network(
-                model, self.path, {**_SETTINGS, "INFERENCE_NUM_THREADS": threads}
-            )
+            compiled = compiled_network(model, self.path, settings)
         except RuntimeError as error:
             lines = str(error).strip().splitlines()
             reason = next((line for line in lines if "node" in line.split(" ")), lines[-1])
@@ -167,8 +166,7 @@ class OnnxNetwork:
     def run(self, rgb: NDArray[np.uint8]) -> list[NDArray[Any]]:
         """Return the outputs for an image, (H, W, 3) uint8 RGB; the next run overwrites them.
 
-        Raises:
-            AnswerError: an output holds NaN or infinity.
+        AnswerError if an output holds NaN or infinity.
         """
         return self.infer([np.ascontiguousarray(shrunk(rgb, self.size_px)[None])])
 
@@ -182,12 +180,6 @@ class OnnxNetwork:
 
     def _answer(self) -> list[NDArray[Any]]:
         return [np.asarray(tensor.data) for tensor in self._request.output_tensors]
-
-
-def _all_finite(output: Any) -> Any:
-    ops = import_openvino().opset13
-    axes = ops.constant(np.arange(len(output.get_partial_shape())))
-    return ops.reduce_logical_and(ops.is_finite(output), axes, keep_dims=False)
 
 
 def shrunk(rgb: NDArray[np.uint8], size_px: tuple[int, int]) -> NDArray[np.uint8]:

@@ -43,11 +43,7 @@ def write_weights(
 def read_weights(
     path: Path, *, kind: str, remedy: str
 ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """Return the arrays by name, and the JSON values.
-
-    Raises:
-        WeightsError: the file is absent, damaged or of another kind; the message has the remedy.
-    """
+    """Return the arrays by name, and the JSON values; a WeightsError has the remedy."""
     if not path.is_file():
         advice = _LEFT_OUT.format(remedy) if path.parent == SHIPPED_WEIGHTS else remedy
         raise WeightsError(path, f"there are no weights here{did_you_mean_file(path)}; {advice}")

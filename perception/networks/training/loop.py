@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Generic, TypeVar, cast
+from typing import Any, Final, Generic, NamedTuple, TypeVar, cast
 
 import numpy as np
 import torch
@@ -62,14 +62,13 @@ class LoopConfig:
         return rise * 0.5 * (1.0 + math.cos(math.pi * step / self.steps))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Progress:
+class Progress(NamedTuple):
     """The state of a run after a step."""
 
     step: int  # steps done
     steps: int  # steps in all
     loss: float
-    terms: Mapping[str, float] = field(default_factory=dict)  # unweighted, by name
+    terms: Mapping[str, float]  # unweighted, by name
 
 
 def ignore_progress(_progress: Progress, _net: nn.Module) -> None:
@@ -95,19 +94,10 @@ def train(
 ) -> Net:
     """Train a network in place, and return the running mean of its weights, on the CPU.
 
-    Args:
-        net: the network.
-        objective: samples a batch and computes its loss with `net`, on the device of the config.
-        config: how to train.
-        kind: kind of checkpoint; another kind is refused.
-        about: settings and data of the run, JSON values; a checkpoint with others is refused.
-        beside: another network of the objective that is trained, too.
-        checkpoint: file of the run's state; the run continues from it if it exists.
-        progress: called after every step with the averaged network, in evaluation mode.
-
-    Raises:
-        WeightsError: the checkpoint is damaged or belongs to another run.
-        ValueRangeError: the loss has become NaN or infinite.
+    The objective computes its loss with `net` on the device of the config, and may use another
+    network that is trained, too (`beside`). The run continues from its checkpoint if that exists;
+    one of another kind, or of a run with other settings and data (`about`), is refused. Progress
+    gets the averaged network, in evaluation mode, after every step.
     """
     run = _Run(net, beside, config, kind, json.dumps(about, sort_keys=True))
     step = run.load(checkpoint) if checkpoint is not None and checkpoint.is_file() else 0
@@ -131,8 +121,7 @@ def train(
         if checkpoint is not None and (step % config.checkpoint_every == 0 or step == config.steps):
             run.save(checkpoint, step)
         shown = {name: float(term.detach()) for name, term in terms.items()}
-        now = Progress(step=step, steps=config.steps, loss=value, terms=shown)
-        progress(now, run.averaged())
+        progress(Progress(step, config.steps, value, shown), run.averaged())
     return run.averaged().cpu()
 
 
@@ -156,13 +145,13 @@ class _Run(Generic[Net]):
 
     def save(self, path: Path, step: int) -> None:
         """Write the whole state after `step` steps."""
+        optimizer = self.optimizer.state_dict()["state"]
         states: dict[str, Mapping[str, Tensor]] = {
             "learners": self.learners.state_dict(),
             "mean": self.mean.state_dict(),
+            **{f"optimizer/{index}": state for index, state in optimizer.items()},
         }
-        for index, state in self.optimizer.state_dict()["state"].items():
-            states[f"optimizer/{index}"] = state
-        tensors: dict[str, NDArray[Any]] = {
+        tensors = {
             f"{prefix}/{name}": tensor.detach().cpu().numpy()
             for prefix, state in states.items()
             for name, tensor in state.items()

@@ -26,7 +26,7 @@ from torch import nn
 from perception.networks.inference_packages import import_nncf
 from perception.networks.onnx_runtime import shrunk
 from perception.networks.weights_file import read_weights, write_weights
-from uav_bt.errors import ShapeError, WeightsError
+from uav_bt.errors import WeightsError
 from uav_bt.files import write_whole
 
 _OPSET: Final = 18
@@ -77,13 +77,11 @@ class NetworkFiles(Generic[Net]):
         tensors, details = read_weights(path, kind=self.kind, remedy=self.remedy)
         version = details.get("version", 1)
         if version != self.version:
-            raise WeightsError(
-                path,
-                f"expected a {self.kind} of version {self.version}, got {version}; {self.remedy}",
-            )
-        broken = [name for name, tensor in tensors.items() if not np.isfinite(tensor).all()]
-        if broken:
-            raise WeightsError(path, f"holds NaN or infinity ({broken[0]}); {self.remedy}")
+            wanted = f"a {self.kind} of version {self.version}"
+            raise WeightsError(path, f"expected {wanted}, got {version}; {self.remedy}")
+        for name, tensor in tensors.items():
+            if not np.isfinite(tensor).all():
+                raise WeightsError(path, f"holds NaN or infinity ({name}); {self.remedy}")
         try:
             net = self.build(details)
             counts = {k: v for k, v in net.state_dict().items() if k.endswith(_BATCH_COUNTS)}
@@ -188,9 +186,8 @@ def _make_unsigned(model: onnx.ModelProto) -> None:
     """
     del model.graph.value_info[:]  # the old types
     constants = {constant.name: constant for constant in model.graph.initializer}
-    nodes = (
-        node for node in model.graph.node if node.op_type in ("QuantizeLinear", "DequantizeLinear")
-    )
+    kinds = ("QuantizeLinear", "DequantizeLinear")
+    nodes = (node for node in model.graph.node if node.op_type in kinds)
     for name in {node.input[2] for node in nodes if node.input[0] not in constants}:
         zero = onnx.numpy_helper.to_array(constants[name])
         if zero.dtype == np.int8:
@@ -205,8 +202,6 @@ def _samples(
     (name, shape), *others = ports.inputs.items()
     height, width = shape[-2:]
     small = [shrunk(rgb, (width, height)) for rgb in images]
-    if not small:
-        raise ShapeError("calibration images", expected="Nxhxwx3, N > 0", actual=(0,))
     zeros = {other: np.zeros(size, dtype=np.float32) for other, size in others}
     for first in range(len(small)):
         chosen = [small[(first + at) % len(small)] for at in range(math.prod(shape[:-3]))]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from perception.depth.runtime import load_depth_estimator
-from perception.networks import compiled_networks
+from perception.networks import inference_packages as compiled_networks
 from perception.networks.inference_packages import import_openvino
 from perception.networks.mapping import InputFormat
 from perception.networks.onnx_runtime import OnnxNetwork
