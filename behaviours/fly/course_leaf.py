@@ -146,7 +146,7 @@ class GiveWay(CourseLeaf):
 
     points = True
     answers = (Status.FAILURE, Status.RUNNING)
-    ports = (Port("gives_way", bool, True, "where not, it always fails"), GIMBAL)
+    ports = (Port("gives_way", bool, True, "false: it always fails"), GIMBAL)
 
     def update(self) -> Status:
         """Give way if the port is set; without telemetry FAILURE."""

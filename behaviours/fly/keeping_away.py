@@ -205,8 +205,9 @@ def _with_hidden(site_map: SiteMap, obstacles: NearObstacles | None) -> SiteMap:
     x_m, y_m, movers = pose.x_m + _HIDDEN_M * ux, pose.y_m + _HIDDEN_M * uy, list(site_map.movers)
     for place, each in enumerate(movers):
         if site_map.captured_s - each.seen_s > _LOST_S:
-            mps = {"x_mps": -each.std_mps * ux, "y_mps": -each.std_mps * uy}
-            movers[place] = replace(each, x_m=x_m, y_m=y_m, **mps, std_m=0.0, std_mps=0.0)
+            x_mps, y_mps = -each.std_mps * ux, -each.std_mps * uy
+            exact = replace(each, std_m=0.0, std_mps=0.0)
+            movers[place] = replace(exact, x_m=x_m, y_m=y_m, x_mps=x_mps, y_mps=y_mps)
     return replace(site_map, movers=tuple(movers))
 
 
