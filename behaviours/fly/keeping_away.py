@@ -91,8 +91,7 @@ def by_the_map(obstacles: NearObstacles | None, site_map: SiteMap | None) -> Nea
 def step_away_m(obstacles: NearObstacles | None, edge_m: float) -> tuple[float, float] | None:
     """Return a step away from an obstacle that is too near, forward and right, metres.
 
-    None if nothing is too near, or if the step would lead too near to something else, or end nearer
-    than `edge_m` to the edge of the ground.
+    None if nothing is, or if the step led too near to something else or to an edge (`edge_m`).
     """
     if obstacles is None or obstacles.nearest_m >= _INTRUSION_M:
         return None
@@ -108,10 +107,7 @@ def step_away_m(obstacles: NearObstacles | None, edge_m: float) -> tuple[float, 
 
 
 def push_away_mps(obstacles: NearObstacles | None) -> tuple[float, float]:
-    """Return the velocity away from obstacles that are too near, forward and right, m/s.
-
-    Nearer points weigh more. Between two obstacles the drone stays in the middle.
-    """
+    """Return the velocity away from what is too near, forward and right, m/s."""
     if obstacles is None:
         return 0.0, 0.0
     points_m = np.vstack([obstacles.points_m, obstacles.edges_m])
@@ -149,10 +145,7 @@ class GivingWay:
         *,
         now_s: float,
     ) -> Velocity | None:
-        """Return the velocity that gives way, in the body frame; None when nothing comes too near.
-
-        `now_s` is the time of the mission clock.
-        """
+        """Return the velocity that gives way, in the body frame; None when nothing is too near."""
         if site_map is None or not site_map.movers:
             self._way = None
             return None
@@ -192,10 +185,7 @@ class GivingWay:
 
 
 def _with_hidden(site_map: SiteMap, obstacles: NearObstacles | None) -> SiteMap:
-    """Return the map with lost movers at an obstacle whose base is below the view.
-
-    They are assumed to come towards the drone, which a step to the side evades.
-    """
+    """Return the map with lost movers at obstacles below the view, coming towards the drone."""
     if obstacles is None or obstacles.unplaced_within(_HIDDEN_RAD) < _MIN_BEARINGS:
         return site_map
     ahead_rad = obstacles.unplaced_rad[np.abs(obstacles.unplaced_rad) < _HIDDEN_RAD]
