@@ -49,10 +49,7 @@ class CourseLeaf(MovingLeaf):
         self._giving_way = GivingWay(MARGINS.within(mission.clearances), mission.airframe.radius_m)
 
     def fly_on(self, state: DroneState, answer: FollowLeg | Rotate | None) -> None:
-        """Fly ahead while the heading is controlled, without a stop between answers.
-
-        Without a new answer the last one counts for a while.
-        """
+        """Fly ahead while the heading is controlled; the last answer counts for a while."""
         yaw_rad, now_s = state.attitude.yaw_rad, self.clock.now()
         if answer is not None:
             speed_mps = answer.speed_mps if isinstance(answer, FollowLeg) else 0.0
@@ -72,10 +69,7 @@ class CourseLeaf(MovingLeaf):
         self.propose(velocity)
 
     def turn_keeping_away(self, yaw_rate_radps: float) -> Velocity:
-        """Return a turn on the spot that moves away from what is too near: hovering drones drift.
-
-        The drone returns to the flight height after it has climbed to give way.
-        """
+        """Return a turn that moves away from what is too near, because a hovering drone drifts."""
         placed = None if self.read(ODOMETRY).value is None else self.read(SITE_MAP).value
         forward_mps, right_mps = push_away_mps(by_the_map(self.obstacles(), placed))
         state = self.state()
@@ -146,7 +140,7 @@ class GiveWay(CourseLeaf):
 
     points = True
     answers = (Status.FAILURE, Status.RUNNING)
-    ports = (Port("gives_way", bool, True, "where not, it always fails"), GIMBAL)
+    ports = (Port("gives_way", bool, True, "false: it always fails"), GIMBAL)
 
     def update(self) -> Status:
         """Give way if the port is set; without telemetry FAILURE."""

@@ -47,10 +47,7 @@ class HeadingController:
         self._output = 0.0
 
     def update(self, bearing_rad: float, now_s: float) -> float:
-        """Return the yaw rate, rad/s, that turns the heading towards a bearing, clockwise positive.
-
-        A second call at the same time of the mission clock returns the same yaw rate.
-        """
+        """Return the yaw rate, rad/s, towards a bearing, clockwise; the same for the same time."""
         if self._last_s is not None and now_s <= self._last_s:
             return self._output
         # The first call has no time step: a small one makes the integral negligible.

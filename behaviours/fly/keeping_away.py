@@ -91,8 +91,7 @@ def by_the_map(obstacles: NearObstacles | None, site_map: SiteMap | None) -> Nea
 def step_away_m(obstacles: NearObstacles | None, edge_m: float) -> tuple[float, float] | None:
     """Return a step away from an obstacle that is too near, forward and right, metres.
 
-    None if nothing is too near, or if the step would lead too near to something else, or end nearer
-    than `edge_m` to the edge of the ground.
+    None if nothing is, or if the step led too near to something else or to an edge (`edge_m`).
     """
     if obstacles is None or obstacles.nearest_m >= _INTRUSION_M:
         return None
@@ -108,10 +107,7 @@ def step_away_m(obstacles: NearObstacles | None, edge_m: float) -> tuple[float, 
 
 
 def push_away_mps(obstacles: NearObstacles | None) -> tuple[float, float]:
-    """Return the velocity away from obstacles that are too near, forward and right, m/s.
-
-    Nearer points weigh more. Between two obstacles the drone stays in the middle.
-    """
+    """Return the velocity away from what is too near, forward and right, m/s."""
     if obstacles is None:
         return 0.0, 0.0
     points_m = np.vstack([obstacles.points_m, obstacles.edges_m])
@@ -149,10 +145,7 @@ class GivingWay:
         *,
         now_s: float,
     ) -> Velocity | None:
-        """Return the velocity that gives way, in the body frame; None when nothing comes too near.
-
-        `now_s` is the time of the mission clock.
-        """
+        """Return the velocity that gives way, in the body frame; None when nothing is too near."""
         if site_map is None or not site_map.movers:
             self._way = None
             return None
@@ -192,10 +185,7 @@ class GivingWay:
 
 
 def _with_hidden(site_map: SiteMap, obstacles: NearObstacles | None) -> SiteMap:
-    """Return the map with lost movers at an obstacle whose base is below the view.
-
-    They are assumed to come towards the drone, which a step to the side evades.
-    """
+    """Return the map with lost movers at obstacles below the view, coming towards the drone."""
     if obstacles is None or obstacles.unplaced_within(_HIDDEN_RAD) < _MIN_BEARINGS:
         return site_map
     ahead_rad = obstacles.unplaced_rad[np.abs(obstacles.unplaced_rad) < _HIDDEN_RAD]
@@ -205,8 +195,9 @@ def _with_hidden(site_map: SiteMap, obstacles: NearObstacles | None) -> SiteMap:
     x_m, y_m, movers = pose.x_m + _HIDDEN_M * ux, pose.y_m + _HIDDEN_M * uy, list(site_map.movers)
     for place, each in enumerate(movers):
         if site_map.captured_s - each.seen_s > _LOST_S:
-            mps = {"x_mps": -each.std_mps * ux, "y_mps": -each.std_mps * uy}
-            movers[place] = replace(each, x_m=x_m, y_m=y_m, **mps, std_m=0.0, std_mps=0.0)
+            x_mps, y_mps = -each.std_mps * ux, -each.std_mps * uy
+            exact = replace(each, std_m=0.0, std_mps=0.0)
+            movers[place] = replace(exact, x_m=x_m, y_m=y_m, x_mps=x_mps, y_mps=y_mps)
     return replace(site_map, movers=tuple(movers))
 
 

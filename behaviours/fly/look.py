@@ -217,7 +217,7 @@ class CanReturn(Leaf):
     """
 
     condition = True
-    ports = (number("reserve", 0.15, 0, 1, "share of the battery left after the landing, 0 to 1"),)
+    ports = (number("reserve", 0.15, 0, 1, "share of the battery left after the landing"),)
     reads = (BATTERY_SHARE, BATTERY_PER_MIN, FLYING, HOME, SITE_MAP)
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -268,7 +268,7 @@ class Say(Leaf):
     answers = (Status.SUCCESS,)
     ports = (
         Port("text", str, check=parse_text, doc=_TEXT),
-        Port("level", str, "info", "kind of the event", choices=("info", "warning")),
+        Port("level", str, "info", "info or warning", choices=("info", "warning")),
     )
 
     def update(self) -> Status:

@@ -1,7 +1,4 @@
-"""Leaves that choose objects of the site map, and places from which to look at them.
-
-They do not move the drone.
-"""
+"""Leaves that choose objects of the site map, and places from which to look at them."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 # Obstacles beyond the front plane of the corridor, 2 m, stop no step. Chosen.
 NETWORK_AHEAD_M: Final = 2.5
 _FROM: Final = "from the drone's centre, m"
-_MODEL: Final = "'depth' or 'any' (where `Segment` gives none), 'contact', or an ONNX file"
+_MODEL: Final = "'depth' or 'any' (where `Segment` gives none), 'contact' (none), or an ONNX file"
 _SOURCES: Final = ("fused", "network", "contact")
 _SOURCE: Final = "'network', or 'fused': by ground contact where it is known"
 _AHEAD: Final = "fused: run the network for unmeasured obstacles nearer than this, m; 20: always"

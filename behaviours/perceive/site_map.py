@@ -31,7 +31,8 @@ class TrackMotion(Leaf):
         """Make the odometry."""
         from perception.odometry.ground import GroundOdometry  # noqa: PLC0415  (OpenCV is heavy)
 
-        self._odometry = GroundOdometry(mission.sight and mission.sight.motion)
+        sight = mission.sight
+        self._odometry = GroundOdometry(None if sight is None else sight.motion)
         self._timer = StageTimer(mission, "odometry")
         self._last_s = -1.0
 

@@ -53,9 +53,8 @@ _HYSTERESIS_M: Final = 0.15
 def ground_reach(roles: NDArray[np.uint8], view: PolicyView) -> float:
     """Return the length of the ground ahead of the camera, metres; inf when no end is in view.
 
-    0 if no ground within 20 m is in view. Boxes and the mark stand on the ground, so they count as
-    ground. The floor below the image's lower edge counts as ground if the lowest visible rows show
-    ground.
+    0 if no ground within 20 m is in view. What stands on the ground counts as ground, and so does
+    the floor below the image's lower edge if the lowest visible rows show ground.
     """
     height_m = max(view.height_above_ground_m, MIN_VIEW_HEIGHT_M)
     shown_m = min(nearest_ground_m(view) + _SHOWN_M, _FARTHEST_M)  # of a high or level camera

@@ -11,18 +11,14 @@ the number of pixels that show the same ground, and the thresholds with them. A 
 ground as near; both ranges then count from the nearest ground in view.
 
 - The *high* rectangle asks whether a box stands in the way. Its upper edge is the row that sees the
-  ground `obstacle_range_m` ahead: a box whose base is further away does not reach into it. Its
-  lower edge is the image's. A nearer box that reaches the flight altitude fills it from top to
-  bottom at any distance.
+  ground `OBSTACLE_RANGE_M` ahead: a box whose base is further away does not reach into it. Its
+  lower edge is the image's. A nearer box at the flight altitude fills it from top to bottom.
 - The *low* rectangle asks whether the ground goes on. It spans the ground from the nearest place
-  that the view of the thresholds shows to `ground_range_m`. Boxes and the mark stand on the ground,
-  so they count as ground.
+  that the view of the thresholds shows to `GROUND_RANGE_M`. What stands on it counts as ground.
 
-Both rectangles are as wide as the image of the swept path with its margins at the distance in
-question.
-
-A third test uses the map instead of the view: a step must keep `margin_m` from every recently seen
-obstacle, because a forward-looking camera does not see the obstacles beside the drone.
+Both are as wide as the image of the swept path with its margins at that distance. A third test uses
+the map: a step must keep a margin from every recently seen obstacle, because a forward-looking
+camera does not see the obstacles beside the drone.
 """
 
 from __future__ import annotations

@@ -164,10 +164,7 @@ class MoverTrack:
             self.trail = [past for past in self.trail if past[0] >= oldest_s]
 
     def _keeps_to_line(self, sure: float) -> bool:
-        """Return whether its last places lie on a straight line, at a constant speed.
-
-        `sure` is the least ratio of the speed to its standard deviation.
-        """
+        """Return whether it keeps to a line, at a speed of `sure` standard deviations or more."""
         self._line = [place for place in self._line if place[0] >= self.seen_s - LINE_S]
         if len(self._line) < SIGHTINGS:
             return False

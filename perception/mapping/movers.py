@@ -70,10 +70,7 @@ _BEARINGS: Final = 3  # least number of bearings, a degree apart; fewer are spec
 
 
 def find_arrivals(seen: Landmarks, known: Landmarks, on_ground: Flags, owned: Flags) -> Flags:
-    """Return which bases of a view have arrived, (N,): on ground seen before, or owned by a mover.
-
-    `known` are the map's bases, `owned` (N,) the points within a mover's circle.
-    """
+    """Return which bases of a view have arrived, (N,): on ground seen before, or of a mover."""
     if not len(seen):
         return np.zeros(0, dtype=bool)
     time_s = float(seen.seen_s[0])
@@ -198,10 +195,7 @@ class MoverTracker:
         self.moved_s = time_s
 
     def may_be_at(self, place_m: Floats, time_s: float) -> bool:
-        """Return whether a known mover may be at a place, (2,) in the map's frame, at a time.
-
-        A mover that just left the view may be at any place near the drone.
-        """
+        """Return whether a mover may be at a place, (2,); one just out of view may be at any."""
         return any(
             time_s - mover.seen_s > LOST_S
             or math.dist(place_m, (mover.x_m, mover.y_m)) <= mover.std_m + _SAME_M
@@ -234,10 +228,7 @@ class MoverTracker:
         return np.array(places_m).reshape(-1, 2)
 
     def may_move_m(self, time_s: float) -> Floats:
-        """Return the movers and possible movers in a view, (K, 2) in the map's frame.
-
-        After a recent movement, an obstacle that has arrived and stands may be a waiting mover.
-        """
+        """Return the movers in a view, (K, 2); after a movement also what may be a waiting one."""
         least = SIGHTINGS if time_s - self.moved_s <= WAITS_S else math.inf
         shown = [
             one.place_m
