@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from perception.mapping.legs import Covered, cover_below
-from uav_bt.compiled import compiled
 from uav_bt.lab.classes import GROUND, NO_ROLE, OBSTACLE, OUTSIDE
 from uav_bt.types import CameraModel, ClassMap, Frame
 from uav_bt.types.arrays import Flags, Floats, Indices
@@ -76,16 +76,14 @@ def scan_ground(class_map: ClassMap, frame: Frame, camera: CameraModel) -> Groun
     widest = math.atan(math.tan(half_view) / max(math.cos(lowest), 0.2))
     bearings = np.arange(-widest, widest, _BEARING_STEP_RAD)
     elevations = np.arange(lowest, min(_MAX_ELEVATION_RAD, pitch_rad + 0.6), _ELEVATION_STEP_RAD)
-    image_roles = class_map.roles
-    level_m, ids, roles = _sampled(
-        np.ascontiguousarray(class_map.ids),
-        image_roles,
-        np.column_stack([np.cos(bearings), np.sin(bearings)]),
-        height_m / np.tan(-elevations),
-        height_m,
-        camera_axes(pitch_rad),
-        camera.pinhole_px,
-    )
+    directions = np.column_stack([np.cos(bearings), np.sin(bearings)])
+    level_m = directions[:, None] * (height_m / np.tan(-elevations))[:, None]
+    columns, lines = map(np.rint, ground_pixels(level_m, height_m, camera, pitch_rad))
+    inside = (columns >= 0) & (columns < width_px) & (lines >= 0) & (lines < height_px)
+    pixels = lines[inside].astype(np.intp), columns[inside].astype(np.intp)
+    ids = np.full(inside.shape, NO_ROLE, dtype=np.uint8)
+    roles, image_roles = ids.copy(), class_map.roles
+    ids[inside], roles[inside] = class_map.ids[pixels], image_roles[pixels]
     classes, covered = class_map.classes, None
     on_legs = classes.legs_m > 0.0
     on_legs[classes.top_of[on_legs]] = True
@@ -108,7 +106,7 @@ def find_bases(scan: GroundScan) -> Bases:
     return Bases(
         placed_m=_borders_m(scan, *placed),
         placed_ids=scan.ids[placed],
-        placed_heights_m=_upper_edges(scan.level_m, scan.ids, *placed, scan.top_of, scan.height_m),
+        placed_heights_m=_upper_edges(scan, *placed),
         hidden_m=scan.level_m[hidden],
         hidden_tall=_are_tall(scan, rows[hides]) & ~scan.on_legs[scan.ids[hidden]],
         edges_m=_borders_m(scan, edge_rows[ends], edge[ends]),
@@ -130,113 +128,55 @@ def _borders_m(scan: GroundScan, rows: Indices, first: Indices) -> Floats:
     return np.asarray((scan.level_m[rows, first] + scan.level_m[rows, first - 1]) / 2)
 
 
-@compiled(
-    "Tuple((float64[:, :, ::1], uint8[:, ::1], uint8[:, ::1]))"
-    "(Array(uint8, 2, 'C', readonly=True), uint8[:, ::1], float64[:, ::1], float64[::1], float64,"
-    " float64[:, ::1], UniTuple(float64, 4))"
-)
-def _sampled(  # noqa: PLR0917 - Numba passes arguments by position
-    image_ids: Ids,
-    image_roles: Ids,
-    directions: Floats,
-    ranges_m: Floats,
-    height_m: float,
-    axes: Floats,
-    pinhole_px: tuple[float, float, float, float],
-) -> tuple[Floats, Ids, Ids]:
-    """Sample a class map on a polar grid of the ground; return the first fields of `GroundScan`.
+def ground_pixels(
+    points_m: Floats, height_m: float, camera: CameraModel, pitch_rad: float
+) -> tuple[Floats, Floats]:
+    """Return the columns and rows of points, (..., 2), of the ground; NaN behind the camera.
 
-    Args:
-        image_ids: (H, W) class ids.
-        image_roles: (H, W) role ids.
-        directions: (B, 2) cosine and sine of each bearing.
-        ranges_m: (E,) horizontal range of the samples on a bearing.
-        height_m: height of the camera.
-        axes: (3, 3) rotation from the camera frame to the level frame.
-        pinhole_px: focal lengths and principal point: fx, fy, cx, cy.
+    They are those of `project`, but the order of the sums is the same on all processors.
     """
-    fx, fy, cx, cy = pinhole_px
-    shape = len(directions), len(ranges_m)
-    level_m = np.empty((shape[0], shape[1], 2))
-    ids = np.full(shape, NO_ROLE, dtype=np.uint8)
-    roles = np.full(shape, NO_ROLE, dtype=np.uint8)
-    for bearing in range(shape[0]):
-        for sample in range(shape[1]):
-            forward_m = directions[bearing, 0] * ranges_m[sample]
-            right_m = directions[bearing, 1] * ranges_m[sample]
-            level_m[bearing, sample, 0] = forward_m
-            level_m[bearing, sample, 1] = right_m
-            depth = forward_m * axes[0, 2] + right_m * axes[1, 2] + height_m * axes[2, 2]
-            if not depth > 1e-9:  # behind the camera, as `project` has it
-                continue
-            x = forward_m * axes[0, 0] + right_m * axes[1, 0] + height_m * axes[2, 0]
-            y = forward_m * axes[0, 1] + right_m * axes[1, 1] + height_m * axes[2, 1]
-            column, row = np.rint(fx * x / depth + cx), np.rint(fy * y / depth + cy)
-            inside = 0 <= column < image_ids.shape[1] and 0 <= row < image_ids.shape[0]
-            if inside:
-                ids[bearing, sample] = image_ids[int(row), int(column)]
-                roles[bearing, sample] = image_roles[int(row), int(column)]
-    return level_m, ids, roles
+    axes = camera_axes(pitch_rad)
+    forward_m, right_m = points_m[..., 0], points_m[..., 1]
+    x, y, depth = (forward_m * a + right_m * b + height_m * c for a, b, c in axes.T)
+    depth[~(depth > 1e-9)] = np.nan
+    fx, fy, cx, cy = camera.pinhole_px
+    return fx * x / depth + cx, fy * y / depth + cy
 
 
-@compiled(
-    "Tuple((intp[::1], intp[::1], uint8[::1]))(Array(uint8, 2, 'C', readonly=True), int64, int64)"
-)
 def first_runs(sampled: Ids, role: int, min_run: int) -> tuple[Indices, Indices, Ids]:
     """Find the nearest run of a role on each bearing of (B, E) role ids.
 
-    Returns:
-        The bearings with a run, the index of its first sample, and the role before it.
+    Return the bearings with a run, the index of its first sample, and the role before it.
     """
-    rows = np.empty(len(sampled), dtype=np.intp)
-    first = np.empty(len(sampled), dtype=np.intp)
-    before = np.empty(len(sampled), dtype=np.uint8)
-    found = 0
-    for bearing in range(sampled.shape[0]):
-        run = 0
-        for sample in range(sampled.shape[1]):
-            run = run + 1 if sampled[bearing, sample] == role else 0
-            if run == min_run:
-                begin = sample - run + 1
-                rows[found], first[found] = bearing, begin
-                before[found] = sampled[bearing, begin - 1] if begin > 0 else NO_ROLE
-                found += 1
-                break
-    return rows[:found], first[:found], before[:found]
+    padded = np.pad(sampled == role, ((0, 0), (0, min_run)))
+    begins = sliding_window_view(padded, min_run, axis=1).all(axis=-1)
+    rows, first = np.flatnonzero(begins.any(axis=1)), begins.argmax(axis=1)
+    first = first[rows]
+    return rows, first, np.where(first > 0, sampled[rows, first - 1], np.uint8(NO_ROLE))
 
 
-@compiled(
-    "float64[::1](float64[:, :, ::1], uint8[:, ::1], intp[::1], intp[::1],"
-    " Array(uint8, 1, 'C', readonly=True), float64)"
-)
-def _upper_edges(  # noqa: PLR0917 - Numba passes arguments by position
-    level_m: Floats, ids: Ids, rows: Indices, first: Indices, roof_of: Ids, height_m: float
-) -> Floats:
+def _upper_edges(scan: GroundScan, rows: Indices, first: Indices) -> Floats:
     """Return the heights of the upper edges of sides above the ground, (N,) metres.
 
     A side is vertical, so its upper edge has the range of its base. The edge is known where the
-    roof above it is in view; NaN where the side does not end at two samples of its roof.
-
-    Args:
-        level_m: (B, E, 2) samples of a scan, metres forward and right.
-        ids: (B, E) their class ids.
-        rows: (N,) bearings of the sides.
-        first: (N,) index of the first sample of each side, not 0.
-        roof_of: (C,) class of the roof on the sides of each class; 0 without one.
-        height_m: height of the camera above the ground.
+    roof above it is in view; NaN where the side does not end at two samples of its roof. The sides
+    begin at the samples `first`, not 0, of the bearings `rows`.
     """
-    heights_m = np.full(len(rows), np.nan)
-    for side in range(len(rows)):
-        row, base, end = rows[side], first[side], first[side]
-        class_id = ids[row, base]
-        while end < ids.shape[1] and ids[row, end] == class_id:
-            end += 1
-        roof = roof_of[class_id]
-        if roof == 0 or end + 1 >= ids.shape[1]:
-            continue
-        if ids[row, end] == roof and ids[row, end + 1] == roof:
-            ranges_m = np.hypot(level_m[row, :, 0], level_m[row, :, 1])
-            base_m = (ranges_m[base - 1] + ranges_m[base]) / 2.0
-            slope = (height_m / ranges_m[end - 1] + height_m / ranges_m[end]) / 2.0
-            heights_m[side] = height_m - base_m * slope
+    ids = np.pad(scan.ids[rows], ((0, 0), (0, 2)), constant_values=NO_ROLE)
+    sides = np.arange(len(rows))
+    own = ids[sides, first]
+    others = (ids != own[:, None]) & (np.arange(ids.shape[1]) > first[:, None])
+    end, roof = others.argmax(axis=1), scan.top_of[own]
+    known = (roof != 0) & (ids[sides, end] == roof) & (ids[sides, end + 1] == roof)
+    rows, first, end = rows[known], first[known], end[known]
+    base_m = (_range_m(scan, rows, first - 1) + _range_m(scan, rows, first)) / 2.0
+    slope = scan.height_m / _range_m(scan, rows, end - 1) + scan.height_m / _range_m(
+        scan, rows, end
+    )
+    heights_m = np.full(len(known), np.nan)
+    heights_m[known] = scan.height_m - base_m * (slope / 2.0)
     return heights_m
+
+
+def _range_m(scan: GroundScan, rows: Indices, samples: Indices) -> Floats:
+    return np.asarray(np.hypot(*scan.level_m[rows, samples].T))

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.mapping.view import View
-from uav_bt.compiled import compiled
 from uav_bt.lab.classes import GROUND, MARK, NO_ROLE, OUTSIDE
-from uav_bt.types.arrays import Flags, Floats, Indices
+from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.site_map import is_beyond_edge
 
 CELL_M: Final = 0.1  # side of a cell; chosen
@@ -57,18 +56,23 @@ class GroundGrid:
     def add(self, view: View) -> None:
         """Add the ground in a view, which is placed in the map's frame."""
         scan, lens = view.scan, view.lens
-        used, outside = _vote(
-            scan.level_m,
-            scan.roles,
-            (lens.x_m, lens.y_m, math.cos(lens.yaw_rad), math.sin(lens.yaw_rad)),
-            view.captured_s,
-            self._beyond,
-            self.seen_s,
-            self.free,
-        )
-        self.full |= outside
-        if used[0, 0] <= used[1, 0]:
-            self._use(used)
+        votes = np.isin(scan.roles, (GROUND, OUTSIDE))
+        votes &= np.hypot(scan.level_m[..., 0], scan.level_m[..., 1]) <= _MAX_RANGE_M
+        ground, (ahead_m, right_m) = scan.roles[votes] == GROUND, scan.level_m[votes].T
+        cos, sin = math.cos(lens.yaw_rad), math.sin(lens.yaw_rad)
+        x_m, y_m = ahead_m * cos - right_m * sin, ahead_m * sin + right_m * cos
+        cells = _cells(np.column_stack([x_m + lens.x_m, y_m + lens.y_m]))
+        inside = _inside(cells)
+        self.full |= bool((ground & ~inside).any())
+        if inside.any():
+            self._use(cells[inside])
+            codes = cells[inside] @ (_SIDE, 1)
+            more = np.bincount(codes, np.where(ground[inside], 1.0, -1.0), minlength=_SIDE**2)
+            more_ground = more.reshape(_SIDE, _SIDE)  # samples of ground less those beyond
+            beyond = self._beyond - np.sign(more_ground).astype(np.int8)
+            self._beyond = np.clip(beyond, -_MAX_VOTES, _MAX_VOTES)
+            self.seen_s[more_ground > 0.0] = view.captured_s
+            self.free[more_ground > 0.0] = True
         self._clear_below(view)
 
     def _clear_below(self, view: View) -> None:
@@ -163,60 +167,3 @@ def _cells(places_m: Floats) -> NDArray[np.intp]:
 
 def _inside(cells: NDArray[np.intp]) -> Flags:
     return np.asarray(((cells >= 0) & (cells < _SIDE)).all(axis=-1))
-
-
-@compiled(
-    "Tuple((intp[:, ::1], boolean))(float64[:, :, ::1], uint8[:, ::1], UniTuple(float64, 4),"
-    " float64, int8[:, ::1], float64[:, ::1], boolean[:, ::1])"
-)
-def _vote(  # noqa: PLR0917 - Numba passes arguments by position
-    level_m: Floats,
-    roles: NDArray[np.uint8],
-    lens_at: tuple[float, float, float, float],
-    captured_s: float,
-    beyond: NDArray[np.int8],
-    seen_s: Floats,
-    free: Flags,
-) -> tuple[Indices, bool]:
-    """Let the samples of a view vote whether cells are ground or beyond its end.
-
-    Args:
-        level_m: (B, E, 2) samples, forward and right of the point below the camera.
-        roles: (B, E) their role ids.
-        lens_at: x and y of the camera in the map's frame, m; cosine and sine of its heading.
-        captured_s: capture time.
-        beyond: (S, S) votes of all views, changed.
-        seen_s: (S, S) capture times, changed.
-        free: (S, S) cells free of obstacles, changed.
-
-    Returns:
-        (2, 2) the lowest and the highest row and column with a sample, the lowest above the highest
-        without any; and whether ground lay outside the grid.
-    """
-    x_m, y_m, cos, sin = lens_at
-    more_ground = np.zeros((_SIDE, _SIDE), dtype=np.int32)  # samples of ground less those beyond
-    used = np.array([[_SIDE, _SIDE], [-1, -1]], dtype=np.intp)
-    outside = False
-    for bearing in range(roles.shape[0]):
-        for sample in range(roles.shape[1]):
-            role = roles[bearing, sample]
-            forward_m, right_m = level_m[bearing, sample, 0], level_m[bearing, sample, 1]
-            if role not in (GROUND, OUTSIDE) or (np.hypot(forward_m, right_m) > _MAX_RANGE_M):
-                continue
-            row = int(np.rint((forward_m * cos - right_m * sin + x_m) / CELL_M)) + _MIDDLE
-            column = int(np.rint((forward_m * sin + right_m * cos + y_m) / CELL_M)) + _MIDDLE
-            if 0 <= row < _SIDE and 0 <= column < _SIDE:
-                more_ground[row, column] += 1 if role == GROUND else -1
-                used[0, 0], used[0, 1] = min(used[0, 0], row), min(used[0, 1], column)
-                used[1, 0], used[1, 1] = max(used[1, 0], row), max(used[1, 1], column)
-            elif role == GROUND:
-                outside = True
-    for row in range(used[0, 0], used[1, 0] + 1):
-        for column in range(used[0, 1], used[1, 1] + 1):
-            if more_ground[row, column] > 0:
-                beyond[row, column] = max(beyond[row, column] - 1, -_MAX_VOTES)
-                seen_s[row, column] = captured_s
-                free[row, column] = True
-            elif more_ground[row, column] < 0:
-                beyond[row, column] = min(beyond[row, column] + 1, _MAX_VOTES)
-    return used, outside

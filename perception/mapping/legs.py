@@ -38,15 +38,15 @@ class Covered:
     ranges_m: Floats
 
     def holds(self, points_m: Floats) -> Flags:
-        """Return which points, (N, 2) from the point below the camera, lie on such ground."""
-        places_rad = np.arctan2(points_m[:, 1], points_m[:, 0])
+        """Return which points, (..., 2) from the point below the camera, lie on such ground."""
+        places_rad = np.arctan2(points_m[..., 1], points_m[..., 0])
         after = np.clip(
             np.searchsorted(self.bearings_rad, places_rad), 1, len(self.bearings_rad) - 1
         )
         middles_rad = (self.bearings_rad[after - 1] + self.bearings_rad[after]) / 2
-        near_m, far_m = self.ranges_m[after - (places_rad < middles_rad)].T
-        ranges_m = np.hypot(points_m[:, 0], points_m[:, 1])
-        return np.asarray((ranges_m >= near_m) & (ranges_m <= far_m))
+        bounds_m = self.ranges_m[after - (places_rad < middles_rad)]
+        ranges_m = np.hypot(points_m[..., 0], points_m[..., 1])
+        return np.asarray((ranges_m >= bounds_m[..., 0]) & (ranges_m <= bounds_m[..., 1]))
 
 
 def cover_below(

@@ -14,13 +14,13 @@ from perception.mapping.contact_scan import (
     Bases,
     GroundScan,
     find_bases,
+    ground_pixels,
     scan_ground,
 )
-from uav_bt.compiled import compiled
 from uav_bt.lab.classes import GROUND
 from uav_bt.types import CameraModel, ClassMap, Frame, Pose2D
 from uav_bt.types.arrays import Flags, Floats
-from uav_bt.types.projection import camera_axes, project
+from uav_bt.types.projection import project
 
 # Points further from the camera are not placed. At 1.5 m height and this range one row of the class
 # map is 5 cm of ground.
@@ -63,19 +63,15 @@ class View:
     ) -> Self | None:
         """Return the view of a frame; None when the camera looks too far down.
 
-        Args:
-            class_map: class map of `frame`.
-            frame: its gimbal pitch and height place its points.
-            camera: intrinsics at the class map's size.
-            pose: dead-reckoned pose of the body at the frame's capture.
+        The camera is at the class map's size; the pose is the dead-reckoned one of the body at
+        capture.
         """
         if frame.gimbal_pitch_rad < _MIN_PITCH_RAD:
             return None
         scan = scan_ground(class_map, frame, camera)
         contacts, height_m = find_bases(scan), frame.height_above_ground_m
-        firm = _have_neighbours(contacts.placed_m)
         legs = class_map.classes.legs_m[contacts.placed_ids] > 0.0
-        firm |= legs & _stand_out(contacts.placed_m)
+        firm = _are_firm(contacts.placed_m, legs)
         firm &= np.hypot(*contacts.placed_m.T) <= _reach_m(height_m)
         near = np.hypot(*contacts.edges_m.T) <= _reach_m(height_m)
         return cls(
@@ -116,12 +112,7 @@ class View:
         )
         return replace(
             self,
-            contacts=replace(
-                self.contacts,
-                placed_m=self.contacts.placed_m[placed],
-                placed_ids=self.contacts.placed_ids[placed],
-                placed_heights_m=self.contacts.placed_heights_m[placed],
-            ),
+            contacts=replace(self.contacts, placed_m=self.contacts.placed_m[placed]),
             bases_m=self.bases_m[bases],
             base_ids=self.base_ids[bases],
             base_heights_m=self.base_heights_m[bases],
@@ -136,27 +127,22 @@ class View:
 
         Ground below the board of an object on legs is not free.
         """
-        places_m = np.ascontiguousarray(points_m.reshape(-1, 2))
-        inside, shows = _looked_up(
-            places_m,
-            max(self.height_m, MIN_HEIGHT_M),
-            self.scan.image_roles,
-            camera_axes(self.pitch_rad),
-            self.camera.pinhole_px,
-        )
+        height_m, roles = max(self.height_m, MIN_HEIGHT_M), self.scan.image_roles
+        columns, rows = ground_pixels(points_m, height_m, self.camera, self.pitch_rad)
+        last_row, last_column = roles.shape[0] - 1, roles.shape[1] - 1
+        inside = (columns >= 0) & (columns <= last_column) & (rows >= 0) & (rows <= last_row)
+        shows = np.zeros(inside.shape, dtype=bool)
+        pixels = np.rint(rows[inside]).astype(np.intp), np.rint(columns[inside]).astype(np.intp)
+        shows[inside] = roles[pixels] == GROUND
         if self.scan.covered is not None:
-            shows &= ~self.scan.covered.holds(places_m)
-        shape = points_m.shape[:-1]
-        return inside.reshape(shape), shows.reshape(shape)
+            shows &= ~self.scan.covered.holds(points_m)
+        return inside, shows
 
     def is_cut(self, arrived: Flags) -> Flags:
         """Return which of `bases_m` may be followed by more of the same obstacle, (N,).
 
         It goes on beyond the end of the image, behind a nearer obstacle, beyond the reach of the
-        map, or with bases that have not arrived.
-
-        Args:
-            arrived: (N,) bases on ground that was seen free before.
+        map, or with bases that have not `arrived`, (N,), on ground that was seen free before.
         """
         down_m = np.full((len(self.bases_m), 1), self.height_m)
         columns = project(np.hstack([self.bases_m, down_m]), self.camera, self.pitch_rad)[:, 0]
@@ -183,68 +169,17 @@ def _reach_m(height_m: float) -> float:
     return min(MAX_RANGE_M, _MAX_RANGE_RATIO * height_m)
 
 
-def _have_neighbours(points_m: Floats) -> Flags:
-    """Return which points, sorted by bearing, have another point beside them."""
-    ranges_m, bearings_rad = np.hypot(*points_m.T), np.arctan2(*points_m.T[::-1])
-    alike = (np.abs(np.diff(bearings_rad)) <= _BESIDE_RAD) & (
-        np.abs(np.diff(ranges_m)) <= _BESIDE_M
-    )
-    found = np.zeros(len(points_m), dtype=bool)
-    found[1:] |= alike
-    found[:-1] |= alike
-    return found
+def _are_firm(points_m: Floats, legs: Flags) -> Flags:
+    """Return which points, sorted by bearing, have another one beside them, or are legs.
 
-
-def _stand_out(points_m: Floats) -> Flags:
-    """Return which points, sorted by bearing, are nearer than those on the bearings beside them.
-
-    A leg may be as narrow as one bearing.
+    A leg may be as narrow as one bearing; it is nearer than what the bearings beside it show.
     """
     ranges_m, bearings_rad = np.hypot(*points_m.T), np.arctan2(*points_m.T[::-1])
-    beside = np.diff(bearings_rad) <= _BESIDE_RAD
-    nearer = np.ones(len(points_m), dtype=bool)
-    nearer[1:] &= ~beside | (np.diff(ranges_m) < 0.0)
-    nearer[:-1] &= ~beside | (np.diff(ranges_m) > 0.0)
-    return nearer
-
-
-@compiled(
-    "Tuple((boolean[::1], boolean[::1]))"
-    "(float64[:, ::1], float64, uint8[:, ::1], float64[:, ::1], UniTuple(float64, 4))"
-)
-def _looked_up(
-    points_m: Floats,
-    height_m: float,
-    image_roles: NDArray[np.uint8],
-    axes: Floats,
-    pinhole_px: tuple[float, float, float, float],
-) -> tuple[Flags, Flags]:
-    """Look up points of the ground, (N, 2), in an image of role ids.
-
-    Args:
-        points_m: (N, 2) forward and right of the point below the camera.
-        height_m: height of the camera.
-        image_roles: (H, W) role ids.
-        axes: (3, 3) rotation from the camera frame to the level frame.
-        pinhole_px: focal lengths and principal point: fx, fy, cx, cy.
-
-    Returns:
-        (N,) whether a point lies in the image, and (N,) whether the image shows ground there.
-    """
-    fx, fy, cx, cy = pinhole_px
-    last_row, last_column = image_roles.shape[0] - 1, image_roles.shape[1] - 1
-    inside = np.zeros(len(points_m), dtype=np.bool_)
-    shows = np.zeros(len(points_m), dtype=np.bool_)
-    for place in range(len(points_m)):
-        forward_m, right_m = points_m[place, 0], points_m[place, 1]
-        depth = forward_m * axes[0, 2] + right_m * axes[1, 2] + height_m * axes[2, 2]
-        if not depth > 1e-9:  # behind the camera, as `project` has it
-            continue
-        x = forward_m * axes[0, 0] + right_m * axes[1, 0] + height_m * axes[2, 0]
-        y = forward_m * axes[0, 1] + right_m * axes[1, 1] + height_m * axes[2, 1]
-        column, row = fx * x / depth + cx, fy * y / depth + cy
-        if 0 <= column <= last_column and 0 <= row <= last_row:
-            inside[place] = True
-            role = image_roles[int(np.rint(row)), int(np.rint(column))]
-            shows[place] = role == GROUND
-    return inside, shows
+    beside, further_m = np.diff(bearings_rad) <= _BESIDE_RAD, np.diff(ranges_m)
+    alike = beside & (np.abs(further_m) <= _BESIDE_M)
+    firm, nearer = np.zeros(len(points_m), dtype=bool), legs.copy()
+    nearer[1:] &= ~beside | (further_m < 0.0)
+    nearer[:-1] &= ~beside | (further_m > 0.0)
+    firm[1:] |= alike
+    firm[:-1] |= alike
+    return firm | nearer
