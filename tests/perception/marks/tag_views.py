@@ -1,7 +1,5 @@
 """Views of a level picture at a known place, warped without a renderer, and of class maps."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -22,9 +20,7 @@ _PX_PER_M = 400.0  # of a drawn floor
 _FINER = 3  # the view is warped larger and shrunk, which smooths it as a lens does
 
 
-def tag_mark(
-    *, kind: str = "apriltag", height_m: float = 0.2, options: dict[str, Any] | None = None
-) -> LandingMark:
+def tag_mark(*, kind: str = "apriltag", height_m: float = 0.2, options: Any = None) -> LandingMark:
     """Return a mark of half a metre with tag 7 of 0.36 m."""
     tag = {"id": 7, "size_m": 0.36} if options is None else options
     return LandingMark(kind=kind, length_m=0.5, width_m=0.5, height_m=height_m, options=tag)
@@ -49,8 +45,8 @@ def view_of(
     up = np.array([math.cos(up_rad), math.sin(up_rad), 0.0]) * mark.width_m / 2.0
     right = np.array([-math.sin(up_rad), math.cos(up_rad), 0.0]) * mark.length_m / 2.0
     middle = np.array([forward_m, right_m, camera_m - mark.height_m])
-    corners = np.array([middle - right + up, middle + right + up, middle + right - up])
-    corners = np.vstack([corners, middle - right - up])
+    aside, ahead = np.array([-1, 1, 1, -1])[:, None], np.array([1, 1, -1, -1])[:, None]
+    corners = middle + aside * right + ahead * up
     pixels = project(corners, CAMERA, math.radians(pitch_deg))
     width, height = picture.shape[1] - 0.5, picture.shape[0] - 0.5
     edges = np.array([(-0.5, -0.5), (width, -0.5), (width, height), (-0.5, height)], np.float32)

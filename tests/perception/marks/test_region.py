@@ -1,7 +1,5 @@
 """A region of one class as landing mark: its place at any height, and regions that are refused."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -12,7 +10,7 @@ from numpy.typing import NDArray
 
 from perception.marks.region import RegionFinder
 from tests.paper_lab import paper_map
-from tests.perception.marks.tag_views import CAMERA, view_of_classes
+from tests.perception.marks.tag_views import CAMERA, tag_mark, view_of_classes
 from uav_bt.errors import InputError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.landing_marks import MarkSighting
@@ -26,9 +24,7 @@ CAMERA_M = 1.5
 
 
 def mark(height_m: float = 0.2, options: dict[str, Any] | None = None) -> LandingMark:
-    return LandingMark(
-        kind="region", length_m=0.5, width_m=0.5, height_m=height_m, options=options or {}
-    )
+    return tag_mark(kind="region", height_m=height_m, options=options or {})
 
 
 def drawn(height_m: float, forward_m: float, pitch_deg: float, side_m: float = 0.5) -> ClassMap:
@@ -53,44 +49,35 @@ def seen(
 @pytest.mark.parametrize(
     ("forward_m", "pitch_deg"), [(0.0, -90.0), (1.0, -50.0), (2.0, -35.0), (3.5, -25.0)]
 )
-def test_the_place_is_right_at_any_height(
-    height_m: float, forward_m: float, pitch_deg: float
-) -> None:
+def test_the_place_at_any_height(height_m: float, forward_m: float, pitch_deg: float) -> None:
     found = seen(drawn(height_m, forward_m, pitch_deg), pitch_deg, of=mark(height_m))
-
     assert found.forward_m - CAMERA.forward_offset_m == pytest.approx(forward_m, abs=0.03)
     assert found.right_m == pytest.approx(0.0, abs=0.02)
     assert (found.height_m, found.heading_deg) == (height_m, None)
     assert found.confidence > 0.8
 
 
-@pytest.mark.parametrize(
-    ("forward_m", "side_m", "least", "most"),
-    [(0.0, 0.5, 0.9, 1.0), (0.45, 0.5, 0.2, 0.5), (0.0, 0.35, 0.45, 0.55)],
-    ids=["whole", "cut by the border", "half of the area"],
-)
-def test_a_cut_or_partial_region_is_trusted_less(
-    forward_m: float, side_m: float, least: float, most: float
-) -> None:
-    found = seen(drawn(0.2, forward_m, -90.0, side_m), -90.0, of=mark())
-
-    assert least < found.confidence <= most
+def test_a_cut_or_partial_region_is_trusted_less() -> None:
+    """The whole mark, one that the border cuts, and half of the area."""
+    for forward_m, side_m, least, most in (
+        (0.0, 0.5, 0.9, 1.0),
+        (0.45, 0.5, 0.2, 0.5),
+        (0.0, 0.35, 0.45, 0.55),
+    ):
+        found = seen(drawn(0.2, forward_m, -90.0, side_m), -90.0, of=mark())
+        assert least < found.confidence <= most
 
 
-def test_specks_and_empty_views_are_no_mark() -> None:
+def test_specks_empty_views_and_unknown_heights_have_no_place() -> None:
     empty = paper_map(ids=np.zeros((112, 224), np.uint8), captured_s=0.0)
     for class_map in (drawn(0.2, 1.0, -45.0, side_m=0.1), empty, None):
         assert seen(class_map, -45.0, of=mark()) is None
-
-
-@pytest.mark.parametrize("camera_m", [math.nan, 0.1])
-def test_without_a_height_above_the_mark_it_has_no_place(camera_m: float) -> None:
-    assert seen(drawn(0.2, 1.0, -45.0), -45.0, of=mark(), camera_m=camera_m) is None
+    for camera_m in (math.nan, 0.1):
+        assert seen(drawn(0.2, 1.0, -45.0), -45.0, of=mark(), camera_m=camera_m) is None
 
 
 def test_the_class_is_one_of_the_lab_with_the_role_mark() -> None:
     view = drawn(0.2, 1.0, -45.0)
-
     assert seen(view, -45.0, of=mark(options={"class": "helipad_h"})) is not None
     with pytest.raises(InputError, match="unknown class with the role mark 'helipad'"):
         seen(view, -45.0, of=mark(options={"class": "helipad"}))

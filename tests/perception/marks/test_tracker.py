@@ -1,7 +1,5 @@
 """The mark's track: latency, gating, doubt, heading."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any
@@ -47,25 +45,16 @@ def tracking(
     return tracker
 
 
-# --- the track ------------------------------------------------------------------------------------
-
-
-def test_without_telemetry_the_mark_is_known_only_in_frames_that_show_it() -> None:
-    tracker = MarkTracker()
-    assert tracker.fix() is None
-    assert see(tracker, 1.0, 0.5, captured_s=0.3, confidence=0.7)
-    assert place(tracker) == (1.0, 0.5)
-    assert (known(tracker).captured_s, known(tracker).confidence) == (0.3, 0.7)
-    tracker.see(None, 0.4)
-    assert tracker.fix() is None
-
-
 def test_the_first_sighting_is_the_fix() -> None:
-    """Telemetry alone gives none; place, capture time and confidence are those of the sighting."""
+    """Without telemetry the mark is known only in frames that show it."""
     tracker = MarkTracker()
+    assert tracker.fix() is None
+    assert see(tracker, 1.0, 0.5, captured_s=0.2, confidence=0.7)
+    assert place(tracker) == (1.0, 0.5)
+    assert (known(tracker).captured_s, known(tracker).confidence) == (0.2, 0.7)
+    tracker.see(None, 0.25)
     tracker.predict(state(0.3, yaw_rad=1.1))
     assert tracker.fix() is None
-
     assert see(tracker, 2.0, -0.5, captured_s=0.3, confidence=0.8)
     fix = known(tracker)
     assert place(tracker) == pytest.approx((2.0, -0.5))
@@ -83,7 +72,6 @@ def test_the_fix_stands_still_while_the_drone_moves(rate: float) -> None:
     for tick in range(1, 31):
         tracker.predict(flight.state(TICK_S * tick))
         tracker.see(None, TICK_S * tick)
-
     assert place(tracker) == pytest.approx(flight.pose(3.0).to_body(*pad), abs=0.02)
     assert (known(tracker).captured_s, known(tracker).detected) == (0.0, False)
 
@@ -96,70 +84,48 @@ def test_a_late_frame_counts_from_where_it_was_captured() -> None:
         tracker.predict(flight.state(TICK_S * tick))
     seen, truth = flight.pose(0.75).to_body(*pad), flight.pose(1.0).to_body(*pad)
     see(tracker, *seen, captured_s=0.75)
-
     assert math.dist(seen, truth) > 0.6
     assert place(tracker) == pytest.approx(truth, abs=0.01)
 
 
-def test_noise_averages_out() -> None:
-    """Forty noisy sightings give a better fix than one, and the filter knows it."""
+def test_noise_averages_out_and_the_uncertainty_grows_while_unseen() -> None:
+    """The filter knows how good forty sightings are; each unseen second adds to the variance."""
     tracker = tracking(40, noise_m=0.12)
-
     assert known(tracker).forward_m == pytest.approx(2.0, abs=0.06)
-    assert known(tracker).std_m < 0.06
-
-
-def test_uncertainty_grows_while_unseen() -> None:
-    """Dead reckoning drifts: each unseen second adds to the variance."""
-    tracker = tracking(20)
     before = known(tracker).std_m
-    for tick in range(20, 60):
+    assert before < 0.06
+    for tick in range(40, 80):
         tracker.predict(state(TICK_S * tick))
-
     assert known(tracker).std_m ** 2 - before**2 == pytest.approx(0.05**2 * 4.0, rel=1e-6)
-
-
-@pytest.mark.parametrize("yaw_rad", [0.0, math.pi / 2])
-def test_range_is_trusted_less_than_bearing(yaw_rad: float) -> None:
-    """Far away an error along the line of sight is forgiven where one across it is rejected."""
-    along, across = (tracking(3, 4.0, yaw_rad=yaw_rad) for _ in range(2))
-
-    assert see(along, 4.6, 0.0, captured_s=0.2)
-    assert not see(across, 4.0, 0.6, captured_s=0.2)
 
 
 def test_outliers_leave_the_track_alone_until_they_stay() -> None:
     """Metres away they are refused: fix, age and confidence stay; the sixth begins a new track."""
     tracker = tracking()
+    for index in range(25):  # a good sighting in between ends the count
+        good = index % 5 == 4
+        assert see(tracker, *((2.0, 0.0) if good else (3.5, 1.5)), captured_s=0.9) == good
+    assert place(tracker) == pytest.approx((2.0, 0.0), abs=0.01)
     before = known(tracker)
     for tick in range(5):
         assert not see(tracker, 3.5, 1.5, captured_s=1.0 + TICK_S * tick, confidence=0.5)
         assert known(tracker) == replace(before, detected=False)
-
     assert see(tracker, 3.5, 1.5, captured_s=1.5, confidence=0.5)
     assert place(tracker) == pytest.approx((3.5, 1.5))
 
 
-def test_scattered_outliers_never_add_up() -> None:
-    """A good sighting in between ends the count."""
-    tracker = tracking()
-    for _ in range(5):
-        for _ in range(4):
-            assert not see(tracker, 3.5, 1.5, captured_s=0.9)
-        assert see(tracker, 2.0, 0.0, captured_s=0.9)
-
-    assert place(tracker) == pytest.approx((2.0, 0.0), abs=0.01)
-
-
-def test_doubtful_sightings_move_the_track_less() -> None:
+def test_doubtful_sightings_count_less_and_ranges_less_than_bearings() -> None:
     """The same shifted sighting pulls less with half the confidence."""
-
-    def shift(confidence: float) -> float:
+    shifts = []
+    for confidence in (0.5, 1.0):
         tracker = tracking(5, 1.0)
         assert see(tracker, 1.1, 0.0, captured_s=0.4, confidence=confidence)
-        return known(tracker).forward_m - 1.0
-
-    assert 0.0 < shift(0.5) < 0.5 * shift(1.0)
+        shifts.append(known(tracker).forward_m - 1.0)
+    assert 0.0 < shifts[0] < 0.5 * shifts[1]
+    # Far away an error along the line of sight is forgiven where one across it is rejected.
+    for yaw_rad in (0.0, math.pi / 2):
+        assert see(tracking(3, 4.0, yaw_rad=yaw_rad), 4.6, 0.0, captured_s=0.2)
+        assert not see(tracking(3, 4.0, yaw_rad=yaw_rad), 4.0, 0.6, captured_s=0.2)
 
 
 def test_forgetting_keeps_the_odometry_and_a_late_frame_does_not_age_the_fix() -> None:
@@ -172,23 +138,9 @@ def test_forgetting_keeps_the_odometry_and_a_late_frame_does_not_age_the_fix() -
     assert known(tracker).captured_s == 1.0
     tracker.forget()
     assert tracker.fix() is None
-
     see(tracker, 2.0, 0.0, captured_s=0.6)
     assert known(tracker).forward_m == pytest.approx(1.8)
     assert (known(tracker).captured_s, known(tracker).heading_deg) == (0.6, None)
-
-
-# --- heading --------------------------------------------------------------------------------------
-
-
-def test_the_heading_turns_with_the_drone() -> None:
-    """Seen at 30 degrees, and then turned by 20 clockwise without a view: 50 degrees."""
-    tracker = MarkTracker()
-    tracker.predict(state(0.0))
-    see(tracker, 2.0, 0.0, captured_s=0.0, heading_deg=30.0)
-    tracker.predict(state(0.1, yaw_rad=math.radians(20.0)))
-
-    assert known(tracker).heading_deg == pytest.approx(50.0)
 
 
 def _headings(seen_deg: list[float]) -> list[float]:
@@ -198,16 +150,16 @@ def _headings(seen_deg: list[float]) -> list[float]:
         tracker.predict(state(TICK_S * index))
         see(tracker, 2.0, 0.0, captured_s=TICK_S * index, heading_deg=heading_deg)
         found.append(known(tracker).heading_deg or 0.0)
+    tracker.predict(state(TICK_S * len(seen_deg), yaw_rad=math.radians(20.0)))
+    turned_deg = (known(tracker).heading_deg or 0.0) - found[-1]
+    assert math.remainder(turned_deg - 20.0, 360.0) == pytest.approx(0.0, abs=1e-6)
     return found
 
 
-def test_headings_average_across_the_half_turn() -> None:
-    """179 and -179 degrees are two degrees apart; their mean is 180, not 0."""
+def test_headings_average_turn_with_the_drone_and_outliers_must_stay() -> None:
+    assert _headings([30.0]) == pytest.approx([30.0])
+    # 179 and -179 degrees are two degrees apart; their mean is 180, not 0.
     assert abs(_headings([179.0, -179.0])[-1]) == pytest.approx(180.0, abs=0.1)
-
-
-def test_a_wrong_heading_is_an_outlier_until_it_stays() -> None:
     headings = _headings([0.0] * 5 + [90.0] * 7)
-
     assert headings[5:10] == pytest.approx([0.0] * 5, abs=0.1)
     assert headings[10:] == pytest.approx([90.0] * 2, abs=1.0)

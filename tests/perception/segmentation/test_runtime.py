@@ -1,7 +1,5 @@
 """Segmenters for flight: our networks and foreign ones."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2
@@ -11,24 +9,19 @@ import pytest
 from perception.depth.runtime import load_depth_estimator
 from perception.networks.mapping import ClassMapping, InputFormat
 from perception.networks.weights_file import SHIPPED_WEIGHTS
-from perception.segmentation.runtime import (
-    OnnxSegmenter,
-    RoomSegmenter,
-    load_segmenter,
-    shipped_teacher,
-    shipped_unet,
-)
+from perception.segmentation import runtime
+from perception.segmentation.runtime import OnnxSegmenter, RoomSegmenter, load_segmenter
+from perception.segmentation.teacher import load_teacher
 from tests.paper_lab import CLASSES
 from tests.perception.networks.small_networks import IMAGE, halves, save
 from tests.perception.segmentation.patterned import samples
+from tests.worlds import values
 from uav_bt.errors import AnswerError, FileError, ValueRangeError, WeightsError
 from uav_bt.lab.classes import GROUND, OBSTACLE, OUTSIDE
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.shipped import load_lab
-from uav_bt.learning.views import DepthViewPlan, DepthViews, depth_views
+from uav_bt.learning.views import DepthViewPlan, depth_views
 from uav_bt.protocols import Segmenter
-from uav_bt.types import Frame
-from uav_bt.types.arrays import Image
 
 ANY = SHIPPED_WEIGHTS / "any.onnx"
 UNET = SHIPPED_WEIGHTS / "unet.onnx"
@@ -43,15 +36,6 @@ MORE = f"{GREEN} y = Greater(share, half)"
 SHARE = f"{GREEN} y = Identity(share)"
 ONE, ROOF = {0: "carpet"}, {0: "roof_1", 1: "carpet"}
 CONSTANTS = "float[1,3,1,1] g = {0, 1, 0}, float half = {0.5}"
-
-
-def frame_of(rgb: Image, captured_s: float = 2.5) -> Frame:
-    return Frame(image=rgb, index=1, captured_s=captured_s, gimbal_pitch_rad=-0.5)
-
-
-def picture() -> Image:
-    return next(samples(1, seed=0, width=640, height=360))[1]
-
 
 BLUE_FIRST = ClassMapping(classes=THREE.classes, input=InputFormat(colours="bgr"))
 WHOLE = "m = Mul(x, many) y = Cast <to=6> (m)"
@@ -81,7 +65,7 @@ def test_a_foreign_network_answers_in_our_classes(
 ) -> None:
     path = save(tmp_path / "n.onnx", nodes, *ports, f"{CONSTANTS}, float many = {{100.0}}")
     segmenter = OnnxSegmenter(path, CLASSES, mapping)
-    class_map = segmenter.segment(frame_of(halves()))
+    class_map = segmenter.segment(values.frame(halves(), captured_s=2.5))
     assert isinstance(segmenter, Segmenter)
     assert (segmenter.size_px, class_map.captured_s) == ((16, 8), 2.5)
     assert class_map.ids.dtype == np.uint8
@@ -116,49 +100,50 @@ def test_scores_in_an_unclear_place_are_refused_until_the_mapping_says_it(tmp_pa
 
 def test_the_class_list_decides_where_both_places_fit(tmp_path: Path) -> None:
     """Outputs of 5x4x4 from a square image: a class 4 can only be in the axis of five."""
-    path = save(
-        tmp_path / "n.onnx",
-        "m = ReduceMean <keepdims=1> (x) z = Mul(m, zero) y = Add(z, s)",
-        "float[1,3,2,2]",
-        "float[1,5,4,4]",
-        f"float zero = {{0.0}}, float[1,5,4,4] s = {{{', '.join(['0'] * 64 + ['1'] * 16)}}}",
-    )
+    nodes = "m = ReduceMean <keepdims=1> (x) z = Mul(m, zero) y = Add(z, s)"
+    scores = ", ".join(["0"] * 64 + ["1"] * 16)
+    constants = f"float zero = {{0.0}}, float[1,5,4,4] s = {{{scores}}}"
+    path = save(tmp_path / "n.onnx", nodes, "float[1,3,2,2]", "float[1,5,4,4]", constants)
     segmenter = OnnxSegmenter(path, CLASSES, ClassMapping(classes={4: "carpet"}))
     assert segmenter.ids(halves()[:2, :2]).tolist() == [[CARPET] * 4] * 4
 
 
-@pytest.mark.parametrize(
-    ("nodes", "given", "classes", "message"),
-    [
+def test_a_network_of_another_output_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "n.onnx"
+    for nodes, given, classes, message in (
         ("y = Flatten <axis=1> (x)", "float[1,384]", ONE, "xC or 1xHxW, got 1x384"),
         (SHARE, "float[1,1,8,16]", ROOF, r"must be whole numbers, and the network gives 0\.498"),
         (SHARE, "float[1,1,8,16]", ONE, "class 0, does not say .* a score for each of two classes"),
         (MORE, "bool[1,1,8,16]", ONE, "one class, class 0, does not say"),
-    ],
-)
-def test_a_network_of_another_output_is_refused(
-    tmp_path: Path, nodes: str, given: str, classes: dict[int, str], message: str
-) -> None:
-    path = save(tmp_path / "n.onnx", nodes, given=given, constants=CONSTANTS)
-    with pytest.raises(WeightsError, match=message):
-        OnnxSegmenter(path, CLASSES, ClassMapping(classes=classes))
-
-
-def test_a_pixel_without_a_class_number_is_an_error_of_the_answer(tmp_path: Path) -> None:
-    """The mission goes on without this frame; for the grey image of the start all is well."""
+    ):
+        save(path, nodes, given=given, constants=CONSTANTS)
+        with pytest.raises(WeightsError, match=message):
+            OnnxSegmenter(path, CLASSES, ClassMapping(classes=classes))
+    # A pixel without a class number is an error of the answer: the mission goes on without this
+    # frame. For the grey image of the start all is well.
     nodes = f"{GREEN} more = Sub(share, half) y = Relu(more)"
-    path = save(tmp_path / "n.onnx", nodes, given="float[1,1,8,16]", constants=CONSTANTS)
+    save(path, nodes, given="float[1,1,8,16]", constants=CONSTANTS)
     segmenter = OnnxSegmenter(path, CLASSES, ClassMapping(classes=ROOF))
     with pytest.raises(AnswerError, match=r"must be whole numbers, and the network gives 0\.284"):
         segmenter.ids(halves())
 
 
-def test_the_shipped_unet_gives_the_same_map_every_time() -> None:
-    first, again = shipped_unet(), shipped_unet(threads=1)
-    ids = first.ids(picture())
-    assert ids.shape == (112, 224)
-    for segmenter in (first, first, again):
-        np.testing.assert_array_equal(segmenter.ids(picture()), ids)
+def test_the_shipped_networks_give_the_same_map_every_time() -> None:
+    """The teacher flies sharp and as in the paper."""
+    rgb = next(samples(1, seed=0, width=640, height=360))[1]
+    frame = values.frame(rgb, captured_s=2.5)
+    first, again = runtime.shipped_unet(), runtime.shipped_unet(threads=1)
+    ids = first.ids(rgb)
+    for segmenter in (first, again):
+        np.testing.assert_array_equal(segmenter.ids(rgb), ids)
+    paper = load_teacher(SHIPPED_WEIGHTS / "teacher.safetensors", CLASSES)
+    for segmenter in (
+        first,
+        runtime.shipped_teacher(CLASSES),
+        runtime.TeacherSegmenter(paper, sharp=False),
+    ):
+        class_map = segmenter.segment(frame)
+        assert (class_map.ids.shape, class_map.captured_s) == ((112, 224), 2.5)
 
 
 def test_a_network_of_a_lab_with_other_classes_is_refused() -> None:
@@ -166,7 +151,7 @@ def test_a_network_of_a_lab_with_other_classes_is_refused() -> None:
     with pytest.raises(WeightsError, match=r"classes surroundings, .* states .*carpet"):
         OnnxSegmenter(UNET, other)
     with pytest.raises(WeightsError, match="expected the classes surroundings"):
-        shipped_teacher(other)
+        runtime.shipped_teacher(other)
     mapping = ClassMapping(classes={1: "ground", 4: "obstacle"})
     assert OnnxSegmenter(UNET, other, mapping).size_px == (224, 112)
     assert isinstance(load_segmenter(UNET, CLASSES), OnnxSegmenter)
@@ -174,49 +159,27 @@ def test_a_network_of_a_lab_with_other_classes_is_refused() -> None:
         RoomSegmenter(UNET, CLASSES)
 
 
-def test_the_teacher_flies() -> None:
-    class_map = shipped_teacher(CLASSES).segment(frame_of(picture()))
-    assert class_map.ids.shape == (112, 224)
-    assert class_map.captured_s == 2.5
-
-
-@pytest.fixture(scope="module")
-def depot() -> DepthViews:
-    return depth_views(DepthViewPlan(scenes=("depot-val-a",), views=6))
-
-
-def test_ground_of_a_room_without_labels_is_found(depot: DepthViews) -> None:
+def test_ground_and_depth_of_a_room_without_labels_are_found() -> None:
+    """Depth belongs to the frame and is in heights; roles become the first classes of the lab."""
+    depot = depth_views(DepthViewPlan(scenes=("depot-val-a",), views=6))
     classes = load_lab("depot").classes
-    segmenter = load_segmenter(ANY, classes)
-    found = truth = both = 0
-    for rgb, ids in zip(depot.rgb, depot.ids, strict=True):
-        roles = segmenter.segment(frame_of(rgb)).roles
-        ground = cv2.resize(classes.roles(ids), segmenter.size_px, interpolation=0) == GROUND
-        found, truth = found + (roles == GROUND).sum(), truth + ground.sum()
-        both += ((roles == GROUND) & ground).sum()
-    assert both / truth > 0.85
-    assert both / found > 0.85
-
-
-def test_depth_belongs_to_the_frame_and_is_in_heights(depot: DepthViews) -> None:
-    classes = load_lab("depot").classes
-    segmenter, alone = RoomSegmenter(ANY, classes), load_depth_estimator("any")
+    segmenter, alone = load_segmenter(ANY, classes), load_depth_estimator("any")
     assert segmenter.relative_depth is None
-    frame = frame_of(depot.rgb[0])
+    frame = values.frame(depot.rgb[0])
     np.testing.assert_array_equal(segmenter.estimate(frame).depth, alone.estimate(frame).depth)
-    for index, rgb in enumerate(depot.rgb):
-        segmenter.segment(frame_of(rgb, captured_s=float(index)))
+    first = {classes.of_role(OUTSIDE)[0], classes.ground, classes.of_role(OBSTACLE)[0]}
+    found = truth = both = 0
+    for index, (rgb, ids) in enumerate(zip(depot.rgb, depot.ids, strict=True)):
+        class_map = segmenter.segment(values.frame(rgb, captured_s=float(index)))
+        seen, exact = class_map.roles == GROUND, classes.roles(ids) == GROUND
+        ground = cv2.resize(exact.astype(np.uint8), segmenter.size_px, interpolation=0) > 0
+        found, truth, both = found + seen.sum(), truth + ground.sum(), both + (seen & ground).sum()
+        assert set(np.unique(class_map.ids).tolist()) <= first
         depth = segmenter.relative_depth
         assert (depth.captured_s, depth.metric, depth.in_heights) == (index, False, True)
         np.testing.assert_array_equal(depth.depth, alone.depth(rgb))
-        ground = classes.roles(depot.ids[index]) == GROUND
-        size = (depot.ids.shape[2], depot.ids.shape[1])
-        predicted = cv2.resize(depth.depth, size, interpolation=cv2.INTER_LINEAR)
-        ratio = np.median(depot.depth_m[index][ground] / predicted[ground])
+        predicted = cv2.resize(depth.depth, ids.shape[::-1], interpolation=cv2.INTER_LINEAR)
+        ratio = np.median(depot.depth_m[index][exact] / predicted[exact])
         assert 0.7 < ratio < 2.2, "the cameras are 0.9 to 1.7 m high"
-
-
-def test_roles_become_the_first_classes_of_a_lab() -> None:
-    noise = np.random.default_rng(0).integers(0, 255, (112, 224, 3), dtype=np.uint8)
-    ids = set(np.unique(RoomSegmenter(ANY, CLASSES).segment(frame_of(noise)).ids).tolist())
-    assert ids <= {CLASSES.of_role(OUTSIDE)[0], CLASSES.ground, CLASSES.of_role(OBSTACLE)[0]}
+    assert both / truth > 0.85
+    assert both / found > 0.85
