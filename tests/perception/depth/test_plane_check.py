@@ -60,7 +60,6 @@ def agreement(
 )
 def test_what_is_wrong_shows(least: float, most: float, how: dict[str, Any]) -> None:
     found = agreement(**how)
-    assert found is not None
     assert least < found[0] <= most
     assert found[1]
 

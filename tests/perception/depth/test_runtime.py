@@ -17,34 +17,30 @@ RED = "float[1,3,1,1] w = {1, 0, 0}, float p = {%s}, int64[1] one = {1}"
 """Constants: the red of a pixel, and what is added to it."""
 
 
-def _disparity(path: Path) -> Path:
-    path.with_suffix(".yaml").write_text("output: disparity\n", encoding="utf-8")
-    return path
-
-
-def _red(path: Path, *, plus: float = 0.0, rank: int = 4) -> Path:
+def _red(path: Path, *, plus: float = 0.0, rank: int = 4, mapping: str = "output: depth") -> Path:
     """A network that says the red it sees, from 0 to 1, plus a number."""
     last = "Identity(s)" if rank == 4 else "Squeeze(s, one)"
     given = "float[1,1,8,16]" if rank == 4 else "float[1,8,16]"
-    return _save(path, f"r = Conv(x, w) s = Add(r, p) y = {last}", given=given, plus=plus)
+    nodes = f"r = Conv(x, w) s = Add(r, p) y = {last}"
+    return _save(path, nodes, given=given, plus=plus, mapping=mapping)
 
 
 def _save(
-    path: Path, nodes: str, taken: str = IMAGE, given: str = IMAGE, plus: float = 0.0
+    path: Path,
+    nodes: str,
+    taken: str = IMAGE,
+    given: str = IMAGE,
+    *,
+    plus: float = 0.0,
+    mapping: str = "output: depth",
 ) -> Path:
-    path.with_suffix(".yaml").write_text("output: depth\n", encoding="utf-8")
+    if mapping:
+        path.with_suffix(".yaml").write_text(mapping, encoding="utf-8")
     return save(path, nodes, taken, given, RED % plus)
 
 
-def _frame(rgb: np.ndarray) -> Frame:
-    return Frame(image=rgb, index=1, captured_s=2.5, gimbal_pitch_rad=-0.5)
-
-
-def _halves() -> np.ndarray:
-    rgb = np.zeros((16, 32, 3), dtype=np.uint8)
-    rgb[:, :16, 0] = 255
-    rgb[:, 16:, 0] = 51
-    return rgb
+RGB = np.zeros((16, 32, 3), dtype=np.uint8)  # the left half is red, the right half less
+RGB[..., 0] = np.where(np.arange(32) < 16, 255, 51)
 
 
 @pytest.mark.parametrize("rank", [3, 4])
@@ -52,7 +48,7 @@ def test_a_foreign_network_says_relative_depth(tmp_path: Path, rank: int) -> Non
     estimator = runtime.OnnxDepthEstimator(_red(tmp_path / "n.onnx", rank=rank, plus=0.1))
     assert isinstance(estimator, DepthEstimator)
     assert estimator.size_px == (16, 8)
-    depth = estimator.estimate(_frame(_halves()))
+    depth = estimator.estimate(Frame(image=RGB, index=1, captured_s=2.5, gimbal_pitch_rad=-0.5))
     assert (depth.metric, depth.captured_s) == (False, 2.5)
     assert depth.depth.dtype == np.float32
     np.testing.assert_allclose(depth.depth[:, :8], 1.1, rtol=1e-5)
@@ -60,8 +56,9 @@ def test_a_foreign_network_says_relative_depth(tmp_path: Path, rank: int) -> Non
 
 
 def test_a_disparity_is_turned_over_and_nought_is_far_away(tmp_path: Path) -> None:
-    estimator = runtime.OnnxDepthEstimator(_disparity(_red(tmp_path / "n.onnx")))
-    rgb = _halves()
+    path = _red(tmp_path / "n.onnx", mapping="output: disparity")
+    estimator = runtime.OnnxDepthEstimator(path)
+    rgb = RGB.copy()
     rgb[:, :8, 0] = 0
     depth = estimator.depth(rgb)
     np.testing.assert_allclose(depth[:, :4], 1e4)
@@ -71,28 +68,23 @@ def test_a_disparity_is_turned_over_and_nought_is_far_away(tmp_path: Path) -> No
 
 def test_the_next_frame_leaves_the_last_depth_alone(tmp_path: Path) -> None:
     estimator = runtime.OnnxDepthEstimator(_red(tmp_path / "n.onnx", plus=0.1))
-    first = estimator.depth(_halves())
+    first = estimator.depth(RGB)
     kept = first.copy()
-    estimator.depth(255 - _halves())
+    estimator.depth(255 - RGB)
     np.testing.assert_array_equal(first, kept)
 
 
-def test_two_threads_say_the_same(tmp_path: Path) -> None:
-    path = _red(tmp_path / "n.onnx", plus=0.1)
-    one, two = (runtime.OnnxDepthEstimator(path, threads=n).depth(_halves()) for n in (1, 2))
-    np.testing.assert_allclose(one, two, rtol=1e-6)
-
-
-def test_a_depth_that_is_not_positive_is_refused(tmp_path: Path) -> None:
-    estimator = runtime.OnnxDepthEstimator(_red(tmp_path / "n.onnx", plus=-0.5))
-    with pytest.raises(AnswerError, match="a depth must be positive, and one is not"):
-        estimator.estimate(_frame(_halves()))
-
-
-def test_an_answer_that_is_no_number_is_refused(tmp_path: Path) -> None:
-    path = _save(tmp_path / "n.onnx", "r = Conv(x, w) y = Log(r)", given="float[1,1,8,16]")
-    with pytest.raises(AnswerError, match="NaN or infinity"):
-        runtime.OnnxDepthEstimator(path).depth(0 * _halves())
+@pytest.mark.parametrize(
+    ("nodes", "message"),
+    [
+        ("r = Conv(x, w) y = Add(r, p)", "a depth must be positive, and one is not"),
+        ("r = Conv(x, w) y = Log(r)", "NaN or infinity"),
+    ],
+)
+def test_an_answer_that_is_no_depth_is_refused(tmp_path: Path, nodes: str, message: str) -> None:
+    path = _save(tmp_path / "n.onnx", nodes, given="float[1,1,8,16]", plus=-0.5)
+    with pytest.raises(AnswerError, match=message):
+        runtime.OnnxDepthEstimator(path).depth(0 * RGB)
 
 
 @pytest.mark.parametrize(
@@ -123,28 +115,24 @@ def test_a_name_that_nobody_knows_gets_a_suggestion() -> None:
 def test_a_network_without_a_mapping_may_give_depth_or_disparity_and_is_refused(
     tmp_path: Path,
 ) -> None:
-    path = _red(tmp_path / "n.onnx")
-    path.with_suffix(".yaml").unlink()
+    path = _red(tmp_path / "n.onnx", mapping="")
     with pytest.raises(WeightsError, match=r"`output: disparity` into .*n\.yaml"):
         runtime.load_depth_estimator(path)
 
 
 def test_a_network_that_this_package_exported_gives_depth(tmp_path: Path) -> None:
-    path = _red(tmp_path / "n.onnx", plus=0.1)
-    path.with_suffix(".yaml").unlink()
+    path = _red(tmp_path / "n.onnx", plus=0.1, mapping="")
     model = onnx.load(path)
     helper.set_model_props(model, {"weights_sha256": "0" * 64})
     onnx.save(model, path)
-    assert runtime.load_depth_estimator(path).depth(_halves())[0, 0] == pytest.approx(1.1)
+    assert runtime.load_depth_estimator(path).depth(RGB)[0, 0] == pytest.approx(1.1)
 
 
 def test_the_mapping_says_how_the_image_is_wanted(tmp_path: Path) -> None:
     """Blue is first, colours are from 0 to 255, and the file leaves the size open."""
-    path = _save(tmp_path / "n.onnx", "y = Conv(x, w)", "float[n,3,h,w]", "float[n,1,h,w]")
-    path.with_suffix(".yaml").write_text(
-        "output: depth\ninput: {scale: [1, 1, 1], colours: bgr, size: [16, 8]}\n",
-        encoding="utf-8",
-    )
+    mapping = "output: depth\ninput: {scale: [1, 1, 1], colours: bgr, size: [16, 8]}\n"
+    size = "float[n,3,h,w]", "float[n,1,h,w]"
+    path = _save(tmp_path / "n.onnx", "y = Conv(x, w)", *size, mapping=mapping)
     estimator = runtime.OnnxDepthEstimator(path)
     assert estimator.size_px == (16, 8)
     rgb = np.full((16, 32, 3), (10, 20, 30), np.uint8)

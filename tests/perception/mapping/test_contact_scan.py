@@ -107,7 +107,6 @@ def test_a_side_is_as_high_as_the_border_to_its_roof() -> None:
 def test_a_point_of_the_ground_has_the_role_of_the_nearest_pixel() -> None:
     class_map, pitch_rad = noise(1), -0.6
     view = View.of(class_map, frame(pitch_rad), CAMERA, HERE)
-    assert view is not None
     points_m = np.random.default_rng(2).uniform((-1.0, -3.0), (6.0, 3.0), (40, 5, 2))
     inside, shows = view.shows_ground(points_m)
     down_m = np.full((40, 5, 1), 1.5)
@@ -123,7 +122,6 @@ def test_a_point_of_the_ground_has_the_role_of_the_nearest_pixel() -> None:
 
 def test_a_camera_that_looks_up_shows_no_ground() -> None:
     view = View.of(noise(), frame(0.5), CAMERA, HERE)
-    assert view is not None
     grid = GroundGrid()
     grid.add(view)
     assert not grid.free.any()

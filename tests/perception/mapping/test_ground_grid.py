@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from perception.mapping.contact_scan import GroundScan, find_bases
 from perception.mapping.ground_grid import CELL_M, PASSED_M, REACH_M, GroundGrid
 from perception.mapping.view import View
-from tests.paper_lab import CLASSES
+from tests.paper_lab import CLASSES, paper_map
+from tests.worlds import values
 from uav_bt.lab.classes import GROUND, NO_ROLE, OUTSIDE
 from uav_bt.testing import pinhole
 from uav_bt.types import Pose2D
@@ -34,20 +35,10 @@ def see(
     ids = np.array(roles, dtype=np.uint8)
     scan = GroundScan(level_m, ids, ids, ids, CLASSES.top_of, 1.5, min_run=1)
     x_m, y_m, yaw_rad = pose
-    view = View(
-        captured_s=captured_s,
-        pose=Pose2D(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad),
-        camera=CAMERA,
-        pitch_rad=-0.7,
-        height_m=1.5,
-        scan=scan,
-        contacts=find_bases(scan),
-        bases_m=np.empty((0, 2)),
-        base_ids=np.empty(0, dtype=np.uint8),
-        base_heights_m=np.empty(0),
-        edges_m=np.empty((0, 2)),
-    )
-    grid.add(view)
+    where = Pose2D(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
+    frame = values.frame((4, 8), -0.7, captured_s=captured_s)
+    view = View.of(paper_map(np.zeros((112, 224), np.uint8), captured_s), frame, CAMERA, where)
+    grid.add(replace(view, scan=scan, contacts=find_bases(scan)))
 
 
 def cells(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -55,22 +46,21 @@ def cells(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(int(row) - MIDDLE, int(column) - MIDDLE) for row, column in np.argwhere(flags)]
 
 
-@pytest.mark.parametrize(("x_m", "y_m"), [(11.9, 0.0), (-12.0, -12.0), (0.0, 11.7)])
-def test_ground_at_the_end_of_the_grid_is_passed_too(x_m: float, y_m: float) -> None:
+@pytest.mark.parametrize(
+    ("x_m", "y_m", "full"),
+    [(11.9, 0.0, False), (-12.0, -12.0, False), (0.0, 11.7, False), (-15.0, 0.0, True)],
+)
+def test_ground_to_the_end_of_the_grid_is_passed(*, x_m: float, y_m: float, full: bool) -> None:
     grid = GroundGrid()
     grid.fly_over(x_m, y_m)
     places = (np.moveaxis(np.indices(grid.passed.shape), 0, -1) - MIDDLE) * CELL_M
-    near = np.hypot(*np.moveaxis(places - (x_m, y_m), -1, 0)) <= PASSED_M - 0.05
-    assert grid.passed[near].all()
-    assert not grid.passed[np.hypot(*np.moveaxis(places - (x_m, y_m), -1, 0)) > 0.56].any()
-    assert not grid.full
+    off_m = np.hypot(*np.moveaxis(places - (x_m, y_m), -1, 0))
+    assert grid.passed[off_m <= PASSED_M - 0.05].all()
+    assert not grid.passed[off_m > 0.56].any()
+    assert grid.full is full
 
 
-def test_beyond_the_grid_nothing_is_marked_and_only_ground_makes_it_full() -> None:
-    grid = GroundGrid()
-    grid.fly_over(-15.0, 0.0)
-    assert not grid.passed.any()
-    assert grid.full
+def test_only_ground_beyond_the_grid_makes_it_full() -> None:
     for role, full in ((OUTSIDE, False), (GROUND, True)):
         grid = GroundGrid()
         see(grid, [[role]], [0.9], (11.5, 0.0, 0.0))

@@ -24,12 +24,9 @@ def points(*xy_m: tuple[float, float], weight: float = 1.0, class_id: int = 4) -
     return Landmarks(
         xy_m=np.array(xy_m),
         weight=zeros + weight,
-        first_s=zeros,
-        seen_s=zeros,
-        settled_s=zeros,
         from_m=np.zeros((len(xy_m), 2)),
         ids=np.full(len(xy_m), class_id, dtype=np.uint8),
-        missed=zeros.copy(),
+        **dict.fromkeys(("first_s", "seen_s", "settled_s", "missed"), zeros),
     )
 
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from perception.mapping.landmarks import Landmarks
-from perception.mapping.objects import _AXES, _DEPTH_M, _closeness, find_objects
+from perception.mapping.objects import _DEPTH_M, find_objects
 from tests.paper_lab import BOXES
 from tests.perception.mapping.test_landmarks import points
-from uav_bt.types import rotation
+from uav_bt.types import Pose2D
 from uav_bt.types.site_map import MapObject
 
 Points = list[tuple[float, float]]
@@ -25,15 +25,13 @@ def landmarks(points_m: Points, from_m: object = (0.0, 0.0)) -> Landmarks:
     return replace(found, seen_s=found.seen_s + 1.0, from_m=seen_from)
 
 
-def objects(found: Landmarks, *, legs_apart_m: float = 0.0) -> tuple[MapObject, ...]:
-    legs_m = np.zeros(BOXES[-1] + 1)
-    legs_m[BOXES[0]] = legs_apart_m
-    return find_objects(found, BOXES, legs_m)
+def objects(found: Landmarks, legs_apart_m: float = 0.0) -> tuple[MapObject, ...]:
+    return find_objects(found, BOXES, np.full(BOXES[-1] + 1, legs_apart_m))
 
 
 def on_legs(points_m: Points) -> tuple[MapObject, ...]:
     """Return the objects of points of a class with legs up to 1.3 m apart."""
-    return objects(landmarks(points_m), legs_apart_m=1.3)
+    return objects(landmarks(points_m), 1.3)
 
 
 def side(first: tuple[float, float], last: tuple[float, float]) -> Points:
@@ -42,23 +40,26 @@ def side(first: tuple[float, float], last: tuple[float, float]) -> Points:
 
 def corners(x_m: float, y_m: float, turn_deg: float, halves_m: tuple[float, float]) -> Points:
     """Return the corners of a rectangle in the order of a walk around it."""
-    signs = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])
-    placed_m = (signs * halves_m) @ rotation(math.radians(turn_deg)).T + (x_m, y_m)
-    return [(float(x), float(y)) for x, y in placed_m]
+    return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=math.radians(turn_deg)).rectangle(*halves_m)
 
 
 FRONT = side((1.0, -0.25), (1.0, 0.25))
 LEGS_M = (0.525, 0.275)  # half of the distances between legs
 
 
-@pytest.mark.parametrize("turn_deg", [0, 25, 60, 90, 140])
-def test_two_sides_make_the_whole_base(turn_deg: int) -> None:
-    placed = corners(2.0, 0.0, turn_deg, (0.3, 0.2))
-    (found,) = objects(landmarks(side(placed[1], placed[2]) + side(placed[2], placed[3])))
-    assert (found.x_m, found.y_m) == pytest.approx((2.0, 0.0), abs=0.01)
-    assert (found.size_m, found.width_m) == pytest.approx((0.6, 0.4), abs=0.03)
-    for corner in placed:
-        assert np.linalg.norm(found.corners_m() - corner, axis=1).min() < 0.03
+@pytest.mark.parametrize("turn_deg", [0, 25, 60, 75, 90, 120, 140])
+def test_two_sides_or_four_legs_make_the_whole_base(turn_deg: int) -> None:
+    box, legs_m = (corners(2.0, 1.0, turn_deg, halves) for halves in ((0.3, 0.2), LEGS_M))
+    sides = landmarks(side(box[1], box[2]) + side(box[2], box[3]))
+    for (found,), placed_m, size_m in (
+        (objects(sides), box, (0.6, 0.4)),
+        (on_legs(legs_m), legs_m, (1.05, 0.55)),
+    ):
+        assert (found.x_m, found.y_m) == pytest.approx((2.0, 1.0), abs=0.02)
+        assert (found.size_m, found.width_m) == pytest.approx(size_m, abs=0.04)
+        for corner in placed_m:
+            assert np.linalg.norm(found.corners_m() - corner, axis=1).min() < 0.03
+    assert not objects(landmarks(legs_m))
 
 
 def test_one_side_is_as_deep_as_boxes_are_away_from_where_it_was_seen() -> None:
@@ -76,6 +77,7 @@ def test_opposite_sides_are_one_object() -> None:
     assert (found.x_m, found.y_m) == pytest.approx((1.225, 0.0), abs=0.01)
     assert sorted((found.size_m, found.width_m)) == pytest.approx([0.45, 0.5], abs=0.01)
     assert found.points == len(FRONT) + len(far)
+    assert len(objects(landmarks(FRONT + side((1.0, 0.6), (1.0, 1.1))))) == 2  # beside each other
 
 
 def test_a_few_points_of_a_third_side_belong_to_the_object() -> None:
@@ -86,37 +88,12 @@ def test_a_few_points_of_a_third_side_belong_to_the_object() -> None:
     assert found.size_m == pytest.approx(0.45, abs=0.02)
 
 
-def test_boxes_of_one_class_side_by_side_are_two_objects() -> None:
-    assert len(objects(landmarks(FRONT + side((1.0, 0.6), (1.0, 1.1))))) == 2
-
-
 def test_only_lasting_points_of_the_classes_that_stand_make_objects() -> None:
     found, legs_m = landmarks(FRONT), np.zeros(BOXES[-1] + 1)
     assert [each.class_id for each in find_objects(found, BOXES[:1], legs_m)] == [BOXES[0]]
     assert find_objects(found, BOXES[1:], legs_m) == ()
     assert objects(found.take(np.arange(3))) == ()
     assert objects(replace(found, seen_s=found.first_s + 0.2)) == ()
-
-
-def test_closeness_is_the_sum_of_inverse_distances_to_the_nearest_sides() -> None:
-    points_m = np.random.default_rng(6).uniform(-1.0, 1.0, (30, 2))
-    along_m = points_m @ _AXES
-    to_low_m = along_m - along_m.min(axis=1, keepdims=True)
-    to_high_m = along_m.max(axis=1, keepdims=True) - along_m
-    to_side_m = np.minimum(to_low_m, to_high_m).min(axis=-1)
-    expected = (1.0 / np.maximum(to_side_m, 0.02)).sum(axis=1)
-    assert _closeness(points_m) == pytest.approx(expected, rel=1e-9)
-
-
-@pytest.mark.parametrize("turn_deg", [0, 30, 75, 120])
-def test_four_legs_are_the_corners_of_one_object(turn_deg: int) -> None:
-    legs_m = corners(2.0, 1.0, turn_deg, LEGS_M)
-    (found,) = on_legs(legs_m)
-    assert (found.x_m, found.y_m) == pytest.approx((2.0, 1.0), abs=0.02)
-    assert (found.size_m, found.width_m) == pytest.approx((1.05, 0.55), abs=0.04)
-    for leg_m in legs_m:
-        assert np.linalg.norm(found.corners_m() - leg_m, axis=1).min() < 0.03
-    assert not objects(landmarks(legs_m))
 
 
 def test_two_legs_are_the_near_side_of_an_object_and_one_is_none() -> None:
@@ -127,11 +104,6 @@ def test_two_legs_are_the_near_side_of_an_object_and_one_is_none() -> None:
     assert not on_legs([(1.5, -0.5)])
 
 
-def test_legs_of_two_tables_are_two_objects() -> None:
-    found = on_legs([*corners(2.0, 1.0, 20, LEGS_M), *corners(3.4, 1.6, -10, LEGS_M)])
-    assert sorted(round(each.x_m, 1) for each in found) == [2.0, 3.4]
-
-
 def test_a_table_with_displaced_points_is_one_object() -> None:
     """A few points lie up to 0.4 m beside their legs, so that the ends are 1.7 m apart."""
     displaced = [(1.1, 0.9), (1.2, 1.2), (2.8, 1.35)]
@@ -140,3 +112,5 @@ def test_a_table_with_displaced_points_is_one_object() -> None:
     (found,) = on_legs([*legs_m, *again, *displaced])
     assert (found.x_m, found.y_m) == pytest.approx((2.0, 1.0), abs=0.2)
     assert found.points >= 8
+    two = on_legs([*corners(2.0, 1.0, 20, LEGS_M), *corners(3.4, 1.6, -10, LEGS_M)])
+    assert sorted(round(each.x_m, 1) for each in two) == [2.0, 3.4]

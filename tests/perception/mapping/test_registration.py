@@ -44,17 +44,3 @@ def test_each_place_is_matched_across_the_line_of_its_neighbours(seed: int) -> N
     assert np.abs(residuals_m) == pytest.approx(np.abs(expected_m), rel=1e-9, abs=1e-12)
     assert hessian == pytest.approx(slope.T @ (weight[:, None] * slope), rel=1e-9, abs=1e-7)
     assert gradient == pytest.approx(slope.T @ (weight * expected_m), rel=1e-9, abs=1e-7)
-
-
-def test_a_point_beside_a_wall_is_moved_across_it_alone() -> None:
-    """The wall lies along x; the point is 0.1 m beside it and 1 m from the origin."""
-    known_m = np.column_stack([np.linspace(0.9, 1.1, 5), np.zeros(5)])
-    places_m = np.array([[1.0, 0.1]])
-    distances_m, indices = cKDTree(known_m).query(places_m, k=5)
-    residuals_m, hessian, gradient = _equations(
-        places_m, np.zeros(2), np.array([0.1]), distances_m, indices, known_m
-    )
-    assert np.abs(residuals_m) == pytest.approx([0.1])
-    # Weight: 1 / (1 + 1) / 0.01 = 50. Slopes: 0 along x, 1 along y, 1 m per radian.
-    assert hessian == pytest.approx(50.0 * np.outer([0, 1, 1], [0, 1, 1]), abs=1e-9)
-    assert gradient == pytest.approx([0.0, 5.0, 5.0], abs=1e-9)

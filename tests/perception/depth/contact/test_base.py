@@ -23,7 +23,6 @@ def slope_of(azimuth: np.ndarray, *faces: tuple[float, float]) -> np.ndarray:
 def test_one_face_is_recovered_at_any_azimuth(middle: float) -> None:
     azimuth = np.linspace(middle - 0.15, middle + 0.15, 50)
     line = fit_base(azimuth, slope_of(azimuth, (middle + 0.3, 2.0)), PIXEL_RAD)
-    assert line is not None
     assert line.corner_rad == math.inf
     assert line.rms_px < 1e-4
     assert line.spread_rad == pytest.approx(0.3)
@@ -38,7 +37,6 @@ def test_rounding_to_pixels_makes_no_corner_and_specks_do_not_move_the_line() ->
     for specks in ([], [3, 24]):
         seen[specks] *= 0.7
         line = fit_base(azimuth, seen, PIXEL_RAD)
-        assert line is not None
         assert line.corner_rad == math.inf
         assert line.slope(azimuth) == pytest.approx(exact, rel=0.01)
     assert fit_base(azimuth[:3], seen[:3], PIXEL_RAD) is None  # three bearings are too few
@@ -51,7 +49,6 @@ def test_the_fit_has_the_least_squares_in_pixels(*, corner: bool) -> None:
     noise = np.random.default_rng(3).normal(0.0, 0.1 * PIXEL_RAD, 41)
     slope = slope_of(azimuth, *faces) + noise
     line = fit_base(azimuth, slope, PIXEL_RAD)
-    assert line is not None
     weight = 1.0 / ((1.0 + slope**2) * PIXEL_RAD)
     basis = np.column_stack([np.cos(azimuth), np.sin(azimuth)]) * weight[:, None]
 

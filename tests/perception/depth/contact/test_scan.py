@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
-from perception.camera.ground_plane import CameraView, level_rays
-from perception.depth.contact.depth import _sides
+from perception.camera.ground_plane import CameraView
 from perception.depth.contact.scan import OUTSIDE, Panorama
 from tests.paper_lab import CARPET, CLASS_COUNT
 from uav_bt.testing import pinhole
@@ -59,25 +56,3 @@ def test_a_class_follows_within_a_gap_and_the_panorama() -> None:
     below = panorama.next_row(rows, columns, CARPET, -1)
     assert below.tolist() == [0, 0, -1, -1]
     assert panorama.next_row(below, columns, BOX, 1).tolist()[:2] == [2, 5]
-
-
-def test_a_side_has_the_range_of_the_base_in_its_column() -> None:
-    """A wall 2 m ahead: its depth at any pixel is that of the plane x = 2 m."""
-    view = CameraView(camera=CAMERA, pitch_rad=0.0, height_m=1.5)
-    rays = level_rays(view).reshape(3, -1)
-    ids = np.full(36 * 64, CARPET, dtype=np.uint8)
-    ids[::7] = BOX
-    azimuth = np.linspace(-0.7, 0.7, 1401)
-    seen = 1.5 / (2.0 / np.cos(azimuth))
-    slopes, fitted = np.stack([seen, 1.1 * seen]), azimuth > 0.0
-    slopes[0, azimuth < -0.3] = np.nan
-    pixels, depth_m, bound_m = _sides(
-        ids, BOX, rays, 1.5, (-0.7, 0.001), slopes, fitted, np.array([[0.75, 0.0]]), math.inf
-    )
-    assert pixels.tolist() == list(range(0, 36 * 64, 7))
-    places = np.arctan2(rays[1], rays[0])[pixels]
-    known = places > -0.299
-    assert depth_m[places > 0.001] == pytest.approx(2.0)  # by the line, which is exact
-    assert depth_m[known] == pytest.approx(2.0, rel=1e-3)
-    assert np.isnan(depth_m[places < -0.301]).all()
-    assert bound_m == pytest.approx(2.0 / 1.1, rel=1e-3)
