@@ -37,7 +37,7 @@ _DOUBTFUL: Final = 0.002
 _SAMPLES: Final = 64  # radii at which the distortion is checked
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class LayoutTrial:
     """The camera from one corner layout, and its errors."""
 
@@ -55,7 +55,7 @@ class LayoutTrial:
         return self.columns * self.rows * len(self.images)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Calibration:
     """The result of a calibration, with all trials."""
 
@@ -68,16 +68,10 @@ class Calibration:
 def calibrate(
     photographs: Photographs, *, square_m: float = 0.02, advance: Advance = silent
 ) -> Calibration:
-    """Find the camera's intrinsics.
+    """Find the camera's intrinsics; photographs of another size than most are left out.
 
-    Args:
-        photographs: by name, a function that returns the image, (H, W) uint8 grey. Photographs of
-            another size than most are left out.
-        square_m: edge of a square; it changes distances, never the camera.
-        advance: called with the progress.
-
-    Raises:
-        InputError: too few photographs show a board, or every resulting camera is refused.
+    The edge of a square changes distances, never the camera. InputError if too few photographs show
+    a board, or every resulting camera is refused.
     """
     found, size_px, skipped = find_boards(photographs, advance)
     boards = _distinct(found, skipped)
@@ -95,7 +89,7 @@ def calibrate(
             f"{len(photographs)}{f' ({copies} are copies of others)' if copies else ''}; take "
             "more, in good light, from different sides, with the whole board in view"
         )
-    trials: list[LayoutTrial] = []
+    trials = list[LayoutTrial]()
     for done, (columns, rows) in enumerate(layouts, start=1):
         trials += _trials(boards, columns, rows, size_px, square_m)
         advance(f"layouts, {columns}x{rows}", done, len(layouts))
@@ -115,16 +109,13 @@ def calibrate(
     lowest = min(trial.common_error_px for trial in believed)
     tied = [trial for trial in believed if trial.common_error_px <= lowest * (1.0 + _TIE)]
     best = max(tied, key=lambda trial: trial.corners)
-    return Calibration(
-        best=best,
-        trials=tuple(trials),
-        skipped={
-            name: skipped.get(name) or _reason(boards.get(name), best, len(boards))
-            for name in photographs
-            if name not in best.images
-        },
-        warnings=doubts(best, [boards[name] for name in best.images]),
-    )
+    reasons = {
+        name: skipped.get(name) or _reason(boards.get(name), best, len(boards))
+        for name in photographs
+        if name not in best.images
+    }
+    warnings = doubts(best, [boards[name] for name in best.images])
+    return Calibration(best, tuple(trials), reasons, warnings)
 
 
 def _distinct(boards: Mapping[str, Corners], skipped: dict[str, str]) -> dict[str, Corners]:
@@ -163,12 +154,7 @@ def _trials(
     square_m: float,
 ) -> Iterator[LayoutTrial]:
     """Yield the camera from one layout, if any; larger boards contribute a part of this layout."""
-    views = {
-        name: np.ascontiguousarray(grid[:rows, :columns])
-        for name, grid in boards.items()
-        if shows(grid, columns, rows)
-    }
-    names = list(views)
+    names = [name for name, grid in boards.items() if shows(grid, columns, rows)]
     if len(names) > _MAX_IMAGES:  # at even intervals, because adjacent video frames are alike
         places = np.linspace(0, len(names) - 1, _MAX_IMAGES).round().astype(int)
         names = [names[place] for place in places]
@@ -178,7 +164,7 @@ def _trials(
         """Return the error, the camera, its largest deviation and the error of each view, px."""
         error_px, matrix, distortion, _, _, deviations, _, per_view = cv2.calibrateCameraExtended(
             [points] * len(used),
-            [views[name].reshape(-1, 1, 2) for name in used],
+            [boards[name][:rows, :columns].reshape(-1, 1, 2) for name in used],
             size_px,
             np.eye(3),
             np.zeros(5),
@@ -195,15 +181,8 @@ def _trials(
     if _MIN_IMAGES <= len(kept) < len(names):
         error_px, camera, deviation_px, _ = solve(kept)
     if len(kept) >= _MIN_IMAGES and camera is not None:
-        yield LayoutTrial(
-            columns=columns,
-            rows=rows,
-            images=tuple(kept),
-            error_px=error_px,
-            common_error_px=_common_error(boards, camera, square_m),
-            camera=camera,
-            deviation_px=deviation_px,
-        )
+        common_px = _common_error(boards, camera, square_m)
+        yield LayoutTrial(columns, rows, tuple(kept), error_px, common_px, camera, deviation_px)
 
 
 def _points(columns: int, rows: int, square_m: float) -> Floats32:
@@ -214,20 +193,15 @@ def _points(columns: int, rows: int, square_m: float) -> Floats32:
 
 def _camera(matrix: Floats, distortion: Floats, size_px: tuple[int, int]) -> CameraModel | None:
     """Return the solver's camera; None for one that is impossible for a lens."""
-    width_px, height_px = size_px
     (fx, _, cx), (_, fy, cy), _ = matrix.tolist()
     finite = np.isfinite(matrix).all() and np.isfinite(distortion).all()
-    inside = 0.0 < cx < width_px and 0.0 < cy < height_px
+    width, height = size_px
+    inside = 0.0 < cx < width and 0.0 < cy < height
     if not finite or not inside or not 0.2 < fx / max(size_px) < 20.0:
         return None
+    bent = tuple(distortion.tolist())
     return CameraModel(
-        width_px=width_px,
-        height_px=height_px,
-        fx_px=fx,
-        fy_px=fy,
-        cx_px=cx,
-        cy_px=cy,
-        distortion=tuple(distortion.tolist()),
+        width_px=width, height_px=height, fx_px=fx, fy_px=fy, cx_px=cx, cy_px=cy, distortion=bent
     )
 
 
@@ -279,10 +253,9 @@ def fault(trial: LayoutTrial) -> str:
 def _stretch(camera: CameraModel) -> float:
     """Return the largest factor of a radius by the distortion; inf where the image folds."""
     k1, k2 = (*camera.distortion, 0.0, 0.0)[:2]
-    farthest = math.hypot(
-        max(camera.cx_px, camera.width_px - camera.cx_px) / camera.fx_px,
-        max(camera.cy_px, camera.height_px - camera.cy_px) / camera.fy_px,
-    )
+    fx, fy, cx, cy = camera.pinhole_px
+    across, down = max(cx, camera.width_px - cx) / fx, max(cy, camera.height_px - cy) / fy
+    farthest = math.hypot(across, down)
     squared = np.linspace(0.0, farthest, _SAMPLES) ** 2
     stretch = 1.0 + k1 * squared + k2 * squared**2
     slope = 1.0 + 3.0 * k1 * squared + 5.0 * k2 * squared**2
@@ -293,7 +266,7 @@ def _stretch(camera: CameraModel) -> float:
 
 def doubts(trial: LayoutTrial, boards: list[Corners]) -> tuple[str, ...]:
     """Return sentences about the weak points of a camera from some boards."""
-    camera, found = trial.camera, []
+    camera, found = trial.camera, list[str]()
     wanted_px = _DOUBTFUL * min(camera.fx_px, camera.fy_px)
     if trial.deviation_px > wanted_px:
         found.append(

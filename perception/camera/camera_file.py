@@ -69,30 +69,18 @@ def load_camera(
 ) -> CameraModel:
     """Read a camera file, our own or one of ROS or OpenCV.
 
-    Args:
-        path: the YAML file.
-        size_px: width and height of the images; the camera is scaled to it. None: as calibrated.
-        orientation: orientation of the images relative to the stored ones.
-        forward_offset_m: distance of the lens ahead of the drone's centre, if the file has none.
-
-    Raises:
-        FileError: the file is absent or malformed.
-        ValueRangeError: the camera was calibrated at another aspect ratio than the images'.
+    The camera is scaled to images of width and height `size_px`, and turned by their orientation
+    relative to the stored ones. `forward_offset_m` counts if the file has none. FileError for a
+    malformed file, ValueRangeError for images of another aspect ratio.
     """
     file = _read(path)
-    (fx_px, _, cx_px), (_, fy_px, cy_px), _ = file.K
+    (fx, _, cx), (_, fy, cy), _ = file.K
+    width, height, bent = file.width_px, file.height_px, file.distortion
     camera = CameraModel(
-        width_px=file.width_px,
-        height_px=file.height_px,
-        fx_px=fx_px,
-        fy_px=fy_px,
-        cx_px=cx_px,
-        cy_px=cy_px,
-        distortion=file.distortion,
-        forward_offset_m=(
-            forward_offset_m if file.forward_offset_m is None else file.forward_offset_m
-        ),
+        width_px=width, height_px=height, fx_px=fx, fy_px=fy, cx_px=cx, cy_px=cy, distortion=bent
     )
+    offset_m = forward_offset_m if file.forward_offset_m is None else file.forward_offset_m
+    camera = replace(camera, forward_offset_m=offset_m)
     if file.frames == "raw":
         camera = orientation.camera(camera)
     if size_px is None:
@@ -100,9 +88,8 @@ def load_camera(
     aspect, wanted = camera.width_px / camera.height_px, size_px[0] / size_px[1]
     if abs(aspect / wanted - 1.0) > _ASPECT_SLACK:
         raise ValueRangeError(
-            f"{path} was calibrated at {camera.width_px}x{camera.height_px} (aspect "
-            f"{aspect:.3f}), the images are {size_px[0]}x{size_px[1]} (aspect {wanted:.3f}): "
-            "calibrate with images of the video that is flown with"
+            f"{path} was calibrated at {camera.width_px}x{camera.height_px}, the images are "
+            f"{size_px[0]}x{size_px[1]}: calibrate with images of the video that is flown with"
         )
     return camera.resized(*size_px)
 
@@ -134,10 +121,8 @@ class _CameraFile:
                 f"f = ({fx}, {fy}), c = ({cx}, {cy}) for {self.width_px}x{self.height_px}"
             )
         if len(self.distortion) not in _DISTORTIONS:
-            known = ", ".join(map(str, _DISTORTIONS))
-            raise ValueRangeError(
-                f"distortion must hold {known} numbers, got {len(self.distortion)}"
-            )
+            known, got = ", ".join(map(str, _DISTORTIONS)), len(self.distortion)
+            raise ValueRangeError(f"distortion must hold {known} numbers, got {got}")
 
 
 def _read(path: Path) -> _CameraFile:
@@ -194,21 +179,17 @@ class _ForeignFile:
         numbers = self.camera_matrix.data
         if len(numbers) != 9:
             raise ValueRangeError(f"camera_matrix must have 9 numbers, got {len(numbers)}")
-        fx, skew, cx, zero, fy, cy, *last = numbers
+        a, b, c, d, e, f, g, h, i = numbers
         return _CameraFile(
             width_px=self.image_width,
             height_px=self.image_height,
-            K=((fx, skew, cx), (zero, fy, cy), (last[0], last[1], last[2])),
+            K=((a, b, c), (d, e, f), (g, h, i)),
             distortion=self.distortion_coefficients.data,
         )
 
 
 class Undistorter:
-    """Undistorts images of one camera; the undistortion map is computed once.
-
-    Args:
-        camera: the camera with its distortion, at the images' size.
-    """
+    """Undistorts images of the size of one camera; the undistortion map is computed once."""
 
     def __init__(self, camera: CameraModel) -> None:
         self.camera = replace(camera, distortion=())
@@ -221,14 +202,10 @@ class Undistorter:
             )
 
     def undistort(self, image: Image) -> Image:
-        """Return an undistorted image, (H, W) or (H, W, 3); black outside the original image.
-
-        Raises:
-            ShapeError: the image has another size than the camera.
-        """
-        size = (self.camera.height_px, self.camera.width_px)
-        if image.shape[:2] != size:
-            expected = f"{size[0]}x{size[1]}, as its camera"
+        """Return an undistorted image, (H, W) or (H, W, 3); black outside the original image."""
+        height, width = self.camera.height_px, self.camera.width_px
+        if image.shape[:2] != (height, width):
+            expected = f"{height}x{width}, as its camera"
             raise ShapeError("image", expected=expected, actual=image.shape)
         if self._map is None:
             return image

@@ -29,16 +29,10 @@ def find_boards(
 ) -> tuple[dict[str, Corners], tuple[int, int], dict[str, str]]:
     """Find the boards of many photographs of one camera; those of an unusual size are left out.
 
-    Returns:
-        The board of each photograph, width and height of the photographs, and the reason for each
-        unusable photograph.
-
-    Raises:
-        InputError: no photograph can be read.
+    Returned are boards by photograph, width and height of the photographs, and reasons by unusable
+    photograph. InputError if no photograph can be read.
     """
-    boards: dict[str, Corners] = {}
-    unusable: dict[str, str] = {}
-    shapes: dict[str, tuple[int, ...]] = {}
+    boards, unusable, shapes = dict[str, Corners](), dict[str, str](), dict[str, tuple[int, ...]]()
     for done, (name, read) in enumerate(photographs.items(), start=1):
         try:
             image = read()
@@ -46,8 +40,7 @@ def find_boards(
             unusable[name] = str(error)
             continue
         shapes[name] = image.shape
-        found = find_any_board(image)
-        if found is not None:
+        if (found := find_any_board(image)) is not None:
             boards[name] = found
         advance("boards", done, len(photographs))
     if not shapes:
@@ -57,10 +50,8 @@ def find_boards(
     for name, shape in shapes.items():
         if shape != most:
             boards.pop(name, None)
-            unusable[name] = (
-                f"is {shape[1]}x{shape[0]}, most photographs are {width_px}x{height_px} "
-                "(width x height)"
-            )
+            given, usual = (f"{columns}x{rows}" for rows, columns in (shape, most))
+            unusable[name] = f"is {given}, most photographs are {usual} (width x height)"
     usable = {name: read for name, read in photographs.items() if name not in unusable}
     _look_again(usable, boards, advance)
     return boards, (width_px, height_px), unusable
@@ -73,9 +64,7 @@ def _look_again(photographs: Photographs, boards: dict[str, Corners], advance: A
     if not agreed:
         return
     rows, columns = max(agreed, key=lambda layout: (votes[layout], layout[0] * layout[1]))
-    less = [
-        name for name in photographs if name not in boards or not shows(boards[name], columns, rows)
-    ]
+    less = [name for name in photographs if not shows(boards.get(name), columns, rows)]
     for done, name in enumerate(less, start=1):
         whole = find_board(photographs[name](), columns, rows)
         if whole is not None and shows(whole, columns, rows):
@@ -83,9 +72,9 @@ def _look_again(photographs: Photographs, boards: dict[str, Corners], advance: A
         advance("boards again", done, len(less))
 
 
-def shows(grid: Corners, columns: int, rows: int) -> bool:
+def shows(grid: Corners | None, columns: int, rows: int) -> bool:
     """Return whether a board has at least `columns` x `rows` inner corners."""
-    return bool(grid.shape[0] >= rows and grid.shape[1] >= columns)
+    return grid is not None and grid.shape[0] >= rows and grid.shape[1] >= columns
 
 
 def find_any_board(image: Image) -> Corners | None:
@@ -96,9 +85,8 @@ def find_any_board(image: Image) -> Corners | None:
     small, shrink = _searchable(image)
     best: Corners | None = None
     for seed in _SEEDS:
-        found, points, meta = cv2.findChessboardCornersSBWithMeta(
-            small, seed, cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_LARGER
-        )
+        flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_LARGER
+        found, points, meta = cv2.findChessboardCornersSBWithMeta(small, seed, flags)
         if not found:
             continue
         rows, columns = meta.shape[:2]
@@ -155,7 +143,6 @@ def _refined(image: Image, grid: Corners, shrink: float) -> Corners | None:
     # The window must not reach the neighbouring corners.
     reach = int(np.clip(round(0.35 * float(min(steps_px))), 2, 15))
     ends = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 40, 1e-3)
-    placed = cv2.cornerSubPix(
-        image, np.ascontiguousarray(full.reshape(-1, 1, 2)), (reach, reach), (-1, -1), ends
-    )
+    corners = np.ascontiguousarray(full.reshape(-1, 1, 2))
+    placed = cv2.cornerSubPix(image, corners, (reach, reach), (-1, -1), ends)
     return np.asarray(placed, dtype=np.float32).reshape(full.shape)

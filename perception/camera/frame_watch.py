@@ -36,9 +36,8 @@ _MOVED_M: Final = 0.12
 class FrameWatch:
     """Checks a sequence of frames.
 
-    Args:
-        still_s: equal frames for longer than this are a frozen video in any case. A real camera's
-            noise differs from image to image; a simulated camera may have no noise.
+    Equal frames for longer than `still_s` are a frozen video in any case: a real camera's noise
+    differs from image to image, a simulated camera may have none.
     """
 
     def __init__(self, *, still_s: float = math.inf) -> None:

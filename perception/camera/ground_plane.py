@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,11 +39,10 @@ class CameraView:
     roll_rad: float = 0.0  # of the image, right side down positive; no supported drone reports it
 
     def __post_init__(self) -> None:
-        numbers = (self.pitch_rad, self.height_m, self.roll_rad)
-        if not all(map(math.isfinite, numbers)) or abs(self.pitch_rad) > math.pi / 2 + 1e-6:
+        if not (math.isfinite(self.height_m) and abs(self.pitch_rad) <= math.pi / 2 + 1e-6):
             raise ValueRangeError(
-                "a view needs a finite height, roll, and a pitch within -pi/2 and pi/2 rad, got "
-                f"height {self.height_m} m, roll {self.roll_rad} rad, pitch {self.pitch_rad} rad"
+                "a view needs a finite height, and a pitch within -pi/2 and pi/2 rad, got "
+                f"{self.height_m} m and {self.pitch_rad} rad"
             )
 
 
@@ -80,8 +80,7 @@ def ray_lengths(camera: CameraModel) -> Floats32:
     """Return the length of every pixel's ray of unit depth, (H, W): range over depth."""
     across = (np.arange(camera.width_px) - camera.cx_px) / camera.fx_px
     along = (np.arange(camera.height_px) - camera.cy_px) / camera.fy_px
-    squared = across[None, :] ** 2 + along[:, None] ** 2 + 1.0
-    return np.sqrt(squared).astype(np.float32)
+    return np.sqrt(across[None, :] ** 2 + along[:, None] ** 2 + 1.0).astype(np.float32)
 
 
 def ground_depth(
@@ -89,13 +88,9 @@ def ground_depth(
 ) -> Floats32:
     """Return the depth at which each pixel's ray meets a level plane (equations 8 and 9).
 
-    (H, W) metres along the optical axis; NaN where the ray does not meet the plane.
-    ValueRangeError if the lens is not above the plane.
-
-    Args:
-        view: the camera.
-        plane_m: height of the plane above the ground, such as that of the landing mark's top.
-        rays: `level_rays(view)`, if already computed.
+    (H, W) metres along the optical axis; NaN where the ray does not meet the plane. `plane_m` is
+    the plane's height above the ground, such as that of the landing mark's top; `rays` are the
+    view's, if already computed. ValueRangeError if the lens is not above the plane.
     """
     above_m = view.height_m - plane_m
     if not above_m > 0.0:
@@ -104,14 +99,11 @@ def ground_depth(
             f"ground with the plane at {plane_m:.3f} m"
         )
     down = (level_rays(view) if rays is None else rays)[2]
-    meets = down > _LEVEL
     depth = np.full(down.shape, np.nan, dtype=np.float32)
-    np.divide(np.float32(above_m), down, out=depth, where=meets)
-    return depth
+    return np.divide(np.float32(above_m), down, out=depth, where=down > _LEVEL)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class GroundPlane:
+class GroundPlane(NamedTuple):
     """The ground in one view, computed once for all users."""
 
     view: CameraView
@@ -122,4 +114,4 @@ class GroundPlane:
     def of(cls, view: CameraView) -> GroundPlane:
         """Return the ground in a view; ValueRangeError if the lens is not above the ground."""
         rays = level_rays(view)
-        return cls(view=view, rays=rays, depth_m=ground_depth(view, rays=rays))
+        return cls(view, rays, ground_depth(view, rays=rays))

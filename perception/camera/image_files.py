@@ -65,9 +65,8 @@ class Orientation:
     def image(self, rgb: Image) -> Image:
         """Return an image, (H, W, 3) uint8, as a player shows it."""
         shown = rgb.swapaxes(0, 1) if self.transpose else rgb
-        shown = shown[:, ::-1] if self.flip_columns else shown
-        shown = shown[::-1] if self.flip_rows else shown
-        return np.ascontiguousarray(shown)
+        rows, columns = (-1 if flip else 1 for flip in (self.flip_rows, self.flip_columns))
+        return np.ascontiguousarray(shown[::rows, ::columns])
 
     def camera(self, raw: CameraModel) -> CameraModel:
         """Return the camera of shown images from the camera of raw ones.
@@ -85,26 +84,16 @@ class Orientation:
         k1, k2, p1, p2, *k3 = raw.distortion or (0.0, 0.0, 0.0, 0.0)
         columns = (raw.width_px, raw.fx_px, raw.cx_px, p2)
         rows = (raw.height_px, raw.fy_px, raw.cy_px, p1)
-        if self.transpose:
-            columns, rows = rows, columns
-        width_px, fx_px, cx_px, p2 = _flipped(*columns) if self.flip_columns else columns
-        height_px, fy_px, cy_px, p1 = _flipped(*rows) if self.flip_rows else rows
-        return replace(
-            raw,
-            width_px=width_px,
-            height_px=height_px,
-            fx_px=fx_px,
-            fy_px=fy_px,
-            cx_px=cx_px,
-            cy_px=cy_px,
-            distortion=(k1, k2, p1, p2, *k3) if raw.distortion else (),
+        (width, fx, cx, p2), (height, fy, cy, p1) = (
+            (rows, columns) if self.transpose else (columns, rows)
         )
-
-
-def _flipped(
-    size_px: int, focal_px: float, centre_px: float, tangential: float
-) -> tuple[int, float, float, float]:
-    return size_px, focal_px, size_px - 1 - centre_px, -tangential
+        if self.flip_columns:
+            cx, p2 = width - 1 - cx, -p2
+        if self.flip_rows:
+            cy, p1 = height - 1 - cy, -p1
+        bent = (k1, k2, p1, p2, *k3) if raw.distortion else ()
+        turned = replace(raw, width_px=width, height_px=height, fx_px=fx, fy_px=fy)
+        return replace(turned, cx_px=cx, cy_px=cy, distortion=bent)
 
 
 UPRIGHT: Final = Orientation()
@@ -119,9 +108,8 @@ def image_files(folder: Path) -> tuple[list[Path], str]:
     line = _conversion(foreign) if foreign else ""
     if not found:
         known = ", ".join(suffix.removeprefix(".") for suffix in IMAGE_SUFFIXES)
-        raise FileError(
-            folder, f"the folder holds no images ({known}){'; it holds ' if line else ''}{line}"
-        )
+        other = f"; it holds {line}" if line else ""
+        raise FileError(folder, f"the folder holds no images ({known}){other}")
     return found, line
 
 

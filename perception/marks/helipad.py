@@ -63,8 +63,7 @@ class HelipadFinder:
         if pair is None:
             return None
         h, score = pair
-        height_px, width_px = class_map.ids.shape
-        camera = view.camera.resized(width_px, height_px)
+        camera = view.camera.resized(*class_map.ids.shape[::-1])
         # In perspective the near half of the H is larger, so that its centroid lies up to 3 cm
         # before the pad's centre, except seen from straight above.
         ahead_m, right_m = ground_points(h.centroid, camera, pitch_rad, above_m)
@@ -95,16 +94,13 @@ def best_pair(class_map: ClassMap) -> tuple[Part, float] | None:
     scale = ids.size / _MAP_PX
     h_parts = _parts(ids == classes.mark_top, _MIN_H_PX * scale)
     box_parts = _parts(ids == classes.mark_sides, _MIN_BOX_PX * scale) if h_parts else []
-    best: tuple[Part, float] | None = None
+    pairs = []
     for h in h_parts:
         to_h = cv2.distanceTransform(1 - h.mask, cv2.DIST_L2, 3)
-        for box in box_parts:
-            score = _score(h, box, to_h)
-            if score >= _MIN_SCORE and (best is None or score > best[1]):
-                best = h, score
-    if best is None:
+        pairs += [(h, _score(h, box, to_h)) for box in box_parts]
+    h, score = max(pairs, key=lambda pair: pair[1], default=(None, 0.0))
+    if h is None or score < _MIN_SCORE:
         return None
-    h, score = best
     cut = any(edge.any() for edge in (h.mask[0], h.mask[-1], h.mask[:, 0], h.mask[:, -1]))
     return h, score * _CUT_SHARE if cut else score
 

@@ -22,8 +22,6 @@ _LEAST_PX: Final = 6  # pixels of the smallest region. Chosen: smaller ones are 
 # A smaller share of the mark's area is mask noise, unless the mark is cut by the image's border.
 _SPECK: Final = 0.2
 _FARTHEST_M: Final = 15.0  # no lab is longer
-_COLOUR: Final = (240, 90, 30)
-_PICTURE_PX: Final = 64
 
 
 class _Options(Options):
@@ -76,18 +74,18 @@ class RegionFinder:
 
     def picture(self) -> Image:
         """Return a plain colour, (64, 64, 3) RGB."""
-        return np.full((_PICTURE_PX, _PICTURE_PX, 3), _COLOUR, dtype=np.uint8)
+        return np.full((64, 64, 3), (240, 90, 30), dtype=np.uint8)
 
     def top_id(self, classes: LabClasses) -> int:
         """Return the id of the top's class; raises InputError if the lab has no such class."""
-        marks = [classes.names[each] for each in classes.of_role(MARK)]
-        if self._name is None and classes.mark_top is not None:
-            return classes.mark_top
+        marks = {classes.names[each]: each for each in classes.of_role(MARK)}
         if self._name is None:
-            raise ValueRangeError("no class of the lab has the role mark: add one to its lab file")
+            if classes.mark_top is None:
+                raise ValueRangeError("no class of the lab has the role mark: add one to its file")
+            return classes.mark_top
         if self._name not in marks:
             raise UnknownNameError("class with the role mark", self._name, marks)
-        return classes.id_of(self._name)
+        return marks[self._name]
 
 
 def region_on_plane(
@@ -95,8 +93,7 @@ def region_on_plane(
 ) -> RegionOnPlane | None:
     """Return the largest region of a class on a level plane at a height above the ground.
 
-    The lens is above the plane, and the pitch finite. None if the region has fewer than 6 pixels,
-    or none of them within 15 m.
+    None if it has fewer than 6 pixels, or none of them within 15 m.
     """
     shown: NDArray[np.uint8] = (class_map.ids == class_id).astype(np.uint8)
     _, labels, stats, _ = cv2.connectedComponentsWithStats(shown, connectivity=8)
@@ -108,8 +105,7 @@ def region_on_plane(
     cut = bool(np.isin(rows, (0, height_px - 1)).any() or np.isin(columns, (0, width_px - 1)).any())
     camera = view.camera.resized(width_px, height_px)
     above_m = view.frame.height_above_ground_m - plane_m
-    pixels = np.stack([columns, rows], axis=-1)
-    rays = pixel_rays(pixels, camera, view.frame.gimbal_pitch_rad)
+    rays = pixel_rays(np.stack([columns, rows], axis=-1), camera, view.frame.gimbal_pitch_rad)
     near = rays[:, 2] > above_m / _FARTHEST_M
     rays, rows, columns = rays[near], rows[near], columns[near]
     if not len(rays):

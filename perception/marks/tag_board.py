@@ -21,14 +21,10 @@ APRILTAG_FAMILIES: Final[Mapping[str, int]] = {  # the first is the usual one
     "36h10": cv2.aruco.DICT_APRILTAG_36h10,
 }
 ARUCO_FAMILIES: Final[Mapping[str, int]] = {
-    **{
-        f"{bits}x{bits}_{count}": getattr(cv2.aruco, f"DICT_{bits}X{bits}_{count}")
-        for bits in (4, 5, 6, 7)
-        for count in (50, 100, 250, 1000)
-    },
-    "original": cv2.aruco.DICT_ARUCO_ORIGINAL,
-    "mip_36h12": cv2.aruco.DICT_ARUCO_MIP_36h12,
-}
+    f"{bits}x{bits}_{count}": getattr(cv2.aruco, f"DICT_{bits}X{bits}_{count}")
+    for bits in (4, 5, 6, 7)
+    for count in (50, 100, 250, 1000)
+} | {"original": cv2.aruco.DICT_ARUCO_ORIGINAL, "mip_36h12": cv2.aruco.DICT_ARUCO_MIP_36h12}
 
 
 _Number = Annotated[int, Field(ge=0)]
@@ -108,19 +104,15 @@ def read_board(mark: LandingMark, families: Mapping[str, int], form: type[TagOpt
         for offset_m, side_m in zip(tag.at_m, mark.top_m, strict=True):
             if abs(offset_m) + half_m > side_m / 2.0 + 1e-9:
                 raise ValueRangeError(
-                    f"tag {tag.id} of {tag.size_m:g} m at {list(tag.at_m)}, with a white margin of "
-                    f"{tag.size_m / cells:.3f} m, does not fit on a top of "
-                    f"{mark.length_m:g} x {mark.width_m:g} m"
+                    f"tag {tag.id} with its white margin of {tag.size_m / cells:.3f} m does not "
+                    f"fit on a top of {mark.length_m:g} x {mark.width_m:g} m"
                 )
     # Comparing with all 587 tags of 36h11 takes 30 ms a frame.
     codes = whole.bytesList[[tag.id for tag in tags]]
     if isinstance(options, AprilTagOptions) and options.print == "apriltag":
-        read, write = (
-            cv2.aruco.Dictionary.getBitsFromByteList,
-            cv2.aruco.Dictionary.getByteListFromBits,
-        )
-        bits = [read(code[None], whole.markerSize) for code in codes]
-        codes = np.concatenate([write(np.ascontiguousarray(each[::-1, ::-1])) for each in bits])
+        bits = [whole.getBitsFromByteList(code[None], whole.markerSize) for code in codes]
+        turned = [np.ascontiguousarray(each[::-1, ::-1]) for each in bits]
+        codes = np.concatenate([whole.getByteListFromBits(each) for each in turned])
     own = cv2.aruco.Dictionary(codes, whole.markerSize, whole.maxCorrectionBits)
     return TagBoard(tags, own, cells)
 

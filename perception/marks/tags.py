@@ -4,21 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import ClassVar, Final, NamedTuple
 
 import cv2
 import numpy as np
 
-from perception.marks.tag_board import (
-    APRILTAG_FAMILIES,
-    ARUCO_FAMILIES,
-    AprilTagOptions,
-    TagOptions,
-    draw_board,
-    read_board,
-)
-from perception.marks.tag_edges import refine_corners
-from perception.marks.tag_pose import BoardPose, level_pose, placed_corners
+from perception.marks import tag_board
+from perception.marks.tag_pose import BoardPose, level_pose, placed_corners, refine_corners
 from uav_bt.landing_marks import MarkSighting, MarkView
 from uav_bt.types import LandingMark
 from uav_bt.types.arrays import Floats, Image
@@ -65,11 +58,11 @@ class TagFinder:
     uses_images = True
     shows_heading = True
     families: ClassVar[Mapping[str, int]]
-    options: ClassVar[type[TagOptions]] = TagOptions
+    options: ClassVar[type[tag_board.TagOptions]] = tag_board.TagOptions
 
     def __init__(self, mark: LandingMark) -> None:
         self._mark = mark
-        self._board = read_board(mark, self.families, self.options)
+        self._board = tag_board.read_board(mark, self.families, self.options)
         self._corners_m = [tag.corners_m() for tag in self._board.tags]
         self._detector = cv2.aruco.ArucoDetector(self._board.dictionary)
 
@@ -77,8 +70,7 @@ class TagFinder:
         """Return the mark in an image; None if it shows none of the tags, or two such marks."""
         if not math.isfinite(view.frame.gimbal_pitch_rad):
             return None
-        height_px, width_px = view.frame.image.shape[:2]
-        view = MarkView(frame=view.frame, camera=view.camera.resized(width_px, height_px))
+        view = replace(view, camera=view.camera.resized(*view.frame.image.shape[1::-1]))
         seen = self._detect(view.frame.image)
         once = 0 < len(seen) == len({tag.place for tag in seen})
         whole = self._fit(seen, view) if once else None
@@ -88,10 +80,9 @@ class TagFinder:
             return None
         # A pose counts fully if it has twice the weight of one at another place.
         apart_m = max(tag.size_m for tag in self._board.tags) / 2.0
-        rivals = [
-            fit.weight for fit in fits if fit and math.dist(fit.pose[:2], best.pose[:2]) > apart_m
-        ]
-        clear = min(1.0, 2.0 * (1.0 - max(rivals, default=0.0) / best.weight))
+        others = [fit for fit in fits if fit and math.dist(fit.pose[:2], best.pose[:2]) > apart_m]
+        rival = max((fit.weight for fit in others), default=0.0)
+        clear = min(1.0, 2.0 * (1.0 - rival / best.weight))
         if clear <= 0.0:
             return None
         return MarkSighting(
@@ -104,7 +95,7 @@ class TagFinder:
 
     def picture(self) -> Image:
         """Return the white top with its tags, (H, W, 3) RGB."""
-        return draw_board(self._board, self._mark, _PICTURE_PX_PER_M)
+        return tag_board.draw_board(self._board, self._mark, _PICTURE_PX_PER_M)
 
     def _detect(self, image: Image) -> list[_Seen]:
         """Return the tags of the mark in an image; two prints of one tag come twice."""
@@ -120,12 +111,9 @@ class TagFinder:
 
     def _fit(self, tags: Sequence[_Seen], view: MarkView) -> _Fit | None:
         """Return the pose of the mark by some tags; None if they do not lie on one board."""
-        pose = level_pose(
-            np.concatenate([self._corners_m[tag.place] for tag in tags]),
-            np.concatenate([tag.corners_px for tag in tags]),
-            view.camera,
-            view.frame.gimbal_pitch_rad,
-        )
+        board_m = np.concatenate([self._corners_m[tag.place] for tag in tags])
+        seen_px = np.concatenate([tag.corners_px for tag in tags])
+        pose = level_pose(board_m, seen_px, view.camera, view.frame.gimbal_pitch_rad)
         edge_px = max(tag.edge_px for tag in tags)
         if pose is None or pose.error_px > max(_WORST_PX, _WORST_SHARE * edge_px):
             return None
@@ -154,11 +142,11 @@ class TagFinder:
 class AprilTagFinder(TagFinder):
     """Finds AprilTags, as AprilTag's own images show them; implements `MarkFinder`."""
 
-    families = APRILTAG_FAMILIES
-    options = AprilTagOptions
+    families = tag_board.APRILTAG_FAMILIES
+    options = tag_board.AprilTagOptions
 
 
 class ArucoFinder(TagFinder):
     """Finds ArUco markers; implements `MarkFinder`."""
 
-    families = ARUCO_FAMILIES
+    families = tag_board.ARUCO_FAMILIES

@@ -8,7 +8,7 @@ pose at their frame's capture. The fix is given relative to the present pose.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Final
 
 import numpy as np
@@ -66,15 +66,7 @@ class MarkTracker:
         self._seen, self._accepted = None, False
         if sighting is None:
             return
-        self._seen = MarkFix(
-            captured_s=captured_s,
-            forward_m=sighting.forward_m,
-            right_m=sighting.right_m,
-            height_m=sighting.height_m,
-            detected=True,
-            confidence=sighting.confidence,
-            heading_deg=sighting.heading_deg,
-        )
+        self._seen = MarkFix(captured_s=captured_s, detected=True, **asdict(sighting))
         pose = self._odometry.at(captured_s)
         self._accepted = pose is not None and self._place(self._seen, pose)
         if pose is not None and self._accepted:

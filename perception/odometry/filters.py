@@ -112,11 +112,13 @@ class VelocityError:
 
     def mps(self, yaw_rad: float) -> Floats:
         """Return the error in the odometry's frame, (2,), shrunk by its uncertainty."""
-        return _xy(complex(self._believed(yaw_rad) @ _seen_at(yaw_rad)))
+        error = self._believed(yaw_rad) @ _seen_at(yaw_rad)
+        return np.array([error.real, error.imag])
 
     def bias_mps(self, yaw_rad: float) -> Floats:
         """Return the part of `mps` that turns with the drone, (2,) forward and right."""
-        return _xy(complex(self._believed(yaw_rad)[1]))
+        bias = self._believed(yaw_rad)[1]
+        return np.array([bias.real, bias.imag])
 
     def _believed(self, yaw_rad: float) -> NDArray[np.complex128]:
         size_mps = max(float(abs(self._mean @ _seen_at(yaw_rad))), _DOUBT_MPS)
@@ -130,11 +132,8 @@ class VelocityError:
     def correct(self, seen_mps: Floats, passed_s: float, spread_m: float, yaw_rad: float) -> None:
         """Correct the error by the motion between two frames; an outlier is left out.
 
-        Args:
-            seen_mps: velocity beyond telemetry's, (2,), in the odometry's frame.
-            passed_s: time between the two frames.
-            spread_m: spread of the tracked points, root mean square around their middle.
-            yaw_rad: heading between the two frames.
+        `seen_mps` is the velocity beyond telemetry's, (2,), in the odometry's frame; `spread_m`
+        the root mean square of the tracked points around their middle.
         """
         seen = _seen_at(yaw_rad)
         closer = max(1.0, _WIDE_M / spread_m) ** 2
@@ -153,10 +152,6 @@ class VelocityError:
 def _seen_at(yaw_rad: float) -> NDArray[np.complex128]:
     """Return the factors of drift and bias in a measured error, (2,)."""
     return np.array([1.0, cmath.exp(1j * yaw_rad)])
-
-
-def _xy(value: complex) -> Floats:
-    return np.array([value.real, value.imag])
 
 
 class Stretch:
@@ -186,11 +181,9 @@ class Stretch:
     @property
     def factor(self) -> float | None:
         """Seen over reported displacement; None while it is not known well enough."""
-        steps = self._steps
-        if steps < 2.0:
-            return None
+        steps = max(self._steps, 1.0)
         varied = self._reported2 - abs(self._reported) ** 2 / steps
-        if varied < steps * _VARIED_MPS**2:
+        if steps < 2.0 or varied < steps * _VARIED_MPS**2:
             return None
         shared = (self._product - self._reported.conjugate() * self._seen / steps).real
         rest = self._seen2 - abs(self._seen) ** 2 / steps - shared**2 / varied

@@ -11,14 +11,8 @@ from typing import Final, NamedTuple
 import cv2
 import numpy as np
 
+from perception.odometry import visual
 from perception.odometry.filters import Heading, Stretch, VelocityError
-from perception.odometry.visual import (
-    MAX_RANGE_M,
-    MAX_YAW_RAD,
-    GroundMotion,
-    GroundView,
-    ground_motion,
-)
 from uav_bt.types import (
     BodyVelocity,
     CameraModel,
@@ -46,7 +40,7 @@ class _Sight(NamedTuple):
 
     frame: Frame
     # Not of frames that `measure` compares: the ground near enough to be followed is 1, (H, W).
-    shown: tuple[GroundView, Image] | None
+    shown: tuple[visual.GroundView, Image] | None
 
 
 class GroundOdometry:
@@ -54,11 +48,8 @@ class GroundOdometry:
 
     Telemetry is later and less frequent than frames. The pose at a frame is first extrapolated from
     the last velocity, and recomputed when a later velocity is known. Only then is the measured
-    displacement compared with telemetry's.
-
-    Args:
-        measure: returns the pose of the second frame's lens in the level frame of the first, or
-            None; by default points of the ground are tracked.
+    displacement compared with telemetry's. `measure` may return the pose of the second frame's lens
+    in the level frame of the first; by default points of the ground are tracked.
     """
 
     def __init__(self, measure: Callable[[Frame, Frame], Pose2D | None] | None = None) -> None:
@@ -123,10 +114,9 @@ class GroundOdometry:
         if velocity_s > known_s:
             # Telemetry's pose at the last frame is recomputed with the later velocity. If the
             # frame's corrected pose came from telemetry, both have the same error and stay.
-            seen = None if self._seen is None else self._seen[1]
-            tracked = seen is not None and seen.time_s == self._tracked_s
-            if seen is not None and tracked and velocity_s - seen.time_s <= _MAX_GAP_S:
-                self._seen = self._raw(seen.time_s), seen
+            at_s = math.nan if self._seen is None else self._seen[1].time_s
+            if self._seen and at_s == self._tracked_s and velocity_s - at_s <= _MAX_GAP_S:
+                self._seen = self._raw(at_s), self._seen[1]
             self._compare()
         return self.now
 
@@ -194,7 +184,7 @@ class GroundOdometry:
 
     def _shown(
         self, before: _Sight | None, expected: Pose2D, passed_s: float, offset_m: float
-    ) -> GroundMotion | None:
+    ) -> visual.GroundMotion | None:
         """Return the body's motion since the frame before, measured on the ground.
 
         Telemetry expects it; the lens is `offset_m` ahead of the body's centre.
@@ -204,15 +194,17 @@ class GroundOdometry:
             return None
         if self._measure is not None:
             found = self._measure(before.frame, now.frame)
-            return None if found is None else GroundMotion(_of_lens(found, -offset_m), _SPREAD_M)
+            if found is None:
+                return None
+            return visual.GroundMotion(_of_lens(found, -offset_m), _SPREAD_M)
         if before.shown is None or now.shown is None:
             return None
         (first, ground), (second, _) = before.shown, now.shown
         self._ground_share = float(ground.mean())
         held = replace(expected, yaw_rad=self._turn_radps * passed_s)
-        leaps = abs(held.yaw_rad - expected.yaw_rad) > MAX_YAW_RAD
+        leaps = abs(held.yaw_rad - expected.yaw_rad) > visual.MAX_YAW_RAD
         for guess in (expected, held) if leaps else (expected,):
-            lens = ground_motion(first, second, _of_lens(guess, offset_m), ground)
+            lens = visual.ground_motion(first, second, _of_lens(guess, offset_m), ground)
             if lens is not None:
                 self._turn_radps = lens.motion.yaw_rad / passed_s
                 return lens._replace(motion=_of_lens(lens.motion, -offset_m))
@@ -229,18 +221,14 @@ class GroundOdometry:
         size = (small_px, round(height_px * small_px / width_px))
         # Converting to grey after shrinking is faster.
         small = cv2.resize(frame.image, size, interpolation=cv2.INTER_AREA)
-        ground = cv2.resize(
-            class_map.is_ground.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST_EXACT
-        )
+        grey = np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+        whole = class_map.is_ground.astype(np.uint8)
+        ground = cv2.resize(whole, size, interpolation=cv2.INTER_NEAREST_EXACT)
         around = np.ones((2 * _BORDER_PX + 1,) * 2, dtype=np.uint8)
         near = np.asarray(cv2.erode(ground, around), dtype=np.uint8)
-        view = GroundView(
-            grey=np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), dtype=np.uint8),
-            camera=camera.resized(*size),
-            gimbal_pitch_rad=frame.gimbal_pitch_rad,
-            height_m=height_m,
-        )
-        farthest = ground_range_to_row(MAX_RANGE_M, view.camera, view.gimbal_pitch_rad, height_m)
+        pitch_rad = frame.gimbal_pitch_rad
+        view = visual.GroundView(grey, camera.resized(*size), pitch_rad, height_m)
+        farthest = ground_range_to_row(visual.MAX_RANGE_M, view.camera, pitch_rad, height_m)
         near[: max(0, math.ceil(farthest))] = 0
         return _Sight(frame, (view, near))
 
@@ -249,12 +237,11 @@ class GroundOdometry:
             return raw
         then, seen = self._seen
         turn_rad = self._heading.correction_rad
-        x_m, y_m = rotate(raw.x_m - then.x_m, raw.y_m - then.y_m, turn_rad)
+        way_m = rotate(raw.x_m - then.x_m, raw.y_m - then.y_m, turn_rad)
         yaw_rad = raw.yaw_rad + turn_rad
-        x_missed_m, y_missed_m = self._missed_m(yaw_rad, raw.time_s).tolist()
-        return replace(
-            raw, x_m=seen.x_m + x_m + x_missed_m, y_m=seen.y_m + y_m + y_missed_m, yaw_rad=yaw_rad
-        )
+        missed_m = self._missed_m(yaw_rad, raw.time_s)
+        x_m, y_m = (np.array([seen.x_m, seen.y_m]) + way_m + missed_m).tolist()
+        return replace(raw, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
 
 
 def _of_lens(motion: Pose2D, offset_m: float) -> Pose2D:

@@ -15,7 +15,7 @@ from two guesses, and a motion that depends on the guess is left out.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import cv2
@@ -54,8 +54,7 @@ MAX_YAW_RAD: Final = 0.1
 _MAX_SHIFT_M: Final = 0.12
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class GroundView:
+class GroundView(NamedTuple):
     """Odometry's input from one frame."""
 
     grey: Image  # (H, W)
@@ -76,14 +75,9 @@ def ground_motion(
 ) -> GroundMotion | None:
     """Measure the pose of the second camera in the level frame of the first.
 
-    None with too few points on the ground, and on ground without texture.
-
-    Args:
-        first: the frame in which points are selected.
-        second: the frame in which they are tracked.
-        guess: the motion by telemetry, the start of the search.
-        ground: (H, W), not zero where the first frame shows ground; without it only the robust fit
-            rejects other points.
+    None with too few points on the ground, and on ground without texture. The search starts with
+    the motion by telemetry. `ground`, (H, W), is not zero where the first frame shows ground;
+    without it only the robust fit rejects other points.
     """
     quality = _QUALITY if ground is None else _QUALITY_IN_MASK
     corners = cv2.goodFeaturesToTrack(first.grey, _POINTS, quality, _SPACING_PX, mask=ground)
@@ -96,8 +90,7 @@ def ground_motion(
     if ground is None:
         return _tracked(points, first, second, guess)
     apart_m = _APART * second.height_m
-    low = _tracked(points, first, second, guess, shift_m=-apart_m)
-    high = _tracked(points, first, second, guess, shift_m=apart_m)
+    low, high = (_tracked(points, first, second, guess, off) for off in (-apart_m, apart_m))
     if low is None or high is None:
         return None
     x_m, y_m = high.motion.x_m - low.motion.x_m, high.motion.y_m - low.motion.y_m
@@ -170,14 +163,10 @@ def _reweighted(
     appear as forward motion. OpenCV's `estimateAffinePartial2D` has no weights, and SciPy's
     `Rotation.align_vectors` works in three dimensions without the translation.
 
-    Args:
-        here: (N, 2) points in the level frame of the first camera, m.
-        there: (N, 2) the same points in that of the second, m.
-        residual_m: (N, 2) differences by which the points are first weighted; overwritten.
-        max_scale: largest relative error of the second height.
-
-    Returns:
-        Pose of the second camera in the level frame of the first; spread of the points; inliers.
+    Points are (N, 2) m, in the level frames of the first and of the second camera; the differences
+    by which they are first weighted are overwritten. `max_scale` is the largest relative error of
+    the second height. Returned are the pose of the second camera in the level frame of the first,
+    the spread of the points, and the number of inliers.
     """
     x_m, y_m, yaw_rad, spread_m2 = 0.0, 0.0, 0.0, 0.0
     weights = np.empty(len(here))

@@ -88,7 +88,9 @@ def _iou(counts: NDArray[np.int64]) -> NDArray[np.float64]:
     both = np.diag(counts).astype(np.float64)
     exact = counts.sum(axis=1)
     either = counts.sum(axis=0) + exact - both
-    return np.divide(both, either, out=np.full(len(both), np.nan), where=exact > 0)
+    iou = np.full(len(both), np.nan)
+    np.divide(both, either, out=iou, where=exact > 0)
+    return iou
 
 
 def _by_name(names: Sequence[str], values: NDArray[np.float64]) -> dict[str, float | None]:

@@ -56,12 +56,7 @@ class _Block(nn.Sequential):
 
 
 class UNet(nn.Module):
-    """RGB in [0, 1], (N, 3, H, W), to class scores (logits), (N, C, H, W).
-
-    Args:
-        config: the network's shape.
-        classes: names of the C classes.
-    """
+    """RGB in [0, 1], (N, 3, H, W), to scores (logits) of the C classes, (N, C, H, W)."""
 
     def __init__(self, config: UNetConfig, classes: Sequence[str]) -> None:
         super().__init__()
@@ -77,12 +72,10 @@ class UNet(nn.Module):
             for below, here in zip(widths[:0:-1], widths[-2::-1], strict=True)
         )
         self.merge = nn.ModuleList(_Block(2 * here, here) for here in widths[-2::-1])
-        lowest = widths[-1]
-        self.context = (
-            nn.Sequential(nn.AdaptiveAvgPool2d(1), nn.Conv2d(lowest, lowest, 1), nn.ReLU())
-            if config.context
-            else None
-        )
+        self.context: nn.Sequential | None = None
+        if config.context:
+            mean, mixed = nn.AdaptiveAvgPool2d(1), nn.Conv2d(widths[-1], widths[-1], 1)
+            self.context = nn.Sequential(mean, mixed, nn.ReLU())
         self.head = nn.Conv2d(widths[0], 4 * config.outputs, 1)
         self.spread = nn.PixelShuffle(2)
 
