@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,9 +23,9 @@ from sim_bridge.twin.objects import BoxSpec, Helipad
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import View, render_views
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_H, paper_map
-from tests.worlds.values import motion
+from tests.worlds import values
 from uav_bt.errors import UnknownNameError
-from uav_bt.types import ClassMap, DepthMap, Frame, NearObstacles, Pose2D
+from uav_bt.types import DepthMap, NearObstacles, Pose2D
 from uav_bt.types.dead_reckoning import OdometryPose
 
 SIZE = (224, 112)
@@ -46,123 +49,70 @@ def drawn() -> View:
     return view
 
 
-def frame(drawn: View, **changes: Any) -> Frame:
-    given = {
-        "image": drawn.image,
-        "index": 0,
-        "captured_s": 3.0,
-        "gimbal_pitch_rad": PITCH_RAD,
-        "height_above_ground_m": 1.5,
-    }
-    return Frame(**(given | changes))
-
-
-def class_map(drawn: View, captured_s: float = 3.0) -> ClassMap:
-    return paper_map(ids=drawn.ids, captured_s=captured_s)
-
-
-def relative(drawn: View, unit: float = 0.25, captured_s: float = 3.0) -> DepthMap:
-    """Output of a perfect network in an arbitrary unit."""
-    return DepthMap(depth=drawn.depth * np.float32(unit), metric=False, captured_s=captured_s)
-
-
-class Network:
-    """A network that gives the same depth for each frame, or none."""
-
-    def __init__(self, depth: DepthMap) -> None:
-        self.depth = depth
-
-    def estimate(self, frame: Frame) -> DepthMap:  # noqa: ARG002
-        return self.depth
-
-
 def make(
+    drawn: View,
     source: str,
-    frame: Frame,
-    class_map: ClassMap,
-    relative: DepthMap | None = None,
+    network: np.ndarray | None = None,
+    *,
+    ids: np.ndarray | None = None,
+    network_s: float = 3.0,
+    changes: Mapping[str, Any] = MappingProxyType({}),
     **given: Any,
 ) -> MetricDepth:
-    network = None if relative is None else Network(relative)
-    maker = MetricDepthMaker(network, source=source, generator=np.random.default_rng(0))
-    return maker.make(frame, class_map, CAMERA, **given)
+    """Make metric depth of the frame, with a network that gives a depth in an arbitrary unit."""
+    estimator: Any = None
+    if network is not None:
+        relative = DepthMap(depth=network * np.float32(0.25), metric=False, captured_s=network_s)
+        estimator = SimpleNamespace(estimate=lambda _: relative)
+    maker = MetricDepthMaker(estimator, source=source, generator=np.random.default_rng(0))
+    shown = paper_map(ids=drawn.ids if ids is None else ids, captured_s=3.0)
+    frame = replace(values.frame(drawn.image, PITCH_RAD, captured_s=3.0), **changes)
+    return maker.make(frame, shown, CAMERA, **given)
 
 
-def test_a_networks_depth_becomes_metres(drawn: View) -> None:
-    made = make("network", frame(drawn), class_map(drawn), relative(drawn))
-
+def test_a_networks_depth_becomes_metres_at_the_size_of_the_class_map(drawn: View) -> None:
+    made = make(drawn, "network", drawn.depth)
     assert made.refusal == ""
-    assert made.depth is not None
     assert made.depth.metric
     assert made.depth.captured_s == 3.0
     assert made.depth.depth == pytest.approx(drawn.depth, rel=2e-3)
 
-
-def test_a_network_of_another_size_is_resized(drawn: View) -> None:
-    small = DepthMap(
-        depth=np.ascontiguousarray(drawn.depth[::2, ::2]) * np.float32(3.0),
-        metric=False,
-        captured_s=3.0,
-    )
-    made = make("network", frame(drawn), class_map(drawn), small)
-
-    assert made.depth is not None
-    assert made.depth.depth.shape == (112, 224)
-    ground = drawn.ids == CARPET
-    assert np.median(np.abs(made.depth.depth - drawn.depth)[ground]) < 0.02
+    small = make(drawn, "network", np.ascontiguousarray(drawn.depth[::2, ::2])).depth.depth
+    assert small.shape == (112, 224)
+    assert np.median(np.abs(small - drawn.depth)[drawn.ids == CARPET]) < 0.02
 
 
 def test_a_scale_that_is_not_trusted_leaves_depth_by_contact(drawn: View) -> None:
     """The network sees a wall at a constant depth."""
-    flat = DepthMap(depth=np.ones_like(drawn.depth), metric=False, captured_s=3.0)
-    made = make("fused", frame(drawn), class_map(drawn), flat)
-
-    assert made.depth is not None
+    made = make(drawn, "fused", np.ones_like(drawn.depth))
     assert np.isnan(made.depth.depth[drawn.ids == BOXES[1]]).all()
     assert made.scale is None
     scale = made.confidences["scale"]
-    assert scale.value is not None
     assert scale.value < LEAST_CONFIDENCE
     assert made.refusal == f"no scale: {scale.reason}"
 
 
 def test_contact_needs_no_network_and_leaves_the_unknown_unknown(drawn: View) -> None:
-    made = make("contact", frame(drawn), class_map(drawn))
-
-    assert made.depth is not None
-    assert made.depth.at_most is not None
+    found = make(drawn, "contact").depth
     ahead, cut = drawn.ids == BOXES[0], drawn.ids == BOXES[1]
-    assert np.nanmedian(np.abs(made.depth.depth - drawn.depth)[ahead]) < 0.02
-    assert np.isnan(made.depth.depth[cut]).all()
-    assert np.isnan(made.depth.depth[drawn.ids == BACKGROUND]).all()
-    assert 0.0 < made.depth.confidence < 1.0
+    assert np.nanmedian(np.abs(found.depth - drawn.depth)[ahead]) < 0.02
+    assert np.isnan(found.depth[cut]).all()
+    assert np.isnan(found.depth[drawn.ids == BACKGROUND]).all()
+    assert 0.0 < found.confidence < 1.0
 
 
-def test_fused_takes_contact_where_it_knows_and_the_network_elsewhere(drawn: View) -> None:
-    """The network here is wrong on the box whose base is seen, right elsewhere."""
-    wrong = relative(drawn).depth.copy()
+def test_fused_takes_contact_where_it_knows_and_the_network_within_its_bounds(drawn: View) -> None:
+    """The network here is wrong on the box whose base is seen, then on the other one."""
     ahead, cut = drawn.ids == BOXES[0], drawn.ids == BOXES[1]
-    wrong[ahead] *= 1.5
-    given = DepthMap(depth=wrong, metric=False, captured_s=3.0)
-    made = make("fused", frame(drawn), class_map(drawn), given)
-
-    assert made.depth is not None
-    error_m = np.abs(made.depth.depth - drawn.depth)
+    fused = make(drawn, "fused", np.where(ahead, 1.5 * drawn.depth, drawn.depth)).depth
+    error_m = np.abs(fused.depth - drawn.depth)
     assert np.median(error_m[ahead]) < 0.02
     assert np.median(error_m[cut]) < 0.02
-    assert np.isfinite(made.depth.depth).all()
+    assert np.isfinite(fused.depth).all()
 
-
-def test_fused_is_never_further_than_the_ground_allows(drawn: View) -> None:
-    far = relative(drawn).depth.copy()
-    far[drawn.ids == BOXES[1]] *= 10.0
-    given = DepthMap(depth=far, metric=False, captured_s=3.0)
-    made = make("fused", frame(drawn), class_map(drawn), given)
-
-    assert made.depth is not None
-    assert made.depth.at_most is not None
-    assert np.all(made.depth.depth <= made.depth.at_most)
-    assert made.depth.depth[drawn.ids == BOXES[1]].max() < 2.5
+    far = make(drawn, "fused", np.where(cut, 10.0 * drawn.depth, drawn.depth)).depth
+    assert np.all(far.depth <= far.at_most)
+    assert far.depth[cut].max() < 2.5
 
 
 @pytest.mark.parametrize(
@@ -180,38 +130,31 @@ def test_fused_is_never_further_than_the_ground_allows(drawn: View) -> None:
 def test_a_bad_frame_is_refused_by_name(
     drawn: View, source: str, changes: dict[str, Any], word: str
 ) -> None:
-    made = make(source, frame(drawn, **changes), class_map(drawn), relative(drawn))
-
+    made = make(drawn, source, drawn.depth, changes=changes)
     assert made.depth is None
     assert word in made.refusal
 
 
 @pytest.mark.parametrize("source", ["network", "fused"])
 def test_a_network_that_says_nothing_usable_is_refused_by_name(drawn: View, source: str) -> None:
-    def refusal(given: DepthMap | None) -> str:
-        made = make(source, frame(drawn), class_map(drawn), given)
-        assert made.depth is None
-        return made.refusal
-
-    holed = relative(drawn).depth.copy()
+    holed = drawn.depth.copy()
     holed[3, 4] = np.nan
-    assert "not finite" in refusal(DepthMap(depth=holed, metric=False, captured_s=3.0))
-    assert "no relative depth" in refusal(None)
-    assert "no relative depth" in refusal(relative(drawn, captured_s=2.0))
+    for made, words in (
+        (make(drawn, source, holed), "not finite"),
+        (make(drawn, source), "no relative depth"),
+        (make(drawn, source, drawn.depth, network_s=2.0), "no relative depth"),
+    ):
+        assert made.depth is None
+        assert words in made.refusal
 
 
 def test_without_a_scale_contact_remains(drawn: View) -> None:
     """The pad's top needs no ground: its height is known."""
     ids = np.where(drawn.ids == CARPET, BACKGROUND, drawn.ids).astype(np.uint8)
     ids[60:70, 100:120] = HELIPAD_H
-    bare = paper_map(ids=ids, captured_s=3.0)
-    network = make("network", frame(drawn), bare, relative(drawn))
-    fused = make("fused", frame(drawn), bare, relative(drawn))
-
+    network, fused = (make(drawn, each, drawn.depth, ids=ids) for each in ("network", "fused"))
     assert network.depth is None
-    assert network.refusal == "no scale: too little ground"
-    assert fused.refusal == network.refusal
-    assert fused.depth is not None
+    assert network.refusal == fused.refusal == "no scale: too little ground"
     assert np.isfinite(fused.depth.depth).sum() == 200
 
 
@@ -220,9 +163,7 @@ def test_without_a_scale_contact_remains(drawn: View) -> None:
 )
 def test_a_map_of_nothing_is_no_depth(drawn: View, source: str, word: str) -> None:
     """It would read as a free way."""
-    nothing = paper_map(ids=np.zeros((112, 224), dtype=np.uint8), captured_s=3.0)
-    made = make(source, frame(drawn), nothing, relative(drawn))
-
+    made = make(drawn, source, drawn.depth, ids=np.zeros((112, 224), dtype=np.uint8))
     assert made.depth is None
     assert word in made.refusal
 
@@ -233,10 +174,8 @@ def test_unknown_sources_are_refused() -> None:
 
 
 def test_a_further_measure_limits_ground_and_depth_but_not_the_scale(drawn: View) -> None:
-    made = make("network", frame(drawn), class_map(drawn), relative(drawn))
+    made = make(drawn, "network", drawn.depth)
     found = made.limited("flow", (0.2, "the ground passes too fast"))
-
-    assert found.depth is not None
     assert found.depth.confidence == 0.2
     assert found.confidences["scale"] == made.confidences["scale"]
     for name in ("ground", "depth"):
@@ -244,15 +183,12 @@ def test_a_further_measure_limits_ground_and_depth_but_not_the_scale(drawn: View
     assert "flow" in found.confidences["ground"].measures
 
 
-# --- remembered bases -----------------------------------------------------------------------------
-
-
 def test_remembered_obstacles_are_placed_from_the_lens_at_the_frames_capture(drawn: View) -> None:
     """Half a second ago the drone was a quarter metre behind and looked a quarter turn left."""
     then = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
     now = Pose2D(x_m=0.0, y_m=0.25, yaw_rad=math.pi / 2)
     points = NearObstacles(points_m=np.array([[1.0, 0.0]]), captured_s=3.5)
-    seen = remembered_bases(points, now, then, frame(drawn), CAMERA)
+    seen = remembered_bases(points, now, then, values.frame(drawn.image), CAMERA)
 
     # 1.25 m to the right of where it was, and the lens ahead of its centre.
     ahead = -CAMERA.forward_offset_m
@@ -260,9 +196,9 @@ def test_remembered_obstacles_are_placed_from_the_lens_at_the_frames_capture(dra
     assert seen.azimuth_rad == pytest.approx([math.atan2(1.25, ahead)])
 
 
-@pytest.mark.parametrize(("seen_s", "known"), [(3.0, True), (2.9, False)])
+@pytest.mark.parametrize(("seen_s", "is_known"), [(3.0, True), (2.9, False)])
 def test_contact_uses_what_is_remembered_at_the_frames_pose(
-    drawn: View, seen_s: float, *, known: bool
+    drawn: View, seen_s: float, *, is_known: bool
 ) -> None:
     """The box on the left is cut off; its outline was seen before."""
     edge = np.linspace(-0.15, 0.15, 7)
@@ -271,11 +207,9 @@ def test_contact_uses_what_is_remembered_at_the_frames_pose(
         np.stack([edge + 0.7, np.full(7, -0.3)], 1),
     ]
     points = NearObstacles(points_m=np.concatenate(rim) + np.array([0.15, 0.0]), captured_s=3.0)
-    here = motion(OdometryPose(x_m=0.0, y_m=0.0, yaw_rad=0.0, time_s=seen_s), tracked_s=seen_s)
-    made = make("contact", frame(drawn), class_map(drawn), near=points, motion=here)
-
-    assert made.depth is not None
-    error_m = np.abs(made.depth.depth - drawn.depth)[drawn.ids == BOXES[1]]
-    assert (np.isfinite(error_m).mean() > 0.9) == known
-    if known:
+    here = values.motion(OdometryPose(x_m=0.0, y_m=0.0, yaw_rad=0.0, time_s=seen_s))
+    found = make(drawn, "contact", near=points, motion=here).depth
+    error_m = np.abs(found.depth - drawn.depth)[drawn.ids == BOXES[1]]
+    assert (np.isfinite(error_m).mean() > 0.9) == is_known
+    if is_known:
         assert np.nanmedian(error_m) < 0.03
