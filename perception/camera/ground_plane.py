@@ -100,7 +100,8 @@ def ground_depth(
         )
     down = (level_rays(view) if rays is None else rays)[2]
     depth = np.full(down.shape, np.nan, dtype=np.float32)
-    return np.divide(np.float32(above_m), down, out=depth, where=down > _LEVEL)
+    np.divide(np.float32(above_m), down, out=depth, where=down > _LEVEL)
+    return depth
 
 
 class GroundPlane(NamedTuple):

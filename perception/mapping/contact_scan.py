@@ -149,7 +149,7 @@ def first_runs(sampled: Ids, role: int, min_run: int) -> tuple[Indices, Indices,
     Return the bearings with a run, the index of its first sample, and the role before it.
     """
     padded = np.pad(sampled == role, ((0, 0), (0, min_run)))
-    begins = sliding_window_view(padded, min_run, axis=1).all(axis=-1)
+    begins = np.asarray(sliding_window_view(padded, min_run, axis=1).all(axis=-1))
     rows, first = np.flatnonzero(begins.any(axis=1)), begins.argmax(axis=1)
     first = first[rows]
     return rows, first, np.where(first > 0, sampled[rows, first - 1], np.uint8(NO_ROLE))

@@ -94,10 +94,10 @@ def best_pair(class_map: ClassMap) -> tuple[Part, float] | None:
     scale = ids.size / _MAP_PX
     h_parts = _parts(ids == classes.mark_top, _MIN_H_PX * scale)
     box_parts = _parts(ids == classes.mark_sides, _MIN_BOX_PX * scale) if h_parts else []
-    pairs = []
-    for h in h_parts:
-        to_h = cv2.distanceTransform(1 - h.mask, cv2.DIST_L2, 3)
-        pairs += [(h, _score(h, box, to_h)) for box in box_parts]
+    pairs: list[tuple[Part | None, float]] = []
+    for part in h_parts:
+        to_h = cv2.distanceTransform(1 - part.mask, cv2.DIST_L2, 3)
+        pairs += [(part, _score(part, box, to_h)) for box in box_parts]
     h, score = max(pairs, key=lambda pair: pair[1], default=(None, 0.0))
     if h is None or score < _MIN_SCORE:
         return None
