@@ -87,7 +87,7 @@ def test_a_small_record_has_small_pictures_and_the_rules_word_but_no_maps(record
 
 def test_every_advised_view_is_read(record: Path, tmp_path: Path) -> None:
     (flight,) = read_advised_flights([record], NET, tmp_path)
-    assert len(flight) > 20
+    assert len(flight.ends) > 20
     assert flight.image(0).shape == (16, 32, 3)
     assert (flight.labels[:, 0, 0] > 0.0).all()  # only ground: the rule advances
     assert np.isnan(flight.labels[:, :, 3]).all()  # without a distance
