@@ -88,10 +88,8 @@ def look(
 ) -> SiteMap:
     """Let the mapper take in a frame that was captured at a dead-reckoned pose."""
     frame = values.frame((4, 8), pitch_rad, height_m, captured_s=pose.time_s)
-    view = View.of(paper_map(ids=ids, captured_s=pose.time_s), frame, CAMERA, pose)
-    assert view is not None
     mapper.follow(values.motion(pose))
-    mapper.add(view)
+    mapper.add(View.of(paper_map(ids=ids, captured_s=pose.time_s), frame, CAMERA, pose))
     return mapper.map(values.motion(pose))
 
 
@@ -161,22 +159,17 @@ def test_the_mark_corrects_and_is_remembered() -> None:
         mapper.follow(drifted)
         mapper.see_mark(values.fix(tenths / 10, 1.0, 0.5))
     found = mapper.map(drifted)
-    assert found.mark is not None
     assert math.dist((found.mark.x_m, found.mark.y_m), (1.0, 0.5)) < 0.03
     assert abs(found.pose.x_m) < 0.04
 
 
-@pytest.mark.parametrize(("heading_deg", "yaw_deg"), [(None, None), (30.0, -30.0)])
-def test_the_map_keeps_the_direction_of_the_marks_upper_edge(
-    heading_deg: float | None, yaw_deg: float | None
-) -> None:
-    mapper, here = SiteMapper(CLASSES), values.motion(AT_START)
-    mapper.follow(here)
-    mapper.see_mark(values.fix(0.0, 1.0, heading_deg=heading_deg))
-    mapper.see_mark(values.fix(0.1, 1.0))
-    mark = mapper.map(here).mark
-    assert mark is not None
-    assert mark.yaw_rad == (None if yaw_deg is None else pytest.approx(math.radians(yaw_deg)))
+def test_the_map_keeps_the_direction_of_the_marks_upper_edge() -> None:
+    for heading_deg, yaw_rad in ((None, None), (30.0, pytest.approx(math.radians(-30.0)))):
+        mapper, here = SiteMapper(CLASSES), values.motion(AT_START)
+        mapper.follow(here)
+        mapper.see_mark(values.fix(0.0, 1.0, heading_deg=heading_deg))
+        mapper.see_mark(values.fix(0.1, 1.0))
+        assert mapper.map(here).mark.yaw_rad == yaw_rad
 
 
 def show_ground(
@@ -203,42 +196,33 @@ def sighted(
         here = values.motion(replace(AT_START, time_s=time_s))
         mapper.follow(here)
         mapper.see_mark(values.fix(time_s, 1.0, right_m, confidence=confidence))
-        mark = mapper.map(here).mark
-        assert mark is not None
-        marks.append(mark)
+        marks.append(mapper.map(here).mark)
     return marks
 
 
 @pytest.mark.parametrize(
-    ("first_m", "confidence", "uncovered", "then_m", "views", "moved_m"),
+    ("first_m", "confidence", "then_m", "views", "moved_m"),
     [
         # By as much as the map may have drifted a mark is moved, only by sightings again and again.
-        pytest.param(0.5, 1.0, False, 0.0, MOVED_VIEWS, 0.5, id="drift"),
+        pytest.param(0.5, 1.0, 0.0, MOVED_VIEWS, 0.5, id="drift"),
         # Ground was seen where it was.
-        pytest.param(0.5, 1.0, True, -1.0, MOVED_VIEWS, 1.5, id="carried away"),
+        pytest.param(0.5, 1.0, -1.0, MOVED_VIEWS, 1.5, id="carried away"),
         # A mask may take a box for the mark, for seconds.
-        pytest.param(0.5, 1.0, False, -1.0, 60, None, id="far from a mark that still stands"),
+        pytest.param(0.5, 1.0, -1.0, 60, None, id="far from a mark that still stands"),
         # At take-off the image's border cuts the H, whose middle is then 0.25 m off.
-        pytest.param(0.25, 0.45, False, 0.0, 1, 0.0, id="a good one after doubtful ones"),
+        pytest.param(0.25, 0.45, 0.0, 1, 0.0, id="a good one after doubtful ones"),
     ],
 )
 def test_a_mark_is_moved_only_with_reason(
-    *,
-    first_m: float,
-    confidence: float,
-    uncovered: bool,
-    then_m: float,
-    views: int,
-    moved_m: float | None,
+    *, first_m: float, confidence: float, then_m: float, views: int, moved_m: float | None
 ) -> None:
     mapper = SiteMapper(CLASSES)
     sighted(mapper, first_m, 0.0, 20, confidence)
-    if uncovered:
+    if moved_m == 1.5:
         show_ground(mapper, 3.0)
     *before, last = sighted(mapper, then_m, 4.0, views)
-    stays_m = first_m if moved_m is None else then_m
     assert all(mark.y_m == pytest.approx(first_m, abs=0.02) for mark in before)
-    assert last.y_m == pytest.approx(stays_m, abs=0.03)
+    assert last.y_m == pytest.approx(first_m if moved_m is None else then_m, abs=0.03)
     assert last.moved_m == pytest.approx(moved_m or 0.0, abs=0.02)
 
 
@@ -293,23 +277,15 @@ def test_a_box_that_is_looked_at_from_far_stays_on_the_map() -> None:
     assert len(later.obstacles_m) >= len(near.obstacles_m)
 
 
-@pytest.mark.parametrize(
-    ("step_s", "free", "lasts_s"),
-    [
-        pytest.param(0.2, 50, 1.8, id="views show ground at half of the points"),
-        pytest.param(0.2, 30, 0.0, id="at too few of them"),
-        pytest.param(0.6, 50, 0.0, id="time without views does not count"),
-    ],
-)
-def test_views_contradict_the_map_by_their_share_of_ground(
-    step_s: float, free: int, lasts_s: float
-) -> None:
-    agreement = Contradiction(step_s)
-    for view in range(1, 11):
-        agreement.add(step_s * view, 100, free)
-    assert agreement.lasts_s(10 * step_s) == pytest.approx(lasts_s, abs=1e-9)
-    assert not agreement.is_certain(10 * step_s)
-    assert agreement.is_certain(10 * step_s + 0.3) == (lasts_s > 0.0)
+def test_views_contradict_the_map_by_their_share_of_ground() -> None:
+    """A third is too little, and time without views does not count."""
+    for step_s, free, lasts_s in ((0.2, 50, 1.8), (0.2, 30, 0.0), (0.6, 50, 0.0)):
+        agreement = Contradiction(step_s)
+        for view in range(1, 11):
+            agreement.add(step_s * view, 100, free)
+        assert agreement.lasts_s(10 * step_s) == pytest.approx(lasts_s, abs=1e-9)
+        assert not agreement.is_certain(10 * step_s)
+        assert agreement.is_certain(10 * step_s + 0.3) == (lasts_s > 0.0)
 
 
 @pytest.mark.parametrize("heading_deg", [None, 30.0])
@@ -318,12 +294,8 @@ def test_on_a_tag_stands_nothing(heading_deg: float | None) -> None:
     mapper = SiteMapper(CLASSES, mark_m=0.4)
     before = fly(mapper)[-1]
     x_m, y_m = before.obstacles_m[0]
-    place_m = before.pose.to_body(float(x_m), float(y_m))
-    mapper.see_mark(
-        values.fix(
-            before.captured_s, *place_m, height_m=0.0, confidence=1.0, heading_deg=heading_deg
-        )
-    )
+    place_m, told = before.pose.to_body(float(x_m), float(y_m)), {"heading_deg": heading_deg}
+    mapper.see_mark(values.fix(before.captured_s, *place_m, height_m=0.0, confidence=1.0, **told))
     after = fly(mapper)[-1]
     near = np.hypot(*(after.obstacles_m - (x_m, y_m)).T) <= 0.35
     assert near.any() == (heading_deg is None)
