@@ -20,7 +20,7 @@ from perception.networks.weights_file import SHIPPED_WEIGHTS, read_weights, writ
 from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
 from tests.paper_lab import CLASSES
 from tests.perception.control.control_world import TINY
-from uav_bt.errors import AnswerError, ShapeError, ValueRangeError, WeightsError
+from uav_bt.errors import AnswerError, ValueRangeError, WeightsError
 
 RNG = np.random.default_rng(3)
 PICTURES = [RNG.integers(0, 256, (16, 32, 3), dtype=np.uint8) for _ in range(3)]
@@ -108,11 +108,6 @@ def test_the_same_weights_give_the_same_file(weights: Path, tmp_path: Path) -> N
 def test_the_file_says_how_it_was_trained(weights: Path) -> None:
     net, notes = STUDENT_FILES.load(weights)
     assert (net.config, notes) == (TINY, {"steps": 3})
-
-
-def test_integers_need_pictures(weights: Path, tmp_path: Path) -> None:
-    with pytest.raises(ShapeError, match="N > 0"):
-        STUDENT_FILES.export(weights, tmp_path / "x.onnx", calibration=[])
 
 
 # --- refused input --------------------------------------------------------------------------------
