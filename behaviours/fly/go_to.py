@@ -18,7 +18,7 @@ from behaviours.path.gimbal_pointing import mark_pitch_rad
 from behaviours.path.margins import Margins
 from behaviours.path.to_place import STEP_M, WayTo, way_to
 from uav_bt.answers import Rotate
-from uav_bt.board import CORRIDOR, FLIGHT_HEIGHT, ODOMETRY, PHASE
+from uav_bt.board import CORRIDOR, FLIGHT_HEIGHT, MARK, ODOMETRY, PHASE
 from uav_bt.board.blackboard import Key
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Port, Status
@@ -53,7 +53,8 @@ class GoTo(PlaceLeaf):
 
     To the landing mark the last metres may be narrower, the camera follows it down, and with an
     `arrive_m` of more than 0.35 m the leaf ends where the straight way on is free. Without a
-    usable map the drone flies straight to the tracked mark while nothing is near that way.
+    usable map the drone flies straight to the tracked mark while nothing is near that way; FAILURE
+    comes at once where the mark is out of view, too.
     """
 
     place_port = Port(
@@ -79,7 +80,8 @@ class GoTo(PlaceLeaf):
         """Return the map; the landing mark is flown to without one as well."""
         text = self.initial_value(self.place_port)
         place = None if text is None else Place.parse(text)
-        return () if place is not None and place.frame is PlaceFrame.MARK else self.needed
+        is_mark = place is not None and place.frame is PlaceFrame.MARK
+        return (MARK,) if is_mark else self.needed
 
     def initialise(self) -> None:
         """Plan afresh."""
@@ -146,6 +148,9 @@ class GoTo(PlaceLeaf):
         fix = believed_fix(self, self._mark_m)
         if fix is None:
             return self.fails("the landing mark was not seen yet, or not for long")
+        seen = self.read(MARK).value
+        if seen is None or fix.captured_s != seen.captured_s:  # a place on a map that is in doubt
+            return self.fails("the views contradict the map, and the landing mark is out of view")
         if fix.range_m <= self.port_value("arrive_m") and is_clear(
             self, fix.forward_m, fix.right_m
         ):

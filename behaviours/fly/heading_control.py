@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 from simple_pid import PID
 
+from uav_bt.errors import ValueRangeError
+
 
 @dataclass(frozen=True, kw_only=True)
 class HeadingGains:
@@ -27,6 +29,11 @@ class HeadingGains:
     # Bearing within which the integral works. It corrects a steady drift. On a long turn, at the
     # output's limit, it would grow and carry the heading past the target.
     integral_zone_rad: float = math.radians(12)
+
+    def __post_init__(self) -> None:
+        gains = (self.proportional, self.integral, self.derivative)
+        if not all(0.0 <= gain < math.inf for gain in gains):
+            raise ValueRangeError(f"gains must be finite and not negative, got {gains}")
 
 
 class HeadingController:

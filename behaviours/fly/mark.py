@@ -76,7 +76,8 @@ class SearchUnderPolicy(SteeringLeaf):
     """Advance and turn as a leaf policy decides; FAILURE when it is time to look below.
 
     A mark nearer than about a metre is below the forward view. With `by_map` and a site map the
-    drone covers ground as a survey does, in place of the policy, and looks below 48 s later.
+    drone covers ground as a survey does, in place of the policy, and looks below 48 s later,
+    or as soon as no ground is left to cover.
     """
 
     points = True
@@ -99,6 +100,7 @@ class SearchUnderPolicy(SteeringLeaf):
         self._given, self._planner = self._policy, CoveragePolicy()
         self._scan_s: float | None = None
         self._led = False  # by the map
+        self._covered = False  # the planner knows no more ground
 
     def initialise(self) -> None:
         """Only views captured from now on count."""
@@ -109,7 +111,7 @@ class SearchUnderPolicy(SteeringLeaf):
 
     def work(self, state: DroneState) -> Status:
         """Advance and turn until the next look below is due."""
-        now_s, more_s = self.leaf_clock.now(), _LED_S if self._led else 0.0
+        now_s, more_s = self.leaf_clock.now(), _LED_S if self._led and not self._covered else 0.0
         if self._scan_s is not None and now_s >= self._scan_s + more_s and not self.busy:
             self._scan_s = now_s + self.port_value("next_s")
             return Status.FAILURE
@@ -119,6 +121,12 @@ class SearchUnderPolicy(SteeringLeaf):
             self.drop_course()
         self.wander(state)
         return Status.RUNNING
+
+    def decide(self) -> Answer | None:
+        """Ask the policy or the planner, and note whether all ground is covered."""
+        answer = super().decide()
+        self._covered = isinstance(answer, Done) or (self._covered and answer is None)
+        return answer
 
     def gimbal_pitch_rad(self) -> float:
         """Return the pitch in flight, as policies expect; by the map also lower, for the ground."""

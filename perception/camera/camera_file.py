@@ -39,9 +39,9 @@ from uav_bt.yaml_file import MAX_BYTES, YamlFile, read_yaml, yaml_text
 
 _DISTORTIONS: Final = (0, 4, 5, 8, 12, 14)  # possible lengths of OpenCV's distortion vectors
 _ASPECT_SLACK: Final = 0.01  # relative; 1280x720 and 854x480 are both 16:9
-_FOREIGN: Final = re.compile(r"\bcamera(_m|M)atrix[\"']?\s*:")
+_FOREIGN: Final = re.compile(r"^[^#\n]*\bcamera(_m|M)atrix[\"']?\s*:", re.MULTILINE)
 # OpenCV writes this head, YAML wants a space; and this tag of a mapping.
-_OPENCV: Final = re.compile(r"^%YAML:1\.0|!!opencv-matrix")
+_OPENCV: Final = re.compile(r"^%YAML:1\.0|!!opencv-matrix", re.MULTILINE)
 
 
 def write_camera(path: Path, trial: LayoutTrial) -> None:

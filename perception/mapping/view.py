@@ -112,7 +112,12 @@ class View:
         )
         return replace(
             self,
-            contacts=replace(self.contacts, placed_m=self.contacts.placed_m[placed]),
+            contacts=replace(
+                self.contacts,
+                placed_m=self.contacts.placed_m[placed],
+                placed_ids=self.contacts.placed_ids[placed],
+                placed_heights_m=self.contacts.placed_heights_m[placed],
+            ),
             bases_m=self.bases_m[bases],
             base_ids=self.base_ids[bases],
             base_heights_m=self.base_heights_m[bases],

@@ -56,7 +56,9 @@ class OnnxNetwork:
         return self.model.get_rt_info(key).astype(str) if self.model.has_rt_info(key) else None
 
     def outputs(self) -> dict[str, Any]:
-        """Return the outputs by all their names, in order."""
+        """Return the outputs by all their names, in order; at least one."""
+        if not self.model.outputs:
+            raise self.refused("the network has no output")
         return {
             name: port.get_node().input_value(0)
             for at, port in enumerate(self.model.outputs)

@@ -35,7 +35,8 @@ MAX_WIDTH_PX: Final = 1152  # wider images are shrunk to it
 _SIDE_SHARE: Final = 40.0 / MAX_WIDTH_PX  # side of a region in widths of the image
 _MIN_SIDE_PX: Final = 4
 _BLUR_PX: Final = 1.5  # standard deviation at the full width; noise makes ragged borders
-_MOST_KEPT: Final = 128  # shrunk and divided images in memory, 0.6 and 3 MB each
+_MOST_SMALL: Final = 128  # shrunk images in memory, 0.6 MB each
+_MOST_DIVIDED: Final = 8  # divided ones, 3 MB each
 
 
 class SuperPixels(NamedTuple):
@@ -66,8 +67,10 @@ class PickImages:
     def __init__(self, folder: Path, uses: Mapping[str, str]) -> None:
         self.folder, self.uses = folder, dict(uses)
         self._sizes_px: dict[str, tuple[int, int]] = {}
-        self.small = lru_cache(_MOST_KEPT)(self._shrunk)
-        self.super_pixels = lru_cache(_MOST_KEPT)(lambda name: find_super_pixels(self._read(name)))
+        self.small = lru_cache(_MOST_SMALL)(self._shrunk)
+        self.super_pixels = lru_cache(_MOST_DIVIDED)(
+            lambda name: find_super_pixels(self._read(name))
+        )
 
     def file(self, name: str) -> Path:
         """Return the file of a listed image; others, outside the folder too, are not opened."""

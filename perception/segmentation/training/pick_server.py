@@ -83,8 +83,7 @@ class _Handler(BaseHTTPRequestHandler):
             if not self._is_ours():
                 status, refusal = HTTPStatus.FORBIDDEN, HTTPStatus.FORBIDDEN
                 raise ValueRangeError("only this machine may ask")
-            with self.one_at_a_time:
-                media, body = find()
+            media, body = find()
         except LookupError as error:  # no such place
             status, media, body = HTTPStatus.NOT_FOUND, _TEXT, str(error.args[0]).encode()
         except (UavBtError, OSError, ValueError) as error:
@@ -100,6 +99,10 @@ class _Handler(BaseHTTPRequestHandler):
             pass  # the browser no longer waits
 
     def _shown(self) -> tuple[str, bytes]:
+        with self.one_at_a_time:
+            return self._part()
+
+    def _part(self) -> tuple[str, bytes]:
         session = self.picks_of
         asked = urlsplit(self.path)  # raises ValueError, such as for "//["
         place, _, name = unquote(asked.path)[1:].partition("/")
@@ -123,24 +126,29 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _changed(self) -> tuple[str, bytes]:
         """Make the change that a request asks for."""
-        session, place = self.picks_of, urlsplit(self.path).path
+        place = urlsplit(self.path).path
         length = self.headers.get("Content-Length", "")
         if not length.isdecimal() or int(length) > _LONGEST_REQUEST:
             raise ValueRangeError(f"a request needs a length of at most {_LONGEST_REQUEST} bytes")
         if place not in _REQUESTS:
             raise LookupError(f"there is no {place}")
-        body = self.rfile.read(int(length))
+        body = self.rfile.read(int(length))  # before the lock: a browser may take its time
+        with self.one_at_a_time:
+            return self._state(self._change(place, body))
+
+    def _change(self, place: str, body: bytes) -> str | None:
+        session = self.picks_of
         if place == "/undo":
-            return self._state(session.undo())
+            return session.undo()
         asked = _fields(body, _REQUESTS[place])
-        image: str = asked["image"]
+        image = str(asked["image"])
         if place == "/pick":
             session.add(image, asked["x"], asked["y"], asked["class"])
         elif place == "/paint":
             session.paint(image, _points(asked["points"]), asked["class"])
         else:
             session.erase(image, _points(asked["points"]))
-        return self._state(image)
+        return image
 
     def _is_ours(self) -> bool:
         # A foreign page whose name resolves to this machine would send that name as the host. For a
