@@ -10,7 +10,7 @@ from benchmarks.size import ROOT, lines, package_of, tracked
 # Lines as `wc -l` counts them. A cut lowers its ceiling; a commit that raises one says why.
 CEILINGS = {
     "behaviours": 65,
-    "behaviours/fly": 3_296,
+    "behaviours/fly": 3_316,
     "behaviours/path": 1_513,
     "behaviours/perceive": 705,
     "behaviours/policies": 634,
@@ -24,11 +24,11 @@ CEILINGS = {
     "perception/camera": 1_024,
     "perception/control": 760,
     "perception/depth": 2_996,
-    "perception/mapping": 2_502,
+    "perception/mapping": 2_507,
     "perception/marks": 869,
-    "perception/networks": 1_037,
+    "perception/networks": 1_039,
     "perception/odometry": 653,
-    "perception/segmentation": 2_219,
+    "perception/segmentation": 2_230,
     "sim_bridge": 40,
     "sim_bridge/loopback": 6_223,
     "sim_bridge/olympe": 2_748,
