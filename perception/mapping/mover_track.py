@@ -102,6 +102,11 @@ class MoverTrack:
         return float(np.sqrt(np.linalg.eigvalsh(self.filter.P[np.ix_(rows, rows)])[-1]))
 
     @property
+    def _wider_m(self) -> float:
+        """How much further a wide thing must have moved."""
+        return WIDTH_RATIO * (self.radius_m - MIN_RADIUS_M)
+
+    @property
     def is_under_way(self) -> bool:
         """Whether it moves, certainly or most likely."""
         speed_mps = float(np.hypot(*self.velocity_mps))
@@ -155,7 +160,7 @@ class MoverTrack:
             self.moves, self.stands = False, True
         is_near = math.dist(place_m, from_m) < NEAR_M
         enough_m = MOVED_NEAR_M if is_near else MOVED_M
-        enough_m += WIDTH_RATIO * (self.radius_m - MIN_RADIUS_M)
+        enough_m += self._wider_m
         moved_m, flown_m = place_m - self._begin_m, from_m - self._from_m
         against = -float(moved_m @ flown_m) / max(float(flown_m @ flown_m), 1e-6)
         moved_m = moved_m + min(max(against, 0.0), PARALLAX) * flown_m  # not by the camera's
@@ -188,8 +193,6 @@ class MoverTrack:
     def leave(self, from_m: Floats, time_s: float) -> None:
         """Take a cluster for a mover that has come below the view before it moved far enough."""
         lost, near = time_s - self.seen_s > LOST_S, math.dist(self.seen_m, from_m) < NEAR_M
-        moved_m = math.dist(self.seen_m, self._begin_m)
-        if not (lost and near and self.is_whole and moved_m >= self.radius_m) or self.stands:
-            return
-        if self._keeps_to_line(LOST_SURE):
+        far = self.is_whole and math.dist(self.seen_m, self._begin_m) >= self._wider_m
+        if lost and near and far and not self.stands and self._keeps_to_line(LOST_SURE):
             self.moves = self.has_moved = True

@@ -11,6 +11,9 @@ import pytest
 
 from behaviours.perceive.class_map import FindMark, Segment
 from tests.paper_lab import HELIPAD_BOX, HELIPAD_H, paper_map
+from tests.perception.marks.ground_views import CAMERA as GROUND_CAMERA
+from tests.perception.marks.ground_views import texture
+from tests.perception.marks.ground_views import view as view_of_ground
 from tests.perception.marks.tag_views import CAMERA as TAG_CAMERA
 from tests.perception.marks.tag_views import tag_mark, view_of
 from tests.worlds.leaves import replace_tree
@@ -24,7 +27,7 @@ from uav_bt.plugins import make_mark_finder
 from uav_bt.testing import LeafBench, pinhole
 from uav_bt.testing.world import drawn_map, ground, live, show
 from uav_bt.tree import Status
-from uav_bt.types import BodyVelocity, ClassMap, Frame
+from uav_bt.types import BodyVelocity, ClassMap, Frame, Pose2D
 from uav_bt.types.dead_reckoning import OdometryPose
 
 
@@ -106,6 +109,31 @@ def test_a_tag_is_found_in_the_image_without_a_class_map() -> None:
     assert fix.forward_m - TAG_CAMERA.forward_offset_m == pytest.approx(1.2, abs=0.01)
     assert fix.height_m == 0.0
     assert fix.heading_deg == pytest.approx(30.0, abs=1.0)
+
+
+@pytest.mark.parametrize("mark", ["spot", "place"])
+def test_the_take_off_spot_is_found_by_its_ground_where_the_map_is_wrong(mark: str) -> None:
+    """After a flight of 2 m the map's take-off pose is 0.3 m wrong; the texture is right."""
+    bench, floor = LeafBench(FindMark, mark=mark), texture()
+    bench.camera = GROUND_CAMERA
+    live(bench, gimbal_deg=-90.0)
+    for x_m in (0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0):
+        pose = Pose2D(x_m=x_m, y_m=0.0, yaw_rad=0.0)
+        bench.clock.advance(0.1)
+        now_s = bench.clock.now()
+        if x_m == 2.0 or SITE_MAP in bench.board:
+            start = Pose2D(x_m=0.3, y_m=0.0, yaw_rad=0.0)
+            bench.board[SITE_MAP] = replace(drawn_map(), pose=pose, start=start, captured_s=now_s)
+        bench.board[FRAME] = view_of_ground(floor, pose, at_s=now_s).frame
+        bench.tick()
+
+    if mark == "place":
+        assert MARK not in bench.board  # another mark is not replaced by the spot
+    else:
+        fix = bench.board[MARK]
+        assert fix.detected
+        assert fix.height_m == 0.0
+        assert math.hypot(fix.forward_m, fix.right_m) < 0.03
 
 
 def test_without_images_a_tag_is_seen_by_the_drones_sight() -> None:
