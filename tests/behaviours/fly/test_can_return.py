@@ -1,7 +1,5 @@
 """CanReturn: the charge against the need of the way home."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """Explore: look, step, look again. Avoid: one steady turn. CoverageGrows: new ground."""
 
-from __future__ import annotations
-
 import math
 import sys
 from dataclasses import replace

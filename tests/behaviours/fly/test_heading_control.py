@@ -1,7 +1,5 @@
 """The heading controller: sign, limits, integral, reset."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

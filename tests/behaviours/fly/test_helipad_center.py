@@ -1,7 +1,5 @@
 """HelipadCenter: up, look down, centre, lower, centre again."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Whole missions that are interrupted: by a person, a stalled video, a link that comes back."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Land, LandHere and EmergencyLand: where to, how, until the motors are off."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

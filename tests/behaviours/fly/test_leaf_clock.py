@@ -1,7 +1,5 @@
 """A leaf's own time."""
 
-from __future__ import annotations
-
 import pytest
 
 from behaviours.fly.moving_leaf import LeafClock

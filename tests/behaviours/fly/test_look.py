@@ -1,7 +1,5 @@
 """The small leaves: hover for a while, point the camera, turn, messages, conditions."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

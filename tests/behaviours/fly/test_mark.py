@@ -1,7 +1,5 @@
 """ReturnToBase: search, approach, detour, and the last metre by the track."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

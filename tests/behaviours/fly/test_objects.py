@@ -1,7 +1,5 @@
 """NextObject, ViewPoints and ObjectSeen on drawn maps."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """GoTo, Face, MoveBy and ClimbTo on drawn maps."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

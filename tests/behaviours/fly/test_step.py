@@ -1,7 +1,5 @@
 """One movement: proposed until the drone reports its end, and resumed when that came too early."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Where the camera looks: at the ground, the mark and movers."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """The perception leaves: once per frame, with the frame's own telemetry, SUCCESS always."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

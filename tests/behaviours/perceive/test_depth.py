@@ -1,7 +1,5 @@
 """The depth leaves: once per frame, with the frame's own telemetry, SUCCESS always."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

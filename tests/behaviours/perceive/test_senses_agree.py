@@ -1,7 +1,5 @@
 """SensesAgree: a contradiction must last, and a missing measurement contradicts nothing."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The corridor rule on ray-cast class maps and corridors of known reach."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any, Literal

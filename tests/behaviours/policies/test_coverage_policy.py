@@ -1,7 +1,5 @@
 """The coverage policy: heading, speed, a look round without a way, and the end."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The segmentation rule on ray-cast class maps of known geometry."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The control student as a leaf policy: pixels and movements in, a decision out."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

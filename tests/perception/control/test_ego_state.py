@@ -1,7 +1,5 @@
 """The control student's inputs besides the pixels."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Confidence of a scale: what each measure of the ground says, and all of them together."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The corridor: brute-force intersection, known cases, and unknown depth."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -70,14 +68,14 @@ def test_a_free_way_or_unknown_background_has_nothing_in_it(depth_m: float, free
 
 
 def test_an_intrusion_belongs_to_the_plane_its_ray_would_cross() -> None:
-    sides = {
+    at = {
         "front": (20, 31),
         "right": (20, 50),
         "left": (20, 10),
         "up": (3, 30),
         "down": (37, 30),
     }
-    for side, place in sides.items():
+    for side, place in at.items():
         depth, patch = with_patch(place, 0.4)
         corridor = built(depth)
         points = 0.4 * level_rays(LEVEL)[:, *patch] + np.array([0.15, 0, 0])[:, None, None]

@@ -1,7 +1,5 @@
 """Metric depth from network, contact or both, and every reason for refusing a frame."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import replace

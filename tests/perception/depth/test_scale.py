@@ -1,7 +1,5 @@
 """The scale of relative depth: on known depth, from the ground, and without ground."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The control student as torch's module, as a file, and in flight: one and the same."""
 
-from __future__ import annotations
-
 from dataclasses import astuple, replace
 from pathlib import Path
 

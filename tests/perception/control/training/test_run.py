@@ -1,7 +1,5 @@
 """Training of the control student: it learns, and its losses."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

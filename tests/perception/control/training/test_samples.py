@@ -1,7 +1,5 @@
 """Labelled views: kept small, drawn as windows."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Depth by ground contact against the twin's exact depth, and cases that must stay unknown."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
