@@ -163,13 +163,6 @@ def test_an_interrupted_turn_ends_at_its_heading(fault: str) -> None:
     assert len(turns) > 1, "it was begun again"
 
 
-def test_a_drone_that_never_turns_ends_the_mission_and_the_leaf_says_why() -> None:
-    world = World(TURN, "interrupted", "look+0.5")
-    assert world.fly().outcome is Outcome.ABORTED
-    (turn,) = (leaf for leaf in world.tree.leaves() if leaf.name == "Turn")
-    assert "interrupted 6 times" in turn.feedback_message
-
-
 @pytest.mark.parametrize("fault", FAULTS[1:])
 def test_an_emergency_landing_goes_on_too(fault: str) -> None:
     body = '<Sequence><Sense/><TakeOff height_m="1"/><EmergencyLand/></Sequence>'

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -35,9 +34,8 @@ def on(
 X_M, Y_M = np.indices((61, 61)) * 0.1 - 3.0
 
 
-@pytest.mark.parametrize(
-    ("to", "site_map"),
-    [
+def test_it_flies_ahead_to_a_place_ahead() -> None:
+    for to, site_map in (
         ("start:1.5,0", on()),
         # The drone took off at (1, 0) of the map, facing its y: the place is at (1, 1.5).
         (
@@ -46,13 +44,11 @@ X_M, Y_M = np.indices((61, 61)) * 0.1 - 3.0
         ),
         # As near as the ground is known: what lies further on was not seen yet.
         ("start:1.9,0", drawn_map(known=X_M < 1.0)),
-    ],
-)
-def test_it_flies_ahead_to_a_place_ahead(to: str, site_map: SiteMap) -> None:
-    bench = LeafBench(GoTo, to=to)
-    assert live(bench, site_map=site_map) is Status.RUNNING
-    assert velocity(bench).forward_mps > 0.2
-    assert bench.board[PHASE] == "go to"
+    ):
+        bench = LeafBench(GoTo, to=to)
+        assert live(bench, site_map=site_map) is Status.RUNNING
+        assert velocity(bench).forward_mps > 0.2
+        assert bench.board[PHASE] == "go to"
 
 
 def test_the_last_step_ends_at_the_place_and_then_it_is_there() -> None:
@@ -90,20 +86,17 @@ def test_it_looks_down_at_unseen_ground_nearby() -> None:
     assert bench.pointed == GimbalTo(pitch_rad=math.radians(-55))
 
 
-@pytest.mark.parametrize(
-    ("place", "reason"),
-    [
+def test_a_place_that_cannot_be_reached_fails_with_its_reason() -> None:
+    for place, reason in (
         ("start:2.7,0", "beyond the edge"),
         ("start:1.55,0", "no room"),
         ("object:3", "no object 3"),
         ("mark", "not seen"),
-    ],
-)
-def test_a_place_that_cannot_be_reached_fails_with_its_reason(place: str, reason: str) -> None:
-    bench = LeafBench(GoTo, to=place, blocked_s=1.0)
-    ticks = (live(bench, site_map=on(wall_m=1.6), seconds=0.3) for _ in range(8))
-    assert next(each for each in ticks if each is not Status.RUNNING) is Status.FAILURE
-    assert reason in bench.leaf.feedback_message
+    ):
+        bench = LeafBench(GoTo, to=place, blocked_s=1.0)
+        ticks = (live(bench, site_map=on(wall_m=1.6), seconds=0.3) for _ in range(8))
+        assert next(each for each in ticks if each is not Status.RUNNING) is Status.FAILURE
+        assert reason in bench.leaf.feedback_message
 
 
 def test_it_waits_for_a_map() -> None:
@@ -169,21 +162,16 @@ ORIGIN = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 YARD = Area((((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)),))
 
 
-@pytest.mark.parametrize(
-    ("to", "place", "message"),
-    [
+def test_a_place_that_is_nowhere_is_refused_before_the_take_off() -> None:
+    for to, place, message in (
         ("lab:1,0", {}, "take-off pose"),
         ("lab:1,0", {"mark_pose": ORIGIN}, "a helipad shows no heading"),
         ("start:1.5,0", {"area": YARD}, r"lies 0\.5 m outside"),
-    ],
-)
-def test_a_place_that_is_nowhere_is_refused_before_the_take_off(
-    to: str, place: dict[str, Any], message: str
-) -> None:
-    bench = LeafBench(GoTo, to=to)
-    bench.provide(**place)
-    with pytest.raises(InputError, match=message):
-        live(bench, site_map=on())
+    ):
+        bench = LeafBench(GoTo, to=to)
+        bench.provide(**place)
+        with pytest.raises(InputError, match=message):
+            live(bench, site_map=on())
 
 
 def test_a_place_that_turns_out_to_lie_outside_fails() -> None:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from tests.behaviours.policies import cast_world
 from tests.worlds import values
 from uav_bt.answers import Advance, Blocked
 from uav_bt.app import make_policy
-from uav_bt.errors import InputError, MissionError, ValueRangeError, WeightsError
+from uav_bt.errors import InputError, MissionError, WeightsError
 from uav_bt.protocols import PolicyView
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
@@ -132,12 +131,6 @@ def test_each_picture_is_shrunk_once(policy_saying: Any, monkeypatch: pytest.Mon
 def test_without_remembered_views_it_says_what_is_missing(policy_saying: Any) -> None:
     with pytest.raises(MissionError, match="put <RememberViews/> ahead"):
         policy_saying(*GO).decide(cast_world.view(cast_world.cast()))
-
-
-def test_telemetry_that_is_no_number_is_no_decision(policy_saying: Any) -> None:
-    policy = policy_saying(*GO)
-    with pytest.raises(ValueRangeError, match="must be finite numbers"):
-        policy.decide(replace(seen(), height_above_ground_m=math.nan))
 
 
 def test_a_tree_and_a_bench_find_the_network_behind_a_colon(

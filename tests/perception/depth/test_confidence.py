@@ -55,18 +55,15 @@ def test_a_wall_or_a_narrow_strip_of_it_is_not_taken_for_ground() -> None:
     assert words.startswith("ground in 3 % of the pixels that can show it")
 
 
-@pytest.mark.parametrize(
-    ("worse", "name"),
-    [
+def test_each_fault_lowers_its_measure_and_the_confidence() -> None:
+    for worse, name in (
         (measures(RANGES_M * np.random.default_rng(1).lognormal(0.0, 0.3, 50)), "spread"),
         (measures(RANGES_M**0.7), "slope"),
         (measures(RANGES_M * np.random.default_rng(1).lognormal(0.0, 0.05, 50)), "residual"),
         (measures(RANGES_M, share=0.02), "extent"),
-    ],
-)
-def test_each_fault_lowers_its_measure_and_the_confidence(worse: GroundMeasures, name: str) -> None:
-    assert evidence(worse, None)[name][0] < 0.5 < evidence(GROUND, None)[name][0]
-    assert value(worse) < value(GROUND)
+    ):
+        assert evidence(worse, None)[name][0] < 0.5 < evidence(GROUND, None)[name][0]
+        assert value(worse) < value(GROUND)
 
 
 def test_a_scale_that_agrees_with_earlier_frames_is_believed_more() -> None:

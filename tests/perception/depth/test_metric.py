@@ -22,7 +22,6 @@ from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import View, render_views
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_H, paper_map
 from tests.worlds import values
-from uav_bt.errors import UnknownNameError
 from uav_bt.types import DepthMap, NearObstacles, Pose2D
 from uav_bt.types.dead_reckoning import OdometryPose
 
@@ -164,11 +163,6 @@ def test_a_map_of_nothing_is_no_depth(drawn: View, source: str, word: str) -> No
     made = make(drawn, source, drawn.depth, ids=np.zeros((112, 224), dtype=np.uint8))
     assert made.depth is None
     assert word in made.refusal
-
-
-def test_unknown_sources_are_refused() -> None:
-    with pytest.raises(UnknownNameError, match="fused"):
-        MetricDepthMaker(None, source="fusd", generator=np.random.default_rng(0))
 
 
 def test_a_further_measure_limits_ground_and_depth_but_not_the_scale(drawn: View) -> None:
