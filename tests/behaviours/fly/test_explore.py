@@ -187,20 +187,18 @@ def test_a_flowing_step_is_broken_off_when_the_way_is_blocked(*, flowing: bool) 
     assert live(bench, seconds=0.3) is (Status.FAILURE if flowing else Status.RUNNING)
 
 
-@pytest.mark.parametrize(
-    ("answer", "forward_mps", "side"),
-    [(FollowLeg(yaw_rad=0.3, speed_mps=0.5), 0.5, 1), (Rotate(yaw_rad=-1.0), 0.0, -1)],
-)
-def test_an_answer_with_a_heading_is_flown_without_a_stop(
-    answer: Answer, forward_mps: float, side: int
-) -> None:
-    bench = begun(Says(answer))
-    bench.board[FLIGHT_HEIGHT] = 1.5
-    for _ in range(3):
-        assert live(bench, height_m=1.2) is Status.RUNNING
-        assert velocity(bench).forward_mps == forward_mps
-        assert side * velocity(bench).yaw_rate_radps > 0.0
-        assert velocity(bench).down_mps == pytest.approx(-0.24)
+def test_an_answer_with_a_heading_is_flown_without_a_stop() -> None:
+    for answer, forward_mps, side in (
+        (FollowLeg(yaw_rad=0.3, speed_mps=0.5), 0.5, 1),
+        (Rotate(yaw_rad=-1.0), 0.0, -1),
+    ):
+        bench = begun(Says(answer))
+        bench.board[FLIGHT_HEIGHT] = 1.5
+        for _ in range(3):
+            assert live(bench, height_m=1.2) is Status.RUNNING
+            assert velocity(bench).forward_mps == forward_mps
+            assert side * velocity(bench).yaw_rate_radps > 0.0
+            assert velocity(bench).down_mps == pytest.approx(-0.24)
 
 
 @pytest.mark.parametrize(("beside_m", "goes"), [(-0.35, 1.0), (0.35, -1.0), (0.6, 0.0)])

@@ -190,19 +190,17 @@ def test_by_a_map_that_views_contradict_no_route_is_flown() -> None:
     assert bench.proposed is None
 
 
-@pytest.mark.parametrize("approach", ["policy", "memory"])
-def test_at_the_edge_the_camera_is_lowered_where_the_map_leads_not_under_a_policy(
-    approach: str,
-) -> None:
+def test_at_the_edge_the_camera_is_lowered_where_the_map_leads_not_under_a_policy() -> None:
     """A student knows views of one pitch; lowered, a view shows it ground where the edge is."""
-    bench, drawn = returning(approach=approach), drawn_map(pose=(0.0, 1.8, math.pi / 2))
-    edge = replace(drawn, seen_s=np.where(where("left"), -math.inf, drawn.seen_s))
-    here = OdometryPose(x_m=0.0, y_m=1.8, yaw_rad=math.pi / 2, time_s=0.0)
-    bench.board[ODOMETRY] = motion(here, tracked_s=0.0)
-    bench.allow_stale()
-    for _ in range(2):
-        fly(bench, site_map=edge, yaw_rad=math.pi / 2)
-    assert (bench.pointed != SEARCH_GIMBAL) == (approach == "memory")
+    for approach in ("policy", "memory"):
+        bench, drawn = returning(approach=approach), drawn_map(pose=(0.0, 1.8, math.pi / 2))
+        edge = replace(drawn, seen_s=np.where(where("left"), -math.inf, drawn.seen_s))
+        here = OdometryPose(x_m=0.0, y_m=1.8, yaw_rad=math.pi / 2, time_s=0.0)
+        bench.board[ODOMETRY] = motion(here, tracked_s=0.0)
+        bench.allow_stale()
+        for _ in range(2):
+            fly(bench, site_map=edge, yaw_rad=math.pi / 2)
+        assert (bench.pointed != SEARCH_GIMBAL) == (approach == "memory")
 
 
 # Approach.
@@ -484,14 +482,12 @@ def test_a_detour_goes_to_the_side_of_the_last_one() -> None:
     assert bench.proposed == Velocity(yaw_rate_radps=0.6)
 
 
-@pytest.mark.parametrize(("range_m", "forward_mps"), [(1.2, 0.45), (1.5, 0.0)])
-def test_a_pad_is_only_flown_over_unseen_where_it_is_below_the_view(
-    range_m: float, forward_mps: float
-) -> None:
-    bench = asked(Says(FREE, NO_WAY))
-    for unseen_s in (0.6, 1.2, 1.8):
-        fly(bench, (range_m, 0.0), seconds=0.6, unseen_s=unseen_s)
-    assert velocity(bench).forward_mps == pytest.approx(forward_mps)
+def test_a_pad_is_only_flown_over_unseen_where_it_is_below_the_view() -> None:
+    for range_m, forward_mps in ((1.2, 0.45), (1.5, 0.0)):
+        bench = asked(Says(FREE, NO_WAY))
+        for unseen_s in (0.6, 1.2, 1.8):
+            fly(bench, (range_m, 0.0), seconds=0.6, unseen_s=unseen_s)
+        assert velocity(bench).forward_mps == pytest.approx(forward_mps)
 
 
 def test_an_unknown_approach_is_refused() -> None:

@@ -113,23 +113,21 @@ def test_progress_counts_not_time() -> None:
         assert live(bench, site_map=on(-1.5 + 0.2 * tick), seconds=0.6) is Status.RUNNING
 
 
-@pytest.mark.parametrize(
-    ("leaf", "ports"),
-    [(GoTo, {"to": "start:1.9,0", "blocked_s": 2.0}), (Face, {"at": "180", "give_up_s": 2.0})],
-)
-def test_the_time_of_giving_way_does_not_count(
-    leaf: type[GoTo | Face], ports: dict[str, str | float]
-) -> None:
-    bench = LeafBench(leaf, **ports)
-    for tick in range(40):
-        near = replace(on(), movers=(mover(0.8, 0.0),) if tick > 2 else ())
-        assert live(bench, site_map=near, seconds=0.2) is Status.RUNNING
-    assert bench.leaf.feedback_message == "gives way"
-    walled = on(wall_m=0.5)
-    ticks = 0
-    while live(bench, site_map=walled, seconds=0.2) is Status.RUNNING:
-        ticks += 1
-    assert 4 <= ticks <= 12
+def test_the_time_of_giving_way_does_not_count() -> None:
+    for leaf, ports in (
+        (GoTo, {"to": "start:1.9,0", "blocked_s": 2.0}),
+        (Face, {"at": "180", "give_up_s": 2.0}),
+    ):
+        bench = LeafBench(leaf, **ports)
+        for tick in range(40):
+            near = replace(on(), movers=(mover(0.8, 0.0),) if tick > 2 else ())
+            assert live(bench, site_map=near, seconds=0.2) is Status.RUNNING
+        assert bench.leaf.feedback_message == "gives way"
+        walled = on(wall_m=0.5)
+        ticks = 0
+        while live(bench, site_map=walled, seconds=0.2) is Status.RUNNING:
+            ticks += 1
+        assert 4 <= ticks <= 12
 
 
 def test_a_heading_is_turned_to_at_the_place() -> None:
@@ -188,16 +186,14 @@ def test_other_texts_are_refused_where_the_tree_is_made(place: str) -> None:
         LeafBench(GoTo, to=place)
 
 
-@pytest.mark.parametrize(
-    ("at", "right"), [("90", True), ("-90", False), ("mark", True), ("object:2", False)]
-)
-def test_it_turns_to_the_place(at: str, *, right: bool) -> None:
-    box = MapObject(class_id=4, x_m=0.0, y_m=-1.0, size_m=0.4, std_m=0.1, seen_s=1.0, id=2)
-    mark = MapMark(x_m=0.0, y_m=1.0, std_m=0.1, seen_s=1.0)
-    bench = LeafBench(Face, at=at)
-    live(bench, site_map=replace(on(), objects=(box,), mark=mark))
-    assert (velocity(bench).yaw_rate_radps > 0.3) == right
-    assert abs(velocity(bench).yaw_rate_radps) > 0.3
+def test_it_turns_to_the_place() -> None:
+    for at, right in (("90", True), ("-90", False), ("mark", True), ("object:2", False)):
+        box = MapObject(class_id=4, x_m=0.0, y_m=-1.0, size_m=0.4, std_m=0.1, seen_s=1.0, id=2)
+        mark = MapMark(x_m=0.0, y_m=1.0, std_m=0.1, seen_s=1.0)
+        bench = LeafBench(Face, at=at)
+        live(bench, site_map=replace(on(), objects=(box,), mark=mark))
+        assert (velocity(bench).yaw_rate_radps > 0.3) == right
+        assert abs(velocity(bench).yaw_rate_radps) > 0.3
 
 
 @pytest.mark.parametrize("at", ["nan", "inf", "-Infinity"])

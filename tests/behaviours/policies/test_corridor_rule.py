@@ -6,8 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from behaviours.policies.corridor_rule import (
     EDGE_MARGIN_M,
@@ -100,26 +98,6 @@ def test_a_turn_asks_for_more_room_and_full_turns_for_less_up_to_a_limit() -> No
         (0.7, {"full_turns": 50}, False),
     ):
         assert isinstance(decide(corridor(free_m, "front"), **seen), Advance) == advances
-
-
-@given(
-    free_m=st.floats(0.0, 5.0),
-    full_turns=st.integers(0, 9),
-    turning=st.sampled_from([-1, 0, 1]),
-    ground_m=st.floats(0.0, 5.0),
-)
-def test_a_step_never_reaches_an_obstacle(
-    free_m: float, full_turns: int, turning: int, ground_m: float
-) -> None:
-    """Whatever the relief: half a body's length and a little remain."""
-    decision = decide(
-        corridor(free_m, "front"), cast(ground_m=ground_m), full_turns=full_turns, turning=turning
-    )
-    if isinstance(decision, Advance):
-        assert decision.forward_m <= max(free_m - 0.4, 0.0) + 1e-9
-        assert decision.yaw_rad == 0.0
-    else:
-        assert decision.yaw_rad != 0.0
 
 
 @pytest.mark.parametrize("ground_m", [1.4, 2.0, 3.1, math.inf])

@@ -68,13 +68,7 @@ def test_a_free_way_or_unknown_background_has_nothing_in_it(depth_m: float, free
 
 
 def test_an_intrusion_belongs_to_the_plane_its_ray_would_cross() -> None:
-    at = {
-        "front": (20, 31),
-        "right": (20, 50),
-        "left": (20, 10),
-        "up": (3, 30),
-        "down": (37, 30),
-    }
+    at = {"front": (20, 31), "right": (20, 50), "left": (20, 10), "up": (3, 30), "down": (37, 30)}
     for side, place in at.items():
         depth, patch = with_patch(place, 0.4)
         corridor = built(depth)

@@ -108,11 +108,7 @@ def test_depth_is_smooth_in_any_unit_where_the_picture_has_no_edge() -> None:
         losses.smoothness_loss(depth, image), losses.smoothness_loss(10.0 * depth, image)
     )
     # An edge of depth costs less at an edge of the picture.
-    depth, edge, flat = (
-        torch.ones(1, 1, 12, 16),
-        torch.zeros(1, 3, 12, 16),
-        torch.zeros(1, 3, 12, 16),
-    )
+    depth, (edge, flat) = torch.ones(1, 1, 12, 16), torch.zeros(2, 1, 3, 12, 16)
     depth[..., 8:], edge[..., 8:] = 2.0, 1.0
     there, anywhere = (losses.smoothness_loss(depth, shown) for shown in (edge, flat))
     torch.testing.assert_close(there, anywhere * torch.exp(torch.tensor(-1.0)))
