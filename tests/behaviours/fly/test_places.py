@@ -16,12 +16,13 @@ from behaviours.fly.take_off import ClimbTo
 from tests.behaviours.path.test_movers import mover
 from tests.perception.marks.tag_views import tag_mark
 from tests.worlds.leaves import ended, step, velocity
-from uav_bt.board import FLIGHT_HEIGHT, PHASE
+from tests.worlds.values import corridor, fix
+from uav_bt.board import CORRIDOR, FLIGHT_HEIGHT, MARK, PHASE
 from uav_bt.errors import InputError
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import drawn_map, live
 from uav_bt.tree import Status
-from uav_bt.types import GimbalTo, Pose2D, Velocity
+from uav_bt.types import GimbalTo, NearObstacles, Pose2D, Velocity
 from uav_bt.types.area import Area
 from uav_bt.types.site_map import MapMark, MapObject, SiteMap
 
@@ -194,6 +195,40 @@ def test_a_place_that_turns_out_to_lie_outside_fails() -> None:
     bench.provide(area=YARD)
     assert live(bench, site_map=replace(on(), mark=mark)) is Status.FAILURE
     assert "outside the mission's area" in bench.leaf.feedback_message
+
+
+@pytest.mark.parametrize(
+    ("to", "site_map", "reason"),
+    [("mark@90", None, "heading"), ("mark", replace(on(0.9), contradicted_s=2.0), "outside")],
+)
+def test_beside_a_mark_without_a_map_heading_and_area_still_count(
+    to: str, site_map: SiteMap | None, reason: str
+) -> None:
+    bench = LeafBench(GoTo, to=to, arrive_m=0.5, blocked_s=1.0)
+    bench.provide(area=YARD)
+    statuses = set()
+    for _ in range(6):
+        bench.board[MARK] = fix(bench.clock.now() + 0.3, 0.3, 0.0)
+        statuses.add(live(bench, site_map=site_map, seconds=0.3))
+    assert statuses - {Status.RUNNING} == {Status.FAILURE}
+    assert reason in bench.leaf.feedback_message
+
+
+def test_before_an_obstacle_of_unknown_range_depth_stops_the_flight_to_the_mark() -> None:
+    """The narrow way to the mark crosses assumed obstacles, until depth shows one there."""
+    ahead = NearObstacles(
+        unplaced_rad=np.radians(range(-25, 26)),
+        assumed_m=np.stack(np.meshgrid([0.5, 0.6], np.linspace(-2.0, 2.0, 41)), -1).reshape(-1, 2),
+    )
+    mark = MapMark(x_m=1.1, y_m=0.0, std_m=0.1, seen_s=1.0)
+    bench = LeafBench(GoTo, to="mark", arrive_m=0.5)
+    speeds_mps = []
+    for free_m in (2.0, 0.3):
+        bench.board[CORRIDOR] = corridor(free_m, captured_s=bench.clock.now() + 0.3)
+        live(bench, site_map=replace(on(), mark=mark, near=ahead), seconds=0.3)
+        speeds_mps.append(velocity(bench).forward_mps)
+    assert speeds_mps[0] > 0.2
+    assert speeds_mps[1] == 0.0
 
 
 @pytest.mark.parametrize("place", ["2,0", "start:a,0", ""])
