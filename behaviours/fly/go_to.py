@@ -66,6 +66,7 @@ class GoTo(PlaceLeaf):
         number("arrive_m", 0.15, 0.05, 2, "distance from the place that counts as there, m"),
         number("speed_mps", 0.6, 0.1, 2, "highest speed, m/s"),
         number("blocked_s", 10.0, 0, 3600, "time without progress until it fails, s"),
+        number("gimbal_deg", 0.0, -90, 0, "camera pitch, degrees; 0: that of the take-off"),
         GIVES_WAY,
     )
     reads = (*PlaceLeaf.reads, *TRACK_KEYS, CORRIDOR)
@@ -189,9 +190,12 @@ class GoTo(PlaceLeaf):
 
     def gimbal_pitch_rad(self) -> float | None:
         """Return the camera's pitch, lower for the mark and for the ground of a near place."""
-        flight_rad, state = super().gimbal_pitch_rad(), self.state()
+        state, given_deg = self.state(), self.port_value("gimbal_deg")
         if self._below:
             return _BELOW_RAD
+        flight_rad = super().gimbal_pitch_rad()
+        if given_deg != 0.0:
+            flight_rad = self.ground_pitch_rad(math.radians(given_deg))
         fix = believed_fix(self, self._mark_m) if self._is_mark else None
         if fix is None or state is None or flight_rad is None:
             return flight_rad

@@ -291,6 +291,13 @@ def test_the_camera_follows_the_pad_down(range_m: float, height_m: float, pitch_
     assert math.degrees(bench.pointed.pitch_rad) == pytest.approx(pitch_deg, abs=0.1)
 
 
+def test_the_pitch_of_the_return_holds_on_the_way_to_the_pad() -> None:
+    bench = approaching()
+    bench.board[FLIGHT_PITCH] = math.radians(-42)
+    fly(bench, (2.5, 0.0))
+    assert bench.pointed == SEARCH_GIMBAL
+
+
 WALL = [(0.8 * math.cos(a), 0.8 * math.sin(a)) for a in np.radians(range(-180, 180, 10))]
 
 

@@ -231,6 +231,12 @@ def test_before_an_obstacle_of_unknown_range_depth_stops_the_flight_to_the_mark(
     assert speeds_mps[1] == 0.0
 
 
+def test_a_port_states_the_pitch_of_the_camera() -> None:
+    bench = LeafBench(GoTo, to="start:1.5,0", gimbal_deg=-50.0)
+    live(bench, site_map=on())
+    assert bench.pointed == GimbalTo(pitch_rad=math.radians(-50))
+
+
 @pytest.mark.parametrize("place", ["2,0", "start:a,0", ""])
 def test_other_texts_are_refused_where_the_tree_is_made(place: str) -> None:
     with pytest.raises(InputError, match="expected a place"):
