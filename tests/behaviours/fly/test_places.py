@@ -280,6 +280,9 @@ def test_it_does_not_move_towards_a_wall_and_stops_for_one_that_appears() -> Non
     bench = LeafBench(MoveBy, forward_m=0.7)
     assert live(bench, site_map=on(wall_m=0.9)) is Status.FAILURE
     assert bench.proposed is None
+    for residual_m, status in ((0.0, Status.RUNNING), (0.03, Status.FAILURE)):
+        unsure = replace(on(wall_m=1.1), residual_m=residual_m)
+        assert live(LeafBench(MoveBy, forward_m=0.7), site_map=unsure) is status
     bench = LeafBench(MoveBy, forward_m=1.0)
     assert live(bench, site_map=on()) is Status.RUNNING
     assert live(bench, site_map=on(0.2, wall_m=1.2), seconds=0.3) is Status.FAILURE
