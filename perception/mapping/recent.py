@@ -99,7 +99,7 @@ class RecentLayer:
     def pass_over(self, captured_s: float) -> None:
         """Record a frame in which nothing can be placed."""
         self._newest_s = captured_s
-        self._unplaced_rad = self._unplaced_edges_rad = _NO_RAD  # dead-reckoned frame
+        self._unplaced_rad = _NO_RAD  # dead-reckoned frame
         self.unplaced_m = _NO_M
 
     def add(self, view: View) -> None:
@@ -114,11 +114,10 @@ class RecentLayer:
         self._add(pose.points_to_world(view.body_m(edges_m)), now_s + _EDGE_AGE_S, _Kind.EDGE)
         hidden_m, ended_m = view.body_m(found.hidden_m), view.body_m(found.hidden_edges_m)
         unplaced = ~self._explained(view, hidden_m, _Kind.BASE, now_s + _MAX_AGE_S)
-        ended = ~self._explained(view, ended_m, _Kind.EDGE, now_s + _EDGE_AGE_S)
+        self._explained(view, ended_m, _Kind.EDGE, now_s + _EDGE_AGE_S)
         unplaced_rad = _bearings(hidden_m[unplaced])
         self.unplaced_m = hidden_m[unplaced & found.hidden_tall]
         self._unplaced_rad = unplaced_rad + pose.yaw_rad
-        self._unplaced_edges_rad = _bearings(ended_m[ended]) + pose.yaw_rad
         rays = np.stack([np.cos(unplaced_rad), np.sin(unplaced_rad)], axis=-1)
         assumed_m = (rays[:, None, :] * _ASSUMED_M[:, None]).reshape(-1, 2)
         self._add(pose.points_to_world(assumed_m), now_s + _ASSUMED_AGE_S, _Kind.ASSUMED)
@@ -136,7 +135,6 @@ class RecentLayer:
             edges_age_s=age_s[is_edge],
             captured_s=self._newest_s,
             unplaced_rad=wrap_angles(self._unplaced_rad - pose.yaw_rad),
-            unplaced_edges_rad=wrap_angles(self._unplaced_edges_rad - pose.yaw_rad),
         )
 
     def _drop_where_ground_shows(self, view: View) -> None:

@@ -1,7 +1,5 @@
 """The perception leaves: once per frame, with the frame's own telemetry, SUCCESS always."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any
@@ -172,21 +170,16 @@ def test_a_pad_that_leaves_the_view_is_carried(error_mps: float | None, moved_m:
     assert fix.std_m > seen.std_m
 
 
-@pytest.mark.parametrize(
-    ("kind", "options", "message"),
-    [
+def test_an_unknown_mark_is_refused_before_the_first_view() -> None:
+    for kind, options, message in (
         ("region", {"class": "nope"}, "unknown class with the role mark 'nope'.*helipad_h"),
         ("region", {"klass": "nope"}, "landing mark 'region' has no option 'klass'"),
         ("nope", {}, "unknown landing mark 'nope'"),
-    ],
-)
-def test_an_unknown_mark_is_refused_before_the_first_view(
-    kind: str, options: dict[str, str], message: str
-) -> None:
-    bench = finding()
-    bench.provide(mark=replace(default_mark(), kind=kind, options=options))
-    with pytest.raises(InputError, match=message):
-        bench.tick()
+    ):
+        bench = finding()
+        bench.provide(mark=replace(default_mark(), kind=kind, options=options))
+        with pytest.raises(InputError, match=message):
+            bench.tick()
 
 
 @pytest.mark.parametrize("view", [{}, {"ids": pad_map(), "height_m": 0.3}])
