@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from behaviours.policies.corridor_rule import (
     EDGE_MARGIN_M,
@@ -118,3 +120,15 @@ def test_a_high_or_level_camera_sees_the_floor_several_metres_away() -> None:
         pitch_rad = math.radians(pitch_deg)
         seen = replace(view(cast()), gimbal_pitch_rad=pitch_rad, height_above_ground_m=height_m)
         assert ground_reach(np.full_like(seen.class_map.roles, role), seen) == reach_m
+
+
+@given(st.floats(0.0, 5.0), st.integers(0, 9), st.sampled_from([-1, 0, 1]), st.floats(0.0, 5.0))
+def test_a_step_never_reaches_an_obstacle(
+    free_m: float, full_turns: int, turning: int, ground_m: float
+) -> None:
+    """Whatever the relief: half a body's length and a little remain."""
+    ids = cast(ground_m=ground_m)
+    said = decide(corridor(free_m, "front"), ids, full_turns=full_turns, turning=turning)
+    if isinstance(said, Advance):
+        assert said.forward_m <= max(free_m - 0.4, 0.0) + 1e-9
+    assert isinstance(said, Advance) == (said.yaw_rad == 0.0)

@@ -5,8 +5,9 @@ import pytest
 import torch
 
 from perception.depth.training import losses
-from perception.depth.training.losses import invert_motion, pixel_rays, warp
+from perception.depth.training.losses import invert_motion, photometric_error, pixel_rays, warp
 from perception.depth.training.network import motion_matrix
+from tests.perception.depth.depth_flight import known_flight
 
 SMALL = torch.tensor([[20.0, 18.0, 7.5, 5.5]], dtype=torch.float64)  # of 16x12 pixels
 STAY = torch.eye(3, 4, dtype=torch.float64)[None]
@@ -25,6 +26,28 @@ def test_a_step_to_the_right_moves_the_picture_by_focal_length_over_depth() -> N
     assert valid[..., 1:-1, 3:-1].all()
     motion[0, 2, 3] = -3.0  # all points are behind it
     assert not warp(source, depth, motion, SMALL)[2].any()
+
+
+def test_exact_depth_and_pose_make_one_frame_into_the_other() -> None:
+    flight = known_flight()
+    shown = np.stack([frame.image for frame in flight.footage.frames])
+    pictures = torch.from_numpy(shown).permute(0, 3, 1, 2).float() / 255.0
+    camera, things = flight.footage.camera, torch.from_numpy(flight.ids[2] > 0)[None, None]
+
+    def error(shift_px: float) -> float:
+        """How unlike frame 2 is to frame 6, warped with a principal point that is off."""
+        lens = [camera.fx_px, camera.fy_px, camera.cx_px + shift_px, camera.cy_px]
+        values, _, valid = warp(
+            pictures[6:7],
+            torch.from_numpy(flight.depth_m[2])[None, None],
+            torch.from_numpy(flight.motion(2, 6)).float()[None],
+            torch.tensor([lens], dtype=torch.float32),
+        )
+        counts = (valid & things).float()
+        return float((photometric_error(pictures[2:3], values) * counts).sum() / counts.sum())
+
+    assert error(0.0) < min(0.06, error(12.0))
+    assert float(photometric_error(pictures[2:3], pictures[6:7]).mean()) > 0.2
 
 
 def test_there_and_back_is_no_movement() -> None:
