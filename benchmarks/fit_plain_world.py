@@ -17,6 +17,8 @@ import argparse
 import itertools
 import math
 from collections import defaultdict
+from dataclasses import replace
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -68,7 +70,7 @@ def row(pairs: list[tuple[Floats, int, int]]) -> str:
     return f"{', '.join(cells)}; missed {missed / total:.1%}, false {false / total:.1%}"
 
 
-def compare_ranges(given: argparse.Namespace, network: str) -> None:
+def compare_ranges(given: argparse.Namespace, network: Path) -> None:
     """Print the errors of the twin's ranges, and of those without images by jitter."""
     generator, profile = np.random.default_rng(5), Profile.named(given.profile)
     found: dict[str, list[tuple[Floats, int, int]]] = defaultdict(list)
@@ -108,14 +110,10 @@ class DropOuts:
         self._pad, self._seen_s = load_scene(scene).helipad, -math.inf
         self._true: PoseHistory[Pose] = PoseHistory(memory_s=3.0)
         self.motion, self.mark = list[tuple[float, bool]](), list[tuple[float, bool]]()
-        size = {"image_size_px": (320, 180)} if drone == "twin" else {}
-        options = app.FlightOptions(
-            drone=drone,
-            scene=scene,
-            profile=profile,
-            ports={"ExploreFor.duration_ms": "60000"},
-            **size,
-        )
+        ports = {"ExploreFor.duration_ms": "60000"}
+        options = app.FlightOptions(drone=drone, scene=scene, profile=profile, ports=ports)
+        if drone == "twin":
+            options = replace(options, image_size_px=(320, 180))
         app.fly("survey_and_land", options, listeners=[self.follow])
 
     def follow(self, flight: app.Flight[Any]) -> list[DropOuts]:

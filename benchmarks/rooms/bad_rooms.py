@@ -123,8 +123,8 @@ def write_bad_room(room: BadRoom, folder: Path) -> Path:
         matrix = anafi_camera(*SIZE_PX).matrix @ np.diag([room.focal, room.focal, 1.0])
         size = dict(zip(("width_px", "height_px"), SIZE_PX, strict=True))
         written[folder / CAMERA_FILE] = {**size, "K": matrix.tolist(), "distortion": [0.0] * 5}
-    for file, content in written.items():
-        file.write_text(yaml_text(content), encoding="utf-8")
+    for target, content in written.items():
+        target.write_text(yaml_text(content), encoding="utf-8")
     return path
 
 
