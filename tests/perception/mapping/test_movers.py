@@ -1,7 +1,5 @@
 """What moves: sightings with the noise of depth and odometry, and exact views of the twin's lab."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace

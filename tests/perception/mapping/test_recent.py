@@ -1,7 +1,5 @@
 """The recent layer: where bases stand, which points are dropped, which have no range yet."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

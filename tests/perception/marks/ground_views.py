@@ -1,7 +1,5 @@
 """Views straight down at drawn ground, for the take-off spot as a landing mark."""
 
-from __future__ import annotations
-
 import math
 
 import cv2
