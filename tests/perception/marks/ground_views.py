@@ -30,13 +30,9 @@ def texture(side_px: int = SIDE_PX) -> Image:
 def view(
     ground: Image, body: Pose2D, *, off: tuple[float, float, float] = (0.0, 0.0, 0.0), at_s: float
 ) -> MarkView:
-    """Return a noisy view straight down.
+    """Return a noisy view straight down, at a pose of the body in the take-off frame.
 
-    Args:
-        ground: (S, S) grey, rows along x and columns along y, the take-off spot in its middle.
-        body: Pose of the body in the take-off frame.
-        off: Error of the drone's estimate of that pose: x, y in metres, yaw in degrees.
-        at_s: Capture time.
+    `ground` is (S, S) grey with the take-off spot in its middle; the drone's estimate is `off`.
     """
     pitch_rad = -math.pi / 2.0
     grid = np.stack(np.meshgrid(np.arange(320), np.arange(180)), axis=-1).reshape(-1, 2)
@@ -47,18 +43,9 @@ def view(
     seen = cv2.remap(ground, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
     noise = np.random.default_rng(round(10.0 * at_s)).normal(0.0, 3.0, seen.shape)
     grey = np.clip(seen + noise, 0.0, 255.0).astype(np.uint8)
-    frame = values.frame(
-        np.repeat(grey[:, :, None], 3, axis=2),
-        pitch_rad,
-        CAMERA_M,
-        captured_s=at_s,
-        index=round(10.0 * at_s),
-    )
+    image, index = np.repeat(grey[:, :, None], 3, axis=2), round(10.0 * at_s)
+    frame = values.frame(image, pitch_rad, CAMERA_M, captured_s=at_s, index=index)
     believed = Pose2D(
         x_m=body.x_m + off[0], y_m=body.y_m + off[1], yaw_rad=body.yaw_rad + math.radians(off[2])
     )
-    return MarkView(
-        frame=frame,
-        camera=CAMERA,
-        take_off=believed.pose_to_body(AT_THE_SPOT),
-    )
+    return MarkView(frame=frame, camera=CAMERA, take_off=believed.pose_to_body(AT_THE_SPOT))
