@@ -8,13 +8,12 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from uav_bt.errors import FileError, InputError
 from uav_bt.progress import Advance
-from uav_bt.types.arrays import Image
+from uav_bt.types.arrays import Floats32, Image
 
-Corners = NDArray[np.float32]  # (rows, columns, 2): image column and row of each corner, px
+Corners = Floats32  # (rows, columns, 2): image column and row of each corner, px
 Photographs = Mapping[str, Callable[[], Image]]  # by name, functions that return (H, W) grey
 
 MIN_CORNERS: Final = 12  # 4x3: fewer add little information to the board's four corners

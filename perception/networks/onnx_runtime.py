@@ -15,6 +15,7 @@ from perception.networks.inference_packages import compiled_network, import_open
 from perception.networks.mapping import InputFormat
 from perception.networks.named import check_onnx
 from uav_bt.errors import AnswerError, ValueRangeError, WeightsError
+from uav_bt.types.arrays import Image
 
 _SETTINGS: Final = {
     "PERFORMANCE_HINT": "LATENCY",
@@ -165,7 +166,7 @@ class OnnxNetwork:
         self._request.infer()
         return self._answer()[:-1]
 
-    def run(self, rgb: NDArray[np.uint8]) -> list[NDArray[Any]]:
+    def run(self, rgb: Image) -> list[NDArray[Any]]:
         """Return the outputs for an image, (H, W, 3) uint8 RGB; the next run overwrites them.
 
         AnswerError if an output holds NaN or infinity.
@@ -184,7 +185,7 @@ class OnnxNetwork:
         return [np.asarray(tensor.data) for tensor in self._request.output_tensors]
 
 
-def shrunk(rgb: NDArray[np.uint8], size_px: tuple[int, int]) -> NDArray[np.uint8]:
+def shrunk(rgb: Image, size_px: tuple[int, int]) -> Image:
     """Return an image, (H, W, 3), resized (never cropped) to width and height of a network's input.
 
     Each pixel is the mean of its area in the original, within one grey level: first a box filter

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.errors import ValueRangeError
+from uav_bt.types.arrays import Floats, Floats32, Image
 
 _HUE, _SATURATION, _VALUE = 90, 64, 36  # bins
 FEATURE_COUNT: Final = _HUE + _SATURATION + _VALUE
@@ -38,12 +39,12 @@ COLOUR_COUNT: Final = _SIDE**3
 _UNSEEN_SHARE: Final = 0.1  # probability spread evenly over all colours, for unseen ones
 
 
-def hsv_of(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def hsv_of(rgb: Image) -> Image:
     """Return the 8-bit HSV image, (H, W, 3), of an RGB image."""
     return np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV), dtype=np.uint8)
 
 
-def channel_tables(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+def channel_tables(weights: Floats) -> Floats:
     """Return the weight of each 8-bit level of each channel, (256, 3), of a linear model, (190,).
 
     A linear model on the histograms of a patch is a sum over its pixels, and a pixel adds the
@@ -79,7 +80,7 @@ class WindowMeans:
         self._total = np.empty((height_px + 1, width_px + 1))
         self._inner = np.empty((height_px - side_px + 1, width_px - side_px + 1))
 
-    def of(self, plane: NDArray[np.float64]) -> NDArray[np.float64]:
+    def of(self, plane: Floats) -> Floats:
         """Return the means, (H - side + 1, W - side + 1), of a plane, (H, W).
 
         They are valid until the next call; the plane's mean is subtracted in place.
@@ -106,9 +107,7 @@ def spread_to_border(inner: NDArray[Any], side_px: int) -> NDArray[Any]:
     return np.pad(inner, ((before, after), (before, after)), mode="edge")
 
 
-def patch_features(
-    hsv: NDArray[np.uint8], points: NDArray[np.int64], patch_px: int
-) -> NDArray[np.float64]:
+def patch_features(hsv: Image, points: NDArray[np.int64], patch_px: int) -> Floats:
     """Return the normalised histograms, (N, 190), of the patches around points, (N, 2), x then y.
 
     Each row sums to three.
@@ -122,19 +121,19 @@ def patch_features(
     return features / float(patch_px**2)
 
 
-def colour_codes(rgb: NDArray[np.uint8]) -> NDArray[np.uint16]:
+def colour_codes(rgb: Image) -> NDArray[np.uint16]:
     """Return the code (0 to 32767) of each pixel's coarse colour, for (..., 3) uint8 RGB."""
     coarse = (rgb >> (8 - _BITS)).astype(np.uint16)
     codes = coarse[..., 0] << (2 * _BITS) | coarse[..., 1] << _BITS | coarse[..., 2]
     return np.asarray(codes, dtype=np.uint16)
 
 
-def count_colours(rgb: NDArray[np.uint8]) -> NDArray[np.int64]:
+def count_colours(rgb: Image) -> NDArray[np.int64]:
     """Return the number of pixels of each coarse colour, (32768,)."""
     return np.bincount(colour_codes(rgb).ravel(), minlength=COLOUR_COUNT)
 
 
-def palette_of_counts(counts: NDArray[np.int64]) -> NDArray[np.float32]:
+def palette_of_counts(counts: NDArray[np.int64]) -> Floats32:
     """Return the log-likelihood of each coarse colour in each class, (C, 32768), of pixel counts.
 
     Counts are spread to neighbouring colours, because a few thousand picks do not cover the

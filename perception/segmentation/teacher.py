@@ -15,7 +15,6 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.networks.weights_file import read_weights, write_weights
 from perception.segmentation import clean
@@ -31,6 +30,7 @@ from perception.segmentation.features import (
 from perception.segmentation.training.picks import PickedPatches
 from uav_bt.errors import ValueRangeError, WeightsError
 from uav_bt.lab.classes import GROUND, OBSTACLE, OUTSIDE, LabClasses
+from uav_bt.types.arrays import Floats, Floats32, Image
 
 _KIND: Final = "hsv-histogram-svm"
 
@@ -57,9 +57,9 @@ class Teacher:
     """The trained linear model: a score for each class is ``weights @ features + bias``."""
 
     classes: LabClasses  # C classes
-    weights: NDArray[np.float64]  # (C, 190)
-    bias: NDArray[np.float64]  # (C,); -inf for a class without picks, so that it never wins
-    palette: NDArray[np.float32]  # (C, 32768), `features.palette_of_counts`
+    weights: Floats  # (C, 190)
+    bias: Floats  # (C,); -inf for a class without picks, so that it never wins
+    palette: Floats32  # (C, 32768), `features.palette_of_counts`
     config: TeacherConfig
 
     @property
@@ -67,13 +67,13 @@ class Teacher:
         """Ids of the classes with picks."""
         return tuple(np.flatnonzero(np.isfinite(self.bias)).tolist())
 
-    def resized(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def resized(self, rgb: Image) -> Image:
         """Return the image at the teacher's size (area interpolation when it shrinks)."""
         size = (self.config.width_px, self.config.height_px)
         interpolation = cv2.INTER_AREA if rgb.shape[1] >= size[0] else cv2.INTER_LINEAR
         return np.asarray(cv2.resize(rgb, size, interpolation=interpolation), dtype=np.uint8)
 
-    def scores(self, hsv: NDArray[np.uint8]) -> Iterator[tuple[int, NDArray[np.float64]]]:
+    def scores(self, hsv: Image) -> Iterator[tuple[int, Floats]]:
         """Yield id and score of the window around every pixel, (H, W), of the classes with picks.
 
         Windows near the border are shifted inwards (`features.patch_slices`).
@@ -81,7 +81,7 @@ class Teacher:
         for class_id, inner in self._window_scores(hsv):
             yield class_id, spread_to_border(inner, self.config.patch_px)
 
-    def window_ids(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def window_ids(self, rgb: Image) -> Image:
         """Return the best class, (H, W), of the window around every pixel of a resized image."""
         scores = self._window_scores(hsv_of(rgb))
         first, inner = next(scores)
@@ -92,13 +92,13 @@ class Teacher:
             np.maximum(best, inner, out=best)
         return spread_to_border(ids, self.config.patch_px)
 
-    def paper_ids(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def paper_ids(self, rgb: Image) -> Image:
         """Return the class map of a resized image: dots, dilation, largest components."""
         dots = clean.dilated_grid(self.window_ids(rgb))
         scattered = self.classes.of_role(OUTSIDE) + self.classes.of_role(GROUND)
         return clean.keep_largest_components(dots, scattered)
 
-    def refined_ids(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def refined_ids(self, rgb: Image) -> Image:
         """Return the class map of a resized image: sharp borders, no holes in sides of boxes."""
         ids = clean.sharpened(self.window_ids(rgb), rgb, self.palette)
         ids = clean.drop_small_components(ids, area_px=clean.SMALLEST_PX)
@@ -106,7 +106,7 @@ class Teacher:
         sides, but = self.classes.of_role(OBSTACLE), (self.classes.mark_top,)
         return clean.filled_holes(ids, inside=sides, but=but, area_px=clean.HOLE_PX)
 
-    def _window_scores(self, hsv: NDArray[np.uint8]) -> Iterator[tuple[int, NDArray[np.float64]]]:
+    def _window_scores(self, hsv: Image) -> Iterator[tuple[int, Floats]]:
         """Yield the scores of all whole windows; each array is valid until the next one."""
         height_px, width_px = hsv.shape[:2]
         means = WindowMeans(width_px=width_px, height_px=height_px, side_px=self.config.patch_px)

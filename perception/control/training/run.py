@@ -12,7 +12,6 @@ from typing import Final
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional as F  # noqa: N812 - everybody's name for it
 
@@ -27,6 +26,7 @@ from perception.networks.training.loop import (
     ignore_progress,
     train,
 )
+from uav_bt.types.arrays import Flags, Floats32, Image
 
 # Weight of blocked paths. A free path taken for blocked costs a turn; a blocked path taken for free
 # may cost the drone.
@@ -70,7 +70,7 @@ def _pinball(prediction: Tensor, truth: Tensor, counts: Tensor) -> Tensor:
     return torch.maximum(_QUANTILE * left, (_QUANTILE - 1.0) * left).mean()
 
 
-def mirrored_windows(batch: Batch, flipped: NDArray[np.bool_]) -> Batch:
+def mirrored_windows(batch: Batch, flipped: Flags) -> Batch:
     """Return windows of which some, (N,), are those of a mirrored world."""
     labels = batch.labels.copy()
     labels[flipped, 1] *= -1.0
@@ -80,7 +80,7 @@ def mirrored_windows(batch: Batch, flipped: NDArray[np.bool_]) -> Batch:
     return Batch(frames=frames, state=state, labels=labels, turning=turning)
 
 
-def relit(frames: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:
+def relit(frames: Image, rng: np.random.Generator) -> Image:
     """Return views, (N, V, H, W, 3), in other light and with the noise of a sensor."""
     count, views = frames.shape[:2]
     gain = np.exp(rng.uniform(-_GAIN, _GAIN, (count, 1, 1, 1, 1)))
@@ -111,7 +111,7 @@ def train_control(
     config: ControlTrainingConfig,
     net_config: ControlNetConfig,
     *,
-    start: Mapping[str, NDArray[np.float32]] | None = None,
+    start: Mapping[str, Floats32] | None = None,
     checkpoint: Path | None = None,
     progress: Callable[[Progress, ControlNet], None] = ignore_progress,
 ) -> ControlNet:
@@ -167,5 +167,5 @@ def predict_control(net: ControlNet, batch: Batch) -> list[ControlEstimate]:
     return [decode(prediction) for prediction in predictions.cpu().numpy()]
 
 
-def _planes(frames: NDArray[np.uint8]) -> Tensor:
+def _planes(frames: Image) -> Tensor:
     return torch.from_numpy(frames).permute(0, 1, 4, 2, 3).float().div_(255.0)

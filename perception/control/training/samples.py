@@ -20,7 +20,7 @@ from uav_bt.answers import Advance, Answer, Blocked
 from uav_bt.errors import FileError, ValueRangeError
 from uav_bt.files import whole_file
 from uav_bt.protocols import Advice
-from uav_bt.types.arrays import Flags, Image
+from uav_bt.types.arrays import Flags, Floats, Floats32, Image, Indices
 from uav_bt.types.dead_reckoning import OdometryPose
 
 # Shrinking has already removed noise; a JPEG has a sixth of a PNG's bytes.
@@ -39,13 +39,13 @@ _AT_ONCE: Final = 32  # scored windows
 class ControlFlight:
     """One flight: N labelled views in the order of time."""
 
-    images: NDArray[np.uint8]  # (B,) concatenated JPEG files
+    images: Image  # (B,) concatenated JPEG files
     ends: NDArray[np.int64]  # (N,) end of each file in `images`
-    poses: NDArray[np.float64]  # (N, 4) time, x, y, yaw: `OdometryPose`
-    ego: NDArray[np.float64]  # (N, 4) height, gimbal pitch, turn under way, full turns
+    poses: Floats  # (N, 4) time, x, y, yaw: `OdometryPose`
+    ego: Floats  # (N, 4) height, gimbal pitch, turn under way, full turns
     # (N, 2, 4) forward_m, yaw_rad, ground_ends, free_m of the rule's answer with the turn under
     # way, and without it; free_m NaN if unknown.
-    labels: NDArray[np.float32]
+    labels: Floats32
 
     def image(self, place: int) -> Image:
         """Return a view's image, (H, W, 3) RGB."""
@@ -67,7 +67,7 @@ def advised_flight(views: Iterable[tuple[Image, Advice]]) -> ControlFlight | Non
     Raises:
         ValueRangeError: the rule answered with a class that the student cannot learn.
     """
-    images: list[NDArray[np.uint8]] = []
+    images: list[Image] = []
     rows: list[tuple[float, ...]] = []
     labels: list[tuple[tuple[float, ...], tuple[float, ...]]] = []
     for image, advice in views:
@@ -131,10 +131,10 @@ def read_flight(path: Path) -> ControlFlight:
 class Batch:
     """Windows of views for training."""
 
-    frames: NDArray[np.uint8]  # (N, V, H, W, 3) RGB, the present view first
-    state: NDArray[np.float32]  # (N, S) `state_vector`
-    labels: NDArray[np.float32]  # (N, 4) as in `ControlFlight`
-    turning: NDArray[np.float32]  # (N,) the turn under way
+    frames: Image  # (N, V, H, W, 3) RGB, the present view first
+    state: Floats32  # (N, S) `state_vector`
+    labels: Floats32  # (N, 4) as in `ControlFlight`
+    turning: Floats32  # (N,) the turn under way
 
 
 class ControlSamples:
@@ -205,7 +205,7 @@ class ControlSamples:
         )
 
 
-def _taken(flight: ControlFlight) -> NDArray[np.intp]:
+def _taken(flight: ControlFlight) -> Indices:
     (low_m, high_m), (down_rad, up_rad) = _HEIGHTS_M, _PITCHES_RAD
     height_m, pitch_rad = flight.ego[:, 0], flight.ego[:, 1]
     good = (height_m >= low_m) & (height_m <= high_m)
@@ -244,7 +244,7 @@ def score_control(
     count = min(max_windows, len(samples))
     chosen = np.unique(np.linspace(0, len(samples) - 1, count).astype(int))
     estimates: list[ControlEstimate] = []
-    parts: list[NDArray[np.float32]] = []
+    parts: list[Floats32] = []
     for first in range(0, len(chosen), _AT_ONCE):
         batch = samples.window([int(at) for at in chosen[first : first + _AT_ONCE]])
         estimates += predict(batch)

@@ -9,12 +9,11 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.depth.training.footage import EVERY, CameraTrack, Flight
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import CameraModel
-from uav_bt.types.arrays import Floats32, Indices
+from uav_bt.types.arrays import Floats, Floats32, Indices
 
 # Between a target and a reference; more leaves no overlap.
 _MAX_MOVE_M: Final = 0.5
@@ -90,7 +89,7 @@ class ClipSource:
         chosen = [int(frame) for frame in rng.choice(self._single[number], size=3)]
         return self._clip(number, chosen, np.zeros((2, 3, 4)))
 
-    def _clip(self, number: int, chosen: list[int], motions: NDArray[np.float64]) -> Clip:
+    def _clip(self, number: int, chosen: list[int], motions: Floats) -> Clip:
         flight = self._flights[number]
         images = np.stack([flight.frames[place].image for place in chosen])
         labels = None
@@ -147,7 +146,7 @@ def turned(clip: Clip, pitch_rad: float, roll_rad: float) -> Clip:
     )
 
 
-def _turned_labels(labels: Floats32, camera: CameraModel, turn: NDArray[np.float64]) -> Floats32:
+def _turned_labels(labels: Floats32, camera: CameraModel, turn: Floats) -> Floats32:
     """Rotate depth maps: pixels move, and depths change to the new optical axis."""
     height, width = labels.shape[1:3]
     camera = camera.resized(width, height)

@@ -21,12 +21,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
 from perception.depth.training.clips import Clip
 from perception.depth.training.network import DepthNet, PoseNet
+from uav_bt.types.arrays import Floats32
 
 _NEAREST_M: Final = 1e-3  # depth below which a point counts as behind the camera
 _SSIM_SHARE: Final = 0.85
@@ -80,7 +80,7 @@ def loss_terms(
     return terms
 
 
-def _planes(arrays: Sequence[NDArray[np.float32]], device: str) -> Tensor:
+def _planes(arrays: Sequence[Floats32], device: str) -> Tensor:
     """Return arrays, (3, H, W, C) each, as (3 N, C, H, W), ordered by frame and channels-last."""
     stacked = torch.from_numpy(np.stack(arrays, axis=1)).to(device)
     return stacked.flatten(0, 1).permute(0, 3, 1, 2)

@@ -16,7 +16,6 @@ from typing import Final, Literal
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from perception.depth.training.clips import ClipSource, varied
@@ -30,6 +29,7 @@ from perception.networks.training.loop import (
     train,
 )
 from uav_bt.errors import WeightsError
+from uav_bt.types.arrays import Floats32, Image
 
 # SC-Depth's, and that of the labels.
 _WEIGHTS: Final = {"photometric": 1.0, "geometry": 0.1, "smoothness": 0.1, "labels": 1.0}
@@ -100,7 +100,7 @@ def train_depth(
     )
 
 
-def predict_depth(net: DepthNet, rgb: NDArray[np.uint8]) -> NDArray[np.float32]:
+def predict_depth(net: DepthNet, rgb: Image) -> Floats32:
     """Return the depth of images, (N, H, W, 3), along the optical axis, (N, H/2, W/2)."""
     planes = torch.from_numpy(np.ascontiguousarray(rgb.transpose(0, 3, 1, 2))).float().div_(255.0)
     planes = planes.to(next(net.parameters()).device, memory_format=torch.channels_last)

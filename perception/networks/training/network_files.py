@@ -20,7 +20,6 @@ from typing import Any, Final, Generic, TypeVar
 import numpy as np
 import onnx
 import torch
-from numpy.typing import NDArray
 from torch import nn
 
 from perception.networks.inference_packages import import_nncf
@@ -28,6 +27,7 @@ from perception.networks.onnx_runtime import shrunk
 from perception.networks.weights_file import read_weights, write_weights
 from uav_bt.errors import WeightsError
 from uav_bt.files import write_whole
+from uav_bt.types.arrays import Floats32, Image
 
 _OPSET: Final = 18
 # Only convolutions are quantised: other operators lose accuracy in integers and save little time.
@@ -97,7 +97,7 @@ class NetworkFiles(Generic[Net]):
         weights: Path,
         onnx_path: Path,
         *,
-        calibration: Iterable[NDArray[np.uint8]] | None = None,
+        calibration: Iterable[Image] | None = None,
     ) -> None:
         """Generate the ONNX file of the weights, replaced in one step.
 
@@ -148,7 +148,7 @@ def _traced(net: nn.Module, ports: OnnxPorts) -> onnx.ModelProto:
 
 
 def _in_integers(
-    model: onnx.ModelProto, ports: OnnxPorts, images: Iterable[NDArray[np.uint8]]
+    model: onnx.ModelProto, ports: OnnxPorts, images: Iterable[Image]
 ) -> onnx.ModelProto:
     """Return a network whose convolutions compute in 8-bit integers.
 
@@ -195,9 +195,7 @@ def _make_unsigned(model: onnx.ModelProto) -> None:
             constants[name].CopyFrom(onnx.numpy_helper.from_array(unsigned, name))
 
 
-def _samples(
-    ports: OnnxPorts, images: Iterable[NDArray[np.uint8]]
-) -> Iterator[dict[str, NDArray[np.float32]]]:
+def _samples(ports: OnnxPorts, images: Iterable[Image]) -> Iterator[dict[str, Floats32]]:
     """Yield inputs of consecutive images; all other inputs are zero."""
     (name, shape), *others = ports.inputs.items()
     height, width = shape[-2:]

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.segmentation.features import hsv_of
 from perception.segmentation.teacher import Teacher, fit_teacher
@@ -224,7 +223,7 @@ class ImageChooser:
         self._passed.add(chosen)
         return chosen, reason
 
-    def class_map(self, name: str, picks: Sequence[Pick]) -> NDArray[np.uint8]:
+    def class_map(self, name: str, picks: Sequence[Pick]) -> Image:
         """Return the teacher's present class map of an image, (324, 576) uint8 ids.
 
         ValueRangeError if the image is not on the list, or there are no picks of two classes.

@@ -28,6 +28,7 @@ from perception.segmentation.features import (
 from uav_bt.errors import FileError, ValueRangeError, did_you_mean
 from uav_bt.files import did_you_mean_file, read_bounded, reading, write_whole
 from uav_bt.lab.classes import LabClasses
+from uav_bt.types.arrays import Flags, Floats, Image
 
 Origin = Literal["hand", "simulated"]
 _MAX_BYTES: Final = 50_000_000  # a pick takes about 50
@@ -119,7 +120,7 @@ def _parse(row: Sequence[str], names: Sequence[str]) -> Pick:
 class PickedPatches:
     """Features and colours of the patches around picks: the teacher's training data."""
 
-    features: NDArray[np.float64]  # (N, 190) histograms, `features`
+    features: Floats  # (N, 190) histograms, `features`
     labels: NDArray[np.int64]  # (N,) class ids
     colour_counts: NDArray[np.int64]  # (C, 32768) pixels by class and coarse colour, `palette`
     classes: LabClasses  # the C classes of the lab
@@ -127,7 +128,7 @@ class PickedPatches:
 
 def gather_patches(
     picks: Iterable[Pick],
-    images: Iterable[tuple[str, NDArray[np.uint8]]],
+    images: Iterable[tuple[str, Image]],
     patch_px: int,
     classes: LabClasses,
 ) -> PickedPatches:
@@ -138,7 +139,7 @@ def gather_patches(
     by_image: dict[str, list[Pick]] = {}
     for pick in picks:
         by_image.setdefault(pick.image, []).append(pick)
-    features, labels = list[NDArray[np.float64]](), list[int]()
+    features, labels = list[Floats](), list[int]()
     colour_counts = np.zeros((len(classes), COLOUR_COUNT), dtype=np.int64)
     for name, rgb in images:
         if name not in by_image:
@@ -158,7 +159,7 @@ def gather_patches(
 
 
 def draw_picks(
-    samples: Iterable[tuple[str, NDArray[np.uint8]]],
+    samples: Iterable[tuple[str, Image]],
     rng: np.random.Generator,
     *,
     patch_px: int,
@@ -194,7 +195,7 @@ def draw_picks(
 
 
 def _purest(
-    mask: NDArray[np.bool_], rng: np.random.Generator, patch_px: int
+    mask: Flags, rng: np.random.Generator, patch_px: int
 ) -> tuple[float, NDArray[np.int64]]:
     """Return the largest share of a class in a patch, and points with about this share."""
     means = WindowMeans(width_px=mask.shape[1], height_px=mask.shape[0], side_px=patch_px)

@@ -32,6 +32,7 @@ from perception.networks.training.loop import (
 )
 from perception.segmentation.training.unet import UNet, UNetConfig
 from uav_bt.errors import UnknownNameError
+from uav_bt.types.arrays import Floats, Floats32, Image
 
 _SMOOTHING: Final = 1.0  # pixels; avoids 0 / 0 in the Dice term of an absent class
 
@@ -73,9 +74,7 @@ _SHOWN: Final = 0.002  # least share of an image's pixels with which it shows a 
 _WEIGHT_LIMITS: Final = (0.3, 6.0)
 
 
-def balance_classes(
-    ids: NDArray[np.uint8], classes: int
-) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+def balance_classes(ids: Image, classes: int) -> tuple[Floats, Floats32]:
     """Return the probability of drawing each image, (N,), and the weights of the C classes.
 
     Rare classes are drawn more often and weigh more. The weights' mean over all pixels is one,
@@ -116,8 +115,8 @@ class AugmentConfig:
 
 
 def augmented(
-    rgb: NDArray[np.uint8], ids: NDArray[np.uint8], rng: np.random.Generator, config: AugmentConfig
-) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    rgb: Image, ids: Image, rng: np.random.Generator, config: AugmentConfig
+) -> tuple[Image, Image]:
     """Return an augmented image, (H, W, 3), and its class ids, (H, W), moved in the same way.
 
     Outside the original, image and class ids are mirrored.
@@ -140,9 +139,7 @@ def augmented(
     return np.asarray(moved, dtype=np.uint8), np.asarray(moved_ids, dtype=np.uint8)
 
 
-def _degraded(
-    rgb: NDArray[Any], rng: np.random.Generator, config: AugmentConfig
-) -> NDArray[np.uint8]:
+def _degraded(rgb: NDArray[Any], rng: np.random.Generator, config: AugmentConfig) -> Image:
     if config.blur_px > 0.0:
         sigma_px = rng.uniform(0.1, max(config.blur_px, 0.1))
         rgb = cv2.GaussianBlur(rgb, (0, 0), sigma_px)
@@ -176,8 +173,8 @@ class TrainingConfig(LoopConfig):
 class LabelledImages:
     """A training set in memory, at the network's size."""
 
-    rgb: NDArray[np.uint8]  # (N, H, W, 3)
-    ids: NDArray[np.uint8]  # (N, H, W); `IGNORED` where unknown
+    rgb: Image  # (N, H, W, 3)
+    ids: Image  # (N, H, W); `IGNORED` where unknown
     classes: tuple[str, ...]  # names by id
 
 
@@ -202,7 +199,7 @@ def train_unet(
         if start.classes != images.classes:
             taken = {name: each for name, each in taken.items() if not name.startswith("head.")}
         net.load_state_dict(taken, strict=False)
-    shares: NDArray[np.float64] | None = None
+    shares: Floats | None = None
     weights: Tensor | None = None
     if config.balanced:
         shares, of_classes = balance_classes(images.ids, len(images.classes))
@@ -227,13 +224,13 @@ def train_unet(
     )
 
 
-def predict(net: UNet, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def predict(net: UNet, rgb: Image) -> Image:
     """Return the class ids, (N, H, W), of images of the network's size, (N, H, W, 3)."""
     with torch.inference_mode():
         logits = net(_to_input(rgb))
     return np.asarray(logits.argmax(dim=1).to(torch.uint8).numpy(), dtype=np.uint8)
 
 
-def _to_input(rgb: NDArray[np.uint8]) -> Tensor:
+def _to_input(rgb: Image) -> Tensor:
     batch = torch.from_numpy(rgb).permute(0, 3, 1, 2).float().div_(255.0)
     return batch.contiguous(memory_format=torch.channels_last)
