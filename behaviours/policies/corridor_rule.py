@@ -42,8 +42,8 @@ _RANGE_STEP_M: Final = 0.05
 _SHOWN_M: Final = 1.0  # length of the nearest ground in view that must be ground
 _FARTHEST_M: Final = 20.0  # ground further away is not looked at; bounds the number of samples
 _SIDE_MARGIN_M: Final = 0.55  # from the body's centre to obstacles on the map beside the path
-# Reduction of every margin after each full turn without a free path. Obstacles on the map are off
-# by up to 0.2 m after half a minute of turning, and the body's half diagonal is 0.2 m.
+# Reduction of every margin after each full turn without a free path: obstacles on the map are off
+# by up to 0.2 m after half a minute of turning.
 _MARGIN_RELIEF_M: Final = 0.04
 _MAX_FULL_TURNS: Final = 3  # full turns after which the margins shrink no further
 # A turn ends only with this much more free path than a step, which prevents dithering.

@@ -13,7 +13,7 @@ from typing import Final, Self
 
 from perception.control.ego_state import state_vector
 from perception.control.runtime import SHIPPED_STUDENT, OnnxControlStudent
-from perception.networks.named import check_onnx
+from perception.networks.weights_file import check_onnx
 from uav_bt.answers import Advance, Blocked
 from uav_bt.errors import MissionError
 from uav_bt.protocols import PolicyView

@@ -122,8 +122,7 @@ def _refined(image: Image, grid: Corners, shrink: float) -> Corners | None:
     """Refine corners to subpixel accuracy in the full image; None with too few corners in it.
 
     It is turned to at least as many columns as rows, and not mirrored. Refining is needed even
-    without shrinking: the search is biased to one side, which in the twin moves the camera's centre
-    by half a pixel. The refined corners have more scatter but less bias.
+    without shrinking: the search is biased to one side, in the twin by half a pixel.
     """
     full = (grid + 0.5) * np.float32(shrink) - np.float32(0.5)
     # The search guesses corners beyond the image: their columns or rows are left out.

@@ -103,8 +103,7 @@ class DepthMapping:
 def class_id_of(name: str, classes: LabClasses) -> int:
     """Return the id of a class, or that of the first suitable class of a role.
 
-    A network may not distinguish the classes of a role. Its obstacles become the first class that
-    stands on the ground, its landing mark becomes the sides of the mark.
+    Obstacles become the first class that stands on the ground, a landing mark the mark's sides.
     """
     if name in classes.names:
         return classes.id_of(name)

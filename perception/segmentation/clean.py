@@ -33,6 +33,7 @@ _PRIOR_WEIGHT: Final = 3.0  # of the prior's logarithm; neighbouring pixels are 
 _BLUR_PX: Final = 1.0  # standard deviation of the smoothing of likelihoods, against image noise
 SMALLEST_PX: Final = 100  # area; smaller pieces are noise
 HOLE_PX: Final = 4000  # area; smaller holes in a box's side are its pattern
+# What a refined map depends on besides teacher and image, for the names of kept maps.
 REFINED_BY: Final = {
     "rounds": _ROUNDS,
     "neighbourhood_px": _NEIGHBOURHOOD_PX,
@@ -41,8 +42,6 @@ REFINED_BY: Final = {
     "smallest_px": SMALLEST_PX,
     "hole_px": HOLE_PX,
 }
-"""What a refined map depends on besides teacher and image, for the names of kept maps."""
-
 _MIN_SHARE: Final = 1e-4  # added to the prior to keep its logarithm finite
 _SURROUND: Final = 0.95  # share of a hole's rim that must be of the class around it
 
@@ -50,8 +49,7 @@ _SURROUND: Final = 0.95  # share of a hole's rim that must be of the class aroun
 def dilated_grid(ids: Image) -> Image:
     """Return the class map, (H, W), after sampling a grid of dots and dilating them.
 
-    Classes are painted in the order of their ids, so that objects cover the margin of what
-    lies around them; the paper accepts these additional pixels.
+    Classes are painted in the order of their ids, so that objects cover the margin around them.
     """
     dots = np.zeros(ids.shape, dtype=bool)
     dots[_STEP_PX // 2 :: _STEP_PX, _STEP_PX // 2 :: _STEP_PX] = True
@@ -88,11 +86,7 @@ def drop_small_components(ids: Image, *, area_px: int) -> Image:
 
 
 def filled_holes(
-    ids: Image,
-    *,
-    inside: Collection[int],
-    but: Collection[int | None] = (),
-    area_px: int,
+    ids: Image, *, inside: Collection[int], but: Collection[int | None] = (), area_px: int
 ) -> Image:
     """Return the map without holes of at most an area, surrounded by one class of `inside`.
 

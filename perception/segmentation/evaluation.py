@@ -30,9 +30,8 @@ def confusion(predicted: Image, exact: Image, classes: int) -> NDArray[np.int64]
 class SegmentationScore:
     """Pixel counts of a set of images, and scores from them.
 
-    The intersection over union is computed over all pixels of the set, not averaged over images. It
-    is NaN for a class that is absent from all exact maps, and the mean leaves such a class out.
-    Pixels wrongly given to it count against their exact classes.
+    The intersection over union is over all pixels of the set. It is NaN for a class that is absent
+    from all exact maps, and the mean leaves such a class out.
     """
 
     counts: NDArray[np.int64]  # (C, C), exact class by predicted class
@@ -41,7 +40,7 @@ class SegmentationScore:
 
     @property
     def iou(self) -> Floats:
-        """(C,) intersection over union of each class, nan where the class is absent."""
+        """(C,) of each class, nan where the class is absent."""
         return _iou(self.counts)
 
     @property
@@ -93,8 +92,8 @@ def _iou(counts: NDArray[np.int64]) -> Floats:
 
 
 def _by_name(names: Sequence[str], values: Floats) -> dict[str, float | None]:
-    rounded = [None if math.isnan(value) else round(value, 4) for value in values.tolist()]
-    return dict(zip(names, rounded, strict=True))
+    pairs = zip(names, values.tolist(), strict=True)
+    return {name: None if math.isnan(value) else round(value, 4) for name, value in pairs}
 
 
 def score_segmentation(

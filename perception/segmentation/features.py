@@ -30,7 +30,7 @@ _LEVELS: Final = np.arange(256)
 # fills the rest of the table.
 _HUE_BINS: Final = np.minimum(_LEVELS // 2, _HUE - 1)
 _VALUE_BINS: Final = _HUE + _SATURATION + _LEVELS * _VALUE // 256
-_BIN_OF_LEVEL: Final = np.stack([_HUE_BINS, _HUE + _LEVELS // 4, _VALUE_BINS], axis=1)
+BIN_OF_LEVEL: Final = np.stack([_HUE_BINS, _HUE + _LEVELS // 4, _VALUE_BINS], axis=1)
 
 _BITS: Final = 5  # of each of red, green, blue in a coarse colour; measured a little better than 4
 _SIDE: Final = 1 << _BITS
@@ -44,23 +44,13 @@ def hsv_of(rgb: Image) -> Image:
     return np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV), dtype=np.uint8)
 
 
-def channel_tables(weights: Floats) -> Floats:
-    """Return the weight of each 8-bit level of each channel, (256, 3), of a linear model, (190,).
-
-    A linear model on the histograms of a patch is a sum over its pixels, and a pixel adds the
-    weights of its three bins; this table gives them without binning the image first.
-    """
-    return np.asarray(weights[_BIN_OF_LEVEL], dtype=np.float64)
-
-
 def patch_slices(
     x: int, y: int, *, patch_px: int, width_px: int, height_px: int
 ) -> tuple[slice, slice]:
     """Return rows and columns of the patch of a pixel.
 
     A patch of even size has no middle pixel: it starts ``patch_px // 2`` before its pixel. Near the
-    image's border the patch is shifted inwards, so that it is always whole. ValueRangeError for a
-    pixel outside the image.
+    image's border it is shifted inwards. ValueRangeError for a pixel outside the image.
     """
     if not (0 <= x < width_px and 0 <= y < height_px):
         raise ValueRangeError(f"pixel ({x}, {y}) lies outside the {width_px}x{height_px} image")
@@ -116,7 +106,7 @@ def patch_features(hsv: Image, points: NDArray[np.int64], patch_px: int) -> Floa
     features = np.empty((len(points), FEATURE_COUNT))
     for row, (x, y) in enumerate(points.tolist()):
         patch = patch_slices(x, y, patch_px=patch_px, width_px=width_px, height_px=height_px)
-        bins = _BIN_OF_LEVEL[hsv[patch], np.arange(3)]
+        bins = BIN_OF_LEVEL[hsv[patch], np.arange(3)]
         features[row] = np.bincount(bins.ravel(), minlength=FEATURE_COUNT)
     return features / float(patch_px**2)
 
@@ -126,11 +116,6 @@ def colour_codes(rgb: Image) -> NDArray[np.uint16]:
     coarse = (rgb >> (8 - _BITS)).astype(np.uint16)
     codes = coarse[..., 0] << (2 * _BITS) | coarse[..., 1] << _BITS | coarse[..., 2]
     return np.asarray(codes, dtype=np.uint16)
-
-
-def count_colours(rgb: Image) -> NDArray[np.int64]:
-    """Return the number of pixels of each coarse colour, (32768,)."""
-    return np.bincount(colour_codes(rgb).ravel(), minlength=COLOUR_COUNT)
 
 
 def palette_of_counts(counts: NDArray[np.int64]) -> Floats32:

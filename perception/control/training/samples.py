@@ -1,7 +1,4 @@
-"""Training data of the control student: labelled views of flights, and scores against them.
-
-This module does not import torch.
-"""
+"""Training data of the control student, without torch: labelled views of flights, and scores."""
 
 from __future__ import annotations
 
@@ -62,11 +59,7 @@ class ControlFlight:
 
 
 def advised_flight(views: Iterable[tuple[Image, Advice]]) -> ControlFlight | None:
-    """Return a flight of images, (H, W, 3) RGB, and the rule's answers to them; None if empty.
-
-    Raises:
-        ValueRangeError: the rule answered with a class that the student cannot learn.
-    """
+    """Return a flight of images, (H, W, 3) RGB, and the rule's answers to them; None if empty."""
     images: list[Image] = []
     rows: list[tuple[float, ...]] = []
     labels: list[tuple[tuple[float, ...], tuple[float, ...]]] = []
@@ -110,15 +103,11 @@ def write_flight(path: Path, flight: ControlFlight) -> None:
 
 
 def read_flight(path: Path) -> ControlFlight:
-    """Read a flight's views.
-
-    Raises:
-        FileError: the file is absent or damaged.
-    """
+    """Read a flight's views; FileError if the file is absent or damaged."""
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as content:
             return ControlFlight(
-                **{item.name: content[item.name] for item in fields(ControlFlight)}
+                **{each.name: content[each.name] for each in fields(ControlFlight)}
             )
     except Exception as error:  # numpy raises various errors of zip, zlib and its parser
         raise FileError(path, f"is not a file of labelled views ({error}); delete it") from error
@@ -141,9 +130,6 @@ class ControlSamples:
     """All windows of some flights, whose images have the network's size.
 
     Views near an obstacle are sampled `near_weight` times as often; the paper uses them twice.
-
-    Raises:
-        ValueRangeError: no view can be learnt from.
     """
 
     def __init__(

@@ -42,8 +42,7 @@ Net = TypeVar("Net", bound=nn.Module)
 class OnnxPorts:
     """Inputs and outputs of an ONNX file. All shapes are fixed."""
 
-    # Shapes by name, in the order of `forward`. The first takes images, (..., 3, H, W) RGB in
-    # [0, 1].
+    # Shapes by name, as `forward` has them. The first takes images, (..., 3, H, W) RGB in [0, 1].
     inputs: Mapping[str, tuple[int, ...]]
     outputs: tuple[str, ...]
     metadata: Mapping[str, str] = field(default_factory=dict)  # checked by the runtime
@@ -93,17 +92,12 @@ class NetworkFiles(Generic[Net]):
         return net.eval(), details.get("notes", {})
 
     def export(
-        self,
-        weights: Path,
-        onnx_path: Path,
-        *,
-        calibration: Iterable[Image] | None = None,
+        self, weights: Path, onnx_path: Path, *, calibration: Iterable[Image] | None = None
     ) -> None:
-        """Generate the ONNX file of the weights, replaced in one step.
+        """Generate the ONNX file of the weights; the same weights and images give the same bytes.
 
-        The same weights and images give the same bytes. The metadata holds the SHA-256 of the
-        weights and the precision: `int8`, or `fp32` without images, (h, w, 3) uint8 RGB of any
-        size, that give the ranges of the 8-bit integers.
+        Its metadata states the precision: `int8`, or `fp32` without images, (h, w, 3) uint8 RGB of
+        any size, that give the ranges of the 8-bit integers.
         """
         net, _ = self.load(weights)
         ports = self.ports(net)

@@ -4,8 +4,6 @@ Mocanu et al. (arXiv 2510.16624, experiments on the first level) change hue by u
 saturation by 2 %, value by 6 %, and translate and rotate at random. Stronger colour changes are
 worse, because the patterns differ by colour. Images are not mirrored, because the patterns are not
 symmetric. The paper found categorical cross-entropy better than binary cross-entropy with Dice.
-
-Importing this module imports torch.
 """
 
 from __future__ import annotations
@@ -13,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Final, Literal
 
 import cv2
@@ -23,13 +20,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from perception.networks.training.loop import (
-    LoopConfig,
-    Progress,
-    channels_last,
-    ignore_progress,
-    train,
-)
+from perception.networks.training import loop
 from perception.segmentation.training.unet import UNet, UNetConfig
 from uav_bt.errors import UnknownNameError
 from uav_bt.types.arrays import Floats, Floats32, Image
@@ -47,11 +38,7 @@ def cross_entropy(
 def bce_dice(logits: Tensor, ids: Tensor, ignored: int, weights: Tensor | None = None) -> Tensor:
     """Return binary cross-entropy over one mask per class, plus the classes' mean Dice loss.
 
-    Args:
-        logits: (N, C, H, W) float.
-        ids: (N, H, W) int64 class ids.
-        ignored: the id of pixels that do not count.
-        weights: (C,) float weights of the classes in the cross-entropy; None: equal ones.
+    Logits are (N, C, H, W), ids (N, H, W) int64, weights of the classes in the cross-entropy (C,).
     """
     classes = logits.shape[1]
     counts = (ids != ignored).unsqueeze(1).to(logits.dtype)
@@ -68,7 +55,7 @@ def bce_dice(logits: Tensor, ids: Tensor, ignored: int, weights: Tensor | None =
     return mean_bce + (1.0 - dice).mean()
 
 
-LOSSES: Final = MappingProxyType({"cross_entropy": cross_entropy, "bce_dice": bce_dice})
+LOSSES: Final = {"cross_entropy": cross_entropy, "bce_dice": bce_dice}
 
 _SHOWN: Final = 0.002  # least share of an image's pixels with which it shows a class
 _WEIGHT_LIMITS: Final = (0.3, 6.0)
@@ -149,14 +136,13 @@ def _degraded(rgb: NDArray[Any], rng: np.random.Generator, config: AugmentConfig
     return rgb.astype(np.uint8)
 
 
+# For images of another camera than the drone's: exposure, focus and noise differ (chosen).
 FLIGHT_AUGMENT: Final = AugmentConfig(saturation=0.1, value=0.2, blur_px=1.0, noise=6.0)
-"""For images of another camera than the drone's: exposure, focus and noise differ (chosen)."""
-
 IGNORED: Final = 255  # label of an unknown pixel, which the loss leaves out
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainingConfig(LoopConfig):
+class TrainingConfig(loop.LoopConfig):
     """How the U-Net is trained."""
 
     loss: Literal["cross_entropy", "bce_dice"] = "cross_entropy"  # the paper's best comes first
@@ -185,7 +171,7 @@ def train_unet(
     *,
     start: UNet | None = None,
     checkpoint: Path | None = None,
-    progress: Callable[[Progress, UNet], None] = ignore_progress,
+    progress: Callable[[loop.Progress, UNet], None] | None = None,
 ) -> UNet:
     """Train the network on images of its size, or continue from the checkpoint if there is one.
 
@@ -193,7 +179,7 @@ def train_unet(
     the network with the running mean of its weights, in evaluation mode.
     """
     torch.manual_seed(config.seed)
-    net = channels_last(UNet(net_config, images.classes))
+    net = loop.channels_last(UNet(net_config, images.classes))
     if start is not None:
         taken = start.state_dict()
         if start.classes != images.classes:
@@ -213,14 +199,9 @@ def train_unet(
         known = torch.from_numpy(ids.astype(np.int64)).to(config.device)
         return LOSSES[config.loss](logits, known, IGNORED, weights), {}
 
-    return train(
-        net,
-        objective,
-        config,
-        kind="unet-checkpoint",
-        about={"training": asdict(config), "net": asdict(net_config)},
-        checkpoint=checkpoint,
-        progress=progress,
+    about = {"training": asdict(config), "net": asdict(net_config)}
+    return loop.train(
+        net, objective, config, "unet", about, checkpoint=checkpoint, progress=progress
     )
 
 

@@ -14,7 +14,7 @@ import torch
 
 from perception.control.ego_state import ControlNetConfig, state_size
 from perception.control.runtime import OnnxControlStudent, decode
-from perception.control.training.network import STUDENT_FILES, ControlNet
+from perception.control.training.run import STUDENT_FILES, ControlNet
 from perception.networks.training.network_files import parameter_count
 from perception.networks.weights_file import SHIPPED_WEIGHTS, read_weights, write_weights
 from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
