@@ -1,14 +1,14 @@
 """Compare the errors of the drone without images with those of the twin's perception, and fit them.
 
-    python benchmarks/fit_plain_world.py                     # the table, with today's errors
-    python benchmarks/fit_plain_world.py --jitter 0 0.2 0.4  # other sizes of the jitter
-    python benchmarks/fit_plain_world.py --profile harsh
-    python benchmarks/fit_plain_world.py --network any --scenes ROOM/scenes/ROOM.yaml ...
+    python -m benchmarks.fit_plain_world                     # ranges, with today's errors
+    python -m benchmarks.fit_plain_world --jitter 0 0.2 0.4  # other sizes of the jitter
+    python -m benchmarks.fit_plain_world --network any --scenes ROOM/scenes/ROOM.yaml ...
+    python -m benchmarks.fit_plain_world --dropouts --profile harsh
 
-Both look at the same poses, by default in the validation scenes: the twin with its images and a
-network, the drone without images by ray casting. The map's own scan finds bases of obstacles and
-edges of the ground. Each is compared with the border that the scan finds on the exact class map of
-four times the resolution on the same bearing.
+Both look at the same poses. The map's own scan finds bases of obstacles and edges of the ground;
+each is compared with what it finds on the exact class map of four times the resolution on the same
+bearing. `--dropouts` flies surveys of both: a frame drops out if the odometry measured no motion in
+it, or if the landing mark was not detected although all of its top was in view.
 """
 
 from __future__ import annotations
@@ -16,62 +16,69 @@ from __future__ import annotations
 import argparse
 import itertools
 import math
-from collections.abc import Iterator, Sequence
-from typing import Final
+from collections import defaultdict
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.mapping.contact_scan import find_bases, scan_ground
 from perception.networks.weights_file import SHIPPED_UNET, segmentation_file
 from perception.segmentation.runtime import load_segmenter
-from sim_bridge.anafi import anafi_camera
+from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.plain.caster import Caster
 from sim_bridge.plain.sight import SIZE_PX, SightErrors
-from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.profile import Profile
-from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import render_views, sample_flight_poses
-from uav_bt.lab.classes import LabClasses
+from uav_bt import app
+from uav_bt.board import CLASS_MAP, MARK, ODOMETRY
 from uav_bt.learning.views import VALIDATION_SCENES
-from uav_bt.protocols import Segmenter
-from uav_bt.types import ClassMap, Frame
+from uav_bt.mission.tick import TickRecord
+from uav_bt.types import ClassMap, Frame, Pose
+from uav_bt.types.arrays import Floats
+from uav_bt.types.dead_reckoning import PoseHistory
+from uav_bt.types.projection import project
 
 EXACT_PX: Final = (896, 448)
+GROUND: Final = (0.0, 0.1, 0.2, 0.4, 1.0)  # edges of the shares of ground in the image
 RANGES_M: Final = (0.0, 1.0, 1.5, 2.0, 3.0)
 SAME_RAD: Final = math.radians(0.6)  # bearings nearer than this are one
-Points = NDArray[np.float64]
+LENS: Final = anafi_camera(640, 360)
 
 
-def points_of(ids: NDArray[np.uint8], classes: LabClasses, frame: Frame) -> tuple[Points, Points]:
-    """Return the bases of obstacles and the edges of the ground in a class map, (N, 2) m each."""
-    camera = anafi_camera(640, 360).resized(*ids.shape[::-1])
-    class_map = ClassMap(ids=ids, classes=classes, captured_s=frame.captured_s)
-    found = find_bases(scan_ground(class_map, frame, camera))
-    return found.placed_m, found.edges_m
-
-
-def errors_of(seen: Points, exact: Points) -> tuple[Points, int, int]:
+def errors_of(seen: Floats, exact: Floats) -> tuple[Floats, int, int]:
     """Return true range and range error by common bearing, (N, 2); points missed, false points."""
     if not len(seen) or not len(exact):
         return np.empty((0, 2)), len(exact), len(seen)
-    bearings, true = np.arctan2(seen[:, 1], seen[:, 0]), np.arctan2(exact[:, 1], exact[:, 0])
-    apart = np.abs(bearings[:, None] - true)
-    nearest = apart.argmin(axis=1)
-    same = apart[np.arange(len(seen)), nearest] < SAME_RAD
+    apart = np.abs(np.arctan2(*seen.T[::-1])[:, None] - np.arctan2(*exact.T[::-1]))
+    same, nearest = apart.min(axis=1) < SAME_RAD, apart.argmin(axis=1)
     ranges, truth = np.hypot(*seen[same].T), np.hypot(*exact[nearest[same]].T)
     missed = int(np.sum(apart.min(axis=0) >= SAME_RAD))
     return np.column_stack([truth, ranges - truth]), missed, int(np.sum(~same))
 
 
-def views(
-    names: Sequence[str], profile: Profile, count: int
-) -> Iterator[tuple[Scene, CameraPose, Frame]]:
-    """Yield poses of scenes with the images of a profile."""
-    for name in names:
-        scene = load_scene(name)
-        poses = sample_flight_poses(scene, np.random.default_rng(11), count, lowered=0.5)
+def row(pairs: list[tuple[Floats, int, int]]) -> str:
+    """Return median and 90 % of the absolute range error by range, and shares."""
+    errors, cells = np.concatenate([found for found, _, _ in pairs]), []
+    for near, far in itertools.pairwise(RANGES_M):
+        off_m = 100 * np.abs(errors[(errors[:, 0] >= near) & (errors[:, 0] < far), 1])
+        cells.append("{:.1f} {:.1f}".format(*np.percentile(off_m, [50, 90])) if len(off_m) else "-")
+    missed, false = (sum(pair[index] for pair in pairs) for index in (1, 2))
+    total = max(len(errors) + missed, 1)
+    return f"{', '.join(cells)}; missed {missed / total:.1%}, false {false / total:.1%}"
+
+
+def compare_ranges(given: argparse.Namespace, network: Path) -> None:
+    """Print the errors of the twin's ranges, and of those without images by jitter."""
+    generator, profile = np.random.default_rng(5), Profile.named(given.profile)
+    found: dict[str, list[tuple[Floats, int, int]]] = defaultdict(list)
+    for scene in map(load_scene, given.scenes):
+        segmenter = load_segmenter(network, scene.classes)
+        fine, coarse = Caster(scene, EXACT_PX), Caster(scene, SIZE_PX)
+        pitch = coarse.rays[1, 1] - coarse.rays[0, 0]
+        poses = sample_flight_poses(scene, np.random.default_rng(11), given.views, lowered=0.5)
         for number, view in enumerate(render_views(scene, poses, profile=profile, seed=11)):
             frame = Frame(
                 image=view.image,
@@ -80,57 +87,94 @@ def views(
                 gimbal_pitch_rad=view.pose.pitch_rad,
                 height_above_ground_m=view.pose.z_m,
             )
-            yield scene, view.pose, frame
+            maps = {"exact": fine.cast(view.pose)[0], given.network: segmenter.segment(frame).ids}
+            for jitter_px in given.jitter:
+                rays = coarse.rays + generator.normal(0.0, jitter_px, coarse.rays.shape) * pitch
+                maps[f"jitter {jitter_px:g} px"] = coarse.cast(view.pose, rays=rays)[0]
+            bases = {}
+            for name, ids in maps.items():
+                seen = ClassMap(ids=ids, classes=scene.classes, captured_s=frame.captured_s)
+                bases[name] = find_bases(scan_ground(seen, frame, LENS.resized(*ids.shape[::-1])))
+            exact = bases.pop("exact")
+            for name, contacts in bases.items():
+                found[f"bases, {name}"].append(errors_of(contacts.placed_m, exact.placed_m))
+                found[f"edges, {name}"].append(errors_of(contacts.edges_m, exact.edges_m))
+    print(f"median and 90 % of the absolute range error in cm between {RANGES_M} m")
+    print("\n".join(f"  {name}: {row(found[name])}" for name in sorted(found)))
 
 
-def row(name: str, pairs: Sequence[tuple[Points, int, int]]) -> str:
-    """Return a line: median and 90 % of the absolute range error by range, and shares."""
-    errors = np.concatenate([found for found, _, _ in pairs])
-    cells = []
-    for near, far in itertools.pairwise(RANGES_M):
-        off_m = 100 * np.abs(errors[(errors[:, 0] >= near) & (errors[:, 0] < far), 1])
-        cells.append("{:.1f} {:.1f}".format(*np.percentile(off_m, [50, 90])) if len(off_m) else "-")
-    missed, false = (sum(pair[index] for pair in pairs) for index in (1, 2))
-    total = max(len(errors) + missed, 1)
-    return f"  {name}: {', '.join(cells)}; missed {missed / total:.1%}, false {false / total:.1%}"
+class DropOuts:
+    """Notes the drop-outs of a flight: share of ground or distance, and whether it dropped out."""
+
+    def __init__(self, drone: str, scene: str, profile: str) -> None:
+        self._pad, self._seen_s = load_scene(scene).helipad, -math.inf
+        self._true: PoseHistory[Pose] = PoseHistory(memory_s=3.0)
+        self.motion, self.mark = list[tuple[float, bool]](), list[tuple[float, bool]]()
+        ports = {"ExploreFor.duration_ms": "60000"}
+        options = app.FlightOptions(drone=drone, scene=scene, profile=profile, ports=ports)
+        if drone == "twin":
+            options = replace(options, image_size_px=(320, 180))
+        app.fly("survey_and_land", options, listeners=[self.follow])
+
+    def follow(self, flight: app.Flight[Any]) -> list[DropOuts]:
+        """Become a listener of the flight."""
+        self._board = flight.context.board
+        return [self]
+
+    def on_tick(self, record: TickRecord) -> None:
+        """Note the newest frame, once."""
+        if record.truth is not None:
+            self._true.add(record.time_s, record.truth.pose)
+        motion, seen = self._board.read(ODOMETRY).value, self._board.read(CLASS_MAP).value
+        frame = record.observation.frame
+        if motion is None or seen is None or frame is None or frame.captured_s <= self._seen_s:
+            return
+        if seen.captured_s != frame.captured_s:
+            return
+        self._seen_s = frame.captured_s
+        self.motion.append((float(seen.is_ground.mean()), motion.tracked_s < frame.captured_s))
+        pose, fix = self._true.at(frame.captured_s), self._board.read(MARK).value
+        if pose is None or self._pad is None:
+            return
+        cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+        apart_m = np.array(self._pad.footprint.corners()) - (pose.x_m, pose.y_m)
+        ahead_m, right_m = apart_m @ (cos, sin), apart_m @ (sin, -cos)
+        down_m = np.full(4, pose.z_m - self._pad.size_m[2])
+        points_m = np.column_stack([ahead_m - CAMERA_FORWARD_M, right_m, down_m])
+        pixels = project(points_m, LENS, frame.gimbal_pitch_rad)
+        if ((pixels >= 0.0) & (pixels <= (LENS.width_px - 1, LENS.height_px - 1))).all():
+            lost = fix is None or fix.captured_s < frame.captured_s
+            self.mark.append((float(np.hypot(ahead_m, right_m).mean()), lost))
+
+
+def shares(samples: list[tuple[float, bool]], edges: tuple[float, ...]) -> str:
+    """Return the share of drop-outs and the number of frames between each two edges."""
+    values, dropped = np.array(samples, dtype=float).reshape(-1, 2).T
+    parts = [dropped[(values >= a) & (values < b)] for a, b in itertools.pairwise(edges)]
+    return ", ".join(f"{part.mean():.1%} of {len(part)}" if len(part) else "-" for part in parts)
 
 
 def main() -> None:
     """Print the errors."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--dropouts", action="store_true", help="fly, and print the drop-outs")
     parser.add_argument("--jitter", type=float, nargs="*", default=[SightErrors.jitter_px])
     parser.add_argument("--profile", default="lab")
     parser.add_argument("--views", type=int, default=60, help="in each scene")
     parser.add_argument("--scenes", nargs="+", default=VALIDATION_SCENES)
     parser.add_argument("--network", default=SHIPPED_UNET, help="any, unet, or an ONNX file")
     given = parser.parse_args()
-    file = segmentation_file(given.network)
-    if file is None:
-        parser.error("--network: expected any, unet, or an ONNX file")
-    generator = np.random.default_rng(5)
-    kinds = ("bases", "edges")
-    found: dict[str, dict[str, list[tuple[Points, int, int]]]] = {kind: {} for kind in kinds}
-    looks: dict[str, tuple[Caster, Caster, Segmenter]] = {}
-    for scene, pose, frame in views(given.scenes, Profile.named(given.profile), given.views):
-        classes = scene.classes
-        if scene.name not in looks:
-            network = load_segmenter(file, classes)
-            looks[scene.name] = Caster(scene, EXACT_PX), Caster(scene, SIZE_PX), network
-        fine, coarse, network = looks[scene.name]
-        exact = points_of(fine.cast(pose)[0], classes, frame)
-        maps = {given.network: network.segment(frame).ids}
-        pitch = coarse.rays[1, 1] - coarse.rays[0, 0]
-        for jitter_px in given.jitter:
-            shift = generator.normal(0.0, jitter_px, coarse.rays.shape) * pitch
-            name = f"without images, jitter {jitter_px:g} px"
-            maps[name] = coarse.cast(pose, rays=coarse.rays + shift)[0]
-        for name, ids in maps.items():
-            for kind, seen, true in zip(kinds, points_of(ids, classes, frame), exact, strict=True):
-                found[kind].setdefault(name, []).append(errors_of(seen, true))
-    for kind in kinds:
-        print(f"{kind}: median and 90 % of the absolute range error in cm between {RANGES_M} m")
-        for name, pairs in found[kind].items():
-            print(row(name, pairs))
+    if not given.dropouts:
+        if (file := segmentation_file(given.network)) is None:
+            parser.error("--network: expected any, unet, or an ONNX file")
+        compare_ranges(given, file)
+        return
+    for drone in ("twin", "plain"):
+        logs = [DropOuts(drone, scene, given.profile) for scene in given.scenes]
+        motion = [sample for log in logs for sample in log.motion]
+        mark = [sample for log in logs for sample in log.mark]
+        print(f"{drone}: frames without motion, by ground {GROUND}: {shares(motion, GROUND)}")
+        print(f"{drone}: frames without mark, by metres {RANGES_M}: {shares(mark, RANGES_M)}")
 
 
 if __name__ == "__main__":

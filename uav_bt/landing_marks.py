@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from uav_bt.errors import ValueRangeError
 from uav_bt.types.camera import CameraModel, ClassMap, Frame
+from uav_bt.types.pose import Pose2D
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +32,9 @@ class MarkView:
     frame: Frame  # undistorted image, gimbal pitch, and height of the camera above the ground
     camera: CameraModel  # intrinsics at any size with the image's aspect ratio
     class_map: ClassMap | None = None  # class map of the frame; None without one
+    # Take-off pose relative to the body at the capture, by map and odometry: x forward, y right,
+    # yaw clockwise. None where it is unknown.
+    take_off: Pose2D | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,13 +12,14 @@ from behaviours.fly.mark_track import (
     is_clear,
     straight_to,
 )
-from behaviours.fly.places import FACING_RAD, NO_MAP, PlaceLeaf, number
+from behaviours.fly.places import FACING_RAD, NO_MAP, OUTSIDE, PlaceLeaf
 from behaviours.fly.steering import GIVES_WAY
 from behaviours.path.gimbal_pointing import mark_pitch_rad
 from behaviours.path.margins import Margins
 from behaviours.path.to_place import STEP_M, WayTo, way_to
+from behaviours.ports import number
 from uav_bt.answers import Rotate
-from uav_bt.board import CORRIDOR, FLIGHT_HEIGHT, MARK, ODOMETRY, PHASE
+from uav_bt.board import CORRIDOR, FLIGHT_HEIGHT, MARK, ODOMETRY, PHASE, SITE_MAP
 from uav_bt.board.blackboard import Key
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Port, Status
@@ -65,6 +66,7 @@ class GoTo(PlaceLeaf):
         number("arrive_m", 0.15, 0.05, 2, "distance from the place that counts as there, m"),
         number("speed_mps", 0.6, 0.1, 2, "highest speed, m/s"),
         number("blocked_s", 10.0, 0, 3600, "time without progress until it fails, s"),
+        number("gimbal_deg", 0.0, -90, 0, "camera pitch, degrees; 0: that of the take-off"),
         GIVES_WAY,
     )
     reads = (*PlaceLeaf.reads, *TRACK_KEYS, CORRIDOR)
@@ -86,7 +88,8 @@ class GoTo(PlaceLeaf):
     def initialise(self) -> None:
         """Plan afresh."""
         super().initialise()
-        self._is_mark = Place.parse(self.port_value("to")).frame is PlaceFrame.MARK
+        place = Place.parse(self.port_value("to"))
+        self._is_mark, self._turns = place.frame is PlaceFrame.MARK, place.heading_rad is not None
         self.write(PHASE, MissionPhase.APPROACH if self._is_mark else MissionPhase.GO_TO)
         self._planned_s = self._best_m = math.inf
         self._steps = 0
@@ -151,20 +154,19 @@ class GoTo(PlaceLeaf):
         seen = self.read(MARK).value
         if seen is None or fix.captured_s != seen.captured_s:  # a place on a map that is in doubt
             return self.fails("the views contradict the map, and the landing mark is out of view")
-        if fix.range_m <= self.port_value("arrive_m") and is_clear(
-            self, fix.forward_m, fix.right_m
-        ):
-            return Status.SUCCESS
+        at_m, doubted = (fix.forward_m, fix.right_m), self.read(SITE_MAP).value
+        outside = doubted is not None and self.is_outside(doubted, *doubted.pose.to_world(*at_m))
+        if not outside and fix.range_m <= self.port_value("arrive_m") and is_clear(self, *at_m):
+            self._trouble = "only the map knows the heading of the place"
+            return Status.RUNNING if self._turns else Status.SUCCESS
         share = max(1.0 - _BEFORE_M / max(fix.range_m, _BEFORE_M), 0.0)
-        to_m = share * fix.forward_m, share * fix.right_m
+        to_m = share * at_m[0], share * at_m[1]
         margin_m = self._margins.touch_m + _STRAIGHT_MORE_M
-        if not is_clear(self, *to_m, margin_m=margin_m, assumed=True):
-            return self.fails("no known way")
-        course, left_m = straight_to(fix), fix.range_m
-        reason = course.reason
-        return self._go_on(
-            state, WayTo(course=course, left_m=left_m, bearing_rad=0.0, reason=reason)
-        )
+        if outside or not is_clear(self, *to_m, margin_m=margin_m, assumed=True):
+            return self.fails(OUTSIDE if outside else "no known way")
+        course = straight_to(fix)
+        way = WayTo(course=course, left_m=fix.range_m, bearing_rad=0.0, reason=course.reason)
+        return self._go_on(state, way)
 
     def _go_on(self, state: DroneState, way: WayTo) -> Status:
         """Fly the next part of the way, or look for one."""
@@ -188,13 +190,16 @@ class GoTo(PlaceLeaf):
 
     def gimbal_pitch_rad(self) -> float | None:
         """Return the camera's pitch, lower for the mark and for the ground of a near place."""
-        pitch_rad, state = super().gimbal_pitch_rad(), self.state()
+        state, given_deg = self.state(), self.port_value("gimbal_deg")
         if self._below:
             return _BELOW_RAD
+        flight_rad = super().gimbal_pitch_rad()
+        if given_deg != 0.0:
+            flight_rad = self.ground_pitch_rad(math.radians(given_deg))
         fix = believed_fix(self, self._mark_m) if self._is_mark else None
-        if fix is None or state is None or pitch_rad is None:
-            return pitch_rad
-        return mark_pitch_rad(fix.range_m, state.height_above_ground_m - fix.height_m, pitch_rad)
+        if fix is None or state is None or flight_rad is None:
+            return flight_rad
+        return mark_pitch_rad(fix.range_m, state.height_above_ground_m - fix.height_m, flight_rad)
 
     def _arrived(self, state: DroneState, site_map: SiteMap, goal: Goal) -> Status:
         """Turn to the heading of the place and climb to its height."""

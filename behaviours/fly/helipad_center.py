@@ -12,8 +12,8 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from behaviours.fly.moving_leaf import STRAIGHT_DOWN_RAD, MovingLeaf, Progress, camera_points_at
-from behaviours.fly.places import number
+from behaviours.fly.moving_leaf import STRAIGHT_DOWN_RAD, MovingLeaf, camera_points_at
+from behaviours.ports import number
 from uav_bt.board import CAMERA, FRAME, MARK, PHASE, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import InputError, ValueRangeError
@@ -119,18 +119,14 @@ class HelipadCenter(MovingLeaf):
 
     def work(self, state: DroneState) -> Status:
         """Continue the movement in progress, or judge the view and correct the offset."""
-        if self.moving(state):
-            return Status.RUNNING
-        if self.progress is Progress.FAILED:
-            self.feedback_message = self.trouble
-            return Status.FAILURE
+        if (answer := self.moved(state)) is not None:
+            return answer
         if self._climb_next_m > 0.0:
             self.start_move(down_m=-self._climb_next_m)
             self._climb_next_m = 0.0
             return Status.RUNNING
         if self.leaf_clock.now() > self._gives_up_s:
-            self.feedback_message = "mark lost"
-            return Status.FAILURE
+            return self.fails("mark lost")
         fix, camera = self._fix_from_above(), self.read(CAMERA).value
         if fix is not None and camera is not None:
             return self._centre(state, fix, camera)

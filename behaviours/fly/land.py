@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.fly.moving_leaf import STRAIGHT_DOWN_RAD, MovingLeaf, Progress, camera_points_at
-from behaviours.fly.places import number
+from behaviours.ports import number
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, PHASE, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.lab.classes import GROUND
@@ -158,8 +158,7 @@ class SpotLandingLeaf(LandingLeaf):
         if self.progress is Progress.INTERRUPTED:
             self._above_spot = False  # the step has not ended at the spot
         if self._above_spot and self.planned and self.progress is Progress.FAILED:
-            self.feedback_message = "the drone does not fly the step to free ground"
-            return Status.FAILURE
+            return self.fails("the drone does not fly the step to free ground")
         return self.descend() if self._above_spot else self._go_above_spot()
 
     def _go_above_spot(self) -> Status:
@@ -167,8 +166,7 @@ class SpotLandingLeaf(LandingLeaf):
         late = self.leaf_clock.now() - self._started_s > self.port_value("look_s")
         spot_m = self._spot_m(max(self.port_value("radius_m"), self._hull_m + MARGIN_M))
         if spot_m is None and late and self.planned:
-            self.feedback_message = "no free ground in view"
-            return Status.FAILURE
+            return self.fails("no free ground in view")
         if spot_m is None and late:
             spot_m = self._spot_m(self._hull_m) or (0.0, 0.0)
         self._above_spot = spot_m is not None

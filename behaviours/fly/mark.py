@@ -7,10 +7,10 @@ from typing import Final
 
 from behaviours.fly.course_leaf import GIMBAL, CourseLeaf
 from behaviours.fly.mark_track import AHEAD_RAD, TRACK_KEYS, believed_fix, is_clear, straight_to
-from behaviours.fly.places import number
 from behaviours.fly.steering import FLOWING, POLICY, SteeringLeaf
 from behaviours.path.gimbal_pointing import mark_pitch_rad
 from behaviours.policies.coverage_policy import CoveragePolicy
+from behaviours.ports import number
 from uav_bt.answers import Advance, Answer, Blocked, Done, FollowLeg, Rotate
 from uav_bt.board import HELD_TURN, PHASE, SITE_MAP
 from uav_bt.board.blackboard import Key
@@ -53,7 +53,8 @@ def _given_pitch_rad(leaf: CourseLeaf) -> float:
 class MarkFound(Leaf):
     """SUCCESS while the landing mark is in view, or its place is known well enough to fly to.
 
-    A place that did not lead to the mark counts again after a new sighting.
+    A mark of the map always is: from nearer its place is corrected. A track without one needs a
+    small error. A place that did not lead to the mark counts again after a new sighting.
     """
 
     condition = True
@@ -68,7 +69,9 @@ class MarkFound(Leaf):
         fix, tried_s = believed_fix(self, self._mark_m), self.read(TRACK_TRIED).value
         if fix is None:
             return Status.FAILURE
-        carried = fix.std_m <= _CARRIED_STD_M and (tried_s is None or fix.captured_s > tried_s)
+        site_map = self.read(SITE_MAP).value
+        known = fix.std_m <= _CARRIED_STD_M or (site_map is not None and site_map.mark is not None)
+        carried = known and (tried_s is None or fix.captured_s > tried_s)
         return Status.SUCCESS if fix.detected or carried else Status.FAILURE
 
 

@@ -272,6 +272,11 @@ class MovingLeaf(Leaf):
         """Return the drone's state, None when telemetry is stale."""
         return self.read(STATE).value
 
+    def fails(self, reason: str) -> Status:
+        """Return FAILURE, with its reason on the status line."""
+        self.feedback_message = reason
+        return Status.FAILURE
+
     @property
     def busy(self) -> bool:
         """Whether a movement is under way."""
@@ -288,6 +293,12 @@ class MovingLeaf(Leaf):
         if self._step.proposal is not None:
             self.propose(self._step.proposal)
         return self.progress is Progress.RUNNING
+
+    def moved(self, state: DroneState) -> Status | None:
+        """Return RUNNING during a movement, FAILURE when it has failed, None without one."""
+        if self.moving(state):
+            return Status.RUNNING
+        return self.fails(self.trouble) if self.progress is Progress.FAILED else None
 
     def start_move(
         self,

@@ -8,6 +8,7 @@ from typing import ClassVar, Final
 
 from behaviours.fly.course_leaf import CourseLeaf
 from behaviours.fly.steering import GIVES_WAY
+from behaviours.ports import number
 from uav_bt.answers import Rotate
 from uav_bt.board import FLIGHT_PITCH, PHASE, SITE_MAP
 from uav_bt.board.context import MissionContext
@@ -25,11 +26,7 @@ _DOUBTED_S: Final = 1.0  # the map is not used when the views have contradicted 
 FACING_RAD: Final = math.radians(4)  # largest error of a heading
 _FACED_S: Final = 0.3  # a place counts as faced after this time
 NO_MAP: Final = "no map, or the views contradict it"
-
-
-def number(name: str, default: float, least: float, most: float, doc: str) -> Port[float]:
-    """Return a port that holds a number."""
-    return Port(name, float, default=default, least=least, most=most, doc=doc)
+OUTSIDE: Final = "the place lies outside the mission's area"
 
 
 class PlaceLeaf(CourseLeaf):
@@ -104,24 +101,22 @@ class PlaceLeaf(CourseLeaf):
         """Return a place, as a port gives it, on the newest map."""
         place = self._place or Place.parse(text)
         found = resolve(place, site_map, self._take_off, self._mark)
-        if isinstance(found, Goal) and self._area is not None:
-            at_m = site_map.start.to_body(found.x_m, found.y_m)
-            if self._area.margin_m(*at_m) < 0.0:
-                return Unresolved(reason="the place lies outside the mission's area")
+        if isinstance(found, Goal) and self.is_outside(site_map, found.x_m, found.y_m):
+            return Unresolved(reason=OUTSIDE)
         if place.frame is PlaceFrame.BODY and isinstance(found, Goal):
             start = start_place(site_map, found.x_m, found.y_m, yaw_rad=found.yaw_rad)
             self._place = replace(start, height_m=place.height_m)
         return found
 
+    def is_outside(self, site_map: SiteMap, x_m: float, y_m: float) -> bool:
+        """Return whether a place of the map lies outside the mission's area."""
+        at_m = site_map.start.to_body(x_m, y_m)
+        return self._area is not None and self._area.margin_m(*at_m) < 0.0
+
     def trusted_map(self) -> SiteMap | None:
         """Return the newest map; None without one, or while the views contradict it."""
         site_map = self.read(SITE_MAP).value
         return None if site_map is None or site_map.contradicted_s > _DOUBTED_S else site_map
-
-    def fails(self, reason: str) -> Status:
-        """Return FAILURE, with its reason on the status line."""
-        self.feedback_message = reason
-        return Status.FAILURE
 
 
 def _place(text: str) -> Place | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar, Final
 
-from behaviours.fly.moving_leaf import MovingLeaf, Progress, camera_points_at
+from behaviours.fly.moving_leaf import MovingLeaf, camera_points_at
 from behaviours.ports import number
 from uav_bt.board import FLIGHT_HEIGHT, FLIGHT_PITCH, FRAME, PHASE, STATE
 from uav_bt.board.blackboard import Key
@@ -49,11 +49,8 @@ class ClimbTo(MovingLeaf):
 
     def work(self, state: DroneState) -> Status:
         """Climb or sink until the height is reached."""
-        if self.moving(state):
-            return Status.RUNNING
-        if self.progress is Progress.FAILED:
-            self.feedback_message = self.trouble
-            return Status.FAILURE
+        if (answer := self.moved(state)) is not None:
+            return answer
         too_high_m = state.height_above_ground_m - self.port_value("height_m")
         if abs(too_high_m) <= _SLACK_M:
             return self.at_height()
@@ -92,8 +89,7 @@ class TakeOff(ClimbTo):
     def work(self, state: DroneState) -> Status:
         """Propose the take-off, then the climb, then wait until the camera has its pitch."""
         if self.leaf_clock.now() - self._started_s > self.port_value("give_up_s"):
-            self.feedback_message = f"still {state.flying.value}"
-            return Status.FAILURE
+            return self.fails(f"still {state.flying.value}")
         if state.flying not in {FlyingState.HOVERING, FlyingState.FLYING}:
             self.propose(TakeOffCommand())
             return Status.RUNNING

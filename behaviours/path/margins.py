@@ -12,8 +12,8 @@ views above 0.016 m, at most 0.12 m. `Margins.within` shifts all distances for a
 - Survey, GoTo, the way to the mark and view points take the ordinary passage, and the tight one
   where the ordinary one has no route, or a much longer one (in a survey: little new ground). The
   last is the way out; a survey takes it only if the tight one shuts it in or is nowhere.
-- MoveBy and the last step of GoTo keep the tight margins, CanReturn the ordinary ones. A drone
-  that gives way to a mover keeps 0.38 m from obstacles and 0.40 m from edges.
+- The last step of GoTo keeps the tight margins, MoveBy these and r, CanReturn the ordinary ones.
+  A drone that gives way to a mover keeps 0.38 m from obstacles and 0.40 m from edges.
 - Assumed obstacles block within 0.38 m, unseen cells within 0.35 m. In the narrow passages before
   the pad they only cost time. The way out of a drone that is shut in crosses an assumed obstacle on
   open, seen ground.
@@ -134,8 +134,8 @@ class Margins:
         )
 
     def tight(self) -> Margins:
-        """Return the margins of a tight passage."""
-        return self.through(Passage.TIGHT)
+        """Return those of a tight passage for a straight movement, which no later view corrects."""
+        return replace(self.through(Passage.TIGHT), unsure_m=self.unsure_m)
 
     def at_pad(self) -> Margins:
         """Return the margins of the last metres before the pad.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, Self
 
@@ -15,9 +17,12 @@ from uav_bt.landing_marks import MarkSighting, MarkView
 from uav_bt.plugins import make_mark_finder
 from uav_bt.protocols import DepthBeside, Segmenter
 from uav_bt.tree import Leaf, Port, Status
-from uav_bt.types import ClassMap, Frame
+from uav_bt.types import ClassMap, Frame, Pose2D
+from uav_bt.types.site_map import SiteMap
 
 _MODEL: Final = "'unet', 'any' (any room, by roles), 'teacher', or an ONNX file"
+_SPOT: Final = "spot"  # registered name of the take-off spot as a landing mark
+_MARK: Final = "place: the mark of the scene, the site or the lab. spot: the take-off spot"
 _CLASSES: Final = "class-mapping file of a foreign ONNX network"
 
 
@@ -96,10 +101,15 @@ class Segment(Leaf):
 class FindMark(Leaf):
     """Find the landing mark in each new view and track it through misses; SUCCESS always.
 
-    Kind, size and height of the mark are those of the lab, the site or the scene.
+    Kind, size and height of the mark are those of the lab, the site or the scene. With
+    `mark="spot"` it is the take-off spot, recognised by the texture of the ground. For that the
+    camera looks straight down after the take-off, before the drone flies away.
     """
 
     answers = (Status.SUCCESS,)
+    ports = (
+        Port("mark", str, default="place", choices=("place", _SPOT), doc=_MARK, at_setup=True),
+    )
     reads = (STATE, FRAME, CLASS_MAP, CAMERA, ODOMETRY, SITE_MAP)
     writes = (MARK,)
 
@@ -108,17 +118,23 @@ class FindMark(Leaf):
         from perception.marks.region import RegionFinder  # noqa: PLC0415  (OpenCV is heavy)
         from perception.marks.tracker import MarkTracker  # noqa: PLC0415  (filterpy is heavy)
 
-        self._finder, self._track = make_mark_finder(mission.mark), MarkTracker()
+        mark, at_spot = mission.mark, self.port_value("mark") == _SPOT
+        if at_spot:
+            mark = replace(mark, kind=_SPOT, height_m=0.0, options={})
+        self._finder, self._track = make_mark_finder(mark), MarkTracker()
         if isinstance(self._finder, RegionFinder):
             self._finder.top_id(mission.classes)  # refuses an unknown class before the take-off
-        self._sight = mission.sight if self._finder.uses_images else None
+        # A drone without images sees the mark of the scene, and no texture.
+        self._sight = mission.sight if self._finder.uses_images and not at_spot else None
         self._timer = StageTimer(mission, "mark")
         self._last_s, self._map_restarts = -1.0, 0
+        self._take_off: Pose2D | None = None  # in the frame of the track
 
     def on_inherit(self, former: Self) -> None:
-        """Keep the track of the mark, and the state of its finder."""
-        self._finder, self._track, self._last_s = former._finder, former._track, former._last_s
-        self._map_restarts = former._map_restarts
+        """Keep the track of the same mark, and the state of its finder."""
+        if self.port_value("mark") == former.port_value("mark"):
+            self._finder, self._track, self._last_s = former._finder, former._track, former._last_s
+        self._map_restarts, self._take_off = former._map_restarts, former._take_off
 
     def update(self) -> Status:
         """Move the track with the drone, and search a new view for the mark."""
@@ -129,10 +145,13 @@ class FindMark(Leaf):
         if site_map is not None and site_map.restarts > self._map_restarts:
             self._map_restarts = site_map.restarts
             self._track.forget()  # the track is relative to the drone's pose before the restart
+        self._note_take_off(site_map)
         # The mark is fixed to the ground, so it is moved by the motion over the ground, not by
         # telemetry's.
         over_ground = state if motion is None else motion.over_ground(state)
         self._track.predict(over_ground, self.clock.now())
+        if self._take_off is None:
+            self._take_off = self._track.pose_at(math.inf)
         frame, class_map = self.read(FRAME).value, self.read(CLASS_MAP).value
         view = frame if self._finder.uses_images else class_map
         if view is None:
@@ -146,6 +165,12 @@ class FindMark(Leaf):
             self.write(MARK, fix, captured_s=fix.captured_s)
         return Status.SUCCESS
 
+    def _note_take_off(self, site_map: SiteMap | None) -> None:
+        """Take the take-off pose of the map, as the track still is, into the track's frame."""
+        here = self._track.pose_at(math.inf)
+        if site_map is not None and here is not None:
+            self._take_off = here.pose_to_world(site_map.pose.pose_to_body(site_map.start))
+
     def _sighting(self, frame: Frame | None, class_map: ClassMap | None) -> MarkSighting | None:
         """Return the mark in the newest view; a class map of another frame shows none."""
         camera = self.read(CAMERA).value
@@ -153,4 +178,7 @@ class FindMark(Leaf):
             return None
         if self._sight is not None:
             return self._sight.mark(frame)
-        return self._finder.find(MarkView(frame=frame, camera=camera, class_map=class_map))
+        pose, off = self._track.pose_at(self._last_s), self._take_off
+        take_off = None if pose is None or off is None else pose.pose_to_body(off)
+        view = MarkView(frame=frame, camera=camera, class_map=class_map, take_off=take_off)
+        return self._finder.find(view)

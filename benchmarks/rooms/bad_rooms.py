@@ -13,10 +13,10 @@ import argparse
 import json
 import math
 import shutil
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -28,163 +28,133 @@ from uav_bt.lab.lab import LAB_FILE, SCENES_FOLDER
 from uav_bt.lab.shipped import load_lab
 from uav_bt.mission.judge import LANDING_SURFACES
 from uav_bt.mission.tick import TickRecord
-from uav_bt.protocols import Drone
 from uav_bt.yaml_file import read_yaml, yaml_text
 
 SIZE_PX: Final = (320, 180)
 CAMERA_FILE: Final = "camera.yaml"
-MIRROR_X_M: Final = 0.0
+MIRROR_X_M: Final = 0.0  # world x of a mirror that nothing shows
+_NEAR_MIRROR_M: Final = 0.8  # no object stands nearer to its image than twice this
+_GREY_FILE: Final = "grey.png"
 TRUSTED: Final = 0.5  # least confidence of a trusted depth
 WRONG: Final = math.log(1.2)
 GROUND: Final = 0.2  # least share of an image that shows ground, as in `SensesAgree`
 _NEAR_M: Final = 6.0  # depth beyond is not compared
 _FLYING_M: Final = 0.8  # lower than this it takes off or lands
 _HULL_M: Final = 0.15  # half of the body's length
-_GREY_FILE: Final = "grey.png"
-_NEAR_MIRROR_M: Final = 0.8  # no object stands nearer to its image than twice this
-
-Lab = dict[str, Any]
-Scene = dict[str, Any]
+Values = dict[str, Any]
 
 
-@dataclass(frozen=True, kw_only=True)
-class BadRoom:
-    """A room, or an input, that perception is not made for."""
-
-    name: str
-    change: Callable[[Lab, Scene], None] = lambda _lab, _scene: None  # of the good room
-    focal: float | None = None  # factor of the focal length in the camera file; None: no file
-    faults: tuple[str, ...] = ()
-    mirror_x_m: float | None = None  # world x of a mirror that nothing shows
+def _surface(parts: tuple[str, ...], surface: Values, lab: Values, _scene: Values) -> None:
+    for part in parts:
+        lab["room"][part]["surface"] = dict(surface)
 
 
-def _floor(surface: dict[str, Any], *, walls: bool = False) -> Callable[[Lab, Scene], None]:
-    def change(lab: Lab, _scene: Scene) -> None:
-        for part in ("ground", "walls") if walls else ("ground",):
-            lab["room"][part]["surface"] = dict(surface)
-
-    return change
-
-
-def _rug(lab: Lab, _scene: Scene) -> None:
+def _rugs(lab: Values, _scene: Values) -> None:
     """Lay a red rug with a dark border, 2.6 m by 1.9 m, and another beside it."""
-    lines = []
     for x_m, y_m, colour in ((-2.0, 0.6, "#8c2f39"), (2.1, -1.2, "#d9cfb8")):
-        middle = [[x_m - 1.2, y_m], [x_m + 1.2, y_m]]
-        lines.append({"points_m": middle, "width_m": 1.9, "colour": "#15120f"})
-        inner = [[x_m - 1.05, y_m], [x_m + 1.05, y_m]]
-        lines.append({"points_m": inner, "width_m": 1.6, "colour": colour})
-    surface = lab["room"]["ground"]["surface"]
-    surface["lines"] = [*surface["lines"], *lines]
+        for half_m, width_m, of in ((1.2, 1.9, "#15120f"), (1.05, 1.6, colour)):
+            ends_m = [[x_m - half_m, y_m], [x_m + half_m, y_m]]
+            line = {"points_m": ends_m, "width_m": width_m, "colour": of}
+            lab["room"]["ground"]["surface"]["lines"].append(line)
 
 
-def _mirror(_lab: Lab, scene: Scene) -> None:
+def _mirror(area: str | None, lab: Values, scene: Values) -> None:
     """Put a wall-high mirror across the room: behind it stands the mirrored room."""
-    objects = scene["objects"]
-    scene["objects"] = [
-        each for each in objects if each["position_m"][0] < MIRROR_X_M - _NEAR_MIRROR_M
-    ]
+    edge_m = MIRROR_X_M - _NEAR_MIRROR_M
+    scene["objects"] = [each for each in scene["objects"] if each["position_m"][0] < edge_m]
     for each in list(scene["objects"]):
         x_m, y_m = each["position_m"]
         image = {"position_m": [2 * MIRROR_X_M - x_m, y_m], "yaw_deg": -each.get("yaw_deg", 0)}
         scene["objects"].append({**each, **image})
     scene["take_off"] = {"from": [-1.6, 1.6], "yaw_deg": 0}
+    lab |= {} if area is None else {"area": area}
 
 
-def _mirror_beyond_area(lab: Lab, scene: Scene) -> None:
-    """State an area that ends 0.5 m before the mirror."""
-    _mirror(lab, scene)
-    lab["area"] = "start:-2.2,-1.2; start:1.1,-1.2; start:1.1,4.4; start:-2.2,4.4"
+def _light(ambient: float, share: float, lab: Values, _scene: Values) -> None:
+    lab["room"]["light"]["ambient"] = ambient
+    for lamp in lab["room"]["light"]["lamps"]:
+        lamp["brightness"] = round(share * lamp["brightness"], 3)
 
 
-def _light(ambient: float, share: float) -> Callable[[Lab, Scene], None]:
-    def change(lab: Lab, _scene: Scene) -> None:
-        light = lab["room"]["light"]
-        light["ambient"] = ambient
-        for lamp in light["lamps"]:
-            lamp["brightness"] = round(share * lamp["brightness"], 3)
+class BadRoom(NamedTuple):
+    """A room, or an input, that perception is not made for."""
 
-    return change
+    name: str
+    change: Callable[[Values, Values], None] = lambda _lab, _scene: None  # of the good room
+    focal: float | None = None  # factor of the focal length in the camera file; None: no file
+    faults: tuple[str, ...] = ()
 
 
 _CONCRETE: Final = {"generator": "concrete", "colour": "#8f908c"}
+_GREY: Final = {"image": _GREY_FILE, "tile_m": [1.0, 1.0]}
+_BEFORE_MIRROR: Final = "start:-2.2,-1.2; start:1.1,-1.2; start:1.1,4.4; start:-2.2,4.4"  # by 0.5 m
 BAD_ROOMS: Final = (
-    BadRoom(name="good room"),
-    BadRoom(name="painted floor", change=_floor({"generator": "paint", "colour": "#8f908c"})),
-    BadRoom(name="floor of one colour", change=_floor({"image": _GREY_FILE, "tile_m": [1.0, 1.0]})),
-    BadRoom(name="walls like the floor", change=_floor(_CONCRETE, walls=True)),
-    BadRoom(name="rugs with a dark border", change=_rug),
-    BadRoom(name="mirror", change=_mirror, mirror_x_m=MIRROR_X_M),
-    BadRoom(name="mirror beyond the area", change=_mirror_beyond_area, mirror_x_m=MIRROR_X_M),
-    BadRoom(name="dim", change=_light(0.1, 0.15)),
-    BadRoom(name="dark", change=_light(0.02, 0.02)),
-    BadRoom(name="camera x2", focal=2.0),
-    BadRoom(name="camera x0.5", focal=0.5),
-    BadRoom(name="height +0.5 m", faults=("height-bias=0.5",)),
-    BadRoom(name="height -0.5 m", faults=("height-bias=-0.5",)),
+    BadRoom("good room"),
+    BadRoom("painted floor", partial(_surface, ("ground",), _CONCRETE | {"generator": "paint"})),
+    BadRoom("floor of one colour", partial(_surface, ("ground",), _GREY)),
+    BadRoom("walls like the floor", partial(_surface, ("ground", "walls"), _CONCRETE)),
+    BadRoom("rugs with a dark border", _rugs),
+    BadRoom("mirror", partial(_mirror, None)),
+    BadRoom("mirror beyond the area", partial(_mirror, _BEFORE_MIRROR)),
+    BadRoom("dim", partial(_light, 0.1, 0.15)),
+    BadRoom("dark", partial(_light, 0.02, 0.02)),
+    BadRoom("camera x2", focal=2.0),
+    BadRoom("camera x0.5", focal=0.5),
+    BadRoom("height +0.5 m", faults=("height-bias=0.5",)),
+    BadRoom("height -0.5 m", faults=("height-bias=-0.5",)),
 )
 
 
 def write_bad_room(room: BadRoom, folder: Path) -> Path:
     """Write a bad room as a new lab folder without a network, and return its scene."""
-    depot = load_lab("depot")
-    lab = read_yaml(depot.file, dict[str, Any], "lab file").value
-    scene = read_yaml(depot.scenes["depot-val-a"], dict[str, Any], "scene file").value
+    depot, path = load_lab("depot"), folder / SCENES_FOLDER / f"{folder.name}.yaml"
+    lab = read_yaml(depot.file, Values, "lab file").value
+    scene = read_yaml(depot.scenes["depot-val-a"], Values, "scene file").value
     lab.pop("network", None)
-    lab = {**lab, "limits": {"speed_mps": 0.6, "ceiling_m": 2.6}}
+    lab["limits"] = {"speed_mps": 0.6, "ceiling_m": 2.6}
     scene = {"objects": scene["objects"], "take_off": {"from": [-2.4, 1.4], "yaw_deg": -35}}
     room.change(lab, scene)
-    path = folder / SCENES_FOLDER / f"{folder.name}.yaml"
     path.parent.mkdir(parents=True)
     for file in ("barrier.obj", "crate.jpg"):
         shutil.copyfile(depot.folder / file, folder / file)
     cv2.imwrite(str(folder / _GREY_FILE), np.full((64, 64, 3), 143, np.uint8))
     written = {folder / LAB_FILE: lab, path: scene}
     if room.focal is not None:
-        lens = anafi_camera(*SIZE_PX)
-        fx_px, fy_px = room.focal * lens.fx_px, room.focal * lens.fy_px
-        written[folder / CAMERA_FILE] = {
-            "width_px": lens.width_px,
-            "height_px": lens.height_px,
-            "K": [[fx_px, 0.0, lens.cx_px], [0.0, fy_px, lens.cy_px], [0.0, 0.0, 1.0]],
-            "distortion": [0.0] * 5,
-        }
-    for file, content in written.items():
-        file.write_text(yaml_text(content), encoding="utf-8")
+        matrix = anafi_camera(*SIZE_PX).matrix @ np.diag([room.focal, room.focal, 1.0])
+        size = dict(zip(("width_px", "height_px"), SIZE_PX, strict=True))
+        written[folder / CAMERA_FILE] = {**size, "K": matrix.tolist(), "distortion": [0.0] * 5}
+    for target, content in written.items():
+        target.write_text(yaml_text(content), encoding="utf-8")
     return path
 
 
 class Watch:
     """Notes contacts, and compares depth with the truth; beyond a mirror is a contact, too."""
 
-    def __init__(self, mirror_x_m: float | None) -> None:
-        self._mirror_x_m = math.inf if mirror_x_m is None else mirror_x_m
-        self._last = -1
+    def __init__(self, mirror_x_m: float) -> None:
+        self._mirror_x_m, self._last = mirror_x_m, -1
         self.contacts: dict[str, float] = {}  # first time of each, s
         self.depths: list[tuple[float, float]] = []  # confidence, logarithm of the error
         self.followed: list[bool] = []  # of the frames with ground: whether its motion was measured
 
-    def follow(self, flight: app.Flight[Drone]) -> Sequence[Watch]:
+    def follow(self, flight: app.Flight[Any]) -> list[Watch]:
         """Become a listener of a flight."""
         self._referee, self._board = flight.drone.referee, flight.context.board
-        return (self,)
+        return [self]
 
     def on_tick(self, record: TickRecord) -> None:
         """Note contacts, and compare the depth of a new frame."""
-        truth = record.truth
-        if truth is None:
+        if (truth := record.truth) is None:
             return
-        touched = [name for name in truth.contacts if name not in LANDING_SURFACES]
-        touched += ["mirror"] * (truth.pose.x_m > self._mirror_x_m - _HULL_M)
-        for name in touched:
+        mirror = ["mirror"] * (truth.pose.x_m > self._mirror_x_m - _HULL_M)
+        for name in {*truth.contacts, *mirror} - set(LANDING_SURFACES):
             self.contacts.setdefault(name, round(record.time_s, 1))
         frame, depth = self._board.read(FRAME).value, self._board.read(METRIC_DEPTH).value
         if truth.pose.z_m <= _FLYING_M or frame is None or frame.index == self._last:
             return
         self._last = frame.index
         if depth is not None and depth.captured_s == frame.captured_s:
-            height_px, width_px = depth.depth.shape
-            true = self._referee.depth(frame, width_px, height_px)
+            true = self._referee.depth(frame, *depth.depth.shape[::-1])
             near = np.isfinite(depth.depth) & (depth.depth > 0.0) & (true > 0.0) & (true < _NEAR_M)
             ratios = np.log(depth.depth[near] / true[near])
             self.depths.append((depth.confidence, float(np.median(ratios)) if near.any() else 0.0))
@@ -200,9 +170,10 @@ class Watch:
         return {name: sum(each) / len(each) if each else None for name, each in shares.items()}
 
 
-def fly(room: BadRoom, seed: int, given: argparse.Namespace) -> dict[str, Any]:
+def fly(room: BadRoom, seed: int, given: argparse.Namespace) -> Values:
     """Fly once in a bad room and return the flight's line."""
-    folder, watch = given.out / room.name.replace(" ", "-"), Watch(room.mirror_x_m)
+    folder = given.out / room.name.replace(" ", "-")
+    watch = Watch(MIRROR_X_M if "mirror" in room.name else math.inf)
     scene = folder / SCENES_FOLDER / f"{folder.name}.yaml"
     options = app.FlightOptions(
         lab=folder,

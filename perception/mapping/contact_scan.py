@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from perception.mapping.legs import Covered, cover_below
+from uav_bt.compiled import compiled
 from uav_bt.lab.classes import GROUND, NO_ROLE, OBSTACLE, OUTSIDE
 from uav_bt.types import CameraModel, ClassMap, Frame
 from uav_bt.types.arrays import Flags, Floats, Indices
@@ -76,14 +76,20 @@ def scan_ground(class_map: ClassMap, frame: Frame, camera: CameraModel) -> Groun
     widest = math.atan(math.tan(half_view) / max(math.cos(lowest), 0.2))
     bearings = np.arange(-widest, widest, _BEARING_STEP_RAD)
     elevations = np.arange(lowest, min(_MAX_ELEVATION_RAD, pitch_rad + 0.6), _ELEVATION_STEP_RAD)
-    directions = np.column_stack([np.cos(bearings), np.sin(bearings)])
-    level_m = directions[:, None] * (height_m / np.tan(-elevations))[:, None]
-    columns, lines = map(np.rint, ground_pixels(level_m, height_m, camera, pitch_rad))
-    inside = (columns >= 0) & (columns < width_px) & (lines >= 0) & (lines < height_px)
-    pixels = lines[inside].astype(np.intp), columns[inside].astype(np.intp)
-    ids = np.full(inside.shape, NO_ROLE, dtype=np.uint8)
-    roles, image_roles = ids.copy(), class_map.roles
-    ids[inside], roles[inside] = class_map.ids[pixels], image_roles[pixels]
+    ranges_m = height_m / np.tan(-elevations)
+    directions = np.cos(bearings), np.sin(bearings)
+    level_m = np.stack([np.outer(each, ranges_m) for each in directions], axis=-1)
+    pixels = ground_pixels(
+        level_m.reshape(-1, 2),
+        height_m,
+        camera_axes(pitch_rad),
+        camera.pinhole_px,
+        class_map.ids.shape,
+        True,
+    ).reshape(level_m.shape[:2])
+    inside, image_roles = pixels >= 0, class_map.roles
+    ids = np.where(inside, class_map.ids.take(pixels), np.uint8(NO_ROLE))
+    roles = np.where(inside, image_roles.take(pixels), np.uint8(NO_ROLE))
     classes, covered = class_map.classes, None
     on_legs = classes.legs_m > 0.0
     on_legs[classes.top_of[on_legs]] = True
@@ -128,31 +134,62 @@ def _borders_m(scan: GroundScan, rows: Indices, first: Indices) -> Floats:
     return np.asarray((scan.level_m[rows, first] + scan.level_m[rows, first - 1]) / 2)
 
 
-def ground_pixels(
-    points_m: Floats, height_m: float, camera: CameraModel, pitch_rad: float
-) -> tuple[Floats, Floats]:
-    """Return the columns and rows of points, (..., 2), of the ground; NaN behind the camera.
+@compiled(
+    "intp[::1](float64[:, ::1], float64, float64[:, ::1], UniTuple(float64, 4), UniTuple(int64, 2),"
+    " boolean)"
+)
+def ground_pixels(  # noqa: PLR0917 - Numba passes arguments by position
+    points_m: Floats,
+    height_m: float,
+    axes: Floats,
+    pinhole_px: tuple[float, float, float, float],
+    shape: tuple[int, int],
+    rounds: bool,  # noqa: FBT001
+) -> Indices:
+    """Return the flat indices of the pixels nearest to points of the ground, (N, 2), or -1.
 
-    They are those of `project`, but the order of the sums is the same on all processors.
+    -1 is for points behind the camera or outside the image: beyond its outermost pixels' middles,
+    or `rounds` up to half a pixel further. The pixels are those of `project`, but the order of the
+    sums is the same on all processors.
     """
-    axes = camera_axes(pitch_rad)
-    forward_m, right_m = points_m[..., 0], points_m[..., 1]
-    x, y, depth = (forward_m * a + right_m * b + height_m * c for a, b, c in axes.T)
-    depth[~(depth > 1e-9)] = np.nan
-    fx, fy, cx, cy = camera.pinhole_px
-    return fx * x / depth + cx, fy * y / depth + cy
+    fx, fy, cx, cy = pinhole_px
+    pixels = np.full(len(points_m), -1)
+    for point in range(len(points_m)):
+        forward_m, right_m = points_m[point, 0], points_m[point, 1]
+        depth = forward_m * axes[0, 2] + right_m * axes[1, 2] + height_m * axes[2, 2]
+        if not depth > 1e-9:
+            continue
+        x = forward_m * axes[0, 0] + right_m * axes[1, 0] + height_m * axes[2, 0]
+        y = forward_m * axes[0, 1] + right_m * axes[1, 1] + height_m * axes[2, 1]
+        column, row = fx * x / depth + cx, fy * y / depth + cy
+        near_column, near_row = np.rint(column), np.rint(row)
+        if rounds:
+            column, row = near_column, near_row
+        if 0 <= column <= shape[1] - 1 and 0 <= row <= shape[0] - 1:
+            pixels[point] = int(near_row) * shape[1] + int(near_column)
+    return pixels
 
 
+@compiled("Tuple((intp[::1], intp[::1], uint8[::1]))(uint8[:, ::1], int64, int64)")
 def first_runs(sampled: Ids, role: int, min_run: int) -> tuple[Indices, Indices, Ids]:
     """Find the nearest run of a role on each bearing of (B, E) role ids.
 
     Return the bearings with a run, the index of its first sample, and the role before it.
     """
-    padded = np.pad(sampled == role, ((0, 0), (0, min_run)))
-    begins = np.asarray(sliding_window_view(padded, min_run, axis=1).all(axis=-1))
-    rows, first = np.flatnonzero(begins.any(axis=1)), begins.argmax(axis=1)
-    first = first[rows]
-    return rows, first, np.where(first > 0, sampled[rows, first - 1], np.uint8(NO_ROLE))
+    rows, first = np.empty(len(sampled), dtype=np.intp), np.empty(len(sampled), dtype=np.intp)
+    before = np.full(len(sampled), np.uint8(NO_ROLE))
+    found = 0
+    for bearing in range(len(sampled)):
+        run = 0
+        for sample in range(sampled.shape[1]):
+            run = run + 1 if sampled[bearing, sample] == role else 0
+            if run == min_run:
+                rows[found], first[found] = bearing, sample + 1 - run
+                if run <= sample:
+                    before[found] = sampled[bearing, sample - run]
+                found += 1
+                break
+    return rows[:found], first[:found], before[:found]
 
 
 def _upper_edges(scan: GroundScan, rows: Indices, first: Indices) -> Floats:

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.mapping.view import View
+from uav_bt.compiled import compiled
 from uav_bt.lab.classes import GROUND, MARK, NO_ROLE, OUTSIDE
-from uav_bt.types.arrays import Flags, Floats
+from uav_bt.types.arrays import Flags, Floats, Indices
 from uav_bt.types.site_map import is_beyond_edge
 
 CELL_M: Final = 0.1  # side of a cell; chosen
@@ -22,6 +23,7 @@ _MAX_RANGE_M: Final = 4.0  # ground further from the camera is seen at too flat 
 # Views vote whether a cell is ground or beyond its end; votes are limited to this. Chosen.
 _MAX_VOTES: Final = 6
 _NEAR_STEP_M: Final = 0.08  # step along cleared bearings; chosen smaller than a cell
+_NEAR_M: Final = np.arange(_NEAR_STEP_M, _MAX_RANGE_M, _NEAR_STEP_M)
 _NEAR_BEARINGS: Final = 3  # every n-th bearing of the scan is cleared; chosen
 _AROUND_M: Final = 0.1  # ground must be seen this far around a place, its error at range; chosen
 _LANE_S: Final = 90.0  # a mover may return to a former place within this time; chosen
@@ -55,42 +57,14 @@ class GroundGrid:
 
     def add(self, view: View) -> None:
         """Add the ground in a view, which is placed in the map's frame."""
-        scan, lens = view.scan, view.lens
-        votes = np.isin(scan.roles, (GROUND, OUTSIDE))
-        votes &= np.hypot(scan.level_m[..., 0], scan.level_m[..., 1]) <= _MAX_RANGE_M
-        ground, (ahead_m, right_m) = scan.roles[votes] == GROUND, scan.level_m[votes].T
-        cos, sin = math.cos(lens.yaw_rad), math.sin(lens.yaw_rad)
-        x_m, y_m = ahead_m * cos - right_m * sin, ahead_m * sin + right_m * cos
-        cells = _cells(np.column_stack([x_m + lens.x_m, y_m + lens.y_m]))
-        inside = _inside(cells)
-        self.full |= bool((ground & ~inside).any())
-        if inside.any():
-            self._use(cells[inside])
-            codes = cells[inside] @ (_SIDE, 1)
-            more = np.bincount(codes, np.where(ground[inside], 1.0, -1.0), minlength=_SIDE**2)
-            more_ground = more.reshape(_SIDE, _SIDE)  # samples of ground less those beyond
-            beyond = self._beyond - np.sign(more_ground).astype(np.int8)
-            self._beyond = np.clip(beyond, -_MAX_VOTES, _MAX_VOTES)
-            self.seen_s[more_ground > 0.0] = view.captured_s
-            self.free[more_ground > 0.0] = True
-        self._clear_below(view)
-
-    def _clear_below(self, view: View) -> None:
-        """Mark the cells between the camera and the nearest ground in view as free.
-
-        An obstacle there that reached the flight height would hide that ground.
-        """
-        roles = view.scan.roles[::_NEAR_BEARINGS]
-        if not roles.size:  # of a camera that looks up
-            return
-        first = np.arange(len(roles)), (roles != NO_ROLE).argmax(axis=1)
-        lands = (roles[first] == GROUND) | (roles[first] == MARK)
-        nearest_m = view.scan.level_m[::_NEAR_BEARINGS][first][lands]
-        length_m = np.maximum(np.hypot(*nearest_m.T), _NEAR_STEP_M)
-        shares = np.arange(_NEAR_STEP_M, _MAX_RANGE_M, _NEAR_STEP_M) / length_m[:, None]
-        places_m = (nearest_m[:, None] * shares[..., None])[shares < 1.0]
-        cells = _cells(view.lens.points_to_world(places_m))
-        self.free[tuple(cells[_inside(cells)].T)] = True
+        lens = view.lens
+        lens_at = lens.x_m, lens.y_m, math.cos(lens.yaw_rad), math.sin(lens.yaw_rad)
+        samples, grids = (view.scan.level_m, view.scan.roles), (self._beyond, self.seen_s)
+        _clear_below(*samples, lens_at, self.free)
+        used, beyond = _vote(*samples, lens_at, view.captured_s, *grids, self.free)
+        self.full |= beyond
+        if used[0, 0] <= used[1, 0]:
+            self._use(used)
 
     def fly_over(self, x_m: float, y_m: float) -> None:
         """Mark the cells below the drone as passed and free of obstacles."""
@@ -133,9 +107,9 @@ class GroundGrid:
         """Return places where a mover was and to which it may have returned unseen, (K, 2)."""
         if not self._has_moved:
             return np.empty((0, 2))
-        unseen = self.seen_s < now_s - _LOOKED_S
-        cells = np.argwhere((self._moved_s >= now_s - _LANE_S) & unseen)
-        return np.asarray((cells - _MIDDLE) * CELL_M)
+        cells = np.argwhere(self._moved_s >= now_s - _LANE_S)
+        unseen = self.seen_s[tuple(cells.T)] < now_s - _LOOKED_S
+        return np.asarray((cells[unseen] - _MIDDLE) * CELL_M)
 
     def outside(self, window: tuple[slice, slice]) -> Flags:
         """Return which cells of a window lie beyond the edge of the ground."""
@@ -167,3 +141,77 @@ def _cells(places_m: Floats) -> NDArray[np.intp]:
 
 def _inside(cells: NDArray[np.intp]) -> Flags:
     return np.asarray(((cells >= 0) & (cells < _SIDE)).all(axis=-1))
+
+
+@compiled(
+    "Tuple((intp[:, ::1], boolean))(float64[:, :, ::1], uint8[:, ::1], UniTuple(float64, 4),"
+    " float64, int8[:, ::1], float64[:, ::1], boolean[:, ::1])"
+)
+def _vote(  # noqa: PLR0917 - Numba passes arguments by position
+    level_m: Floats,
+    roles: NDArray[np.uint8],
+    lens_at: tuple[float, float, float, float],
+    captured_s: float,
+    beyond: NDArray[np.int8],
+    seen_s: Floats,
+    free: Flags,
+) -> tuple[Indices, bool]:
+    """Let the samples of a scan vote whether cells are ground; the last three grids are changed.
+
+    `lens_at` is the camera's position in the map's frame, cosine and sine of its heading. Return
+    the lowest and the highest row and column with a sample, (2, 2), the lowest above the highest
+    without any; and whether ground lay outside the grid.
+    """
+    x_m, y_m, cos, sin = lens_at
+    more_ground = np.zeros((_SIDE, _SIDE), dtype=np.int32)  # samples of ground less those beyond
+    used, full = np.array([[_SIDE, _SIDE], [-1, -1]]), False
+    for bearing in range(roles.shape[0]):
+        for sample in range(roles.shape[1]):
+            role = roles[bearing, sample]
+            ahead_m, right_m = level_m[bearing, sample, 0], level_m[bearing, sample, 1]
+            if role not in (GROUND, OUTSIDE) or (np.hypot(ahead_m, right_m) > _MAX_RANGE_M):
+                continue
+            row = int(np.rint((ahead_m * cos - right_m * sin + x_m) / CELL_M)) + _MIDDLE
+            column = int(np.rint((ahead_m * sin + right_m * cos + y_m) / CELL_M)) + _MIDDLE
+            if 0 <= row < _SIDE and 0 <= column < _SIDE:
+                more_ground[row, column] += 1 if role == GROUND else -1
+                used[0, 0], used[0, 1] = min(used[0, 0], row), min(used[0, 1], column)
+                used[1, 0], used[1, 1] = max(used[1, 0], row), max(used[1, 1], column)
+            elif role == GROUND:
+                full = True
+    for row in range(used[0, 0], used[1, 0] + 1):
+        for column in range(used[0, 1], used[1, 1] + 1):
+            if more_ground[row, column] > 0:
+                beyond[row, column] = max(beyond[row, column] - 1, -_MAX_VOTES)
+                seen_s[row, column], free[row, column] = captured_s, True
+            elif more_ground[row, column] < 0:
+                beyond[row, column] = min(beyond[row, column] + 1, _MAX_VOTES)
+    return used, full
+
+
+@compiled("void(float64[:, :, ::1], uint8[:, ::1], UniTuple(float64, 4), boolean[:, ::1])")
+def _clear_below(
+    level_m: Floats,
+    roles: NDArray[np.uint8],
+    lens_at: tuple[float, float, float, float],
+    free: Flags,
+) -> None:
+    """Mark the cells between the camera and the nearest ground in view as free.
+
+    An obstacle there that reached the flight height would hide that ground.
+    """
+    x_m, y_m, cos, sin = lens_at
+    for bearing in range(0, roles.shape[0], _NEAR_BEARINGS):
+        nearest = 0
+        while nearest < roles.shape[1] and roles[bearing, nearest] == NO_ROLE:
+            nearest += 1
+        if nearest == roles.shape[1] or (roles[bearing, nearest] not in (GROUND, MARK)):
+            continue
+        ahead_m, right_m = level_m[bearing, nearest, 0], level_m[bearing, nearest, 1]
+        length_m = max(np.hypot(ahead_m, right_m), _NEAR_STEP_M)
+        for near_m in _NEAR_M[length_m > _NEAR_M]:
+            near_x, near_y = ahead_m * (near_m / length_m), right_m * (near_m / length_m)
+            row = int(np.rint((near_x * cos - near_y * sin + x_m) / CELL_M)) + _MIDDLE
+            column = int(np.rint((near_x * sin + near_y * cos + y_m) / CELL_M)) + _MIDDLE
+            if 0 <= row < _SIDE and 0 <= column < _SIDE:
+                free[row, column] = True

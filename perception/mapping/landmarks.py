@@ -101,12 +101,12 @@ def merge(known: Landmarks, seen: Landmarks, *, adds: bool = True) -> Landmarks:
     apart_m, nearest = nearest_circles(seen.xy_m, known.xy_m)
     again = apart_m <= _SAME_M
     result = known.with_rows(seen.take(~again & adds))  # a copy
-    rows, sighted = nearest[again], seen.take(again)  # several may be of one known point
+    rows, weight = nearest[again], seen.weight[again]  # several may be of one known point
     moves = result.weight[rows] < _ENOUGH
-    pull_m = sighted.weight[:, None] * (sighted.xy_m - result.xy_m[rows])
-    np.add.at(result.weight, rows, sighted.weight)
+    pull_m = weight[:, None] * (seen.xy_m[again] - result.xy_m[rows])
+    np.add.at(result.weight, rows, weight)
     np.add.at(result.xy_m, rows[moves], pull_m[moves] / result.weight[rows[moves], None])
-    result.seen_s[rows] = sighted.seen_s
+    result.seen_s[rows] = seen.seen_s[again]
     result.missed[rows] = 0.0
     return result
 
@@ -117,14 +117,16 @@ def find_free(known: Landmarks, view: View, on_legs: Flags) -> tuple[Flags, Flag
     The view is placed in the map's frame; `on_legs` has the classes that stand on legs.
     """
     local_m = view.lens.points_to_body(known.xy_m)
-    inside, ground = view.shows_ground(local_m[:, None, :] + _PROBES_M)
-    in_view = inside.all(axis=1) & (np.hypot(*local_m.T) <= view.reach_m)
-    free = in_view & ground.all(axis=1)
+    near = np.flatnonzero(np.hypot(*local_m.T) <= view.reach_m)
+    inside, ground = view.shows_ground(local_m[near, None, :] + _PROBES_M)
+    in_view, free = np.zeros((2, len(known)), dtype=bool)
+    in_view[near] = inside.all(axis=1)
+    free[near] = ground.all(axis=1)
     if on_legs.any():
         legs = np.flatnonzero(free & on_legs[known.ids])
         seen_m = view.bases_m[on_legs[view.base_ids]]
         free[legs] = nearest_circles(local_m[legs], seen_m)[0] > _LEG_M
-    return np.asarray(in_view), np.asarray(free)
+    return in_view, free
 
 
 def drop_missed(known: Landmarks, free: Flags) -> Landmarks:

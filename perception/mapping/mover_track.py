@@ -30,6 +30,8 @@ LINE_SURE: Final = 9.0  # least ratio of its speed to the standard deviation of 
 LOST_SURE: Final = 6.0  # the same for a cluster that comes below the view
 MOVED_M: Final = 0.3  # distance from its first place after which a cluster may be a mover
 MOVED_NEAR_M: Final = 0.2  # the same within `NEAR_M` of the camera
+# A wide thing shows one part after another: more of that distance for each metre of radius.
+WIDTH_RATIO: Final = 2.0
 NEAR_M: Final = 1.2
 LOST_S: Final = 0.2  # a cluster unseen for this time has left the view
 # A standing edge at some height seems to move against the camera: by this ratio at most, which is
@@ -100,6 +102,11 @@ class MoverTrack:
         return float(np.sqrt(np.linalg.eigvalsh(self.filter.P[np.ix_(rows, rows)])[-1]))
 
     @property
+    def _wider_m(self) -> float:
+        """How much further a wide thing must have moved."""
+        return WIDTH_RATIO * (self.radius_m - MIN_RADIUS_M)
+
+    @property
     def is_under_way(self) -> bool:
         """Whether it moves, certainly or most likely."""
         speed_mps = float(np.hypot(*self.velocity_mps))
@@ -153,10 +160,12 @@ class MoverTrack:
             self.moves, self.stands = False, True
         is_near = math.dist(place_m, from_m) < NEAR_M
         enough_m = MOVED_NEAR_M if is_near else MOVED_M
+        enough_m += self._wider_m
         moved_m, flown_m = place_m - self._begin_m, from_m - self._from_m
         against = -float(moved_m @ flown_m) / max(float(flown_m @ flown_m), 1e-6)
         moved_m = moved_m + min(max(against, 0.0), PARALLAX) * flown_m  # not by the camera's
-        if np.hypot(*moved_m) >= enough_m and self._keeps_to_line(LINE_SURE):
+        far = self.is_whole and np.hypot(*moved_m) >= enough_m
+        if far and self._keeps_to_line(LINE_SURE):
             self.moves, self.stands, self.has_moved = True, False, True
         if self.moves:
             self.trail.append((self.time_s, float(place_m[0]), float(place_m[1])))
@@ -184,5 +193,6 @@ class MoverTrack:
     def leave(self, from_m: Floats, time_s: float) -> None:
         """Take a cluster for a mover that has come below the view before it moved far enough."""
         lost, near = time_s - self.seen_s > LOST_S, math.dist(self.seen_m, from_m) < NEAR_M
-        if lost and near and not self.stands and self._keeps_to_line(LOST_SURE):
+        far = self.is_whole and math.dist(self.seen_m, self._begin_m) >= self._wider_m
+        if lost and near and far and not self.stands and self._keeps_to_line(LOST_SURE):
             self.moves = self.has_moved = True

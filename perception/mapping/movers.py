@@ -74,9 +74,10 @@ def find_arrivals(seen: Landmarks, known: Landmarks, on_ground: Flags, owned: Fl
     if not len(seen):
         return np.zeros(0, dtype=bool)
     time_s = float(seen.seen_s[0])
-    known = known.take((known.settled_s <= time_s) & (known.missed == 0.0))
-    reach_m = np.minimum(_BESIDE_M, _BESIDE_NEW_M + _BESIDE_MPS * (time_s - known.settled_s))
-    off_m = nearest_circles(seen.xy_m, known.xy_m, reach_m)[0]
+    settled = (known.settled_s <= time_s) & (known.missed == 0.0)
+    lasts_s = time_s - known.settled_s[settled]
+    reach_m = np.minimum(_BESIDE_M, _BESIDE_NEW_M + _BESIDE_MPS * lasts_s)
+    off_m = nearest_circles(seen.xy_m, known.xy_m[settled], reach_m)[0]
     return np.asarray((on_ground & (off_m > 0.0)) | (owned & (off_m > -_SHARED_M)))
 
 

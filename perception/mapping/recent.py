@@ -96,7 +96,7 @@ class RecentLayer:
     def pass_over(self, captured_s: float) -> None:
         """Record a frame in which nothing can be placed."""
         self._newest_s = captured_s
-        self._unplaced_rad = self._unplaced_edges_rad = _NO_RAD  # dead-reckoned frame
+        self._unplaced_rad = _NO_RAD  # dead-reckoned frame
         self.unplaced_m = _NO_M
 
     def add(self, view: View) -> None:
@@ -107,18 +107,22 @@ class RecentLayer:
         edges_m = found.edges_m[np.hypot(*found.edges_m.T) <= MAX_RANGE_M]
         # Not the bases without a neighbour: on the vertical edge of an obstacle whose base is
         # hidden they would explain the obstacle, and give it a range that is too long.
-        self._add(pose.points_to_world(view.body_m(view.bases_m)), now_s + _MAX_AGE_S, _Kind.BASE)
-        self._add(pose.points_to_world(view.body_m(edges_m)), now_s + _EDGE_AGE_S, _Kind.EDGE)
+        seen_m = [pose.points_to_world(view.body_m(each)) for each in (view.bases_m, edges_m)]
+        kinds = np.repeat([_Kind.BASE, _Kind.EDGE], [len(view.bases_m), len(edges_m)])
+        self._add(
+            np.vstack(seen_m), now_s + np.where(kinds == _Kind.BASE, _MAX_AGE_S, _EDGE_AGE_S), kinds
+        )
         hidden_m, ended_m = view.body_m(found.hidden_m), view.body_m(found.hidden_edges_m)
         unplaced = ~self._explained(view, hidden_m, _Kind.BASE, now_s + _MAX_AGE_S)
-        ended = ~self._explained(view, ended_m, _Kind.EDGE, now_s + _EDGE_AGE_S)
+        self._explained(view, ended_m, _Kind.EDGE, now_s + _EDGE_AGE_S)
         unplaced_rad = _bearings(hidden_m[unplaced])
         self.unplaced_m = hidden_m[unplaced & found.hidden_tall]
         self._unplaced_rad = unplaced_rad + pose.yaw_rad
-        self._unplaced_edges_rad = _bearings(ended_m[ended]) + pose.yaw_rad
         rays = np.stack([np.cos(unplaced_rad), np.sin(unplaced_rad)], axis=-1)
         assumed_m = (rays[:, None, :] * _ASSUMED_M[:, None]).reshape(-1, 2)
-        self._add(pose.points_to_world(assumed_m), now_s + _ASSUMED_AGE_S, _Kind.ASSUMED)
+        until_s = np.full(len(assumed_m), now_s + _ASSUMED_AGE_S)
+        kinds = np.full(len(assumed_m), _Kind.ASSUMED)
+        self._add(pose.points_to_world(assumed_m), until_s, kinds)
 
     def near(self, pose: OdometryPose) -> NearObstacles:
         """Return the points relative to the body, whose pose is not earlier than the views."""
@@ -133,7 +137,6 @@ class RecentLayer:
             edges_age_s=age_s[is_edge],
             captured_s=self._newest_s,
             unplaced_rad=wrap_angles(self._unplaced_rad - pose.yaw_rad),
-            unplaced_edges_rad=wrap_angles(self._unplaced_edges_rad - pose.yaw_rad),
         )
 
     def _drop_where_ground_shows(self, view: View) -> None:
@@ -165,27 +168,24 @@ class RecentLayer:
             kind: kind of the points that may explain them.
             until_s: new expiry time of explaining points.
         """
-        points, local_m = self._points, view.pose.points_to_body(self._points.xy_m)
+        if not len(hidden_m):
+            return np.zeros(0, dtype=bool)
+        rows = np.flatnonzero(self._points.kinds == kind)
+        local_m = view.pose.points_to_body(self._points.xy_m)[rows]
         explains: Flags = (
-            (np.abs(_bearings(hidden_m)[:, None] - _bearings(local_m)) < _EXPLAIN_RAD)
-            & (np.hypot(*local_m.T) <= np.hypot(*hidden_m.T)[:, None] + _EXPLAIN_M)
-            & (points.kinds == kind)
-        )
-        there = explains.any(axis=0)
-        self._points = replace(
-            points,
-            until_s=np.where(there, until_s, points.until_s),
-            seen_s=np.where(there, self._newest_s, points.seen_s),
-        )
+            np.abs(_bearings(hidden_m)[:, None] - _bearings(local_m)) < _EXPLAIN_RAD
+        ) & (np.hypot(*local_m.T) <= np.hypot(*hidden_m.T)[:, None] + _EXPLAIN_M)
+        there = rows[explains.any(axis=0)]
+        until_s_, seen_s = self._points.until_s.copy(), self._points.seen_s.copy()
+        until_s_[there], seen_s[there] = until_s, self._newest_s
+        self._points = replace(self._points, until_s=until_s_, seen_s=seen_s)
         return np.asarray(explains.any(axis=1))
 
-    def _add(self, xy_m: Floats, until_s: float, kind: _Kind) -> None:
-        new = _Points(
-            xy_m=xy_m,
-            until_s=np.full(len(xy_m), until_s),
-            seen_s=np.full(len(xy_m), self._newest_s),
-            kinds=np.full(len(xy_m), kind, dtype=np.int8),
-        )
+    def _add(self, xy_m: Floats, until_s: Floats, kinds: NDArray[np.int64]) -> None:
+        if not len(xy_m):
+            return
+        seen_s = np.full(len(xy_m), self._newest_s)
+        new = _Points(xy_m=xy_m, until_s=until_s, seen_s=seen_s, kinds=kinds.astype(np.int8))
         points = new.with_rows(self._points)
         # Of one kind the newest point is kept.
         keys = -points.until_s, points.kinds

@@ -195,9 +195,11 @@ class SiteMapper:
 
     def _settled(self, time_s: float) -> tuple[Floats, NDArray[np.uint8]]:
         """Return points known for long enough to correct the drone's pose: (M, 2), and classes."""
-        known = self._bases.with_rows(self._edges)
-        settled = known.take(time_s - known.first_s >= _SETTLED_S)
-        return settled.xy_m, settled.ids
+        tables = self._bases, self._edges
+        settled = [time_s - each.first_s >= _SETTLED_S for each in tables]
+        xy_m = [each.xy_m[rows] for each, rows in zip(tables, settled, strict=True)]
+        ids = [each.ids[rows] for each, rows in zip(tables, settled, strict=True)]
+        return np.vstack(xy_m), np.concatenate(ids)
 
     def _drop_missed(self, view: View) -> None:
         """Count points that a view shows to be ground, and drop those missed too often."""

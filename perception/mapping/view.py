@@ -20,7 +20,7 @@ from perception.mapping.contact_scan import (
 from uav_bt.lab.classes import GROUND
 from uav_bt.types import CameraModel, ClassMap, Frame, Pose2D
 from uav_bt.types.arrays import Flags, Floats
-from uav_bt.types.projection import project
+from uav_bt.types.projection import camera_axes, project
 
 # Points further from the camera are not placed. At 1.5 m height and this range one row of the class
 # map is 5 cm of ground.
@@ -52,6 +52,7 @@ class View:
     height_m: float  # of the camera above the ground
     scan: GroundScan  # the class map along bearings
     contacts: Bases  # the bases and edges of the scan, at any range
+    firm: Flags  # which of the placed bases are `bases_m`
     bases_m: Floats  # (N, 2) bases near enough for the map, each with another one beside it
     base_ids: NDArray[np.uint8]  # (N,) classes of the obstacles there
     base_heights_m: Floats  # (N,) heights of their upper edges; NaN where the roof is not in view
@@ -82,6 +83,7 @@ class View:
             height_m=height_m,
             scan=scan,
             contacts=contacts,
+            firm=firm,
             bases_m=contacts.placed_m[firm],
             base_ids=contacts.placed_ids[firm],
             base_heights_m=contacts.placed_heights_m[firm],
@@ -118,6 +120,7 @@ class View:
                 placed_ids=self.contacts.placed_ids[placed],
                 placed_heights_m=self.contacts.placed_heights_m[placed],
             ),
+            firm=self.firm[placed],
             bases_m=self.bases_m[bases],
             base_ids=self.base_ids[bases],
             base_heights_m=self.base_heights_m[bases],
@@ -133,12 +136,12 @@ class View:
         Ground below the board of an object on legs is not free.
         """
         height_m, roles = max(self.height_m, MIN_HEIGHT_M), self.scan.image_roles
-        columns, rows = ground_pixels(points_m, height_m, self.camera, self.pitch_rad)
-        last_row, last_column = roles.shape[0] - 1, roles.shape[1] - 1
-        inside = (columns >= 0) & (columns <= last_column) & (rows >= 0) & (rows <= last_row)
-        shows = np.zeros(inside.shape, dtype=bool)
-        pixels = np.rint(rows[inside]).astype(np.intp), np.rint(columns[inside]).astype(np.intp)
-        shows[inside] = roles[pixels] == GROUND
+        axes, pinhole_px = camera_axes(self.pitch_rad), self.camera.pinhole_px
+        flat_m = np.ascontiguousarray(points_m).reshape(-1, 2)
+        pixels = ground_pixels(flat_m, height_m, axes, pinhole_px, roles.shape, False)
+        pixels = pixels.reshape(points_m.shape[:-1])
+        inside = pixels >= 0
+        shows = inside & (roles.take(pixels) == GROUND)
         if self.scan.covered is not None:
             shows &= ~self.scan.covered.holds(points_m)
         return inside, shows
@@ -153,10 +156,7 @@ class View:
         columns = project(np.hstack([self.bases_m, down_m]), self.camera, self.pitch_rad)[:, 0]
         margin_px = _CUT_SHARE * self.camera.width_px
         ends = (columns < margin_px) | (columns > self.camera.width_px - margin_px)
-        placed, bases = self.contacts.placed_m @ (1.0, 1.0j), self.bases_m @ (1.0, 1.0j)
-        others_m = np.vstack(
-            [self.contacts.placed_m[~np.isin(placed, bases)], self.contacts.hidden_m]
-        )
+        others_m = np.vstack([self.contacts.placed_m[~self.firm], self.contacts.hidden_m])
         points_m = np.vstack([self.bases_m, others_m])
         inside = np.concatenate([arrived, np.zeros(len(others_m), dtype=bool)])
         ranges_m, bearings_rad = np.hypot(*points_m.T), np.arctan2(*points_m.T[::-1])

@@ -61,6 +61,10 @@ class MarkTracker:
                 self._up = self._up[0], self._up[1] + _HEADING_DRIFT_RADPS**2 * dt
         self._filter_time_s = pose.time_s
 
+    def pose_at(self, time_s: float) -> OdometryPose | None:
+        """Return the dead-reckoned pose at a time in the last seconds; None before telemetry."""
+        return self._odometry.at(time_s)
+
     def see(self, sighting: MarkSighting | None, captured_s: float) -> None:
         """Update the track with the newest frame; None if the frame does not show the mark."""
         self._seen, self._accepted = None, False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
@@ -61,7 +62,7 @@ def test_the_camera_file_is_wrong_by_its_factor(tmp_path: Path) -> None:
 
 
 def test_depth_is_trusted_and_wrong_or_doubted() -> None:
-    watch = Watch(None)
+    watch = Watch(math.inf)
     assert set(watch.shares().values()) == {None}
     watch.depths = [(0.9, 0.0), (0.9, -0.3), (0.4, 0.3), (0.3, 0.0)]
     watch.followed = [True, False]

@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.confidence import fitted, table
-from benchmarks.confidence_views import JudgedScale
+from benchmarks.confidence import JudgedScale, fitted, table
 from perception.depth.confidence import COEFFICIENTS
 
 

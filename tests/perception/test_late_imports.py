@@ -1,7 +1,5 @@
 """What commands that fly nothing import."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

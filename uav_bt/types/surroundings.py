@@ -57,8 +57,6 @@ class NearObstacles:
     # (M,) Bearings of obstacles whose base was never seen, nearer than the nearest visible ground:
     # from the heading, clockwise positive, one per degree.
     unplaced_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
-    # (L,) Bearings on which the ground ends below the view.
-    unplaced_edges_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     # (N,) and (E,) Time since the last sighting of points and edges; empty: unknown.
     points_age_s: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     edges_age_s: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
@@ -108,10 +106,6 @@ class NearObstacles:
     def unplaced_within(self, half_angle_rad: float) -> int:
         """Return the number of bearings within an angle that show an obstacle of unknown range."""
         return int(np.count_nonzero(np.abs(self.unplaced_rad) < half_angle_rad))
-
-    def ends_within(self, half_angle_rad: float) -> int:
-        """Return the number of bearings within an angle on which the ground ends below the view."""
-        return int(np.count_nonzero(np.abs(self.unplaced_edges_rad) < half_angle_rad))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -123,6 +123,9 @@ def gather_patches(
     """Return features and colours of the patches around all picks, in the images' order.
 
     The images come with their file names; only one of them is in memory at a time.
+
+    Raises:
+        ValueRangeError: An image with picks is not among them.
     """
     by_image: dict[str, list[Pick]] = {}
     for pick in picks:
@@ -130,17 +133,19 @@ def gather_patches(
     rows, labels = list[Floats](), list[int]()
     colour_counts = np.zeros((len(classes), features.COLOUR_COUNT), dtype=np.int64)
     for name, rgb in images:
-        if name not in by_image:
+        if not (mine := by_image.pop(name, [])):
             continue
-        points = np.array([(pick.x, pick.y) for pick in by_image[name]], dtype=np.int64)
+        points = np.array([(pick.x, pick.y) for pick in mine], dtype=np.int64)
         rows.append(features.patch_features(features.hsv_of(rgb), points, patch_px))
         height, width = rgb.shape[:2]
-        for pick in by_image[name]:
+        for pick in mine:
             labels.append(pick.class_id)
             x, y = pick.x, pick.y
             patch = features.patch_slices(x, y, patch_px=patch_px, width_px=width, height_px=height)
             codes = features.colour_codes(rgb[patch]).ravel()
             colour_counts[pick.class_id] += np.bincount(codes, minlength=features.COLOUR_COUNT)
+    if by_image:
+        raise ValueRangeError(f"picks on {', '.join(by_image)}, which is not among the images")
     return PickedPatches(np.concatenate(rows), np.array(labels), colour_counts, classes)
 
 

@@ -1,10 +1,6 @@
 """CanReturn: the charge against the need of the way home."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-
-import pytest
 
 from behaviours.fly.look import CanReturn
 from uav_bt.board import SITE_MAP
@@ -22,9 +18,8 @@ def bench_with(charge: float, per_min: float = 0.06, home_m: float = 4.0) -> Lea
     return bench
 
 
-@pytest.mark.parametrize(
-    ("charge", "per_min", "home_m", "status"),
-    [
+def test_the_way_home_must_leave_the_reserve() -> None:
+    for charge, per_min, home_m, status in (
         (0.20, 0.06, 4.0, Status.SUCCESS),  # 6 m at 0.4 m/s and 30 s: 45 s take 4.5 %
         (0.19, 0.06, 4.0, Status.FAILURE),
         (0.19, 0.04, 4.0, Status.SUCCESS),  # 3 %
@@ -32,14 +27,10 @@ def bench_with(charge: float, per_min: float = 0.06, home_m: float = 4.0) -> Lea
         (0.20, UNKNOWN, 4.0, Status.SUCCESS),  # 5 % a minute: 3.8 %
         (0.18, UNKNOWN, 4.0, Status.FAILURE),
         (UNKNOWN, 0.06, 4.0, Status.FAILURE),
-    ],
-)
-def test_the_way_home_must_leave_the_reserve(
-    charge: float, per_min: float, home_m: float, status: Status
-) -> None:
-    bench = bench_with(charge, per_min, home_m)
-    assert bench.tick() is status
-    assert (bench.feedback == "the battery is unknown") == (charge == UNKNOWN)
+    ):
+        bench = bench_with(charge, per_min, home_m)
+        assert bench.tick() is status
+        assert (bench.feedback == "the battery is unknown") == (charge == UNKNOWN)
 
 
 def test_in_a_gap_of_the_odometry_the_last_distance_counts() -> None:

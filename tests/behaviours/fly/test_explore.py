@@ -1,7 +1,5 @@
 """Explore: look, step, look again. Avoid: one steady turn. CoverageGrows: new ground."""
 
-from __future__ import annotations
-
 import math
 import sys
 from dataclasses import replace
@@ -131,22 +129,17 @@ def test_a_step_corrects_the_height(flight_m: float | None, height_m: float, dow
     assert step(bench).down_m == pytest.approx(down_m)
 
 
-@pytest.mark.parametrize(
-    ("leaf", "answer", "status"),
-    [
+def test_an_answer_ends_the_leaf_which_proposes_nothing_then() -> None:
+    for leaf, answer, status in (
         (Explore, TURN_RIGHT, Status.FAILURE),
         (Explore, Done(), Status.SUCCESS),
         (Avoid, ADVANCE, Status.SUCCESS),
         (Avoid, Done(), Status.SUCCESS),
-    ],
-)
-def test_an_answer_ends_the_leaf_which_proposes_nothing_then(
-    leaf: type[Leaf], answer: Answer, status: Status
-) -> None:
-    bench = steering_bench(leaf, Says(answer))
-    live(bench)
-    assert live(bench, seconds=0.3) is status
-    assert (bench.proposed, bench.pointed) == (None, None)
+    ):
+        bench = steering_bench(leaf, Says(answer))
+        live(bench)
+        assert live(bench, seconds=0.3) is status
+        assert (bench.proposed, bench.pointed) == (None, None)
 
 
 def test_the_policy_sees_the_frames_telemetry() -> None:
@@ -194,20 +187,18 @@ def test_a_flowing_step_is_broken_off_when_the_way_is_blocked(*, flowing: bool) 
     assert live(bench, seconds=0.3) is (Status.FAILURE if flowing else Status.RUNNING)
 
 
-@pytest.mark.parametrize(
-    ("answer", "forward_mps", "side"),
-    [(FollowLeg(yaw_rad=0.3, speed_mps=0.5), 0.5, 1), (Rotate(yaw_rad=-1.0), 0.0, -1)],
-)
-def test_an_answer_with_a_heading_is_flown_without_a_stop(
-    answer: Answer, forward_mps: float, side: int
-) -> None:
-    bench = begun(Says(answer))
-    bench.board[FLIGHT_HEIGHT] = 1.5
-    for _ in range(3):
-        assert live(bench, height_m=1.2) is Status.RUNNING
-        assert velocity(bench).forward_mps == forward_mps
-        assert side * velocity(bench).yaw_rate_radps > 0.0
-        assert velocity(bench).down_mps == pytest.approx(-0.24)
+def test_an_answer_with_a_heading_is_flown_without_a_stop() -> None:
+    for answer, forward_mps, side in (
+        (FollowLeg(yaw_rad=0.3, speed_mps=0.5), 0.5, 1),
+        (Rotate(yaw_rad=-1.0), 0.0, -1),
+    ):
+        bench = begun(Says(answer))
+        bench.board[FLIGHT_HEIGHT] = 1.5
+        for _ in range(3):
+            assert live(bench, height_m=1.2) is Status.RUNNING
+            assert velocity(bench).forward_mps == forward_mps
+            assert side * velocity(bench).yaw_rate_radps > 0.0
+            assert velocity(bench).down_mps == pytest.approx(-0.24)
 
 
 @pytest.mark.parametrize(("beside_m", "goes"), [(-0.35, 1.0), (0.35, -1.0), (0.6, 0.0)])
@@ -400,9 +391,8 @@ def test_a_pause_and_a_new_map_restart_the_window(pause_s: float, restarts: int)
     assert answers(bench, [40] * 6, restarts=restarts) == [*[YES] * 5, NO]
 
 
-@pytest.mark.parametrize(
-    ("ahead_m", "impact_s", "obstacle", "clear"),
-    [
+def test_the_corridor_is_clear_with_enough_room() -> None:
+    for ahead_m, impact_s, obstacle, clear in (
         (3.0, math.inf, None, True),
         (0.61, math.inf, None, True),
         (0.59, math.inf, None, False),
@@ -411,33 +401,25 @@ def test_a_pause_and_a_new_map_restart_the_window(pause_s: float, restarts: int)
         (3.0, math.inf, (1.5, 0.0), True),
         (3.0, math.inf, (0.5, 0.0), False),  # it has left the view
         (3.0, math.inf, (0.2, 0.45), True),
-        (3.0, math.inf, (-0.3, 0.0), True),  # what lies behind may be left
-    ],
-)
-def test_the_corridor_is_clear_with_enough_room(
-    ahead_m: float, impact_s: float, obstacle: tuple[float, float] | None, *, clear: bool
-) -> None:
-    bench = LeafBench(CorridorClear, ahead_m=0.6, impact_s=0.8, beside_m=0.4)
-    show(bench)
-    now_s = bench.clock.now()
-    room = values.corridor(ahead_m, "front", captured_s=now_s, impact_s=impact_s)
-    bench.board[CORRIDOR] = room
-    if obstacle is not None:
-        points_m = np.array([obstacle])
-        bench.board[SITE_MAP] = map_with(NearObstacles(points_m=points_m, captured_s=now_s))
-    assert bench.tick() is (YES if clear else NO)
+        (3.0, math.inf, (-0.3, 0.0), True),  # what lies behind may be left,
+    ):
+        bench = LeafBench(CorridorClear, ahead_m=0.6, impact_s=0.8, beside_m=0.4)
+        show(bench)
+        now_s = bench.clock.now()
+        room = values.corridor(ahead_m, "front", captured_s=now_s, impact_s=impact_s)
+        bench.board[CORRIDOR] = room
+        if obstacle is not None:
+            points_m = np.array([obstacle])
+            bench.board[SITE_MAP] = map_with(NearObstacles(points_m=points_m, captured_s=now_s))
+        assert bench.tick() is (YES if clear else NO)
 
 
-@pytest.mark.parametrize(
-    ("pad", "status"), [(None, NO), ((1.5, 0.1), YES), ((-0.1, 0.3), YES), ((1.0, 1.0), NO)]
-)
-def test_only_on_the_way_to_the_pad_the_ground_may_end(
-    pad: tuple[float, float] | None, status: Status
-) -> None:
-    bench = LeafBench(CorridorClear)
-    show(bench, ids=np.zeros((18, 32), dtype=np.uint8))
-    now_s = bench.clock.now()
-    if pad is not None:
-        bench.board[MARK] = values.fix(now_s, *pad)
-    bench.board[CORRIDOR] = values.corridor(3.0, nearest_m=math.inf, captured_s=now_s)
-    assert bench.tick() is status
+def test_only_on_the_way_to_the_pad_the_ground_may_end() -> None:
+    for pad, status in ((None, NO), ((1.5, 0.1), YES), ((-0.1, 0.3), YES), ((1.0, 1.0), NO)):
+        bench = LeafBench(CorridorClear)
+        show(bench, ids=np.zeros((18, 32), dtype=np.uint8))
+        now_s = bench.clock.now()
+        if pad is not None:
+            bench.board[MARK] = values.fix(now_s, *pad)
+        bench.board[CORRIDOR] = values.corridor(3.0, nearest_m=math.inf, captured_s=now_s)
+        assert bench.tick() is status

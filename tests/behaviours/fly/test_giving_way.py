@@ -1,7 +1,5 @@
 """Leaves give way: what moves at the drone comes before the mission, where the tree says so."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

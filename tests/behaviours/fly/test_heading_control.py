@@ -1,7 +1,5 @@
 """The heading controller: sign, limits, integral, reset."""
 
-from __future__ import annotations
-
 import math
 
 import pytest
@@ -9,23 +7,6 @@ import pytest
 from behaviours.fly.heading_control import HeadingController, HeadingGains
 
 TICK_S = 0.1
-# Slower than any profile of the twin: windup shows best on a sluggish drone.
-DELAY_TICKS, LAG_S = 3, 0.15
-
-
-def sluggish_turn(gains: HeadingGains, turn_rad: float) -> list[float]:
-    """Return the headings of a sluggish drone, rad, at the ticks of 6 s after a wanted turn."""
-    controller, keep = HeadingController(gains), math.exp(-TICK_S / LAG_S)
-    yaw_rad, rate_radps, sent = 0.0, 0.0, [0.0] * DELAY_TICKS
-    yaws = [yaw_rad]
-    for tick in range(60):
-        sent.append(controller.update(turn_rad - yaw_rad, TICK_S * tick))
-        command = sent[-1 - DELAY_TICKS]
-        # Exact for a first-order lag whose command is held for the tick.
-        yaw_rad += TICK_S * command + LAG_S * (1.0 - keep) * (rate_radps - command)
-        rate_radps = command + keep * (rate_radps - command)
-        yaws.append(yaw_rad)
-    return yaws
 
 
 def test_the_first_answer_is_proportional_and_the_rate_is_limited() -> None:
@@ -60,18 +41,6 @@ def test_long_saturation_leaves_no_windup() -> None:
         overshoot = max(overshoot, -bearing)
     assert abs(bearing) < math.radians(1)
     assert overshoot < math.radians(1)
-
-
-def test_the_integrals_zone_keeps_a_long_turn_from_overshooting() -> None:
-    """170 degrees on a sluggish drone end less than 8 degrees past the target."""
-    everywhere = HeadingGains(integral_zone_rad=math.pi)
-    zoned, unzoned = (
-        [math.degrees(yaw_rad) for yaw_rad in sluggish_turn(gains, math.radians(170))]
-        for gains in (HeadingGains(), everywhere)
-    )
-    assert max(zoned) < 178
-    assert zoned[-1] == pytest.approx(170, abs=2)
-    assert max(unzoned) > max(zoned) + 4
 
 
 def test_after_a_reset_it_answers_as_a_new_one_and_to_a_second_call_at_one_time_the_same() -> None:

@@ -1,7 +1,5 @@
 """Steps and pushes away from near obstacles, and never over the edge."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

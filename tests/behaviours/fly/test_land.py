@@ -1,7 +1,5 @@
 """Land, LandHere and EmergencyLand: where to, how, until the motors are off."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any
@@ -99,22 +97,17 @@ def test_an_emergency_landing_does_not_wait_for_telemetry_and_is_not_taken_back(
     assert bench.proposed == LandCommand()
 
 
-@pytest.mark.parametrize(
-    ("lens_m", "mark_m", "step_m"),
-    [
+def test_the_step_is_as_long_as_the_camera_is_ahead_or_leads_to_the_mark() -> None:
+    for lens_m, mark_m, step_m in (
         (0.07, None, (0.07, 0.0)),  # a calibrated camera says where its lens sits
         (0.15, (0.12, -0.04), (0.12, -0.04)),  # the fix corrects the step
-        (0.15, (0.9, 0.5), (0.15, 0.0)),  # the mission lands elsewhere on purpose
-    ],
-)
-def test_the_step_is_as_long_as_the_camera_is_ahead_or_leads_to_the_mark(
-    lens_m: float, mark_m: tuple[float, float] | None, step_m: tuple[float, float]
-) -> None:
-    bench = landing(lens_m)
-    if mark_m is not None:
-        bench.board[MARK] = values.fix(bench.clock.now(), *mark_m, height_m=0.0)
-    live(bench)
-    assert bench.proposed == MoveBy(id=1, forward_m=step_m[0], right_m=step_m[1])
+        (0.15, (0.9, 0.5), (0.15, 0.0)),  # the mission lands elsewhere on purpose,
+    ):
+        bench = landing(lens_m)
+        if mark_m is not None:
+            bench.board[MARK] = values.fix(bench.clock.now(), *mark_m, height_m=0.0)
+        live(bench)
+        assert bench.proposed == MoveBy(id=1, forward_m=step_m[0], right_m=step_m[1])
 
 
 def test_an_interrupted_step_goes_on_with_the_rest() -> None:
@@ -150,16 +143,12 @@ def test_kept_from_the_step_it_lands_all_the_same(word: MovementState) -> None:
     assert bench.proposed == LandCommand()
 
 
-@pytest.mark.parametrize(
-    ("leaf", "status"), [(Land, Status.SUCCESS), (EmergencyLand, Status.FAILURE)]
-)
-def test_on_the_ground_there_is_nothing_to_do(
-    leaf: type[Land | EmergencyLand], status: Status
-) -> None:
+def test_on_the_ground_there_is_nothing_to_do() -> None:
     """A mission that needed an emergency landing has failed."""
-    bench = LeafBench(leaf)
-    assert live(bench, flying=FlyingState.LANDED) is status
-    assert (bench.proposed, bench.pointed) == (None, None)
+    for leaf, status in ((Land, Status.SUCCESS), (EmergencyLand, Status.FAILURE)):
+        bench = LeafBench(leaf)
+        assert live(bench, flying=FlyingState.LANDED) is status
+        assert (bench.proposed, bench.pointed) == (None, None)
 
 
 # EmergencyLand and LandHere.
@@ -349,12 +338,6 @@ def rim_m(found: tuple[float, float], centre: tuple[float, float]) -> float:
     beyond = [abs(at - middle) - HALF_M for at, middle in zip(found, centre, strict=True)]
     outside = math.hypot(*(max(0.0, each) for each in beyond))
     return outside if outside > 0.0 else max(beyond)
-
-
-def test_over_the_rim_of_the_box_it_lands_beside_it() -> None:
-    found = spot(view_of_box((-3.0, 3.0), (0.05, 3.0)))
-    assert found is not None
-    assert found[1] == pytest.approx(0.05 - 0.25, abs=1.5 * PIXEL_M)
 
 
 @pytest.mark.parametrize("ahead_m", [-0.5, -0.25, 0.0, 0.2, 0.4, 0.7])

@@ -1,7 +1,5 @@
 """The small leaves: hover for a while, point the camera, turn, messages, conditions."""
 
-from __future__ import annotations
-
 import math
 
 import pytest
@@ -49,17 +47,14 @@ def test_turn_turns_until_the_drone_reports_the_end() -> None:
     assert bench.proposed is None
 
 
-@pytest.mark.parametrize(
-    ("velocity", "expected"),
-    [
+def test_hovering_asks_for_the_horizontal_speed() -> None:
+    for velocity, expected in (
         (BodyVelocity(forward_mps=0.1, right_mps=-0.1), Status.SUCCESS),
         (BodyVelocity(forward_mps=0.12, right_mps=-0.12), Status.FAILURE),
         (BodyVelocity(forward_mps=-0.3), Status.FAILURE),
         (BodyVelocity(down_mps=0.5), Status.SUCCESS),
-    ],
-)
-def test_hovering_asks_for_the_horizontal_speed(velocity: BodyVelocity, expected: Status) -> None:
-    assert live(LeafBench(Hovering, below_mps=0.15), velocity=velocity) is expected
+    ):
+        assert live(LeafBench(Hovering, below_mps=0.15), velocity=velocity) is expected
 
 
 def stay(bench: LeafBench, x_m: float, seconds: float) -> Status:

@@ -1,7 +1,5 @@
 """NextObject, ViewPoints and ObjectSeen on drawn maps."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -59,16 +57,11 @@ def handed_out(
     return found
 
 
-@pytest.mark.parametrize(
-    ("leaf", "ports"),
-    [(NextObject, {}), (ViewPoints, {"of": "object:1"}), (ObjectSeen, {})],
-)
-def test_without_a_map_they_fail_and_say_so(
-    leaf: type[NextObject | ViewPoints | ObjectSeen], ports: dict[str, str]
-) -> None:
-    bench = LeafBench(leaf, **ports)
-    assert bench.tick() is Status.FAILURE
-    assert "MapSite" in bench.feedback
+def test_without_a_map_they_fail_and_say_so() -> None:
+    for leaf, ports in ((NextObject, {}), (ViewPoints, {"of": "object:1"}), (ObjectSeen, {})):
+        bench = LeafBench(leaf, **ports)
+        assert bench.tick() is Status.FAILURE
+        assert "MapSite" in bench.feedback
 
 
 def test_objects_are_handed_out_once_the_nearest_first() -> None:
@@ -108,12 +101,10 @@ def test_only_the_classes_of_the_port_and_objects_with_enough_points_count() -> 
     assert sorted(found) == [("object:1", NAMES[0]), ("object:3", NAMES[2])]
 
 
-@pytest.mark.parametrize(
-    "name", ["box_9", CLASSES.names[CARPET], CLASSES.names[ROOFS[0]], f"{NAMES[0]};box_9"]
-)
-def test_a_class_that_no_object_has_is_refused(name: str) -> None:
-    with pytest.raises(InputError, match="unknown class of an object"):
-        LeafBench(ObjectSeen, **{"class": name}).setup()
+def test_a_class_that_no_object_has_is_refused() -> None:
+    for name in ("box_9", CLASSES.names[CARPET], CLASSES.names[ROOFS[0]], f"{NAMES[0]};box_9"):
+        with pytest.raises(InputError, match="unknown class of an object"):
+            LeafBench(ObjectSeen, **{"class": name}).setup()
 
 
 def test_two_nodes_share_what_was_handed_out() -> None:
@@ -152,19 +143,16 @@ def test_other_places_have_view_points_too() -> None:
             assert math.dist((goal.x_m, goal.y_m), (0.3, 0.0)) == pytest.approx(0.7, abs=0.02)
 
 
-@pytest.mark.parametrize(
-    ("of", "reason"),
-    [
+def test_without_a_place_there_are_no_view_points() -> None:
+    for of, reason in (
         ("object:3", "no object 3"),
         ("mark", "not seen"),
         ("lab:0,0", "unknown"),
-        ("object:1", "room"),  # in a corner
-    ],
-)
-def test_without_a_place_there_are_no_view_points(of: str, reason: str) -> None:
-    bench = LeafBench(ViewPoints, of=of, distance_m=0.3, count=2)
-    assert show(bench, map_of(box(1, 1.9, 1.9))) is Status.FAILURE
-    assert reason in bench.feedback
+        ("object:1", "room"),  # in a corner,
+    ):
+        bench = LeafBench(ViewPoints, of=of, distance_m=0.3, count=2)
+        assert show(bench, map_of(box(1, 1.9, 1.9))) is Status.FAILURE
+        assert reason in bench.feedback
 
 
 def test_an_object_counts_as_seen_when_it_is_placed_precisely() -> None:

@@ -1,10 +1,7 @@
 """GoTo, Face, MoveBy and ClimbTo on drawn maps."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,12 +13,13 @@ from behaviours.fly.take_off import ClimbTo
 from tests.behaviours.path.test_movers import mover
 from tests.perception.marks.tag_views import tag_mark
 from tests.worlds.leaves import ended, step, velocity
-from uav_bt.board import FLIGHT_HEIGHT, PHASE
+from tests.worlds.values import corridor, fix
+from uav_bt.board import CORRIDOR, FLIGHT_HEIGHT, MARK, PHASE
 from uav_bt.errors import InputError
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import drawn_map, live
 from uav_bt.tree import Status
-from uav_bt.types import GimbalTo, Pose2D, Velocity
+from uav_bt.types import GimbalTo, NearObstacles, Pose2D, Velocity
 from uav_bt.types.area import Area
 from uav_bt.types.site_map import MapMark, MapObject, SiteMap
 
@@ -37,9 +35,8 @@ def on(
 X_M, Y_M = np.indices((61, 61)) * 0.1 - 3.0
 
 
-@pytest.mark.parametrize(
-    ("to", "site_map"),
-    [
+def test_it_flies_ahead_to_a_place_ahead() -> None:
+    for to, site_map in (
         ("start:1.5,0", on()),
         # The drone took off at (1, 0) of the map, facing its y: the place is at (1, 1.5).
         (
@@ -48,13 +45,11 @@ X_M, Y_M = np.indices((61, 61)) * 0.1 - 3.0
         ),
         # As near as the ground is known: what lies further on was not seen yet.
         ("start:1.9,0", drawn_map(known=X_M < 1.0)),
-    ],
-)
-def test_it_flies_ahead_to_a_place_ahead(to: str, site_map: SiteMap) -> None:
-    bench = LeafBench(GoTo, to=to)
-    assert live(bench, site_map=site_map) is Status.RUNNING
-    assert velocity(bench).forward_mps > 0.2
-    assert bench.board[PHASE] == "go to"
+    ):
+        bench = LeafBench(GoTo, to=to)
+        assert live(bench, site_map=site_map) is Status.RUNNING
+        assert velocity(bench).forward_mps > 0.2
+        assert bench.board[PHASE] == "go to"
 
 
 def test_the_last_step_ends_at_the_place_and_then_it_is_there() -> None:
@@ -92,20 +87,17 @@ def test_it_looks_down_at_unseen_ground_nearby() -> None:
     assert bench.pointed == GimbalTo(pitch_rad=math.radians(-55))
 
 
-@pytest.mark.parametrize(
-    ("place", "reason"),
-    [
+def test_a_place_that_cannot_be_reached_fails_with_its_reason() -> None:
+    for place, reason in (
         ("start:2.7,0", "beyond the edge"),
         ("start:1.55,0", "no room"),
         ("object:3", "no object 3"),
         ("mark", "not seen"),
-    ],
-)
-def test_a_place_that_cannot_be_reached_fails_with_its_reason(place: str, reason: str) -> None:
-    bench = LeafBench(GoTo, to=place, blocked_s=1.0)
-    ticks = (live(bench, site_map=on(wall_m=1.6), seconds=0.3) for _ in range(8))
-    assert next(each for each in ticks if each is not Status.RUNNING) is Status.FAILURE
-    assert reason in bench.leaf.feedback_message
+    ):
+        bench = LeafBench(GoTo, to=place, blocked_s=1.0)
+        ticks = (live(bench, site_map=on(wall_m=1.6), seconds=0.3) for _ in range(8))
+        assert next(each for each in ticks if each is not Status.RUNNING) is Status.FAILURE
+        assert reason in bench.leaf.feedback_message
 
 
 def test_it_waits_for_a_map() -> None:
@@ -122,23 +114,21 @@ def test_progress_counts_not_time() -> None:
         assert live(bench, site_map=on(-1.5 + 0.2 * tick), seconds=0.6) is Status.RUNNING
 
 
-@pytest.mark.parametrize(
-    ("leaf", "ports"),
-    [(GoTo, {"to": "start:1.9,0", "blocked_s": 2.0}), (Face, {"at": "180", "give_up_s": 2.0})],
-)
-def test_the_time_of_giving_way_does_not_count(
-    leaf: type[GoTo | Face], ports: dict[str, str | float]
-) -> None:
-    bench = LeafBench(leaf, **ports)
-    for tick in range(40):
-        near = replace(on(), movers=(mover(0.8, 0.0),) if tick > 2 else ())
-        assert live(bench, site_map=near, seconds=0.2) is Status.RUNNING
-    assert bench.leaf.feedback_message == "gives way"
-    walled = on(wall_m=0.5)
-    ticks = 0
-    while live(bench, site_map=walled, seconds=0.2) is Status.RUNNING:
-        ticks += 1
-    assert 4 <= ticks <= 12
+def test_the_time_of_giving_way_does_not_count() -> None:
+    for leaf, ports in (
+        (GoTo, {"to": "start:1.9,0", "blocked_s": 2.0}),
+        (Face, {"at": "180", "give_up_s": 2.0}),
+    ):
+        bench = LeafBench(leaf, **ports)
+        for tick in range(40):
+            near = replace(on(), movers=(mover(0.8, 0.0),) if tick > 2 else ())
+            assert live(bench, site_map=near, seconds=0.2) is Status.RUNNING
+        assert bench.leaf.feedback_message == "gives way"
+        walled = on(wall_m=0.5)
+        ticks = 0
+        while live(bench, site_map=walled, seconds=0.2) is Status.RUNNING:
+            ticks += 1
+        assert 4 <= ticks <= 12
 
 
 def test_a_heading_is_turned_to_at_the_place() -> None:
@@ -171,21 +161,16 @@ ORIGIN = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 YARD = Area((((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)),))
 
 
-@pytest.mark.parametrize(
-    ("to", "place", "message"),
-    [
+def test_a_place_that_is_nowhere_is_refused_before_the_take_off() -> None:
+    for to, place, message in (
         ("lab:1,0", {}, "take-off pose"),
         ("lab:1,0", {"mark_pose": ORIGIN}, "a helipad shows no heading"),
         ("start:1.5,0", {"area": YARD}, r"lies 0\.5 m outside"),
-    ],
-)
-def test_a_place_that_is_nowhere_is_refused_before_the_take_off(
-    to: str, place: dict[str, Any], message: str
-) -> None:
-    bench = LeafBench(GoTo, to=to)
-    bench.provide(**place)
-    with pytest.raises(InputError, match=message):
-        live(bench, site_map=on())
+    ):
+        bench = LeafBench(GoTo, to=to)
+        bench.provide(**place)
+        with pytest.raises(InputError, match=message):
+            live(bench, site_map=on())
 
 
 def test_a_place_that_turns_out_to_lie_outside_fails() -> None:
@@ -196,22 +181,60 @@ def test_a_place_that_turns_out_to_lie_outside_fails() -> None:
     assert "outside the mission's area" in bench.leaf.feedback_message
 
 
+@pytest.mark.parametrize(
+    ("to", "site_map", "reason"),
+    [("mark@90", None, "heading"), ("mark", replace(on(0.9), contradicted_s=2.0), "outside")],
+)
+def test_beside_a_mark_without_a_map_heading_and_area_still_count(
+    to: str, site_map: SiteMap | None, reason: str
+) -> None:
+    bench = LeafBench(GoTo, to=to, arrive_m=0.5, blocked_s=1.0)
+    bench.provide(area=YARD)
+    statuses = set()
+    for _ in range(6):
+        bench.board[MARK] = fix(bench.clock.now() + 0.3, 0.3, 0.0)
+        statuses.add(live(bench, site_map=site_map, seconds=0.3))
+    assert statuses - {Status.RUNNING} == {Status.FAILURE}
+    assert reason in bench.leaf.feedback_message
+
+
+def test_before_an_obstacle_of_unknown_range_depth_stops_the_flight_to_the_mark() -> None:
+    """The narrow way to the mark crosses assumed obstacles, until depth shows one there."""
+    ahead = NearObstacles(
+        unplaced_rad=np.radians(range(-25, 26)),
+        assumed_m=np.stack(np.meshgrid([0.5, 0.6], np.linspace(-2.0, 2.0, 41)), -1).reshape(-1, 2),
+    )
+    mark = MapMark(x_m=1.1, y_m=0.0, std_m=0.1, seen_s=1.0)
+    bench = LeafBench(GoTo, to="mark", arrive_m=0.5)
+    speeds_mps = []
+    for free_m in (2.0, 0.3):
+        bench.board[CORRIDOR] = corridor(free_m, captured_s=bench.clock.now() + 0.3)
+        live(bench, site_map=replace(on(), mark=mark, near=ahead), seconds=0.3)
+        speeds_mps.append(velocity(bench).forward_mps)
+    assert speeds_mps[0] > 0.2
+    assert speeds_mps[1] == 0.0
+
+
+def test_a_port_states_the_pitch_of_the_camera() -> None:
+    bench = LeafBench(GoTo, to="start:1.5,0", gimbal_deg=-50.0)
+    live(bench, site_map=on())
+    assert bench.pointed == GimbalTo(pitch_rad=math.radians(-50))
+
+
 @pytest.mark.parametrize("place", ["2,0", "start:a,0", ""])
 def test_other_texts_are_refused_where_the_tree_is_made(place: str) -> None:
     with pytest.raises(InputError, match="expected a place"):
         LeafBench(GoTo, to=place)
 
 
-@pytest.mark.parametrize(
-    ("at", "right"), [("90", True), ("-90", False), ("mark", True), ("object:2", False)]
-)
-def test_it_turns_to_the_place(at: str, *, right: bool) -> None:
-    box = MapObject(class_id=4, x_m=0.0, y_m=-1.0, size_m=0.4, std_m=0.1, seen_s=1.0, id=2)
-    mark = MapMark(x_m=0.0, y_m=1.0, std_m=0.1, seen_s=1.0)
-    bench = LeafBench(Face, at=at)
-    live(bench, site_map=replace(on(), objects=(box,), mark=mark))
-    assert (velocity(bench).yaw_rate_radps > 0.3) == right
-    assert abs(velocity(bench).yaw_rate_radps) > 0.3
+def test_it_turns_to_the_place() -> None:
+    for at, right in (("90", True), ("-90", False), ("mark", True), ("object:2", False)):
+        box = MapObject(class_id=4, x_m=0.0, y_m=-1.0, size_m=0.4, std_m=0.1, seen_s=1.0, id=2)
+        mark = MapMark(x_m=0.0, y_m=1.0, std_m=0.1, seen_s=1.0)
+        bench = LeafBench(Face, at=at)
+        live(bench, site_map=replace(on(), objects=(box,), mark=mark))
+        assert (velocity(bench).yaw_rate_radps > 0.3) == right
+        assert abs(velocity(bench).yaw_rate_radps) > 0.3
 
 
 @pytest.mark.parametrize("at", ["nan", "inf", "-Infinity"])
@@ -239,6 +262,9 @@ def test_it_does_not_move_towards_a_wall_and_stops_for_one_that_appears() -> Non
     bench = LeafBench(MoveBy, forward_m=0.7)
     assert live(bench, site_map=on(wall_m=0.9)) is Status.FAILURE
     assert bench.proposed is None
+    for residual_m, status in ((0.0, Status.RUNNING), (0.03, Status.FAILURE)):
+        unsure = replace(on(wall_m=1.1), residual_m=residual_m)
+        assert live(LeafBench(MoveBy, forward_m=0.7), site_map=unsure) is status
     bench = LeafBench(MoveBy, forward_m=1.0)
     assert live(bench, site_map=on()) is Status.RUNNING
     assert live(bench, site_map=on(0.2, wall_m=1.2), seconds=0.3) is Status.FAILURE

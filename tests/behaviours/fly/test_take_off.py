@@ -1,7 +1,5 @@
 """TakeOff: motors, height, camera, in that order; a failure when it takes too long."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Photographs: stored frames and the files beside them, the drone's own, and reasons for none."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Distances, clearance and flyable cells of drawn maps, computed by hand."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

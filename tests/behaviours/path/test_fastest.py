@@ -1,7 +1,5 @@
 """Fastest paths against SciPy's search, and the ground along them against the union of discs."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

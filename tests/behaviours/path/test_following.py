@@ -1,7 +1,5 @@
 """Following legs of the map: what counts as seen lately, and where the drone steers to."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Where the camera looks: at the ground, the mark and movers."""
 
-from __future__ import annotations
-
 import math
 
 import pytest
@@ -36,26 +34,23 @@ def test_the_base_of_the_nearest_mover_stays_in_view(range_m: float, base_deg: f
     assert -base_deg > pitch_deg - 21.0  # half of the view is 20 degrees high
 
 
-@pytest.mark.parametrize(
-    ("x_m", "y_m", "yaw_deg", "flight_deg", "pitch_deg"),
-    [
+def test_at_the_edge_the_camera_looks_down_to_the_ground_before_it() -> None:
+    for x_m, y_m, yaw_deg, flight_deg, pitch_deg in (
         (-1.5, 0.0, 0, -30, -30),
         (0.0, 1.4, 60, -30, -56),  # 0.6 m from the edge the view in flight begins beyond it
         (0.0, 1.4, 90, -30, -56),
         (0.0, 1.4, 120, -30, -56),
         (0.0, 1.8, 90, -70, -70),  # it looks down further in flight
-        (0.0, 4.0, -90, -30, -30),  # the ground lies further away than a lowered camera shows
-    ],
-)
-def test_at_the_edge_the_camera_looks_down_to_the_ground_before_it(
-    x_m: float, y_m: float, yaw_deg: float, flight_deg: float, pitch_deg: float
-) -> None:
-    site_map = drawn_map(pose=(x_m, y_m, math.radians(yaw_deg)))
-    flight_rad, expected_rad = math.radians(flight_deg), math.radians(pitch_deg)
-    pitch_rad = ground_pitch_rad(site_map, CAMERA, flight_rad, 1.5)
-    assert pitch_rad == pytest.approx(expected_rad)
-    before, after = (ground_share(site_map, CAMERA, rad, 1.5) for rad in (flight_rad, pitch_rad))
-    assert after > before or pitch_rad == flight_rad
+        (0.0, 4.0, -90, -30, -30),  # the ground lies further away than a lowered camera shows,
+    ):
+        site_map = drawn_map(pose=(x_m, y_m, math.radians(yaw_deg)))
+        flight_rad, expected_rad = math.radians(flight_deg), math.radians(pitch_deg)
+        pitch_rad = ground_pitch_rad(site_map, CAMERA, flight_rad, 1.5)
+        assert pitch_rad == pytest.approx(expected_rad)
+        before, after = (
+            ground_share(site_map, CAMERA, rad, 1.5) for rad in (flight_rad, pitch_rad)
+        )
+        assert after > before or pitch_rad == flight_rad
 
 
 @pytest.mark.parametrize("height_m", [0.8, 1.5])

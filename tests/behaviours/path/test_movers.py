@@ -1,7 +1,5 @@
 """What moves, for the planner: slower, waiting, round it, and out of its way."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

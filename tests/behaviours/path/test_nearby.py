@@ -1,7 +1,5 @@
 """Recent obstacles that the map lacks, against distances by NumPy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Margins of a place and of its passages, and the way out of a corner by a narrow gap."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The survey planner on drawn maps: its choice of routes, and their clearance."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """View points around an object on drawn maps: spread, order, room and line of sight."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The perception leaves: once per frame, with the frame's own telemetry, SUCCESS always."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any
@@ -11,6 +9,9 @@ import pytest
 
 from behaviours.perceive.class_map import FindMark, Segment
 from tests.paper_lab import HELIPAD_BOX, HELIPAD_H, paper_map
+from tests.perception.marks.ground_views import CAMERA as GROUND_CAMERA
+from tests.perception.marks.ground_views import texture
+from tests.perception.marks.ground_views import view as view_of_ground
 from tests.perception.marks.tag_views import CAMERA as TAG_CAMERA
 from tests.perception.marks.tag_views import tag_mark, view_of
 from tests.worlds.leaves import replace_tree
@@ -24,7 +25,7 @@ from uav_bt.plugins import make_mark_finder
 from uav_bt.testing import LeafBench, pinhole
 from uav_bt.testing.world import drawn_map, ground, live, show
 from uav_bt.tree import Status
-from uav_bt.types import BodyVelocity, ClassMap, Frame
+from uav_bt.types import BodyVelocity, ClassMap, Frame, Pose2D
 from uav_bt.types.dead_reckoning import OdometryPose
 
 
@@ -108,6 +109,31 @@ def test_a_tag_is_found_in_the_image_without_a_class_map() -> None:
     assert fix.heading_deg == pytest.approx(30.0, abs=1.0)
 
 
+@pytest.mark.parametrize("mark", ["spot", "place"])
+def test_the_take_off_spot_is_found_by_its_ground_where_the_map_is_wrong(mark: str) -> None:
+    """After a flight of 2 m the map's take-off pose is 0.3 m wrong; the texture is right."""
+    bench, floor = LeafBench(FindMark, mark=mark), texture()
+    bench.camera = GROUND_CAMERA
+    live(bench, gimbal_deg=-90.0)
+    for x_m in (0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0):
+        pose = Pose2D(x_m=x_m, y_m=0.0, yaw_rad=0.0)
+        bench.clock.advance(0.1)
+        now_s = bench.clock.now()
+        if x_m == 2.0 or SITE_MAP in bench.board:
+            start = Pose2D(x_m=0.3, y_m=0.0, yaw_rad=0.0)
+            bench.board[SITE_MAP] = replace(drawn_map(), pose=pose, start=start, captured_s=now_s)
+        bench.board[FRAME] = view_of_ground(floor, pose, at_s=now_s).frame
+        bench.tick()
+
+    if mark == "place":
+        assert MARK not in bench.board  # another mark is not replaced by the spot
+    else:
+        fix = bench.board[MARK]
+        assert fix.detected
+        assert fix.height_m == 0.0
+        assert math.hypot(fix.forward_m, fix.right_m) < 0.03
+
+
 def test_without_images_a_tag_is_seen_by_the_drones_sight() -> None:
     class TagSight:  # only `mark` is asked
         def mark(self, frame: Frame) -> MarkSighting:
@@ -144,21 +170,16 @@ def test_a_pad_that_leaves_the_view_is_carried(error_mps: float | None, moved_m:
     assert fix.std_m > seen.std_m
 
 
-@pytest.mark.parametrize(
-    ("kind", "options", "message"),
-    [
+def test_an_unknown_mark_is_refused_before_the_first_view() -> None:
+    for kind, options, message in (
         ("region", {"class": "nope"}, "unknown class with the role mark 'nope'.*helipad_h"),
         ("region", {"klass": "nope"}, "landing mark 'region' has no option 'klass'"),
         ("nope", {}, "unknown landing mark 'nope'"),
-    ],
-)
-def test_an_unknown_mark_is_refused_before_the_first_view(
-    kind: str, options: dict[str, str], message: str
-) -> None:
-    bench = finding()
-    bench.provide(mark=replace(default_mark(), kind=kind, options=options))
-    with pytest.raises(InputError, match=message):
-        bench.tick()
+    ):
+        bench = finding()
+        bench.provide(mark=replace(default_mark(), kind=kind, options=options))
+        with pytest.raises(InputError, match=message):
+            bench.tick()
 
 
 @pytest.mark.parametrize("view", [{}, {"ids": pad_map(), "height_m": 0.3}])

@@ -1,7 +1,5 @@
 """The depth leaves: once per frame, with the frame's own telemetry, SUCCESS always."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -274,21 +272,16 @@ OTHER = LabClasses(
 )
 
 
-@pytest.mark.parametrize(
-    ("class_id", "classes", "background", "counts"),
-    [
+def test_the_ground_is_no_obstacle_and_background_only_where_asked() -> None:
+    for class_id, classes, background, counts in (
         (CARPET, CLASSES, True, False),
         (BACKGROUND, CLASSES, False, False),
         (BACKGROUND, CLASSES, True, True),
         (1, OTHER, False, True),  # the role counts, not the number
         (4, OTHER, False, False),
-    ],
-)
-def test_the_ground_is_no_obstacle_and_background_only_where_asked(
-    class_id: int, classes: LabClasses, *, background: bool, counts: bool
-) -> None:
-    found = corridor_of(0.4, [(*ALL, class_id)], classes, background=background)
-    assert (found.nearest_side is not None) == counts
+    ):
+        found = corridor_of(0.4, [(*ALL, class_id)], classes, background=background)
+        assert (found.nearest_side is not None) == counts
 
 
 @pytest.mark.parametrize(("lens_m", "least"), [(None, "0.17"), (0.6, "0.62")])

@@ -1,7 +1,5 @@
 """TrackMotion: the drone's pose and velocity over the ground, in every tick."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

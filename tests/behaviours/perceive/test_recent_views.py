@@ -1,7 +1,5 @@
 """RememberViews and Advise: recent views, what policies are shown of them, and advice."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

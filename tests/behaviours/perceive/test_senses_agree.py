@@ -1,13 +1,9 @@
 """SensesAgree: a contradiction must last, and a missing measurement contradicts nothing."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-import pytest
 
 from behaviours.perceive.senses_agree import SensesAgree
 from perception.camera.ground_plane import CameraView, ground_depth
@@ -85,9 +81,8 @@ def test_a_short_contradiction_passes() -> None:
     assert set(see(bench(), 5.0, focal=2.0, depth=False)) == {Status.SUCCESS}
 
 
-@pytest.mark.parametrize(
-    ("motions", "message"),
-    [
+def test_a_wrong_motion_over_the_ground_fails_after_the_window() -> None:
+    for motions, message in (
         ({"stretch": 0.7}, "the ground passes 0.70 times as fast as telemetry reports"),
         ({"stretch": 1.5}, "the ground passes 1.50 times as fast as telemetry reports"),
         ({"stretch": -0.2}, "the ground passes -0.20 times as fast as telemetry reports"),
@@ -95,33 +90,26 @@ def test_a_short_contradiction_passes() -> None:
             {"ground_share": 0.5, "follows": 5},
             "the floor shows too little texture: its motion was measured in 19% of the frames",
         ),
-    ],
-)
-def test_a_wrong_motion_over_the_ground_fails_after_the_window(
-    motions: dict[str, Any], message: str
-) -> None:
-    wrong = bench()
-    answers = move(wrong, 3.0, **motions)
-    assert answers[:20] == [Status.SUCCESS] * 20
-    assert answers[21:] == [Status.FAILURE] * 9
-    assert message in wrong.feedback
+    ):
+        wrong = bench()
+        answers = move(wrong, 3.0, **motions)
+        assert answers[:20] == [Status.SUCCESS] * 20
+        assert answers[21:] == [Status.FAILURE] * 9
+        assert message in wrong.feedback
 
 
-@pytest.mark.parametrize("motions", [{"stretch": 1.5}, {"ground_share": 0.5, "follows": 100}])
-def test_the_motion_agrees_again_and_the_time_of_a_pause_does_not_count(
-    motions: dict[str, Any],
-) -> None:
-    wrong, paused = bench(), bench()
-    assert move(wrong, 3.0, **motions)[-1] is Status.FAILURE
-    assert move(wrong, 2.5, ground_share=0.5)[-1] is Status.SUCCESS
-    move(paused, 1.5, **motions)
-    paused.clock.advance(60.0)
-    assert set(move(paused, 1.5, **motions)) == {Status.SUCCESS}
+def test_the_motion_agrees_again_and_the_time_of_a_pause_does_not_count() -> None:
+    for motions in ({"stretch": 1.5}, {"ground_share": 0.5, "follows": 100}):
+        wrong, paused = bench(), bench()
+        assert move(wrong, 3.0, **motions)[-1] is Status.FAILURE
+        assert move(wrong, 2.5, ground_share=0.5)[-1] is Status.SUCCESS
+        move(paused, 1.5, **motions)
+        paused.clock.advance(60.0)
+        assert set(move(paused, 1.5, **motions)) == {Status.SUCCESS}
 
 
-@pytest.mark.parametrize(
-    ("ports", "motions"),
-    [
+def test_small_and_unknown_contradictions_are_none() -> None:
+    for ports, motions in (
         ({}, {"stretch": None}),
         ({}, {"stretch": 0.9}),
         ({}, {"stretch": 1.2}),
@@ -130,9 +118,5 @@ def test_the_motion_agrees_again_and_the_time_of_a_pause_does_not_count(
         ({}, {"ground_share": None, "follows": 100}),
         ({"followed": 0.0}, {"ground_share": 0.5, "follows": 100}),  # no check
         ({"stretch": 10.0}, {"stretch": 1.5}),
-    ],
-)
-def test_small_and_unknown_contradictions_are_none(
-    ports: dict[str, float], motions: dict[str, Any]
-) -> None:
-    assert set(move(bench(**ports), 4.0, **motions)) == {Status.SUCCESS}
+    ):
+        assert set(move(bench(**ports), 4.0, **motions)) == {Status.SUCCESS}

@@ -1,7 +1,5 @@
 """MapSite: the map of the place, once per class map, carried along with the drone."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

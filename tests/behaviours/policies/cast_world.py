@@ -1,7 +1,5 @@
 """Class maps of known geometry: boxes' fronts and ground, cast ray by ray."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

@@ -1,10 +1,8 @@
 """The corridor rule on ray-cast class maps and corridors of known reach."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pytest
@@ -62,22 +60,17 @@ def test_remembered_obstacles_shorten_or_forbid_the_step() -> None:
     assert isinstance(decide(site_map=map_with(unplaced)), Blocked)
 
 
-@pytest.mark.parametrize(
-    ("side", "box", "sign"),
-    [
+def test_the_turn_leads_away_from_the_intrusion() -> None:
+    for side, box, sign in (
         ("left", None, 1),  # away from the side that is intruded upon, as in the paper
         ("right", None, -1),
         ("front", (1.2, -0.9, 0.1), 1),  # to the half with fewer obstacle pixels
         ("front", (1.2, -0.1, 0.9), -1),
-    ],
-)
-def test_the_turn_leads_away_from_the_intrusion(
-    side: Literal["left", "right", "front"], box: tuple[float, float, float] | None, sign: int
-) -> None:
-    found, ids = corridor(0.5, side), cast([] if box is None else [box])
-    assert decide(found, ids).yaw_rad == pytest.approx(sign * TURN_RAD)
-    for turning in (1, -1):  # a turn under way keeps its direction
-        assert decide(found, ids, turning=turning).yaw_rad == pytest.approx(turning * TURN_RAD)
+    ):
+        found, ids = corridor(0.5, side), cast([] if box is None else [box])
+        assert decide(found, ids).yaw_rad == pytest.approx(sign * TURN_RAD)
+        for turning in (1, -1):  # a turn under way keeps its direction
+            assert decide(found, ids, turning=turning).yaw_rad == pytest.approx(turning * TURN_RAD)
 
 
 @pytest.mark.parametrize(("slant", "sign"), [(0.6, -1), (-0.6, 1)])
@@ -98,40 +91,15 @@ def test_without_depth_the_drone_looks_round() -> None:
     assert decision.yaw_rad == pytest.approx(-TURN_RAD)
 
 
-@pytest.mark.parametrize(
-    ("free_m", "seen", "advances"),
-    [
+def test_a_turn_asks_for_more_room_and_full_turns_for_less_up_to_a_limit() -> None:
+    for free_m, seen, advances in (
         (0.95, {}, True),
         (0.95, {"turning": 1}, False),  # no dithering at the threshold
         (0.8, {"full_turns": 2}, False),
         (0.8, {"full_turns": 3}, True),
         (0.7, {"full_turns": 50}, False),
-    ],
-)
-def test_a_turn_asks_for_more_room_and_full_turns_for_less_up_to_a_limit(
-    free_m: float, seen: dict[str, int], *, advances: bool
-) -> None:
-    assert isinstance(decide(corridor(free_m, "front"), **seen), Advance) == advances
-
-
-@given(
-    free_m=st.floats(0.0, 5.0),
-    full_turns=st.integers(0, 9),
-    turning=st.sampled_from([-1, 0, 1]),
-    ground_m=st.floats(0.0, 5.0),
-)
-def test_a_step_never_reaches_an_obstacle(
-    free_m: float, full_turns: int, turning: int, ground_m: float
-) -> None:
-    """Whatever the relief: half a body's length and a little remain."""
-    decision = decide(
-        corridor(free_m, "front"), cast(ground_m=ground_m), full_turns=full_turns, turning=turning
-    )
-    if isinstance(decision, Advance):
-        assert decision.forward_m <= max(free_m - 0.4, 0.0) + 1e-9
-        assert decision.yaw_rad == 0.0
-    else:
-        assert decision.yaw_rad != 0.0
+    ):
+        assert isinstance(decide(corridor(free_m, "front"), **seen), Advance) == advances
 
 
 @pytest.mark.parametrize("ground_m", [1.4, 2.0, 3.1, math.inf])
@@ -141,19 +109,26 @@ def test_the_reach_is_where_the_ground_ends(ground_m: float) -> None:
     assert ground_reach(seen.class_map.roles, seen) == pytest.approx(ground_m, abs=0.1)
 
 
-@pytest.mark.parametrize(
-    ("pitch_deg", "height_m", "role", "reach_m"),
-    [
+def test_a_high_or_level_camera_sees_the_floor_several_metres_away() -> None:
+    for pitch_deg, height_m, role, reach_m in (
         (0, 1.8, OUTSIDE, 0.0),
         (-10, 2.4, OUTSIDE, 0.0),
         (-30, 1.5, OUTSIDE, 0.0),
         (30, 1.5, OUTSIDE, 0.0),
-        (0, 1.8, GROUND, math.inf),  # further away than the range of the rule
-    ],
-)
-def test_a_high_or_level_camera_sees_the_floor_several_metres_away(
-    pitch_deg: float, height_m: float, role: int, reach_m: float
+        (0, 1.8, GROUND, math.inf),  # further away than the range of the rule,
+    ):
+        pitch_rad = math.radians(pitch_deg)
+        seen = replace(view(cast()), gimbal_pitch_rad=pitch_rad, height_above_ground_m=height_m)
+        assert ground_reach(np.full_like(seen.class_map.roles, role), seen) == reach_m
+
+
+@given(st.floats(0.0, 5.0), st.integers(0, 9), st.sampled_from([-1, 0, 1]), st.floats(0.0, 5.0))
+def test_a_step_never_reaches_an_obstacle(
+    free_m: float, full_turns: int, turning: int, ground_m: float
 ) -> None:
-    pitch_rad = math.radians(pitch_deg)
-    seen = replace(view(cast()), gimbal_pitch_rad=pitch_rad, height_above_ground_m=height_m)
-    assert ground_reach(np.full_like(seen.class_map.roles, role), seen) == reach_m
+    """Whatever the relief: half a body's length and a little remain."""
+    ids = cast(ground_m=ground_m)
+    said = decide(corridor(free_m, "front"), ids, full_turns=full_turns, turning=turning)
+    if isinstance(said, Advance):
+        assert said.forward_m <= max(free_m - 0.4, 0.0) + 1e-9
+    assert isinstance(said, Advance) == (said.yaw_rad == 0.0)

@@ -1,14 +1,10 @@
 """The coverage policy: heading, speed, a look round without a way, and the end."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from behaviours.policies.coverage_policy import CoveragePolicy
 from tests.behaviours.path.test_passages import corner
@@ -87,9 +83,8 @@ OUTWARDS = {"pose": (0.0, 1.8, math.radians(90))}
 HIDDEN = cast([(0.4, -2.0, 2.0)])  # by an obstacle
 
 
-@pytest.mark.parametrize(
-    ("drawn", "ids", "changes", "turns"),
-    [
+def test_when_it_looks_at_no_ground_for_long_it_turns_back_to_it() -> None:
+    for drawn, ids, changes, turns in (
         (OUTWARDS, None, {"untracked_s": 1.5}, False),
         (OUTWARDS, None, {"untracked_s": 2.5}, True),
         # A plain floor has nothing to follow; turning would not help.
@@ -100,17 +95,15 @@ HIDDEN = cast([(0.4, -2.0, 2.0)])  # by an obstacle
         ({}, HIDDEN, {"untracked_s": 20.0}, False),
         # The map has ground there and no view shows it: the drone is not where it believes to be.
         ({}, None, {"captured_s": 4.0, "untracked_s": 3.0}, True),
-    ],
-)
-def test_when_it_looks_at_no_ground_for_long_it_turns_back_to_it(
-    drawn: dict[str, Any], ids: NDArray[np.uint8] | None, changes: dict[str, float], *, turns: bool
-) -> None:
-    shown = view(cast() if ids is None else ids, site_map=replace(drawn_map(**drawn), **changes))
-    decision = CoveragePolicy().decide(shown)
-    assert (decision.reason == "turns to the ground") == turns
-    if turns and drawn:
-        assert isinstance(decision, Rotate)
-        assert abs(decision.yaw_rad) == pytest.approx(math.pi, abs=0.1)
+    ):
+        shown = view(
+            cast() if ids is None else ids, site_map=replace(drawn_map(**drawn), **changes)
+        )
+        decision = CoveragePolicy().decide(shown)
+        assert (decision.reason == "turns to the ground") == turns
+        if turns and drawn:
+            assert isinstance(decision, Rotate)
+            assert abs(decision.yaw_rad) == pytest.approx(math.pi, abs=0.1)
 
 
 def test_it_turns_before_it_flies_to_what_lies_behind_and_flies_to_what_it_faces() -> None:

@@ -1,11 +1,7 @@
 """The segmentation rule on ray-cast class maps of known geometry."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +9,7 @@ from numpy.typing import NDArray
 
 from behaviours.policies import segmentation_rule as rule
 from behaviours.policies.segmentation_rule import TURN_RAD, SegmentationRule
-from tests.behaviours.policies.cast_world import CAMERA, FOR_EVER, Box, cast, view
+from tests.behaviours.policies.cast_world import CAMERA, Box, cast, view
 from tests.paper_lab import BACKGROUND, BOXES, HELIPAD_BOX
 from tests.worlds.leaves import map_with
 from uav_bt.answers import Advance, Blocked
@@ -35,9 +31,8 @@ def test_a_step_is_taken_over_open_ground() -> None:
     assert RULE.decide(view(cast(), turning=1)) == Advance(forward_m=0.3, reason="clear")
 
 
-@pytest.mark.parametrize(
-    ("seen", "tie_break", "reason", "side"),
-    [
+def test_the_turn_goes_to_the_freer_side() -> None:
+    for seen, tie_break, reason, side in (
         # A box is turned away from, to the half with fewer obstacle pixels.
         ({"boxes": [(1.2, -0.9, 0.1)]}, 0.9, "obstacle", 1),
         ({"boxes": [(1.2, -0.1, 0.9)]}, 0.9, "obstacle", -1),
@@ -47,19 +42,15 @@ def test_a_step_is_taken_over_open_ground() -> None:
         # Where the ground ends aslant, the turn goes to where more of it lies.
         ({"ground_m": 1.35, "slant": 0.6}, 0.9, "edge", -1),
         ({"ground_m": 1.35, "slant": -0.6}, 0.9, "edge", 1),
-    ],
-)
-def test_the_turn_goes_to_the_freer_side(
-    seen: dict[str, Any], tie_break: float, reason: str, side: int
-) -> None:
-    look = view(cast(**seen), tie_break=tie_break)
-    decision = RULE.decide(look)
-    assert isinstance(decision, Blocked)
-    assert (decision.reason, decision.ground_ends) == (reason, reason == "edge")
-    assert decision.yaw_rad == pytest.approx(side * TURN_RAD)
-    for turning in (1, -1):  # a turn under way keeps its direction
-        held = RULE.decide(replace(look, turning=turning))
-        assert held.yaw_rad == pytest.approx(turning * TURN_RAD)
+    ):
+        look = view(cast(**seen), tie_break=tie_break)
+        decision = RULE.decide(look)
+        assert isinstance(decision, Blocked)
+        assert (decision.reason, decision.ground_ends) == (reason, reason == "edge")
+        assert decision.yaw_rad == pytest.approx(side * TURN_RAD)
+        for turning in (1, -1):  # a turn under way keeps its direction
+            held = RULE.decide(replace(look, turning=turning))
+            assert held.yaw_rad == pytest.approx(turning * TURN_RAD)
 
 
 @pytest.mark.parametrize(("tie_break", "side"), [(0.1, -1), (0.9, 1)])
@@ -80,19 +71,16 @@ def test_the_mark_counts_as_ground() -> None:
     assert RULE.decide(view(behind_a_pad)).reason == "clear"
 
 
-@pytest.mark.parametrize(
-    ("box", "thing", "free"),
-    [
+def test_only_boxes_on_the_way_block() -> None:
+    for box, thing, free in (
         (FRONT, BOXES[2], False),
         (FRONT, HELIPAD_BOX, True),  # the drone flies above the mark
         ((2.0, -3.0, 3.0), BOXES[2], True),  # beyond the range
         ((1.3, -3.0, 3.0), BOXES[2], False),
         ((1.3, 1.0, 1.6), BOXES[2], True),  # beside the way
         ((1.3, -1.6, -1.0), BOXES[2], True),
-    ],
-)
-def test_only_boxes_on_the_way_block(box: Box, thing: int, *, free: bool) -> None:
-    assert is_free(view(cast([box], thing=thing))) is free
+    ):
+        assert is_free(view(cast([box], thing=thing))) is free
 
 
 def with_obstacle_pixels(count: int, camera: CameraModel = CAMERA) -> NDArray[np.uint8]:
@@ -133,9 +121,8 @@ def test_full_turns_in_vain_lower_the_demands_up_to_a_limit(
     assert is_free(view(with_obstacle_pixels(pixels), full_turns=full_turns)) is free
 
 
-@pytest.mark.parametrize(
-    ("points", "unplaced_deg", "free"),
-    [
+def test_a_step_keeps_its_margin_from_remembered_obstacles() -> None:
+    for points, unplaced_deg, free in (
         ([], [], True),
         ([(0.3, 0.54)], [], False),  # beside the end of the step
         ([(0.3, -0.54)], [], False),
@@ -144,18 +131,14 @@ def test_full_turns_in_vain_lower_the_demands_up_to_a_limit(
         ([(0.2, 0.3)], [], False),
         ([], [10, 11, 12, 13], False),  # of unknown range ahead
         ([], [10], True),  # a speck
-        ([], [80, 81, 82, 83], True),  # far aside
-    ],
-)
-def test_a_step_keeps_its_margin_from_remembered_obstacles(
-    points: Sequence[tuple[float, float]], unplaced_deg: Sequence[float], *, free: bool
-) -> None:
-    near = NearObstacles(
-        points_m=np.array(points, dtype=np.float64).reshape(-1, 2),
-        captured_s=0.0,
-        unplaced_rad=np.radians(unplaced_deg),
-    )
-    assert is_free(view(cast(), site_map=map_with(near))) is free
+        ([], [80, 81, 82, 83], True),  # far aside,
+    ):
+        near = NearObstacles(
+            points_m=np.array(points, dtype=np.float64).reshape(-1, 2),
+            captured_s=0.0,
+            unplaced_rad=np.radians(unplaced_deg),
+        )
+        assert is_free(view(cast(), site_map=map_with(near))) is free
 
 
 @pytest.mark.parametrize("pitch_deg", [-40, -28, -20])
@@ -192,25 +175,6 @@ def test_the_rectangles_follow_pitch_and_height(
         for column in (rectangle.left, rectangle.right - 1):
             angle = math.atan(abs(column - camera.cx_px) / camera.fx_px)
             assert angle == pytest.approx(half_angle_rad, abs=1.0 / camera.fx_px)
-
-
-@pytest.mark.parametrize(("pitch_deg", "height_m"), [(-28, 2.0), (-28, 1.0), (-56, 1.5)])
-@pytest.mark.parametrize(
-    ("boxes", "ground_m", "free"),
-    [
-        ([], FOR_EVER, True),
-        ([(3.0, -3.0, 3.0)], FOR_EVER, True),
-        ([(1.2, -3.0, 3.0)], FOR_EVER, False),
-        ([], 1.1, False),
-    ],
-)
-def test_pitch_and_height_do_not_change_the_decision(
-    pitch_deg: float, height_m: float, boxes: Sequence[Box], ground_m: float, *, free: bool
-) -> None:
-    pitch_rad = math.radians(pitch_deg)
-    ids = cast(boxes, ground_m=ground_m, pitch_rad=pitch_rad, height_m=height_m)
-    look = replace(view(ids), gimbal_pitch_rad=pitch_rad, height_above_ground_m=height_m)
-    assert is_free(look) is free
 
 
 @pytest.mark.parametrize("pitch_deg", [-90, 0, 30])

@@ -4,8 +4,6 @@ A picture of that lab is dark where the way is blocked, and the side to turn to 
 a network of any size can learn it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

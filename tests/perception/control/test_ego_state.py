@@ -1,7 +1,5 @@
 """The control student's inputs besides the pixels."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -29,6 +27,9 @@ def test_the_state_vector_has_differences_from_the_usual() -> None:
     numbers = told(NOW)
     assert numbers == pytest.approx([0.2, math.radians(10), -1.0, 2 / 3], abs=1e-6)
     assert numbers.dtype == np.float32
+    assert told(NOW, full_turns=9)[3] == 1.0  # the rules relieve three turns at most
+    for views in (1, 2, 3):
+        assert told(*[NOW] * views).shape == (state_size(views),)
 
 
 def test_an_earlier_view_is_relative_to_the_body_now() -> None:
@@ -36,15 +37,6 @@ def test_an_earlier_view_is_relative_to_the_body_now() -> None:
     assert told(NOW, THEN)[4:] == pytest.approx(
         [0.5, -0.3, 0.1, math.sin(-0.2), 1 - math.cos(0.2)], abs=1e-6
     )
-
-
-def test_more_full_turns_than_the_rules_relieve_say_no_more() -> None:
-    assert told(NOW, full_turns=9)[3] == 1.0
-
-
-@pytest.mark.parametrize("views", [1, 2, 3])
-def test_the_size_is_known_beforehand(views: int) -> None:
-    assert told(*[NOW] * views).shape == (state_size(views),)
 
 
 def test_a_mirror_exchanges_left_and_right_and_nothing_else() -> None:

@@ -1,7 +1,5 @@
 """A short flight along a known path in the twin, as footage with exact or noisy telemetry."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

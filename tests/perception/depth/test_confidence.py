@@ -1,7 +1,5 @@
 """Confidence of a scale: what each measure of the ground says, and all of them together."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -57,18 +55,15 @@ def test_a_wall_or_a_narrow_strip_of_it_is_not_taken_for_ground() -> None:
     assert words.startswith("ground in 3 % of the pixels that can show it")
 
 
-@pytest.mark.parametrize(
-    ("worse", "name"),
-    [
+def test_each_fault_lowers_its_measure_and_the_confidence() -> None:
+    for worse, name in (
         (measures(RANGES_M * np.random.default_rng(1).lognormal(0.0, 0.3, 50)), "spread"),
         (measures(RANGES_M**0.7), "slope"),
         (measures(RANGES_M * np.random.default_rng(1).lognormal(0.0, 0.05, 50)), "residual"),
         (measures(RANGES_M, share=0.02), "extent"),
-    ],
-)
-def test_each_fault_lowers_its_measure_and_the_confidence(worse: GroundMeasures, name: str) -> None:
-    assert evidence(worse, None)[name][0] < 0.5 < evidence(GROUND, None)[name][0]
-    assert value(worse) < value(GROUND)
+    ):
+        assert evidence(worse, None)[name][0] < 0.5 < evidence(GROUND, None)[name][0]
+        assert value(worse) < value(GROUND)
 
 
 def test_a_scale_that_agrees_with_earlier_frames_is_believed_more() -> None:
@@ -87,14 +82,12 @@ def test_only_depth_in_heights_shows_a_wrong_height(height_m: float) -> None:
     assert value(measures(RANGES_M / 2.0, 1.5 * RANGES_M)) == pytest.approx(value(GROUND))
 
 
-@pytest.mark.parametrize(
-    ("bad", "words"), [(WALL, "1 on a wall"), (measures(RANGES_M, share=0.01), "ground in 1 %")]
-)
-def test_the_ground_is_judged_by_its_extent_and_as_a_plane(bad: GroundMeasures, words: str) -> None:
-    assert ground_confidence(GROUND).value == pytest.approx(1.0)
-    found = ground_confidence(bad)
-    assert found.value < 0.2
-    assert words in found.reason
+def test_the_ground_is_judged_by_its_extent_and_as_a_plane() -> None:
+    for bad, words in ((WALL, "1 on a wall"), (measures(RANGES_M, share=0.01), "ground in 1 %")):
+        assert ground_confidence(GROUND).value == pytest.approx(1.0)
+        found = ground_confidence(bad)
+        assert found.value < 0.2
+        assert words in found.reason
 
 
 def test_equal_ranges_are_no_error() -> None:

@@ -1,7 +1,5 @@
 """Metric depth from network, contact or both, and every reason for refusing a frame."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import replace
@@ -24,7 +22,6 @@ from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import View, render_views
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_H, paper_map
 from tests.worlds import values
-from uav_bt.errors import UnknownNameError
 from uav_bt.types import DepthMap, NearObstacles, Pose2D
 from uav_bt.types.dead_reckoning import OdometryPose
 
@@ -158,19 +155,12 @@ def test_without_a_scale_contact_remains(drawn: View) -> None:
     assert np.isfinite(fused.depth.depth).sum() == 200
 
 
-@pytest.mark.parametrize(
-    ("source", "word"), [("contact", "nothing in view stands"), ("fused", "no scale")]
-)
-def test_a_map_of_nothing_is_no_depth(drawn: View, source: str, word: str) -> None:
+def test_a_map_of_nothing_is_no_depth(drawn: View) -> None:
     """It would read as a free way."""
-    made = make(drawn, source, drawn.depth, ids=np.zeros((112, 224), dtype=np.uint8))
-    assert made.depth is None
-    assert word in made.refusal
-
-
-def test_unknown_sources_are_refused() -> None:
-    with pytest.raises(UnknownNameError, match="fused"):
-        MetricDepthMaker(None, source="fusd", generator=np.random.default_rng(0))
+    for source, word in (("contact", "nothing in view stands"), ("fused", "no scale")):
+        made = make(drawn, source, drawn.depth, ids=np.zeros((112, 224), dtype=np.uint8))
+        assert made.depth is None
+        assert word in made.refusal
 
 
 def test_a_further_measure_limits_ground_and_depth_but_not_the_scale(drawn: View) -> None:
@@ -196,20 +186,18 @@ def test_remembered_obstacles_are_placed_from_the_lens_at_the_frames_capture(dra
     assert seen.azimuth_rad == pytest.approx([math.atan2(1.25, ahead)])
 
 
-@pytest.mark.parametrize(("seen_s", "is_known"), [(3.0, True), (2.9, False)])
-def test_contact_uses_what_is_remembered_at_the_frames_pose(
-    drawn: View, seen_s: float, *, is_known: bool
-) -> None:
+def test_contact_uses_what_is_remembered_at_the_frames_pose(drawn: View) -> None:
     """The box on the left is cut off; its outline was seen before."""
-    edge = np.linspace(-0.15, 0.15, 7)
-    rim = [
-        np.stack([np.full(7, 0.55), edge - 0.45], 1),
-        np.stack([edge + 0.7, np.full(7, -0.3)], 1),
-    ]
-    points = NearObstacles(points_m=np.concatenate(rim) + np.array([0.15, 0.0]), captured_s=3.0)
-    here = values.motion(OdometryPose(x_m=0.0, y_m=0.0, yaw_rad=0.0, time_s=seen_s))
-    found = make(drawn, "contact", near=points, motion=here).depth
-    error_m = np.abs(found.depth - drawn.depth)[drawn.ids == BOXES[1]]
-    assert (np.isfinite(error_m).mean() > 0.9) == is_known
-    if is_known:
-        assert np.nanmedian(error_m) < 0.03
+    for seen_s, is_known in ((3.0, True), (2.9, False)):
+        edge = np.linspace(-0.15, 0.15, 7)
+        rim = [
+            np.stack([np.full(7, 0.55), edge - 0.45], 1),
+            np.stack([edge + 0.7, np.full(7, -0.3)], 1),
+        ]
+        points = NearObstacles(points_m=np.concatenate(rim) + np.array([0.15, 0.0]), captured_s=3.0)
+        here = values.motion(OdometryPose(x_m=0.0, y_m=0.0, yaw_rad=0.0, time_s=seen_s))
+        found = make(drawn, "contact", near=points, motion=here).depth
+        error_m = np.abs(found.depth - drawn.depth)[drawn.ids == BOXES[1]]
+        assert (np.isfinite(error_m).mean() > 0.9) == is_known
+        if is_known:
+            assert np.nanmedian(error_m) < 0.03

@@ -1,7 +1,5 @@
 """Depth in heights against the plane of the ground: which wrong inputs show."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The scale of relative depth: on known depth, from the ground, and without ground."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -86,16 +84,6 @@ def test_the_adaptive_scale_follows_a_network_whose_unit_changes() -> None:
     for frame in range(40):
         scale = estimator(sample(predicted(2.0 if frame < 30 else 4.0)), 0.1 * frame)
     assert (scale.factor, scale.shift_m) == (pytest.approx(4.0, rel=0.01), 0.0)
-
-
-def test_confidence_falls_with_scatter_and_with_little_ground() -> None:
-    noise = np.random.default_rng(0).lognormal(0.0, 0.3, (112, 224)).astype(np.float32)
-    patch = ~ALL
-    patch[60:74, 80:94] = True
-    clean = confidence(sample(predicted()))
-    assert clean > 0.8
-    assert confidence(sample(predicted() * noise)) < 0.3
-    assert confidence(sample(predicted(), patch)) < clean - 0.1
 
 
 def test_without_ground_the_scale_carries_on_for_a_while_and_then_is_none() -> None:

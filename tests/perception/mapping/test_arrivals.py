@@ -1,7 +1,5 @@
 """Points and hidden obstacles that have arrived on ground seen free before."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

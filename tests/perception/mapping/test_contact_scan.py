@@ -1,7 +1,5 @@
 """Sampling of a class map along bearings, and runs of a role on a bearing."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The map's grid: what happens at its end."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Ids of objects through a mission, and their heights."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

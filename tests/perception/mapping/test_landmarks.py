@@ -1,7 +1,5 @@
 """The map's points: how sightings move them, when they go, and how they are grouped."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tables in a view: their bases lie between their legs, and the ground below is theirs."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

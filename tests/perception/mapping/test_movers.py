@@ -1,7 +1,5 @@
 """What moves: sightings with the noise of depth and odometry, and exact views of the twin's lab."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -98,6 +96,22 @@ def test_a_box_that_comes_into_reach_bit_by_bit_is_no_mover(seed: int) -> None:
         cut = np.arange(len(points_m)) == min(len(points_m), 12) - 1
         tracker.follow(points_m, HERE_M, step * STEP_S, cut=cut & (len(points_m) < 12))
         assert tracker.movers(step * STEP_S) == ()
+
+
+@pytest.mark.parametrize("cut", [True, False])
+def test_a_wide_thing_that_shows_one_part_after_another_is_no_mover(*, cut: bool) -> None:
+    """The drone passes a table at 0.25 m/s: what its view shows slides along the edge."""
+    side_m, tracker = (
+        np.column_stack([np.full(45, 1.5), np.linspace(-0.8, 0.8, 45)]),
+        MoverTracker(),
+    )
+    for step in range(16):
+        points_m = side_m[step * 5 // 7 :][: 20 if cut else 28]
+        ends = np.isin(np.arange(len(points_m)), [0, len(points_m) - 1])
+        tracker.follow(points_m, HERE_M, step * STEP_S, cut=cut & ends)
+    for time_s in (1.6, 1.7, 1.8, 1.9):
+        tracker.follow(NOTHING, HERE_M, time_s)
+        assert tracker.movers(time_s) == ()
 
 
 @pytest.mark.parametrize("seed", range(8))

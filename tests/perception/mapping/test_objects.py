@@ -1,7 +1,5 @@
 """Objects made of the map's points: where their bases lie, and how large they are."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

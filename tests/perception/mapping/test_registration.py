@@ -1,7 +1,5 @@
 """The least squares of one round of matching."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree

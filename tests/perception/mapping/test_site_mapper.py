@@ -1,7 +1,5 @@
 """The site map on exact views of the twin's lab: where things are, and how drift is corrected."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

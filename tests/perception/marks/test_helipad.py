@@ -95,18 +95,15 @@ SMALL = drawn_pad(60, 50, size=6)
 LARGE = painted((HELIPAD_H, 20, 60, 150, 200), (HELIPAD_BOX, 90, 110, 100, 215), on=SMALL)
 
 
-@pytest.mark.parametrize(
-    ("ids", "column"),
-    [
+def test_the_pair_wins_over_distractors_cut_in_half_or_from_above() -> None:
+    for ids, column in (
         (LARGE, 59.5),
         (np.where(SMALL == CARPET, SCATTER, SMALL), 59.5),
         (painted((BOXES[0], 0, 112, 92, 224), on=drawn_pad(90, 50)), 85.5),  # half is occluded
         (painted((HELIPAD_BOX, 30, 80, 80, 130), (HELIPAD_H, 36, 74, 86, 124)), 104.5),  # a ring
         (drawn_pad(90, 50), 89.5),
-    ],
-)
-def test_the_pair_wins_over_distractors_cut_in_half_or_from_above(ids: Ids, column: float) -> None:
-    assert best_pair(paper_map(ids))[0].centroid[0] == pytest.approx(column)
+    ):
+        assert best_pair(paper_map(ids))[0].centroid[0] == pytest.approx(column)
 
 
 @pytest.mark.parametrize(("column", "row"), [(100, 3), (100, 109), (6, 50), (218, 50)])

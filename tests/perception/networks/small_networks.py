@@ -1,13 +1,16 @@
 """Small networks as ONNX files, for the tests of all that run networks."""
 
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import onnx.parser
+import torch
 
 from uav_bt.types.arrays import Image
 
 IMAGE = "float[1,3,8,16]"
+Net = TypeVar("Net", bound=torch.nn.Module)
 
 
 def save(
@@ -19,6 +22,16 @@ def save(
     model = onnx.parser.parse_model(f"{head} net ({taken} x) => ({given} y) {inner} {{{nodes}}}")
     path.write_bytes(model.SerializeToString())
     return path
+
+
+def shaken(net: Net) -> Net:
+    """Return a network with statistics unlike those of a fresh one, and weights that matter."""
+    for module in net.modules():
+        if isinstance(module, torch.nn.BatchNorm2d):
+            module.running_mean.uniform_(-0.2, 0.2)
+            module.running_var.uniform_(0.3, 1.0)
+            torch.nn.init.uniform_(module.weight, 0.5, 1.5)
+    return net.eval()
 
 
 def halves() -> Image:

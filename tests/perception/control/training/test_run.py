@@ -1,6 +1,4 @@
-"""Training of the control student: it learns, and a broken-off run comes to the same end."""
-
-from __future__ import annotations
+"""Training of the control student: it learns, and its losses."""
 
 import math
 from dataclasses import replace
@@ -17,7 +15,6 @@ from perception.control.training.run import (
     train_control,
 )
 from perception.control.training.samples import ControlSamples, score_control
-from perception.networks.training.loop import Progress
 from perception.segmentation.training.unet import UNet, UNetConfig
 from tests.perception.control.control_world import TINY, made_up_flight
 from uav_bt.errors import WeightsError
@@ -36,29 +33,6 @@ def test_it_learns_what_the_rule_does() -> None:
     assert score.windows == 60
     assert (score.missed, score.stopped, score.wrong_side) == (0.0, 0.0, 0.0)
     assert score.step_error_m < 0.15
-
-
-def test_a_broken_off_run_comes_to_the_same_end(tmp_path: Path) -> None:
-    samples = ControlSamples([made_up_flight(1)], TINY)
-    whole = train_control(samples, SHORT, TINY)
-
-    class StoppedError(Exception):
-        pass
-
-    def stop(now: Progress, net: object) -> None:
-        if now.step == 4:
-            raise StoppedError
-
-    kept = tmp_path / "run" / "checkpoint.safetensors"
-    with pytest.raises(StoppedError):
-        train_control(samples, SHORT, TINY, checkpoint=kept, progress=stop)
-    steps: list[int] = []
-    resumed = train_control(
-        samples, SHORT, TINY, checkpoint=kept, progress=lambda now, _: steps.append(now.step)
-    )
-    assert steps == [4, 5, 6]
-    for name, value in whole.state_dict().items():
-        assert torch.equal(value, resumed.state_dict()[name]), name
 
 
 def test_the_checkpoint_of_another_run_is_refused(tmp_path: Path) -> None:

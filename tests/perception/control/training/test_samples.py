@@ -1,7 +1,5 @@
 """Labelled views: kept small, drawn as windows."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -78,13 +76,10 @@ def test_views_near_obstacles_are_drawn_more_often() -> None:
     assert (drawn == 0.0).mean() == pytest.approx(0.5, abs=0.05)
 
 
-@pytest.mark.parametrize("changed", [{"gimbal_pitch_rad": -1.3}, {"height_above_ground_m": 0.5}])
-def test_views_of_other_parts_of_the_mission_are_left_out(changed: dict[str, float]) -> None:
-    with pytest.raises(ValueRangeError, match="no view to learn from"):
-        samples_of(FREE, BLOCKED, **changed)
-
-
-def test_no_flights_at_all_are_refused() -> None:
+def test_views_of_other_parts_of_the_mission_are_left_out() -> None:
+    for changed in ({"gimbal_pitch_rad": -1.3}, {"height_above_ground_m": 0.5}):
+        with pytest.raises(ValueRangeError, match="no view to learn from"):
+            samples_of(FREE, BLOCKED, **changed)
     with pytest.raises(ValueRangeError, match="0 flights hold no view"):
         ControlSamples([], TINY)
 

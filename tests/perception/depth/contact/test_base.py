@@ -1,7 +1,5 @@
 """Lines of bases: one face, two faces, outliers, too few bearings."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,13 +1,11 @@
 """Depth by ground contact against the twin's exact depth, and cases that must stay unknown."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 import pytest
 
-from perception.camera.ground_plane import CameraView, GroundPlane, level_rays
+from perception.camera.ground_plane import CameraView, GroundPlane
 from perception.depth.contact.base import Remembered
 from perception.depth.contact.depth import ROOF_TOO_FAR, ContactDepth, ContactEstimation
 from sim_bridge.anafi import anafi_camera
@@ -134,17 +132,6 @@ def test_a_base_that_is_hidden_entirely_is_unknown(*, remembers: bool) -> None:
     assert behind.sum() > 100
     assert np.isnan(found.depth[behind]).all()
     assert np.all(drawn.depth[behind] <= found.at_most[behind] + 0.02)
-
-
-def test_a_known_roll_is_taken_out() -> None:
-    """Masks drawn by casting rays of a rolled camera onto a wall across the way."""
-    view = CameraView(camera=CAMERA, pitch_rad=PITCH_RAD, height_m=1.5, roll_rad=0.08)
-    forward, _, down = level_rays(view)
-    wall = 2.0 / forward
-    ids = np.where(wall * down <= 1.5, BOXES[0], CARPET).astype(np.uint8)
-    error_m = np.abs(by_ids(ids, view) - wall)[ids == BOXES[0]]
-    assert np.nanmedian(error_m) < 0.01
-    assert np.nanmax(error_m) < 0.1
 
 
 def test_below_the_marks_top_its_top_is_not_guessed() -> None:

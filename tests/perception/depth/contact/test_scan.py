@@ -1,7 +1,5 @@
 """The panorama of a class map, the runs in its columns, and the sides above bases."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -69,13 +69,6 @@ def test_a_turned_clip_is_as_consistent(clip: Clip, pitch_rad: float, roll_rad: 
     assert abs(other.images - clip.images).mean() > 0.02
 
 
-def test_turning_by_nothing_changes_nothing(clip: Clip) -> None:
-    same = turned(clip, 0.0, 0.0)
-    np.testing.assert_allclose(same.images, clip.images, atol=2e-3)
-    np.testing.assert_allclose(same.motions, clip.motions, atol=1e-6)
-    np.testing.assert_allclose(same.labels, clip.labels, rtol=1e-5)
-
-
 def test_looking_further_up_lowers_what_was_seen(clip: Clip) -> None:
     labels = np.full((3, 128, 160, 2), np.nan, np.float32)
     labels[:, 60:64] = 2.0

@@ -5,10 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.depth.training.footage import CameraTrack, grey, shrink
-from perception.odometry.visual import GroundView, ground_motion
+from perception.depth.training.footage import CameraTrack, shrink
 from tests.perception.depth.depth_flight import KnownFlight, known_flight
-from uav_bt.types import Pose2D
 
 
 def test_an_image_is_resized_and_never_cropped() -> None:
@@ -44,13 +42,6 @@ def test_exact_telemetry_gives_the_exact_movement(flight: KnownFlight) -> None:
         np.testing.assert_allclose(found[:, 3], true[:, 3], atol=2e-3)
 
 
-def test_a_movement_and_its_opposite_cancel(flight: KnownFlight) -> None:
-    track = CameraTrack(flight.footage)
-    there, back = track.motion(2, 7), track.motion(7, 2)
-    np.testing.assert_allclose(back[:, :3] @ there[:, :3], np.eye(3), atol=1e-9)
-    np.testing.assert_allclose(back[:, :3] @ there[:, 3] + back[:, 3], 0.0, atol=1e-9)
-
-
 def test_smoothing_keeps_the_turn_and_loses_noise(noisy: KnownFlight, flight: KnownFlight) -> None:
     raw, exact = (
         np.array([frame.attitude.yaw_rad for frame in each.footage.frames])
@@ -78,17 +69,3 @@ def test_without_texture_nothing_is_measured(flight: KnownFlight) -> None:
     plain = np.full((256, 320, 3), 90, np.uint8)
     frames = tuple(replace(frame, image=plain) for frame in flight.footage.frames)
     assert CameraTrack(replace(flight.footage, frames=frames)).measured_motion(2, 6) is None
-
-
-def test_two_equal_pictures_show_no_movement(flight: KnownFlight) -> None:
-    frame = flight.footage.frames[4]
-    view = GroundView(
-        grey=grey(frame),
-        camera=flight.footage.camera,
-        gimbal_pitch_rad=frame.gimbal_pitch_rad,
-        height_m=1.5,
-    )
-    found = ground_motion(view, view, Pose2D(x_m=0.02, y_m=-0.01, yaw_rad=0.01))
-    assert found is not None
-    still = (found.motion.x_m, found.motion.y_m, found.motion.yaw_rad)
-    assert still == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)

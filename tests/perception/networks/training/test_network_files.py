@@ -1,5 +1,6 @@
 """Network files: refused contents, and agreement of 8-bit integers with floats."""
 
+import hashlib
 import json
 from pathlib import Path
 
@@ -16,20 +17,10 @@ from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.runtime import OnnxSegmenter
 from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
 from tests.paper_lab import CLASSES
+from tests.perception.networks.small_networks import shaken
 from tests.perception.segmentation.patterned import samples
 
 IMAGES = [rgb for _, rgb, _ in samples(8, seed=3, width=128, height=64)]
-
-
-def _shaken(net: torch.nn.Module) -> torch.nn.Module:
-    """Return a network with statistics unlike those of a fresh one, and weights that matter."""
-    torch.manual_seed(3)
-    for module in net.modules():
-        if isinstance(module, torch.nn.BatchNorm2d):
-            module.running_mean.uniform_(-0.2, 0.2)
-            module.running_var.uniform_(0.3, 1.0)
-            torch.nn.init.uniform_(module.weight, 0.5, 1.5)
-    return net.eval()
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +29,7 @@ def unets(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     folder = tmp_path_factory.mktemp("unets")
     torch.manual_seed(5)
     config = UNetConfig(width_px=64, height_px=32, channels=(8, 16), outputs=17)
-    net = _shaken(UNet(config, CLASSES.names))
+    net = shaken(UNet(config, CLASSES.names))
     UNET_FILES.save(folder / "unet.safetensors", net, notes={"why": "a test"})
     again, notes = UNET_FILES.load(folder / "unet.safetensors")
     assert (again.config, notes, again.training) == (net.config, {"why": "a test"}, False)
@@ -47,6 +38,8 @@ def unets(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     paths = folder / "fp32.onnx", folder / "int8.onnx"
     for path, images in zip(paths, (None, IMAGES), strict=True):
         UNET_FILES.export(folder / "unet.safetensors", path, calibration=images)
+    UNET_FILES.export(folder / "unet.safetensors", folder / "again.onnx")
+    assert (folder / "again.onnx").read_bytes() == paths[0].read_bytes()
     network = OnnxNetwork(paths[0], "nothing")
     network.take_images(InputFormat())
     network.compile([network.outputs()["logits"]], 1)
@@ -73,9 +66,16 @@ def test_a_unet_in_integers_agrees_with_the_one_in_floats(unets: tuple[Path, Pat
     assert sum(path.stat().st_size for path in SHIPPED_WEIGHTS.iterdir()) < 25e6
 
 
+@pytest.mark.parametrize("name", ["any", "depth", "student", "unet"])
+def test_a_shipped_onnx_file_was_made_from_the_shipped_weights(name: str) -> None:
+    weights, model = (SHIPPED_WEIGHTS / f"{name}.{end}" for end in ("safetensors", "onnx"))
+    properties = {each.key: each.value for each in onnx.load(model).metadata_props}
+    assert properties["weights_sha256"] == hashlib.sha256(weights.read_bytes()).hexdigest()
+
+
 def test_a_depth_network_in_integers_agrees_with_the_one_in_floats(tmp_path: Path) -> None:
     torch.manual_seed(5)
-    net = _shaken(DepthNet(DepthNetConfig(width_px=64, height_px=32, channels=(8, 12, 16))))
+    net = shaken(DepthNet(DepthNetConfig(width_px=64, height_px=32, channels=(8, 12, 16))))
     DEPTH_FILES.save(tmp_path / "w.safetensors", net, notes={})
     depths = []
     for images in (None, IMAGES):

@@ -1,5 +1,6 @@
 """Picks: the file, and points drawn in a person's place."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -67,3 +68,5 @@ def test_patches_count_every_pixel_of_their_class() -> None:
     outside = picks.Pick(image=name, x=400, y=4, class_id=1)
     with pytest.raises(ValueRangeError, match="outside the 160x90"):
         picks.gather_patches([outside], [(name, rgb)], 8, CLASSES)
+    with pytest.raises(ValueRangeError, match=r"gone.jpg, which is not among"):
+        picks.gather_patches([pick, replace(pick, image="gone.jpg")], [(name, rgb)], 8, CLASSES)

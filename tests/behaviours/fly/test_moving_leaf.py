@@ -1,13 +1,12 @@
-"""One movement: proposed until the drone reports its end, and resumed when that came too early."""
-
-from __future__ import annotations
+"""A movement, resumed when the drone ends it too early, and the own time of a leaf."""
 
 import math
 
 import pytest
 
-from behaviours.fly.moving_leaf import RETRIES, RETRY_S, Progress, StepInHand
+from behaviours.fly.moving_leaf import RETRIES, RETRY_S, LeafClock, Progress, StepInHand
 from uav_bt.board.context import Proposals
+from uav_bt.clock import ManualClock
 from uav_bt.types import (
     Attitude,
     BodyVelocity,
@@ -178,3 +177,19 @@ def test_after_a_pause_a_turn_goes_on_and_a_step_does_not() -> None:
     seen = state(20.0, ahead.id, MovementState.INTERRUPTED)
     assert step.update(seen, 20.0) is Progress.INTERRUPTED
     assert step.proposal is None
+
+
+def test_a_pause_between_two_ticks_of_one_activation_does_not_count() -> None:
+    """Ticks of up to a second do. Between two activations there is no pause."""
+    clock = ManualClock()
+    own = LeafClock(clock)
+    begin_s = own.now()
+    for passed_s, paused_s in ((0.0, 0.0), (1.0, 0.0), (30.0, 30.0), (0.5, 0.0)):
+        clock.advance(passed_s)
+        assert own.tick() == pytest.approx(paused_s)
+    assert own.resumed_s == clock.now() - 0.5
+    assert own.now() - begin_s == pytest.approx(1.5)
+    own.stop()
+    clock.advance(30.0)
+    assert own.tick() == 0.0
+    assert own.now() - begin_s == pytest.approx(31.5)
