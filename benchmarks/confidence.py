@@ -30,7 +30,7 @@ from benchmarks.segmentation import scenes_of
 from perception.camera.ground_plane import CameraView, ground_depth
 from perception.depth.runtime import load_depth_estimator
 from perception.depth.scale import AdaptiveScale, sample_ground
-from perception.networks.named import SHIPPED_DEPTHS, SHIPPED_UNET, segmentation_file
+from perception.networks.weights_file import SHIPPED_DEPTHS, SHIPPED_UNET, segmentation_file
 from perception.segmentation.runtime import load_segmenter
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.profile import Profile

@@ -24,7 +24,7 @@ from typing import Any, Final
 import numpy as np
 
 from perception.mapping.contact_scan import find_bases, scan_ground
-from perception.networks.named import SHIPPED_UNET, segmentation_file
+from perception.networks.weights_file import SHIPPED_UNET, segmentation_file
 from perception.segmentation.runtime import load_segmenter
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.plain.caster import Caster

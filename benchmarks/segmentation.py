@@ -16,7 +16,7 @@ import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from perception.networks.named import SHIPPED_UNET
+from perception.networks.weights_file import SHIPPED_UNET
 from perception.segmentation.evaluation import SegmentationScore, score_segmentation
 from perception.segmentation.runtime import OnnxSegmenter, shipped_unet
 from sim_bridge.twin.scene_file import shipped_scenes

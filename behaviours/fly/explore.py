@@ -118,7 +118,7 @@ class CorridorClear(Leaf):
             return f"obstacle {site_map.near.nearest_m:.2f} m away"
         seen, pad = current_view(self), self.read(MARK).value
         if seen is not None:
-            view = policy_view(self, *seen, held=HeldTurn(), tie_break=0.5)
+            view = policy_view(self, seen, held=HeldTurn(), tie_break=0.5)
             reach_m = ground_reach(view.class_map.roles, view) + view.camera.forward_offset_m
             self._ground_ends = reach_m < self.port_value("ground_m")
         if pad is not None and (

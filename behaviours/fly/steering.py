@@ -197,7 +197,7 @@ class SteeringLeaf(CourseLeaf):
             self.feedback_message = "waiting for a view"
             return None
         tie_break = float(self._rng.random())
-        shown = policy_view(self, *view, held=self.held_turn, tie_break=tie_break)
+        shown = policy_view(self, view, held=self.held_turn, tie_break=tie_break)
         with self._timer:
             answer = ask(self, self._policy, shown)
         if answer is not None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final, Self
 
 from behaviours.ports import StageTimer
-from perception.networks.named import segmentation_file
+from perception.networks.weights_file import segmentation_file
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, ODOMETRY, RELATIVE_DEPTH, SITE_MAP, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import AnswerError, FileError

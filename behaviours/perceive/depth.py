@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from behaviours.ports import StageTimer, number
 from perception.camera.ground_plane import view_of
-from perception.networks.named import ANY, CONTACT, SHIPPED_DEPTHS, depth_file
+from perception.networks.weights_file import ANY, CONTACT, SHIPPED_DEPTHS, depth_file
 from uav_bt.board import (
     CAMERA,
     CLASS_MAP,

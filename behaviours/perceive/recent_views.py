@@ -84,7 +84,7 @@ class Advise(Leaf):
         held, tie_break = self.read(HELD_TURN).value or HeldTurn(), float(self._rng.random())
 
         def asked(turn: HeldTurn) -> Answer | None:
-            shown = policy_view(self, *view, held=turn, tie_break=tie_break)
+            shown = policy_view(self, view, held=turn, tie_break=tie_break)
             return ask(self, self._policy, shown)
 
         answer = asked(held)

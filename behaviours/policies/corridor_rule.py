@@ -17,13 +17,13 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from behaviours.policies.view import greater_side, is_unplaced_ahead, nearest_ground_m
 from uav_bt.answers import Advance, Blocked
 from uav_bt.lab.classes import GROUND, OBSTACLE, OUTSIDE
 from uav_bt.protocols import PolicyView
 from uav_bt.types import MIN_VIEW_HEIGHT_M
+from uav_bt.types.arrays import Image
 from uav_bt.types.projection import project
 
 _LONGEST_STEP_M: Final = 1.0  # the paper's
@@ -42,15 +42,15 @@ _RANGE_STEP_M: Final = 0.05
 _SHOWN_M: Final = 1.0  # length of the nearest ground in view that must be ground
 _FARTHEST_M: Final = 20.0  # ground further away is not looked at; bounds the number of samples
 _SIDE_MARGIN_M: Final = 0.55  # from the body's centre to obstacles on the map beside the path
-# Reduction of every margin after each full turn without a free path. Obstacles on the map are off
-# by up to 0.2 m after half a minute of turning, and the body's half diagonal is 0.2 m.
+# Reduction of every margin after each full turn without a free path: obstacles on the map are off
+# by up to 0.2 m after half a minute of turning.
 _MARGIN_RELIEF_M: Final = 0.04
 _MAX_FULL_TURNS: Final = 3  # full turns after which the margins shrink no further
 # A turn ends only with this much more free path than a step, which prevents dithering.
 _HYSTERESIS_M: Final = 0.15
 
 
-def ground_reach(roles: NDArray[np.uint8], view: PolicyView) -> float:
+def ground_reach(roles: Image, view: PolicyView) -> float:
     """Return the length of the ground ahead of the camera, metres; inf when no end is in view.
 
     0 if no ground within 20 m is in view. What stands on the ground counts as ground, and so does

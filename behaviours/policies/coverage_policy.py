@@ -27,8 +27,7 @@ _DOUBTED_S: Final = 1.0  # a map that the views contradict for longer than this 
 # The drone turns towards the ground after this time without ground in view, because its drift is
 # not measured meanwhile. An ordinary turn over the outside takes less.
 _BLIND_S: Final = 2.0
-# It does so for at most this time where an obstacle hides the ground of the map: a turn takes less,
-# and perhaps no heading shows more ground.
+# For at most this time where an obstacle hides the ground of the map: a turn takes less.
 _BACK_S: Final = 5.0
 _AROUND_M: Final = 2.0  # the drone turns towards the ground within this distance
 _FACED_RAD: Final = math.radians(30)  # ground within this angle of the heading is looked at already

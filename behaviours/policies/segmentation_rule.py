@@ -28,13 +28,13 @@ from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from behaviours.policies.view import greater_side, is_unplaced_ahead, nearest_ground_m
 from uav_bt.answers import Advance, Blocked
 from uav_bt.lab.classes import GROUND, OBSTACLE, OUTSIDE
 from uav_bt.protocols import PolicyView
 from uav_bt.types import MIN_VIEW_HEIGHT_M
+from uav_bt.types.arrays import Flags
 from uav_bt.types.projection import ground_range_to_row
 
 STEP_M: Final = 0.3  # the paper's advance
@@ -72,7 +72,7 @@ class Rectangle(NamedTuple):
     left: int
     right: int
 
-    def count(self, wanted: NDArray[np.bool_]) -> int:
+    def count(self, wanted: Flags) -> int:
         """Return the number of wanted pixels within the region."""
         return int(np.count_nonzero(wanted[self.top : self.bottom, self.left : self.right]))
 

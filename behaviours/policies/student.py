@@ -11,16 +11,14 @@ from collections import OrderedDict
 from pathlib import Path
 from typing import Final, Self
 
-import numpy as np
-from numpy.typing import NDArray
-
 from perception.control.ego_state import state_vector
 from perception.control.runtime import SHIPPED_STUDENT, OnnxControlStudent
-from perception.networks.named import check_onnx
+from perception.networks.weights_file import check_onnx
 from uav_bt.answers import Advance, Blocked
 from uav_bt.errors import MissionError
 from uav_bt.protocols import PolicyView
 from uav_bt.types import PastView
+from uav_bt.types.arrays import Image
 
 _KEPT: Final = 48  # images at the network's size: 4 s at 10 frames a second, and 8 spare
 _ADVANCE_AT: Final = 0.5  # probability of "advance" above which the drone advances
@@ -39,7 +37,7 @@ class StudentPolicy:
     def __init__(self, weights: Path = SHIPPED_STUDENT) -> None:
         """Load the network from its ONNX file."""
         self._student = OnnxControlStudent(weights)
-        self._images: OrderedDict[tuple[int, float], NDArray[np.uint8]] = OrderedDict()
+        self._images: OrderedDict[tuple[int, float], Image] = OrderedDict()
 
     @classmethod
     def from_text(cls, text: str) -> Self:
@@ -79,7 +77,7 @@ class StudentPolicy:
         reason = f"{'edge' if ends else 'obstacle'} {estimate.advance:.2f}"
         return Blocked(yaw_rad=yaw_rad, ground_ends=ends, reason=reason, free_m=free_m)
 
-    def _image(self, past: PastView) -> NDArray[np.uint8]:
+    def _image(self, past: PastView) -> Image:
         """Return the image of a view at the network's input size; each is resized once."""
         key = (past.frame.index, past.frame.captured_s)
         if key not in self._images:

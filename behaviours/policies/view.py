@@ -3,42 +3,38 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from uav_bt.answers import Answer
 from uav_bt.board import CAMERA, CLASS_MAP, CORRIDOR, FRAME, HELD_TURN, RECENT_VIEWS, SITE_MAP
-from uav_bt.board.blackboard import Key
 from uav_bt.errors import AnswerError, MissionError, PolicyFailedError
 from uav_bt.protocols import LeafPolicy, PolicyView
 from uav_bt.tree import Leaf
 from uav_bt.types import MIN_VIEW_HEIGHT_M, CameraModel, ClassMap, Frame, HeldTurn
 from uav_bt.types.projection import ground_points
 
-VIEW_KEYS: Final[tuple[Key[Any], ...]] = (
-    *(FRAME, CLASS_MAP, CAMERA, CORRIDOR),
-    *(SITE_MAP, RECENT_VIEWS, HELD_TURN),
-)
-"""The board keys that a leaf must declare in `reads` before it asks policies."""
+# The keys that a leaf must declare in `reads` before it asks policies.
+VIEW_KEYS: Final = (FRAME, CLASS_MAP, CAMERA, CORRIDOR, SITE_MAP, RECENT_VIEWS, HELD_TURN)
 # An obstacle of unknown range within this bearing from straight ahead forbids a step. Outside it
 # the path passes the obstacle at 0.7 of its range or more.
 _UNPLACED_HALF_ANGLE_RAD: Final = math.radians(45)
 _UNPLACED_MIN: Final = 2  # fewer are mask noise
 _TIE_RATIO: Final = 0.1  # halves closer than this are a tie, which the random sample decides
+FrameView = tuple[Frame, ClassMap, CameraModel]  # a frame, its class map, the camera at its size
 
 
-def current_view(leaf: Leaf) -> tuple[Frame, ClassMap, CameraModel] | None:
-    """Return the newest frame, its class map and the camera at that size; None without one."""
+def current_view(leaf: Leaf) -> FrameView | None:
+    """Return the newest frame with its class map; None without one."""
     frame, class_map = leaf.read(FRAME).value, leaf.read(CLASS_MAP).value
     camera = leaf.read(CAMERA).value
+    # Pitch and height belong to the frame that the class map was made from.
     if frame is None or class_map is None or camera is None:
         return None
-    # Pitch and height belong to the frame that the class map was made from.
     if class_map.captured_s != frame.captured_s:
         return None
-    height_px, width_px = class_map.ids.shape
-    return frame, class_map, camera.resized(width_px, height_px)
+    return frame, class_map, camera.resized(*class_map.ids.shape[::-1])
 
 
 def ask(leaf: Leaf, policy: LeafPolicy, view: PolicyView) -> Answer | None:
@@ -60,17 +56,9 @@ def ask(leaf: Leaf, policy: LeafPolicy, view: PolicyView) -> Answer | None:
     return answer
 
 
-def policy_view(
-    leaf: Leaf,
-    frame: Frame,
-    class_map: ClassMap,
-    camera: CameraModel,
-    *,
-    held: HeldTurn,
-    tie_break: float,
-) -> PolicyView:
+def policy_view(leaf: Leaf, view: FrameView, *, held: HeldTurn, tie_break: float) -> PolicyView:
     """Return the input of a policy for a view; `tie_break` is a random sample from [0, 1)."""
-    recent = leaf.read(RECENT_VIEWS).value
+    (frame, class_map, camera), recent = view, leaf.read(RECENT_VIEWS).value
     if recent is not None and recent.newest.frame.index != frame.index:
         recent = None
     return PolicyView(

@@ -23,7 +23,7 @@ from benchmarks.rooms.furnish import FLOWN, Assets, RoomPlan, write_room
 from benchmarks.rooms.room_views import ViewKind
 from benchmarks.rooms.score import score_rooms
 from benchmarks.rooms.training import SCENES, export_any, train_any
-from perception.networks.named import SHIPPED_UNET, segmentation_file
+from perception.networks.weights_file import SHIPPED_UNET, segmentation_file
 from perception.segmentation.runtime import load_segmenter
 from uav_bt.lab.shipped import load_lab
 

@@ -32,7 +32,6 @@ from perception.networks.training.loop import (
     LoopConfig,
     Progress,
     channels_last,
-    ignore_progress,
     train,
 )
 from perception.segmentation.training.run import IGNORED
@@ -101,7 +100,7 @@ def train_room_net(
     config: LoopConfig,
     *,
     augment: Callable[[Tensor, Tensor, torch.Generator], tuple[Tensor, Tensor]] = augment_rooms,
-    progress: Callable[[Progress, RoomNet], None] = ignore_progress,
+    progress: Callable[[Progress, RoomNet], None] | None = None,
 ) -> RoomNet:
     """Train the network; `progress` is called after every step with the averaged network."""
     torch.manual_seed(config.seed)
@@ -125,7 +124,7 @@ def train_room_net(
         }
         return terms["roles"] + DEPTH * terms["depth"], terms
 
-    return train(net, objective, config, kind="room-checkpoint", about={}, progress=progress)
+    return train(net, objective, config, kind="room", about={}, progress=progress)
 
 
 def depth_loss(log_depth: Tensor, truth: Tensor) -> Tensor:

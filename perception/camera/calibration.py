@@ -2,11 +2,10 @@
 
 As in the paper, every corner layout in the photographs is tried, and the layout with the lowest
 reprojection error is kept. The error on a layout's own corners says little, because even a wrong
-camera fits a layout of few corners. So each camera is measured on the same set: all corners found
-in all photographs, with only the board's pose fitted again. The layout with the lowest error there
-wins; among layouts within 2 percent of it, the one with the most corners wins. A camera that the
-photographs do not determine, or that no real lens matches, is refused. Copies of one photograph add
-no information. All limits are chosen.
+camera fits a layout of few corners. So each camera is measured on all corners found in all
+photographs, with only the board's pose fitted again. The layout with the lowest error there wins;
+among layouts within 2 percent of it, the one with the most corners. A camera that the photographs
+do not determine, or that no real lens matches, is refused. All limits are chosen.
 """
 
 from __future__ import annotations
@@ -68,10 +67,9 @@ class Calibration:
 def calibrate(
     photographs: Photographs, *, square_m: float = 0.02, advance: Advance = silent
 ) -> Calibration:
-    """Find the camera's intrinsics; photographs of another size than most are left out.
+    """Find the camera's intrinsics; InputError if too few photographs show a board, or none fits.
 
-    The edge of a square changes distances, never the camera. InputError if too few photographs show
-    a board, or every resulting camera is refused.
+    Photographs of another size than most are left out. A square's edge never changes the camera.
     """
     found, size_px, skipped = find_boards(photographs, advance)
     boards = _distinct(found, skipped)

@@ -69,9 +69,8 @@ def load_camera(
 ) -> CameraModel:
     """Read a camera file, our own or one of ROS or OpenCV.
 
-    The camera is scaled to images of width and height `size_px`, and turned by their orientation
-    relative to the stored ones. `forward_offset_m` counts if the file has none. FileError for a
-    malformed file, ValueRangeError for images of another aspect ratio.
+    The camera is scaled to images of width and height `size_px`, and turned by their orientation.
+    `forward_offset_m` counts if the file has none. Images of another aspect ratio are refused.
     """
     file = _read(path)
     (fx, _, cx), (_, fy, cy), _ = file.K

@@ -8,13 +8,12 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from uav_bt.errors import FileError, InputError
 from uav_bt.progress import Advance
-from uav_bt.types.arrays import Image
+from uav_bt.types.arrays import Floats32, Image
 
-Corners = NDArray[np.float32]  # (rows, columns, 2): image column and row of each corner, px
+Corners = Floats32  # (rows, columns, 2): image column and row of each corner, px
 Photographs = Mapping[str, Callable[[], Image]]  # by name, functions that return (H, W) grey
 
 MIN_CORNERS: Final = 12  # 4x3: fewer add little information to the board's four corners
@@ -123,8 +122,7 @@ def _refined(image: Image, grid: Corners, shrink: float) -> Corners | None:
     """Refine corners to subpixel accuracy in the full image; None with too few corners in it.
 
     It is turned to at least as many columns as rows, and not mirrored. Refining is needed even
-    without shrinking: the search is biased to one side, which in the twin moves the camera's centre
-    by half a pixel. The refined corners have more scatter but less bias.
+    without shrinking: the search is biased to one side, in the twin by half a pixel.
     """
     full = (grid + 0.5) * np.float32(shrink) - np.float32(0.5)
     # The search guesses corners beyond the image: their columns or rows are left out.

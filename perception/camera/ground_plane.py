@@ -1,8 +1,6 @@
 """The ground plane in the image: its depth at every pixel.
 
-Frames are those of `uav_bt.types.projection`: a level frame at the lens, x forward, y right,
-z down.
-Two distances are distinguished:
+Level frames are at the lens: x forward, y right, z down. Two distances are distinguished:
 
 *depth*  along the optical axis; networks predict it, and the twin's truth holds it;
 *range*  along the pixel's ray, the Euclidean distance; a tape measure gives it, and in the paper it
@@ -49,9 +47,8 @@ class CameraView:
 def view_of(frame: Frame, camera: CameraModel, size_px: tuple[int, int]) -> CameraView:
     """Return the view from a frame's telemetry, for maps of a width and height.
 
-    The gimbal holds its pitch to the horizon at any attitude of the body. The body's attitude
-    matters only for the lever: the lens is ahead of the body's centre and moves up and down with
-    the nose.
+    The gimbal holds its pitch at any attitude of the body, which matters only for the lever: the
+    lens is ahead of the body's centre and moves up and down with the nose.
     """
     lever_m = camera.forward_offset_m * math.sin(frame.attitude.pitch_rad)
     return CameraView(

@@ -19,9 +19,8 @@ from uav_bt.types import CameraModel
 from uav_bt.types.arrays import Floats, Image
 
 IMAGE_SUFFIXES: Final = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
+# Formats of phones and cameras that messages name but that cannot be read.
 FOREIGN_SUFFIXES: Final = (".arw", ".avif", ".cr2", ".cr3", ".dng", ".heic", ".heif", ".nef")
-"""Formats of phones and cameras that messages name but that cannot be read."""
-
 _JPEG_MARK: Final = b"\xff\xd8"
 _EXIF_MARK: Final = b"Exif\0\0"
 _EXIF_BYTES: Final = 65_536 + 64  # longest JPEG segment, and the segment before it
@@ -96,8 +95,7 @@ class Orientation:
         return replace(turned, cx_px=cx, cy_px=cy, distortion=bent)
 
 
-UPRIGHT: Final = Orientation()
-"""Images that are shown as they are stored."""
+UPRIGHT: Final = Orientation()  # images that are shown as they are stored
 
 
 def image_files(folder: Path) -> tuple[list[Path], str]:
@@ -126,8 +124,8 @@ def _conversion(foreign: list[Path]) -> str:
 def read_image(path: Path, *, colour: bool, as_stored: bool) -> Image:
     """Read an image file as (H, W, 3) RGB, or (H, W) grey; FileError if it holds no image.
 
-    Unless the stored rows are wanted, the EXIF orientation is applied. Images of more than 8 bits
-    are shifted down by the bits that they use, for example 12 bits in a 16-bit file.
+    Unless `as_stored`, the EXIF orientation is applied. Images of more than 8 bits are shifted down
+    by the bits that they use, for example 12 in a 16-bit file.
     """
     if path.suffix.lower() in FOREIGN_SUFFIXES:
         raise FileError(path, _conversion([path]))

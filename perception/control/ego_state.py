@@ -18,9 +18,8 @@ from uav_bt.errors import ValueRangeError
 from uav_bt.types.dead_reckoning import OdometryPose
 
 VERSION: Final = 2  # of layer names, inputs and outputs; files of another version are refused
-
+# `advance` (or turn), `clockwise` (if it turns), `ground_ends` as logits; others in m.
 OUTPUTS: Final = ("advance", "clockwise", "step_m", "ground_ends", "free_m")
-"""Outputs: `advance` (or turn), `clockwise` (if it turns), `ground_ends` as logits; others in m."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,20 +77,12 @@ def state_vector(
     turning: int,
     full_turns: int,
 ) -> NDArray[np.float32]:
-    """Return the state vector of a decision.
+    """Return the state vector of a decision, (4 + 5 (V - 1),), from the pose of each view.
 
-    Args:
-        poses: poses at the capture of each view, the present one first.
-        height_above_ground_m: of the drone.
-        gimbal_pitch_rad: of the camera.
-        turning: a turn under way: +1 clockwise, -1 counter-clockwise, 0 none.
-        full_turns: consecutive full turns without a free path.
-
-    Returns:
-        (4 + 5 (V - 1),) float32. The first four are height and pitch relative to their usual
-        values, the turn under way, and full turns. Each earlier view adds its age in seconds, the
-        body's former position (forward and right of the present body, metres), and sine and
-        1 - cosine of its heading relative to the present one.
+    The first four are height and pitch relative to their usual values, the turn under way (+1
+    clockwise, -1 counter-clockwise), and full turns without a free path. Each earlier view adds its
+    age in seconds, the body's former position (forward and right of the present body, metres), and
+    sine and 1 - cosine of its heading relative to the present one.
     """
     now = poses[0]
     values = [

@@ -14,24 +14,10 @@ from perception.camera.ground_plane import GroundPlane, view_of
 from perception.depth.confidence import Confidence, Measure, flow_measure, ground_confidence
 from perception.depth.contact.base import Remembered
 from perception.depth.contact.depth import ContactDepth, ContactEstimation
-from perception.depth.scale import (
-    AdaptiveScale,
-    Scale,
-    ScaleEstimator,
-    resized,
-    sample_ground,
-)
+from perception.depth.scale import AdaptiveScale, Scale, ScaleEstimator, resized, sample_ground
 from uav_bt.errors import UnknownNameError
 from uav_bt.protocols import DepthEstimator
-from uav_bt.types import (
-    CameraModel,
-    ClassMap,
-    DepthMap,
-    DroneState,
-    Frame,
-    NearObstacles,
-    Pose2D,
-)
+from uav_bt.types import CameraModel, ClassMap, DepthMap, DroneState, Frame, NearObstacles, Pose2D
 from uav_bt.types.arrays import Image
 from uav_bt.types.dead_reckoning import MotionEstimate
 

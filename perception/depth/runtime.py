@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.networks.mapping import DepthMapping, read_depth_mapping
-from perception.networks.named import SHIPPED_DEPTHS, depth_file
 from perception.networks.onnx_runtime import OnnxNetwork
+from perception.networks.weights_file import SHIPPED_DEPTHS, depth_file
 from uav_bt.errors import AnswerError, UnknownNameError
 from uav_bt.types import DepthMap, Frame
 

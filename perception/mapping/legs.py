@@ -50,11 +50,7 @@ class Covered:
 
 
 def cover_below(
-    level_m: Floats,
-    ids: Ids,
-    roles: Ids,
-    classes: LabClasses,
-    runs: tuple[Indices, Indices, Ids],
+    level_m: Floats, ids: Ids, roles: Ids, classes: LabClasses, runs: tuple[Indices, Indices, Ids]
 ) -> Covered | None:
     """Give the samples of the ground below boards to the objects that stand there.
 

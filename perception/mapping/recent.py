@@ -55,10 +55,7 @@ class _Points(PointTable):
 
 
 _NONE: Final = _Points(
-    xy_m=np.empty((0, 2)),
-    until_s=np.empty(0),
-    seen_s=np.empty(0),
-    kinds=np.empty(0, dtype=np.int8),
+    xy_m=np.empty((0, 2)), until_s=np.empty(0), seen_s=np.empty(0), kinds=np.empty(0, dtype=np.int8)
 )
 _NO_RAD: Final = np.empty(0)
 _NO_M: Final = np.empty((0, 2))

@@ -6,9 +6,8 @@ variable `ORT_DISABLE_TELEMETRY` (`Privacy.md` in its wheel).
 
 A shipped network takes 0.2 s to compile, and 0.05 s to read from `$XDG_CACHE_HOME/uav-bt/networks`,
 by default `~/.cache/uav-bt/networks`. A file's name is the hash of everything that the compilation
-depends on, so another version of OpenVINO or another processor compiles again. A folder that cannot
-be used and a damaged file cost time only. OpenVINO's own property `CACHE_DIR` writes into the final
-file, which another process may be reading, and does not detect damaged weights.
+depends on. OpenVINO's own `CACHE_DIR` writes into the final file, which another process may be
+reading, and does not detect damaged weights.
 """
 
 from __future__ import annotations
@@ -71,9 +70,8 @@ def _spare_amx(environment: MutableMapping[str, str], cpu_info: Path) -> None:
     """Keep OpenVINO from using a processor's tile instructions (AMX), unless a cap is set.
 
     Some virtual machines announce AMX and then refuse to run it, which ends the process
-    (uxlfoundation/oneDNN issue 5689). OpenVINO has no setting that disables it. Networks of a few
-    million weights do not gain from it. Processors without AMX are not limited: any cap at AVX-512
-    also disables VNNI on processors that have VNNI without AVX-512.
+    (uxlfoundation/oneDNN issue 5689). Networks of a few million weights do not gain from it. Other
+    processors are not limited: any cap at AVX-512 disables VNNI on those without AVX-512.
     """
     if any(name in environment for name in _CAPS) or not cpu_info.is_file():
         return

@@ -29,12 +29,12 @@ from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uav_bt.errors import UnknownNameError, ValueRangeError
 from uav_bt.lab.classes import GROUND, LabClasses
 from uav_bt.protocols import Segmenter
 from uav_bt.types import ClassMap, Frame
+from uav_bt.types.arrays import Image
 from uav_bt.yaml_file import read_yaml
 
 _MAX_CLASSES: Final = 65536  # larger class numbers are mistakes
@@ -80,7 +80,7 @@ class ClassMapping:
         """Return the mapping of a network with the classes of the lab."""
         return ClassMapping(classes=dict(enumerate(classes.names)))
 
-    def table(self, count: int, classes: LabClasses) -> NDArray[np.uint8]:
+    def table(self, count: int, classes: LabClasses) -> Image:
         """Return our class id of each of the network's `count` classes; all must be known."""
         most = max(self.classes)
         if most >= count:
@@ -103,8 +103,7 @@ class DepthMapping:
 def class_id_of(name: str, classes: LabClasses) -> int:
     """Return the id of a class, or that of the first suitable class of a role.
 
-    A network may not distinguish the classes of a role. Its obstacles become the first class that
-    stands on the ground, its landing mark becomes the sides of the mark.
+    Obstacles become the first class that stands on the ground, a landing mark the mark's sides.
     """
     if name in classes.names:
         return classes.id_of(name)

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from perception.networks.inference_packages import compiled_network, import_openvino
 from perception.networks.mapping import InputFormat
-from perception.networks.named import check_onnx
+from perception.networks.weights_file import check_onnx
 from uav_bt.errors import AnswerError, ValueRangeError, WeightsError
+from uav_bt.types.arrays import Image
 
 _SETTINGS: Final = {
     "PERFORMANCE_HINT": "LATENCY",
@@ -165,7 +166,7 @@ class OnnxNetwork:
         self._request.infer()
         return self._answer()[:-1]
 
-    def run(self, rgb: NDArray[np.uint8]) -> list[NDArray[Any]]:
+    def run(self, rgb: Image) -> list[NDArray[Any]]:
         """Return the outputs for an image, (H, W, 3) uint8 RGB; the next run overwrites them.
 
         AnswerError if an output holds NaN or infinity.
@@ -184,12 +185,11 @@ class OnnxNetwork:
         return [np.asarray(tensor.data) for tensor in self._request.output_tensors]
 
 
-def shrunk(rgb: NDArray[np.uint8], size_px: tuple[int, int]) -> NDArray[np.uint8]:
+def shrunk(rgb: Image, size_px: tuple[int, int]) -> Image:
     """Return an image, (H, W, 3), resized (never cropped) to width and height of a network's input.
 
-    Each pixel is the mean of its area in the original, within one grey level: first a box filter
-    over a whole number of pixels, then linear interpolation. OpenCV's `INTER_AREA` takes three
-    times as long if the ratio of the sizes is not an integer.
+    Each pixel is the mean of its area, within one grey level: a box filter, then interpolation.
+    OpenCV's `INTER_AREA` takes three times as long if the ratio of the sizes is not an integer.
     """
     if rgb.shape[1::-1] == size_px:
         return rgb

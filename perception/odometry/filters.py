@@ -48,9 +48,8 @@ _LEAST: Final = 1e-9
 class Heading:
     """Kalman filter of the heading and of telemetry's error of it, frame by frame.
 
-    Two images of the ground give a turn with an error below a milliradian. Over half a minute the
-    sum of such turns drifts less than telemetry. Without ground in view the heading follows
-    telemetry. A jump of telemetry does not change the heading.
+    Two images of the ground give a turn with an error below a milliradian; their sum drifts less
+    than telemetry. Without ground in view the heading follows telemetry, but not its jumps.
     """
 
     def __init__(self) -> None:
@@ -69,10 +68,7 @@ class Heading:
         return -float(self._mean_rad[1])
 
     def see(self, reported_rad: float, turned_rad: float | None, passed_s: float) -> None:
-        """Update with telemetry's heading at a frame and the turn that the ground showed, if any.
-
-        The turn is that since the previous frame, `passed_s` before.
-        """
+        """Update with telemetry's heading at a frame, and the turn since the last by the ground."""
         before_rad, self._reported_rad = self._reported_rad, reported_rad
         if before_rad is None:
             self._mean_rad[0] = reported_rad
@@ -98,10 +94,9 @@ class Heading:
 class VelocityError:
     """Kalman filter of the error of telemetry's velocity, measured over the ground.
 
-    The error has two parts. A drift that telemetry misses keeps its direction in the world. A bias
-    of the drone's estimate turns with the drone. Only a turn separates them: until then half of the
-    error counts as each. A drone that turns away from the ground needs the parts, because it then
-    flies by the last estimate. Headings are those of the odometry's frame, clockwise.
+    A drift that telemetry misses keeps its direction in the world. A bias of the drone's estimate
+    turns with the drone. Only a turn separates them: until then half of the error counts as each. A
+    drone that turns away from the ground flies by them. Headings are of the odometry's frame.
     """
 
     def __init__(self) -> None:
@@ -157,9 +152,8 @@ def _seen_at(yaw_rad: float) -> NDArray[np.complex128]:
 class Stretch:
     """Factor between the displacements that frames show and those that telemetry reports.
 
-    The displacement over the ground is measured in angles and becomes metres by the height and the
-    focal length. If one of them is wrong by a factor, so are all displacements. A drift or a bias
-    of telemetry's velocity adds the same to all of them. A regression of the seen on the reported
+    If height or focal length is wrong by a factor, so are all displacements. A drift or a bias of
+    telemetry's velocity adds the same to all of them. A regression of the seen on the reported
     velocities, about their means, separates the two: the slope is the factor.
     """
 

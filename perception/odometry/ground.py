@@ -6,7 +6,7 @@ import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import Final
 
 import cv2
 import numpy as np
@@ -35,21 +35,17 @@ _MIN_HEIGHT_M: Final = 0.5  # of the camera; lower, points move too far between 
 _SPREAD_M: Final = 1.0  # of the points of a measurement that does not state it; usual in flight
 
 
-class _Sight(NamedTuple):
-    """The last frame, for comparison with the next."""
-
-    frame: Frame
-    # Not of frames that `measure` compares: the ground near enough to be followed is 1, (H, W).
-    shown: tuple[visual.GroundView, Image] | None
+# The last frame, for comparison with the next. Not of frames that `measure` compares: its view, and
+# the ground near enough to be followed is 1, (H, W).
+_Sight = tuple[Frame, tuple[visual.GroundView, Image] | None]
 
 
 class GroundOdometry:
     """Integrates telemetry, and corrects it by every frame with enough ground.
 
-    Telemetry is later and less frequent than frames. The pose at a frame is first extrapolated from
-    the last velocity, and recomputed when a later velocity is known. Only then is the measured
-    displacement compared with telemetry's. `measure` may return the pose of the second frame's lens
-    in the level frame of the first; by default points of the ground are tracked.
+    The pose at a frame is first extrapolated from the last velocity. When a later one is known, it
+    is recomputed, and the measured displacement compared with telemetry's. `measure` may return the
+    pose of the second frame's lens in the level frame of the first, instead of tracked points.
     """
 
     def __init__(self, measure: Callable[[Frame, Frame], Pose2D | None] | None = None) -> None:
@@ -193,13 +189,13 @@ class GroundOdometry:
         if before is None or now is None or not 0.0 < passed_s <= _MAX_GAP_S:
             return None
         if self._measure is not None:
-            found = self._measure(before.frame, now.frame)
+            found = self._measure(before[0], now[0])
             if found is None:
                 return None
             return visual.GroundMotion(_of_lens(found, -offset_m), _SPREAD_M)
-        if before.shown is None or now.shown is None:
+        if before[1] is None or now[1] is None:
             return None
-        (first, ground), (second, _) = before.shown, now.shown
+        (first, ground), (second, _) = before[1], now[1]
         self._ground_share = float(ground.mean())
         held = replace(expected, yaw_rad=self._turn_radps * passed_s)
         leaps = abs(held.yaw_rad - expected.yaw_rad) > visual.MAX_YAW_RAD
@@ -215,7 +211,7 @@ class GroundOdometry:
         if not height_m >= _MIN_HEIGHT_M:
             return None
         if self._measure is not None:
-            return _Sight(frame, None)
+            return frame, None
         height_px, width_px = frame.image.shape[:2]
         small_px = min(width_px, _WIDTH_PX)
         size = (small_px, round(height_px * small_px / width_px))
@@ -230,7 +226,7 @@ class GroundOdometry:
         view = visual.GroundView(grey, camera.resized(*size), pitch_rad, height_m)
         farthest = ground_range_to_row(visual.MAX_RANGE_M, view.camera, pitch_rad, height_m)
         near[: max(0, math.ceil(farthest))] = 0
-        return _Sight(frame, (view, near))
+        return frame, (view, near)
 
     def _corrected(self, raw: OdometryPose | None) -> OdometryPose | None:
         if raw is None or self._seen is None:

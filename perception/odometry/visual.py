@@ -3,9 +3,7 @@
 The drone's velocity has errors of a centimetre per second for several seconds, which add up to a
 quarter of a metre in half a minute. The points of the ground are fixed and lie in a known plane.
 Tracked between two frames by optical flow (Lucas and Kanade), they give the horizontal motion and
-the turn. Telemetry's heading has an error of half a degree, which moves an image by more than two
-pixels; the turn from the ground has a fraction of that error. `GroundOdometry`
-(`perception.odometry.ground`) combines this with dead reckoning in flight.
+the turn, with a fraction of the error of telemetry's heading, half a degree.
 
 On a floor of one colour the corners are image noise. Their flow ends where it began, at the guess,
 so that they agree with one another and with telemetry. Points of the ground are therefore tracked
@@ -75,9 +73,8 @@ def ground_motion(
 ) -> GroundMotion | None:
     """Measure the pose of the second camera in the level frame of the first.
 
-    None with too few points on the ground, and on ground without texture. The search starts with
-    the motion by telemetry. `ground`, (H, W), is not zero where the first frame shows ground;
-    without it only the robust fit rejects other points.
+    None with too few points on the ground, and on ground without texture. The search starts with a
+    guess. `ground`, (H, W), is not zero where the first frame shows ground, if that is known.
     """
     quality = _QUALITY if ground is None else _QUALITY_IN_MASK
     corners = cv2.goodFeaturesToTrack(first.grey, _POINTS, quality, _SPACING_PX, mask=ground)
@@ -108,9 +105,8 @@ def _tracked(
 ) -> GroundMotion | None:
     """Track points and fit their motion by iterative reweighting, which rejects other points.
 
-    Points are (N, 2) pixels in the first frame, and (N, 2) their places on the ground, m, in its
-    level frame. They are tracked from the guess, shifted ahead and to the right; None without a
-    ground mask.
+    Points are (N, 2) pixels in the first frame, and their places on the ground, m. They are tracked
+    from the guess, shifted ahead and to the right (None without a ground mask).
     """
     begin, here = points
     off_m = shift_m or 0.0
@@ -163,10 +159,8 @@ def _reweighted(
     appear as forward motion. OpenCV's `estimateAffinePartial2D` has no weights, and SciPy's
     `Rotation.align_vectors` works in three dimensions without the translation.
 
-    Points are (N, 2) m, in the level frames of the first and of the second camera; the differences
-    by which they are first weighted are overwritten. `max_scale` is the largest relative error of
-    the second height. Returned are the pose of the second camera in the level frame of the first,
-    the spread of the points, and the number of inliers.
+    Points are (N, 2) m, in the level frames of both cameras; the differences by which they are
+    first weighted are overwritten. Returned are the pose of the second camera, spread, inliers.
     """
     x_m, y_m, yaw_rad, spread_m2 = 0.0, 0.0, 0.0, 0.0
     weights = np.empty(len(here))
@@ -188,8 +182,7 @@ def _reweighted(
             share = weights[point] / total
             ax, ay = here[point, 0] - from_x, here[point, 1] - from_y
             bx, by = there[point, 0] - to_x, there[point, 1] - to_y
-            # Points turn opposite to the camera, and y is to the right: signs of a clockwise
-            # heading.
+            # Points turn opposite to the camera, and y is to the right.
             across += share * (ay * bx - ax * by)
             along += share * (ax * bx + ay * by)
             spread_m2 += share * (bx * bx + by * by)

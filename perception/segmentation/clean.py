@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from perception.segmentation.features import colour_codes
 from uav_bt.lab.classes import NO_ROLE
+from uav_bt.types.arrays import Flags, Floats32, Image
 
 _STEP_PX: Final = 5  # between the paper's dots
 _DILATION_PX: Final = 7  # side of the square around each dot
@@ -32,6 +33,7 @@ _PRIOR_WEIGHT: Final = 3.0  # of the prior's logarithm; neighbouring pixels are 
 _BLUR_PX: Final = 1.0  # standard deviation of the smoothing of likelihoods, against image noise
 SMALLEST_PX: Final = 100  # area; smaller pieces are noise
 HOLE_PX: Final = 4000  # area; smaller holes in a box's side are its pattern
+# What a refined map depends on besides teacher and image, for the names of kept maps.
 REFINED_BY: Final = {
     "rounds": _ROUNDS,
     "neighbourhood_px": _NEIGHBOURHOOD_PX,
@@ -40,17 +42,14 @@ REFINED_BY: Final = {
     "smallest_px": SMALLEST_PX,
     "hole_px": HOLE_PX,
 }
-"""What a refined map depends on besides teacher and image, for the names of kept maps."""
-
 _MIN_SHARE: Final = 1e-4  # added to the prior to keep its logarithm finite
 _SURROUND: Final = 0.95  # share of a hole's rim that must be of the class around it
 
 
-def dilated_grid(ids: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def dilated_grid(ids: Image) -> Image:
     """Return the class map, (H, W), after sampling a grid of dots and dilating them.
 
-    Classes are painted in the order of their ids, so that objects cover the margin of what
-    lies around them; the paper accepts these additional pixels.
+    Classes are painted in the order of their ids, so that objects cover the margin around them.
     """
     dots = np.zeros(ids.shape, dtype=bool)
     dots[_STEP_PX // 2 :: _STEP_PX, _STEP_PX // 2 :: _STEP_PX] = True
@@ -62,9 +61,7 @@ def dilated_grid(ids: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return _absorbed(painted, painted == NO_ROLE)
 
 
-def keep_largest_components(
-    ids: NDArray[np.uint8], scattered: Collection[int]
-) -> NDArray[np.uint8]:
+def keep_largest_components(ids: Image, scattered: Collection[int]) -> Image:
     """Return the map with one piece of each class but the scattered ones, such as the ground.
 
     Other pieces take the surrounding class.
@@ -76,7 +73,7 @@ def keep_largest_components(
     return _absorbed(ids, stray)
 
 
-def drop_small_components(ids: NDArray[np.uint8], *, area_px: int) -> NDArray[np.uint8]:
+def drop_small_components(ids: Image, *, area_px: int) -> Image:
     """Return the map without pieces of any class smaller than an area.
 
     A class may have several pieces: a box behind another box, or two boxes of the same pattern.
@@ -89,12 +86,8 @@ def drop_small_components(ids: NDArray[np.uint8], *, area_px: int) -> NDArray[np
 
 
 def filled_holes(
-    ids: NDArray[np.uint8],
-    *,
-    inside: Collection[int],
-    but: Collection[int | None] = (),
-    area_px: int,
-) -> NDArray[np.uint8]:
+    ids: Image, *, inside: Collection[int], but: Collection[int | None] = (), area_px: int
+) -> Image:
     """Return the map without holes of at most an area, surrounded by one class of `inside`.
 
     Pieces of the classes `but` are never holes.
@@ -114,15 +107,13 @@ def filled_holes(
     return filled
 
 
-def _pieces(
-    mask: NDArray[np.bool_], connectivity: int
-) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+def _pieces(mask: Flags, connectivity: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
     """Return labels of connected pieces, their areas and boxes; 0 is what is not in the mask."""
     found = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=connectivity)
     return found[1], found[2][:, cv2.CC_STAT_AREA], found[2][:, :4]
 
 
-def _absorbed(ids: NDArray[np.uint8], stray: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def _absorbed(ids: Image, stray: Flags) -> Image:
     """Give stray pixels the class of the nearest other pixel."""
     if not stray.any() or stray.all():
         return ids.copy()
@@ -135,9 +126,7 @@ def _absorbed(ids: NDArray[np.uint8], stray: NDArray[np.bool_]) -> NDArray[np.ui
     return np.asarray(class_of_label[nearest], dtype=np.uint8)
 
 
-def sharpened(
-    ids: NDArray[np.uint8], rgb: NDArray[np.uint8], palette: NDArray[np.float32]
-) -> NDArray[np.uint8]:
+def sharpened(ids: Image, rgb: Image, palette: Floats32) -> Image:
     """Return the map of windows, (H, W), of an image after the rounds of prior and likelihood.
 
     The palette has the log-likelihood of each coarse colour in each class, (C, 32768).

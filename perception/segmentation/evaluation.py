@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 
 from uav_bt.errors import ValueRangeError
 from uav_bt.lab.classes import ROLE_NAMES, LabClasses
+from uav_bt.types.arrays import Floats, Image
 
 
-def confusion(
-    predicted: NDArray[np.uint8], exact: NDArray[np.uint8], classes: int
-) -> NDArray[np.int64]:
+def confusion(predicted: Image, exact: Image, classes: int) -> NDArray[np.int64]:
     """Return the (C, C) counts of pixels by exact class (row) and predicted class (column).
 
     Both maps have the same size, and ids below the number of classes.
@@ -31,9 +30,8 @@ def confusion(
 class SegmentationScore:
     """Pixel counts of a set of images, and scores from them.
 
-    The intersection over union is computed over all pixels of the set, not averaged over images. It
-    is NaN for a class that is absent from all exact maps, and the mean leaves such a class out.
-    Pixels wrongly given to it count against their exact classes.
+    The intersection over union is over all pixels of the set. It is NaN for a class that is absent
+    from all exact maps, and the mean leaves such a class out.
     """
 
     counts: NDArray[np.int64]  # (C, C), exact class by predicted class
@@ -41,8 +39,8 @@ class SegmentationScore:
     classes: LabClasses
 
     @property
-    def iou(self) -> NDArray[np.float64]:
-        """(C,) intersection over union of each class, nan where the class is absent."""
+    def iou(self) -> Floats:
+        """(C,) of each class, nan where the class is absent."""
         return _iou(self.counts)
 
     @property
@@ -53,7 +51,7 @@ class SegmentationScore:
         return np.asarray(to_role.T @ self.counts @ to_role)
 
     @property
-    def role_iou(self) -> NDArray[np.float64]:
+    def role_iou(self) -> Floats:
         """(4,) intersection over union of each role, nan where the role is absent."""
         return _iou(self.role_counts)
 
@@ -84,7 +82,7 @@ class SegmentationScore:
         }
 
 
-def _iou(counts: NDArray[np.int64]) -> NDArray[np.float64]:
+def _iou(counts: NDArray[np.int64]) -> Floats:
     both = np.diag(counts).astype(np.float64)
     exact = counts.sum(axis=1)
     either = counts.sum(axis=0) + exact - both
@@ -93,13 +91,13 @@ def _iou(counts: NDArray[np.int64]) -> NDArray[np.float64]:
     return iou
 
 
-def _by_name(names: Sequence[str], values: NDArray[np.float64]) -> dict[str, float | None]:
-    rounded = [None if math.isnan(value) else round(value, 4) for value in values.tolist()]
-    return dict(zip(names, rounded, strict=True))
+def _by_name(names: Sequence[str], values: Floats) -> dict[str, float | None]:
+    pairs = zip(names, values.tolist(), strict=True)
+    return {name: None if math.isnan(value) else round(value, 4) for name, value in pairs}
 
 
 def score_segmentation(
-    pairs: Iterable[tuple[NDArray[np.uint8], NDArray[np.uint8]]], classes: LabClasses
+    pairs: Iterable[tuple[Image, Image]], classes: LabClasses
 ) -> SegmentationScore:
     """Score predicted maps, (H, W), against exact ones.
 

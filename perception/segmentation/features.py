@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.errors import ValueRangeError
+from uav_bt.types.arrays import Floats, Floats32, Image
 
 _HUE, _SATURATION, _VALUE = 90, 64, 36  # bins
 FEATURE_COUNT: Final = _HUE + _SATURATION + _VALUE
@@ -29,7 +30,7 @@ _LEVELS: Final = np.arange(256)
 # fills the rest of the table.
 _HUE_BINS: Final = np.minimum(_LEVELS // 2, _HUE - 1)
 _VALUE_BINS: Final = _HUE + _SATURATION + _LEVELS * _VALUE // 256
-_BIN_OF_LEVEL: Final = np.stack([_HUE_BINS, _HUE + _LEVELS // 4, _VALUE_BINS], axis=1)
+BIN_OF_LEVEL: Final = np.stack([_HUE_BINS, _HUE + _LEVELS // 4, _VALUE_BINS], axis=1)
 
 _BITS: Final = 5  # of each of red, green, blue in a coarse colour; measured a little better than 4
 _SIDE: Final = 1 << _BITS
@@ -38,18 +39,9 @@ COLOUR_COUNT: Final = _SIDE**3
 _UNSEEN_SHARE: Final = 0.1  # probability spread evenly over all colours, for unseen ones
 
 
-def hsv_of(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def hsv_of(rgb: Image) -> Image:
     """Return the 8-bit HSV image, (H, W, 3), of an RGB image."""
     return np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV), dtype=np.uint8)
-
-
-def channel_tables(weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the weight of each 8-bit level of each channel, (256, 3), of a linear model, (190,).
-
-    A linear model on the histograms of a patch is a sum over its pixels, and a pixel adds the
-    weights of its three bins; this table gives them without binning the image first.
-    """
-    return np.asarray(weights[_BIN_OF_LEVEL], dtype=np.float64)
 
 
 def patch_slices(
@@ -58,8 +50,7 @@ def patch_slices(
     """Return rows and columns of the patch of a pixel.
 
     A patch of even size has no middle pixel: it starts ``patch_px // 2`` before its pixel. Near the
-    image's border the patch is shifted inwards, so that it is always whole. ValueRangeError for a
-    pixel outside the image.
+    image's border it is shifted inwards. ValueRangeError for a pixel outside the image.
     """
     if not (0 <= x < width_px and 0 <= y < height_px):
         raise ValueRangeError(f"pixel ({x}, {y}) lies outside the {width_px}x{height_px} image")
@@ -79,7 +70,7 @@ class WindowMeans:
         self._total = np.empty((height_px + 1, width_px + 1))
         self._inner = np.empty((height_px - side_px + 1, width_px - side_px + 1))
 
-    def of(self, plane: NDArray[np.float64]) -> NDArray[np.float64]:
+    def of(self, plane: Floats) -> Floats:
         """Return the means, (H - side + 1, W - side + 1), of a plane, (H, W).
 
         They are valid until the next call; the plane's mean is subtracted in place.
@@ -106,9 +97,7 @@ def spread_to_border(inner: NDArray[Any], side_px: int) -> NDArray[Any]:
     return np.pad(inner, ((before, after), (before, after)), mode="edge")
 
 
-def patch_features(
-    hsv: NDArray[np.uint8], points: NDArray[np.int64], patch_px: int
-) -> NDArray[np.float64]:
+def patch_features(hsv: Image, points: NDArray[np.int64], patch_px: int) -> Floats:
     """Return the normalised histograms, (N, 190), of the patches around points, (N, 2), x then y.
 
     Each row sums to three.
@@ -117,24 +106,19 @@ def patch_features(
     features = np.empty((len(points), FEATURE_COUNT))
     for row, (x, y) in enumerate(points.tolist()):
         patch = patch_slices(x, y, patch_px=patch_px, width_px=width_px, height_px=height_px)
-        bins = _BIN_OF_LEVEL[hsv[patch], np.arange(3)]
+        bins = BIN_OF_LEVEL[hsv[patch], np.arange(3)]
         features[row] = np.bincount(bins.ravel(), minlength=FEATURE_COUNT)
     return features / float(patch_px**2)
 
 
-def colour_codes(rgb: NDArray[np.uint8]) -> NDArray[np.uint16]:
+def colour_codes(rgb: Image) -> NDArray[np.uint16]:
     """Return the code (0 to 32767) of each pixel's coarse colour, for (..., 3) uint8 RGB."""
     coarse = (rgb >> (8 - _BITS)).astype(np.uint16)
     codes = coarse[..., 0] << (2 * _BITS) | coarse[..., 1] << _BITS | coarse[..., 2]
     return np.asarray(codes, dtype=np.uint16)
 
 
-def count_colours(rgb: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Return the number of pixels of each coarse colour, (32768,)."""
-    return np.bincount(colour_codes(rgb).ravel(), minlength=COLOUR_COUNT)
-
-
-def palette_of_counts(counts: NDArray[np.int64]) -> NDArray[np.float32]:
+def palette_of_counts(counts: NDArray[np.int64]) -> Floats32:
     """Return the log-likelihood of each coarse colour in each class, (C, 32768), of pixel counts.
 
     Counts are spread to neighbouring colours, because a few thousand picks do not cover the

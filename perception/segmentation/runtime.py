@@ -18,10 +18,9 @@ from uav_bt.errors import AnswerError
 from uav_bt.lab.classes import OBSTACLE, OUTSIDE, LabClasses
 from uav_bt.lab.shipped import load_lab
 from uav_bt.types import ClassMap, DepthMap, Frame
+from uav_bt.types.arrays import Image
 
-MAP_PX: Final = (224, 112)
-"""Width and height of the class maps of the U-Net and of the teacher."""
-
+MAP_PX: Final = (224, 112)  # width and height of the class maps of the U-Net and of the teacher
 _TRAIN: Final = "`uav-bt lab train`"
 
 
@@ -86,11 +85,11 @@ class OnnxSegmenter:
         ids = self.ids(frame.image)
         return ClassMap(ids=ids, classes=self._classes, captured_s=frame.captured_s)
 
-    def ids(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def ids(self, rgb: Image) -> Image:
         """Return class ids, (h, w) uint8, of an image, (H, W, 3) uint8 RGB."""
         return self._ids_of(self._network.run(rgb)[0])
 
-    def _ids_of(self, answer: NDArray[Any]) -> NDArray[np.uint8]:
+    def _ids_of(self, answer: NDArray[Any]) -> Image:
         numbers = answer.reshape(self._pixels)
         if self._axis is not None:
             return self._table.take(numbers)
@@ -142,9 +141,8 @@ def _form(
 class RoomSegmenter:
     """A network for any room: roles instead of classes, and relative depth by the same inference.
 
-    A role becomes a class of the lab: the first class that is outside, the first ground, and the
-    first obstacle that is no upper face. The network has no landing marks. Its outputs are `logits`
-    (1, 3, H, W) of outside, ground and obstacle, and `depth` (1, 1, h, w).
+    A role becomes a class of the lab: the first outside, the first ground, and the first obstacle
+    that is no upper face. The outputs are `logits` (1, 3, H, W) of these, and `depth` (1, 1, h, w).
     """
 
     def __init__(self, path: Path, classes: LabClasses, *, threads: int = 1) -> None:

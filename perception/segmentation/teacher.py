@@ -15,22 +15,13 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.networks.weights_file import read_weights, write_weights
-from perception.segmentation import clean
-from perception.segmentation.features import (
-    COLOUR_COUNT,
-    FEATURE_COUNT,
-    WindowMeans,
-    channel_tables,
-    hsv_of,
-    palette_of_counts,
-    spread_to_border,
-)
+from perception.segmentation import clean, features
 from perception.segmentation.training.picks import PickedPatches
 from uav_bt.errors import ValueRangeError, WeightsError
 from uav_bt.lab.classes import GROUND, OBSTACLE, OUTSIDE, LabClasses
+from uav_bt.types.arrays import Floats, Floats32, Image
 
 _KIND: Final = "hsv-histogram-svm"
 
@@ -57,9 +48,9 @@ class Teacher:
     """The trained linear model: a score for each class is ``weights @ features + bias``."""
 
     classes: LabClasses  # C classes
-    weights: NDArray[np.float64]  # (C, 190)
-    bias: NDArray[np.float64]  # (C,); -inf for a class without picks, so that it never wins
-    palette: NDArray[np.float32]  # (C, 32768), `features.palette_of_counts`
+    weights: Floats  # (C, 190)
+    bias: Floats  # (C,); -inf for a class without picks, so that it never wins
+    palette: Floats32  # (C, 32768), `features.palette_of_counts`
     config: TeacherConfig
 
     @property
@@ -67,38 +58,38 @@ class Teacher:
         """Ids of the classes with picks."""
         return tuple(np.flatnonzero(np.isfinite(self.bias)).tolist())
 
-    def resized(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def resized(self, rgb: Image) -> Image:
         """Return the image at the teacher's size (area interpolation when it shrinks)."""
         size = (self.config.width_px, self.config.height_px)
         interpolation = cv2.INTER_AREA if rgb.shape[1] >= size[0] else cv2.INTER_LINEAR
         return np.asarray(cv2.resize(rgb, size, interpolation=interpolation), dtype=np.uint8)
 
-    def scores(self, hsv: NDArray[np.uint8]) -> Iterator[tuple[int, NDArray[np.float64]]]:
+    def scores(self, hsv: Image) -> Iterator[tuple[int, Floats]]:
         """Yield id and score of the window around every pixel, (H, W), of the classes with picks.
 
         Windows near the border are shifted inwards (`features.patch_slices`).
         """
         for class_id, inner in self._window_scores(hsv):
-            yield class_id, spread_to_border(inner, self.config.patch_px)
+            yield class_id, features.spread_to_border(inner, self.config.patch_px)
 
-    def window_ids(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def window_ids(self, rgb: Image) -> Image:
         """Return the best class, (H, W), of the window around every pixel of a resized image."""
-        scores = self._window_scores(hsv_of(rgb))
+        scores = self._window_scores(features.hsv_of(rgb))
         first, inner = next(scores)
         best = inner.copy()
         ids = np.full(best.shape, first, dtype=np.uint8)
         for class_id, inner in scores:
             np.putmask(ids, inner > best, np.uint8(class_id))
             np.maximum(best, inner, out=best)
-        return spread_to_border(ids, self.config.patch_px)
+        return features.spread_to_border(ids, self.config.patch_px)
 
-    def paper_ids(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def paper_ids(self, rgb: Image) -> Image:
         """Return the class map of a resized image: dots, dilation, largest components."""
         dots = clean.dilated_grid(self.window_ids(rgb))
         scattered = self.classes.of_role(OUTSIDE) + self.classes.of_role(GROUND)
         return clean.keep_largest_components(dots, scattered)
 
-    def refined_ids(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def refined_ids(self, rgb: Image) -> Image:
         """Return the class map of a resized image: sharp borders, no holes in sides of boxes."""
         ids = clean.sharpened(self.window_ids(rgb), rgb, self.palette)
         ids = clean.drop_small_components(ids, area_px=clean.SMALLEST_PX)
@@ -106,15 +97,17 @@ class Teacher:
         sides, but = self.classes.of_role(OBSTACLE), (self.classes.mark_top,)
         return clean.filled_holes(ids, inside=sides, but=but, area_px=clean.HOLE_PX)
 
-    def _window_scores(self, hsv: NDArray[np.uint8]) -> Iterator[tuple[int, NDArray[np.float64]]]:
+    def _window_scores(self, hsv: Image) -> Iterator[tuple[int, Floats]]:
         """Yield the scores of all whole windows; each array is valid until the next one."""
         height_px, width_px = hsv.shape[:2]
-        means = WindowMeans(width_px=width_px, height_px=height_px, side_px=self.config.patch_px)
+        means = features.WindowMeans(
+            width_px=width_px, height_px=height_px, side_px=self.config.patch_px
+        )
         planes = cv2.split(hsv)
         pixel, part = np.empty((height_px, width_px)), np.empty((height_px, width_px))
         for class_id in self.known:
-            # The columns are views into the table; OpenCV needs contiguous copies.
-            hue, saturation, value = channel_tables(self.weights[class_id]).T.copy()
+            # A pixel of a patch adds the weights of its three bins. OpenCV needs contiguous copies.
+            hue, saturation, value = self.weights[class_id][features.BIN_OF_LEVEL].T.copy()
             cv2.LUT(planes[0], hue, pixel)
             cv2.add(pixel, cv2.LUT(planes[1], saturation, part), pixel)
             cv2.add(pixel, cv2.LUT(planes[2], value, part), pixel)
@@ -141,10 +134,12 @@ def fit_teacher(patches: PickedPatches, config: TeacherConfig, *, seed: int = 0)
     offsets = np.concatenate([machine.intercept_ for machine in model.estimators_])
     if len(present) == 2:  # scikit-learn keeps one machine, whose positive side is the second class
         slopes, offsets = np.stack([-slopes[0], slopes[0]]), np.stack([-offsets[0], offsets[0]])
-    weights = np.zeros((len(patches.classes), FEATURE_COUNT))
+    weights = np.zeros((len(patches.classes), features.FEATURE_COUNT))
     bias = np.full(len(patches.classes), -np.inf)
     weights[present], bias[present] = slopes, offsets
-    return Teacher(patches.classes, weights, bias, palette_of_counts(patches.colour_counts), config)
+    return Teacher(
+        patches.classes, weights, bias, features.palette_of_counts(patches.colour_counts), config
+    )
 
 
 def save_teacher(path: Path, teacher: Teacher) -> None:
@@ -170,8 +165,8 @@ def load_teacher(path: Path, classes: LabClasses) -> Teacher:
                 f"expected the classes {', '.join(classes.names)} of the lab, got "
                 f"{', '.join(details['classes'])}; train a teacher on picks of this lab",
             )
-        weights = tensors["weights"].reshape(count, FEATURE_COUNT)
-        palette = tensors["palette"].reshape(count, COLOUR_COUNT).astype(np.float32)
+        weights = tensors["weights"].reshape(count, features.FEATURE_COUNT)
+        palette = tensors["palette"].reshape(count, features.COLOUR_COUNT).astype(np.float32)
         return Teacher(classes, weights, tensors["bias"].reshape(count), palette, config)
     except (KeyError, TypeError, ValueError) as error:
         raise WeightsError(path, f"is not a whole teacher ({error!r}); train it anew") from error

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from perception.networks.named import ANY, SHIPPED_UNET, TEACHER
+from perception.networks.weights_file import ANY, SHIPPED_UNET, TEACHER
 from uav_bt.board import CLASS_MAP
 from uav_bt.errors import InputError
 from uav_bt.lab.flight_keys import NetworkKeys

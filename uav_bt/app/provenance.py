@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import Final
 
 import uav_bt
-from perception.networks.named import ANY
-from perception.networks.weights_file import SHIPPED_WEIGHTS
+from perception.networks.weights_file import ANY, SHIPPED_WEIGHTS
 from uav_bt.tree import MissionTree
 
 # Packages that affect a flight's numbers, ours first.

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from perception.networks.mapping import class_id_of, read_mapping
-from perception.segmentation.training.pick_checks import check_picks, placed_picks
+from perception.segmentation.training.pick_images import check_picks, placed_picks
 from perception.segmentation.training.picks import Pick
 from uav_bt.errors import FileError, InputError
 from uav_bt.lab.classes import GROUND

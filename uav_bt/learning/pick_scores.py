@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from perception.camera.image_files import read_image
-from perception.networks.named import segmentation_file
+from perception.networks.weights_file import segmentation_file
 from perception.segmentation.evaluation import SegmentationScore, confusion
 from perception.segmentation.runtime import OnnxSegmenter
 from perception.segmentation.training.picks import Pick

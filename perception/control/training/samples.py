@@ -1,7 +1,4 @@
-"""Training data of the control student: labelled views of flights, and scores against them.
-
-This module does not import torch.
-"""
+"""Training data of the control student, without torch: labelled views of flights, and scores."""
 
 from __future__ import annotations
 
@@ -20,7 +17,7 @@ from uav_bt.answers import Advance, Answer, Blocked
 from uav_bt.errors import FileError, ValueRangeError
 from uav_bt.files import whole_file
 from uav_bt.protocols import Advice
-from uav_bt.types.arrays import Flags, Image
+from uav_bt.types.arrays import Flags, Floats, Floats32, Image, Indices
 from uav_bt.types.dead_reckoning import OdometryPose
 
 # Shrinking has already removed noise; a JPEG has a sixth of a PNG's bytes.
@@ -39,13 +36,13 @@ _AT_ONCE: Final = 32  # scored windows
 class ControlFlight:
     """One flight: N labelled views in the order of time."""
 
-    images: NDArray[np.uint8]  # (B,) concatenated JPEG files
+    images: Image  # (B,) concatenated JPEG files
     ends: NDArray[np.int64]  # (N,) end of each file in `images`
-    poses: NDArray[np.float64]  # (N, 4) time, x, y, yaw: `OdometryPose`
-    ego: NDArray[np.float64]  # (N, 4) height, gimbal pitch, turn under way, full turns
+    poses: Floats  # (N, 4) time, x, y, yaw: `OdometryPose`
+    ego: Floats  # (N, 4) height, gimbal pitch, turn under way, full turns
     # (N, 2, 4) forward_m, yaw_rad, ground_ends, free_m of the rule's answer with the turn under
     # way, and without it; free_m NaN if unknown.
-    labels: NDArray[np.float32]
+    labels: Floats32
 
     def image(self, place: int) -> Image:
         """Return a view's image, (H, W, 3) RGB."""
@@ -62,12 +59,8 @@ class ControlFlight:
 
 
 def advised_flight(views: Iterable[tuple[Image, Advice]]) -> ControlFlight | None:
-    """Return a flight of images, (H, W, 3) RGB, and the rule's answers to them; None if empty.
-
-    Raises:
-        ValueRangeError: the rule answered with a class that the student cannot learn.
-    """
-    images: list[NDArray[np.uint8]] = []
+    """Return a flight of images, (H, W, 3) RGB, and the rule's answers to them; None if empty."""
+    images: list[Image] = []
     rows: list[tuple[float, ...]] = []
     labels: list[tuple[tuple[float, ...], tuple[float, ...]]] = []
     for image, advice in views:
@@ -110,15 +103,11 @@ def write_flight(path: Path, flight: ControlFlight) -> None:
 
 
 def read_flight(path: Path) -> ControlFlight:
-    """Read a flight's views.
-
-    Raises:
-        FileError: the file is absent or damaged.
-    """
+    """Read a flight's views; FileError if the file is absent or damaged."""
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as content:
             return ControlFlight(
-                **{item.name: content[item.name] for item in fields(ControlFlight)}
+                **{each.name: content[each.name] for each in fields(ControlFlight)}
             )
     except Exception as error:  # numpy raises various errors of zip, zlib and its parser
         raise FileError(path, f"is not a file of labelled views ({error}); delete it") from error
@@ -131,19 +120,16 @@ def read_flight(path: Path) -> ControlFlight:
 class Batch:
     """Windows of views for training."""
 
-    frames: NDArray[np.uint8]  # (N, V, H, W, 3) RGB, the present view first
-    state: NDArray[np.float32]  # (N, S) `state_vector`
-    labels: NDArray[np.float32]  # (N, 4) as in `ControlFlight`
-    turning: NDArray[np.float32]  # (N,) the turn under way
+    frames: Image  # (N, V, H, W, 3) RGB, the present view first
+    state: Floats32  # (N, S) `state_vector`
+    labels: Floats32  # (N, 4) as in `ControlFlight`
+    turning: Floats32  # (N,) the turn under way
 
 
 class ControlSamples:
     """All windows of some flights, whose images have the network's size.
 
     Views near an obstacle are sampled `near_weight` times as often; the paper uses them twice.
-
-    Raises:
-        ValueRangeError: no view can be learnt from.
     """
 
     def __init__(
@@ -205,7 +191,7 @@ class ControlSamples:
         )
 
 
-def _taken(flight: ControlFlight) -> NDArray[np.intp]:
+def _taken(flight: ControlFlight) -> Indices:
     (low_m, high_m), (down_rad, up_rad) = _HEIGHTS_M, _PITCHES_RAD
     height_m, pitch_rad = flight.ego[:, 0], flight.ego[:, 1]
     good = (height_m >= low_m) & (height_m <= high_m)
@@ -244,7 +230,7 @@ def score_control(
     count = min(max_windows, len(samples))
     chosen = np.unique(np.linspace(0, len(samples) - 1, count).astype(int))
     estimates: list[ControlEstimate] = []
-    parts: list[NDArray[np.float32]] = []
+    parts: list[Floats32] = []
     for first in range(0, len(chosen), _AT_ONCE):
         batch = samples.window([int(at) for at in chosen[first : first + _AT_ONCE]])
         estimates += predict(batch)

@@ -9,12 +9,11 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.depth.training.footage import EVERY, CameraTrack, Flight
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import CameraModel
-from uav_bt.types.arrays import Floats32, Indices
+from uav_bt.types.arrays import Floats, Floats32, Indices
 
 # Between a target and a reference; more leaves no overlap.
 _MAX_MOVE_M: Final = 0.5
@@ -39,11 +38,7 @@ class Clip:
 
 
 class ClipSource:
-    """All clips of some flights; equal generators give equal clips.
-
-    Raises:
-        ValueRangeError: no frame was taken in flight.
-    """
+    """All clips of some flights, taken in flight; equal generators give equal clips."""
 
     def __init__(self, flights: Sequence[Flight]) -> None:
         self._flights = flights
@@ -59,17 +54,12 @@ class ClipSource:
                 beside = beside[track.aloft[beside]]
                 if len(beside) >= 2:
                     self._targets.append((number, target, beside))
-        self.frame_count = sum(map(len, self._single))
-        """Number of frames that are drawn for themselves."""
+        self.frame_count = sum(map(len, self._single))  # drawn for themselves
         if not self.frame_count:
             raise ValueRangeError(f"no frame of {len(flights)} flights was taken aloft; fly higher")
 
     def neighbours(self, rng: np.random.Generator) -> Clip:
-        """Return a frame and two that were taken near it.
-
-        Raises:
-            ValueRangeError: the camera does not move in these flights.
-        """
+        """Return a frame and two that were taken near it; the camera must have moved."""
         if not self._targets:
             raise ValueRangeError(
                 f"no frame of {len(self._flights)} flights has two others that were taken a little "
@@ -90,18 +80,14 @@ class ClipSource:
         chosen = [int(frame) for frame in rng.choice(self._single[number], size=3)]
         return self._clip(number, chosen, np.zeros((2, 3, 4)))
 
-    def _clip(self, number: int, chosen: list[int], motions: NDArray[np.float64]) -> Clip:
+    def _clip(self, number: int, chosen: list[int], motions: Floats) -> Clip:
         flight = self._flights[number]
-        images = np.stack([flight.frames[place].image for place in chosen])
+        images = np.stack([flight.frames[place].image for place in chosen]).astype(np.float32)
         labels = None
         if flight.labels is not None:
             labels = flight.labels[chosen].transpose(0, 2, 3, 1).astype(np.float32)
-        return Clip(
-            images=images.astype(np.float32) / 255.0,
-            motions=motions.astype(np.float32),
-            camera=flight.camera,
-            labels=labels,
-        )
+        camera, moved = flight.camera, motions.astype(np.float32)
+        return Clip(images=images / 255.0, motions=moved, camera=camera, labels=labels)
 
 
 def varied(clip: Clip, rng: np.random.Generator) -> Clip:
@@ -116,14 +102,9 @@ def varied(clip: Clip, rng: np.random.Generator) -> Clip:
 
 
 def turned(clip: Clip, pitch_rad: float, roll_rad: float) -> Clip:
-    """Return the clip of a camera rotated about its lens.
+    """Return the clip of a camera rotated about its lens, up and then right side down.
 
     Outside the original frames, images are mirrored and labels are unknown.
-
-    Args:
-        clip: the original clip.
-        pitch_rad: rotation of the optical axis, upwards positive.
-        roll_rad: rotation about the optical axis, right side down positive.
     """
     c, s = math.cos(pitch_rad), math.sin(pitch_rad)
     up = np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
@@ -132,22 +113,20 @@ def turned(clip: Clip, pitch_rad: float, roll_rad: float) -> Clip:
     matrix, size = clip.camera.matrix, (clip.camera.width_px, clip.camera.height_px)
     homography = matrix @ turn @ np.linalg.inv(matrix)
     images = [
-        cv2.warpPerspective(
-            image, homography, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT
-        )
+        cv2.warpPerspective(image, homography, size, borderMode=cv2.BORDER_REFLECT)
         for image in clip.images
     ]
-    rotations = turn @ clip.motions[:, :, :3] @ turn.T
-    translations = turn @ clip.motions[:, :, 3:]
-    return replace(
-        clip,
-        images=np.stack(images),
-        motions=np.concatenate([rotations, translations], axis=2).astype(np.float32),
-        labels=None if clip.labels is None else _turned_labels(clip.labels, clip.camera, turn),
-    )
+    labels = None if clip.labels is None else _turned_labels(clip.labels, clip.camera, turn)
+    return replace(clip, images=np.stack(images), motions=_seen_by(turn, clip), labels=labels)
 
 
-def _turned_labels(labels: Floats32, camera: CameraModel, turn: NDArray[np.float64]) -> Floats32:
+def _seen_by(turn: Floats, clip: Clip) -> Floats32:
+    """Return the motions of a clip whose cameras are turned or mirrored, (3, 3)."""
+    rotations, translations = turn @ clip.motions[:, :, :3] @ turn.T, turn @ clip.motions[:, :, 3:]
+    return np.concatenate([rotations, translations], axis=2).astype(np.float32)
+
+
+def _turned_labels(labels: Floats32, camera: CameraModel, turn: Floats) -> Floats32:
     """Rotate depth maps: pixels move, and depths change to the new optical axis."""
     height, width = labels.shape[1:3]
     camera = camera.resized(width, height)
@@ -166,13 +145,10 @@ def _turned_labels(labels: Floats32, camera: CameraModel, turn: NDArray[np.float
 
 def mirrored(clip: Clip) -> Clip:
     """Return the clip of a camera in a mirrored world."""
-    sign = np.array([-1.0, 1.0, 1.0], dtype=np.float32)
-    rotations = sign[:, None] * clip.motions[:, :, :3] * sign
-    translations = sign[:, None] * clip.motions[:, :, 3:]
-    camera = clip.camera
+    camera, labels = clip.camera, clip.labels
     return Clip(
         images=np.ascontiguousarray(clip.images[:, :, ::-1]),
-        motions=np.concatenate([rotations, translations], axis=2),
+        motions=_seen_by(np.diag([-1.0, 1.0, 1.0]), clip),
         camera=replace(camera, cx_px=camera.width_px - 1 - camera.cx_px),
-        labels=None if clip.labels is None else np.ascontiguousarray(clip.labels[:, :, ::-1]),
+        labels=None if labels is None else np.ascontiguousarray(labels[:, :, ::-1]),
     )

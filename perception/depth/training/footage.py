@@ -65,16 +65,11 @@ def gathered(
 
     Telemetry that is not finite is left out with its frame, and velocities that are not new.
     """
-    shown = [
-        frame
-        for frame in frames
-        if _finite(
-            frame.captured_s,
-            frame.gimbal_pitch_rad,
-            frame.height_above_ground_m,
-            *astuple(frame.attitude),
-        )
-    ]
+    shown = []
+    for frame in frames:
+        values = (frame.captured_s, frame.gimbal_pitch_rad, frame.height_above_ground_m)
+        if _finite(*values, *astuple(frame.attitude)):
+            shown.append(frame)
     told: list[DroneState] = []
     for state in states:
         velocity_s, newest_s = state.times.velocity_s, told[-1].times.velocity_s if told else -1e9
@@ -107,11 +102,7 @@ def _finite(*values: float) -> bool:
 
 
 class CameraTrack:
-    """Poses of the camera at a flight's frames.
-
-    The frame of reference has its origin at the drone's first position, x along heading zero, y to
-    its right, z down.
-    """
+    """Poses of the camera at a flight's frames, with x along heading 0, z down."""
 
     def __init__(self, flight: Flight) -> None:
         self._flight, frames, states = flight, flight.frames, flight.states
@@ -122,8 +113,8 @@ class CameraTrack:
         headings = np.array([attitude.yaw_rad for attitude in attitudes])
         order = np.argsort(times, kind="stable")
         times, headings = times[order], np.unwrap(headings[order])
+        # (N,), smoothed, unwrapped, clockwise.
         self.yaw_rad = _local_parabola(times, headings, captured_s, _YAW_WINDOW_S)
-        """(N,), smoothed, unwrapped, clockwise."""
         state_yaw_rad = _local_parabola(times, headings, state_s, _YAW_WINDOW_S)
         velocity_mps = np.array([astuple(state.velocity) for state in states])
         rates = _about_down(state_yaw_rad).apply(velocity_mps)
@@ -136,13 +127,11 @@ class CameraTrack:
         lever = np.stack([ahead_m * np.cos(pitch_rad), zero, -ahead_m * np.sin(pitch_rad)], axis=1)
         level = np.stack([camera_axes(frame.gimbal_pitch_rad) for frame in frames])
         turn = _about_down(self.yaw_rad)
+        # (N, 3, 3), from the camera frame (x right, y down, z forward).
         self.rotation = turn.as_matrix() @ level
-        """(N, 3, 3), from the camera frame (x right, y down, z forward)."""
-        self.position_m = centre_m + turn.apply(lever)
-        """(N, 3), of the lens."""
+        self.position_m = centre_m + turn.apply(lever)  # (N, 3), of the lens
         heights_m = np.array([frame.height_above_ground_m for frame in frames])
-        self.aloft: Flags = heights_m >= _MIN_HEIGHT_M
-        """(N,), whether a frame was taken in flight."""
+        self.aloft: Flags = heights_m >= _MIN_HEIGHT_M  # (N,), whether a frame was taken in flight
         smooth_m = _local_parabola(captured_s, heights_m, captured_s, _HEIGHT_WINDOW_S)
         self._height_m = -lever[:, 2] + smooth_m  # of the lens above the ground
 
@@ -167,39 +156,26 @@ class CameraTrack:
 
     def measured_motion(self, origin: int, target: int) -> Floats | None:
         """Return `motion` measured on the ground; None if the images do not show enough of it."""
-        apart = _about_down(-self.yaw_rad[origin]).apply(
-            self.position_m[target] - self.position_m[origin]
-        )
-        guess = Pose2D(
-            x_m=float(apart[0]),
-            y_m=float(apart[1]),
-            yaw_rad=float(self.yaw_rad[target] - self.yaw_rad[origin]),
-        )
+        away_m = self.position_m[target] - self.position_m[origin]
+        apart = _about_down(-self.yaw_rad[origin]).apply(away_m)
+        x_m, y_m, down_m = apart.tolist()
+        yaw_rad = float(self.yaw_rad[target] - self.yaw_rad[origin])
         # The mean height and telemetry's climb: the noise of two heights would bias the result.
         middle_m = 0.5 * float(self._height_m[origin] + self._height_m[target])
-        climb_m = -float(apart[2])
-        if middle_m <= 0.5 * abs(climb_m):
+        if middle_m <= 0.5 * abs(down_m):
             return None
+        camera, frames = self._flight.camera, self._flight.frames
         first, second = (
-            GroundView(
-                grey=grey(frame),
-                camera=self._flight.camera,
-                gimbal_pitch_rad=frame.gimbal_pitch_rad,
-                height_m=middle_m + share * climb_m,
-            )
-            for frame, share in (
-                (self._flight.frames[origin], -0.5),
-                (self._flight.frames[target], 0.5),
-            )
+            GroundView(grey(frame), camera, frame.gimbal_pitch_rad, middle_m + above_m)
+            for frame, above_m in ((frames[origin], 0.5 * down_m), (frames[target], -0.5 * down_m))
         )
-        shown = ground_motion(first, second, guess)
+        shown = ground_motion(first, second, Pose2D(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad))
         if shown is None:
             return None
         found = shown.motion
         back = _about_down(-found.yaw_rad).as_matrix()
         here, there = (camera_axes(view.gimbal_pitch_rad) for view in (first, second))
-        moved = np.array([found.x_m, found.y_m, apart[2]])
-        translation = -there.T @ back @ moved
+        translation = -there.T @ back @ np.array([found.x_m, found.y_m, down_m])
         return np.concatenate([there.T @ back @ here, translation[:, None]], axis=1)
 
 

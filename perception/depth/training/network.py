@@ -7,8 +7,6 @@ its four half-size pixels (Shi et al., arXiv 1609.05158). Full-size convolutions
 the time and add no detail beyond the masks.
 
 `PoseNet`, SC-Depth's estimator of the camera's motion between two images, is used only in training.
-
-This module imports torch; only training and export need it.
 """
 
 from __future__ import annotations

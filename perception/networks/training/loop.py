@@ -23,8 +23,8 @@ _REMEDY: Final = "delete the file to start the run anew"
 
 Net = TypeVar("Net", bound=nn.Module)
 
+# Samples a batch; returns the loss and its unweighted terms by name.
 Objective = Callable[[np.random.Generator], tuple[Tensor, Mapping[str, Tensor]]]
-"""Samples a batch; returns the loss and its unweighted terms by name."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,8 +48,6 @@ class LoopConfig:
                 "steps, batch, checkpoint_every and learning_rate must be positive, got "
                 f"{self.steps}, {self.batch}, {self.checkpoint_every}, {self.learning_rate}"
             )
-        if not 0.0 <= self.average < 1.0:
-            raise ValueRangeError(f"average must lie within 0 and 1, got {self.average}")
         if self.device == "cuda" and not torch.cuda.is_available():
             raise ValueRangeError(
                 "device 'cuda' needs a GPU and a PyTorch built for it, and "
@@ -71,10 +69,6 @@ class Progress(NamedTuple):
     terms: Mapping[str, float]  # unweighted, by name
 
 
-def ignore_progress(_progress: Progress, _net: nn.Module) -> None:
-    """Do nothing with a run's progress."""
-
-
 def channels_last(net: Net) -> Net:
     """Store a network's weights channels-last, which makes CPU convolutions a third faster."""
     net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # not in torch's stubs
@@ -85,21 +79,20 @@ def train(
     net: Net,
     objective: Objective,
     config: LoopConfig,
-    *,
     kind: str,
     about: Mapping[str, Any],
+    *,
     beside: nn.Module | None = None,
     checkpoint: Path | None = None,
-    progress: Callable[[Progress, Net], None] = ignore_progress,
+    progress: Callable[[Progress, Net], None] | None = None,
 ) -> Net:
     """Train a network in place, and return the running mean of its weights, on the CPU.
 
-    The objective computes its loss with `net` on the device of the config, and may use another
-    network that is trained, too (`beside`). The run continues from its checkpoint if that exists;
-    one of another kind, or of a run with other settings and data (`about`), is refused. Progress
-    gets the averaged network, in evaluation mode, after every step.
+    The objective may use another network that is trained, too (`beside`). The run continues from
+    its checkpoint if that exists; one of another kind, or of a run with other settings and data
+    (`about`), is refused. Progress gets the averaged network after every step.
     """
-    run = _Run(net, beside, config, kind, json.dumps(about, sort_keys=True))
+    run = _Run(net, beside, config, f"{kind}-checkpoint", json.dumps(about, sort_keys=True))
     step = run.load(checkpoint) if checkpoint is not None and checkpoint.is_file() else 0
     schedule = LambdaLR(run.optimizer, config.learning_rate_factor, last_epoch=step - 1)
     while step < config.steps:
@@ -120,8 +113,9 @@ def train(
             )
         if checkpoint is not None and (step % config.checkpoint_every == 0 or step == config.steps):
             run.save(checkpoint, step)
-        shown = {name: float(term.detach()) for name, term in terms.items()}
-        progress(Progress(step, config.steps, value, shown), run.averaged())
+        if progress is not None:
+            shown = {name: float(term.detach()) for name, term in terms.items()}
+            progress(Progress(step, config.steps, value, shown), run.averaged())
     return run.averaged().cpu()
 
 

@@ -20,7 +20,6 @@ from typing import Any, Final, Generic, TypeVar
 import numpy as np
 import onnx
 import torch
-from numpy.typing import NDArray
 from torch import nn
 
 from perception.networks.inference_packages import import_nncf
@@ -28,6 +27,7 @@ from perception.networks.onnx_runtime import shrunk
 from perception.networks.weights_file import read_weights, write_weights
 from uav_bt.errors import WeightsError
 from uav_bt.files import write_whole
+from uav_bt.types.arrays import Floats32, Image
 
 _OPSET: Final = 18
 # Only convolutions are quantised: other operators lose accuracy in integers and save little time.
@@ -42,8 +42,7 @@ Net = TypeVar("Net", bound=nn.Module)
 class OnnxPorts:
     """Inputs and outputs of an ONNX file. All shapes are fixed."""
 
-    # Shapes by name, in the order of `forward`. The first takes images, (..., 3, H, W) RGB in
-    # [0, 1].
+    # Shapes by name, as `forward` has them. The first takes images, (..., 3, H, W) RGB in [0, 1].
     inputs: Mapping[str, tuple[int, ...]]
     outputs: tuple[str, ...]
     metadata: Mapping[str, str] = field(default_factory=dict)  # checked by the runtime
@@ -93,17 +92,12 @@ class NetworkFiles(Generic[Net]):
         return net.eval(), details.get("notes", {})
 
     def export(
-        self,
-        weights: Path,
-        onnx_path: Path,
-        *,
-        calibration: Iterable[NDArray[np.uint8]] | None = None,
+        self, weights: Path, onnx_path: Path, *, calibration: Iterable[Image] | None = None
     ) -> None:
-        """Generate the ONNX file of the weights, replaced in one step.
+        """Generate the ONNX file of the weights; the same weights and images give the same bytes.
 
-        The same weights and images give the same bytes. The metadata holds the SHA-256 of the
-        weights and the precision: `int8`, or `fp32` without images, (h, w, 3) uint8 RGB of any
-        size, that give the ranges of the 8-bit integers.
+        Its metadata states the precision: `int8`, or `fp32` without images, (h, w, 3) uint8 RGB of
+        any size, that give the ranges of the 8-bit integers.
         """
         net, _ = self.load(weights)
         ports = self.ports(net)
@@ -148,7 +142,7 @@ def _traced(net: nn.Module, ports: OnnxPorts) -> onnx.ModelProto:
 
 
 def _in_integers(
-    model: onnx.ModelProto, ports: OnnxPorts, images: Iterable[NDArray[np.uint8]]
+    model: onnx.ModelProto, ports: OnnxPorts, images: Iterable[Image]
 ) -> onnx.ModelProto:
     """Return a network whose convolutions compute in 8-bit integers.
 
@@ -195,9 +189,7 @@ def _make_unsigned(model: onnx.ModelProto) -> None:
             constants[name].CopyFrom(onnx.numpy_helper.from_array(unsigned, name))
 
 
-def _samples(
-    ports: OnnxPorts, images: Iterable[NDArray[np.uint8]]
-) -> Iterator[dict[str, NDArray[np.float32]]]:
+def _samples(ports: OnnxPorts, images: Iterable[Image]) -> Iterator[dict[str, Floats32]]:
     """Yield inputs of consecutive images; all other inputs are zero."""
     (name, shape), *others = ports.inputs.items()
     height, width = shape[-2:]

@@ -7,7 +7,8 @@ from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+
+from uav_bt.types.arrays import Flags, Floats32, Image
 
 SHARPNESS_WIDTH_PX: Final = 320
 _THUMBNAIL_PX: Final = (32, 18)
@@ -25,10 +26,10 @@ class Look(NamedTuple):
     sharpness: float  # variance of the Laplacian at a width of 320 pixels
     blank: bool  # whether it is dark or of one colour
     # (576,), mean 0, standard deviation 1; zeros if all is of one colour
-    thumbnail: NDArray[np.float32]
+    thumbnail: Floats32
 
 
-def look_at(grey: NDArray[np.uint8]) -> Look:
+def look_at(grey: Image) -> Look:
     """Measure a grey image, (H, W); other widths than 320 are resized."""
     height_px, width_px = grey.shape
     size_px = sharpness_size_px(width_px, height_px)
@@ -49,7 +50,7 @@ def sharpness_size_px(width_px: int, height_px: int) -> tuple[int, int]:
     return SHARPNESS_WIDTH_PX, max(1, round(height_px * SHARPNESS_WIDTH_PX / width_px))
 
 
-def clear_ones(looks: Sequence[Look]) -> NDArray[np.bool_]:
+def clear_ones(looks: Sequence[Look]) -> Flags:
     """Return which images of one video, (N,), are neither blank nor much less sharp than others."""
     sharpness = np.array([look.sharpness for look in looks])
     seen = ~np.array([look.blank for look in looks], dtype=bool)

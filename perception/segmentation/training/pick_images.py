@@ -1,4 +1,4 @@
-"""The images that a person picks on: shrunk for the teacher, and divided into super-pixels.
+"""The images that a person picks on, and checks of the picks before a teacher is trained on them.
 
 Super-pixels are small regions whose borders follow the edges of objects. A watershed from a regular
 grid of markers gives them (Machairas et al., Waterpixels, IEEE Trans. Image Process. 2015), because
@@ -7,10 +7,11 @@ OpenCV has SLIC only in its contributed modules.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from itertools import pairwise, product
+from itertools import combinations, pairwise, product
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -20,15 +21,19 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from perception.camera.image_files import read_image
-from perception.segmentation.teacher import TeacherConfig
-from perception.segmentation.training.picks import Pick, PickedPatches, gather_patches
-from uav_bt.errors import ValueRangeError
-from uav_bt.lab.classes import LabClasses
+from perception.segmentation.teacher import TeacherConfig, fit_teacher
+from perception.segmentation.training.picks import (
+    Pick,
+    PickedPatches,
+    gather_patches,
+    read_numbered_picks,
+)
+from uav_bt.errors import FileError, ValueRangeError, did_you_mean
+from uav_bt.lab.classes import GROUND, LabClasses
 from uav_bt.types.arrays import Image
 
+# The teacher at half of its size: a person waits for it.
 HALF_SIZE: Final = TeacherConfig(width_px=576, height_px=324, patch_px=20)
-"""The teacher at half of its size: a person waits for it."""
-
 TRAIN: Final = "train"  # uses of images
 CHECK: Final = "check"
 MAX_WIDTH_PX: Final = 1152  # wider images are shrunk to it
@@ -37,6 +42,10 @@ _MIN_SIDE_PX: Final = 4
 _BLUR_PX: Final = 1.5  # standard deviation at the full width; noise makes ragged borders
 _MOST_SMALL: Final = 128  # shrunk images in memory, 0.6 MB each
 _MOST_DIVIDED: Final = 8  # divided ones, 3 MB each
+FEW_PICKS: Final = 20  # a class with fewer is named
+_FOLDS: Final = 5
+_ALIKE_SHARE: Final = 0.2  # of the picks of two classes, each taken for the other
+_LEAST_COMPARED: Final = 10  # picks of two classes
 
 
 class SuperPixels(NamedTuple):
@@ -164,3 +173,105 @@ def _innermost(ids: NDArray[np.int32]) -> NDArray[np.int64]:
     distance = cv2.distanceTransform(inside.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     places = ndimage.maximum_position(distance, ids, np.arange(int(ids.max()) + 1))
     return np.array([(column, row) for row, column in places], dtype=np.int64)
+
+
+# --- checks of picks ------------------------------------------------------------------------------
+
+
+def check_picks(
+    path: Path, folder: Path, classes: LabClasses, uses: Mapping[str, str]
+) -> list[str]:
+    """Check a picks file, and return warnings about it, a line each, without the file's name.
+
+    Classes look alike if a teacher that did not learn from an image often takes the picks there of
+    one for the other. FileError for a misplaced pick (`placed_picks`), and if there are no picks to
+    learn from of two classes or of the ground.
+    """
+    picks = placed_picks(path, folder, classes, uses)
+    learned = [pick for pick in picks if uses[pick.image] == TRAIN]
+    known, ground = {pick.class_id for pick in learned}, classes.of_role(GROUND)
+    missing = ""
+    if len(known) < 2:
+        missing = f"two classes at least on images for training, got {len(known)}"
+    elif not known.intersection(ground):
+        names = ", ".join(f"'{classes.names[each]}'" for each in ground)
+        missing = f"the ground ({names}) on images for training, got none"
+    if missing:
+        raise FileError(path, f"expected picks of {missing}: `uav-bt lab pick` adds some")
+    return [
+        *_few(learned, classes),
+        *_unscored(picks, classes, uses),
+        *_alike(learned, PickImages(folder, uses), classes),
+    ]
+
+
+def placed_picks(
+    path: Path, folder: Path, classes: LabClasses, uses: Mapping[str, str]
+) -> list[Pick]:
+    """Read a picks file; a pick outside its image or on a missing image is refused by its line."""
+    images = PickImages(folder, uses)
+    picks = read_numbered_picks(path, classes)
+    for line, pick in picks:
+        if pick.image not in uses:
+            wanted = f"on an image in {folder}"
+            got = f"'{pick.image}'{did_you_mean(pick.image, uses)}"
+        else:
+            width, height = images.size_px(pick.image)
+            if pick.x < width and pick.y < height:
+                continue
+            wanted = f"within the {width}x{height} pixels of '{pick.image}'"
+            got = f"({pick.x}, {pick.y})"
+        advice = "delete the line, or bring back the image that it was made on"
+        raise FileError(path, f"expected a pick {wanted}, got {got}; {advice}", line=line)
+    return [pick for _, pick in picks]
+
+
+def _few(learned: Sequence[Pick], classes: LabClasses) -> Iterator[str]:
+    counts = Counter(pick.class_id for pick in learned)
+    for number, name in enumerate(classes.names):
+        if counts[number] == 0:
+            yield f"class '{name}' has no picks on images for training: it is never predicted"
+        elif counts[number] < FEW_PICKS:
+            yield (
+                f"class '{name}' has only {counts[number]} picks on images for training: "
+                f"{FEW_PICKS} or more are better"
+            )
+
+
+def _unscored(picks: Sequence[Pick], classes: LabClasses, uses: Mapping[str, str]) -> Iterator[str]:
+    learned = {pick.class_id for pick in picks if uses[pick.image] == TRAIN}
+    scored = {pick.class_id for pick in picks if uses[pick.image] == CHECK}
+    if not scored:
+        yield "no image for the check has picks: the network cannot be scored"
+    elif unscored := sorted(learned - scored):
+        names = ", ".join(f"'{classes.names[each]}'" for each in unscored)
+        yield f"no image for the check has picks of {names}: they cannot be scored"
+
+
+def _alike(learned: Sequence[Pick], images: PickImages, classes: LabClasses) -> Iterator[str]:
+    ordered = sorted(learned, key=lambda pick: pick.image)
+    patches = images.patches(ordered, classes)
+    # Folds are by image, because picks of one image are alike.
+    place = {name: number for number, name in enumerate(dict.fromkeys(p.image for p in ordered))}
+    numbers = range(len(ordered)) if len(place) == 1 else [place[pick.image] for pick in ordered]
+    folds = np.array(numbers) % _FOLDS
+    taken = np.zeros((len(classes), len(classes)), dtype=np.int64)  # by class and by answer
+    for fold in np.unique(folds).tolist():
+        held = folds == fold
+        if len(np.unique(patches.labels[~held])) < 2:
+            continue
+        rest = replace(patches, features=patches.features[~held], labels=patches.labels[~held])
+        teacher = fit_teacher(rest, HALF_SIZE)
+        scores = patches.features[held] @ teacher.weights.T + teacher.bias
+        labels = patches.labels[held]
+        known = np.isin(labels, teacher.known)  # the other folds may lack a class
+        np.add.at(taken, (labels[known], scores.argmax(axis=1)[known]), 1)
+    for one, other in combinations(range(len(classes)), 2):
+        count = int(taken[one].sum() + taken[other].sum())
+        share = (taken[one, other] + taken[other, one]) / max(count, 1)
+        if count >= _LEAST_COMPARED and share >= _ALIKE_SHARE:
+            yield (
+                f"classes '{classes.names[one]}' and '{classes.names[other]}' look alike: "
+                f"{100.0 * share:.0f} % of their picks are taken for the other; pick both in more "
+                "images, or make one class of them"
+            )

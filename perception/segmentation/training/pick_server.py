@@ -100,29 +100,26 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _shown(self) -> tuple[str, bytes]:
         with self.one_at_a_time:
-            return self._part()
-
-    def _part(self) -> tuple[str, bytes]:
-        session = self.picks_of
-        asked = urlsplit(self.path)  # raises ValueError, such as for "//["
-        place, _, name = unquote(asked.path)[1:].partition("/")
-        if place == "picture":
-            return _picture(session.images.file(name))
-        if place == "segments":
-            ids = session.images.super_pixels(name).ids
-            return "image/png", _png(np.stack([ids % 256, ids // 256, 0 * ids], axis=2))
-        if place == "preview":
-            class_map = session.chooser.class_map(name, session.picks)
-            return "image/png", _png(session.classes.colours[class_map])
-        if not name and place == "":
-            return "text/html; charset=utf-8", _PAGE.read_bytes()
-        if not name and place == "state":
-            return self._state()
-        if not name and place == "next":
-            after = parse_qs(asked.query).get("after", [None])[0]
-            image, reason = session.chooser.choose(session.picks, after)
-            return _JSON, json.dumps({"image": image, "reason": reason}).encode()
-        raise LookupError(f"there is no {asked.path}")
+            session = self.picks_of
+            asked = urlsplit(self.path)  # raises ValueError, such as for "//["
+            place, _, name = unquote(asked.path)[1:].partition("/")
+            if place == "picture":
+                return _picture(session.images.file(name))
+            if place == "segments":
+                ids = session.images.super_pixels(name).ids
+                return "image/png", _png(np.stack([ids % 256, ids // 256, 0 * ids], axis=2))
+            if place == "preview":
+                class_map = session.chooser.class_map(name, session.picks)
+                return "image/png", _png(session.classes.colours[class_map])
+            if not name and place == "":
+                return "text/html; charset=utf-8", _PAGE.read_bytes()
+            if not name and place == "state":
+                return self._state()
+            if not name and place == "next":
+                after = parse_qs(asked.query).get("after", [None])[0]
+                image, reason = session.chooser.choose(session.picks, after)
+                return _JSON, json.dumps({"image": image, "reason": reason}).encode()
+            raise LookupError(f"there is no {asked.path}")
 
     def _changed(self) -> tuple[str, bytes]:
         """Make the change that a request asks for."""

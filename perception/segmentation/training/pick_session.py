@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.segmentation.features import hsv_of
 from perception.segmentation.teacher import Teacher, fit_teacher
@@ -39,9 +38,8 @@ Point = tuple[int, int]  # x and y, pixels of the image
 class PickSession:
     """The picks of a lab while a person makes them.
 
-    Methods raise ValueRangeError for an image that is not on the list or a point outside it,
-    UnknownNameError for an unknown class, and FileError where a file cannot be read or written.
-    Existing picks are read; images are those of `PickImages`.
+    Existing picks are read. An image that is not on the list, a point outside it, an unknown class,
+    and a file that cannot be read or written are refused.
     """
 
     def __init__(
@@ -176,14 +174,12 @@ def wanted_use(picked_uses: Sequence[str]) -> str:
 
 
 def low_margin(teacher: Teacher, rgb: Image) -> float:
-    """Return how unsure a teacher is in an image of its size: low margins are unsure.
+    """Return the quantile at 20 % of an image's margins; a teacher is unsure where it is low.
 
-    A margin is the difference of the best and the second-best score of a pixel; returned is the
-    quantile at 20 % of the image's margins.
+    A margin is the difference of the best and the second-best score of a pixel.
     """
-    scores = np.stack(
-        [plane[::_STEP_PX, ::_STEP_PX].copy() for _, plane in teacher.scores(hsv_of(rgb))]
-    )
+    planes = (plane for _, plane in teacher.scores(hsv_of(rgb)))
+    scores = np.stack([plane[::_STEP_PX, ::_STEP_PX].copy() for plane in planes])
     scores.partition(len(scores) - 2, axis=0)
     return float(np.quantile(scores[-1] - scores[-2], _LOW_SHARE))
 
@@ -224,11 +220,8 @@ class ImageChooser:
         self._passed.add(chosen)
         return chosen, reason
 
-    def class_map(self, name: str, picks: Sequence[Pick]) -> NDArray[np.uint8]:
-        """Return the teacher's present class map of an image, (324, 576) uint8 ids.
-
-        ValueRangeError if the image is not on the list, or there are no picks of two classes.
-        """
+    def class_map(self, name: str, picks: Sequence[Pick]) -> Image:
+        """Return the teacher's present class map of an image, (324, 576) uint8 ids."""
         teacher = self._fitted(picks)
         if teacher is None:
             raise ValueRangeError(

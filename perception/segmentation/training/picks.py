@@ -16,18 +16,11 @@ from typing import Final, Literal, cast, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.segmentation.features import (
-    COLOUR_COUNT,
-    WindowMeans,
-    count_colours,
-    hsv_of,
-    patch_features,
-    patch_slices,
-    spread_to_border,
-)
+from perception.segmentation import features
 from uav_bt.errors import FileError, ValueRangeError, did_you_mean
 from uav_bt.files import did_you_mean_file, read_bounded, reading, write_whole
 from uav_bt.lab.classes import LabClasses
+from uav_bt.types.arrays import Flags, Floats, Image
 
 Origin = Literal["hand", "simulated"]
 _MAX_BYTES: Final = 50_000_000  # a pick takes about 50
@@ -49,7 +42,6 @@ class Pick:
     def __post_init__(self) -> None:
         if self.x < 0 or self.y < 0:
             raise ValueRangeError(f"a pick must not be negative, got ({self.x}, {self.y})")
-
         if not self.image or Path(self.image).name != self.image:
             raise ValueRangeError(f"a pick names a file without a folder, got '{self.image}'")
 
@@ -119,17 +111,14 @@ def _parse(row: Sequence[str], names: Sequence[str]) -> Pick:
 class PickedPatches:
     """Features and colours of the patches around picks: the teacher's training data."""
 
-    features: NDArray[np.float64]  # (N, 190) histograms, `features`
+    features: Floats  # (N, 190) histograms, `features`
     labels: NDArray[np.int64]  # (N,) class ids
     colour_counts: NDArray[np.int64]  # (C, 32768) pixels by class and coarse colour, `palette`
     classes: LabClasses  # the C classes of the lab
 
 
 def gather_patches(
-    picks: Iterable[Pick],
-    images: Iterable[tuple[str, NDArray[np.uint8]]],
-    patch_px: int,
-    classes: LabClasses,
+    picks: Iterable[Pick], images: Iterable[tuple[str, Image]], patch_px: int, classes: LabClasses
 ) -> PickedPatches:
     """Return features and colours of the patches around all picks, in the images' order.
 
@@ -141,29 +130,30 @@ def gather_patches(
     by_image: dict[str, list[Pick]] = {}
     for pick in picks:
         by_image.setdefault(pick.image, []).append(pick)
-    features, labels = list[NDArray[np.float64]](), list[int]()
-    colour_counts = np.zeros((len(classes), COLOUR_COUNT), dtype=np.int64)
+    rows, labels = list[Floats](), list[int]()
+    colour_counts = np.zeros((len(classes), features.COLOUR_COUNT), dtype=np.int64)
     for name, rgb in images:
         if not (mine := by_image.pop(name, [])):
             continue
         points = np.array([(pick.x, pick.y) for pick in mine], dtype=np.int64)
-        features.append(patch_features(hsv_of(rgb), points, patch_px))
+        rows.append(features.patch_features(features.hsv_of(rgb), points, patch_px))
         height, width = rgb.shape[:2]
         for pick in mine:
             labels.append(pick.class_id)
             x, y = pick.x, pick.y
-            patch = patch_slices(x, y, patch_px=patch_px, width_px=width, height_px=height)
-            colour_counts[pick.class_id] += count_colours(rgb[patch])
+            patch = features.patch_slices(x, y, patch_px=patch_px, width_px=width, height_px=height)
+            codes = features.colour_codes(rgb[patch]).ravel()
+            colour_counts[pick.class_id] += np.bincount(codes, minlength=features.COLOUR_COUNT)
     if by_image:
         raise ValueRangeError(f"picks on {', '.join(by_image)}, which is not among the images")
-    return PickedPatches(np.concatenate(features), np.array(labels), colour_counts, classes)
+    return PickedPatches(np.concatenate(rows), np.array(labels), colour_counts, classes)
 
 
 # --- simulated picks ------------------------------------------------------------------------------
 
 
 def draw_picks(
-    samples: Iterable[tuple[str, NDArray[np.uint8]]],
+    samples: Iterable[tuple[str, Image]],
     rng: np.random.Generator,
     *,
     patch_px: int,
@@ -172,9 +162,8 @@ def draw_picks(
     """Sample picks from exact class ids well inside each class, like a person's clicks.
 
     For each class, images of one scene (name and exact ids) are chosen among those that show it
-    well, and points among the pixels with a patch mostly of that class. For a class too small for
-    pure patches (the far H) the purest ones are used. The paper took 7 to 9 images per class in
-    each scene and 6,484 points in total.
+    well, and points among the pixels with the purest patches. The paper took 7 to 9 images per
+    class in each scene and 6,484 points in total.
     """
     # By class: image, largest share of the class in a patch, and (N, 2) x, y of such patches.
     sites: dict[int, list[tuple[str, float, NDArray[np.int64]]]] = {}
@@ -199,11 +188,11 @@ def draw_picks(
 
 
 def _purest(
-    mask: NDArray[np.bool_], rng: np.random.Generator, patch_px: int
+    mask: Flags, rng: np.random.Generator, patch_px: int
 ) -> tuple[float, NDArray[np.int64]]:
     """Return the largest share of a class in a patch, and points with about this share."""
-    means = WindowMeans(width_px=mask.shape[1], height_px=mask.shape[0], side_px=patch_px)
-    share = spread_to_border(means.of(mask.astype(np.float64)), patch_px)
+    means = features.WindowMeans(width_px=mask.shape[1], height_px=mask.shape[0], side_px=patch_px)
+    share = features.spread_to_border(means.of(mask.astype(np.float64)), patch_px)
     share[~mask] = 0.0  # a person clicks on the object
     best = float(share.max())
     points = np.argwhere(share >= min(_PURITY, 0.95 * best))[:, ::-1].astype(np.int64)

@@ -4,8 +4,6 @@ Mocanu et al. (arXiv 2510.16624, experiments on the first level) change hue by u
 saturation by 2 %, value by 6 %, and translate and rotate at random. Stronger colour changes are
 worse, because the patterns differ by colour. Images are not mirrored, because the patterns are not
 symmetric. The paper found categorical cross-entropy better than binary cross-entropy with Dice.
-
-Importing this module imports torch.
 """
 
 from __future__ import annotations
@@ -13,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Final, Literal
 
 import cv2
@@ -23,15 +20,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from perception.networks.training.loop import (
-    LoopConfig,
-    Progress,
-    channels_last,
-    ignore_progress,
-    train,
-)
+from perception.networks.training import loop
 from perception.segmentation.training.unet import UNet, UNetConfig
 from uav_bt.errors import UnknownNameError
+from uav_bt.types.arrays import Floats, Floats32, Image
 
 _SMOOTHING: Final = 1.0  # pixels; avoids 0 / 0 in the Dice term of an absent class
 
@@ -46,11 +38,7 @@ def cross_entropy(
 def bce_dice(logits: Tensor, ids: Tensor, ignored: int, weights: Tensor | None = None) -> Tensor:
     """Return binary cross-entropy over one mask per class, plus the classes' mean Dice loss.
 
-    Args:
-        logits: (N, C, H, W) float.
-        ids: (N, H, W) int64 class ids.
-        ignored: the id of pixels that do not count.
-        weights: (C,) float weights of the classes in the cross-entropy; None: equal ones.
+    Logits are (N, C, H, W), ids (N, H, W) int64, weights of the classes in the cross-entropy (C,).
     """
     classes = logits.shape[1]
     counts = (ids != ignored).unsqueeze(1).to(logits.dtype)
@@ -67,15 +55,13 @@ def bce_dice(logits: Tensor, ids: Tensor, ignored: int, weights: Tensor | None =
     return mean_bce + (1.0 - dice).mean()
 
 
-LOSSES: Final = MappingProxyType({"cross_entropy": cross_entropy, "bce_dice": bce_dice})
+LOSSES: Final = {"cross_entropy": cross_entropy, "bce_dice": bce_dice}
 
 _SHOWN: Final = 0.002  # least share of an image's pixels with which it shows a class
 _WEIGHT_LIMITS: Final = (0.3, 6.0)
 
 
-def balance_classes(
-    ids: NDArray[np.uint8], classes: int
-) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+def balance_classes(ids: Image, classes: int) -> tuple[Floats, Floats32]:
     """Return the probability of drawing each image, (N,), and the weights of the C classes.
 
     Rare classes are drawn more often and weigh more. The weights' mean over all pixels is one,
@@ -116,8 +102,8 @@ class AugmentConfig:
 
 
 def augmented(
-    rgb: NDArray[np.uint8], ids: NDArray[np.uint8], rng: np.random.Generator, config: AugmentConfig
-) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    rgb: Image, ids: Image, rng: np.random.Generator, config: AugmentConfig
+) -> tuple[Image, Image]:
     """Return an augmented image, (H, W, 3), and its class ids, (H, W), moved in the same way.
 
     Outside the original, image and class ids are mirrored.
@@ -140,9 +126,7 @@ def augmented(
     return np.asarray(moved, dtype=np.uint8), np.asarray(moved_ids, dtype=np.uint8)
 
 
-def _degraded(
-    rgb: NDArray[Any], rng: np.random.Generator, config: AugmentConfig
-) -> NDArray[np.uint8]:
+def _degraded(rgb: NDArray[Any], rng: np.random.Generator, config: AugmentConfig) -> Image:
     if config.blur_px > 0.0:
         sigma_px = rng.uniform(0.1, max(config.blur_px, 0.1))
         rgb = cv2.GaussianBlur(rgb, (0, 0), sigma_px)
@@ -152,14 +136,13 @@ def _degraded(
     return rgb.astype(np.uint8)
 
 
+# For images of another camera than the drone's: exposure, focus and noise differ (chosen).
 FLIGHT_AUGMENT: Final = AugmentConfig(saturation=0.1, value=0.2, blur_px=1.0, noise=6.0)
-"""For images of another camera than the drone's: exposure, focus and noise differ (chosen)."""
-
 IGNORED: Final = 255  # label of an unknown pixel, which the loss leaves out
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainingConfig(LoopConfig):
+class TrainingConfig(loop.LoopConfig):
     """How the U-Net is trained."""
 
     loss: Literal["cross_entropy", "bce_dice"] = "cross_entropy"  # the paper's best comes first
@@ -176,8 +159,8 @@ class TrainingConfig(LoopConfig):
 class LabelledImages:
     """A training set in memory, at the network's size."""
 
-    rgb: NDArray[np.uint8]  # (N, H, W, 3)
-    ids: NDArray[np.uint8]  # (N, H, W); `IGNORED` where unknown
+    rgb: Image  # (N, H, W, 3)
+    ids: Image  # (N, H, W); `IGNORED` where unknown
     classes: tuple[str, ...]  # names by id
 
 
@@ -188,7 +171,7 @@ def train_unet(
     *,
     start: UNet | None = None,
     checkpoint: Path | None = None,
-    progress: Callable[[Progress, UNet], None] = ignore_progress,
+    progress: Callable[[loop.Progress, UNet], None] | None = None,
 ) -> UNet:
     """Train the network on images of its size, or continue from the checkpoint if there is one.
 
@@ -196,13 +179,13 @@ def train_unet(
     the network with the running mean of its weights, in evaluation mode.
     """
     torch.manual_seed(config.seed)
-    net = channels_last(UNet(net_config, images.classes))
+    net = loop.channels_last(UNet(net_config, images.classes))
     if start is not None:
         taken = start.state_dict()
         if start.classes != images.classes:
             taken = {name: each for name, each in taken.items() if not name.startswith("head.")}
         net.load_state_dict(taken, strict=False)
-    shares: NDArray[np.float64] | None = None
+    shares: Floats | None = None
     weights: Tensor | None = None
     if config.balanced:
         shares, of_classes = balance_classes(images.ids, len(images.classes))
@@ -216,24 +199,19 @@ def train_unet(
         known = torch.from_numpy(ids.astype(np.int64)).to(config.device)
         return LOSSES[config.loss](logits, known, IGNORED, weights), {}
 
-    return train(
-        net,
-        objective,
-        config,
-        kind="unet-checkpoint",
-        about={"training": asdict(config), "net": asdict(net_config)},
-        checkpoint=checkpoint,
-        progress=progress,
+    about = {"training": asdict(config), "net": asdict(net_config)}
+    return loop.train(
+        net, objective, config, "unet", about, checkpoint=checkpoint, progress=progress
     )
 
 
-def predict(net: UNet, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def predict(net: UNet, rgb: Image) -> Image:
     """Return the class ids, (N, H, W), of images of the network's size, (N, H, W, 3)."""
     with torch.inference_mode():
         logits = net(_to_input(rgb))
     return np.asarray(logits.argmax(dim=1).to(torch.uint8).numpy(), dtype=np.uint8)
 
 
-def _to_input(rgb: NDArray[np.uint8]) -> Tensor:
+def _to_input(rgb: Image) -> Tensor:
     batch = torch.from_numpy(rgb).permute(0, 3, 1, 2).float().div_(255.0)
     return batch.contiguous(memory_format=torch.channels_last)

@@ -3,8 +3,6 @@
 Its first convolution halves the image, and its head gives every half-size pixel the scores of its
 four pixels (Shi et al., arXiv 1609.05158). Full-size convolutions take most of a small U-Net's time
 on a CPU. Without them it is twice as fast at the same number of parameters.
-
-This module imports torch; only training and export need it.
 """
 
 from __future__ import annotations
@@ -104,19 +102,15 @@ def _build(details: dict[str, Any]) -> UNet:
     return UNet(shape, details["classes"])
 
 
-def _ports(net: UNet) -> OnnxPorts:
-    return OnnxPorts(
-        inputs={"image": (1, 3, net.config.height_px, net.config.width_px)},
-        outputs=("logits",),
-        metadata={"classes": json.dumps(net.classes)},
-    )
-
-
 UNET_FILES: Final = NetworkFiles(
     kind="segmentation-unet",
     remedy="`uav-bt lab train` makes one",
     build=_build,
-    ports=_ports,
+    ports=lambda net: OnnxPorts(
+        inputs={"image": (1, 3, net.config.height_px, net.config.width_px)},
+        outputs=("logits",),
+        metadata={"classes": json.dumps(net.classes)},
+    ),
     details=lambda net: {"classes": net.classes},
 )
 """Input `image`: (1, 3, H, W) float32 RGB in [0, 1]. Output `logits`: (1, C, H, W) float32."""

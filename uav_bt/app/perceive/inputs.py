@@ -14,7 +14,7 @@ from perception.camera.camera_file import load_camera
 from perception.camera.image_files import Orientation
 from perception.depth.runtime import load_depth_estimator
 from perception.networks.mapping import read_mapping
-from perception.networks.named import (
+from perception.networks.weights_file import (
     ANY,
     CONTACT,
     SHIPPED_DEPTHS,

@@ -9,7 +9,7 @@ import pytest
 
 from perception.depth.training import labelling
 from perception.depth.training.footage import grey
-from perception.depth.training.parallax import parallax_depth
+from perception.depth.training.labelling import parallax_depth
 from tests.paper_lab import paper_map
 from tests.perception.depth.depth_flight import KnownFlight, known_flight
 from uav_bt.types import ClassMap, Frame

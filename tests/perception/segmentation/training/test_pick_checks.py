@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from perception.segmentation.training.pick_checks import check_picks
+from perception.segmentation.training.pick_images import check_picks
 from perception.segmentation.training.picks import Pick, write_picks
 from tests.perception.segmentation.training.pick_places import CRATE, FLOOR, PAD, PLACE, write_image
 from uav_bt.errors import FileError
