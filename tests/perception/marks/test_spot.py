@@ -8,7 +8,6 @@ import pytest
 
 from perception.marks.spot import SpotFinder
 from tests.perception.marks.ground_views import AT_THE_SPOT, SIDE_PX, texture, view
-from uav_bt.errors import InputError
 from uav_bt.landing_marks import MarkSighting
 from uav_bt.types import LandingMark, Pose2D
 from uav_bt.types.arrays import Image
@@ -63,8 +62,3 @@ def test_on_repeated_tiles_only_the_right_one_is_believed(off_m: float) -> None:
         assert found is None
     elif found is not None:  # the next tile looks like the right one: off by a tile at most
         assert math.hypot(found.forward_m, found.right_m) < 0.55
-
-
-def test_an_option_is_refused() -> None:
-    with pytest.raises(InputError, match="landing mark 'spot' has no option 'size_m'"):
-        SpotFinder(replace(MARK, options={"size_m": 1.0}))
