@@ -148,10 +148,8 @@ def _scales(
     top, left = rng.integers(30, height_px - 30), rng.integers(0, width_px - 40)
     rows, columns = rng.integers(12, 40), rng.integers(20, 60)
     patch[top : top + rows, left : left + columns] = True
-    wrong_rad, wrong_height = (
-        up * math.radians(rng.uniform(2.0, 7.0)),
-        higher * rng.uniform(0.03, 0.1),
-    )
+    wrong_rad = up * math.radians(rng.uniform(2.0, 7.0))
+    wrong_height = higher * rng.uniform(0.03, 0.1)
     for channels in (None, _CHANNELS[rng.integers(len(_CHANNELS))]):
         scales: defaultdict[str, AdaptiveScale] = defaultdict(AdaptiveScale)
         for step, view in enumerate(views):

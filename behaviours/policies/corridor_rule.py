@@ -23,7 +23,7 @@ from uav_bt.answers import Advance, Blocked
 from uav_bt.lab.classes import GROUND, OBSTACLE, OUTSIDE
 from uav_bt.protocols import PolicyView
 from uav_bt.types import MIN_VIEW_HEIGHT_M
-from uav_bt.types.arrays import Image
+from uav_bt.types.arrays import Ids
 from uav_bt.types.projection import project
 
 _LONGEST_STEP_M: Final = 1.0  # the paper's
@@ -50,7 +50,7 @@ _MAX_FULL_TURNS: Final = 3  # full turns after which the margins shrink no furth
 _HYSTERESIS_M: Final = 0.15
 
 
-def ground_reach(roles: Image, view: PolicyView) -> float:
+def ground_reach(roles: Ids, view: PolicyView) -> float:
     """Return the length of the ground ahead of the camera, metres; inf when no end is in view.
 
     0 if no ground within 20 m is in view. What stands on the ground counts as ground, and so does

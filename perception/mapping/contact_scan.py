@@ -11,13 +11,12 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.mapping.legs import Covered, cover_below
 from uav_bt.compiled import compiled
 from uav_bt.lab.classes import GROUND, NO_ROLE, OBSTACLE, OUTSIDE
 from uav_bt.types import CameraModel, ClassMap, Frame
-from uav_bt.types.arrays import Flags, Floats, Indices
+from uav_bt.types.arrays import Flags, Floats, Ids, Indices
 from uav_bt.types.projection import camera_axes
 
 MIN_HEIGHT_M: Final = 0.05  # chosen; lower heights are raised to this to avoid division by zero
@@ -28,8 +27,6 @@ _MIN_RUN: Final = 4  # samples of obstacle or background above a base; fewer are
 # An obstacle at a metre that covers a bearing up to this elevation reaches the drone's height.
 _TALL_RAD: Final = math.radians(-25.0)
 _TALL_SHARE: Final = 0.9  # of the samples that it covers; the others are mask noise
-
-Ids = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)

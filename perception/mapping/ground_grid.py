@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from perception.mapping.view import View
 from uav_bt.compiled import compiled
 from uav_bt.lab.classes import GROUND, MARK, NO_ROLE, OUTSIDE
-from uav_bt.types.arrays import Flags, Floats, Indices
+from uav_bt.types.arrays import Flags, Floats, Ids, Indices
 from uav_bt.types.site_map import is_beyond_edge
 
 CELL_M: Final = 0.1  # side of a cell; chosen
@@ -149,7 +149,7 @@ def _inside(cells: NDArray[np.intp]) -> Flags:
 )
 def _vote(  # noqa: PLR0917 - Numba passes arguments by position
     level_m: Floats,
-    roles: NDArray[np.uint8],
+    roles: Ids,
     lens_at: tuple[float, float, float, float],
     captured_s: float,
     beyond: NDArray[np.int8],
@@ -192,7 +192,7 @@ def _vote(  # noqa: PLR0917 - Numba passes arguments by position
 @compiled("void(float64[:, :, ::1], uint8[:, ::1], UniTuple(float64, 4), boolean[:, ::1])")
 def _clear_below(
     level_m: Floats,
-    roles: NDArray[np.uint8],
+    roles: Ids,
     lens_at: tuple[float, float, float, float],
     free: Flags,
 ) -> None:

@@ -21,12 +21,11 @@ from statistics import median
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
 from uav_bt.types import Pose2D
-from uav_bt.types.arrays import Floats
+from uav_bt.types.arrays import Floats, Ids
 from uav_bt.types.site_map import MapObject
 
 _APART_M: Final = 0.1  # an object may have moved by this and half of the shorter sides of both
@@ -71,9 +70,9 @@ class KnownObjects:
 
     def __init__(self) -> None:
         self._known: list[_Known] = []
-        self._edges: list[tuple[Floats, NDArray[np.uint8], Floats]] = []
+        self._edges: list[tuple[Floats, Ids, Floats]] = []
 
-    def see_edges(self, xy_m: Floats, ids: NDArray[np.uint8], heights_m: Floats) -> None:
+    def see_edges(self, xy_m: Floats, ids: Ids, heights_m: Floats) -> None:
         """Add the upper edges in a view; they count from the next call of `named` on.
 
         Args:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from perception.mapping.view import View
-from uav_bt.types.arrays import Flags, Floats, Indices
+from uav_bt.types.arrays import Flags, Floats, Ids, Indices
 
 _SAME_M: Final = 0.08  # a point seen this near to a known point is that point again; chosen
 # A point with this weight no longer moves. A sighting at 1 m has weight 1, and the weight falls
@@ -63,11 +63,11 @@ class Landmarks(PointTable):
     seen_s: Floats  # (N,) capture time of the newest view that showed it
     settled_s: Floats  # (N,) from then on points beside it count as the same standing obstacle
     from_m: Floats  # (N, 2) position of the camera at the first sighting
-    ids: NDArray[np.uint8]  # (N,) class of the obstacle; background at the edge of the ground
+    ids: Ids  # (N,) class of the obstacle; background at the edge of the ground
     missed: Floats  # (N,) number of views with only ground there since the last sighting
 
     @classmethod
-    def of(cls, view: View, points_m: Floats, ids: NDArray[np.uint8]) -> Self:
+    def of(cls, view: View, points_m: Floats, ids: Ids) -> Self:
         """Return points of a view, placed by its pose."""
         lens, times_s = view.lens, np.full(len(points_m), view.captured_s)
         return cls(

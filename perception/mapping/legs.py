@@ -16,17 +16,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uav_bt.compiled import compiled
 from uav_bt.lab.classes import NO_ROLE, OBSTACLE, LabClasses
-from uav_bt.types.arrays import Flags, Floats, Indices
+from uav_bt.types.arrays import Flags, Floats, Ids, Indices
 
 _OVERHANG_M: Final = 0.25  # a board may extend beyond its outer legs by this; chosen
 # Of the span: an outer point this far behind a leg is the edge of a board. Chosen.
 _DEEPER: Final = 0.5
-
-Ids = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)

@@ -176,9 +176,9 @@ class RecentLayer:
             np.abs(_bearings(hidden_m)[:, None] - _bearings(local_m)) < _EXPLAIN_RAD
         ) & (np.hypot(*local_m.T) <= np.hypot(*hidden_m.T)[:, None] + _EXPLAIN_M)
         there = rows[explains.any(axis=0)]
-        until_s_, seen_s = self._points.until_s.copy(), self._points.seen_s.copy()
-        until_s_[there], seen_s[there] = until_s, self._newest_s
-        self._points = replace(self._points, until_s=until_s_, seen_s=seen_s)
+        ends_s, seen_s = self._points.until_s.copy(), self._points.seen_s.copy()
+        ends_s[there], seen_s[there] = until_s, self._newest_s
+        self._points = replace(self._points, until_s=ends_s, seen_s=seen_s)
         return np.asarray(explains.any(axis=1))
 
     def _add(self, xy_m: Floats, until_s: Floats, kinds: NDArray[np.int64]) -> None:

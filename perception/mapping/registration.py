@@ -17,14 +17,13 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from perception.mapping.view import View
 from uav_bt.compiled import compiled
 from uav_bt.lab.classes import OUTSIDE
 from uav_bt.types import Pose2D
-from uav_bt.types.arrays import Floats, Indices
+from uav_bt.types.arrays import Floats, Ids, Indices
 from uav_bt.types.dead_reckoning import OdometryPose
 
 # Standard deviation of the position's drift per axis in one second; it grows with the square root
@@ -90,7 +89,7 @@ class Registration:
             self._covariance += about @ walk @ about.T * (reckoned.time_s - self._time_s)
         self._time_s = reckoned.time_s
 
-    def match(self, view: View, known_m: Floats, known_ids: NDArray[np.uint8]) -> float | None:
+    def match(self, view: View, known_m: Floats, known_ids: Ids) -> float | None:
         """Correct by the points of a dead-reckoned view that are on the map.
 
         Args:
@@ -190,7 +189,7 @@ def _pose(state: Floats) -> Pose2D:
     return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
 
 
-def _apart(places_m: Floats, ids: NDArray[np.uint8]) -> Floats:
+def _apart(places_m: Floats, ids: Ids) -> Floats:
     """Return (N, 3) places with the class as third axis, so that classes are far apart."""
     return np.column_stack([places_m, _CLASSES_APART_M * ids])
 

@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.mapping.ground_grid import CELL_M, GroundGrid
 from perception.mapping.known_objects import KnownObjects
@@ -33,7 +32,7 @@ from perception.mapping.registration import Contradiction, Registration
 from perception.mapping.view import View
 from uav_bt.lab.classes import OUTSIDE, LabClasses
 from uav_bt.types import CameraModel, ClassMap, Frame, MarkFix, Pose2D
-from uav_bt.types.arrays import Floats
+from uav_bt.types.arrays import Floats, Ids
 from uav_bt.types.dead_reckoning import MotionEstimate
 from uav_bt.types.site_map import MapObject, SiteMap
 
@@ -193,7 +192,7 @@ class SiteMapper:
         beside = np.hypot(*(xy_m - (mark.x_m, mark.y_m)).T) > self._mark_m
         return np.asarray(xy_m[beside])
 
-    def _settled(self, time_s: float) -> tuple[Floats, NDArray[np.uint8]]:
+    def _settled(self, time_s: float) -> tuple[Floats, Ids]:
         """Return points known for long enough to correct the drone's pose: (M, 2), and classes."""
         tables = self._bases, self._edges
         settled = [time_s - each.first_s >= _SETTLED_S for each in tables]

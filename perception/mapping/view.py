@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import Final, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.mapping.contact_scan import (
     MIN_HEIGHT_M,
@@ -19,7 +18,7 @@ from perception.mapping.contact_scan import (
 )
 from uav_bt.lab.classes import GROUND
 from uav_bt.types import CameraModel, ClassMap, Frame, Pose2D
-from uav_bt.types.arrays import Flags, Floats
+from uav_bt.types.arrays import Flags, Floats, Ids
 from uav_bt.types.projection import camera_axes, project
 
 # Points further from the camera are not placed. At 1.5 m height and this range one row of the class
@@ -54,7 +53,7 @@ class View:
     contacts: Bases  # the bases and edges of the scan, at any range
     firm: Flags  # which of the placed bases are `bases_m`
     bases_m: Floats  # (N, 2) bases near enough for the map, each with another one beside it
-    base_ids: NDArray[np.uint8]  # (N,) classes of the obstacles there
+    base_ids: Ids  # (N,) classes of the obstacles there
     base_heights_m: Floats  # (N,) heights of their upper edges; NaN where the roof is not in view
     edges_m: Floats  # (M, 2) edges of the ground near enough for the map
 

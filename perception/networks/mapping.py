@@ -34,7 +34,7 @@ from uav_bt.errors import UnknownNameError, ValueRangeError
 from uav_bt.lab.classes import GROUND, LabClasses
 from uav_bt.protocols import Segmenter
 from uav_bt.types import ClassMap, Frame
-from uav_bt.types.arrays import Image
+from uav_bt.types.arrays import Ids
 from uav_bt.yaml_file import read_yaml
 
 _MAX_CLASSES: Final = 65536  # larger class numbers are mistakes
@@ -80,7 +80,7 @@ class ClassMapping:
         """Return the mapping of a network with the classes of the lab."""
         return ClassMapping(classes=dict(enumerate(classes.names)))
 
-    def table(self, count: int, classes: LabClasses) -> Image:
+    def table(self, count: int, classes: LabClasses) -> Ids:
         """Return our class id of each of the network's `count` classes; all must be known."""
         most = max(self.classes)
         if most >= count:

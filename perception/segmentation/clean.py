@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from perception.segmentation.features import colour_codes
 from uav_bt.lab.classes import NO_ROLE
-from uav_bt.types.arrays import Flags, Floats32, Image
+from uav_bt.types.arrays import Flags, Floats32, Ids, Image
 
 _STEP_PX: Final = 5  # between the paper's dots
 _DILATION_PX: Final = 7  # side of the square around each dot
@@ -46,7 +46,7 @@ _MIN_SHARE: Final = 1e-4  # added to the prior to keep its logarithm finite
 _SURROUND: Final = 0.95  # share of a hole's rim that must be of the class around it
 
 
-def dilated_grid(ids: Image) -> Image:
+def dilated_grid(ids: Ids) -> Ids:
     """Return the class map, (H, W), after sampling a grid of dots and dilating them.
 
     Classes are painted in the order of their ids, so that objects cover the margin around them.
@@ -61,7 +61,7 @@ def dilated_grid(ids: Image) -> Image:
     return _absorbed(painted, painted == NO_ROLE)
 
 
-def keep_largest_components(ids: Image, scattered: Collection[int]) -> Image:
+def keep_largest_components(ids: Ids, scattered: Collection[int]) -> Ids:
     """Return the map with one piece of each class but the scattered ones, such as the ground.
 
     Other pieces take the surrounding class.
@@ -73,7 +73,7 @@ def keep_largest_components(ids: Image, scattered: Collection[int]) -> Image:
     return _absorbed(ids, stray)
 
 
-def drop_small_components(ids: Image, *, area_px: int) -> Image:
+def drop_small_components(ids: Ids, *, area_px: int) -> Ids:
     """Return the map without pieces of any class smaller than an area.
 
     A class may have several pieces: a box behind another box, or two boxes of the same pattern.
@@ -86,8 +86,8 @@ def drop_small_components(ids: Image, *, area_px: int) -> Image:
 
 
 def filled_holes(
-    ids: Image, *, inside: Collection[int], but: Collection[int | None] = (), area_px: int
-) -> Image:
+    ids: Ids, *, inside: Collection[int], but: Collection[int | None] = (), area_px: int
+) -> Ids:
     """Return the map without holes of at most an area, surrounded by one class of `inside`.
 
     Pieces of the classes `but` are never holes.
@@ -113,7 +113,7 @@ def _pieces(mask: Flags, connectivity: int) -> tuple[NDArray[Any], NDArray[Any],
     return found[1], found[2][:, cv2.CC_STAT_AREA], found[2][:, :4]
 
 
-def _absorbed(ids: Image, stray: Flags) -> Image:
+def _absorbed(ids: Ids, stray: Flags) -> Ids:
     """Give stray pixels the class of the nearest other pixel."""
     if not stray.any() or stray.all():
         return ids.copy()
@@ -126,7 +126,7 @@ def _absorbed(ids: Image, stray: Flags) -> Image:
     return np.asarray(class_of_label[nearest], dtype=np.uint8)
 
 
-def sharpened(ids: Image, rgb: Image, palette: Floats32) -> Image:
+def sharpened(ids: Ids, rgb: Image, palette: Floats32) -> Ids:
     """Return the map of windows, (H, W), of an image after the rounds of prior and likelihood.
 
     The palette has the log-likelihood of each coarse colour in each class, (C, 32768).

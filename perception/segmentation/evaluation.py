@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from uav_bt.errors import ValueRangeError
 from uav_bt.lab.classes import ROLE_NAMES, LabClasses
-from uav_bt.types.arrays import Floats, Image
+from uav_bt.types.arrays import Floats, Ids
 
 
-def confusion(predicted: Image, exact: Image, classes: int) -> NDArray[np.int64]:
+def confusion(predicted: Ids, exact: Ids, classes: int) -> NDArray[np.int64]:
     """Return the (C, C) counts of pixels by exact class (row) and predicted class (column).
 
     Both maps have the same size, and ids below the number of classes.
@@ -96,9 +96,7 @@ def _by_name(names: Sequence[str], values: Floats) -> dict[str, float | None]:
     return {name: None if math.isnan(value) else round(value, 4) for name, value in pairs}
 
 
-def score_segmentation(
-    pairs: Iterable[tuple[Image, Image]], classes: LabClasses
-) -> SegmentationScore:
+def score_segmentation(pairs: Iterable[tuple[Ids, Ids]], classes: LabClasses) -> SegmentationScore:
     """Score predicted maps, (H, W), against exact ones.
 
     An exact map of another size is resized to the predicted one's (nearest pixel), so each network

@@ -18,7 +18,7 @@ from uav_bt.errors import AnswerError
 from uav_bt.lab.classes import OBSTACLE, OUTSIDE, LabClasses
 from uav_bt.lab.shipped import load_lab
 from uav_bt.types import ClassMap, DepthMap, Frame
-from uav_bt.types.arrays import Image
+from uav_bt.types.arrays import Ids, Image
 
 MAP_PX: Final = (224, 112)  # width and height of the class maps of the U-Net and of the teacher
 _TRAIN: Final = "`uav-bt lab train`"
@@ -85,11 +85,11 @@ class OnnxSegmenter:
         ids = self.ids(frame.image)
         return ClassMap(ids=ids, classes=self._classes, captured_s=frame.captured_s)
 
-    def ids(self, rgb: Image) -> Image:
+    def ids(self, rgb: Image) -> Ids:
         """Return class ids, (h, w) uint8, of an image, (H, W, 3) uint8 RGB."""
         return self._ids_of(self._network.run(rgb)[0])
 
-    def _ids_of(self, answer: NDArray[Any]) -> Image:
+    def _ids_of(self, answer: NDArray[Any]) -> Ids:
         numbers = answer.reshape(self._pixels)
         if self._axis is not None:
             return self._table.take(numbers)

@@ -21,7 +21,7 @@ from perception.segmentation import clean, features
 from perception.segmentation.training.picks import PickedPatches
 from uav_bt.errors import ValueRangeError, WeightsError
 from uav_bt.lab.classes import GROUND, OBSTACLE, OUTSIDE, LabClasses
-from uav_bt.types.arrays import Floats, Floats32, Image
+from uav_bt.types.arrays import Floats, Floats32, Ids, Image
 
 _KIND: Final = "hsv-histogram-svm"
 
@@ -72,7 +72,7 @@ class Teacher:
         for class_id, inner in self._window_scores(hsv):
             yield class_id, features.spread_to_border(inner, self.config.patch_px)
 
-    def window_ids(self, rgb: Image) -> Image:
+    def window_ids(self, rgb: Image) -> Ids:
         """Return the best class, (H, W), of the window around every pixel of a resized image."""
         scores = self._window_scores(features.hsv_of(rgb))
         first, inner = next(scores)
@@ -83,13 +83,13 @@ class Teacher:
             np.maximum(best, inner, out=best)
         return features.spread_to_border(ids, self.config.patch_px)
 
-    def paper_ids(self, rgb: Image) -> Image:
+    def paper_ids(self, rgb: Image) -> Ids:
         """Return the class map of a resized image: dots, dilation, largest components."""
         dots = clean.dilated_grid(self.window_ids(rgb))
         scattered = self.classes.of_role(OUTSIDE) + self.classes.of_role(GROUND)
         return clean.keep_largest_components(dots, scattered)
 
-    def refined_ids(self, rgb: Image) -> Image:
+    def refined_ids(self, rgb: Image) -> Ids:
         """Return the class map of a resized image: sharp borders, no holes in sides of boxes."""
         ids = clean.sharpened(self.window_ids(rgb), rgb, self.palette)
         ids = clean.drop_small_components(ids, area_px=clean.SMALLEST_PX)

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from perception.camera.camera_file import load_camera
 from perception.camera.image_files import exif_orientation, read_image
 from perception.control.runtime import OnnxControlStudent
-from perception.control.training.run import STUDENT_FILES
+from perception.control.training.network import STUDENT_FILES
 from perception.control.training.samples import ControlFlight, read_flight, write_flight
 from perception.depth.runtime import load_depth_estimator
 from perception.depth.training.labelling import read_labels, write_labels

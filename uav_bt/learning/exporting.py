@@ -9,7 +9,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.control.training.run import STUDENT_FILES
+from perception.control.training.network import STUDENT_FILES
 from perception.depth.training.network import DEPTH_FILES
 from perception.networks.training.network_files import NetworkFiles
 from perception.segmentation.training.unet import UNET_FILES

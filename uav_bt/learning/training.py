@@ -11,12 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.control.ego_state import ControlNetConfig
-from perception.control.training.run import (
-    STUDENT_FILES,
-    ControlTrainingConfig,
-    predict_control,
-    train_control,
-)
+from perception.control.training.network import STUDENT_FILES
+from perception.control.training.run import ControlTrainingConfig, predict_control, train_control
 from perception.control.training.samples import (
     ControlFlight,
     ControlSamples,

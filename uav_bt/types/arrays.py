@@ -10,3 +10,4 @@ Floats32 = NDArray[np.float32]
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 Image = NDArray[np.uint8]
+Ids = NDArray[np.uint8]  # of classes or roles

@@ -1,28 +1,25 @@
-"""The control student: a U-Net's encoder with dense layers instead of the decoder. Its training.
+"""Training of the control student on windows of flights: augmentation, loss and run.
 
-Each view goes through the same encoder; its embedding is joined with the motion between the views.
 Importing this module imports torch.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Final, cast
+from typing import Final
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 from torch.nn import functional as F  # noqa: N812 - everybody's name for it
 
-from perception.control.ego_state import OUTPUTS, VERSION, ControlNetConfig, mirrored, state_size
+from perception.control.ego_state import ControlNetConfig, mirrored
 from perception.control.runtime import ControlEstimate, decode
+from perception.control.training.network import ControlNet
 from perception.control.training.samples import Batch, ControlSamples
 from perception.networks.training import loop
-from perception.networks.training.network_files import NetworkFiles, OnnxPorts
-from perception.segmentation.training.unet import UNet, UNetConfig
 from uav_bt.types.arrays import Flags, Floats32, Image
 
 # Weight of blocked paths. A free path taken for blocked costs a turn; a blocked path taken for free
@@ -36,70 +33,6 @@ _GAIN: Final = 0.3  # relative brightness in both directions: lamps differ
 _TINT: Final = 0.06  # relative gain of each colour: white balances differ
 _EXPOSURE: Final = 0.05  # relative brightness of each view: automatic exposure varies
 _NOISE: Final = 3.0  # largest standard deviation, grey levels
-
-
-class ControlNet(nn.Module):
-    """Views and ego state in, the next movement out; training drops a share of each embedding."""
-
-    def __init__(self, config: ControlNetConfig, *, dropout: float = 0.0) -> None:
-        super().__init__()
-        self.config = config
-        unet = UNetConfig(
-            width_px=config.width_px,
-            height_px=config.height_px,
-            channels=config.channels,
-            outputs=17,  # unused, but the draws of the initial weights depend on it
-        )
-        self.down = UNet(unet, classes=()).down
-        self.pool = nn.MaxPool2d(2)
-        self.bottleneck = nn.Conv2d(config.channels[-1], config.bottleneck, 1)
-        places = (config.height_px * config.width_px) // 4 ** len(config.channels)
-        self.embed = nn.Linear(config.bottleneck * places, config.embedding)
-        self.drop = nn.Dropout(dropout)
-        joined = config.views * config.embedding + state_size(config.views)
-        self.fusion = nn.Linear(joined, config.hidden)
-        self.hidden = nn.Linear(config.hidden, config.hidden)
-        self.head = nn.Linear(config.hidden, len(OUTPUTS))
-
-    def forward(self, frames: Tensor, state: Tensor) -> Tensor:
-        """Return the values of `ego_state.OUTPUTS`, (N, 5).
-
-        Frames are (N, V, 3, H, W) float RGB in [0, 1], the present view first, states (N, S).
-        """
-        count, views = frames.shape[:2]
-        # So that the convolutions' zero padding is mid-grey, not black.
-        features = frames.flatten(0, 1) - 0.5
-        features = features.contiguous(memory_format=torch.channels_last)
-        for level, block in enumerate(self.down):
-            features = block(features if level == 0 else self.pool(features))
-        embedded = self.embed(self.bottleneck(features).relu().flatten(1)).relu()
-        embedded = self.drop(embedded).reshape(count, views * self.config.embedding)
-        joined = self.fusion(torch.cat([embedded, state], dim=1)).relu()
-        return cast("Tensor", self.head(self.hidden(joined).relu()))
-
-
-def _ports(net: ControlNet) -> OnnxPorts:
-    config = net.config
-    about = {"version": VERSION, "outputs": OUTPUTS, "config": asdict(config)}
-    return OnnxPorts(
-        inputs={
-            "frames": (1, config.views, 3, config.height_px, config.width_px),
-            "state": (1, state_size(config.views)),
-        },
-        outputs=("prediction",),
-        metadata={"control": json.dumps(about, sort_keys=True)},
-    )
-
-
-STUDENT_FILES: Final = NetworkFiles(
-    kind="control-student",
-    remedy="`uav-bt net train student` makes one",
-    build=lambda details: ControlNet(ControlNetConfig.from_json(details["config"])),
-    ports=_ports,
-    version=VERSION,
-)
-"""Inputs `frames`: (1, V, 3, H, W) float32 RGB in [0, 1], the present view first, and `state`:
-(1, S) float32. Output `prediction`: (1, 5) float32. The metadata's `control` (JSON) names them."""
 
 
 def choice_loss(prediction: Tensor, labels: Tensor, turning: Tensor) -> Tensor:

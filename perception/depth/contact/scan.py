@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from perception.camera.ground_plane import CameraView
 from uav_bt.compiled import compiled
 from uav_bt.types import CameraModel
-from uav_bt.types.arrays import Floats, Floats32, Indices
+from uav_bt.types.arrays import Floats, Floats32, Ids, Indices
 from uav_bt.types.projection import camera_axes, pixel_rays, project
 
 OUTSIDE: Final = 255  # in the panorama: not in the image
@@ -23,7 +23,6 @@ _RUN: Final = 2 * _ROWS_PER_PX  # rows of the side above a base; fewer are mask 
 # Largest number of rows from one class to the next; networks blur borders into other classes.
 _REACH: Final = 1 + 2 * _ROWS_PER_PX
 
-Ids = NDArray[np.uint8]
 Runs = tuple[NDArray[np.int32], NDArray[np.int32]]
 """(C, A) row where the lowest run of each class begins in each column, -1 without a run of `_RUN`
 rows; (C, A) uppermost row of the class, be it part of a run or not, -1 where it is not visible."""

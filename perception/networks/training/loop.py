@@ -48,6 +48,8 @@ class LoopConfig:
                 "steps, batch, checkpoint_every and learning_rate must be positive, got "
                 f"{self.steps}, {self.batch}, {self.checkpoint_every}, {self.learning_rate}"
             )
+        if not 0.0 <= self.average < 1.0:
+            raise ValueRangeError(f"average must lie within 0 and 1, got {self.average}")
         if self.device == "cuda" and not torch.cuda.is_available():
             raise ValueRangeError(
                 "device 'cuda' needs a GPU and a PyTorch built for it, and "

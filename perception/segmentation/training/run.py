@@ -23,7 +23,7 @@ from torch.nn import functional
 from perception.networks.training import loop
 from perception.segmentation.training.unet import UNet, UNetConfig
 from uav_bt.errors import UnknownNameError
-from uav_bt.types.arrays import Floats, Floats32, Image
+from uav_bt.types.arrays import Floats, Floats32, Ids, Image
 
 _SMOOTHING: Final = 1.0  # pixels; avoids 0 / 0 in the Dice term of an absent class
 
@@ -61,7 +61,7 @@ _SHOWN: Final = 0.002  # least share of an image's pixels with which it shows a 
 _WEIGHT_LIMITS: Final = (0.3, 6.0)
 
 
-def balance_classes(ids: Image, classes: int) -> tuple[Floats, Floats32]:
+def balance_classes(ids: Ids, classes: int) -> tuple[Floats, Floats32]:
     """Return the probability of drawing each image, (N,), and the weights of the C classes.
 
     Rare classes are drawn more often and weigh more. The weights' mean over all pixels is one,
@@ -102,8 +102,8 @@ class AugmentConfig:
 
 
 def augmented(
-    rgb: Image, ids: Image, rng: np.random.Generator, config: AugmentConfig
-) -> tuple[Image, Image]:
+    rgb: Image, ids: Ids, rng: np.random.Generator, config: AugmentConfig
+) -> tuple[Image, Ids]:
     """Return an augmented image, (H, W, 3), and its class ids, (H, W), moved in the same way.
 
     Outside the original, image and class ids are mirrored.
@@ -160,7 +160,7 @@ class LabelledImages:
     """A training set in memory, at the network's size."""
 
     rgb: Image  # (N, H, W, 3)
-    ids: Image  # (N, H, W); `IGNORED` where unknown
+    ids: Ids  # (N, H, W); `IGNORED` where unknown
     classes: tuple[str, ...]  # names by id
 
 

@@ -13,7 +13,7 @@ from behaviours.policies import student
 from behaviours.policies.student import StudentPolicy
 from perception.control.ego_state import ControlNetConfig
 from perception.control.runtime import OnnxControlStudent
-from perception.control.training.run import STUDENT_FILES, ControlNet
+from perception.control.training.network import STUDENT_FILES, ControlNet
 from tests.behaviours.policies import cast_world
 from tests.worlds import values
 from uav_bt.answers import Advance, Blocked

@@ -15,7 +15,7 @@ from click.testing import CliRunner
 
 from perception.control.ego_state import state_size
 from perception.control.runtime import OnnxControlStudent
-from perception.control.training.run import STUDENT_FILES
+from perception.control.training.network import STUDENT_FILES
 from perception.depth.runtime import load_depth_estimator
 from perception.depth.training.network import DEPTH_FILES
 from perception.networks.training.network_files import NetworkFiles

@@ -11,7 +11,8 @@ from click.testing import CliRunner
 
 from perception.control.ego_state import ControlNetConfig
 from perception.control.runtime import OnnxControlStudent
-from perception.control.training.run import STUDENT_FILES, ControlTrainingConfig
+from perception.control.training.network import STUDENT_FILES
+from perception.control.training.run import ControlTrainingConfig
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
 from tests.paper_lab import paper_map

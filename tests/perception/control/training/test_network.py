@@ -10,7 +10,7 @@ import torch
 
 from perception.control.ego_state import ControlNetConfig, state_size
 from perception.control.runtime import OnnxControlStudent, decode
-from perception.control.training.run import STUDENT_FILES, ControlNet
+from perception.control.training.network import STUDENT_FILES, ControlNet
 from perception.networks.training.network_files import parameter_count
 from perception.networks.weights_file import read_weights, write_weights
 from tests.perception.control.control_world import TINY

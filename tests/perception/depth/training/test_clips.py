@@ -8,7 +8,7 @@ import torch
 
 from perception.depth.training.clips import Clip, ClipSource, mirrored, turned, varied
 from perception.depth.training.footage import Flight
-from perception.depth.training.run import photometric_error, warp
+from perception.depth.training.losses import photometric_error, warp
 from tests.perception.depth.depth_flight import known_flight
 from uav_bt.errors import ValueRangeError
 

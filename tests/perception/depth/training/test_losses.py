@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from perception.depth.training import run
+from perception.depth.training import losses
+from perception.depth.training.losses import invert_motion, photometric_error, pixel_rays, warp
 from perception.depth.training.network import motion_matrix
-from perception.depth.training.run import invert_motion, photometric_error, pixel_rays, warp
 from tests.perception.depth.depth_flight import known_flight
 
 SMALL = torch.tensor([[20.0, 18.0, 7.5, 5.5]], dtype=torch.float64)  # of 16x12 pixels
@@ -72,17 +72,17 @@ def _picture(seed: int = 0) -> torch.Tensor:
 
 def _maps(
     target: torch.Tensor, source: torch.Tensor, *, source_m: float = 2.0, step_m: float = 0.0
-) -> run.Maps:
+) -> losses.Maps:
     """Maps of pictures at 2 m; the source camera stands a step to the right."""
     depths = torch.full((1, 1, 12, 16), 2.0), torch.full((1, 1, 12, 16), source_m)
     motion = STAY.float().clone()
     motion[0, 0, 3] = -step_m
-    return run.consistency_maps(target, source, depths, motion, SMALL.float())
+    return losses.consistency_maps(target, source, depths, motion, SMALL.float())
 
 
 def test_the_photometric_error_is_nought_for_equals_and_greatest_for_black_and_white() -> None:
-    assert run.photometric_error(_picture(), _picture()).max() < 1e-5
-    error = run.photometric_error(torch.zeros(1, 3, 12, 16), torch.ones(1, 3, 12, 16))
+    assert losses.photometric_error(_picture(), _picture()).max() < 1e-5
+    error = losses.photometric_error(torch.zeros(1, 3, 12, 16), torch.ones(1, 3, 12, 16))
     # SSIM of two flat pictures is C1 / (1 + C1): nearly zero.
     torch.testing.assert_close(error, torch.full_like(error, 0.15 + 0.85 / 2.0), atol=1e-4, rtol=0)
 
@@ -109,7 +109,7 @@ def test_the_better_source_is_kept_pixel_by_pixel() -> None:
     # One target with two sources, and a map that is kept as it is.
     error = maps([[0.1, 0.4, 0.1], [0.3, 0.2, 0.5], [0.7, 0.8, 0.9]])
     mask = maps([[1, 1, 0], [1, 1, 1], [1, 0, 1]])
-    best, difference, counts = run.best_of((error, 2.0 * error, mask), 1)
+    best, difference, counts = losses.best_of((error, 2.0 * error, mask), 1)
     torch.testing.assert_close(best, maps([[0.1, 0.2, 0.5], [0.7, 0.8, 0.9]]))
     torch.testing.assert_close(difference, 2.0 * best)
     torch.testing.assert_close(counts, maps([[1, 1, 1], [1, 0, 1]]))
@@ -117,7 +117,7 @@ def test_the_better_source_is_kept_pixel_by_pixel() -> None:
 
 def test_an_empty_mask_gives_nought_and_no_nan() -> None:
     values = torch.rand(1, 1, 12, 16, requires_grad=True)
-    mean = run.masked_mean(values, torch.zeros(1, 1, 12, 16))
+    mean = losses.masked_mean(values, torch.zeros(1, 1, 12, 16))
     mean.backward()
     assert mean.item() == 0.0
     assert values.grad is not None
@@ -126,14 +126,14 @@ def test_an_empty_mask_gives_nought_and_no_nan() -> None:
 
 def test_depth_is_smooth_in_any_unit_where_the_picture_has_no_edge() -> None:
     depth, image = 1.0 + torch.rand(1, 1, 12, 16), _picture()
-    assert run.smoothness_loss(torch.full_like(depth, 3.0), image).item() == 0.0
+    assert losses.smoothness_loss(torch.full_like(depth, 3.0), image).item() == 0.0
     torch.testing.assert_close(
-        run.smoothness_loss(depth, image), run.smoothness_loss(10.0 * depth, image)
+        losses.smoothness_loss(depth, image), losses.smoothness_loss(10.0 * depth, image)
     )
     # An edge of depth costs less at an edge of the picture.
     depth, (edge, flat) = torch.ones(1, 1, 12, 16), torch.zeros(2, 1, 3, 12, 16)
     depth[..., 8:], edge[..., 8:] = 2.0, 1.0
-    there, anywhere = (run.smoothness_loss(depth, shown) for shown in (edge, flat))
+    there, anywhere = (losses.smoothness_loss(depth, shown) for shown in (edge, flat))
     torch.testing.assert_close(there, anywhere * torch.exp(torch.tensor(-1.0)))
 
 
@@ -141,7 +141,7 @@ def test_labels_count_in_log_depth_where_they_are_known() -> None:
     depth = torch.full((1, 1, 20, 20), 2.0, requires_grad=True)
     label = torch.full((1, 1, 20, 20), float("nan"))
     label[..., :10] = 4.0
-    loss = run.label_loss(depth, label, torch.full_like(label, torch.inf))
+    loss = losses.label_loss(depth, label, torch.full_like(label, torch.inf))
     loss.backward()
     assert loss.item() == pytest.approx(torch.log(torch.tensor(2.0)).item())
     assert depth.grad is not None
@@ -157,7 +157,7 @@ def test_a_bound_pulls_only_what_exceeds_it_and_has_no_label() -> None:
     at_most = torch.full((1, 1, 20, 20), float("inf"))
     at_most[..., :10] = 2.0  # half of it under labels
     at_most[..., 10:15] = 5.0
-    loss = run.label_loss(depth, label, at_most)
+    loss = losses.label_loss(depth, label, at_most)
     loss.backward()
     assert depth.grad is not None
     assert torch.isfinite(depth.grad).all()
