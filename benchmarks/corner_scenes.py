@@ -4,8 +4,7 @@
     uav-bt campaign land_only survey_and_land --scenes "runs/corners/*.yaml" --flights 1 \
         --drone plain --profile harsh --out runs/corner-flights
 
-The entrance is narrower than the passages that routes use, so many of these flights are not over in
-time.
+The entrance is narrower than the passages that routes use elsewhere.
 """
 
 from __future__ import annotations

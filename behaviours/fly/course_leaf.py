@@ -28,6 +28,7 @@ _CLIMB_PER_S: Final = 0.8  # climb rate per metre of error in height
 _CLIMB_MPS: Final = 0.25  # highest climb rate
 _GIVES_WAY_PER_S: Final = 2.0  # the same while the drone gives way
 _GIVES_WAY_MPS: Final = 0.5
+_SLOWER_TIMES: Final = 10.0  # in a gap: a push of 0.1 m/s halves the speed
 _EVADED_M: Final = 0.2  # a turn corrects only larger errors in height: those of giving way
 
 
@@ -37,6 +38,8 @@ class CourseLeaf(MovingLeaf):
     reads: ClassVar[Keys] = (STATE, FLIGHT_HEIGHT, RAISED, CAMERA, ODOMETRY, SITE_MAP)
     writes: ClassVar[Keys] = (PHASE, HELD_TURN, RAISED)
     resumes = False  # after an interruption the leaf decides anew, on a new view
+
+    in_gap = False  # whether its way may lead through gaps little wider than the hull
 
     def on_setup(self, mission: MissionContext) -> None:
         """Begin without a course."""
@@ -64,6 +67,8 @@ class CourseLeaf(MovingLeaf):
         yaw_rate_radps = self._heading.update(error_rad, now_s)
         velocity = self.turn_keeping_away(yaw_rate_radps)
         if speed_mps != 0.0:
+            if self.in_gap:
+                speed_mps /= 1.0 + _SLOWER_TIMES * abs(velocity.right_mps)
             # Only the sideways push is used: a push along the route would change the speed.
             velocity = replace(velocity, forward_mps=speed_mps, down_mps=self._height_mps(state))
         self.propose(velocity)
@@ -71,7 +76,8 @@ class CourseLeaf(MovingLeaf):
     def turn_keeping_away(self, yaw_rate_radps: float) -> Velocity:
         """Return a turn that moves away from what is too near, because a hovering drone drifts."""
         placed = None if self.read(ODOMETRY).value is None else self.read(SITE_MAP).value
-        forward_mps, right_mps = push_away_mps(by_the_map(self.obstacles(), placed))
+        near = by_the_map(self.obstacles(), placed, in_gap=self.in_gap)
+        forward_mps, right_mps = push_away_mps(near, in_gap=self.in_gap)
         state = self.state()
         evaded = state is not None and abs(self.off_height_m(state)) > _EVADED_M
         return Velocity(

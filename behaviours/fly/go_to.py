@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, Final
 
 from behaviours.fly.mark_track import (
@@ -39,6 +40,7 @@ _LOOK_RAD: Final = math.radians(60)  # turn that is ordered while the drone look
 # Without a usable map the drone flies straight to the mark, if no obstacle is nearer to that way
 # than a route's distance and this, up to `_BEFORE_M` before the mark.
 _STRAIGHT_MORE_M: Final = 0.12
+_SAME_GAP_M: Final = 0.5  # narrow places this near to each other are one
 _BEFORE_M: Final = 0.35
 # Boxes beside the mark may end the way to it at this distance; the last metre is flown straight.
 _FAR_M: Final = 0.9
@@ -52,10 +54,11 @@ class GoTo(PlaceLeaf):
     place that cannot be found, such as an object that is not on the map.
     An override or a pilot interrupts the flight, and it goes on afterwards.
 
-    To the landing mark the last metres may be narrower, the camera follows it down, and with an
-    `arrive_m` of more than 0.35 m the leaf ends where the straight way on is free. Without a
-    usable map the drone flies straight to the tracked mark while nothing is near that way; FAILURE
-    comes at once where the mark is out of view, too.
+    To the landing mark the last metres may be narrower: the drone looks at a gap of 0.6 m before it
+    flies it, and keeps to its middle. The camera follows the mark down. With an `arrive_m` of more
+    than 0.35 m the leaf ends where the straight way on is free. Without a usable map the drone
+    flies straight to the tracked mark while nothing is near that way; FAILURE comes at once where
+    the mark is out of view, too.
     """
 
     place_port = Port(
@@ -75,7 +78,8 @@ class GoTo(PlaceLeaf):
     def on_setup(self, mission: MissionContext) -> None:
         """Note the margins of the place."""
         super().on_setup(mission)
-        self._margins = Margins().within(mission.clearances, mission.mark)
+        margins = Margins(hull_m=mission.airframe.radius_m)
+        self._margins = margins.within(mission.clearances, mission.mark)
         self._mark_m = mission.mark.height_m
 
     def needs(self) -> tuple[Key[Any], ...]:
@@ -90,9 +94,11 @@ class GoTo(PlaceLeaf):
         super().initialise()
         place = Place.parse(self.port_value("to"))
         self._is_mark, self._turns = place.frame is PlaceFrame.MARK, place.heading_rad is not None
+        self.in_gap = self._is_mark
         self.write(PHASE, MissionPhase.APPROACH if self._is_mark else MissionPhase.GO_TO)
         self._planned_s = self._best_m = math.inf
         self._steps = 0
+        self._seen_gap: tuple[float, float] | None = None  # the last narrow place that was faced
         self._below = False  # whether the drone looks at ground below the view in flight
         self._trouble = "no map yet"
 
@@ -132,7 +138,6 @@ class GoTo(PlaceLeaf):
         way = way_to(
             (goal.x_m, goal.y_m),
             site_map,
-            self.obstacles(),
             self.read(CORRIDOR).value,
             margins=self._margins,
             arrive_m=_FAR_M if ends_here else arrive_m,
@@ -141,7 +146,19 @@ class GoTo(PlaceLeaf):
         )
         if clear and way.course is None and apart_m <= _FAR_M:
             return self._arrived(state, site_map, goal)
-        return self._go_on(state, way)
+        return self._go_on(state, self._seeing_ahead(way, site_map) if self._is_mark else way)
+
+    def _seeing_ahead(self, way: WayTo, site_map: SiteMap) -> WayTo:
+        """Turn to a narrow place ahead, once: on a curve its inner side would stay out of view."""
+        narrow, seen = way.narrow, self._seen_gap
+        if narrow is None or (seen is not None and math.dist(narrow, seen) < _SAME_GAP_M):
+            return way
+        forward_m, right_m = site_map.pose.to_body(*narrow)
+        to_rad = math.atan2(right_m, forward_m)
+        if abs(to_rad) > FACING_RAD:
+            return replace(way, course=Rotate(yaw_rad=to_rad), reason="looks ahead")
+        self._seen_gap = narrow
+        return way
 
     def _without_map(self, state: DroneState) -> Status:
         """Fly straight to the mark without a map, or while views contradict it; else wait."""

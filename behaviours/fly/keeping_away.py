@@ -16,7 +16,7 @@ import numpy as np
 from behaviours.path.clearance import ClearanceMap
 from behaviours.path.margins import Margins
 from behaviours.path.movers import TIMES_S, gap_m, is_of_movers, runs_into
-from behaviours.path.nearby import recent_obstacles
+from behaviours.path.nearby import near_first, recent_obstacles, sides_m
 from uav_bt.types import NearObstacles, Velocity, clamp, rotate, rotate_points
 from uav_bt.types.arrays import Floats
 from uav_bt.types.dead_reckoning import MotionEstimate
@@ -57,29 +57,31 @@ _EDGE_NEARER_M: Final = 0.15  # the edge of the ground may be nearer than an obs
 PUSH_PER_S: Final = 1.5  # speed of the push per metre of intrusion
 PUSH_MPS: Final = 0.2  # highest speed of the push
 _ALIKE_M: Final = 0.25  # points within this distance of each other belong to one obstacle
-_OUTLINE_M: Final = 0.1  # between the points on the sides of an object
+_GAP_PUSH_MPS: Final = 0.1  # the same in a gap, of which the view may show one side only
+_CENTRE_PER_S: Final = 1.2  # speed to the middle of a gap per metre
+_BESIDE_M: Final = 0.3  # points this far ahead and behind are beside the drone
+_LEAST: Final = 3  # as many are one side of a gap; fewer may be errors of views
 _MIN_RANGE_M: Final = 0.05  # smaller ranges count as this, to avoid a division by zero
 
 
-def by_the_map(obstacles: NearObstacles | None, site_map: SiteMap | None) -> NearObstacles | None:
+def by_the_map(
+    obstacles: NearObstacles | None, site_map: SiteMap | None, *, in_gap: bool = False
+) -> NearObstacles | None:
     """Return the obstacles near the drone, placed by the map if it has them.
 
-    Recent points are placed by dead reckoning and drift. The map is matched to every view. One that
-    views contradict is not used.
+    Recent points are placed by dead reckoning and drift. The map is matched to every view. In a gap
+    of a few centimetres more than the hull, what was seen lately is more exact, and comes first. A
+    map that views contradict is not used.
     """
     if obstacles is None or site_map is None or site_map.contradicted_s > 0.0:
         return obstacles
-    # Of most objects only one or two sides were seen. The outline adds the others; without them
-    # the push could lead into them.
     pose = site_map.pose
-    outlines = [
-        item.outline_m(_OUTLINE_M)
-        for item in site_map.objects
-        if math.hypot(item.x_m - pose.x_m, item.y_m - pose.y_m)
-        <= KEEP_AWAY_M + math.hypot(item.size_m, item.width_m)
-    ]
     lately = recent_obstacles(obstacles.within(KEEP_AWAY_M + _ALIKE_M), site_map)
-    points_m = np.vstack([site_map.obstacles_m, *outlines, lately.seen_m])
+    if in_gap:
+        points_m = near_first(site_map).obstacles_m
+    else:  # without their outlines, the push could lead into the unseen sides of objects
+        beside_m = sides_m(site_map, KEEP_AWAY_M)
+        points_m = np.vstack([site_map.obstacles_m, beside_m, lately.seen_m])
     edges_m = np.vstack([site_map.edges_m, lately.edges_m])
     return NearObstacles(
         points_m=pose.points_to_body(points_m),
@@ -106,8 +108,11 @@ def step_away_m(obstacles: NearObstacles | None, edge_m: float) -> tuple[float, 
     return forward_m, right_m
 
 
-def push_away_mps(obstacles: NearObstacles | None) -> tuple[float, float]:
-    """Return the velocity away from what is too near, forward and right, m/s."""
+def push_away_mps(obstacles: NearObstacles | None, *, in_gap: bool = False) -> tuple[float, float]:
+    """Return the velocity away from what is too near, forward and right, m/s.
+
+    In a gap it leads to the middle between its sides.
+    """
     if obstacles is None:
         return 0.0, 0.0
     points_m = np.vstack([obstacles.points_m, obstacles.edges_m])
@@ -117,8 +122,16 @@ def push_away_mps(obstacles: NearObstacles | None) -> tuple[float, float]:
     weights = np.clip(KEEP_AWAY_M / gap_m - 1.0, 0.0, None)
     if not weights.any():
         return 0.0, 0.0
-    speed_mps = min(PUSH_PER_S * (KEEP_AWAY_M - float(gap_m.min())), PUSH_MPS)
+    most_mps = _GAP_PUSH_MPS if in_gap else PUSH_MPS
+    speed_mps = min(PUSH_PER_S * (KEEP_AWAY_M - float(gap_m.min())), most_mps)
     forward_mps, right_mps = -speed_mps * (weights / ranges_m) @ points_m / weights.sum()
+    if not in_gap:
+        return float(forward_mps), float(right_mps)
+    beside_m = obstacles.points_m[np.abs(obstacles.points_m[:, 0]) < _BESIDE_M, 1]
+    both_m = [np.sort(each[each > 0.0]) for each in (-beside_m, beside_m)]
+    if all(len(each) >= _LEAST and each[_LEAST - 1] < KEEP_AWAY_M for each in both_m):
+        left_m, right_m = (float(each[_LEAST - 1]) for each in both_m)
+        right_mps = clamp(_CENTRE_PER_S * (right_m - left_m) / 2, PUSH_MPS)
     return float(forward_mps), float(right_mps)
 
 

@@ -180,7 +180,7 @@ class ClearanceMap:
             clear_m = np.minimum(clear_m, slower_m)
         if len(self.map.lanes_m):
             clear_m = np.minimum(clear_m, distances.lane_m + margins.touch_m - margins.lane_m)
-        unknown_m = distances.of(self._unknown())
+        unknown_m = distances.of(self.unknown())
         clear_m = np.minimum(clear_m, unknown_m + margins.touch_m - margins.unknown_m)
         return np.minimum(clear_m, distances.edge_m + margins.touch_m - margins.edge_m)
 
@@ -299,7 +299,7 @@ class ClearanceMap:
         rows, columns = np.ogrid[near]
         return near, self.map.cell_m * np.hypot(rows - row, columns - column)
 
-    def _unknown(self) -> Flags:
+    def unknown(self) -> Flags:
         """Return the cells of unknown patches; single cells between rays are left out."""
         import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
 

@@ -21,7 +21,7 @@ UNMAPPED_S: Final = 3.0
 """Age from which planning ignores recent points that the map lacks, s: a lost drone may have
 misplaced them, and they would block a path for ever."""
 
-_NEAREST: Final = 2  # cells: nearer cells of a path give no heading, because of their rounding
+_NEAREST_M: Final = 0.19  # m; nearer cells of a path give no heading, because of their rounding
 _AHEAD_M: Final = 0.6  # m; the drone steers to the point of the path at this distance
 _CUT_M: Final = 0.03  # m; a corner is cut if that costs at most this much clearance
 _FACING_RAD: Final = math.radians(35)  # the drone only turns while its heading error is this large
@@ -89,7 +89,7 @@ def _course(route: Route, pose: Pose2D, margins: Margins) -> tuple[float, float]
     # A straight line must keep the path's clearance: the drone flies around corners.
     along_m = np.minimum.accumulate(route.clear_m)
     straight = np.flatnonzero(route.straight_m[: furthest + 1] >= along_m[: furthest + 1] - _CUT_M)
-    ahead = max(int(straight[-1]), min(_NEAREST, furthest))
+    ahead = max(int(straight[-1]), min(int(np.argmax(apart >= _NEAREST_M)) or furthest, furthest))
     x_m, y_m = route.path_m[ahead]
     forward_m, right_m = pose.to_body(float(x_m), float(y_m))
     speed = float(margins.speed_mps(route.clear_m[: ahead + 1]).min())

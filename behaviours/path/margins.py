@@ -5,6 +5,7 @@
 | ordinary | 0.40 + r  | 0.30 + r                              | 0.3 m/s      |
 | tight    | 0.34      | 0.30; 0.20 before the pad             | 0.3 m/s      |
 | out      | 0.30      | 0.30; 0.20 before the pad, or shut in | 0.1 m/s      |
+| gap      | 0.24      | 0.20: the way out before the pad      | 0.25 m/s     |
 
 Metres from the body's centre, whose hull has a radius of 0.2 m; r is 8 times the residual of the
 views above 0.016 m, at most 0.12 m. `Margins.within` shifts all distances for a place.
@@ -42,8 +43,12 @@ START_SLACK_M: Final = 0.03  # m; clearance that a route may lose near the drone
 _SURE_M: Final = 0.016  # m; residual of views when place and height are known (profile lab)
 _UNSURE_TIMES: Final = 8.0  # extra distance per metre of residual above that
 _PAD_EDGE_M: Final = 0.2  # m; distance of the last metres before the pad from the edge
-_TIGHTER_M: Final = 0.06  # m; a tight passage is narrower by this: with less room, faster than the
-# way out, the drone could touch unseen sides of boxes, whose place is assumed and rounded to cells
+# m; a tight passage, and a gap, is narrower by this: with less room, faster than the way out, the
+# drone could touch unseen sides of boxes, whose place is assumed and rounded to cells
+_TIGHTER_M: Final = 0.06
+_SWAY_M: Final = 0.04  # m; least room beside the hull in a gap
+_GAP_WIDE_M: Final = 0.35  # m; a gap wider by this is flown at full speed, along its middle
+_GAP_MPS: Final = 0.25  # m/s; in the narrowest gap: slower, more gusts meet the drone there
 _AWAY_MPS: Final = 0.1  # m/s; at `min_start_m`: a route that begins there takes the shortest exit
 
 
@@ -72,6 +77,7 @@ class Margins:
     fast_mps: float = 0.6  # from `wide_m` on
     past_assumed: bool = False  # may cross open, seen ground with an assumed obstacle
     cross_unknown: bool = False  # may cross assumed obstacles, and unseen cells near the mark
+    hull_m: float = 0.2  # radius of the hull
     over_m: float | None = None  # radius of the mark, flown over; None: of the default lab's mark
 
     def __post_init__(self) -> None:
@@ -131,6 +137,19 @@ class Margins:
             slow_mps=_AWAY_MPS if is_out else self.slow_mps,
             past_assumed=is_out and shut_in,
             cross_unknown=at_pad,
+        )
+
+    def in_gap(self) -> Margins:
+        """Return the margins of a gap before the pad, a few centimetres more than the hull."""
+        out = self.through(Passage.OUT, at_pad=True)
+        touch_m = min(out.touch_m, max(out.touch_m - _TIGHTER_M, self.hull_m + _SWAY_M))
+        return replace(
+            out,
+            touch_m=touch_m,
+            wide_m=touch_m + _GAP_WIDE_M,
+            slow_mps=_GAP_MPS,
+            min_start_m=self.hull_m / 2,  # where gusts push the drone aside it goes on
+            unknown_m=touch_m,
         )
 
     def tight(self) -> Margins:

@@ -8,13 +8,13 @@ from typing import Final
 
 import numpy as np
 
-from behaviours.path.clearance import Place
+from behaviours.path.clearance import Place, Route
 from behaviours.path.following import UNMAPPED_S, follow
 from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import recent_obstacles
 from behaviours.path.passages import ClearanceMaps
 from uav_bt.answers import FollowLeg, Rotate
-from uav_bt.types import Corridor, NearObstacles
+from uav_bt.types import Corridor
 from uav_bt.types.arrays import Floats
 from uav_bt.types.site_map import SiteMap
 
@@ -23,6 +23,9 @@ from uav_bt.types.site_map import SiteMap
 STEP_M: Final = 0.35
 # Without a route to the place, one is flown that ends at least this much nearer to it; chosen.
 _NEARER_M: Final = 0.5
+# A place of the route with less clearance, at this distance, is looked at before it is flown.
+_NARROW_M: Final = 0.4
+_AHEAD_M: Final = 0.6, 1.2
 _NO_WAY: Final = "no known way"
 _UNSEEN: Final = "no known way: the ground there or beside it was not seen"
 
@@ -36,12 +39,12 @@ class WayTo:
     left_m: float  # length of the way that is left
     bearing_rad: float  # direction of the place, clockwise from the heading
     reason: str  # one or two words for the status line
+    narrow: Place | None = None  # the narrowest place ahead, if it leaves little room
 
 
 def way_to(
     place: Place,
     site_map: SiteMap,
-    obstacles: NearObstacles | None,
     corridor: Corridor | None,
     *,
     margins: Margins,
@@ -57,7 +60,6 @@ def way_to(
     Args:
         place: Metres in the map's frame.
         site_map: The newest map.
-        obstacles: Obstacles seen around the drone.
         corridor: The safety corridor; None without depth.
         margins: Distances that the way keeps.
         arrive_m: Largest distance of the way's end from the place.
@@ -67,11 +69,11 @@ def way_to(
     """
     forward_m, right_m = site_map.pose.to_body(*place)
     apart_m, bearing_rad = math.hypot(forward_m, right_m), math.atan2(right_m, forward_m)
-    recent = recent_obstacles(obstacles, site_map, unmapped_s=UNMAPPED_S)
+    recent = recent_obstacles(site_map.near, site_map, unmapped_s=UNMAPPED_S)
     at = place if over else None
     maps = ClearanceMaps(site_map, recent, margins, crossing=True, over=at)
     course: FollowLeg | Rotate | tuple[float, float] | None = None
-    left_m = apart_m
+    left_m, narrow = apart_m, None
     if apart_m <= STEP_M and maps[Passage.TIGHT].is_open_to(*place):
         course, reason = (forward_m, right_m), "last step"
     else:
@@ -87,8 +89,18 @@ def way_to(
         else:
             left_m = route.length_m + math.dist(route.path_m[-1], place)
             course = follow(route, site_map, corridor, most_mps=most_mps)
-            reason = f"{left_m:.1f} m left"
-    return WayTo(course=course, left_m=left_m, bearing_rad=bearing_rad, reason=reason)
+            reason, narrow = f"{left_m:.1f} m left", _narrow_place(route)
+    return WayTo(
+        course=course, left_m=left_m, bearing_rad=bearing_rad, reason=reason, narrow=narrow
+    )
+
+
+def _narrow_place(route: Route) -> Place | None:
+    """Return the narrowest place at the distance from which the camera shows its sides."""
+    apart_m = np.hypot(*(route.path_m - route.path_m[0]).T)
+    clear_m = np.where((apart_m > _AHEAD_M[0]) & (apart_m < _AHEAD_M[1]), route.clear_m, math.inf)
+    x_m, y_m = route.path_m[clear_m.argmin()]
+    return (float(x_m), float(y_m)) if clear_m.min() < _NARROW_M else None
 
 
 def _trouble(place: Place, maps: ClearanceMaps) -> str:
@@ -100,7 +112,7 @@ def _trouble(place: Place, maps: ClearanceMaps) -> str:
         return "no room at the place: an obstacle is too near"
     if _nearest_m(place, maps.map.edges_m) < narrowest.margins.edge_m:
         return "no room at the place: the edge of the ground is too near"
-    is_open = maps.map.lies_on(narrowest.open, np.array(place))
+    is_open = narrowest.map.lies_on(narrowest.open, np.array(place))
     return _NO_WAY if is_open else _UNSEEN
 
 

@@ -70,6 +70,24 @@ def test_mapped_obstacles_are_kept_away_from_where_the_map_has_them() -> None:
     assert by_the_map(None, site_map) is None
 
 
+def test_in_a_gap_what_was_seen_lately_comes_before_the_map() -> None:
+    """A single point apart from others is none."""
+    mapped_m = np.array([(0.0, 0.3), (0.0, 0.35), (0.05, 0.3), (0.0, -0.42)])
+    seen = around([(0.0, 0.36), (0.02, 0.36), (0.05, 0.36), (0.0, 0.2)])
+    found = by_the_map(seen, replace(drawn_map(obstacles=mapped_m), near=seen), in_gap=True)
+    assert found is not None
+    assert sorted(found.points_m[:, 1]) == pytest.approx([-0.42, 0.36, 0.36, 0.36])
+
+
+def test_in_a_gap_the_push_leads_to_its_middle() -> None:
+    """However many points are on a side: fewer than three are none."""
+    left_m, right_m = ([(0.05 * i, y_m) for i in range(3)] for y_m in (-0.25, 0.35))
+    both = around([*left_m, *left_m, *right_m])
+    assert push_away_mps(both, in_gap=True)[1] == pytest.approx(1.2 * 0.05)
+    one = around([*left_m, *right_m[1:]])
+    assert push_away_mps(one, in_gap=True)[1] == pytest.approx(0.1, abs=0.05)
+
+
 def test_the_sides_of_an_object_that_were_never_seen_push_too() -> None:
     box = MapObject(class_id=4, x_m=0.0, y_m=0.5, size_m=0.4, width_m=0.4, std_m=0.1, seen_s=1.0)
     x_m = np.arange(-0.2, 0.25, 0.1)

@@ -215,6 +215,17 @@ def test_before_an_obstacle_of_unknown_range_depth_stops_the_flight_to_the_mark(
     assert speeds_mps[1] == 0.0
 
 
+def test_before_it_flies_around_a_corner_to_the_mark_it_looks_there_once() -> None:
+    """On the curve the inner side of the gap would stay out of view."""
+    bench, mark = LeafBench(GoTo, to="mark"), MapMark(x_m=1.4, y_m=1.2, std_m=0.1, seen_s=1.0)
+    walls = [((0.5, 0.4), (-2.0, 0.4)), ((1.1, 0.4), (2.0, 0.4))]
+    for yaw_rad, turns in ((0.0, True), (0.8, False), (0.0, False)):
+        drawn = drawn_map(walls=walls, pose=(0.2, -0.2, yaw_rad))
+        live(bench, site_map=replace(drawn, mark=mark), yaw_rad=yaw_rad)
+        assert (velocity(bench).forward_mps == 0.0) == turns
+        assert ("looks ahead" in bench.leaf.feedback_message) == turns
+
+
 def test_a_port_states_the_pitch_of_the_camera() -> None:
     bench = LeafBench(GoTo, to="start:1.5,0", gimbal_deg=-50.0)
     live(bench, site_map=on())

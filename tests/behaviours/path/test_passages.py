@@ -1,6 +1,7 @@
 """Margins of a place and of its passages, and the way out of a corner by a narrow gap."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,9 +9,10 @@ import pytest
 from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import RecentObstacles
 from behaviours.path.passages import ClearanceMaps
+from benchmarks.corner_scenes import corner_scene
 from uav_bt.errors import ValueRangeError
 from uav_bt.testing.world import drawn_map
-from uav_bt.types import Clearances, LandingMark
+from uav_bt.types import Clearances, LandingMark, NearObstacles, Pose2D
 from uav_bt.types.site_map import SiteMap
 
 CORNER = (-1.6, 1.4)
@@ -131,3 +133,42 @@ def test_a_gap_is_flown_by_the_widest_passage_that_fits(
     maps = maps_of(drawn_map(obstacles=np.column_stack([0.0 * y_m, y_m]), pose=(1.0, 0.0, 0.0)))
     found = maps.route_to((-1.0, 0.0), near_m=0.15, far_m=0.15)
     assert (found and round(found.margins.touch_m, 2)) == touch_m
+
+
+def leads_over(mark: tuple[float, float], site_map: SiteMap) -> bool:
+    way_out = maps_of(site_map, over=mark)[Passage.OUT]
+    return way_out.route_to(mark, near_m=0.1, far_m=0.1) is not None
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+def test_a_gap_leads_to_a_mark_in_a_corner_behind_boxes(seed: int) -> None:
+    """Scenes of the benchmark: the entrance is 0.6 m wide, and the ground 5 m by 4 m."""
+    scene, walls = corner_scene(seed), []
+    for box in scene["boxes"]:
+        (x_m, y_m), (long_m, wide_m, _) = box["position_m"], box["size_m"]
+        corners = Pose2D(x_m=x_m, y_m=y_m, yaw_rad=0.0).rectangle(long_m / 2, wide_m / 2)
+        walls += list(zip(corners, np.roll(corners, -1, axis=0), strict=True))
+    drawn = drawn_map(ground_m=5.0, walls=walls, pose=(*scene["take_off"]["from"], 0.0))
+    site_map = replace(drawn, outside=drawn.outside | (np.abs(drawn.places_m()[..., 1]) > 2.0))
+    assert leads_over(tuple(scene["helipad"]["position_m"]), site_map)
+
+
+def two_walls(gap_m: float, beside_m: float = 0.0) -> SiteMap:
+    ends_m = beside_m - gap_m / 2, beside_m + gap_m / 2
+    walls = [((0.0, -2.0), (0.0, ends_m[0])), ((0.0, ends_m[1]), (0.0, 2.0))]
+    return drawn_map(walls=walls, pose=(-0.6, 0.1, 0.0))
+
+
+@pytest.mark.parametrize(("gap_m", "is_open"), [(0.6, True), (0.44, False)])
+@pytest.mark.parametrize("beside_m", [0.0, 0.03, 0.05, 0.08])
+def test_the_width_of_a_gap_depends_on_no_cells(
+    gap_m: float, beside_m: float, *, is_open: bool
+) -> None:
+    assert leads_over((1.1, beside_m), two_walls(gap_m, beside_m)) == is_open
+
+
+def test_a_gap_is_as_wide_as_it_was_seen_lately() -> None:
+    """The map has it 16 cm narrower."""
+    narrow = two_walls(0.44)
+    seen = NearObstacles(points_m=two_walls(0.6).obstacles_m - (-0.6, 0.1))
+    assert leads_over((1.1, 0.0), replace(narrow, near=seen))
