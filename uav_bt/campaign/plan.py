@@ -8,27 +8,19 @@ from typing import Any, Final
 
 from uav_bt.app.drone_of_flight import is_simulated
 from uav_bt.app.option_values import port_values, variable_values
-from uav_bt.app.options import FlightOptions
+from uav_bt.app.options import SHARED, FlightOptions
 from uav_bt.campaign.flight_lines import FlightKey
 from uav_bt.errors import FileError, InputError
-from uav_bt.lab.lab import Lab
-from uav_bt.lab.shipped import lab_address
-from uav_bt.mission.judge import JudgeConfig
 from uav_bt.settings import check_numbers
-from uav_bt.tree.loading.lookup import TreeFolders
 from uav_bt.tree.loading.parameters import Plain
 
-SHARED: Final = (
-    *("drone", "lab", "profile", "image_size_px", "exact_masks", "movers", "vary_room", "faults"),
-    *("tree_id", "tree_folders", "leaves", "ports", "variables", "policies", "judge"),
-    "record_quality",
-)
-"""Fields of `FlightOptions` that all flights of a campaign have in common."""
-
-# Values of a plan that must be the same when a campaign goes on.
+# Values of a plan that must be the same when a campaign goes on. Others are compared one by one.
 _COMPARED: Final = (
-    *("seed_from", "drone", "profile", "image_size_px", "exact_masks", "movers", "vary_room"),
-    *("faults", "tree_id", "judge"),
+    "seed_from",
+    *sorted(
+        {*SHARED}
+        - {"lab", "leaves", "policies", "ports", "record_quality", "tree_folders", "variables"}
+    ),
 )
 
 
@@ -261,31 +253,17 @@ def _check_shared(options: FlightOptions) -> None:
 
 def _flat(planned: FlightTask | CampaignPlan) -> dict[str, Any]:
     """Return plain JSON values; those of the options stand beside the others."""
-    shared = {name: getattr(planned.options, name) for name in SHARED}
-    lab = planned.options.lab
-    shared |= {
-        "lab": lab_address(lab) if isinstance(lab, Lab) else None,
-        "policies": planned.options.policy_names,
-        "tree_folders": planned.options.tree_folders.to_json(),
-        "leaves": [str(file) for file in planned.options.leaves],
-        "faults": list(planned.options.faults),
-        "judge": asdict(planned.options.judge),
-    }
     values = {each.name: getattr(planned, each.name) for each in fields(planned)}
     del values["options"]
     for what in ("trees", "scenes"):
         if what in values:
             values[what] = [asdict(file) for file in values[what]]
-    return {**shared, **values}
+    return {**planned.options.shared_json(), **values}
 
 
 def _with_options(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return what `_flat` wrote with one `options`."""
-    shared = {name: values[name] for name in SHARED}
-    folders = TreeFolders(**shared.pop("tree_folders"))
-    given = shared.pop("judge")  # with more keys in plans of earlier programs: constants today
-    judge = JudgeConfig(**{one.name: given[one.name] for one in fields(JudgeConfig)})
-    options = FlightOptions(**shared, tree_folders=folders, judge=judge)
+    options = FlightOptions.of_json({name: values[name] for name in SHARED})
     others = {name: value for name, value in values.items() if name not in SHARED}
     return {**others, "options": options}
 

@@ -8,47 +8,40 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final, Literal
 
 import click
 
-from uav_bt.cli.command import Command
-from uav_bt.cli.lab_option import lab_option, refuse_in_lab
-from uav_bt.cli.options import format_option, tree_folders_option, tree_option
-from uav_bt.cli.parameter_options import parameter_options
-from uav_bt.cli.registry_options import registry_options
+from uav_bt.cli.declare import command
+from uav_bt.cli.shared import CheckedLab, ParameterSets, Registry, refuse_in_lab
 from uav_bt.errors import FileError, InputError
 from uav_bt.lab.shipped import load_lab
+from uav_bt.option import Option
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.loading.findings import Finding, Rule, errors_of
 from uav_bt.tree.loading.loader import FilesTogether, check_text, findings_of
-from uav_bt.tree.loading.lookup import Library, Lookup, TreeFolders
+from uav_bt.tree.loading.lookup import Folders, Library, Lookup, TreeId
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.source import MAX_BYTES, read_source
-from uav_bt.tree.shipped import STARTERS, resolve_tree, tree_files, write_starter
+from uav_bt.tree.shipped import resolve_tree, tree_files, write_starter
 
 _STDIN: Final = "-"  # as a TREE
 
 
-@click.command(cls=Command)
-@click.argument("trees", metavar="TREE...", nargs=-1, required=True)
-@tree_option
-@registry_options
-@tree_folders_option
-@parameter_options
-@lab_option
-@format_option("text", "json", help_="json: one object a line and file, with its findings.")
-@click.pass_context
+@command()
 def check(
     ctx: click.Context,
+    trees: Annotated[tuple[str, ...], Option(form="TREE...")],
     *,
-    trees: tuple[str, ...],
-    tree_id: str | None,
-    registry: NodeRegistry,
-    tree_folders: TreeFolders,
-    parameters: tuple[Parameters, ...],
-    lab: str | None,
-    format_: str,
+    tree_id: TreeId = None,
+    registry: Registry,
+    tree_folders: Folders,
+    parameters: ParameterSets,
+    lab: CheckedLab = None,
+    format_: Annotated[
+        Literal["text", "json"],
+        Option("json: one object a line and file, with its findings.", "--format"),
+    ] = "text",
 ) -> None:
     """Check tree files and report all that is wrong.
 
@@ -212,16 +205,18 @@ def _as_json(path: Path, findings: tuple[Finding, ...]) -> str:
     )
 
 
-@click.command(cls=Command)
-@click.argument("file", type=click.Path(path_type=Path))
-@click.option(
-    "--from",
-    "start",
-    type=click.Choice(list(STARTERS)),
-    default="hover",
-    help="hover: up, look round, down; land: find the mark, land; explore: the whole mission.",
-)
-def new(*, file: Path, start: str) -> None:
+@command()
+def new(
+    file: Path,
+    *,
+    start: Annotated[
+        Literal["hover", "land", "explore"],
+        Option(
+            "hover: up, look round, down; land: find the mark, land; explore: the whole mission.",
+            "--from",
+        ),
+    ] = "hover",
+) -> None:
     """Write a commented mission file to begin with.
 
     FILE is the new file, such as my_mission.xml. A file that exists is not overwritten.

@@ -9,29 +9,11 @@ from typing import Any
 import click
 
 from uav_bt.cli.interrupts import let_work_clean_up
+from uav_bt.cli.values import OutputFile, OutputFolder
 from uav_bt.errors import FileError
 from uav_bt.files import check_output, check_output_folder
 from uav_bt.inputs import refuse_inputs, same_file
 from uav_bt.tree.loading.lookup import shipped_trees
-
-
-class OutputFile(click.Path):
-    """A file that the command writes.
-
-    Args:
-        suffix: how its name must end.
-    """
-
-    def __init__(self, suffix: str = "") -> None:
-        super().__init__(dir_okay=False, path_type=Path)
-        self.suffix = suffix
-
-
-class OutputFolder(click.Path):
-    """A folder that the command writes into; it is made if it does not exist."""
-
-    def __init__(self) -> None:
-        super().__init__(file_okay=False, path_type=Path)
 
 
 class Command(click.Command):

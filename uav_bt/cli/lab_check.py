@@ -5,15 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import click
+from annotated_types import Ge, Le
 
 from perception.depth.runtime import load_depth_estimator
-from uav_bt.cli.command import Command
-from uav_bt.cli.options import INPUT, output_option
+from uav_bt.cli.declare import command
 from uav_bt.cli.progress import progress_bars
-from uav_bt.cli.values import Number
 from uav_bt.errors import MissionError, WeightsError
 from uav_bt.files import writing
 from uav_bt.inputs import refuse_inputs
@@ -26,43 +25,43 @@ from uav_bt.learning.lab_checks import picks_of_lab, teacher_of_lab
 from uav_bt.learning.lab_material import LabMaterial
 from uav_bt.learning.masks import MaskSource
 from uav_bt.learning.pick_scores import PickScore, network_of_lab, score_picks, write_sheet
+from uav_bt.option import Option
 from uav_bt.record.reader import RecordReader
 from uav_bt.tree.loading.lookup import shipped_trees
 
 
-@click.command(cls=Command)
-@click.argument("lab", metavar="LAB")
-@click.option(
-    "--model",
-    metavar="FILE",
-    type=INPUT,
-    help="An ONNX network with the lab's classes; the one that the lab is flown with if not given.",
-)
-@output_option("--out", "Write the scores there too, as JSON.")
-@click.option(
-    "--min-role-iou",
-    type=Number(min=0.0, max=1.0),
-    default=0.0,
-    help="Exit with 1 if the intersection over union of a role is lower.",
-)
-@click.option(
-    "--flight",
-    "flights",
-    metavar="RECORD",
-    type=INPUT,
-    multiple=True,
-    help="Compare lengths in the record of a flight in the lab, too: heights, camera and mark. "
-    "Repeatable.",
-)
-@click.pass_context
+@command()
 def check(
     ctx: click.Context,
+    lab: Annotated[str, Option(form="LAB")],
     *,
-    lab: str,
-    model: Path | None,
-    out: Path | None,
-    min_role_iou: float,
-    flights: tuple[Path, ...],
+    model: Annotated[
+        Path | None,
+        Option(
+            "An ONNX network with the lab's classes; the one that the lab is flown with if not "
+            "given.",
+            path="read",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        Option("Write the scores there too, as JSON.", path="written"),
+    ] = None,
+    min_role_iou: Annotated[
+        float,
+        Ge(0),
+        Le(1),
+        Option("Exit with 1 if the intersection over union of a role is lower."),
+    ] = 0.0,
+    flights: Annotated[
+        tuple[Path, ...],
+        Option(
+            "Compare lengths in the record of a flight in the lab, too: heights, camera and mark. "
+            "Repeatable.",
+            "--flight RECORD",
+            path="read",
+        ),
+    ] = (),
 ) -> None:
     """Score the segmentation network of a lab on its held-out picks.
 

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import click
+from annotated_types import Ge
 
 from sim_bridge.twin.scene_file import scene_text
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.report.repeat import fly_command
 from uav_bt.campaign.report.sources import read_sources
 from uav_bt.campaign.shrinking import FailedFlight, shrink
-from uav_bt.cli.command import Command
-from uav_bt.cli.options import FOLDER
-from uav_bt.cli.values import WholeNumber
+from uav_bt.cli.declare import command
 from uav_bt.errors import InputError, MissionError
 from uav_bt.files import check_empty_folder, write_whole, writing
 from uav_bt.mission.judge import Outcome
+from uav_bt.option import Option
 
 SCENE_FILE: Final = "scene.yaml"
 FAULTS_FILE: Final = "faults.txt"
@@ -25,31 +25,21 @@ _NAMED: Final = 5  # flights that an error names, at most
 _TWIN: Final = "twin"
 
 
-@click.command("shrink", cls=Command)
-@click.argument("source", metavar="DIR", type=click.Path(path_type=Path))
-@click.option("--tree", "tree_name", metavar="NAME", help="Of the flight; default: any.")
-@click.option("--scene", metavar="NAME", help="Of the flight; default: any.")
-@click.option("--seed", type=WholeNumber(min=0), help="Of the flight; default: any.")
-@click.option(
-    "--out",
-    metavar="DIR",
-    type=FOLDER,
-    required=True,
-    help="A new or empty folder for scene and faults.",
-)
-@click.option(
-    "--twin", is_flag=True, help="Fly the result in the twin, too; exit with 1 if it does not fail."
-)
-@click.pass_context
+@command()
 def shrink_command(
     ctx: click.Context,
+    source: Annotated[Path, Option(form="DIR")],
     *,
-    source: Path,
-    tree_name: str | None,
-    scene: str | None,
-    seed: int | None,
-    out: Path,
-    twin: bool,
+    tree_name: Annotated[str | None, Option("Of the flight; default: any.", "--tree NAME")] = None,
+    scene: Annotated[str | None, Option("Of the flight; default: any.", "NAME")] = None,
+    seed: Annotated[int | None, Ge(0), Option("Of the flight; default: any.")] = None,
+    out: Annotated[
+        Path,
+        Option("A new or empty folder for scene and faults.", path="folder"),
+    ],
+    twin: Annotated[
+        bool, Option("Fly the result in the twin, too; exit with 1 if it does not fail.")
+    ] = False,
 ) -> None:
     """Reduce a failed flight to the fewest causes that still make it fail.
 

@@ -5,66 +5,45 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import click
+from annotated_types import Ge, Gt, Le
 
-from uav_bt.cli.command import Command
-from uav_bt.cli.lab_option import lab_option, refuse_in_lab
-from uav_bt.cli.options import INPUT, format_option, tree_folders_option, tree_option
-from uav_bt.cli.parameter_options import parameter_options, single
-from uav_bt.cli.registry_options import leaves_option
-from uav_bt.cli.values import Number, WholeNumber
+from uav_bt.cli.declare import command
+from uav_bt.cli.shared import (
+    CheckedLab,
+    FlownRegistry,
+    ParameterSets,
+    refuse_in_lab,
+    single,
+)
 from uav_bt.errors import MissionError
 from uav_bt.lab.shipped import load_lab
-from uav_bt.tree import NodeRegistry
+from uav_bt.option import Option
 from uav_bt.tree.dry_run import SimulatedTick, Simulation, read_script
-from uav_bt.tree.loading.lookup import TreeFolders
-from uav_bt.tree.loading.parameters import Parameters
+from uav_bt.tree.loading.lookup import Folders, TreeId
 from uav_bt.tree.shipped import resolve_tree
 
 
-@click.command(cls=Command)
-@click.argument("tree")
-@click.option(
-    "--script",
-    metavar="FILE",
-    type=INPUT,
-    required=True,
-    help="Answers of the leaves (YAML).",
-)
-@click.option(
-    "--ticks",
-    type=WholeNumber(min=1),
-    default=1000,
-    help="Stop after this many ticks.",
-)
-@click.option(
-    "--tick-s",
-    type=Number(min=0.0, min_open=True, max=3600.0),
-    default=0.1,
-    help="Seconds between two ticks, for timers.",
-)
-@format_option("table", "json", help_="json: one object with all ticks.")
-@tree_option
-@leaves_option
-@tree_folders_option
-@parameter_options
-@lab_option
-@click.pass_context
+@command()
 def simulate(
     ctx: click.Context,
-    *,
     tree: str,
-    script: Path,
-    ticks: int,
-    tick_s: float,
-    format_: str,
-    tree_id: str | None,
-    registry: NodeRegistry,
-    tree_folders: TreeFolders,
-    parameters: tuple[Parameters, ...],
-    lab: str | None,
+    *,
+    script: Annotated[Path, Option("Answers of the leaves (YAML).", path="read")],
+    ticks: Annotated[int, Ge(1), Option("Stop after this many ticks.")] = 1000,
+    tick_s: Annotated[
+        float, Gt(0), Le(3600), Option("Seconds between two ticks, for timers.")
+    ] = 0.1,
+    format_: Annotated[
+        Literal["table", "json"], Option("json: one object with all ticks.", "--format")
+    ] = "table",
+    tree_id: TreeId = None,
+    registry: FlownRegistry,
+    tree_folders: Folders,
+    parameters: ParameterSets,
+    lab: CheckedLab = None,
 ) -> None:
     """Tick a tree file with leaves that answer by a script.
 

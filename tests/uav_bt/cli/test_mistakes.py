@@ -221,7 +221,7 @@ MISTAKES = [
     ),
     ("check mission.xml --ros-pkg robot", "expected NAME=DIR"),
     ("net train depth record.mcap --no-photometric --labels none", "nothing to learn from"),
-    ("fly mission.xml --policy A=x --policy A=y", "'A' is given two policies"),
+    ("fly mission.xml --policy A=x --policy A=y", "'A' is given two values"),
     ("fly mission.xml --policy Land", "expected NODE=NAME"),
     ("fly mission.xml --drone twin:1.2.3.4 --view windw", "windw"),
     ("net collect land_only --out out", "Advise"),
