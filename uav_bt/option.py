@@ -8,7 +8,7 @@ The command line (`uav_bt/cli/declare.py`) makes its options from them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cache
 from typing import Any, Literal, get_type_hints
 
@@ -62,9 +62,16 @@ class Option:
         return (rest if flag.startswith("--") else f"{flag}{space}{rest}") or None
 
 
-def option_of(made: type, name: str) -> Option:
-    """Return the declaration of a field."""
-    return next(each for each in _hints(made)[name].__metadata__ if isinstance(each, Option))
+def option_of(made: Any, name: str) -> Option:
+    """Return the declaration of a field; its help may stand below it, as its docstring."""
+    about = next(each for each in _hints(made)[name].__metadata__ if isinstance(each, Option))
+    return about if about.help else replace(about, help=text_below(made, name))
+
+
+def text_below(made: Any, name: str) -> str:
+    """Return the docstring of a field of a pydantic dataclass, in one line; otherwise ""."""
+    known = getattr(made, "__pydantic_fields__", {}).get(name)
+    return " ".join(str(known.description or "").split()) if known else ""
 
 
 @cache

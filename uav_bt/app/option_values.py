@@ -1,17 +1,27 @@
-"""Checks of values that users hand over in Python; errors name the expected and the given value."""
+"""Types and checks of options, for Python and the command line.
+
+Errors name the expected and the given value.
+"""
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import fields
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, fields
+from numbers import Integral
 from pathlib import Path
 from types import UnionType
-from typing import Any, Final, NoReturn
+from typing import Annotated, Any, Final, NoReturn
+
+from annotated_types import Ge, Gt
+from pydantic import BeforeValidator, GetCoreSchemaHandler
+from pydantic_core import CoreSchema, core_schema
 
 from uav_bt.errors import FileError, InputError, ValueRangeError
 from uav_bt.files import reading
-from uav_bt.option import option_of
+from uav_bt.mission.judge import JudgeConfig
+from uav_bt.option import Option, option_of, pairs
 from uav_bt.protocols import Drone, LeafPolicy
 from uav_bt.testing.faults import RANDOM, Fault
 from uav_bt.tree.loading.parameters import Plain, split_port
@@ -188,3 +198,147 @@ def refuse(name: str, expected: str, value: object) -> NoReturn:
     if isinstance(value, type):
         got = f"the class {value.__name__}: write {value.__name__}(...)"
     raise InputError(f"{name}: expected {expected}, got {got}")
+
+
+MISSION: Final = "Mission"
+OUTPUTS: Final = "Outputs"
+ROOM: Final = "Simulated room"
+REAL: Final = "Real drone"
+"""Headings of the help of `uav-bt fly`."""
+RECORD_SUFFIX: Final = ".mcap"
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A function of the option's name and value checks it, whatever its type, and returns it."""
+
+    check: Callable[[str, Any], Any]
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        del source
+        name = str(handler.field_name)
+        return core_schema.no_info_plain_validator_function(lambda value: self.check(name, value))
+
+
+def record_file(name: str, value: object) -> Path | None:
+    """Return the path of a record."""
+    path = as_file(name, value)
+    if path is not None and path.suffix.lower() != RECORD_SUFFIX:
+        refuse(name, f"a file whose name ends in {RECORD_SUFFIX}", str(path))
+    return path
+
+
+def scene_text(name: str, value: object) -> str | None:
+    """Return a scene's name or path as it was given."""
+    expected = "the name or file of a scene (a Scene belongs to the drone, as PlainConfig(scene=))"
+    return None if as_file(name, value, expected) is None else str(value)
+
+
+def loaded(kind: type, load: Callable[[Any], Any], expected: str) -> Checked:
+    """Return a check that takes an object, and loads that of a file or a name."""
+
+    def check(name: str, value: object) -> Any:
+        if value is None or isinstance(value, kind):
+            return value
+        as_file(name, value, expected)
+        return load(value)
+
+    return Checked(check)
+
+
+def whole(value: object) -> object:
+    """Return an integer of NumPy as `int`; others are checked after this."""
+    return int(value) if isinstance(value, Integral) and not isinstance(value, bool) else value
+
+
+def _size(value: object) -> object:
+    sides = tuple(value) if isinstance(value, Iterable) else ()
+    if len(sides) != 2:
+        refuse("image_size_px", "width and height in pixels, such as (640, 360)", value)
+    return tuple(whole(side) for side in sides)
+
+
+def _size_of_text(text: str) -> tuple[int, int]:
+    match = re.fullmatch(r"([1-9]\d{0,4})[xX]([1-9]\d{0,4})", text)
+    if match is None:
+        raise InputError(f"expected a size such as 640x360, got '{text}'")
+    return int(match[1]), int(match[2])
+
+
+def _policies_of_texts(texts: Iterable[str]) -> dict[str, str]:
+    # The last sign counts: a path of a tree may hold others.
+    found = pairs(texts, "node", "NODE=NAME, such as Explore=segmentation", last=True)
+    for node, policy in found.items():
+        if not policy:
+            raise InputError(f"expected NODE=NAME, such as Explore=segmentation, got '{node}='")
+    return found
+
+
+def judge_of(
+    *,
+    judge: Annotated[
+        float | None,
+        Gt(0),
+        Option(
+            "End the flight as a timeout this long after the take-off command. Default: as the "
+            "mission's Rules say, else 300 s.",
+            "--time-limit SECONDS",
+            "Mission",
+        ),
+    ] = None,
+) -> JudgeConfig:
+    """Return the rules of a flight from their option."""
+    return JudgeConfig(time_limit_s=judge)
+
+
+Seed = Annotated[
+    int,
+    BeforeValidator(whole),
+    Ge(0),
+    Option("Seed of everything random.", "", ROOM, of_drone=True),
+]
+Policies = Annotated[
+    Mapping[str, str | LeafPolicy],
+    Checked(lambda _, value: check_policies(value)),
+    Option(
+        "Let a node, by name or path, use another leaf policy. Repeatable.",
+        "--policy NODE=NAME",
+        MISSION,
+        read=_policies_of_texts,
+    ),
+]
+Profile = Annotated[
+    str,
+    Option(
+        "How imperfect the twin is: ideal, lab or harsh; lab-instant and harsh-instant have "
+        "telemetry without delay.",
+        "NAME",
+        ROOM,
+        of_drone=True,
+    ),
+]
+ImageSize = Annotated[
+    tuple[Annotated[int, Ge(1)], Annotated[int, Ge(1)]],
+    BeforeValidator(_size),
+    Option(
+        "Size of the camera's frames, 16:9.",
+        "--image-size WxH",
+        ROOM,
+        of_drone=True,
+        read=_size_of_text,
+        write="{0[0]}x{0[1]}".format,
+    ),
+]
+Threads = Annotated[
+    int,
+    BeforeValidator(whole),
+    Ge(1),
+    Option(
+        "Threads of the networks' inference. With one, a flight does not depend on the machine's "
+        "load.",
+        "--threads",
+        "Options",
+    ),
+]

@@ -2,44 +2,53 @@
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 import json
-import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import field, fields, replace
 from functools import cache, cached_property
-from numbers import Integral
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
 
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 from pydantic import (
     BeforeValidator,
     ConfigDict,
-    GetCoreSchemaHandler,
     ModelWrapValidatorHandler,
     TypeAdapter,
     ValidationError,
     model_validator,
 )
 from pydantic.dataclasses import dataclass
-from pydantic_core import CoreSchema, core_schema
 
 from sim_bridge.twin.scene import MAX_MOVERS
 from uav_bt.app.option_values import (
+    MISSION,
+    OUTPUTS,
+    REAL,
+    RECORD_SUFFIX,
+    ROOM,
+    Checked,
+    ImageSize,
+    Policies,
+    Profile,
+    Seed,
+    Threads,
     as_file,
     check_drone,
-    check_policies,
     class_name,
     common_seed,
     expect,
     fault_texts,
     files,
+    judge_of,
+    loaded,
     port_values,
-    refuse,
+    record_file,
     refuse_unusable,
+    scene_text,
     variable_values,
+    whole,
 )
 from uav_bt.app.site import Site, load_site, site_of_lab
 from uav_bt.brief import brief_repr
@@ -49,7 +58,7 @@ from uav_bt.lab.shipped import lab_address, load_lab
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import RunnerConfig
-from uav_bt.option import Option, option_of, pairs
+from uav_bt.option import Option, option_of
 from uav_bt.protocols import Drone, DroneConfig, LeafPolicy
 from uav_bt.record.config import Quality
 from uav_bt.tree.loading.lookup import Folders, TreeFolders, TreeId
@@ -58,144 +67,13 @@ from uav_bt.tree.loading.parameters import PARAMS, Parameters, Ports, Variables
 from uav_bt.tree.registry import OwnLeaves, OwnParts, parts_of_files
 
 
-@dataclasses.dataclass(frozen=True)
-class _Checked:
-    """A function of the option's name and value checks it, whatever its type, and returns it."""
-
-    check: Callable[[str, Any], Any]
-
-    def __get_pydantic_core_schema__(
-        self, source: object, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        del source
-        name = str(handler.field_name)
-        return core_schema.no_info_plain_validator_function(lambda value: self.check(name, value))
-
-
-def _written(name: str, value: object) -> Path | None:
-    path, suffix = as_file(name, value), option_of(FlightOptions, name).suffix
-    if path is not None and path.suffix.lower() != suffix:
-        refuse(name, f"a file whose name ends in {suffix}", str(path))
-    return path
-
-
-def _scene(name: str, value: object) -> str | None:
-    expected = "the name or file of a scene (a Scene belongs to the drone, as PlainConfig(scene=))"
-    return None if as_file(name, value, expected) is None else str(value)
-
-
-def _loaded(kind: type, load: Callable[[Any], Any], expected: str) -> _Checked:
-    """Return a check that takes an object, and loads that of a file or a name."""
-
-    def check(name: str, value: object) -> Any:
-        if value is None or isinstance(value, kind):
-            return value
-        as_file(name, value, expected)
-        return load(value)
-
-    return _Checked(check)
-
-
-def _whole(value: object) -> object:
-    """Return an integer of NumPy as `int`; others are checked after this."""
-    return int(value) if isinstance(value, Integral) and not isinstance(value, bool) else value
-
-
-def _size(value: object) -> object:
-    sides = tuple(value) if isinstance(value, Iterable) else ()
-    if len(sides) != 2:
-        refuse("image_size_px", "width and height in pixels, such as (640, 360)", value)
-    return tuple(_whole(side) for side in sides)
-
-
-def _size_of_text(text: str) -> tuple[int, int]:
-    match = re.fullmatch(r"([1-9]\d{0,4})[xX]([1-9]\d{0,4})", text)
-    if match is None:
-        raise InputError(f"expected a size such as 640x360, got '{text}'")
-    return int(match[1]), int(match[2])
-
-
-def _policies_of_texts(texts: Iterable[str]) -> dict[str, str]:
-    # The last sign counts: a path of a tree may hold others.
-    found = pairs(texts, "node", "NODE=NAME, such as Explore=segmentation", last=True)
-    for node, policy in found.items():
-        if not policy:
-            raise InputError(f"expected NODE=NAME, such as Explore=segmentation, got '{node}='")
-    return found
-
-
-def _judge(
-    *,
-    judge: Annotated[
-        float | None,
-        Gt(0),
-        Option(
-            "End the flight as a timeout this long after the take-off command. Default: as the "
-            "mission's Rules say, else 300 s.",
-            "--time-limit SECONDS",
-            "Mission",
-        ),
-    ] = None,
-) -> JudgeConfig:
-    return JudgeConfig(time_limit_s=judge)
-
-
-Seed = Annotated[
-    int,
-    BeforeValidator(_whole),
-    Ge(0),
-    Option("Seed of everything random.", "", "Simulated room", of_drone=True),
-]
-Policies = Annotated[
-    Mapping[str, str | LeafPolicy],
-    _Checked(lambda _, value: check_policies(value)),
-    Option(
-        "Let a node, by name or path, use another leaf policy. Repeatable.",
-        "--policy NODE=NAME",
-        "Mission",
-        read=_policies_of_texts,
-    ),
-]
-Profile = Annotated[
-    str,
-    Option(
-        "How imperfect the twin is: ideal, lab or harsh; lab-instant and harsh-instant have "
-        "telemetry without delay.",
-        "NAME",
-        "Simulated room",
-        of_drone=True,
-    ),
-]
-ImageSize = Annotated[
-    tuple[Annotated[int, Ge(1)], Annotated[int, Ge(1)]],
-    BeforeValidator(_size),
-    Option(
-        "Size of the camera's frames, 16:9.",
-        "--image-size WxH",
-        "Simulated room",
-        of_drone=True,
-        read=_size_of_text,
-        write="{0[0]}x{0[1]}".format,
-    ),
-]
-Threads = Annotated[
-    int,
-    BeforeValidator(_whole),
-    Ge(1),
-    Option(
-        "Threads of the networks' inference. With one, a flight does not depend on the machine's "
-        "load.",
-        "--threads",
-        "Options",
-    ),
-]
-
-
 @dataclass(
     frozen=True,
     kw_only=True,
     repr=False,
-    config=ConfigDict(strict=True, extra="forbid", arbitrary_types_allowed=True),
+    config=ConfigDict(
+        strict=True, extra="forbid", arbitrary_types_allowed=True, use_attribute_docstrings=True
+    ),
 )
 class FlightOptions:
     """How a mission is flown. Every value is checked here; files are given as `str` or `Path`.
@@ -214,152 +92,95 @@ class FlightOptions:
 
     tree_id: TreeId = None
     tree_folders: Folders = field(default_factory=TreeFolders)
-    leaves: Annotated[OwnLeaves, _Checked(lambda _, value: files(value))] = ()
-    ports: Annotated[Ports, _Checked(lambda _, value: port_values(value))] = field(
+    leaves: Annotated[OwnLeaves, Checked(lambda _, value: files(value))] = ()
+    ports: Annotated[Ports, Checked(lambda _, value: port_values(value))] = field(
         default_factory=dict
     )
-    variables: Annotated[Variables, _Checked(lambda _, value: variable_values(value))] = field(
+    variables: Annotated[Variables, Checked(lambda _, value: variable_values(value))] = field(
         default_factory=dict
     )
     params: Annotated[
         str | Path | ParameterFile | None,
-        _loaded(ParameterFile, lambda file: read_parameters(Path(file)), "a parameter file"),
+        loaded(ParameterFile, lambda file: read_parameters(Path(file)), "a parameter file"),
         PARAMS,
     ] = None
     policies: Policies = field(default_factory=dict)
-    judge: Annotated[
-        JudgeConfig,
-        Option("When a flight is over, and what counts as a success.", "", "Mission", parts=_judge),
-    ] = field(default_factory=JudgeConfig)
+    judge: Annotated[JudgeConfig, Option(group=MISSION, parts=judge_of)] = field(
+        default_factory=JudgeConfig
+    )
+    """When a flight is over, and what counts as a success."""
     record: Annotated[
         str | Path | None,
-        _Checked(_written),
-        Option(
-            "Keep the flight's record: an MCAP file, for viewers and for replay.",
-            "",
-            "Outputs",
-            path="written",
-            suffix=".mcap",
-        ),
+        Checked(record_file),
+        Option(group=OUTPUTS, path="written", suffix=RECORD_SUFFIX),
     ] = None
-    record_quality: Annotated[
-        Quality,
-        Option(
-            "Quality of the record's images: lossless, which replays exactly, high or small. At "
-            "640x360 a minute takes about 240, 35 or 14 MB.",
-            "--quality",
-            "Outputs",
-        ),
-    ] = "lossless"
+    """Keep the flight's record: an MCAP file, for viewers and for replay."""
+    record_quality: Annotated[Quality, Option("", "--quality", OUTPUTS)] = "lossless"
+    """Quality of the record's images: lossless, which replays exactly, high or small. At 640x360 a
+    minute takes about 240, 35 or 14 MB."""
     scene: Annotated[
-        str | Path | None,
-        _Checked(_scene),
-        Option(
-            "The twin's lab: a shipped scene or a YAML file.",
-            "SCENE",
-            "Simulated room",
-            of_drone=True,
-        ),
+        str | Path | None, Checked(scene_text), Option("", "SCENE", ROOM, of_drone=True)
     ] = None
+    """The twin's lab: a shipped scene or a YAML file."""
     seed: Seed = 0
     profile: Profile = "lab"
     movers: Annotated[
         int,
-        BeforeValidator(_whole),
+        BeforeValidator(whole),
         Ge(0),
         Le(MAX_MOVERS),
         Option(
             "Number of people and carts, drawn from the seed, that are added to the movers of the "
             f"twin's scene; {MAX_MOVERS} together at most.",
             "N",
-            "Simulated room",
+            ROOM,
             of_drone=True,
         ),
     ] = 0
-    vary_room: Annotated[
-        bool,
-        Option(
-            "Place and size the scene's boxes by the seed.", "", "Simulated room", of_drone=True
-        ),
-    ] = False
+    vary_room: Annotated[bool, Option(group=ROOM, of_drone=True)] = False
+    """Place and size the scene's boxes by the seed."""
     faults: Annotated[
         Sequence[str],
-        _Checked(lambda _, value: fault_texts(value)),
-        Option(
-            "A fault of the drone, such as video-lost@explore+1~3, or `random`: room, movers and "
-            "faults are drawn from the seed. Repeatable.",
-            "KIND[=LEVEL][@PHASE[+S]][~S]",
-            "Simulated room",
-        ),
+        Checked(lambda _, value: fault_texts(value)),
+        Option("", "KIND[=LEVEL][@PHASE[+S]][~S]", ROOM),
     ] = ()
-    exact_masks: Annotated[
-        bool,
-        Option("Fly on exact masks instead of a network's.", "", "Simulated room"),
-    ] = False
-    realtime: Annotated[
-        bool,
-        Option("Fly the twin no faster than real time.", "", "Simulated room", of_drone=True),
-    ] = False
+    """A fault of the drone, such as video-lost@explore+1~3, or `random`: room, movers and faults
+    are drawn from the seed. Repeatable."""
+    exact_masks: Annotated[bool, Option(group=ROOM)] = False
+    """Fly on exact masks instead of a network's."""
+    realtime: Annotated[bool, Option(group=ROOM, of_drone=True)] = False
+    """Fly the twin no faster than real time."""
     image_size_px: ImageSize = (640, 360)
     lab: Annotated[
         str | Path | Lab | None,
-        _loaded(Lab, lambda path: load_lab(str(path)), "the name of a lab, its folder, or a Lab"),
-        Option(
-            "The lab that is flown in, real or simulated: a shipped lab, a folder of labs/, or a "
-            "path. Its lab file has all keys of a site file.",
-            "NAME",
-            "Place",
-        ),
+        loaded(Lab, lambda name: load_lab(str(name)), "the name of a lab, its folder, or a Lab"),
+        Option("", "NAME", "Place"),
     ] = None
+    """The lab that is flown in, real or simulated: a shipped lab, a folder of labs/, or a path. Its
+    lab file has all keys of a site file."""
     drone: Annotated[
         str | DroneConfig | Drone,
-        _Checked(lambda _, value: check_drone(value)),
-        Option(
-            "The drone that flies: twin, plain (the twin without images), anafi[:HOST[:PORT]], "
-            "sphinx[:HOST[:PORT]], or another that is installed.",
-            "NAME[:ADDRESS]",
-            "Real drone",
-        ),
+        Checked(lambda _, value: check_drone(value)),
+        Option("", "NAME[:ADDRESS]", REAL),
     ] = "twin"
+    """The drone that flies: twin, plain (the twin without images), anafi[:HOST[:PORT]],
+    sphinx[:HOST[:PORT]], or another that is installed."""
     site: Annotated[
         str | Path | Site | None,
-        _loaded(Site, lambda file: load_site(Path(file)), "a site file or a Site"),
-        Option(
-            "A site file: heights, camera, classes and limits of the place.",
-            "",
-            "Real drone",
-            path="read",
-        ),
+        loaded(Site, lambda file: load_site(Path(file)), "a site file or a Site"),
+        Option(group=REAL, path="read"),
     ] = None
-    camera: Annotated[
-        str | Path | None,
-        _Checked(as_file),
-        Option(
-            "A camera file of `uav-bt lab calibrate`: frames are undistorted with it.",
-            "",
-            "Real drone",
-            path="read",
-        ),
-    ] = None
-    rehearse: Annotated[
-        bool,
-        Option(
-            "Motors off: perception and tree see the live video, and show what would be sent.",
-            "",
-            "Real drone",
-        ),
-    ] = False
+    """A site file: heights, camera, classes and limits of the place."""
+    camera: Annotated[str | Path | None, Checked(as_file), Option(group=REAL, path="read")] = None
+    """A camera file of `uav-bt lab calibrate`: frames are undistorted with it."""
+    rehearse: Annotated[bool, Option(group=REAL)] = False
+    """Motors off: perception and tree see the live video, and show what would be sent."""
     inference_threads: Threads = 1
-    limits: Annotated[
-        Limits | None,
-        Option(
-            "Limits that no command exceeds; None: those of site or lab. Where both state limits, "
-            "the smaller ones hold."
-        ),
-    ] = None
-    runner: Annotated[
-        RunnerConfig, Option("Length of a tick, and how long a landing may take.")
-    ] = field(default_factory=RunnerConfig)
+    limits: Annotated[Limits | None, Option()] = None
+    """Limits that no command exceeds; None: those of site or lab. Where both state limits, the
+    smaller ones hold."""
+    runner: Annotated[RunnerConfig, Option()] = field(default_factory=RunnerConfig)
+    """Length of a tick, and how long a landing may take."""
 
     __repr__ = brief_repr
 

@@ -39,9 +39,7 @@ class Flown:
         ),
     ] = ()
     flights: Annotated[
-        int | None,
-        Ge(1),
-        Option("Flights of each tree in each scene, one seed each; default: 10."),
+        int | None, Ge(1), Option("Flights of each tree in each scene, one seed each; default: 10.")
     ] = None
     seed_from: Annotated[int, Ge(0), Option("The first seed.")] = 0
     timeout_s: Annotated[float, Gt(0), Option("Wall time after which a flight counts as hung.")] = (
@@ -94,10 +92,7 @@ def campaign(
         ),
     ] = None,
     fail_under: Annotated[
-        float | None,
-        Ge(0),
-        Le(100),
-        Option("Exit with 1 when fewer flights succeed.", "PERCENT"),
+        float | None, Ge(0), Le(100), Option("Exit with 1 when fewer flights succeed.", "PERCENT")
     ] = None,
 ) -> None:
     """Fly missions many times and keep every flight.

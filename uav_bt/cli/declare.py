@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import UnionType
@@ -19,7 +20,7 @@ from annotated_types import Ge, Gt, Le
 from uav_bt.cli.command import Command
 from uav_bt.cli.values import Number, OutputFile, OutputFolder, WholeNumber
 from uav_bt.errors import InputError
-from uav_bt.option import Option
+from uav_bt.option import Option, text_below
 
 _NOTHING: Final = inspect.Parameter.empty
 _PLACEHOLDERS: Final = {"read": "FILE", "written": "FILE", "folder": "DIR"}
@@ -79,6 +80,7 @@ class _Call:
     def _add(self, each: inspect.Parameter, hint: Any, default: Any) -> None:
         kind, *notes = get_args(hint) if get_origin(hint) is Annotated else (hint,)
         about = next((note for note in notes if isinstance(note, Option)), Option())
+        about = replace(about, help=about.help or text_below(self._function, each.name))
         if kind is click.Context:
             self._context = each.name
         elif about.parts is not None:

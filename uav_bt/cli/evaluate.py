@@ -25,10 +25,7 @@ from uav_bt.learning.depth_tables.images import ImagePlan
 from uav_bt.learning.views import TESTING_SCENES, DepthViewPlan
 from uav_bt.option import Option
 
-_Scores = Annotated[
-    Path | None,
-    Option("Write the scores there too, as JSON.", path="written"),
-]
+_Scores = Annotated[Path | None, Option("Write the scores there too, as JSON.", path="written")]
 
 
 @command()

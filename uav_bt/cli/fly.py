@@ -83,9 +83,7 @@ class Outputs:
     ] = None
 
 
-@command(
-    sections=("Mission", "Outputs", "Watching", "Simulated room", "Place", "Real drone"),
-)
+@command(sections=("Mission", "Outputs", "Watching", "Simulated room", "Place", "Real drone"))
 def fly(
     ctx: click.Context,
     tree: str,

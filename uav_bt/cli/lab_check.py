@@ -44,8 +44,7 @@ def check(
         ),
     ] = None,
     out: Annotated[
-        Path | None,
-        Option("Write the scores there too, as JSON.", path="written"),
+        Path | None, Option("Write the scores there too, as JSON.", path="written")
     ] = None,
     min_role_iou: Annotated[
         float,

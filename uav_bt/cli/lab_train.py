@@ -8,7 +8,7 @@ from typing import Annotated
 import click
 from annotated_types import Ge
 
-from uav_bt.app.options import Seed
+from uav_bt.app.option_values import Seed
 from uav_bt.cli.declare import command
 from uav_bt.cli.lab_check import score_lines
 from uav_bt.cli.progress import progress_bars

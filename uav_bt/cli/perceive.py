@@ -9,7 +9,7 @@ from typing import Annotated
 import click
 from annotated_types import Ge, Gt, Le
 
-from uav_bt.app.options import Threads
+from uav_bt.app.option_values import Threads
 from uav_bt.app.perceive import PerceiveOptions, PerceiveSummary
 from uav_bt.app.perceive import perceive as perceive_source
 from uav_bt.cli.declare import command
@@ -58,8 +58,7 @@ def _options(
         ),
     ] = None,
     classes: Annotated[
-        Path | None,
-        Option("Class-mapping file of a foreign segmentation network.", path="read"),
+        Path | None, Option("Class-mapping file of a foreign segmentation network.", path="read")
     ] = None,
     sequence: Annotated[
         bool,
@@ -90,12 +89,10 @@ def perceive(
     source: str,
     *,
     out: Annotated[
-        Path | None,
-        Option("Write the overlays there: an mp4 file.", path="written", suffix=".mp4"),
+        Path | None, Option("Write the overlays there: an mp4 file.", path="written", suffix=".mp4")
     ] = None,
     json: Annotated[
-        Path | None,
-        Option("Write one JSON object a frame there, a line each.", path="written"),
+        Path | None, Option("Write one JSON object a frame there, a line each.", path="written")
     ] = None,
     masks: Annotated[
         Path | None,

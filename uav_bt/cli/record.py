@@ -11,7 +11,7 @@ from typing import Annotated, Final, Literal
 import click
 from annotated_types import Ge
 
-from uav_bt.app.options import Policies
+from uav_bt.app.option_values import Policies
 from uav_bt.app.replay import Difference, ReplayOptions, ReplayReport
 from uav_bt.app.replay import replay as replay_record
 from uav_bt.app.replay.differences import LOSSY_NUMBERS, LOSSY_TICKS
@@ -85,14 +85,10 @@ def view(
     ] = None,
     web: Annotated[bool, Option("Show it in a browser on this machine, until Ctrl-C.")] = False,
     from_s: Annotated[
-        float | None,
-        Ge(0),
-        Option("Begin here, from the record's start.", "--from SECONDS"),
+        float | None, Ge(0), Option("Begin here, from the record's start.", "--from SECONDS")
     ] = None,
     to_s: Annotated[
-        float | None,
-        Ge(0),
-        Option("End here, from the record's start.", "--to SECONDS"),
+        float | None, Ge(0), Option("End here, from the record's start.", "--to SECONDS")
     ] = None,
 ) -> None:
     """Show a record of `uav-bt fly --record` in Rerun.

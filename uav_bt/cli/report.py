@@ -34,8 +34,7 @@ def report(
         Option("Form of the files of figures; the page always has PNGs inside."),
     ] = "png",
     all_pairs: Annotated[
-        bool,
-        Option("Compare all trees with each other, not only the first with each other one."),
+        bool, Option("Compare all trees with each other, not only the first with each other one.")
     ] = False,
     not_worse: Annotated[
         bool, Option("Exit with 1 if a tree is worse than the first on the same flights.")

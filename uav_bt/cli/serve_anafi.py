@@ -17,7 +17,7 @@ from sim_bridge.loopback.media import Card
 from sim_bridge.loopback.server import ServerOptions
 from sim_bridge.twin.profile import Profile as TwinProfile
 from sim_bridge.twin.scene_file import load_scene
-from uav_bt.app.options import ImageSize, Profile, Seed
+from uav_bt.app.option_values import ImageSize, Profile, Seed
 from uav_bt.cli.declare import command
 from uav_bt.option import Option
 
@@ -94,10 +94,7 @@ def serve_anafi(
         ),
     ] = "127.0.0.1",
     battery_percent: Annotated[
-        int,
-        Ge(0),
-        Le(100),
-        Option("The battery's charge at first, per cent.", "--battery"),
+        int, Ge(0), Le(100), Option("The battery's charge at first, per cent.", "--battery")
     ] = 100,
     card: Annotated[
         Literal["ready", "full", "absent"],

@@ -24,8 +24,7 @@ _NONE: Final[Mapping[str, str]] = {}
 
 Records = Annotated[tuple[Path, ...], Option(form="RECORDS...")]
 TextFormat = Annotated[
-    Literal["text", "json"],
-    Option("text is for people; json is one object.", "--format"),
+    Literal["text", "json"], Option("text is for people; json is one object.", "--format")
 ]
 Workers = Annotated[int | None, Ge(1), Option("Flights at a time; default: all cores.")]
 CheckedLab = Annotated[

@@ -33,10 +33,7 @@ def shrink_command(
     tree_name: Annotated[str | None, Option("Of the flight; default: any.", "--tree NAME")] = None,
     scene: Annotated[str | None, Option("Of the flight; default: any.", "NAME")] = None,
     seed: Annotated[int | None, Ge(0), Option("Of the flight; default: any.")] = None,
-    out: Annotated[
-        Path,
-        Option("A new or empty folder for scene and faults.", path="folder"),
-    ],
+    out: Annotated[Path, Option("A new or empty folder for scene and faults.", path="folder")],
     twin: Annotated[
         bool, Option("Fly the result in the twin, too; exit with 1 if it does not fail.")
     ] = False,

@@ -12,7 +12,7 @@ from perception.control.ego_state import ControlNetConfig
 from perception.control.training.run import ControlTrainingConfig
 from perception.depth.training.run import DepthTrainingConfig
 from perception.segmentation.runtime import shipped_unet
-from uav_bt.app.options import ImageSize, Policies, Seed
+from uav_bt.app.option_values import ImageSize, Policies, Seed
 from uav_bt.campaign.runner import LocalBackend
 from uav_bt.cli.declare import command
 from uav_bt.cli.progress import campaign_progress, progress_bars

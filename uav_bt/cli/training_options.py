@@ -8,7 +8,7 @@ from typing import Annotated, Literal, TypeVar
 
 from annotated_types import Ge
 
-from uav_bt.app.options import Seed
+from uav_bt.app.option_values import Seed
 from uav_bt.learning.views import DepthViewPlan, ViewPlan
 from uav_bt.option import Option
 

@@ -30,8 +30,7 @@ from uav_bt.tree.port import Port, port_text
 from uav_bt.tree.shipped import resolve_tree
 
 _Out = Annotated[
-    Path | None,
-    Option("The file to write; the text is printed if not given.", path="written"),
+    Path | None, Option("The file to write; the text is printed if not given.", path="written")
 ]
 
 
