@@ -54,11 +54,7 @@ def calibrate(
 
 
 def _files(paths: tuple[Path, ...]) -> tuple[list[Path], list[str]]:
-    """Return all images of files and folders, each once, and lines about formats not read.
-
-    Raises:
-        FileError: a path is absent, or a folder holds no image.
-    """
+    """Return all images of files and folders, each once, and lines about formats not read."""
     found: dict[Path, None] = {}
     foreign = []
     for path in paths:

@@ -19,17 +19,12 @@ from uav_bt.tree.loading.lookup import shipped_trees
 class Command(click.Command):
     """A command that checks its outputs first.
 
-    Args:
-        sections: names of parameters by the heading of the help under which they stand; the others
-            stand under "Options".
-        attributes: of `click.Command`, as are all others.
+    `sections` has names of options by the heading of the help under which they stand.
     """
 
-    def __init__(
-        self, *attributes: Any, sections: Mapping[str, Sequence[str]] | None = None, **more: Any
-    ) -> None:
-        super().__init__(*attributes, **more)
-        self._sections = sections or {}
+    def __init__(self, sections: Mapping[str, Sequence[str]], **attributes: Any) -> None:
+        super().__init__(**attributes)
+        self._sections = sections
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the options of each section, then the others."""
@@ -45,11 +40,7 @@ class Command(click.Command):
             formatter.write_dl(list(rows.values()))
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the command.
-
-        Raises:
-            BadParameter: an output cannot be written, or is one of the inputs.
-        """
+        """Run the command; refuses an output that cannot be written, or is one of the inputs."""
         _check_outputs(ctx)
         let_work_clean_up()
         return super().invoke(ctx)

@@ -27,16 +27,15 @@ _PLACEHOLDERS: Final = {"read": "FILE", "written": "FILE", "folder": "DIR"}
 
 
 def command(*, sections: Sequence[str] = ()) -> Callable[[Callable[..., None]], Command]:
-    """Return a decorator that makes a command of a function with annotated parameters.
+    """Return a decorator that makes a command of a function.
 
-    Args:
-        sections: headings of the help, in order, under which the options of these groups stand.
+    `sections` are headings of the help, under which the options of these groups stand.
     """
 
     def decorate(function: Callable[..., None]) -> Command:
         call = _Call(function)
         return Command(
-            function.__name__.replace("_", "-"),
+            name=function.__name__.replace("_", "-"),
             params=call.params,
             callback=lambda **values: call(values),
             help=inspect.getdoc(function),
@@ -50,12 +49,7 @@ def command(*, sections: Sequence[str] = ()) -> Callable[[Callable[..., None]], 
 
 
 class _Call:
-    """A function whose parameters come from the command line.
-
-    Args:
-        function: With annotated parameters.
-        about: Which of them are options, and other defaults.
-    """
+    """A function whose parameters come from the command line; `about`: which of them."""
 
     def __init__(self, function: Callable[..., Any], about: Option = Option()) -> None:  # noqa: B008
         self.params: list[click.Parameter] = []
@@ -90,15 +84,16 @@ class _Call:
         else:
             self._own.append(each.name)
             self.groups[each.name] = about.group
-            is_option = each.kind is each.KEYWORD_ONLY
-            made = _option if is_option else _argument
+            made = _option if each.kind is each.KEYWORD_ONLY else _argument
             self.params.append(made(each.name, _of_union(kind), notes, about, default))
 
 
 def _argument(
     name: str, kind: Any, notes: Sequence[Any], about: Option, default: Any
 ) -> click.Argument:
-    more = {"nargs": -1, "required": default is _NOTHING} if _is_repeated(kind) else {}
+    more: dict[str, Any] = (
+        {"nargs": -1, "required": default is _NOTHING} if _is_repeated(kind) else {}
+    )
     return click.Argument([name], metavar=about.metavar, type=_type(kind, notes, about), **more)
 
 
@@ -146,7 +141,7 @@ def _is_repeated(kind: Any) -> bool:
     return origin in {Sequence, Mapping} or (origin is tuple and get_args(kind)[-1] is Ellipsis)
 
 
-def _type(kind: Any, notes: Sequence[Any], about: Option) -> click.ParamType:
+def _type(kind: Any, notes: Sequence[Any], about: Option) -> click.ParamType[Any]:
     if about.path:
         return {
             "read": click.Path(dir_okay=False, path_type=Path),

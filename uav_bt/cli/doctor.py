@@ -47,11 +47,7 @@ def doctor(
 
 
 def _draws() -> str:
-    """Draw a small image of the lab.
-
-    Raises:
-        UavBtError: it cannot be drawn here.
-    """
+    """Draw a small image of the lab; raises UavBtError if it cannot be drawn here."""
     twin = TwinConfig(image_size_px=(160, 90)).create()
     twin.connect()
     try:

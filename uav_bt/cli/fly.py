@@ -16,7 +16,7 @@ from rich.console import Console
 from uav_bt import app
 from uav_bt.app import film
 from uav_bt.app.options import IN_COMMANDS
-from uav_bt.app.view.live import ViewListeners, live_view
+from uav_bt.app.view.live import live_view
 from uav_bt.cli.declare import command
 from uav_bt.cli.interrupts import stopped_by
 from uav_bt.cli.keys import pilot_keys
@@ -150,12 +150,7 @@ def fly(
         follow = stack.enter_context(watched_live(btlog=outputs.btlog, groot=groot))
         watchers.append(lambda flown: follow(flown.mission, flown.context))
         begun: list[app.Flight[Drone]] = []
-
-        def begin(flown: app.Flight[Drone]) -> tuple[()]:
-            begun.append(flown)
-            return ()
-
-        watchers.append(begin)
+        watchers.append(lambda flown: begun.append(flown) or ())
         try:
             flown = app.fly(
                 tree,
@@ -173,9 +168,15 @@ def fly(
             raise MissionError(f"{stopped_by(stop)} {when}") from stop
         Console().print(summary(flown, begun[0].mark))
         lost = {**flown.lost_outputs, **_closed(stack)}
-    _name_files(files, lost)
+    for what, path in files.items():
+        if path is not None and Path(path).exists():
+            click.echo(f"{what}: {path}")
+    for what, why in lost.items():
+        click.echo(f"Error: {what} was lost: {why}", err=True)
     if viewed is not None and view == "web":
-        _wait_for(viewed)
+        click.echo("The view stays until Ctrl-C.")
+        with suppress(KeyboardInterrupt):
+            viewed.wait()
     if flown.airborne_at_end:
         click.secho(app.STILL_IN_THE_AIR, fg="red", bold=True, err=True)
     if lost or flown.outcome != Outcome.SUCCESS.value:
@@ -183,11 +184,7 @@ def fly(
 
 
 def _check_watch(tree: str, drone: str, given: Mapping[str, object]) -> None:
-    """Refuse options that cannot be combined with a tree that changes in flight.
-
-    Raises:
-        UsageError: a real drone, a shipped mission's name, or an output that shows one tree.
-    """
+    """Refuse options that cannot be combined with a tree that changes in flight."""
     if drone.partition(":")[0] != "twin":
         raise click.UsageError(f"--watch changes a tree in flight: for the twin, not for {drone}")
     if not Path(tree).is_file():
@@ -202,15 +199,6 @@ def _check_watch(tree: str, drone: str, given: Mapping[str, object]) -> None:
             )
 
 
-def _name_files(written: Mapping[str, str | Path | None], lost: Mapping[str, str]) -> None:
-    """Print the written outputs and the lost ones."""
-    for what, path in written.items():
-        if path is not None and Path(path).exists():
-            click.echo(f"{what}: {path}")
-    for what, why in lost.items():
-        click.echo(f"Error: {what} was lost: {why}", err=True)
-
-
 def _closed(outputs: ExitStack) -> dict[str, str]:
     """Close the outputs; return those that failed, with reasons."""
     try:
@@ -218,10 +206,3 @@ def _closed(outputs: ExitStack) -> dict[str, str]:
     except (FileError, OSError) as fault:
         return {"an output": str(fault)}
     return {}
-
-
-def _wait_for(viewed: ViewListeners) -> None:
-    """Keep a browser's view until Ctrl-C."""
-    click.echo("The view stays until Ctrl-C.")
-    with suppress(KeyboardInterrupt):
-        viewed.wait()

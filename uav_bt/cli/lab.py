@@ -130,21 +130,18 @@ def _line(scene: Scene) -> str:
     tall = sum(height_m >= _FLIGHT_HEIGHT_M for height_m in heights)
     what = "boxes" if scene.boxes or not scene.placed else "objects"
     span = f", {min(heights):.2f} to {max(heights):.2f} m high" if heights else ""
-    pads = [
-        f"landing mark at ({x_m:g}, {y_m:g})" for x_m, y_m in (p.position_m for p in scene.pads)
-    ]
-    wide_m, deep_m = scene.ground.size_m
+    movers = f"{len(scene.movers)} movers, " if scene.movers else ""
+    mark = "no landing mark"
+    if scene.pads:
+        mark = "landing mark at ({:g}, {:g})".format(*scene.pads[0].position_m)
     start = scene.take_off
     if start.random:
         place = "a random place"
     elif start.position_m is not None:
-        place = f"({start.position_m[0]:g}, {start.position_m[1]:g})"
+        place = "({:g}, {:g}), yaw {:g} deg".format(*start.position_m, start.yaw_deg)
     else:
-        place = "the landing mark"
-    yaw = "" if start.random else f", yaw {start.yaw_deg:g} deg"
+        place = f"the landing mark, yaw {start.yaw_deg:g} deg"
     return (
-        f"{wide_m:g} x {deep_m:g} m, {len(heights)} {what}{span} "
-        f"({tall} reach {_FLIGHT_HEIGHT_M} m), "
-        f"{f'{len(scene.movers)} movers, ' if scene.movers else ''}"
-        f"{pads[0] if pads else 'no landing mark'}, take-off from {place}{yaw}"
+        "{:g} x {:g} m, ".format(*scene.ground.size_m) + f"{len(heights)} {what}{span} "
+        f"({tall} reach {_FLIGHT_HEIGHT_M} m), {movers}{mark}, take-off from {place}"
     )

@@ -92,9 +92,8 @@ def check(
             out.write_text(text + "\n", encoding="utf-8")
         click.echo(f"scores: {out}")
     if score is not None and score.min_role_iou < min_role_iou:
-        click.echo(
-            f"the IoU of a role is {score.min_role_iou:.3f}, below {min_role_iou:g}", err=True
-        )
+        low = f"the IoU of a role is {score.min_role_iou:.3f}, below {min_role_iou:g}"
+        click.echo(low, err=True)
         ctx.exit(MissionError.exit_code)
 
 
@@ -146,26 +145,18 @@ def _teacher(material: LabMaterial) -> MaskSource | None:
 def score_lines(score: PickScore) -> Iterator[str]:
     """Yield the lines that describe a score on picks."""
     total, counts = score.total, score.picks
-    yield (
-        f"{sum(counts.values())} held-out picks on {total.images} images: "
-        f"{total.accuracy:.3f} right"
-    )
-    yield f"{'role':<18}{'picks':>6}{'IoU':>8}"
-    in_roles = total.role_counts.sum(axis=1).tolist()
-    for role, count, iou in zip(ROLE_NAMES, in_roles, total.role_iou, strict=True):
-        yield _row(role, count, iou)
-    yield f"{'class':<18}{'picks':>6}{'IoU':>8}"
-    for (name, count), iou in zip(counts.items(), total.iou, strict=True):
-        yield _row(name, count, iou)
+    held_out = sum(counts.values())
+    yield f"{held_out} held-out picks on {total.images} images: {total.accuracy:.3f} right"
+    in_roles = dict(zip(ROLE_NAMES, total.role_counts.sum(axis=1).tolist(), strict=True))
+    for what, each, ious in (("role", in_roles, total.role_iou), ("class", counts, total.iou)):
+        yield f"{what:<18}{'picks':>6}{'IoU':>8}"
+        for (name, count), iou in zip(each.items(), ious, strict=True):
+            yield f"  {name:<16}{count:>6}{f'{iou:.3f}' if count else '-':>8}"
     for true, taken, share in score.confusions():
         yield f"{true} taken for {taken}: {100 * share:.0f} % of its picks"
     if score.unchecked:
         yield f"unchecked, because without held-out picks: {', '.join(score.unchecked)}"
-    wrong = [f"{each.image} ({each.wrong} of {len(each.picks)})" for each in score.images]
-    worst = [text for text, each in zip(wrong, score.images, strict=True) if each.wrong][:5]
-    if worst:
-        yield f"most wrong picks: {', '.join(worst)}"
-
-
-def _row(name: str, count: int, iou: float) -> str:
-    return f"  {name:<16}{count:>6}{f'{iou:.3f}' if count else '-':>8}"
+    wrong = [each for each in score.images if each.wrong][:5]
+    if wrong:
+        texts = (f"{each.image} ({each.wrong} of {len(each.picks)})" for each in wrong)
+        yield f"most wrong picks: {', '.join(texts)}"

@@ -86,10 +86,7 @@ _LINES: Final = {words: line for words, (_, line) in COMMANDS.items()}
 class LazyGroup(click.Group):
     """A group whose commands are imported when they run or when their help is requested.
 
-    Args:
-        name: of the group.
-        words: by which it is called, with a space behind; "" for `uav-bt` itself.
-        attributes: of `click.Group`.
+    `words` are those by which it is called, with a space behind; "" for `uav-bt` itself.
     """
 
     def __init__(self, name: str | None = None, *, words: str = "", **attributes: Any) -> None:
@@ -172,11 +169,7 @@ class _Root(LazyGroup):
             sys.exit(fault.exit_code)
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run a command.
-
-        Raises:
-            Exit: the command failed, and the reason was printed.
-        """
+        """Run a command; an error is printed in one line, and the exit code is its own."""
         try:
             return super().invoke(ctx)
         except (click.ClickException, click.Abort, click.exceptions.Exit, BrokenPipeError):

@@ -68,18 +68,12 @@ def simulate(
       uav-bt simulate land_only --script answers.yaml
       uav-bt simulate mission.xml --script answers.yaml --format json
     """  # noqa: D301  (click needs the backspace)
-    values = single(parameters)
+    values, path = single(parameters), resolve_tree(tree)
     if lab is not None:
-        refuse_in_lab(
-            load_lab(lab),
-            registry,
-            resolve_tree(tree),
-            tree_id=tree_id,
-            tree_folders=tree_folders,
-            parameters=[values],
-        )
+        of: dict[str, Any] = {"tree_id": tree_id, "tree_folders": tree_folders}
+        refuse_in_lab(load_lab(lab), registry, path, **of, parameters=[values])
     simulation = Simulation(
-        resolve_tree(tree),
+        path,
         read_script(script),
         registry,
         tick_s=tick_s,
@@ -90,10 +84,9 @@ def simulate(
     steps = simulation.run(ticks)
     if format_ == "json":
         done = list(steps)
-        root = done[-1].status.name
+        last, root = done[-1], done[-1].status.name
         report = {"tree": tree, "status": root, "ticks": [_as_json(step) for step in done]}
         click.echo(json.dumps(report, indent=2))
-        last = done[-1]
     else:
         last = _print_table(steps)
         root = last.status.name
@@ -110,7 +103,8 @@ def _print_table(steps: Iterator[SimulatedTick]) -> SimulatedTick:
     shown = last = next(steps)
     click.echo(_line(shown))
     for step in steps:
-        if _events(step) != _events(shown) or step.halted or step.changed:
+        same = (step.status, step.answers) == (shown.status, shown.answers)
+        if not same or step.halted or step.changed:
             _print_repeats(shown, last)
             click.echo(_line(step))
             shown = step
@@ -124,22 +118,14 @@ def _print_repeats(shown: SimulatedTick, last: SimulatedTick) -> None:
         click.echo(f"{'...':>5}  {last.time_s:>7.2f}  the same until tick {last.tick}")
 
 
-def _events(step: SimulatedTick) -> tuple[Any, ...]:
-    return step.status, step.answers
-
-
 def _line(step: SimulatedTick) -> str:
     parts = [", ".join(f"{leaf} {status.letter}" for leaf, status in step.answers)]
     if step.halted:
         parts.append(f"halted {', '.join(step.halted)}")
-    if step.changed:
-        parts.append(", ".join(f"{name}={_text(value)}" for name, value in step.changed.items()))
+    texts = {n: "none" if v is None else _plain(v) for n, v in step.changed.items()}
+    parts.append(", ".join(f"{name}={text}" for name, text in texts.items()))
     what = "; ".join(part for part in parts if part)
     return f"{step.tick:>5}  {step.time_s:>7.2f}  {step.status.name:<7}  {what}".rstrip()
-
-
-def _text(value: Any) -> str:
-    return "none" if value is None else str(_plain(value))
 
 
 def _plain(value: Any) -> Any:

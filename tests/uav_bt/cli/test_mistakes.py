@@ -24,6 +24,7 @@ MISTAKES = [
     ("fly land_onyl", "no such tree file.*did you mean 'land_only'"),
     ("fly ./nowhere/land_only.xml", "no such tree file"),
     ("fly mission.xml --scene vla-a", "unknown scene 'vla-a'; did you mean 'val-a'"),
+    ("fly mission.xml --drone anafi:a:b", "expected HOST or HOST:DISCOVERY_PORT"),
     ("fly mission.xml --drone twim", "unknown drone 'twim'; did you mean 'twin'"),
     ("fly mission.xml --profile labb", "unknown profile 'labb'"),
     ("fly mission.xml --policy Land=corridr", "Land|corridor"),
