@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from uav_bt import app
-from uav_bt.app.camera_photos import fetch_photos
-from uav_bt.app.rehearsed_drone import RehearsedDrone
+from uav_bt.app.drone_of_flight import RehearsedDrone
+from uav_bt.app.flight_outputs import fetch_photos
 from uav_bt.board.context import FlightFolder
 from uav_bt.errors import DroneError, FileError
 from uav_bt.mission.drone_wrapper import DroneWrapper
