@@ -208,8 +208,9 @@ def _check_listeners(listeners: object) -> None:
 def _check_before_take_off(flight: Flight[Drone], on_check: Callable[[Check], None] | None) -> None:
     drone, preflight = flight.drone, flight.held.site.preflight
     checks = check_drone(drone, preflight, judge_frame=frame_judge(drone))
-    for each in checks if on_check is not None else ():
-        on_check(each)
+    for each in checks:
+        if on_check is not None:
+            on_check(each)
     if not flight.options.rehearse:  # nothing takes off: faults are only shown
         refuse_faults(checks)
 

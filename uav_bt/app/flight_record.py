@@ -11,6 +11,7 @@ import time
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from types import TracebackType
 from typing import Any, Self
 
 from pydantic import TypeAdapter, ValidationError
@@ -195,7 +196,12 @@ class FlightRecord:
         need("record", "a flight record")
         return self
 
-    def __exit__(self, *raised: object) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         """Close the file, with the fault if there was one."""
         if self._recorder is not None:
-            self._recorder.__exit__(*raised)
+            self._recorder.__exit__(kind, error, trace)
