@@ -67,7 +67,14 @@ def examine(draws: Callable[[], str]) -> Iterator[Check]:
                 faults[name] = str(error)
         good_names = [name for name in plugins.names(group) if name not in faults]
         yield _contributed(what, good_names, faults.values())
-    yield _behaviours()
+    try:
+        registry = NodeRegistry.installed()
+    except UavBtError as error:
+        yield _contributed("behaviours", [], [str(error)])
+        return
+    packages = Counter(registry[name].__module__.partition(".")[0] for name in registry)
+    nodes = [f"{package} ({count} nodes)" for package, count in packages.items()]
+    yield _contributed("behaviours", nodes, registry.faults)
 
 
 def _belongs(requirement: Requirement, extra: str) -> bool:
@@ -121,16 +128,6 @@ def _olympe() -> Check:
     good = fits and importlib.util.find_spec("olympe") is not None
     remedy = "it runs with Python 3.10 to 3.12 on Linux x86-64"
     return Check("Parrot's SDK", good, f"{_SDK} {installed}", remedy)
-
-
-def _behaviours() -> Check:
-    try:
-        registry = NodeRegistry.installed()
-    except UavBtError as error:
-        return _contributed("behaviours", [], [str(error)])
-    packages = Counter(registry[name].__module__.partition(".")[0] for name in registry)
-    good = [f"{package} ({count} nodes)" for package, count in packages.items()]
-    return _contributed("behaviours", good, registry.faults)
 
 
 def _contributed(what: str, good: Iterable[str], faults: Iterable[str]) -> Check:

@@ -185,24 +185,23 @@ def changes_of(options: FlightOptions) -> FlightChanges:
     )
 
 
-def _made(make: Listeners, flight: Flight[Drone]) -> Sequence[TickListener]:
-    made: object = make(flight)
-    if not isinstance(made, Sequence):
-        raise InputError(
-            f"listeners: expected functions that return a list, such as lambda flight: [notes]; "
-            f"{make!r:.80} returned {made!r:.80}"
-        )
-    return made
-
-
 def _check_listeners(listeners: object) -> None:
-    given = listeners if isinstance(listeners, Sequence) else [listeners]
-    for make in given:
-        if given is not listeners or not callable(make):
+    for make in listeners if isinstance(listeners, Sequence) else [listeners]:
+        if make is listeners or not callable(make):
             raise InputError(
                 "listeners: expected a list of functions that take the flight and return what "
                 f"follows it, such as [lambda flight: [notes]]; got {make!r:.80}"
             )
+
+
+def _made(make: Listeners, flight: Flight[Drone]) -> Sequence[TickListener]:
+    made: object = make(flight)
+    if isinstance(made, Sequence):
+        return made
+    raise InputError(
+        f"listeners: expected functions that return a list, such as lambda flight: [notes]; "
+        f"{make!r:.80} returned {made!r:.80}"
+    )
 
 
 def _check_before_take_off(flight: Flight[Drone], on_check: Callable[[Check], None] | None) -> None:

@@ -52,11 +52,7 @@ def conditions_of(
     simulated drone, this before lab or site, and these before the ports of the tree
     (`app/loading.py`). Of two limits the smaller one holds, and of two areas both.
 
-    Args:
-        options: Of the flight.
-        mission: It was checked, so that it has one `Rules` at most.
-        drone: It need not be connected.
-        recorded: Whether a record states the area, and the flight is over.
+    `recorded`: whether a record states the area, and the flight is over.
 
     Raises:
         InputError: Scene and options are of different labs or landing marks, there is no mark to
@@ -218,10 +214,7 @@ def _corners(corners: Sequence[Place], take_off: Pose2D | None) -> Iterator[tupl
 def refuse_foreign_network(mission: MissionTree, lab: Lab | None, *, named: bool) -> None:
     """Refuse a mission that would segment with a shipped network of other classes than the lab's.
 
-    Args:
-        mission: The tree, with the values of the lab.
-        lab: Lab of the flight; None without one.
-        named: Whether the options name the lab, and not only the scene.
+    `named`: whether the options name the lab, and not only the scene.
     """
     if lab is None or has_paper_classes(lab):
         return

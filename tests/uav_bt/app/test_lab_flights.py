@@ -18,7 +18,6 @@ from uav_bt.app.place import limits_of
 from uav_bt.app.replay import ReplayOptions
 from uav_bt.app.replay.replayer import assemble_recorded
 from uav_bt.app.site import network_of, site_of_lab
-from uav_bt.campaign.flight_lines import comparable
 from uav_bt.errors import FileError, InputError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.mission.judge import JudgeConfig
@@ -158,18 +157,6 @@ def test_the_smaller_limits_of_options_and_lab_hold(
     assert limits_of(app.FlightOptions(lab="hall", limits=given)) == flown
 
 
-def test_the_areas_of_rules_and_lab_both_hold(make_lab: MakeLab, tmp_path: Path) -> None:
-    make_lab('area: "start:-1,-1; start:3,-1; start:3,1; start:-1,1"\n', scenes=("one",))
-    rules = '<Rules area="start:-2,-2; start:2,-2; start:2,2; start:-2,2"/>'
-    body = f"<Segment/><TrackMotion/><Sequence>{rules}<TakeOff/><Land/></Sequence>"
-    tree = tree_file(tmp_path, f"<ReactiveSequence>{body}</ReactiveSequence>")
-    flight = app.assemble(tree, drone="plain", lab="hall")
-    assert flight.area is not None
-    assert flight.area.margin_m(2.5, 0.0) < 0.0
-    assert flight.area.margin_m(0.0, 1.5) < 0.0
-    assert flight.area.margin_m(1.5, 0.5) > 0.0
-
-
 # --- a simulated drone ----------------------------------------------------------------------------
 
 
@@ -214,15 +201,6 @@ def test_the_mark_of_a_scene_comes_before_that_of_its_lab(make_lab: MakeLab) -> 
     context = app.assemble("land_only", drone="plain", lab="hall").context
     assert context.mark.height_m == 0.05
     assert context.mark_pose == Pose2D(x_m=1.0, y_m=0.5, yaw_rad=0.0)
-
-
-def test_the_papers_lab_changes_no_flight() -> None:
-    plain, named = (
-        app.fly("land_only", drone="plain", seed=1, lab=lab).to_json() for lab in (None, "paper")
-    )
-    assert plain["outcome"] == "success"
-    assert (plain["lab"], named["lab"]) == ("paper", "paper")
-    assert comparable(plain) == comparable(named)
 
 
 TAG = "kind: apriltag, options: {id: 7, size_m: 0.4}"

@@ -174,15 +174,15 @@ def assemble_recorded(
 
 def _check_complete(reader: RecordReader, mission: MissionTree, masks: Masks) -> None:
     """Refuse a record that lacks the tree's frames or class maps: every replay would differ."""
-    perceives = any(FRAME in leaf.reads for leaf in mission.leaves())
-    segments = any(CLASS_MAP in leaf.writes for leaf in mission.leaves())
-    needed = {
-        channels.CAMERA_FRAME.topic: ("frames", perceives),
-        channels.CAMERA_IMAGE.topic: ("frames", perceives),
-        channels.CLASS_MAP.topic: ("class maps", segments and masks == "recorded"),
-    }
-    for topic, (what, wanted) in needed.items():
-        if wanted and next(reader.messages([topic]), None) is None:
+    needed: dict[str, str] = {}
+    if any(FRAME in leaf.reads for leaf in mission.leaves()):
+        needed |= dict.fromkeys(
+            (channels.CAMERA_FRAME.topic, channels.CAMERA_IMAGE.topic), "frames"
+        )
+    if masks == "recorded" and any(CLASS_MAP in leaf.writes for leaf in mission.leaves()):
+        needed[channels.CLASS_MAP.topic] = "class maps"
+    for topic, what in needed.items():
+        if next(reader.messages([topic]), None) is None:
             raise FileError(
                 reader.path,
                 f"the record has no {what} (no message on {topic}): perception cannot be "
