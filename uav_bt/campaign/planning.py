@@ -14,7 +14,7 @@ from sim_bridge.twin.scene_file import load_scene, scene_names, shipped_scenes
 from uav_bt.app import provenance
 from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.options import FlightOptions, given_options
-from uav_bt.app.place_of_flight import lab_of, scene_of
+from uav_bt.app.place import lab_of, scene_of
 from uav_bt.app.random_faults import check_faults, check_phases
 from uav_bt.campaign.plan import CampaignPlan, PlannedFile
 from uav_bt.campaign.planned_trees import planned_trees
