@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,15 @@ from uav_bt.app.options import FlightOptions
 from uav_bt.campaign import CampaignResult
 from uav_bt.campaign.flight_lines import METRICS
 from uav_bt.campaign.plan import SHARED, CampaignPlan
-from uav_bt.campaign.report.statistics import by_tree, summarise
+from uav_bt.campaign.report.sources import by_tree
+from uav_bt.campaign.report.statistics import (
+    SUCCESS,
+    spread,
+    success_interval,
+    success_words,
+    successes,
+    values_of,
+)
 from uav_bt.campaign.runner import Backend, LocalBackend
 from uav_bt.cli.command import Command
 from uav_bt.cli.flight_options import flight_options
@@ -24,51 +31,24 @@ from uav_bt.cli.values import Number, WholeNumber
 from uav_bt.errors import MissionError
 
 
-@dataclass(frozen=True, kw_only=True)
-class Flown:
-    """Which flights a campaign has; None: not given."""
+def _backend(workers: int | None, backend: str, address: str | None) -> Backend:
+    """Return what flies: `workers` of this machine, None for one on each core, or a cluster."""
+    if backend == "dask" and workers is not None:
+        raise click.UsageError("--workers is for this machine; a cluster has its workers")
+    if (backend == "dask") != (address is not None):
+        raise click.UsageError("--backend dask and --address belong together")
+    if address is None:
+        return LocalBackend(workers)
+    from uav_bt.campaign.cluster import DaskBackend  # noqa: PLC0415  (another extra)
 
-    scenes: tuple[str, ...]
-    flights: int | None
-    seed_from: int
-    timeout_s: float
-    record: bool
-
-
-@dataclass(frozen=True, kw_only=True)
-class Place:
-    """Where flights are flown.
-
-    Attributes:
-        workers: Number of flights at a time. None: one for each core.
-        backend: local or dask.
-        address: Address of the Dask scheduler.
-    """
-
-    workers: int | None
-    backend: str
-    address: str | None
-
-    def __post_init__(self) -> None:
-        if self.backend == "dask" and self.workers is not None:
-            raise click.UsageError("--workers is for this machine; a cluster has its workers")
-        if (self.backend == "dask") != (self.address is not None):
-            raise click.UsageError("--backend dask and --address belong together")
-
-    def open(self) -> Backend:
-        """Return what flies."""
-        if self.address is not None:
-            from uav_bt.campaign.cluster import DaskBackend  # noqa: PLC0415  (another extra)
-
-            return DaskBackend(self.address)
-        return LocalBackend(self.workers)
+    return DaskBackend(address)
 
 
 @click.command(cls=Command)
 @click.argument("trees", metavar="TREE...", nargs=-1)
 @grouped(
     "flown",
-    Flown,
+    dict,
     scenes=click.option(
         "--scenes",
         metavar="GLOB",
@@ -79,6 +59,8 @@ class Place:
     flights=click.option(
         "--flights",
         type=WholeNumber(min=1),
+        default=10,
+        show_default=False,
         help="Flights of each tree in each scene, one seed each; default: 10.",
     ),
     seed_from=click.option(
@@ -96,8 +78,8 @@ class Place:
 )
 @flight_options(*(name for name in SHARED if name != "record_quality"), "params")
 @grouped(
-    "place",
-    Place,
+    "backend",
+    _backend,
     workers=workers_option,
     backend=click.option(
         "--backend",
@@ -130,9 +112,9 @@ def campaign(
     ctx: click.Context,
     *,
     trees: tuple[str, ...],
-    flown: Flown,
+    flown: dict[str, Any],
     flight: FlightOptions,
-    place: Place,
+    backend: Backend,
     out: Path | None,
     resume: Path | None,
     fail_under: float | None,
@@ -158,22 +140,24 @@ def campaign(
         _only_resume(ctx)
         plan, folder = campaigns.plan_of(resume), resume
     elif trees:
-        plan = campaigns.make_plan(
-            trees,
-            flight,
-            scenes=flown.scenes or None,
-            flights=flown.flights or 10,
-            seed_from=flown.seed_from,
-            timeout_s=flown.timeout_s,
-            record=flown.record,
-        )
+        plan = campaigns.make_plan(trees, flight, **flown | {"scenes": flown["scenes"] or None})
         folder = out or RUNS / "-".join(dict.fromkeys(Path(tree.path).stem for tree in plan.trees))
     else:
         raise click.UsageError("which TREE is to be flown? or --resume DIR")
-    result = _fly(ctx, plan, folder, place.open())
+    with campaign_progress(len(plan)) as progress:
+        try:
+            result = campaigns.run(
+                plan, folder, backend=backend, on_flight=progress.add, on_note=progress.note
+            )
+        except KeyboardInterrupt:
+            progress.note(
+                f"stopped; {progress.done} of {len(plan)} flights are kept in {folder}, "
+                "and the same command continues from there"
+            )
+            ctx.exit(MissionError.exit_code)
     _print_result(result, folder)
-    good = sum(flight["outcome"] == "success" for flight in result.flights)
-    if fail_under is not None and 100.0 * good / len(result.flights) < fail_under:
+    good = 100.0 * successes(result.flights) / len(result.flights)
+    if fail_under is not None and good < fail_under:
         ctx.exit(MissionError.exit_code)
 
 
@@ -193,42 +177,20 @@ def _only_resume(ctx: click.Context) -> None:
         )
 
 
-def _fly(ctx: click.Context, plan: CampaignPlan, folder: Path, backend: Backend) -> CampaignResult:
-    with campaign_progress(len(plan)) as progress:
-        try:
-            return campaigns.run(
-                plan, folder, backend=backend, on_flight=progress.add, on_note=progress.note
-            )
-        except KeyboardInterrupt:
-            progress.note(
-                f"stopped; {progress.done} of {len(plan)} flights are kept in {folder}, "
-                "and the same command continues from there"
-            )
-            ctx.exit(MissionError.exit_code)
-
-
 def _print_result(result: CampaignResult, folder: Path) -> None:
     for tree, flights in by_tree(result.flights).items():
-        _print_tree(tree, flights)
+        low, high = success_interval(flights)
+        ends = Counter(flight["outcome"] for flight in flights if flight["outcome"] != SUCCESS)
+        failures = "".join(f"; {name} {count}" for name, count in ends.most_common())
+        success = (
+            f"success {success_words(flights)} (95 % Wilson interval {low:.1f} to {high:.1f} %)"
+        )
+        click.echo(f"{tree}: {success}{failures}")
+        heads = ("mean", "median", "p5", "p95", "least", "most")
+        click.echo(f"  {'unit':>25}{'n':>5}" + "".join(f"{head:>8}" for head in heads))
+        for name, metric in METRICS.items():
+            if values := values_of(flights, name):
+                numbers = spread(values).values()
+                cells = "".join(" " * 8 if each is None else f"{each:>8.2f}" for each in numbers)
+                click.echo(f"  {name:<22}{metric.unit:>3}{len(values):>5}{cells}")
     click.echo(f"flights: {folder / 'flights.jsonl'}")
-
-
-def _print_tree(tree: str, flights: Iterable[dict[str, Any]]) -> None:
-    summary = summarise(flights)
-    low, high = summary.success_95
-    failures = (
-        f"; {name} {count}" for name, count in summary.outcomes.items() if name != "success"
-    )
-    click.echo(
-        f"{tree}: success {summary.success_text} "
-        f"(95 % Wilson interval {100 * low:.1f} to {100 * high:.1f} %){''.join(failures)}"
-    )
-    heads = ("mean", "median", "p5", "p95", "least", "most")
-    click.echo(f"  {'unit':>25}{'n':>5}" + "".join(f"{head:>8}" for head in heads))
-    for name, found in summary.metrics.items():
-        if found is not None:
-            numbers = (found.mean, found.median, found.p5, found.p95, found.least, found.most)
-            click.echo(
-                f"  {name:<22}{METRICS[name].unit:>3}{found.count:>5}"
-                + "".join(f"{'':>8}" if value is None else f"{value:>8.2f}" for value in numbers)
-            )

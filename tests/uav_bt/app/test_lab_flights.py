@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.uav_bt.campaign.campaign_world import comparable
 from tests.uav_bt.learning.lab_world import write_colour_network
 from tests.worlds.records import FLIGHT, NoisyDrone
 from tests.worlds.trees import tree_file
@@ -20,7 +21,6 @@ from uav_bt.app.place_of_flight import limits_of
 from uav_bt.app.replay import ReplayOptions
 from uav_bt.app.replay.replayer import assemble_recorded
 from uav_bt.app.site import site_of_lab
-from uav_bt.campaign.flight_lines import comparable
 from uav_bt.errors import FileError, InputError, UnknownNameError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.mission.judge import JudgeConfig
