@@ -84,9 +84,11 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
         name: value if isinstance(value, str) else json.dumps(value, default=_plain)
         for name, value in values.items()
     }
+    referee = flight.drone.referee
     return FlightFacts(
         values=texts,
         attachments=[*tree_files(mission), *scene_files(scene), *lab_files(options)],
+        ground=None if referee is None else referee.ground(),
     )
 
 
