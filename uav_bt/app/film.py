@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -198,6 +198,7 @@ def live_status(console: Console | None = None) -> Iterator[Listeners]:
     with ExitStack() as open_lines:
 
         def make(flight: Flight[Drone]) -> Sequence[TickListener]:
-            return [open_lines.enter_context(LiveStatus(flight.context.board, console=console))]
+            status = LiveStatus(flight.context.board, console=console)
+            return [open_lines.enter_context(closing(status))]
 
         yield make

@@ -3,25 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
-from uav_bt.display.canvas import (
-    BACKDROP,
-    DIM,
-    INK,
-    Colour,
-    Point,
-    Size,
-    blank,
-    circle,
-    line,
-    polygon,
-    put,
-    put_centred,
-    text_width_px,
-)
+from uav_bt.display import canvas
+from uav_bt.display.canvas import BACKDROP, DIM, INK, Colour, Point, Size
 from uav_bt.display.lab_map import LabMap, MapFrame, MapItem
 from uav_bt.types.arrays import Image
 
@@ -45,24 +32,24 @@ _Rectangle = tuple[float, float, float, float]  # left, top, right, bottom, pixe
 
 def draw_lab(lab_map: LabMap | None, frame: MapFrame) -> Image:
     """Return the empty lab: ground, boxes, mark, movers' paths; a grid of metres if unknown."""
-    image = blank(frame.size_px, BACKDROP)
+    image = canvas.blank(frame.size_px, BACKDROP)
     reach_m = math.ceil(max(frame.size_px) / frame.scale_px_per_m / 2 + abs(frame.centre_m[1]))
     _grid(image, frame, (2.0 * reach_m, 2.0 * reach_m), _FLOOR_GRID)
     if lab_map is not None:
-        polygon(image, frame.all_to_px(lab_map.outline()), GROUND_COLOUR)
+        canvas.polygon(image, frame.all_to_px(lab_map.outline()), GROUND_COLOUR)
         _grid(image, frame, lab_map.ground_size_m, _GROUND_GRID)
         if lab_map.mark is not None:
             _draw_mark(image, frame, lab_map.mark)
         for mover in lab_map.movers:
-            line(image, frame.all_to_px(mover.path_m), _mixed(mover.item.colour, INK, 0.3))
+            canvas.line(image, frame.all_to_px(mover.path_m), _mixed(mover.item.colour, INK, 0.3))
         for box in lab_map.boxes:
-            polygon(
+            canvas.polygon(
                 image, frame.all_to_px(box.corners()), box.colour, _mixed(box.colour, INK, 0.45)
             )
             scale = min(0.5, max(0.3, frame.scale_px_per_m / 220))
             x, y = frame.to_px(box.x_m, box.y_m)
             height = f"{box.size_m[2]:.3g}"
-            put_centred(image, height, (x, y + 11 * scale), scale=scale, colour=_WHITE)
+            canvas.put_centred(image, height, (x, y + 11 * scale), scale=scale, colour=_WHITE)
     draw_scale(image, frame)
     return image
 
@@ -70,9 +57,9 @@ def draw_lab(lab_map: LabMap | None, frame: MapFrame) -> Image:
 def _grid(image: Image, frame: MapFrame, size_m: tuple[float, float], colour: Colour) -> None:
     half_x, half_y = size_m[0] / 2, size_m[1] / 2
     for x in _whole_metres(half_x):
-        line(image, frame.all_to_px([(x, -half_y), (x, half_y)]), colour)
+        canvas.line(image, frame.all_to_px([(x, -half_y), (x, half_y)]), colour)
     for y in _whole_metres(half_y):
-        line(image, frame.all_to_px([(-half_x, y), (half_x, y)]), colour)
+        canvas.line(image, frame.all_to_px([(-half_x, y), (half_x, y)]), colour)
 
 
 def _whole_metres(half_m: float) -> range:
@@ -86,22 +73,24 @@ def draw_movers(
     begins = [mover.path_m[0] for mover in lab_map.movers]
     for mover, at_m in zip(lab_map.movers, places_m or begins, strict=True):
         edge = _mixed(mover.item.colour, INK, 0.7)
-        polygon(image, frame.all_to_px(mover.at(at_m).corners()), mover.item.colour, edge)
+        canvas.polygon(image, frame.all_to_px(mover.at(at_m).corners()), mover.item.colour, edge)
 
 
 def _draw_mark(image: Image, frame: MapFrame, pad: MapItem) -> None:
-    polygon(image, frame.all_to_px(pad.corners()), _mixed(pad.colour, BACKDROP, 0.35), pad.colour)
+    canvas.polygon(
+        image, frame.all_to_px(pad.corners()), _mixed(pad.colour, BACKDROP, 0.35), pad.colour
+    )
     stroke_px = max(2, round(0.05 * frame.scale_px_per_m))
     for stroke in pad.letter():
-        line(image, frame.all_to_px(stroke), _WHITE, stroke_px)
+        canvas.line(image, frame.all_to_px(stroke), _WHITE, stroke_px)
 
 
 def draw_scale(image: Image, frame: MapFrame) -> None:
     """Draw a scale of one metre at the top right."""
     right, base = frame.size_px[0] - 12, 22  # beside the title, above the map
     left = right - frame.scale_px_per_m
-    line(image, [(left, base - 4), (left, base), (right, base), (right, base - 4)], DIM)
-    put(image, "1 m", (round(left) - 28, base), colour=DIM, scale=0.38)
+    canvas.line(image, [(left, base - 4), (left, base), (right, base), (right, base - 4)], DIM)
+    canvas.put(image, "1 m", (round(left) - 28, base), colour=DIM, scale=0.38)
 
 
 def _mixed(one: Colour, other: Colour, share: float) -> Colour:
@@ -113,7 +102,7 @@ def _mixed(one: Colour, other: Colour, share: float) -> Colour:
 def draw_legend(image: Image, colours: Mapping[str, Colour], *, base_px: int) -> None:
     """Write phases in their colours in one row; if not all fit, only the last ones."""
     entries = [
-        (phase, colour, 20 + text_width_px(phase, _TEXT) + 16)
+        (phase, colour, 20 + canvas.text_width_px(phase, _TEXT) + 16)
         for phase, colour in colours.items()
         if phase
     ]
@@ -122,8 +111,8 @@ def draw_legend(image: Image, colours: Mapping[str, Colour], *, base_px: int) ->
         entries.pop(0)
     left = _LEGEND_LEFT_PX
     for phase, colour, wide_px in entries:
-        line(image, [(left, base_px - 4), (left + 14, base_px - 4)], colour, 3)
-        put(image, phase, (left + 20, base_px), scale=_TEXT)
+        canvas.line(image, [(left, base_px - 4), (left + 14, base_px - 4)], colour, 3)
+        canvas.put(image, phase, (left + 20, base_px), scale=_TEXT)
         left += wide_px
 
 
@@ -140,32 +129,32 @@ def draw_lab_with_axes(lab_map: LabMap, *, size_px: Size = (960, 780), title: st
     legend = "number in a box: height, m"
     if lab_map.take_off is not None:
         arrow = [lab_map.take_off.to_world(*point) for point in _arrow(frame)]
-        polygon(image, frame.all_to_px(arrow), INK, BACKDROP)
+        canvas.polygon(image, frame.all_to_px(arrow), INK, BACKDROP)
         legend += "; arrow: take-off heading"
     for _, (x_m, y_m) in lab_map.places:
-        polygon(image, circle(*frame.to_px(x_m, y_m), 5), _PLACE_COLOUR)
+        canvas.polygon(image, canvas.circle(*frame.to_px(x_m, y_m), 5), _PLACE_COLOUR)
     _write_names(image, frame, lab_map)
-    put(image, title, (14, 24), scale=0.55)
-    put(image, legend, (14, size_px[1] - 12), colour=DIM, scale=_TEXT)
+    canvas.put(image, title, (14, 24), scale=0.55)
+    canvas.put(image, legend, (14, size_px[1] - 12), colour=DIM, scale=_TEXT)
     return image
 
 
 def _draw_axes(image: Image, frame: MapFrame, size_m: tuple[float, float]) -> None:
     half_x, half_y = size_m[0] / 2, size_m[1] / 2
     corners = [(-half_x, half_y), (-half_x, -half_y), (half_x, -half_y)]
-    line(image, frame.all_to_px(corners), INK)
+    canvas.line(image, frame.all_to_px(corners), INK)
     left, base = (round(value) for value in frame.to_px(-half_x, -half_y))
     for x_m in _whole_metres(half_x):
         at = frame.to_px(x_m, -half_y)[0]
-        line(image, [(at, base), (at, base + _TICK_PX)], INK)
-        put_centred(image, f"{x_m}", (at, base + 22))
+        canvas.line(image, [(at, base), (at, base + _TICK_PX)], INK)
+        canvas.put_centred(image, f"{x_m}", (at, base + 22))
     for y_m in _whole_metres(half_y):
         at = frame.to_px(-half_x, y_m)[1]
-        line(image, [(left, at), (left - _TICK_PX, at)], INK)
-        start = left - _TICK_PX - 6 - text_width_px(f"{y_m}", _TEXT)
-        put(image, f"{y_m}", (start, round(at + 5)), scale=_TEXT)
-    put_centred(image, "x, m", (frame.to_px(0.0, 0.0)[0], base + 42))
-    put(image, "y, m", (left - 58, round(frame.to_px(0.0, half_y)[1]) - 10), scale=_TEXT)
+        canvas.line(image, [(left, at), (left - _TICK_PX, at)], INK)
+        start = left - _TICK_PX - 6 - canvas.text_width_px(f"{y_m}", _TEXT)
+        canvas.put(image, f"{y_m}", (start, round(at + 5)), scale=_TEXT)
+    canvas.put_centred(image, "x, m", (frame.to_px(0.0, 0.0)[0], base + 42))
+    canvas.put(image, "y, m", (left - 58, round(frame.to_px(0.0, half_y)[1]) - 10), scale=_TEXT)
 
 
 def _arrow(frame: MapFrame) -> list[Point]:
@@ -190,21 +179,19 @@ def _write_names(image: Image, frame: MapFrame, lab_map: LabMap) -> None:
     named += [(text, [at_m]) for text, at_m in lab_map.places]
     taken = [_around(frame.all_to_px(outline_m)) for _, outline_m in named]
     half_x, half_y = (side_m / 2 for side_m in lab_map.ground_size_m)
-    left, top, right, bottom = _around(frame.all_to_px([(-half_x, -half_y), (half_x, half_y)]))
-    for (name, _), item_px in zip(named, tuple(taken), strict=True):
-        places = list(_beside(item_px, text_width_px(name, _TEXT)))
-        free = (
-            one
-            for one in places
-            if left <= one[0] and top <= one[1] and one[2] <= right and one[3] <= bottom
-            if not any(_overlap(one, other) for other in taken)
-        )
-        place = next(free, places[0])
+    ground = _around(frame.all_to_px([(-half_x, -half_y), (half_x, half_y)]))
+    for (name, _), (left, top, right, bottom) in zip(named, tuple(taken), strict=True):
+        wide, high = canvas.text_width_px(name, _TEXT), _NAME_HIGH_PX
+        x, y = (left + right - wide) / 2, (top + bottom - high) / 2
+        below, above = (x, bottom + 3), (x, top - 3 - high)
+        corners = (below, above, (right + 3, y), (left - 3 - wide, y))
+        places = [(x, y, x + wide, y + high) for x, y in corners]
+        place = next((one for one in places if _is_free(one, ground, taken)), places[0])
         taken.append(place)
         x, y = round(place[0]), round(place[3]) - 3
         for shift in (-1, 1):  # a dark edge, readable on a path
-            put(image, name, (x + shift, y + shift), colour=BACKDROP, scale=_TEXT)
-        put(image, name, (x, y), scale=_TEXT)
+            canvas.put(image, name, (x + shift, y + shift), colour=BACKDROP, scale=_TEXT)
+        canvas.put(image, name, (x, y), scale=_TEXT)
 
 
 def _around(points_px: Sequence[Point]) -> _Rectangle:
@@ -212,16 +199,10 @@ def _around(points_px: Sequence[Point]) -> _Rectangle:
     return min(xs), min(ys), max(xs), max(ys)
 
 
-def _beside(item: _Rectangle, wide_px: int) -> Iterator[_Rectangle]:
-    """Yield the places for a name of some width: below, above, right and left of an object."""
-    left, top, right, bottom = item
-    x, y = (left + right) / 2, (top + bottom) / 2
-    gap, half, high = 3, wide_px / 2, _NAME_HIGH_PX
-    yield x - half, bottom + gap, x + half, bottom + gap + high
-    yield x - half, top - gap - high, x + half, top - gap
-    yield right + gap, y - high / 2, right + gap + wide_px, y + high / 2
-    yield left - gap - wide_px, y - high / 2, left - gap, y + high / 2
-
-
-def _overlap(one: _Rectangle, other: _Rectangle) -> bool:
-    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
+def _is_free(one: _Rectangle, ground: _Rectangle, taken: Sequence[_Rectangle]) -> bool:
+    left, top, right, bottom = one
+    inside = ground[0] <= left and ground[1] <= top and right <= ground[2] and bottom <= ground[3]
+    return inside and not any(
+        left < other[2] and other[0] < right and top < other[3] and other[1] < bottom
+        for other in taken
+    )

@@ -8,21 +8,8 @@ from typing import Final
 import cv2
 import numpy as np
 
-from uav_bt.display.canvas import (
-    ACCENT,
-    BACKDROP,
-    INK,
-    Colour,
-    Point,
-    Size,
-    blank,
-    circle,
-    line,
-    polygon,
-    put,
-    put_centred,
-    text_width_px,
-)
+from uav_bt.display import canvas
+from uav_bt.display.canvas import ACCENT, BACKDROP, INK, Colour, Point, Size
 from uav_bt.display.flown_path import FlownPath, Shown
 from uav_bt.display.lab_drawing import HEADER_PX, draw_lab, draw_movers, draw_scale
 from uav_bt.display.lab_map import LabMap, MapFrame, phase_colours
@@ -62,7 +49,7 @@ def _draw_site_map(
         pad = [] if lab_map.mark is None else [lab_map.mark]
         outlines = (item.corners() for item in (*lab_map.boxes, *pad))
         for outline in (lab_map.outline(), *outlines):
-            polygon(image, frame.all_to_px(outline), None, _TRUE)
+            canvas.polygon(image, frame.all_to_px(outline), None, _TRUE)
     for points_m, colour in ((site_map.edges_m, _EDGES), (site_map.obstacles_m, _BASES)):
         spots = np.zeros(image.shape[:2], dtype=np.uint8)
         x, y = (np.rint(axis).astype(int) for axis in frame.to_px(*placement.to_world(points_m).T))
@@ -73,20 +60,20 @@ def _draw_site_map(
         places_m = placement.to_world(np.vstack([item.corners_m(), [[item.x_m, item.y_m]]]))
         *corners, (x, y) = _all_to_px(frame, places_m)
         red, green, blue = site_map.classes.colours[item.class_id].tolist()
-        line(image, [*corners, corners[0]], (red, green, blue), _LINE_PX)
-        put_centred(image, str(item.id), (x, y + 4), scale=0.36)
+        canvas.line(image, [*corners, corners[0]], (red, green, blue), _LINE_PX)
+        canvas.put_centred(image, str(item.id), (x, y + 4), scale=0.36)
     for mover in site_map.movers:
         here, ahead = _all_to_px(frame, placement.to_world(mover.at(np.array([0.0, _AHEAD_S]))))
         reach_px = max(round(mover.radius_m * frame.scale_px_per_m), 3)
         at_px = (round(here[0]), round(here[1]))
         cv2.circle(image, at_px, reach_px, _MOVERS, _LINE_PX, cv2.LINE_AA)
-        line(image, [here, ahead], _MOVERS, _LINE_PX)
+        canvas.line(image, [here, ahead], _MOVERS, _LINE_PX)
     image[-FOOTER_PX:] = BACKDROP  # the cells below have the colours of the legend
     left, base = 12, image.shape[0] - 10
     for words, colour in _LEGEND:
-        line(image, [(left, base - 4), (left + 10, base - 4)], colour, 5)
-        put(image, words, (left + 16, base), scale=0.36)
-        left += 16 + text_width_px(words, 0.36) + 14
+        canvas.line(image, [(left, base - 4), (left + 10, base - 4)], colour, 5)
+        canvas.put(image, words, (left + 16, base), scale=0.36)
+        left += 16 + canvas.text_width_px(words, 0.36) + 14
     draw_scale(image, frame)
     return image
 
@@ -98,7 +85,7 @@ def _all_to_px(frame: MapFrame, points_m: Floats) -> list[Point]:
 def cells_image(site_map: SiteMap) -> Image:
     """Return the colours of a map's cells by their state, (rows, columns, 3) uint8 RGB."""
     rows, columns = site_map.free.shape
-    image = blank((columns, rows), BACKDROP)
+    image = canvas.blank((columns, rows), BACKDROP)
     for cells, colour in (
         (site_map.free, FREE),
         (site_map.ground, SEEN),
@@ -161,12 +148,12 @@ class MapPane:
         self._alignment = MapAlignment()
         self._site_map: SiteMap | None = None
         # The path: its colours on black, and its opacity.
-        self._path = blank(size_px, (0, 0, 0))
-        self._opacity = blank(size_px, (0, 0, 0))
+        self._path = canvas.blank(size_px, (0, 0, 0))
+        self._opacity = canvas.blank(size_px, (0, 0, 0))
         self._drawn = 1  # number of drawn points of the path
 
     def _write_title(self) -> None:
-        put(self._ground, self._title, (12, 22), scale=0.48)
+        canvas.put(self._ground, self._title, (12, 22), scale=0.48)
 
     def draw(self, shown: Shown) -> Image:
         """Return the present map: the lab, or the mission's newest map once there is one."""
@@ -201,8 +188,8 @@ class MapPane:
         colours, points = phase_colours(flown.phases), flown.points
         for start, end in zip(points[self._drawn - 1 :], points[self._drawn :], strict=False):
             ends = self._frame.all_to_px([(start.x_m, start.y_m), (end.x_m, end.y_m)])
-            line(self._path, ends, colours[end.phase], _LINE_PX)
-            line(self._opacity, ends, (255, 255, 255), _LINE_PX)
+            canvas.line(self._path, ends, colours[end.phase], _LINE_PX)
+            canvas.line(self._opacity, ends, (255, 255, 255), _LINE_PX)
         self._drawn = max(len(points), 1)
         below = cv2.multiply(self._ground, 255 - self._opacity, scale=1.0 / 255.0)
         return np.asarray(cv2.add(below, self._path), dtype=np.uint8)
@@ -218,21 +205,23 @@ class MapPane:
         around = [self._around(pose, *point) for point in seen]
         hull = cv2.convexHull(np.asarray(around, dtype=np.float32)).reshape(-1, 2)
         layer = image.copy()
-        polygon(layer, [(x, y) for x, y in hull.tolist()], _VIEW)
+        canvas.polygon(layer, [(x, y) for x, y in hull.tolist()], _VIEW)
         cv2.addWeighted(layer, _VIEW_OPACITY, image, 1.0 - _VIEW_OPACITY, 0.0, dst=image)
 
     def _draw_fix(self, image: Image, pose: Pose, fix: MarkFix) -> None:
         x, y = self._around(pose, fix.forward_m, fix.right_m)
         arm = 9 if fix.detected else 6
         for dx, dy in ((arm, arm), (arm, -arm)):
-            line(image, [(x - dx, y - dy), (x + dx, y + dy)], ACCENT, 2)
-        line(image, circle(x, y, max(fix.std_m * self._frame.scale_px_per_m, 1.0)), ACCENT)
+            canvas.line(image, [(x - dx, y - dy), (x + dx, y + dy)], ACCENT, 2)
+        canvas.line(
+            image, canvas.circle(x, y, max(fix.std_m * self._frame.scale_px_per_m, 1.0)), ACCENT
+        )
 
     def _draw_drone(self, image: Image, pose: Pose) -> None:
         rotor_px = _ROTOR_M * self._frame.scale_px_per_m
         for forward, right in ((1, 1), (1, -1), (-1, -1), (-1, 1)):
             hub = self._around(pose, forward * _ARM_M, right * _ARM_M)
-            line(image, [self._around(pose, 0.0, 0.0), hub], INK, 2)
-            polygon(image, circle(*hub, rotor_px), None, INK)
+            canvas.line(image, [self._around(pose, 0.0, 0.0), hub], INK, 2)
+            canvas.polygon(image, canvas.circle(*hub, rotor_px), None, INK)
         nose = [(0.26, 0.0), (0.08, 0.07), (-0.1, 0.06), (-0.1, -0.06), (0.08, -0.07)]
-        polygon(image, [self._around(pose, *point) for point in nose], INK, BACKDROP)
+        canvas.polygon(image, [self._around(pose, *point) for point in nose], INK, BACKDROP)

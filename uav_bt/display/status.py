@@ -5,8 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from types import TracebackType
-from typing import Final, Self
+from typing import Final
 
 from rich.console import Console
 from rich.live import Live
@@ -50,7 +49,7 @@ class StandardError(Console):
 
 
 class LiveStatus:
-    """A tick listener that updates one status line. Use it as a context manager.
+    """A tick listener that updates one status line until it is closed.
 
     On a terminal the line is redrawn in place. Elsewhere one line is written every ten seconds of
     mission time, so that a log stays short. Overrides, messages of leaves and photographs are
@@ -147,14 +146,6 @@ class LiveStatus:
         if live is not None:
             with suppress(OSError):  # the terminal may be gone
                 live.stop()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 class OrderLines:

@@ -21,7 +21,7 @@ from uav_bt.display.lab_drawing import GROUND_COLOUR
 from uav_bt.display.lab_map import LabMap, MapItem, phase_colours
 from uav_bt.display.map_pane import MapPane
 from uav_bt.display.phrases import describe_corridor, describe_movement
-from uav_bt.display.rerun.layout import TIMELINE, TreeNode, ViewSetting
+from uav_bt.display.rerun.layout import TIMELINE, ViewSetting, places
 from uav_bt.display.video.panes import draw_frame
 from uav_bt.display.video.perception_panes import FARTHEST_M, intruding_pixels
 from uav_bt.lab.classes import OUTSIDE
@@ -32,18 +32,6 @@ from uav_bt.types import CameraModel, Pose, projection, rotate
 from uav_bt.types.arrays import Floats, Image
 from uav_bt.types.dead_reckoning import PoseHistory
 
-_BLUE: Final[Colour] = (94, 205, 255)
-_SERIES: Final = {  # name and colour of each curve
-    "plots/heading/telemetry": ("telemetry", ACCENT),
-    "plots/heading/mark": ("bearing of the mark", _BLUE),
-    "plots/height/telemetry": ("telemetry", ACCENT),
-    "plots/height/true": ("true", _BLUE),
-    "plots/free_distance/ahead": ("ahead", ACCENT),
-    "plots/free_distance/intrusion": ("intrusion", ALARM),
-    "plots/free_distance/remembered": ("remembered", _BLUE),
-    "plots/free_distance/clearance": ("true clearance", INK),
-    "plots/tick_time/compute": ("tree and networks", ACCENT),
-}
 STATUS_COLOURS: Final[Mapping[Status, Colour]] = {
     RUNNING: ACCENT,
     SUCCESS: (80, 200, 120),
@@ -57,8 +45,6 @@ _KEPT_S: Final = 2.0  # history of poses; older frames are not drawn
 _IMAGE_PX: Final = 640  # least width of the camera's image
 _MAP_PX: Final = (640, 520)
 _MAP_S: Final = 0.5  # time between images of the site map, which changes with every view
-_ROW_PX: Final = 30.0  # height and indent of a node of the tree
-_LETTER_PX: Final = 7.0  # approximate width of a letter in Rerun
 
 Moment = tuple[Shown, Mapping[str, Status]]  # a tick, and the statuses of the nodes by path
 
@@ -109,7 +95,7 @@ class FlightView:
     def draw(self, moment: Moment) -> None:
         """Draw a moment; each is later than the one before."""
         shown, statuses = moment
-        record, fix = shown.record, shown.fix.value
+        record = shown.record
         if self._start_s is None:
             self._start_s = record.time_s
         self._stream.set_time(TIMELINE, duration=record.time_s - self._start_s)
@@ -125,32 +111,12 @@ class FlightView:
             self._stream.log("world/path", piece)
         self._draw_frame(shown)
         self._draw_perceived(shown)
-        site_map = shown.site_map
-        near = None if site_map is None else site_map.near
-        there = near is not None and len(near.points_m) + len(near.edges_m) > 0
-        if self._is_new("world/obstacles", (record.time_s if there else None)) and near is not None:
-            places_m = _on_ground(pose, np.vstack([near.points_m, near.edges_m]))
-            colours = [ALARM] * len(near.points_m) + [INK] * len(near.edges_m)
-            self._stream.log("world/obstacles", rr.Points3D(places_m, colors=colours, radii=0.03))
-        if self._is_new("world/mark_fix", None if fix is None else (fix, pose)) and fix is not None:
-            at = _on_ground(pose, np.array([[fix.forward_m, fix.right_m]]))
-            look: dict[str, Any] = {
-                "colors": [ACCENT if fix.detected else INK],
-                "radii": max(fix.std_m, 0.05),
-            }
-            self._stream.log("world/mark_fix", rr.Points3D(at, labels=["mark"], **look))
-        if self._setting.makes_map:
-            drawn = self._map.draw(shown)  # it needs every tick
-            if site_map is not None and record.time_s - self._map_s >= _MAP_S - 1e-6:
-                self._map_s = record.time_s
-                self._stream.log("site_map", _jpeg(drawn))
-        now = [statuses.get(path, IDLE) for path, _, _ in self._setting.tree]
-        if now and self._is_new("tree", now):
-            self._stream.log("tree", _tree(self._setting.tree, now))
-        for entity, value in zip(_SERIES, _values(shown), strict=True):
-            known = math.nan if value is None or math.isinf(value) else value
-            self._stream.log(entity, rr.Scalars(known))
+        self._draw_map(shown, pose)
+        self._draw_tree(statuses)
         self._draw_words(record)
+        for curve, value in _curves(shown).items():
+            known = math.nan if value is None or math.isinf(value) else value  # a gap
+            self._stream.log(f"plots/{curve}", rr.Scalars(known))
 
     def _is_new(self, entity: str, value: object) -> bool:
         """Return whether an entity is to be drawn for a value; None clears what is there."""
@@ -216,16 +182,46 @@ class FlightView:
             )
             self._stream.log("world/corridor", _placed(pose), box)
 
+    def _draw_map(self, shown: Shown, pose: Pose) -> None:
+        """Draw the obstacles and edges near the drone, the estimated mark, and the site map."""
+        record, site_map, fix = shown.record, shown.site_map, shown.fix.value
+        near = None if site_map is None else site_map.near
+        there = near is not None and len(near.points_m) + len(near.edges_m) > 0
+        if self._is_new("world/obstacles", record.time_s if there else None) and near is not None:
+            places_m = _on_ground(pose, np.vstack([near.points_m, near.edges_m]))
+            colours = [ALARM] * len(near.points_m) + [INK] * len(near.edges_m)
+            self._stream.log("world/obstacles", rr.Points3D(places_m, colors=colours, radii=0.03))
+        if self._is_new("world/mark_fix", None if fix is None else (fix, pose)) and fix is not None:
+            at = _on_ground(pose, np.array([[fix.forward_m, fix.right_m]]))
+            colours, radius_m = [ACCENT if fix.detected else INK], max(fix.std_m, 0.05)
+            mark = rr.Points3D(at, colors=colours, radii=radius_m, labels=["mark"])
+            self._stream.log("world/mark_fix", mark)
+        if self._setting.makes_map:
+            drawn = self._map.draw(shown)  # it needs every tick
+            if site_map is not None and record.time_s - self._map_s >= _MAP_S - 1e-6:
+                self._map_s = record.time_s
+                self._stream.log("site_map", _jpeg(drawn))
+
+    def _draw_tree(self, statuses: Mapping[str, Status]) -> None:
+        """Draw the tree when a status changes; missing nodes are idle."""
+        nodes = self._setting.tree
+        now = [statuses.get(path, IDLE) for path, _, _ in nodes]
+        if now and self._is_new("tree", now):
+            paths, labels, _ = zip(*nodes, strict=True)
+            colours = [STATUS_COLOURS[status] for status in now]
+            drawn = rr.GraphNodes(paths, labels=labels, positions=places(nodes), colors=colours)
+            self._stream.log("tree", drawn)
+
     def _draw_words(self, record: TickRecord) -> None:
         """Log phase, active leaf and command when they change."""
         leaf = record.active[-1] if record.active else "idle"
         why = f" ({record.feedback})" if record.feedback else ""
-        words = f"{record.phase or '-'}: {leaf}{why}: {describe_movement(record.command.movement)}"
-        if record.override is not None:
-            words += f" [{record.override.value}]"
+        act = describe_movement(record.command.movement)
+        override = "" if record.override is None else f" [{record.override.value}]"
+        words = f"{record.phase or '-'}: {leaf}{why}: {act}{override}"
         if self._is_new("words", words):
-            level = "INFO" if record.override is None else "WARN"
-            self._stream.log("words", rr.TextLog(words, level=level))
+            log = rr.TextLog(words, level="WARN" if override else "INFO")
+            self._stream.log("words", log)
 
 
 def _constants(setting: ViewSetting) -> Iterator[tuple[str, Any]]:
@@ -239,8 +235,6 @@ def _constants(setting: ViewSetting) -> Iterator[tuple[str, Any]]:
     classes = zip(setting.classes.names, setting.classes.colours.tolist(), strict=True)
     infos = [(place, name, tuple(colour)) for place, (name, colour) in enumerate(classes)]
     yield "mask", rr.AnnotationContext(infos)
-    for entity, (name, colour) in _SERIES.items():
-        yield entity, rr.SeriesLines(names=[name], colors=[colour], widths=[1.5])
     if setting.tree:
         edges = [(parent, path) for path, _, parent in setting.tree if parent is not None]
         yield "tree", rr.GraphEdges(edges, graph_type="directed")
@@ -333,38 +327,19 @@ def _jpeg(image: Image) -> rr.EncodedImage:
     return rr.EncodedImage(contents=encode_image(image, "high")[0], media_type="image/jpeg")
 
 
-def _tree(nodes: Sequence[TreeNode], now: Sequence[Status]) -> rr.GraphNodes:
-    return rr.GraphNodes(
-        [path for path, _, _ in nodes],
-        labels=[label for _, label, _ in nodes],
-        positions=places(nodes),
-        colors=[STATUS_COLOURS[status] for status in now],
-    )
-
-
-def places(nodes: Sequence[TreeNode]) -> list[tuple[float, float]]:
-    """Return the centres of the nodes, px: one row each, indented by level, as in the tree file.
-
-    A tree drawn level by level is several times wider than a pane, with unreadable labels.
-    """
-    levels: dict[str | None, int] = {None: -1}
-    found = []
-    for row, (path, label, parent) in enumerate(nodes):
-        levels[path] = levels[parent] + 1
-        found.append((_ROW_PX * levels[path] + _LETTER_PX * len(label) / 2.0, _ROW_PX * row))
-    return found
-
-
-def _values(shown: Shown) -> Iterator[float | None]:
-    """Yield the newest value of each curve."""
+def _curves(shown: Shown) -> dict[str, float | None]:
+    """Return the newest value of each curve."""
     record, fix, corridor = shown.record, shown.fix.value, shown.corridor
     state, truth = record.observation.state, record.truth
-    yield math.degrees(state.attitude.yaw_rad)
-    yield None if fix is None else math.degrees(fix.bearing_rad)
-    yield state.height_above_ground_m
-    yield None if truth is None else truth.pose.z_m
-    yield None if corridor is None else corridor.free_distance_m
-    yield None if corridor is None else corridor.nearest_m
-    yield None if shown.site_map is None else shown.site_map.near.nearest_m
-    yield None if truth is None else truth.clearance_m
-    yield 1000.0 * record.compute_s
+    near = None if shown.site_map is None else shown.site_map.near
+    return {
+        "heading/telemetry": math.degrees(state.attitude.yaw_rad),
+        "heading/mark": None if fix is None else math.degrees(fix.bearing_rad),
+        "height/telemetry": state.height_above_ground_m,
+        "height/true": None if truth is None else truth.pose.z_m,
+        "free_distance/ahead": None if corridor is None else corridor.free_distance_m,
+        "free_distance/intrusion": None if corridor is None else corridor.nearest_m,
+        "free_distance/remembered": None if near is None else near.nearest_m,
+        "free_distance/clearance": None if truth is None else truth.clearance_m,
+        "tick_time/compute": 1000.0 * record.compute_s,
+    }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -21,6 +22,8 @@ _PLOTS: Final = {
     "plots/free_distance": "Free distance, m",
     "plots/tick_time": "Tick time, ms",
 }
+_ROW_PX: Final = 30.0  # height and indent of a node of the tree
+_LETTER_PX: Final = 7.0  # approximate width of a letter in Rerun
 _FLOOR: Final[Colour] = (60, 64, 72)
 
 TreeNode = tuple[str, str, str | None]  # path, label, and path of the parent; None for the root
@@ -91,3 +94,16 @@ def layout(setting: ViewSetting) -> rrb.Blueprint:
         rrb.TimePanel(state="collapsed", timeline=TIMELINE),
         auto_views=False,
     )
+
+
+def places(nodes: Sequence[TreeNode]) -> list[tuple[float, float]]:
+    """Return the centres of the nodes, px: one row each, indented by level, as in the tree file.
+
+    A tree drawn level by level is several times wider than a pane, with unreadable labels.
+    """
+    levels: dict[str | None, int] = {None: -1}
+    found = []
+    for row, (path, label, parent) in enumerate(nodes):
+        levels[path] = levels[parent] + 1
+        found.append((_ROW_PX * levels[path] + _LETTER_PX * len(label) / 2.0, _ROW_PX * row))
+    return found

@@ -9,22 +9,8 @@ from typing import Final
 import cv2
 import numpy as np
 
-from uav_bt.display.canvas import (
-    ACCENT,
-    ALARM,
-    DIM,
-    INK,
-    Colour,
-    Point,
-    Size,
-    circle,
-    line,
-    put,
-    resized,
-    shortened,
-    tag,
-    text_width_px,
-)
+from uav_bt.display import canvas
+from uav_bt.display.canvas import ACCENT, ALARM, DIM, INK, Colour, Point, Size
 from uav_bt.display.flown_path import Shown
 from uav_bt.display.phrases import describe_fix, describe_movement
 from uav_bt.display.video.perception_panes import Row, empty_pane
@@ -72,10 +58,12 @@ def draw_camera(shown: Shown, camera: CameraModel, size_px: Size) -> Image:
         return empty_pane("no image yet", size_px)
     image = draw_frame(frame, shown.fix.value, camera, size_px)
     age_ms = 1000.0 * (record.time_s - frame.captured_s)
-    tag(image, f"camera  {age_ms:.0f} ms old", (10, 10), colour=DIM)
+    canvas.tag(image, f"camera  {age_ms:.0f} ms old", (10, 10), colour=DIM)
     if record.feedback:
         leaf = record.active[-1] if record.active else ""
-        tag(image, f"{leaf}: {record.feedback}", (10, size_px[1] - 36), scale=0.6, colour=ACCENT)
+        canvas.tag(
+            image, f"{leaf}: {record.feedback}", (10, size_px[1] - 36), scale=0.6, colour=ACCENT
+        )
     return image
 
 
@@ -83,7 +71,7 @@ def draw_frame(frame: Frame, fix: MarkFix | None, camera: CameraModel, size_px: 
     """Return a frame with a ring around the mark, or an arrow to it beyond the border."""
     # Strong shrinking needs averaging, which takes four times as long.
     shrinks = frame.image.shape[1] > 1.5 * size_px[0]
-    image = resized(frame.image, size_px, cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
+    image = canvas.resized(frame.image, size_px, cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
     if fix is None or frame.height_above_ground_m < fix.height_m + _NEAR_M:
         return image  # on or just above the pad, it fills the view
     colour, words = ACCENT if fix.detected else INK, f"mark {fix.range_m:.2f} m"
@@ -94,8 +82,8 @@ def draw_frame(frame: Frame, fix: MarkFix | None, camera: CameraModel, size_px: 
         return image
     x, y, radius_px = *ring[:2], min(max(ring[2], 10.0), 150.0)
     _reticle(image, (x, y), radius_px, colour)
-    half_words_px = (text_width_px(words, 0.45) + 12) / 2
-    tag(image, words, (round(x - half_words_px), round(y - radius_px) - 32), colour=colour)
+    half_words_px = (canvas.text_width_px(words, 0.45) + 12) / 2
+    canvas.tag(image, words, (round(x - half_words_px), round(y - radius_px) - 32), colour=colour)
     return image
 
 
@@ -107,29 +95,29 @@ def _arrow(image: Image, angle_rad: float, words: str, colour: Colour) -> None:
     length = min(half_x / max(abs(c), 1e-6), half_y / max(abs(s), 1e-6))
     x, y = width_px / 2 + c * length, height_px / 2 + s * length
     barbs = [(x - 16 * c - 14 * k * s, y - 16 * s + 14 * k * c) for k in (1, -1)]
-    line(image, [barbs[0], (x, y), barbs[1]], colour, 3)
-    wide = text_width_px(words, 0.45) + 12
+    canvas.line(image, [barbs[0], (x, y), barbs[1]], colour, 3)
+    wide = canvas.text_width_px(words, 0.45) + 12
     left = x - c * (wide / 2 + 26) - wide / 2
-    tag(image, words, (round(left), round(y - s * 42) - 10), colour=colour)
+    canvas.tag(image, words, (round(left), round(y - s * 42) - 10), colour=colour)
 
 
 def _reticle(image: Image, at_px: Point, radius_px: float, colour: Colour) -> None:
     x, y = at_px
-    line(image, circle(x, y, radius_px), colour, 2)
+    canvas.line(image, canvas.circle(x, y, radius_px), colour, 2)
     near, far = radius_px - 6, radius_px + 6
     for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         ends = [(x + dx * reach, y + dy * reach) for reach in (near, far)]
-        line(image, ends, colour, 2)
+        canvas.line(image, ends, colour, 2)
 
 
 def draw_readings(shown: Shown, size_px: Size) -> Image:
     """Return the text pane: the active branch on the left, the numbers on the right."""
     record = shown.record
     image = empty_pane("", size_px)
-    put(image, record.phase or "-", (18, 38), scale=0.85, colour=ACCENT, bold=True)
+    canvas.put(image, record.phase or "-", (18, 38), scale=0.85, colour=ACCENT, bold=True)
     clock = f"{shown.elapsed_s:.1f} s"
-    put(image, clock, (size_px[0] - 18 - text_width_px(clock, 0.85), 38), scale=0.85)
-    line(image, [(18, 52), (size_px[0] - 18, 52)], DIM)
+    canvas.put(image, clock, (size_px[0] - 18 - canvas.text_width_px(clock, 0.85), 38), scale=0.85)
+    canvas.line(image, [(18, 52), (size_px[0] - 18, 52)], DIM)
     _draw_branch(image, record.active, (18, 76))
     draw_rows(image, _numbers(shown), (_BRANCH_WIDTH_PX + 8, 76))
     return image
@@ -139,16 +127,16 @@ def _draw_branch(image: Image, active: Sequence[str], at_px: tuple[int, int]) ->
     rows = max((image.shape[0] - at_px[1]) // _ROW_PX + 1, 1)
     shown = list(active[-rows:])
     if not shown:
-        put(image, "tree idle", at_px, colour=DIM, scale=0.45)
+        canvas.put(image, "tree idle", at_px, colour=DIM, scale=0.45)
     for depth, name in enumerate(shown):
         left, base = at_px[0] + depth * _INDENT_PX, at_px[1] + depth * _ROW_PX
         if depth:
             stem = left - _INDENT_PX + 4
-            line(image, [(stem, base - 17), (stem, base - 5), (left - 3, base - 5)], DIM)
+            canvas.line(image, [(stem, base - 17), (stem, base - 5), (left - 3, base - 5)], DIM)
         is_leaf = depth == len(shown) - 1
-        words = shortened(name, _BRANCH_WIDTH_PX - left, 0.48, bold=is_leaf)
+        words = canvas.shortened(name, _BRANCH_WIDTH_PX - left, 0.48, bold=is_leaf)
         colour = ACCENT if is_leaf else INK
-        put(image, words, (left, base), scale=0.48, colour=colour, bold=is_leaf)
+        canvas.put(image, words, (left, base), scale=0.48, colour=colour, bold=is_leaf)
 
 
 def _numbers(shown: Shown) -> list[Row]:
@@ -179,6 +167,6 @@ def draw_rows(image: Image, rows: Sequence[Row], at_px: tuple[int, int]) -> None
     left = at_px[0] + 84
     for index, (name, value, colour) in enumerate(rows):
         base = at_px[1] + index * _ROW_PX
-        put(image, name, (at_px[0], base), colour=DIM, scale=0.45)
-        words = shortened(value, image.shape[1] - _MARGIN_PX - left, 0.45)
-        put(image, words, (left, base), colour=colour, scale=0.45)
+        canvas.put(image, name, (at_px[0], base), colour=DIM, scale=0.45)
+        words = canvas.shortened(value, image.shape[1] - _MARGIN_PX - left, 0.45)
+        canvas.put(image, words, (left, base), colour=colour, scale=0.45)

@@ -12,22 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.board.blackboard import Reading
-from uav_bt.display.canvas import (
-    ACCENT,
-    ALARM,
-    DIM,
-    INK,
-    PANEL,
-    Colour,
-    Size,
-    blank,
-    line,
-    polygon,
-    put,
-    resized,
-    tag,
-    text_width_px,
-)
+from uav_bt.display import canvas
+from uav_bt.display.canvas import ACCENT, ALARM, DIM, INK, PANEL, Colour, Size
 from uav_bt.display.flown_path import Shown
 from uav_bt.display.phrases import describe_corridor, describe_free
 from uav_bt.types import ClassMap, Corridor, DepthMap, Frame
@@ -53,12 +39,12 @@ _Entry = tuple[str, Colour]  # name and colour of a class
 
 def empty_pane(words: str, size_px: Size) -> Image:
     """Return a pane with only a line of text."""
-    image = blank(size_px, PANEL)
+    image = canvas.blank(size_px, PANEL)
     scale = 0.5
-    while text_width_px(words, scale) > size_px[0] - 16 and scale > 0.3:
+    while canvas.text_width_px(words, scale) > size_px[0] - 16 and scale > 0.3:
         scale -= 0.05
-    left = (size_px[0] - text_width_px(words, scale)) // 2
-    put(image, words, (left, size_px[1] // 2), scale=scale)
+    left = (size_px[0] - canvas.text_width_px(words, scale)) // 2
+    canvas.put(image, words, (left, size_px[1] // 2), scale=scale)
     return image
 
 
@@ -67,13 +53,13 @@ def draw_class_map(class_map: ClassMap | None, size_px: Size) -> Image:
     if class_map is None:
         return empty_pane("no class map", size_px)
     ids = class_map.ids
-    image = resized(class_map.classes.colourise(ids), size_px)
+    image = canvas.resized(class_map.classes.colourise(ids), size_px)
     title = "class map"
     if size_px[0] >= _ROOMY_PX:
         title += f"  {ids.shape[1]} x {ids.shape[0]}"
-    tag(image, title, (_EDGE_PX, _EDGE_PX), colour=DIM)
+    canvas.tag(image, title, (_EDGE_PX, _EDGE_PX), colour=DIM)
     # The legend stands beside the title and, if necessary, below it.
-    title_px, room_px = text_width_px(title, 0.45) + 18, size_px[0] - 2 * _EDGE_PX
+    title_px, room_px = canvas.text_width_px(title, 0.45) + 18, size_px[0] - 2 * _EDGE_PX
     for row, cells in enumerate(_rows(legend_of(class_map), (room_px - title_px, room_px))):
         top, left = _EDGE_PX + row * _ROW_PX, _EDGE_PX + (0 if row else title_px)
         wide = sum(_cell_px(name) for name, _ in cells)
@@ -82,8 +68,8 @@ def draw_class_map(class_map: ClassMap | None, size_px: Size) -> Image:
         for name, colour in cells:
             low, right = top + 5 + _SWATCH_PX, left + _SWATCH_PX
             corners = [(left, top + 5), (right, top + 5), (right, low), (left, low)]
-            polygon(image, corners, colour, INK)
-            put(image, name, (right + 5, top + 14), scale=_SCALE)
+            canvas.polygon(image, corners, colour, INK)
+            canvas.put(image, name, (right + 5, top + 14), scale=_SCALE)
             left += _cell_px(name)
     return image
 
@@ -97,7 +83,7 @@ def legend_of(class_map: ClassMap) -> list[_Entry]:
 
 
 def _cell_px(name: str) -> int:
-    return _SWATCH_PX + 5 + text_width_px(name, _SCALE) + 12
+    return _SWATCH_PX + 5 + canvas.text_width_px(name, _SCALE) + 12
 
 
 def _rows(entries: Sequence[_Entry], widths_px: Sequence[int]) -> Iterator[list[_Entry]]:
@@ -125,16 +111,16 @@ def draw_depth(depth: DepthMap | None, size_px: Size, *, why_none: str = "") -> 
     metres = np.where(known, depth.depth, 0.0)
     colours = _scale_colours()[np.clip(metres * (255.0 / FARTHEST_M), 0.0, 255.0).astype(np.uint8)]
     colours[~known] = _UNKNOWN
-    image = resized(colours, size_px)
+    image = canvas.resized(colours, size_px)
     words = "depth  nowhere known"
     if known.any():
         near_m, far_m = float(metres[known].min()), float(metres[known].max())
         words = f"depth  {near_m:.2f} to {far_m:.1f} m"
     if size_px[0] >= _ROOMY_PX:
         words += f",  confidence {depth.confidence:.2f}"
-    tag(image, words, (10, 10), colour=DIM)
+    canvas.tag(image, words, (10, 10), colour=DIM)
     if why_none:
-        tag(image, why_none, (10, size_px[1] - 30), colour=ALARM)
+        canvas.tag(image, why_none, (10, size_px[1] - 30), colour=ALARM)
     _draw_bar(image)
     return image
 
@@ -149,8 +135,8 @@ def _draw_bar(image: Image) -> None:
     for metres in range(math.floor(FARTHEST_M) + 1):
         row = round(bottom - (bottom - top) * metres / FARTHEST_M)
         right = left + _BAR_WIDTH_PX
-        line(image, [(right, row), (right + 3, row)], INK)
-        put(image, f"{metres} m", (right + 5, row + 4), scale=0.32)
+        canvas.line(image, [(right, row), (right + 3, row)], INK)
+        canvas.put(image, f"{metres} m", (right + 5, row + 4), scale=0.32)
 
 
 def intruding_pixels(intruding: Intruding | None, shown: Shown) -> NDArray[np.bool_] | None:
@@ -175,20 +161,22 @@ def draw_corridor(
     if shown is None or corridor is None:
         return empty_pane("no corridor", size_px)
     # Nearest neighbour takes a tenth of the time, and a darkened image looks the same.
-    image = resized(shown, size_px) // 2
+    image = canvas.resized(shown, size_px) // 2
     if intruding is not None and intruding.any():
-        whole = resized(intruding.view(np.uint8), size_px) > 0
+        whole = canvas.resized(intruding.view(np.uint8), size_px) > 0
         blended = (1.0 - _OPACITY) * image[whole] + _OPACITY * np.array(ALARM)
         image[whole] = blended.astype(np.uint8)
     colour = DIM if corridor.nearest_side is None else ALARM
-    tag(image, describe_corridor(corridor), (10, 10), colour=colour)
-    tag(image, describe_free(corridor), (10, size_px[1] - 30), colour=ACCENT)
+    canvas.tag(image, describe_corridor(corridor), (10, 10), colour=colour)
+    canvas.tag(image, describe_free(corridor), (10, size_px[1] - 30), colour=ACCENT)
     if size_px[0] >= _ROOMY_PX:
         row = size_px[1] // 2 - 10
         if math.isfinite(corridor.nearest_left_m):
-            tag(image, f"< {corridor.nearest_left_m:.2f} m", (10, row), colour=ALARM)
+            canvas.tag(image, f"< {corridor.nearest_left_m:.2f} m", (10, row), colour=ALARM)
         if math.isfinite(corridor.nearest_right_m):
-            tag(image, f"{corridor.nearest_right_m:.2f} m >", (size_px[0], row), colour=ALARM)
+            canvas.tag(
+                image, f"{corridor.nearest_right_m:.2f} m >", (size_px[0], row), colour=ALARM
+            )
     return image
 
 

@@ -9,19 +9,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from uav_bt.display.canvas import (
-    ACCENT,
-    DIM,
-    INK,
-    PANEL,
-    Colour,
-    Size,
-    blank,
-    line,
-    put,
-    put_centred,
-    text_width_px,
-)
+from uav_bt.display import canvas
+from uav_bt.display.canvas import ACCENT, DIM, INK, PANEL, Colour, Size
 from uav_bt.display.lab_drawing import draw_legend
 from uav_bt.display.lab_map import phase_colours
 from uav_bt.types.arrays import Image
@@ -60,7 +49,7 @@ class Timeline:
 
     def draw(self, size_px: Size) -> Image:
         """Return the present timeline; a height of 60 pixels is sufficient."""
-        image = blank(size_px, PANEL)
+        image = canvas.blank(size_px, PANEL)
         colours = phase_colours([phase for _, phase in self._starts])
         draw_legend(image, colours, base_px=15)
         image[_TOP_PX:_BOTTOM_PX, _MARGIN_PX:-_MARGIN_PX] = _TRACK
@@ -70,7 +59,7 @@ class Timeline:
             image[_TOP_PX:_BOTTOM_PX, left:right] = colours[phase]
         self._draw_scale(image, size_px[0])
         cursor = self._column(self._now_s, size_px[0])
-        line(image, [(cursor, _TOP_PX - 4), (cursor, _BOTTOM_PX + 3)], ACCENT, 2)
+        canvas.line(image, [(cursor, _TOP_PX - 4), (cursor, _BOTTOM_PX + 3)], ACCENT, 2)
         return image
 
     def _column(self, time_s: float, width_px: int) -> float:
@@ -80,12 +69,12 @@ class Timeline:
         base, span_s = _BOTTOM_PX + 16, self.span_s
         limited = span_s == self._limit_s
         words = f"limit {span_s:.0f} s" if limited else f"{span_s:.0f} s"
-        last = width_px - _MARGIN_PX - text_width_px(words, _SCALE)
-        put(image, words, (last, base), colour=INK if limited else DIM, scale=_SCALE)
+        last = width_px - _MARGIN_PX - canvas.text_width_px(words, _SCALE)
+        canvas.put(image, words, (last, base), colour=INK if limited else DIM, scale=_SCALE)
         step_s = next((step for step in _STEPS_S if span_s / step <= _MARKS), span_s)
         for index in range(math.ceil(span_s / step_s)):
             column = self._column(index * step_s, width_px)
-            line(image, [(column, _BOTTOM_PX), (column, _BOTTOM_PX + 3)], DIM)
+            canvas.line(image, [(column, _BOTTOM_PX), (column, _BOTTOM_PX + 3)], DIM)
             text = f"{index * step_s:.0f}"
-            if column + text_width_px(text, _SCALE) / 2 + 8 < last:
-                put_centred(image, text, (column, base), colour=DIM, scale=_SCALE)
+            if column + canvas.text_width_px(text, _SCALE) / 2 + 8 < last:
+                canvas.put_centred(image, text, (column, base), colour=DIM, scale=_SCALE)

@@ -14,17 +14,8 @@ from types import TracebackType
 from typing import Final, Self
 
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.display.canvas import (
-    ACCENT,
-    ALARM,
-    BACKDROP,
-    Colour,
-    Size,
-    blank,
-    put,
-    put_centred,
-    text_width_px,
-)
+from uav_bt.display import canvas
+from uav_bt.display.canvas import ACCENT, ALARM, BACKDROP, Colour, Size
 from uav_bt.display.flown_path import FlownPath, Shown
 from uav_bt.display.lab_map import LabMap
 from uav_bt.display.map_pane import MapPane
@@ -104,7 +95,7 @@ class Panes:
         shown = Shown.of(record, flown, self._board)
         self._makes_depth = self._makes_depth or shown.depth.known
         self._timeline.add(shown.elapsed_s, record.phase)
-        image = blank(_SIZE_PX, BACKDROP)
+        image = canvas.blank(_SIZE_PX, BACKDROP)
         for (left, top, wide, high), draw in self._table():
             image[top : top + high, left : left + wide] = draw(shown, (wide, high))
         return image
@@ -204,8 +195,8 @@ def _with_outcome(last: Image, headline: str, lines: Sequence[str], colour: Colo
     top = (_SIZE_PX[1] - high) // 2
     # On the camera and the class map, so that the map stays visible.
     image[top : top + high, :_LEFT_PX] //= 6
-    left = (_SIZE_PX[0] // 2 - text_width_px(headline, 1.0, bold=True)) // 2
-    put(image, headline, (left, top + 42), scale=1.0, bold=True, colour=colour)
+    left = (_SIZE_PX[0] // 2 - canvas.text_width_px(headline, 1.0, bold=True)) // 2
+    canvas.put(image, headline, (left, top + 42), scale=1.0, bold=True, colour=colour)
     for index, words in enumerate(lines):
-        put_centred(image, words, (middle, top + 72 + 26 * index), scale=0.55)
+        canvas.put_centred(image, words, (middle, top + 72 + 26 * index), scale=0.55)
     return image

@@ -18,8 +18,8 @@ from tests.uav_bt.display.test_map_pane import believed
 from tests.worlds.values import corridor
 from uav_bt.board import CLASS_MAP, CORRIDOR, MARK, METRIC_DEPTH, SITE_MAP
 from uav_bt.display.lab_map import LabMap, MapItem, MapMover
-from uav_bt.display.rerun.flight_view import STATUS_COLOURS, FlightView, camera_axes, places
-from uav_bt.display.rerun.layout import layout
+from uav_bt.display.rerun.flight_view import STATUS_COLOURS, FlightView, camera_axes
+from uav_bt.display.rerun.layout import layout, places
 from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
 from uav_bt.tree import Status
