@@ -48,11 +48,7 @@ class PlannedTree(PlannedFile):
         variable_values(self.variables)
 
     def options(self, shared: FlightOptions) -> FlightOptions:
-        """Return how this tree is flown.
-
-        Args:
-            shared: what all flights of the campaign have in common.
-        """
+        """Return how this tree is flown, with what all flights of the campaign have in common."""
         return replace(
             shared,
             ports={**shared.ports, **self.ports},
@@ -68,27 +64,16 @@ class PlannedTree(PlannedFile):
 
 @dataclass(frozen=True, kw_only=True)
 class FlightTask:
-    """One flight of a campaign; travels to the process that flies it as JSON.
+    """One flight of a campaign; travels to the process that flies it as JSON."""
 
-    Attributes:
-        tree: Name of the tree.
-        tree_path: Its file, or a shipped mission's name.
-        scene: Name of the scene.
-        scene_path: Its file, or a shipped scene's name.
-        seed: Seed of everything random.
-        record: File that the flight's record is written to. None: no record.
-        folder: Output folder of the flight. None: it has none.
-        options: Options of all flights of the campaign, the fields in `SHARED`.
-    """
-
-    tree: str
-    tree_path: str
+    tree: str  # the name in flights and reports
+    tree_path: str  # file, or a shipped mission's name
     scene: str
     scene_path: str
     seed: int
-    record: str | None = None
-    folder: str | None = None
-    options: FlightOptions = field(default_factory=FlightOptions)
+    record: str | None = None  # file of the flight's record
+    folder: str | None = None  # its output folder
+    options: FlightOptions = field(default_factory=FlightOptions)  # the fields in `SHARED`
 
     @property
     def key(self) -> FlightKey:
@@ -111,35 +96,20 @@ class FlightTask:
 
 @dataclass(frozen=True, kw_only=True)
 class CampaignPlan:
-    """Every tree in every scene with every seed, all flown the same way.
-
-    Attributes:
-        trees: Trees that are flown.
-        scenes: Scenes that each of them is flown in.
-        flights: Number of flights of each tree in each scene, one seed each.
-        seed_from: First seed.
-        options: How all are flown, by the fields in `SHARED`. The tree folders are absolute; the
-            trees' hashes are of the texts in these folders, too.
-        record: Whether each flight's record is kept.
-        timeout_s: Wall time after which a flight counts as hung. A flight of 300 s takes two
-            minutes on a busy core (chosen).
-        weights: SHA-256 by file of the networks that the trees load.
-        leaves_sha256: SHA-256 by file of the Python files with leaves.
-        lab_sha256: SHA-256 by file of the lab files, and of the files that they name.
-        versions: Versions of packages that flights depend on.
-    """
+    """Every tree in every scene with every seed, all flown the same way."""
 
     trees: tuple[PlannedTree, ...]
     scenes: tuple[PlannedFile, ...]
-    flights: int
+    flights: int  # of each tree in each scene, one seed each
     seed_from: int = 0
+    # How all are flown, by the fields in `SHARED`. The tree folders are absolute.
     options: FlightOptions = field(default_factory=FlightOptions)
-    record: bool = False
-    timeout_s: float = 900.0
-    weights: dict[str, str] = field(default_factory=dict)
-    leaves_sha256: dict[str, str] = field(default_factory=dict)
-    lab_sha256: dict[str, str] = field(default_factory=dict)
-    versions: dict[str, str] = field(default_factory=dict)
+    record: bool = False  # whether each flight's record is kept
+    timeout_s: float = 900.0  # wall time of a hung flight; 300 s take two minutes on a busy core
+    weights: dict[str, str] = field(default_factory=dict)  # SHA-256 by file of the trees' networks
+    leaves_sha256: dict[str, str] = field(default_factory=dict)  # of the Python files with leaves
+    lab_sha256: dict[str, str] = field(default_factory=dict)  # of lab files and what they name
+    versions: dict[str, str] = field(default_factory=dict)  # of packages that flights depend on
 
     def __post_init__(self) -> None:
         _check_shared(self.options)
@@ -173,35 +143,23 @@ class CampaignPlan:
                     )
 
     def differences(self, before: CampaignPlan) -> list[str]:
-        """Return in what way this plan would not go on where another left off; empty when it would.
+        """Return in what way this plan would not go on where another left off.
 
         More flights than before go on; fewer do not.
         """
         found = []
         if self.flights < before.flights:
             found.append(f"flights: {before.flights} were planned, now {self.flights}")
-        for what in ("trees", "scenes"):
-            now, then = ({f.name: f.sha256 for f in getattr(p, what)} for p in (self, before))
-            found += _compared(what.removesuffix("s"), then, now)
-        before_of = {tree.name: tree for tree in before.trees}
-        for tree in self.trees:
-            if tree.name in before_of:
-                found += _compared(tree.name, before_of[tree.name].values, tree.values)
-        for what in ("weights", "leaves_sha256", "lab_sha256", "versions"):
-            found += _compared(what, getattr(before, what), getattr(self, what))
-        found += _compared("policies", before.options.policy_names, self.options.policy_names)
-        found += _compared("ports", before.options.ports, self.options.ports)
-        now, then = (
-            {name: str(value) for name, value in plan.options.variables.items()}
-            for plan in (self, before)
-        )
-        found += _compared("variables", then, now)
+        then = _compared(before)
+        for what, now in _compared(self).items():
+            if what in then:  # the values of a new tree are no difference beside the tree
+                found += _differences(what, then[what], now)
         flat, flat_before = _flat(self), _flat(before)
-        for what in _COMPARED:
-            value, value_before = flat[what], flat_before[what]
-            if value != value_before:
-                found.append(f"{what}: was {value_before}, now {value}")
-        return found
+        return found + [
+            f"{what}: was {flat_before[what]}, now {flat[what]}"
+            for what in _COMPARED
+            if flat[what] != flat_before[what]
+        ]
 
     def to_json(self) -> dict[str, Any]:
         """Return the plan as plain JSON values."""
@@ -227,11 +185,7 @@ class CampaignPlan:
 
 
 def _check_shared(options: FlightOptions) -> None:
-    """Refuse options that a plan does not keep.
-
-    Raises:
-        InputError: one is given, or a policy is an object.
-    """
+    """Refuse options that a plan does not keep, and policies that are objects."""
     left = replace(options, **{name: getattr(FlightOptions(), name) for name in SHARED})
     for each in fields(options):
         if getattr(left, each.name) != getattr(FlightOptions(), each.name):
@@ -268,18 +222,28 @@ def _with_options(values: Mapping[str, Any]) -> dict[str, Any]:
     return {**others, "options": options}
 
 
-def _compared(what: str, then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
-    found = []
+def _compared(plan: CampaignPlan) -> dict[str, Mapping[str, Any]]:
+    """Return what flights depend on, beside the fields in `_COMPARED`: values by kind, name."""
+    return {
+        "tree": {file.name: file.sha256 for file in plan.trees},
+        "scene": {file.name: file.sha256 for file in plan.scenes},
+        **{tree.name: tree.values for tree in plan.trees},
+        "weights": plan.weights,
+        "leaves_sha256": plan.leaves_sha256,
+        "lab_sha256": plan.lab_sha256,
+        "versions": plan.versions,
+        "policies": plan.options.policy_names,
+        "ports": plan.options.ports,
+        "variables": plan.options.variables,
+    }
+
+
+def _differences(what: str, then: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
     for name in sorted({*then, *now}):
-        old, new = then.get(name), now.get(name)
-        if old == new:
-            continue
-        if old is None:
-            found.append(f"{what}: '{name}' is new")
-        elif new is None:
-            found.append(f"{what}: '{name}' is missing")
-        elif len(old) == len(new) == 64:
-            found.append(f"{what}: '{name}' has changed (SHA-256 {old[:8]}, now {new[:8]})")
-        else:
-            found.append(f"{what}: '{name}' was {old}, now {new}")
-    return found
+        old, new = (None if name not in some else str(some[name]) for some in (then, now))
+        if old is None or new is None:
+            yield f"{what}: '{name}' is {'new' if old is None else 'missing'}"
+        elif old != new and len(old) == len(new) == 64:
+            yield f"{what}: '{name}' has changed (SHA-256 {old[:8]}, now {new[:8]})"
+        elif old != new:
+            yield f"{what}: '{name}' was {old}, now {new}"

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Final, Literal
 
 import click
 from annotated_types import Ge, Gt, Le
@@ -15,7 +15,15 @@ from uav_bt.app.options import SHARED, FlightOptions
 from uav_bt.campaign import CampaignResult
 from uav_bt.campaign.flight_lines import METRICS
 from uav_bt.campaign.plan import CampaignPlan
-from uav_bt.campaign.report.statistics import by_tree, summarise
+from uav_bt.campaign.report.sources import by_tree
+from uav_bt.campaign.report.statistics import (
+    SUCCESS,
+    spread,
+    success_interval,
+    success_words,
+    successes,
+    values_of,
+)
 from uav_bt.campaign.runner import Backend, LocalBackend
 from uav_bt.cli.declare import command
 from uav_bt.cli.progress import campaign_progress
@@ -128,10 +136,20 @@ def campaign(
         folder = out or RUNS / "-".join(dict.fromkeys(Path(tree.path).stem for tree in plan.trees))
     else:
         raise click.UsageError("which TREE is to be flown? or --resume DIR")
-    result = _fly(ctx, plan, folder, place.open())
+    with campaign_progress(len(plan)) as progress:
+        try:
+            result = campaigns.run(
+                plan, folder, backend=place.open(), on_flight=progress.add, on_note=progress.note
+            )
+        except KeyboardInterrupt:
+            progress.note(
+                f"stopped; {progress.done} of {len(plan)} flights are kept in {folder}, "
+                "and the same command continues from there"
+            )
+            ctx.exit(MissionError.exit_code)
     _print_result(result, folder)
-    good = sum(flight["outcome"] == "success" for flight in result.flights)
-    if fail_under is not None and 100.0 * good / len(result.flights) < fail_under:
+    good = 100.0 * successes(result.flights) / len(result.flights)
+    if fail_under is not None and good < fail_under:
         ctx.exit(MissionError.exit_code)
 
 
@@ -151,42 +169,20 @@ def _only_resume(ctx: click.Context) -> None:
         )
 
 
-def _fly(ctx: click.Context, plan: CampaignPlan, folder: Path, backend: Backend) -> CampaignResult:
-    with campaign_progress(len(plan)) as progress:
-        try:
-            return campaigns.run(
-                plan, folder, backend=backend, on_flight=progress.add, on_note=progress.note
-            )
-        except KeyboardInterrupt:
-            progress.note(
-                f"stopped; {progress.done} of {len(plan)} flights are kept in {folder}, "
-                "and the same command continues from there"
-            )
-            ctx.exit(MissionError.exit_code)
-
-
 def _print_result(result: CampaignResult, folder: Path) -> None:
     for tree, flights in by_tree(result.flights).items():
-        _print_tree(tree, flights)
+        low, high = success_interval(flights)
+        ends = Counter(flight["outcome"] for flight in flights if flight["outcome"] != SUCCESS)
+        failures = "".join(f"; {name} {count}" for name, count in ends.most_common())
+        success = (
+            f"success {success_words(flights)} (95 % Wilson interval {low:.1f} to {high:.1f} %)"
+        )
+        click.echo(f"{tree}: {success}{failures}")
+        heads = ("mean", "median", "p5", "p95", "least", "most")
+        click.echo(f"  {'unit':>25}{'n':>5}" + "".join(f"{head:>8}" for head in heads))
+        for name, metric in METRICS.items():
+            if values := values_of(flights, name):
+                numbers = spread(values).values()
+                cells = "".join(" " * 8 if each is None else f"{each:>8.2f}" for each in numbers)
+                click.echo(f"  {name:<22}{metric.unit:>3}{len(values):>5}{cells}")
     click.echo(f"flights: {folder / 'flights.jsonl'}")
-
-
-def _print_tree(tree: str, flights: Iterable[dict[str, Any]]) -> None:
-    summary = summarise(flights)
-    low, high = summary.success_95
-    failures = (
-        f"; {name} {count}" for name, count in summary.outcomes.items() if name != "success"
-    )
-    click.echo(
-        f"{tree}: success {summary.success_text} "
-        f"(95 % Wilson interval {100 * low:.1f} to {100 * high:.1f} %){''.join(failures)}"
-    )
-    heads = ("mean", "median", "p5", "p95", "least", "most")
-    click.echo(f"  {'unit':>25}{'n':>5}" + "".join(f"{head:>8}" for head in heads))
-    for name, found in summary.metrics.items():
-        if found is not None:
-            numbers = (found.mean, found.median, found.p5, found.p95, found.least, found.most)
-            click.echo(
-                f"  {name:<22}{METRICS[name].unit:>3}{found.count:>5}"
-                + "".join(f"{'':>8}" if value is None else f"{value:>8.2f}" for value in numbers)
-            )

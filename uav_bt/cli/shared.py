@@ -105,19 +105,19 @@ def refuse_in_lab(
 ) -> None:
     """Refuse a mission that does not fit a lab, with each set of values; None: no values."""
     # Late: `uav-bt check` answers at once, and these import the parts of a flight.
-    from uav_bt.app.lab_check import check_in_lab  # noqa: PLC0415
-    from uav_bt.app.options import FlightOptions  # noqa: PLC0415
+    from uav_bt.app.flight import check  # noqa: PLC0415
 
     for each in parameters:
         given = each or Parameters()
-        options = FlightOptions(
+        check(
+            tree,
+            registry,
             lab=lab,
             tree_id=tree_id,
             tree_folders=tree_folders,
             ports=given.ports,
             variables=given.variables,
         )
-        check_in_lab(tree, options, registry)
 
 
 def print_or_write(text: str, out: Path | None) -> None:
