@@ -284,7 +284,7 @@ def test_the_kinds_of_one_drone_refer_to_what_they_share() -> None:
 @pytest.mark.parametrize(
     "documented",
     [
-        *(app.FlightOptions, app.JudgeConfig, app.Limits, app.RunnerConfig, app.Site),
+        *(app.FlightOptions, app.JudgeConfig, app.Limits, app.RunnerConfig),
         *(TwinConfig, OlympeConfig),
     ],
 )
