@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import click
 
@@ -71,7 +71,7 @@ def check(
         )
     fits = None
     if lab is not None:
-        of = {"tree_id": tree_id, "tree_folders": tree_folders}
+        of: dict[str, Any] = {"tree_id": tree_id, "tree_folders": tree_folders}
         fits = partial(refuse_in_lab, load_lab(lab), registry, **of)
     for tree in trees:
         if one:

@@ -150,7 +150,12 @@ def fly(
         follow = stack.enter_context(watched_live(btlog=outputs.btlog, groot=groot))
         watchers.append(lambda flown: follow(flown.mission, flown.context))
         begun: list[app.Flight[Drone]] = []
-        watchers.append(lambda flown: begun.append(flown) or ())
+
+        def begin(flown: app.Flight[Drone]) -> tuple[()]:
+            begun.append(flown)
+            return ()
+
+        watchers.append(begin)
         try:
             flown = app.fly(
                 tree,
