@@ -20,8 +20,7 @@ from uav_bt.inputs import refuse_inputs
 from uav_bt.lab.classes import ROLE_NAMES
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import load_lab
-from uav_bt.learning.flight_geometry import compare_lengths, open_flight
-from uav_bt.learning.geometry import Geometry
+from uav_bt.learning.flight_geometry import Geometry, compare_lengths, open_flight
 from uav_bt.learning.lab_checks import picks_of_lab, teacher_of_lab
 from uav_bt.learning.lab_material import LabMaterial
 from uav_bt.learning.masks import MaskSource

@@ -12,7 +12,6 @@ from uav_bt.cli.values import WholeNumber
 from uav_bt.errors import InputError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.learning import lab_frames
-from uav_bt.learning.frames_summary import FramesSummary
 
 
 @click.command(cls=Command)
@@ -42,7 +41,7 @@ def frames(*, lab: str, videos: tuple[Path, ...], count: int) -> None:
         raise InputError("\n".join(summary.refused))
 
 
-def _show(summary: FramesSummary) -> None:
+def _show(summary: lab_frames.FramesSummary) -> None:
     width = max(len("source"), *(len(one.source) for one in summary.sources))
     click.echo(f"{'source':<{width}}    read  blurred  alike  over count  kept  for check")
     for one in summary.sources:

@@ -67,18 +67,8 @@ def collect(
 ) -> list[Path]:
     """Fly the flights of a plan that are missing in its folder.
 
-    Args:
-        plan: the flights.
-        folder: destination of a campaign per profile, and of the random scenes.
-        backend: runs the flights; by default on the cores of this machine.
-        on_flight: called after each flight.
-        on_note: called with messages about the folder.
-
     Returns:
         The records.
-
-    Raises:
-        InputError: tree, scene or policy is unusable, or the tree has no adviser.
     """
     _check_adviser(plan.tree)
     scenes = _scenes(plan, folder / "scenes")
@@ -118,9 +108,6 @@ def nodes_under_policy(tree: str | Path) -> list[str]:
     """Return the names of a tree's leaves that use a leaf policy.
 
     Leaves that only write the advice of a policy are omitted.
-
-    Raises:
-        TreeError: the tree was refused.
     """
     return [
         leaf.name

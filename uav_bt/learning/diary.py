@@ -21,24 +21,14 @@ _COLUMNS: Final = 3
 
 
 class Diary:
-    """Scores of a run by step.
-
-    Args:
-        folder: folder of `scores.jsonl` and `curves.png`.
-        curves: names of the values to plot.
-    """
+    """Scores of a run by step."""
 
     def __init__(self, folder: Path, curves: Sequence[str]) -> None:
         self.folder = folder
         self._curves = tuple(curves)
 
     def note(self, step: int, values: Mapping[str, Any]) -> None:
-        """Add a line and redraw the curves.
-
-        Args:
-            step: training step.
-            values: JSON values by name; None for a missing value.
-        """
+        """Add a line and redraw the curves."""
         self.folder.mkdir(parents=True, exist_ok=True)
         with (self.folder / "scores.jsonl").open("a", encoding="utf-8") as file:
             file.write(json.dumps({"step": step, **values}) + "\n")
@@ -75,9 +65,6 @@ def write_depth_sheet(
         views: images with ground truth.
         predicted: (N, 128, 160) predicted depth.
         rows: number of views to draw.
-
-    Raises:
-        FileError: the file cannot be written.
     """
     places = np.linspace(0, len(views.rgb) - 1, rows).astype(int)
     strips = [_depth_strip(views.rgb[at], views.depth_m[at], predicted[at]) for at in places]

@@ -17,7 +17,7 @@ import numpy as np
 from perception.camera.image_files import read_image
 from perception.networks.training.loop import Progress
 from perception.networks.weights_file import SHIPPED_WEIGHTS
-from perception.segmentation.teacher import Teacher, TeacherConfig, fit_teacher, save_teacher
+from perception.segmentation.teacher import TeacherConfig, fit_teacher, save_teacher
 from perception.segmentation.training.picks import Pick, gather_patches
 from perception.segmentation.training.run import (
     FLIGHT_AUGMENT,
@@ -26,7 +26,6 @@ from perception.segmentation.training.run import (
     train_unet,
 )
 from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
-from uav_bt.lab.classes import LabClasses
 from uav_bt.learning.lab_checks import LabData
 from uav_bt.learning.masks import SIZE_PX, MaskSource, make_masks, mask_files
 from uav_bt.progress import Advance, silent
@@ -44,9 +43,6 @@ def lab_training_config(**given: Any) -> TrainingConfig:
     """Return the settings of a lab's training.
 
     The learning rate is two thirds of that of a new network, and rare classes are balanced.
-
-    Args:
-        given: Fields of `TrainingConfig`.
     """
     steps = given.pop("steps", 800)
     chosen = {
@@ -60,38 +56,21 @@ def lab_training_config(**given: Any) -> TrainingConfig:
     return TrainingConfig(**{**chosen, **given})
 
 
-# --- teacher --------------------------------------------------------------------------------------
+def mask_source(data: LabData, *, seed: int = 0, advance: Advance = silent) -> MaskSource:
+    """Return the maker of masks: the network of the lab file, else a teacher of the picks.
 
-
-def fit_lab_teacher(
-    picks: Sequence[Pick],
-    frames: Path,
-    config: TeacherConfig,
-    classes: LabClasses,
-    *,
-    seed: int = 0,
-    advance: Advance = silent,
-) -> Teacher:
-    """Train the teacher on picks.
-
-    Args:
-        picks: In pixels of their images, which may be of any size.
-        frames: Folder of the images.
-        config: Settings of the teacher.
-        classes: Classes of the lab.
-        seed: Seed of the solver.
-        advance: Called after each image.
-
-    Raises:
-        FileError: An image cannot be read.
-        ValueRangeError: The picks are of one class.
+    The teacher is written to the folder `training`.
     """
+    if data.source is not None:
+        return data.source
+    material, classes, config = data.material, data.material.lab.classes, TeacherConfig()
     scaled: list[Pick] = []
     images: dict[str, Image] = {}
     size = (config.width_px, config.height_px)
+    picks = data.picks_on("train")
     names = list(dict.fromkeys(pick.image for pick in picks))
     for done, name in enumerate(names, start=1):
-        rgb = read_image(frames / name, colour=True, as_stored=False)
+        rgb = read_image(material.frames / name, colour=True, as_stored=False)
         small = cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
         images[name] = np.asarray(small, dtype=np.uint8)
         height, width = rgb.shape[:2]
@@ -102,33 +81,8 @@ def fit_lab_teacher(
         )
         advance("patches", done, len(names))
     patches = gather_patches(scaled, images.items(), config.patch_px, classes)
-    return fit_teacher(patches, config, seed=seed)
-
-
-def mask_source(data: LabData, *, seed: int = 0, advance: Advance = silent) -> MaskSource:
-    """Return the maker of masks: the network of the lab file, else a teacher of the picks.
-
-    The teacher is written to the folder `training`.
-
-    Args:
-        data: Training files.
-        seed: Seed of the teacher's solver.
-        advance: Called after each image with picks.
-    """
-    if data.source is not None:
-        return data.source
-    material, classes = data.material, data.material.lab.classes
-    file = material.teacher
-    teacher = fit_lab_teacher(
-        data.picks_on("train"),
-        material.frames,
-        TeacherConfig(),
-        classes,
-        seed=seed,
-        advance=advance,
-    )
-    save_teacher(file, teacher)
-    return MaskSource(file=file, classes=classes)
+    save_teacher(material.teacher, fit_teacher(patches, config, seed=seed))
+    return MaskSource(file=material.teacher, classes=classes)
 
 
 # --- time -----------------------------------------------------------------------------------------
@@ -136,19 +90,12 @@ def mask_source(data: LabData, *, seed: int = 0, advance: Advance = silent) -> M
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """Work that is ahead, and the time of its parts.
+    """Work that is ahead, and the time of its parts."""
 
-    Attributes:
-        masks: Number of masks to make.
-        mask_s: Time for one mask, seconds.
-        steps: Number of training steps.
-        step_s: Time for one step, seconds.
-    """
-
-    masks: int
-    mask_s: float
-    steps: int
-    step_s: float
+    masks: int  # number of masks to make
+    mask_s: float  # time for one mask, seconds
+    steps: int  # number of training steps
+    step_s: float  # time for one step, seconds
 
     def __str__(self) -> str:
         masks_s, steps_s = self.masks * self.mask_s, self.steps * self.step_s
@@ -165,14 +112,7 @@ def _minutes(seconds: float) -> str:
 def estimated(
     data: LabData, source: MaskSource, config: TrainingConfig, *, workers: int = 1
 ) -> Estimate:
-    """Measure one mask and one step, and return the time that training will take.
-
-    Args:
-        data: Training files.
-        source: Makes the masks.
-        config: Settings of the training.
-        workers: Number of processes that make masks.
-    """
+    """Measure one mask and one step, and return the time that training will take."""
     images = data.images("train")
     todo = [
         image
@@ -243,6 +183,7 @@ def train_lab(
         InputError: A file cannot be read or written.
     """
     folder, images = data.material.training, data.images("train")
+    data.material.keep_uses(data.uses)
     masks = _mask_folder(data, source)
     rgb, ids = make_masks(source, images, masks, workers=workers, advance=advance)
     classes = data.material.lab.classes.names

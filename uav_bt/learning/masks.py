@@ -34,26 +34,15 @@ _PART: Final = 10  # images that a process labels at a time
 
 @dataclass(frozen=True, kw_only=True)
 class MaskSource:
-    """What makes the masks.
+    """What makes the masks."""
 
-    Attributes:
-        file: Weights of a teacher (safetensors), or a segmentation network (ONNX).
-        classes: Classes of the lab.
-        mapping: Class-mapping file of the network; None: it has the classes of the lab.
-    """
-
-    file: Path
-    classes: LabClasses
+    file: Path  # weights of a teacher (safetensors), or a segmentation network (ONNX)
+    classes: LabClasses  # classes of the lab
+    # class-mapping file of the network; None: it has the classes of the lab
     mapping: Path | None = None
 
     def load(self) -> Callable[[Image], Image]:
-        """Return a function from an image, (H, W, 3) RGB, to its class ids, (h, w).
-
-        Raises:
-            WeightsError: The file is absent or damaged, or does not fit the classes.
-            FileError: The mapping file is absent or malformed.
-            ValueRangeError: The mapping names a class that the network does not have.
-        """
+        """Return a function from an image, (H, W, 3) RGB, to its class ids, (h, w)."""
         if self.file.suffix.lower() == ".onnx":
             return OnnxSegmenter(self.file, self.classes, self.mapping).ids
         teacher = TeacherSegmenter(load_teacher(self.file, self.classes))
@@ -83,12 +72,7 @@ def _digest(*parts: bytes) -> str:
 
 
 def mask_files(images: Sequence[Path], folder: Path) -> dict[Path, Path]:
-    """Return the file of each image's mask: a changed image has another one.
-
-    Args:
-        images: Image files.
-        folder: Folder of the masks.
-    """
+    """Return the file of each image's mask: a changed image has another one."""
     return {each: folder / f"{each.stem}-{_digest(each.read_bytes())}.npz" for each in images}
 
 
@@ -102,18 +86,8 @@ def make_masks(
 ) -> tuple[Image, Image]:
     """Make the masks of images; those in the folder are taken from there.
 
-    Args:
-        source: Makes a mask.
-        images: Image files.
-        folder: Keeps each mask, so that an interrupted run continues; one per fingerprint.
-        workers: Number of processes that share the images.
-        advance: Called after each image.
-
     Returns:
         Images (N, h, w, 3) and class ids (N, h, w), both of `SIZE_PX`.
-
-    Raises:
-        FileError: An image or a kept mask cannot be read.
     """
     folder.mkdir(parents=True, exist_ok=True)
     files = mask_files(images, folder)

@@ -35,17 +35,11 @@ _WRONG: Final = (255, 0, 0)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImageScore:
-    """Picks of one image and the classes that a segmentation gives there.
+    """Picks of one image and the classes that a segmentation gives there."""
 
-    Attributes:
-        image: File name.
-        picks: Its picks.
-        answers: Class ids at the picks, (N,) uint8.
-    """
-
-    image: str
-    picks: Sequence[Pick]
-    answers: Image
+    image: str  # file name
+    picks: Sequence[Pick]  # its picks
+    answers: Image  # class ids at the picks, (N,) uint8
 
     @property
     def wrong(self) -> int:
@@ -55,15 +49,10 @@ class ImageScore:
 
 @dataclass(frozen=True, kw_only=True)
 class PickScore:
-    """Score of a segmentation on picks; each pick is a sample.
+    """Score of a segmentation on picks; each pick is a sample."""
 
-    Attributes:
-        total: Counts by class, and the scores of them.
-        images: Scores of the images, most wrong picks first.
-    """
-
-    total: SegmentationScore
-    images: Sequence[ImageScore]
+    total: SegmentationScore  # counts by class, and the scores of them
+    images: Sequence[ImageScore]  # scores of the images, most wrong picks first
 
     @property
     def picks(self) -> dict[str, int]:
@@ -82,11 +71,7 @@ class PickScore:
         return float(np.nanmin(self.total.role_iou))
 
     def confusions(self, most: int = 5) -> list[tuple[str, str, float]]:
-        """Return the largest confusions: class, class it is taken for, share of its picks.
-
-        Args:
-            most: Number of confusions.
-        """
+        """Return the largest confusions: class, class it is taken for, share of its picks."""
         counts, names = self.total.counts, self.total.classes.names
         share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
         np.fill_diagonal(share, 0.0)
@@ -110,15 +95,7 @@ class PickScore:
 
 
 def network_of_lab(lab: Lab, model: Path | None = None) -> OnnxSegmenter:
-    """Return the segmentation network of a lab.
-
-    Args:
-        lab: The lab.
-        model: ONNX file with the classes of the lab; None: the network that the lab is flown with.
-
-    Raises:
-        InputError: The lab has no network, or it cannot be used.
-    """
+    """Return the segmentation network of a lab."""
     if model is not None:
         return OnnxSegmenter(model, lab.classes)
     stated = lab.network.get("model")
@@ -146,9 +123,6 @@ def score_picks(
         frames: Folder of the images.
         classes: Classes of the lab.
         advance: Called after each image.
-
-    Raises:
-        InputError: There is no pick, or an image cannot be read.
     """
     if not picks:
         raise InputError(
@@ -187,13 +161,6 @@ def write_sheet(
 
     A pick is a disc of the colour of its class, with a white rim, or a red one if the segmentation
     has another class there.
-
-    Args:
-        score: Of the images.
-        segment: The segmentation that was scored.
-        frames: Folder of the images.
-        file: PNG file to write.
-        rows: Largest number of images.
     """
     strips = [_strip(each, segment, frames, score.total.classes) for each in score.images[:rows]]
     _, png = cv2.imencode(".png", cv2.cvtColor(np.vstack(strips), cv2.COLOR_RGB2BGR))

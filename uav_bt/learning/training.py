@@ -140,11 +140,7 @@ def train_depth(
 
 
 def first_weights(path: Path) -> Mapping[str, NDArray[np.float32]]:
-    """Return initial weights: of a control student, or of a segmentation U-Net's encoder.
-
-    Raises:
-        WeightsError: the file contains neither.
-    """
+    """Return initial weights: of a control student, or of a segmentation U-Net's encoder."""
     try:
         state = STUDENT_FILES.load(path)[0].state_dict()
     except WeightsError as no_student:

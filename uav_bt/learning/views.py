@@ -28,12 +28,7 @@ TESTING_SCENES: Final = ("test-a", "test-b")  # for reports, never for selection
 
 
 def scene_seed(seed: int, scene: Scene) -> int:
-    """Return the seed of a scene's images, independent of other scenes in the plan.
-
-    Args:
-        seed: seed of the plan.
-        scene: the scene; its name enters the seed.
-    """
+    """Return the seed of a scene's images, independent of other scenes in the plan."""
     return (seed << 32) + zlib.crc32(scene.name.encode())
 
 
@@ -68,10 +63,6 @@ def twin_views(plan: ViewPlan) -> Iterator[tuple[str, Image, Image]]:
 
     Yields:
         A file name, the image (H, W, 3) RGB, and the exact class ids (h, w).
-
-    Raises:
-        SceneError: a scene is missing or malformed.
-        MissingDependencyError: OpenGL does not work here.
     """
     for name in plan.scenes:
         scene = load_scene(name)
@@ -124,12 +115,7 @@ class DepthViewPlan:
     seed: int = 11
 
     def poses(self, scene: Scene, seed: int) -> list[CameraPose]:
-        """Return the camera poses in a scene.
-
-        Args:
-            scene: the scene.
-            seed: seed from `scene_seed`.
-        """
+        """Return the camera poses in a scene."""
         drawn = sample_flight_poses(scene, np.random.default_rng(seed), 2 * self.views)
         return [pose for pose in drawn if pose.pitch_rad >= self.min_pitch_rad][: self.views]
 
@@ -145,12 +131,7 @@ class DepthViews:
 
 
 def depth_views(plan: DepthViewPlan) -> DepthViews:
-    """Render the images of a plan; the same plan gives the same images.
-
-    Raises:
-        SceneError: a scene is missing or malformed.
-        MissingDependencyError: OpenGL does not work here.
-    """
+    """Render the images of a plan; the same plan gives the same images."""
     camera = anafi_camera(640, 360).resized(*LABEL_SIZE_PX)
     images, depths, ids, grounds = [], [], [], []
     for name in plan.scenes:

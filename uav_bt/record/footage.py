@@ -31,12 +31,7 @@ _DECODED: Final[dict[str, type[Any]]] = {
 
 
 def flight_record(path: Path) -> RecordReader:
-    """Open a finished record.
-
-    Raises:
-        FileError: the file is not a flight record, or was never finished.
-        MissingDependencyError: the extra `record` is not installed.
-    """
+    """Open a finished record; FileError if it is none."""
     reader = RecordReader(path)
     if not reader.finished:
         raise FileError(path, "the record was never finished; `mcap recover` makes a whole one")
@@ -46,11 +41,7 @@ def flight_record(path: Path) -> RecordReader:
 def footage(reader: RecordReader) -> Iterator[StoredFrame | DroneState | Advice]:
     """Yield frames with an image, states and advice, in the order of time.
 
-    Args:
-        reader: reader of the record. Images are decoded on access; other channels are not decoded.
-
-    Raises:
-        FileError: the record is damaged.
+    Images are decoded on access. FileError if the record is damaged.
     """
     note: FrameNote | None = None
     try:

@@ -25,20 +25,12 @@ from uav_bt.types.site_map import SiteMap
 
 # Values with a separate channel, by their name in `Moment` and on the board.
 _VALUES: Final[tuple[Key[Any], ...]] = (
-    keys.CLASS_MAP,
-    keys.RELATIVE_DEPTH,
-    keys.METRIC_DEPTH,
-    keys.CORRIDOR,
-    keys.MARK,
+    *(keys.CLASS_MAP, keys.RELATIVE_DEPTH, keys.METRIC_DEPTH, keys.CORRIDOR, keys.MARK),
 )
 
 
 class Playback:
-    """One record, tick by tick, with the board and the statuses after each tick.
-
-    Args:
-        reader: reader of the record.
-    """
+    """One record, tick by tick, with the board and the statuses after each tick."""
 
     def __init__(self, reader: RecordReader) -> None:
         self._reader = reader
@@ -63,14 +55,10 @@ class Playback:
     def ticks(
         self, *, from_s: float | None = None, to_s: float | None = None
     ) -> Iterator[TickRecord]:
-        """Yield the ticks. The board has the values of a tick until the next one is requested.
+        """Yield the ticks; the board has the values of a tick until the next one is requested.
 
-        Args:
-            from_s: seconds since the record's start.
-            to_s: seconds since the record's start; not included.
-
-        Raises:
-            FileError: the record is damaged, although its checksums are right.
+        `from_s` and `to_s` (not included) count from the record's start. FileError if the record
+        is damaged, although its checksums are right.
         """
         for moment in self._reader.moments(from_s=from_s, to_s=to_s):
             self._clock.sleep_until(moment.tick.time_s)

@@ -19,9 +19,13 @@ from uav_bt.errors import FileError
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import load_lab
 from uav_bt.landing_marks import MarkSighting, MarkView
-from uav_bt.learning.flight_geometry import compare_lengths, open_flight
-from uav_bt.learning.geometry import Geometry, MarkRanges
-from uav_bt.learning.mark_ranges import mark_ranges
+from uav_bt.learning.flight_geometry import (
+    Geometry,
+    MarkRanges,
+    compare_lengths,
+    mark_ranges,
+    open_flight,
+)
 from uav_bt.types import ClassMap, DepthMap, Frame, LandingMark
 
 SIZE = (224, 112)

@@ -26,8 +26,7 @@ from uav_bt.errors import FileError, InputError
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.shipped import write_lab
 from uav_bt.learning import lab_frames
-from uav_bt.learning.frames_summary import FramesSummary
-from uav_bt.learning.lab_frames import take_frames, use_at
+from uav_bt.learning.lab_frames import FramesSummary, take_frames, use_at
 from uav_bt.learning.lab_material import LabMaterial
 from uav_bt.types import CameraModel
 
@@ -170,7 +169,7 @@ def test_images_of_a_video_are_let_go(tmp_path: Path) -> None:
     gc.disable()
     try:
         most = 0
-        for _ in VideoSource(video).decoded():
+        for _ in VideoSource(video).images():
             most = max(most, sum(type(one) is av.VideoFrame for one in gc.get_objects()))
     finally:
         gc.enable()
@@ -251,6 +250,41 @@ def test_images_are_removed_again_if_the_list_cannot_be_written(
     with pytest.raises(FileError, match="no space left"):
         take(material, write_video(tmp_path / "a.mp4", walk(4)))
     assert not material.frames.exists()
+
+
+def test_another_recording_of_the_same_name_is_read(material: LabMaterial, tmp_path: Path) -> None:
+    """Cameras count from 1 on each memory card; the order of the names means nothing."""
+    days = [tmp_path / day for day in ("monday", "tuesday")]
+    for begin, day in zip((0, 6), days, strict=True):
+        write_video(day / "DJI_0001.MP4", walk(4, begin=begin))
+        write_photograph(day / "IMG_0001.JPG", view(begin + 3))
+    for day in days:
+        assert not any(one.earlier for one in take(material, day).sources)
+    assert {one.source for one in material.read_frames()} == {
+        *("DJI_0001.MP4", "tuesday/DJI_0001.MP4", "IMG_0001.JPG", "tuesday/IMG_0001.JPG")
+    }
+    listed = material.read_frames()
+    assert all(one.earlier for one in take(material, *reversed(days)).sources)
+    assert material.read_frames() == listed
+
+
+def test_a_source_of_an_older_list_is_known_by_its_name(
+    material: LabMaterial, tmp_path: Path
+) -> None:
+    video = write_video(tmp_path / "a.mp4", walk(4))
+    take(material, video)
+    old = [line.rpartition(",")[0] for line in material.list_file.read_text().splitlines()]
+    material.list_file.write_text("\n".join(old))
+    (summary,) = take(material, video).sources
+    assert summary.earlier
+
+
+def test_a_video_that_states_no_duration_is_not_cut_short(
+    material: LabMaterial, tmp_path: Path
+) -> None:
+    video = write_video(tmp_path / "raw" / "tello.h264", walk(8))
+    (summary,) = take(material, video.parent).sources
+    assert (summary.read, summary.notes) == (8, ())
 
 
 # --- names ----------------------------------------------------------------------------------------

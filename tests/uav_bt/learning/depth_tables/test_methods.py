@@ -7,11 +7,11 @@ from typing import Literal
 
 import numpy as np
 import pytest
+from uav_bt.learning.depth_tables.methods import CollectedScale, lowest_pixel_depth
 
 from perception.camera.ground_plane import CameraView, ground_depth
 from perception.depth.scale import GroundSample
 from tests.paper_lab import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS, paper_map
-from uav_bt.learning.depth_tables.methods import CollectedScale, lowest_pixel_depth
 from uav_bt.types import CameraModel
 
 VIEW = CameraView(

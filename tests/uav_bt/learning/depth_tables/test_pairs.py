@@ -6,8 +6,6 @@ from typing import Self
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-
-from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, ROOFS, paper_map
 from uav_bt.learning.depth_tables.pairs import (
     PointPairs,
     draw_points,
@@ -16,6 +14,8 @@ from uav_bt.learning.depth_tables.pairs import (
     ranges_at,
     summarise_errors,
 )
+
+from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, ROOFS, paper_map
 from uav_bt.types import CameraModel
 
 CAMERA = CameraModel(width_px=224, height_px=112, fx_px=160.0, fy_px=150.0, cx_px=111.5, cy_px=55.5)

@@ -7,10 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-from perception.camera.ground_plane import ground_depth, view_of
-from tests.paper_lab import CARPET, paper_map
-from uav_bt.errors import UnknownNameError, ValueRangeError
 from uav_bt.learning.depth_tables.corridors import FOCAL_FACTORS, FRONTS_M, corridor_table
 from uav_bt.learning.depth_tables.images import MAP_SIZE_PX, ImagePlan, SampleImage, take_images
 from uav_bt.learning.depth_tables.methods import METHODS, Error, methods_for, metric_maps
@@ -20,6 +16,10 @@ from uav_bt.learning.depth_tables.tables import (
     pair_table,
     sensitivity_table,
 )
+
+from perception.camera.ground_plane import ground_depth, view_of
+from tests.paper_lab import CARPET, paper_map
+from uav_bt.errors import UnknownNameError, ValueRangeError
 from uav_bt.learning.evaluation import TABLES, evaluate_depth
 from uav_bt.learning.views import DepthViewPlan
 from uav_bt.types import ClassMap, DepthMap, Frame

@@ -1,10 +1,10 @@
-"""Points and pairs of points whose distances are measured in depth maps, and their errors.
+"""Edges and points whose lengths and distances are measured in depth maps, and their errors.
 
 The paper (Mocanu et al.) evaluates depth by the dimensions of obstacles: a person picks two points
 on the edges of an obstacle in the image, and their distance in space is compared with a tape
 measure's. Here the exact class map replaces the person. The outline of each visible face (a box's
-sides, a roof) is simplified to a polygon. Its corners are the picked points, and two consecutive
-corners span an edge. Points drawn at random have a distance from the camera.
+sides, a roof) is simplified to a polygon, and two consecutive corners span an edge. Points drawn
+at random have a distance from the camera.
 
 A person clicks on the obstacle, not on the background, so the face is first eroded by two pixels of
 the map. Corners at the image's border, and corners caused by a nearer obstacle in front, are left
@@ -27,65 +27,51 @@ from uav_bt.lab.classes import GROUND, OBSTACLE
 from uav_bt.types import CameraModel, ClassMap
 from uav_bt.types.arrays import Flags, Floats, Floats32, Indices
 
-Mask = NDArray[np.uint8]
-
 _INSET_PX: Final = 2  # from an outline inwards, because the border itself is ambiguous
+_SQUARE: Final = np.ones((2 * _INSET_PX + 1, 2 * _INSET_PX + 1), dtype=np.uint8)
 _SIMPLIFY_PX: Final = 1.5  # largest distance of the polygon from the outline: a pixel, rounded
 _MIN_AREA_PX: Final = 60  # of a face; smaller ones are hard to click on
 _MIN_CORNERS: Final = 3  # of a face; a line has no edges
 _MIN_LENGTH_PX: Final = 6.0  # of an edge; an error of three pixels is half of this
 _MIN_LENGTH_M: Final = 0.1  # of an edge, in space
 _OCCLUDER_M: Final = 0.15  # a nearer object at a corner hides the face from this difference on
-_MAX_EDGES: Final = 8  # edges per image, so that crowded images do not dominate
-_MAX_ACROSS: Final = 4  # pairs per image with ends on two different faces
-_POINTS: Final = 40  # points per image on obstacles, and as many on the ground
+_MAX_EDGES: Final = 8  # per image, so that crowded images do not dominate
+_POINTS: Final = 40  # per image on obstacles, and as many on the ground
 _MIN_RANGE_M, _MAX_RANGE_M = 0.3, 5.0  # of points, along the ray; the paper's range of distances
 
 
-@dataclass(frozen=True)
-class PointPairs:
-    """Pixels, column and row, of N pairs."""
-
-    first: Indices  # (N, 2)
-    second: Indices  # (N, 2)
-    across: Flags  # (N,) whether the two are on different faces; else they span an edge
-
-
-def pick_pairs(
+def pick_edges(
     class_map: ClassMap, depth_m: Floats32, camera: CameraModel, generator: np.random.Generator
-) -> PointPairs:
-    """Pick pairs in one image.
+) -> Indices:
+    """Return edges of one image, (N, 2, 2): two ends, column and row.
 
     Args:
         class_map: exact class map.
         depth_m: (H, W) exact depth along the optical axis.
         camera: intrinsics at that size.
-        generator: chooses among surplus pairs, and the pairs across faces.
+        generator: chooses among surplus edges.
     """
     edges: list[Indices] = []
-    corners: list[Indices] = []
     for face in _faces(class_map):
-        outline = _polygon(face)
-        if len(outline) < _MIN_CORNERS:
+        outlines, _ = cv2.findContours(face, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        if not outlines:
             continue
-        good = np.array([_picked(corner, face, class_map, depth_m) for corner in outline])
-        if not good.any():
+        polygon = cv2.approxPolyDP(max(outlines, key=len), _SIMPLIFY_PX, closed=True)
+        corners = polygon.reshape(-1, 2).astype(np.intp)
+        if len(corners) < _MIN_CORNERS:
             continue
-        corners.append(outline[good])
-        following, follows_good = np.roll(outline, -1, axis=0), np.roll(good, -1)
-        edges.extend(np.stack([outline, following], axis=1)[good & follows_good])
-    spans = np.array(edges, dtype=np.intp).reshape(-1, 2, 2)
-    length_px = np.linalg.norm((spans[:, 0] - spans[:, 1]).astype(np.float64), axis=1)
-    length_m = _lengths(depth_m, spans[:, 0], spans[:, 1], camera, 1)
-    spans = spans[(length_px >= _MIN_LENGTH_PX) & (length_m >= _MIN_LENGTH_M)]
-    spans = generator.permutation(spans)[:_MAX_EDGES]
-    pairs = np.concatenate([spans, _across(corners, generator)])
-    return PointPairs(pairs[:, 0], pairs[:, 1], np.arange(len(pairs)) >= len(spans))
+        good = np.array([_picked(corner, face, class_map, depth_m) for corner in corners])
+        spans = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+        edges.extend(spans[good & np.roll(good, -1)])
+    found = np.array(edges, dtype=np.intp).reshape(-1, 2, 2)
+    length_px = np.linalg.norm((found[:, 0] - found[:, 1]).astype(np.float64), axis=1)
+    length_m = edge_lengths(depth_m, found, camera)
+    found = found[(length_px >= _MIN_LENGTH_PX) & (length_m >= _MIN_LENGTH_M)]
+    return generator.permutation(found)[:_MAX_EDGES]
 
 
-def _faces(class_map: ClassMap) -> Iterator[Mask]:
+def _faces(class_map: ClassMap) -> Iterator[NDArray[np.uint8]]:
     """Yield every connected region of an obstacle's class, without its rim."""
-    square = np.ones((2 * _INSET_PX + 1, 2 * _INSET_PX + 1), dtype=np.uint8)
     for obstacle in class_map.classes.of_role(OBSTACLE):
         mask = (class_map.ids == obstacle).astype(np.uint8)
         count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
@@ -94,20 +80,13 @@ def _faces(class_map: ClassMap) -> Iterator[Mask]:
                 face = (labels == label).astype(np.uint8)
                 # The image's border is not a rim, because the face continues beyond it.
                 padded = cv2.copyMakeBorder(face, *(4 * (_INSET_PX,)), cv2.BORDER_REPLICATE)
-                core = cv2.erode(padded, square)[_INSET_PX:-_INSET_PX, _INSET_PX:-_INSET_PX]
+                core = cv2.erode(padded, _SQUARE)[_INSET_PX:-_INSET_PX, _INSET_PX:-_INSET_PX]
                 yield np.asarray(core, dtype=np.uint8)
 
 
-def _polygon(face: Mask) -> Indices:
-    """Return the corners of a face's largest part in order, (N, 2) column and row."""
-    outlines, _ = cv2.findContours(face, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    if not outlines:
-        return np.empty((0, 2), dtype=np.intp)
-    polygon = cv2.approxPolyDP(max(outlines, key=len), _SIMPLIFY_PX, closed=True)
-    return polygon.reshape(-1, 2).astype(np.intp)
-
-
-def _picked(corner: Indices, face: Mask, class_map: ClassMap, depth_m: Floats32) -> bool:
+def _picked(
+    corner: Indices, face: NDArray[np.uint8], class_map: ClassMap, depth_m: Floats32
+) -> bool:
     """Return whether a corner belongs to the obstacle and not to an occluder."""
     column, row = int(corner[0]), int(corner[1])
     reach, ids = _INSET_PX + 1, class_map.ids
@@ -121,56 +100,14 @@ def _picked(corner: Indices, face: Mask, class_map: ClassMap, depth_m: Floats32)
     return not bool(np.any(others & (depth_m[near] < depth_m[row, column] - _OCCLUDER_M)))
 
 
-def _across(corners: list[Indices], generator: np.random.Generator) -> Indices:
-    pairs = []
-    if len(corners) > 1:
-        for _ in range(_MAX_ACROSS):
-            faces = generator.choice(len(corners), size=2, replace=False)
-            pairs.append([generator.choice(corners[face]) for face in faces])
-    return np.array(pairs, dtype=np.intp).reshape(-1, 2, 2)
-
-
-def pair_distances(
-    depth_m: Floats32, pairs: PointPairs, camera: CameraModel, patch_px: int = 1
-) -> Floats:
-    """Return the distances in space between the points of pairs, (N,) metres; NaN where unknown.
-
-    A patch only smooths: if the depth of a pixel is unknown, so is that of its patch, which would
-    be the depth of other objects.
-
-    Args:
-        depth_m: (H, W) along the optical axis; NaN where unknown.
-        pairs: pixels of that map.
-        camera: intrinsics at that size.
-        patch_px: the depth at a pixel is the median of a square of that odd side around it; parts
-            that are unknown or outside the image are left out.
-    """
-    return _lengths(depth_m, pairs.first, pairs.second, camera, patch_px)
-
-
-def _lengths(
-    depth_m: Floats32, first: Indices, second: Indices, camera: CameraModel, patch_px: int
-) -> Floats:
-    ends = []
-    for pixels in (first, second):
-        depth = _patch_depths(depth_m, pixels, patch_px)
-        x = (pixels[:, 0] - camera.cx_px) / camera.fx_px
-        y = (pixels[:, 1] - camera.cy_px) / camera.fy_px
-        ends.append(np.stack([x * depth, y * depth, depth], axis=1))
-    return np.asarray(np.linalg.norm(ends[0] - ends[1], axis=1))
-
-
-def _patch_depths(depth_m: Floats32, pixels: Indices, patch_px: int) -> Floats:
-    padded = np.pad(depth_m.astype(np.float64), patch_px // 2, constant_values=np.nan)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, (patch_px, patch_px))
-    patches = windows[pixels[:, 1], pixels[:, 0]].reshape(len(pixels), patch_px * patch_px)
-    medians = np.full(len(pixels), np.nan)
-    known = np.isfinite(depth_m[pixels[:, 1], pixels[:, 0]])
-    medians[known] = np.nanmedian(patches[known], axis=1)
-    return medians
-
-
-# --- distances from the camera --------------------------------------------------------------------
+def edge_lengths(depth_m: Floats32, edges: Indices, camera: CameraModel) -> Floats:
+    """Return the lengths of edges in space by a depth map, (N,) metres; NaN where unknown."""
+    columns, rows = edges[..., 0], edges[..., 1]
+    depth = depth_m[rows, columns].astype(np.float64)
+    x = (columns - camera.cx_px) / camera.fx_px * depth
+    y = (rows - camera.cy_px) / camera.fy_px * depth
+    ends = np.stack([x, y, depth], axis=-1)
+    return np.asarray(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1))
 
 
 @dataclass(frozen=True)
@@ -185,11 +122,10 @@ class MeasuredPoints:
 def draw_points(
     class_map: ClassMap, depth_m: Floats32, camera: CameraModel, generator: np.random.Generator
 ) -> MeasuredPoints:
-    """Sample points of one image, uniformly over its pixels; the arguments are of `pick_pairs`."""
+    """Sample points of one image, uniformly over its pixels; arguments as `pick_edges`."""
     ids, roles = class_map.ids, class_map.roles
     range_m = depth_m * ray_lengths(camera)
-    square = np.ones((2 * _INSET_PX + 1, 2 * _INSET_PX + 1), dtype=np.uint8)
-    inner = cv2.erode(ids, square) == cv2.dilate(ids, square)
+    inner = cv2.erode(ids, _SQUARE) == cv2.dilate(ids, _SQUARE)
     inner &= (range_m >= _MIN_RANGE_M) & (range_m <= _MAX_RANGE_M)
     chosen = []
     for role in (OBSTACLE, GROUND):
@@ -209,9 +145,6 @@ def ranges_at(depth_m: Floats32, points: MeasuredPoints, camera: CameraModel) ->
     return np.asarray((depth_m * ray_lengths(camera))[rows, columns], dtype=np.float64)
 
 
-# --- errors ---------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class ErrorSummary:
     """Of absolute errors, metres; NaN where too few estimates have such a figure."""
@@ -222,9 +155,7 @@ class ErrorSummary:
     median_m: float = math.nan
     rmse_m: float = math.nan
     std_m: float = math.nan  # of the absolute error, as in the paper: rmse^2 = mean^2 + std^2
-    p95_m: float = math.nan
     max_m: float = math.nan
-    bias_m: float = math.nan  # mean of estimate less truth
     correlation: float = math.nan  # Pearson's, of estimates with the truth
 
 
@@ -244,8 +175,6 @@ def summarise_errors(estimated_m: Floats, truth_m: Floats) -> ErrorSummary:
         median_m=float(np.median(error)),
         rmse_m=math.sqrt(float(np.mean(error**2))),
         std_m=float(error.std()),
-        p95_m=float(np.percentile(error, 95.0)),
         max_m=float(error.max()),
-        bias_m=float(np.mean(estimated - truth)),
         correlation=float(a @ b) / size if size > 0.0 else math.nan,
     )
