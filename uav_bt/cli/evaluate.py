@@ -19,8 +19,8 @@ from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.training_options import Drawn, drawn_options
 from uav_bt.cli.values import WholeNumber
 from uav_bt.files import writing
-from uav_bt.learning import evaluation
-from uav_bt.learning.dataset import read_advised_flights, records_of
+from uav_bt.learning.dataset import evaluate_student, read_advised_flights, records_of
+from uav_bt.learning.depth_evaluation import evaluate_depth
 from uav_bt.learning.views import TESTING_SCENES, DepthViewPlan
 
 _FIGURES: Final = {
@@ -66,7 +66,7 @@ def depth(
     plan = drawn.of(DepthViewPlan(scenes=TESTING_SCENES))
     unet = runtime.shipped_unet(threads=2)
     with progress_bars() as advance:
-        measured = evaluation.evaluate_depth(plan, masks, unet, network, advance=advance)
+        measured = evaluate_depth(plan, masks, unet, network, advance=advance)
     click.echo(
         f"{model} on {measured['images']} images of {', '.join(plan.scenes)}, {masks} masks, "
         f"telemetry of profile '{plan.profile}'\n"
@@ -138,7 +138,7 @@ def student(
         flights = read_advised_flights(
             records_of(records), network.config, views_kept or Path(folder), advance=advance
         )
-        score = evaluation.evaluate_student(flights, network, max_windows=views)
+        score = evaluate_student(flights, network, max_windows=views)
     click.echo(f"flights: {len(flights)}, views scored: {score.windows}")
     for name, value in score.to_json().items():
         if name != "windows":

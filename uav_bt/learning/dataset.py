@@ -12,10 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.control.ego_state import ControlNetConfig
+from perception.control.runtime import ControlEstimate, OnnxControlStudent
 from perception.control.training.samples import (
+    Batch,
     ControlFlight,
+    ControlSamples,
+    ControlScore,
     advised_flight,
     read_flight,
+    score_control,
     write_flight,
 )
 from perception.depth.training.footage import Flight, gathered, shrink
@@ -30,9 +35,8 @@ from uav_bt.errors import FileError, InputError
 from uav_bt.learning.lab_material import fingerprint
 from uav_bt.progress import Advance, silent
 from uav_bt.protocols import Advice, Segmenter
-from uav_bt.record.footage import flight_record, footage
 from uav_bt.record.moment import StoredFrame
-from uav_bt.record.reader import RecordReader
+from uav_bt.record.reader import RecordReader, flight_record, footage
 from uav_bt.types import CameraModel, DroneState
 from uav_bt.types.arrays import Image
 
@@ -218,3 +222,16 @@ def _advised_views(
             and advice.answer.reason != _BLIND
         ):
             yield shrunk(image_of(item, reader.path), size_px), advice
+
+
+def evaluate_student(
+    flights: Sequence[ControlFlight], student: OnnxControlStudent, *, max_windows: int = 2000
+) -> ControlScore:
+    """Score an exported student on windows of advised flights, spread evenly over all."""
+
+    def estimates(batch: Batch) -> list[ControlEstimate]:
+        windows = zip(batch.frames, batch.state, strict=True)
+        return [student.estimate(list(frames), state) for frames, state in windows]
+
+    samples = ControlSamples(flights, student.config)
+    return score_control(estimates, samples, max_windows=max_windows)

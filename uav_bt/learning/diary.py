@@ -18,6 +18,7 @@ from uav_bt.learning.views import DepthViews
 from uav_bt.types.arrays import Image
 
 _COLUMNS: Final = 3
+_SHEET_ROWS: Final = 6
 
 
 class Diary:
@@ -55,18 +56,9 @@ class Diary:
         figure.savefig(self.folder / "curves.png")
 
 
-def write_depth_sheet(
-    path: Path, views: DepthViews, predicted: NDArray[np.float32], *, rows: int = 6
-) -> None:
-    """Draw image, true depth and predicted depth of some views side by side.
-
-    Args:
-        path: the PNG file.
-        views: images with ground truth.
-        predicted: (N, 128, 160) predicted depth.
-        rows: number of views to draw.
-    """
-    places = np.linspace(0, len(views.rgb) - 1, rows).astype(int)
+def write_depth_sheet(path: Path, views: DepthViews, predicted: NDArray[np.float32]) -> None:
+    """Draw image, true and predicted depth, (N, 128, 160), of some views side by side."""
+    places = np.linspace(0, len(views.rgb) - 1, _SHEET_ROWS).astype(int)
     strips = [_depth_strip(views.rgb[at], views.depth_m[at], predicted[at]) for at in places]
     if not cv2.imwrite(str(path), np.vstack(strips)[..., ::-1]):
         raise FileError(path, "the image cannot be written")

@@ -1,24 +1,32 @@
-"""Videos, flight records and photographs that a lab's images are taken from."""
+"""Videos, flight records and photographs that a lab's images are taken from, and candidates.
+
+A candidate is the sharpest image of each short time, kept as a JPEG file.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+import cv2
+
 from perception.camera.image_files import FOREIGN_SUFFIXES, IMAGE_SUFFIXES
-from uav_bt.app.sources.by_name import RecordSource
-from uav_bt.app.sources.shots import ImageSource
+from perception.segmentation.training.frame_choice import (
+    Look,
+    clear_ones,
+    look_at,
+    sharpness_size_px,
+)
+from uav_bt.app.sources.by_name import FolderSource, RecordSource
+from uav_bt.app.sources.shots import ImageSource, Shot
 from uav_bt.app.sources.video_source import VideoSource
 from uav_bt.errors import FileError, InputError
-from uav_bt.files import did_you_mean_file
+from uav_bt.files import did_you_mean_file, writing
 from uav_bt.learning.lab_material import LabFrame, fingerprint
-from uav_bt.record.footage import RECORD_SUFFIX, flight_record
-
-SMALLEST_PX: Final = (224, 112)
-"""Longer and shorter side of the smallest images."""
+from uav_bt.record.reader import RECORD_SUFFIX, flight_record
 
 _VIDEO_SUFFIXES: Final = (
     *(".264", ".265", ".3gp", ".avi", ".h264", ".h265", ".hevc", ".m2ts", ".m4v", ".mkv"),
@@ -29,19 +37,19 @@ _UNKNOWN_DURATION_S: Final = 60.0  # of a video that states none; it shares the 
 _NAMED: Final = 3  # files that a message lists
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class FrameSource:
-    """A video file or a flight record, or a photograph."""
+    """A video file, a flight record or a photograph."""
 
-    name: str  # name in the list of images, different for each source
-    path: Path  # the file
+    name: str  # in the list of images, different for each source
+    path: Path
     content: str  # hash by which the file is known again, whatever its name
-    video: ImageSource | None  # the images; None: the file is a photograph
+    images: ImageSource
 
     @property
     def seconds(self) -> float:
         """About how long it is."""
-        stated_s = None if self.video is None else self.video.duration_s
+        stated_s = self.images.duration_s
         return _UNKNOWN_DURATION_S if stated_s is None else stated_s
 
     def gave(self, frame: LabFrame) -> bool:
@@ -79,26 +87,14 @@ def find_sources(
     for content, file in files.items():
         name = known.get(content) or next(one for one in _names(file) if one not in taken)
         taken.add(name)
-        if is_photograph(file):
-            photographs.append(FrameSource(name=name, path=file, content=content, video=None))
-        else:
-            filmed.append(FrameSource(name=name, path=file, content=content, video=_opened(file)))
+        kind = photographs if is_photograph(file) else filmed
+        kind.append(FrameSource(name=name, path=file, content=content, images=_opened(file)))
     return filmed, sorted(photographs, key=lambda one: one.name), notes
 
 
 def is_photograph(path: Path) -> bool:
     """Return whether a file's name is that of an image."""
     return path.suffix.lower() in IMAGE_SUFFIXES
-
-
-def check_size(path: Path, size_px: tuple[int, int]) -> None:
-    """Refuse images that are too small to learn from."""
-    if max(size_px) < SMALLEST_PX[0] or min(size_px) < SMALLEST_PX[1]:
-        raise FileError(
-            path,
-            f"the images must have at least {SMALLEST_PX[0]}x{SMALLEST_PX[1]} pixels, got "
-            f"{size_px[0]}x{size_px[1]}; take the camera's own file, not a preview",
-        )
 
 
 def _files(path: Path, own: Path) -> list[Path]:
@@ -136,14 +132,98 @@ def _names(file: Path) -> Iterator[str]:
 
 
 def _opened(path: Path) -> ImageSource:
-    """Open a video or record, and look at its first image."""
+    if is_photograph(path):
+        return FolderSource(path)
     recorded = path.suffix.lower() == RECORD_SUFFIX
-    video: ImageSource = RecordSource(flight_record(path)) if recorded else VideoSource(path)
-    with closing(video.images()) as images:
-        first = next(images, None)
-    if first is None:
-        why = f" ({video.skipped[0]})" if video.skipped else ""
-        raise FileError(path, f"holds no image that can be read{why}; film or copy it again")
-    check_size(path, first.size_px)
-    video.skipped.clear()  # of this look
-    return video
+    return RecordSource(flight_record(path)) if recorded else VideoSource(path)
+
+
+# --- candidates -----------------------------------------------------------------------------------
+
+_WINDOW_S: Final = 0.5  # of which the sharpest image is a candidate
+_MOST_CANDIDATES: Final = 1000  # of one video: their files take 0.3 to 1 MB each
+_LONGEST_PX: Final = 1920
+_SMALLEST_PX: Final = (224, 112)  # longer and shorter side of the smallest images
+_JPEG_QUALITY: Final = 95
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Candidate:
+    """An image that may be chosen: its source, time in s, measures, and file unless it is blank."""
+
+    source: FrameSource
+    time_s: float
+    look: Look
+    file: Path | None
+
+
+def watch(
+    filmed: FrameSource, folder: Path, on_time: Callable[[float], None]
+) -> tuple[list[Candidate], int, float]:
+    """Read a video and keep the sharpest image of each half second, longer in very long videos.
+
+    Returns:
+        The candidates in order of time, the number of images that were read, the last one's time.
+    """
+    window_s = max(_WINDOW_S, filmed.seconds / _MOST_CANDIDATES)
+    candidates: list[Candidate] = []
+    best: tuple[Look, Shot] | None = None
+    read, window, end_s = 0, 0, 0.0
+    with closing(filmed.images.images()) as shots:
+        for shot in shots:
+            if not read:
+                _check_size(filmed.path, shot.size_px)
+            now = int(shot.time_s / window_s)
+            if best is not None and now != window:
+                candidates.append(_candidate(filmed, *best, folder / f"{len(candidates):05d}.jpg"))
+                best = None
+            window, read, end_s = now, read + 1, shot.time_s
+            look = look_at(shot.shrunk(sharpness_size_px(*shot.size_px), colour=False))
+            # Of a video's images only the present window's best one is kept in memory.
+            if best is None or (look.blank, -look.sharpness) < (best[0].blank, -best[0].sharpness):
+                best = look, shot
+            on_time(end_s)
+    if best is None:
+        why = f" ({filmed.images.skipped[0]})" if filmed.images.skipped else ""
+        raise FileError(filmed.path, f"holds no image that can be read{why}; film or copy it again")
+    candidates.append(_candidate(filmed, *best, folder / f"{len(candidates):05d}.jpg"))
+    return candidates, read, end_s
+
+
+def _check_size(path: Path, size_px: tuple[int, int]) -> None:
+    """Refuse images that are too small to learn from."""
+    if max(size_px) < _SMALLEST_PX[0] or min(size_px) < _SMALLEST_PX[1]:
+        raise FileError(
+            path,
+            f"the images must have at least {_SMALLEST_PX[0]}x{_SMALLEST_PX[1]} pixels, got "
+            f"{size_px[0]}x{size_px[1]}; take the camera's own file, not a preview",
+        )
+
+
+def _candidate(source: FrameSource, look: Look, shot: Shot, file: Path) -> Candidate:
+    """Write the file of a candidate unless it is blank."""
+    if look.blank:
+        return Candidate(source=source, time_s=shot.time_s, look=look, file=None)
+    scale = min(1.0, _LONGEST_PX / max(shot.size_px))
+    size_px = (max(1, round(shot.size_px[0] * scale)), max(1, round(shot.size_px[1] * scale)))
+    bgr = cv2.cvtColor(shot.shrunk(size_px, colour=True), cv2.COLOR_RGB2BGR)
+    whole, encoded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+    if not whole:
+        raise FileError(file, "the image cannot be written as JPEG")
+    with writing(file):
+        file.write_bytes(encoded.tobytes())
+    return Candidate(source=source, time_s=shot.time_s, look=look, file=file)
+
+
+def clear_candidates(candidates: Sequence[Candidate], path: Path) -> list[Candidate]:
+    """Return the candidates that are neither blank nor blurred; FileError without any."""
+    looks = [one.look for one in candidates]
+    clear = [one for one, good in zip(candidates, clear_ones(looks), strict=True) if good]
+    if not clear:
+        blank = sum(look.blank for look in looks)
+        raise FileError(
+            path,
+            f"none of its images can be used: {blank} are dark or of one colour, "
+            f"{len(looks) - blank} are blurred; film slowly, in good light, with a clean lens",
+        )
+    return clear

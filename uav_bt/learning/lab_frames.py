@@ -16,13 +16,14 @@ from perception.segmentation.training.frame_choice import different_ones
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import check_output_folder, writing
 from uav_bt.lab.lab import Lab
-from uav_bt.learning.frame_candidates import (
+from uav_bt.learning.frame_sources import (
     Candidate,
+    FrameSource,
     clear_candidates,
-    look_at_photograph,
+    find_sources,
+    is_photograph,
     watch,
 )
-from uav_bt.learning.frame_sources import FrameSource, find_sources, is_photograph
 from uav_bt.learning.lab_material import LabFrame, LabMaterial, Use
 from uav_bt.progress import Advance, silent
 
@@ -174,9 +175,8 @@ class _Run:
             names = [f"{stem}-{one.time_s:07.1f}.jpg" for one in chosen]
             uses = [use_at(one.time_s, end_s) for one in chosen]
             self._keep(chosen, uses, names)
-        video = filmed.video
-        notes = [] if video is None else [*video.warnings, *video.skipped]
-        stated_s = None if video is None else video.duration_s
+        stated_s = filmed.images.duration_s
+        notes = [*filmed.images.warnings, *filmed.images.skipped]
         if stated_s is not None and end_s < _MISSED * stated_s - 1.0:
             notes.append(
                 f"the file ends at {end_s:.1f} s of {stated_s:.1f} s, so it was cut short; what "
@@ -196,8 +196,10 @@ class _Run:
         with self._candidates() as folder:
             candidates, notes = [], []
             for number, one in enumerate(unread, start=1):
+                place = Path(folder) / str(number)
+                place.mkdir()
                 try:
-                    candidates.append(look_at_photograph(one, Path(folder) / f"{number:05d}.jpg"))
+                    candidates += watch(one, place, lambda _: None)[0]
                 except FileError as error:
                     notes.append(str(error))
                 self._advance(f"{_PHOTOGRAPHS}, {one.name}", number, len(unread))

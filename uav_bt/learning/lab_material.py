@@ -47,41 +47,17 @@ class LabFrame:
     content: str = ""  # `fingerprint` of the source; empty where it is unknown
 
 
-@dataclass(frozen=True, kw_only=True)
 class LabMaterial:
     """Where a lab's training files are."""
 
-    lab: Lab
-
-    @property
-    def frames(self) -> Path:
-        """Folder of the images."""
-        return self.lab.folder / "frames"
-
-    @property
-    def list_file(self) -> Path:
-        """The CSV file about the images."""
-        return self.frames / "frames.csv"
-
-    @property
-    def picks(self) -> Path:
-        """The CSV file of the picks."""
-        return self.lab.folder / "picks.csv"
-
-    @property
-    def training(self) -> Path:
-        """Folder of what training keeps."""
-        return self.lab.folder / "training"
-
-    @property
-    def teacher(self) -> Path:
-        """Weights of the teacher of the picks."""
-        return self.training / "teacher.safetensors"
-
-    @property
-    def network(self) -> Path:
-        """The network that training writes; see also `Lab.network`."""
-        return self.lab.folder / NETWORK_FILE
+    def __init__(self, lab: Lab) -> None:
+        self.lab = lab
+        self.frames = lab.folder / "frames"  # folder of the images
+        self.list_file = self.frames / "frames.csv"
+        self.picks = lab.folder / "picks.csv"
+        self.training = lab.folder / "training"  # folder of what training keeps
+        self.teacher = self.training / "teacher.safetensors"  # of the picks
+        self.network = lab.folder / NETWORK_FILE  # that training writes; see also `Lab.network`
 
     def uses(self) -> dict[str, Use]:
         """Return the use of every image in the folder, by file name in the order of names.

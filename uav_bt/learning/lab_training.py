@@ -6,7 +6,6 @@ import hashlib
 import json
 import shutil
 import time
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -114,11 +113,7 @@ def estimated(
 ) -> Estimate:
     """Measure one mask and one step, and return the time that training will take."""
     images = data.images("train")
-    todo = [
-        image
-        for image, file in mask_files(images, _mask_folder(data, source)).items()
-        if not file.is_file()
-    ]
+    files = mask_files(images, _mask_folder(data, source)).values()
     make = source.load()
     rgb = read_image(images[0], colour=True, as_stored=False)
     make(rgb)  # the first one also loads libraries
@@ -130,18 +125,13 @@ def estimated(
     def note(_now: Progress, _net: UNet) -> None:
         done_at.append(time.perf_counter())
 
-    width, height = SIZE_PX
     classes = data.material.lab.classes.names
-    blank = LabelledImages(
-        rgb=np.zeros((1, height, width, 3), dtype=np.uint8),
-        ids=np.zeros((1, height, width), dtype=np.uint8),
-        classes=classes,
-    )
-    train_unet(
-        blank, replace(config, steps=_TIMED), UNetConfig(outputs=len(classes)), progress=note
-    )
+    ids = np.zeros((1, *SIZE_PX[::-1]), dtype=np.uint8)
+    blank = LabelledImages(rgb=np.stack([ids] * 3, axis=-1), ids=ids, classes=classes)
+    config_of_one = replace(config, steps=_TIMED)
+    train_unet(blank, config_of_one, UNetConfig(outputs=len(classes)), progress=note)
     return Estimate(
-        masks=len(todo),
+        masks=sum(not file.is_file() for file in files),
         mask_s=mask_s / workers,
         steps=config.steps,
         step_s=float(np.diff(done_at).min()),
@@ -163,24 +153,14 @@ def train_lab(
     workers: int = 1,
     advance: Advance = silent,
 ) -> float:
-    """Train the network of a lab and write its files.
+    """Train the network of a lab and write its files; `workers` processes make masks.
 
     `training/` gets weights, checkpoint and the network in floats. `segmentation.onnx` is written
     last, in one step. An interrupted training continues from its masks and its checkpoint.
 
-    Args:
-        data: Training files.
-        source: Makes the masks.
-        config: Settings of the training.
-        workers: Number of processes that make masks.
-        advance: Called after each mask and each step.
-
     Returns:
         The loss, as the mean of the last tenth of the steps that were done now; NaN if a finished
         training was only exported again.
-
-    Raises:
-        InputError: A file cannot be read or written.
     """
     folder, images = data.material.training, data.images("train")
     data.material.keep_uses(data.uses)
@@ -195,7 +175,9 @@ def train_lab(
         advance(f"training, loss {now.loss:.3f}", now.step, now.steps)
 
     start = _first_network(data)
-    checkpoint = folder / f"checkpoint-{_run_name(config, masks, images)}.safetensors"
+    about = [asdict(config), masks.name, [one.name for one in mask_files(images, masks).values()]]
+    digest = hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:12]
+    checkpoint = folder / f"checkpoint-{digest}.safetensors"
     net = train_unet(
         LabelledImages(rgb=rgb, ids=ids, classes=classes),
         config,
@@ -205,7 +187,12 @@ def train_lab(
         progress=step_done,
     )
     notes = {"training": asdict(config), "images": len(rgb), "began_with": list(start.classes)}
-    _export(data, net, notes, rgb, advance)
+    UNET_FILES.save(folder / WEIGHTS_FILE, net, notes=notes)
+    UNET_FILES.export(folder / WEIGHTS_FILE, folder / "segmentation-fp32.onnx")
+    advance("8-bit integers", 0, 1)
+    spread = np.linspace(0, len(rgb) - 1, min(len(rgb), _CALIBRATION_IMAGES)).astype(int)
+    UNET_FILES.export(folder / WEIGHTS_FILE, data.material.network, calibration=rgb[spread])
+    advance("8-bit integers", 1, 1)
     for file in folder.glob("checkpoint-*.safetensors"):
         if file != checkpoint:  # of trainings with other settings, picks or images
             file.unlink(missing_ok=True)
@@ -227,26 +214,3 @@ def _first_network(data: LabData) -> UNet:
         if net.classes == tuple(data.material.lab.classes.names):
             return net
     return UNET_FILES.load(UNET_WEIGHTS)[0]
-
-
-def _export(
-    data: LabData,
-    net: UNet,
-    notes: Mapping[str, Any],
-    rgb: Image,
-    advance: Advance,
-) -> None:
-    weights = data.material.training / WEIGHTS_FILE
-    UNET_FILES.save(weights, net, notes=notes)
-    UNET_FILES.export(weights, data.material.training / "segmentation-fp32.onnx")
-    advance("8-bit integers", 0, 1)
-    spread = np.linspace(0, len(rgb) - 1, min(len(rgb), _CALIBRATION_IMAGES)).astype(int)
-    UNET_FILES.export(weights, data.material.network, calibration=rgb[spread])
-    advance("8-bit integers", 1, 1)
-
-
-def _run_name(config: TrainingConfig, masks: Path, images: Sequence[Path]) -> str:
-    """Return a name for the training with these settings on these masks."""
-    names = [file.name for file in mask_files(images, masks).values()]
-    text = json.dumps([asdict(config), masks.name, names], sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:12]

@@ -115,15 +115,7 @@ def score_picks(
     *,
     advance: Advance = silent,
 ) -> PickScore:
-    """Score a segmentation at picks.
-
-    Args:
-        segment: Segmentation.
-        picks: In pixels of their images.
-        frames: Folder of the images.
-        classes: Classes of the lab.
-        advance: Called after each image.
-    """
+    """Score a segmentation at picks, which are in pixels of the images of a folder."""
     if not picks:
         raise InputError(
             f"there are no picks on images for checks in {frames}: pick on images whose use is "
@@ -136,7 +128,10 @@ def score_picks(
     scores = []
     for done, (name, mine) in enumerate(by_image.items(), start=1):
         rgb = read_image(frames / name, colour=True, as_stored=False)
-        answers = _at_picks(segment(rgb), mine, rgb.shape[1::-1])
+        ids, (down, across) = segment(rgb), rgb.shape[:2]
+        height, width = ids.shape
+        rows = [pick.y * height // down for pick in mine]
+        answers = ids[rows, [pick.x * width // across for pick in mine]].astype(np.uint8)
         exact = np.array([pick.class_id for pick in mine], dtype=np.uint8)
         counts += confusion(answers, exact, len(classes))
         scores.append(ImageScore(image=name, picks=mine, answers=answers))
@@ -146,23 +141,14 @@ def score_picks(
     return PickScore(total=total, images=scores)
 
 
-def _at_picks(ids: Image, picks: Sequence[Pick], size_px: tuple[int, ...]) -> Image:
-    height, width = ids.shape
-    across, down = size_px
-    return np.array(
-        [ids[pick.y * height // down, pick.x * width // across] for pick in picks], dtype=np.uint8
-    )
-
-
-def write_sheet(
-    score: PickScore, segment: Segment, frames: Path, file: Path, *, rows: int = _SHEET_ROWS
-) -> None:
+def write_sheet(score: PickScore, segment: Segment, frames: Path, file: Path) -> None:
     """Write the worst images as a PNG file: image, class map, and image with its picks.
 
     A pick is a disc of the colour of its class, with a white rim, or a red one if the segmentation
     has another class there.
     """
-    strips = [_strip(each, segment, frames, score.total.classes) for each in score.images[:rows]]
+    worst, classes = score.images[:_SHEET_ROWS], score.total.classes
+    strips = [_strip(each, segment, frames, classes) for each in worst]
     _, png = cv2.imencode(".png", cv2.cvtColor(np.vstack(strips), cv2.COLOR_RGB2BGR))
     file.parent.mkdir(parents=True, exist_ok=True)
     write_whole(file, png.tobytes())

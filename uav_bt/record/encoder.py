@@ -47,13 +47,8 @@ _LEFT_OUT: Final[dict[Quality, tuple[Channel, ...]]] = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class LogLine:
-    """A line of the log."""
-
-    level: str  # "Info", "Warning" or "Error"
-    message: str
-    name: str  # name of the logger
+LogLine = tuple[str, str, str]
+"""Level ("Info", "Warning" or "Error"), message, and name of the logger."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,9 +97,7 @@ class MomentEncoder:
         }
         yield message(channels.BOARD, dump(board))
         for line in moment.log:
-            yield message(
-                channels.LOG, messages.log_line(line.level, line.message, line.name, now_ns)
-            )
+            yield message(channels.LOG, messages.log_line(*line, now_ns))
         for channel, value in self._values(moment):
             yield message(channel, dump(encode(value)))
         for channel, image in self._frame(moment.tick, images=images):

@@ -100,7 +100,13 @@ class Playback:
                 board.forget(key)
             elif value is not None:
                 board.write(key, value, captured_s=entry["captured_s"])
-        self._write_map(moment)
+        entry = moment.board.get(keys.SITE_MAP.name)
+        self._map = moment.site_map or self._map
+        if entry is None or entry["value"] is None:
+            board.forget(keys.SITE_MAP)
+        elif self._map is not None and (moment.site_map is not None or moment.near is not None):
+            self._map = replace(self._map, near=moment.near or self._map.near)
+            board.write(keys.SITE_MAP, self._map, captured_s=entry["captured_s"])
         for plain in (keys.ELAPSED, keys.PHASE):
             entry = moment.board.get(plain.name)
             if entry is not None:
@@ -110,12 +116,3 @@ class Playback:
         board.write(keys.CAMERA, self._reader.camera)
         if self._frame is not None:
             board.write(keys.FRAME, self._frame, captured_s=self._frame.captured_s)
-
-    def _write_map(self, moment: Moment) -> None:
-        entry = moment.board.get(keys.SITE_MAP.name)
-        self._map = moment.site_map or self._map
-        if entry is None or entry["value"] is None:
-            self.board.forget(keys.SITE_MAP)
-        elif self._map is not None and (moment.site_map is not None or moment.near is not None):
-            self._map = replace(self._map, near=moment.near or self._map.near)
-            self.board.write(keys.SITE_MAP, self._map, captured_s=entry["captured_s"])

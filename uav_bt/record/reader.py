@@ -3,6 +3,8 @@
 reader = RecordReader(Path("flight.mcap"))
 for moment in reader.moments():
     print(moment.tick.time_s, moment.commands.sent)
+for item in footage(flight_record(Path("flight.mcap"))):  # for perception and training
+    ...
 """
 
 from __future__ import annotations
@@ -17,15 +19,24 @@ from uav_bt.errors import FileError, InputError
 from uav_bt.files import parse_json
 from uav_bt.lab.classes import LabClass, LabClasses
 from uav_bt.plugins import need
+from uav_bt.protocols import Advice
 from uav_bt.record import channels
-from uav_bt.record.channels import END, SCHEMA_VERSION, START, StatusNote, TreeNote
-from uav_bt.record.moment import Moment, moment_of
+from uav_bt.record.channels import END, SCHEMA_VERSION, START, FrameNote, StatusNote, TreeNote
+from uav_bt.record.images import image_bytes
+from uav_bt.record.moment import Moment, StoredFrame, moment_of
 from uav_bt.record.record_file import Attachment, Timeline
 from uav_bt.record.values import decode
-from uav_bt.types import CameraModel
+from uav_bt.types import CameraModel, DroneState
 
 _NS: Final = 1_000_000_000
 _NEEDED: Final = {channels.TICK.topic, channels.STATE.topic, channels.COMMANDS.topic}
+RECORD_SUFFIX: Final = ".mcap"
+
+_DECODED: Final[dict[str, type[Any]]] = {
+    channels.ADVICE.topic: Advice,
+    channels.CAMERA_FRAME.topic: FrameNote,
+    channels.STATE.topic: DroneState,
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -248,3 +259,38 @@ class RecordReader:
 
     def _damaged(self, what: str, error: Exception) -> FileError:
         return FileError(self.path, f"the record's {what} is damaged: {error}")
+
+
+def flight_record(path: Path) -> RecordReader:
+    """Open a finished record; FileError if it is none."""
+    reader = RecordReader(path)
+    if not reader.finished:
+        raise FileError(path, "the record was never finished; `mcap recover` makes a whole one")
+    return reader
+
+
+def footage(reader: RecordReader) -> Iterator[StoredFrame | DroneState | Advice]:
+    """Yield frames with an image, states and advice, in the order of time.
+
+    Images are decoded on access. FileError if the record is damaged.
+    """
+    note: FrameNote | None = None
+    try:
+        for message in reader.messages((*_DECODED, channels.CAMERA_IMAGE.topic)):
+            if message.topic != channels.CAMERA_IMAGE.topic:
+                found = decode(_DECODED[message.topic], parse_json(message.data))
+                if isinstance(found, FrameNote):
+                    note = found
+                else:
+                    yield found
+            elif note is not None:
+                yield StoredFrame(note=note, image=image_bytes(message.data))
+                note = None
+    except FileError:
+        raise
+    except InputError as error:
+        raise FileError(reader.path, f"a message of the record is damaged: {error}") from error
+    if reader.damages:
+        raise FileError(
+            reader.path, f"is damaged ({reader.damages[0]}); `mcap recover` saves the intact part"
+        )

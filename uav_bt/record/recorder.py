@@ -25,7 +25,6 @@ from uav_bt.types.flight_results import EventKind
 
 _LOG: Final = logging.getLogger(__name__)
 _LEVELS: Final = {logging.ERROR: "Error", logging.WARNING: "Warning"}
-_RUNNER: Final = "runner"
 _USUAL: Final = frozenset(
     {EventKind.INFO, EventKind.PHASE, EventKind.PHOTO, EventKind.LANDED, EventKind.ENDED}
 )  # the log's other events are warnings
@@ -59,15 +58,8 @@ class RecordLosses:
 class FlightRecorder:
     """Records a flight from now until `finish`, which closes the file.
 
-    Args:
-        file: the record.
-        tree: the mission's tree, set up but not ticked yet.
-        context: context of the mission.
-        camera: camera of the drone.
-        facts: known before the flight.
-        start_ns: wall-clock start of the record's timeline, nanoseconds since 1970.
-        quality: amount of data.
-        wait: whether the flight waits for the disk; otherwise images are omitted.
+    The tree is set up but not ticked yet. `start_ns` is the wall-clock start of the record's
+    timeline since 1970. With `wait` the flight waits for the disk; otherwise images are omitted.
     """
 
     def __init__(
@@ -154,7 +146,7 @@ class FlightRecorder:
                 self._log("Info", f"sent: {kind.__name__}")
 
     def _log(self, level: str, message: str) -> None:
-        self._lines.append(LogLine(level=level, message=message, name=_RUNNER))
+        self._lines.append((level, message, "runner"))
 
     def finish(self, end: Mapping[str, str] | None = None) -> RecordLosses:
         """Write the remaining data, index and summary, and close. Safe to call twice.
@@ -166,31 +158,23 @@ class FlightRecorder:
         self._ended = True
         logging.getLogger().removeHandler(self._handler)
         self._worker.close()
-        failure = self._worker.failure or self._conclude(end or {})
+        dropped, lost_ticks = dict(self._worker.dropped), self._worker.lost_ticks
+        failure = self._worker.failure
+        if failure is None:
+            try:
+                about = {"dropped": json.dumps(dropped), "lost_ticks": str(lost_ticks)}
+                self._file.metadata(END, {**(end or {}), **about})
+                self._file.finish()
+            except OSError as error:
+                failure = error
+        reason = None
         if failure is not None:
             self._file.abandon()
-        self.losses = self._losses(failure)
+            reason = f"not written to its end: {getattr(failure, 'strerror', None) or failure}"
+        self.losses = RecordLosses(dropped=dropped, lost_ticks=lost_ticks, failure=reason)
         if str(self.losses):
             _LOG.warning("the flight's record is incomplete: %s", self.losses)
         return self.losses
-
-    def _losses(self, failure: Exception | None) -> RecordLosses:
-        reason = failure.strerror if isinstance(failure, OSError) and failure.strerror else failure
-        return RecordLosses(
-            dropped=dict(self._worker.dropped),
-            lost_ticks=self._worker.lost_ticks,
-            failure=None if reason is None else f"not written to its end: {reason}",
-        )
-
-    def _conclude(self, end: Mapping[str, str]) -> Exception | None:
-        losses = self._losses(None)
-        try:
-            dropped, lost = json.dumps(dict(losses.dropped)), str(losses.lost_ticks)
-            self._file.metadata(END, {**end, "dropped": dropped, "lost_ticks": lost})
-            self._file.finish()
-        except OSError as error:
-            return error
-        return None
 
     def __enter__(self) -> Self:
         """Return itself."""
@@ -221,4 +205,4 @@ class _Lines(logging.Handler):
         """Keep a line of this flight; other flights of the process run in other threads."""
         if record.thread == self._thread:
             level = _LEVELS.get(record.levelno, "Info")
-            self._lines.append(LogLine(level=level, message=record.getMessage(), name=record.name))
+            self._lines.append((level, record.getMessage(), record.name))

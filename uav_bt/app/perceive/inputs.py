@@ -31,7 +31,7 @@ from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.shipped import load_lab
 from uav_bt.protocols import DepthEstimator, Segmenter
-from uav_bt.record.footage import RECORD_SUFFIX, flight_record
+from uav_bt.record.reader import RECORD_SUFFIX, flight_record
 from uav_bt.settings import check_numbers
 from uav_bt.types import CameraModel
 

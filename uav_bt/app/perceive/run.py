@@ -14,19 +14,20 @@ from typing import Any, Final
 
 import numpy as np
 
+from perception.camera.image_files import IMAGE_SUFFIXES
 from uav_bt.app.option_values import as_file
 from uav_bt.app.perceive.inputs import PerceiveInput, PerceiveOptions
-from uav_bt.app.perceive.masks import MaskFolder
 from uav_bt.app.perceive.pipeline import STAGES, Perceived
 from uav_bt.app.sources.shots import Shot
 from uav_bt.display.video.perception_video import PerceptionPanes
 from uav_bt.display.video.video_file import FILM, VideoFile
-from uav_bt.errors import InputError
-from uav_bt.files import writing
+from uav_bt.errors import FileError, InputError
+from uav_bt.files import check_empty_folder, write_whole, writing
 from uav_bt.inputs import same_file
 from uav_bt.mission.flight_report import Percentiles
 from uav_bt.progress import Advance, silent
-from uav_bt.types import CameraModel
+from uav_bt.record.images import encode_bytes
+from uav_bt.types import CameraModel, ClassMap
 
 _MAX_RATE: Final = 60.0  # images a second of a video that is written
 _ALL: Final = "all"  # the stages of a frame together
@@ -67,7 +68,7 @@ def perceive(
         options: Facts about the images, and the networks.
         out: an mp4 file with the overlays.
         lines: a file with one JSON object for each frame.
-        masks: a folder, new or empty, for the class map of each frame (`MaskFolder`).
+        masks: a folder, new or empty, for the class map of each frame (ids, as PNG).
         advance: called with the progress.
 
     Raises:
@@ -78,7 +79,7 @@ def perceive(
     out, lines = as_file("out", out), as_file("lines", lines)
     folder = as_file("masks", masks, "a folder")
     _check_outputs([path for path in (out, lines) if path is not None], folder, source, options)
-    mask_folder = None if folder is None else MaskFolder(folder)
+    mask_folder = None if folder is None else _MaskFolder(folder)
     given = PerceiveInput(str(source), options)
     pipeline, images = given.begin()
     counts = _Counts()
@@ -117,6 +118,43 @@ def _check_outputs(
             raise InputError(f"{file} lies in the folder of the masks; name another place for it")
         if any(other.exists() and file.exists() and file.samefile(other) for other in read):
             raise InputError(f"{file} would overwrite an input; name another file")
+
+
+class _MaskFolder:
+    """A new or empty folder with the class map of each frame, and the classes.
+
+    A class map is a grey PNG of 8 bits, (h, w), whose values are class ids, at the size of the map.
+    `IMG_1.jpg` of a folder becomes `IMG_1.png`, frame 12 of a video `000012.png`.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        check_empty_folder(folder, "net perceive --masks")
+        self._folder = folder
+
+    def write(self, image: Shot, class_map: ClassMap) -> None:
+        """Write the class map of an image; the first one makes the folder."""
+        classes = self._folder / "classes.json"
+        if not classes.exists():
+            with writing(self._folder):
+                self._folder.mkdir(parents=True, exist_ok=True)
+            rows = [
+                {"id": number, "name": each.name, "role": each.role, "rgb": list(each.colour)}
+                for number, each in enumerate(class_map.classes)
+            ]
+            write_whole(classes, json.dumps({"classes": rows}, indent=2) + "\n")
+        path = self._path(image)
+        with writing(path):
+            if path.exists() or path.is_symlink():
+                raise FileError(path, "exists already, and is not replaced")
+        write_whole(path, encode_bytes(class_map.ids))
+
+    def _path(self, image: Shot) -> Path:
+        name = Path(image.name)
+        if name.suffix.lower() not in IMAGE_SUFFIXES:
+            return self._folder / f"{image.index:06d}.png"
+        path = self._folder / f"{name.stem}.png"
+        # IMG_1.jpg and IMG_1.png of one folder have two masks.
+        return self._folder / f"{name.name}.png" if path.exists() else path
 
 
 @contextmanager

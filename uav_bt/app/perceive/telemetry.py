@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from uav_bt.errors import FileError
 from uav_bt.record.channels import FrameNote
-from uav_bt.record.footage import footage
 from uav_bt.record.moment import StoredFrame
-from uav_bt.record.reader import RecordReader
+from uav_bt.record.reader import RecordReader, footage
 from uav_bt.types import Attitude, DroneState, Frame
 
 

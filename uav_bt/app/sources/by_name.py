@@ -23,9 +23,8 @@ from uav_bt.clock import WallClock
 from uav_bt.errors import FileError, InputError, ShapeError
 from uav_bt.files import did_you_mean_file
 from uav_bt.protocols import Clock
-from uav_bt.record.footage import RECORD_SUFFIX, flight_record, footage
 from uav_bt.record.moment import StoredFrame
-from uav_bt.record.reader import RecordReader
+from uav_bt.record.reader import RECORD_SUFFIX, RecordReader, flight_record, footage
 
 CAMERA: Final = "camera:"  # before a device's number
 FOLDER_RATE: Final = 10.0  # images a second where it is unknown: a mission's tick
