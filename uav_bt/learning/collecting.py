@@ -65,12 +65,13 @@ def collect(
     on_flight: Progress = silent_progress,
     on_note: Callable[[str], None] = lambda _: None,
 ) -> list[Path]:
-    """Fly the flights of a plan that are missing in its folder.
-
-    Returns:
-        The records.
-    """
-    _check_adviser(plan.tree)
+    """Fly the flights of a plan that are missing in its folder, and return the records."""
+    if not any(ADVICE in leaf.writes for leaf in app.check(plan.tree).leaves()):
+        raise InputError(
+            f"no leaf of '{plan.tree}' writes '{ADVICE.name}', so its records have no labels: put "
+            '<RememberViews/> and <Advise policy="corridor"/> behind <BuildCorridor/>, as '
+            "explore_and_land_advised has it"
+        )
     scenes = _scenes(plan, folder / "scenes")
     records: list[Path] = []
     for profile in plan.profiles:
@@ -94,21 +95,8 @@ def collect(
     return [record for record in records if record.is_file()]
 
 
-def _check_adviser(tree: str | Path) -> None:
-    mission = app.check(tree)
-    if not any(ADVICE in leaf.writes for leaf in mission.leaves()):
-        raise InputError(
-            f"no leaf of '{tree}' writes '{ADVICE.name}', so its records have no labels: put "
-            '<RememberViews/> and <Advise policy="corridor"/> behind <BuildCorridor/>, as '
-            "explore_and_land_advised has it"
-        )
-
-
 def nodes_under_policy(tree: str | Path) -> list[str]:
-    """Return the names of a tree's leaves that use a leaf policy.
-
-    Leaves that only write the advice of a policy are omitted.
-    """
+    """Return the names of a tree's leaves that fly by a leaf policy, not only advise by it."""
     return [
         leaf.name
         for leaf in app.check(tree).leaves()

@@ -83,7 +83,8 @@ def find_sources(
             raise InputError(notes[0])
     known = {frame.content: frame.source for frame in listed if frame.content}
     taken = set(known.values())
-    filmed, photographs = [], []
+    filmed: list[FrameSource] = []
+    photographs: list[FrameSource] = []
     for content, file in files.items():
         name = known.get(content) or next(one for one in _names(file) if one not in taken)
         taken.add(name)

@@ -69,21 +69,11 @@ class FramesSummary:
 def take_frames(
     lab: Lab, paths: Sequence[Path], *, count: int = DEFAULT_COUNT, advance: Advance = silent
 ) -> FramesSummary:
-    """Take images of a lab from videos, flight records and photographs.
+    """Take images of a lab from videos, flight records and photographs, and folders of them.
 
     Sources are finished one by one, so that a run that was stopped goes on where it was. A source
-    whose images are in the lab's list is not read again.
-
-    Args:
-        lab: The lab.
-        paths: Files, and folders of them.
-        count: Most images of all videos together, shared by their durations; also the most
-            photographs.
-        advance: Called with the progress.
-
-    Raises:
-        InputError: A path is no source, or no source gave an image.
-        FileError: The list of images is malformed, or a file cannot be written.
+    whose images are in the lab's list is not read again. `count` limits the images of all videos
+    together, shared by their durations, and also the photographs.
     """
     material = LabMaterial(lab=lab)
     listed = material.read_frames()  # refuses a malformed list before the folder is made
@@ -91,8 +81,8 @@ def take_frames(
     check_output_folder(material.frames)
     with writing(material.frames):
         material.frames.mkdir(exist_ok=True)
-        for left in material.frames.glob(f"{_CANDIDATES}*"):  # by a run that was killed
-            shutil.rmtree(left)
+        for old in material.frames.glob(f"{_CANDIDATES}*"):  # by a run that was killed
+            shutil.rmtree(old)
     run = _Run(material, listed, count, advance)
     errors: list[FileError] = []
     try:
@@ -163,18 +153,16 @@ class _Run:
             candidates, read, end_s = watch(filmed, Path(folder), on_time)
             on_time(filmed.seconds)
             clear = clear_candidates(candidates, filmed.path)
-            order = different_ones([one.look for one in clear])
-            if len(order) == 1 and len(clear) > 1:
+            chosen, different = _most_different(clear, quota)
+            if different == 1 and len(clear) > 1:
                 raise FileError(
                     filmed.path,
                     f"all its images look alike ({len(clear)} were compared): walk or fly through "
                     "the place while filming",
                 )
-            chosen = sorted((clear[index] for index in order[:quota]), key=lambda one: one.time_s)
             stem = self._free_stem(filmed, [])
-            names = [f"{stem}-{one.time_s:07.1f}.jpg" for one in chosen]
             uses = [use_at(one.time_s, end_s) for one in chosen]
-            self._keep(chosen, uses, names)
+            self._keep(chosen, uses, [f"{stem}-{one.time_s:07.1f}.jpg" for one in chosen])
         stated_s = filmed.images.duration_s
         notes = [*filmed.images.warnings, *filmed.images.skipped]
         if stated_s is not None and end_s < _MISSED * stated_s - 1.0:
@@ -182,7 +170,8 @@ class _Run:
                 f"the file ends at {end_s:.1f} s of {stated_s:.1f} s, so it was cut short; what "
                 "could be read is used"
             )
-        self._summarise(filmed.name, read, (candidates, clear, order, chosen), uses, notes)
+        counts = (read, len(candidates), len(clear), different)
+        self._summarise(filmed.name, counts, uses, notes)
         return len(chosen)
 
     def photograph(self, photographs: Sequence[FrameSource]) -> None:
@@ -204,40 +193,38 @@ class _Run:
                     notes.append(str(error))
                 self._advance(f"{_PHOTOGRAPHS}, {one.name}", number, len(unread))
             clear = [one for one in candidates if one.file is not None]
-            order = different_ones([one.look for one in clear])
-            wanted = max(0, self._count - len(there))
-            chosen = [clear[index] for index in sorted(order[:wanted])]
-            earlier = sum(is_photograph(Path(frame.source)) for frame in self._listed) + 1
-            uses = [_nth_use(earlier + place) for place in range(len(chosen))]
+            chosen, different = _most_different(clear, max(0, self._count - len(there)))
             if not chosen and not there:
                 where = unread[0].path if len(unread) == 1 else unread[0].path.parent
                 raise FileError(
                     where, f"no photograph can be used: {'; '.join(notes) or 'all are blank'}"
                 )
+            earlier = sum(is_photograph(Path(frame.source)) for frame in self._listed) + 1
+            uses = [_nth_use(earlier + place) for place in range(len(chosen))]
             names: list[str] = []
-            for one in chosen:
-                names.append(f"{self._free_stem(one.source, names)}.jpg")
+            for each in chosen:
+                names.append(f"{self._free_stem(each.source, names)}.jpg")
             if chosen:
                 self._keep(chosen, uses, names)
-        self._summarise(_PHOTOGRAPHS, len(unread), (candidates, clear, order, chosen), uses, notes)
+        counts = (len(unread), len(candidates), len(clear), different)
+        self._summarise(_PHOTOGRAPHS, counts, uses, notes)
 
     def _summarise(
         self,
         name: str,
-        read: int,
-        stages: tuple[Sequence[object], Sequence[object], Sequence[object], Sequence[object]],
+        counts: tuple[int, int, int, int],
         uses: Sequence[Use],
         notes: Sequence[str],
     ) -> None:
-        candidates, clear, order, chosen = map(len, stages)
+        read, candidates, clear, different = counts
         self.summaries.append(
             SourceSummary(
                 source=name,
                 read=read,
                 blurred=candidates - clear,
-                alike=clear - order,
-                surplus=order - chosen,
-                kept=chosen,
+                alike=clear - different,
+                surplus=different - len(uses),
+                kept=len(uses),
                 for_check=uses.count("check"),
                 notes=tuple(notes),
             )
@@ -277,6 +264,12 @@ class _Run:
             others = [row for row in self._listed if not any(one.gave(row) for one in sources)]
             self._material.write_frames([*others, *added])
         self._listed = [*others, *added]
+
+
+def _most_different(clear: Sequence[Candidate], most: int) -> tuple[list[Candidate], int]:
+    """Return the most different candidates in their order, and how many are different at all."""
+    order = different_ones([one.look for one in clear])
+    return [clear[index] for index in sorted(order[:most])], len(order)
 
 
 def use_at(time_s: float, end_s: float) -> Use:

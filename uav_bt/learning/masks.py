@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from multiprocessing import get_context
@@ -95,9 +95,7 @@ def make_masks(
     done = len(files) - len(todo)
     advance("masks", done, len(files))
     if todo and workers == 1:
-        make = source.load()
-        for image, file in todo:
-            _make(make, image, file)
+        for _ in _made(source, todo):
             done += 1
             advance("masks", done, len(files))
     elif todo:
@@ -113,17 +111,17 @@ def make_masks(
 
 
 def _make_all(source: MaskSource, todo: Sequence[tuple[Path, Path]]) -> int:
+    return len(list(_made(source, todo)))
+
+
+def _made(source: MaskSource, todo: Sequence[tuple[Path, Path]]) -> Iterator[Path]:
     make = source.load()
     for image, file in todo:
-        _make(make, image, file)
-    return len(todo)
-
-
-def _make(make: Callable[[Image], Image], image: Path, file: Path) -> None:
-    rgb = read_image(image, colour=True, as_stored=False)
-    ids = cv2.resize(make(rgb), SIZE_PX, interpolation=cv2.INTER_NEAREST_EXACT)
-    with whole_file(file) as partial, partial.open("wb") as out:
-        np.savez_compressed(out, rgb=shrunk(rgb, SIZE_PX), ids=ids)
+        rgb = read_image(image, colour=True, as_stored=False)
+        ids = cv2.resize(make(rgb), SIZE_PX, interpolation=cv2.INTER_NEAREST_EXACT)
+        with whole_file(file) as partial, partial.open("wb") as out:
+            np.savez_compressed(out, rgb=shrunk(rgb, SIZE_PX), ids=ids)
+        yield file
 
 
 def _kept(file: Path) -> tuple[Image, Image]:

@@ -28,7 +28,9 @@ _JPEG: Final = [cv2.IMWRITE_JPEG_QUALITY, 90]
 _SMALL_WIDTH_PX: Final = 320
 
 # foxglove.RawImage's names of our pixel types.
-_DTYPES: Final = {"mono8": np.dtype("<u1"), "16UC1": np.dtype("<u2"), "32FC1": np.dtype("<f4")}
+_DTYPES: Final[dict[str, np.dtype[Any]]] = {
+    name: np.dtype(kind) for name, kind in (("mono8", "<u1"), ("16UC1", "<u2"), ("32FC1", "<f4"))
+}
 _MAX_PIXELS: Final = 50_000_000  # twice a photograph's; a PNG of a few kilobytes can have billions
 _PNG_HEAD: Final = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR"
 _JPEG_FRAMES: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # markers with a size

@@ -104,10 +104,13 @@ class RecordReader:
         from mcap.records import Attachment as Attached  # noqa: PLC0415 - an extra
         from mcap.records import Message, Metadata  # noqa: PLC0415
 
-        self._summary, indexed = self._index() if self.finished else (None, [])
+        self._summary: Any = None
+        indexed: list[Any] = []
+        if self.finished:
+            self._summary, indexed = self._index()
         all_of_it = self.finished and self._summary is None  # the end stands anywhere
-        first_ns = None
-        for record in chain(indexed, self._scan):
+        first_ns, topics = None, dict[int, str]()
+        for record in chain(indexed, self._scan.records(None, topics)):
             if isinstance(record, Metadata) and record.name == START:
                 self.metadata = dict(record.metadata)
             elif isinstance(record, Metadata) and record.name == END and self.finished:
@@ -120,7 +123,7 @@ class RecordReader:
                 first_ns = record.log_time if first_ns is None else first_ns
                 if record.log_time > first_ns and not all_of_it:
                     break  # the tree is among the first messages
-                if self._scan.topics[record.channel_id] == channels.TREE.topic:
+                if topics[record.channel_id] == channels.TREE.topic:
                     self.tree = decode(TreeNote, parse_json(record.data))
 
     def _index(self) -> tuple[Any, list[Any]]:
@@ -169,14 +172,15 @@ class RecordReader:
 
         start_ns = 0 if from_s is None else self.timeline.start_ns + round(from_s * _NS)
         end_ns = None if to_s is None else self.timeline.start_ns + round(to_s * _NS)
-        chunks, known = None, {}
+        chunks: list[Any] | None = None
+        known: dict[int, str] = {}
         if from_s is not None or to_s is not None:
             chunks, known = self._chunks(topics, start_ns, end_ns)
         last_ns = 0
         for record in self._scan.records(chunks, known):
             if not isinstance(record, Message):
                 continue
-            topic, time_ns = self._scan.topics[record.channel_id], record.log_time
+            topic, time_ns = known[record.channel_id], record.log_time
             if time_ns < last_ns - _NS:  # a second: the writer holds back less
                 raise FileError(
                     self.path,

@@ -52,13 +52,11 @@ class RecordScan:
 
     Attributes:
         damages: the damaged places that the last pass has met, one line each.
-        topics: of the channels, by number.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self.damages: list[str] = []
-        self.topics: dict[int, str] = {}
 
     def __iter__(self) -> Iterator[McapRecord]:
         """Yield headers, schemas, channels, messages, metadata and attachments, in file order."""
@@ -67,8 +65,11 @@ class RecordScan:
     def records(
         self, chunks: Iterable[ChunkIndex] | None, topics: dict[int, str]
     ) -> Iterator[McapRecord]:
-        """Yield the records of all the file, or of chunks of its index, whose topics are known."""
-        self.damages, self.topics = [], topics
+        """Yield the records of all the file, or of chunks of its index, whose topics are known.
+
+        The topics of channels that the pass meets are added, by number.
+        """
+        self.damages = []
         with reading(self._path), self._path.open("rb") as stream:
             _check_magic(stream, self._path)
             size_bytes = self._path.stat().st_size
@@ -85,8 +86,8 @@ class RecordScan:
                     left_bytes -= record.uncompressed_size
                 for one in inside:
                     if isinstance(one, Channel):
-                        self.topics[one.id] = one.topic
-                    if isinstance(one, Message) and one.channel_id not in self.topics:
+                        topics[one.id] = one.topic
+                    if isinstance(one, Message) and one.channel_id not in topics:
                         self._note(offset, f"a message on unknown channel {one.channel_id}")
                     else:
                         yield one

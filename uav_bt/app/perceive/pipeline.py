@@ -96,16 +96,11 @@ class Pipeline:
         self._state: DroneState | None = None
 
     def perceive(self, frame: Frame, states: Sequence[DroneState] = ()) -> Perceived:
-        """Return the perception of a frame.
+        """Return the perception of the next frame, of the camera's size.
 
-        Args:
-            frame: the next one, of the camera's size.
-            states: the drone's telemetry since the frame before, up to this one's capture. They
-                carry the mark through frames that miss it; without any it is known only in
-                frames that show it.
-
-        Raises:
-            ShapeError: the frame has another size than the camera.
+        `states` are the drone's telemetry since the frame before, up to this one's capture. They
+        carry the mark through frames that miss it; without any it is known only in frames that
+        show it.
         """
         spent: dict[str, float] = {}
         frame = replace(frame, image=self._undistorter.undistort(frame.image))

@@ -45,8 +45,14 @@ class Telemetry:
     @classmethod
     def fixed(cls, height_m: float, gimbal_pitch_rad: float) -> Telemetry:
         """Return that of a camera that always looks down from the same height above the ground."""
-        heights = dict.fromkeys(("altitude_m", "height_m", "height_above_ground_m"), height_m)
-        note = FrameNote(index=0, captured_s=0.0, gimbal_pitch_rad=gimbal_pitch_rad, **heights)
+        note = FrameNote(
+            index=0,
+            captured_s=0.0,
+            gimbal_pitch_rad=gimbal_pitch_rad,
+            altitude_m=height_m,
+            height_m=height_m,
+            height_above_ground_m=height_m,
+        )
         return cls([note], [], math.inf)
 
     @classmethod
