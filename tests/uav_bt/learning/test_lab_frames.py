@@ -14,7 +14,6 @@ import pytest
 from tests.uav_bt.learning.frames_world import (
     SIZE,
     blurred,
-    set_display_matrix,
     view,
     walk,
     write_photograph,
@@ -77,17 +76,6 @@ def test_blurred_blank_and_repeated_images_are_left_out(
     assert (summary.kept, summary.blurred, summary.alike, summary.surplus) == (6, 2, 2, 0)
 
 
-def test_images_are_turned_as_players_turn_them(material: LabMaterial, tmp_path: Path) -> None:
-    stored = [np.ascontiguousarray(np.rot90(image)) for image in walk(4)]
-    video = write_video(tmp_path / "phone.mp4", stored)
-    set_display_matrix(video, (0, 1, -1, 0))  # a player turns it clockwise
-    take(material, video)
-    for one, shown in zip(material.read_frames(), walk(4), strict=True):
-        written = cv2.imread(str(material.frames / one.image))
-        assert written is not None
-        assert np.abs(written[..., ::-1].astype(float) - shown).mean() < 12.0
-
-
 def test_long_sides_are_at_most_1920_pixels(material: LabMaterial, tmp_path: Path) -> None:
     large = np.kron(view(0), np.ones((14, 14, 1))).astype(np.uint8)
     take(material, write_photograph(tmp_path / "a.png", large))
@@ -137,21 +125,6 @@ def test_photographs_of_a_folder(material: LabMaterial, tmp_path: Path) -> None:
         str(tmp_path / "card" / name) for name in ("broken.jpg", "small.png")
     ]
     assert "x.heic: a format that is not read" in summary.notes[0]
-
-
-def test_photographs_are_turned_as_their_exif_data_say(
-    material: LabMaterial, tmp_path: Path
-) -> None:
-    path = write_photograph(tmp_path / "a.jpg", view(0))
-    tiff = b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"  # orientation 6
-    exif = b"Exif\0\0" + tiff
-    content = path.read_bytes()
-    segment = b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif
-    path.write_bytes(content[:2] + segment + content[2:])
-    take(material, path)
-    written = cv2.imread(str(material.frames / "a.jpg"))
-    assert written is not None
-    assert np.abs(written[..., ::-1].astype(float) - np.rot90(view(0), -1)).mean() < 12.0
 
 
 def test_images_of_a_video_are_let_go(tmp_path: Path) -> None:

@@ -298,6 +298,15 @@ def test_masks_need_a_folder_without_files(tmp_path: Path, images: list[Image]) 
         perceive.perceive(str(folder), CONTACT, masks=tmp_path / "masks", lines=lines)
 
 
+def test_no_output_overwrites_a_network(tmp_path: Path, images: list[Image]) -> None:
+    folder, network = write_images(tmp_path / "views", images[:1]), tmp_path / "net.onnx"
+    network.write_bytes(b"a network")
+    options = PerceiveOptions(segmentation=str(network), model="contact")
+    with pytest.raises(InputError, match="would overwrite an input"):
+        perceive.perceive(str(folder), options, lines=network)
+    assert network.read_bytes() == b"a network"
+
+
 @pytest.mark.parametrize(
     "options",
     [

@@ -315,7 +315,7 @@ def test_a_video_in_hdr_has_a_warning(tmp_path: Path, transfer: int, name: str) 
     assert not VideoSource(coloured(tmp_path / "sdr.mp4", color_trc=1)).warnings
 
 
-def test_the_exif_data_of_a_png_turn_image_and_camera(tmp_path: Path) -> None:
+def test_exif_data_turn_image_and_camera(tmp_path: Path) -> None:
     assert cv2.imwrite(str(tmp_path / "a.png"), marked()[..., ::-1])
     content = (tmp_path / "a.png").read_bytes()
     tiff = b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"  # orientation 6
@@ -325,6 +325,12 @@ def test_the_exif_data_of_a_png_turn_image_and_camera(tmp_path: Path) -> None:
     (one,) = FolderSource(tmp_path / "a.png").images()
     assert np.array_equal(one.image, np.rot90(marked(), -1))
     assert one.orientation.transpose
+    assert cv2.imwrite(str(tmp_path / "b.jpg"), marked()[..., ::-1])
+    content, exif = (tmp_path / "b.jpg").read_bytes(), b"Exif\0\0" + tiff
+    segment = b"\xff\xe1" + (len(exif) + 2).to_bytes(2) + exif
+    (tmp_path / "b.jpg").write_bytes(content[:2] + segment + content[2:])
+    (jpeg,) = FolderSource(tmp_path / "b.jpg").images()
+    assert np.abs(jpeg.image.astype(int) - one.image).mean() < 12.0
 
 
 # --- records --------------------------------------------------------------------------------------
