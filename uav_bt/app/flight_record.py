@@ -79,12 +79,14 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
         "weights": provenance.weights_of(mission),
     }
     del values["record"], values["params"]
+    referee = flight.drone.referee
     return FlightFacts(
         values={
             name: value if isinstance(value, str) else json.dumps(value, default=_plain)
             for name, value in values.items()
         },
         attachments=[*attachments_of(mission, drone.scene, options.lab)],
+        ground=None if referee is None else referee.ground(),
     )
 
 
