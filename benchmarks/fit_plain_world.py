@@ -5,10 +5,9 @@
     python -m benchmarks.fit_plain_world --network any --scenes ROOM/scenes/ROOM.yaml ...
     python -m benchmarks.fit_plain_world --dropouts --profile harsh
 
-Both look at the same poses. The map's own scan finds bases of obstacles and edges of the ground;
-each is compared with what it finds on the exact class map of four times the resolution on the same
-bearing. `--dropouts` flies surveys of both: a frame drops out if the odometry measured no motion in
-it, or if the landing mark was not detected although all of its top was in view.
+Both look at the same poses. Bases of obstacles and edges of the ground are compared, bearing by
+bearing, with those in an exact class map of four times the resolution. `--dropouts` flies surveys:
+a frame drops out without a measured motion, or without the landing mark that is all in view.
 """
 
 from __future__ import annotations
@@ -23,6 +22,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from benchmarks.lab_views import frame_of
 from perception.mapping.contact_scan import find_bases, scan_ground
 from perception.networks.weights_file import SHIPPED_UNET, segmentation_file
 from perception.segmentation.runtime import load_segmenter
@@ -36,7 +36,7 @@ from uav_bt import app
 from uav_bt.board import CLASS_MAP, MARK, ODOMETRY
 from uav_bt.learning.views import VALIDATION_SCENES
 from uav_bt.mission.tick import TickRecord
-from uav_bt.types import ClassMap, Frame, Pose
+from uav_bt.types import ClassMap, Pose
 from uav_bt.types.arrays import Floats
 from uav_bt.types.dead_reckoning import PoseHistory
 from uav_bt.types.projection import project
@@ -80,13 +80,7 @@ def compare_ranges(given: argparse.Namespace, network: Path) -> None:
         pitch = coarse.rays[1, 1] - coarse.rays[0, 0]
         poses = sample_flight_poses(scene, np.random.default_rng(11), given.views, lowered=0.5)
         for number, view in enumerate(render_views(scene, poses, profile=profile, seed=11)):
-            frame = Frame(
-                image=view.image,
-                index=number,
-                captured_s=0.1 * number,
-                gimbal_pitch_rad=view.pose.pitch_rad,
-                height_above_ground_m=view.pose.z_m,
-            )
+            frame = frame_of(view, number)
             maps = {"exact": fine.cast(view.pose)[0], given.network: segmenter.segment(frame).ids}
             for jitter_px in given.jitter:
                 rays = coarse.rays + generator.normal(0.0, jitter_px, coarse.rays.shape) * pitch
@@ -125,15 +119,15 @@ class DropOuts:
         """Note the newest frame, once."""
         if record.truth is not None:
             self._true.add(record.time_s, record.truth.pose)
+        frame, fix = record.observation.frame, self._board.read(MARK).value
         motion, seen = self._board.read(ODOMETRY).value, self._board.read(CLASS_MAP).value
-        frame = record.observation.frame
         if motion is None or seen is None or frame is None or frame.captured_s <= self._seen_s:
             return
         if seen.captured_s != frame.captured_s:
             return
         self._seen_s = frame.captured_s
         self.motion.append((float(seen.is_ground.mean()), motion.tracked_s < frame.captured_s))
-        pose, fix = self._true.at(frame.captured_s), self._board.read(MARK).value
+        pose = self._true.at(frame.captured_s)
         if pose is None or self._pad is None:
             return
         cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
@@ -171,10 +165,11 @@ def main() -> None:
         return
     for drone in ("twin", "plain"):
         logs = [DropOuts(drone, scene, given.profile) for scene in given.scenes]
-        motion = [sample for log in logs for sample in log.motion]
-        mark = [sample for log in logs for sample in log.mark]
-        print(f"{drone}: frames without motion, by ground {GROUND}: {shares(motion, GROUND)}")
-        print(f"{drone}: frames without mark, by metres {RANGES_M}: {shares(mark, RANGES_M)}")
+        for what, samples, edges in (
+            ("motion, by ground", [one for log in logs for one in log.motion], GROUND),
+            ("mark, by metres", [one for log in logs for one in log.mark], RANGES_M),
+        ):
+            print(f"{drone}: frames without {what} {edges}: {shares(samples, edges)}")
 
 
 if __name__ == "__main__":

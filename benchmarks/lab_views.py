@@ -21,15 +21,28 @@ import numpy as np
 from benchmarks.segmentation import scenes_of
 from perception.segmentation.teacher import TeacherConfig
 from perception.segmentation.training.picks import Pick, draw_picks, write_picks
+from sim_bridge.twin.views import View
 from uav_bt.errors import FileError
 from uav_bt.files import writing
 from uav_bt.lab.lab import NETWORK_FILE, SCENES_FOLDER, Lab
 from uav_bt.lab.shipped import DEFAULT_LAB, load_lab
 from uav_bt.learning.lab_material import LabFrame, LabMaterial, Use
 from uav_bt.learning.views import ViewPlan, twin_views
+from uav_bt.types import Frame
 
 PICKS: Final = 6500  # on the images for training; the paper's were 6,484
 CHECK_VIEWS: Final = 30  # images of a scene for checks
+
+
+def frame_of(view: View, index: int = 0) -> Frame:
+    """Return a rendered view as a frame of the drone; one follows another after 0.1 s."""
+    return Frame(
+        image=view.image,
+        index=index,
+        captured_s=0.1 * index,
+        gimbal_pitch_rad=view.pose.pitch_rad,
+        height_above_ground_m=view.pose.z_m,
+    )
 
 
 def draw_twin_picks(plan: ViewPlan, config: TeacherConfig, total: int) -> list[Pick]:

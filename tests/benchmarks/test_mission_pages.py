@@ -9,10 +9,10 @@ import pytest
 
 from benchmarks.mission_pages import (
     IMAGES,
+    NAMES,
     ROOT,
     drawing_files,
     flight_part,
-    page_names,
     with_part,
 )
 
@@ -36,7 +36,7 @@ def report(**changed: Any) -> dict[str, Any]:
     return {**made, **changed}
 
 
-@pytest.mark.parametrize("name", page_names())
+@pytest.mark.parametrize("name", NAMES)
 def test_the_drawings_are_those_of_the_trees(name: str) -> None:
     for file, text in drawing_files(name).items():
         assert file.read_text(encoding="utf-8") == text, (
@@ -44,7 +44,7 @@ def test_the_drawings_are_those_of_the_trees(name: str) -> None:
         )
 
 
-@pytest.mark.parametrize("name", page_names())
+@pytest.mark.parametrize("name", NAMES)
 def test_a_page_has_a_film_and_a_row_in_the_index(name: str) -> None:
     assert (IMAGES / f"{name}.webp").stat().st_size <= 600_000
     index = (ROOT / "docs" / "missions.md").read_text(encoding="utf-8")

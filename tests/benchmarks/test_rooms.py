@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.rooms.furnish import FLOWN, Assets, Furniture, write_room
-from benchmarks.rooms.pictures import SIDE_PX, draw_surface
-from benchmarks.rooms.room_views import ViewKind, draw_poses, draw_views
+from benchmarks.rooms.furnish import FLOWN, SIDE_PX, Assets, Furnisher, Furniture, draw_surface
+from benchmarks.rooms.views import ViewKind, draw_poses, draw_views
 from perception.segmentation.training.run import IGNORED
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.lab.shipped import load_lab
@@ -24,7 +23,7 @@ def assets() -> Assets:
 
 
 def furnished(folder: Path, assets: Assets, seed: int = 3) -> Path:
-    return write_room(folder, assets, np.random.default_rng(seed), FLOWN)
+    return Furnisher(folder, assets, np.random.default_rng(seed), FLOWN).write()
 
 
 def test_a_room_is_a_lab_with_a_scene(tmp_path: Path, assets: Assets) -> None:
@@ -53,15 +52,15 @@ def test_views_have_roles_and_depth_from_above_the_floor(tmp_path: Path, assets:
     views = list(draw_views(scene, 12, seed=1, kind=ViewKind.LEVEL))
     shares = np.zeros(256)
     for view in views:
-        assert set(np.unique(view.roles)) <= {0, 1, 2, IGNORED}
-        shares += np.bincount(view.roles.ravel(), minlength=256)
-        ground = view.roles == 1
+        assert set(np.unique(view.ids)) <= {0, 1, 2, IGNORED}
+        shares += np.bincount(view.ids.ravel(), minlength=256)
+        ground = view.ids == 1
         if ground.any():
             # A level camera sees the floor at its height or beyond; this one looks down.
-            assert view.depth_m[ground].min() > 0.5 * view.pose.z_m
+            assert view.depth[ground].min() > 0.5 * view.pose.z_m
     assert (shares[:3] > 0.01 * shares.sum()).all(), "outside, ground and obstacle are in view"
     again = next(draw_views(scene, 12, seed=1, kind=ViewKind.LEVEL))
-    np.testing.assert_array_equal(again.rgb, views[0].rgb)
+    np.testing.assert_array_equal(again.image, views[0].image)
 
 
 def test_half_of_the_poses_are_flown_and_a_fifth_are_steep_or_close_above_furniture(

@@ -14,8 +14,19 @@ from typing import cast
 
 import pytest
 
-from benchmarks.fault_reactions import EXPECTED, Expected, Facts, problems
-from benchmarks.faults import IN_IMAGE, KINDS, faults_of, fly, fly_each, main, reaction
+from benchmarks.faults import (
+    EXPECTED,
+    IN_IMAGE,
+    KINDS,
+    Expected,
+    Facts,
+    faults_of,
+    fly,
+    fly_each,
+    main,
+    problems,
+    reaction,
+)
 from uav_bt.testing.faults import Fault
 
 pytestmark = pytest.mark.flight
