@@ -36,7 +36,7 @@ from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import View, render_views
 from uav_bt.app.lab_network import network_of
-from uav_bt.lab.classes import GROUND, MARK
+from uav_bt.lab.classes import GROUND, MARK, OUTSIDE
 from uav_bt.lab.lab import LAB_FILE, Lab
 from uav_bt.lab.shipped import load_lab
 from uav_bt.learning.views import DepthViewPlan, scene_seed
@@ -73,14 +73,13 @@ class JudgedScale(NamedTuple):
 def judged_scales(split: str, views: int, seed: int, rooms: Path | None) -> Iterator[JudgedScale]:
     """Judge the scales of views of rooms, of both labs, and of the second in other colours."""
     paper, depot = load_lab(), load_lab("depot")
-    few, some = max(1, views // 6), max(1, views // 3)
-    furnished = [] if rooms is None else [load_lab(folder) for folder in sorted(rooms.iterdir())]
+    furnished = [] if rooms is None else map(load_lab, sorted(rooms.iterdir()))
     with TemporaryDirectory() as folder:
         painted = [_painted(depot, Path(folder) / str(n), n) for n in _PAINTED[split]]
         for name, lab, own, other, count in (
-            *(("room", room, room, depot, few) for room in furnished),
+            *(("room", room, room, depot, max(1, views // 6)) for room in furnished),
             *((paper.name, paper, paper, depot, views), (depot.name, depot, depot, paper, views)),
-            *(("painted", each, depot, paper, some) for each in painted),
+            *(("painted", each, depot, paper, max(1, views // 3)) for each in painted),
         ):
             depth = load_depth_estimator(network_of(lab).get("depth", SHIPPED_DEPTHS[0]))
             networks = depth, _segmenter(own), _segmenter(other)
@@ -155,15 +154,14 @@ def _scales(
                 for each in networks[1:]
             )
             above = roles >= MARK
-            cases = {"own network": (own, 0.0, 1.0), "other lab's network": (other, 0.0, 1.0)}
+            cases = {"own network": own, "other lab's network": other}
             if channels is None:
-                cases |= {"pitch wrong": (own, wrong_rad, 1.0)}
-                cases |= {"height wrong": (own, 0.0, wrong_height)}
-                cases |= {"outside as ground": (~above & (roles != GROUND), 0.0, 1.0)}
-                cases |= {"obstacles as ground": (above, 0.0, 1.0)}
-                cases |= {"a patch as ground": (patch, 0.0, 1.0)}
-                cases |= {"everything as ground": (np.ones_like(own), 0.0, 1.0)}
-            for condition, (each, off_rad, factor) in cases.items():
+                cases |= {"pitch wrong": own, "height wrong": own}
+                cases |= {"outside as ground": roles == OUTSIDE, "obstacles as ground": above}
+                cases |= {"a patch as ground": patch, "everything as ground": np.ones_like(own)}
+            for condition, each in cases.items():
+                off_rad = wrong_rad if condition == "pitch wrong" else 0.0
+                factor = wrong_height if condition == "height wrong" else 1.0
                 pitch_rad = max(-math.pi / 2, view.pose.pitch_rad + off_rad)
                 height_m = factor * view.pose.z_m
                 seen = CameraView(camera=camera, pitch_rad=pitch_rad, height_m=height_m)

@@ -46,9 +46,11 @@ GROUND: Final = (0.0, 0.1, 0.2, 0.4, 1.0)  # edges of the shares of ground in th
 RANGES_M: Final = (0.0, 1.0, 1.5, 2.0, 3.0)
 SAME_RAD: Final = math.radians(0.6)  # bearings nearer than this are one
 LENS: Final = anafi_camera(640, 360)
+Sample = tuple[float, bool]
+Compared = tuple[Floats, int, int]
 
 
-def errors_of(seen: Floats, exact: Floats) -> tuple[Floats, int, int]:
+def errors_of(seen: Floats, exact: Floats) -> Compared:
     """Return true range and range error by common bearing, (N, 2); points missed, false points."""
     if not len(seen) or not len(exact):
         return np.empty((0, 2)), len(exact), len(seen)
@@ -59,7 +61,7 @@ def errors_of(seen: Floats, exact: Floats) -> tuple[Floats, int, int]:
     return np.column_stack([truth, ranges - truth]), missed, int(np.sum(~same))
 
 
-def row(pairs: list[tuple[Floats, int, int]]) -> str:
+def row(pairs: list[Compared]) -> str:
     """Return median and 90 % of the absolute range error by range, and shares."""
     errors, cells = np.concatenate([found for found, _, _ in pairs]), []
     for near, far in itertools.pairwise(RANGES_M):
@@ -73,19 +75,18 @@ def row(pairs: list[tuple[Floats, int, int]]) -> str:
 def compare_ranges(given: argparse.Namespace, network: Path) -> None:
     """Print the errors of the twin's ranges, and of those without images by jitter."""
     generator, profile = np.random.default_rng(5), Profile.named(given.profile)
-    found: dict[str, list[tuple[Floats, int, int]]] = defaultdict(list)
+    found: dict[str, list[Compared]] = defaultdict(list)
     for scene in map(load_scene, given.scenes):
         segmenter = load_segmenter(network, scene.classes)
         fine, coarse = Caster(scene, EXACT_PX), Caster(scene, SIZE_PX)
         pitch = coarse.rays[1, 1] - coarse.rays[0, 0]
         poses = sample_flight_poses(scene, np.random.default_rng(11), given.views, lowered=0.5)
         for number, view in enumerate(render_views(scene, poses, profile=profile, seed=11)):
-            frame = frame_of(view, number)
+            frame, bases = frame_of(view, number), {}
             maps = {"exact": fine.cast(view.pose)[0], given.network: segmenter.segment(frame).ids}
             for jitter_px in given.jitter:
                 rays = coarse.rays + generator.normal(0.0, jitter_px, coarse.rays.shape) * pitch
                 maps[f"jitter {jitter_px:g} px"] = coarse.cast(view.pose, rays=rays)[0]
-            bases = {}
             for name, ids in maps.items():
                 seen = ClassMap(ids=ids, classes=scene.classes, captured_s=frame.captured_s)
                 bases[name] = find_bases(scan_ground(seen, frame, LENS.resized(*ids.shape[::-1])))
@@ -101,17 +102,15 @@ class DropOuts:
     """Notes the drop-outs of a flight: share of ground or distance, and whether it dropped out."""
 
     def __init__(self, drone: str, scene: str, profile: str) -> None:
-        self._pad, self._seen_s = load_scene(scene).helipad, -math.inf
-        self._true: PoseHistory[Pose] = PoseHistory(memory_s=3.0)
-        self.motion, self.mark = list[tuple[float, bool]](), list[tuple[float, bool]]()
-        ports = {"ExploreFor.duration_ms": "60000"}
+        self._pad, self._true = load_scene(scene).helipad, PoseHistory[Pose](memory_s=3.0)
+        self.motion, self.mark = list[Sample](), list[Sample]()
+        self._seen_s, ports = -math.inf, {"ExploreFor.duration_ms": "60000"}
         options = app.FlightOptions(drone=drone, scene=scene, profile=profile, ports=ports)
         if drone == "twin":
             options = replace(options, image_size_px=(320, 180))
-        app.fly("survey_and_land", options, listeners=[self.follow])
+        app.fly("survey_and_land", options, listeners=[self._follow])
 
-    def follow(self, flight: app.Flight[Any]) -> list[DropOuts]:
-        """Become a listener of the flight."""
+    def _follow(self, flight: app.Flight[Any]) -> list[DropOuts]:
         self._board = flight.context.board
         return [self]
 
@@ -141,7 +140,7 @@ class DropOuts:
             self.mark.append((float(np.hypot(ahead_m, right_m).mean()), lost))
 
 
-def shares(samples: list[tuple[float, bool]], edges: tuple[float, ...]) -> str:
+def shares(samples: list[Sample], edges: tuple[float, ...]) -> str:
     """Return the share of drop-outs and the number of frames between each two edges."""
     values, dropped = np.array(samples, dtype=float).reshape(-1, 2).T
     parts = [dropped[(values >= a) & (values < b)] for a, b in itertools.pairwise(edges)]

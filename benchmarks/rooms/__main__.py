@@ -37,8 +37,7 @@ def score(rooms: Path, models: list[str], views: int) -> None:
     """Print the scores of networks on rooms."""
     scenes = [str(scene) for scene in sorted(rooms.glob(SCENES))]
     for model in models:
-        path = segmentation_file(model)
-        if path is None:
+        if (path := segmentation_file(model)) is None:
             raise SystemExit(f"{model} is no network")
         segmenter = load_segmenter(path, load_lab().classes)
         for kind in (ViewKind.LEVEL, ViewKind.DOWN):

@@ -34,10 +34,7 @@ CASES: Final = (
     *("camera x2", "camera x0.5", "height +0.5 m", "height -0.5 m"),
 )
 FOCAL: Final = {"camera x2": 2.0, "camera x0.5": 0.5}  # factor of the length in the camera file
-FAULTS: Final = {
-    "height +0.5 m": ("height-bias=0.5",),
-    "height -0.5 m": ("height-bias=-0.5",),
-}
+FAULTS: Final = {f"height {off} m": (f"height-bias={float(off)}",) for off in ("+0.5", "-0.5")}
 SIZE_PX: Final = (320, 180)
 CAMERA_FILE: Final = "camera.yaml"
 MIRROR_X_M: Final = 0.0  # world x of a mirror that nothing shows
@@ -78,27 +75,27 @@ def _change(case: str, lab: Values) -> None:
             lamp["brightness"] = round(share * lamp["brightness"], 3)
 
 
-def _mirrored(scene: Values) -> Values:
+def _mirrored(objects: list[Values]) -> list[Values]:
     """Put a wall-high mirror across the room: behind it stands the image of what is before it."""
-    edge_m = MIRROR_X_M - _NEAR_MIRROR_M
-    kept = [each for each in scene["objects"] if each["position_m"][0] < edge_m]
+    kept = [each for each in objects if each["position_m"][0] < MIRROR_X_M - _NEAR_MIRROR_M]
     for each in kept.copy():
         x_m, y_m = each["position_m"]
         place = {"position_m": [2 * MIRROR_X_M - x_m, y_m], "yaw_deg": -each.get("yaw_deg", 0)}
         kept.append({**each, **place})
-    return {"objects": kept, "take_off": {"from": [-1.6, 1.6], "yaw_deg": 0}}
+    return kept
 
 
 def write_bad_room(case: str, folder: Path) -> Path:
     """Write a bad room as a new lab folder without a network, and return its scene."""
     depot, path = load_lab("depot"), folder / SCENES_FOLDER / f"{folder.name}.yaml"
     lab = read_yaml(depot.file, Values, "lab file").value
-    objects = read_yaml(depot.scenes["depot-val-a"], Values, "scene file").value["objects"]
+    lab |= {"limits": {"speed_mps": 0.6, "ceiling_m": 2.6}}
     lab.pop("network", None)
-    lab["limits"] = {"speed_mps": 0.6, "ceiling_m": 2.6}
-    scene = {"objects": objects, "take_off": {"from": [-2.4, 1.4], "yaw_deg": -35}}
-    scene = _mirrored(scene) if "mirror" in case else scene
     _change(case, lab)
+    objects = read_yaml(depot.scenes["depot-val-a"], Values, "scene file").value["objects"]
+    scene = {"objects": objects, "take_off": {"from": [-2.4, 1.4], "yaw_deg": -35}}
+    if "mirror" in case:
+        scene = {"objects": _mirrored(objects), "take_off": {"from": [-1.6, 1.6], "yaw_deg": 0}}
     path.parent.mkdir(parents=True)
     for file in ("barrier.obj", "crate.jpg"):
         shutil.copyfile(depot.folder / file, folder / file)
@@ -131,7 +128,7 @@ class Watch:
         """Note contacts, and compare the depth of a new frame."""
         if (truth := record.truth) is None:
             return
-        mirror = ["mirror"] * (truth.pose.x_m > self._mirror_x_m - _HULL_M)
+        mirror = {"mirror"} if truth.pose.x_m > self._mirror_x_m - _HULL_M else set()
         for name in {*truth.contacts, *mirror} - set(LANDING_SURFACES):
             self.contacts.setdefault(name, round(record.time_s, 1))
         frame, depth = self._board.read(FRAME).value, self._board.read(METRIC_DEPTH).value

@@ -166,10 +166,7 @@ _LUMA: Final = (0.299, 0.587, 0.114)
 
 
 def augment_rooms(rgb: Tensor, labels: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor]:
-    """Return changed images, (N, 3, H, W) float from 0 to 1, and their labels, (N, K, H, W) float.
-
-    Labels follow the images' geometry, nearest value. The generator is on the images' device.
-    """
+    """Return changed images, (N, 3, H, W) float from 0 to 1, and their labels, (N, K, H, W)."""
     rgb, labels = zoomed(rgb, labels, generator)
     return _relit(rgb, generator), labels
 
@@ -187,9 +184,7 @@ def zoomed(rgb: Tensor, labels: Tensor, generator: torch.Generator) -> tuple[Ten
     shift_x = _uniform(count, -1.0, 1.0, generator) * (1.0 - zoom)
     shift_y = _uniform(count, -1.0, 1.0, generator) * (1.0 - zoom)
     zero = torch.zeros_like(zoom)
-    rows = torch.stack(
-        [torch.stack([mirror * zoom, zero, shift_x], 1), torch.stack([zero, zoom, shift_y], 1)], 1
-    )
+    rows = torch.stack([mirror * zoom, zero, shift_x, zero, zoom, shift_y], 1).view(-1, 2, 3)
     grid = functional.affine_grid(rows, list(rgb.shape), align_corners=False)
     return (
         functional.grid_sample(rgb, grid, "bilinear", "border", align_corners=False),
@@ -228,7 +223,5 @@ def _turned_hue(rgb: Tensor, angle_rad: Tensor) -> Tensor:
     cos, sin = torch.cos(angle_rad), torch.sin(angle_rad)
     third, root = (1.0 - cos) / 3.0, sin / math.sqrt(3.0)
     same, one, other = cos + third, third - root, third + root
-    rows = [
-        torch.stack(row, 1) for row in ((same, one, other), (other, same, one), (one, other, same))
-    ]
-    return torch.einsum("nij,njhw->nihw", torch.stack(rows, 1), rgb)
+    rows = torch.stack([same, one, other, other, same, one, one, other, same], 1)
+    return torch.einsum("nij,njhw->nihw", rows.view(-1, 3, 3), rgb)

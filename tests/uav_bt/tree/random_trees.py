@@ -55,7 +55,7 @@ PARTS: Final = nodes("""
 # Words in the mistakes below; one of each is drawn.
 WORDS: Final = {
     "NAME": ("nobody", "late"),  # nothing sets the one, another branch may set the other
-    "QUEUE": ("1;x", "true;2", "{@KEY}", "{five}", "{text}", "{words}", "{half}"),
+    "QUEUE": ("1;x", "{@phase}", "{@site_map}", "{five}", "{text}", "{words}", "{half}"),
     "KEY": (
         *("elapsed_s", "height_above_ground_m", "phase", "flight_height_m", "site_map"),
         *("flight_pitch_rad", "track_tried_s", "corridor", "mark", "odometry"),
@@ -129,7 +129,8 @@ def wrong_tree(mistake: str, draw: random.Random) -> str:
     if draw.random() < 0.5:
         root = ET.XML(tree_files(draw.choice(MISSIONS))[0].read_bytes())
         root.extend(map(ET.XML, PARTS))
-    found = [node for tree in root.findall("BehaviorTree") for node in tree.iter()]
+    trees = root.findall("BehaviorTree")[: -len(PARTS)]
+    found = [node for tree in trees for node in tree.iter()]
     scripts = [node for node in found if node.tag == "Script"]
     if mistake == "removed setter" and scripts:
         draw.choice(scripts).set("_skipIf", draw.choice(("true", "@elapsed_s > 1")))
@@ -141,15 +142,15 @@ def wrong_tree(mistake: str, draw: random.Random) -> str:
         text = draw.choice(MISTAKES[mistake] or MISTAKES["unset variable"])
         if "<HERE />" not in text:
             text = f"<ForceSuccess>{text}</ForceSuccess><HERE />"
-        _put(draw, root, f'<Script code="{VALUES}"/>{text}')
-        _put(draw, root, '<Script code="late := 1"/><HERE />')
+        _put(draw, trees, f'<Script code="{VALUES}"/>{text}')
+        _put(draw, trees, '<Script code="late := 1"/><HERE />')
     return ET.tostring(root, encoding="unicode")
 
 
-def _put(draw: random.Random, root: ET.Element, text: str) -> None:
+def _put(draw: random.Random, trees: list[ET.Element], text: str) -> None:
     """Put a sequence in the place of a node, which becomes HERE in it."""
-    found = [node for tree in root.findall("BehaviorTree") for node in tree.iter()]
-    parent, index = draw.choice([(node, at) for node in found for at in range(len(node))])
+    places = [(node, at) for tree in trees for node in tree.iter() for at in range(len(node))]
+    parent, index = draw.choice(places)
     for word, choices in WORDS.items():
         text = text.replace(word, draw.choice(choices))
     here = ET.tostring(parent[index], encoding="unicode")
