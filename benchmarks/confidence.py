@@ -35,7 +35,7 @@ from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import View, render_views
-from uav_bt.app.lab_network import network_of
+from uav_bt.app.site import network_of
 from uav_bt.lab.classes import GROUND, MARK, OUTSIDE
 from uav_bt.lab.lab import LAB_FILE, Lab
 from uav_bt.lab.shipped import load_lab

@@ -23,8 +23,8 @@ import av
 import cv2
 import numpy as np
 
+from uav_bt.app.place import rules_of
 from uav_bt.app.provenance import commit
-from uav_bt.app.rules import rules_of
 from uav_bt.tree import MissionTree, NodeRegistry, load_tree
 from uav_bt.tree.describe import Box, ascii_art, render, sketch
 from uav_bt.tree.shipped import resolve_tree

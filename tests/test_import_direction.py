@@ -31,6 +31,7 @@ FLOOR_ONE = {
         "inputs",
         "lab",
         "landing_marks",
+        "option",
         "plugins",
         "progress",
         "protocols",

@@ -48,7 +48,7 @@ import time
 from uav_bt.display.rerun import sinks
 viewer = sinks.Viewer(web=True)
 time.sleep(2.0)
-viewer.close(end=True)
+viewer.close()
 """
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
@@ -12,8 +11,8 @@ from typing import Final
 
 from uav_bt.errors import FileError
 
-_NAMING: Final = {".xml", ".yaml", ".yml"}  # files that name further ones
-# How a file names others: quoted in XML, after a colon or a dash in YAML.
+_TEXT_BYTES: Final = 1_000_000  # a larger file names no others; chosen, tree files are smaller
+# How a text file names others: quoted in XML and Python, after a colon or a dash in YAML.
 _NAMED: Final = re.compile(r"""["']([^"'\n]+)["']|[:\-][ \t]+([^"'\n#]+)""")
 # In a folder every file is an input, but those that a command may have written there before.
 _REWRITTEN: Final = {".json", ".html", ".mp4", ".rrd", ".svg", ".btlog"}
@@ -25,7 +24,7 @@ def refuse_inputs(output: Path, given: Iterable[object], shipped: Path) -> None:
 
     Inputs are files, folders and names in any values; `shipped` has the missions given by name.
     """
-    if output.exists() and any(same_file(output, source) for source in _inputs(given, shipped)):
+    if output.exists() and any(same_file(output, source) for source in inputs(given, shipped)):
         raise FileError(output, "is an input and would be overwritten; choose another name")
 
 
@@ -36,7 +35,8 @@ def same_file(one: Path, other: Path) -> bool:
     return one.resolve() == other.resolve()
 
 
-def _inputs(given: Iterable[object], shipped: Path) -> set[Path]:
+def inputs(given: Iterable[object], shipped: Path) -> set[Path]:
+    """Return the files in the given values, and those that text files among them name."""
     found: set[Path] = set()
     waiting: list[Path] = []
     for text in _texts(tuple(given)):
@@ -62,10 +62,10 @@ def _texts(value: object) -> Iterator[str]:
 
 
 def _named(path: Path) -> Iterator[Path]:
-    """Yield the files that an XML or YAML file names."""
-    if path.suffix.lower() in _NAMING and os.access(path, os.R_OK):
-        text = path.read_bytes().decode("utf-8", "replace")
-        for match in _NAMED.finditer(text):
+    """Yield the files that a text file names, whatever its suffix."""
+    with suppress(OSError):  # it cannot be read
+        text = path.read_bytes() if path.stat().st_size <= _TEXT_BYTES else b"\0"
+        for match in _NAMED.finditer("" if b"\0" in text else text.decode("utf-8", "replace")):
             for folder in (path.parent, Path()):
                 yield from _files((match[1] or match[2]).strip(), folder)
 

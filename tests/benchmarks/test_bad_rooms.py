@@ -13,7 +13,7 @@ from perception.camera.camera_file import load_camera
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.model import build_model
 from sim_bridge.twin.scene_file import load_scene
-from uav_bt.app.lab_network import network_of
+from uav_bt.app.site import network_of
 from uav_bt.lab.shipped import load_lab
 from uav_bt.testing import Fault
 

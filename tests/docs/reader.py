@@ -31,9 +31,9 @@ from tests.docs.documents import (
     resolve,
 )
 from uav_bt.app.site import load_site
-from uav_bt.cli.command import OutputFile, OutputFolder
-from uav_bt.cli.registry_options import registry_with
 from uav_bt.cli.root import uav_bt
+from uav_bt.cli.shared import registry_with
+from uav_bt.cli.values import OutputFile, OutputFolder
 from uav_bt.tree import NodeRegistry, parse_tree
 from uav_bt.tree.dry_run import read_script
 from uav_bt.tree.loading.loader import check_file
@@ -243,7 +243,9 @@ class Reader:
                     continue
                 if name in {"tree", "trees"}:
                     given = context.params
-                    registry = registry_with(given.get("leaves", ()), given.get("palette"))
+                    registry = registry_with(
+                        leaves=given.get("leaves", ()), palette=given.get("palette")
+                    )
                     for file in tree_files(each):
                         assert not check_file(file, registry), f"{file} is refused"
                 elif name in {"scene", "scenes"} and not re.search(r"[*,]", str(each)):

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 from click.testing import CliRunner, Result
 
-from uav_bt.cli.root import uav_bt
+from uav_bt.cli.root import COMMANDS, uav_bt
 
 HOP = '<Sequence><TakeOff height_m="1.0"/><Land/></Sequence>'
 """Take-off and landing on the mark, without a network: some seconds of flight."""
@@ -41,12 +41,11 @@ def assert_refused(result: Result, *words: str) -> None:
 def all_commands() -> Iterator[tuple[tuple[str, ...], click.Command]]:
     """Yield every command that is not a group, with the words of its call."""
     context = click.Context(uav_bt, info_name="uav-bt")
-    for words in uav_bt.paths():
+    for words in COMMANDS:
         command: click.Command = uav_bt
-        for word in words:
+        for word in words.split():
             assert isinstance(command, click.Group)
             found = command.get_command(context, word)
             assert found is not None
             command = found
-        if not isinstance(command, click.Group):
-            yield words, command
+        yield tuple(words.split()), command

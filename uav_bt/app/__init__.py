@@ -8,9 +8,8 @@ Example:
 """
 
 from uav_bt.app import own_packages as _own_packages  # noqa: F401  (first, for what it checks)
-from uav_bt.app.assembly import Flight, Listeners, assemble
+from uav_bt.app.assembly import ExactSegmenter, Flight, Listeners, assemble
 from uav_bt.app.drone_of_flight import make_drone
-from uav_bt.app.exact_masks import ExactSegmenter
 from uav_bt.app.flight import STILL_IN_THE_AIR, check, fly
 from uav_bt.app.loading import Mission
 from uav_bt.app.options import FlightOptions

@@ -9,24 +9,17 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any, Final, Generic, TypeVar
 
+import numpy as np
+
 from perception.camera.frame_watch import FrameWatch
 from uav_bt import plugins
 from uav_bt.app.drone_of_flight import make_drone
-from uav_bt.app.exact_masks import ExactSegmenter
 from uav_bt.app.flying_process import collections_postponed
-from uav_bt.app.lab_network import refuse_foreign_network
 from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.options import FlightOptions, given_options
-from uav_bt.app.place_of_flight import (
-    lab_of,
-    limits_of,
-    mark_of,
-    mark_pose_of,
-    site_of,
-)
+from uav_bt.app.place import Conditions, conditions_of, refuse_foreign_network
 from uav_bt.app.random_faults import check_phases, with_faults
-from uav_bt.app.rules import area_of, check_mark, judge_of, rules_of, take_off_pose
-from uav_bt.app.site import Site, check_clearances
+from uav_bt.app.site import check_clearances
 from uav_bt.board import CAMERA, MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import FlightFolder, MissionContext
@@ -34,21 +27,19 @@ from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, InputError, NodeFailedError
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.lab import Lab
-from uav_bt.lab.shipped import load_lab
 from uav_bt.mission.judge import Judge
 from uav_bt.mission.runner import MissionRunner, NextTree
 from uav_bt.mission.screening import FrameJudge
 from uav_bt.mission.tick import TickListener
-from uav_bt.protocols import Drone, Imageless, LeafPolicy, Photographing, Segmenter
+from uav_bt.protocols import Drone, Imageless, LeafPolicy, Photographing, Referee, Segmenter
 from uav_bt.testing.faults import find_faulty_drones
 from uav_bt.tree import MissionTree, NodeRegistry
-from uav_bt.types.area import Area
+from uav_bt.types import ClassMap, Frame
 
 DroneT = TypeVar("DroneT", bound=Drone)
 
 _LOG: Final = logging.getLogger(__name__)
-
-_STILL_S = 2.0  # of a real camera; longer than video needs to repeat a whole image
+_STILL_S: Final = 2.0  # of a real camera; longer than video needs to repeat a whole image
 
 
 class Flight(Generic[DroneT]):
@@ -58,16 +49,14 @@ class Flight(Generic[DroneT]):
         mission: Loaded tree.
         drone: Drone that flies the mission.
         options: Options of the flight.
-        judge: Decides when the flight has ended. Default: from the options.
+        held: What holds in the flight. Default: from options, mission and drone.
+        judge: Decides when the flight has ended. Default: by what holds.
         segmenter: Source of class maps in place of a network. Default: from the options.
-        classes: Classes of the place. Default: those of the lab.
-        area: Area of the flight. Default: of the mission's rules and the site.
         make_runner: Makes the runner, with the parameters of `MissionRunner`.
         outputs: Folder that leaves write files to.
 
     Raises:
-        InputError: Site and scene state different landing marks, the scene is of another lab, the
-            mission's rules cannot be kept there, or a fault is of a phase that it cannot have.
+        InputError: Options, mission and place do not fit together.
     """
 
     def __init__(
@@ -76,33 +65,22 @@ class Flight(Generic[DroneT]):
         drone: DroneT,
         options: FlightOptions,
         *,
+        held: Conditions | None = None,
         judge: Judge | None = None,
         segmenter: Segmenter | None = None,
-        classes: LabClasses | None = None,
-        area: Area | None = None,
         make_runner: Callable[..., MissionRunner] = MissionRunner,
         outputs: FlightFolder | None = None,
     ) -> None:
-        self.mission = mission
-        self.drone = drone
-        self.options = options
-        self._segmenter = segmenter
+        self.mission, self.drone, self.options, self.outputs = mission, drone, options, outputs
+        self._segmenter, self._make_runner = segmenter, make_runner
         self._faulty = find_faulty_drones(drone)
         check_phases(mission, [one.fault for one in self._faulty])
-        self._make_runner = make_runner
-        self.outputs = outputs
         self._clock = TickClock(drone.clock)
-        self.lab, self.mark = lab_of(options, drone.scene), mark_of(options, drone)
-        self.classes = classes or (self.lab or load_lab()).classes
+        self.held = held = held or conditions_of(options, mission, drone)
+        self.lab, self.mark, self.classes, self.area = held.lab, held.mark, held.classes, held.area
+        self.rules, self.judge_config = held.rules, held.judge
         plugins.make_mark_finder(self.mark)  # refuses wrong options before the flight
-        self.rules = rules_of(mission)
-        self.judge_config = judge_of(options.judge, self.rules, rehearse=options.rehearse)
-        if judge is None:
-            check_mark(self.judge_config, drone, self.lab)
-            site = site_of(options)
-            area = area_of(self.rules, site or Site(), take_off_pose(site, drone))
-        self.area = area
-        self._judge = judge or Judge(self.judge_config, self.mark, area)
+        self._judge = judge or Judge(held.judge, held.mark, held.area)
 
     def missed_faults(self) -> list[str]:
         """Return a warning for each fault of the drone that the flight did not have."""
@@ -123,8 +101,7 @@ class Flight(Generic[DroneT]):
         Raises:
             InputError: Exact masks need a drone with a referee.
         """
-        site = site_of(self.options)
-        drone = self.drone
+        held, drone = self.held, self.drone
         sight = drone.sight if isinstance(drone, Imageless) else None
         return MissionContext(
             board=Blackboard(self._clock, MISSION_KEYS),
@@ -135,14 +112,14 @@ class Flight(Generic[DroneT]):
             segmenter=self._segmenter or self._exact_segmenter() or sight,
             sight=sight,
             stills=drone.stills if isinstance(drone, Photographing) else None,
-            ground=() if site is None else site.ground,
-            classes=self.classes,
-            airframe=self.drone.airframe,
-            mark=self.mark,
-            clearances=(site or Site()).clearances,
-            take_off=take_off_pose(site, self.drone),
-            mark_pose=mark_pose_of(self.options, self.drone),
-            area=self.area,
+            ground=held.site.ground,
+            classes=held.classes,
+            airframe=drone.airframe,
+            mark=held.mark,
+            clearances=held.site.clearances,
+            take_off=held.take_off,
+            mark_pose=held.mark_pose,
+            area=held.area,
             outputs=self.outputs,
         )
 
@@ -158,12 +135,6 @@ class Flight(Generic[DroneT]):
         if self.drone.referee is None:
             raise InputError("exact masks need a simulated drone: a real one has no referee")
         return ExactSegmenter(self.drone.referee, self.classes)
-
-    def _check_network(self) -> None:
-        given = self._segmenter is not None or isinstance(self.drone, Imageless)
-        if not given and not self.options.exact_masks:
-            named = isinstance(self.options.lab, Lab)
-            refuse_foreign_network(self.mission, self.lab, named=named)
 
     @property
     def scene_name(self) -> str | None:
@@ -181,7 +152,11 @@ class Flight(Generic[DroneT]):
             DroneError: the drone cannot be reached.
             InputError: A leaf refused its ports, or the lab has no network for its classes.
         """
-        self._check_network()
+        options = self.options
+        given = self._segmenter is not None or isinstance(self.drone, Imageless)
+        if not given and not options.exact_masks:
+            named = isinstance(options.lab, Lab)
+            refuse_foreign_network(self.mission, self.lab, named=named)
         try:
             self.drone.connect()
             self.context.board.write(CAMERA, self.drone.camera)
@@ -213,7 +188,7 @@ class Flight(Generic[DroneT]):
             self.mission,
             self.context,
             self._judge,
-            limits=limits_of(self.options),
+            limits=self.held.limits,
             config=config if tick_s is None else replace(config, tick_s=tick_s),
             listeners=[*self._faulty, *others],
             # A rehearsed drone moves in numbers only: its images rightly stay the same.
@@ -251,21 +226,33 @@ def assemble(
 def join(
     mission: MissionTree, options: FlightOptions, outputs: FlightFolder | None = None
 ) -> Flight[Drone]:
-    """Return a flight of a loaded mission with a new drone; nothing is connected.
-
-    Args:
-        mission: Tree that was loaded with the options.
-        options: Options of the flight.
-        outputs: Folder that leaves write files to.
-
-    Raises:
-        InputError: Drone or site was refused.
-    """
+    """Return a flight of a mission that was loaded with these options, with a new drone."""
     drone = with_faults(make_drone(options), options.faults)
-    check_clearances(site_of(options) or Site(), drone.airframe)
-    return Flight(mission, drone, options, outputs=outputs)
+    flight = Flight(mission, drone, options, outputs=outputs)
+    check_clearances(flight.held.site, drone.airframe)
+    return flight
 
 
 def frame_judge(drone: Drone) -> FrameJudge:
     """Return the check of images: it explains why an image is unusable for flight."""
     return FrameWatch(still_s=_STILL_S) if drone.live else FrameWatch()
+
+
+class ExactSegmenter:
+    """The twin's exact class ids as a segmenter: for evaluations, never for a mission's result.
+
+    Args:
+        referee: gives the exact class ids.
+        classes: classes of the lab.
+        size_px: width and height of the class maps.
+    """
+
+    def __init__(
+        self, referee: Referee, classes: LabClasses, size_px: tuple[int, int] = (224, 112)
+    ) -> None:
+        self._referee, self._classes, self._size_px = referee, classes, size_px
+
+    def segment(self, frame: Frame) -> ClassMap:
+        """Return the exact class map of a delivered frame."""
+        ids = np.ascontiguousarray(self._referee.class_ids(frame, *self._size_px))
+        return ClassMap(ids=ids, classes=self._classes, captured_s=frame.captured_s)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import importlib.util
 import platform
 import shutil
 import sys
 import textwrap
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
+from importlib import metadata
 from pathlib import Path
 from typing import Final
 
@@ -22,12 +22,16 @@ from uav_bt.mission.preflight import Check
 from uav_bt.tree import NodeRegistry
 
 _PACKAGE: Final = "uav-bt"
-_NEEDED: Final = (3, 11)
+_AGAIN: Final = "install uav-bt again"
 _SDK: Final = "parrot-olympe"
 _SDK_BEYOND: Final = (3, 13)  # fails on import from there on
 _LINE_WIDTH: Final = 100  # characters
 _NO_BREAK: Final = "\N{NO-BREAK SPACE}"  # keeps a package and its version in one line
-_NOT_FOR_USERS: Final = frozenset({"dev"})
+_GROUPS: Final = {
+    plugins.DRONES: "drones",
+    plugins.POLICIES: "policies",
+    plugins.LANDING_MARKS: "landing marks",
+}
 
 
 def examine(draws: Callable[[], str]) -> Iterator[Check]:
@@ -36,47 +40,41 @@ def examine(draws: Callable[[], str]) -> Iterator[Check]:
     Args:
         draws: draws an image of the lab and returns the renderer's name; raises when it cannot.
     """
-    yield _python()
-    yield _machine()
-    yield Check(what="uav-bt", good=True, found=__version__)
-    yield from _packages()
-    yield _olympe_python()
-    yield _opengl(draws)
-    yield _registered(plugins.DRONES, "drones")
-    yield _registered(plugins.POLICIES, "policies")
-    yield _registered(plugins.LANDING_MARKS, "landing marks")
-    yield _behaviours()
-
-
-def _python() -> Check:
-    return Check(
-        what="Python",
-        good=sys.version_info >= _NEEDED,
-        found=f"{platform.python_version()} on {platform.system()} {platform.machine()}"
-        f" (supported: {_supported()})",
-        remedy="install Python 3.11 or newer",
-    )
-
-
-def _machine() -> Check:
-    free_gb = shutil.disk_usage(Path.cwd()).free / 1e9
-    return Check(
-        what="machine", good=True, found=f"{hardware()}; {free_gb:.1f} GB free in this folder"
-    )
-
-
-def _supported() -> str:
-    """Return the versions of Python that the package says it is tried with."""
     head = "Programming Language :: Python :: "
-    classifiers = importlib.metadata.metadata(_PACKAGE).get_all("Classifier", ())
-    return ", ".join(text.removeprefix(head) for text in classifiers if text.startswith(head))
-
-
-def _packages() -> Iterator[Check]:
-    extras = importlib.metadata.metadata(_PACKAGE).get_all("Provides-Extra", ())
-    needed = [Requirement(text) for text in importlib.metadata.requires(_PACKAGE) or ()]
-    for extra in ("", *(name for name in extras if name not in _NOT_FOR_USERS)):
-        yield _extra(extra, [one.name for one in needed if _belongs(one, extra)])
+    known = metadata.metadata(_PACKAGE).get_all("Classifier", ())
+    tried = ", ".join(text.removeprefix(head) for text in known if text.startswith(head))
+    python = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
+    good = sys.version_info >= (3, 11)
+    yield Check("Python", good, f"{python} (supported: {tried})", "install Python 3.11 or newer")
+    free_gb = shutil.disk_usage(Path.cwd()).free / 1e9
+    yield Check("machine", good=True, found=f"{hardware()}; {free_gb:.1f} GB free in this folder")
+    yield Check(_PACKAGE, good=True, found=__version__)
+    extras = metadata.metadata(_PACKAGE).get_all("Provides-Extra", ())
+    needed = [Requirement(text) for text in metadata.requires(_PACKAGE) or ()]
+    for extra in ("", *(name for name in extras if name != "dev")):
+        yield _extra(extra, dict.fromkeys(one.name for one in needed if _belongs(one, extra)))
+    yield _olympe()
+    try:
+        yield Check("drawing the lab", good=True, found=draws())
+    except UavBtError as error:
+        yield Check("drawing the lab", good=False, found=str(error))
+    for group, what in _GROUPS.items():
+        faults: dict[str, str] = {}
+        for name in plugins.names(group):
+            try:
+                plugins.load(group, name)
+            except UavBtError as error:
+                faults[name] = str(error)
+        good_names = [name for name in plugins.names(group) if name not in faults]
+        yield _contributed(what, good_names, faults.values())
+    try:
+        registry = NodeRegistry.installed()
+    except UavBtError as error:
+        yield _contributed("behaviours", [], [str(error)])
+        return
+    packages = Counter(registry[name].__module__.partition(".")[0] for name in registry)
+    nodes = [f"{package} ({count} nodes)" for package, count in packages.items()]
+    yield _contributed("behaviours", nodes, registry.faults)
 
 
 def _belongs(requirement: Requirement, extra: str) -> bool:
@@ -87,7 +85,7 @@ def _belongs(requirement: Requirement, extra: str) -> bool:
 
 
 def _extra(extra: str, names: Iterable[str]) -> Check:
-    versions = {name: _version(name) for name in dict.fromkeys(names)}
+    versions = {name: _version(name) for name in names}
     missing = [name for name, version in versions.items() if version is None]
     what = f"extra {extra}" if extra else "needed packages"
     found = ", ".join(f"{name} {version}" for name, version in versions.items() if version)
@@ -97,7 +95,7 @@ def _extra(extra: str, names: Iterable[str]) -> Check:
         what=what,
         good=not missing,
         found=_wrapped(found, len(f"{what}: ok, ")),
-        remedy=f"run {plugins.install_command(extra)}" if extra else "install uav-bt again",
+        remedy=f"run {plugins.install_command(extra)}" if extra else _AGAIN,
         optional=bool(extra),
     )
 
@@ -116,65 +114,27 @@ def _wrapped(text: str, begin: int) -> str:
 
 def _version(name: str) -> str | None:
     try:
-        return importlib.metadata.version(name)
-    except importlib.metadata.PackageNotFoundError:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
         return None
 
 
-def _olympe_python() -> Check:
-    installed = _version(_SDK)
+def _olympe() -> Check:
+    installed, fits = _version(_SDK), sys.version_info < _SDK_BEYOND
     if installed is None:
-        fits = sys.version_info < _SDK_BEYOND
-        return Check(
-            what="Parrot's SDK",
-            good=False,
-            found=f"{_SDK}, which flies ANAFIs"
-            + ("" if fits else "; it needs Python 3.10 to 3.12"),
-            remedy=f"run {plugins.install_command('olympe')}" if fits else "",
-            optional=True,
-        )
-    return Check(
-        what="Parrot's SDK",
-        good=sys.version_info < _SDK_BEYOND and importlib.util.find_spec("olympe") is not None,
-        found=f"{_SDK} {installed}",
-        remedy="it runs with Python 3.10 to 3.12 on Linux x86-64",
-    )
+        found = f"{_SDK}, which flies ANAFIs{'' if fits else '; it needs Python 3.10 to 3.12'}"
+        remedy = f"run {plugins.install_command('olympe')}" if fits else ""
+        return Check("Parrot's SDK", good=False, found=found, remedy=remedy, optional=True)
+    good = fits and importlib.util.find_spec("olympe") is not None
+    remedy = "it runs with Python 3.10 to 3.12 on Linux x86-64"
+    return Check("Parrot's SDK", good, f"{_SDK} {installed}", remedy)
 
 
-def _opengl(draws: Callable[[], str]) -> Check:
-    try:
-        found, good = draws(), True
-    except UavBtError as error:
-        found, good = str(error), False
-    return Check(what="drawing the lab", good=good, found=found)
-
-
-def _registered(group: str, what: str) -> Check:
-    good, faults = [], []
-    for name in plugins.names(group):
-        try:
-            plugins.load(group, name)
-        except UavBtError as error:
-            faults.append(str(error))
-        else:
-            good.append(name)
-    return _contributed(what, good, faults)
-
-
-def _behaviours() -> Check:
-    try:
-        registry = NodeRegistry.installed()
-    except UavBtError as error:
-        return _contributed("behaviours", [], [str(error)])
-    packages = Counter(registry[name].__module__.partition(".")[0] for name in registry)
-    good = [f"{package} ({count} nodes)" for package, count in packages.items()]
-    return _contributed("behaviours", good, registry.faults)
-
-
-def _contributed(what: str, good: Sequence[str], faults: Sequence[str]) -> Check:
+def _contributed(what: str, good: Iterable[str], faults: Iterable[str]) -> Check:
+    found, wrong = ", ".join(good), [*faults]
     return Check(
         what=what,
-        good=bool(good) and not faults,
-        found="\n  ".join([", ".join(good) or "none registered", *faults]),
-        remedy="" if faults else "install uav-bt again",
+        good=bool(found) and not wrong,
+        found="\n  ".join([found or "none registered", *wrong]),
+        remedy="" if wrong else _AGAIN,
     )

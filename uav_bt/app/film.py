@@ -11,10 +11,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
-from dataclasses import replace
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,85 +21,70 @@ from rich.console import Console
 
 from behaviours.perceive.depth import BuildCorridor
 from perception.camera.ground_plane import view_of
-from sim_bridge.twin.placed import PlacedObject
 from sim_bridge.twin.scene import Scene
 from uav_bt.app.assembly import Flight, Listeners
-from uav_bt.board import METRIC_DEPTH, SITE_MAP
-from uav_bt.board.blackboard import Blackboard
-from uav_bt.display.canvas import Colour
+from uav_bt.board import METRIC_DEPTH
 from uav_bt.display.lab_map import LabMap, MapItem, MapMover
 from uav_bt.display.phrases import describe_flight, lands_on_mark
 from uav_bt.display.status import LiveStatus
-from uav_bt.display.video.depth_panes import Intruding
-from uav_bt.display.video.video import FlightVideo, FlightVideoConfig, Panes
-from uav_bt.lab.classes import LabClasses
+from uav_bt.display.video.perception_panes import Intruding
+from uav_bt.display.video.video import FlightVideo, Panes
 from uav_bt.lab.shipped import default_mark
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.judge import Outcome
 from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree
-from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame, Pose2D
-
-if TYPE_CHECKING:
-    from perception.depth.corridor import CorridorConfig
+from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
 
 
 def map_of_scene(scene: Scene) -> LabMap:
     """Return the map of a scene of the twin, boxes in the colours of their class."""
-    classes, pad, start = scene.classes, scene.helipad, scene.take_off
-    x_m, y_m = scene.start_m
+    classes, pad = scene.classes, scene.helipad
+
+    def item(class_id: int, spec: Any, size_m: tuple[float, float, float], **more: Any) -> MapItem:
+        red, green, blue = classes.colours[class_id].tolist()
+        x_m, y_m = more.pop("at_m", None) or spec.position_m
+        return MapItem(
+            x_m=x_m,
+            y_m=y_m,
+            size_m=size_m,
+            yaw_rad=math.radians(spec.yaw_deg),
+            colour=(red, green, blue),
+            name=classes.names[class_id],
+            **more,
+        )
+
+    placed = [
+        item(
+            one.shape.class_id,
+            one.spec,
+            one.shape.kind.size_m,
+            round=one.shape.round,
+            parts=one.standing.parts,
+        )
+        for one in scene.placed
+    ]
+    movers = [
+        MapMover(
+            item=item(
+                scene.class_of(mover),
+                mover,
+                mover.size_m,
+                at_m=mover.path_m[0],
+                round=mover.shape == "cylinder",
+            ),
+            path_m=(*mover.path_m, mover.path_m[0]) if mover.loop else mover.path_m,
+        )
+        for mover in scene.movers
+    ]
     return LabMap(
         ground_size_m=scene.ground.size_m,
-        boxes=(
-            *(
-                _item(classes, scene.class_of(box), box.position_m, box.yaw_deg, box.size_m)
-                for box in scene.boxes
-            ),
-            *(_placed(classes, item) for item in scene.placed),
-        ),
-        mark=None
-        if pad is None
-        else _item(classes, scene.mark_class, pad.position_m, pad.yaw_deg, pad.size_m),
-        movers=tuple(
-            MapMover(
-                item=_item(
-                    classes, scene.class_of(mover), mover.path_m[0], mover.yaw_deg, mover.size_m
-                ),
-                path_m=(*mover.path_m, mover.path_m[0]) if mover.loop else mover.path_m,
-                round=mover.shape == "cylinder",
-            )
-            for mover in scene.movers
-        ),
-        take_off=None
-        if start.random
-        else Pose2D(x_m=x_m, y_m=y_m, yaw_rad=math.radians(start.yaw_deg)),
+        boxes=(*(item(scene.class_of(box), box, box.size_m) for box in scene.boxes), *placed),
+        mark=None if pad is None else item(scene.mark_class, pad, pad.size_m),
+        movers=tuple(movers),
+        take_off=scene.take_off_pose,
         ground=scene.ground_plan if scene.placed or scene.ground_plan.outline_m else None,
-    )
-
-
-def _placed(classes: LabClasses, item: PlacedObject) -> MapItem:
-    spec, shape = item.spec, item.shape
-    whole = _item(classes, shape.class_id, spec.position_m, spec.yaw_deg, shape.kind.size_m)
-    return replace(whole, round=shape.round, parts=item.standing.parts)
-
-
-def _item(
-    classes: LabClasses,
-    class_id: int,
-    position_m: tuple[float, float],
-    yaw_deg: float,
-    size_m: tuple[float, float, float],
-) -> MapItem:
-    red, green, blue = (int(value) for value in classes.colours[class_id])
-    colour: Colour = (red, green, blue)
-    return MapItem(
-        x_m=position_m[0],
-        y_m=position_m[1],
-        size_m=size_m,
-        yaw_rad=math.radians(yaw_deg),
-        colour=colour,
-        name=classes.names[class_id],
     )
 
 
@@ -111,22 +95,12 @@ def lab_map_of(drone: Drone) -> LabMap | None:
 
 def title_of(flight: Flight[Drone]) -> str:
     """Return a flight's mission, scene and seed in a line."""
-    options = flight.options
-    return describe_flight(
-        flight.mission.origin,
-        scene=flight.scene_name,
-        drone=options.drone_name,
-        seed=options.seed,
-    )
+    drone, seed = flight.options.drone_name, flight.options.seed
+    return describe_flight(flight.mission.origin, scene=flight.scene_name, drone=drone, seed=seed)
 
 
 class VideoListeners:
-    """Films a flight; one of the `listeners` of `app.fly`.
-
-    Args:
-        video: where frames are drawn.
-        title: a line above the map; the mission, the scene and the seed when empty.
-    """
+    """Films a flight; one of the `listeners` of `app.fly`."""
 
     def __init__(self, video: FlightVideo, title: str = "") -> None:
         self._video = video
@@ -136,15 +110,13 @@ class VideoListeners:
     def __call__(self, flight: Flight[Drone]) -> Sequence[TickListener]:
         """Begin the video of a connected drone's flight."""
         drone, self._mark = flight.drone, flight.context.mark
-        self._video.begin(
-            panes_of(
-                flight.context.board,
-                drone.camera,
-                flight.mission,
-                lab_map=lab_map_of(drone),
-                title=self._title or title_of(flight),
-                limit_s=flight.judge_config.limit_s,
-            )
+        self._video.panes = Panes(
+            flight.context.board,
+            drone.camera,
+            lab_map=lab_map_of(drone),
+            title=self._title or title_of(flight),
+            limit_s=flight.judge_config.limit_s,
+            **depth_of(flight.mission, drone.camera),
         )
         return [self._video]
 
@@ -159,78 +131,36 @@ class VideoListeners:
         self._video.conclude(report.outcome.replace("_", " "), lines, good=good)
 
     def finish(self, report: FlightReport) -> None:
-        """Show how the flight ended and finish the file.
-
-        Raises:
-            FileError: it could not be written to the end; nothing is left behind.
-        """
+        """Show how the flight ended and finish the file."""
         # A video that failed while it was drawn has no place for an end.
         if FlightVideo.__name__ not in report.lost_outputs:
             self.conclude(report)
         self._video.close()
 
 
-def panes_of(
-    board: Blackboard,
-    camera: CameraModel,
-    tree: MissionTree | None,
-    *,
-    lab_map: LabMap | None,
-    title: str,
-    limit_s: float | None,
-) -> Panes:
-    """Return the drawing of a flight's video.
+def depth_of(tree: MissionTree | None, camera: CameraModel) -> dict[str, Any]:
+    """Return whether a tree makes metric depth, and what marks the inside of its corridor.
 
-    Args:
-        board: Board of the mission in the drawn tick.
-        camera: intrinsics at the frames' size.
-        tree: the mission; None where some of its nodes are not installed.
-        lab_map: Map of the lab. None: unknown.
-        title: a line above the map.
-        limit_s: when the flight is ended at the latest, from the take-off command.
+    The tree is None where some of its nodes are not installed.
     """
-    panes = Panes(board, camera, lab_map=lab_map, title=title, limit_s=limit_s)
-    if tree is not None and makes_depth(tree):
-        panes.show_depth(corridor_marker(tree, camera))
-    return panes
+    makes_depth = tree is not None and any(METRIC_DEPTH in leaf.writes for leaf in tree.leaves())
+    return {"makes_depth": makes_depth, "intruding": corridor_marker(tree, camera)}
 
 
-def makes_depth(tree: MissionTree) -> bool:
-    """Return whether a leaf of a tree writes metric depth."""
-    return any(METRIC_DEPTH in leaf.writes for leaf in tree.leaves())
+def corridor_leaf(tree: MissionTree | None) -> BuildCorridor | None:
+    """Return the leaf of ours that builds the only corridor of a tree."""
+    leaves = () if tree is None else tree.leaves()
+    found = [leaf for leaf in leaves if isinstance(leaf, BuildCorridor)]
+    return found[0] if len(found) == 1 else None
 
 
-def makes_map(tree: MissionTree) -> bool:
-    """Return whether a leaf of a tree keeps the site map."""
-    return any(SITE_MAP in leaf.writes for leaf in tree.leaves())
-
-
-def _corridor_leaf(tree: MissionTree) -> BuildCorridor | None:
-    leaves = [leaf for leaf in tree.leaves() if isinstance(leaf, BuildCorridor)]
-    return leaves[0] if len(leaves) == 1 else None
-
-
-def corridor_of(tree: MissionTree) -> CorridorConfig | None:
-    """Return the corridor that a tree asks for; None where it does not build exactly one."""
-    leaf = _corridor_leaf(tree)
-    return None if leaf is None else leaf.config()
-
-
-def corridor_marker(tree: MissionTree, camera: CameraModel) -> Intruding | None:
-    """Return a function that marks the pixels inside a tree's corridor.
-
-    Args:
-        tree: the mission.
-        camera: intrinsics at the frames' size.
-
-    Returns:
-        None where the tree does not build one corridor, with a leaf of ours.
-    """
-    from perception.depth.corridor import CorridorBuilder  # noqa: PLC0415  (Numba is heavy)
-
-    leaf = _corridor_leaf(tree)
+def corridor_marker(tree: MissionTree | None, camera: CameraModel) -> Intruding | None:
+    """Return a function that marks the pixels inside a tree's corridor; None without one."""
+    leaf = corridor_leaf(tree)
     if leaf is None:
         return None
+    from perception.depth.corridor import CorridorBuilder  # noqa: PLC0415  (Numba is heavy)
+
     builder, background = CorridorBuilder(leaf.config()), bool(leaf.port_value("background"))
 
     def intruding(frame: Frame, class_map: ClassMap, depth: DepthMap) -> NDArray[np.bool_]:
@@ -258,20 +188,17 @@ def flight_video(
         FileError: the file cannot be written; raised before anything flies.
         MissingDependencyError: no video encoder works here.
     """
-    with FlightVideo(Path(path), config=FlightVideoConfig(speed=speed)) as video:
+    with FlightVideo(Path(path), speed=speed) as video:
         yield VideoListeners(video, title)
 
 
 @contextmanager
 def live_status(console: Console | None = None) -> Iterator[Listeners]:
-    """Show the flight that is flown inside in one line that keeps up with it.
-
-    Args:
-        console: where to write; default: the standard error stream.
-    """
+    """Show the flight that is flown inside in one line; by default on the standard error stream."""
     with ExitStack() as open_lines:
 
         def make(flight: Flight[Drone]) -> Sequence[TickListener]:
-            return [open_lines.enter_context(LiveStatus(flight.context.board, console=console))]
+            status = LiveStatus(flight.context.board, console=console)
+            return [open_lines.enter_context(closing(status))]
 
         yield make

@@ -10,35 +10,30 @@ from pathlib import Path
 from typing import Any, Final
 
 from uav_bt.app.assembly import Flight, Listeners, frame_judge, join
-from uav_bt.app.camera_photos import fetch_photos
 from uav_bt.app.film import flight_video
 from uav_bt.app.flight_outputs import (
     REPORT_FILE,
     check_outputs,
+    fetch_photos,
     flight_folder,
-    last_map,
     objects_of,
     write_objects,
 )
 from uav_bt.app.flying_process import landing_on_signals, short_collections
-from uav_bt.app.loading import Mission, load_mission, read_mission
+from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.option_values import as_file
 from uav_bt.app.options import FlightOptions, given_options
-from uav_bt.app.place_of_flight import site_of
+from uav_bt.app.place import check_area
 from uav_bt.app.random_faults import drawn
 from uav_bt.app.reload import TreeReload, reloadable_file
 from uav_bt.app.results import FlownMission, PathLog
 from uav_bt.app.site import Site
 from uav_bt.board import SITE_MAP
-from uav_bt.errors import InputError, UavBtError
+from uav_bt.errors import InputError, TreeError, UavBtError
+from uav_bt.lab.lab import Lab
 from uav_bt.mission.covered_ground import CoveredGround
 from uav_bt.mission.flight_log import FlightLog
-from uav_bt.mission.flight_report import (
-    FlightChanges,
-    FlightReport,
-    Percentiles,
-    write_report,
-)
+from uav_bt.mission.flight_report import FlightChanges, FlightReport, Percentiles, write_report
 from uav_bt.mission.judge import Outcome, Verdict
 from uav_bt.mission.map_check import MapCheck
 from uav_bt.mission.preflight import Check, check_drone, refuse_faults
@@ -46,14 +41,19 @@ from uav_bt.mission.runner import MissionRunner, NextTree
 from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, NodeRegistry
+from uav_bt.tree.loading.before_flight import findings_at, refused_by_lab
+from uav_bt.tree.loading.uses import Uses
+from uav_bt.types import SiteMap
 
 STILL_IN_THE_AIR: Final = (
     "THE DRONE IS STILL IN THE AIR, as far as is known: take its remote control and land it"
 )
+Controls = Callable[[MissionRunner], AbstractContextManager[None]]
+_Writers = Mapping[str, Callable[[FlightReport], None]]  # by output
 
 
 def check(tree: Mission, registry: NodeRegistry | None = None, **how: Any) -> MissionTree:
-    """Load a mission and return its tree.
+    """Load a mission, refuse it where `fly` would, and return its tree. No drone is made.
 
         app.check("patrol.xml", variables={"laps": 3}, ports={"TakeOff.height_m": 1.2})
 
@@ -65,9 +65,17 @@ def check(tree: Mission, registry: NodeRegistry | None = None, **how: Any) -> Mi
 
     Raises:
         TreeError: the file was refused; the error holds all findings.
-        InputError: `tree` is not a mission, or it flew before.
+        InputError: `tree` is not a mission, it flew before, or it does not fit its site or lab:
+            it flies above the ceiling, or the areas of rules and place exclude one another.
     """
-    return read_mission(tree, given_options(None, how), registry)
+    options = given_options(None, how)
+    mission = load_mission(tree, options, registry)
+    check_area(mission, options.place or Site())
+    if isinstance(lab := options.lab, Lab):
+        uses = Uses(mission)
+        if found := list(findings_at(uses, refused_by_lab(uses, lambda: lab))):
+            raise TreeError(mission.path, found)
+    return mission
 
 
 def fly(
@@ -80,7 +88,7 @@ def fly(
     video: str | Path | None = None,
     listeners: Sequence[Listeners] = (),
     on_check: Callable[[Check], None] | None = None,
-    controls: Callable[[MissionRunner], AbstractContextManager[None]] | None = None,
+    controls: Controls | None = None,
     watch: Callable[[str], None] | None = None,
     **how: Any,
 ) -> FlownMission:
@@ -142,17 +150,17 @@ def fly(
         if flight.drone.live:
             stack.enter_context(short_collections())
             _check_before_take_off(flight, on_check)
-        made: list[Listeners] = []
+        followers: list[Listeners] = []
         keep: dict[str, Callable[[FlightReport], None]] = {}  # the report last: it names losses
         if folder is not None and flight.context.stills is not None:
             camera = flight.context.stills  # first, while the drone waits on the ground
             keep["camera photographs"] = partial(fetch_photos, camera=camera, folder=folder)
         if video is not None:
             film = stack.enter_context(flight_video(video))
-            made.append(film)
+            followers.append(film)
             keep["video"] = film.finish
         if record is not None:
-            made.append(record.begin)
+            followers.append(record.begin)
             keep["record"] = record.conclude
         if folder is not None:
             keep["objects"] = partial(write_objects, folder=folder)
@@ -161,8 +169,8 @@ def fly(
         next_tree = None
         if watched is not None and watch is not None:
             next_tree = TreeReload(flight, watched, registry, watch)
-        followers, at_hand = [*made, *listeners], controls or (lambda _: nullcontext())
-        return _run(flight, followers, keep, at_hand, next_tree)
+        controls = controls or (lambda _: nullcontext())
+        return _run(flight, [*followers, *listeners], keep, controls, next_tree)
 
 
 def changes_of(options: FlightOptions) -> FlightChanges:
@@ -177,29 +185,28 @@ def changes_of(options: FlightOptions) -> FlightChanges:
     )
 
 
-def _made(make: Listeners, flight: Flight[Drone]) -> Sequence[TickListener]:
-    made: object = make(flight)
-    if not isinstance(made, Sequence):
-        raise InputError(
-            f"listeners: expected functions that return a list, such as lambda flight: [notes]; "
-            f"{make!r:.80} returned {made!r:.80}"
-        )
-    return made
-
-
 def _check_listeners(listeners: object) -> None:
-    given = listeners if isinstance(listeners, Sequence) else [listeners]
-    for make in given:
-        if given is not listeners or not callable(make):
+    for make in listeners if isinstance(listeners, Sequence) else [listeners]:
+        if make is listeners or not callable(make):
             raise InputError(
                 "listeners: expected a list of functions that take the flight and return what "
                 f"follows it, such as [lambda flight: [notes]]; got {make!r:.80}"
             )
 
 
+def _made(make: Listeners, flight: Flight[Drone]) -> Sequence[TickListener]:
+    made: object = make(flight)
+    if isinstance(made, Sequence):
+        return made
+    raise InputError(
+        f"listeners: expected functions that return a list, such as lambda flight: [notes]; "
+        f"{make!r:.80} returned {made!r:.80}"
+    )
+
+
 def _check_before_take_off(flight: Flight[Drone], on_check: Callable[[Check], None] | None) -> None:
-    drone, site = flight.drone, site_of(flight.options) or Site()
-    checks = check_drone(drone, site.preflight, judge_frame=frame_judge(drone))
+    drone, preflight = flight.drone, flight.held.site.preflight
+    checks = check_drone(drone, preflight, judge_frame=frame_judge(drone))
     for each in checks:
         if on_check is not None:
             on_check(each)
@@ -210,47 +217,34 @@ def _check_before_take_off(flight: Flight[Drone], on_check: Callable[[Check], No
 def _run(
     flight: Flight[Drone],
     listeners: Sequence[Listeners],
-    keep: Mapping[str, Callable[[FlightReport], None]],
-    controls: Callable[[MissionRunner], AbstractContextManager[None]],
+    keep: _Writers,
+    controls: Controls,
     next_tree: NextTree | None,
 ) -> FlownMission:
-    """Fly a connected flight to its end, and report whatever happened.
-
-    Args:
-        flight: its drone is connected.
-        listeners: Make tick listeners of the flight.
-        keep: Writers of the report, by output.
-        controls: Controls of a person.
-        next_tree: asked between two ticks for a tree that flies from then on.
-    """
-    log = FlightLog(_coverage(flight.drone), _map_check(flight))
-    path = PathLog()
+    """Fly a connected flight to its end, and report whatever happened."""
+    drone, board = flight.drone, flight.context.board
+    ground = None if drone.referee is None else drone.referee.ground()
+    coverage = None if ground is None else CoveredGround(ground, drone.camera)
+    accuracy = None if ground is None else MapCheck(ground, lambda: board.read(SITE_MAP).value)
+    log, path = FlightLog(coverage, accuracy), PathLog()
     made = [one for make in listeners for one in _made(make, flight)]
     runner = flight.runner([log, path, *made], next_tree)
 
-    def finish(verdict: Verdict) -> FlightReport:
-        options = flight.options
-        times_s, notes = flight.context.stage_times_s, flight.context.notes
-        result = FlightReport(
-            **vars(changes_of(options)),
+    def finish(verdict: Verdict) -> FlownMission:
+        site_map = _last_map(flight)
+        result = FlownMission(
+            **vars(changes_of(flight.options)),
             **log.fields(),
-            scene=flight.scene_name,
-            lab=None if flight.lab is None else flight.lab.name,
-            seed=options.seed,
-            tree=flight.mission.origin,
-            policies=_policies(flight.mission),
-            drone=options.drone_name,
-            profile=_profile(flight),
+            **_facts(flight),
             outcome=verdict.outcome.value,
             reason=verdict.reason,
-            perception_ms={name: Percentiles.of_seconds(each) for name, each in times_s.items()},
             slow_leaves={leaf: round(1e3 * s, 1) for leaf, s in runner.budgets.worst_s.items()},
             warnings=[*log.warnings, *flight.missed_faults()],
-            airborne_at_end=runner.descent.airborne or _flies(flight.drone),
+            airborne_at_end=runner.descent.airborne or _flies(drone),
             lost_outputs=dict(runner.listeners.lost),
-            objects=objects_of(last_map(flight.context.board)),
-            photos=list(notes.photos),
-            events=list(notes.events),
+            objects=objects_of(site_map),
+            path=path.array(),
+            site_map=site_map,
         )
         for what, write in keep.items():
             try:
@@ -268,32 +262,44 @@ def _run(
         if flown.airborne_at_end:
             error.add_note(STILL_IN_THE_AIR)
         raise
-    site_map = last_map(flight.context.board)
-    return FlownMission(**vars(finish(verdict)), path=path.array(), site_map=site_map)
+    return finish(verdict)
+
+
+def _facts(flight: Flight[Drone]) -> dict[str, Any]:
+    """Return what a report says of a flight besides its course and its end."""
+    options, context = flight.options, flight.context
+    return {
+        "scene": flight.scene_name,
+        "lab": None if flight.lab is None else flight.lab.name,
+        "seed": options.seed,
+        "tree": flight.mission.origin,
+        "policies": {
+            leaf.path: str(leaf.port_value("policy"))
+            for leaf in flight.mission.leaves()
+            if any(port.name == "policy" for port in leaf.ports)
+        },
+        "drone": options.drone_name,
+        "profile": _profile(flight),
+        "perception_ms": {
+            name: Percentiles.of_seconds(times) for name, times in context.stage_times_s.items()
+        },
+        "photos": list(context.notes.photos),
+        "events": list(context.notes.events),
+    }
 
 
 def _words(error: Exception) -> str:
     return str(error) if isinstance(error, UavBtError) else f"{type(error).__name__}: {error}"
 
 
-def _coverage(drone: Drone) -> CoveredGround | None:
-    """Return the measurement of a flight's coverage. None: the ground is unknown."""
-    ground = None if drone.referee is None else drone.referee.ground()
-    return None if ground is None else CoveredGround(ground, drone.camera)
-
-
-def _map_check(flight: Flight[Drone]) -> MapCheck | None:
-    """Return the comparison of the mission's map with the truth. None: the ground is unknown."""
-    referee, board = flight.drone.referee, flight.context.board
-    ground = None if referee is None else referee.ground()
-    return None if ground is None else MapCheck(ground, lambda: board.read(SITE_MAP).value)
+def _last_map(flight: Flight[Drone]) -> SiteMap | None:
+    """Return the newest site map of any age. None: the mission made none."""
+    known = flight.context.board.snapshot().get(SITE_MAP.name)
+    return None if known is None else known[0]
 
 
 def _flies(drone: Drone) -> bool:
-    """Return whether a simulated drone is in the air. False: its truth is unknown.
-
-    The runner knows only of a descent that it began.
-    """
+    """Return whether a simulated drone is in the air: the runner knows only its own descents."""
     return drone.referee is not None and drone.referee.truth().motors_on
 
 
@@ -304,11 +310,3 @@ def _profile(flight: Flight[Drone]) -> str | None:
         return None if flight.drone.referee is None else flight.options.profile
     profile = getattr(given, "profile", None)
     return profile if isinstance(profile, str) else None
-
-
-def _policies(mission: MissionTree) -> dict[str, str]:
-    return {
-        leaf.path: str(leaf.port_value("policy"))
-        for leaf in mission.leaves()
-        if any(port.name == "policy" for port in leaf.ports)
-    }

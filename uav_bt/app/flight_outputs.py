@@ -1,25 +1,26 @@
-"""The files that a flight writes: where they lie, that they overwrite no input, and the objects."""
+"""The files that a flight writes: where they lie, that they overwrite no input, their content."""
 
 from __future__ import annotations
 
 import csv
 import io
 import json
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, fields
 from itertools import combinations
 from pathlib import Path
 from typing import Final
 
 from uav_bt.app.options import FlightOptions
-from uav_bt.board import SITE_MAP
-from uav_bt.board.blackboard import Blackboard
+from uav_bt.app.provenance import files_of
 from uav_bt.board.context import FlightFolder
-from uav_bt.errors import FileError
+from uav_bt.errors import DroneError, FileError
 from uav_bt.files import check_output, write_whole
 from uav_bt.inputs import refuse_inputs, same_file
 from uav_bt.lab.lab import Lab
 from uav_bt.mission.flight_report import FlightReport
+from uav_bt.protocols import StillCamera
 from uav_bt.tree import MissionTree
 from uav_bt.tree.loading.lookup import shipped_trees
 from uav_bt.types import SiteMap
@@ -27,24 +28,19 @@ from uav_bt.types.flight_results import FRAME_OF_RESULTS, FoundObject, found_obj
 
 REPORT_FILE: Final = "report.json"
 OBJECTS_FILES: Final = ("objects.json", "objects.csv")
-
-_FILES_OF_OPTIONS: Final = (
-    "scene",
-    "camera",
-    "site",
-    "drone",
-    "policies",
-    "leaves",
-    "params",
-)  # that are read
+_NO_INPUTS: Final = {
+    "lab",
+    "profile",
+    "record",
+    "tree_folders",
+}  # options; `lab` is looked at apart
+# Chosen: over Wi-Fi an ANAFI sends some megabytes a second, and a photograph has about eight.
+_FIRST_PHOTO_S: Final = 15.0
+_EACH_PHOTO_S: Final = 10.0
 
 
 def flight_folder(out: Path | None, outputs: Mapping[str, Path | None]) -> FlightFolder | None:
-    """Return the output folder of a flight. None: it has none.
-
-    Args:
-        out: The folder, new or empty.
-        outputs: Files of the flight by kind: report, record, video. Leaves cannot write these.
+    """Return the output folder of a flight, new or empty. Leaves cannot write its other outputs.
 
     Raises:
         FileError: The folder has files already, or it cannot be written to.
@@ -62,22 +58,23 @@ def check_outputs(
     outputs: Mapping[str, Path | None],
     folder: FlightFolder | None,
 ) -> None:
-    """Refuse outputs that cannot be written, or that are inputs.
+    """Refuse outputs that cannot be written, that are inputs, or that are one file.
 
     Args:
-        mission: Mission that is flown; its files are inputs.
+        mission: Mission that is flown; its files, and those that its leaves name, are inputs.
         options: Options of the flight; the files that they name are inputs.
         outputs: Files of the flight by kind: report, record, video.
         folder: Output folder; it is made when something is written.
 
     Raises:
-        FileError: An output cannot be written.
+        FileError: An output is refused.
     """
-    read = [getattr(options, name) for name in _FILES_OF_OPTIONS]
-    if isinstance(options.lab, Lab):
-        scenes = options.lab.scenes.values() if options.scene is None else ()
-        scene = options.lab.scenes.get(str(options.scene))
-        read += [options.lab.file, options.lab.network, *scenes, scene]
+    read: list[object] = [*mission.sources, *files_of(mission)]
+    read += [getattr(options, one.name) for one in fields(options) if one.name not in _NO_INPUTS]
+    if isinstance(lab := options.lab, Lab):
+        named = lab.scenes.get(str(options.scene))
+        read += [lab.file, lab.network, lab.flight.camera, named]
+        read += [] if options.scene else lab.scenes.values()
     files = [(name, file) for name, file in outputs.items() if file is not None]
     for (first, file), (second, other) in combinations(files, 2):
         if same_file(file, other):
@@ -86,13 +83,7 @@ def check_outputs(
             )
     for _, file in files:
         check_output(file, new_folders=folder is not None and file.parent == folder.folder)
-        refuse_inputs(file, [*mission.sources, *read], shipped_trees())
-
-
-def last_map(board: Blackboard) -> SiteMap | None:
-    """Return the newest site map of any age. None: the mission made none."""
-    known = board.snapshot().get(SITE_MAP.name)
-    return None if known is None else known[0]
+        refuse_inputs(file, read, shipped_trees())
 
 
 def objects_of(site_map: SiteMap | None) -> list[FoundObject] | None:
@@ -104,11 +95,7 @@ def objects_of(site_map: SiteMap | None) -> list[FoundObject] | None:
 
 
 def write_objects(report: FlightReport, folder: FlightFolder) -> None:
-    """Write the objects of a report as JSON and as CSV; nothing without a map.
-
-    Raises:
-        FileError: A file cannot be written.
-    """
+    """Write the objects of a report as JSON and as CSV; nothing without a map."""
     if report.objects is None:
         return
     folder.make()
@@ -121,3 +108,40 @@ def write_objects(report: FlightReport, folder: FlightFolder) -> None:
     texts = (json.dumps(content, indent=2) + "\n", table.getvalue())
     for name, text in zip(OBJECTS_FILES, texts, strict=True):
         write_whole(folder.folder / name, text)
+
+
+def fetch_photos(
+    report: FlightReport,
+    camera: StillCamera,
+    folder: FlightFolder,
+    now: Callable[[], float] = time.monotonic,
+) -> None:
+    """Write the photographs of the drone's camera, within a time for all, from its memory card.
+
+    Raises:
+        FileError: Photographs were not fetched; the message names them.
+    """
+    taken = {
+        photo.camera_file: photo.camera_media
+        for photo in report.photos
+        if photo.camera_file is not None and photo.camera_media is not None
+    }
+    until_s = now() + _FIRST_PHOTO_S + _EACH_PHOTO_S * len(taken)
+    missing: dict[str, str] = {}
+    reason = "the drone is still in the air" if report.airborne_at_end else ""
+    for name, media in taken.items():
+        try:
+            if report.airborne_at_end:
+                missing[name] = media
+            else:
+                folder.write(name, camera.fetch_still(media, max(0.0, until_s - now())))
+        except (DroneError, FileError) as error:
+            missing[name] = media
+            reason = reason or str(error)
+    if missing:
+        raise FileError(
+            folder.folder,
+            f"{len(missing)} of {len(taken)} photographs of the drone's camera were not fetched "
+            f"({', '.join(missing)}): {reason}. They stay on its memory card, as the media "
+            f"{', '.join(missing.values())}",
+        )

@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import platform
 import time
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -20,8 +19,7 @@ from pydantic import TypeAdapter, ValidationError
 import uav_bt
 from uav_bt.app import provenance
 from uav_bt.app.assembly import Flight
-from uav_bt.app.place_of_flight import limits_of, site_of
-from uav_bt.app.recorded_files import lab_files, scene_files, tree_files
+from uav_bt.app.recorded_files import attachments_of
 from uav_bt.app.site import Site
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import parse_json, writing
@@ -35,42 +33,43 @@ from uav_bt.record.config import Quality, RecordConfig
 from uav_bt.record.reader import RecordReader
 from uav_bt.record.record_file import RecordFile
 from uav_bt.record.recorder import FlightFacts, FlightRecorder
-from uav_bt.tree import MissionTree
 from uav_bt.tree.loading.parameters import Plain
 from uav_bt.types import Airframe
 from uav_bt.types.area import Polygon
 
 
 def flight_facts(flight: Flight[Drone]) -> FlightFacts:
-    """Return the facts of a flight that are known before it begins.
-
-    Args:
-        flight: its drone is connected.
-    """
-    mission, scene, options = flight.mission, flight.drone.scene, flight.options
-    drone = options.drone
+    """Return the facts of a flight that are known before it begins; its drone is connected."""
+    mission, drone, options, held = flight.mission, flight.drone, flight.options, flight.held
+    site = options.place
+    if site is not None and site.lab is not None:  # the scene may have another mark than its lab
+        site = replace(site, mark=held.mark, mark_pose=held.mark_pose, take_off_pose=held.take_off)
     values = {
         **{each.name: getattr(options, each.name) for each in fields(options)},
-        "judge": flight.judge_config,
-        "limits": limits_of(options),
-        "area": None if flight.area is None else flight.area.polygons,
+        "judge": held.judge,
+        "limits": held.limits,
+        "area": None if held.area is None else held.area.polygons,
         "uav_bt": uav_bt.__version__,
         "started": datetime.now(tz=UTC).isoformat(timespec="seconds"),
         "tree": mission.origin,
         "tree_name": mission.name,
         "scene": flight.scene_name,
-        "lab": None if flight.lab is None else flight.lab.name,
-        "site": _site(flight),
+        "lab": None if held.lab is None else held.lab.name,
+        "site": site,
         "replaced": mission.replaced,
         "ports": options.parameters.ports,
-        "variables": _plain_variables(mission),
+        "variables": {  # that have a value before the first tick
+            name: value
+            for name, value in mission.variables.snapshot().items()
+            if isinstance(value, Plain)
+        },
         "policies": options.policy_names,
         "policy_objects": list(options.policy_objects),
         "drone": options.drone_name,
-        "drone_config": repr(drone) if is_dataclass(drone) else None,
-        "classes": [asdict(each) for each in flight.classes],
-        "airframe": flight.drone.airframe,
-        "simulated": flight.drone.referee is not None,
+        "drone_config": repr(options.drone) if is_dataclass(options.drone) else None,
+        "classes": [asdict(each) for each in held.classes],
+        "airframe": drone.airframe,
+        "simulated": drone.referee is not None,
         "imageless": flight.context.sight is not None,
         "outputs": flight.outputs is not None,
         "stills": flight.context.stills is not None,
@@ -80,30 +79,15 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
         "weights": provenance.weights_of(mission),
     }
     del values["record"], values["params"]
-    texts = {
-        name: value if isinstance(value, str) else json.dumps(value, default=_plain)
-        for name, value in values.items()
-    }
+    referee = flight.drone.referee
     return FlightFacts(
-        values=texts,
-        attachments=[*tree_files(mission), *scene_files(scene), *lab_files(options)],
+        values={
+            name: value if isinstance(value, str) else json.dumps(value, default=_plain)
+            for name, value in values.items()
+        },
+        attachments=[*attachments_of(mission, drone.scene, options.lab)],
+        ground=None if referee is None else referee.ground(),
     )
-
-
-def _site(flight: Flight[Drone]) -> Site | None:
-    """Return the site of a flight; that of a lab with the poses and the mark of the scene."""
-    site, context = site_of(flight.options), flight.context
-    if site is None or site.lab is None:
-        return site
-    return replace(
-        site, mark=flight.mark, mark_pose=context.mark_pose, take_off_pose=context.take_off
-    )
-
-
-def _plain_variables(mission: MissionTree) -> dict[str, Plain]:
-    """Return the variables that have a value before the first tick, numbers and texts."""
-    variables = mission.variables.snapshot()
-    return {name: value for name, value in variables.items() if isinstance(value, Plain)}
 
 
 def _plain(value: object) -> object:
@@ -138,9 +122,6 @@ class RecordedOptions:
 def recorded_options(reader: RecordReader) -> RecordedOptions:
     """Return the options that a recorded flight was flown with.
 
-    Args:
-        reader: of the record.
-
     Raises:
         FileError: the record's metadata is damaged.
     """
@@ -171,27 +152,17 @@ def _parsed(reader: RecordReader, text: str) -> Any:
 
 
 class FlightRecord:
-    """The record of one flight: begun when the tree is set up, closed whatever happens.
+    """The record of one flight: begun when the tree is set up, closed whatever happens."""
 
-    Args:
-        path: the MCAP file.
-        wall_clock_ns: gives the time at which the flight begins, nanoseconds since 1970.
-    """
-
-    def __init__(self, path: Path, wall_clock_ns: Callable[[], int] = time.time_ns) -> None:
+    def __init__(self, path: Path) -> None:
         self._path = path
-        self._wall_clock_ns = wall_clock_ns
         self._recorder: FlightRecorder | None = None
 
     def begin(self, flight: Flight[Drone]) -> tuple[FlightRecorder]:
-        """Open the file; return the tick listener.
-
-        Args:
-            flight: its drone is connected, its tree set up and not ticked yet.
+        """Open the file for a flight whose tree is set up; return the tick listener.
 
         Raises:
             FileError: the file cannot be written.
-            MissingDependencyError: the extra `record` is not installed.
         """
         options = flight.options
         # A simulation's clock stands still meanwhile: it waits for the disk, and nothing is lost.
@@ -205,7 +176,7 @@ class FlightRecord:
                     flight.context,
                     flight.drone.camera,
                     flight_facts(flight),
-                    start_ns=self._wall_clock_ns(),
+                    start_ns=time.time_ns(),
                     config=RecordConfig(quality=options.record_quality, wait=stands_still),
                 )
         except FileError:
@@ -214,11 +185,7 @@ class FlightRecord:
         return (self._recorder,)
 
     def conclude(self, report: FlightReport) -> None:
-        """Close the file with how the flight ended.
-
-        Raises:
-            FileError: it could not be written to its end.
-        """
+        """Close the file with how the flight ended; FileError if it is not written to its end."""
         if self._recorder is None:
             return
         end = {"outcome": report.outcome, "reason": report.reason}

@@ -7,7 +7,6 @@ import signal
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from types import FrameType
 from typing import Any, Final, NoReturn
 
 from uav_bt.mission.runner import MissionRunner
@@ -16,53 +15,25 @@ from uav_bt.mission.runner import MissionRunner
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
-class _Stop:
-    """Actions of the first, the second and the third signal."""
-
-    def __init__(self, runner: MissionRunner) -> None:
-        self._runner = runner
-        self._before: dict[signal.Signals, Any] = {}
-        self._count = 0
-
-    def install(self) -> None:
-        for number in _SIGNALS:
-            before = signal.getsignal(number)
-            if before is not signal.SIG_IGN:  # nohup: an ignored signal stays so
-                self._before[number] = before
-                signal.signal(number, self._on_signal)
-
-    def restore(self) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-    def _on_signal(self, number: int, frame: FrameType | None) -> None:
-        del frame
-        self._count += 1
-        self._runner.abort.request(f"stopped by {signal.Signals(number).name}")
-        if self._count > 1:
-            self._runner.abort.give_up()
-            self.restore()  # a third one ends a program that hangs
-
-
 @contextmanager
 def landing_on_signals(runner: MissionRunner) -> Iterator[None]:
     """Land on Ctrl-C, SIGTERM and SIGHUP; on a second one, do not wait for the landing.
 
     The report is written either way. Python hands signals to the main thread only; elsewhere this
     does nothing.
-
-    Args:
-        runner: of the mission that flies inside.
     """
-    if threading.current_thread() is not threading.main_thread():
+    count, before = 0, dict[signal.Signals, Any]()
+
+    def on_signal(number: int, _frame: object) -> None:
+        nonlocal count
+        count += 1
+        runner.abort.request(f"stopped by {signal.Signals(number).name}")
+        if count > 1:
+            runner.abort.give_up()
+            _restore(before)  # a third one ends a program that hangs
+
+    with _handling(dict.fromkeys(_SIGNALS, on_signal), before):
         yield
-        return
-    stop = _Stop(runner)
-    stop.install()
-    try:
-        yield
-    finally:
-        stop.restore()
 
 
 @contextmanager
@@ -71,7 +42,7 @@ def interruptible() -> Iterator[None]:
 
     Used inside `landing_on_signals`. Outside the main thread this does nothing.
     """
-    with _handling({signal.SIGINT: signal.default_int_handler, signal.SIGTERM: _interrupt}):
+    with _handling({signal.SIGINT: signal.default_int_handler, signal.SIGTERM: _interrupt}, {}):
         yield
 
 
@@ -81,30 +52,31 @@ def ended_by_signals() -> Iterator[None]:
 
     Used inside `landing_on_signals`. Outside the main thread this does nothing.
     """
-    with _handling({signal.SIGTERM: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL}):
+    with _handling({signal.SIGTERM: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL}, {}):
         yield
 
 
 @contextmanager
-def _handling(handlers: Mapping[signal.Signals, Any]) -> Iterator[None]:
-    """Handle signals so inside; ignored signals stay ignored."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = {
-        number: signal.signal(number, handler)
-        for number, handler in handlers.items()
-        if signal.getsignal(number) is not signal.SIG_IGN
-    }
+def _handling(
+    handlers: Mapping[signal.Signals, Any], before: dict[signal.Signals, Any]
+) -> Iterator[None]:
+    """Handle signals so inside; ignored ones (nohup) stay so. `before` gets the former handlers."""
+    if threading.current_thread() is threading.main_thread():
+        for number, handler in handlers.items():
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                before[number] = signal.signal(number, handler)
     try:
         yield
     finally:
-        for number, former in before.items():
-            signal.signal(number, former)
+        _restore(before)
 
 
-def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
-    del frame
+def _restore(handlers: Mapping[signal.Signals, Any]) -> None:
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+def _interrupt(number: int, _frame: object) -> NoReturn:
     raise KeyboardInterrupt(signal.Signals(number).name)
 
 

@@ -29,7 +29,6 @@ from scipy.signal import lfilter
 from behaviours.fly.heading_control import HeadingGains
 from uav_bt.errors import InputError
 from uav_bt.files import writing
-from uav_bt.record.moment import Moment
 from uav_bt.record.reader import RecordReader
 from uav_bt.types import FlyingState, Hover, Velocity
 
@@ -84,23 +83,15 @@ def yaw_series(path: Path) -> list[Series]:
     """Return the parts of a record in which the mission commanded yaw rates in the air."""
     parts: list[list[tuple[float, float, float]]] = [[]]
     for moment in RecordReader(path).moments():
-        rate_radps = _commanded_radps(moment)
-        if rate_radps is not None:
-            parts[-1].append((moment.tick.time_s, rate_radps, moment.state.attitude.yaw_rad))
+        movement, state = moment.commands.sent.movement, moment.state
+        flies = state.flying in {FlyingState.HOVERING, FlyingState.FLYING}
+        if isinstance(movement, Velocity | Hover) and flies and not state.pilot_has_control:
+            rate_radps = movement.yaw_rate_radps if isinstance(movement, Velocity) else 0.0
+            parts[-1].append((moment.tick.time_s, rate_radps, state.attitude.yaw_rad))
         elif parts[-1]:
             parts.append([])
     found = [np.array(rows).T for rows in parts if len(rows) >= _LEAST_TICKS]
     return [np.stack([times, rates, np.unwrap(yaws)]) for times, rates, yaws in found]
-
-
-def _commanded_radps(moment: Moment) -> float | None:
-    """Return the yaw rate of a tick, None where the drone or a pilot chose it."""
-    movement, state = moment.commands.sent.movement, moment.state
-    if state.pilot_has_control or state.flying not in {FlyingState.HOVERING, FlyingState.FLYING}:
-        return None
-    if isinstance(movement, Velocity):
-        return movement.yaw_rate_radps
-    return 0.0 if isinstance(movement, Hover) else None
 
 
 def identify(series: Sequence[Series]) -> tuple[YawResponse, float]:
@@ -144,7 +135,17 @@ def heading_loop(gains: HeadingGains, response: YawResponse, tick_s: float) -> L
     # The PID as computed: backward differences, the integral with the new error.
     p, i, d = gains.proportional, gains.integral * tick_s, gains.derivative / tick_s
     pid = control.TransferFunction([p + i + d, -p - 2.0 * d, d], [1.0, -1.0, 0.0], tick_s)
-    transfer = pid * _plant(response, tick_s)
+    # Drone and hold. A held pulse is a step and, one tick later, the opposite step. Times the
+    # denominator, its response ends two ticks after the delay: those samples are the numerator.
+    lag_s = max(response.lag_s, 1e-6)
+    pole = math.exp(-tick_s / lag_s)
+    denominator = np.array([1.0, -(1.0 + pole), pole])
+    last = math.ceil(response.delay_s / tick_s - 1e-9) + 2
+    elapsed = np.maximum(tick_s * np.arange(last + 1) - response.delay_s, 0.0)
+    ramp = response.gain * (elapsed + lag_s * np.expm1(-elapsed / lag_s))
+    numerator = np.convolve(np.diff(ramp, prepend=0.0), denominator)[: last + 1]
+    plant = control.TransferFunction(numerator, np.pad(denominator, (0, last - 2)), tick_s)
+    transfer = pid * plant
     # Polynomial roots are inaccurate with poles at 1. A fine frequency response is accurate.
     shares = np.append(np.geomspace(1e-4, 0.1, 200), np.linspace(0.101, 0.999, 800))
     sampled = control.FrequencyResponseData(transfer, math.pi / tick_s * shares, smooth=True)
@@ -154,20 +155,6 @@ def heading_loop(gains: HeadingGains, response: YawResponse, tick_s: float) -> L
     gain_margin = min(gain_margin, -1.0 / end) if end < 0.0 else gain_margin
     margin_db = 20.0 * math.log10(gain_margin)
     return Loop(gains, transfer, margin_db, float(phase_margin_deg), float(crossover))
-
-
-def _plant(response: YawResponse, tick_s: float) -> Any:
-    """Return the exact discrete transfer function of hold, delay, lag and integrator."""
-    lag_s = max(response.lag_s, 1e-6)
-    pole = math.exp(-tick_s / lag_s)
-    denominator = np.array([1.0, -(1.0 + pole), pole])
-    # A held pulse is a step and, one tick later, the opposite step. Times the denominator, its
-    # response ends two ticks after the delay: those samples are the numerator.
-    last = math.ceil(response.delay_s / tick_s - 1e-9) + 2
-    elapsed = np.maximum(tick_s * np.arange(last + 1) - response.delay_s, 0.0)
-    ramp = response.gain * (elapsed + lag_s * np.expm1(-elapsed / lag_s))
-    numerator = np.convolve(np.diff(ramp, prepend=0.0), denominator)[: last + 1]
-    return control.TransferFunction(numerator, np.pad(denominator, (0, last - 2)), tick_s)
 
 
 def suggested_loop(response: YawResponse, tick_s: float) -> Loop:
@@ -194,11 +181,10 @@ def draw(
 ) -> None:
     """Write a PNG: heading and model over the longest series, its commands, and small steps."""
     times, rates, yaws = longest = max(series, key=np.size)
-    model = response.turned(longest)
     figure = Figure(figsize=(7, 7), layout="constrained")
     heading, rate, step = figure.subplots(3, 1)
-    heading.plot(times, np.degrees(yaws - yaws.mean()), label="measured")
-    heading.plot(times, np.degrees(model - model.mean()), "--", label="model")
+    for name, line, angles in (("measured", "-", yaws), ("model", "--", response.turned(longest))):
+        heading.plot(times, np.degrees(angles - angles.mean()), line, label=name)
     heading.set(ylabel="heading, degrees")
     rate.step(times, rates, where="post")
     rate.set(xlabel="mission time, s", ylabel="command, rad/s")

@@ -11,12 +11,11 @@ from typing import Any, Final, TypeGuard
 from py_trees.behaviour import Behaviour
 
 from uav_bt.app.options import FlightOptions
-from uav_bt.app.place_of_flight import limits_of, site_of
+from uav_bt.app.place import limits_of
 from uav_bt.app.site import Site
 from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT, METRIC_DEPTH, Key
 from uav_bt.errors import FileError, InputError, TreeError
 from uav_bt.lab.lab import Lab
-from uav_bt.mission.limits import Limits
 from uav_bt.tree import MissionTree, Node, NodeRegistry, load_tree, parse_tree
 from uav_bt.tree.loading.before_flight import faults_of
 from uav_bt.tree.loading.findings import errors_of
@@ -50,11 +49,6 @@ def load_mission(
 ) -> MissionTree:
     """Load the tree of a flight: as `read_mission`, and within the flight's limits.
 
-    Args:
-        tree: the mission.
-        options: how it is flown.
-        registry: the nodes that may occur; default: all installed.
-
     Raises:
         InputError: the tree was refused, or its flight height lies above the ceiling.
         TreeError: the tree would surely fail in flight.
@@ -62,7 +56,7 @@ def load_mission(
     mission = read_mission(tree, options, registry)
     if faults := errors_of(faults_of(Uses(mission))):
         raise TreeError(mission.path, faults)
-    check_ceiling(mission, limits_of(options))
+    _check_ceiling(mission, limits_of(options).ceiling_m)
     return mission
 
 
@@ -93,43 +87,44 @@ def read_mission(
             f"has variants ({', '.join(options.params.variants)}), and a campaign flies them; give "
             "a file with `set` and `var` only",
         )
-    overrides = _overrides(options, replaced or {})
-    site = site_of(options)
-    by_key, source = _site_values(site), "site" if site is None else site.source
-    stated = _stated(by_key, options)
-    if isinstance(tree, Node | Behaviour):
-        tree = MissionTree(tree, name=tree.name)
-    if isinstance(tree, MissionTree):
-        _check_made(tree, options)
-        known = registry or NodeRegistry.installed()
-        replace_in(tree, known, options.parameters, overrides, by_key)
-        _check_site_reaches(tree, stated, source)
-        return tree
     if registry is not None and not isinstance(registry, NodeRegistry):
         raise InputError(
             "registry: expected a NodeRegistry, such as "
             f"NodeRegistry.installed().with_nodes(Peek); got {registry!r:.80}"
         )
-    registry = (registry or NodeRegistry.installed()).with_policies(options.policy_objects)
-    registry = with_leaves(registry, [Path(file) for file in options.leaves])
-    if isinstance(tree, str | Path):
-        load = (
-            partial(parse_tree, tree) if is_text(tree) else partial(load_tree, resolve_tree(tree))
-        )
-        loaded = load(
-            registry,
+    overrides = {node: dict(given) for node, given in (replaced or {}).items()}
+    for node, policy in options.policy_names.items():
+        overrides.setdefault(node, {})["policy"] = policy
+    site = options.place or Site()
+    by_key = _site_values(site)
+    registry = registry or NodeRegistry.installed()
+    if isinstance(tree, Node | Behaviour):
+        tree = MissionTree(tree, name=tree.name)
+    if isinstance(tree, MissionTree):
+        _check_made(tree, options)
+        replace_in(tree, registry, options.parameters, overrides, by_key)
+    elif isinstance(tree, str | Path):
+        registry = registry.with_policies(options.policy_objects)
+        load = partial(parse_tree, tree) if is_text(tree) else partial(_load_file, tree)
+        tree = load(
+            with_leaves(registry, [Path(file) for file in options.leaves]),
             tree_id=options.tree_id,
             overrides=overrides,
             by_key=by_key,
             lookup=options.tree_folders.lookup(),
             parameters=options.parameters,
         )
-        _check_site_reaches(loaded, stated, source)
-        return loaded
-    raise InputError(
-        "expected a mission: a shipped one's name, a tree file, a MissionTree, the root of a tree "
-        f"or a tree file's text; got {tree!r:.80}"
-    )
+    else:
+        raise InputError(
+            "expected a mission: a shipped one's name, a tree file, a MissionTree, the root of a "
+            f"tree or a tree file's text; got {tree!r:.80}"
+        )
+    _check_site_reaches(tree, by_key, site, options)
+    return tree
+
+
+def _load_file(tree: str | Path, registry: NodeRegistry, **how: Any) -> MissionTree:
+    return load_tree(resolve_tree(tree), registry, **how)
 
 
 def _check_made(tree: MissionTree, options: FlightOptions) -> None:
@@ -139,33 +134,20 @@ def _check_made(tree: MissionTree, options: FlightOptions) -> None:
             f"tree '{tree.name}' was flown or set up before, and a tree flies once: load or "
             "compose it anew for each flight"
         )
-    this = f"this is '{tree.name}', which is loaded already"
-    if options.tree_id not in {None, tree.name}:
-        raise InputError(f"tree_id={options.tree_id!r} is for tree files; {this}")
-    if options.tree_folders != TreeFolders():
-        raise InputError(f"tree_folders are for tree files; {this}")
-    if options.leaves:
-        raise InputError(f"leaves are for tree files; {this} and has its own")
+    this = f"for tree files; this is '{tree.name}', which is loaded already"
+    for what, given in (
+        (f"tree_id={options.tree_id!r} is", options.tree_id not in {None, tree.name}),
+        ("tree_folders are", options.tree_folders != TreeFolders()),
+        ("leaves are", options.leaves),
+    ):
+        if given:
+            raise InputError(f"{what} {this}")
     for name, value in options.parameters.variables.items():
-        raise InputError(
-            f"variables are for tree files; {this}: write tree.variables['{name}'] = {value!r}"
-        )
+        raise InputError(f"variables are {this}: write tree.variables['{name}'] = {value!r}")
 
 
-def _overrides(
-    options: FlightOptions, replaced: Mapping[str, Mapping[str, str]]
-) -> dict[str, dict[str, str]]:
-    """Return the attribute values that replace the tree's, by node, besides ports."""
-    overrides = {node: dict(given) for node, given in replaced.items()}
-    for node, policy in options.policy_names.items():
-        overrides.setdefault(node, {})["policy"] = policy
-    return overrides
-
-
-def _site_values(site: Site | None) -> _ByKey:
+def _site_values(site: Site) -> _ByKey:
     """Return the attributes that a site replaces, by the board key that their leaves write."""
-    if site is None:
-        return {}
     height_m = None if site.flight_height_m is None else f"{site.flight_height_m:g}"
     classes = None if site.classes is None else str(site.classes)
     wanted: dict[Key[Any], dict[str, str | None]] = {
@@ -173,46 +155,30 @@ def _site_values(site: Site | None) -> _ByKey:
         METRIC_DEPTH: {"model": site.depth},
         FLIGHT_HEIGHT: {_HEIGHT_PORT: height_m},
     }
-    given = {
-        key: {name: value for name, value in attributes.items() if value is not None}
-        for key, attributes in wanted.items()
+    stated = {
+        key: {name: value for name, value in values.items() if value is not None}
+        for key, values in wanted.items()
     }
-    return {key: attributes for key, attributes in given.items() if attributes}
+    return {key: values for key, values in stated.items() if values}
 
 
-def _stated(by_key: _ByKey, options: FlightOptions) -> _ByKey:
-    """Return the attributes without networks that a tree may ignore.
-
-    They are those of depth, and a segmentation network that no lab file states.
-    """
-    ignored: set[Key[Any]] = {METRIC_DEPTH}
-    if isinstance(options.lab, Lab) and "model" not in (options.lab.flight.network or {}):
-        ignored.add(CLASS_MAP)
-    return {key: values for key, values in by_key.items() if key not in ignored}
-
-
-def _check_site_reaches(mission: MissionTree, by_key: _ByKey, source: str) -> None:
+def _check_site_reaches(
+    mission: MissionTree, by_key: _ByKey, site: Site, options: FlightOptions
+) -> None:
     """Refuse a tree whose leaves cannot take a site's setting; log one that no leaf asks for.
 
-    Args:
-        mission: the tree.
-        by_key: attributes that the site replaces, by board key.
-        source: what states them, in messages.
-
-    Raises:
-        InputError: leaves write the board key of the setting, and none of them has its port.
+    A tree may ignore the depth network, and a segmentation network that no lab file states.
     """
+    source, ignored = "site" if site.lab is None else "lab", [METRIC_DEPTH.name]
+    if isinstance(options.lab, Lab) and "model" not in (options.lab.flight.network or {}):
+        ignored.append(CLASS_MAP.name)
     for key, attributes in by_key.items():
         writers = [leaf for leaf in mission.leaves() if key in leaf.writes]
-        for name, value in attributes.items():
+        for name, value in attributes.items() if key.name not in ignored else ():
             if not writers:
                 _log.warning(
                     "Warning: the %s's %s='%s' has no effect: no leaf of tree '%s' writes '%s'",
-                    source,
-                    name,
-                    value,
-                    mission.name,
-                    key.name,
+                    *(source, name, value, mission.name, key.name),
                 )
             elif not any(name in leaf.values_taken({key: attributes}) for leaf in writers):
                 raise InputError(
@@ -222,23 +188,15 @@ def _check_site_reaches(mission: MissionTree, by_key: _ByKey, source: str) -> No
                 )
 
 
-def check_ceiling(mission: MissionTree, limits: Limits) -> None:
-    """Refuse a tree that is to fly higher than it may.
-
-    Args:
-        mission: the tree; a height that a leaf or a script writes is known in flight only.
-        limits: the ceiling is among them.
-
-    Raises:
-        InputError: a flight height lies above the ceiling.
-    """
+def _check_ceiling(mission: MissionTree, ceiling_m: float) -> None:
+    """Refuse a flight height above the ceiling, but for one that is known in flight only."""
     for leaf in mission.leaves():
         height = next((port for port in leaf.ports if port.name == _HEIGHT_PORT), None)
         if FLIGHT_HEIGHT not in leaf.writes or height is None:
             continue
         height_m = leaf.initial_value(height)
-        if height_m is not None and height_m > limits.ceiling_m:
+        if height_m is not None and height_m > ceiling_m:
             raise InputError(
                 f"node '{leaf.path}' is to fly at {height_m:g} m, above the ceiling of "
-                f"{limits.ceiling_m:g} m: lower the flight height or raise the limit ceiling_m"
+                f"{ceiling_m:g} m: lower the flight height or raise the limit ceiling_m"
             )

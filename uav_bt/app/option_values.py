@@ -1,27 +1,33 @@
-"""Checks of the values of options; errors name the expected and the given value."""
+"""Types and checks of options, for Python and the command line.
+
+Errors name the expected and the given value.
+"""
 
 from __future__ import annotations
 
 import inspect
-import operator
+import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from dataclasses import fields
+from dataclasses import dataclass, fields
+from numbers import Integral
 from pathlib import Path
 from types import UnionType
-from typing import Any, Final, NoReturn
+from typing import Annotated, Any, Final, NoReturn
+
+from annotated_types import Ge, Gt
+from pydantic import BeforeValidator, GetCoreSchemaHandler
+from pydantic_core import CoreSchema, core_schema
 
 from uav_bt.errors import FileError, InputError, ValueRangeError
 from uav_bt.files import reading
+from uav_bt.mission.judge import JudgeConfig
+from uav_bt.option import Option, option_of, pairs
 from uav_bt.protocols import Drone, LeafPolicy
 from uav_bt.testing.faults import RANDOM, Fault
 from uav_bt.tree.loading.parameters import Plain, split_port
 from uav_bt.tree.port import port_text
 
 _ABSENT: Final = object()
-# These options set up the drone.
-_OF_THE_DRONE: Final = frozenset(
-    {"scene", "seed", "profile", "image_size_px", "realtime", "movers", "vary_room"}
-)
 
 
 def class_name(value: object) -> str:
@@ -35,16 +41,7 @@ def is_drone_config(drone: object) -> bool:
 
 
 def as_file(name: str, value: object, expected: str = "a file") -> Path | None:
-    """Return a file's path; None for None.
-
-    Args:
-        name: Name of the value in the message.
-        value: Value from the caller.
-        expected: Description of a valid value.
-
-    Raises:
-        InputError: The value is neither text nor path, or it is empty.
-    """
+    """Return a file's path, None for None; refuse what is neither text nor path."""
     if value is None or isinstance(value, Path):
         return value
     if not isinstance(value, str) or not value:
@@ -53,29 +50,14 @@ def as_file(name: str, value: object, expected: str = "a file") -> Path | None:
 
 
 def files(value: object) -> tuple[Path, ...]:
-    """Return the paths of several files.
-
-    Args:
-        value: Sequence of texts and paths.
-
-    Raises:
-        InputError: The value is not a sequence of them.
-    """
+    """Return the paths of a list of files of leaves."""
     if not isinstance(value, (tuple, list)):
         refuse("leaves", "a list of files, such as ['my_leaves.py']", value)
     return tuple(path for each in value if (path := as_file("leaves", each or "")) is not None)
 
 
 def fault_texts(faults: object) -> tuple[str, ...]:
-    """Return faults as texts. Those of a file are checked here, where their lines are known.
-
-    Args:
-        faults: Sequence of texts. `@FILE` stands for the lines of a file.
-
-    Raises:
-        InputError: The value is not such a sequence, or a file cannot be read.
-        FileError: A line of a file is not a fault.
-    """
+    """Return faults as texts; `@FILE` stands for the lines of a file, which are checked here."""
     if not isinstance(faults, (tuple, list)) or not all(isinstance(one, str) for one in faults):
         refuse(
             "faults",
@@ -95,25 +77,17 @@ def _fault_lines(text: str) -> Iterator[str]:
         lines = path.read_text(encoding="utf-8").splitlines()
     for number, line in enumerate(lines, start=1):
         fault = line.strip()
-        if not fault:
-            continue
-        if fault != RANDOM:
+        if fault and fault != RANDOM:
             try:
                 Fault.parse(fault)
             except InputError as error:
                 raise FileError(path, str(error), line=number) from error
-        yield fault
+        if fault:
+            yield fault
 
 
 def port_values(ports: object) -> dict[str, str]:
-    """Return values of nodes' ports as the texts of a tree file.
-
-    Args:
-        ports: Mapping from NODE.PORT to a text, a number or a truth value.
-
-    Raises:
-        InputError: The value is not such a mapping.
-    """
+    """Return values of nodes' ports, by NODE.PORT, as the texts of a tree file."""
     expected = "values by node and port, such as {'ExploreFor.min_gain': 0.01}"
     found = _plain_values("ports", expected, ports)
     for name in found:
@@ -125,14 +99,7 @@ def port_values(ports: object) -> dict[str, str]:
 
 
 def variable_values(variables: object) -> dict[str, Plain]:
-    """Return first values of variables.
-
-    Args:
-        variables: Mapping from a variable's name to a text, a number or a truth value.
-
-    Raises:
-        InputError: The value is not such a mapping.
-    """
+    """Return first values of variables, by name."""
     return _plain_values("variables", "values by variable, such as {'laps': 3}", variables)
 
 
@@ -147,12 +114,8 @@ def _plain_values(what: str, expected: str, values: object) -> dict[str, Plain]:
     return dict(values)
 
 
-def check_policies(policies: object) -> None:
-    """Refuse a value that is not a mapping from nodes to leaf policies.
-
-    Raises:
-        InputError: The value is not a mapping, or a policy lacks `decide`.
-    """
+def check_policies(policies: Any) -> Any:
+    """Return leaf policies by node; refuse other values, and policies without `decide`."""
     if not isinstance(policies, Mapping):
         refuse("policies", "policies by node, such as {'Explore': 'corridor'}", policies)
     for node, policy in policies.items():
@@ -160,33 +123,21 @@ def check_policies(policies: object) -> None:
         usable = isinstance(policy, LeafPolicy) and not isinstance(policy, type)
         if not usable and not isinstance(policy, str):
             refuse(f"policies['{node}']", "a policy's name, or an object with `decide`", policy)
+    return policies
 
 
-def check_drone(drone: object) -> None:
-    """Refuse a value that is not a drone's name, a configuration or a drone.
-
-    Raises:
-        InputError: The value has another type, or lacks members of the protocol.
-    """
+def check_drone(drone: Any) -> Any:
+    """Return a drone's name, a configuration or a drone; refuse any other value."""
     expected = "a drone's name, a configuration with `create`, or a Drone"
-    if isinstance(drone, str) and drone:
-        return
-    if isinstance(drone, str | type):
+    if not drone or isinstance(drone, type):
         refuse("drone", expected, drone)
-    if not is_drone_config(drone):
+    if not isinstance(drone, str) and not is_drone_config(drone):
         refuse_incomplete(drone, expected)
+    return drone
 
 
 def common_seed(drone: object, seed: int) -> int:
-    """Return the seed of a flight: its own, or that of the drone's configuration.
-
-    Args:
-        drone: A drone's name, a configuration or a drone.
-        seed: Seed of the flight; 0 may be the default.
-
-    Raises:
-        InputError: Both have a seed, and they differ.
-    """
+    """Return the seed of a flight: its own, or that of its drone's configuration."""
     own = getattr(drone, "seed", 0) if is_drone_config(drone) else 0
     if own and seed and own != seed:
         raise InputError(
@@ -197,28 +148,18 @@ def common_seed(drone: object, seed: int) -> int:
 
 
 def refuse_incomplete(drone: object, expected: str = "a Drone") -> None:
-    """Refuse a drone that lacks members of the protocol.
-
-    Args:
-        drone: Object to check.
-        expected: Description of a valid value.
-
-    Raises:
-        InputError: The object lacks members; the message lists them.
-    """
-    missing = list(_missing(Drone, drone))
+    """Refuse a drone that lacks members of the protocol; the message lists them."""
+    # Nothing is read: unconnected drones raise.
+    missing = [
+        name
+        for name in vars(Drone)
+        if not name.startswith("_") and inspect.getattr_static(drone, name, _ABSENT) is _ABSENT
+    ]
     if missing:
         remedy = ": add `airframe = uav_bt.types.Airframe()`" if missing == ["airframe"] else ""
         raise InputError(
             f"drone: expected {expected}; {class_name(drone)} lacks {', '.join(missing)}{remedy}"
         )
-
-
-def _missing(protocol: type, value: object) -> Iterator[str]:
-    """Yield the members that an object lacks, without reading them: unconnected drones raise."""
-    for name in vars(protocol):
-        if not name.startswith("_") and inspect.getattr_static(value, name, _ABSENT) is _ABSENT:
-            yield name
 
 
 def refuse_unusable(
@@ -228,109 +169,176 @@ def refuse_unusable(
     *,
     remedy: str = "leave it out, as this drone has no such setting",
 ) -> None:
-    """Refuse options that this drone does not support.
+    """Refuse options that a drone does not support; defaults are never refused.
 
     Args:
-        options: A `FlightOptions`. Defaults are never refused. The flag of an option is named, too,
-            if the drone is, as a command may have given both.
+        options: A `FlightOptions`. The flag of an option is named, too, if the drone is, as a
+            command may have given both.
         drone: Subject of the message.
         usable: Names of the options that the drone supports.
         remedy: End of the message: what to do.
-
-    Raises:
-        InputError: The drone does not support an option.
     """
     for each in fields(options):
-        value = getattr(options, each.name)
-        if each.name in _OF_THE_DRONE.difference(usable) and value != each.default:
-            flag = each.metadata["declared"].flag
+        value, about = getattr(options, each.name), option_of(type(options), each.name)
+        if about.of_drone and each.name not in usable and value != each.default:
             is_named = isinstance(options.drone, str)
-            name = f"{flag} ({each.name} in Python)" if is_named else each.name
+            name = f"{about.flag_of(each.name)} ({each.name} in Python)" if is_named else each.name
             raise InputError(f"{drone} takes no {name}, got {value!r}: {remedy}")
 
 
-def whole_number(name: str, value: object, least: int) -> int:
-    """Return a whole number as `int`.
-
-    Args:
-        name: Name of the value in the message.
-        value: An `int` or an integer of NumPy.
-        least: Smallest valid value.
-
-    Raises:
-        InputError: The value is not a whole number, or it is too small.
-    """
-    try:
-        number = operator.index(value)  # type: ignore[arg-type]  # other types raise TypeError
-    except TypeError:
-        number = least - 1
-    if number < least or isinstance(value, bool):
-        refuse(name, f"a whole number from {least}", value)
-    return number
-
-
-def image_size(value: object) -> tuple[int, int]:
-    """Return width and height in pixels.
-
-    Raises:
-        InputError: The value is not a pair of whole numbers from 1.
-    """
-    sides = tuple(value) if isinstance(value, Iterable) else ()
-    if len(sides) != 2:
-        refuse("image_size_px", "width and height in pixels, such as (640, 360)", value)
-    width, height = (whole_number("image_size_px", side, 1) for side in sides)
-    return width, height
-
-
-def scene_text(value: object) -> str | None:
-    """Return a scene's name or path as it was given; None for None.
-
-    Raises:
-        InputError: The value is neither text nor path.
-    """
-    expected = "the name or file of a scene (a Scene belongs to the drone, as PlainConfig(scene=))"
-    return None if as_file("scene", value, expected) is None else str(value)
-
-
-CHECKED: Final[Mapping[str, Callable[[object], Any]]] = {
-    "scene": scene_text,
-    "image_size_px": image_size,
-    "ports": port_values,
-    "variables": variable_values,
-    "leaves": files,
-    "faults": fault_texts,
-}
-"""Checks by the option's name; each returns the value in its usual type."""
-
-
 def expect(name: str, value: object, kind: type | UnionType, expected: str) -> None:
-    """Refuse a value of another type.
-
-    Args:
-        name: Name of the value in the message.
-        value: Value from the caller.
-        kind: Expected type.
-        expected: Description of a valid value.
-
-    Raises:
-        InputError: The value has another type.
-    """
+    """Refuse a value of another type."""
     if not isinstance(value, kind):
         refuse(name, expected, value)
 
 
 def refuse(name: str, expected: str, value: object) -> NoReturn:
-    """Refuse a value.
-
-    Args:
-        name: Name of the value in the message.
-        expected: Description of a valid value.
-        value: Value from the caller.
-
-    Raises:
-        InputError: Always.
-    """
+    """Raise an InputError that names the expected and the given value."""
     got = f"{value!r:.80}"
     if isinstance(value, type):
         got = f"the class {value.__name__}: write {value.__name__}(...)"
     raise InputError(f"{name}: expected {expected}, got {got}")
+
+
+MISSION: Final = "Mission"
+OUTPUTS: Final = "Outputs"
+ROOM: Final = "Simulated room"
+REAL: Final = "Real drone"
+"""Headings of the help of `uav-bt fly`."""
+RECORD_SUFFIX: Final = ".mcap"
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A function of the option's name and value checks it, whatever its type, and returns it."""
+
+    check: Callable[[str, Any], Any]
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        del source
+        name = str(handler.field_name)
+        return core_schema.no_info_plain_validator_function(lambda value: self.check(name, value))
+
+
+def record_file(name: str, value: object) -> Path | None:
+    """Return the path of a record."""
+    path = as_file(name, value)
+    if path is not None and path.suffix.lower() != RECORD_SUFFIX:
+        refuse(name, f"a file whose name ends in {RECORD_SUFFIX}", str(path))
+    return path
+
+
+def scene_text(name: str, value: object) -> str | None:
+    """Return a scene's name or path as it was given."""
+    expected = "the name or file of a scene (a Scene belongs to the drone, as PlainConfig(scene=))"
+    return None if as_file(name, value, expected) is None else str(value)
+
+
+def loaded(kind: type, load: Callable[[Any], Any], expected: str) -> Checked:
+    """Return a check that takes an object, and loads that of a file or a name."""
+
+    def check(name: str, value: object) -> Any:
+        if value is None or isinstance(value, kind):
+            return value
+        as_file(name, value, expected)
+        return load(value)
+
+    return Checked(check)
+
+
+def whole(value: object) -> object:
+    """Return an integer of NumPy as `int`; others are checked after this."""
+    return int(value) if isinstance(value, Integral) and not isinstance(value, bool) else value
+
+
+def _size(value: object) -> object:
+    sides = tuple(value) if isinstance(value, Iterable) else ()
+    if len(sides) != 2:
+        refuse("image_size_px", "width and height in pixels, such as (640, 360)", value)
+    return tuple(whole(side) for side in sides)
+
+
+def _size_of_text(text: str) -> tuple[int, int]:
+    match = re.fullmatch(r"([1-9]\d{0,4})[xX]([1-9]\d{0,4})", text)
+    if match is None:
+        raise InputError(f"expected a size such as 640x360, got '{text}'")
+    return int(match[1]), int(match[2])
+
+
+def _policies_of_texts(texts: Iterable[str]) -> dict[str, str]:
+    # The last sign counts: a path of a tree may hold others.
+    found = pairs(texts, "node", "NODE=NAME, such as Explore=segmentation", last=True)
+    for node, policy in found.items():
+        if not policy:
+            raise InputError(f"expected NODE=NAME, such as Explore=segmentation, got '{node}='")
+    return found
+
+
+def judge_of(
+    *,
+    judge: Annotated[
+        float | None,
+        Gt(0),
+        Option(
+            "End the flight as a timeout this long after the take-off command. Default: as the "
+            "mission's Rules say, else 300 s.",
+            "--time-limit SECONDS",
+            "Mission",
+        ),
+    ] = None,
+) -> JudgeConfig:
+    """Return the rules of a flight from their option."""
+    return JudgeConfig(time_limit_s=judge)
+
+
+Seed = Annotated[
+    int,
+    BeforeValidator(whole),
+    Ge(0),
+    Option("Seed of everything random.", "", ROOM, of_drone=True),
+]
+Policies = Annotated[
+    Mapping[str, str | LeafPolicy],
+    Checked(lambda _, value: check_policies(value)),
+    Option(
+        "Let a node, by name or path, use another leaf policy. Repeatable.",
+        "--policy NODE=NAME",
+        MISSION,
+        read=_policies_of_texts,
+    ),
+]
+Profile = Annotated[
+    str,
+    Option(
+        "How imperfect the twin is: ideal, lab or harsh; lab-instant and harsh-instant have "
+        "telemetry without delay.",
+        "NAME",
+        ROOM,
+        of_drone=True,
+    ),
+]
+ImageSize = Annotated[
+    tuple[Annotated[int, Ge(1)], Annotated[int, Ge(1)]],
+    BeforeValidator(_size),
+    Option(
+        "Size of the camera's frames, 16:9.",
+        "--image-size WxH",
+        ROOM,
+        of_drone=True,
+        read=_size_of_text,
+        write="{0[0]}x{0[1]}".format,
+    ),
+]
+Threads = Annotated[
+    int,
+    BeforeValidator(whole),
+    Ge(1),
+    Option(
+        "Threads of the networks' inference. With one, a flight does not depend on the machine's "
+        "load.",
+        "--threads",
+        "Options",
+    ),
+]

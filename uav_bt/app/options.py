@@ -3,53 +3,78 @@
 from __future__ import annotations
 
 import inspect
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, dataclass, field, fields, replace
-from functools import cached_property
+from dataclasses import field, fields, replace
+from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, Final, get_args
+from typing import Annotated, Any, Final, Self
 
-from uav_bt.app.option_declaration import Declared, about
+from annotated_types import Ge, Le
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    ModelWrapValidatorHandler,
+    TypeAdapter,
+    ValidationError,
+    model_validator,
+)
+from pydantic.dataclasses import dataclass
+
+from sim_bridge.twin.scene import MAX_MOVERS
 from uav_bt.app.option_values import (
-    CHECKED,
+    MISSION,
+    OUTPUTS,
+    REAL,
+    RECORD_SUFFIX,
+    ROOM,
+    Checked,
+    ImageSize,
+    Policies,
+    Profile,
+    Seed,
+    Threads,
     as_file,
     check_drone,
-    check_policies,
     class_name,
     common_seed,
     expect,
+    fault_texts,
+    files,
+    judge_of,
+    loaded,
+    port_values,
+    record_file,
     refuse_unusable,
+    scene_text,
+    variable_values,
+    whole,
 )
 from uav_bt.app.site import Site, load_site, site_of_lab
 from uav_bt.brief import brief_repr
 from uav_bt.errors import InputError, UnknownNameError
 from uav_bt.lab.lab import Lab
-from uav_bt.lab.shipped import load_lab
+from uav_bt.lab.shipped import lab_address, load_lab
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import RunnerConfig
+from uav_bt.option import Option, option_of
 from uav_bt.protocols import Drone, DroneConfig, LeafPolicy
 from uav_bt.record.config import Quality
-from uav_bt.tree.loading.lookup import WHICH_TREE, TreeFolders
+from uav_bt.tree.loading.lookup import Folders, TreeFolders, TreeId
 from uav_bt.tree.loading.parameter_file import ParameterFile, read_parameters
-from uav_bt.tree.loading.parameters import (
-    WHICH_PARAMS,
-    WHICH_PORTS,
-    WHICH_VARIABLES,
-    Parameters,
-    Plain,
+from uav_bt.tree.loading.parameters import PARAMS, Parameters, Ports, Variables
+from uav_bt.tree.registry import OwnLeaves, OwnParts, parts_of_files
+
+
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    repr=False,
+    config=ConfigDict(
+        strict=True, extra="forbid", arbitrary_types_allowed=True, use_attribute_docstrings=True
+    ),
 )
-from uav_bt.tree.registry import LEAVES_FLAG, WHICH_LEAVES, OwnParts, parts_of_files
-
-
-def declared(name: str) -> tuple[Declared, Any]:
-    """Return the declaration and the default of a field of `FlightOptions`."""
-    one = FlightOptions.__dataclass_fields__[name]
-    default = one.default if one.default_factory is MISSING else one.default_factory()
-    return one.metadata["declared"], default
-
-
-@dataclass(frozen=True, kw_only=True)
 class FlightOptions:
     """How a mission is flown. Every value is checked here; files are given as `str` or `Path`.
 
@@ -65,209 +90,132 @@ class FlightOptions:
         InputError: A value cannot be used, lab or site file cannot be read, or both are given.
     """
 
-    scene: str | Path | None = field(
-        default=None,
-        metadata=about(
-            "The twin's lab: a shipped scene or a YAML file.", "--scene", metavar="SCENE"
+    tree_id: TreeId = None
+    tree_folders: Folders = field(default_factory=TreeFolders)
+    leaves: Annotated[OwnLeaves, Checked(lambda _, value: files(value))] = ()
+    ports: Annotated[Ports, Checked(lambda _, value: port_values(value))] = field(
+        default_factory=dict
+    )
+    variables: Annotated[Variables, Checked(lambda _, value: variable_values(value))] = field(
+        default_factory=dict
+    )
+    params: Annotated[
+        str | Path | ParameterFile | None,
+        loaded(ParameterFile, lambda file: read_parameters(Path(file)), "a parameter file"),
+        PARAMS,
+    ] = None
+    policies: Policies = field(default_factory=dict)
+    judge: Annotated[JudgeConfig, Option(group=MISSION, parts=judge_of)] = field(
+        default_factory=JudgeConfig
+    )
+    """When a flight is over, and what counts as a success."""
+    record: Annotated[
+        str | Path | None,
+        Checked(record_file),
+        Option(group=OUTPUTS, path="written", suffix=RECORD_SUFFIX),
+    ] = None
+    """Keep the flight's record: an MCAP file, for viewers and for replay."""
+    record_quality: Annotated[Quality, Option("", "--quality", OUTPUTS)] = "lossless"
+    """Quality of the record's images: lossless, which replays exactly, high or small. At 640x360 a
+    minute takes about 240, 35 or 14 MB."""
+    scene: Annotated[
+        str | Path | None, Checked(scene_text), Option("", "SCENE", ROOM, of_drone=True)
+    ] = None
+    """The twin's lab: a shipped scene or a YAML file."""
+    seed: Seed = 0
+    profile: Profile = "lab"
+    movers: Annotated[
+        int,
+        BeforeValidator(whole),
+        Ge(0),
+        Le(MAX_MOVERS),
+        Option(
+            "Number of people and carts, drawn from the seed, that are added to the movers of the "
+            f"twin's scene; {MAX_MOVERS} together at most.",
+            "N",
+            ROOM,
+            of_drone=True,
         ),
-    )
-    seed: int = field(default=0, metadata=about("Seed of everything random.", "--seed", least=0))
-    drone: str | DroneConfig | Drone = field(
-        default="twin",
-        metadata=about(
-            "The drone that flies: twin, plain (the twin without images), anafi[:HOST[:PORT]], "
-            "sphinx[:HOST[:PORT]], or another that is installed.",
-            "--drone",
-            metavar="NAME[:ADDRESS]",
-        ),
-    )
-    lab: str | Path | Lab | None = field(
-        default=None,
-        metadata=about(
-            "The lab that is flown in, real or simulated: a shipped lab, a folder of labs/, or a "
-            "path. Its lab file has all keys of a site file.",
-            "--lab",
-            metavar="NAME",
-        ),
-    )
-    site: str | Path | Site | None = field(
-        default=None,
-        metadata=about(
-            "A site file: heights, camera, classes and limits of the place.",
-            "--site",
-            metavar="FILE",
-            file="read",
-        ),
-    )
-    rehearse: bool = field(
-        default=False,
-        metadata=about(
-            "Motors off: perception and tree see the live video, and show what would be sent.",
-            "--rehearse",
-        ),
-    )
-    profile: str = field(
-        default="lab",
-        metadata=about(
-            "How imperfect the twin is: ideal, lab or harsh; lab-instant and harsh-instant have "
-            "telemetry without delay.",
-            "--profile",
-            metavar="NAME",
-        ),
-    )
-    movers: int = field(
-        default=0,
-        metadata=about(
-            "Number of people and carts, drawn from the seed, that are added to the "
-            "movers of the twin's scene; 8 together at most.",
-            "--movers",
-            metavar="N",
-            least=0,
-        ),
-    )
-    vary_room: bool = field(
-        default=False,
-        metadata=about("Place and size the scene's boxes by the seed.", "--vary-room"),
-    )
-    faults: Sequence[str] = field(
-        default=(),
-        metadata=about(
-            "A fault of the drone, such as video-lost@explore+1~3, or `random`: room, movers and "
-            "faults are drawn from the seed. Repeatable.",
-            "--faults",
-            metavar="KIND[=LEVEL][@PHASE[+S]][~S]",
-        ),
-    )
-    policies: Mapping[str, str | LeafPolicy] = field(
-        default_factory=dict,
-        metadata=about(
-            "Let a node, by name or path, use another leaf policy. Repeatable.",
-            "--policy",
-            metavar="NODE=NAME",
-        ),
-    )
-    ports: Mapping[str, str] = field(
-        default_factory=dict,
-        metadata=about(WHICH_PORTS, "--set", metavar="NODE.PORT=VALUE"),
-    )
-    variables: Mapping[str, Plain] = field(
-        default_factory=dict, metadata=about(WHICH_VARIABLES, "--var", metavar="NAME=VALUE")
-    )
-    params: str | Path | ParameterFile | None = field(
-        default=None,
-        metadata=about(WHICH_PARAMS, "--params", metavar="FILE.yaml"),
-    )
-    leaves: Sequence[str | Path] = field(
-        default=(),
-        metadata=about(WHICH_LEAVES, LEAVES_FLAG, metavar="FILE.py"),
-    )
-    camera: str | Path | None = field(
-        default=None,
-        metadata=about(
-            "A camera file of `uav-bt lab calibrate`: frames are undistorted with it.",
-            "--camera",
-            metavar="FILE",
-            file="read",
-        ),
-    )
-    exact_masks: bool = field(
-        default=False,
-        metadata=about("Fly on exact masks instead of a network's.", "--exact-masks"),
-    )
-    record: str | Path | None = field(
-        default=None,
-        metadata=about(
-            "Keep the flight's record: an MCAP file, for viewers and for replay.",
-            "--record",
-            metavar="FILE",
-            file="written",
-            suffix=".mcap",
-        ),
-    )
-    record_quality: Quality = field(
-        default="lossless",
-        metadata=about(
-            "Quality of the record's images: lossless, which replays exactly, high or small. At "
-            "640x360 a minute takes about 240, 35 or 14 MB.",
-            "--quality",
-            choices=get_args(Quality),
-        ),
-    )
-    realtime: bool = field(
-        default=False,
-        metadata=about("Fly the twin no faster than real time.", "--realtime"),
-    )
-    tree_id: str | None = field(
-        default=None,
-        metadata=about(WHICH_TREE),
-    )
-    tree_folders: TreeFolders = field(
-        default_factory=TreeFolders,
-        metadata=about("Folders of trees and included files that the tree file does not hold."),
-    )
-    image_size_px: tuple[int, int] = field(
-        default=(640, 360),
-        metadata=about("Size of the camera's frames, 16:9.", "--image-size", metavar="WxH"),
-    )
-    inference_threads: int = field(
-        default=1,
-        metadata=about(
-            "Threads of the networks' inference. With one, a flight does not depend on the "
-            "machine's load.",
-            "--threads",
-            least=1,
-        ),
-    )
-    limits: Limits | None = field(
-        default=None,
-        metadata=about(
-            "Limits that no command exceeds; None: those of site or lab. Where both state limits, "
-            "the smaller ones hold."
-        ),
-    )
-    runner: RunnerConfig = field(
-        default_factory=RunnerConfig,
-        metadata=about("Length of a tick, and how long a landing may take."),
-    )
-    judge: JudgeConfig = field(
-        default_factory=JudgeConfig,
-        metadata=about("When a flight is over, and what counts as a success.", "--time-limit"),
-    )
+    ] = 0
+    vary_room: Annotated[bool, Option(group=ROOM, of_drone=True)] = False
+    """Place and size the scene's boxes by the seed."""
+    faults: Annotated[
+        Sequence[str],
+        Checked(lambda _, value: fault_texts(value)),
+        Option("", "KIND[=LEVEL][@PHASE[+S]][~S]", ROOM),
+    ] = ()
+    """A fault of the drone, such as video-lost@explore+1~3, or `random`: room, movers and faults
+    are drawn from the seed. Repeatable."""
+    exact_masks: Annotated[bool, Option(group=ROOM)] = False
+    """Fly on exact masks instead of a network's."""
+    realtime: Annotated[bool, Option(group=ROOM, of_drone=True)] = False
+    """Fly the twin no faster than real time."""
+    image_size_px: ImageSize = (640, 360)
+    lab: Annotated[
+        str | Path | Lab | None,
+        loaded(Lab, lambda name: load_lab(str(name)), "the name of a lab, its folder, or a Lab"),
+        Option("", "NAME", "Place"),
+    ] = None
+    """The lab that is flown in, real or simulated: a shipped lab, a folder of labs/, or a path. Its
+    lab file has all keys of a site file."""
+    drone: Annotated[
+        str | DroneConfig | Drone,
+        Checked(lambda _, value: check_drone(value)),
+        Option("", "NAME[:ADDRESS]", REAL),
+    ] = "twin"
+    """The drone that flies: twin, plain (the twin without images), anafi[:HOST[:PORT]],
+    sphinx[:HOST[:PORT]], or another that is installed."""
+    site: Annotated[
+        str | Path | Site | None,
+        loaded(Site, lambda file: load_site(Path(file)), "a site file or a Site"),
+        Option(group=REAL, path="read"),
+    ] = None
+    """A site file: heights, camera, classes and limits of the place."""
+    camera: Annotated[str | Path | None, Checked(as_file), Option(group=REAL, path="read")] = None
+    """A camera file of `uav-bt lab calibrate`: frames are undistorted with it."""
+    rehearse: Annotated[bool, Option(group=REAL)] = False
+    """Motors off: perception and tree see the live video, and show what would be sent."""
+    inference_threads: Threads = 1
+    limits: Annotated[Limits | None, Option()] = None
+    """Limits that no command exceeds; None: those of site or lab. Where both state limits, the
+    smaller ones hold."""
+    runner: Annotated[RunnerConfig, Option()] = field(default_factory=RunnerConfig)
+    """Length of a tick, and how long a landing may take."""
 
     __repr__ = brief_repr
 
+    @model_validator(mode="wrap")
+    @classmethod
+    def _refusing(cls, given: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        try:
+            return handler(given)
+        except ValidationError as error:
+            raise InputError(_refusal(error)) from error
+
     def __post_init__(self) -> None:
-        if not isinstance(self.site, Site):
-            site = as_file("site", self.site, "a site file or a Site")
-            self._set("site", None if site is None else load_site(site))
-        if not isinstance(self.lab, Lab):
-            lab = as_file("lab", self.lab, "the name of a lab, its folder, or a Lab")
-            self._set("lab", None if lab is None else load_lab(str(self.lab)))
         if self.lab is not None and self.site is not None:
             raise InputError(
                 "--lab and --site (lab and site in Python) both say how the place is flown: give "
                 "one of them; a lab file has all keys of a site file"
             )
-        for each in fields(self):
-            if each.name not in {"lab", "site"}:
-                known, given = each.metadata["declared"], getattr(self, each.name)
-                self._set(each.name, known.checked(each.name, given, each.default))
-        if not isinstance(self.params, ParameterFile):
-            params = as_file("params", self.params, "a parameter file")
-            self._set("params", None if params is None else read_parameters(params))
-        for name, (kind, expected) in _TYPES.items():
-            expect(name, getattr(self, name), kind, expected)
-        for name, checked in CHECKED.items():
-            self._set(name, checked(getattr(self, name)))
-        check_policies(self.policies)
-        check_drone(self.drone)
         if not isinstance(self.drone, str):
             who = f"{type(self.drone).__name__} is flown as it is and"
             refuse_unusable(self, who, {"seed"}, remedy="set it there")
-            self._set("seed", common_seed(self.drone, self.seed))
+            # The class is frozen for all others.
+            object.__setattr__(self, "seed", common_seed(self.drone, self.seed))
 
-    def _set(self, name: str, value: object) -> None:
-        object.__setattr__(self, name, value)  # as the class is frozen for all others
+    def shared_json(self) -> dict[str, Any]:
+        """Return the fields in `SHARED` as plain JSON values that make them again in any folder."""
+        plain = _adapter().dump_python(self, mode="json", include={*SHARED} - {"lab"})
+        lab = lab_address(self.lab) if isinstance(self.lab, Lab) else None
+        folders = self.tree_folders.to_json()
+        return {**plain, "lab": lab, "policies": self.policy_names, "tree_folders": folders}
+
+    @classmethod
+    def of_json(cls, values: Mapping[str, Any]) -> FlightOptions:
+        """Return options with the values that `shared_json` wrote."""
+        judge = {each.name: values["judge"][each.name] for each in fields(JudgeConfig)}
+        return _adapter().validate_json(json.dumps({**values, "judge": judge}))
 
     @cached_property
     def place(self) -> Site | None:
@@ -316,37 +264,42 @@ class FlightOptions:
         }
 
 
+_ABOUT: Final = {each.name: option_of(FlightOptions, each.name) for each in fields(FlightOptions)}
 # Each attribute is described where it is declared, and `help` shows it.
-_ATTRIBUTES: Final = "\n".join(
-    f"    {each.name}: {each.metadata['declared'].help}" for each in fields(FlightOptions)
-)
+_ATTRIBUTES: Final = "\n".join(f"    {name}: {about.help}" for name, about in _ABOUT.items())
 FlightOptions.__doc__ = (
     f"{inspect.cleandoc(str(FlightOptions.__doc__))}\n\nAttributes:\n{_ATTRIBUTES}\n"
 )
 
-_TYPES: Final[Mapping[str, tuple[Any, str]]] = {
-    "limits": (Limits | None, "a Limits"),
-    "runner": (RunnerConfig, "a RunnerConfig"),
-    "judge": (JudgeConfig, "a JudgeConfig"),
-    "tree_id": (str | None, "the ID of a tree, or None"),
-    "tree_folders": (TreeFolders, "a TreeFolders"),
-    "profile": (str, "the name of a profile: ideal, lab or harsh"),
+IN_COMMANDS: Final = tuple(name for name, about in _ABOUT.items() if about.group)
+"""Fields of `FlightOptions` that `uav-bt fly` has as options; the others are for Python."""
+_OF_ONE_FLIGHT: Final = {
+    *("scene", "seed", "record", "params"),
+    *("realtime", "site", "camera", "rehearse", "inference_threads"),
 }
+SHARED: Final = tuple(name for name in IN_COMMANDS if name not in _OF_ONE_FLIGHT)
+"""Fields of `FlightOptions` that all flights of a campaign have in common."""
+
+
+def _refusal(error: ValidationError) -> str:
+    """Return the first thing that is wrong: what was expected, what was given."""
+    first = error.errors(include_url=False)[0]
+    if first["type"] == "value_error":
+        return str(first["ctx"]["error"])
+    if first["type"] == "unexpected_keyword_argument":
+        names = [each.name for each in fields(FlightOptions)]
+        return str(UnknownNameError("flight option", str(first["loc"][0]), names))
+    words = first["msg"].removeprefix("Input should be ")
+    number = "a number " if "than" in first["type"] else ""
+    return f"{first['loc'][0]}: expected {number}{words}, got {first['input']!r:.80}"
+
+
+@cache
+def _adapter() -> TypeAdapter[FlightOptions]:
+    return TypeAdapter(FlightOptions)
 
 
 def given_options(options: FlightOptions | None, how: Mapping[str, Any]) -> FlightOptions:
-    """Return the options of a flight, from an object or from its fields.
-
-    Args:
-        options: Object with the options. None: defaults.
-        how: Values by field name. They replace the object's.
-
-    Raises:
-        InputError: `options` has another type, or a field does not exist.
-    """
+    """Return the options of a flight: those of an object, some of them replaced by `how`."""
     expect("options", options, FlightOptions | None, "FlightOptions(...)")
-    names = [each.name for each in fields(FlightOptions)]
-    for name in how:
-        if name not in names:
-            raise UnknownNameError("flight option", name, names)
-    return replace(options or FlightOptions(), **how)
+    return replace(options, **how) if options else FlightOptions(**how)

@@ -38,11 +38,7 @@ _LEVELS: Final = (0.3, 1.5)  # times the kind's default level
 
 
 def drawn(options: FlightOptions) -> FlightOptions:
-    """Return the options with everything random drawn from the seed.
-
-    Args:
-        options: with `RANDOM` among the faults, the room varies, and movers and faults are added;
-            without it they are returned as they are.
+    """Return the options with room, movers and faults drawn from the seed, if `RANDOM` is a fault.
 
     Raises:
         InputError: the drone refuses the options.
@@ -78,20 +74,12 @@ def _drawn_fault(rng: np.random.Generator) -> str:
 
 
 def check_faults(texts: Sequence[str]) -> list[Fault]:
-    """Return the faults of texts, without `RANDOM`.
-
-    Raises:
-        InputError: a fault is unknown or malformed.
-    """
+    """Return the faults of texts, without `RANDOM`; InputError if one is unknown or malformed."""
     return [Fault.parse(text) for text in texts if text != RANDOM]
 
 
 def check_phases(mission: MissionTree, faults: Sequence[Fault]) -> None:
     """Refuse faults of phases that a mission cannot have.
-
-    Args:
-        mission: The mission that is flown with the faults.
-        faults: Its faults.
 
     Raises:
         UnknownNameError: a phase is unknown.
@@ -106,11 +94,7 @@ def check_phases(mission: MissionTree, faults: Sequence[Fault]) -> None:
 
 
 def with_faults(drone: Drone, texts: Sequence[str]) -> Drone:
-    """Return a drone with faults.
-
-    Args:
-        drone: not connected yet.
-        texts: faults as texts.
+    """Return an unconnected drone with faults.
 
     Raises:
         InputError: a fault is unknown or malformed, or the drone cannot have it.

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import scene_text
-from uav_bt.app.options import FlightOptions
 from uav_bt.errors import FileError
 from uav_bt.files import reading
 from uav_bt.lab.lab import Lab
@@ -22,42 +20,29 @@ _SCENE_FILE: Final = "scene.yaml"
 _LAB_FILE: Final = "lab.yaml"
 
 
-def tree_files(mission: MissionTree) -> Iterator[Attachment]:
-    """Yield a tree file that holds all trees and places of a mission; nothing without a file."""
+def attachments_of(mission: MissionTree, scene: object, lab: object) -> Iterator[Attachment]:
+    """Yield the files of a flight: one tree file with all trees and places, scene and lab."""
     if mission.sources:
         name = f"{_TREE_FOLDER}{mission.path.name}"
         yield Attachment(name=name, media_type="application/xml", data=mission.whole())
-
-
-def scene_files(scene: object) -> Iterator[Attachment]:
-    """Yield the file of a simulated drone's scene; nothing for anything else."""
     if isinstance(scene, Scene):
         data = scene_text(scene).encode()
         yield Attachment(name=_SCENE_FILE, media_type="application/yaml", data=data)
-
-
-def lab_files(options: FlightOptions) -> Iterator[Attachment]:
-    """Yield the lab file of the options; nothing without a lab."""
-    if isinstance(options.lab, Lab):
-        with reading(options.lab.file):
-            data = options.lab.file.read_bytes()
+    if isinstance(lab, Lab):
+        with reading(lab.file):
+            data = lab.file.read_bytes()
         yield Attachment(name=_LAB_FILE, media_type="application/yaml", data=data)
 
 
-@dataclass(frozen=True, kw_only=True)
-class RecordedFiles:
-    """A record's files, written into a folder."""
+class RecordedFiles(NamedTuple):
+    """Files of a record, written into a folder; None for those that it does not have."""
 
-    tree: Path | None = None  # the tree file; None: the record has none
-    scene: Path | None = None  # the scene file; None: the record has none
+    tree: Path | None = None
+    scene: Path | None = None
 
 
 def recorded_files(reader: RecordReader, folder: Path) -> RecordedFiles:
-    """Write a record's attachments into a folder.
-
-    Args:
-        reader: of the record.
-        folder: exists and is empty.
+    """Write a record's attachments into an empty folder.
 
     Raises:
         FileError: an attachment's name leads out of the folder or is no file's.

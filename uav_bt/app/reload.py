@@ -9,7 +9,7 @@ from typing import Final
 
 from uav_bt.app.assembly import Flight
 from uav_bt.app.loading import Mission, is_text, load_mission
-from uav_bt.app.rules import rules_of
+from uav_bt.app.place import rules_of
 from uav_bt.errors import InputError, TreeError, UavBtError
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, NodeRegistry
@@ -39,7 +39,8 @@ class TreeReload:
         self._flight, self._path, self._registry = flight, path, registry
         self._note, self._timer = note, timer
         self._next_s = timer() + _POLL_S
-        self._known = self._contents(flight.mission)
+        self._known: dict[Path, bytes] = {}  # the files of the last tree that was tried
+        self._know(flight.mission)
 
     def __call__(self) -> MissionTree | None:
         """Return the tree of the edited file. None: there is no new tree to fly."""
@@ -62,21 +63,21 @@ class TreeReload:
                     self._known.setdefault(file, _content(file) or b"")
             self._note(f"{error}\n{_REFUSED}")
             return None
-        self._known = self._contents(tree)
+        self._know(tree)
         if rules_of(tree) != flight.rules:
             words = "its Rules differ from those that were read before the take-off"
             self._note(f"{self._path}: {words}\n{_REFUSED}")
-            return None
-        if tree.sources == flown.sources:
+        elif tree.sources == flown.sources:
             self._note(f"{self._path}: again the tree that flies; it goes on")
-            return None
-        flight.mission = tree
-        self._note(f"{self._path}: the edited tree flies, from its root on")
-        return tree
+        else:
+            flight.mission = tree
+            self._note(f"{self._path}: the edited tree flies, from its root on")
+            return tree
+        return None
 
-    def _contents(self, tree: MissionTree) -> dict[Path, bytes]:
-        """Return the files that a tree was read from, with a link to its file."""
-        return {self._path: next(iter(tree.sources.values())), **tree.sources}
+    def _know(self, tree: MissionTree) -> None:
+        """Keep the files that a tree was read from, with a link to its file."""
+        self._known = {self._path: next(iter(tree.sources.values())), **tree.sources}
 
 
 def _content(path: Path) -> bytes | None:

@@ -35,9 +35,8 @@ class FlownMission(FlightReport):
 
     def to_json(self) -> dict[str, Any]:
         """Return the report as plain JSON values, without the arrays."""
-        return FlightReport(
-            **{each.name: getattr(self, each.name) for each in fields(FlightReport)}
-        ).to_json()
+        report = {each.name: getattr(self, each.name) for each in fields(FlightReport)}
+        return FlightReport(**report).to_json()
 
 
 class PathLog:

@@ -1,7 +1,6 @@
 """Sites: the settings of a place and of the drone there, from a site file or a lab file.
 
-A site file is YAML with the keys of `uav_bt.lab.flight_keys` and a landing mark, of which every
-part may be left out:
+A site file is YAML with the keys of `uav_bt.lab.flight_keys`, each of which may be left out:
 
     flight_height_m: 1.2
     mark: {kind: apriltag, size_m: [0.5, 0.5], height_m: 0.2, options: {id: 7, size_m: 0.3}}
@@ -9,19 +8,20 @@ part may be left out:
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from uav_bt.app.lab_network import network_of
+from perception.networks.weights_file import ANY
 from uav_bt.brief import brief_repr
 from uav_bt.errors import InputError, ValueRangeError
-from uav_bt.lab.flight_keys import FlightKeys, mark_of, mark_pose, take_off_pose
+from uav_bt.lab.flight_keys import FlightKeys, NetworkKeys, mark_of, mark_pose, take_off_pose
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.lab_file import lab_error
-from uav_bt.lab.shipped import default_mark
+from uav_bt.lab.shipped import default_mark, load_lab
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
 from uav_bt.settings import check_numbers
@@ -32,65 +32,38 @@ from uav_bt.yaml_file import read_yaml
 
 @dataclass(frozen=True, kw_only=True)
 class Site:
-    """A place to fly in; `load_site` reads one from a file, `site_of_lab` makes that of a lab.
-
-    Attributes:
-        flight_height_m: above the ground; None: as in the tree.
-        take_off_surface_m: height of the surface that the drone takes off from, above the ground.
-        take_off_pose: take-off pose in the lab's drawing, yaw counter-clockwise; None if unknown.
-        camera: a camera file; None: the drone's own intrinsics.
-        model: the segmentation network's name or file; None: as in the tree.
-        classes: Class-mapping file of that network.
-        depth: the depth network's name or file; None: as in the tree.
-        ground: names of the classes that the drone may fly over and scale depth by.
-        limits: Limits of all commands.
-        area: corners of the polygon that every mission stays in; None: no bound.
-        mark: Landing mark; None: that of the scene or of the lab.
-        mark_pose: pose of the mark in the lab's drawing, yaw counter-clockwise; None if unknown.
-        clearances: distances that routes keep.
-        preflight: least battery and link of a real drone before it takes off.
-        video_latency_s: least time from exposure to arrival of a frame, seconds.
-        http_port: of the drone's web interface; None: the drone's usual one.
-        rtsp_port: of the drone's video; None: the drone's usual one.
-        return_home: whether the drone returns by itself during a flight; None: as it is set.
-        file: the site file or lab file that it was read from; None: none.
-        lab: name of the lab that it was made of; None: none.
+    """A place to fly in; `load_site` reads one from a file. Poses count yaw counter-clockwise.
 
     Raises:
         ValueRangeError: a number is out of its range.
     """
 
-    flight_height_m: float | None = None
-    take_off_surface_m: float = 0.0
-    take_off_pose: Pose2D | None = None
-    camera: Path | None = None
-    model: str | None = None
-    classes: Path | None = None
-    depth: str | None = None
-    ground: tuple[str, ...] = ()
-    limits: Limits = field(default_factory=Limits)
-    area: tuple[Place, ...] | None = None
-    mark: LandingMark | None = None
-    mark_pose: Pose2D | None = None
-    clearances: Clearances = field(default_factory=Clearances)
-    preflight: PreflightConfig = field(default_factory=PreflightConfig)
-    video_latency_s: float = 0.15
-    http_port: int | None = None
-    rtsp_port: int | None = None
-    return_home: bool | None = None
-    file: Path | None = field(default=None, compare=False)
-    lab: str | None = field(default=None, compare=False)
+    flight_height_m: float | None = None  # above the ground; None: as in the tree
+    take_off_surface_m: float = 0.0  # height of the take-off surface above the ground
+    take_off_pose: Pose2D | None = None  # in the lab's drawing; None: unknown
+    camera: Path | None = None  # a camera file; None: the drone's own intrinsics
+    model: str | None = None  # name or file of the segmentation network; None: as in the tree
+    classes: Path | None = None  # class mapping of that network
+    depth: str | None = None  # name or file of the depth network; None: as in the tree
+    ground: tuple[str, ...] = ()  # classes that the drone may fly over and scale depth by
+    limits: Limits = field(default_factory=Limits)  # of all commands
+    area: tuple[Place, ...] | None = None  # corners that every mission stays within; None: no bound
+    mark: LandingMark | None = None  # None: that of the scene or of the lab
+    mark_pose: Pose2D | None = None  # in the lab's drawing; None: unknown
+    clearances: Clearances = field(default_factory=Clearances)  # that routes keep
+    preflight: PreflightConfig = field(default_factory=PreflightConfig)  # for a real take-off
+    video_latency_s: float = 0.15  # least time from exposure to arrival of a frame
+    http_port: int | None = None  # of the drone's web interface; None: the usual one
+    rtsp_port: int | None = None  # of the drone's video; None: the usual one
+    return_home: bool | None = None  # whether the drone returns by itself; None: as it is set
+    file: Path | None = field(default=None, compare=False)  # that it was read from
+    lab: str | None = field(default=None, compare=False)  # name of the lab that it was made of
 
     __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         least = {"take_off_surface_m": 0.0, "video_latency_s": 0.0}
         check_numbers(self, least, dict.fromkeys(("http_port", "rtsp_port"), 65_535))
-
-    @property
-    def source(self) -> str:
-        """What states the settings, in messages: site or lab."""
-        return "site" if self.lab is None else "lab"
 
 
 def load_site(path: str | Path) -> Site:
@@ -102,7 +75,9 @@ def load_site(path: str | Path) -> Site:
     file = read_yaml(Path(path), FlightKeys, "site file")
     with file.at("mark"):
         pose, mark = mark_pose(file.value), mark_of(file.value, default_mark())
-    return _site(file.value, file.error, mark=mark, mark_pose=pose, file=Path(path))
+    return _site(
+        file.value, file.value.network, file.error, mark=mark, mark_pose=pose, file=Path(path)
+    )
 
 
 def site_of_lab(lab: Lab) -> Site:
@@ -111,54 +86,49 @@ def site_of_lab(lab: Lab) -> Site:
     Raises:
         FileError: A limit is out of its range; the message has the line of the lab file.
     """
-    return _site(
-        replace(lab.flight, network=network_of(lab)),
-        partial(lab_error, lab.file),
-        mark=lab.mark,
-        mark_pose=lab.mark_pose,
-        file=lab.file,
-        lab=lab.name,
-    )
+    mark = {"mark": lab.mark, "mark_pose": lab.mark_pose}
+    failure = partial(lab_error, lab.file)
+    return _site(lab.flight, network_of(lab), failure, **mark, file=lab.file, lab=lab.name)
 
 
-def _site(keys: FlightKeys, failure: Callable[..., InputError], **given: Any) -> Site:
-    """Return the site of the keys of a file.
+def network_of(lab: Lab) -> NetworkKeys:
+    """Return the networks that a lab is flown with: its own, else those for any room.
 
-    Args:
-        keys: Keys of the file.
-        failure: Makes an error of a message and the keys that lead to the value.
-        given: Further fields of the site.
+    A lab with the classes of the paper's lab is flown with the tree's networks instead: the shipped
+    depth network has seen that lab only.
     """
-    battery, ports, network = keys.battery or {}, keys.ports or {}, keys.network or {}
-    limits: dict[str, Any] = {**(keys.limits or {})}
-    if "critical" in battery:
-        limits["critical_battery"] = battery["critical"]
-    preflight = {
-        name: section["take_off"]
-        for name, section in (("battery", battery), ("link", keys.link or {}))
-        if "take_off" in section
-    }
-    try:
+    return lab.network if has_paper_classes(lab) else {"model": ANY, "depth": ANY, **lab.network}
+
+
+def has_paper_classes(lab: Lab) -> bool:
+    """Return whether the shipped networks of the paper's lab fit a lab."""
+    return lab.classes.names == load_lab().classes.names
+
+
+def _site(
+    keys: FlightKeys, network: NetworkKeys | None, failure: Callable[..., InputError], **given: Any
+) -> Site:
+    """Return the site of the keys of a file; `failure` makes an error of a message and keys."""
+    battery, ports, networks = keys.battery or {}, keys.ports or {}, network or {}
+    critical = {"critical_battery": battery["critical"]} if "critical" in battery else {}
+    take_off = {"battery": battery.get("take_off"), "link": (keys.link or {}).get("take_off")}
+    with _at("take_off", failure):
         start = take_off_pose(keys)
-    except ValueRangeError as error:
-        raise failure(str(error), "take_off") from error
-    try:
-        allowed = Limits(**limits)
-    except ValueRangeError as error:
-        raise failure(str(error), "limits") from error
+    with _at("limits", failure):
+        limits = Limits(**(keys.limits or {}), **critical)
     return Site(
         flight_height_m=keys.flight_height_m,
         take_off_surface_m=keys.take_off_surface_m,
         take_off_pose=start,
         camera=keys.camera,
-        model=network.get("model"),
-        classes=network.get("classes"),
-        depth=network.get("depth"),
+        model=networks.get("model"),
+        classes=networks.get("classes"),
+        depth=networks.get("depth"),
         ground=keys.ground,
-        limits=allowed,
+        limits=limits,
         area=None if keys.area is None else area_corners(keys.area),
         clearances=keys.margins or Clearances(),
-        preflight=PreflightConfig(**preflight),
+        preflight=PreflightConfig(**{key: v for key, v in take_off.items() if v is not None}),
         video_latency_s=(keys.video or {}).get("latency_s", Site.video_latency_s),
         http_port=ports.get("http"),
         rtsp_port=ports.get("rtsp"),
@@ -167,27 +137,25 @@ def _site(keys: FlightKeys, failure: Callable[..., InputError], **given: Any) ->
     )
 
 
+@contextmanager
+def _at(key: str, failure: Callable[..., InputError]) -> Iterator[None]:
+    try:
+        yield
+    except ValueRangeError as error:
+        raise failure(str(error), key) from error
+
+
 def check_clearances(site: Site, airframe: Airframe) -> None:
-    """Refuse distances that the drone's hull does not fit in.
-
-    Args:
-        site: With the distances.
-        airframe: Size of the drone's body.
-
-    Raises:
-        InputError: A distance is too small. As a FileError it names the site file and the line.
-    """
+    """Refuse distances that the drone's hull does not fit in, with the line of the file."""
     reach_m = airframe.radius_m
     for name, least_m in site.clearances.below(reach_m).items():
-        narrower = (
-            f", and narrow passages take off {NARROWER_M:g} m" if name == "obstacle_m" else ""
-        )
+        narrow = f", and narrow passages take off {NARROWER_M:g} m" if name == "obstacle_m" else ""
         message = (
             f"must be at least {least_m:.2f} m, because the drone reaches {reach_m:.2f} m "
-            f"from its centre{narrower}, got {getattr(site.clearances, name):g}"
+            f"from its centre{narrow}, got {getattr(site.clearances, name):g}"
         )
-        if site.file is not None and site.lab is not None:
+        if site.file is None:
+            raise InputError(f"margins.{name}: {message}; a site file sets it")
+        if site.lab is not None:
             raise lab_error(site.file, message, "margins", name)
-        if site.file is not None:
-            raise read_yaml(site.file, FlightKeys, "site file").error(message, "margins", name)
-        raise InputError(f"margins.{name}: {message}; a site file sets it")
+        raise read_yaml(site.file, FlightKeys, "site file").error(message, "margins", name)

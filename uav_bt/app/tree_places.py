@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 
 from uav_bt.errors import ValueRangeError
 from uav_bt.tree import MissionTree
@@ -16,37 +17,18 @@ def drawn_places(
 ) -> Iterator[tuple[str, tuple[float, float]]]:
     """Yield the places of a mission whose position in the drawing is known.
 
-    Args:
-        tree: the mission.
-        take_off: take-off pose in the drawing; without it only places in the lab's frame are known.
-
     Yields:
-        The text of a place, and its x and y in the drawing, m.
+        The text of a place, and its x and y in the drawing, m. Without a take-off pose in the
+        drawing only places in the lab's frame are known.
     """
-    seen: set[str] = set()
-    for node in tree.nodes():
-        for text in node.literals.values():
-            for place in _places_of(text):
-                at_m = _in_lab(place, take_off)
-                if at_m is not None and str(place) not in seen:
-                    seen.add(str(place))
-                    yield str(place), at_m
-
-
-def _places_of(text: object) -> tuple[Place, ...]:
-    """Return the places of an attribute; none for other texts."""
-    if not isinstance(text, str):
-        return ()
-    try:
-        return parse_places(text)
-    except ValueRangeError:
-        return ()
-
-
-def _in_lab(place: Place, take_off: Pose2D | None) -> tuple[float, float] | None:
-    if place.frame is PlaceFrame.LAB:
-        return place.x_m, place.y_m
-    if place.frame is not PlaceFrame.START or take_off is None:
-        return None
-    there = start_to_lab(Pose2D(x_m=place.x_m, y_m=place.y_m, yaw_rad=0.0), take_off)
-    return there.x_m, there.y_m
+    found: dict[str, Place] = {}
+    for text in (each for node in tree.nodes() for each in node.literals.values()):
+        with suppress(ValueRangeError):  # other attributes are no places
+            found |= {str(one): one for one in parse_places(text)} if isinstance(text, str) else {}
+    for name, place in found.items():
+        there = Pose2D(x_m=place.x_m, y_m=place.y_m, yaw_rad=0.0)
+        if place.frame is PlaceFrame.START and take_off is not None:
+            there = start_to_lab(there, take_off)
+        elif place.frame is not PlaceFrame.LAB:
+            continue
+        yield name, (there.x_m, there.y_m)

@@ -11,7 +11,7 @@ Example:
     PosixPath('runs/land/report.html')
 """
 
-from uav_bt.campaign.fly import CampaignResult, run
 from uav_bt.campaign.planning import make_plan, plan_of
+from uav_bt.campaign.runner import CampaignResult, run
 
 __all__ = ["CampaignResult", "make_plan", "plan_of", "run"]

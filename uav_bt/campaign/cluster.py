@@ -6,8 +6,7 @@ import asyncio
 import logging
 import multiprocessing
 import threading
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 from distributed import CancelledError, Client, as_completed
@@ -21,7 +20,6 @@ from uav_bt.errors import InputError, UavBtError
 
 _CONNECT_S: Final = 10.0  # to reach a scheduler, and for a worker to come up
 
-_lock = threading.Lock()
 _pools: dict[tuple[str, int], WorkerPool] = {}  # of this Dask worker, by function and thread
 
 
@@ -29,54 +27,23 @@ def _fly(function: str, task: Mapping[str, Any], timeout_s: float) -> dict[str, 
     """Fly a task on a Dask worker, in another process, as on this machine."""
     # Dask's nanny starts its workers as daemons, which may start no processes.
     multiprocessing.current_process().daemon = False
-    with _lock:
-        key = function, threading.get_ident()
-        if key not in _pools:
-            _pools[key] = WorkerPool(function, workers=1)
-        pool = _pools[key]
-    return pool.fly(task, timeout_s).result()
+    key = function, threading.get_ident()
+    if key not in _pools:
+        _pools[key] = WorkerPool(function, workers=1)
+    return _pools[key].fly(task, timeout_s).result()
 
 
 def _close_pools(function: str) -> None:
     """Stop the flights of a Dask worker."""
-    with _lock:
-        closed = [_pools.pop(key) for key in tuple(_pools) if key[0] == function]
-    for pool in closed:
-        pool.close()
-
-
-def _version() -> str:
-    return uav_bt.__version__
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep Dask from writing tracebacks: our errors have the cause."""
-    names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
-    before = {name: logging.getLogger(name).level for name in names}
-    for name in names:
-        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
-    try:
-        yield
-    finally:
-        for name, level in before.items():
-            logging.getLogger(name).setLevel(level)
-
-
-async def _greet(address: str, connect_s: float) -> None:
-    """Shake hands with a scheduler; a `Client` waits for ever for one that does not answer."""
-    comm = await connect(address, timeout=connect_s)  # type: ignore[no-untyped-call]
-    await comm.close()
+    for key in tuple(_pools):
+        if key[0] == function:
+            _pools.pop(key).close()
 
 
 class DaskBackend:
-    """The workers of a Dask cluster; as many flights at a time as they have threads.
+    """The workers of the Dask cluster at HOST:PORT; a flight at a time in each of their threads.
 
     Workers need uav-bt, and find trees and scenes that do not ship with it under the same paths.
-
-    Args:
-        address: HOST:PORT of the scheduler.
-        connect_s: how long to wait for it, and for its first worker.
     """
 
     def __init__(self, address: str, *, connect_s: float = _CONNECT_S) -> None:
@@ -87,16 +54,24 @@ class DaskBackend:
         return "dask"
 
     def run(self, function: str, tasks: Iterable[FlightTask], timeout_s: float) -> Answers:
-        """Fly tasks; see `Backend`.
-
-        Raises:
-            InputError: the scheduler does not answer, has no workers, or they have another uav-bt.
-            UavBtError: the connection was lost.
-        """
-        with _quiet(), self._connected() as client:
+        """Fly tasks; see `Backend`."""
+        for name in tuple(logging.root.manager.loggerDict):
+            if name.startswith("distributed"):  # its tracebacks: our errors have the cause
+                logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+        with self._connected() as client:
             self._check_workers(client)
+            # A flight is the same wherever it is flown, but no result of another campaign is taken.
+            flights = {
+                client.submit(_fly, function, task.to_json(), timeout_s, pure=False): task
+                for task in tasks
+            }
             try:
-                yield from self._gather(client, function, tasks, timeout_s)
+                for future in as_completed(flights, loop=client.loop):  # type: ignore[no-untyped-call]
+                    error = future.exception()
+                    if isinstance(error, CancelledError):
+                        raise error
+                    lost = {FAILED: f"lost by the cluster: {type(error).__name__}: {error}"}
+                    yield flights.pop(future), lost if error else future.result()
             except (OSError, CancelledError) as error:
                 raise UavBtError(
                     "the connection to the Dask cluster was lost; the flights that ended are kept, "
@@ -108,15 +83,15 @@ class DaskBackend:
                     client.run(_close_pools, function, on_error="ignore")
 
     def _connected(self) -> Client:
+        address, wait_s = self._address, self._connect_s
         try:
-            asyncio.run(asyncio.wait_for(_greet(self._address, self._connect_s), self._connect_s))
-            return Client(  # type: ignore[no-untyped-call]
-                self._address, timeout=self._connect_s, set_as_default=False
-            )
+            # A `Client` waits for ever for a scheduler that does not answer.
+            asyncio.run(asyncio.wait_for(connect(address, timeout=wait_s), wait_s)).abort()
+            return Client(address, timeout=wait_s, set_as_default=False)  # type: ignore[no-untyped-call]
         except (OSError, ValueError) as error:
             raise InputError(
-                f"no Dask scheduler answers at {self._address} within {self._connect_s:g} s; "
-                "start one with `dask scheduler`, and workers with `dask worker ADDRESS`"
+                f"no Dask scheduler answers at {address} within {wait_s:g} s; start one with "
+                "`dask scheduler`, and workers with `dask worker ADDRESS`"
             ) from error
 
     def _check_workers(self, client: Client) -> None:
@@ -127,34 +102,9 @@ class DaskBackend:
                 f"the Dask cluster at {self._address} has no workers; "
                 f"start some with `dask worker {self._address}`"
             ) from error
-        try:
-            found = client.run(_version)
-        except ImportError as error:
+        workers = client.get_versions(packages=["uav_bt"])["workers"]
+        found = {name: one["packages"]["uav_bt"] for name, one in workers.items()}
+        if set(found.values()) != {uav_bt.__version__}:
             raise InputError(
-                f"the workers of {self._address} cannot import uav-bt: {error}; install it there"
-            ) from error
-        others = {name: version for name, version in found.items() if version != uav_bt.__version__}
-        if others:
-            raise InputError(
-                f"all workers need uav-bt {uav_bt.__version__}, as here; there are {others}"
+                f"all workers need uav-bt {uav_bt.__version__}, as here; there are {found}"
             )
-
-    @staticmethod
-    def _gather(
-        client: Client, function: str, tasks: Iterable[FlightTask], timeout_s: float
-    ) -> Answers:
-        # A flight is the same wherever it is flown, but no result of another campaign is taken.
-        flights = {
-            client.submit(_fly, function, task.to_json(), timeout_s, pure=False): task
-            for task in tasks
-        }
-        for future in as_completed(flights, loop=client.loop):  # type: ignore[no-untyped-call]
-            task = flights.pop(future)
-            error = future.exception()
-            if error is None:
-                answer = future.result()
-            elif isinstance(error, CancelledError):
-                raise error
-            else:
-                answer = {FAILED: f"lost by the cluster: {type(error).__name__}: {error}"}
-            yield task, answer

@@ -20,39 +20,38 @@ _PATH_INTERVAL_S: Final = 0.5  # at 0.5 m/s a point every quarter of a metre: ma
 
 
 def fly_task(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Fly one flight of a campaign in this process and return its line.
+    """Fly the flight that `FlightTask.to_json` wrote, in this process, and return its line.
 
-    Args:
-        values: what `FlightTask.to_json` wrote.
-
-    Raises:
-        InputError: the flight was refused before anything flew.
+    An InputError says that the flight was refused before anything flew.
     """
     task = FlightTask.from_json(values)
-    options = task.flight_options()
-    keeper = PathKeeper()
+    options, keeper = task.flight_options(), PathKeeper()
     outputs = None if task.folder is None else Path(task.folder)
     if outputs is not None:
         shutil.rmtree(outputs, ignore_errors=True)  # of the same flight, when it was interrupted
 
     began_s = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="uav-bt-flight-") as folder:
-        written = Path(folder) / "report.json"
+        report = Path(folder) / "report.json"
         try:
-            flight = app.fly(
+            app.fly(
                 task.tree_path,
                 options,
                 out=outputs,
-                report=written,
+                report=report,
                 listeners=[lambda _: [keeper]],
                 controls=lambda _: ended_by_signals(),
-            ).to_json()
+            )
         except Exception:
-            if not written.exists():  # nothing flew
+            if not report.exists():  # nothing flew; otherwise the report tells of the fault, too
                 raise
-            flight = json.loads(written.read_text(encoding="utf-8"))  # tells of the fault, too
         finally:
-            _remove_unless_used(outputs)
+            # The objects of a flight in which no leaf wrote a file are in its line.
+            if outputs is not None and outputs.is_dir():
+                written = {file.name for file in outputs.iterdir()}
+                if written.issubset(OBJECTS_FILES):
+                    shutil.rmtree(outputs)
+        flight: dict[str, Any] = json.loads(report.read_text(encoding="utf-8"))
     flight |= {"scene": task.scene, "tree": task.tree}
     if options.exact_masks:
         flight["exact_masks"] = True
@@ -61,19 +60,10 @@ def fly_task(values: Mapping[str, Any]) -> dict[str, Any]:
     return flight
 
 
-def _remove_unless_used(folder: Path | None) -> None:
-    """Remove an output folder in which no leaf wrote: its objects are in the flight's line."""
-    if folder is not None and folder.is_dir():
-        written = {file.name for file in folder.iterdir()}
-        if written.issubset(OBJECTS_FILES):
-            shutil.rmtree(folder)
-
-
 class PathKeeper:
     """Listens to the runner and keeps the referee's positions at 2 Hz; nothing without a referee.
 
-    Attributes:
-        points: time in mission seconds, and x, y, z in world metres, all to the thousandth.
+    `points` are time in mission seconds, and x, y, z in world metres, all to the thousandth.
     """
 
     def __init__(self) -> None:
@@ -83,9 +73,8 @@ class PathKeeper:
     def on_tick(self, record: TickRecord) -> None:
         """Keep the position of a tick that is due."""
         # Half a tick early is on time: ticks are a tenth of a second, and floats add up.
-        if record.truth is None or record.time_s < self._next_s - 0.05:
-            return
-        self._next_s = record.time_s + _PATH_INTERVAL_S
-        pose = record.truth.pose
-        values = (record.time_s, pose.x_m, pose.y_m, pose.z_m)
-        self.points.append(tuple(round(value, 3) for value in values))
+        if record.truth is not None and record.time_s >= self._next_s - 0.05:
+            self._next_s = record.time_s + _PATH_INTERVAL_S
+            pose = record.truth.pose
+            values = (record.time_s, pose.x_m, pose.y_m, pose.z_m)
+            self.points.append(tuple(round(value, 3) for value in values))

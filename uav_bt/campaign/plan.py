@@ -8,27 +8,19 @@ from typing import Any, Final
 
 from uav_bt.app.drone_of_flight import is_simulated
 from uav_bt.app.option_values import port_values, variable_values
-from uav_bt.app.options import FlightOptions
+from uav_bt.app.options import SHARED, FlightOptions
 from uav_bt.campaign.flight_lines import FlightKey
 from uav_bt.errors import FileError, InputError
-from uav_bt.lab.lab import Lab
-from uav_bt.lab.shipped import lab_address
-from uav_bt.mission.judge import JudgeConfig
 from uav_bt.settings import check_numbers
-from uav_bt.tree.loading.lookup import TreeFolders
 from uav_bt.tree.loading.parameters import Plain
 
-SHARED: Final = (
-    *("drone", "lab", "profile", "image_size_px", "exact_masks", "movers", "vary_room", "faults"),
-    *("tree_id", "tree_folders", "leaves", "ports", "variables", "policies", "judge"),
-    "record_quality",
-)
-"""Fields of `FlightOptions` that all flights of a campaign have in common."""
-
-# Values of a plan that must be the same when a campaign goes on.
+# Values of a plan that must be the same when a campaign goes on. Others are compared one by one.
 _COMPARED: Final = (
-    *("seed_from", "drone", "profile", "image_size_px", "exact_masks", "movers", "vary_room"),
-    *("faults", "tree_id", "judge"),
+    "seed_from",
+    *sorted(
+        {*SHARED}
+        - {"lab", "leaves", "policies", "ports", "record_quality", "tree_folders", "variables"}
+    ),
 )
 
 
@@ -56,11 +48,7 @@ class PlannedTree(PlannedFile):
         variable_values(self.variables)
 
     def options(self, shared: FlightOptions) -> FlightOptions:
-        """Return how this tree is flown.
-
-        Args:
-            shared: what all flights of the campaign have in common.
-        """
+        """Return how this tree is flown, with what all flights of the campaign have in common."""
         return replace(
             shared,
             ports={**shared.ports, **self.ports},
@@ -76,27 +64,16 @@ class PlannedTree(PlannedFile):
 
 @dataclass(frozen=True, kw_only=True)
 class FlightTask:
-    """One flight of a campaign; travels to the process that flies it as JSON.
+    """One flight of a campaign; travels to the process that flies it as JSON."""
 
-    Attributes:
-        tree: Name of the tree.
-        tree_path: Its file, or a shipped mission's name.
-        scene: Name of the scene.
-        scene_path: Its file, or a shipped scene's name.
-        seed: Seed of everything random.
-        record: File that the flight's record is written to. None: no record.
-        folder: Output folder of the flight. None: it has none.
-        options: Options of all flights of the campaign, the fields in `SHARED`.
-    """
-
-    tree: str
-    tree_path: str
+    tree: str  # the name in flights and reports
+    tree_path: str  # file, or a shipped mission's name
     scene: str
     scene_path: str
     seed: int
-    record: str | None = None
-    folder: str | None = None
-    options: FlightOptions = field(default_factory=FlightOptions)
+    record: str | None = None  # file of the flight's record
+    folder: str | None = None  # its output folder
+    options: FlightOptions = field(default_factory=FlightOptions)  # the fields in `SHARED`
 
     @property
     def key(self) -> FlightKey:
@@ -119,35 +96,20 @@ class FlightTask:
 
 @dataclass(frozen=True, kw_only=True)
 class CampaignPlan:
-    """Every tree in every scene with every seed, all flown the same way.
-
-    Attributes:
-        trees: Trees that are flown.
-        scenes: Scenes that each of them is flown in.
-        flights: Number of flights of each tree in each scene, one seed each.
-        seed_from: First seed.
-        options: How all are flown, by the fields in `SHARED`. The tree folders are absolute; the
-            trees' hashes are of the texts in these folders, too.
-        record: Whether each flight's record is kept.
-        timeout_s: Wall time after which a flight counts as hung. A flight of 300 s takes two
-            minutes on a busy core (chosen).
-        weights: SHA-256 by file of the networks that the trees load.
-        leaves_sha256: SHA-256 by file of the Python files with leaves.
-        lab_sha256: SHA-256 by file of the lab files, and of the files that they name.
-        versions: Versions of packages that flights depend on.
-    """
+    """Every tree in every scene with every seed, all flown the same way."""
 
     trees: tuple[PlannedTree, ...]
     scenes: tuple[PlannedFile, ...]
-    flights: int
+    flights: int  # of each tree in each scene, one seed each
     seed_from: int = 0
+    # How all are flown, by the fields in `SHARED`. The tree folders are absolute.
     options: FlightOptions = field(default_factory=FlightOptions)
-    record: bool = False
-    timeout_s: float = 900.0
-    weights: dict[str, str] = field(default_factory=dict)
-    leaves_sha256: dict[str, str] = field(default_factory=dict)
-    lab_sha256: dict[str, str] = field(default_factory=dict)
-    versions: dict[str, str] = field(default_factory=dict)
+    record: bool = False  # whether each flight's record is kept
+    timeout_s: float = 900.0  # wall time of a hung flight; 300 s take two minutes on a busy core
+    weights: dict[str, str] = field(default_factory=dict)  # SHA-256 by file of the trees' networks
+    leaves_sha256: dict[str, str] = field(default_factory=dict)  # of the Python files with leaves
+    lab_sha256: dict[str, str] = field(default_factory=dict)  # of lab files and what they name
+    versions: dict[str, str] = field(default_factory=dict)  # of packages that flights depend on
 
     def __post_init__(self) -> None:
         _check_shared(self.options)
@@ -181,35 +143,23 @@ class CampaignPlan:
                     )
 
     def differences(self, before: CampaignPlan) -> list[str]:
-        """Return in what way this plan would not go on where another left off; empty when it would.
+        """Return in what way this plan would not go on where another left off.
 
         More flights than before go on; fewer do not.
         """
         found = []
         if self.flights < before.flights:
             found.append(f"flights: {before.flights} were planned, now {self.flights}")
-        for what in ("trees", "scenes"):
-            now, then = ({f.name: f.sha256 for f in getattr(p, what)} for p in (self, before))
-            found += _compared(what.removesuffix("s"), then, now)
-        before_of = {tree.name: tree for tree in before.trees}
-        for tree in self.trees:
-            if tree.name in before_of:
-                found += _compared(tree.name, before_of[tree.name].values, tree.values)
-        for what in ("weights", "leaves_sha256", "lab_sha256", "versions"):
-            found += _compared(what, getattr(before, what), getattr(self, what))
-        found += _compared("policies", before.options.policy_names, self.options.policy_names)
-        found += _compared("ports", before.options.ports, self.options.ports)
-        now, then = (
-            {name: str(value) for name, value in plan.options.variables.items()}
-            for plan in (self, before)
-        )
-        found += _compared("variables", then, now)
+        then = _compared(before)
+        for what, now in _compared(self).items():
+            if what in then:  # the values of a new tree are no difference beside the tree
+                found += _differences(what, then[what], now)
         flat, flat_before = _flat(self), _flat(before)
-        for what in _COMPARED:
-            value, value_before = flat[what], flat_before[what]
-            if value != value_before:
-                found.append(f"{what}: was {value_before}, now {value}")
-        return found
+        return found + [
+            f"{what}: was {flat_before[what]}, now {flat[what]}"
+            for what in _COMPARED
+            if flat[what] != flat_before[what]
+        ]
 
     def to_json(self) -> dict[str, Any]:
         """Return the plan as plain JSON values."""
@@ -235,11 +185,7 @@ class CampaignPlan:
 
 
 def _check_shared(options: FlightOptions) -> None:
-    """Refuse options that a plan does not keep.
-
-    Raises:
-        InputError: one is given, or a policy is an object.
-    """
+    """Refuse options that a plan does not keep, and policies that are objects."""
     left = replace(options, **{name: getattr(FlightOptions(), name) for name in SHARED})
     for each in fields(options):
         if getattr(left, each.name) != getattr(FlightOptions(), each.name):
@@ -261,47 +207,43 @@ def _check_shared(options: FlightOptions) -> None:
 
 def _flat(planned: FlightTask | CampaignPlan) -> dict[str, Any]:
     """Return plain JSON values; those of the options stand beside the others."""
-    shared = {name: getattr(planned.options, name) for name in SHARED}
-    lab = planned.options.lab
-    shared |= {
-        "lab": lab_address(lab) if isinstance(lab, Lab) else None,
-        "policies": planned.options.policy_names,
-        "tree_folders": planned.options.tree_folders.to_json(),
-        "leaves": [str(file) for file in planned.options.leaves],
-        "faults": list(planned.options.faults),
-        "judge": asdict(planned.options.judge),
-    }
     values = {each.name: getattr(planned, each.name) for each in fields(planned)}
     del values["options"]
     for what in ("trees", "scenes"):
         if what in values:
             values[what] = [asdict(file) for file in values[what]]
-    return {**shared, **values}
+    return {**planned.options.shared_json(), **values}
 
 
 def _with_options(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return what `_flat` wrote with one `options`."""
-    shared = {name: values[name] for name in SHARED}
-    folders = TreeFolders(**shared.pop("tree_folders"))
-    given = shared.pop("judge")  # with more keys in plans of earlier programs: constants today
-    judge = JudgeConfig(**{one.name: given[one.name] for one in fields(JudgeConfig)})
-    options = FlightOptions(**shared, tree_folders=folders, judge=judge)
+    options = FlightOptions.of_json({name: values[name] for name in SHARED})
     others = {name: value for name, value in values.items() if name not in SHARED}
     return {**others, "options": options}
 
 
-def _compared(what: str, then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
-    found = []
+def _compared(plan: CampaignPlan) -> dict[str, Mapping[str, Any]]:
+    """Return what flights depend on, beside the fields in `_COMPARED`: values by kind, name."""
+    return {
+        "tree": {file.name: file.sha256 for file in plan.trees},
+        "scene": {file.name: file.sha256 for file in plan.scenes},
+        **{tree.name: tree.values for tree in plan.trees},
+        "weights": plan.weights,
+        "leaves_sha256": plan.leaves_sha256,
+        "lab_sha256": plan.lab_sha256,
+        "versions": plan.versions,
+        "policies": plan.options.policy_names,
+        "ports": plan.options.ports,
+        "variables": plan.options.variables,
+    }
+
+
+def _differences(what: str, then: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
     for name in sorted({*then, *now}):
-        old, new = then.get(name), now.get(name)
-        if old == new:
-            continue
-        if old is None:
-            found.append(f"{what}: '{name}' is new")
-        elif new is None:
-            found.append(f"{what}: '{name}' is missing")
-        elif len(old) == len(new) == 64:
-            found.append(f"{what}: '{name}' has changed (SHA-256 {old[:8]}, now {new[:8]})")
-        else:
-            found.append(f"{what}: '{name}' was {old}, now {new}")
-    return found
+        old, new = (None if name not in some else str(some[name]) for some in (then, now))
+        if old is None or new is None:
+            yield f"{what}: '{name}' is {'new' if old is None else 'missing'}"
+        elif old != new and len(old) == len(new) == 64:
+            yield f"{what}: '{name}' has changed (SHA-256 {old[:8]}, now {new[:8]})"
+        elif old != new:
+            yield f"{what}: '{name}' was {old}, now {new}"

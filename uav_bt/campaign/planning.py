@@ -5,28 +5,32 @@ from __future__ import annotations
 import fnmatch
 import glob
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from sim_bridge.twin.scene_file import load_scene, scene_names, shipped_scenes
 from uav_bt.app import provenance
-from uav_bt.app.loading import Mission, load_mission
+from uav_bt.app.loading import is_text, load_mission
 from uav_bt.app.options import FlightOptions, given_options
-from uav_bt.app.place_of_flight import lab_of, scene_of
+from uav_bt.app.place import lab_of, scene_of
 from uav_bt.app.random_faults import check_faults, check_phases
-from uav_bt.campaign.plan import CampaignPlan, PlannedFile
-from uav_bt.campaign.planned_trees import planned_trees
+from uav_bt.campaign.plan import CampaignPlan, PlannedFile, PlannedTree
 from uav_bt.campaign.store import read_plan
-from uav_bt.errors import UnknownNameError
+from uav_bt.errors import InputError, UnknownNameError
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import lab_address, load_lab
-from uav_bt.tree import TreeFolders
+from uav_bt.tree import MissionTree, TreeFolders
+from uav_bt.tree.loading.parameter_file import ParameterFile
+from uav_bt.tree.loading.parameters import Parameters
+from uav_bt.tree.shipped import shipped_missions
+
+T = TypeVar("T")
 
 
 def make_plan(
-    trees: Sequence[Mission],
+    trees: Sequence[str | Path],
     options: FlightOptions | None = None,
     *,
     scenes: Sequence[str] | None = None,
@@ -39,8 +43,7 @@ def make_plan(
     """Return the plan of a campaign; everything it names was read.
 
     Args:
-        trees: tree files, or names of shipped missions. A `MissionTree` that was loaded from a
-            file flies with its replaced ports and with its variables.
+        trees: tree files, or names of shipped missions.
         options: how all are flown, by the fields in `uav_bt.campaign.plan.SHARED`, and `params`:
             each variant of the parameter file is flown.
         scenes: names of scenes of the lab, scene files, or patterns (`test-*`) of either. Default:
@@ -63,25 +66,19 @@ def make_plan(
         tree_folders=TreeFolders(**options.tree_folders.to_json()),
         leaves=tuple(map(str, leaves)),
     )
-    flown = [one for tree in trees for one in planned_trees(tree, options)]
-    missions = [mission for mission, _ in flown]
-    for mission in missions:
-        check_phases(mission, check_faults(options.faults))
-    common = options.parameters
+    flown = [one for tree in trees for one in _variants(tree, options)]
     places = [_planned_scene(name, options) for name in _scenes(scenes, options)]
+    common = options.parameters
     options = replace(options, ports=common.ports, variables=common.variables, params=None)
     return CampaignPlan(
-        trees=tuple(planned for _, planned in flown),
+        trees=tuple(planned for planned, _ in flown),
         scenes=tuple(scene for scene, _ in places),
         flights=flights,
         seed_from=seed_from,
         options=options,
         record=record,
         timeout_s=timeout_s,
-        weights=provenance.weights_of(*missions),
-        leaves_sha256=_leaves_sha256(options),
-        lab_sha256=_lab_sha256(options, [lab for _, lab in places]),
-        versions=provenance.package_versions(),
+        **_fingerprints(options, [mission for _, mission in flown], [lab for _, lab in places]),
     )
 
 
@@ -93,9 +90,7 @@ def plan_of(folder: Path) -> CampaignPlan:
         InputError: a file that it needs cannot be used any more.
     """
     before, _ = read_plan(folder)
-    missions = [load_mission(tree.path, tree.options(before.options)) for tree in before.trees]
-    for mission in missions:
-        check_phases(mission, check_faults(before.options.faults))
+    missions = [_loaded(tree.path, tree.options(before.options)) for tree in before.trees]
     places = [_planned_scene(scene.path, before.options) for scene in before.scenes]
     return replace(
         before,
@@ -107,30 +102,77 @@ def plan_of(folder: Path) -> CampaignPlan:
             replace(now, name=scene.name)
             for (now, _), scene in zip(places, before.scenes, strict=True)
         ),
-        weights=provenance.weights_of(*missions),
-        leaves_sha256=_leaves_sha256(before.options),
-        lab_sha256=_lab_sha256(before.options, [lab for _, lab in places]),
-        versions=provenance.package_versions(),
+        **_fingerprints(before.options, missions, [lab for _, lab in places]),
     )
 
 
-def _leaves_sha256(options: FlightOptions) -> dict[str, str]:
-    files = [Path(file) for file in options.leaves]
-    return {str(file): hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
+def _loaded(tree: str | Path, options: FlightOptions) -> MissionTree:
+    mission = load_mission(tree, options)
+    check_phases(mission, check_faults(options.faults))
+    return mission
+
+
+def _variants(
+    tree: str | Path, options: FlightOptions
+) -> Iterator[tuple[PlannedTree, MissionTree]]:
+    """Yield a tree, planned and loaded, once for each variant of the parameters."""
+    if not isinstance(tree, str | Path) or is_text(tree):
+        what = "a text: " if isinstance(tree, str) else ""
+        raise InputError(
+            f"a campaign flies tree files, which its workers read; got {what}{tree!r:.40}"
+        )
+    variants = {"": Parameters()}
+    if isinstance(options.params, ParameterFile):
+        variants = dict(options.params.variants) or {"": options.params.common}
+    shipped = {file.resolve() for file in shipped_missions().values()}
+    common = options.parameters
+    for variant, values in variants.items():
+        file = ParameterFile(path=Path("campaign"), common=values)
+        mission = _loaded(tree, replace(options, params=file))
+        path = mission.path
+        planned = PlannedTree(
+            name=f"{path.stem}[{variant}]{path.suffix}" if variant else path.name,
+            # A shipped mission by its name is found on other machines and installations, too.
+            path=path.stem if path in shipped else str(path),
+            sha256=provenance.sha256_of(mission),
+            # Values of the command line take precedence over a variant.
+            ports=_own(values.ports, options.ports, common.ports),
+            variables=_own(values.variables, options.variables, common.variables),
+        )
+        yield planned, mission
+
+
+def _own(values: Mapping[str, T], given: Mapping[str, T], common: Mapping[str, T]) -> dict[str, T]:
+    return {
+        name: value
+        for name, value in values.items()
+        if name not in given and common.get(name) != value
+    }
+
+
+def _fingerprints(
+    options: FlightOptions, missions: Sequence[MissionTree], labs: Sequence[Lab]
+) -> dict[str, Any]:
+    """Return the fields of a plan with hashes and versions; `labs` are those of the scenes."""
+    return {
+        "weights": provenance.weights_of(*missions),
+        "leaves_sha256": {str(file): _sha256(Path(file)) for file in options.leaves},
+        "lab_sha256": _lab_sha256(options, labs),
+        "versions": provenance.package_versions(),
+    }
+
+
+def _sha256(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 def _lab_sha256(options: FlightOptions, of_scenes: Sequence[Lab]) -> dict[str, str]:
-    """Return the SHA-256 of the files of all labs, but of the default lab only where it is named.
-
-    Args:
-        options: how all are flown.
-        of_scenes: labs of the scenes.
-    """
+    """Return the SHA-256 of all labs' files; of the default lab only where it is named."""
     named = [options.lab] if isinstance(options.lab, Lab) else []
     labs = {lab.file.resolve(): lab for lab in (*of_scenes, *named)}
     default = load_lab().file.resolve()
     return {
-        f"{lab.name}/{file.name}": hashlib.sha256(file.read_bytes()).hexdigest()
+        f"{lab.name}/{file.name}": _sha256(file)
         for path, lab in labs.items()
         if named or path != default
         for file in _files_of(lab)
@@ -147,11 +189,7 @@ def _files_of(lab: Lab) -> tuple[Path | None, ...]:
 
 
 def _scenes(wanted: Sequence[str] | None, options: FlightOptions) -> list[str]:
-    """Return the scenes that names and patterns match, each once.
-
-    Raises:
-        InputError: No scene matches a pattern, or the lab has no scenes.
-    """
+    """Return the scenes that names and patterns match, each once."""
     own = options.lab.scenes if isinstance(options.lab, Lab) else {}
     if wanted is None:
         wanted = tuple(own)
@@ -172,16 +210,11 @@ def _scenes(wanted: Sequence[str] | None, options: FlightOptions) -> list[str]:
 
 
 def _planned_scene(name: str, options: FlightOptions) -> tuple[PlannedFile, Lab]:
-    """Return a scene of the plan, and its lab.
-
-    Raises:
-        InputError: The scene cannot be read, or it is of another lab than that of the options.
-    """
-    scene, shipped = load_scene(name), name in scene_names()
-    content = shipped_scenes().get(name, Path(name)).read_bytes()
+    """Return a scene of the plan, and its lab."""
+    scene = load_scene(name)
     planned = PlannedFile(
         name=scene.name,
-        path=name if shipped else str(Path(name).resolve()),
-        sha256=hashlib.sha256(content).hexdigest(),
+        path=name if name in scene_names() else str(Path(name).resolve()),
+        sha256=_sha256(shipped_scenes().get(name, Path(name))),
     )
     return planned, lab_of(options, scene) or load_lab(scene.lab)

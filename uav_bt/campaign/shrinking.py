@@ -24,20 +24,17 @@ from uav_bt.app.options import FlightOptions
 from uav_bt.errors import InputError
 from uav_bt.mission.judge import Outcome
 
-Part = TypeVar("Part")
+T = TypeVar("T")
+Part = tuple[str, int]
+"""A thing that may be left out: its kind and its number."""
 
-_DETAILS: Final = "details"  # key of a line whose flight did not end by itself
 # Options as they were flown.
 _OF_THE_LINE: Final = ("drone", "profile", "ports", "variables", "exact_masks")
-_BOX: Final = "box"
-_OBJECT: Final = "object"
-_MOVER: Final = "mover"
-_FAULT: Final = "fault"
 _NUMBER: Final = re.compile(r"-?\d+(\.\d+)?")
 
 
 class Ending(NamedTuple):
-    """How a flight ended: the outcome and the reason."""
+    """How a flight ended."""
 
     outcome: str
     reason: str
@@ -53,19 +50,11 @@ class Ending(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class FailedFlight:
-    """A flight of a campaign that failed, with everything drawn for it.
+    """A flight of a campaign that failed, with everything drawn for it."""
 
-    Attributes:
-        tree: The mission: a file or the name of a shipped one.
-        scene: The scene with the room and the movers that were drawn.
-        options: How it was flown; without scene, movers and faults.
-        faults: The faults of the drone.
-        ending: How it ended.
-    """
-
-    tree: str
-    scene: Scene
-    options: FlightOptions
+    tree: str  # a file or the name of a shipped mission
+    scene: Scene  # with the room and the movers that were drawn
+    options: FlightOptions  # without scene, movers and faults
     faults: tuple[str, ...]
     ending: Ending
 
@@ -73,13 +62,7 @@ class FailedFlight:
     def of(
         cls, flight: Mapping[str, Any], tree: str, scene: str, options: FlightOptions
     ) -> FailedFlight:
-        """Return a flight from its line.
-
-        Args:
-            flight: The line.
-            tree: The mission that was flown.
-            scene: The scene file or the name of the scene.
-            options: How the campaign was flown.
+        """Return a flight from its line, its mission, its scene and the options of its campaign.
 
         Raises:
             InputError: The flight did not fail, it cannot be flown again, or its scene cannot be
@@ -90,15 +73,15 @@ class FailedFlight:
                 f"the flight of {flight['tree']} in {flight['scene']}, seed {flight['seed']}, "
                 "succeeded; there is nothing to shrink"
             )
-        if _DETAILS in flight:
+        if "details" in flight:  # of a flight that did not end by itself
             raise InputError(
                 "the process of this flight hung or crashed, which a shrunk flight would do, too; "
                 f"expected a flight that ended by itself, got: {flight.get('reason')}"
             )
-        room, movers = bool(flight.get("vary_room")), int(flight.get("movers") or 0)
-        seed = int(flight["seed"])
+        room, movers = bool(flight.get("vary_room")), flight.get("movers") or 0
         flown = {name: flight[name] for name in _OF_THE_LINE if flight.get(name)}
-        options = replace(options, **flown, seed=seed, movers=0, vary_room=False, faults=())
+        flown |= {"seed": flight["seed"], "movers": 0, "vary_room": False, "faults": ()}
+        options = replace(options, **flown)
         if "faults" not in flight or not is_simulated(options):
             raise InputError(
                 "expected a flight of a simulated drone whose line states its faults, as "
@@ -107,54 +90,47 @@ class FailedFlight:
             )
         return cls(
             tree=tree,
-            scene=varied(load_scene(scene), seed, room=room, movers=movers),
+            scene=varied(load_scene(scene), options.seed, room=room, movers=movers),
             options=options,
             faults=tuple(flight.get("faults") or ()),
-            ending=Ending(flight["outcome"], str(flight.get("reason") or "")),
+            ending=Ending(flight["outcome"], flight.get("reason") or ""),
         )
 
-    def parts(self) -> list[tuple[str, int]]:
-        """Return everything that may be left out: its kind and its number."""
+    def things(self) -> dict[str, Sequence[Any]]:
+        """Return everything that may be left out, by its kind."""
         scene = self.scene
-        counted = (
-            (_FAULT, self.faults),
-            (_MOVER, scene.movers),
-            (_BOX, scene.boxes),
-            (_OBJECT, scene.objects),
-        )
-        return [(kind, number) for kind, some in counted for number in range(len(some))]
+        return {
+            "faults": self.faults,
+            "movers": scene.movers,
+            "boxes": scene.boxes,
+            "objects": scene.objects,
+        }
 
-    def with_parts(self, kept: Sequence[tuple[str, int]]) -> FailedFlight:
+    def parts(self) -> list[Part]:
+        """Return the parts that may be left out."""
+        return [(kind, n) for kind, some in self.things().items() for n in range(len(some))]
+
+    def with_parts(self, kept: Sequence[Part]) -> FailedFlight:
         """Return the flight with these parts only."""
-        parts = set(kept)
-        scene = replace(
-            self.scene,
-            name=f"{self.scene.name}-shrunk",
-            boxes=_kept(self.scene.boxes, _BOX, parts),
-            movers=_kept(self.scene.movers, _MOVER, parts),
-            objects=_kept(self.scene.objects, _OBJECT, parts),
-        )
-        return replace(self, scene=scene, faults=_kept(self.faults, _FAULT, parts))
+        left = {
+            kind: tuple(each for n, each in enumerate(some) if (kind, n) in kept)
+            for kind, some in self.things().items()
+        }
+        faults = left.pop("faults")
+        scene = replace(self.scene, name=f"{self.scene.name}-shrunk", **left)
+        return replace(self, scene=scene, faults=faults)
 
     def fly(self, drone: str | None = None) -> Ending:
-        """Fly it; return how it ends.
-
-        Args:
-            drone: The simulated drone; None: the one that flew it.
-
-        Raises:
-            KeyboardInterrupt: Ctrl-C or SIGTERM stopped it.
-        """
+        """Fly it, with another simulated drone if one is given; return how it ends."""
         with tempfile.TemporaryDirectory(prefix="uav-bt-shrink-") as folder:
-            file = Path(folder) / "scene.yaml"
+            file, report = Path(folder) / "scene.yaml", Path(folder) / "report.json"
             file.write_text(scene_text(self.scene), encoding="utf-8")
-            options = replace(self.options, scene=file, faults=self.faults)
-            if drone is not None:
-                options = replace(options, drone=drone)
-            report = Path(folder) / "report.json"
+            options = replace(
+                self.options, scene=file, faults=self.faults, drone=drone or self.options.drone
+            )
             try:
                 # With an output folder, as in the campaign: leaves that write files need one.
-                flown = app.fly(
+                app.fly(
                     self.tree,
                     options,
                     out=Path(folder) / "outputs",
@@ -164,30 +140,18 @@ class FailedFlight:
             except Exception:
                 if not report.exists():  # nothing flew
                     raise
-                line = json.loads(report.read_text(encoding="utf-8"))
-                return Ending(line["outcome"], line["reason"])
-            return Ending(flown.outcome, flown.reason)
+            line = json.loads(report.read_text(encoding="utf-8"))
+            return Ending(line["outcome"], line["reason"])
 
 
-def _kept(parts: Sequence[Part], kind: str, kept: set[tuple[str, int]]) -> tuple[Part, ...]:
-    return tuple(part for number, part in enumerate(parts) if (kind, number) in kept)
-
-
-def shrink(
-    flight: FailedFlight, on_try: Callable[[int, Ending], None] = lambda _count, _ending: None
-) -> FailedFlight:
+def shrink(flight: FailedFlight, on_try: Callable[[int, Ending], None]) -> FailedFlight:
     """Return a flight with the fewest parts that still ends as the original did.
 
-    Args:
-        flight: The failed flight.
-        on_try: Called after each flight with the number of its parts, and how it ended.
-
-    Raises:
-        InputError: The flight does not fail any more.
-        KeyboardInterrupt: Ctrl-C or SIGTERM stopped it.
+    `on_try` is called after each flight with the number of its parts, and how it ended. An
+    InputError says that the flight does not fail any more; Ctrl-C and SIGTERM stop it.
     """
 
-    def fails(parts: Sequence[tuple[str, int]]) -> bool:
+    def fails(parts: Sequence[Part]) -> bool:
         ending = flight.with_parts(parts).fly()
         on_try(len(parts), ending)
         return ending.agrees(flight.ending)
@@ -201,13 +165,8 @@ def shrink(
     return flight.with_parts(least(parts, fails))
 
 
-def least(parts: Sequence[Part], fails: Callable[[Sequence[Part]], bool]) -> list[Part]:
-    """Return the parts that cannot be left out, one by one, without losing the failure.
-
-    Args:
-        parts: All parts, with which it fails.
-        fails: Returns whether some of the parts still fail.
-    """
+def least(parts: Sequence[T], fails: Callable[[Sequence[T]], bool]) -> list[T]:
+    """Return the parts that cannot be left out, one by one, without losing the failure."""
     kept, groups = list(parts), 2
     while kept:
         size = -(-len(kept) // groups)

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, Final
 
-from uav_bt.campaign.flight_lines import FlightLines, read_flights
+from uav_bt.campaign.flight_lines import read_flights
 from uav_bt.campaign.plan import CampaignPlan
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import parse_json, read_bounded, reading, write_whole, writing
@@ -34,38 +34,31 @@ def read_plan(folder: Path) -> tuple[CampaignPlan, list[dict[str, Any]]]:
     with reading(path):
         if not path.exists():
             raise FileError(path, "no such file; this folder holds no campaign")
+    data = read_bounded(path, _MAX_PLAN_BYTES)
     try:
-        content = parse_json(read_bounded(path, _MAX_PLAN_BYTES))
-    except FileError:
-        raise
-    except InputError as error:
-        raise FileError(path, f"damaged: {error}") from error
-    try:
+        content = parse_json(data)
         version, plan, runs = content["format"], content["plan"], content["runs"]
+        read = CampaignPlan.from_json(plan) if version == _FORMAT else None
+    except FileError:  # a lab file
+        raise
     except (KeyError, TypeError) as error:
         raise FileError(path, "not a campaign: needs 'format', 'plan' and 'runs'") from error
-    if not isinstance(runs, list):
-        raise FileError(path, f"not a campaign: 'runs' must be a list, got {runs!r:.40}")
-    if version != _FORMAT:
-        raise FileError(path, f"has format {version}, this version of uav-bt reads {_FORMAT}")
-    try:
-        return CampaignPlan.from_json(plan), runs
     except InputError as error:
         raise FileError(path, str(error)) from error
+    if read is None:
+        raise FileError(path, f"has format {version}, this version of uav-bt reads {_FORMAT}")
+    if not isinstance(runs, list):
+        raise FileError(path, f"not a campaign: 'runs' must be a list, got {runs!r:.40}")
+    return read, runs
 
 
 class CampaignStore:
-    """A campaign's folder, open for one campaign at a time; made by `opened`.
+    """A campaign's folder, open for one campaign at a time; made by `opened`."""
 
-    Attributes:
-        kept: the flights that were there on opening.
-        repaired: whether a last line that was only half written was taken away on opening.
-    """
-
-    def __init__(self, folder: Path, out: IO[bytes], kept: FlightLines, *, repaired: bool) -> None:
+    def __init__(self, folder: Path, out: IO[bytes], *, repaired: bool) -> None:
         self.folder = folder
-        self.kept = kept
-        self.repaired = repaired
+        self.repaired = repaired  # whether a last line that was half written was taken away
+        self.kept = read_flights(folder / FLIGHTS_FILE)  # the flights that were there on opening
         self._out = out
 
     @classmethod
@@ -93,12 +86,10 @@ class CampaignStore:
             except BlockingIOError as error:
                 raise FileError(folder, "another campaign is at work in this folder") from error
             _settle(folder, plan, run)
-            path = folder / FLIGHTS_FILE
-            with writing(path):
-                repaired = _repair(path)
-                out = path.open("ab", buffering=0)
+            with writing(folder / FLIGHTS_FILE):
+                out = (folder / FLIGHTS_FILE).open("a+b", buffering=0)
             with out:
-                yield cls(folder, out, read_flights(path), repaired=repaired)
+                yield cls(folder, out, repaired=_repair(out))
 
     def keep(self, flight: Mapping[str, Any]) -> None:
         """Write a flight down; it is on the disk on return.
@@ -125,37 +116,30 @@ class CampaignStore:
 def _settle(folder: Path, plan: CampaignPlan, run: Mapping[str, Any]) -> None:
     """Write the plan, or find that it is the one in the folder."""
     runs: list[dict[str, Any]] = []
+    flights = folder / FLIGHTS_FILE
     if (folder / PLAN_FILE).exists():
         before, runs = read_plan(folder)
         differences = plan.differences(before)
-        if differences and _is_empty(folder / FLIGHTS_FILE):
-            runs = []  # it was refused, or stopped, before its first flight: nothing is lost
-        elif differences:
+        if differences and flights.exists() and flights.stat().st_size:
             raise InputError(
                 f"{folder} holds another campaign; choose another folder, or fly what it says:\n  "
                 + "\n  ".join(differences)
             )
-    elif (folder / FLIGHTS_FILE).exists():
-        raise FileError(
-            folder / FLIGHTS_FILE, f"flights without a plan ({PLAN_FILE}); choose another folder"
-        )
+        if differences:
+            runs = []  # it was refused, or stopped, before its first flight: nothing is lost
+    elif flights.exists():
+        raise FileError(flights, f"flights without a plan ({PLAN_FILE}); choose another folder")
     content = {"format": _FORMAT, "plan": plan.to_json(), "runs": [*runs, dict(run)]}
     write_whole(folder / PLAN_FILE, json.dumps(content, indent=2) + "\n")
 
 
-def _is_empty(path: Path) -> bool:
-    return not path.exists() or path.stat().st_size == 0
-
-
-def _repair(path: Path) -> bool:
+def _repair(file: IO[bytes]) -> bool:
     """Take away a last line without its end, which a killed campaign or a full disk left."""
-    if not path.exists():
+    file.seek(0)
+    data = file.read()
+    whole = data.rfind(b"\n") + 1
+    if whole == len(data):
         return False
-    with path.open("r+b") as file:
-        data = file.read()
-        whole = data.rfind(b"\n") + 1
-        if whole == len(data):
-            return False
-        file.truncate(whole)
-        os.fsync(file.fileno())
+    file.truncate(whole)
+    os.fsync(file.fileno())
     return True

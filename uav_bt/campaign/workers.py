@@ -7,7 +7,6 @@ other, so that slow imports happen once.
 
 from __future__ import annotations
 
-import contextlib
 import faulthandler
 import gc
 import importlib
@@ -19,7 +18,7 @@ import signal
 import tempfile
 import threading
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import CancelledError, Future
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
@@ -30,9 +29,7 @@ from pebble import ProcessExpired, ProcessPool
 from uav_bt.errors import InputError, UavBtError
 
 FLOWN: Final = "flown"  # answer: the flight's line
-REFUSED: Final = (
-    "refused"  # answer: why neither this task nor any other of its campaign can be flown
-)
+REFUSED: Final = "refused"  # answer: why no task of this campaign can be flown
 FAILED: Final = "failed"  # answer: the error that the flight ended with
 Answer = dict[str, Any]
 
@@ -40,12 +37,7 @@ _OUTPUT_TAIL: Final = 4000  # characters of a lost process's output that are kep
 
 
 class WorkerPool:
-    """Worker processes, replaced when they end.
-
-    Args:
-        function: MODULE:FUNCTION that takes a task and returns the flight's line.
-        workers: number of processes.
-    """
+    """A number of worker processes, replaced when they end; each flies with MODULE:FUNCTION."""
 
     def __init__(self, function: str, workers: int) -> None:
         self._function = function
@@ -61,14 +53,9 @@ class WorkerPool:
         self._flying: set[Future[Answer]] = set()
 
     def fly(self, task: Mapping[str, Any], timeout_s: float) -> Future[Answer]:
-        """Fly a task in a worker, after those that wait already.
+        """Fly a task of JSON values after those that wait; the answer has FLOWN, REFUSED or FAILED.
 
-        Args:
-            task: JSON values.
-            timeout_s: limit of the flight's wall time, s.
-
-        Returns:
-            The future answer: a mapping with FLOWN, REFUSED or FAILED.
+        The flight is stopped after `timeout_s` of wall time.
         """
         output = Path(self._folder.name) / f"output-{next(self._numbers)}.txt"
         answered: Future[Answer] = Future()
@@ -77,10 +64,15 @@ class WorkerPool:
             self._flying.discard(flight)
             answered.set_result(_answer_of(flight, output, timeout_s))
 
-        with _sigint_blocked():  # the first task starts the processes
+        # The first task starts the processes, which must ignore Ctrl-C: it is for the campaign. In
+        # a flight it would land the drone, and the flight would count as flown.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
             flight = self._pool.schedule(
                 _fly, (self._function, dict(task), str(output)), timeout=timeout_s
             )
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
         self._flying.add(flight)
         flight.add_done_callback(ended)
         return answered
@@ -92,19 +84,6 @@ class WorkerPool:
             flight.cancel()
         self._pool.join()
         self._folder.cleanup()
-
-
-@contextlib.contextmanager
-def _sigint_blocked() -> Iterator[None]:
-    """Let processes and threads that start inside ignore Ctrl-C, which is for the campaign.
-
-    In a flight Ctrl-C would land the drone, and the flight would count as flown.
-    """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _answer_of(flight: Future[Answer], output: Path, timeout_s: float) -> Answer:
@@ -132,10 +111,8 @@ def _answer_of(flight: Future[Answer], output: Path, timeout_s: float) -> Answer
 def _exit_reason(code: int) -> str:
     if code >= 0:
         return f"its process ended by itself, with exit code {code}"
-    try:
-        name = signal.Signals(-code).name
-    except ValueError:
-        name = f"signal {-code}"
+    known = -code in set(signal.Signals)
+    name = signal.Signals(-code).name if known else f"signal {-code}"
     hint = "; the system may have run out of memory" if -code == signal.SIGKILL else ""
     return f"its process was ended by {name}{hint}"
 

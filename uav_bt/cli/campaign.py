@@ -2,52 +2,69 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Final, Literal
 
 import click
+from annotated_types import Ge, Gt, Le
 
 from uav_bt import campaign as campaigns
-from uav_bt.app.options import FlightOptions
+from uav_bt.app.options import SHARED, FlightOptions
 from uav_bt.campaign import CampaignResult
 from uav_bt.campaign.flight_lines import METRICS
-from uav_bt.campaign.plan import SHARED, CampaignPlan
-from uav_bt.campaign.report.statistics import by_tree, summarise
+from uav_bt.campaign.plan import CampaignPlan
+from uav_bt.campaign.report.sources import by_tree
+from uav_bt.campaign.report.statistics import (
+    SUCCESS,
+    spread,
+    success_interval,
+    success_words,
+    successes,
+    values_of,
+)
 from uav_bt.campaign.runner import Backend, LocalBackend
-from uav_bt.cli.command import Command
-from uav_bt.cli.flight_options import flight_options
-from uav_bt.cli.options import FOLDER, RUNS, grouped, workers_option
+from uav_bt.cli.declare import command
 from uav_bt.cli.progress import campaign_progress
-from uav_bt.cli.values import Number, WholeNumber
+from uav_bt.cli.shared import RUNS, Workers
 from uav_bt.errors import MissionError
+from uav_bt.option import Option
+
+_OPTIONS: Final = (*(name for name in SHARED if name != "record_quality"), "params")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Flown:
     """Which flights a campaign has; None: not given."""
 
-    scenes: tuple[str, ...]
-    flights: int | None
-    seed_from: int
-    timeout_s: float
-    record: bool
+    scenes: Annotated[
+        tuple[str, ...],
+        Option(
+            "Scenes by name, file or pattern, with commas between. Repeatable; default: those of "
+            "--lab, else val-*.",
+            "GLOB",
+        ),
+    ] = ()
+    flights: Annotated[
+        int | None, Ge(1), Option("Flights of each tree in each scene, one seed each; default: 10.")
+    ] = None
+    seed_from: Annotated[int, Ge(0), Option("The first seed.")] = 0
+    timeout_s: Annotated[float, Gt(0), Option("Wall time after which a flight counts as hung.")] = (
+        CampaignPlan.timeout_s
+    )
+    record: Annotated[bool, Option("Keep a record of every flight in DIR/records.")] = False
 
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
-    """Where flights are flown.
+    """Where flights are flown."""
 
-    Attributes:
-        workers: Number of flights at a time. None: one for each core.
-        backend: local or dask.
-        address: Address of the Dask scheduler.
-    """
-
-    workers: int | None
-    backend: str
-    address: str | None
+    workers: Workers = None
+    backend: Annotated[
+        Literal["local", "dask"], Option("This machine's cores, or a Dask cluster.")
+    ] = "local"
+    address: Annotated[str | None, Option("Address of the Dask scheduler.", "HOST:PORT")] = None
 
     def __post_init__(self) -> None:
         if self.backend == "dask" and self.workers is not None:
@@ -64,78 +81,27 @@ class Place:
         return LocalBackend(self.workers)
 
 
-@click.command(cls=Command)
-@click.argument("trees", metavar="TREE...", nargs=-1)
-@grouped(
-    "flown",
-    Flown,
-    scenes=click.option(
-        "--scenes",
-        metavar="GLOB",
-        multiple=True,
-        help="Scenes by name, file or pattern, with commas between. Repeatable; default: those of "
-        "--lab, else val-*.",
-    ),
-    flights=click.option(
-        "--flights",
-        type=WholeNumber(min=1),
-        help="Flights of each tree in each scene, one seed each; default: 10.",
-    ),
-    seed_from=click.option(
-        "--seed-from", type=WholeNumber(min=0), default=0, help="The first seed."
-    ),
-    timeout_s=click.option(
-        "--timeout-s",
-        type=Number(min=0.0, min_open=True),
-        default=CampaignPlan.timeout_s,
-        help="Wall time after which a flight counts as hung.",
-    ),
-    record=click.option(
-        "--record", is_flag=True, help="Keep a record of every flight in DIR/records."
-    ),
-)
-@flight_options(*(name for name in SHARED if name != "record_quality"), "params")
-@grouped(
-    "place",
-    Place,
-    workers=workers_option,
-    backend=click.option(
-        "--backend",
-        type=click.Choice(["local", "dask"]),
-        default="local",
-        help="This machine's cores, or a Dask cluster.",
-    ),
-    address=click.option("--address", metavar="HOST:PORT", help="Address of the Dask scheduler."),
-)
-@click.option(
-    "--out",
-    metavar="DIR",
-    type=FOLDER,
-    help="Where the plan and the flights are kept; default: runs/TREE.",
-)
-@click.option(
-    "--resume",
-    metavar="DIR",
-    type=FOLDER,
-    help="Continue the campaign in this folder, with the plan that is kept there.",
-)
-@click.option(
-    "--fail-under",
-    metavar="PERCENT",
-    type=Number(min=0.0, max=100.0),
-    help="Exit with 1 when fewer flights succeed.",
-)
-@click.pass_context
+@command()
 def campaign(
     ctx: click.Context,
+    trees: Annotated[tuple[str, ...], Option(form="TREE...")] = (),
     *,
-    trees: tuple[str, ...],
-    flown: Flown,
-    flight: FlightOptions,
-    place: Place,
-    out: Path | None,
-    resume: Path | None,
-    fail_under: float | None,
+    flown: Annotated[Flown, Option(parts=Flown)],
+    flight: Annotated[FlightOptions, Option(parts=FlightOptions, only=_OPTIONS)],
+    place: Annotated[Place, Option(parts=Place)],
+    out: Annotated[
+        Path | None,
+        Option("Where the plan and the flights are kept; default: runs/TREE.", path="folder"),
+    ] = None,
+    resume: Annotated[
+        Path | None,
+        Option(
+            "Continue the campaign in this folder, with the plan that is kept there.", path="folder"
+        ),
+    ] = None,
+    fail_under: Annotated[
+        float | None, Ge(0), Le(100), Option("Exit with 1 when fewer flights succeed.", "PERCENT")
+    ] = None,
 ) -> None:
     """Fly missions many times and keep every flight.
 
@@ -170,10 +136,20 @@ def campaign(
         folder = out or RUNS / "-".join(dict.fromkeys(Path(tree.path).stem for tree in plan.trees))
     else:
         raise click.UsageError("which TREE is to be flown? or --resume DIR")
-    result = _fly(ctx, plan, folder, place.open())
+    with campaign_progress(len(plan)) as progress:
+        try:
+            result = campaigns.run(
+                plan, folder, backend=place.open(), on_flight=progress.add, on_note=progress.note
+            )
+        except KeyboardInterrupt:
+            progress.note(
+                f"stopped; {progress.done} of {len(plan)} flights are kept in {folder}, "
+                "and the same command continues from there"
+            )
+            ctx.exit(MissionError.exit_code)
     _print_result(result, folder)
-    good = sum(flight["outcome"] == "success" for flight in result.flights)
-    if fail_under is not None and 100.0 * good / len(result.flights) < fail_under:
+    good = 100.0 * successes(result.flights) / len(result.flights)
+    if fail_under is not None and good < fail_under:
         ctx.exit(MissionError.exit_code)
 
 
@@ -193,42 +169,20 @@ def _only_resume(ctx: click.Context) -> None:
         )
 
 
-def _fly(ctx: click.Context, plan: CampaignPlan, folder: Path, backend: Backend) -> CampaignResult:
-    with campaign_progress(len(plan)) as progress:
-        try:
-            return campaigns.run(
-                plan, folder, backend=backend, on_flight=progress.add, on_note=progress.note
-            )
-        except KeyboardInterrupt:
-            progress.note(
-                f"stopped; {progress.done} of {len(plan)} flights are kept in {folder}, "
-                "and the same command continues from there"
-            )
-            ctx.exit(MissionError.exit_code)
-
-
 def _print_result(result: CampaignResult, folder: Path) -> None:
     for tree, flights in by_tree(result.flights).items():
-        _print_tree(tree, flights)
+        low, high = success_interval(flights)
+        ends = Counter(flight["outcome"] for flight in flights if flight["outcome"] != SUCCESS)
+        failures = "".join(f"; {name} {count}" for name, count in ends.most_common())
+        success = (
+            f"success {success_words(flights)} (95 % Wilson interval {low:.1f} to {high:.1f} %)"
+        )
+        click.echo(f"{tree}: {success}{failures}")
+        heads = ("mean", "median", "p5", "p95", "least", "most")
+        click.echo(f"  {'unit':>25}{'n':>5}" + "".join(f"{head:>8}" for head in heads))
+        for name, metric in METRICS.items():
+            if values := values_of(flights, name):
+                numbers = spread(values).values()
+                cells = "".join(" " * 8 if each is None else f"{each:>8.2f}" for each in numbers)
+                click.echo(f"  {name:<22}{metric.unit:>3}{len(values):>5}{cells}")
     click.echo(f"flights: {folder / 'flights.jsonl'}")
-
-
-def _print_tree(tree: str, flights: Iterable[dict[str, Any]]) -> None:
-    summary = summarise(flights)
-    low, high = summary.success_95
-    failures = (
-        f"; {name} {count}" for name, count in summary.outcomes.items() if name != "success"
-    )
-    click.echo(
-        f"{tree}: success {summary.success_text} "
-        f"(95 % Wilson interval {100 * low:.1f} to {100 * high:.1f} %){''.join(failures)}"
-    )
-    heads = ("mean", "median", "p5", "p95", "least", "most")
-    click.echo(f"  {'unit':>25}{'n':>5}" + "".join(f"{head:>8}" for head in heads))
-    for name, found in summary.metrics.items():
-        if found is not None:
-            numbers = (found.mean, found.median, found.p5, found.p95, found.least, found.most)
-            click.echo(
-                f"  {name:<22}{METRICS[name].unit:>3}{found.count:>5}"
-                + "".join(f"{'':>8}" if value is None else f"{value:>8.2f}" for value in numbers)
-            )

@@ -4,51 +4,45 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final, Literal
 
 import click
 
-from uav_bt.cli.command import Command
-from uav_bt.cli.lab_option import lab_option, refuse_in_lab
-from uav_bt.cli.options import format_option, tree_folders_option, tree_option
-from uav_bt.cli.parameter_options import parameter_options
-from uav_bt.cli.registry_options import registry_options
+from uav_bt.cli.declare import command
+from uav_bt.cli.shared import CheckedLab, ParameterSets, Registry, refuse_in_lab
 from uav_bt.errors import FileError, InputError
 from uav_bt.lab.shipped import load_lab
+from uav_bt.option import Option
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.loading.findings import Finding, Rule, errors_of
 from uav_bt.tree.loading.loader import FilesTogether, check_text, findings_of
-from uav_bt.tree.loading.lookup import Library, Lookup, TreeFolders
+from uav_bt.tree.loading.lookup import Folders, Library, Lookup, TreeId
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.source import MAX_BYTES, read_source
-from uav_bt.tree.shipped import STARTERS, resolve_tree, tree_files, write_starter
+from uav_bt.tree.shipped import resolve_tree, tree_files, write_starter
 
 _STDIN: Final = "-"  # as a TREE
+_Report = tuple[Path, tuple[Finding, ...]]
 
 
-@click.command(cls=Command)
-@click.argument("trees", metavar="TREE...", nargs=-1, required=True)
-@tree_option
-@registry_options
-@tree_folders_option
-@parameter_options
-@lab_option
-@format_option("text", "json", help_="json: one object a line and file, with its findings.")
-@click.pass_context
+@command()
 def check(
     ctx: click.Context,
+    trees: Annotated[tuple[str, ...], Option(form="TREE...")],
     *,
-    trees: tuple[str, ...],
-    tree_id: str | None,
-    registry: NodeRegistry,
-    tree_folders: TreeFolders,
-    parameters: tuple[Parameters, ...],
-    lab: str | None,
-    format_: str,
+    tree_id: TreeId = None,
+    registry: Registry,
+    tree_folders: Folders,
+    parameters: ParameterSets,
+    lab: CheckedLab = None,
+    format_: Annotated[
+        Literal["text", "json"],
+        Option("json: one object a line and file, with its findings.", "--format"),
+    ] = "text",
 ) -> None:
     """Check tree files and report all that is wrong.
 
@@ -75,19 +69,17 @@ def check(
         raise click.UsageError(
             "--set, --var, --params and --lab are for one mission: name one tree file"
         )
-    fits = (
-        None
-        if lab is None
-        else partial(
-            refuse_in_lab, load_lab(lab), registry, tree_id=tree_id, tree_folders=tree_folders
-        )
-    )
+    fits = None
+    if lab is not None:
+        of = {"tree_id": tree_id, "tree_folders": tree_folders}
+        fits = partial(refuse_in_lab, load_lab(lab), registry, **of)
     for tree in trees:
-        found = (
-            [_single(tree, registry, tree_id, lookup, parameters or [None], fits=fits)]
-            if one
-            else _reports(tree, registry, tree_id, lookup)
-        )
+        if one:
+            found: Iterable[_Report] = [
+                _single(tree, registry, tree_id, lookup, parameters or [None], fits=fits)
+            ]
+        else:
+            found = _reports(tree, registry, tree_id, lookup)
         for path, findings in found:
             refused |= bool(errors_of(findings))
             if format_ == "json":
@@ -99,11 +91,8 @@ def check(
 
 
 def _reports(
-    tree: str,
-    registry: NodeRegistry,
-    tree_id: str | None,
-    lookup: Lookup,
-) -> Iterator[tuple[Path, tuple[Finding, ...]]]:
+    tree: str, registry: NodeRegistry, tree_id: str | None, lookup: Lookup
+) -> Iterator[_Report]:
     """Yield the findings of each file of a TREE."""
     if _is_pipe(tree):
         yield _single(tree, registry, tree_id, lookup, [None])
@@ -128,16 +117,10 @@ def _single(
     parameters: Sequence[Parameters | None],
     *,
     fits: Callable[..., None] | None = None,
-) -> tuple[Path, tuple[Finding, ...]]:
+) -> _Report:
     """Return the name and the findings of one text, which is read once, with each set of values.
 
-    Args:
-        tree: File, shipped mission or pipe.
-        registry: Nodes that may occur.
-        tree_id: Which of the file's trees.
-        lookup: Where else trees are.
-        parameters: Sets of values from outside; None: no values.
-        fits: Raises InputError if the mission does not fit a lab; None without one.
+    `fits` raises InputError if the mission does not fit a lab.
     """
     try:
         path, source = _read(tree)
@@ -166,11 +149,7 @@ def _is_pipe(tree: str) -> bool:
 
 
 def _read(tree: str) -> tuple[Path, bytes]:
-    """Return the name and the text of a file, of a shipped mission or from a pipe.
-
-    Raises:
-        InputError: there is no such mission, or it cannot be read.
-    """
+    """Return the name and the text of a file, of a shipped mission or from a pipe."""
     if tree == _STDIN:
         return Path("<stdin>"), sys.stdin.buffer.read(MAX_BYTES + 1)
     if not _is_pipe(tree):
@@ -191,37 +170,34 @@ def _print(path: Path, findings: tuple[Finding, ...]) -> None:
 
 
 def _as_json(path: Path, findings: tuple[Finding, ...]) -> str:
-    return json.dumps(
+    found = [
         {
-            "file": str(path),
-            "ok": not errors_of(findings),
-            "findings": [
-                {
-                    "path": finding.path,
-                    # A position of 0 means the whole file.
-                    "line": finding.position.line or None,
-                    "column": finding.position.column or None,
-                    "node": finding.node,
-                    "message": finding.message,
-                    "severity": finding.severity,
-                    "rule": finding.rule.value,
-                }
-                for finding in findings
-            ],
+            "path": finding.path,
+            # A position of 0 means the whole file.
+            "line": finding.position.line or None,
+            "column": finding.position.column or None,
+            "node": finding.node,
+            "message": finding.message,
+            "severity": finding.severity,
+            "rule": finding.rule.value,
         }
-    )
+        for finding in findings
+    ]
+    return json.dumps({"file": str(path), "ok": not errors_of(findings), "findings": found})
 
 
-@click.command(cls=Command)
-@click.argument("file", type=click.Path(path_type=Path))
-@click.option(
-    "--from",
-    "start",
-    type=click.Choice(list(STARTERS)),
-    default="hover",
-    help="hover: up, look round, down; land: find the mark, land; explore: the whole mission.",
-)
-def new(*, file: Path, start: str) -> None:
+@command()
+def new(
+    file: Path,
+    *,
+    start: Annotated[
+        Literal["hover", "land", "explore"],
+        Option(
+            "hover: up, look round, down; land: find the mark, land; explore: the whole mission.",
+            "--from",
+        ),
+    ] = "hover",
+) -> None:
     """Write a commented mission file to begin with.
 
     FILE is the new file, such as my_mission.xml. A file that exists is not overwritten.

@@ -9,45 +9,22 @@ from typing import Any
 import click
 
 from uav_bt.cli.interrupts import let_work_clean_up
+from uav_bt.cli.values import OutputFile, OutputFolder
 from uav_bt.errors import FileError
 from uav_bt.files import check_output, check_output_folder
 from uav_bt.inputs import refuse_inputs, same_file
 from uav_bt.tree.loading.lookup import shipped_trees
 
 
-class OutputFile(click.Path):
-    """A file that the command writes.
-
-    Args:
-        suffix: how its name must end.
-    """
-
-    def __init__(self, suffix: str = "") -> None:
-        super().__init__(dir_okay=False, path_type=Path)
-        self.suffix = suffix
-
-
-class OutputFolder(click.Path):
-    """A folder that the command writes into; it is made if it does not exist."""
-
-    def __init__(self) -> None:
-        super().__init__(file_okay=False, path_type=Path)
-
-
 class Command(click.Command):
     """A command that checks its outputs first.
 
-    Args:
-        sections: names of parameters by the heading of the help under which they stand; the others
-            stand under "Options".
-        attributes: of `click.Command`, as are all others.
+    `sections` has names of options by the heading of the help under which they stand.
     """
 
-    def __init__(
-        self, *attributes: Any, sections: Mapping[str, Sequence[str]] | None = None, **more: Any
-    ) -> None:
-        super().__init__(*attributes, **more)
-        self._sections = sections or {}
+    def __init__(self, sections: Mapping[str, Sequence[str]], **attributes: Any) -> None:
+        super().__init__(**attributes)
+        self._sections = sections
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the options of each section, then the others."""
@@ -63,11 +40,7 @@ class Command(click.Command):
             formatter.write_dl(list(rows.values()))
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the command.
-
-        Raises:
-            BadParameter: an output cannot be written, or is one of the inputs.
-        """
+        """Run the command; refuses an output that cannot be written, or is one of the inputs."""
         _check_outputs(ctx)
         let_work_clean_up()
         return super().invoke(ctx)

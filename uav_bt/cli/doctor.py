@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Annotated
 
 import click
 
@@ -10,20 +11,25 @@ from sim_bridge.twin import TwinConfig
 from uav_bt import app
 from uav_bt.app.assembly import frame_judge
 from uav_bt.app.doctor import examine
-from uav_bt.cli.command import Command
+from uav_bt.cli.declare import command
 from uav_bt.errors import UavBtError
 from uav_bt.mission.preflight import Check, check_drone
+from uav_bt.option import Option
 
 
-@click.command(cls=Command)
-@click.option(
-    "--drone",
-    metavar="NAME[:ADDRESS]",
-    help="Connect to this drone, too, and check it as before a take-off. Without this option "
-    "nothing is sent anywhere.",
-)
-@click.pass_context
-def doctor(ctx: click.Context, *, drone: str | None) -> None:
+@command()
+def doctor(
+    ctx: click.Context,
+    *,
+    drone: Annotated[
+        str | None,
+        Option(
+            "Connect to this drone, too, and check it as before a take-off. Without this option "
+            "nothing is sent anywhere.",
+            "NAME[:ADDRESS]",
+        ),
+    ] = None,
+) -> None:
     """Check the installation.
 
     Exits with 1 when something that uav-bt needs is wrong; extras are a choice.
@@ -41,11 +47,7 @@ def doctor(ctx: click.Context, *, drone: str | None) -> None:
 
 
 def _draws() -> str:
-    """Draw a small image of the lab.
-
-    Raises:
-        UavBtError: it cannot be drawn here.
-    """
+    """Draw a small image of the lab; raises UavBtError if it cannot be drawn here."""
     twin = TwinConfig(image_size_px=(160, 90)).create()
     twin.connect()
     try:

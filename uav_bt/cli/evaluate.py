@@ -5,55 +5,44 @@ from __future__ import annotations
 import json
 import tempfile
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import click
+from annotated_types import Ge
 
 from perception.control.runtime import SHIPPED_STUDENT, OnnxControlStudent
 from perception.depth.runtime import load_depth_estimator
 from perception.segmentation import runtime
-from uav_bt.cli.command import Command
+from uav_bt.cli.declare import command
 from uav_bt.cli.depth_tables import depth_report
-from uav_bt.cli.options import FOLDER, INPUT, output_option, records_argument
 from uav_bt.cli.progress import progress_bars
-from uav_bt.cli.training_options import Drawn, drawn_options
-from uav_bt.cli.values import WholeNumber
+from uav_bt.cli.shared import Records
+from uav_bt.cli.training_options import Drawn
 from uav_bt.files import writing
 from uav_bt.learning import evaluation
 from uav_bt.learning.dataset import read_advised_flights, records_of
 from uav_bt.learning.depth_tables.images import ImagePlan
 from uav_bt.learning.views import TESTING_SCENES, DepthViewPlan
+from uav_bt.option import Option
 
-_scores_option = output_option("--out", "Write the scores there too, as JSON.")
+_Scores = Annotated[Path | None, Option("Write the scores there too, as JSON.", path="written")]
 
 
-@click.command(cls=Command)
-@click.option(
-    "--model",
-    default="depth",
-    help="'depth', an ONNX network, or 'contact': masks and geometry, no network.",
-)
-@click.option(
-    "--masks",
-    type=click.Choice(["unet", "exact"]),
-    default="unet",
-    help="Class maps: the network's, as in a flight, or the twin's exact ones.",
-)
-@click.option(
-    "--tables",
-    default="pairs,distance,sensitivity,corridor",
-    metavar="NAMES",
-    help="The tables, with commas between.",
-)
-@drawn_options(views=170, seed=21)
-@_scores_option
+@command()
 def depth(
     *,
-    model: str,
-    masks: Literal["unet", "exact"],
-    tables: str,
-    drawn: Drawn,
-    out: Path | None,
+    model: Annotated[
+        str, Option("'depth', an ONNX network, or 'contact': masks and geometry, no network.")
+    ] = "depth",
+    masks: Annotated[
+        Literal["unet", "exact"],
+        Option("Class maps: the network's, as in a flight, or the twin's exact ones."),
+    ] = "unet",
+    tables: Annotated[
+        str, Option("The tables, with commas between.", "NAMES")
+    ] = "pairs,distance,sensitivity,corridor",
+    drawn: Annotated[Drawn, Option(parts=Drawn, defaults={"views": 170, "seed": 21})],
+    out: _Scores = None,
 ) -> None:
     """Measure metric depth against the twin's exact depth; on the testing scenes by default.
 
@@ -73,42 +62,29 @@ def depth(
     _write(result, out)
 
 
-@click.command(cls=Command)
-@records_argument
-@click.option(
-    "--model",
-    metavar="FILE",
-    type=INPUT,
-    default=SHIPPED_STUDENT,
-    show_default=False,
-    help="A control student's ONNX file; the shipped one if not given.",
-)
-@click.option(
-    "--views",
-    type=WholeNumber(min=1),
-    default=2000,
-    help="Number of views that are scored.",
-)
-@click.option(
-    "--views-kept",
-    metavar="DIR",
-    type=FOLDER,
-    help="Where `net train student` keeps the records' views, to read them once only.",
-)
-@_scores_option
+@command()
 def student(
+    records: Records,
     *,
-    records: tuple[Path, ...],
-    model: Path,
-    views: int,
-    views_kept: Path | None,
-    out: Path | None,
+    model: Annotated[
+        Path | None,
+        Option("A control student's ONNX file; the shipped one if not given.", path="read"),
+    ] = None,
+    views: Annotated[int, Ge(1), Option("Number of views that are scored.")] = 2000,
+    views_kept: Annotated[
+        Path | None,
+        Option(
+            "Where `net train student` keeps the records' views, to read them once only.",
+            path="folder",
+        ),
+    ] = None,
+    out: _Scores = None,
 ) -> None:
     """Measure how well a control student agrees with the rule that advised in RECORDS.
 
     RECORDS are files that `uav-bt net collect` made, or folders of them.
     """
-    network = OnnxControlStudent(model, threads=2)
+    network = OnnxControlStudent(model or SHIPPED_STUDENT, threads=2)
     with tempfile.TemporaryDirectory() as folder, progress_bars() as advance:
         flights = read_advised_flights(
             records_of(records), network.config, views_kept or Path(folder), advance=advance

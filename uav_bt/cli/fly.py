@@ -8,139 +8,113 @@ from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Final, Literal
+from typing import Annotated, Final, Literal
 
 import click
 from rich.console import Console
 
 from uav_bt import app
 from uav_bt.app import film
-from uav_bt.app.view.live import ViewListeners, live_view
-from uav_bt.cli.command import Command
-from uav_bt.cli.flight_options import flight_options
+from uav_bt.app.options import IN_COMMANDS
+from uav_bt.app.view.live import live_view
+from uav_bt.cli.declare import command
 from uav_bt.cli.interrupts import stopped_by
 from uav_bt.cli.keys import pilot_keys
-from uav_bt.cli.options import FOLDER, grouped, output_option
 from uav_bt.display.status import OrderLines, summary
-from uav_bt.errors import FileError, MissionError
+from uav_bt.errors import FileError, InputError, MissionError
 from uav_bt.groot import watched_live
 from uav_bt.mission.judge import Outcome
+from uav_bt.option import Option
 from uav_bt.protocols import Drone
 
 _GROOT_PORT: Final = 1667  # the default of Groot2
 _MAX_GROOT_PORT: Final = 65_534  # notifications have the next one
 
 
-def _groot_port(ctx: click.Context, param: click.Parameter, value: str | None) -> int | None:
-    """Return a port whose neighbour exists, too.
-
-    Raises:
-        BadParameter: It is not a port.
-    """
-    if value is None:
-        return None
-    if not re.fullmatch(r"[1-9]\d{0,4}", value) or int(value) > _MAX_GROOT_PORT:
+def _groot_port(text: str) -> int:
+    """Return a port whose neighbour exists, too."""
+    if not re.fullmatch(r"[1-9]\d{0,4}", text) or int(text) > _MAX_GROOT_PORT:
         # `--groot` takes the next word for its port; the mission's name may be meant.
-        raise click.BadParameter(
-            f"expected a port from 1 to {_MAX_GROOT_PORT} or nothing, got '{value}'; "
-            "write a --groot without a port after TREE",
-            ctx,
-            param,
+        raise InputError(
+            f"expected a port from 1 to {_MAX_GROOT_PORT} or nothing, got '{text}'; "
+            "write a --groot without a port after TREE"
         )
-    return int(value)
+    return int(text)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outputs:
-    """Output files of a flight besides its record; None: not written.
+    """Output files of a flight besides its record; None: not written."""
 
-    Attributes:
-        out: Folder of the report, the objects and the files of leaves.
-        report: JSON file of the report.
-        video: mp4 file.
-        btlog: Log of the nodes' statuses.
-    """
+    out: Annotated[
+        Path | None,
+        Option(
+            "A new or empty folder for the report, the map's objects, and what leaves such as "
+            "TakePhoto write.",
+            "",
+            "Outputs",
+            path="folder",
+        ),
+    ] = None
+    report: Annotated[
+        Path | None,
+        Option(
+            "Write the flight's report there, as JSON; default: report.json in --out.",
+            "",
+            "Outputs",
+            path="written",
+        ),
+    ] = None
+    video: Annotated[
+        Path | None,
+        Option(
+            "Make a video of the flight: an mp4 file.", "", "Outputs", path="written", suffix=".mp4"
+        ),
+    ] = None
+    btlog: Annotated[
+        Path | None,
+        Option(
+            "Log what each node does: a .btlog file, which Groot2 replays.",
+            "",
+            "Outputs",
+            path="written",
+            suffix=".btlog",
+        ),
+    ] = None
 
-    out: Path | None
-    report: Path | None
-    video: Path | None
-    btlog: Path | None
 
-
-_SECTIONS: Final = {
-    "Mission": (
-        *("tree_id", "libraries", "include_root", "packages"),
-        *("leaves", "ports", "variables", "params", "policies", "judge"),
-    ),
-    "Outputs": ("out", "report", "video", "record", "record_quality", "btlog"),
-    "Watching": ("view", "groot", "watch"),
-    "Simulated room": (
-        *("scene", "seed", "profile", "movers", "vary_room", "faults", "exact_masks"),
-        *("realtime", "image_size_px"),
-    ),
-    "Place": ("lab",),
-    "Real drone": ("drone", "site", "camera", "rehearse"),
-}
-
-
-@click.command(cls=Command, sections=_SECTIONS)
-@click.argument("tree")
-@grouped(
-    "outputs",
-    Outputs,
-    out=click.option(
-        "--out",
-        metavar="DIR",
-        type=FOLDER,
-        help="A new or empty folder for the report, the map's objects, and what leaves such as "
-        "TakePhoto write.",
-    ),
-    report=output_option(
-        "--report", "Write the flight's report there, as JSON; default: report.json in --out."
-    ),
-    video=output_option("--video", "Make a video of the flight: an mp4 file.", suffix=".mp4"),
-    btlog=output_option(
-        "--btlog", "Log what each node does: a .btlog file, which Groot2 replays.", suffix=".btlog"
-    ),
-)
-@flight_options(
-    *("tree_id", "tree_folders", "leaves", "ports", "variables", "params", "policies", "judge"),
-    *("lab", "scene", "seed"),
-    *("profile", "movers", "vary_room", "faults", "exact_masks", "realtime", "drone", "site"),
-    *("camera", "rehearse"),
-    *("record", "record_quality", "image_size_px", "inference_threads"),
-)
-@click.option(
-    "--view",
-    metavar="[WHERE]",
-    type=click.Choice(["window", "web"]),
-    is_flag=False,
-    flag_value="window",
-    help="Show the flight in Rerun: in a window, or with `web` in a browser on this machine.",
-)
-@click.option(
-    "--groot",
-    metavar="[PORT]",
-    is_flag=False,
-    flag_value=str(_GROOT_PORT),
-    callback=_groot_port,
-    help=f"Let Groot2 on this machine watch, on port {_GROOT_PORT} or PORT and on the next one.",
-)
-@click.option(
-    "--watch",
-    is_flag=True,
-    help="Read TREE again whenever it is edited while it flies; for the twin.",
-)
-@click.pass_context
+@command(sections=("Mission", "Outputs", "Watching", "Simulated room", "Place", "Real drone"))
 def fly(
     ctx: click.Context,
-    *,
     tree: str,
-    flight: app.FlightOptions,
-    outputs: Outputs,
-    view: Literal["window", "web"] | None,
-    groot: int | None,
-    watch: bool,
+    *,
+    outputs: Annotated[Outputs, Option(parts=Outputs)],
+    flight: Annotated[app.FlightOptions, Option(parts=app.FlightOptions, only=IN_COMMANDS)],
+    view: Annotated[
+        Literal["window", "web"] | None,
+        Option(
+            "Show the flight in Rerun: in a window, or with `web` in a browser on this machine.",
+            "[WHERE]",
+            "Watching",
+            alone="window",
+        ),
+    ] = None,
+    groot: Annotated[
+        int | None,
+        Option(
+            f"Let Groot2 on this machine watch, on port {_GROOT_PORT} or PORT and on the next one.",
+            "[PORT]",
+            "Watching",
+            alone=str(_GROOT_PORT),
+            read=_groot_port,
+        ),
+    ] = None,
+    watch: Annotated[
+        bool,
+        Option(
+            "Read TREE again whenever it is edited while it flies; for the twin.", "", "Watching"
+        ),
+    ] = False,
 ) -> None:
     """Fly a mission.
 
@@ -176,12 +150,7 @@ def fly(
         follow = stack.enter_context(watched_live(btlog=outputs.btlog, groot=groot))
         watchers.append(lambda flown: follow(flown.mission, flown.context))
         begun: list[app.Flight[Drone]] = []
-
-        def begin(flown: app.Flight[Drone]) -> tuple[()]:
-            begun.append(flown)
-            return ()
-
-        watchers.append(begin)
+        watchers.append(lambda flown: begun.append(flown) or ())
         try:
             flown = app.fly(
                 tree,
@@ -199,9 +168,15 @@ def fly(
             raise MissionError(f"{stopped_by(stop)} {when}") from stop
         Console().print(summary(flown, begun[0].mark))
         lost = {**flown.lost_outputs, **_closed(stack)}
-    _name_files(files, lost)
+    for what, path in files.items():
+        if path is not None and Path(path).exists():
+            click.echo(f"{what}: {path}")
+    for what, why in lost.items():
+        click.echo(f"Error: {what} was lost: {why}", err=True)
     if viewed is not None and view == "web":
-        _wait_for(viewed)
+        click.echo("The view stays until Ctrl-C.")
+        with suppress(KeyboardInterrupt):
+            viewed.wait()
     if flown.airborne_at_end:
         click.secho(app.STILL_IN_THE_AIR, fg="red", bold=True, err=True)
     if lost or flown.outcome != Outcome.SUCCESS.value:
@@ -209,11 +184,7 @@ def fly(
 
 
 def _check_watch(tree: str, drone: str, given: Mapping[str, object]) -> None:
-    """Refuse options that cannot be combined with a tree that changes in flight.
-
-    Raises:
-        UsageError: a real drone, a shipped mission's name, or an output that shows one tree.
-    """
+    """Refuse options that cannot be combined with a tree that changes in flight."""
     if drone.partition(":")[0] != "twin":
         raise click.UsageError(f"--watch changes a tree in flight: for the twin, not for {drone}")
     if not Path(tree).is_file():
@@ -228,15 +199,6 @@ def _check_watch(tree: str, drone: str, given: Mapping[str, object]) -> None:
             )
 
 
-def _name_files(written: Mapping[str, str | Path | None], lost: Mapping[str, str]) -> None:
-    """Print the written outputs and the lost ones."""
-    for what, path in written.items():
-        if path is not None and Path(path).exists():
-            click.echo(f"{what}: {path}")
-    for what, why in lost.items():
-        click.echo(f"Error: {what} was lost: {why}", err=True)
-
-
 def _closed(outputs: ExitStack) -> dict[str, str]:
     """Close the outputs; return those that failed, with reasons."""
     try:
@@ -244,10 +206,3 @@ def _closed(outputs: ExitStack) -> dict[str, str]:
     except (FileError, OSError) as fault:
         return {"an output": str(fault)}
     return {}
-
-
-def _wait_for(viewed: ViewListeners) -> None:
-    """Keep a browser's view until Ctrl-C."""
-    click.echo("The view stays until Ctrl-C.")
-    with suppress(KeyboardInterrupt):
-        viewed.wait()

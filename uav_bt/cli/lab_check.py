@@ -5,15 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import click
+from annotated_types import Ge, Le
 
 from perception.depth.runtime import load_depth_estimator
-from uav_bt.cli.command import Command
-from uav_bt.cli.options import INPUT, output_option
+from uav_bt.cli.declare import command
 from uav_bt.cli.progress import progress_bars
-from uav_bt.cli.values import Number
 from uav_bt.errors import MissionError, WeightsError
 from uav_bt.files import writing
 from uav_bt.inputs import refuse_inputs
@@ -26,43 +25,42 @@ from uav_bt.learning.lab_checks import picks_of_lab, teacher_of_lab
 from uav_bt.learning.lab_material import LabMaterial
 from uav_bt.learning.masks import MaskSource
 from uav_bt.learning.pick_scores import PickScore, network_of_lab, score_picks, write_sheet
+from uav_bt.option import Option
 from uav_bt.record.reader import RecordReader
 from uav_bt.tree.loading.lookup import shipped_trees
 
 
-@click.command(cls=Command)
-@click.argument("lab", metavar="LAB")
-@click.option(
-    "--model",
-    metavar="FILE",
-    type=INPUT,
-    help="An ONNX network with the lab's classes; the one that the lab is flown with if not given.",
-)
-@output_option("--out", "Write the scores there too, as JSON.")
-@click.option(
-    "--min-role-iou",
-    type=Number(min=0.0, max=1.0),
-    default=0.0,
-    help="Exit with 1 if the intersection over union of a role is lower.",
-)
-@click.option(
-    "--flight",
-    "flights",
-    metavar="RECORD",
-    type=INPUT,
-    multiple=True,
-    help="Compare lengths in the record of a flight in the lab, too: heights, camera and mark. "
-    "Repeatable.",
-)
-@click.pass_context
+@command()
 def check(
     ctx: click.Context,
+    lab: Annotated[str, Option(form="LAB")],
     *,
-    lab: str,
-    model: Path | None,
-    out: Path | None,
-    min_role_iou: float,
-    flights: tuple[Path, ...],
+    model: Annotated[
+        Path | None,
+        Option(
+            "An ONNX network with the lab's classes; the one that the lab is flown with if not "
+            "given.",
+            path="read",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, Option("Write the scores there too, as JSON.", path="written")
+    ] = None,
+    min_role_iou: Annotated[
+        float,
+        Ge(0),
+        Le(1),
+        Option("Exit with 1 if the intersection over union of a role is lower."),
+    ] = 0.0,
+    flights: Annotated[
+        tuple[Path, ...],
+        Option(
+            "Compare lengths in the record of a flight in the lab, too: heights, camera and mark. "
+            "Repeatable.",
+            "--flight RECORD",
+            path="read",
+        ),
+    ] = (),
 ) -> None:
     """Score the segmentation network of a lab on its held-out picks.
 
@@ -94,9 +92,8 @@ def check(
             out.write_text(text + "\n", encoding="utf-8")
         click.echo(f"scores: {out}")
     if score is not None and score.min_role_iou < min_role_iou:
-        click.echo(
-            f"the IoU of a role is {score.min_role_iou:.3f}, below {min_role_iou:g}", err=True
-        )
+        low = f"the IoU of a role is {score.min_role_iou:.3f}, below {min_role_iou:g}"
+        click.echo(low, err=True)
         ctx.exit(MissionError.exit_code)
 
 
@@ -148,26 +145,18 @@ def _teacher(material: LabMaterial) -> MaskSource | None:
 def score_lines(score: PickScore) -> Iterator[str]:
     """Yield the lines that describe a score on picks."""
     total, counts = score.total, score.picks
-    yield (
-        f"{sum(counts.values())} held-out picks on {total.images} images: "
-        f"{total.accuracy:.3f} right"
-    )
-    yield f"{'role':<18}{'picks':>6}{'IoU':>8}"
-    in_roles = total.role_counts.sum(axis=1).tolist()
-    for role, count, iou in zip(ROLE_NAMES, in_roles, total.role_iou, strict=True):
-        yield _row(role, count, iou)
-    yield f"{'class':<18}{'picks':>6}{'IoU':>8}"
-    for (name, count), iou in zip(counts.items(), total.iou, strict=True):
-        yield _row(name, count, iou)
+    held_out = sum(counts.values())
+    yield f"{held_out} held-out picks on {total.images} images: {total.accuracy:.3f} right"
+    in_roles = dict(zip(ROLE_NAMES, total.role_counts.sum(axis=1).tolist(), strict=True))
+    for what, each, ious in (("role", in_roles, total.role_iou), ("class", counts, total.iou)):
+        yield f"{what:<18}{'picks':>6}{'IoU':>8}"
+        for (name, count), iou in zip(each.items(), ious, strict=True):
+            yield f"  {name:<16}{count:>6}{f'{iou:.3f}' if count else '-':>8}"
     for true, taken, share in score.confusions():
         yield f"{true} taken for {taken}: {100 * share:.0f} % of its picks"
     if score.unchecked:
         yield f"unchecked, because without held-out picks: {', '.join(score.unchecked)}"
-    wrong = [f"{each.image} ({each.wrong} of {len(each.picks)})" for each in score.images]
-    worst = [text for text, each in zip(wrong, score.images, strict=True) if each.wrong][:5]
-    if worst:
-        yield f"most wrong picks: {', '.join(worst)}"
-
-
-def _row(name: str, count: int, iou: float) -> str:
-    return f"  {name:<16}{count:>6}{f'{iou:.3f}' if count else '-':>8}"
+    wrong = [each for each in score.images if each.wrong][:5]
+    if wrong:
+        texts = (f"{each.image} ({each.wrong} of {len(each.picks)})" for each in wrong)
+        yield f"most wrong picks: {', '.join(texts)}"

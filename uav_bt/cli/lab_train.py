@@ -3,40 +3,36 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Annotated
 
 import click
+from annotated_types import Ge
 
-from uav_bt.cli.command import Command
-from uav_bt.cli.flight_options import flight_option
+from uav_bt.app.option_values import Seed
+from uav_bt.cli.declare import command
 from uav_bt.cli.lab_check import score_lines
-from uav_bt.cli.options import grouped
 from uav_bt.cli.progress import progress_bars
-from uav_bt.cli.training_options import batch_option, device_option, steps_option
-from uav_bt.cli.values import WholeNumber
+from uav_bt.cli.training_options import Device, Steps
 from uav_bt.files import check_output
 from uav_bt.lab.shipped import load_lab
 from uav_bt.learning import lab_training
 from uav_bt.learning.lab_checks import LabData, checked_data
 from uav_bt.learning.lab_material import LabMaterial
 from uav_bt.learning.pick_scores import network_of_lab, score_picks
+from uav_bt.option import Option
 from uav_bt.plugins import need
 
 
-@click.command(cls=Command)
-@click.argument("lab", metavar="LAB")
-@grouped(
-    "config",
-    dict,
-    steps=steps_option(800),
-    batch=batch_option(12, "Images"),
-    device=device_option(),
-    seed=flight_option("seed"),
-)
-@click.option(
-    "--workers", type=WholeNumber(min=1), default=1, help="Processes that make the masks."
-)
-def train(*, lab: str, config: dict[str, Any], workers: int) -> None:
+@command()
+def train(
+    lab: Annotated[str, Option(form="LAB")],
+    *,
+    steps: Steps = 800,
+    batch: Annotated[int, Ge(2), Option("Images in a step.")] = 12,
+    device: Device = "cpu",
+    seed: Seed = 0,
+    workers: Annotated[int, Ge(1), Option("Processes that make the masks.")] = 1,
+) -> None:
     """Train the segmentation network of a lab.
 
     LAB is a shipped lab, a folder of labs/, or a path, with images in frames/ and picks in
@@ -50,7 +46,8 @@ def train(*, lab: str, config: dict[str, Any], workers: int) -> None:
     checkpoint: the same command continues an interrupted training.
     """
     need("train")
-    settings = lab_training.lab_training_config(**config)  # refuses an absent GPU now
+    # Refuses an absent GPU now.
+    settings = lab_training.lab_training_config(steps=steps, batch=batch, device=device, seed=seed)
     material = LabMaterial(lab=load_lab(lab))
     data = checked_data(material)
     check_output(material.network)

@@ -4,112 +4,105 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
 import click
+from annotated_types import Ge, Gt, Le
 
+from uav_bt.app.option_values import Threads
 from uav_bt.app.perceive import PerceiveOptions, PerceiveSummary
 from uav_bt.app.perceive import perceive as perceive_source
-from uav_bt.cli.command import Command
-from uav_bt.cli.flight_options import flight_option
-from uav_bt.cli.options import FOLDER, INPUT, grouped, output_option
+from uav_bt.cli.declare import command
 from uav_bt.cli.progress import progress_bars
-from uav_bt.cli.values import Number, WholeNumber
 from uav_bt.errors import MissionError
+from uav_bt.option import Option
 
 
 def _options(
-    *, gimbal_deg: float, seconds: float | None, inference_threads: int, **others: Any
+    *,
+    camera: Annotated[
+        Path | None,
+        Option(
+            "Camera file of `uav-bt lab calibrate`; without it, the ANAFI's video is assumed.",
+            path="read",
+        ),
+    ] = None,
+    height_m: Annotated[
+        float, Gt(0), Le(100), Option("Height of the camera above the ground, for all frames.")
+    ] = 1.5,
+    gimbal_deg: Annotated[
+        float,
+        Ge(-90),
+        Le(90),
+        Option("Pitch of the camera, for all frames: 0 level, negative down."),
+    ] = -30.0,
+    telemetry: Annotated[
+        Path | None,
+        Option(
+            "Record of the same flight, from `uav-bt fly --record`: height and gimbal by frame.",
+            path="read",
+        ),
+    ] = None,
+    model: Annotated[
+        str | None,
+        Option(
+            "Depth network: 'any', 'depth', an ONNX file, or 'contact' (masks and geometry, no "
+            "network); by default the one that belongs to the segmentation."
+        ),
+    ] = None,
+    segmentation: Annotated[
+        str | None,
+        Option(
+            "Segmentation: 'any', 'unet', 'teacher', or an ONNX file; by default 'unet' for "
+            "flights and 'any' for all else."
+        ),
+    ] = None,
+    classes: Annotated[
+        Path | None, Option("Class-mapping file of a foreign segmentation network.", path="read")
+    ] = None,
+    sequence: Annotated[
+        bool,
+        Option("The images of the folder follow one another; without it each stands for itself."),
+    ] = False,
+    every: Annotated[int, Ge(1), Option("Process only one in this many frames.")] = 1,
+    seconds: Annotated[float | None, Gt(0), Option("Stop after this much of the source.")] = None,
+    inference_threads: Threads = 1,
 ) -> PerceiveOptions:
     return PerceiveOptions(
+        camera=camera,
+        height_m=height_m,
         gimbal_pitch_rad=math.radians(gimbal_deg),
+        telemetry=telemetry,
+        model=model,
+        segmentation=segmentation,
+        classes=classes,
+        sequence=sequence,
+        every=every,
         longest_s=seconds,
         threads=inference_threads,
-        **others,
     )
 
 
-@click.command(cls=Command)
-@click.argument("source")
-@output_option("--out", "Write the overlays there: an mp4 file.", suffix=".mp4")
-@output_option("--json", "Write one JSON object a frame there, a line each.")
-@click.option(
-    "--masks",
-    metavar="DIR",
-    type=FOLDER,
-    help="A new or empty folder for the class map of each frame, a PNG of class ids, and for "
-    "classes.json.",
-)
-@grouped(
-    "options",
-    _options,
-    camera=click.option(
-        "--camera",
-        type=INPUT,
-        metavar="FILE",
-        help="Camera file of `uav-bt lab calibrate`; without it, the ANAFI's video is assumed.",
-    ),
-    height_m=click.option(
-        "--height-m",
-        type=Number(min=0.0, min_open=True, max=100.0),
-        default=1.5,
-        help="Height of the camera above the ground, for all frames.",
-    ),
-    gimbal_deg=click.option(
-        "--gimbal-deg",
-        type=Number(min=-90.0, max=90.0),
-        default=-30.0,
-        help="Pitch of the camera, for all frames: 0 level, negative down.",
-    ),
-    telemetry=click.option(
-        "--telemetry",
-        type=INPUT,
-        metavar="FILE",
-        help="Record of the same flight, from `uav-bt fly --record`: height and gimbal by frame.",
-    ),
-    model=click.option(
-        "--model",
-        help="Depth network: 'any', 'depth', an ONNX file, or 'contact' (masks and geometry, no "
-        "network); by default the one that belongs to the segmentation.",
-    ),
-    segmentation=click.option(
-        "--segmentation",
-        help="Segmentation: 'any', 'unet', 'teacher', or an ONNX file; by default 'unet' for "
-        "flights and 'any' for all else.",
-    ),
-    classes=click.option(
-        "--classes",
-        type=INPUT,
-        metavar="FILE",
-        help="Class-mapping file of a foreign segmentation network.",
-    ),
-    sequence=click.option(
-        "--sequence",
-        is_flag=True,
-        help="The images of the folder follow one another; without it each stands for itself.",
-    ),
-    every=click.option(
-        "--every",
-        type=WholeNumber(min=1),
-        default=1,
-        help="Process only one in this many frames.",
-    ),
-    seconds=click.option(
-        "--seconds",
-        type=Number(min=0.0, min_open=True),
-        help="Stop after this much of the source.",
-    ),
-    inference_threads=flight_option("inference_threads"),
-)
-@click.pass_context
+@command()
 def perceive(
     ctx: click.Context,
-    *,
     source: str,
-    out: Path | None,
-    json: Path | None,
-    masks: Path | None,
-    options: PerceiveOptions,
+    *,
+    out: Annotated[
+        Path | None, Option("Write the overlays there: an mp4 file.", path="written", suffix=".mp4")
+    ] = None,
+    json: Annotated[
+        Path | None, Option("Write one JSON object a frame there, a line each.", path="written")
+    ] = None,
+    masks: Annotated[
+        Path | None,
+        Option(
+            "A new or empty folder for the class map of each frame, a PNG of class ids, and for "
+            "classes.json.",
+            path="folder",
+        ),
+    ] = None,
+    options: Annotated[PerceiveOptions, Option(parts=_options)],
 ) -> None:
     """Show what perception makes of a video: masks, depth in metres, corridor, mark.
 

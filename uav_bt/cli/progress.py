@@ -47,12 +47,7 @@ def progress_bars() -> Iterator[Callable[[str, int, int], None]]:
 
 
 class CampaignProgress:
-    """Counts flights and shows them: a bar on a terminal, a line per flight elsewhere.
-
-    Args:
-        bar: where they are shown.
-        total: flights that the plan asks for.
-    """
+    """Counts flights and shows them: a bar on a terminal, a line per flight elsewhere."""
 
     def __init__(self, bar: Progress, total: int) -> None:
         self._bar = bar
@@ -66,12 +61,7 @@ class CampaignProgress:
         return self._outcomes.total()
 
     def add(self, flight: Mapping[str, Any], now: bool) -> None:  # noqa: FBT001 - a callback's shape
-        """Count a flight.
-
-        Args:
-            flight: its line.
-            now: whether it was flown just now, not in an earlier run.
-        """
+        """Count a flight, by its line; `now`: flown just now, not in an earlier run."""
         self._outcomes[flight["outcome"]] += 1
         counts = "  ".join(f"{name} {count}" for name, count in sorted(self._outcomes.items()))
         if now:
@@ -92,12 +82,7 @@ class CampaignProgress:
 
 @contextmanager
 def campaign_progress(total: int, console: Console | None = None) -> Iterator[CampaignProgress]:
-    """Show a campaign while it is flown inside.
-
-    Args:
-        total: flights that the plan asks for.
-        console: where to write; default: the standard error stream.
-    """
+    """Show a campaign of so many flights while it is flown inside, by default on stderr."""
     console = console or Console(stderr=True)
     columns = (
         BarColumn(),

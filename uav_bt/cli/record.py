@@ -6,37 +6,38 @@ import json
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
-from typing import Final, Literal
+from typing import Annotated, Final, Literal
 
 import click
+from annotated_types import Ge
 
+from uav_bt.app.option_values import Policies
 from uav_bt.app.replay import Difference, ReplayOptions, ReplayReport
 from uav_bt.app.replay import replay as replay_record
 from uav_bt.app.replay.differences import LOSSY_NUMBERS, LOSSY_TICKS
 from uav_bt.app.view.recorded import WITHOUT_DISPLAY, RecordedFlight, Span
-from uav_bt.cli.command import Command
-from uav_bt.cli.flight_options import flight_option
-from uav_bt.cli.options import INPUT, format_option, output_option, tree_folders_option
+from uav_bt.cli.declare import command
 from uav_bt.cli.progress import progress_bars
-from uav_bt.cli.values import Number
+from uav_bt.cli.shared import TextFormat
 from uav_bt.display.rerun import sinks
 from uav_bt.errors import MissionError
+from uav_bt.option import Option
 from uav_bt.record.info import RecordInfo, record_info
-from uav_bt.tree.loading.lookup import TreeFolders
+from uav_bt.tree.loading.lookup import Folders, TreeFolders
+from uav_bt.tree.registry import OwnLeaves
 
 _METADATA: Final = (
     *("tree", "lab", "scene", "seed", "drone", "profile", "record_quality", "started"),
     *("uav_bt", "git"),
 )
+_NO_POLICIES: Final[dict[str, str]] = {}
 _MAX_PRINTED: Final = 20  # differing ticks, and nodes that differ
 
-_file_argument = click.argument("file", type=INPUT)
+_Record = Annotated[Path, Option(path="read")]
 
 
-@click.command(cls=Command)
-@_file_argument
-@format_option("text", "json", help_="text is for people; json is one object.")
-def info(*, file: Path, format_: str) -> None:
+@command()
+def info(file: _Record, *, format_: TextFormat = "text") -> None:
     """Print the content of a record: duration, rates, losses, and whether it is whole."""
     found = record_info(file)
     click.echo(json.dumps(asdict(found), indent=2) if format_ == "json" else _text(found))
@@ -70,33 +71,25 @@ def _text(found: RecordInfo) -> str:
     return "\n".join(lines)
 
 
-@click.command(cls=Command)
-@_file_argument
-@output_option(
-    "--save", "Keep the view: an rrd file, which `rerun FILE` opens anywhere.", suffix=".rrd"
-)
-@click.option("--web", is_flag=True, help="Show it in a browser on this machine, until Ctrl-C.")
-@click.option(
-    "--from",
-    "from_s",
-    metavar="SECONDS",
-    type=Number(min=0.0),
-    help="Begin here, from the record's start.",
-)
-@click.option(
-    "--to",
-    "to_s",
-    metavar="SECONDS",
-    type=Number(min=0.0),
-    help="End here, from the record's start.",
-)
+@command()
 def view(
+    file: _Record,
     *,
-    file: Path,
-    save: Path | None,
-    web: bool,
-    from_s: float | None,
-    to_s: float | None,
+    save: Annotated[
+        Path | None,
+        Option(
+            "Keep the view: an rrd file, which `rerun FILE` opens anywhere.",
+            path="written",
+            suffix=".rrd",
+        ),
+    ] = None,
+    web: Annotated[bool, Option("Show it in a browser on this machine, until Ctrl-C.")] = False,
+    from_s: Annotated[
+        float | None, Ge(0), Option("Begin here, from the record's start.", "--from SECONDS")
+    ] = None,
+    to_s: Annotated[
+        float | None, Ge(0), Option("End here, from the record's start.", "--to SECONDS")
+    ] = None,
 ) -> None:
     """Show a record of `uav-bt fly --record` in Rerun.
 
@@ -132,30 +125,25 @@ def _show(flight: RecordedFlight, *, web: bool) -> None:
             click.echo("", err=True)
 
 
-@click.command(cls=Command)
-@_file_argument
-@click.option("--tree", metavar="TREE", help="Replay this mission, not the recorded one.")
-@tree_folders_option
-@flight_option("leaves")
-@flight_option("policies")
-@click.option(
-    "--masks",
-    type=click.Choice(["network", "recorded"]),
-    help="Where class maps come from; default: the tree's network, or the record if the flight "
-    "flew on exact masks.",
-)
-@format_option("text", "json", help_="text is for people; json is one object with all differences.")
-@click.pass_context
+@command()
 def replay(
     ctx: click.Context,
+    file: _Record,
     *,
-    file: Path,
-    tree: str | None,
-    tree_folders: TreeFolders,
-    leaves: tuple[Path, ...],
-    policies: dict[str, str],
-    masks: Literal["network", "recorded"] | None,
-    format_: str,
+    tree: Annotated[
+        str | None, Option("Replay this mission, not the recorded one.", "TREE")
+    ] = None,
+    tree_folders: Folders,
+    leaves: OwnLeaves = (),
+    policies: Policies = _NO_POLICIES,
+    masks: Annotated[
+        Literal["network", "recorded"] | None,
+        Option(
+            "Where class maps come from; default: the tree's network, or the record if the flight "
+            "flew on exact masks."
+        ),
+    ] = None,
+    format_: TextFormat = "text",
 ) -> None:
     """Feed recorded frames through perception and tree, and print what differs.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import cast, get_args
+from typing import Annotated, Literal
 
 import click
 
@@ -11,45 +11,34 @@ from uav_bt.campaign.report.campaign_report import write_report
 from uav_bt.campaign.report.figures import Form
 from uav_bt.campaign.report.paired import losses_of
 from uav_bt.campaign.report.sources import read_sources
-from uav_bt.cli.command import Command
-from uav_bt.cli.options import output_option
+from uav_bt.cli.declare import command
 from uav_bt.errors import MissionError
+from uav_bt.option import Option
 
 
-@click.command(cls=Command)
-@click.argument(
-    "sources", metavar="DIR...", nargs=-1, required=True, type=click.Path(path_type=Path)
-)
-@output_option(
-    "--out",
-    "The HTML page; figures and tables go beside it. Default: DIR/report.html",
-    suffix=".html",
-)
-@click.option(
-    "--figures",
-    type=click.Choice([*get_args(Form), "none"]),
-    default="png",
-    help="Form of the files of figures; the page always has PNGs inside.",
-)
-@click.option(
-    "--all-pairs",
-    is_flag=True,
-    help="Compare all trees with each other, not only the first with each other one.",
-)
-@click.option(
-    "--not-worse",
-    is_flag=True,
-    help="Exit with 1 if a tree is worse than the first on the same flights.",
-)
-@click.pass_context
+@command()
 def report(
     ctx: click.Context,
+    sources: Annotated[tuple[Path, ...], Option(form="DIR...")],
     *,
-    sources: tuple[Path, ...],
-    out: Path | None,
-    figures: str,
-    all_pairs: bool,
-    not_worse: bool,
+    out: Annotated[
+        Path | None,
+        Option(
+            "The HTML page; figures and tables go beside it. Default: DIR/report.html",
+            path="written",
+            suffix=".html",
+        ),
+    ] = None,
+    figures: Annotated[
+        Literal[Form, "none"],
+        Option("Form of the files of figures; the page always has PNGs inside."),
+    ] = "png",
+    all_pairs: Annotated[
+        bool, Option("Compare all trees with each other, not only the first with each other one.")
+    ] = False,
+    not_worse: Annotated[
+        bool, Option("Exit with 1 if a tree is worse than the first on the same flights.")
+    ] = False,
 ) -> None:
     """Write the report of campaigns, their trees side by side.
 
@@ -71,7 +60,7 @@ def report(
     written = write_report(
         sources,
         out,
-        figures=None if figures == "none" else cast("Form", figures),
+        figures=None if figures == "none" else figures,
         all_pairs=all_pairs,
         on_note=lambda note: click.echo(f"note: {note}", err=True),
     )

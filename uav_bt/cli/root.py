@@ -6,10 +6,12 @@ the usage was wrong.
 
 from __future__ import annotations
 
+import errno
 import importlib
+import os
 import sys
 import traceback
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Final
 
 import click
@@ -17,78 +19,107 @@ from click.shell_completion import CompletionItem
 
 import uav_bt as package
 from uav_bt.cli.interrupts import stopped_by
-from uav_bt.cli.standard_output import output_fault
 from uav_bt.errors import UavBtError, did_you_mean
 from uav_bt.plugins import check_packages, missing_extra
+
+_OF_DISKS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
+# Module and function in `uav_bt/cli` by the words of the command, with its line of the help. They
+# stand here because a module is imported when its command runs or its help is requested.
+COMMANDS: Final = {
+    "fly": ("fly:fly", "Fly a mission."),
+    "check": ("check:check", "Check tree files and report all that is wrong."),
+    "new": ("check:new", "Write a commented mission file to begin with."),
+    "simulate": ("simulate:simulate", "Tick a tree with scripted leaves."),
+    "campaign": ("campaign:campaign", "Fly missions many times."),
+    "report": ("report:report", "Write the report of campaigns."),
+    "shrink": ("shrink:shrink_command", "Reduce a failed flight to its fewest causes."),
+    "view": ("record:view", "Show the record of a flight."),
+    "replay": ("record:replay", "Feed a recorded flight through the tree again."),
+    "lsp": ("tree:lsp", "Check and complete tree files in editors."),
+    "doctor": ("doctor:doctor", "Check the installation."),
+    "serve-anafi": ("serve_anafi:serve_anafi", "Serve a simulated ANAFI."),
+    "tree nodes": ("tree:nodes", "List the nodes that tree files can use."),
+    "tree render": ("tree:render", "Draw a tree file, with its subtrees in place."),
+    "tree schema": ("tree:schema", "Write an XML Schema of tree files."),
+    "record info": ("record:info", "Print the content of a record."),
+    "net perceive": ("perceive:perceive", "Run perception over a video or a camera."),
+    "net collect": ("train:collect", "Fly and record for the control student."),
+    "net train depth": ("train:depth", "Train the depth network on flights."),
+    "net train student": ("train:student", "Train the control student on advised flights."),
+    "net evaluate depth": ("evaluate:depth", "Measure metric depth."),
+    "net evaluate student": (
+        "evaluate:student",
+        "Measure how well a control student agrees with the rule.",
+    ),
+    "net export depth": ("export:depth", "Export a depth network."),
+    "net export student": ("export:student", "Export a control student."),
+    "lab new": ("lab:new", "Write a commented lab file to begin with."),
+    "lab frames": ("lab_images:frames", "Take images of a lab from videos."),
+    "lab pick": ("lab_images:pick", "Pick classes on the images of a lab."),
+    "lab train": ("lab_train:train", "Train the segmentation network of a lab."),
+    "lab check": ("lab_check:check", "Score the network of a lab on held-out picks."),
+    "lab scenes": ("lab:scenes", "List the shipped scenes, or draw the map of one."),
+    "lab schema": ("lab:schema", "Write a JSON schema of lab files."),
+    "lab calibrate": ("camera:calibrate", "Calibrate a camera from photographs of a checkerboard."),
+    "lab tune-heading": (
+        "camera:tune_heading",
+        "Choose gains of the heading controller from a recorded flight.",
+    ),
+}
+_GROUPS: Final = {
+    "tree": "List nodes; draw tree files, write their schema.",
+    "record": "Look into records of flights.",
+    "net": "Train, evaluate and export networks.",
+    "net train": "Train the networks that missions fly on.",
+    "net evaluate": "Measure networks against the twin's truth.",
+    "net export": """Make ONNX files from trained weights.
+
+    A network in 8-bit integers takes about half the time of one in floats. The ranges of its
+    numbers are taken from images of the twin.""",
+    "lab": "Begin and train labs, calibrate, tune the heading.",
+}
+
+
+_LINES: Final = {words: line for words, (_, line) in COMMANDS.items()}
 
 
 class LazyGroup(click.Group):
     """A group whose commands are imported when they run or when their help is requested.
 
-    Args:
-        name: of the group.
-        lazy: where each command stands (module:attribute), and its line in the group's help.
-        groups: the groups inside it.
-        attributes: of `click.Group`.
+    `words` are those by which it is called, with a space behind; "" for `uav-bt` itself.
     """
 
-    def __init__(
-        self,
-        name: str | None = None,
-        *,
-        lazy: Mapping[str, tuple[str, str]],
-        groups: Sequence[LazyGroup] = (),
-        **attributes: Any,
-    ) -> None:
-        super().__init__(name, {str(group.name): group for group in groups}, **attributes)
-        self._lazy = lazy
-        self._groups = groups
+    def __init__(self, name: str | None = None, *, words: str = "", **attributes: Any) -> None:
+        super().__init__(name, **attributes)
+        self._words = words
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of commands and groups in the order of the help."""
         del ctx
-        return [name for (name,) in (path for path in self.paths() if len(path) == 1)]
+        return [name for name, _ in (*self._lines(_LINES), *self._lines(_GROUPS))]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command:
-        """Import a command.
-
-        Raises:
-            UsageError: There is no command of that name; the message names the group that has it.
-        """
-        if cmd_name in self.commands:
-            return self.commands[cmd_name]
-        if cmd_name not in self._lazy:
-            root = ctx.find_root().command
-            found = root.paths() if isinstance(root, LazyGroup) else ()
-            places = [f"'uav-bt {' '.join(path)}'" for path in found if path[-1] == cmd_name]
+        """Import a command; if there is none of that name, the message names the nearest."""
+        words = f"{self._words}{cmd_name}"
+        if words in _GROUPS:
+            return LazyGroup(cmd_name, words=f"{words} ", help=_GROUPS[words])
+        if words not in COMMANDS:
+            places = [f"'uav-bt {path}'" for path in _paths(cmd_name)]
             hint = (
                 f"; '{cmd_name}' is {' or '.join(places)}"
                 if places
                 else _did_you_mean(cmd_name, self.list_commands(ctx))
             )
             ctx.fail(f"there is no command '{cmd_name}'{hint}")
-        module, _, attribute = self._lazy[cmd_name][0].partition(":")
-        command: click.Command = getattr(importlib.import_module(module), attribute)
-        return command
-
-    def paths(self) -> Iterator[tuple[str, ...]]:
-        """Yield the words by which every command and group below this one is called."""
-        for name in self._lazy:
-            yield (name,)
-        for group in self._groups:
-            yield (str(group.name),)
-            for path in group.paths():
-                yield (str(group.name), *path)
+        module, _, attribute = COMMANDS[words][0].partition(":")
+        found: click.Command = getattr(importlib.import_module(f"uav_bt.cli.{module}"), attribute)
+        return found
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the sections of commands and of groups; imports nothing."""
         del ctx
-        sections = (
-            ("Commands", self._command_lines()),
-            ("Groups of commands", self._group_lines()),
-        )
-        for title, rows in sections:
-            if rows:
+        for title, table in (("Commands", _LINES), ("Groups of commands", _GROUPS)):
+            if rows := self._lines(table):
                 with formatter.section(title):
                     formatter.write_dl(rows)
 
@@ -96,19 +127,27 @@ class LazyGroup(click.Group):
         """Return the commands, groups or options that begin so; imports no command."""
         found = [
             CompletionItem(name, help=line)
-            for name, line in (*self._command_lines(), *self._group_lines())
+            for name, line in (*self._lines(_LINES), *self._lines(_GROUPS))
             if name.startswith(incomplete)
         ]
         return found or super().shell_complete(ctx, incomplete)
 
-    def _command_lines(self) -> list[tuple[str, str]]:
-        return [(name, line) for name, (_, line) in self._lazy.items()]
+    def _lines(self, table: Mapping[str, str]) -> list[tuple[str, str]]:
+        """Return names and lines of the help of what stands directly in this group."""
+        inside = ((words.removeprefix(self._words), line) for words, line in table.items())
+        return [
+            (name, line.partition("\n")[0])
+            for (name, line), words in zip(inside, table, strict=True)
+            if words.startswith(self._words) and " " not in name
+        ]
 
-    def _group_lines(self) -> list[tuple[str, str]]:
-        return [(str(group.name), group.get_short_help_str(100)) for group in self._groups]
+
+def _paths(name: str) -> list[str]:
+    """Return the words of all commands and groups of a name."""
+    return [words for words in (*_GROUPS, *COMMANDS) if words.rpartition(" ")[2] == name]
 
 
-def _did_you_mean(name: str, commands: Sequence[str]) -> str:
+def _did_you_mean(name: str, commands: list[str]) -> str:
     alike = [command for command in commands if command[:2] == name[:2]]
     # 'flight' is 0.44 similar to 'fly'. At that ratio most unlike names match, so the first two
     # letters must be equal.
@@ -123,18 +162,14 @@ class _Root(LazyGroup):
         try:
             return super().main(*args, **extra)
         except OSError as error:
-            fault = output_fault(error)
+            fault = _output_fault(error)
             if fault is None:
                 raise
             click.echo(f"Error: {fault}", err=True)
             sys.exit(fault.exit_code)
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run a command.
-
-        Raises:
-            Exit: the command failed, and the reason was printed.
-        """
+        """Run a command; an error is printed in one line, and the exit code is its own."""
         try:
             return super().invoke(ctx)
         except (click.ClickException, click.Abort, click.exceptions.Exit, BrokenPipeError):
@@ -144,7 +179,7 @@ class _Root(LazyGroup):
             raise click.exceptions.Exit(UavBtError.exit_code) from stop
         except Exception as error:
             known = missing_extra(error) if isinstance(error, ModuleNotFoundError) else error
-            known = output_fault(error) or known
+            known = _output_fault(error) or known
             if isinstance(known, UavBtError):
                 message, code = str(known), known.exit_code
             else:
@@ -158,106 +193,22 @@ class _Root(LazyGroup):
             raise click.exceptions.Exit(code) from error
 
 
-_TREE: Final = LazyGroup(
-    "tree",
-    help="List nodes; draw tree files, write their schema.",
-    lazy={
-        "nodes": ("uav_bt.cli.tree:nodes", "List the nodes that tree files can use."),
-        "render": ("uav_bt.cli.tree:render", "Draw a tree file, with its subtrees in place."),
-        "schema": ("uav_bt.cli.tree:schema", "Write an XML Schema of tree files."),
-    },
-)
-_RECORD: Final = LazyGroup(
-    "record",
-    help="Look into records of flights.",
-    lazy={"info": ("uav_bt.cli.record:info", "Print the content of a record.")},
-)
-_TRAIN: Final = LazyGroup(
-    "train",
-    help="Train the networks that missions fly on.",
-    lazy={
-        "depth": ("uav_bt.cli.train:depth", "Train the depth network on flights."),
-        "student": (
-            "uav_bt.cli.train_student:student",
-            "Train the control student on advised flights.",
-        ),
-    },
-)
-_EVALUATE: Final = LazyGroup(
-    "evaluate",
-    help="Measure networks against the twin's truth.",
-    lazy={
-        "depth": ("uav_bt.cli.evaluate:depth", "Measure metric depth."),
-        "student": (
-            "uav_bt.cli.evaluate:student",
-            "Measure how well a control student agrees with the rule.",
-        ),
-    },
-)
-_EXPORT: Final = LazyGroup(
-    "export",
-    help="""Make ONNX files from trained weights.
-
-    A network in 8-bit integers takes about half the time of one in floats. The ranges of its
-    numbers are taken from images of the twin.""",
-    lazy={
-        "depth": ("uav_bt.cli.export:depth", "Export a depth network."),
-        "student": ("uav_bt.cli.export:student", "Export a control student."),
-    },
-)
-_NET: Final = LazyGroup(
-    "net",
-    help="Train, evaluate and export networks.",
-    lazy={
-        "perceive": ("uav_bt.cli.perceive:perceive", "Run perception over a video or a camera."),
-        "collect": ("uav_bt.cli.collect:collect", "Fly and record for the control student."),
-    },
-    groups=(_TRAIN, _EVALUATE, _EXPORT),
-)
-_LAB: Final = LazyGroup(
-    "lab",
-    help="Begin and train labs, calibrate, tune the heading.",
-    lazy={
-        "new": ("uav_bt.cli.lab_schema:new", "Write a commented lab file to begin with."),
-        "frames": ("uav_bt.cli.lab_frames:frames", "Take images of a lab from videos."),
-        "pick": ("uav_bt.cli.lab_pick:pick", "Pick classes on the images of a lab."),
-        "train": ("uav_bt.cli.lab_train:train", "Train the segmentation network of a lab."),
-        "check": ("uav_bt.cli.lab_check:check", "Score the network of a lab on held-out picks."),
-        "scenes": ("uav_bt.cli.lab:scenes", "List the shipped scenes, or draw the map of one."),
-        "schema": ("uav_bt.cli.lab_schema:schema", "Write a JSON schema of lab files."),
-        "calibrate": (
-            "uav_bt.cli.lab:calibrate",
-            "Calibrate a camera from photographs of a checkerboard.",
-        ),
-        "tune-heading": (
-            "uav_bt.cli.lab:tune_heading",
-            "Choose gains of the heading controller from a recorded flight.",
-        ),
-    },
-)
+def _output_fault(error: Exception) -> UavBtError | None:
+    """Return the error for a standard output that cannot be written, such as on a full disk."""
+    # A file with a name has errors that name it.
+    if not isinstance(error, OSError) or error.filename or error.errno not in _OF_DISKS:
+        return None
+    try:
+        click.echo()  # a failed write leaves no other trace in the stream
+    except OSError as fault:
+        # Python flushes again when it exits, and must not fail then.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return UavBtError(f"standard output cannot be written: {fault.strerror or fault}")
+    return None
 
 
 @click.group(
-    cls=_Root,
-    context_settings={"help_option_names": ["-h", "--help"], "show_default": True},
-    lazy={
-        "fly": ("uav_bt.cli.fly:fly", "Fly a mission."),
-        "check": ("uav_bt.cli.check:check", "Check tree files and report all that is wrong."),
-        "new": ("uav_bt.cli.check:new", "Write a commented mission file to begin with."),
-        "simulate": ("uav_bt.cli.simulate:simulate", "Tick a tree with scripted leaves."),
-        "campaign": ("uav_bt.cli.campaign:campaign", "Fly missions many times."),
-        "report": ("uav_bt.cli.report:report", "Write the report of campaigns."),
-        "shrink": (
-            "uav_bt.cli.shrink:shrink_command",
-            "Reduce a failed flight to its fewest causes.",
-        ),
-        "view": ("uav_bt.cli.record:view", "Show the record of a flight."),
-        "replay": ("uav_bt.cli.record:replay", "Feed a recorded flight through the tree again."),
-        "lsp": ("uav_bt.cli.lsp:lsp", "Check and complete tree files in editors."),
-        "doctor": ("uav_bt.cli.doctor:doctor", "Check the installation."),
-        "serve-anafi": ("uav_bt.cli.serve_anafi:serve_anafi", "Serve a simulated ANAFI."),
-    },
-    groups=(_TREE, _RECORD, _NET, _LAB),
+    cls=_Root, context_settings={"help_option_names": ["-h", "--help"], "show_default": True}
 )
 @click.version_option(package.__version__, prog_name="uav-bt")
 @click.option("--debug", is_flag=True, help="Show where an error came from.")

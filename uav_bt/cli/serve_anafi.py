@@ -5,113 +5,104 @@ from __future__ import annotations
 import asyncio
 import logging
 import signal
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import click
+from annotated_types import Ge, Le
 
 from sim_bridge.loopback.drone import DroneSetup, LoopbackDrone
 from sim_bridge.loopback.firmware.telemetry_events import BatteryOptions
 from sim_bridge.loopback.handshake import Identity, Ports
 from sim_bridge.loopback.media import Card
 from sim_bridge.loopback.server import ServerOptions
-from sim_bridge.twin.profile import Profile
+from sim_bridge.twin.profile import Profile as TwinProfile
 from sim_bridge.twin.scene_file import load_scene
-from uav_bt.cli.command import Command
-from uav_bt.cli.flight_options import flight_option
-from uav_bt.cli.options import Decorator, grouped
-from uav_bt.cli.values import Number, WholeNumber
+from uav_bt.app.option_values import ImageSize, Profile, Seed
+from uav_bt.cli.declare import command
+from uav_bt.option import Option
 
 
-def _port(name: str, what: str) -> Decorator:
-    return click.option(
-        f"--{name}-port",
-        name,
-        type=WholeNumber(0, 65_535),
-        default=getattr(Ports, name),
-        help=f"{what}; 0 takes a free one.",
-    )
+def _settings(
+    *,
+    scene: Annotated[
+        str | None,
+        Option(
+            "Fly in this lab: a shipped scene or a YAML file. Without it the drone has an open "
+            "field and an outdoor drone's pace, as scripts for the ANAFI expect.",
+            "SCENE",
+        ),
+    ] = None,
+    seed: Seed = 0,
+    profile: Profile = "lab",
+    image_size_px: ImageSize = (640, 360),
+    video_rate_hz: Annotated[
+        float, Ge(0.1), Le(240), Option("Frames of video a second, at most.", "--rate")
+    ] = 30.0,
+    no_video: Annotated[bool, Option("Serve no video.")] = False,
+    gps: Annotated[
+        bool | None,
+        Option(
+            "Whether it has a GPS fix. Without either it has one in the open field, none in a lab."
+        ),
+    ] = None,
+    skycontroller: Annotated[
+        bool,
+        Option("Serve a SkyController 3 with the drone behind it: olympe.SkyController3(ADDRESS)."),
+    ] = False,
+) -> dict[str, Any]:
+    return {
+        "scene": None if scene is None else load_scene(scene),
+        "seed": seed,
+        "profile": TwinProfile.named(profile),
+        "image_size_px": image_size_px,
+        "video_rate_hz": video_rate_hz,
+        "video": not no_video,
+        "gps": gps,
+        "skycontroller": skycontroller,
+    }
 
 
-@click.command(cls=Command)
-@grouped(
-    "settings",
-    dict,
-    scene=click.option(
-        "--scene",
-        metavar="SCENE",
-        help="Fly in this lab: a shipped scene or a YAML file. Without it the drone has an open "
-        "field and an outdoor drone's pace, as scripts for the ANAFI expect.",
-    ),
-    seed=flight_option("seed"),
-    profile=flight_option("profile"),
-    image_size_px=flight_option("image_size_px"),
-    video_rate_hz=click.option(
-        "--rate",
-        "video_rate_hz",
-        type=Number(0.1, 240.0),
-        default=30.0,
-        help="Frames of video a second, at most.",
-    ),
-    video=click.option(
-        "--no-video",
-        "video",
-        is_flag=True,
-        flag_value=False,
-        default=True,
-        show_default=False,
-        help="Serve no video.",
-    ),
-    gps=click.option(
-        "--gps/--no-gps",
-        default=None,
-        help="Whether it has a GPS fix. Without either it has one in the open field, none in a "
-        "lab.",
-    ),
-    skycontroller=click.option(
-        "--skycontroller",
-        is_flag=True,
-        help="Serve a SkyController 3 with the drone behind it: olympe.SkyController3(ADDRESS).",
-    ),
-)
-@click.option(
-    "--address",
-    default="127.0.0.1",
-    help="Where it listens. For several drones: 127.0.0.2, 127.0.0.3, ... At any address other "
-    "than 127.x.x.x, everybody who can reach it can fly the drone.",
-)
-@click.option(
-    "--battery",
-    "battery_percent",
-    type=WholeNumber(0, 100),
-    default=100,
-    help="The battery's charge at first, per cent.",
-)
-@click.option(
-    "--card",
-    type=click.Choice([each.value for each in Card]),
-    default=Card.READY.value,
-    help="Its memory card. With a full or an absent one, photographs fail.",
-)
-@click.option("--name", default="ANAFI-loopback", help="Its product name.")
-@click.option("--verbose", is_flag=True, help="Log connections and damaged messages, too.")
-@grouped(
-    "ports",
-    Ports,
-    discovery=_port("discovery", "TCP, where clients find it"),
-    control=_port("control", "TCP, where clients ask for a link"),
-    commands=_port("commands", "UDP, where commands go"),
-    http=_port("http", "TCP, its web server"),
-    rtsp=_port("rtsp", "TCP, its video"),
-)
+def _port(name: str, what: str) -> Option:
+    return Option(f"{what}; 0 takes a free one.", f"--{name}-port")
+
+
+_Port = Annotated[int, Ge(0), Le(65_535)]
+
+
+def _ports(
+    *,
+    discovery: Annotated[_Port, _port("discovery", "TCP, where clients find it")] = Ports.discovery,
+    control: Annotated[
+        _Port, _port("control", "TCP, where clients ask for a link")
+    ] = Ports.control,
+    commands: Annotated[_Port, _port("commands", "UDP, where commands go")] = Ports.commands,
+    http: Annotated[_Port, _port("http", "TCP, its web server")] = Ports.http,
+    rtsp: Annotated[_Port, _port("rtsp", "TCP, its video")] = Ports.rtsp,
+) -> Ports:
+    return Ports(discovery=discovery, control=control, commands=commands, http=http, rtsp=rtsp)
+
+
+@command()
 def serve_anafi(
     *,
-    settings: dict[str, Any],
-    address: str,
-    battery_percent: int,
-    card: str,
-    name: str,
-    verbose: bool,
-    ports: Ports,
+    settings: Annotated[dict[str, Any], Option(parts=_settings)],
+    address: Annotated[
+        str,
+        Option(
+            "Where it listens. For several drones: 127.0.0.2, 127.0.0.3, ... At any address other "
+            "than 127.x.x.x, everybody who can reach it can fly the drone."
+        ),
+    ] = "127.0.0.1",
+    battery_percent: Annotated[
+        int, Ge(0), Le(100), Option("The battery's charge at first, per cent.", "--battery")
+    ] = 100,
+    card: Annotated[
+        Literal["ready", "full", "absent"],
+        Option("Its memory card. With a full or an absent one, photographs fail."),
+    ] = "ready",
+    name: Annotated[str, Option("Its product name.")] = "ANAFI-loopback",
+    verbose: Annotated[bool, Option("Log connections and damaged messages, too.")] = False,
+    ports: Annotated[Ports, Option(parts=_ports)],
 ) -> None:
     """Serve a loopback ANAFI until Ctrl-C.
 
@@ -123,10 +114,7 @@ def serve_anafi(
     logging.basicConfig(
         level=logging.INFO if verbose else logging.WARNING, format="%(levelname)s %(message)s"
     )
-    scene, profile = settings.pop("scene"), Profile.named(settings.pop("profile"))
     setup = DroneSetup(
-        scene=None if scene is None else load_scene(scene),
-        profile=profile,
         server=ServerOptions(address=address, ports=ports, identity=Identity(name=name)),
         battery=BatteryOptions(charge=battery_percent / 100.0),
         card=Card(card),

@@ -3,53 +3,38 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import click
+from annotated_types import Ge
 
 from sim_bridge.twin.scene_file import scene_text
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.report.repeat import fly_command
 from uav_bt.campaign.report.sources import read_sources
 from uav_bt.campaign.shrinking import FailedFlight, shrink
-from uav_bt.cli.command import Command
-from uav_bt.cli.options import FOLDER
-from uav_bt.cli.values import WholeNumber
+from uav_bt.cli.declare import command
 from uav_bt.errors import InputError, MissionError
 from uav_bt.files import check_empty_folder, write_whole, writing
 from uav_bt.mission.judge import Outcome
+from uav_bt.option import Option
 
-SCENE_FILE: Final = "scene.yaml"
-FAULTS_FILE: Final = "faults.txt"
 _NAMED: Final = 5  # flights that an error names, at most
 _TWIN: Final = "twin"
 
 
-@click.command("shrink", cls=Command)
-@click.argument("source", metavar="DIR", type=click.Path(path_type=Path))
-@click.option("--tree", "tree_name", metavar="NAME", help="Of the flight; default: any.")
-@click.option("--scene", metavar="NAME", help="Of the flight; default: any.")
-@click.option("--seed", type=WholeNumber(min=0), help="Of the flight; default: any.")
-@click.option(
-    "--out",
-    metavar="DIR",
-    type=FOLDER,
-    required=True,
-    help="A new or empty folder for scene and faults.",
-)
-@click.option(
-    "--twin", is_flag=True, help="Fly the result in the twin, too; exit with 1 if it does not fail."
-)
-@click.pass_context
+@command()
 def shrink_command(
     ctx: click.Context,
+    source: Annotated[Path, Option(form="DIR")],
     *,
-    source: Path,
-    tree_name: str | None,
-    scene: str | None,
-    seed: int | None,
-    out: Path,
-    twin: bool,
+    tree_name: Annotated[str | None, Option("Of the flight; default: any.", "--tree NAME")] = None,
+    scene: Annotated[str | None, Option("Of the flight; default: any.", "NAME")] = None,
+    seed: Annotated[int | None, Ge(0), Option("Of the flight; default: any.")] = None,
+    out: Annotated[Path, Option("A new or empty folder for scene and faults.", path="folder")],
+    twin: Annotated[
+        bool, Option("Fly the result in the twin, too; exit with 1 if it does not fail.")
+    ] = False,
 ) -> None:
     """Reduce a failed flight to the fewest causes that still make it fail.
 
@@ -68,74 +53,64 @@ def shrink_command(
     twin (--twin), and with 2 when something given was refused.
     """  # noqa: D301  (click needs the backspace)
     check_empty_folder(out, "shrink")
-    flight = _failed(source, {"tree": tree_name, "scene": scene, "seed": seed})
+    wanted = {"tree": tree_name, "scene": scene, "seed": seed}
+    flight = _failed(source, {name: value for name, value in wanted.items() if value is not None})
     click.echo(f"{flight.ending}; {len(flight.parts())} parts: boxes, objects, movers and faults")
     click.echo("  parts  end of the flight")
     small = shrink(flight, lambda count, ending: click.echo(f"  {count:>5}  {ending}"))
     with writing(out):
         out.mkdir(parents=True, exist_ok=True)
-    write_whole(out / SCENE_FILE, scene_text(small.scene))
-    write_whole(out / FAULTS_FILE, "".join(f"{fault}\n" for fault in small.faults))
-    remaining = ", ".join(
-        f"{what} {len(some)}"
-        for what, some in (
-            ("faults", small.faults),
-            ("movers", small.scene.movers),
-            ("boxes", small.scene.boxes),
-            *((("objects", small.scene.objects),) if flight.scene.objects else ()),
-        )
+    scene_file, faults = out / "scene.yaml", out / "faults.txt"
+    write_whole(scene_file, scene_text(small.scene))
+    write_whole(faults, "".join(f"{fault}\n" for fault in small.faults))
+    had = flight.things()
+    kept = (
+        f"{kind} {len(some)}"
+        for kind, some in small.things().items()
+        if had[kind] or kind != "objects"
     )
-    click.echo(f"remaining: {remaining}; {out / SCENE_FILE}, {out / FAULTS_FILE}")
+    click.echo(f"remaining: {', '.join(kept)}; {scene_file}, {faults}")
     options = small.options
     flown: dict[str, Any] = {
         "seed": options.seed,
         "profile": options.profile,
-        "faults": [f"@{out / FAULTS_FILE}"] if small.faults else [],
+        "faults": [f"@{faults}"] if small.faults else [],
         "ports": options.ports,
         "variables": options.variables,
     }
     for drone in dict.fromkeys((options.drone_name, _TWIN)):
         changes = flown | {"drone": drone}
-        file, folder = str(out / SCENE_FILE), str(out / drone)
-        command = fly_command(small.tree, file, changes, options, out=folder)
+        command = fly_command(small.tree, str(scene_file), changes, options, out=str(out / drone))
         images = ", with images" if drone == _TWIN else ""
         click.echo(f"command to repeat it, drone {drone}{images}:\n  {command}")
-    if not twin:
-        return
-    ending = small.fly(_TWIN)
-    click.echo(f"in the twin: {ending}")
-    if not ending.agrees(small.ending):
-        ctx.exit(MissionError.exit_code)
+    if twin:
+        ending = small.fly(_TWIN)
+        click.echo(f"in the twin: {ending}")
+        if not ending.agrees(small.ending):
+            ctx.exit(MissionError.exit_code)
 
 
-def _failed(source: Path, wanted: dict[str, object]) -> FailedFlight:
-    """Return the first failed flight that has the wanted tree, scene and seed.
-
-    Raises:
-        InputError: no flight failed so.
-    """
-    named = {name: value for name, value in wanted.items() if value is not None}
-    others: dict[str, list[str]] = {"succeeded": [], "failed": []}
+def _failed(source: Path, wanted: dict[str, str | int]) -> FailedFlight:
+    """Return the first failed flight that has the wanted tree, scene and seed."""
+    succeeded, failed = [], []
     for one in read_sources([source]).sets:
         for line in one.flights:
-            is_wanted = all(_plain(line[name]) == _plain(value) for name, value in named.items())
+            is_wanted = all(_plain(line[name]) == _plain(value) for name, value in wanted.items())
             which = f"{line['tree']} in {line['scene']}, seed {line['seed']}"
             if line["outcome"] == Outcome.SUCCESS.value:
-                if named and is_wanted:
-                    others["succeeded"].append(which)
+                succeeded += [which] if wanted and is_wanted else []
             elif not is_wanted:
-                others["failed"].append(which)
+                failed.append(which)
             else:
                 plan = one.source.plan
                 options = FlightOptions() if plan is None else plan.options
-                return FailedFlight.of(
-                    line, one.tree_path(), one.scene_path(str(line["scene"])), options
-                )
-    asked = ", ".join(f"{name} {value}" for name, value in named.items())
-    known = "".join(
-        f"; {kind}: {'; '.join(some[:_NAMED])}" for kind, some in others.items() if some
-    )
-    raise InputError(f"{source} has no failed flight{f' with {asked}' if asked else ''}{known}")
+                scene = one.scene_path(str(line["scene"]))
+                return FailedFlight.of(line, one.tree_path(), scene, options)
+    asked = ", ".join(f"{name} {value}" for name, value in wanted.items())
+    with_these = f" with {asked}" if asked else ""
+    others = (("succeeded", succeeded), ("failed", failed))
+    known = "".join(f"; {kind}: {'; '.join(some[:_NAMED])}" for kind, some in others if some)
+    raise InputError(f"{source} has no failed flight{with_these}{known}")
 
 
 def _plain(value: object) -> object:

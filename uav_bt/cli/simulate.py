@@ -5,66 +5,45 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import click
+from annotated_types import Ge, Gt, Le
 
-from uav_bt.cli.command import Command
-from uav_bt.cli.lab_option import lab_option, refuse_in_lab
-from uav_bt.cli.options import INPUT, format_option, tree_folders_option, tree_option
-from uav_bt.cli.parameter_options import parameter_options, single
-from uav_bt.cli.registry_options import leaves_option
-from uav_bt.cli.values import Number, WholeNumber
+from uav_bt.cli.declare import command
+from uav_bt.cli.shared import (
+    CheckedLab,
+    FlownRegistry,
+    ParameterSets,
+    refuse_in_lab,
+    single,
+)
 from uav_bt.errors import MissionError
 from uav_bt.lab.shipped import load_lab
-from uav_bt.tree import NodeRegistry
+from uav_bt.option import Option
 from uav_bt.tree.dry_run import SimulatedTick, Simulation, read_script
-from uav_bt.tree.loading.lookup import TreeFolders
-from uav_bt.tree.loading.parameters import Parameters
+from uav_bt.tree.loading.lookup import Folders, TreeId
 from uav_bt.tree.shipped import resolve_tree
 
 
-@click.command(cls=Command)
-@click.argument("tree")
-@click.option(
-    "--script",
-    metavar="FILE",
-    type=INPUT,
-    required=True,
-    help="Answers of the leaves (YAML).",
-)
-@click.option(
-    "--ticks",
-    type=WholeNumber(min=1),
-    default=1000,
-    help="Stop after this many ticks.",
-)
-@click.option(
-    "--tick-s",
-    type=Number(min=0.0, min_open=True, max=3600.0),
-    default=0.1,
-    help="Seconds between two ticks, for timers.",
-)
-@format_option("table", "json", help_="json: one object with all ticks.")
-@tree_option
-@leaves_option
-@tree_folders_option
-@parameter_options
-@lab_option
-@click.pass_context
+@command()
 def simulate(
     ctx: click.Context,
-    *,
     tree: str,
-    script: Path,
-    ticks: int,
-    tick_s: float,
-    format_: str,
-    tree_id: str | None,
-    registry: NodeRegistry,
-    tree_folders: TreeFolders,
-    parameters: tuple[Parameters, ...],
-    lab: str | None,
+    *,
+    script: Annotated[Path, Option("Answers of the leaves (YAML).", path="read")],
+    ticks: Annotated[int, Ge(1), Option("Stop after this many ticks.")] = 1000,
+    tick_s: Annotated[
+        float, Gt(0), Le(3600), Option("Seconds between two ticks, for timers.")
+    ] = 0.1,
+    format_: Annotated[
+        Literal["table", "json"], Option("json: one object with all ticks.", "--format")
+    ] = "table",
+    tree_id: TreeId = None,
+    registry: FlownRegistry,
+    tree_folders: Folders,
+    parameters: ParameterSets,
+    lab: CheckedLab = None,
 ) -> None:
     """Tick a tree file with leaves that answer by a script.
 
@@ -89,18 +68,12 @@ def simulate(
       uav-bt simulate land_only --script answers.yaml
       uav-bt simulate mission.xml --script answers.yaml --format json
     """  # noqa: D301  (click needs the backspace)
-    values = single(parameters)
+    values, path = single(parameters), resolve_tree(tree)
     if lab is not None:
-        refuse_in_lab(
-            load_lab(lab),
-            registry,
-            resolve_tree(tree),
-            tree_id=tree_id,
-            tree_folders=tree_folders,
-            parameters=[values],
-        )
+        of: dict[str, Any] = {"tree_id": tree_id, "tree_folders": tree_folders}
+        refuse_in_lab(load_lab(lab), registry, path, **of, parameters=[values])
     simulation = Simulation(
-        resolve_tree(tree),
+        path,
         read_script(script),
         registry,
         tick_s=tick_s,
@@ -111,10 +84,9 @@ def simulate(
     steps = simulation.run(ticks)
     if format_ == "json":
         done = list(steps)
-        root = done[-1].status.name
+        last, root = done[-1], done[-1].status.name
         report = {"tree": tree, "status": root, "ticks": [_as_json(step) for step in done]}
         click.echo(json.dumps(report, indent=2))
-        last = done[-1]
     else:
         last = _print_table(steps)
         root = last.status.name
@@ -131,7 +103,8 @@ def _print_table(steps: Iterator[SimulatedTick]) -> SimulatedTick:
     shown = last = next(steps)
     click.echo(_line(shown))
     for step in steps:
-        if _events(step) != _events(shown) or step.halted or step.changed:
+        same = (step.status, step.answers) == (shown.status, shown.answers)
+        if not same or step.halted or step.changed:
             _print_repeats(shown, last)
             click.echo(_line(step))
             shown = step
@@ -145,22 +118,14 @@ def _print_repeats(shown: SimulatedTick, last: SimulatedTick) -> None:
         click.echo(f"{'...':>5}  {last.time_s:>7.2f}  the same until tick {last.tick}")
 
 
-def _events(step: SimulatedTick) -> tuple[Any, ...]:
-    return step.status, step.answers
-
-
 def _line(step: SimulatedTick) -> str:
     parts = [", ".join(f"{leaf} {status.letter}" for leaf, status in step.answers)]
     if step.halted:
         parts.append(f"halted {', '.join(step.halted)}")
-    if step.changed:
-        parts.append(", ".join(f"{name}={_text(value)}" for name, value in step.changed.items()))
+    texts = {n: "none" if v is None else _plain(v) for n, v in step.changed.items()}
+    parts.append(", ".join(f"{name}={text}" for name, text in texts.items()))
     what = "; ".join(part for part in parts if part)
     return f"{step.tick:>5}  {step.time_s:>7.2f}  {step.status.name:<7}  {what}".rstrip()
-
-
-def _text(value: Any) -> str:
-    return "none" if value is None else str(_plain(value))
 
 
 def _plain(value: Any) -> Any:

@@ -1,18 +1,16 @@
-"""`uav-bt tree`: nodes, drawings and schema of tree files."""
+"""`uav-bt tree` and `lsp`: nodes, drawings and schema of tree files; their language server."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import click
 
-from uav_bt.cli.command import Command
-from uav_bt.cli.options import format_option, output_option, tree_folders_option, tree_option
-from uav_bt.cli.parameter_options import parameter_options, single
-from uav_bt.cli.registry_options import leaves_option, registry_options
-from uav_bt.files import writing
+from uav_bt.cli.declare import command
+from uav_bt.cli.shared import FlownRegistry, ParameterSets, Registry, print_or_write, single
+from uav_bt.option import Option
 from uav_bt.tree import Node, NodeRegistry, load_tree
 from uav_bt.tree.describe import (
     ABILITIES,
@@ -25,26 +23,31 @@ from uav_bt.tree.describe import (
     summary,
 )
 from uav_bt.tree.describe import render as draw
-from uav_bt.tree.loading.lookup import TreeFolders
-from uav_bt.tree.loading.parameters import Parameters
+from uav_bt.tree.loading.lookup import Folders, TreeId
 from uav_bt.tree.loading.schema import schema_xml
 from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.port import Port, port_text
 from uav_bt.tree.shipped import resolve_tree
 
+_Out = Annotated[
+    Path | None, Option("The file to write; the text is printed if not given.", path="written")
+]
 
-@click.command(cls=Command)
-@click.argument("names", metavar="[NODE]...", nargs=-1)
-@format_option(
-    "text",
-    "json",
-    "xml",
-    "markdown",
-    help_="xml: a node model (TreeNodesModel) that graphical tree editors load; "
-    "markdown: a page with a section for each node.",
-)
-@leaves_option
-def nodes(*, names: tuple[str, ...], format_: str, registry: NodeRegistry) -> None:
+
+@command()
+def nodes(
+    names: Annotated[tuple[str, ...], Option(form="[NODE]...")] = (),
+    *,
+    format_: Annotated[
+        Literal["text", "json", "xml", "markdown"],
+        Option(
+            "xml: a node model (TreeNodesModel) that graphical tree editors load; markdown: a page "
+            "with a section for each node.",
+            "--format",
+        ),
+    ] = "text",
+    registry: FlownRegistry,
+) -> None:
     """List the nodes that tree files can use.
 
     With each node go its attributes and the board keys it reads and writes.
@@ -120,23 +123,18 @@ def _attribute(port: Port[Any]) -> str:
     return f"{given}  {kind}{direction}" + (f": {port.doc}" if port.doc else "")
 
 
-@click.command(cls=Command)
-@click.argument("tree")
-@format_option("ascii", "svg", help_="The form of the drawing.")
-@output_option("--out", "Write the drawing there; it is printed if not given.")
-@tree_option
-@registry_options
-@tree_folders_option
-@parameter_options
+@command()
 def render(
-    *,
     tree: str,
-    format_: str,
-    out: Path | None,
-    tree_id: str | None,
-    registry: NodeRegistry,
-    tree_folders: TreeFolders,
-    parameters: tuple[Parameters, ...],
+    *,
+    format_: Annotated[
+        Literal["ascii", "svg"], Option("The form of the drawing.", "--format")
+    ] = "ascii",
+    out: _Out = None,
+    tree_id: TreeId = None,
+    registry: Registry,
+    tree_folders: Folders,
+    parameters: ParameterSets,
 ) -> None:
     """Draw a tree file, with its subtrees in place.
 
@@ -151,13 +149,11 @@ def render(
         lookup=lookup,
         parameters=single(parameters),
     )
-    _print_or_write(draw(loaded.root, loaded.name, format_), out)
+    print_or_write(draw(loaded.root, loaded.name, format_), out)
 
 
-@click.command(cls=Command)
-@output_option("--out", "Write the schema there; it is printed if not given.")
-@registry_options
-def schema(*, out: Path | None, registry: NodeRegistry) -> None:
+@command()
+def schema(*, out: _Out = None, registry: Registry) -> None:
     """Write an XML Schema of tree files with all installed nodes.
 
     XML editors complete, explain and check tree files with it. They find it by their settings, or
@@ -166,13 +162,18 @@ def schema(*, out: Path | None, registry: NodeRegistry) -> None:
     \b
       <?xml-model href="uav-bt.xsd"?>
     """  # noqa: D301  (click needs the backspace)
-    _print_or_write(schema_xml(registry), out)
+    print_or_write(schema_xml(registry), out)
 
 
-def _print_or_write(text: str, out: Path | None) -> None:
-    if out is None:
-        click.echo(text, nl=False)
-        return
-    with writing(out):
-        out.write_text(text, encoding="utf-8")
-    click.echo(f"written: {out}")
+@command()
+def lsp(*, registry: Registry) -> None:
+    """Check and complete tree files in editors.
+
+    An editor starts this and speaks the Language Server Protocol with it over standard input and
+    output: findings while one types, completion and hover. SubTrees are looked up in all files of
+    the editor's folder as they were saved, as `uav-bt check FOLDER` does. docs/editors.md has the
+    settings of VS Code, Neovim and Emacs.
+    """
+    from uav_bt.lsp.server import serve  # noqa: PLC0415  (an extra)
+
+    serve(registry)

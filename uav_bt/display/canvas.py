@@ -18,6 +18,7 @@ from uav_bt.types.arrays import Image
 
 Colour = tuple[int, int, int]
 Point = tuple[float, float]
+Size = tuple[int, int]  # width and height, pixels
 
 BACKDROP: Final[Colour] = (17, 19, 24)
 PANEL: Final[Colour] = (27, 30, 37)
@@ -29,7 +30,11 @@ ALARM: Final[Colour] = (255, 92, 92)
 _FONT: Final = cv2.FONT_HERSHEY_SIMPLEX
 # Polygons are drawn in sixteenths of a pixel, so that slow movements look smooth.
 _SUBPIXEL_BITS: Final = 4
-_SUBPIXEL: Final = 1 << _SUBPIXEL_BITS
+
+
+def blank(size_px: Size, colour: Colour) -> Image:
+    """Return an image of one colour."""
+    return np.full((size_px[1], size_px[0], 3), colour, dtype=np.uint8)
 
 
 def circle(x_px: float, y_px: float, radius_px: float) -> list[Point]:
@@ -38,14 +43,9 @@ def circle(x_px: float, y_px: float, radius_px: float) -> list[Point]:
     return [(x_px + radius_px * math.cos(a), y_px + radius_px * math.sin(a)) for a in angles]
 
 
-def hull(points_px: Sequence[Point]) -> list[Point]:
-    """Return the convex hull of some points as a polygon."""
-    around = cv2.convexHull(np.asarray(points_px, dtype=np.float32)).reshape(-1, 2)
-    return [(float(x), float(y)) for x, y in around]
-
-
 def _subpixel(points_px: Sequence[Point]) -> NDArray[np.int32]:
-    return np.rint(np.asarray(points_px, dtype=np.float64) * _SUBPIXEL).astype(np.int32)
+    places = np.asarray(points_px, dtype=np.float64) * (1 << _SUBPIXEL_BITS)
+    return np.rint(places).astype(np.int32)
 
 
 def put(
@@ -58,14 +58,20 @@ def put(
     bold: bool = False,
 ) -> None:
     """Write a line of text; `at_px` is the left end of its baseline."""
-    thickness = 2 if bold else 1
-    cv2.putText(image, text, at_px, _FONT, scale, colour, thickness, cv2.LINE_AA)
+    cv2.putText(image, text, at_px, _FONT, scale, colour, 2 if bold else 1, cv2.LINE_AA)
 
 
 def text_width_px(text: str, scale: float = 0.5, *, bold: bool = False) -> int:
     """Return the width of a text, pixels."""
-    (width_px, _), _ = cv2.getTextSize(text, _FONT, scale, 2 if bold else 1)
-    return int(width_px)
+    return int(cv2.getTextSize(text, _FONT, scale, 2 if bold else 1)[0][0])
+
+
+def put_centred(
+    image: Image, text: str, at_px: Point, *, colour: Colour = INK, scale: float = 0.42
+) -> None:
+    """Write a line of text around a point of its baseline."""
+    left = round(at_px[0] - text_width_px(text, scale) / 2)
+    put(image, text, (left, round(at_px[1])), colour=colour, scale=scale)
 
 
 def shortened(text: str, room_px: int, scale: float = 0.5, *, bold: bool = False) -> str:
@@ -87,16 +93,14 @@ def tag(
     wide, high = text_width_px(text, scale) + 12, round(44 * scale)
     left = min(max(at_px[0], 0), max(width_px - wide, 0))
     top = min(max(at_px[1], 0), max(height_px - high, 0))
-    plate = image[top : top + high, left : left + wide]
-    plate //= 4
+    image[top : top + high, left : left + wide] //= 4
     put(image, text, (left + 6, top + round(31 * scale)), colour=colour, scale=scale)
 
 
 def line(image: Image, points_px: Sequence[Point], colour: Colour, width_px: int = 1) -> None:
     """Draw an open polyline, anti-aliased."""
-    cv2.polylines(
-        image, [_subpixel(points_px)], False, colour, width_px, cv2.LINE_AA, _SUBPIXEL_BITS
-    )
+    points = _subpixel(points_px)
+    cv2.polylines(image, [points], False, colour, width_px, cv2.LINE_AA, _SUBPIXEL_BITS)
 
 
 def polygon(
@@ -110,15 +114,6 @@ def polygon(
         cv2.polylines(image, [points], True, edge, 1, cv2.LINE_AA, _SUBPIXEL_BITS)
 
 
-def blend_polygon(image: Image, points_px: Sequence[Point], fill: Colour, opacity: float) -> None:
-    """Draw a translucent polygon; only its bounding box is processed."""
-    points = np.asarray(points_px, dtype=np.float64)
-    height_px, width_px = image.shape[:2]
-    left, top = (max(int(v), 0) for v in np.floor(points.min(axis=0)))
-    right, bottom = (int(v) + 1 for v in np.ceil(points.max(axis=0)))
-    part = image[top : min(bottom, height_px), left : min(right, width_px)]
-    if part.size == 0:
-        return
-    layer = part.copy()
-    polygon(layer, [(x - left, y - top) for x, y in points_px], fill)
-    cv2.addWeighted(layer, opacity, part, 1.0 - opacity, 0.0, dst=part)
+def resized(image: Image, size_px: Size, interpolation: int = cv2.INTER_NEAREST) -> Image:
+    """Return an image at another size."""
+    return np.asarray(cv2.resize(image, size_px, interpolation=interpolation), dtype=np.uint8)

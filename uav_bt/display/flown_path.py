@@ -1,12 +1,23 @@
-"""Path of a flight until now."""
+"""Path of a flight until now, and what films and views show of a tick."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
+from uav_bt.board import CLASS_MAP, CORRIDOR, ELAPSED, MARK, METRIC_DEPTH, SITE_MAP
+from uav_bt.board.blackboard import Blackboard, Reading
 from uav_bt.mission.tick import TickRecord
-from uav_bt.types import MoverState, Pose
+from uav_bt.types import (
+    ClassMap,
+    Corridor,
+    DepthMap,
+    Frame,
+    MarkFix,
+    MoverState,
+    Pose,
+    SiteMap,
+)
 from uav_bt.types.dead_reckoning import Odometry, OdometryPose
 
 
@@ -51,13 +62,41 @@ class FlownPath:
     def _reckoned(self, record: TickRecord) -> Pose:
         state = record.observation.state
         now = self._odometry.update(state, record.time_s)
-        if self._first is None:
-            self._first = now
-        forward_m, right_m = self._first.to_body(now.x_m, now.y_m)
+        first = self._first = self._first or now
+        forward_m, right_m = first.to_body(now.x_m, now.y_m)
         # The drone's yaw is clockwise, the world's counter-clockwise.
-        return Pose(
-            x_m=forward_m,
-            y_m=-right_m,
-            z_m=state.height_above_ground_m,
-            yaw_rad=self._first.yaw_rad - now.yaw_rad,
+        yaw_rad = first.yaw_rad - now.yaw_rad
+        return Pose(x_m=forward_m, y_m=-right_m, z_m=state.height_above_ground_m, yaw_rad=yaw_rad)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shown:
+    """What is shown of a tick; values of the board are None when they are stale."""
+
+    record: TickRecord
+    flown: FlownPath
+    elapsed_s: float  # since the take-off command
+    fix: Reading[MarkFix]
+    class_map: ClassMap | None
+    depth: Reading[DepthMap]  # metric
+    corridor: Corridor | None
+    site_map: SiteMap | None
+
+    @classmethod
+    def of(cls, record: TickRecord, flown: FlownPath, board: Blackboard) -> Shown:
+        """Return what is to be shown of a tick, from the board after it."""
+        return cls(
+            record=record,
+            flown=flown,
+            elapsed_s=board.read(ELAPSED).value or 0.0,
+            fix=board.read(MARK),
+            class_map=board.read(CLASS_MAP).value,
+            depth=board.read(METRIC_DEPTH),
+            corridor=board.read(CORRIDOR).value,
+            site_map=board.read(SITE_MAP).value,
         )
+
+    @property
+    def frame(self) -> Frame | None:
+        """The newest frame."""
+        return self.record.observation.frame

@@ -32,54 +32,16 @@ _WHOLE: dict[type[Movement], str] = {
 
 
 def describe_flight(tree: str, *, scene: str | None, drone: str, seed: int) -> str:
-    """Return the mission and where it is flown.
-
-    Args:
-        tree: name of the tree file.
-        scene: scene of a simulated drone; None for a real one.
-        drone: name of the drone, used without a scene.
-        seed: random seed, used with a scene.
-    """
+    """Return the mission and where it is flown; a real drone has no scene."""
     mission = Path(tree).stem
     return f"{mission} with {drone}" if scene is None else f"{mission} in {scene}, seed {seed}"
 
 
 def lands_on_mark(report: FlightReport, mark: LandingMark) -> bool:
-    """Return whether a flight searched or reached a mark; other landings have no landing error.
-
-    Args:
-        report: report of the flight.
-        mark: landing mark of the place.
-    """
+    """Return whether a flight searched or reached a mark; other landings have no landing error."""
     error_m = report.landing_error_m
     on_pad = error_m is not None and error_m <= mark.radius_m
     return on_pad or report.time_to_find_mark_s is not None
-
-
-def describe_coverage(report: FlightReport) -> str:
-    """Return the share of the free ground that a flight covered; empty if not measured."""
-    if report.coverage_passed is None or report.coverage_seen is None:
-        return ""
-    passed, seen = 100.0 * report.coverage_passed, 100.0 * report.coverage_seen
-    return f"{passed:.0f} % of the free ground covered, {seen:.0f} % seen"
-
-
-def describe_objects(report: FlightReport) -> str:
-    """Return how many of the place's objects the flight's map contains; empty without a map."""
-    if report.objects_found is None:
-        return ""
-    false = f", {report.false_objects} false" if report.false_objects else ""
-    return f"{report.objects_found} of {report.objects_total} found{false}"
-
-
-def describe_drift(report: FlightReport) -> str:
-    """Return the drift of a flight's map from the ground truth; empty without a map."""
-    if report.map_drift_m is None:
-        return ""
-    early_m = report.map_drift_90s_m
-    early = "" if early_m is None else f"{early_m:.2f} m after 90 s, "
-    anew = f", begun anew {report.map_restarts} times" if report.map_restarts else ""
-    return f"{early}{report.map_drift_m:.2f} m at the end{anew}"
 
 
 def describe_movement(movement: Movement) -> str:

@@ -18,8 +18,7 @@ from sim_bridge.twin.variation import varied_scene
 from uav_bt import app
 from uav_bt import campaign as campaigns
 from uav_bt.board import ADVICE
-from uav_bt.campaign.fly import Progress, silent_progress
-from uav_bt.campaign.runner import Backend
+from uav_bt.campaign.runner import Backend, Progress
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.learning.views import TRAINING_SCENES
 from uav_bt.tree.loading.attributes import POLICY_PORT
@@ -62,7 +61,7 @@ def collect(
     folder: Path,
     *,
     backend: Backend | None = None,
-    on_flight: Progress = silent_progress,
+    on_flight: Progress = lambda _flight, _now: None,
     on_note: Callable[[str], None] = lambda _: None,
 ) -> list[Path]:
     """Fly the flights of a plan that are missing in its folder.

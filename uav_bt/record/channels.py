@@ -212,6 +212,9 @@ ADVICE: Final = Channel(topic="/mission/advice", content=Advice)
 TREE: Final = Channel(topic="/tree/nodes", content=TreeNote)
 TREE_STATUS: Final = Channel(topic="/tree/status", content=StatusNote)
 LOG: Final = Channel(topic="/log", content="Log")
+TREE_LOG: Final = Channel(topic="/tree/log", content="Log")
+LAB: Final = Channel(topic="/scene/lab", content="SceneUpdate")
+PERCEIVED: Final = Channel(topic="/scene/perceived", content="SceneUpdate")
 
 CHANNELS: Final[dict[str, Channel]] = {
     channel.topic: channel
@@ -220,6 +223,7 @@ CHANNELS: Final[dict[str, Channel]] = {
         *(CLASS_MAP, RELATIVE_DEPTH, METRIC_DEPTH, CORRIDOR, MARK, NEAR, SITE_MAP),
         *(STATE, POSE, TRANSFORM, TRUTH),
         *(TICK, COMMANDS, BOARD, ADVICE, TREE, TREE_STATUS, LOG),
+        *(TREE_LOG, LAB, PERCEIVED),
     )
 }
 

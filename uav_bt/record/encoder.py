@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from uav_bt import board as keys
+from uav_bt.board.blackboard import Key
 from uav_bt.board.plain_values import plain
 from uav_bt.mission.tick import TickRecord
-from uav_bt.record import channels, messages
+from uav_bt.record import channels, messages, scenes
 from uav_bt.record.channels import (
     Channel,
     CommandNote,
@@ -26,6 +27,8 @@ from uav_bt.record.values import dump, encode, finite
 from uav_bt.record.worker import Encoded
 from uav_bt.tree.status import Status
 from uav_bt.types import CameraModel, ClassMap, DepthMap, GimbalTo, Movement, NearObstacles
+
+T = TypeVar("T")
 
 # Board values with a separate channel, written when they are new.
 _VALUES: Final = {
@@ -89,6 +92,7 @@ class MomentEncoder:
         self._statuses: tuple[Status, ...] | None = None
         self._map_s = -math.inf  # time of the last site map
         self._near: NearObstacles | None = None  # the value written last
+        self._words = ""  # the active leaf and its reason, written last
 
     def encode(self, moment: RawMoment, images: bool) -> Iterator[Encoded]:  # noqa: FBT001 - called by the worker
         """Yield a moment's messages.
@@ -108,7 +112,11 @@ class MomentEncoder:
         if moment.statuses != self._statuses:
             self._statuses = moment.statuses
             yield message(channels.TREE_STATUS, dump(encode(_statuses(moment.statuses))))
-        for channel, data in self._truth(moment.tick, now_ns):
+        words = _words(moment.tick)
+        if words != self._words:
+            self._words = words
+            yield message(channels.TREE_LOG, messages.log_line("Info", words, "tree", now_ns))
+        for channel, data in self._truth(moment, now_ns):
             yield message(channel, data)
         board = {
             name: {"value": finite(plain(value)), "captured_s": finite(captured_s)}
@@ -158,8 +166,8 @@ class MomentEncoder:
         }
         return channel not in left_out[self._config.quality]
 
-    def _truth(self, tick: TickRecord, now_ns: int) -> Iterator[tuple[Channel, bytes]]:
-        truth, state = tick.truth, tick.observation.state
+    def _truth(self, moment: RawMoment, now_ns: int) -> Iterator[tuple[Channel, bytes]]:
+        truth, state = moment.tick.truth, moment.tick.observation.state
         if truth is None:
             return
         yield channels.TRUTH, dump(encode(truth))
@@ -168,6 +176,10 @@ class MomentEncoder:
             truth.pose, state.attitude, state.gimbal_pitch_rad, self._camera, now_ns
         ):
             yield channels.TRANSFORM, transform
+        corridor, fix = _fresh(moment, keys.CORRIDOR), _fresh(moment, keys.MARK)
+        if corridor is not None or fix is not None:
+            scene = scenes.perceived_scene(truth.pose, corridor, fix, now_ns)
+            yield channels.PERCEIVED, scene
 
     def _frame(self, tick: TickRecord, *, images: bool) -> Iterator[tuple[Channel, bytes | None]]:
         frame = tick.observation.frame
@@ -207,3 +219,15 @@ def _commands(moment: RawMoment) -> CommandNote:
 
 def _statuses(statuses: tuple[Status, ...]) -> StatusNote:
     return StatusNote(statuses=tuple(status.name for status in statuses))
+
+
+def _words(tick: TickRecord) -> str:
+    """Return the phase, the active leaf and its reason."""
+    leaf = tick.active[-1] if tick.active else "idle"
+    why = f": {tick.feedback}" if tick.feedback else ""
+    return f"{tick.phase or '-'}: {leaf}{why}"
+
+
+def _fresh(moment: RawMoment, key: Key[T]) -> T | None:
+    value, captured_s = moment.board.get(key.name, (None, 0.0))
+    return value if moment.tick.time_s - captured_s <= key.max_age_s else None

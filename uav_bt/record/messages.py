@@ -18,10 +18,12 @@ BODY: Final = "drone"  # x forward, y left, z up: the convention of viewers
 CAMERA_FRAME_ID: Final = "camera"  # OpenCV's: x right, y down, z forward
 
 _OPTICAL: Final = (-0.5, 0.5, -0.5, 0.5)  # from OpenCV's axes to forward, left, up
+LEVEL: Final = Attitude()
 _NS: Final = 1_000_000_000
 
 
-def _stamp(time_ns: int) -> foxglove.Timestamp:
+def stamp(time_ns: int) -> foxglove.Timestamp:
+    """Return a time of the record as Foxglove has it."""
     return foxglove.Timestamp(time_ns // _NS, time_ns % _NS)
 
 
@@ -35,7 +37,7 @@ def camera_image(image: NDArray[np.uint8], captured_ns: int, quality: Quality) -
     """
     data, name = encode_image(image, quality)
     return foxglove.CompressedImage(
-        timestamp=_stamp(captured_ns), frame_id=CAMERA_FRAME_ID, data=data, format=name
+        timestamp=stamp(captured_ns), frame_id=CAMERA_FRAME_ID, data=data, format=name
     ).encode()
 
 
@@ -49,7 +51,7 @@ def raw(array: NDArray[np.generic], captured_ns: int) -> bytes:
     encoding = encoding_of(array)
     height, width = array.shape
     return foxglove.RawImage(
-        timestamp=_stamp(captured_ns),
+        timestamp=stamp(captured_ns),
         frame_id=CAMERA_FRAME_ID,
         width=width,
         height=height,
@@ -63,7 +65,7 @@ def calibration(camera: CameraModel, time_ns: int) -> bytes:
     """Return a camera as a CameraCalibration."""
     fx, fy, cx, cy = camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px
     return foxglove.CameraCalibration(
-        timestamp=_stamp(time_ns),
+        timestamp=stamp(time_ns),
         frame_id=CAMERA_FRAME_ID,
         width=camera.width_px,
         height=camera.height_px,
@@ -75,6 +77,14 @@ def calibration(camera: CameraModel, time_ns: int) -> bytes:
     ).encode()
 
 
+def placed(where: Pose, attitude: Attitude = LEVEL) -> foxglove.Pose:
+    """Return a pose in the world; the attitude's yaw counts from the take-off and is not used."""
+    return foxglove.Pose(
+        position=foxglove.Vector3(x=where.x_m, y=where.y_m, z=where.z_m),
+        orientation=_quaternion(_body(where, attitude)),
+    )
+
+
 def pose(where: Pose, attitude: Attitude, time_ns: int) -> bytes:
     """Return the drone's exact pose in the world as a PoseInFrame.
 
@@ -84,12 +94,9 @@ def pose(where: Pose, attitude: Attitude, time_ns: int) -> bytes:
         time_ns: on the record's timeline.
     """
     return foxglove.PoseInFrame(
-        timestamp=_stamp(time_ns),
+        timestamp=stamp(time_ns),
         frame_id=WORLD,
-        pose=foxglove.Pose(
-            position=foxglove.Vector3(x=where.x_m, y=where.y_m, z=where.z_m),
-            orientation=_quaternion(_body(where, attitude)),
-        ),
+        pose=placed(where, attitude),
     ).encode()
 
 
@@ -124,7 +131,7 @@ def log_line(level: str, message: str, name: str, time_ns: int) -> bytes:
         time_ns: on the record's timeline.
     """
     return foxglove.Log(
-        timestamp=_stamp(time_ns),
+        timestamp=stamp(time_ns),
         level=getattr(foxglove.LogLevel, level),
         message=message,
         name=name,
@@ -133,7 +140,7 @@ def log_line(level: str, message: str, name: str, time_ns: int) -> bytes:
 
 def _transform(child: str, at_m: NDArray[np.float64], turn: Rotation, time_ns: int) -> bytes:
     return foxglove.FrameTransform(
-        timestamp=_stamp(time_ns),
+        timestamp=stamp(time_ns),
         parent_frame_id=WORLD,
         child_frame_id=child,
         translation=foxglove.Vector3(x=float(at_m[0]), y=float(at_m[1]), z=float(at_m[2])),

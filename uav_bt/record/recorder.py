@@ -12,7 +12,7 @@ from typing import Final, Self
 
 from uav_bt.board.context import MissionContext
 from uav_bt.mission.tick import TickRecord
-from uav_bt.record import channels, messages
+from uav_bt.record import channels, messages, scenes
 from uav_bt.record.channels import END, SCHEMA_VERSION, START, NodeNote, TreeNote
 from uav_bt.record.config import RecordConfig
 from uav_bt.record.encoder import LogLine, MomentEncoder, RawMoment
@@ -22,6 +22,7 @@ from uav_bt.record.worker import RecordWorker
 from uav_bt.tree import MissionTree
 from uav_bt.types import CameraModel, CutMotors, Land, Movement, Release, TakeOff
 from uav_bt.types.flight_results import EventKind
+from uav_bt.types.ground import Ground
 
 _LOG: Final = logging.getLogger(__name__)
 _LEVELS: Final = {logging.ERROR: "Error", logging.WARNING: "Warning"}
@@ -37,6 +38,7 @@ class FlightFacts:
 
     values: Mapping[str, str]  # the metadata; structured values as JSON
     attachments: Sequence[Attachment] = ()  # the tree's files, the scene's
+    ground: Ground | None = None  # with its objects; None: unknown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,6 +114,9 @@ class FlightRecorder:
             self._file.attach(attachment, at_ns)
         self._file.write(channels.TREE, at_ns, dump(encode(self._tree_note())))
         self._file.write(channels.CALIBRATION, at_ns, messages.calibration(camera, at_ns))
+        if facts.ground is not None:
+            lab = scenes.lab_scene(facts.ground, self._context.classes, at_ns)
+            self._file.write(channels.LAB, at_ns, lab)
         self._file.flush()
 
     def _tree_note(self) -> TreeNote:

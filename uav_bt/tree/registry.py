@@ -11,7 +11,7 @@ from dataclasses import InitVar, dataclass, field, is_dataclass, replace
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 from py_trees.behaviour import Behaviour
 
@@ -20,6 +20,7 @@ from uav_bt.board import MISSION_KEYS
 from uav_bt.board.blackboard import Key
 from uav_bt.errors import FileError, InputError, UnknownNameError
 from uav_bt.files import did_you_mean_file
+from uav_bt.option import Option
 from uav_bt.tree.foreign import leaf_of
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.node import Node
@@ -141,10 +142,15 @@ def _nodes_of(name: str) -> tuple[type[Node | Behaviour], ...]:
     return tuple(loaded)
 
 
-WHICH_LEAVES: Final = (
-    "A Python file with leaves, policies and drones, known by their class names. Repeatable."
-)
-LEAVES_FLAG: Final = "--leaves"
+OwnLeaves = Annotated[
+    Sequence[str | Path],
+    Option(
+        "A Python file with leaves, policies and drones, known by their class names. Repeatable.",
+        "--leaves FILE.py",
+        "Mission",
+        path="read",
+    ),
+]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -72,18 +72,6 @@ def near(bench: LeafBench, *points: tuple[float, float], edge_m: float = 9.0) ->
     assert bench.tick() is Status.RUNNING
 
 
-def test_a_step_is_proposed_until_it_is_done() -> None:
-    policy = Says(ADVANCE)
-    bench = begun(policy)
-    asked = len(policy.views)
-    for _ in range(3):
-        assert bench.proposed == MoveBy(id=1, forward_m=0.3)
-        assert live(bench) is Status.RUNNING
-    assert len(policy.views) == asked
-    assert bench.board[PHASE] == "explore"
-    assert bench.feedback == "clear"
-
-
 def test_a_view_to_which_the_network_has_no_answer_is_waited_through() -> None:
     class Once(Says):
         def decide(self, view: PolicyView) -> Answer:
@@ -100,9 +88,16 @@ def test_a_view_to_which_the_network_has_no_answer_is_waited_through() -> None:
 
 
 @pytest.mark.parametrize("word", list(MovementState)[1:])
-def test_after_each_end_of_a_step_the_next_is_decided_from_a_new_view(word: MovementState) -> None:
+def test_a_step_is_proposed_to_its_end_and_the_next_comes_of_a_new_view(
+    word: MovementState,
+) -> None:
     """After one that was broken off a second later: what interrupts may pass."""
-    bench = begun(Says(ADVANCE))
+    policy = Says(ADVANCE)
+    bench = begun(policy)
+    for _ in range(3):
+        assert bench.proposed == MoveBy(id=1, forward_m=0.3)
+        assert live(bench) is Status.RUNNING
+    assert (len(policy.views), bench.board[PHASE], bench.feedback) == (1, "explore", "clear")
     bench.clock.advance(0.5)
     bench.finish_movement(word)
     bench.tick(advance_s=0.1)

@@ -56,18 +56,13 @@ def test_steps_forward_then_lands() -> None:
 
 def test_without_telemetry_a_landing_that_has_begun_goes_on_and_a_step_waits_for_it() -> None:
     """For some time; then it lands where it is."""
-    bench = landing(0.0)
-    bench.allow_stale()
-    live(bench)
-    assert bench.tick(advance_s=0.8) is Status.RUNNING
-    assert bench.proposed == LandCommand()
-    bench = landing()
-    bench.allow_stale()
-    live(bench)
-    bench.tick(advance_s=0.8)
-    assert bench.proposed is None
-    bench.tick(advance_s=1.5)
-    assert bench.proposed == LandCommand()
+    for lens_m, first in ((0.0, LandCommand()), (0.15, None)):
+        bench = landing(lens_m)
+        bench.allow_stale()
+        live(bench)
+        for seconds, proposed in ((0.8, first), (1.5, LandCommand())):
+            assert bench.tick(advance_s=seconds) is Status.RUNNING
+            assert bench.proposed == proposed
 
 
 def test_without_a_frame_for_long_the_step_is_left_out_and_later_frames_change_nothing() -> None:
@@ -153,6 +148,7 @@ def test_on_the_ground_there_is_nothing_to_do() -> None:
 
 # EmergencyLand and LandHere.
 
+Lands = type[EmergencyLand | LandHere]
 BOTH = pytest.mark.parametrize("leaf", [EmergencyLand, LandHere])
 RIGHT = ground()  # only the right of the view is ground
 RIGHT[:, :20] = BACKGROUND
@@ -165,7 +161,7 @@ def look(bench: LeafBench, ids: NDArray[np.uint8] | None = None, **world: Any) -
 
 
 @BOTH
-def test_moves_to_the_spot_and_lands(leaf: type[EmergencyLand | LandHere]) -> None:
+def test_moves_to_the_spot_and_lands(leaf: Lands) -> None:
     bench = LeafBench(leaf, radius_m=0.15)
     look(bench, RIGHT)
     assert step(bench).right_m > 0.2
@@ -199,9 +195,7 @@ def test_without_ground_in_view_it_lands_after_a_while(missing: Key[Any] | None)
 
 
 @BOTH
-def test_after_a_take_over_in_the_descent_it_looks_again(
-    leaf: type[EmergencyLand | LandHere],
-) -> None:
+def test_after_a_take_over_in_the_descent_it_looks_again(leaf: Lands) -> None:
     bench = LeafBench(leaf)
     for _ in range(2):
         look(bench)
@@ -246,9 +240,7 @@ def test_where_no_place_has_a_margin_it_takes_one_that_holds_the_hull() -> None:
 
 
 @BOTH
-def test_only_an_emergency_lands_where_the_step_to_a_place_fails(
-    leaf: type[EmergencyLand | LandHere],
-) -> None:
+def test_only_an_emergency_lands_where_the_step_to_a_place_fails(leaf: Lands) -> None:
     bench = LeafBench(leaf, radius_m=0.15)
     refused: MovementStatus | None = None
     for _ in range(100):

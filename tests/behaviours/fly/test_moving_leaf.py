@@ -69,13 +69,6 @@ def test_a_movement_is_proposed_until_the_drone_reports_its_end_or_it_is_dropped
     assert (step.busy, step.ended_s) == (False, 1.4)
 
 
-@pytest.mark.parametrize("word", EARLY)
-def test_one_that_does_not_resume_ends_with_the_interruption(word: MovementState) -> None:
-    step, move = begun(state(0.0), resumes=False, forward_m=0.3)
-    assert step.update(state(0.1, move.id, word), 0.1) is Progress.INTERRUPTED
-    assert not step.busy
-
-
 @pytest.mark.parametrize(
     ("wanted", "time_s"),
     [({"forward_m": 0.3}, 7.0), ({"down_m": -0.5}, 9.0), ({"yaw_rad": -math.pi}, 19.7)],

@@ -24,13 +24,11 @@ from uav_bt.tree import Status
 from uav_bt.types import BodyVelocity, GimbalTo, Hover, NearObstacles, Pose2D
 from uav_bt.types.flight_results import EventKind
 
-
-class Blind:
-    """Perception of a drone without images; the leaf only asks whether there is one."""
+BLIND = object()  # perception of a drone without images; the leaf only asks whether there is one
 
 
 class Camera:
-    """A camera that ends each photograph when the test lets it."""
+    """A camera that ends each photograph when the test lets it, and fetches none in flight."""
 
     def __init__(self) -> None:
         self.asked = 0
@@ -43,9 +41,6 @@ class Camera:
     def still(self, number: int) -> Still:
         assert number == self.asked
         return self.end
-
-    def fetch_still(self, media: str, limit_s: float) -> bytes:
-        raise AssertionError(f"{media} was fetched in flight, within {limit_s} s")
 
 
 def photo_bench(out: Path | None, **attributes: object) -> LeafBench:
@@ -197,14 +192,14 @@ def test_a_full_disk_is_a_failure_with_the_reason(
 def test_a_drone_without_images_stores_pose_and_class_map(tmp_path: Path) -> None:
     """The drone's camera may be left out."""
     camera = Camera()
-    bench = photo_bench(tmp_path, sight=Blind(), stills=camera, camera_photo="false")
+    bench = photo_bench(tmp_path, sight=BLIND, stills=camera, camera_photo="false")
     assert run(bench, 6)[-1] is Status.SUCCESS
     assert names(tmp_path) == ["photo-001-classes.png", "photo-001.json"]
     assert (bench.notes.photos[0].file, camera.asked) == (None, 0)
 
 
-@pytest.mark.parametrize("sight", [None, Blind()])
-def test_without_class_maps_only_an_image_is_stored(tmp_path: Path, sight: Blind | None) -> None:
+@pytest.mark.parametrize("sight", [None, BLIND])
+def test_without_class_maps_only_an_image_is_stored(tmp_path: Path, sight: object) -> None:
     bench, status = photo_bench(tmp_path, sight=sight, timeout_s="1.0"), Status.RUNNING
     while status is Status.RUNNING:
         bench.clock.advance(0.1)

@@ -17,13 +17,9 @@ def test_points_with_enough_others_nearby(least: int) -> None:
     np.testing.assert_array_equal(has_near(points_m, others_m, 0.3, least), expected)
 
 
-def test_a_distance_of_exactly_the_limit_is_not_near() -> None:
-    points_m = np.array([[0.0, 0.0], [3.0, 0.0]])
+def test_a_distance_of_exactly_the_limit_and_no_others_are_not_near() -> None:
+    none_m, points_m = np.empty((0, 2)), np.array([[0.0, 0.0], [3.0, 0.0]])
     assert has_near(points_m, np.array([[0.0, 0.5]]), 0.5, 1).tolist() == [False, False]
     assert has_near(points_m, np.array([[0.0, 0.5]]), 0.51, 1).tolist() == [True, False]
-
-
-def test_without_points_or_others_none_is_near() -> None:
-    none_m, points_m = np.empty((0, 2)), np.zeros((2, 2))
     assert has_near(none_m, points_m, 1.0, 1).tolist() == []
     assert has_near(points_m, none_m, 1.0, 1).tolist() == [False, False]

@@ -182,17 +182,15 @@ def test_an_unknown_mark_is_refused_before_the_first_view() -> None:
             bench.tick()
 
 
-@pytest.mark.parametrize("view", [{}, {"ids": pad_map(), "height_m": 0.3}])
-def test_without_a_pad_or_from_below_it_there_is_no_fix(view: dict[str, Any]) -> None:
-    bench = finding()
-    assert live(bench, **view) is Status.SUCCESS
-    assert MARK not in bench.board
-
-
 @pytest.mark.parametrize("missing", [STATE, FRAME, CLASS_MAP, CAMERA, None])
-def test_without_its_inputs_it_finds_nothing(missing: Key[Any] | None) -> None:
+def test_without_a_pad_from_below_it_and_without_inputs_it_finds_nothing(
+    missing: Key[Any] | None,
+) -> None:
     """Neither in a class map of another frame, with another pitch."""
     bench = finding()
+    for view in ({}, {"ids": pad_map(), "height_m": 0.3}):
+        assert live(bench, **view) is Status.SUCCESS
+        assert MARK not in bench.board
     show(bench, ids=pad_map())
     if missing is None:
         bench.clock.advance(0.1)

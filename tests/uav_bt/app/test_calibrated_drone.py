@@ -10,7 +10,7 @@ import yaml
 
 from sim_bridge.twin import TwinConfig
 from uav_bt import app
-from uav_bt.app.calibrated_drone import CalibratedDrone
+from uav_bt.app.drone_of_flight import CalibratedDrone
 from uav_bt.errors import DroneError, FileError, ValueRangeError
 from uav_bt.protocols import Drone
 

@@ -76,7 +76,7 @@ def test_a_scene_becomes_a_map_in_the_colours_of_its_classes() -> None:
     assert np.allclose(box.corners(), SCENE.boxes[0].footprint.corners())
     assert (lab.mark.x_m, lab.mark.y_m) == (-1.5, -1.0)
     (mover,) = lab.movers
-    assert mover.round
+    assert mover.item.round
     assert mover.path_m == ((0.0, -1.0), (0.0, 1.0), (-1.0, 1.0), (0.0, -1.0))
     assert mover.item.colour == tuple(CLASSES.colours[CLASSES.id_of("box_8")])
     assert (box.name, mover.item.name) == ("box_3", "box_8")
@@ -205,7 +205,7 @@ def test_the_film_marks_the_corridor_that_the_tree_asks_for(tmp_path: Path) -> N
     marked = {}
     for side_m in ("0.4", "0.2"):
         path.write_text(SECOND_LEVEL.replace("0.4", side_m), encoding="utf-8")
-        intruding = film.corridor_marker(load_tree(path), ScriptedDrone().camera)
+        intruding = film.depth_of(load_tree(path), ScriptedDrone().camera)["intruding"]
         assert intruding is not None
         marked[side_m] = int(intruding(frame, ids, depth).sum())
     assert 0 < marked["0.2"] < marked["0.4"]
@@ -214,4 +214,4 @@ def test_the_film_marks_the_corridor_that_the_tree_asks_for(tmp_path: Path) -> N
 def test_a_tree_without_our_corridor_has_nothing_to_mark(tmp_path: Path) -> None:
     path = tmp_path / "mission.xml"
     path.write_text(SECOND_LEVEL.replace('<BuildCorridor side_m="0.4"/>', ""), encoding="utf-8")
-    assert film.corridor_marker(load_tree(path), ScriptedDrone().camera) is None
+    assert film.depth_of(load_tree(path), ScriptedDrone().camera)["intruding"] is None

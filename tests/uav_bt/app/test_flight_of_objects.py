@@ -95,16 +95,10 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[FlightReport, Caref
     return app.fly(MISSION, options, registry=NODES), policy, record
 
 
-def test_a_text_flies_with_own_leaf_own_policy_and_configured_twin(
-    flown: tuple[FlightReport, Careful, Path],
-) -> None:
-    report, policy, _ = flown
+def test_report_and_record_say_what_flew(flown: tuple[FlightReport, Careful, Path]) -> None:
+    report, policy, record = flown
     assert (report.outcome, report.reason) == ("success", "landed")
     assert policy.asked > 0
-
-
-def test_the_report_says_what_flew(flown: tuple[FlightReport, Careful, Path]) -> None:
-    report = flown[0]
     assert (report.tree, report.drone) == ("<text>", "sim_bridge.twin.TwinConfig")
     assert (report.scene, report.profile, report.seed) == ("val-a", "lab", 3)
     body = "Tour/ReactiveSequence/Sequence/Fallback"
@@ -112,10 +106,7 @@ def test_the_report_says_what_flew(flown: tuple[FlightReport, Careful, Path]) ->
         f"{body}/Explore": f"{__name__}.Careful",
         f"{body}/Avoid": "segmentation",
     }
-
-
-def test_the_record_says_what_flew(flown: tuple[FlightReport, Careful, Path]) -> None:
-    reader = RecordReader(flown[2])
+    reader = RecordReader(record)
     known = reader.metadata
     assert (known["tree"], known["drone"]) == ("<text>", "sim_bridge.twin.TwinConfig")
     assert known["drone_config"] == repr(TWIN)
@@ -180,16 +171,6 @@ def test_a_composed_tree_flies_and_its_own_leaf_can_be_asked(tmp_path: Path) -> 
     assert peek.heights_m[-1] == pytest.approx(1.2, abs=0.1)
 
 
-def test_a_composed_tree_is_replayed_when_it_is_given_again(tmp_path: Path) -> None:
-    record = tmp_path / "flight.mcap"
-    app.fly(composed(), scripted(record=record))
-    with pytest.raises(FileError, match=r"lacks its tree file \(Hop \(composed in Python\)\)"):
-        replay(record)
-    report = replay(record, ReplayOptions(tree=composed()))
-    assert report.same
-    assert report.tree == "Hop (composed in Python)"
-
-
 @pytest.mark.parametrize(
     ("given", "message"),
     [
@@ -204,10 +185,21 @@ def test_arguments_of_another_type_are_refused(given: dict[str, Any], message: s
         app.fly("land_only", **given)
 
 
-def test_a_function_that_makes_no_list_of_listeners_is_refused_before_the_flight() -> None:
+def test_what_does_not_fit_a_composed_tree_is_refused_before_the_flight() -> None:
     drone = ScriptedDrone()
     with pytest.raises(InputError, match=r"that return a list, .*<built-in .*> returned None"):
-        app.fly(composed(), app.FlightOptions(drone=drone), listeners=[print])  # type: ignore[list-item]
+        app.fly(composed(), drone=drone, listeners=[print])  # type: ignore[list-item]
+    for policies, message in (
+        ({"pek": "corridor"}, "no node of that name or path; did you mean 'peek'"),
+        ({"peek": "corridor"}, "Peek 'peek': override of 'peek': unknown attribute 'policy'"),
+    ):
+        with pytest.raises(InputError, match=message):
+            app.fly(composed(), drone=drone, policies=policies)
+    low = app.Limits(ceiling_m=1.0)
+    message = r"/up' is to fly at 1\.2 m, above the ceiling of 1 m: lower the flight height"
+    for how in ({"site": app.Site(limits=low)}, {"limits": low}):
+        with pytest.raises(InputError, match=message):
+            app.fly(composed(), drone=drone, **how)
     assert not drone.commands
 
 
@@ -218,13 +210,6 @@ def test_flights_trees_leaves_and_registries_print_what_they_are() -> None:
     assert repr(flight.mission.find("peek")) == "<Peek 'Hop/body/peek', ticks=3>"
     registry = NodeRegistry()
     assert repr(registry) == f"<NodeRegistry: {len(list(registry))} nodes>"
-
-
-def test_a_tree_flies_once(tmp_path: Path) -> None:
-    tree = composed()
-    app.fly(tree, scripted())
-    with pytest.raises(InputError, match="tree 'Hop' was flown or set up before, and a tree flies"):
-        app.fly(tree, scripted())
 
 
 def test_options_and_site_replace_attributes_of_a_tree_object() -> None:
@@ -269,43 +254,3 @@ def test_what_is_no_mission_is_refused(tree: app.Mission, message: str) -> None:
     for use in (app.check, app.assemble, app.fly):
         with pytest.raises(InputError, match=message):
             use(tree)
-
-
-@pytest.mark.parametrize(
-    ("policies", "message"),
-    [
-        (
-            {"pek": "corridor"},
-            "no node of that name or path; did you mean 'peek'",
-        ),
-        ({"peek": "corridor"}, "Peek 'peek': override of 'peek': unknown attribute 'policy'"),
-    ],
-)
-def test_a_policy_that_does_not_fit_a_tree_object_is_refused(
-    policies: dict[str, str], message: str
-) -> None:
-    with pytest.raises(InputError, match=message):
-        app.fly(composed(), scripted(policies=policies))
-
-
-# --- ceilings -------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        app.FlightOptions(site=app.Site(limits=app.Limits(ceiling_m=1.0))),
-        app.FlightOptions(limits=app.Limits(ceiling_m=1.0)),
-    ],
-)
-def test_a_ceiling_below_the_flight_height_is_refused_before_the_flight(
-    options: app.FlightOptions,
-) -> None:
-    message = r"/TakeOff' is to fly at 1\.5 m, above the ceiling of 1 m: lower the flight height"
-    with pytest.raises(InputError, match=message):
-        app.assemble("hover_and_look", options)
-
-
-def test_a_height_of_the_site_below_its_ceiling_is_flown() -> None:
-    site = app.Site(flight_height_m=0.9, limits=app.Limits(ceiling_m=1.0))
-    app.assemble("hover_and_look", app.FlightOptions(site=site))

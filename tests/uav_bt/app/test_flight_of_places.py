@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from uav_bt import app
-from uav_bt.app.loading import load_mission
 from uav_bt.app.recorded_files import recorded_files
 from uav_bt.app.tree_places import drawn_places
 from uav_bt.campaign import make_plan, plan_of
@@ -62,14 +61,3 @@ def test_a_campaign_does_not_go_on_with_other_places(mission: Path, tmp_path: Pa
     assert plan_of(tmp_path / "run").differences(plan) == []
     (tmp_path / "rounds.csv").write_text("frame,x,y\nstart,0.8,0.1\n")
     assert plan_of(tmp_path / "run").differences(plan) != []
-
-
-def test_a_campaign_takes_a_loaded_tree_with_the_places_of_a_variable(
-    mission: Path, tmp_path: Path
-) -> None:
-    mission.write_text(MISSION.replace("file:rounds.csv", "{places}"))
-    tree = load_mission(
-        mission, app.FlightOptions(drone="plain", variables={"places": "file:rounds.csv"})
-    )
-    (planned,) = make_plan([tree], flights=1, scenes=["val-a"]).trees
-    assert planned.variables == {"places": "start:0.8,0;start:0.8,0.6"}

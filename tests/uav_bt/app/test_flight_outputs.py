@@ -42,6 +42,23 @@ def test_the_files_of_a_loaded_tree_and_of_a_drone_are_inputs() -> None:
 
 
 @pytest.mark.usefixtures("folder")
+def test_files_that_files_of_any_suffix_name_are_inputs() -> None:
+    Path("hop.xml").rename("hop.tree")
+    Path("main.tree").write_text(Path("main.xml").read_text().replace("hop.xml", "hop.tree"))
+    Path("hall.onnx").write_bytes(b"\0 network")
+    Path("hall.txt").write_text("network: {model: hall.onnx}\n")
+    Path("see.xml").write_text(
+        '<root BTCPP_format="4"><BehaviorTree ID="See"><Sequence><Segment model="hall.onnx"/>'
+        "<TakeOff/><Land/></Sequence></BehaviorTree></root>"
+    )
+    for how in ({"tree": "main.tree", "site": "hall.txt"}, {"tree": "see.xml"}):
+        with pytest.raises(FileError, match=r"^hall\.onnx: is an input"):
+            app.fly(**how, drone="plain", report="hall.onnx")
+    with pytest.raises(FileError, match=r"^hop\.tree: is an input"):
+        app.fly("main.tree", drone="plain", report="hop.tree")
+
+
+@pytest.mark.usefixtures("folder")
 def test_report_and_record_are_two_files() -> None:
     os.link("flight.mcap", "report.json")
     with pytest.raises(FileError, match=r"^report.json: .*for the report and for the record"):

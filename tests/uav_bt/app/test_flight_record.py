@@ -16,8 +16,7 @@ from tests.worlds.trees import tree_file
 from uav_bt import app
 from uav_bt.app.replay import ReplayOptions
 from uav_bt.app.replay.replayer import assemble_recorded
-from uav_bt.app.site import Site
-from uav_bt.errors import FileError, MissingDependencyError, NodeFailedError
+from uav_bt.errors import FileError, MissingDependencyError
 from uav_bt.lab.shipped import default_mark, load_lab
 from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
@@ -79,16 +78,6 @@ def test_every_tick_is_in_the_record_as_the_runner_passed_it(noted: tuple[Path, 
         )
 
 
-def test_the_trees_nodes_and_their_statuses_are_recorded(noted: tuple[Path, Notes]) -> None:
-    reader = RecordReader(noted[0])
-    names = [node.name for node in reader.tree.nodes]
-    assert names == ["Sequence", "TakeOff", "away", "HoverFor", "back", "Land"]
-    assert [node.parent for node in reader.tree.nodes] == [None, 0, 0, 0, 0, 0]
-    moments = list(reader.moments())
-    assert moments[0].statuses == ("RUNNING", "RUNNING", "IDLE", "IDLE", "IDLE", "IDLE")
-    assert moments[-1].statuses[0] == "SUCCESS"
-
-
 def test_a_record_tells_what_was_flown_and_how_it_ended(noted: tuple[Path, Notes]) -> None:
     reader = RecordReader(noted[0])
     assert reader.finished
@@ -98,21 +87,22 @@ def test_a_record_tells_what_was_flown_and_how_it_ended(noted: tuple[Path, Notes
     assert reader.classes == load_lab().classes
     assert FLIGHT.encode() in reader.attachments["tree/mission.xml"].data
     assert reader.camera == NoisyDrone().camera
-    end = reader.end
-    assert end is not None
-    assert (end["outcome"], json.loads(end["dropped"]), end["lost_ticks"]) == ("success", {}, "0")
-    assert json.loads(end["report"])["seed"] == 5
-
-
-def test_all_times_lie_on_one_timeline_that_begins_with_the_flight(
-    noted: tuple[Path, Notes],
-) -> None:
-    reader = RecordReader(noted[0])
+    names = [node.name for node in reader.tree.nodes]
+    assert names == ["Sequence", "TakeOff", "away", "HoverFor", "back", "Land"]
+    assert [node.parent for node in reader.tree.nodes] == [None, 0, 0, 0, 0, 0]
+    moments = list(reader.moments())
+    assert isinstance(moments[0].commands.sent.movement, TakeOff)
+    assert moments[0].statuses == ("RUNNING", "RUNNING", "IDLE", "IDLE", "IDLE", "IDLE")
+    assert moments[-1].statuses[0] == "SUCCESS"
     times = [message.time_ns for message in reader.messages()]
     assert times == sorted(times)
     assert times[0] == reader.timeline.start_ns
     last_s = noted[1].ticks[-1].time_s
     assert reader.timeline.since_start(times[-1]) == pytest.approx(last_s, abs=1e-9)
+    end = reader.end
+    assert end is not None
+    assert (end["outcome"], json.loads(end["dropped"]), end["lost_ticks"]) == ("success", {}, "0")
+    assert json.loads(end["report"])["seed"] == 5
 
 
 def test_a_part_is_found_by_its_time(noted: tuple[Path, Notes]) -> None:
@@ -168,7 +158,9 @@ def test_what_the_flight_logs_is_in_the_record(
             logging.getLogger("mine").warning("battery is at %d %%", 42)
             return super().send(command)
 
+    handlers = list(logging.getLogger().handlers)
     record, _ = fly_noisy(tmp_path, monkeypatch, drone=Talking())
+    assert logging.getLogger().handlers == handlers
     lines = [message.data for message in RecordReader(record).messages([channels.LOG.topic])]
     assert any(b"battery is at 42 %" in line for line in lines)
     assert any(b"sent: TakeOff" in line for line in lines)
@@ -238,51 +230,13 @@ def test_included_files_travel_with_the_record(
     assert b'<BehaviorTree ID="Down"><Land /></BehaviorTree>' in attached.data
 
 
-def test_a_leaf_that_raises_is_the_records_end(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from behaviours.fly.land import Land  # noqa: PLC0415
-
-    def update(_self: Land) -> None:
-        raise RuntimeError("no ground")
-
-    monkeypatch.setattr(Land, "update", update)
-    with pytest.raises(NodeFailedError, match="no ground"):
-        fly_noisy(tmp_path, monkeypatch)
-    end = RecordReader(tmp_path / "flight.mcap").end
-    assert end is not None
-    assert "no ground" in end["reason"]
-
-
-def test_nobody_listens_to_the_log_afterwards(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    handlers = list(logging.getLogger().handlers)
-    _, report = fly_noisy(tmp_path, monkeypatch)
-    assert report.outcome == "success"
-    assert logging.getLogger().handlers == handlers
-
-
-def test_the_take_off_is_where_it_was(noted: tuple[Path, Notes]) -> None:
-    first = next(RecordReader(noted[0]).moments())
-    assert isinstance(first.commands.sent.movement, TakeOff)
-
-
-def test_a_replay_has_the_mark_and_the_clearances_of_the_record(tmp_path: Path) -> None:
-    record = tmp_path / "flight.mcap"
-    mat, place = replace(default_mark(), height_m=0.05), Clearances(obstacle_m=0.5, edge_m=0.4)
-    site = Site(mark=mat, clearances=place)
-    app.fly(
-        tree_file(tmp_path, FLIGHT), app.FlightOptions(drone=NoisyDrone(), site=site, record=record)
-    )
-    replayed, _ = assemble_recorded(RecordReader(record), ReplayOptions())
-    assert (replayed.context.mark, replayed.context.clearances) == (mat, place)
-
-
-def test_a_replay_flies_the_airframe_of_the_record(tmp_path: Path) -> None:
-    """The position hold and the limits depend on it."""
+def test_a_replay_has_mark_clearances_and_airframe_of_the_record(tmp_path: Path) -> None:
+    """The position hold and the limits depend on the airframe."""
     drone, record = NoisyDrone(), tmp_path / "flight.mcap"
     drone.airframe = Airframe(body_size_m=(0.4, 0.4, 0.12), command_delay_s=0.3)
-    app.fly(tree_file(tmp_path, FLIGHT), app.FlightOptions(drone=drone, record=record))
+    mat, place = replace(default_mark(), height_m=0.05), Clearances(obstacle_m=0.5, edge_m=0.4)
+    site = app.Site(mark=mat, clearances=place)
+    app.fly(tree_file(tmp_path, FLIGHT), drone=drone, site=site, record=record)
     replayed, _ = assemble_recorded(RecordReader(record), ReplayOptions())
+    assert (replayed.context.mark, replayed.context.clearances) == (mat, place)
     assert replayed.drone.airframe == drone.airframe

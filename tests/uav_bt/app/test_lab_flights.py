@@ -13,15 +13,12 @@ from tests.uav_bt.learning.lab_world import write_colour_network
 from tests.worlds.records import FLIGHT, NoisyDrone
 from tests.worlds.trees import tree_file
 from uav_bt import app
-from uav_bt.app.calibrated_drone import CalibratedDrone
-from uav_bt.app.lab_check import check_in_lab
-from uav_bt.app.lab_network import network_of
-from uav_bt.app.place_of_flight import limits_of
+from uav_bt.app.drone_of_flight import CalibratedDrone
+from uav_bt.app.place import limits_of
 from uav_bt.app.replay import ReplayOptions
 from uav_bt.app.replay.replayer import assemble_recorded
-from uav_bt.app.site import site_of_lab
-from uav_bt.campaign.flight_lines import comparable
-from uav_bt.errors import FileError, InputError, UnknownNameError
+from uav_bt.app.site import network_of, site_of_lab
+from uav_bt.errors import FileError, InputError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.limits import Limits
@@ -75,16 +72,6 @@ def test_a_lab_is_found_by_name_by_folder_and_by_object(make_lab: MakeLab) -> No
         assert replace(options, seed=1).place == options.place
 
 
-def test_an_unknown_lab_is_refused_with_a_suggestion(make_lab: MakeLab) -> None:
-    make_lab()
-    with pytest.raises(UnknownNameError, match=r"unknown lab 'hal'; did you mean 'hall'.*paper"):
-        app.FlightOptions(lab="hal")
-    with pytest.raises(FileError, match=r"labs/hal: there is no such lab file.*'hall'"):
-        app.FlightOptions(lab="labs/hal")
-    with pytest.raises(InputError, match=r"lab: expected the name of a lab.*got 3"):
-        app.FlightOptions(lab=3)  # type: ignore[arg-type]
-
-
 def test_lab_and_site_together_are_refused() -> None:
     with pytest.raises(InputError, match=r"--lab and --site .* both say how the place is flown"):
         app.FlightOptions(lab="paper", site=app.Site())
@@ -112,25 +99,16 @@ def test_a_real_drone_flies_with_the_settings_of_the_lab(make_lab: MakeLab) -> N
     assert flight.area.margin_m(1.4, 0.0) == pytest.approx(0.1)  # ahead is up the drawing
 
 
-def test_a_lab_without_a_mark_needs_rules_that_need_none(make_lab: MakeLab) -> None:
+def test_a_lab_without_a_mark_or_with_a_narrow_margin_is_refused(make_lab: MakeLab) -> None:
     make_lab("")
     with pytest.raises(InputError, match="the lab 'hall' states no landing mark"):
         app.assemble("land_only", drone=ScriptedDrone(), lab="hall")
     app.assemble("land_only", drone=ScriptedDrone(), lab="hall", judge=ANYWHERE)
-
-
-def test_a_margin_that_is_too_small_has_the_line_of_the_lab_file(make_lab: MakeLab) -> None:
+    with pytest.raises(InputError, match=r"the lab 'hall' has no scene.*labs/hall/scenes/NAME"):
+        app.assemble("land_only", drone="plain", lab="hall")
     make_lab(f"{MARK}margins: {{edge_m: 0.1}}\n")
     with pytest.raises(FileError, match=r"labs/hall/lab.yaml:10: margins.edge_m: must be at least"):
         app.assemble("land_only", drone=ScriptedDrone(), lab="hall")
-
-
-def test_messages_about_settings_name_the_lab(
-    make_lab: MakeLab, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    make_lab("flight_height_m: 0.9\n")
-    app.check(tree_file(tmp_path, "<Land/>"), lab="hall")
-    assert "the lab's height_m='0.9' has no effect" in caplog.text
 
 
 def test_the_camera_of_a_lab_is_that_of_its_real_drone(make_lab: MakeLab) -> None:
@@ -179,18 +157,6 @@ def test_the_smaller_limits_of_options_and_lab_hold(
     assert limits_of(app.FlightOptions(lab="hall", limits=given)) == flown
 
 
-def test_the_areas_of_rules_and_lab_both_hold(make_lab: MakeLab, tmp_path: Path) -> None:
-    make_lab('area: "start:-1,-1; start:3,-1; start:3,1; start:-1,1"\n', scenes=("one",))
-    rules = '<Rules area="start:-2,-2; start:2,-2; start:2,2; start:-2,2"/>'
-    body = f"<Segment/><TrackMotion/><Sequence>{rules}<TakeOff/><Land/></Sequence>"
-    tree = tree_file(tmp_path, f"<ReactiveSequence>{body}</ReactiveSequence>")
-    flight = app.assemble(tree, drone="plain", lab="hall")
-    assert flight.area is not None
-    assert flight.area.margin_m(2.5, 0.0) < 0.0
-    assert flight.area.margin_m(0.0, 1.5) < 0.0
-    assert flight.area.margin_m(1.5, 0.5) > 0.0
-
-
 # --- a simulated drone ----------------------------------------------------------------------------
 
 
@@ -202,23 +168,8 @@ def test_the_first_scene_of_the_lab_is_flown_unless_one_is_named(make_lab: MakeL
         assert flight.classes.names[1] == "floor"
         assert flight.lab is not None
         assert flight.lab.name == "hall"
-
-
-def test_the_papers_lab_is_flown_in_the_usual_scene() -> None:
     assert app.assemble("land_only", drone="plain", lab="paper").scene_name == "train-a"
-
-
-def test_a_lab_without_scenes_is_for_real_drones(make_lab: MakeLab) -> None:
-    make_lab()
-    with pytest.raises(InputError, match=r"the lab 'hall' has no scene.*labs/hall/scenes/NAME"):
-        app.assemble("land_only", drone="plain", lab="hall")
-
-
-def test_the_depot_is_flown_in_its_first_scene() -> None:
-    for drone in ("plain", "twin"):
-        flight = app.assemble("land_only", drone=drone, lab="depot")
-        assert flight.drone.scene is not None
-        assert (flight.drone.scene.name, flight.drone.scene.lab) == ("depot-test-a", "depot")
+    assert app.assemble("land_only", drone="plain", lab="depot").scene_name == "depot-test-a"
 
 
 def test_a_scene_of_another_lab_is_refused(make_lab: MakeLab, tmp_path: Path) -> None:
@@ -250,15 +201,6 @@ def test_the_mark_of_a_scene_comes_before_that_of_its_lab(make_lab: MakeLab) -> 
     context = app.assemble("land_only", drone="plain", lab="hall").context
     assert context.mark.height_m == 0.05
     assert context.mark_pose == Pose2D(x_m=1.0, y_m=0.5, yaw_rad=0.0)
-
-
-def test_the_papers_lab_changes_no_flight() -> None:
-    plain, named = (
-        app.fly("land_only", drone="plain", seed=1, lab=lab).to_json() for lab in (None, "paper")
-    )
-    assert plain["outcome"] == "success"
-    assert (plain["lab"], named["lab"]) == ("paper", "paper")
-    assert comparable(plain) == comparable(named)
 
 
 TAG = "kind: apriltag, options: {id: 7, size_m: 0.4}"
@@ -333,18 +275,7 @@ def test_a_mission_that_does_not_fit_a_lab_is_refused(
     make_lab(f"{MARK}{keys}\n")
     tree = tree_file(tmp_path, f"<Sequence>{body}<Land/></Sequence>")
     with pytest.raises(InputError, match=words):
-        check_in_lab(tree, app.FlightOptions(lab="hall"))
-
-
-def test_a_mission_that_fits_is_returned_with_the_settings_of_the_lab(make_lab: MakeLab) -> None:
-    make_lab(f'{MARK}flight_height_m: 1.1\narea: "lab:0,0; lab:2,0; lab:2,2; lab:0,2"\n')
-    mission = check_in_lab("land_only", app.FlightOptions(lab="hall"))
-    assert mission.find("TakeOff").port_value("height_m") == 1.1
-
-
-# --- the network of a lab -------------------------------------------------------------------------
-
-SEES = FLIGHT.replace("<TakeOff", "<Segment/><TakeOff", 1)
+        app.check(tree, lab="hall")
 
 
 # --- the network of a lab -------------------------------------------------------------------------
@@ -372,10 +303,10 @@ def test_a_tree_that_does_not_segment_flies_in_a_lab_with_a_network(
 ) -> None:
     folder = make_lab()
     write_colour_network(folder / "segmentation.onnx")
-    check_in_lab(tree_file(tmp_path, FLIGHT), app.FlightOptions(lab="hall"))
+    app.check(tree_file(tmp_path, FLIGHT), lab="hall")
     assert not caplog.messages
     make_lab(f"{MARK}network: {{model: segmentation.onnx}}\n")
-    check_in_lab(tree_file(tmp_path, FLIGHT), app.FlightOptions(lab="hall"))
+    app.check(tree_file(tmp_path, FLIGHT), lab="hall")
     assert "has no effect" in caplog.messages[0]
 
 
@@ -396,14 +327,9 @@ def test_a_scene_of_a_lab_without_a_network_names_the_option(
     folder = make_lab(scenes=("one",))
     with pytest.raises(InputError, match=r"does not have the classes .* add --lab .*hall"):
         app.fly(tree_file(tmp_path, SEES), scene=folder / "scenes" / "one.yaml")
-
-
-def test_a_scene_without_its_lab_names_the_option(make_lab: MakeLab, tmp_path: Path) -> None:
-    folder = make_lab(scenes=("one",))
     write_colour_network(folder / "segmentation.onnx", order=(0, 1, 2, 3, 3, 3))
-    tree = tree_file(tmp_path, SEES)
     with pytest.raises(InputError, match=r"does not have the classes .* add --lab .*hall"):
-        app.fly(tree, scene=folder / "scenes" / "one.yaml")
+        app.fly(tree_file(tmp_path, SEES), scene=folder / "scenes" / "one.yaml")
 
 
 def test_the_network_of_a_lab_is_not_overwritten(make_lab: MakeLab, tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from uav_bt import app
 from uav_bt.answers import Advance, Answer
 from uav_bt.app.perceive.inputs import PerceiveOptions
 from uav_bt.app.replay.replayer import ReplayOptions
-from uav_bt.errors import FileError, InputError, ValueRangeError
+from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
 from uav_bt.protocols import PolicyView
@@ -45,39 +45,36 @@ class NotADrone:
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"seed": -1}, r"seed: expected a whole number from 0, got -1"),
-        ({"seed": 1.5}, r"seed: expected a whole number from 0, got 1\.5"),
-        ({"seed": True}, r"seed: expected a whole number from 0, got True"),
-        ({"inference_threads": 0}, r"inference_threads: expected a whole number from 1, got 0"),
+        ({"seed": -1}, r"seed: expected a number greater than or equal to 0, got -1"),
+        ({"seed": 1.5}, r"seed: expected a valid integer, got 1\.5"),
+        ({"seed": True}, r"seed: expected a valid integer, got True"),
+        ({"movers": 9}, r"movers: expected a number less than or equal to 8, got 9"),
+        ({"inference_threads": 0}, r"inference_threads: expected .* equal to 1, got 0"),
         ({"image_size_px": 640}, r"image_size_px: expected width and height in pixels.*got 640"),
         ({"image_size_px": (640, 360, 3)}, r"image_size_px: expected width and height"),
-        ({"image_size_px": (640, -360)}, r"image_size_px: expected a whole number from 1, got -3"),
-        ({"profile": 3}, r"profile: expected the name of a profile: ideal, lab or harsh, got 3"),
+        ({"image_size_px": (640, -360)}, r"image_size_px: expected .* equal to 1, got -360"),
+        ({"profile": 3}, r"profile: expected a valid string, got 3"),
         (
             {"scene": 3},
             r"scene: expected the name or file of a scene .*PlainConfig\(scene=\).*got 3",
         ),
         ({"camera": 3}, r"camera: expected a file, as str or Path, got 3"),
         ({"record": ""}, r"record: expected a file, as str or Path, got ''"),
+        ({"record": "flight.mp4"}, r"record: expected a file whose name ends in \.mcap"),
         ({"site": 3}, r"site: expected a site file or a Site, as str or Path, got 3"),
-        (
-            {"record_quality": "low"},
-            r"record_quality: expected lossless or high or small, got 'low'",
-        ),
-        ({"realtime": "no"}, r"realtime: expected True or False, got 'no'"),
-        ({"judge": 600.0}, r"judge: expected a JudgeConfig, got 600\.0"),
-        ({"limits": {"ceiling_m": 2}}, r"limits: expected a Limits, got \{'ceiling_m': 2\}"),
+        ({"site": "nowhere.yaml"}, r"nowhere\.yaml"),
+        ({"record_quality": "low"}, r"record_quality: expected 'lossless', .*, got 'low'"),
+        ({"realtime": "no"}, r"realtime: expected a valid boolean, got 'no'"),
+        ({"judge": 600.0}, r"judge: expected an instance of JudgeConfig, got 600\.0"),
+        ({"limits": {"ceiling_m": 2}}, r"limits: expected an instance of Limits, got \{'ceil"),
+        ({"sceen": "val-a"}, r"unknown flight option 'sceen'; did you mean 'scene'"),
         ({"policies": "corridor"}, r"policies: expected policies by node, such as .*'corridor'"),
         ({"policies": {1: "corridor"}}, r"policies: expected the name or path of a node, got 1"),
         (
             {"policies": {"Explore": max}},
             r"policies\['Explore'\]: expected a policy's name, or an object with `decide`, got",
         ),
-        (
-            {"policies": {"Explore": Ahead}},
-            r"got the class Ahead: write Ahead\(\.\.\.\)",
-        ),
-        ({"record": "flight.mp4"}, r"record: expected a file whose name ends in \.mcap"),
+        ({"policies": {"Explore": Ahead}}, r"got the class Ahead: write Ahead\(\.\.\.\)"),
         ({"drone": ""}, r"drone: expected a drone's name, a configuration .*got ''"),
         ({"drone": TwinConfig}, r"got the class TwinConfig: write TwinConfig\(\.\.\.\)"),
         ({"drone": NotADrone()}, r"NotADrone lacks clock, referee, scene, .*disconnect"),
@@ -176,11 +173,6 @@ def test_files_are_texts_or_paths(tmp_path: Path) -> None:
     assert replace(by_text, seed=3).site is by_text.site
 
 
-def test_a_site_file_is_read_when_it_is_given(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match=r"nowhere\.yaml"):
-        app.FlightOptions(site=tmp_path / "nowhere.yaml")
-
-
 def test_numbers_of_numpy_are_numbers() -> None:
     options = app.FlightOptions(seed=np.int64(7), image_size_px=[320, 180])  # type: ignore[arg-type]
     assert (options.seed, options.image_size_px) == (7, (320, 180))
@@ -211,24 +203,11 @@ def test_options_and_sites_print_what_was_chosen() -> None:
     assert repr(options) == "FlightOptions(seed=3, site=Site(flight_height_m=1.2))"
 
 
-# --- keywords -------------------------------------------------------------------------------------
-
-
-def test_a_flight_takes_its_options_as_keywords() -> None:
-    flight = app.assemble("land_only", scene="val-a", seed=3)
-    assert flight.options == app.FlightOptions(scene="val-a", seed=3)
-
-
 def test_keywords_replace_values_of_options_that_several_flights_share() -> None:
     shared = app.FlightOptions(scene="val-a", profile="ideal")
     flight = app.assemble("land_only", shared, seed=7)
     assert flight.options == app.FlightOptions(scene="val-a", profile="ideal", seed=7)
     assert shared.seed == 0
-
-
-def test_an_option_that_flights_do_not_have_is_refused_with_the_nearest_one() -> None:
-    with pytest.raises(InputError, match=r"unknown flight option 'sceen'; did you mean 'scene'"):
-        app.fly("land_only", sceen="val-a")
 
 
 # --- drones ---------------------------------------------------------------------------------------
@@ -302,25 +281,18 @@ def test_the_kinds_of_one_drone_refer_to_what_they_share() -> None:
 # --- help -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["FlightOptions", "JudgeConfig", "Limits", "RunnerConfig", "Site"])
-def test_help_says_what_each_field_is(name: str) -> None:
-    check_help(getattr(app, name))
-
-
-@pytest.mark.parametrize("config", [TwinConfig, OlympeConfig])
-def test_help_says_what_each_field_of_a_drone_is(config: type) -> None:
-    check_help(config)
-
-
-def check_help(documented: Any) -> None:
+@pytest.mark.parametrize(
+    "documented",
+    [
+        *(app.FlightOptions, app.JudgeConfig, app.Limits, app.RunnerConfig, app.Site),
+        *(TwinConfig, OlympeConfig),
+    ],
+)
+def test_help_says_what_each_field_is(documented: Any) -> None:
     text = pydoc.render_doc(documented, renderer=pydoc.plaintext)
     section = text.partition("Attributes:")[2]
     for field in fields(documented):
         assert f" {field.name}: " in section, field.name
-
-
-def test_dir_shows_what_there_is() -> None:
-    assert {"fly", "FlightOptions", "JudgeConfig", "Site"} <= set(dir(app))
 
 
 def test_completion_offers_the_public_names_of_app() -> None:

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from uav_bt.app.rehearsed_drone import RehearsedDrone
+from uav_bt.app.drone_of_flight import RehearsedDrone
 from uav_bt.clock import ManualClock
 from uav_bt.protocols import Drone
 from uav_bt.testing import ScriptedDrone

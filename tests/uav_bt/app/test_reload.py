@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -65,11 +66,17 @@ class World:
 HIGHER = text(ABOVE.format(height=1.2, name="higher"))
 
 
-def test_a_file_is_looked_at_twice_a_second(path: Path) -> None:
+def test_a_good_edit_is_flown_half_a_second_later_at_the_latest(path: Path) -> None:
+    """Also one that came before the first look: the loaded content counts."""
     world = World(path)
     path.write_text(HIGHER, encoding="utf-8")
     assert not world.ask(after_s=0.4)
     assert world.ask(after_s=0.2)
+    tree = world.flight.mission
+    assert tree.is_set_up
+    assert tree.find("higher").mission is world.flight.context
+    (note,) = world.notes
+    assert str(path) in note
     assert not world.ask()
 
 
@@ -82,19 +89,6 @@ def test_the_same_content_is_no_change(path: Path) -> None:
     assert world.notes == []
 
 
-def test_an_edit_before_the_first_look_is_noticed(path: Path) -> None:
-    """The loaded content counts, not the file's when the watch begins."""
-    drone = ScriptedDrone()
-    flight = assemble(path, app.FlightOptions(drone=drone))
-    drone.connect()
-    flight.mission.setup(flight.context)
-    path.write_text(HIGHER, encoding="utf-8")
-    clock = ManualClock()
-    reload = TreeReload(flight, path, None, print, timer=clock.now)
-    clock.advance(1.0)
-    assert reload() is not None
-
-
 def test_editors_that_rename_are_noticed_and_a_file_that_is_gone_is_waited_for(path: Path) -> None:
     world = World(path)
     backup = path.rename(path.with_suffix(".bak"))
@@ -105,26 +99,14 @@ def test_editors_that_rename_are_noticed_and_a_file_that_is_gone_is_waited_for(p
     assert world.ask()
     backup.rename(path)
     assert world.ask()
-
-
-def test_a_pipe_in_place_of_a_file_is_not_waited_for(path: Path) -> None:
-    world = World(path)
     path.unlink()
-    os.mkfifo(path)
+    os.mkfifo(path)  # a pipe is not waited for
     assert not world.ask()
-
-
-def test_a_good_edit_is_ready_to_fly_for_the_same_mission(path: Path) -> None:
-    world = World(path)
-    assert not world.ask()
-    path.write_text(HIGHER, encoding="utf-8")
+    path.unlink()
+    other = path.with_suffix(".other")
+    other.write_text(HIGHER, encoding="utf-8")
+    path.symlink_to(other)
     assert world.ask()
-    tree = world.flight.mission
-    assert tree.is_set_up
-    assert tree.find("higher").mission is world.flight.context
-    assert len(world.notes) == 1
-    assert str(path) in world.notes[0]
-    assert not world.ask()
 
 
 @pytest.mark.parametrize(
@@ -135,10 +117,13 @@ def test_a_good_edit_is_ready_to_fly_for_the_same_mission(path: Path) -> None:
         (ABOVE.format(height=9.0, name="high"), "ceiling"),
         ('<Sequence><Explore policy="none"/></Sequence>', "unknown policy"),
         ("", "mission.xml"),
+        (f'<Sequence><Segment model="none.onnx"/>{HIGH}</Sequence>', "none.onnx"),
     ],
 )
 def test_a_bad_edit_is_reported_once_and_its_cure_flies(path: Path, body: str, words: str) -> None:
     world = World(path)
+    path.with_name("none.onnx").write_bytes(b"none")  # only the leaf reads it
+    body = body.replace("none.onnx", str(path.with_name("none.onnx")))
     path.write_text(text(body), encoding="utf-8")
     assert not world.ask()
     assert not world.ask()
@@ -156,17 +141,6 @@ def test_an_edit_that_is_undone_changes_nothing(path: Path) -> None:
     path.write_text(text(HIGH), encoding="utf-8")
     assert not world.ask()
     assert "goes on" in world.notes[-1]
-
-
-def test_a_leaf_that_cannot_be_set_up_is_a_bad_edit(path: Path, tmp_path: Path) -> None:
-    """The loader checks only that the file exists; the leaf reads it."""
-    network = tmp_path / "broken.onnx"
-    network.write_bytes(b"none")
-    world = World(path)
-    body = f'<Sequence><Segment model="{network}"/>{HIGH}</Sequence>'
-    path.write_text(text(body), encoding="utf-8")
-    assert not world.ask()
-    assert str(network) in world.notes[0]
 
 
 def test_included_files_are_watched_those_of_a_refused_edit_too(path: Path) -> None:
@@ -206,31 +180,6 @@ def test_trees_of_other_folders_are_watched(path: Path, tmp_path: Path) -> None:
     path.write_text(text('<SubTree ID="More"/>'), encoding="utf-8")
     assert world.ask()
     assert world.flight.mission.find("high")
-
-
-def test_trees_of_the_library_are_watched(
-    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    part = tmp_path / "trees" / "lib" / "part.xml"
-    part.parent.mkdir(parents=True)
-    part.write_text(text(HIGH).replace("Main", "Part"), encoding="utf-8")
-    monkeypatch.setattr("uav_bt.tree.loading.lookup.shipped_trees", lambda: tmp_path / "trees")
-    path.write_text(text('<SubTree ID="Part"/>'), encoding="utf-8")
-    world = World(path)
-    assert not world.ask()
-    part.write_text(part.read_text().replace("high", "higher"), encoding="utf-8")
-    assert world.ask()
-    assert world.flight.mission.find("higher")
-
-
-def test_a_link_to_another_file_is_an_edit(path: Path, tmp_path: Path) -> None:
-    link, other = tmp_path / "link.xml", tmp_path / "other.xml"
-    other.write_text(HIGHER, encoding="utf-8")
-    link.symlink_to(path)
-    world = World(link)
-    link.unlink()
-    link.symlink_to(other)
-    assert world.ask()
 
 
 # --- flights --------------------------------------------------------------------------------------
@@ -300,27 +249,19 @@ def test_a_flight_goes_on_with_the_edited_tree(path: Path, monkeypatch: pytest.M
     [
         ("land_only", {}, "tree file"),
         (text(HIGH), {}, "tree file"),
-        ("mission.xml", {"report": "report.json"}, "report"),
-        ("mission.xml", {"record": "flight.mcap"}, "record"),
+        ("mission.xml", {"report": "report.json"}, "a report shows one tree"),
+        ("mission.xml", {"record": "flight.mcap"}, "a record shows one tree"),
+        ("mission.xml", {"video": "flight.mp4"}, "a video shows one tree"),
+        ("mission.xml", {"live": True}, "simulated drones only"),
     ],
 )
 def test_what_cannot_be_watched_is_refused(
-    path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    tree: str,
-    given: dict[str, str],
-    words: str,
+    path: Path, monkeypatch: pytest.MonkeyPatch, tree: str, given: dict[str, Any], words: str
 ) -> None:
     monkeypatch.chdir(path.parent)
-    options = app.FlightOptions(drone=ScriptedDrone(), record=given.get("record"))
-    with pytest.raises(InputError, match=rf"watch: .*{words}"):
-        app.fly(tree, options, report=given.get("report"), watch=print)
-    assert [file.name for file in path.parent.iterdir()] == ["mission.xml"]
-
-
-def test_a_real_drone_keeps_its_tree(path: Path) -> None:
     drone = ScriptedDrone()
-    drone.live = True
-    with pytest.raises(InputError, match="simulated drones only"):
-        app.fly(path, app.FlightOptions(drone=drone), watch=print)
+    drone.live = given.pop("live", False)
+    with pytest.raises(InputError, match=rf"watch: .*{words}"):
+        app.fly(tree, drone=drone, watch=print, **given)
+    assert [file.name for file in path.parent.iterdir()] == ["mission.xml"]
     assert drone.commands == []

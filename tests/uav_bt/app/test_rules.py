@@ -63,11 +63,8 @@ def test_options_come_before_the_missions_rules() -> None:
     flight = put_together(rules, judge=app.JudgeConfig(time_limit_s=90.0, land_on=LandOn.ANY))
     assert (flight.judge_config.limit_s, flight.judge_config.land_on) == (90.0, LandOn.ANY)
     assert put_together("").judge_config.limit_s == 300.0
-
-
-def test_a_rehearsal_ends_where_the_drone_is_held() -> None:
     rehearsal = put_together('<Rules land_on="mark"/>', rehearse=True)
-    assert rehearsal.judge_config.land_on is LandOn.ANY
+    assert rehearsal.judge_config.land_on is LandOn.ANY  # where the drone is held
 
 
 def test_the_areas_of_mission_and_site_both_hold() -> None:
@@ -91,6 +88,9 @@ def test_an_area_of_the_drawing_is_turned_to_the_take_off(no_pad: Path) -> None:
     assert flight.area is not None
     corners = np.array(flight.area.polygons[0])
     assert corners == pytest.approx(np.array([[-0.5, -1.0], [-0.5, 1.0], [1.5, 1.0], [1.5, -1.0]]))
+    no_pad.write_text("take_off: {from: random}", encoding="utf-8")
+    with pytest.raises(InputError, match="name the corners as start:x,y"):
+        put_together(f'<Rules land_on="any" area="{area}"/>', scene=no_pad)
 
 
 @pytest.mark.parametrize(
@@ -118,23 +118,6 @@ def test_an_area_that_cannot_be_kept_is_refused(area: str, words: str) -> None:
 def test_an_area_that_no_scene_can_mend_is_refused_with_the_tree(area: str, words: str) -> None:
     with pytest.raises(TreeError, match=rf":\d+:\d+: Rules: attribute 'area': .*{words}"):
         put_together(f'<Rules area="{area}"/>')
-
-
-def test_a_random_take_off_has_no_place_in_the_drawing(tmp_path: Path) -> None:
-    path = tmp_path / "random.yaml"
-    path.write_text("take_off: {from: random}", encoding="utf-8")
-    area = "lab:-2,0; lab:0,0; lab:0,2"
-    with pytest.raises(InputError, match="name the corners as start:x,y"):
-        put_together(f'<Rules land_on="any" area="{area}"/>', scene=path)
-
-
-def test_a_site_file_states_an_area(tmp_path: Path) -> None:
-    path = tmp_path / "site.yaml"
-    path.write_text(f'area: "{SQUARE}"', encoding="utf-8")
-    assert app.load_site(path).area == area_corners(SQUARE)
-    path.write_text('area: "start:1,1"', encoding="utf-8")
-    with pytest.raises(InputError, match=r"site.yaml:1: area: expected at least 3 corners"):
-        app.load_site(path)
 
 
 def test_a_mission_that_lands_on_a_mark_needs_one(no_pad: Path) -> None:
@@ -171,20 +154,18 @@ def test_a_place_without_a_mark_is_flown_in(no_pad: Path) -> None:
     assert flown.time_to_land_s is None
 
 
+def test_a_mission_may_stay_on_the_ground(no_pad: Path) -> None:
+    flown = fly(mission('<Rules land_on="none"/>', '<Sleep msec="500"/>'), scene=no_pad)
+    assert (flown.outcome, flown.reason) == ("success", "the tree succeeded on the ground")
+    assert flown.duration_s is None
+
+
 def test_a_tree_lands_while_the_drone_is_blind(no_pad: Path) -> None:
     """The landing of a leaf passes the hover of a stale frame, long before the abort of 15 s."""
     text = mission('<Rules land_on="any"/>', SHORT)
     flown = fly(text, scene=no_pad, faults=["video-lost@emergency landing"])
     assert flown.outcome == "success"
     assert (flown.duration_s or 99.0) < 25.0
-
-
-def test_a_mission_that_never_takes_off_succeeds_with_its_tree(no_pad: Path) -> None:
-    rules = '<Rules land_on="none"/>'
-    flown = fly(mission(rules, '<Sleep msec="500"/>'), scene=no_pad)
-    assert (flown.outcome, flown.reason) == ("success", "the tree succeeded on the ground")
-    assert flown.duration_s is None
-    assert fly(mission(rules, "<AlwaysFailure/>"), scene=no_pad).outcome == "aborted"
 
 
 class Ahead:

@@ -51,6 +51,12 @@ def line(seed: int = 0, **fields: Any) -> dict[str, Any]:
     }
 
 
+def comparable(flight: dict[str, Any]) -> dict[str, Any]:
+    """Return a flight without computing times: on one machine it agrees for each seed."""
+    times = {"tick_ms", "perception_ms", "slow_leaves", "wall_s"}
+    return {name: value for name, value in flight.items() if name not in times}
+
+
 def lose_process(fate: str) -> None:
     """End this process by a signal or by its exit code, after the first moments of a flight."""
     select.select([], [], [], 0.3)

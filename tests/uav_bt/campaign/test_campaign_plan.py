@@ -51,7 +51,7 @@ def test_plans_and_tasks_survive_being_written() -> None:
         ({"flights": 1}, "flights: 2 were planned, now 1"),
         ({"seed_from": 1}, "seed_from: was 0, now 1"),
         ({"profile": "harsh"}, "profile: was lab, now harsh"),
-        ({"image_size_px": (320, 180)}, "image_size_px: was (640, 360), now (320, 180)"),
+        ({"image_size_px": (320, 180)}, "image_size_px: was [640, 360], now [320, 180]"),
         ({"exact_masks": True}, "exact_masks: was False, now True"),
         ({"movers": 1}, "movers: was 0, now 1"),
         ({"policies": {"Explore": "x"}}, "policies: 'Explore' is new"),
@@ -107,7 +107,9 @@ def test_settings_that_are_constants_today_do_not_cost_a_plan() -> None:
 
 def test_options_that_a_campaign_does_not_keep_are_refused() -> None:
     before = plan()
-    with pytest.raises(InputError, match="a campaign takes no rehearse, only drone, lab, profile"):
+    with pytest.raises(
+        InputError, match="a campaign takes no rehearse, only tree_id, tree_folders"
+    ):
         replace(before, options=FlightOptions(rehearse=True))
 
 

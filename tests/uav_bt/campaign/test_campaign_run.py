@@ -8,12 +8,10 @@ from typing import Any
 
 import pytest
 
-from tests.uav_bt.campaign.campaign_world import FLY, plan
+from tests.uav_bt.campaign.campaign_world import FLY, comparable, plan
 from uav_bt.campaign import CampaignResult
-from uav_bt.campaign.flight_lines import comparable
-from uav_bt.campaign.fly import run
 from uav_bt.campaign.plan import CampaignPlan
-from uav_bt.campaign.runner import LocalBackend
+from uav_bt.campaign.runner import LocalBackend, run
 from uav_bt.errors import FileError, InputError, ValueRangeError
 
 
@@ -82,16 +80,18 @@ def test_more_flights_are_added(tmp_path: Path) -> None:
     assert (result.flown_now, len(result.flights)) == (2, 3)
 
 
-def test_a_half_written_flight_is_flown_again_and_damaged_lines_are_reported(
+def test_a_half_written_flight_is_flown_again_and_a_damaged_line_is_refused(
     tmp_path: Path,
 ) -> None:
     flown(plan(flights=2), tmp_path, workers=1)
     path = tmp_path / "flights.jsonl"
-    path.write_bytes(b"rubbish\n" + path.read_bytes()[:-5])
+    path.write_bytes(path.read_bytes()[:-5])
     notes: list[str] = []
     assert flown(plan(flights=2), tmp_path, on_note=notes.append).flown_now == 1
-    assert notes[0].startswith(f"left out: {path}:1: no JSON")
-    assert notes[1].startswith("the last line was only half written")
+    assert notes[0].startswith("the last line was only half written")
+    path.write_bytes(b"rubbish\n" + path.read_bytes())
+    with pytest.raises(FileError, match=r"flights\.jsonl:1: no JSON: .*; delete this line"):
+        flown(plan(flights=2), tmp_path)
 
 
 def test_a_refused_flight_ends_the_campaign_and_is_not_kept(tmp_path: Path) -> None:

@@ -185,7 +185,7 @@ def test_a_script_without_a_main_guard_gets_the_remedy(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(
         "from tests.uav_bt.campaign.campaign_world import FLY, plan\n"
-        "from uav_bt.campaign.fly import run\n"
+        "from uav_bt.campaign.runner import run\n"
         "from pathlib import Path\n"
         f"run(plan(), Path({str(tmp_path / 'out')!r}), fly=FLY)\n"
     )

@@ -10,12 +10,10 @@ import pytest
 from distributed import LocalCluster
 
 import uav_bt
-from tests.uav_bt.campaign.campaign_world import FLY, plan
+from tests.uav_bt.campaign.campaign_world import FLY, comparable, plan
 from uav_bt.campaign import cluster as module
 from uav_bt.campaign.cluster import DaskBackend
-from uav_bt.campaign.flight_lines import comparable
-from uav_bt.campaign.fly import run
-from uav_bt.campaign.runner import LocalBackend
+from uav_bt.campaign.runner import LocalBackend, run
 from uav_bt.errors import InputError
 
 

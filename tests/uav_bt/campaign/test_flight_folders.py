@@ -9,7 +9,7 @@ import pytest
 
 from tests.uav_bt.campaign.campaign_world import line, plan
 from uav_bt.app.options import FlightOptions
-from uav_bt.campaign import fly as campaign
+from uav_bt.campaign import runner as campaign
 from uav_bt.campaign.flight import fly_task
 from uav_bt.campaign.plan import FlightTask
 

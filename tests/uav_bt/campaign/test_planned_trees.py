@@ -1,4 +1,4 @@
-"""A campaign flies what it was given: variants of parameters, and trees with replaced values."""
+"""A campaign flies each variant of its parameters, and only what its workers can read."""
 
 from __future__ import annotations
 
@@ -12,9 +12,6 @@ from uav_bt.campaign import make_plan, plan_of
 from uav_bt.campaign.plan import CampaignPlan
 from uav_bt.campaign.store import CampaignStore
 from uav_bt.errors import InputError
-from uav_bt.tree import MissionTree, NodeRegistry, Parameters, parse_tree
-from uav_bt.tree.loading.replacements import replace_in
-from uav_bt.tree.nodes import AlwaysSuccess
 
 BODY = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="{wait_s}"/><Land/></Sequence>'
 VARIANTS = """
@@ -90,62 +87,11 @@ def test_a_wrong_value_of_a_variant_is_refused_by_its_line(hop: Path, params: Pa
         make_plan([hop], params=params, flights=1)
 
 
-def replaced(tree: MissionTree, name: str, text: str) -> None:
-    replace_in(tree, NodeRegistry.installed(), Parameters(ports={name: text}), {}, {})
-
-
-# --- trees that were loaded before ----------------------------------------------------------------
-
-
-def test_a_loaded_tree_flies_with_its_values(hop: Path) -> None:
-    tree = app.check(hop, variables={"wait_s": 1})
-    replaced(tree, "TakeOff.height_m", "1.4")
-    tree.variables["wait_s"] = 3
-    plan = make_plan([tree], flights=1, scenes=["val-a"])
-    (options,) = [task.flight_options() for task in plan.tasks()]
-    assert options.ports == {"Main/Sequence/TakeOff.height_m": "1.4"}
-    assert options.variables == {"wait_s": 3}
-    (task,) = plan.tasks()
-    assert task.tree_path == str(hop)
-    again = app.check(task.tree_path, ports=options.ports, variables=options.variables)
-    assert again.find("TakeOff").port_value("height_m") == 1.4
-
-
-def test_the_tree_of_a_shipped_mission_flies_with_its_values() -> None:
-    tree = app.check("survey_and_land")
-    replaced(tree, "Explore.looks_down", "false")
-    plan = make_plan([tree], flights=1, scenes=["val-a"])
-    (values,) = [one.ports for one in plan.trees]
-    assert set(values.values()) == {"false"}
-    assert all(name.endswith("Explore.looks_down") for name in values)
-    assert plan.trees[0].path == "survey_and_land"
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda _: MissionTree(AlwaysSuccess()), "tree 'Tree' has no file"),
-        (lambda hop: parse_tree(hop.read_text()), "tree 'Main' has no file"),
-        (lambda hop: hop.read_text(), "a campaign flies tree files, .* got a text"),
-    ],
-)
-def test_a_tree_without_a_file_is_refused(hop: Path, make: object, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        make_plan([make(hop)], variables={"wait_s": 1}, flights=1)  # type: ignore[operator]
-
-
-def test_a_tree_whose_file_has_changed_is_refused(hop: Path) -> None:
-    tree = app.check(hop, variables={"wait_s": 1})
-    hop.write_text(hop.read_text().replace("1.0", "1.1"))
-    with pytest.raises(InputError, match="its files have changed"):
-        make_plan([tree], flights=1)
-
-
-def test_a_variable_that_no_file_can_hold_is_refused(hop: Path) -> None:
-    tree = app.check(hop, variables={"wait_s": 1})
-    tree.variables["queue"] = [1, 2]
-    with pytest.raises(InputError, match=r"variable 'queue' of tree 'Main' is \[1, 2\]"):
-        make_plan([tree], flights=1)
+@pytest.mark.parametrize("tree", ["text", "object"])
+def test_what_no_worker_can_read_is_refused(hop: Path, tree: str) -> None:
+    given = hop.read_text() if tree == "text" else app.check(hop, variables={"wait_s": 1})
+    with pytest.raises(InputError, match="a campaign flies tree files, which its workers read"):
+        make_plan([given], variables={"wait_s": 1}, flights=1)  # type: ignore[list-item]
 
 
 def test_a_policy_object_is_refused_with_the_reason() -> None:

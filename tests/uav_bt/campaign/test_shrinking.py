@@ -17,7 +17,6 @@ from click.testing import CliRunner
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.report.repeat import fly_command
-from uav_bt.campaign.report.sources import read_sources
 from uav_bt.campaign.shrinking import FailedFlight, least
 from uav_bt.cli.fly import fly
 from uav_bt.cli.shrink import shrink_command
@@ -119,25 +118,6 @@ def test_a_flight_that_cannot_be_flown_again_is_refused(
         FailedFlight.of(flight(**changes), "land_only", "val-a", FlightOptions())
 
 
-@pytest.mark.parametrize(
-    ("changes", "expected"),
-    [
-        ({"movers": "abc"}, "'movers' must be a whole number"),
-        ({"movers": -2}, "'movers' must be a whole number"),
-        ({"faults": "wind"}, "'faults' must be a list of texts"),
-        ({"ports": 7}, "'ports' must hold values by name"),
-        ({"vary_room": "yes"}, "'vary_room' must be true or false"),
-    ],
-)
-def test_a_damaged_line_is_named_with_its_file_and_number(
-    tmp_path: Path, changes: dict[str, object], expected: str
-) -> None:
-    source = tmp_path / "flights.jsonl"
-    source.write_text(json.dumps(flight(**changes)) + "\n")
-    with pytest.raises(InputError, match=rf"flights\.jsonl:1: {expected}"):
-        read_sources([source])
-
-
 def test_a_variant_with_a_dot_is_found_and_other_flights_are_named(tmp_path: Path) -> None:
     source = tmp_path / "flights.jsonl"
     source.write_text(json.dumps(flight(tree="land_only[v1.5].xml", scene="no-such")) + "\n")
@@ -223,7 +203,7 @@ def test_objects_of_a_lab_are_parts_that_can_be_left_out() -> None:
     failed = FailedFlight.of(
         flight(scene="depot-val-a"), "land_only", "depot-val-a", FlightOptions()
     )
-    objects = [part for part in failed.parts() if part[0] == "object"]
+    objects = [part for part in failed.parts() if part[0] == "objects"]
     assert len(objects) == 14
     smaller = failed.with_parts(objects[:2])
     assert smaller.scene.objects == failed.scene.objects[:2]

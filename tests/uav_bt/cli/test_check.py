@@ -39,24 +39,6 @@ def test_all_findings_of_all_files_are_reported_with_their_lines(tmp_path: Path)
     assert lines[2].startswith(f"{worse}:")
 
 
-def test_a_policy_that_nobody_registered_is_a_finding_with_its_line(tmp_path: Path) -> None:
-    body = (
-        "<Sequence>\n"
-        '<Explore policy="segmentation"/>\n'
-        '<Explore policy="segmentatio"/>\n'
-        '<Avoid policy="depht"/>\n'
-        "</Sequence>"
-    )
-    path = tree_file(tmp_path, body)
-    result = run("check", path)
-    assert_refused(result)
-    first, second = result.stderr.splitlines()
-    assert first.startswith(f"{path}:5:")
-    assert "'segmentatio'; did you mean 'segmentation'" in first
-    assert second.startswith(f"{path}:6:")
-    assert "unknown policy 'depht'" in second
-
-
 def test_a_policy_that_a_variable_names_is_left_to_the_flight(tmp_path: Path) -> None:
     assert run("check", tree_file(tmp_path, '<Explore policy="{way}"/>')).exit_code == 0
 
@@ -123,13 +105,6 @@ def test_json_has_one_object_a_line_and_file(tmp_path: Path) -> None:
     }
 
 
-def test_json_tells_where_the_xml_breaks(tmp_path: Path) -> None:
-    broken = tree_file(tmp_path, "<Sequence>")
-    (line,) = run("check", broken, "--format", "json").stdout.splitlines()
-    (finding,) = json.loads(line)["findings"]
-    assert (finding["line"], finding["message"][:19]) == (4, "not well-formed XML")
-
-
 @pytest.mark.parametrize(
     ("body", "rule"),
     [
@@ -167,20 +142,10 @@ def test_a_new_mission_is_written_once_and_is_good(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("leaf", "words"),
     [
-        ("FindMrk", "unknown node 'FindMrk'; did you mean 'FindMark'?"),
-        ('CorridorClear grund_m="0.6"', "unknown attribute 'grund_m'; did you mean 'ground_m'?"),
-        ('Say text="{@height_m}"', "no key 'height_m'; did you mean 'flight_height_m'?"),
-        ('Explore policy="coridor"', "unknown policy 'coridor'; did you mean 'corridor'?"),
-    ],
-)
-def test_an_unknown_name_names_the_nearest_one(leaf: str, words: str, tmp_path: Path) -> None:
-    tree = tree_file(tmp_path, f"<Sequence>\n<{leaf}/>\n</Sequence>")
-    assert_refused(run("check", tree), f"{tree}:4:", words)
-
-
-@pytest.mark.parametrize(
-    ("leaf", "words"),
-    [
+        ("FindMrk", ["unknown node 'FindMrk'; did you mean 'FindMark'?"]),
+        ('CorridorClear grund_m="0.6"', ["'grund_m'; did you mean 'ground_m'?"]),
+        ('Say text="{@height_m}"', ["no key 'height_m'; did you mean 'flight_height_m'?"]),
+        ('Explore policy="coridor"', ["unknown policy 'coridor'; did you mean 'corridor'?"]),
         ('Segment model="unett"', ["'model': unknown segmentation model 'unett'; did you mean"]),
         ('Segment model="nofile.onnx"', ["nofile.onnx: there is no such network"]),
         ('Segment model="text.onnx"', ["text.onnx: is not a readable ONNX network"]),
@@ -193,16 +158,18 @@ def test_an_unknown_name_names_the_nearest_one(leaf: str, words: str, tmp_path: 
         ('Explore policy="corridor:nofile.onnx"', ["policy 'corridor' takes no argument"]),
     ],
 )
-def test_networks_that_are_not_there_are_found(
+def test_names_and_networks_that_are_not_there_are_found(
     leaf: str, words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "text.onnx").write_text("no network")
     (tmp_path / "net.safetensors").write_bytes(b"\x02\0\0\0\0\0\0\0{}")
     tree = tree_file(tmp_path, f"<Sequence>\n<{leaf}/>\n</Sequence>")
-    column = len(f"<{leaf.split(maxsplit=1)[0]} ") + 1  # column of the attribute
+    tag, _, attribute = leaf.partition(" ")
+    column = len(f"<{tag} ") + 1 if attribute else 1
     assert_refused(run("check", tree), f"{tree}:4:{column}: ", *words)
-    assert run("tree", "render", tree).exit_code == 0  # leaves that load nothing
+    if ".onnx" in leaf:
+        assert run("tree", "render", tree).exit_code == 0  # leaves that load nothing
 
 
 @pytest.mark.parametrize(

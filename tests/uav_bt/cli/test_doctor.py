@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.worlds.cli import HOP, assert_refused, run, tree_file
+from tests.worlds.cli import HOP, run, tree_file
 from uav_bt.app.doctor import examine
 from uav_bt.errors import MissingDependencyError
 from uav_bt.record.reader import RecordReader
@@ -101,18 +101,6 @@ def test_the_doctor_looks_at_a_drone_when_asked() -> None:
     result = run("doctor", "--drone", f"anafi:127.0.0.1:{port}")
     assert result.exit_code in (1, 2)  # without Parrot's SDK its error comes first
     assert "Parrot's SDK" in result.stderr or "cannot reach anafi" in result.stderr
-
-
-def test_a_malformed_address_is_refused(tmp_path: Path) -> None:
-    tree = tree_file(tmp_path, HOP)
-    assert_refused(run("fly", tree, "--drone", "anafi:a:b"), "expected HOST or HOST:DISCOVERY_PORT")
-
-
-def test_a_bad_site_file_is_refused_before_anything_flies(tmp_path: Path) -> None:
-    site = tmp_path / "site.yaml"
-    site.write_text("hight: 1", encoding="utf-8")
-    result = run("fly", tree_file(tmp_path, HOP), *SMALL, "--site", site)
-    assert_refused(result, "site.yaml:1: hight: unknown key")
 
 
 def test_a_site_changes_the_flight_height(tmp_path: Path) -> None:

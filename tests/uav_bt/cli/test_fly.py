@@ -35,19 +35,9 @@ SCENE = PAD + "boxes:\n  - {pattern: 1, position_m: [1.0, 1.0], size_m: [0.4, 0.
 
 def test_a_mission_that_succeeds_leaves_report_and_video(tmp_path: Path) -> None:
     report, video = tmp_path / "report.json", tmp_path / "flight.mp4"
-    result = run(
-        "fly",
-        tree_file(tmp_path, HOP),
-        "--scene",
-        "val-a",
-        "--seed",
-        3,
-        *SMALL,
-        "--report",
-        report,
-        "--video",
-        video,
-    )
+    outputs = ("--report", report, "--video", video)
+    tree = tree_file(tmp_path, HOP)
+    result = run("fly", tree, "--scene", "val-a", "--seed", 3, *SMALL, *outputs)
     assert result.exit_code == 0, result.output
     assert "success" in result.stdout
     assert f"report: {report}" in result.stdout
@@ -60,11 +50,11 @@ def test_a_mission_that_succeeds_leaves_report_and_video(tmp_path: Path) -> None
         frames = sum(1 for _ in container.decode(video=0))
     assert_refused(run("net", "perceive", video), str(video), "is a film that uav-bt made")
     assert frames >= told["ticks"]
-    assert sorted(file.name for file in tmp_path.iterdir()) == [
+    assert {file.name for file in tmp_path.iterdir()} == {
         "flight.mp4",
         "mission.xml",
         "report.json",
-    ]
+    }
 
 
 def test_a_mission_that_fails_exits_with_1_and_still_reports(tmp_path: Path) -> None:
@@ -95,18 +85,16 @@ def test_a_fault_in_a_leaf_is_printed_in_a_line_and_reported(
     assert "Traceback" in run("--debug", "fly", tree, *PLAIN).stderr
 
 
-def test_an_error_of_an_injected_fault_is_named_as_one(tmp_path: Path) -> None:
+def test_faults_are_named_by_the_summary_and_by_the_errors_that_they_raise(tmp_path: Path) -> None:
+    tree = tree_file(tmp_path, HOP)
     fault = "observe-raises@take-off"
-    result = run("fly", tree_file(tmp_path, HOP), "--drone", "plain", "--faults", fault)
+    result = run("fly", tree, "--drone", "plain", "--faults", fault)
     assert result.exit_code == 1
     assert f"the injected fault {fault} raised this error" in result.stderr
     assert "Traceback" not in result.stderr
-
-
-def test_the_summary_names_the_faults(tmp_path: Path) -> None:
-    tree, faults = tree_file(tmp_path, HOP), ("--faults", "late=0.1@take-off~0.2")
-    result = run("fly", tree, "--drone", "plain", "--movers", "1", *faults)
-    assert "late=0.1@take-off~0.2" in result.stdout
+    late = "late=0.1@take-off~0.2"
+    result = run("fly", tree, "--drone", "plain", "--movers", "1", "--faults", late)
+    assert late in result.stdout
     assert "1 added to those of the scene" in result.stdout
 
 
@@ -125,27 +113,12 @@ def test_options_reach_the_flight(monkeypatch: pytest.MonkeyPatch) -> None:
         raise InputError("enough")
 
     monkeypatch.setattr(app, "fly", refuse)
-    result = run(
-        "fly",
-        "land_only",
-        "--scene",
-        "val-b",
-        "--seed",
-        7,
-        "--drone",
-        "twin:here",
-        "--profile",
-        "harsh",
-        "--policy",
-        "A/B=x",
-        "--policy",
-        "C=y",
-        "--realtime",
-        "--image-size",
-        "320x180",
-        "--threads",
-        2,
+    words = (
+        "fly land_only --scene val-b --seed 7 --drone twin:here --profile harsh --policy A/B=x "
+        "--policy C=y --realtime --image-size 320x180 --threads 2 --movers 2 --quality high "
+        "--time-limit 9 --faults wind=0.1@explore --exact-masks --vary-room"
     )
+    result = run(*words.split())
     assert_refused(result, "enough")
     assert asked == [
         app.FlightOptions(
@@ -157,6 +130,12 @@ def test_options_reach_the_flight(monkeypatch: pytest.MonkeyPatch) -> None:
             image_size_px=(320, 180),
             realtime=True,
             inference_threads=2,
+            movers=2,
+            record_quality="high",
+            judge=app.JudgeConfig(time_limit_s=9.0),
+            faults=["wind=0.1@explore"],
+            exact_masks=True,
+            vary_room=True,
         )
     ]
 
@@ -238,45 +217,32 @@ def fly_in_a_process(
     )
 
 
-def test_a_disk_that_fills_up_hides_no_result(tmp_path: Path) -> None:
-    record, report = tmp_path / "flight.mcap", tmp_path / "report.json"
-    done = fly_in_a_process(tmp_path, "--record", record, "--report", report, limit_bytes=20_000)
-    assert done.returncode == 1
+@pytest.mark.parametrize(
+    ("option", "name", "limit_bytes", "drone", "words"),
+    [
+        ("--record", "flight.mcap", 20_000, PLAIN, "Error: record was lost: "),
+        ("--video", "flight.mp4", 20_000, SMALL, "Error: video was lost: "),
+        ("--btlog", "flight.btlog", 100, PLAIN, "flight.btlog: the log ends early"),
+        ("--report", "report.json", 100, PLAIN, "Error: report was lost: "),
+    ],
+)
+def test_a_disk_that_fills_up_hides_no_result(
+    tmp_path: Path, *, option: str, name: str, limit_bytes: int, drone: tuple[str, ...], words: str
+) -> None:
+    path, report = tmp_path / name, tmp_path / "report.json"
+    reported = () if limit_bytes == 100 else ("--report", report)
+    done = fly_in_a_process(tmp_path, option, path, *reported, limit_bytes=limit_bytes, drone=drone)
+    assert done.returncode == 1, done.stderr
     assert "success" in done.stdout
-    assert "Error: record was lost: " in done.stderr
+    assert words in done.stderr
+    assert name in done.stderr
     assert "Traceback" not in done.stderr
-    assert json.loads(report.read_text())["outcome"] == "success"
-
-
-def test_a_full_disk_loses_the_video_and_not_the_summary(tmp_path: Path) -> None:
-    video, report = tmp_path / "flight.mp4", tmp_path / "report.json"
-    done = fly_in_a_process(
-        tmp_path, "--video", video, "--report", report, limit_bytes=20_000, drone=SMALL
-    )
-    assert done.returncode == 1, done.stderr
-    assert "success" in done.stdout
-    assert "Error: video was lost: " in done.stderr
-    assert str(video) in done.stderr
-    assert "video:" not in done.stdout
-    assert "video" in json.loads(report.read_text())["lost_outputs"]
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["mission.xml", "report.json"]
-
-
-def test_a_full_disk_cuts_the_log_and_keeps_the_summary(tmp_path: Path) -> None:
-    log = tmp_path / "flight.btlog"
-    done = fly_in_a_process(tmp_path, "--btlog", log, limit_bytes=100)
-    assert done.returncode == 1, done.stderr
-    assert "success" in done.stdout
-    assert f"{log}: the log ends early" in done.stderr
-
-
-def test_a_report_that_does_not_fit_keeps_the_summary(tmp_path: Path) -> None:
-    report = tmp_path / "report.json"
-    done = fly_in_a_process(tmp_path, "--report", report, limit_bytes=100)
-    assert done.returncode == 1, done.stderr
-    assert "success" in done.stdout
-    assert "Error: report was lost: " in done.stderr
-    assert not report.exists()
+    if reported:
+        told = json.loads(report.read_text())
+        assert (told["outcome"], *told["lost_outputs"]) == ("success", option.removeprefix("--"))
+    if option in {"--video", "--report"}:
+        assert not path.exists()
+        assert f"{option.removeprefix('--')}:" not in done.stdout
 
 
 def test_a_reader_that_goes_away_does_not_end_the_flight(tmp_path: Path) -> None:

@@ -114,12 +114,14 @@ def test_every_command_names_the_option_that_is_missing(mission: Mission, tmp_pa
 def test_every_command_refuses_folders_that_are_none(mission: Mission, tmp_path: Path) -> None:
     for command in commands(mission.path, tmp_path):
         for option in ("--trees", "--include-root"):
-            assert_refused(run(*command, option, tmp_path / "none"), option, "does not exist")
-        for package in ("robot", f"robot={tmp_path / 'none'}", f"={tmp_path}"):
+            assert_refused(run(*command, option, tmp_path / "none"), "none: no such folder")
+        none = f"robot={tmp_path / 'none'}"
+        assert_refused(run(*command, "--ros-pkg", none), "none: no such folder")
+        for package in ("robot", f"={tmp_path}"):
             words = ("--ros-pkg", "expected NAME=DIR", f"got '{package}'")
             assert_refused(run(*command, "--ros-pkg", package), *words)
         twice = ("--ros-pkg", f"robot={tmp_path}") * 2
-        assert_refused(run(*command, *twice), "package 'robot' is given two folders")
+        assert_refused(run(*command, *twice), "package 'robot' is given two values")
 
 
 def test_a_tree_in_two_files_and_a_circle_of_includes_are_refused(
@@ -230,7 +232,7 @@ def test_a_failure_is_flown_again_with_its_folders(
     command = ("campaign", mission.path, "--scenes", "val-a", "--flights", 1, "--workers", 1)
     assert run(*command, *SMALL, *mission.options, "--out", out).exit_code == 0
     there = mission.folder.rename(tmp_path / "away")
-    (row,) = tables_of(read_sources([out]), tmp_path / "page.html")["failures"].rows
+    (row,) = tables_of(read_sources([out]).sets, tmp_path / "page.html")["failures"].rows
     there.rename(mission.folder)
     words = shlex.split(str(row[-1]))
     options = [str(word) for word in mission.options]

@@ -9,7 +9,8 @@ import click
 import pytest
 
 from tests.worlds.cli import HOP, all_commands, assert_refused, run, tree_file
-from uav_bt.cli.command import Command, OutputFile, OutputFolder
+from uav_bt.cli.command import Command
+from uav_bt.cli.values import OutputFile, OutputFolder
 
 INCLUDING = '<root BTCPP_format="4"><include path="sub/parts.xml"/></root>'
 SCENE = "helipad: {position_m: [0, 0]}\n"

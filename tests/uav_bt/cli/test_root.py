@@ -131,15 +131,8 @@ def test_completing_a_command_imports_no_command(words: str, found: str) -> None
     assert heavy == ">"
 
 
-def test_python_runs_the_package() -> None:
-    done = subprocess.run(  # our own interpreter and code
-        [sys.executable, "-m", "uav_bt", "--version"], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("uav-bt, version")
-
-
 def test_help_has_a_line_for_each_command_and_then_for_each_group() -> None:
+    assert run("--version").stdout == f"uav-bt, version {__version__}\n"
     result = run("--help")
     assert result.exit_code == 0
     commands, groups = result.stdout.partition("Commands:")[2].split("Groups of commands:")
@@ -169,10 +162,6 @@ def test_help_fits_a_terminal_and_keeps_the_lines_of_its_examples(words: tuple[s
             if isinstance(option.type, (click.IntRange, click.FloatRange)):
                 assert isinstance(option.type, (Number, WholeNumber)), option.name
     assert command.get_short_help_str(200)
-
-
-def test_version() -> None:
-    assert run("--version").stdout == f"uav-bt, version {__version__}\n"
 
 
 @pytest.mark.parametrize(
@@ -245,15 +234,22 @@ def test_a_missing_package_is_named_with_its_extra(
     assert answers[number] == [2, words]
 
 
-def test_an_error_of_ours_is_one_message_with_its_own_exit_code(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize(
+    ("fault", "printed"),
+    [
+        (DroneError("the drone does not answer"), "Error: the drone does not answer"),
+        (KeyboardInterrupt(), "Error: stopped by Ctrl-C"),
+    ],
+)
+def test_an_error_of_ours_and_an_interrupt_are_one_message(
+    monkeypatch: pytest.MonkeyPatch, fault: BaseException, printed: str
 ) -> None:
-    def unreachable(_: str) -> None:
-        raise DroneError("the drone does not answer")
+    def raising(_: str) -> None:
+        raise fault
 
-    monkeypatch.setattr(shipped, "resolve_tree", unreachable)
+    monkeypatch.setattr(shipped, "resolve_tree", raising)
     result = run("check", "land_only")
-    assert (result.exit_code, result.stderr) == (1, "Error: the drone does not answer\n")
+    assert (result.exit_code, result.stderr.strip()) == (1, printed)
 
 
 def test_an_unexpected_exception_is_one_line_and_debug_shows_the_rest(
@@ -274,50 +270,27 @@ def test_an_unexpected_exception_is_one_line_and_debug_shows_the_rest(
     assert "uav-bt --debug" not in debugged.stderr
 
 
-def test_an_interrupt_is_one_line_and_exits_with_1(monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(_: str) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(shipped, "resolve_tree", interrupted)
-    result = run("check", "land_only")
-    assert result.exit_code == 1
-    assert result.stderr.strip() == "Error: stopped by Ctrl-C"
-
-
 # --- packages -------------------------------------------------------------------------------------
 
 
-def test_our_own_packages_are_found() -> None:
+@pytest.mark.parametrize("hides", ["hangar", "hangar/__init__.py", "hangar.py"])
+def test_what_shadows_a_package_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hides: str
+) -> None:
     check_packages()
-
-
-@pytest.mark.parametrize("as_package", [True, False], ids=["package", "plain folder"])
-def test_a_folder_that_shadows_a_package_is_reported(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, as_package: bool
-) -> None:
     theirs, ours = tmp_path / "theirs", tmp_path / "ours"
-    for home in (theirs, ours):
-        (home / "hangar").mkdir(parents=True)
-    if as_package:
-        (theirs / "hangar" / "__init__.py").touch()
+    (ours / "hangar").mkdir(parents=True)
+    shadow = theirs / hides
+    shadow.parent.mkdir(parents=True, exist_ok=True)
+    if shadow.suffix:
+        shadow.touch()
+    else:
+        shadow.mkdir()
     monkeypatch.syspath_prepend(theirs)
-    check_packages(theirs, ["hangar"])
-    with pytest.raises(InputError, match="start from another folder") as caught:
+    found = theirs / hides.removesuffix("/__init__.py")
+    with pytest.raises(InputError, match=r"hangar(\.py)?' where uav-bt needs its own") as caught:
         check_packages(ours, ["hangar"])
-    assert str(theirs / "hangar") in str(caught.value)
-    assert str(ours / "hangar") in str(caught.value)
-
-
-def test_a_module_that_shadows_a_package_is_reported(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "hangar.py").touch()
-    monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(InputError, match=r"hangar\.py' where uav-bt needs its own"):
-        check_packages(tmp_path / "ours", ["hangar"])
-
-
-def test_a_missing_package_of_ours_is_reported() -> None:
+    assert str(found) in str(caught.value)
     with pytest.raises(InputError, match=r"Python finds nothing .*; reinstall"):
         check_packages(names=["no_such_package"])
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tests.paper_lab import paper_map
 from tests.worlds import values
 from uav_bt.board import CLASS_MAP, CORRIDOR, ELAPSED, MARK, METRIC_DEPTH, MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.clock import ManualClock
+from uav_bt.display.flown_path import FlownPath, Shown
 from uav_bt.display.lab_map import LabMap, MapItem
 from uav_bt.mission.flight_report import FlightReport, Percentiles
 from uav_bt.mission.tick import TickRecord
@@ -102,6 +105,19 @@ class World:
         self.index += 1
         self.clock.advance(after_s)
         return TickRecord(**{**told, **changes})
+
+
+def shown_of(world: World, record: TickRecord, *poses: Pose) -> Shown:
+    """Return what is shown of a tick after a path of poses."""
+    flown = FlownPath()
+    for pose in poses:
+        flown.add(replace(record, truth=_truth(record.time_s, pose)))
+    return Shown.of(record, flown, world.board)
+
+
+def has(image: NDArray[np.uint8], colour: tuple[int, ...]) -> bool:
+    """Return whether a colour occurs in an image."""
+    return bool((image == np.array(colour, dtype=np.uint8)).all(axis=2).any())
 
 
 def _truth(time_s: float, pose: Pose) -> Truth:

@@ -1,4 +1,4 @@
-"""The drawing of a lab: axes in metres, names of the boxes, take-off pose."""
+"""The drawings of a lab: metres and pixels, content, axes, names, take-off pose."""
 
 import math
 from dataclasses import replace
@@ -6,10 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.uav_bt.display.display_world import LAB as FULL_LAB
+from tests.uav_bt.display.display_world import has
 from uav_bt.display.canvas import INK
-from uav_bt.display.lab_drawing import draw_lab_with_axes
-from uav_bt.display.lab_map import GROUND_COLOUR, LabMap, MapItem
-from uav_bt.errors import ValueRangeError
+from uav_bt.display.lab_drawing import (
+    GROUND_COLOUR,
+    draw_lab,
+    draw_lab_with_axes,
+    draw_legend,
+)
+from uav_bt.display.lab_map import LabMap, MapFrame, MapItem, phase_colours
 from uav_bt.types import Pose2D
 
 # 1000 x 828 pixels: 872 x 700 are left for the ground, which is 174.4 pixels a metre in width and
@@ -89,6 +95,54 @@ def test_a_name_keeps_off_a_neighbouring_box() -> None:
     assert rows.max() < pixel(0.5, 0.7)[1]
 
 
-def test_an_image_without_room_for_the_axes_is_refused() -> None:
-    with pytest.raises(ValueRangeError, match="cannot show"):
-        draw_lab_with_axes(LAB, size_px=(120, 120))
+def test_the_origin_lies_in_the_middle_x_goes_right_and_y_goes_up() -> None:
+    frame = MapFrame(size_px=(640, 440), scale_px_per_m=100.0)
+    assert frame.to_px(0.0, 0.0) == (320.0, 220.0)
+    assert frame.to_px(1.0, 0.0) == (420.0, 220.0)
+    assert frame.to_px(0.0, 1.5) == (320.0, 70.0)
+
+
+@pytest.mark.parametrize(("size_px", "scale"), [((600, 1000), 100.0), ((1000, 500), 100.0)])
+def test_the_ground_and_its_margin_fill_the_narrower_side(
+    size_px: tuple[int, int], scale: float
+) -> None:
+    frame = MapFrame.around((5.0, 4.0), size_px, margin_m=0.5)
+    assert frame.scale_px_per_m == pytest.approx(scale)
+
+
+def test_a_turned_box_has_its_corners_turned_counter_clockwise() -> None:
+    box = MapItem(x_m=1.0, y_m=2.0, size_m=(2.0, 4.0, 1.0), yaw_rad=math.pi / 2)
+    expected = [(-1.0, 3.0), (-1.0, 1.0), (3.0, 1.0), (3.0, 3.0)]
+    assert np.allclose(box.corners(), expected)
+
+
+def test_boxes_and_the_mark_stand_where_the_world_has_them() -> None:
+    frame = MapFrame.around(FULL_LAB.ground_size_m, (640, 440))
+    image = draw_lab(FULL_LAB, frame)
+    box, pad = FULL_LAB.boxes[0], FULL_LAB.mark
+    assert pad is not None
+    for y_m, there in ((box.y_m, True), (-box.y_m, False)):  # mirrored
+        x, y = (round(v) for v in frame.to_px(box.x_m - 0.15, y_m + 0.15))
+        assert (tuple(image[y, x]) == box.colour) == there
+    x, y = (round(v) for v in frame.to_px(pad.x_m, pad.y_m))
+    assert tuple(image[y, x]) == (255, 255, 255), "the bar of the H"
+
+
+def test_an_unknown_lab_is_a_grid() -> None:
+    frame = MapFrame.around((6.0, 6.0), (300, 300))
+    assert len(np.unique(draw_lab(None, frame).reshape(-1, 3), axis=0)) > 1
+
+
+def test_phases_get_colours_of_their_own_in_the_order_they_appear() -> None:
+    colours = phase_colours(["", "explore", "explore", "search", "land"])
+    assert list(colours) == ["", "explore", "search", "land"]
+    assert len(set(colours.values())) == 4
+    assert phase_colours(["explore"])["explore"] == colours["explore"]
+
+
+def test_a_legend_that_is_too_long_keeps_its_last_phases() -> None:
+    many = [f"phase {number}" for number in range(7)]
+    image = np.zeros((30, 300, 3), dtype=np.uint8)
+    draw_legend(image, phase_colours(many), base_px=20)
+    assert (image[:, 290:] == 0).all()
+    assert has(image, phase_colours(many)["phase 6"])

@@ -1,6 +1,7 @@
 """The status line and the summary."""
 
 import io
+from contextlib import closing
 from dataclasses import replace
 from typing import Any
 
@@ -133,7 +134,7 @@ def test_an_override_is_shown_at_once_and_so_is_its_end() -> None:
 def test_a_lost_link_says_what_to_do(*, terminal: bool) -> None:
     world = World()
     status, out, _ = watch(world, terminal=terminal)
-    with status:
+    with closing(status):
         for override in (None, Override.LINK, Override.LINK):
             status.on_tick(world.tick(override=override))
     assert out.getvalue().count("link lost: take the remote control") == 1
@@ -165,7 +166,7 @@ def test_cut_motors_end_the_mission_at_once_and_are_shown(says: FlyingState) -> 
             if [each.phase for each in ticks].count("hover") == 11:
                 runner.abort.cut_motors("a person cut the motors")
 
-    with LiveStatus(context.board, console=console) as status:
+    with closing(LiveStatus(context.board, console=console)) as status:
         followers = [each for each in (status, drone, Pilot()) if hasattr(each, "on_tick")]
         runner = MissionRunner(drone, tree, context, Judge(), listeners=followers)
         drone.connect()
@@ -179,7 +180,7 @@ def test_cut_motors_end_the_mission_at_once_and_are_shown(says: FlyingState) -> 
 def test_on_a_terminal_the_line_is_redrawn_no_faster_than_it_is_read() -> None:
     world = World()
     status, out, wall = watch(world, terminal=True)
-    with status:
+    with closing(status):
         for _ in range(100):
             status.on_tick(world.tick())
             wall.now_s += 0.01
@@ -204,7 +205,7 @@ def test_a_drone_that_is_brought_down_is_shown_with_the_reason() -> None:
 def test_on_a_terminal_the_landing_takes_the_place_of_the_line() -> None:
     world = World()
     status, out, _ = watch(world, terminal=True)
-    with status:
+    with closing(status):
         status.on_tick(world.tick())
         status.on_descent(None, "no link")
     assert "landing (not heard): no link" in out.getvalue()
@@ -228,7 +229,7 @@ def test_a_reader_that_went_away_ends_the_display_and_not_the_program() -> None:
 def test_the_cursor_comes_back_when_the_flight_fails() -> None:
     world = World()
     status, out, _ = watch(world, terminal=True)
-    with pytest.raises(RuntimeError), status:
+    with pytest.raises(RuntimeError), closing(status):
         _fail_after(status, world)
     assert out.getvalue().rindex("\x1b[?25h") > out.getvalue().rindex("\x1b[?25l")
 

@@ -52,7 +52,7 @@ def test_a_lab_file_has_the_keys_of_a_site_file(tmp_path: Path) -> None:
     site = site_of_lab(read_lab(folder))
 
     assert replace(site, depth=None) == load_site(folder / "site.yaml")
-    assert (site.source, site.lab, site.file) == ("lab", "hall", folder / "lab.yaml")
+    assert (site.lab, site.file) == ("hall", folder / "lab.yaml")
     assert (site.flight_height_m, site.camera) == (1.2, folder / "camera.yaml")
     assert site.take_off_pose == Pose2D(x_m=-1.0, y_m=0.5, yaw_rad=math.radians(90))
     assert site.mark_pose == Pose2D(x_m=1.0, y_m=-1.0, yaw_rad=math.pi)

@@ -9,8 +9,7 @@ import pytest
 
 from tests.worlds.tables import cases
 from tests.worlds.trees import document
-from uav_bt.app.lab_check import check_in_lab
-from uav_bt.app.options import FlightOptions
+from uav_bt import app
 from uav_bt.errors import TreeError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.tree import NodeRegistry
@@ -75,4 +74,4 @@ def test_what_a_lab_lacks_is_refused_there_and_a_warning_for_the_default_lab(
     assert message in text
     mission = document(f"<Sequence>{''.join(body)}</Sequence>")
     with pytest.raises(TreeError, match=re.escape(message)):
-        check_in_lab(mission, FlightOptions(lab=load_lab()))
+        app.check(mission, lab=load_lab())

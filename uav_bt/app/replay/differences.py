@@ -32,25 +32,25 @@ class Difference:
     proposed_by: tuple[str | None, str | None] | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True)
 class ReplayReport:
     """Result of a replay."""
 
     record: str
     tree: str
     outcome: str | None  # of the recorded flight; None when its record is unfinished
-    exact: bool  # whether nothing may differ: the recorded images are lossless and whole
+    exact: bool = True  # whether nothing may differ: the recorded images are lossless and whole
     masks: str  # "network" or "recorded"
-    ticks: int
-    status_ticks: int  # in which a node's status differs
-    command_ticks: int  # in which the command or who proposed it differs
-    differing_ticks: int  # either
-    differences: tuple[Difference, ...]  # the first of them
-    nodes: dict[str, int]  # differing ticks by the node's path, most first
-    only_recorded: tuple[str, ...]  # nodes that the replayed tree does not have
-    only_replayed: tuple[str, ...]
-    missing_images: int
-    damages: tuple[str, ...]
+    ticks: int = 0
+    status_ticks: int = 0  # in which a node's status differs
+    command_ticks: int = 0  # in which the command or who proposed it differs
+    differing_ticks: int = 0  # either
+    differences: list[Difference] = field(default_factory=list)  # the first of them
+    nodes: dict[str, int] = field(default_factory=dict)  # differing ticks by path, most first
+    only_recorded: tuple[str, ...] = ()  # nodes that the replayed tree does not have
+    only_replayed: tuple[str, ...] = ()
+    missing_images: int = 0
+    damages: tuple[str, ...] = ()
     ended: str | None = None  # why the replay stopped before the recording's end
 
     @property
@@ -67,45 +67,44 @@ class ReplayReport:
 
 
 class Comparison:
-    """Compares the replay with the record, tick by tick; a listener of the runner.
+    """Compares the replay with the record, tick by tick, into a report; a listener of the runner.
 
-    Args:
-        recorded: the recorded tree's nodes.
-        tree: the replayed tree.
-        drone: replays the record; pairs the movements of both.
-        tolerance: how far numbers of commands may differ, metres or radians; 0 for exactly.
+    `tolerance`: how far numbers of commands may differ, metres or radians; 0 for exactly.
     """
 
     def __init__(
-        self, recorded: TreeNote, tree: MissionTree, drone: RecordedDrone, *, tolerance: float
+        self,
+        report: ReplayReport,
+        recorded: TreeNote,
+        tree: MissionTree,
+        drone: RecordedDrone,
+        *,
+        tolerance: float,
     ) -> None:
         there = {node.path: place for place, node in enumerate(recorded.nodes)}
         here = {node.path: node for node in tree.nodes()}
         self._shared = [(path, there[path], here[path]) for path in there if path in here]
-        self.only_recorded = tuple(path for path in there if path not in here)
-        self.only_replayed = tuple(path for path in here if path not in there)
-        self._drone = drone
-        self._tolerance = tolerance
-        self.ticks = self.status_ticks = self.command_ticks = self.differing_ticks = 0
-        self.nodes: Counter[str] = Counter()
-        self.differences: list[Difference] = []
+        report.only_recorded = tuple(path for path in there if path not in here)
+        report.only_replayed = tuple(path for path in here if path not in there)
+        self._report, self._drone, self._tolerance = report, drone, tolerance
+        self._nodes: Counter[str] = Counter()
 
     def on_tick(self, record: TickRecord) -> None:
         """Compare a tick with the recorded one."""
-        moment = self._drone.moment
-        self.ticks += 1
+        report, moment = self._report, self._drone.moment
         statuses = self._statuses(moment.statuses)
         command = self._command(moment.commands.decided, record.decided or record.command)
         owners = (moment.commands.proposed_by, record.proposed_by)
         proposed_by = owners if owners[0] != owners[1] else None
-        self.nodes.update(statuses.keys())
-        self.status_ticks += bool(statuses)
-        self.command_ticks += bool(command or proposed_by)
-        if not (statuses or command or proposed_by):
-            return
-        self.differing_ticks += 1
-        if len(self.differences) < _KEPT:
-            self.differences.append(
+        differs = bool(statuses or command or proposed_by)
+        self._nodes.update(statuses.keys())
+        report.nodes = dict(self._nodes.most_common())
+        report.ticks += 1
+        report.status_ticks += bool(statuses)
+        report.command_ticks += bool(command or proposed_by)
+        report.differing_ticks += differs
+        if differs and len(report.differences) < _KEPT:
+            report.differences.append(
                 Difference(
                     tick=moment.tick.index,
                     time_s=moment.tick.time_s,
@@ -125,11 +124,8 @@ class Comparison:
 
     def _command(self, recorded: Command, replayed: Command) -> tuple[str, str] | None:
         same_id = self._drone.ids.pair(recorded.movement, replayed.movement)
-        if (
-            same_id
-            and self._agree(recorded.movement, replayed.movement)
-            and self._agree(recorded.gimbal, replayed.gimbal)
-        ):
+        same_movement = self._agree(recorded.movement, replayed.movement)
+        if same_id and same_movement and self._agree(recorded.gimbal, replayed.gimbal):
             return None
         return _words(recorded), _words(replayed)
 

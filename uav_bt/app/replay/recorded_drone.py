@@ -1,18 +1,20 @@
-"""A drone made from a record: its clock, frames and class maps are the recorded ones."""
+"""A drone made from a record: clock, frames, class maps and photographs are the recorded ones."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
 
-from uav_bt.app.replay.recorded_stills import RecordedStills
 from uav_bt.board import ELAPSED
-from uav_bt.errors import FileError, InputError
+from uav_bt.errors import DroneError, FileError, InputError
+from uav_bt.files import parse_json
+from uav_bt.protocols import Still, StillState
 from uav_bt.record.moment import Moment
 from uav_bt.record.reader import RecordReader
 from uav_bt.types import (
     Airframe,
-    CameraModel,
     ClassMap,
     Command,
     DroneState,
@@ -21,6 +23,9 @@ from uav_bt.types import (
     Movement,
     Observation,
 )
+from uav_bt.types.flight_results import EventKind
+
+_ROUNDED_S: Final = 5e-4  # times of events are written in milliseconds
 
 
 class MovementIds:
@@ -40,21 +45,16 @@ class MovementIds:
         """
         if not isinstance(recorded, MoveBy) or not isinstance(replayed, MoveBy):
             return True
-        known = self._replayed.get(recorded.id)
-        if known is None and replayed.id not in self._replayed.values():
+        if recorded.id not in self._replayed and replayed.id not in self._replayed.values():
             self._replayed[recorded.id] = replayed.id
-            return True
-        return known == replayed.id
+        return self._replayed.get(recorded.id) == replayed.id
 
     def translated(self, state: DroneState) -> DroneState:
         """Return a recorded state as the replay's leaves must read it."""
-        movement = state.movement
-        if movement is None:
+        if (movement := state.movement) is None:
             return state
         # Ids count from 1 up: no leaf waits for a negative one.
         replayed = self._replayed.get(movement.id, -abs(movement.id))
-        if replayed == movement.id:
-            return state
         return replace(state, movement=replace(movement, id=replayed))
 
 
@@ -86,19 +86,23 @@ class RecordedDrone:
         stills: whether its camera took photographs.
 
     Raises:
-        FileError: the record has no tick.
+        FileError: the record has no tick, or its report is damaged.
     """
+
+    referee = None  # new decisions have no consequences that it could judge
+    scene = None  # no decision depends on it
+    live = False  # no check before take-off
+    tick_s = None  # the recorded ticks set the pace
 
     def __init__(
         self, reader: RecordReader, airframe: Airframe | None = None, *, stills: bool = False
     ) -> None:
         self._reader = reader
-        self.airframe = airframe or Airframe()
-        self._moments: Iterator[Moment] = reader.moments()
-        self._frame: Frame | None = None
-        self._clock = RecordedClock(self)
-        self.ids = MovementIds()
+        self.airframe, self.camera = airframe or Airframe(), reader.camera
+        self.clock, self.ids = RecordedClock(self), MovementIds()
         self.missing_images = 0  # frames whose image the record lacks
+        self._frame: Frame | None = None
+        self._moments: Iterator[Moment] = reader.moments()
         first = next(self._moments, None)
         if first is None:
             raise FileError(reader.path, "the record has no tick to replay")
@@ -106,25 +110,26 @@ class RecordedDrone:
         self.moment = first
         self._next = next(self._moments, None)
         self._take_frame()
-        self.stills = RecordedStills.of(reader, self._elapsed_s) if stills else None
+        report = (reader.end or {}).get("report") if stills else None
+        self.stills = None if report is None else RecordedStills(self, report, reader.path)
 
     @property
     def at_end(self) -> bool:
         """Whether this is the last recorded tick."""
         return self._next is None
 
-    def advance(self) -> None:
-        """Go on to the next tick; nothing happens after the last."""
-        if self._next is None:
-            return
-        self.before, self.moment = self.moment, self._next
-        self._next = next(self._moments, None)
-        self._take_frame()
-
-    def _elapsed_s(self) -> float:
-        """Return the recorded time since the take-off command, s."""
+    @property
+    def elapsed_s(self) -> float:
+        """Recorded time since the take-off command."""
         known = self.moment.board.get(ELAPSED.name)
         return 0.0 if known is None else float(known["value"])
+
+    def advance(self) -> None:
+        """Go on to the next tick; nothing happens after the last."""
+        if self._next is not None:
+            self.before, self.moment = self.moment, self._next
+            self._next = next(self._moments, None)
+            self._take_frame()
 
     def _take_frame(self) -> None:
         stored = self.moment.frame
@@ -137,36 +142,6 @@ class RecordedDrone:
             self._frame = stored.frame()
         except InputError as error:
             raise FileError(self._reader.path, f"frame {stored.note.index}: {error}") from error
-
-    @property
-    def clock(self) -> RecordedClock:
-        """The recording's time."""
-        return self._clock
-
-    @property
-    def camera(self) -> CameraModel:
-        """The camera that took the frames."""
-        return self._reader.camera
-
-    @property
-    def referee(self) -> None:
-        """None: new decisions have no consequences that a referee could judge."""
-        return
-
-    @property
-    def scene(self) -> None:
-        """None: no decision depends on the recorded scene."""
-        return
-
-    @property
-    def live(self) -> bool:
-        """A record needs no check before take-off."""
-        return False
-
-    @property
-    def tick_s(self) -> None:
-        """The recorded ticks set the pace."""
-        return
 
     def connect(self) -> None:
         """Nothing needs to be done."""
@@ -190,11 +165,7 @@ class RecordedSegmenter:
         self._drone = drone
 
     def segment(self, frame: Frame) -> ClassMap:
-        """Return the class map that was recorded with a frame.
-
-        Raises:
-            InputError: no class map was recorded with it.
-        """
+        """Return the class map that was recorded with a frame; InputError if there is none."""
         found = self._drone.moment.class_map
         if found is None or found.captured_s != frame.captured_s:
             raise InputError(
@@ -202,3 +173,54 @@ class RecordedSegmenter:
                 "(--masks network)"
             )
         return found
+
+
+class RecordedStills:
+    """Photographs of the drone's camera, which end when they did in the flight (`StillCamera`).
+
+    Args:
+        drone: Replays the record.
+        report: The report in the record, as JSON.
+        path: Of the record.
+
+    Raises:
+        FileError: The report is damaged.
+    """
+
+    def __init__(self, drone: RecordedDrone, report: str, path: Path) -> None:
+        self._drone = drone
+        self._asked_s: list[float] = []
+        try:
+            self._ended = list(_ended(parse_json(report)))
+        except (InputError, KeyError, TypeError, ValueError) as error:
+            raise FileError(path, f"the report in the record is damaged: {error}") from error
+
+    def take_still(self) -> int:
+        """Note that a photograph is asked for; return its number."""
+        self._asked_s.append(self._drone.elapsed_s)
+        return len(self._asked_s) - 1
+
+    def still(self, number: int) -> Still:
+        """Return the present state of a photograph, as it was in the flight."""
+        asked_s, now_s = self._asked_s[number] - _ROUNDED_S, self._drone.elapsed_s + _ROUNDED_S
+        ended_s, still = next((one for one in self._ended if one[0] >= asked_s), (None, Still()))
+        return Still() if ended_s is None or now_s < ended_s else still
+
+    def fetch_still(self, media: str, limit_s: float) -> bytes:
+        """Refuse with a DroneError: a record has no photographs."""
+        raise DroneError(f"a record has no photograph '{media}' (asked for within {limit_s:g} s)")
+
+
+def _ended(report: Any) -> Iterator[tuple[float, Still]]:
+    """Yield the photographs of a report: seconds since take-off, and how the camera ended."""
+    of = {kind: [e for e in report["events"] if e["kind"] == kind.value] for kind in EventKind}
+    reasons = {
+        float(event["time_s"]): str(event["text"]).rpartition(": ")[2]
+        for event in of[EventKind.NO_PHOTO]
+    }
+    for event, photo in zip(of[EventKind.PHOTO], report["photos"], strict=False):
+        time_s, media = float(event["time_s"]), photo.get("camera_media")
+        reason = reasons.get(time_s, "it failed in the flight")
+        failed = Still(state=StillState.FAILED, reason=reason)
+        saved = Still(state=StillState.SAVED, media=str(media))
+        yield time_s, failed if media is None else saved

@@ -13,6 +13,7 @@ from uav_bt.app.flight_record import RecordedOptions, recorded_options
 from uav_bt.app.loading import Mission, is_text, read_mission
 from uav_bt.app.option_values import check_policies, expect, files, refuse
 from uav_bt.app.options import FlightOptions
+from uav_bt.app.place import conditions_of
 from uav_bt.app.recorded_files import recorded_files
 from uav_bt.app.replay.differences import LOSSY_NUMBERS, Comparison, ReplayReport
 from uav_bt.app.replay.recorded_drone import RecordedDrone, RecordedSegmenter
@@ -25,7 +26,6 @@ from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import LeafPolicy
 from uav_bt.record import channels
-from uav_bt.record.moment import Moment
 from uav_bt.record.reader import RecordReader
 from uav_bt.tree import MissionTree, NodeRegistry, Status
 from uav_bt.tree.loading.lookup import TreeFolders
@@ -34,6 +34,7 @@ from uav_bt.types.area import Area
 Masks = Literal["network", "recorded"]
 
 _OVER: Final = frozenset({"SUCCESS", "FAILURE"})
+_STOPPED: Final = frozenset({Override.ABORT.value, Override.BATTERY.value})
 _AS_RECORDED: Final = "stopped, as in the recording"
 
 
@@ -83,49 +84,6 @@ def replay(record: str | Path, options: ReplayOptions | None = None) -> ReplayRe
     """
     changes = options or ReplayOptions()
     reader = RecordReader(record)
-    _check_beginning(reader)
-    flight, masks = assemble_recorded(reader, changes)
-    keeps_files = recorded_options(reader).outputs
-    drone, lossless = flight.drone, flight.options.record_quality == "lossless"
-    comparison = Comparison(
-        reader.tree, flight.mission, drone, tolerance=0.0 if lossless else LOSSY_NUMBERS
-    )
-    ended = None
-    try:
-        with TemporaryDirectory(prefix="uav-bt-replay-") as folder:
-            # The replay's files are dropped; leaves must answer as in the flight.
-            flight.outputs = FlightFolder(Path(folder)) if keeps_files else None
-            with flight.connected():
-                flight.runner([comparison]).run()
-    except NodeFailedError as error:
-        ended = str(error)  # a replayed change may fail
-    end = reader.end
-    return ReplayReport(
-        record=str(record),
-        tree=_tree_name(changes.tree, flight.mission),
-        outcome=None if end is None else end.get("outcome"),
-        exact=lossless and not drone.missing_images and not reader.damages,
-        masks=masks,
-        ticks=comparison.ticks,
-        status_ticks=comparison.status_ticks,
-        command_ticks=comparison.command_ticks,
-        differing_ticks=comparison.differing_ticks,
-        differences=tuple(comparison.differences),
-        nodes=dict(comparison.nodes.most_common()),
-        only_recorded=comparison.only_recorded,
-        only_replayed=comparison.only_replayed,
-        missing_images=drone.missing_images,
-        damages=reader.damages,
-        ended=ended,
-    )
-
-
-def _tree_name(given: Mission | None, mission: MissionTree) -> str:
-    is_file = isinstance(given, str | Path) and not is_text(given)
-    return str(given) if is_file else mission.origin
-
-
-def _check_beginning(reader: RecordReader) -> None:
     first = next(reader.moments(), None)
     if first is not None and first.tick.index > 0:
         begins_s = first.tick.time_s - reader.timeline.start_s
@@ -134,16 +92,35 @@ def _check_beginning(reader: RecordReader) -> None:
             f"begins {begins_s:.1f} s into its flight; what tree and perception remember by then "
             "is not in it: replay the whole record",
         )
+    flight, masks = assemble_recorded(reader, changes)
+    keeps_files = recorded_options(reader).outputs
+    drone, lossless = flight.drone, flight.options.record_quality == "lossless"
+    is_file = isinstance(changes.tree, str | Path) and not is_text(changes.tree)
+    report = ReplayReport(
+        record=str(record),
+        tree=str(changes.tree) if is_file else flight.mission.origin,
+        outcome=(reader.end or {}).get("outcome"),
+        masks=masks,
+    )
+    tolerance = 0.0 if lossless else LOSSY_NUMBERS
+    comparison = Comparison(report, reader.tree, flight.mission, drone, tolerance=tolerance)
+    try:
+        with TemporaryDirectory(prefix="uav-bt-replay-") as folder:
+            # The replay's files are dropped; leaves must answer as in the flight.
+            flight.outputs = FlightFolder(Path(folder)) if keeps_files else None
+            with flight.connected():
+                flight.runner([comparison]).run()
+    except NodeFailedError as error:
+        report.ended = str(error)  # a replayed change may fail
+    report.missing_images, report.damages = drone.missing_images, reader.damages
+    report.exact = lossless and not drone.missing_images and not reader.damages
+    return report
 
 
 def assemble_recorded(
     reader: RecordReader, changes: ReplayOptions
 ) -> tuple[Flight[RecordedDrone], Masks]:
     """Put a recorded flight together again: same mission, site, limits and seed, recorded frames.
-
-    Args:
-        reader: of the record.
-        changes: Changes of this replay.
 
     Returns:
         The flight, and whose class maps it gets.
@@ -178,14 +155,18 @@ def assemble_recorded(
     else:
         mission = _recorded_mission(reader, recorded, options, changes.registry)
     _check_complete(reader, mission, masks)
+    held = replace(
+        conditions_of(options, mission, drone, recorded=True),
+        classes=reader.classes,
+        area=None if recorded.area is None else Area(recorded.area),
+    )
     flight = Flight(
         mission,
         drone,
         options,
+        held=held,
         judge=ReplayJudge(drone, recorded.judge),
-        area=None if recorded.area is None else Area(recorded.area),
         segmenter=RecordedSegmenter(drone) if masks == "recorded" else None,
-        classes=reader.classes,
         make_runner=ReplayRunner,
     )
     return flight, masks
@@ -193,20 +174,20 @@ def assemble_recorded(
 
 def _check_complete(reader: RecordReader, mission: MissionTree, masks: Masks) -> None:
     """Refuse a record that lacks the tree's frames or class maps: every replay would differ."""
-    perceives = any(FRAME in leaf.reads for leaf in mission.leaves())
-    segments = any(CLASS_MAP in leaf.writes for leaf in mission.leaves())
-    needed = {
-        (channels.CAMERA_FRAME, channels.CAMERA_IMAGE): ("frames", perceives),
-        (channels.CLASS_MAP,): ("class maps", segments and masks == "recorded"),
-    }
-    for topics, (what, wanted) in needed.items():
-        for channel in topics if wanted else ():
-            if next(reader.messages([channel.topic]), None) is None:
-                raise FileError(
-                    reader.path,
-                    f"the record has no {what} (no message on {channel.topic}): perception cannot "
-                    "be replayed; give the record as it was flown",
-                )
+    needed: dict[str, str] = {}
+    if any(FRAME in leaf.reads for leaf in mission.leaves()):
+        needed |= dict.fromkeys(
+            (channels.CAMERA_FRAME.topic, channels.CAMERA_IMAGE.topic), "frames"
+        )
+    if masks == "recorded" and any(CLASS_MAP in leaf.writes for leaf in mission.leaves()):
+        needed[channels.CLASS_MAP.topic] = "class maps"
+    for topic, what in needed.items():
+        if next(reader.messages([topic]), None) is None:
+            raise FileError(
+                reader.path,
+                f"the record has no {what} (no message on {topic}): perception cannot be "
+                "replayed; give the record as it was flown",
+            )
 
 
 def _recorded_mission(
@@ -218,9 +199,8 @@ def _recorded_mission(
     """Load the recorded tree as it was flown, but for the policies that options give."""
     for node, given in recorded.replaced.items():
         name = node.rpartition("/")[2].partition("#")[0]
-        if given.get("policy") in recorded.policy_objects and not {node, name} & {
-            *options.policies
-        }:
+        lost = given.get("policy") in recorded.policy_objects
+        if lost and not {node, name} & {*options.policies}:
             raise FileError(
                 reader.path,
                 f"the policy of node '{node}' was an object of the program that flew, "
@@ -243,9 +223,6 @@ def _recorded_mission(
     return mission
 
 
-# --- the runner -----------------------------------------------------------------------------------
-
-
 class ReplayJudge(Judge):
     """Ends the replay with the recording's last tick, whatever happens."""
 
@@ -256,41 +233,32 @@ class ReplayJudge(Judge):
     def verdict(self, record: TickRecord, **_: Any) -> Verdict | None:
         """Return that the recording is over, None while it goes on."""
         del record
-        if self._drone.at_end:
-            return Verdict(Outcome.SUCCESS, "the recording is over")
-        return None
+        over = Verdict(Outcome.SUCCESS, "the recording is over")
+        return over if self._drone.at_end else None
 
 
 class ReplayRunner(MissionRunner):
-    """Flies a recorded drone; an operator's stop comes again in the tick in which it came.
-
-    Args:
-        drone: the recorded drone.
-        rest: as `MissionRunner` takes it.
-        named: as `MissionRunner` takes it.
-    """
+    """Flies a recorded drone; an operator's stop comes again in the tick in which it came."""
 
     def __init__(self, drone: RecordedDrone, *rest: Any, **named: Any) -> None:
         super().__init__(drone, *rest, **named)
         self._recorded = drone
 
     def _tick_tree(self) -> Status:
-        moment = self._recorded.moment
-        stopped = _stopped_by_operator(self._recorded.before, moment)
         # A stop between two ticks keeps the tree from being ticked; one within comes after.
-        if stopped and moment.tick.tree_status == Status.IDLE.name:
+        stopped = self._stops()
+        if stopped and self._recorded.moment.tick.tree_status == Status.IDLE.name:
             self.abort.request(_AS_RECORDED)
         status = super()._tick_tree()
         if stopped:
             self.abort.request(_AS_RECORDED)
         return status
 
-
-def _stopped_by_operator(before: Moment | None, now: Moment) -> bool:
-    """Return whether a stop began here that the runner did not come to by itself."""
-    if now.commands.override != Override.ABORT.value:
-        return False
-    return before is None or (
-        before.commands.override not in {Override.ABORT.value, Override.BATTERY.value}
-        and before.tick.tree_status not in _OVER
-    )
+    def _stops(self) -> bool:
+        """Return whether a stop begins here that the runner does not come to by itself."""
+        before, now = self._recorded.before, self._recorded.moment
+        if now.commands.override != Override.ABORT.value:
+            return False
+        return before is None or (
+            before.commands.override not in _STOPPED and before.tick.tree_status not in _OVER
+        )

@@ -5,15 +5,15 @@ RecordedFlight(Path("flight.mcap")).save(Path("flight.rrd"))
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Final
 
 from sim_bridge.twin.scene_file import load_scene
-from uav_bt.app.film import map_of_scene, panes_of
+from uav_bt.app.film import depth_of, map_of_scene
 from uav_bt.app.flight_record import recorded_options
 from uav_bt.app.recorded_files import recorded_files
 from uav_bt.app.results import path_of
@@ -21,8 +21,7 @@ from uav_bt.app.view.live import setting_of
 from uav_bt.board import SITE_MAP
 from uav_bt.display.phrases import describe_flight
 from uav_bt.display.rerun import sinks
-from uav_bt.display.rerun.setting import TreeNode, ViewSetting
-from uav_bt.display.video.video import FlightVideo, FlightVideoConfig
+from uav_bt.display.video.video import FlightVideo, Panes
 from uav_bt.errors import FileError, InputError, TreeError
 from uav_bt.files import parse_json
 from uav_bt.mission.judge import Outcome
@@ -37,10 +36,10 @@ if TYPE_CHECKING:
     import rerun as rr
     from numpy.typing import NDArray
 
+    from uav_bt.display.rerun.layout import ViewSetting
     from uav_bt.types import SiteMap
 
 Stopped = Callable[[], bool]
-
 
 # Options of `uav-bt view` without a display.
 WITHOUT_DISPLAY: Final = (
@@ -57,7 +56,7 @@ class Span:
 
 
 class RecordedFlight:
-    """A record with the tree and the lab of its attachments.
+    """A record with the tree and the lab of its attachments, each as far as it is known here.
 
     Args:
         path: the record.
@@ -71,23 +70,23 @@ class RecordedFlight:
     def __init__(self, path: str | Path, span: Span | None = None) -> None:
         self.reader = RecordReader(path)
         self._span = span or Span()
+        self.tree: MissionTree | None = None  # None where it has nodes that are not installed
+        self.lab_map = None  # None where the files of its lab are missing
         with TemporaryDirectory(prefix="uav-bt-record-") as folder:
             files = recorded_files(self.reader, Path(folder))
-            name = self.reader.metadata.get("tree_name")
-            self.tree = None if files.tree is None else known_tree(files.tree, name)
-            self.lab_map = None if files.scene is None else map_of_scene(load_scene(files.scene))
+            if files.tree is not None:
+                with suppress(TreeError):
+                    self.tree = load_tree(files.tree, tree_id=self.reader.metadata.get("tree_name"))
+            if files.scene is not None:
+                with suppress(InputError):
+                    self.lab_map = map_of_scene(load_scene(files.scene))
 
     @property
     def title(self) -> str:
         """The mission, the scene, the seed."""
-        facts: Mapping[str, str] = self.reader.metadata
         options = recorded_options(self.reader)
-        return describe_flight(
-            facts.get("tree", self.reader.path.name),
-            scene=options.scene,
-            drone=options.drone,
-            seed=options.seed,
-        )
+        tree = self.reader.metadata.get("tree", self.reader.path.name)
+        return describe_flight(tree, scene=options.scene, drone=options.drone, seed=options.seed)
 
     @property
     def damages(self) -> tuple[str, ...]:
@@ -110,21 +109,17 @@ class RecordedFlight:
                 last = site_map.seen_s
 
     def setting(self) -> ViewSetting:
-        """Return the parts of a view that do not change during the flight."""
-        nodes = self.reader.tree.nodes
+        """Return what does not change during the flight, for a view."""
+        reader, nodes = self.reader, self.reader.tree.nodes
         return setting_of(
             self.tree,
-            self.reader.camera,
-            classes=self.reader.classes,
-            airframe=recorded_options(self.reader).airframe,
-            nodes=[
-                TreeNode(
-                    path=node.path,
-                    label=node.name,
-                    parent=None if node.parent is None else nodes[node.parent].path,
-                )
+            reader.camera,
+            classes=reader.classes,
+            airframe=recorded_options(reader).airframe,
+            tree=tuple(
+                (node.path, node.name, None if node.parent is None else nodes[node.parent].path)
                 for node in nodes
-            ],
+            ),
             lab_map=self.lab_map,
             title=self.title,
         )
@@ -136,12 +131,7 @@ class RecordedFlight:
         advance: Advance = silent,
         stopped: Stopped = lambda: False,
     ) -> None:
-        """Draw the flight into a Rerun recording.
-
-        Args:
-            stream: open.
-            advance: called with the number of ticks drawn.
-            stopped: returns whether the viewer was closed.
+        """Draw the flight into an open Rerun recording, until the viewer was closed.
 
         Raises:
             FileError: the record has no tick there, or one that cannot be read.
@@ -151,9 +141,8 @@ class RecordedFlight:
 
         setting, playback = self.setting(), Playback(self.reader)
         stream.send_blueprint(layout(setting))
-        view = FlightView(
-            stream, setting, playback.board, playback.statuses, start_s=playback.start_s
-        )
+        board, start_s = playback.board, playback.start_s
+        view = FlightView(stream, setting, board, playback.statuses, start_s=start_s)
         self._play(playback, view, "view", advance, stopped)
 
     def _shown(self, playback: Playback) -> Iterator[TickRecord]:
@@ -167,7 +156,9 @@ class RecordedFlight:
         advance: Advance,
         stopped: Stopped = lambda: False,
     ) -> None:
-        total, done = self._ticks(), 0
+        done, total = 0, 1  # the whole flight's, for a progress bar
+        with suppress(InputError, KeyError, TypeError, ValueError, OverflowError):
+            total = int(parse_json((self.reader.end or {})["report"])["ticks"])
         for record in self._shown(playback):
             listener.on_tick(record)
             done += 1
@@ -179,20 +170,6 @@ class RecordedFlight:
             raise FileError(
                 self.reader.path, "the record has no tick in the part that was asked for"
             )
-
-    def _ticks(self) -> int:
-        """Return how many ticks the whole flight has; 1 where the record does not say."""
-        end = self.reader.end or {}
-        try:
-            return int(parse_json(end["report"])["ticks"])
-        except (
-            InputError,
-            KeyError,
-            TypeError,
-            ValueError,
-            OverflowError,
-        ):  # only for a progress bar
-            return 1
 
     def save(self, path: str | Path, *, advance: Advance = silent) -> None:
         """Write the view as an rrd file, which appears whole or not at all.
@@ -222,7 +199,7 @@ class RecordedFlight:
         try:
             yield viewer
         finally:
-            viewer.close(end=web)
+            viewer.close()
 
     def film(self, path: str | Path, *, speed: float = 1.0, advance: Advance = silent) -> None:
         """Write the flight as a video: camera, mask, depth, map and the active branch.
@@ -237,37 +214,22 @@ class RecordedFlight:
             MissingDependencyError: no video encoder works here.
         """
         reader, playback = self.reader, Playback(self.reader)
-        panes = panes_of(
+        panes = Panes(
             playback.board,
             reader.camera,
-            self.tree,
             lab_map=self.lab_map,
             title=self.title,
             limit_s=recorded_options(reader).judge.limit_s,
+            **depth_of(self.tree, reader.camera),
         )
-        with FlightVideo(Path(path), panes, FlightVideoConfig(speed=speed)) as video:
+        with FlightVideo(Path(path), panes, speed=speed) as video:
             try:
                 self._play(playback, video, "video", advance)
             except BaseException:
                 video.discard()  # it can be made again; half of one is not to replace a whole one
                 raise
-            end = reader.end
-            if end is not None and end.get("outcome"):
+            end = reader.end or {}
+            if end.get("outcome"):
                 outcome = end["outcome"]
                 good = outcome == Outcome.SUCCESS.value
                 video.conclude(outcome.replace("_", " "), [end.get("reason", "")], good=good)
-
-
-def known_tree(file: Path, tree_id: str | None) -> MissionTree | None:
-    """Return a tree of a file; None where it has nodes that are not installed here.
-
-    The record suffices for the graph of such a tree, not for its corridor.
-
-    Args:
-        file: the tree file.
-        tree_id: which of its trees; None in a record that does not say.
-    """
-    try:
-        return load_tree(file, tree_id=tree_id)
-    except TreeError:
-        return None

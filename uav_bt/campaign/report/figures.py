@@ -1,51 +1,44 @@
-"""The report's figures of outcomes with their intervals and of the densities of metrics."""
+"""The report's figures of outcomes, of the distributions of metrics, and of coverage over time."""
 
 from __future__ import annotations
 
 import io
 import math
-from collections.abc import Sequence
+import warnings
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Any, Final, Literal, cast
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.font_manager import fontManager, get_font
 from matplotlib.lines import Line2D
+from matplotlib.text import Text
+from numpy.typing import NDArray
 
-from uav_bt.campaign.flight_lines import METRICS, Metric
+from uav_bt.campaign.flight_lines import METRICS
 from uav_bt.campaign.report.paper import paper_figures
 from uav_bt.campaign.report.sources import FlightSet
 from uav_bt.campaign.report.statistics import (
-    Distribution,
-    bandwidth,
-    density,
-    reached,
-    summarise,
+    success_interval,
+    success_words,
+    successes,
+    values_of,
 )
+from uav_bt.mission.flight_report import EXPLORE_S
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 # Okabe and Ito: distinguishable for people with colour-blindness. Dark colours first, on white.
-SET_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#555555")
-OUTCOME_COLOURS: Final = {
-    "success": "#2b8a5a",
-    "collision": "#c92a2a",
-    "left_area": "#e67700",
-    "timeout": "#6741d9",
-    "aborted": "#868e96",
-    "error": "#212529",
-}
+_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#555555")
 _INK: Final = "#212529"
-_ENOUGH: Final = 5  # smallest number of different values with a density (chosen)
-_DIGITS: Final = (
-    (1.0, 3),
-    (10.0, 2),
-)  # decimal places of numbers below; of others, and of s and %, one
-_LINE_PT: Final = 11.0  # between lines of text above a panel
-
+_GRID: Final = "#e9ecef"
+_FONT: Final = "DejaVu Sans"  # part of matplotlib: the same image on each machine
 _STYLE: Final[dict[str, Any]] = {
-    "font.family": "DejaVu Sans",  # part of matplotlib: the same image on each machine
+    "font.family": _FONT,
     "font.size": 9.0,
     "axes.edgecolor": "#adb5bd",
     "axes.labelcolor": _INK,
@@ -61,7 +54,6 @@ _STYLE: Final[dict[str, Any]] = {
     "pdf.fonttype": 42,  # TrueType: publishers refuse matplotlib's default, Type 3
     "svg.hashsalt": "uav-bt",  # otherwise the identifiers in an SVG are random
 }
-
 
 Form = Literal["png", "pdf", "svg"]
 
@@ -86,10 +78,42 @@ def style() -> Any:
 def drawn(figure: Figure, form: Form) -> bytes:
     """Return a figure as the content of an image file; equal figures give equal bytes."""
     buffer = io.BytesIO()
-    with style():
+    with style(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")  # `find_letters` names them
         metadata = dict.fromkeys(_NO_METADATA[form])
         figure.savefig(buffer, format=form, metadata=metadata, dpi="figure")
     return buffer.getvalue()
+
+
+def find_letters(figure: Figure) -> set[str]:
+    """Give texts the installed fonts that have their letters; return letters that no font has."""
+    missing = set()
+    for text in figure.findobj(Text):
+        fonts = {letter: _font_with(letter) for letter in text.get_text() if letter.isprintable()}
+        others = {font for font in fonts.values() if font and font != _FONT}
+        text.set_fontfamily([_FONT, *sorted(others)])
+        missing |= {letter for letter, font in fonts.items() if font is None}
+    return missing
+
+
+@cache
+def _font_with(letter: str) -> str | None:
+    """Return the name of a font that has a letter: matplotlib's own before those of the system."""
+    real = (
+        font for font in fontManager.ttflist if not font.name.startswith("Last Resort")
+    )  # boxes
+    fonts = sorted(real, key=lambda font: (font.name != _FONT, font.name))
+    return next((f.name for f in fonts if get_font(f.fname).get_char_index(ord(letter))), None)
+
+
+def _coloured(sets: Sequence[FlightSet]) -> list[tuple[FlightSet, str]]:
+    return [(one, _COLOURS[index % len(_COLOURS)]) for index, one in enumerate(sets)]
+
+
+def legend(figure: Figure, labels: Iterable[tuple[str, str]], columns: int = 2) -> None:
+    """Add a legend of labels with their colours above a figure."""
+    lines = [Line2D([], [], color=colour, label=label) for label, colour in labels]
+    figure.legend(handles=lines, loc="outside upper left", ncols=columns)
 
 
 def outcomes(sets: Sequence[FlightSet]) -> Figure:
@@ -97,159 +121,120 @@ def outcomes(sets: Sequence[FlightSet]) -> Figure:
     with style():
         figure = new_figure(8.0, 0.8 + 0.55 * len(sets))
         axes = figure.add_subplot()
-        for row, (one, colour) in enumerate(zip(sets, set_colours(sets), strict=True)):
-            summary = summarise(one.flights)
-            low, high = (100.0 * end for end in summary.success_95)
-            axes.plot(
-                [low, high], [row, row], color=colour, linewidth=6, alpha=0.3, solid_capstyle="butt"
-            )
-            share = 100.0 * summary.successes / summary.flights
+        for row, (one, colour) in enumerate(_coloured(sets)):
+            low, high = success_interval(one.flights)
+            axes.plot([low, high], [row, row], color=colour, linewidth=6, alpha=0.3)
+            share = 100.0 * successes(one.flights) / len(one.flights)
             axes.plot(share, row, "o", color=colour, markersize=7, clip_on=False)
             # Above the bar: beside it, long labels would leave no room for the bars.
-            words = f"{summary.success_text}  [{low:.1f}, {high:.1f}]"
+            words = f"{success_words(one.flights)}  [{low:.1f}, {high:.1f}]"
             for x, text, side in ((0.0, one.label, "left"), (100.0, words, "right")):
-                axes.annotate(
-                    text,
-                    (x, row),
-                    xytext=(0, 7),
-                    textcoords="offset points",
-                    horizontalalignment=side,
-                )
+                place = {"xytext": (0, 7), "textcoords": "offset points"}
+                axes.annotate(text, (x, row), **place, horizontalalignment=side)
         axes.set_yticks([])
         axes.spines["left"].set_visible(False)
-        axes.set_ylim(len(sets) - 0.6, -0.7)
-        axes.set_xlim(0.0, 100.0)
+        axes.set(xlim=(0.0, 100.0), ylim=(len(sets) - 0.6, -0.7))
         axes.set_xlabel("successful flights, %, with the 95 % Wilson interval")
-        axes.grid(axis="x", color="#e9ecef")
-        axes.set_axisbelow(True)
+        axes.grid(axis="x", color=_GRID)
         return figure
 
 
-def set_colours(sets: Sequence[FlightSet]) -> list[str]:
-    """Return a colour for each set."""
-    return [SET_COLOURS[index % len(SET_COLOURS)] for index in range(len(sets))]
-
-
-def densities(sets: Sequence[FlightSet]) -> Figure | None:
-    """Draw the distribution of each metric, all sets in each panel.
-
-    Args:
-        sets: The flights.
-
-    Returns:
-        The figure; None when no flight has a metric.
-    """
+def distributions(sets: Sequence[FlightSet]) -> Figure | None:
+    """Draw the cumulative distribution of each metric; None when no flight has a metric."""
     # Where all values are 0, no flight has that phase.
-    panels = [name for name in METRICS if any(any(some) for some in _values(sets, name))]
+    panels = [name for name in METRICS if any(any(values_of(one.flights, name)) for one in sets)]
     if not panels:
         return None
     with style():
         rows = math.ceil(len(panels) / 2)
-        quoted = max(len(paper_figures(name, (one.tree for one in sets))) for name in panels)
-        row_in = 1.9 + _LINE_PT / 72.0 * (len(sets) + quoted)
-        figure = new_figure(9.5, 0.2 + 0.15 * len(sets) + row_in * rows)
+        figure = new_figure(9.5, 0.3 + 0.15 * len(sets) + 2.1 * rows)
         grid = figure.subplots(rows, 2, squeeze=False)
         for axes in grid.flat[len(panels) :]:
             axes.set_visible(False)
         for axes, name in zip(grid.flat, panels, strict=False):
             _panel(axes, sets, name)
-        figure.legend(
-            handles=[
-                Line2D([], [], color=colour, label=one.label, linewidth=1.8)
-                for one, colour in zip(sets, set_colours(sets), strict=True)
-            ],
-            loc="outside upper left",
-            ncols=2,
+        legend(figure, ((one.label, colour) for one, colour in _coloured(sets)))
+        return figure
+
+
+def _panel(axes: Axes, sets: Sequence[FlightSet], name: str) -> None:
+    metric, quoted = METRICS[name], paper_figures(name, (one.tree for one in sets))
+    for _, least, most in quoted:
+        axes.axvspan(least, most, color="#ffd43b", alpha=0.5, linewidth=0)
+    for one, colour in _coloured(sets):
+        if values := values_of(one.flights, name):
+            axes.ecdf(values, color=colour, linewidth=1.8)
+    title = f"{metric.words}, {metric.unit}" if metric.unit else metric.words
+    axes.set_title("\n".join((title, *(f"paper, {text}" for text, _, _ in quoted))))
+    axes.set(xlim=(0.0, 100.0) if metric.unit == "%" else (0.0, None), ylim=(0.0, 1.0))
+    axes.set_yticks([0.0, 0.5, 1.0], ["0 %", "50 %", "100 %"])
+    axes.grid(color=_GRID)
+
+
+_SHARES: Final = ("passed", "seen")  # as the fields of a flight are called
+
+
+def coverage_over_time(sets: Sequence[FlightSet]) -> Figure | None:
+    """Draw the coverage of each flight over time and the mean of each set.
+
+    Flights without measured coverage are left out; None when no flight has a curve.
+    """
+    measured = [
+        (one.label, [f for f in one.flights if f.get("coverage_passed") is not None], colour)
+        for one, colour in _coloured(sets)
+    ]
+    if not any(flight["coverage_curve"] for _, some, _ in measured for flight in some):
+        return None
+    with style():
+        figure = new_figure(9.5, 3.4 + 0.15 * len(sets))
+        panels = figure.subplots(1, len(_SHARES), sharey=True)
+        for axes, what in zip(panels, _SHARES, strict=True):
+            for _, some, colour in measured:
+                alpha = float(np.clip(4.0 / max(len(some), 1), 0.1, 0.5))
+                for flight in some:
+                    curve = curve_of(flight, what)
+                    axes.plot(*curve.T, color=colour, linewidth=0.8, alpha=alpha)
+                    axes.plot(*curve[-1:].T, ".", color=colour, markersize=4, alpha=alpha)
+                axes.plot(*mean_curve(some, what).T, color=colour, linewidth=2.0)
+            axes.axvline(EXPLORE_S, color="#adb5bd", linewidth=0.8, linestyle=":")
+            axes.set_title(f"free ground {'covered' if what == 'passed' else what}, %")
+            axes.set_xlabel("time from the take-off command, s")
+            axes.set(xlim=(0.0, None), ylim=(0.0, 100.0))
+            axes.grid(color=_GRID)
+        legend(
+            figure,
+            (
+                (f"{label}, {len(some)} flight{'' if len(some) == 1 else 's'}", colour)
+                for label, some, colour in measured
+                if some
+            ),
         )
         return figure
 
 
-def _values(sets: Sequence[FlightSet], name: str) -> list[list[float]]:
-    """Return the values of a metric, of the flights of each set that reached it."""
-    return [
-        [value for flight in one.flights if (value := reached(flight, name)) is not None]
-        for one in sets
+def curve_of(flight: Mapping[str, Any], what: str) -> NDArray[np.float64]:
+    """Return a flight's coverage, `passed` or `seen`, to its end: time in s, share in %, (N, 2)."""
+    column = 1 + _SHARES.index(what)
+    points = [[point[0], 100.0 * point[column]] for point in flight["coverage_curve"]]
+    end_s, share = flight.get("duration_s"), flight.get(f"coverage_{what}")
+    if end_s is not None and share is not None and (not points or end_s > points[-1][0]):
+        points.append([end_s, 100.0 * share])
+    return np.array(points, dtype=np.float64).reshape(-1, 2)
+
+
+def mean_curve(flights: Sequence[Mapping[str, Any]], what: str) -> NDArray[np.float64]:
+    """Return the mean coverage at the sample times that half of the flights reached, (N, 2).
+
+    Time in s, share in %. Later the mean would jump whenever a flight ends.
+    """
+    column = 1 + _SHARES.index(what)
+    shares: dict[float, list[float]] = defaultdict(list)
+    for flight in flights:
+        for point in flight["coverage_curve"]:
+            shares[point[0]].append(point[column])
+    means = [
+        [time_s, 100.0 * float(np.mean(some))]
+        for time_s, some in sorted(shares.items())
+        if 2 * len(some) >= len(flights)
     ]
-
-
-def _panel(axes: Axes, sets: Sequence[FlightSet], name: str) -> None:
-    metric = METRICS[name]
-    values, colours = _values(sets, name), set_colours(sets)
-    published = paper_figures(name, (one.tree for one in sets))
-    tail = 2.5 if metric.unit else 0.0  # bandwidths in view right of the largest value (chosen)
-    ends = [max(some) + tail * bandwidth(some) for some in values if some]
-    ends += [figure.span[1] for figure in published]
-    end = 100.0 if metric.unit == "%" else 1.08 * max(ends) or 1.0
-    at = np.linspace(0.0, end, 500)
-    axes.set_xlim(0.0, at[-1])
-    for figure in published:
-        axes.axvspan(*figure.span, color="#ffd43b", alpha=0.5, linewidth=0, zorder=0)
-    top = 0.0
-    for row, (some, colour) in enumerate(zip(values, colours, strict=True)):
-        if not some:
-            continue
-        # Few values and counts have no density; a narrow kernel is a spike that hides the others.
-        if metric.unit and len(set(some)) >= _ENOUGH and bandwidth(some) > at[-1] / 432.0:
-            curve = density(some, at)
-            axes.fill_between(at, curve, color=colour, alpha=0.12, linewidth=0)
-            axes.plot(at, curve, color=colour, linewidth=1.8)
-            top = max(top, float(curve.max()))
-            _marks(axes, some, 0.012 + 0.03 * row, marker="|", colour=colour)
-        else:
-            _marks(axes, some, 1.0 - (row + 0.5) / len(sets), marker="o", colour=colour)
-    axes.set_ylim(0.0, 1.1 * top or 1.0)
-    axes.set_yticks([])
-    axes.spines["left"].set_visible(False)
-    lines = [
-        (_in_words(some, metric), colour)
-        for some, colour in zip(values, colours, strict=True)
-        if some
-    ]
-    lines += [(f"paper, {figure.text}", "#7c5e00") for figure in published]
-    _head(axes, metric.title, lines)
-
-
-def _marks(axes: Axes, values: Sequence[float], height: float, *, marker: str, colour: str) -> None:
-    """Mark every flight at a height of the panel, 0 to 1."""
-    axes.plot(
-        values,
-        np.full(len(values), height),
-        marker,
-        color=colour,
-        alpha=0.5,
-        markersize=6,
-        clip_on=False,
-        transform=axes.get_xaxis_transform(),
-    )
-
-
-def _in_words(values: Sequence[float], metric: Metric) -> str:
-    found = Distribution.of(values)
-    if found is None or found.count == 1:
-        return "1 flight: " + ", ".join(_number(value, metric) for value in values)
-    least, median, most = (
-        _number(value, metric) for value in (found.least, found.median, found.most)
-    )
-    return f"{found.count} flights: least {least}, median {median}, most {most}"
-
-
-def _number(value: float, metric: Metric) -> str:
-    if not value or not metric.unit:
-        return f"{value:g}"
-    digits = next((digits for end, digits in _DIGITS if value < end and metric.unit == "m"), 1)
-    return f"{value:.{digits}f}"
-
-
-def _head(axes: Axes, title: str, lines: Sequence[tuple[str, str]]) -> None:
-    """Write a title and coloured lines above a panel, clear of the curves."""
-    for index, (text, colour) in enumerate(reversed(lines)):
-        axes.annotate(
-            text,
-            (0.0, 1.0),
-            xycoords="axes fraction",
-            xytext=(0, 4 + _LINE_PT * index),
-            textcoords="offset points",
-            color=colour,
-            fontsize=8,
-        )
-    axes.set_title(title, pad=8 + _LINE_PT * len(lines))
+    return np.array(means, dtype=np.float64).reshape(-1, 2)

@@ -7,113 +7,94 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
-from matplotlib.patheffects import withStroke
+from scipy.spatial import cKDTree
 
-from uav_bt.campaign.report.figures import OUTCOME_COLOURS, new_figure, style
+from sim_bridge.twin.scene import Scene
+from uav_bt.app.film import map_of_scene
+from uav_bt.campaign.report.figures import legend, new_figure, style
 from uav_bt.campaign.report.sources import FlightSet
+from uav_bt.campaign.report.statistics import SUCCESS
 from uav_bt.display.lab_map import LabMap
 from uav_bt.mission.covered_ground import PASSED_M, GroundCells
 from uav_bt.types.arrays import Flags
-from uav_bt.types.ground import Footprint, Ground, Standing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_STEP_M: Final = 0.1  # between the evaluated points of a path; a tick's flight at 1 m/s
-_GROUND: Final = "#f1f3f0"
-_INK_PAD: Final = "#a61e1e"
-_INK_NAME: Final = "#343a40"
-_HALO: Final = (withStroke(linewidth=2.0, foreground="white"),)  # readable on dark cells
+_OUTCOME_COLOURS: Final = {
+    "success": "#2b8a5a",
+    "collision": "#c92a2a",
+    "left_area": "#e67700",
+    "timeout": "#6741d9",
+    "aborted": "#868e96",
+    "error": "#212529",
+}
+_POINTS: Final = 5  # that are evaluated for each of a path, one for each tick
+_MARK: Final = "#a61e1e"
+_INK: Final = "#343a40"
 _ARROW_M: Final = 0.5  # length of the arrow of the take-off heading
 _MARGIN_M: Final = 0.1  # around the ground and the paths
 _PANEL_IN: Final = 4.7  # width of a panel's axes
 _WORDS_IN: Final = 0.9  # height of the title, the ticks and their label
-_SUCCESS: Final = "success"
 
 Flights = Sequence[dict[str, Any]]
 
 
-def _flights_in(one: FlightSet, scene: str) -> list[dict[str, Any]]:
-    """Return a set's flights in a scene whose path was kept."""
-    return [flight for flight in one.flights if flight["scene"] == scene and flight.get("path")]
-
-
-def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> Figure | None:
+def scene_figure(sets: Sequence[FlightSet], name: str, scene: Scene) -> Figure | None:
     """Draw the flights in a scene: paths on the left, coverage on the right, a row for each set.
 
-    Args:
-        sets: The flights. Sets without paths in this scene are left out.
-        scene: Name of the scene.
-        lab: Map of the scene.
-
-    Returns:
-        The figure; None when no path was kept.
+    Sets without paths in this scene are left out; None when no path was kept.
     """
-    rows = [(one, flown) for one in sets if (flown := _flights_in(one, scene))]
+    found = (
+        (one, [f for f in one.flights if f["scene"] == name and f.get("path")]) for one in sets
+    )
+    rows = [(one, flown) for one, flown in found if flown]
     if not rows:
         return None
+    lab, cells = map_of_scene(scene), GroundCells(scene.ground_plan)
+    shown = [flight for _, flown in rows for flight in flown]
+    paths_m = np.concatenate([np.asarray(flight["path"])[:, 1:3] for flight in shown])
+    half_m = np.maximum(np.abs(paths_m).max(axis=0), np.asarray(lab.ground_size_m) / 2) + _MARGIN_M
     with style():
-        half_x, half_y = _half_view_m(lab, [flight for _, flown in rows for flight in flown])
-        row_in = _PANEL_IN * half_y / half_x + _WORDS_IN
+        row_in = _PANEL_IN * half_m[1] / half_m[0] + _WORDS_IN
         figure = new_figure(11.0, row_in * len(rows) + 0.4)
         grid = figure.subplots(len(rows), 2, squeeze=False, sharex=True, sharey=True)
-        grid[0, 0].set(xlim=(-half_x, half_x), ylim=(-half_y, half_y))
-        for row, (one, flown) in enumerate(rows):
-            _paths(grid[row, 0], flown, lab)
+        grid[0, 0].set(xlim=(-half_m[0], half_m[0]), ylim=(-half_m[1], half_m[1]))
+        for (left, right), (one, flown) in zip(grid, rows, strict=True):
+            _paths(left, flown, lab)
             count = "1 flight" if len(flown) == 1 else f"{len(flown)} flights"
-            title = f"{one.label}\nin {scene}, {count}"
-            grid[row, 0].set_title(title, fontweight="bold")
-            image = _coverage(grid[row, 1], flown, lab)
+            left.set_title(f"{one.label}\nin {name}, {count}", fontweight="bold")
+            image = _coverage(right, flown, lab, cells)
         bar = figure.colorbar(image, ax=grid, shrink=0.7 / len(rows), pad=0.01)
         bar.set_label("flights that covered it, %")
         bar.outline.set_visible(False)
-        shown = {flight["outcome"] for _, flown in rows for flight in flown}
-        figure.legend(
-            handles=[
-                Line2D([], [], color=colour, label=outcome.replace("_", " "))
-                for outcome, colour in OUTCOME_COLOURS.items()
-                if outcome in shown
-            ],
-            loc="outside upper left",
-            ncols=len(OUTCOME_COLOURS),
+        outcomes = {flight["outcome"] for flight in shown}
+        legend(
+            figure,
+            ((o.replace("_", " "), c) for o, c in _OUTCOME_COLOURS.items() if o in outcomes),
+            columns=len(_OUTCOME_COLOURS),
         )
         return figure
 
 
-def _half_view_m(lab: LabMap, flown: Flights) -> tuple[float, float]:
-    """Return half the width and height of the view: the ground, and paths that leave it."""
-    paths_m = np.concatenate([np.asarray(flight["path"])[:, 1:3] for flight in flown])
-    half_m = np.maximum(np.abs(paths_m).max(axis=0), np.asarray(lab.ground_size_m) / 2)
-    return float(half_m[0]) + _MARGIN_M, float(half_m[1]) + _MARGIN_M
-
-
 def _paths(axes: Axes, flown: Flights, lab: LabMap) -> None:
-    _lab(axes, lab)
+    _draw_lab(axes, lab)
     alpha = float(np.clip(6.0 / len(flown), 0.15, 0.8))
     # Failures on top: they are few and matter most.
-    for flight in sorted(flown, key=lambda one: one["outcome"] != _SUCCESS):
-        path = np.asarray(flight["path"], dtype=np.float64)
-        good = flight["outcome"] == _SUCCESS
-        colour = OUTCOME_COLOURS[flight["outcome"]]
-        axes.plot(
-            path[:, 1],
-            path[:, 2],
-            color=colour,
-            linewidth=0.9 if good else 1.4,
-            alpha=alpha if good else 0.9,
-        )
-        axes.plot(path[0, 1], path[0, 2], ".", color=colour, markersize=3)
-        if not good:
-            axes.plot(path[-1, 1], path[-1, 2], "x", color=colour, markersize=8, markeredgewidth=2)
-    axes.set_xlabel("x, m", fontsize=8)
-    axes.set_ylabel("y, m", fontsize=8)
+    for flight in sorted(flown, key=lambda one: one["outcome"] != SUCCESS):
+        _, x_m, y_m, _ = np.asarray(flight["path"], dtype=np.float64).T
+        colour = _OUTCOME_COLOURS[flight["outcome"]]
+        if flight["outcome"] == SUCCESS:
+            axes.plot(x_m, y_m, color=colour, linewidth=0.9, alpha=alpha)
+        else:
+            axes.plot(x_m, y_m, color=colour, linewidth=1.4, alpha=0.9)
+            axes.plot(x_m[-1], y_m[-1], "x", color=colour, markersize=8, markeredgewidth=2)
+        axes.plot(x_m[0], y_m[0], ".", color=colour, markersize=3)
 
 
-def _coverage(axes: Axes, flown: Flights, lab: LabMap) -> Any:
-    _lab(axes, lab, filled=False)
-    cells = GroundCells(ground_of(lab))
+def _coverage(axes: Axes, flown: Flights, lab: LabMap, cells: GroundCells) -> Any:
+    _draw_lab(axes, lab)
     passed = [visited_cells(flight["path"], cells) for flight in flown]
     half_x, half_y = lab.ground_size_m[0] / 2, lab.ground_size_m[1] / 2
     image = axes.imshow(
@@ -132,113 +113,38 @@ def _coverage(axes: Axes, flown: Flights, lab: LabMap) -> Any:
     return image
 
 
-def _lab(axes: Axes, lab: LabMap, *, filled: bool = True) -> None:
-    axes.add_patch(
-        Polygon(lab.outline(), facecolor=_GROUND if filled else "none", edgecolor="#adb5bd")
-    )
+def _draw_lab(axes: Axes, lab: LabMap) -> None:
+    """Draw ground, mark, boxes with their heights, movers' paths and take-off, with axes in m."""
+    axes.add_patch(Polygon(lab.outline(), facecolor="none", edgecolor="#adb5bd"))
     if lab.mark is not None:
-        pad = lab.mark
-        pad_face = "none" if filled else "white"
-        axes.add_patch(
-            Polygon(pad.corners(), facecolor=pad_face, edgecolor=_INK_PAD, linewidth=1.4)
-        )
-        axes.text(
-            pad.x_m,
-            pad.y_m,
-            "H",
-            ha="center",
-            va="center",
-            weight="bold",
-            color=_INK_PAD,
-        )
+        axes.add_patch(Polygon(lab.mark.corners(), facecolor="white", edgecolor=_MARK))
+        axes.text(lab.mark.x_m, lab.mark.y_m, "H", ha="center", va="center", color=_MARK)
     for box in lab.boxes:
         face = tuple(channel / 255 for channel in box.colour)
-        axes.add_patch(Polygon(box.corners(), facecolor=face, edgecolor="#343a40", linewidth=0.8))
-        axes.text(
-            box.x_m,
-            box.y_m,
-            f"{box.size_m[2]:.3g}",
-            ha="center",
-            va="center",
-            fontsize=7,
-            color="white",
-        )
-        lowest_m = min(y_m for _, y_m in box.corners())
-        axes.annotate(
-            box.name,
-            (box.x_m, lowest_m),
-            xytext=(0, -1),
-            textcoords="offset points",
-            ha="center",
-            va="top",
-            fontsize=6,
-            color=_INK_NAME,
-            path_effects=_HALO,
-        )
+        axes.add_patch(Polygon(box.corners(), facecolor=face, edgecolor=_INK, linewidth=0.8))
+        height, centred = f"{box.size_m[2]:.3g}", {"ha": "center", "va": "center"}
+        axes.text(box.x_m, box.y_m, height, fontsize=7, color="white", **centred)
     for mover in lab.movers:
         colour = tuple(channel / 255 for channel in mover.item.colour)
         axes.plot(*zip(*mover.path_m, strict=True), color=colour, linewidth=0.8, linestyle=":")
     if lab.take_off is not None:
-        axes.annotate(
-            "",
-            lab.take_off.to_world(_ARROW_M, 0.0),
-            (lab.take_off.x_m, lab.take_off.y_m),
-            arrowprops={
-                "arrowstyle": "-|>",
-                "color": _INK_NAME,
-                "shrinkA": 0,
-                "shrinkB": 0,
-                "path_effects": _HALO,
-            },
-        )
+        arrow = {"arrowstyle": "-|>", "color": _INK, "shrinkA": 0, "shrinkB": 0}
+        ahead = lab.take_off.to_world(_ARROW_M, 0.0)
+        axes.annotate("", ahead, (lab.take_off.x_m, lab.take_off.y_m), arrowprops=arrow)
     axes.set_xlabel("x, m", fontsize=8)
     axes.set_ylabel("y, m", fontsize=8)
     axes.set_aspect("equal")
     axes.tick_params(length=2, labelsize=7, labelbottom=True)
-    for spine in axes.spines.values():
-        spine.set_visible(False)
-
-
-# --- coverage -------------------------------------------------------------------------------------
-
-
-def ground_of(lab: LabMap) -> Ground:
-    """Return the ground of a map."""
-    if lab.ground is not None:
-        return lab.ground
-    items = lab.boxes if lab.mark is None else (*lab.boxes, lab.mark)
-    return Ground(
-        size_m=lab.ground_size_m,
-        standing=tuple(
-            Standing(
-                footprint=Footprint(
-                    x_m=item.x_m,
-                    y_m=item.y_m,
-                    yaw_rad=item.yaw_rad,
-                    half_x_m=item.size_m[0] / 2,
-                    half_y_m=item.size_m[1] / 2,
-                ),
-                height_m=item.size_m[2],
-            )
-            for item in items
-        ),
-    )
+    axes.spines[:].set_visible(False)
 
 
 def visited_cells(path: Sequence[Sequence[float]], cells: GroundCells) -> Flags:
     """Return the cells that a flight has passed, (rows, columns).
 
-    Args:
-        path: Points (t, x, y, z) in s and world metres, connected by straight lines.
-        cells: Cells of the ground.
+    `path` has points (t, x, y, z) in s and world metres, connected by straight lines.
     """
-    passed = np.zeros_like(cells.free)
-    if not path:
-        return passed
-    corners = np.asarray(path, dtype=np.float64)[:, 1:3]
-    lengths = np.linalg.norm(np.diff(corners, axis=0), axis=1)
-    along = np.concatenate([[0.0], np.cumsum(lengths)])
-    places = np.append(np.arange(0.0, along[-1], _STEP_M), along[-1])
-    for x_m, y_m in zip(*(np.interp(places, along, axis) for axis in corners.T), strict=True):
-        cells.mark_passed(passed, x_m, y_m)
-    return passed
+    time_s, x_m, y_m, _ = np.asarray(path, dtype=np.float64).T
+    dense_s = np.linspace(time_s[0], time_s[-1], _POINTS * len(path))
+    points_m = np.column_stack([np.interp(dense_s, time_s, along_m) for along_m in (x_m, y_m)])
+    away_m, _ = cKDTree(points_m).query(cells.middles_m)
+    return np.asarray(away_m <= PASSED_M)

@@ -1,230 +1,295 @@
-"""Tables of a report."""
+"""Tables of a report. A new column is a heading and, in its row, a value."""
 
 from __future__ import annotations
 
+import csv
+import io
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
+from urllib.parse import quote
 
 import numpy as np
+from markupsafe import Markup
 
 from uav_bt.campaign.flight_lines import METRICS
 from uav_bt.campaign.report.paper import paper_figures, paper_success
-from uav_bt.campaign.report.rates import rates_of
 from uav_bt.campaign.report.repeat import repeat_command
-from uav_bt.campaign.report.sources import FlightSet, Sources
-from uav_bt.campaign.report.statistics import FlightsSummary, summarise
-from uav_bt.campaign.report.table import Cell, Link, Table, Term
+from uav_bt.campaign.report.sources import Flights, FlightSet, Source
+from uav_bt.campaign.report.statistics import (
+    PERCENTILE_FLIGHTS,
+    SUCCESS,
+    rate_interval,
+    rounded,
+    spread,
+    success_interval,
+    success_percent,
+    successes,
+    values_of,
+)
 from uav_bt.mission.covered_ground import PASSED_M, SEEN_M
 from uav_bt.mission.flight_report import EXPLORE_S
 from uav_bt.mission.judge import Outcome
-
-_SUCCESS: Final = Outcome.SUCCESS.value
-_METRIC_NOTES: Final = {
-    "": "Flights: the number of flights that reached the metric.",
-    "explore_distance_m": f"The first {EXPLORE_S:.0f} s begin with the take-off command; shorter "
-    "flights do not count.",
-    "search_distance_m": "The search lasts from the end of exploration until the mark is found.",
-    "coverage_passed": f"Passed: within {PASSED_M:g} m of the flown path. Seen: in view, not "
-    f"hidden, within {SEEN_M:g} m of the lens.",
-    "min_clearance_m": "Least clearance: the smallest distance of the hull from a box or mover.",
-}
-"""Notes on the metrics that have values; the first is always shown."""
+from uav_bt.mission.map_check import FOUND_M
 
 
-def tables_of(sources: Sources, page: Path) -> dict[str, Table]:
-    """Return the report's tables by name.
+class Cell(NamedTuple):
+    """A cell that is not the same on the page and in the CSV file."""
 
-    Args:
-        sources: The flights.
-        page: The page; links are relative to its folder.
-    """
-    tables = (
-        _outcomes(sources.sets),
-        _scenes(sources),
-        _metrics(sources.sets),
-        rates_of(sources.sets),
-        _failures(sources.sets, page),
-        _timings(sources.sets),
-        _flights(sources.sets),
-    )
-    return {table.name: table for table in tables}
+    text: str  # in the CSV file
+    html: Markup  # on the page
+
+    def __str__(self) -> str:
+        return self.text
+
+    def __html__(self) -> str:
+        """Return what Jinja writes."""
+        return self.html
 
 
-_SUCCESS_COLUMNS: Final = ("flights", "successes", "success, %", "from, %", "to, %")
+Value = str | int | float | Cell | None
 
 
-def _success_cells(summary: FlightsSummary) -> tuple[Cell, ...]:
-    percent, good = summary.success_percent, summary.successes
-    return (
-        summary.flights,
-        Term(text=f"{good} of {summary.flights}", key=str(good)),
-        None if percent is None else round(percent, 1),
-        *(round(100.0 * end, 1) for end in summary.success_95),
-    )
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """A table of the report; one without rows is not on the page."""
+
+    name: str  # of its CSV file, without the report's stem and the suffix
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[Value]]
+    note: str = ""
+
+    def to_csv(self) -> str:
+        """Return the table as CSV (RFC 4180, a header line)."""
+        out = io.StringIO()
+        csv.writer(out).writerows([self.columns, *self.rows])
+        return out.getvalue()
+
+
+def tables_of(sets: Sequence[FlightSet], page: Path) -> dict[str, Table]:
+    """Return the report's tables by name, but for that of pairs; links are relative to the page."""
+    makers = (_outcomes, _scenes, _metrics, _rates, _timings, _flights, _maps)
+    tables = [make(sets) for make in makers]
+    return {table.name: table for table in (*tables, _failures(sets, page))}
+
+
+_SUCCESS: Final = ("flights", "successes", "success, %", "from, %", "to, %")
+
+
+def _success(flights: Flights) -> Iterator[Value]:
+    percent = success_percent(flights)
+    yield from (len(flights), successes(flights), None if percent is None else round(percent, 1))
+    yield from (round(end, 1) for end in success_interval(flights))
 
 
 def _outcomes(sets: Sequence[FlightSet]) -> Table:
-    failures = [outcome.value for outcome in Outcome if outcome is not Outcome.SUCCESS]
-    rows: list[tuple[Cell, ...]] = []
-    for one in sets:
-        summary = summarise(one.flights)
-        counts = (summary.outcomes.get(outcome, 0) for outcome in failures)
-        rows.append((one.label, *_success_cells(summary), *counts))
-    names = (outcome.replace("_", " ") for outcome in failures)
+    failures = [outcome.value for outcome in Outcome if outcome.value != SUCCESS]
+    ends = [(one, [flight["outcome"] for flight in one.flights]) for one in sets]
     return Table(
         name="outcomes",
         title="Outcomes",
-        columns=("tree", *_SUCCESS_COLUMNS, *names),
-        rows=tuple(rows),
+        columns=("tree", *_SUCCESS, *(failure.replace("_", " ") for failure in failures)),
+        rows=[[one.label, *_success(one.flights), *map(end.count, failures)] for one, end in ends],
         note="From and to: the 95 % Wilson interval of the share of successes.",
     )
 
 
-def _scenes(sources: Sources) -> Table:
-    rows: list[tuple[Cell, ...]] = []
-    for one in sources.sets:
-        for scene in sources.scenes:
+def _scenes(sets: Sequence[FlightSet]) -> Table:
+    rows: list[list[Value]] = []
+    for one in sets:
+        for scene in sorted({flight["scene"] for flight in one.flights if flight["scene"]}):
             flown = [flight for flight in one.flights if flight["scene"] == scene]
-            if flown:
-                rows.append((one.label, scene, *_success_cells(summarise(flown))))
-    return Table(
-        name="scenes",
-        title="By scene",
-        columns=("tree", "scene", *_SUCCESS_COLUMNS),
-        rows=tuple(rows),
-    )
+            rows.append([one.label, scene, *_success(flown)])
+    columns = ("tree", "scene", *_SUCCESS)
+    return Table(name="scenes", title="By scene", columns=columns, rows=rows)
+
+
+_METRIC_NOTE: Final = (
+    f"Flights: the number of flights that reached the metric. The first {EXPLORE_S:.0f} s begin "
+    "with the take-off command; shorter flights do not count. The search lasts from the end of "
+    f"exploration until the mark is found. Passed: within {PASSED_M:g} m of the flown path. Seen: "
+    f"in view, not hidden, within {SEEN_M:g} m of the lens. Least clearance: the smallest distance "
+    "of the hull from a box or mover."
+)
 
 
 def _metrics(sets: Sequence[FlightSet]) -> Table:
-    rows: list[tuple[Cell, ...]] = []
-    summaries = [(one, summarise(one.flights)) for one in sets]
-    known = bool(paper_success(one.tree for one in sets))
+    quoted = ("paper",) if paper_success(one.tree for one in sets) else ()
+    rows: list[list[Value]] = []
     for name, metric in METRICS.items():
-        for one, summary in summaries:
-            found = summary.metrics[name]
-            if found is not None:
-                numbers = (found.mean, found.median, found.p5, found.p95, found.least, found.most)
-                digits = metric.digits
-                rounded = (None if number is None else round(number, digits) for number in numbers)
-                row: tuple[Cell, ...] = (
-                    Term(text=metric.words, key=name),
-                    metric.unit or None,
-                    one.label,
-                    found.count,
-                    *rounded,
-                )
-                quoted = "; ".join(figure.text for figure in paper_figures(name, [one.tree]))
-                rows.append((*row, quoted or None) if known else row)
-    shown = {name for name in METRICS if any(s.metrics[name] for _, s in summaries)}
+        for one in sets:
+            if values := values_of(one.flights, name):
+                row = [Cell(name, Markup.escape(metric.words)), metric.unit or None, one.label]
+                row += [len(values), *(rounded(each, name) for each in spread(values).values())]
+                told = "; ".join(text for text, _, _ in paper_figures(name, [one.tree]))
+                rows.append([*row, told or None] if quoted else row)
     return Table(
         name="metrics",
         title="Times and distances",
-        columns=(
-            *("metric", "unit", "tree", "flights", "mean", "median"),
-            *("5 %", "95 %", "least", "most"),
-            *(("paper",) if known else ()),
-        ),
-        rows=tuple(rows),
-        note=" ".join(note for name, note in _METRIC_NOTES.items() if name in {"", *shown}),
+        columns=("metric", "unit", "tree", "flights", *spread(()), *quoted),
+        rows=rows,
+        note=_METRIC_NOTE,
     )
+
+
+def _landed_elsewhere(flight: Mapping[str, Any]) -> bool:
+    ended = flight["outcome"] in {Outcome.ABORTED.value, Outcome.TIMEOUT.value}
+    return ended and flight.get("on_mark") is False
+
+
+# The first violation ends a flight, so it counts once at most.
+_EVENTS: Final[Mapping[str, Callable[[Mapping[str, Any]], bool]]] = {
+    "contacts": lambda flight: flight["outcome"] == Outcome.COLLISION.value,
+    "exits": lambda flight: flight["outcome"] == Outcome.LEFT_AREA.value,
+    "landings elsewhere": _landed_elsewhere,
+}
+_RATE_H: Final = 100.0  # hours that rates are given for
+
+
+def _rates(sets: Sequence[FlightSet]) -> Table:
+    rows: list[list[Value]] = []
+    for one in sets:
+        seconds, path_m, rooms = (
+            sum(flight.get(name) or 0.0 for flight in one.flights)
+            for name in ("duration_s", "total_distance_m", "coverage_passed")
+        )
+        if hours := seconds / 3600.0:
+            row = [one.label, round(hours, 2), round(path_m / hours), round(rooms / hours, 1)]
+            for has in _EVENTS.values():
+                count = sum(map(has, one.flights))
+                rates = (count / hours, *rate_interval(count, hours))
+                row += [count, *(round(_RATE_H * rate, 1) for rate in rates)]
+            rows.append(row)
+    events = [
+        f"{event}{number}" for event in _EVENTS for number in ("", ", rate", ", from", ", to")
+    ]
+    return Table(
+        name="rates",
+        title=f"Events per {_RATE_H:.0f} hours",
+        columns=("tree", "hours", "metres per hour", "rooms covered per hour", *events),
+        rows=rows,
+        note="From and to: the exact 95 % interval of the rate; without an event its upper end. "
+        "A drone that hovers touches nothing, so the distance and the ground covered are beside.",
+    )
+
+
+def _sorted(one: FlightSet) -> Flights:
+    return sorted(one.flights, key=lambda flight: (str(flight["scene"]), flight["seed"]))
 
 
 def _failures(sets: Sequence[FlightSet], page: Path) -> Table:
-    rows: list[tuple[Cell, ...]] = [
-        (
-            one.label,
-            flight["scene"],
-            flight["seed"],
-            flight["outcome"].replace("_", " "),
-            flight.get("reason"),
-            flight.get("duration_s"),
-            _record(one, flight, page),
-            repeat_command(one, flight),
-        )
-        for one in sets
-        for flight in sorted(one.flights, key=lambda f: (str(f["scene"]), f["seed"]))
-        if flight["outcome"] != _SUCCESS
-    ]
+    rows: list[list[Value]] = []
+    for one in sets:
+        for flight in (each for each in _sorted(one) if each["outcome"] != SUCCESS):
+            outcome, command = flight["outcome"].replace("_", " "), repeat_command(one, flight)
+            row = [one.label, flight["scene"], flight["seed"], outcome, flight.get("reason")]
+            row += [flight.get("duration_s"), _record(one, flight, page)]
+            rows.append([*row, Cell(command, Markup("<code>{}</code>").format(command))])
+    columns = ("tree", "scene", "seed", "outcome", "reason", "after, s", "record")
     return Table(
         name="failures",
         title="Every failure",
-        columns=(
-            *("tree", "scene", "seed", "outcome", "reason"),
-            *("after, s", "record", "command to repeat"),
-        ),
-        rows=tuple(rows),
-        code=frozenset({"command to repeat"}),
+        columns=(*columns, "command to repeat"),
+        rows=rows,
     )
 
 
-def _record(one: FlightSet, flight: dict[str, Any], page: Path) -> Link | None:
-    if not flight.get("record"):
+def _record(one: FlightSet, flight: Mapping[str, Any], page: Path) -> Cell | None:
+    folder = one.source.path if one.source.path.is_dir() else one.source.path.parent
+    file = folder / (flight.get("record") or "")
+    if not file.is_file():
         return None
-    record = one.source.folder / flight["record"]
-    if not record.is_file():
-        return None
-    target = os.path.relpath(record.resolve(), page.resolve().parent)
-    return Link(text="record", target=Path(target).as_posix())
+    path = Path(os.path.relpath(file.resolve(), page.resolve().parent)).as_posix()
+    return Cell(path, Markup('<a href="{}">record</a>').format(quote(path)))
 
 
 def _timings(sets: Sequence[FlightSet]) -> Table:
-    rows: list[tuple[Cell, ...]] = []
-    for one in sets:
-        stages = dict.fromkeys(stage for f in one.flights for stage in f.get("perception_ms") or {})
-        for stage in (None, *stages):
-            found = [
-                times
-                for flight in one.flights
-                if (
-                    times := flight.get("tick_ms")
-                    if stage is None
-                    else (flight.get("perception_ms") or {}).get(stage)
-                )
-            ]
-            if found:
-                middle, late, worst = (
-                    np.array([times[name] for times in found]) for name in ("p50", "p99", "max")
-                )
-                numbers = (np.median(middle), np.median(late), worst.max())
-                rounded = (round(float(number), 2) for number in numbers)
-                rows.append((one.label, stage or "whole tick", len(found), *rounded, None))
-        speeds = [f["duration_s"] / f["wall_s"] for f in one.flights if _timed(f)]
-        if speeds:
-            speed = round(float(np.median(speeds)), 1)
-            rows.append((one.label, "flight", len(speeds), None, None, None, speed))
+    numbers = ("p50, ms", "p99, ms", "longest, ms", "times real time")
     return Table(
         name="timings",
         title="Computing",
-        columns=(
-            "tree",
-            "stage",
-            "flights",
-            "p50, ms",
-            "p99, ms",
-            "longest, ms",
-            "times real time",
-        ),
-        rows=tuple(rows),
+        columns=("tree", "stage", "flights", *numbers),
+        rows=[[one.label, *row] for one in sets for row in _timings_of(one.flights)],
         note="p50 and p99: medians over the flights of each flight's percentiles. Longest: the "
         "maximum of all flights. One inference thread; other flights ran at the same time.",
     )
 
 
-def _timed(flight: dict[str, Any]) -> bool:
-    return bool(flight.get("duration_s") and flight.get("wall_s"))
+def _timings_of(flights: Flights) -> Iterator[Sequence[Value]]:
+    parts = [
+        {"whole tick": flight.get("tick_ms"), **(flight.get("perception_ms") or {})}
+        for flight in flights
+    ]
+    for stage in dict.fromkeys(stage for one in parts for stage in one):
+        times = [found for one in parts if (found := one.get(stage))]
+        if times:
+            p50, p99, most = ([time[key] for time in times] for key in ("p50", "p99", "max"))
+            numbers = (np.median(p50), np.median(p99), max(most))
+            yield stage, len(times), *(round(float(number), 2) for number in numbers), None
+    speeds = [
+        f["duration_s"] / f["wall_s"] for f in flights if f.get("duration_s") and f.get("wall_s")
+    ]
+    if speeds:
+        yield "flight", len(speeds), None, None, None, round(float(np.median(speeds)), 1)
 
 
 def _flights(sets: Sequence[FlightSet]) -> Table:
     fields = ("scene", "seed", "outcome", "reason", "profile", *METRICS, "wall_s")
+    rows = [[one.label, *map(flight.get, fields)] for one in sets for flight in _sorted(one)]
+    return Table(name="flights", title="All flights", columns=("tree", *fields), rows=rows)
+
+
+def _maps(sets: Sequence[FlightSet]) -> Table:
+    rows: list[list[Value]] = []
+    for one in sets:
+        mapped = [f for f in one.flights if f.get("objects_total") is not None]
+        if mapped:
+            found, total, false, restarts = (
+                sum(flight.get(name) or 0 for flight in mapped)
+                for name in ("objects_found", "objects_total", "false_objects", "map_restarts")
+            )
+            errors_m = spread([e for flight in mapped for e in flight.get("object_errors_m") or ()])
+            if len(mapped) < PERCENTILE_FLIGHTS:
+                errors_m["95 %"] = None
+            wanted = ("mean", "median", "95 %", "most")
+            numbers = [rounded(errors_m[name], "map_drift_m") for name in wanted]
+            share = round(100.0 * found / total, 1) if total else None
+            rows.append([one.label, len(mapped), found, total, share, false, *numbers, restarts])
     return Table(
-        name="flights",
-        title="All flights",
-        columns=("tree", *fields),
-        rows=tuple(
-            (one.label, *(flight.get(field) for field in fields))
-            for one in sets
-            for flight in sorted(one.flights, key=lambda f: (str(f["scene"]), f["seed"]))
+        name="map",
+        title="The mission's map",
+        columns=(
+            *("tree", "flights", "objects found", "of", "found, %", "false objects"),
+            *("error, m: mean", "median", "95 %", "most", "restarts"),
         ),
+        rows=rows,
+        note=f"An object counts as found if the map has an object of its class within {FOUND_M:g} "
+        "m. The pose at take-off aligns the map with the place, so the errors of position contain "
+        "the drift. They are those of all found objects.",
     )
+
+
+def origin_table(source: Source) -> Table:
+    """Return the plan of a campaign and its runs: machines, versions and commits."""
+    plan = {} if source.plan is None else source.plan.to_json()
+    runs = {"run": list(source.runs)}
+    rows = [*_flat("", plan), *_flat("", runs)]
+    rows = rows or [("file", "a plain file of flights, without a plan")]
+    return Table(
+        name="origin", title=f"Origin: {source.path}", columns=("what", "which"), rows=rows
+    )
+
+
+def _flat(name: str, value: object) -> Iterator[tuple[str, str]]:
+    """Yield what is inside nested values, with the words that lead there; empty is left out."""
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from _flat(f"{name} {key}".strip(), inner)
+    elif isinstance(value, list):
+        for inner in value:
+            yield from _flat(name, inner)
+    elif value not in (None, "", False):
+        yield name, str(value)

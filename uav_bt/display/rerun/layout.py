@@ -1,54 +1,92 @@
-"""Layout of the Rerun viewer, and the entities that are drawn and cleared."""
+"""Setting of a view in Rerun, and the viewer's layout."""
 
 from __future__ import annotations
 
-from typing import Any, Final
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final
 
-import rerun as rr
 import rerun.blueprint as rrb
 
 from uav_bt.display.canvas import BACKDROP, Colour
-from uav_bt.display.rerun.setting import (
-    DEPTH_LENS,
-    FREE_DISTANCE,
-    HEADING,
-    HEIGHT,
-    LENS,
-    MASK,
-    PATH,
-    SITE_MAP,
-    TICK_TIME,
-    TIMELINE,
-    TREE,
-    WORDS,
-    WORLD,
-    ViewSetting,
-)
+from uav_bt.display.lab_map import LabMap
+from uav_bt.display.video.perception_panes import Intruding
+from uav_bt.lab.classes import LabClasses
+from uav_bt.types import Airframe, CameraModel
 
+TIMELINE: Final = "flight"  # seconds since the first tick
+
+_PLOTS: Final = {
+    "plots/heading": "Heading, deg",
+    "plots/height": "Height, m",
+    "plots/free_distance": "Free distance, m",
+    "plots/tick_time": "Tick time, ms",
+}
+_ROW_PX: Final = 30.0  # height and indent of a node of the tree
+_LETTER_PX: Final = 7.0  # approximate width of a letter in Rerun
 _FLOOR: Final[Colour] = (60, 64, 72)
+
+TreeNode = tuple[str, str, str | None]  # path, label, and path of the parent; None for the root
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ViewSetting:
+    """What does not change during a flight."""
+
+    camera: CameraModel  # intrinsics at the size of the frames
+    classes: LabClasses
+    airframe: Airframe = field(default_factory=Airframe)
+    title: str = ""  # mission, scene and seed
+    lab_map: LabMap | None = None  # None: unknown
+    tree: tuple[TreeNode, ...] = ()  # in the order of the file, parents first
+    makes_depth: bool = False  # whether the mission makes metric depth, which then has a pane
+    makes_map: bool = False  # whether the mission keeps a site map, which then has a pane
+    # Metres from the body's centre to the corridor's planes: aside, ahead, up and down.
+    corridor_m: tuple[float, float, float] | None = None
+    intruding: Intruding | None = None  # None: no pixel is marked
 
 
 def layout(setting: ViewSetting) -> rrb.Blueprint:
     """Return the layout of a flight without panes that would stay empty."""
-    eyes: list[rrb.View] = [rrb.Spatial2DView(origin=MASK, name="Mask")]
+    eyes: list[rrb.View] = [rrb.Spatial2DView(origin="mask", name="Mask")]
     if setting.makes_depth:
-        eyes.append(rrb.Spatial2DView(origin=DEPTH_LENS, name="Metric depth"))
-    seen = rrb.Vertical(
-        rrb.Spatial2DView(origin=LENS, name="Camera"),
-        rrb.Horizontal(*eyes),
-        row_shares=[3, 2],
+        eyes.append(rrb.Spatial2DView(origin="world/depth", name="Metric depth"))
+    camera = rrb.Spatial2DView(origin="world/camera", name="Camera")
+    # Each tick adds one piece of the path, so that the path is not stored at every tick.
+    so_far = rrb.VisibleTimeRanges(
+        timeline=TIMELINE,
+        start=rrb.TimeRangeBoundary.infinite(),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
     )
-    tabs: list[rrb.View] = [_world(setting.title)]
+    tabs: list[rrb.View] = [
+        rrb.Spatial3DView(
+            origin="world",
+            name=setting.title or "Lab",
+            background=BACKDROP,
+            line_grid=rrb.LineGrid3D(spacing=1.0, color=_FLOOR),
+            overrides={"world/path": [so_far]},
+            eye_controls=rrb.EyeControls3D(
+                position=[-1.2, -6.0, 5.2], look_target=[0.0, 0.0, 0.3], eye_up=[0.0, 0.0, 1.0]
+            ),
+        )
+    ]
     if setting.makes_map:
-        tabs.append(rrb.Spatial2DView(origin=SITE_MAP, name="Site map"))
-    flown = rrb.Tabs(*tabs, rrb.TextLogView(origin=WORDS, name="Words"))
-    above: list[rrb.Container | rrb.View] = [seen, flown]
+        tabs.append(rrb.Spatial2DView(origin="site_map", name="Site map"))
+    above: list[rrb.Container | rrb.View] = [
+        rrb.Vertical(camera, rrb.Horizontal(*eyes), row_shares=[3, 2]),
+        rrb.Tabs(*tabs, rrb.TextLogView(origin="words", name="Words")),
+    ]
     if setting.tree:
-        above.append(rrb.GraphView(origin=TREE, name="Tree"))
+        above.append(rrb.GraphView(origin="tree", name="Tree"))
+    legend = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
+    plots = [
+        rrb.TimeSeriesView(origin=origin, name=name, plot_legend=legend)
+        for origin, name in _PLOTS.items()
+    ]
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Horizontal(*above, column_shares=[4, 5, 3][: len(above)]),
-            rrb.Horizontal(*_plots()),
+            rrb.Horizontal(*plots),
             row_shares=[5, 2],
         ),
         rrb.BlueprintPanel(state="collapsed"),
@@ -58,63 +96,14 @@ def layout(setting: ViewSetting) -> rrb.Blueprint:
     )
 
 
-def _world(title: str) -> rrb.Spatial3DView:
-    # Each tick adds one piece of the path, so that the path is not stored at every tick.
-    so_far = rrb.VisibleTimeRanges(
-        timeline=TIMELINE,
-        start=rrb.TimeRangeBoundary.infinite(),
-        end=rrb.TimeRangeBoundary.cursor_relative(),
-    )
-    return rrb.Spatial3DView(
-        origin=WORLD,
-        name=title or "Lab",
-        background=BACKDROP,
-        line_grid=rrb.LineGrid3D(spacing=1.0, color=_FLOOR),
-        overrides={PATH: [so_far]},
-        eye_controls=rrb.EyeControls3D(
-            position=[-1.2, -6.0, 5.2], look_target=[0.0, 0.0, 0.3], eye_up=[0.0, 0.0, 1.0]
-        ),
-    )
+def places(nodes: Sequence[TreeNode]) -> list[tuple[float, float]]:
+    """Return the centres of the nodes, px: one row each, indented by level, as in the tree file.
 
-
-def _plots() -> list[rrb.View]:
-    named = {
-        HEADING: "Heading error, deg",
-        HEIGHT: "Height, m",
-        FREE_DISTANCE: "Free distance, m",
-        TICK_TIME: "Tick time, ms",
-    }
-    return [
-        rrb.TimeSeriesView(
-            origin=origin, name=name, plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
-        )
-        for origin, name in named.items()
-    ]
-
-
-class Entities:
-    """Entities that are drawn and may be cleared again.
-
-    Args:
-        stream: the recording.
+    A tree drawn level by level is several times wider than a pane, with unreadable labels.
     """
-
-    def __init__(self, stream: rr.RecordingStream) -> None:
-        self._stream = stream
-        self._drawn: set[str] = set()
-
-    def draw(self, entity: str, *things: Any) -> None:
-        """Draw an entity; it replaces the earlier one.
-
-        Args:
-            entity: path of the entity.
-            things: archetypes of Rerun.
-        """
-        self._stream.log(entity, *things)
-        self._drawn.add(entity)
-
-    def clear(self, *entities: str) -> None:
-        """Clear those of the entities that are drawn."""
-        for entity in self._drawn.intersection(entities):
-            self._drawn.remove(entity)
-            self._stream.log(entity, rr.Clear(recursive=False))
+    levels: dict[str | None, int] = {None: -1}
+    found = []
+    for row, (path, label, parent) in enumerate(nodes):
+        levels[path] = levels[parent] + 1
+        found.append((_ROW_PX * levels[path] + _LETTER_PX * len(label) / 2.0, _ROW_PX * row))
+    return found

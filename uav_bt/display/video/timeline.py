@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from typing import Final
 
-import numpy as np
-
-from uav_bt.display.canvas import ACCENT, DIM, INK, PANEL, Colour, line, put, text_width_px
-from uav_bt.display.lab_map import draw_legend, phase_colours
+from uav_bt.display import canvas
+from uav_bt.display.canvas import ACCENT, DIM, INK, PANEL, Colour, Size
+from uav_bt.display.lab_drawing import draw_legend
+from uav_bt.display.lab_map import phase_colours
 from uav_bt.types.arrays import Image
 
 _FIRST_SPAN_S: Final = 30.0
@@ -20,16 +20,13 @@ _STEPS_S: Final = (5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0)  # steps of
 _MARKS: Final = 8  # largest number of marks
 _SCALE: Final = 0.36
 _MARGIN_PX: Final = 18
-_BAR_PX: Final = 10
+_TOP_PX: Final = 24  # of the bar
+_BOTTOM_PX: Final = 34
 _TRACK: Final[Colour] = (52, 56, 66)
 
 
 class Timeline:
-    """Tracks the phases of a flight and draws them.
-
-    Args:
-        limit_s: time limit of the flight from the take-off command; None: no limit.
-    """
+    """Tracks the phases of a flight and draws them; None is no time limit."""
 
     def __init__(self, limit_s: float | None = None) -> None:
         self._limit_s = limit_s
@@ -37,12 +34,7 @@ class Timeline:
         self._now_s = 0.0
 
     def add(self, elapsed_s: float, phase: str) -> None:
-        """Add the phase at a time.
-
-        Args:
-            elapsed_s: time since the take-off command.
-            phase: phase of the mission; empty if unnamed.
-        """
+        """Add the phase at a time since the take-off command."""
         self._now_s = elapsed_s
         if not self._starts or self._starts[-1][1] != phase:
             self._starts.append((elapsed_s, phase))
@@ -55,45 +47,34 @@ class Timeline:
         # A flight is judged one tick late, so it may exceed its limit by a tick.
         return span_s if self._limit_s is None else max(min(span_s, self._limit_s), self._now_s)
 
-    def draw(self, size_px: tuple[int, int]) -> Image:
-        """Return the present timeline, (H, W, 3) uint8 RGB.
-
-        Args:
-            size_px: width and height; a height of 60 pixels is sufficient.
-        """
-        width_px, height_px = size_px
-        image: Image = np.full((height_px, width_px, 3), PANEL, dtype=np.uint8)
+    def draw(self, size_px: Size) -> Image:
+        """Return the present timeline; a height of 60 pixels is sufficient."""
+        image = canvas.blank(size_px, PANEL)
         colours = phase_colours([phase for _, phase in self._starts])
         draw_legend(image, colours, base_px=15)
-        top, bottom = 24, 24 + _BAR_PX
-        image[top:bottom, _MARGIN_PX:-_MARGIN_PX] = _TRACK
-        ends = [start_s for start_s, _ in self._starts[1:]] + [self._now_s]
-        for (start_s, phase), end_s in zip(self._starts, ends, strict=True):
-            left, right = (
-                round(self._column(start_s, width_px)),
-                round(self._column(end_s, width_px)),
-            )
-            image[top:bottom, left:right] = colours[phase]
-        self._draw_scale(image, bottom)
-        cursor = self._column(self._now_s, width_px)
-        line(image, [(cursor, top - 4), (cursor, bottom + 3)], ACCENT, 2)
+        image[_TOP_PX:_BOTTOM_PX, _MARGIN_PX:-_MARGIN_PX] = _TRACK
+        ends_s = [start_s for start_s, _ in self._starts[1:]] + [self._now_s]
+        for (start_s, phase), end_s in zip(self._starts, ends_s, strict=True):
+            left, right = (round(self._column(s, size_px[0])) for s in (start_s, end_s))
+            image[_TOP_PX:_BOTTOM_PX, left:right] = colours[phase]
+        self._draw_scale(image, size_px[0])
+        cursor = self._column(self._now_s, size_px[0])
+        canvas.line(image, [(cursor, _TOP_PX - 4), (cursor, _BOTTOM_PX + 3)], ACCENT, 2)
         return image
 
     def _column(self, time_s: float, width_px: int) -> float:
         return _MARGIN_PX + (width_px - 2 * _MARGIN_PX) * time_s / self.span_s
 
-    def _draw_scale(self, image: Image, below: int) -> None:
-        width_px, base = image.shape[1], below + 16
-        span_s = self.span_s
+    def _draw_scale(self, image: Image, width_px: int) -> None:
+        base, span_s = _BOTTOM_PX + 16, self.span_s
         limited = span_s == self._limit_s
         words = f"limit {span_s:.0f} s" if limited else f"{span_s:.0f} s"
-        last = width_px - _MARGIN_PX - text_width_px(words, _SCALE)
-        put(image, words, (last, base), colour=INK if limited else DIM, scale=_SCALE)
+        last = width_px - _MARGIN_PX - canvas.text_width_px(words, _SCALE)
+        canvas.put(image, words, (last, base), colour=INK if limited else DIM, scale=_SCALE)
         step_s = next((step for step in _STEPS_S if span_s / step <= _MARKS), span_s)
         for index in range(math.ceil(span_s / step_s)):
             column = self._column(index * step_s, width_px)
-            line(image, [(column, below), (column, below + 3)], DIM)
+            canvas.line(image, [(column, _BOTTOM_PX), (column, _BOTTOM_PX + 3)], DIM)
             text = f"{index * step_s:.0f}"
-            half = text_width_px(text, _SCALE) / 2
-            if column + half + 8 < last:
-                put(image, text, (round(column - half), base), colour=DIM, scale=_SCALE)
+            if column + canvas.text_width_px(text, _SCALE) / 2 + 8 < last:
+                canvas.put_centred(image, text, (column, base), colour=DIM, scale=_SCALE)

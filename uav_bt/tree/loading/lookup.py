@@ -8,11 +8,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final
+from types import MappingProxyType
+from typing import Annotated, Any, Final
 
 from uav_bt.brief import brief_repr
 from uav_bt.errors import FileError, InputError, TreeError
 from uav_bt.files import did_you_mean_file
+from uav_bt.option import Option, pairs
 from uav_bt.tree.loading.findings import Findings, Rule
 from uav_bt.tree.loading.source import MAX_BYTES, Element, circles, parse_source, read_source
 
@@ -23,10 +25,14 @@ MAX_FOLDER_FILES: Final = 200_000  # of any kind, so that a whole disk is not se
 TREE_SUFFIXES: Final = (".xml", ".btproj")
 """Of the files that hold trees; `.btproj` is a project of Groot2, which includes its files."""
 _FAULTS_SHOWN: Final = 3
-WHICH_TREE: Final = (
-    "Which of the file's trees; default: the one that it names, or that no other uses."
-)
-"""Description of the option `tree_id` of flights and commands."""
+TreeId = Annotated[
+    str | None,
+    Option(
+        "Which of the file's trees; default: the one that it names, or that no other uses.",
+        "--tree ID",
+        "Mission",
+    ),
+]
 
 
 def shipped_trees() -> Path:
@@ -205,6 +211,53 @@ class TreeFolders:
             "include_root": None if root is None else str(Path(root).absolute()),
             "packages": {name: str(Path(one).absolute()) for name, one in self.packages.items()},
         }
+
+
+def _packages(texts: Iterable[str]) -> dict[str, Path]:
+    found = pairs(texts, "package", "NAME=DIR, a folder that exists")
+    return {name: Path(folder or "?") for name, folder in found.items()}
+
+
+def _folders(
+    *,
+    libraries: Annotated[
+        tuple[Path, ...],
+        Option(
+            "Look for trees that a file does not hold in the files of this folder. Repeatable.",
+            "--trees DIR",
+            "Mission",
+        ),
+    ] = (),
+    include_root: Annotated[
+        Path | None,
+        Option(
+            "Files may be included from this folder and below, not only from beside the file.",
+            "DIR",
+            "Mission",
+        ),
+    ] = None,
+    packages: Annotated[
+        Mapping[str, Path],
+        Option(
+            'The folder of a ROS package, for <include ros_pkg="NAME"/>. Repeatable.',
+            "--ros-pkg NAME=DIR",
+            "Mission",
+            read=_packages,
+        ),
+    ] = MappingProxyType({}),
+) -> TreeFolders:
+    return TreeFolders(trees=libraries, include_root=include_root, packages=packages)
+
+
+Folders = Annotated[
+    TreeFolders,
+    Option(
+        "Folders of trees and included files that the tree file does not hold.",
+        "",
+        "Mission",
+        parts=_folders,
+    ),
+]
 
 
 def _path(name: str, value: object) -> Path:

@@ -2,25 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from pathlib import Path
+from typing import Annotated, Final
 
-from uav_bt.errors import ValueRangeError
+from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.option import Option, pairs
 from uav_bt.tree.mission_tree import Place
-
-WHICH_PORTS: Final = (
-    "Let a port of one node, by name or path, have another value than in the tree file: "
-    "ExploreFor.min_gain=0.01. Repeatable."
-)
-WHICH_VARIABLES: Final = (
-    "Give a variable of the main tree its first value: a number or a text. Repeatable."
-)
-WHICH_PARAMS: Final = (
-    "A file with such values: YAML with the keys `set` and `var`, in a campaign also `variants`. "
-    "--set and --var take precedence."
-)
-"""Descriptions of the options of flights and commands."""
+from uav_bt.tree.nodes.base import entry_value
 
 SET: Final = "set"
 VAR: Final = "var"
@@ -60,3 +50,48 @@ def split_port(name: str) -> tuple[str, str]:
     if not (node and port):
         raise ValueRangeError(f"expected NODE.PORT, such as TakeOff.height_m, got '{name}'")
     return node, port
+
+
+_PORT: Final = "NODE.PORT=VALUE, such as TakeOff.height_m=1.2"
+
+
+def _ports(texts: Iterable[str]) -> dict[str, str]:
+    found = pairs(texts, "port", _PORT)
+    for name, value in found.items():
+        if not all(name.rpartition(".")[::2]):
+            raise InputError(f"expected {_PORT}, got '{name}={value}'")
+    return found
+
+
+def _variables(texts: Iterable[str]) -> dict[str, Plain]:
+    found = pairs(texts, "variable", "NAME=VALUE, such as laps=3")
+    return {name: entry_value(text) for name, text in found.items()}
+
+
+Ports = Annotated[
+    Mapping[str, str],
+    Option(
+        "Let a port of one node, by name or path, have another value than in the tree file: "
+        "ExploreFor.min_gain=0.01. Repeatable.",
+        "--set NODE.PORT=VALUE",
+        "Mission",
+        read=_ports,
+    ),
+]
+Variables = Annotated[
+    Mapping[str, Plain],
+    Option(
+        "Give a variable of the main tree its first value: a number or a text. Repeatable.",
+        "--var NAME=VALUE",
+        "Mission",
+        read=_variables,
+    ),
+]
+PARAMS: Final = Option(
+    "A file with such values: YAML with the keys `set` and `var`, in a campaign also `variants`. "
+    "--set and --var take precedence.",
+    "FILE.yaml",
+    "Mission",
+    path="read",
+)
+Params = Annotated[Path | None, PARAMS]

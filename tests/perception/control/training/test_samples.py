@@ -29,33 +29,28 @@ def test_a_picture_comes_back_as_it_was_to_a_few_grey_levels() -> None:
 
 
 def test_a_window_looks_back_in_time() -> None:
-    """The present view, and those half a second and a second before; with the way between them."""
+    """The present view, and those half a second and a second before; with the way between them.
+
+    Where there is no past yet the oldest view stands for it.
+    """
     samples = samples_of(*[FREE] * 20)
     batch = samples.window([15])
     assert batch.frames.shape == (1, 3, 16, 32, 3)
     assert batch.state[0, 4:6] == pytest.approx([0.5, -0.2], abs=1e-6)
     assert batch.state[0, 9:11] == pytest.approx([1.0, -0.4], abs=1e-6)
+    assert samples.window([2]).state[0, [4, 9]] == pytest.approx([0.2, 0.2], abs=1e-6)
 
 
-def test_where_there_is_no_past_yet_the_oldest_view_stands_for_it() -> None:
-    batch = samples_of(*[FREE] * 20).window([2])
-    assert batch.state[0, [4, 9]] == pytest.approx([0.2, 0.2], abs=1e-6)
-
-
-def test_labels_are_the_rules_answer() -> None:
-    batch = samples_of(FREE, BLOCKED).window([0, 1])
-    expected = [[0.6, 0.0, 0.0, 1.0], [0.0, 0.5, 1.0, 0.2]]
-    assert batch.labels == pytest.approx(np.array(expected), abs=1e-6)
+def test_labels_are_the_rules_answer_and_an_unknown_free_way_is_no_number() -> None:
+    batch = samples_of(FREE, BLOCKED, replace(FREE, free_m=None)).window([0, 1, 2])
+    expected = [[0.6, 0.0, 0.0, 1.0], [0.0, 0.5, 1.0, 0.2], [0.6, 0.0, 0.0, np.nan]]
+    assert batch.labels == pytest.approx(np.array(expected), abs=1e-6, nan_ok=True)
 
 
 @pytest.mark.parametrize("answer", [FollowLeg(speed_mps=0.4), Rotate(yaw_rad=0.3), Done()])
 def test_answers_that_the_student_cannot_give_are_refused(answer: Answer) -> None:
     with pytest.raises(ValueRangeError, match=r"are Advance or Blocked, got .*<Advise policy="):
         samples_of(answer)
-
-
-def test_an_unknown_free_way_is_no_number() -> None:
-    assert np.isnan(samples_of(replace(FREE, free_m=None)).window([0]).labels[0, 3])
 
 
 def test_a_fresh_view_has_the_fresh_label_and_no_turn() -> None:

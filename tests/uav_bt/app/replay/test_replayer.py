@@ -2,30 +2,30 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from behaviours.fly.land import Land
 from behaviours.policies.segmentation_rule import SegmentationRule
-from tests.worlds.records import FLIGHT, copy_part, fly_noisy
+from tests.worlds.records import FLIGHT, NoisyDrone, copy_part, fly_noisy
 from tests.worlds.trees import tree_file
 from uav_bt import app
 from uav_bt.answers import Advance, Answer
 from uav_bt.app import recorded_files
 from uav_bt.app.replay import ReplayOptions, replay
-from uav_bt.app.replay.recorded_drone import MovementIds
+from uav_bt.app.replay.recorded_drone import MovementIds, RecordedDrone
 from uav_bt.app.replay.replayer import assemble_recorded
-from uav_bt.app.site import Site
-from uav_bt.errors import FileError
-from uav_bt.mission.limits import Limits
+from uav_bt.errors import DroneError, FileError
 from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.tick import TickRecord
-from uav_bt.protocols import PolicyView
+from uav_bt.protocols import PolicyView, Still, StillState
 from uav_bt.record import encoder
-from uav_bt.record.channels import Channel
+from uav_bt.record.channels import END, Channel
 from uav_bt.record.reader import RecordReader
 from uav_bt.tree import Status
 from uav_bt.types import (
@@ -71,19 +71,12 @@ def noisy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return fly_noisy(tmp_path, monkeypatch)[0]
 
 
-def test_a_flight_with_networks_replays_without_a_difference(perceived: Path) -> None:
-    report = replay(perceived)
+@pytest.mark.parametrize("masks", ["network", "recorded"])
+def test_a_flight_with_networks_replays_without_a_difference(perceived: Path, masks: Any) -> None:
+    report = replay(perceived, ReplayOptions(masks=masks))
     assert (report.status_ticks, report.command_ticks) == (0, 0)
-    assert report.exact
-    assert report.same
-    assert report.masks == "network"
+    assert (report.exact, report.same, report.masks) == (True, True, masks)
     assert report.ticks > 60
-
-
-def test_recorded_masks_stand_in_for_the_network(perceived: Path) -> None:
-    report = replay(perceived, ReplayOptions(masks="recorded"))
-    assert report.same
-    assert report.masks == "recorded"
 
 
 def test_another_policy_differs_where_it_decides_otherwise(
@@ -104,27 +97,13 @@ def test_a_small_record_replays_within_the_tolerance_it_states(tmp_path: Path) -
     options = replace(SMALL, image_size_px=(320, 180), record=record, record_quality="high")
     app.fly(tree_file(tmp_path, PERCEIVING), options)
     report = replay(record)
-    assert not report.exact
-    assert report.same
+    assert (report.exact, report.same) == (False, True)
     assert replay(record, ReplayOptions(masks="recorded")).differing_ticks == 0
 
 
-def test_a_flight_on_exact_masks_replays_on_the_recorded_ones(tmp_path: Path) -> None:
-    record = tmp_path / "exact.mcap"
-    app.fly(tree_file(tmp_path, PERCEIVING), replace(SMALL, record=record, exact_masks=True))
-    report = replay(record)
-    assert report.masks == "recorded"
-    assert report.same
-
-
-def test_an_unchanged_mission_is_the_same(noisy: Path) -> None:
-    report = replay(noisy)
-    assert report.same
-    assert report.differences == ()
-    assert report.outcome == "success"
-
-
 def test_a_changed_mission_differs_from_where_it_was_changed(noisy: Path, tmp_path: Path) -> None:
+    unchanged = replay(noisy)
+    assert (unchanged.same, unchanged.differences, unchanged.outcome) == (True, [], "success")
     changed = FLIGHT.replace('degrees="-90"', 'degrees="-60"')
     tree = tree_file(tmp_path, changed, "changed.xml")
     report = replay(noisy, ReplayOptions(tree=tree))
@@ -167,35 +146,29 @@ def test_a_leaf_that_fails_in_the_replay_is_reported(
     assert not report.same
 
 
-@pytest.mark.parametrize("when", ["between ticks", "within a tick"])
+@pytest.mark.parametrize("within", [False, True])
 def test_an_operators_stop_is_repeated_in_its_tick(
-    when: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, within: bool
 ) -> None:
     tick_tree = MissionRunner._tick_tree
 
-    def stop_before(self: MissionRunner) -> Status:
+    def stop(self: MissionRunner) -> Status:
+        status = tick_tree(self) if within else None
         if self._index == 14:
             self.abort.request("stopped by SIGINT")
-        return tick_tree(self)
-
-    def stop_within(self: MissionRunner) -> Status:
-        status = tick_tree(self)
-        if self._index == 14:
-            self.abort.request("stopped by SIGINT")
-        return status
+        return tick_tree(self) if status is None else status
 
     with pytest.MonkeyPatch.context() as patch:
-        stop = stop_before if when == "between ticks" else stop_within
         patch.setattr(MissionRunner, "_tick_tree", stop)
         record, flown = fly_noisy(tmp_path, monkeypatch)
     assert flown.outcome == "aborted"
     report = replay(record)
-    assert report.differences == ()
+    assert report.differences == []
     assert report.same
 
 
 def test_limits_are_the_recorded_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    options = app.FlightOptions(limits=Limits(ceiling_m=1.2))
+    options = app.FlightOptions(limits=app.Limits(ceiling_m=1.2))
     # A height from a variable is known only in flight; there the arbiter enforces the ceiling.
     body = FLIGHT.replace('"1.5"', '"{h}"').replace("<TakeOff", '<Script code="h := 1.5"/><TakeOff')
     record, _ = fly_noisy(tmp_path, monkeypatch, body=body, options=options)
@@ -209,8 +182,7 @@ def test_a_part_from_the_beginning_replays_and_another_is_refused(
     copy_part(noisy, head, to_s=1.0)
     copy_part(noisy, tail, from_s=0.5, to_s=1.0)
     report = replay(head)
-    assert report.same
-    assert report.ticks == 10
+    assert (report.same, report.ticks) == (True, 10)
     with pytest.raises(FileError, match=r"begins 0\.5 s into its flight"):
         replay(tail)
 
@@ -228,34 +200,28 @@ def test_a_lost_picture_makes_a_replay_inexact(
     monkeypatch.setattr(encoder.MomentEncoder, "_frame", blind)
     record, _ = fly_noisy(tmp_path, monkeypatch)
     report = replay(record)
-    assert report.missing_images == 1
-    assert not report.exact
+    assert (report.missing_images, report.exact) == (1, False)
 
 
-def test_a_record_without_its_tree_asks_for_one(
-    noisy: Path, monkeypatch: pytest.MonkeyPatch
+def test_attachments_without_the_tree_or_outside_their_folder_are_refused(
+    noisy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(recorded_files, "_TREE_FOLDER", "trees/")
-    with pytest.raises(FileError, match=r"lacks its tree file \(mission\.xml\); give the tree"):
-        replay(noisy)
-
-
-def test_an_attachment_that_leads_out_of_its_folder_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(recorded_files, "_TREE_FOLDER", "tree/../../")
-    record, _ = fly_noisy(tmp_path, monkeypatch)
-    monkeypatch.undo()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(recorded_files, "_TREE_FOLDER", "trees/")
+        with pytest.raises(FileError, match=r"lacks its tree file \(mission\.xml\); give the tree"):
+            replay(noisy)
+        patch.setattr(recorded_files, "_TREE_FOLDER", "tree/../../")
+        record, _ = fly_noisy(tmp_path, monkeypatch)
     with pytest.raises(FileError, match="lies outside its folder"):
         replay(record)
 
 
-def test_a_flight_in_a_site_replays_as_it_was_flown(tmp_path: Path) -> None:
-    """Height, limits and ground classes are the recorded ones."""
-    site = Site(
+def test_a_flight_in_a_site_on_exact_masks_replays_as_it_was_flown(tmp_path: Path) -> None:
+    """Height, limits and ground classes are the recorded ones, and so are the masks."""
+    site = app.Site(
         flight_height_m=1.2,
         ground=("carpet", "background"),
-        limits=Limits(ceiling_m=2.0, speed_mps=0.4),
+        limits=app.Limits(ceiling_m=2.0, speed_mps=0.4),
     )
     record = tmp_path / "flight.mcap"
     options = replace(SMALL, site=site, record=record, exact_masks=True)
@@ -266,41 +232,23 @@ def test_a_flight_in_a_site_replays_as_it_was_flown(tmp_path: Path) -> None:
     assert flight.context.ground == site.ground
     assert flight.mission.find("TakeOff").port_value("height_m") == 1.2
     report = replay(record)
-    assert report.same, report.differences[:3]
-
-
-# --- movements' numbers ---------------------------------------------------------------------------
-
-
-def state_of(movement_id: int) -> DroneState:
-    status = MovementStatus(id=movement_id, state=MovementState.DONE)
-    return DroneState(captured_s=0.0, flying=FlyingState.HOVERING, movement=status)
+    assert (report.same, report.masks) == (True, "recorded"), report.differences[:3]
 
 
 def test_answers_arrive_at_the_movement_that_began_with_the_recorded_one() -> None:
+    def told(movement_id: int) -> int | None:
+        status = MovementStatus(id=movement_id, state=MovementState.DONE)
+        state = DroneState(captured_s=0.0, flying=FlyingState.HOVERING, movement=status)
+        return getattr(ids.translated(state).movement, "id", None)
+
     ids = MovementIds()
+    assert told(7) == -7  # an answer that nobody waits for
     assert ids.pair(MoveBy(id=7), MoveBy(id=3))
     assert ids.pair(MoveBy(id=7), MoveBy(id=3))
-    told = ids.translated(state_of(7)).movement
-    assert told is not None
-    assert told.id == 3
-
-
-def test_a_movement_that_goes_on_when_the_recorded_one_is_new_is_another() -> None:
-    ids = MovementIds()
-    assert ids.pair(MoveBy(id=1), MoveBy(id=1))
-    assert not ids.pair(MoveBy(id=2), MoveBy(id=1))
-    assert not ids.pair(MoveBy(id=1), MoveBy(id=2))
-
-
-def test_an_answer_that_nobody_waits_for_reaches_nobody() -> None:
-    told = MovementIds().translated(state_of(1)).movement
-    assert told is not None
-    assert told.id == -1
-
-
-def test_commands_without_numbers_need_no_pairing() -> None:
-    ids = MovementIds()
+    assert told(7) == 3
+    # A movement that goes on when the recorded one is new is another.
+    assert not ids.pair(MoveBy(id=2), MoveBy(id=3))
+    assert not ids.pair(MoveBy(id=7), MoveBy(id=2))
     assert ids.pair(Hover(), Velocity(forward_mps=1.0))
     assert ids.pair(Hover(), MoveBy(id=1))
 
@@ -314,12 +262,12 @@ def test_commands_without_numbers_need_no_pairing() -> None:
     ],
 )
 def test_a_record_without_what_the_tree_perceives_is_refused(
-    perceived: Path, tmp_path: Path, topic: str, masks: str, words: str
+    perceived: Path, tmp_path: Path, topic: str, masks: Any, words: str
 ) -> None:
     """Its replay would differ because of the missing data, not because of the program."""
     part = copy_part(perceived, tmp_path / "part.mcap", without=topic)
     with pytest.raises(FileError, match=words):
-        replay(part, ReplayOptions(masks=masks))  # type: ignore[arg-type]
+        replay(part, ReplayOptions(masks=masks))
 
 
 @pytest.mark.parametrize("keeps", [True, False], ids=["with a folder", "without one"])
@@ -352,3 +300,60 @@ def test_a_replay_has_the_variables_and_ports_that_the_flight_was_given(
     flight, _ = assemble_recorded(RecordReader(record), ReplayOptions())
     assert flight.mission.variables.snapshot() == {"laps": 2, "turn_deg": 45}
     assert flight.mission.find("TakeOff").port_value("height_m") == 1.2
+
+
+# --- photographs of the drone's camera ------------------------------------------------------------
+
+TWICE = (
+    "<Sequence><TakeOff/>"
+    '<ForceSuccess><TakePhoto label="a"/></ForceSuccess><Turn degrees="30"/>'
+    '<ForceSuccess><TakePhoto label="b"/></ForceSuccess><Land/></Sequence>'
+)
+
+
+class SlowCamera:
+    """Ends each photograph seven questions after it was asked for: the second one fails."""
+
+    def __init__(self) -> None:
+        self.asked = self.questions = 0
+
+    def take_still(self) -> int:
+        self.asked += 1
+        self.questions = 0
+        return self.asked
+
+    def still(self, number: int) -> Still:
+        self.questions += 1
+        if self.questions < 7:
+            return Still()
+        if number == 1:
+            return Still(state=StillState.SAVED, media="m1")
+        return Still(state=StillState.FAILED, reason="the memory card is full")
+
+    def fetch_still(self, media: str, limit_s: float) -> bytes:
+        assert (media, limit_s > 0.0) == ("m1", True)
+        return b"\xff\xd8"
+
+
+class PhotographingDrone(NoisyDrone):
+    """A scripted drone whose camera takes photographs."""
+
+    stills = SlowCamera()
+
+
+def test_photographs_end_when_they_did_in_the_flight(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drone, out = PhotographingDrone(), tmp_path / "out"
+    record, report = fly_noisy(tmp_path, monkeypatch, body=TWICE, drone=drone, out=out)
+    assert [photo.camera_media for photo in report.photos] == ["m1", None]
+    assert replay(record).same
+    stills = RecordedDrone(RecordReader(record), stills=True).stills
+    assert stills is not None
+    with pytest.raises(DroneError, match="a record has no photograph 'm1'"):
+        stills.fetch_still("m1", 1.0)
+    whole = dict(RecordReader(record).end or {})
+    damaged = {END: {**whole, "report": json.dumps({"events": [], "photos": 1})}}
+    part = copy_part(record, tmp_path / "part.mcap", metadata=damaged)
+    with pytest.raises(FileError, match="the report in the record is damaged"):
+        replay(part)

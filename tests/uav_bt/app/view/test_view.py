@@ -11,14 +11,14 @@ import pytest
 
 from tests.uav_bt.app.view.recorded_world import Seen, fly
 from uav_bt import app
-from uav_bt.app.view.live import live_view, saved_view, setting_of
-from uav_bt.app.view.recorded import RecordedFlight, Span, known_tree
+from uav_bt.app.view import recorded
+from uav_bt.app.view.live import live_view, saved_view
+from uav_bt.app.view.recorded import RecordedFlight, Span
 from uav_bt.display.rerun import sinks
-from uav_bt.display.rerun.setting import tree_nodes
-from uav_bt.errors import FileError, InputError
+from uav_bt.errors import FileError, InputError, TreeError
 
 ENTITIES = (
-    *("/world/lab/things", "/world/path", "/world/camera/image", "/world/camera/mask_edges"),
+    *("/world/lab/things", "/world/path", "/world/camera/image"),
     *("/mask/ids", "/tree", "/words", "/plots/height/telemetry", "/plots/tick_time/compute"),
 )
 
@@ -58,30 +58,28 @@ def test_a_record_knows_tree_and_lab(flown: tuple[Path, Seen]) -> None:
     flight = RecordedFlight(flown[0])
     setting = flight.setting()
     assert flight.tree is not None
-    live = setting_of(
-        flight.tree,
-        flight.reader.camera,
-        classes=flight.reader.classes,
-        airframe=setting.airframe,
-        nodes=tree_nodes(flight.tree),
-        lab_map=flight.lab_map,
-        title=flight.title,
-    )
-    assert setting.tree == live.tree
-    assert setting.camera == live.camera
+    parents = {child.path: node.path for node in flight.tree.nodes() for child in node.children}
+    nodes = flight.tree.nodes()
+    assert setting.tree == tuple((node.path, node.name, parents.get(node.path)) for node in nodes)
+    assert setting.camera == flight.reader.camera
     assert setting.lab_map is not None
     assert len(setting.lab_map.boxes) > 0
-    assert (setting.makes_depth, setting.corridor, setting.intruding) == (False, None, None)
+    assert (setting.makes_depth, setting.corridor_m, setting.intruding) == (False, None, None)
 
 
-def test_a_tree_of_nodes_that_are_not_installed_is_still_a_graph(
-    flown: tuple[Path, Seen], tmp_path: Path
+@pytest.mark.parametrize("lost", ["tree", "lab"])
+def test_a_record_is_shown_without_the_nodes_or_the_lab_that_are_not_here(
+    lost: str, flown: tuple[Path, Seen], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    strange = '<root BTCPP_format="4"><BehaviorTree ID="Main"><Nobodys/></BehaviorTree></root>'
-    (tmp_path / "mission.xml").write_text(strange, encoding="utf-8")
-    flight = RecordedFlight(flown[0])
-    assert known_tree(tmp_path / "mission.xml", None) is None
-    flight.tree = None
+    def refuse(*_: object, **__: object) -> None:
+        raise TreeError("x.xml", ["no such node"]) if lost == "tree" else FileError("x", "no file")
+
+    loader = "load_tree" if lost == "tree" else "load_scene"
+    monkeypatch.setattr(recorded, loader, refuse)
+    flight = RecordedFlight(flown[0], Span(to_s=0.5))
+    flight.save(tmp_path / "flight.rrd")
+    assert (flight.tree is None) == (lost == "tree")
+    assert (flight.lab_map is None) == (lost == "lab")
     assert len(flight.setting().tree) > 5
 
 

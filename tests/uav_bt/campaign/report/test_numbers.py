@@ -1,100 +1,95 @@
-"""The numbers behind the report: summaries, densities, coverage."""
+"""The numbers behind the report: intervals, spreads, coverage."""
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from sim_bridge.twin.scene_file import load_scene
-from uav_bt.app.film import map_of_scene
 from uav_bt.app.provenance import hardware
-from uav_bt.campaign.report.coverage_figure import curve_of, mean_curve
-from uav_bt.campaign.report.lab_figures import ground_of, visited_cells
-from uav_bt.campaign.report.statistics import Distribution, bandwidth, density, summarise, wilson
-from uav_bt.display.lab_map import LabMap, MapItem
-from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.campaign.report.figures import curve_of, mean_curve
+from uav_bt.campaign.report.lab_figures import visited_cells
+from uav_bt.campaign.report.statistics import (
+    mcnemar,
+    median_interval,
+    rate_interval,
+    spread,
+    success_interval,
+    success_words,
+)
 from uav_bt.mission.covered_ground import GroundCells
 from uav_bt.types.ground import Ground
 
 CELLS = GroundCells(Ground(size_m=(5.0, 4.0)))
 
 
-def test_a_summary_counts_outcomes_success_first() -> None:
-    outcomes = ["timeout", "collision", "collision", "success"]
-    summary = summarise([{"outcome": outcome, "duration_s": 1.0} for outcome in outcomes])
-    assert list(summary.outcomes.items()) == [("success", 1), ("collision", 2), ("timeout", 1)]
-    assert summary.successes == 1
-    assert summary.success_text == "1 of 4"
-    assert summary.metrics["time_to_land_s"] is None
+def flights(successes: int, trials: int) -> list[dict[str, str]]:
+    return [{"outcome": "success" if n < successes else "timeout"} for n in range(trials)]
 
 
-def test_distributions_tell_where_the_values_lie() -> None:
-    flights = [{"outcome": "success", "duration_s": float(value)} for value in range(101)]
-    found = summarise(flights).metrics["duration_s"]
-    assert found is not None
-    assert (found.count, found.mean, found.median) == (101, 50.0, 50.0)
-    assert (found.p5, found.p95, found.least, found.most) == (5.0, 95.0, 0.0, 100.0)
+def test_successes_of_a_few_flights_are_counted_and_not_given_in_percent() -> None:
+    assert success_words(flights(9, 9)) == "9 of 9"
+    assert success_words(flights(19, 20)) == "19 of 20, 95.0 %"
 
 
-def test_nothing_cannot_be_summarised() -> None:
-    with pytest.raises(InputError, match="no flights"):
-        summarise([])
-
-
-def test_a_density_integrates_to_one_above_zero() -> None:
-    at = np.linspace(0.0, 60.0, 6001)
-    values = [0.0, 0.0, 0.0, 1.0, 5.0, 20.0]
-    assert np.trapezoid(density(values, at), at) == pytest.approx(1.0, abs=1e-3)
-
-
-def test_a_density_is_that_of_the_distribution_the_values_come_from() -> None:
-    values = np.abs(np.random.default_rng(0).normal(30.0, 4.0, 4000))
-    at = np.array([30.0, 34.0])
-    exact = np.exp(-0.5 * ((at - 30.0) / 4.0) ** 2) / (4.0 * math.sqrt(2.0 * math.pi))
-    assert density(values.tolist(), at) == pytest.approx(exact, rel=0.08)
-
-
-def test_the_bandwidth_survives_values_that_are_mostly_the_same() -> None:
-    assert bandwidth([0.0] * 20 + [5.0]) > 0.0
-    assert bandwidth([3.0, 3.0]) == 0.0
+def test_a_spread_tells_where_the_values_lie() -> None:
+    found = spread([float(value) for value in range(101)])
+    assert list(found.values()) == [50.0, 50.0, 5.0, 95.0, 0.0, 100.0]
+    two, three = spread([1.0] * 2), spread([1.0] * 3)
+    assert (two["5 %"], two["95 %"], three["5 %"], three["95 %"]) == (None, None, 1.0, 1.0)
+    assert set(spread([]).values()) == {None}
 
 
 @pytest.mark.parametrize(
     ("successes", "trials", "low", "high"),
     [
-        (81, 263, 0.2553, 0.3662),  # Newcombe 1998, table I, method 3
-        (15, 148, 0.0624, 0.1605),
-        (0, 20, 0.0, 0.1611),
-        (1, 29, 0.0061, 0.1718),
+        (81, 263, 25.53, 36.62),  # Newcombe 1998, table I, method 3
+        (15, 148, 6.24, 16.05),
+        (0, 20, 0.0, 16.11),
+        (1, 29, 0.61, 17.18),
+        (100, 100, 96.30, 100.0),
     ],
 )
 def test_wilsons_interval_agrees_with_newcombe(
     successes: int, trials: int, low: float, high: float
 ) -> None:
-    assert wilson(successes, trials) == pytest.approx((low, high), abs=5e-5)
+    ends = success_interval(flights(successes, trials))
+    assert ends == pytest.approx((low, high), abs=5e-3)
 
 
-def test_nothing_but_successes_is_no_certainty() -> None:
-    low, high = wilson(100, 100)
-    assert (round(low, 4), high) == (0.963, 1.0)
+@pytest.mark.parametrize(
+    ("count", "low", "high"), [(0, 0.0, 2.996), (1, 0.0253, 5.572), (10, 4.795, 18.39)]
+)
+def test_garwoods_interval_of_a_rate(count: int, low: float, high: float) -> None:
+    assert rate_interval(count, 1.0) == pytest.approx((low, high), rel=1e-3)
+    assert rate_interval(count, 2.0) == pytest.approx((low / 2, high / 2), rel=1e-3)
 
 
-@pytest.mark.parametrize(("successes", "trials"), [(0, 0), (3, 2), (-1, 2)])
-def test_impossible_counts_are_refused(successes: int, trials: int) -> None:
-    with pytest.raises(ValueRangeError, match="0 <= successes <= trials"):
-        wilson(successes, trials)
+def test_the_interval_of_a_median() -> None:
+    """For many values it equals the normal interval: 1.96 x 1.2533 x 1 / 20 on both sides."""
+    values = np.random.default_rng(1).normal(3.0, 1.0, 400)
+    interval = median_interval(values)
+    assert interval is not None
+    low, high = interval
+    assert high - low == pytest.approx(2.0 * 1.96 * 1.2533 / 20.0, rel=0.2)
+    assert low < np.median(values) < high
+    assert median_interval(values[:2]) is None
+
+
+def test_mcnemars_exact_test() -> None:
+    """One of five different pairs: 2 x (1 + 5) / 2**5; equal sets give no evidence."""
+    assert mcnemar(1, 4) == pytest.approx(0.375)
+    assert mcnemar(0, 0) == 1.0
 
 
 def test_a_straight_way_passes_a_band_of_the_ground() -> None:
-    passed = visited_cells([[0.0, -2.5, 0.1, 1.5], [9.0, 2.5, 0.1, 1.5]], CELLS)
+    ends = np.array([[0.0, -2.5, 0.1, 1.5], [9.0, 2.5, 0.1, 1.5]])
+    passed = visited_cells(np.linspace(*ends, 21), CELLS)
     rows = np.flatnonzero(passed.all(axis=1))
     assert CELLS.y_m[rows].min() == pytest.approx(-0.375)
     assert CELLS.y_m[rows].max() == pytest.approx(0.575)
-    assert CELLS.share(passed) == pytest.approx(0.25)
 
 
 def test_rows_go_up_and_columns_go_right() -> None:
@@ -102,23 +97,6 @@ def test_rows_go_up_and_columns_go_right() -> None:
     assert bool(passed[-1, -1])
     assert not passed[0].any()
     assert not passed[:, 0].any()
-
-
-def test_no_way_passes_nothing() -> None:
-    assert not visited_cells([], CELLS).any()
-
-
-def test_the_ground_of_a_map_is_free_of_boxes_and_mark() -> None:
-    box = MapItem(x_m=0.0, y_m=0.0, size_m=(1.0, 0.5, 1.9), yaw_rad=math.pi / 2)
-    pad = MapItem(x_m=-2.0, y_m=-1.5, size_m=(0.5, 0.5, 0.4))
-    ground = ground_of(LabMap(ground_size_m=(5.0, 4.0), boxes=(box,), mark=pad))
-    assert (~GroundCells(ground).free).sum() * 0.05**2 == pytest.approx(0.5 + 0.25)
-    assert [item.height_m for item in ground.standing] == [1.9, 0.4]
-
-
-def test_the_ground_of_a_map_with_parts_is_that_of_its_scene() -> None:
-    scene = load_scene("depot-train-a")
-    assert ground_of(map_of_scene(scene)) == scene.ground_plan
 
 
 def covered(*passed: float, duration_s: float) -> dict[str, Any]:
@@ -147,13 +125,6 @@ def test_the_mean_curve_ends_when_half_of_the_flights_have_ended() -> None:
     means = [[10.0, 37.5], [20.0, 50.0], [30.0, 68.75]]
     assert mean_curve(flights, "passed").tolist() == means
     assert mean_curve([], "passed").shape == (0, 2)
-
-
-@pytest.mark.parametrize(("count", "has"), [(2, False), (3, True)])
-def test_two_flights_have_no_percentiles(count: int, *, has: bool) -> None:
-    found = Distribution.of([1.0] * count)
-    assert found is not None
-    assert (found.p5 is not None, found.p95 is not None) == (has, has)
 
 
 def test_the_hardware_names_processor_vnni_and_memory(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""A recording stream that stores its calls, and the setting and ticks of a small flight."""
+"""A recording stream that stores its calls, and the setting of a small flight."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from tests.uav_bt.display.display_world import CAMERA, LAB
-from uav_bt.display.rerun.setting import CorridorSize, TreeNode, ViewSetting
+from uav_bt.display.rerun.layout import ViewSetting
 from uav_bt.lab.classes import LabClass, LabClasses
 
 CLASSES = LabClasses(
@@ -17,10 +17,10 @@ CLASSES = LabClasses(
     ]
 )
 NODES = (
-    TreeNode(path="Main/root", label="root", parent=None),
-    TreeNode(path="Main/root/first", label="first", parent="Main/root"),
-    TreeNode(path="Main/root/second", label="second", parent="Main/root"),
-    TreeNode(path="Main/root/second/leaf", label="leaf", parent="Main/root/second"),
+    ("Main/root", "root", None),
+    ("Main/root/first", "first", "Main/root"),
+    ("Main/root/second", "second", "Main/root"),
+    ("Main/root/second/leaf", "leaf", "Main/root/second"),
 )
 
 
@@ -61,10 +61,18 @@ class NotedStream:
         self.names.append(name)
 
     def of(self, entity: str) -> list[Noted]:
-        return [note for note in self.notes if note.entity == entity]
+        """Return what was drawn at an entity, without what stays."""
+        return [note for note in self.notes if note.entity == entity and not note.static]
 
     def last(self, entity: str) -> Any:
         return self.of(entity)[-1].thing
+
+    def kinds(self, entity: str) -> list[str]:
+        return [type(note.thing).__name__ for note in self.of(entity)]
+
+    def constant(self, entity: str) -> Any:
+        (note,) = [note for note in self.notes if note.entity == entity and note.static]
+        return note.thing
 
 
 def values(batch: Any) -> list[Any]:
@@ -81,6 +89,6 @@ def setting(**changes: Any) -> ViewSetting:
         "lab_map": LAB,
         "tree": NODES,
         "makes_depth": True,
-        "corridor": CorridorSize(side_m=0.5, front_m=2.0, up_down_m=0.8),
+        "corridor_m": (0.5, 2.0, 0.8),
     }
     return ViewSetting(**{**told, **changes})

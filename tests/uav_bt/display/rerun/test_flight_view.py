@@ -1,64 +1,343 @@
-"""The whole view of a flight: one timeline, changed words, a layout without empty panes."""
+"""The view of a flight: what is drawn where, when it is drawn again, and what is taken away."""
 
 from __future__ import annotations
 
-import logging
-import threading
-from collections.abc import Mapping
+import math
+from dataclasses import replace
+from typing import Any
 
+import cv2
+import numpy as np
 import pytest
+import rerun as rr
 from rerun.blueprint import GraphView, Spatial2DView, Vertical, View
 
 from tests.uav_bt.display.display_world import World
-from tests.uav_bt.display.rerun.rerun_world import NotedStream, setting, values
-from tests.uav_bt.display.test_live_map import believed
-from uav_bt.board import PHASE, SITE_MAP
-from uav_bt.board.blackboard import Blackboard
-from uav_bt.display.rerun.flight_view import BackgroundFollower, FlightView, Statuses
-from uav_bt.display.rerun.layout import layout
+from tests.uav_bt.display.rerun.rerun_world import CLASSES, NODES, NotedStream, setting, values
+from tests.uav_bt.display.test_map_pane import believed
+from tests.worlds.values import corridor
+from uav_bt.board import CLASS_MAP, CORRIDOR, MARK, METRIC_DEPTH, SITE_MAP
+from uav_bt.display.lab_map import LabMap, MapItem, MapMover
+from uav_bt.display.rerun.flight_view import STATUS_COLOURS, FlightView, camera_axes
+from uav_bt.display.rerun.layout import layout, places
 from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
 from uav_bt.tree import Status
+from uav_bt.types import ClassMap, DepthMap, MarkFix, MoverState, NearObstacles, Pose
+
+AHEAD = MarkFix(captured_s=0.0, forward_m=1.0, right_m=1.0, height_m=0.4, detected=True)
 
 
-def flight_view(stream: NotedStream, world: World, **told: float) -> FlightView:
-    statuses = {"Main/root": Status.RUNNING}
-    return FlightView(stream, setting(), world.board, lambda: statuses, **told)
+def pose(x_m: float = 0.0, yaw_rad: float = 0.0) -> Pose:
+    return Pose(x_m=x_m, y_m=0.0, z_m=1.5, yaw_rad=yaw_rad)
 
 
-def test_time_begins_with_the_first_tick() -> None:
-    stream, world = NotedStream(), World(start_s=40.0)
-    view = flight_view(stream, world)
-    for _ in range(3):
-        view.on_tick(world.tick())
-    times = [note.time_s for note in stream.of("plots/tick_time/compute")[1:]]
-    assert times == pytest.approx([0.0, 0.1, 0.2])
-    assert stream.names == ["tour"]
+class Flight:
+    """A view of a flight."""
+
+    def __init__(self, start_s: float | None = None, **changes: Any) -> None:
+        self.stream, self.world = NotedStream(), World(start_s=40.0)
+        self.statuses = {"Main/root": Status.RUNNING, "Main/root/first": Status.FAILURE}
+        board, setting_ = self.world.board, setting(**changes)
+        stream: Any = self.stream
+        self.view = FlightView(stream, setting_, board, lambda: self.statuses, start_s=start_s)
+
+    def fly(self, at: Pose | None = None, **changes: Any) -> TickRecord:
+        record = self.world.tick(pose=at or pose(), **changes)
+        seen = record.observation
+        if seen.frame is not None:
+            frame = replace(seen.frame, index=record.index)
+            record = replace(record, observation=replace(seen, frame=frame))
+        self.view.on_tick(record)
+        return record
+
+    def class_map(self) -> ClassMap:
+        ids = np.zeros((18, 32), dtype=np.uint8)
+        ids[9:] = 1
+        ids[4:12, 10:20] = 2
+        return ClassMap(ids=ids, classes=CLASSES, captured_s=self.world.clock.now())
+
+    def depth(self) -> DepthMap:
+        metres = np.full((18, 32), 1.5, np.float32)
+        metres[0] = np.nan
+        return DepthMap(depth=metres, metric=True, captured_s=self.world.clock.now())
+
+    def image(self) -> np.ndarray:
+        blob = np.asarray(values(self.stream.last("world/camera/image").blob)[0], dtype=np.uint8)
+        return cv2.imdecode(blob, cv2.IMREAD_COLOR)[:, :, ::-1].astype(int)
+
+    def curve(self, name: str) -> float:
+        (value,) = values(self.stream.last(f"plots/{name}").scalars)
+        return float(value)
 
 
-def test_time_begins_at_the_given_time() -> None:
-    stream, world = NotedStream(), World(start_s=40.0)
-    flight_view(stream, world, start_s=30.0).on_tick(world.tick())
-    assert stream.of("plots/tick_time/compute")[-1].time_s == pytest.approx(10.0)
+@pytest.mark.parametrize(("start_s", "first_s"), [(None, 0.0), (30.0, 10.0)])
+def test_time_begins_with_the_first_tick_or_at_the_given_time(
+    start_s: float | None, first_s: float
+) -> None:
+    flight = Flight(start_s)
+    for _ in range(2):
+        flight.fly()
+    times = [note.time_s for note in flight.stream.of("plots/tick_time/compute")]
+    assert times == pytest.approx([first_s, first_s + 0.1])
+    assert flight.stream.names == ["tour"]
 
 
 def test_texts_are_logged_when_they_change_and_overrides_warn() -> None:
-    stream, world = NotedStream(), World()
-    view = flight_view(stream, world)
-    view.on_tick(world.tick())
-    view.on_tick(world.tick())
-    view.on_tick(world.tick(override=Override.STALE_FRAME))
-    said = stream.of("words")
+    flight = Flight()
+    for override in (None, None, Override.STALE_FRAME):
+        flight.fly(override=override)
+    said = flight.stream.of("words")
     assert [values(note.thing.level) for note in said] == [["INFO"], ["WARN"]]
     assert values(said[0].thing.text) == ["explore: Explore (clear): hover"]
     assert Override.STALE_FRAME.value in values(said[1].thing.text)[0]
 
 
-def test_a_flight_without_a_frame_is_drawn() -> None:
-    stream, world = NotedStream(), World()
-    flight_view(stream, world).on_tick(world.tick(frame=False))
-    assert stream.of("world/camera/image") == []
-    assert stream.of("world/drone")
+def test_the_path_grows_by_a_piece_a_tick() -> None:
+    flight = Flight()
+    for x_m in (0.0, 0.5, 1.0):
+        flight.fly(pose(x_m))
+    pieces = [values(note.thing.strips)[0] for note in flight.stream.of("world/path")]
+    assert pieces == [[[0.0, 0.0, 1.5], [0.5, 0.0, 1.5]], [[0.5, 0.0, 1.5], [1.0, 0.0, 1.5]]]
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, 1.0, -2.5])
+@pytest.mark.parametrize("pitch_rad", [0.0, -0.5, -math.pi / 2])
+def test_camera_axes_are_a_rotation(yaw_rad: float, pitch_rad: float) -> None:
+    axes = camera_axes(yaw_rad, pitch_rad)
+    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(axes) == pytest.approx(1.0)
+    forward = [math.cos(yaw_rad), math.sin(yaw_rad), 0.0]
+    if pitch_rad == 0.0:
+        np.testing.assert_allclose(axes[:, 2], forward, atol=1e-12)
+        np.testing.assert_allclose(axes[:, 1], [0, 0, -1], atol=1e-12)
+    if pitch_rad == -math.pi / 2:
+        np.testing.assert_allclose(axes[:, 2], [0, 0, -1], atol=1e-12)
+
+
+def test_the_lens_sits_ahead_of_the_bodys_centre() -> None:
+    flight = Flight()
+    flight.fly(pose(yaw_rad=math.pi / 2))
+    ahead_m = setting().camera.forward_offset_m
+    placed = flight.stream.last("world/camera")
+    np.testing.assert_allclose(values(placed.translation)[0], [0.0, ahead_m, 1.5], atol=1e-6)
+
+
+def test_an_image_is_drawn_once_and_none_before_the_first() -> None:
+    flight = Flight()
+    flight.fly(frame=False)
+    assert flight.stream.of("world/camera/image") == []
+    record = flight.fly()
+    flight.view.on_tick(replace(record, time_s=record.time_s + 0.1))
+    assert len(flight.stream.of("world/camera/image")) == 1
+
+
+def test_the_image_has_the_edges_of_the_classes() -> None:
+    flight = Flight()
+    flight.fly()
+    plain = flight.image()
+    flight.world.board.write(CLASS_MAP, flight.class_map())
+    flight.fly()
+    edges = np.argwhere(np.abs(flight.image() - plain).max(axis=2) > 60)
+    # The drum's left edge is at column 10 of 32, which is 200 of 640.
+    assert np.abs(edges[:, 1] - 200).min() <= 4
+
+
+def marked(*_: object) -> np.ndarray:
+    inside = np.zeros((18, 32), dtype=bool)
+    inside[5:9, 3:9] = True
+    return inside
+
+
+def test_what_is_inside_the_corridor_is_outlined_in_its_own_frame() -> None:
+    flight = Flight(intruding=marked)
+    flight.fly()
+    plain = flight.image()
+    board = flight.world.board
+    for late_s in (0.0, 0.1):
+        now_s = flight.world.clock.now()
+        board.write(CLASS_MAP, flight.class_map(), captured_s=now_s)
+        board.write(METRIC_DEPTH, flight.depth(), captured_s=now_s)
+        board.write(CORRIDOR, corridor(1.5, "left", nearest_m=0.6), captured_s=now_s)
+        flight.world.clock.advance(late_s)
+        flight.fly()
+        red = (flight.image() - plain)[100:180, 50:70]  # its left edge
+        assert ((red[..., 0] - red[..., 2]).max() > 60) == (late_s == 0.0)
+
+
+def test_masks_and_depth_are_drawn_when_new_and_taken_away_when_old() -> None:
+    flight = Flight()
+    board = flight.world.board
+    flight.fly()
+    board.write(CLASS_MAP, flight.class_map())
+    board.write(METRIC_DEPTH, flight.depth())
+    flight.fly()
+    flight.fly()
+    board.forget(CLASS_MAP)
+    board.forget(METRIC_DEPTH)
+    flight.fly()
+    assert flight.stream.kinds("mask/ids") == ["SegmentationImage", "Clear"]
+    assert flight.stream.kinds("world/depth/metres") == ["DepthImage", "Clear"]
+    image = flight.stream.of("world/depth/metres")[0].thing
+    assert values(image.meter) == [1.0]
+    metres = np.frombuffer(bytes(values(image.buffer)[0]), np.float16).reshape(18, 32)
+    assert np.isnan(metres[0]).all()
+    assert (metres[1:] == 1.5).all()
+
+
+def test_classes_have_our_names_and_colours() -> None:
+    context = Flight().stream.constant("mask").context
+    shown = [entry["class_description"]["info"] for entry in values(context)[0]]
+    assert [info["label"] for info in shown] == list(CLASSES.names)
+    assert [info["color"] >> 8 for info in shown] == [
+        int(red) << 16 | int(green) << 8 | int(blue) for red, green, blue in CLASSES.colours
+    ]
+
+
+def test_the_corridor_is_a_box_ahead_that_says_what_is_inside() -> None:
+    flight = Flight()
+    found = []
+    for side in (None, "left"):
+        now_s = flight.world.clock.now()
+        seen = corridor(1.0, side, nearest_m=0.6, captured_s=now_s)
+        flight.world.board.write(CORRIDOR, seen, captured_s=now_s)
+        flight.fly()
+        found.append(flight.stream.of("world/corridor")[-1].things[1])
+    assert values(found[0].centers) == [[1.0, 0.0, 0.0]]
+    np.testing.assert_allclose(values(found[0].half_sizes), [[1.0, 0.5, 0.8]], atol=1e-6)
+    assert values(found[1].labels) == ["intrusion left, 0.60 m"]
+    assert values(found[0].colors) != values(found[1].colors)
+    flight.world.board.forget(CORRIDOR)
+    for _ in range(2):
+        flight.fly()
+    assert flight.stream.kinds("world/corridor") == ["Transform3D", "Transform3D", "Clear"]
+
+
+def test_remembered_points_lie_where_the_drone_believes_them() -> None:
+    flight = Flight()
+    near = NearObstacles(
+        points_m=np.array([[2.0, 0.5]]), edges_m=np.array([[1.0, 0.0]]), captured_s=0.0
+    )
+    flight.world.board.write(SITE_MAP, replace(believed(), near=near))
+    flight.world.board.write(MARK, replace(AHEAD, right_m=0.0))
+    flight.fly(pose(x_m=1.0, yaw_rad=math.pi / 2))  # heading +y; +x is to the right
+    shown = flight.stream.last("world/obstacles")
+    np.testing.assert_allclose(
+        values(shown.positions), [[1.5, 2.0, 0.0], [1.0, 1.0, 0.0]], atol=1e-6
+    )
+    of_an_obstacle, of_an_edge = values(shown.colors)
+    assert of_an_obstacle != of_an_edge
+    mark = values(flight.stream.last("world/mark_fix").positions)
+    np.testing.assert_allclose(mark, [[1.0, 1.0, 0.0]], atol=1e-6)
+    flight.world.board.forget(SITE_MAP)
+    flight.world.board.forget(MARK)
+    flight.fly()
+    for entity in ("world/obstacles", "world/mark_fix"):
+        assert flight.stream.kinds(entity)[-1] == "Clear"
+
+
+def test_the_site_map_is_an_image_twice_a_second() -> None:
+    flight = Flight(makes_map=True)
+    for index in range(12):
+        if index:
+            flight.world.board.write(SITE_MAP, believed())
+        flight.fly()
+    images = flight.stream.of("site_map")
+    assert len(images) == 3, "from the second tick on, every fifth"
+    blob = np.asarray(values(images[-1].thing.blob)[0], dtype=np.uint8)
+    image = cv2.imdecode(blob, cv2.IMREAD_COLOR)
+    assert image.shape == (520, 640, 3)
+    assert image.std() > 5.0, "it shows something"
+
+
+def test_the_lab_is_drawn_once_with_boxes_and_mark() -> None:
+    things = Flight().stream.constant("world/lab/things")
+    np.testing.assert_allclose(
+        values(things.centers), [[1.0, 1.0, 0.95], [-1.5, -1.0, 0.2]], atol=1e-6
+    )
+    unknown = Flight(lab_map=None).stream
+    assert not [note for note in unknown.notes if note.entity.startswith("world/lab")]
+
+
+def test_what_moves_is_drawn_where_it_is() -> None:
+    movers = tuple(
+        MapMover(
+            item=MapItem(x_m=0.0, y_m=0.0, size_m=(0.4, 0.4, 1.7), round=is_round),
+            path_m=((0.0, 0.0), (1.0, 0.0)),
+        )
+        for is_round in (True, False)
+    )
+    flight = Flight(lab_map=LabMap(ground_size_m=(5.0, 4.0), movers=movers))
+    record = flight.world.tick(pose=pose())
+    states = tuple(
+        MoverState(name=name, pose=pose(x_m), vx_mps=0.5, vy_mps=0.0)
+        for name, x_m in (("mover-1", 0.25), ("mover-2", 0.75))
+    )
+    assert record.truth is not None
+    flight.view.on_tick(replace(record, truth=replace(record.truth, movers=states)))
+    for name, x_m, kind in (("mover-1", 0.25, rr.Cylinders3D), ("mover-2", 0.75, rr.Boxes3D)):
+        placed = flight.stream.last(f"world/lab/{name}")
+        np.testing.assert_allclose(values(placed.translation)[0], [x_m, 0.0, 1.5], atol=1e-6)
+        assert isinstance(flight.stream.constant(f"world/lab/{name}"), kind)
+
+
+def test_each_curve_has_a_point_a_tick_and_a_gap_where_it_is_unknown() -> None:
+    flight = Flight()
+    flight.view.on_tick(flight.world.tick(yaw_rad=0.5))
+    for name in ("heading/mark", "height/true", "free_distance/ahead", "free_distance/clearance"):
+        assert math.isnan(flight.curve(name))
+    now_s = flight.world.clock.now()
+    ahead = corridor(1.2, "front", nearest_m=0.7, captured_s=now_s)
+    flight.world.board.write(CORRIDOR, ahead, captured_s=now_s)
+    near = NearObstacles(points_m=np.array([[0.3, 0.4]]), captured_s=0.0)
+    flight.world.board.write(SITE_MAP, replace(believed(), near=near))
+    flight.world.board.write(MARK, AHEAD)
+    flight.fly()
+    expected = {
+        "heading/telemetry": 0.0,
+        "heading/mark": 45.0,
+        "height/telemetry": 1.5,
+        "height/true": 1.5,
+        "free_distance/ahead": 1.2,
+        "free_distance/intrusion": 0.7,
+        "free_distance/remembered": 0.5,
+        "free_distance/clearance": 0.8,
+        "tick_time/compute": 1.0,
+    }
+    assert {name: flight.curve(name) for name in expected} == pytest.approx(expected)
+    drawn = [note.entity for note in flight.stream.notes if note.entity.startswith("plots")]
+    assert set(drawn) == {f"plots/{name}" for name in expected}
+
+
+def test_each_node_has_a_row_and_children_stand_further_right() -> None:
+    found = places(NODES)
+    assert [y for _, y in found] == sorted({y for _, y in found})
+    lefts = [x - 7.0 * len(label) / 2 for (x, _), (_, label, _) in zip(found, NODES, strict=True)]
+    assert lefts[0] < lefts[1] == lefts[2] < lefts[3]
+
+
+def test_nodes_have_the_colours_of_their_statuses_and_are_drawn_when_one_changes() -> None:
+    flight = Flight()
+    edges = flight.stream.constant("tree").edges
+    assert [(edge["first"], edge["second"]) for edge in values(edges)] == [
+        ("Main/root", "Main/root/first"),
+        ("Main/root", "Main/root/second"),
+        ("Main/root/second", "Main/root/second/leaf"),
+    ]
+    for status in (Status.FAILURE, Status.FAILURE, Status.SUCCESS):
+        flight.statuses["Main/root/first"] = status
+        flight.fly()
+    first, second = flight.stream.of("tree")
+    assert values(first.thing.node_ids) == [path for path, _, _ in NODES]
+    assert values(first.thing.labels) == ["root", "first", "second", "leaf"]
+
+    def codes(*statuses: Status) -> list[int]:
+        colours = (STATUS_COLOURS[status] for status in statuses)
+        return [red << 24 | green << 16 | blue << 8 | 255 for red, green, blue in colours]
+
+    unnamed = (Status.IDLE, Status.IDLE)
+    assert values(first.thing.colors) == codes(Status.RUNNING, Status.FAILURE, *unnamed)
+    assert values(second.thing.colors) == codes(Status.RUNNING, Status.SUCCESS, *unnamed)
 
 
 def views(part: object) -> list[View]:
@@ -68,113 +347,13 @@ def views(part: object) -> list[View]:
     return [view for below in inner or () for view in views(below)]
 
 
-def test_the_layout_has_a_pane_for_everything() -> None:
-    root = layout(setting()).root_container
+def test_the_layout_has_a_pane_for_everything_and_none_that_would_stay_empty() -> None:
+    root = layout(setting(makes_map=True)).root_container
     assert isinstance(root, Vertical)
-    names = [view.name for view in views(root)]
-    assert names == [
-        *("Camera", "Mask", "Metric depth", "tour", "Words", "Tree"),
-        *("Heading error, deg", "Height, m", "Free distance, m", "Tick time, ms"),
+    assert [view.name for view in views(root)] == [
+        *("Camera", "Mask", "Metric depth", "tour", "Site map", "Words", "Tree"),
+        *("Heading, deg", "Height, m", "Free distance, m", "Tick time, ms"),
     ]
-
-
-def test_a_mission_that_keeps_a_map_gets_a_pane_for_it() -> None:
-    names = [view.name for view in views(layout(setting(makes_map=True)).root_container)]
-    assert "Site map" in names
-    stream, world = NotedStream(), World()
-    world.board.write(SITE_MAP, believed())
-    flight_view(stream, world).on_tick(world.tick())
-    assert len(stream.of("site_map")) == 1
-
-
-def test_panes_that_would_stay_empty_are_left_out() -> None:
     found = views(layout(setting(makes_depth=False, tree=())).root_container)
     assert not [view for view in found if isinstance(view, GraphView)]
     assert [view.name for view in found if isinstance(view, Spatial2DView)] == ["Camera", "Mask"]
-
-
-class Follower:
-    """Records the board and the statuses at each tick."""
-
-    def __init__(self, board: Blackboard, statuses: Statuses) -> None:
-        self._board, self._statuses = board, statuses
-        self.seen: list[tuple[int, str | None, Mapping[str, Status]]] = []
-        self.told = threading.Event()
-        self.may_go_on = threading.Event()
-        self.may_go_on.set()
-
-    def on_tick(self, record: TickRecord) -> None:
-        self.told.set()
-        assert self.may_go_on.wait(30.0)
-        self.seen.append((record.index, self._board.read(PHASE).value, self._statuses()))
-
-
-class Bench:
-    """A mission with a background follower of its ticks."""
-
-    def __init__(self, waiting_ticks: int = 32) -> None:
-        self.world = World()
-        self.standing: dict[str, Status] = {}
-        self.follower: Follower
-        self.background = BackgroundFollower(
-            self._make, self.world.board, lambda: self.standing, waiting_ticks=waiting_ticks
-        )
-
-    def _make(self, board: Blackboard, statuses: Statuses) -> Follower:
-        self.follower = Follower(board, statuses)
-        return self.follower
-
-    def tick(self, phase: str) -> None:
-        self.world.board.write(PHASE, phase)
-        self.standing["root"] = Status.RUNNING if phase == "one" else Status.SUCCESS
-        self.background.on_tick(self.world.tick())
-
-
-def test_a_late_follower_sees_the_board_as_it_was() -> None:
-    bench = Bench()
-    bench.follower.may_go_on.clear()
-    bench.tick("one")
-    bench.tick("two")
-    bench.world.board.forget(PHASE)
-    bench.background.on_tick(bench.world.tick())
-    bench.follower.may_go_on.set()
-    bench.background.close()
-    assert bench.follower.seen == [
-        (0, "one", {"root": Status.RUNNING}),
-        (1, "two", {"root": Status.SUCCESS}),
-        (2, None, {"root": Status.SUCCESS}),
-    ]
-
-
-def test_ticks_that_take_too_long_are_omitted_and_reported(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    bench = Bench(waiting_ticks=2)
-    bench.follower.may_go_on.clear()
-    bench.tick("one")
-    assert bench.follower.told.wait(30.0)  # the thread is busy with this tick
-    for phase in ("two", "three", "four", "five"):
-        bench.tick(phase)
-    assert bench.background.left_out == 2
-    bench.follower.may_go_on.set()
-    with caplog.at_level(logging.WARNING):
-        bench.background.close()
-    assert [phase for _, phase, _ in bench.follower.seen] == ["one", "two", "three"]
-    assert "dropped 2 ticks" in caplog.text
-
-
-def test_a_follower_that_raises_is_left_alone(caplog: pytest.LogCaptureFixture) -> None:
-    bench = Bench()
-
-    def fail(_: TickRecord) -> None:
-        raise ValueError("the window is gone")
-
-    bench.follower.on_tick = fail  # type: ignore[method-assign]
-    with caplog.at_level(logging.WARNING):
-        bench.tick("one")
-        bench.tick("two")
-        bench.background.close()
-    assert isinstance(bench.background.failure, ValueError)
-    assert caplog.text.count("the window is gone") == 1
-    bench.tick("three")  # has no effect
-    bench.background.close()

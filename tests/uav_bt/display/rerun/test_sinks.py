@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.uav_bt.display.display_world import World
 from uav_bt.display.rerun import sinks
 from uav_bt.errors import FileError, InputError, MissingDependencyError
 
@@ -116,17 +119,9 @@ def answers(port: int, wanted: object) -> bool:
 def test_closing_a_web_view_ends_its_server() -> None:
     viewer = sinks.Viewer(web=True)
     assert answers(viewer.port, True)
-    viewer.close(end=True)
+    viewer.close()
     assert viewer.closed
     assert answers(viewer.port, False)
-
-
-def test_a_port_that_is_taken_is_refused() -> None:
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        with pytest.raises(InputError, match="choose another one"):
-            sinks.Viewer(web=False, port=taken.getsockname()[1])
 
 
 @pytest.mark.parametrize(
@@ -137,9 +132,13 @@ def test_a_display_is_what_the_environment_says(
     environment: dict[str, str], displays: object, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sinks.sys, "platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
     refused = contextlib.nullcontext() if displays else pytest.raises(InputError, match="instead")
     with refused:
-        sinks.need_display("do that instead", environment)
+        sinks.need_display("do that instead")
 
 
 def test_a_missing_rerun_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -148,6 +147,51 @@ def test_a_missing_rerun_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> Non
         MissingDependencyError, match=r"a view needs rerun; run `pip install .*\[view\]"
     ):
         sinks.Viewer(web=True)
-    monkeypatch.setattr(sinks.importlib.util, "find_spec", lambda _: None)
+    monkeypatch.setattr(sinks, "find_spec", lambda _: None)
     with pytest.raises(MissingDependencyError, match="rerun-sdk"):
         sinks.viewer_command(9876, None)
+
+
+class Bench:
+    """A background drawing of numbers that a test lets go on."""
+
+    def __init__(self) -> None:
+        self.seen: list[int] = []
+        self.begun, self.may_go_on = threading.Event(), threading.Event()
+        self.background = sinks.Background(lambda record: record.index, self._draw)
+        self._world = World()
+
+    def _draw(self, index: int) -> None:
+        self.begun.set()
+        assert self.may_go_on.wait(30.0)
+        if index < 0:
+            raise ValueError("the window is gone")
+        self.seen.append(index)
+
+    def tick(self, **changes: int) -> None:
+        self.background.on_tick(self._world.tick(**changes))
+
+
+def test_ticks_that_take_too_long_are_omitted_and_reported(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(sinks, "WAITING_TICKS", 3)
+    bench = Bench()
+    for _ in range(5):
+        bench.tick()
+    assert bench.background.left_out == 2
+    bench.may_go_on.set()
+    with caplog.at_level(logging.WARNING):
+        bench.background.close()
+    bench.background.close()
+    assert bench.seen == [0, 1, 2]
+    assert caplog.text.count("dropped 2 ticks") == 1
+
+
+def test_a_view_that_fails_is_an_error_of_a_later_tick() -> None:
+    bench = Bench()
+    bench.may_go_on.set()
+    bench.tick(index=-1)
+    bench.background.close()
+    with pytest.raises(ValueError, match="the window is gone"):
+        bench.tick()

@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 
 from tests.paper_lab import CLASSES
 from tests.uav_bt.display.display_world import CAMERA, LAB, World
-from tests.uav_bt.display.test_live_map import believed
+from tests.uav_bt.display.test_map_pane import believed
 from uav_bt.board import SITE_MAP
 from uav_bt.display.canvas import PANEL
 from uav_bt.display.flown_path import FlownPath
-from uav_bt.display.site_map_pane import SEEN
-from uav_bt.display.video.video import FlightVideo, FlightVideoConfig, Panes
+from uav_bt.display.map_pane import SEEN
+from uav_bt.display.video.video import FlightVideo, Panes
 from uav_bt.errors import FileError, ValueRangeError
 from uav_bt.types import ClassMap, DepthMap, Frame, Pose
 
 
-def panes_of(world: World) -> Panes:
-    return Panes(world.board, CAMERA, lab_map=LAB, title="a flight")
+def panes_of(world: World, **changes: Any) -> Panes:
+    return Panes(world.board, CAMERA, lab_map=LAB, title="a flight", **changes)
 
 
 def fly(video: FlightVideo, world: World, ticks: int, after_s: float = 0.1) -> None:
@@ -46,11 +46,9 @@ def facts(path: Path) -> tuple[tuple[int, int], list[float]]:
 
 def test_every_tick_is_a_picture_and_the_speed_shortens_the_video(tmp_path: Path) -> None:
     world = World()
-    with FlightVideo(
-        tmp_path / "flight.mp4", panes_of(world), FlightVideoConfig(speed=2.0)
-    ) as video:
+    with FlightVideo(tmp_path / "flight.mp4", panes_of(world), speed=2.0) as video:
         fly(video, world, 6)
-    size_px, times = facts(video.path)
+    size_px, times = facts(tmp_path / "flight.mp4")
     assert size_px == (1280, 720)
     assert times == pytest.approx([0.0, 0.05, 0.1, 0.15, 0.2, 0.25])
 
@@ -59,7 +57,7 @@ def test_ticks_faster_than_the_video_are_thinned_out(tmp_path: Path) -> None:
     world = World()
     with FlightVideo(tmp_path / "flight.mp4", panes_of(world)) as video:
         fly(video, world, 9, after_s=1 / 30)
-    assert len(facts(video.path)[1]) == 3
+    assert len(facts(tmp_path / "flight.mp4")[1]) == 3
 
 
 def test_a_pause_in_the_flight_is_a_pause_in_the_video(tmp_path: Path) -> None:
@@ -68,7 +66,7 @@ def test_a_pause_in_the_flight_is_a_pause_in_the_video(tmp_path: Path) -> None:
         fly(video, world, 2)
         world.clock.advance(1.0)
         fly(video, world, 1)
-    assert facts(video.path)[1] == pytest.approx([0.0, 0.1, 1.2])
+    assert facts(tmp_path / "flight.mp4")[1] == pytest.approx([0.0, 0.1, 1.2])
 
 
 def test_the_four_panes_show_what_is_on_the_board() -> None:
@@ -108,10 +106,8 @@ def test_a_mission_without_depth_is_filmed_without_its_panes() -> None:
 @pytest.mark.parametrize("asked", [True, False], ids=["asked for", "seen"])
 def test_depth_and_corridor_share_the_quarter_of_the_class_map(*, asked: bool) -> None:
     world = World()
-    panes = panes_of(world)
-    if asked:
-        panes.show_depth()
-    else:
+    panes = panes_of(world, makes_depth=asked)
+    if not asked:
         world.see_depth()
         panes.draw(world.tick(), FlownPath())
         world.clock.advance(5.0)  # the panes stay when the depth is stale
@@ -128,14 +124,13 @@ def test_depth_and_corridor_share_the_quarter_of_the_class_map(*, asked: bool) -
 
 def test_what_intrudes_is_marked_only_in_the_picture_it_was_found_in() -> None:
     world = World()
-    panes = panes_of(world)
     asked: list[DepthMap] = []
 
     def everything(frame: Frame, class_map: ClassMap, depth: DepthMap) -> NDArray[np.bool_]:
         asked.append(depth)
         return np.ones(class_map.ids.shape, dtype=bool)
 
-    panes.show_depth(everything)
+    panes = panes_of(world, makes_depth=True, intruding=everything)
     world.see()
     world.see_depth()
     world.clock.advance(0.1)
@@ -151,13 +146,12 @@ def test_what_intrudes_is_marked_only_in_the_picture_it_was_found_in() -> None:
 
 def test_the_outcome_stays_at_the_end(tmp_path: Path) -> None:
     world = World()
-    config = FlightVideoConfig(hold_s=0.5)
-    with FlightVideo(tmp_path / "flight.mp4", panes_of(world), config) as video:
+    with FlightVideo(tmp_path / "flight.mp4", panes_of(world)) as video:
         fly(video, world, 2)
         video.conclude("success", ["landed"])
-    times = facts(video.path)[1]
-    assert len(times) == 2 + 5
-    assert times[-1] == pytest.approx(0.6)
+    times = facts(tmp_path / "flight.mp4")[1]
+    assert len(times) == 2 + 20
+    assert times[-1] == pytest.approx(2.1)
 
 
 def test_an_outcome_without_a_flight_writes_nothing(tmp_path: Path) -> None:
@@ -173,8 +167,8 @@ def test_a_flight_that_fails_leaves_a_whole_video(tmp_path: Path) -> None:
         FlightVideo(tmp_path / "flight.mp4", panes_of(world)) as video,
     ):
         fly_and_fail(video, world, 3)
-    assert len(facts(video.path)[1]) == 3
-    assert list(tmp_path.iterdir()) == [video.path]
+    assert len(facts(tmp_path / "flight.mp4")[1]) == 3
+    assert list(tmp_path.iterdir()) == [tmp_path / "flight.mp4"]
 
 
 class FullDisk:
@@ -235,7 +229,7 @@ def test_what_ended_the_flight_matters_more_than_the_video(tmp_path: Path) -> No
     assert "No space left" in caught.value.__notes__[0]
 
 
-@pytest.mark.parametrize("changes", [{"speed": 0.0}, {"images_per_s": 0}])
-def test_a_config_that_makes_no_video_is_refused(changes: dict[str, Any]) -> None:
+def test_a_speed_that_makes_no_video_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueRangeError):
-        FlightVideoConfig(**changes)
+        FlightVideo(tmp_path / "flight.mp4", speed=0.0)
+    assert list(tmp_path.iterdir()) == []

@@ -1,4 +1,4 @@
-"""The panes of depth and corridor."""
+"""The panes of class map, depth and corridor."""
 
 from __future__ import annotations
 
@@ -8,9 +8,20 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.paper_lab import CLASSES, paper_map
+from tests.uav_bt.display.display_world import has
+from uav_bt.board.blackboard import Reading
 from uav_bt.display.canvas import ALARM, INK, PANEL
-from uav_bt.display.video.depth_panes import corridor_rows, draw_corridor, draw_depth, empty_pane
-from uav_bt.types import Corridor, DepthMap
+from uav_bt.display.video.perception_panes import (
+    corridor_rows,
+    draw_class_map,
+    draw_corridor,
+    draw_depth,
+    empty_pane,
+    legend_of,
+)
+from uav_bt.lab.classes import LabClass, LabClasses
+from uav_bt.types import ClassMap, Corridor, DepthMap
 
 PANE_PX = (638, 359)
 GREY = np.full((36, 64, 3), 100, np.uint8)
@@ -35,8 +46,45 @@ def corridor(**changes: object) -> Corridor:
     return Corridor(**values)
 
 
-def has(image: NDArray[np.uint8], colour: tuple[int, int, int]) -> bool:
-    return bool((image == np.array(colour, dtype=np.uint8)).all(axis=2).any())
+def class_map(*ids: int) -> ClassMap:
+    """Return a map with a vertical stripe of each class."""
+    stripes = np.repeat(np.array(ids, dtype=np.uint8), 8)
+    return paper_map(ids=np.tile(stripes, (28, 1)), captured_s=0.0)
+
+
+def test_classes_are_drawn_in_their_colours() -> None:
+    image = draw_class_map(class_map(5, 7), PANE_PX)
+    assert tuple(image[200, 100]) == tuple(CLASSES.colours[5])
+    assert tuple(image[200, 600]) == tuple(CLASSES.colours[7])
+
+
+def test_the_legend_has_the_classes_that_are_in_view_and_no_others() -> None:
+    assert [name for name, _ in legend_of(class_map(9, 2, 2))] == ["helipad h", "box 6"]
+    ids = np.full((100, 100), 3, dtype=np.uint8)
+    ids[0, :5] = 7  # a few pixels are no entry
+    assert [name for name, _ in legend_of(paper_map(ids))] == ["helipad box"]
+
+
+def test_swatches_are_drawn_in_the_colours_of_their_classes() -> None:
+    wall = LabClass(name="wall", role="outside", colour=(10, 10, 10))
+    drum = LabClass(name="drum", role="obstacle", colour=(200, 30, 30))
+    ids = np.zeros((100, 100), dtype=np.uint8)
+    ids[90:, 90:] = 1
+    seen = ClassMap(ids=ids, classes=LabClasses([wall, drum]), captured_s=0.0)
+    legend = draw_class_map(seen, PANE_PX)[10:50]
+    assert (legend == np.array(drum.colour)).all(axis=2).sum() >= 40
+
+
+@pytest.mark.parametrize("size_px", [PANE_PX, (318, 178)])
+def test_however_many_classes_are_in_view_the_legend_leaves_the_ground_free(
+    size_px: tuple[int, int],
+) -> None:
+    dark = [each for each in range(17) if CLASSES.colours[each].min() < 150]
+    bright = draw_class_map(class_map(*dark), size_px).min(axis=2) > 150
+    assert bright[10:30].sum() > 100
+    assert bright[30:50].sum() > 100
+    assert bright[50:].sum() == 0
+    assert bright[:, -10:].sum() == 0
 
 
 def test_near_is_red_far_is_blue_and_unknown_is_neither() -> None:
@@ -111,7 +159,9 @@ def test_without_a_corridor_the_pane_says_so(
 
 
 def test_depth_and_what_is_inside_the_corridor_as_rows() -> None:
-    rows = {name: value for name, value, _ in corridor_rows(depth_map(1.0), corridor(), 0.2)}
+    rows = {
+        name: value for name, value, _ in corridor_rows(Reading(depth_map(1.0), 0.2), corridor())
+    }
     assert rows == {
         "depth": "0.2 s old, confidence 0.80",
         "inside": "left, 0.70 m",
@@ -122,16 +172,13 @@ def test_depth_and_what_is_inside_the_corridor_as_rows() -> None:
     }
 
 
-@pytest.mark.parametrize(
-    ("depth", "age_s", "words"),
-    [(None, math.inf, "none yet"), (None, 2.5, "none for 2.5 s")],
-)
-def test_without_depth_the_rows_raise_alarm(
-    depth: DepthMap | None, age_s: float, words: str
-) -> None:
-    rows = corridor_rows(depth, None, age_s)
+@pytest.mark.parametrize(("age_s", "words"), [(math.inf, "none yet"), (2.5, "none for 2.5 s")])
+def test_without_depth_the_rows_raise_alarm(age_s: float, words: str) -> None:
+    rows = corridor_rows(Reading(None, age_s), None)
     assert [(value, colour) for _, value, colour in rows] == [(words, ALARM), ("unknown", ALARM)]
 
 
 def test_depth_without_a_corridor_is_a_row_of_its_own() -> None:
-    assert [value for _, value, _ in corridor_rows(depth_map(1.0), None, 0.1)][1:] == ["unknown"]
+    assert [value for _, value, _ in corridor_rows(Reading(depth_map(1.0), 0.1), None)][1:] == [
+        "unknown"
+    ]

@@ -1,0 +1,231 @@
+"""Which lab, scene, limits, landing mark, area and rules hold in a flight."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from perception.networks.weights_file import ANY, SHIPPED_UNET, TEACHER
+from uav_bt.app.options import FlightOptions
+from uav_bt.app.site import Site, has_paper_classes
+from uav_bt.board import CLASS_MAP
+from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.lab.classes import LabClasses
+from uav_bt.lab.lab import SCENES_FOLDER, Lab
+from uav_bt.lab.shipped import DEFAULT_LAB, default_mark, lab_address, load_lab
+from uav_bt.mission.judge import JudgeConfig
+from uav_bt.mission.limits import Limits
+from uav_bt.protocols import Drone, Scene
+from uav_bt.tree import MissionTree
+from uav_bt.tree.rules import Rules
+from uav_bt.types import LandingMark, Pose2D
+from uav_bt.types.area import Area
+from uav_bt.types.place import LandOn, MissionRules, Place, PlaceFrame
+from uav_bt.types.place_frames import lab_to_start
+
+_LARGER: Final = frozenset({"floor_m", "critical_battery"})  # limits whose larger value is stricter
+
+
+@dataclass(frozen=True, kw_only=True)
+class Conditions:
+    """What holds in a flight. Poses are in the lab's drawing, yaw counter-clockwise."""
+
+    lab: Lab | None  # None: neither options nor scene name one
+    classes: LabClasses
+    site: Site  # of the options, or of their lab
+    limits: Limits
+    mark: LandingMark
+    mark_pose: Pose2D | None  # None: unknown
+    take_off: Pose2D | None  # None: unknown
+    rules: MissionRules  # that the mission states
+    judge: JudgeConfig  # with these rules
+    area: Area | None = None  # relative to the take-off pose; None: no bound
+
+
+def conditions_of(
+    options: FlightOptions, mission: MissionTree, drone: Drone, *, recorded: bool = False
+) -> Conditions:
+    """Return what holds in a flight, with this precedence.
+
+    The options (command line) come before the rules of the mission, these before the scene of a
+    simulated drone, this before lab or site, and these before the ports of the tree
+    (`app/loading.py`). Of two limits the smaller one holds, and of two areas both.
+
+    `recorded`: whether a record states the area, and the flight is over.
+
+    Raises:
+        InputError: Scene and options are of different labs or landing marks, there is no mark to
+            land on, or the area cannot be kept.
+    """
+    scene, site, rules = drone.scene, options.place or Site(), rules_of(mission)
+    lab = lab_of(options, scene)
+    judge = options.judge.under(rules)
+    if options.rehearse and judge.land_on is not LandOn.NONE:
+        judge = replace(judge, land_on=LandOn.ANY)  # where the person holds the drone
+    known = site if scene is None else scene
+    mark = site.mark if scene is None or scene.mark is None else scene.mark
+    if scene is not None and options.lab is None and site.mark not in {None, mark}:
+        raise InputError(
+            f"the site's mark ({site.mark}) is not that of scene '{scene.name}' ({mark}): "
+            "remove 'mark' from the site file, or change 'helipad' of the scene"
+        )
+    found = Conditions(
+        lab=lab,
+        classes=(lab or load_lab()).classes,
+        site=site,
+        limits=limits_of(options),
+        mark=mark or default_mark(),
+        mark_pose=known.mark_pose,
+        take_off=known.take_off_pose,
+        rules=rules,
+        judge=judge,
+    )
+    if recorded:
+        return found
+    _check_mark(judge, scene, lab)
+    return replace(found, area=_area_of(rules, site, known.take_off_pose))
+
+
+def rules_of(mission: MissionTree) -> MissionRules:
+    """Return the rules that a mission states; a mission without any states nothing."""
+    stated = (leaf.stated() for leaf in mission.leaves() if isinstance(leaf, Rules))
+    return next(stated, MissionRules())
+
+
+def limits_of(options: FlightOptions) -> Limits:
+    """Return the limits of all commands: of options, site or lab; the stricter where both state."""
+    site, given = options.place, options.limits
+    if site is None or given is None:
+        return given or (site or Site()).limits
+    stricter = {
+        name: (max if name in _LARGER else min)(limit, getattr(site.limits, name))
+        for name, limit in vars(given).items()
+    }
+    return Limits(**stricter)
+
+
+def lab_of(options: FlightOptions, scene: Scene | None) -> Lab | None:
+    """Return the lab of the options or of the scene; None if neither names one.
+
+    Raises:
+        InputError: The scene belongs to another lab than that of the options.
+    """
+    lab, of_scene = options.lab, None if scene is None else load_lab(scene.lab)
+    if not isinstance(lab, Lab):
+        return of_scene
+    if scene is not None and of_scene is not None and not _same(lab, of_scene):
+        shipped = "the shipped ones" if _same(lab, load_lab(DEFAULT_LAB)) else "it has none"
+        raise InputError(
+            f"scene '{scene.name}' belongs to the lab '{of_scene.name}', and the flight is in the "
+            f"lab '{lab.name}': choose a scene of that lab ({', '.join(lab.scenes) or shipped}), "
+            f"or --lab {of_scene.name}"
+        )
+    return lab
+
+
+def scene_of(options: FlightOptions) -> str | None:
+    """Return the scene of a simulated drone: its name or file; None for the drone's default.
+
+    Without a scene in the options it is the first of the lab's folder `scenes`, by name.
+
+    Raises:
+        InputError: The lab has no scenes.
+    """
+    asked, lab = options.scene, options.lab
+    if not isinstance(lab, Lab):
+        return None if asked is None else str(asked)
+    scenes = lab.scenes
+    if asked is not None:
+        return str(scenes.get(str(asked), asked))
+    if scenes:
+        return str(next(iter(scenes.values())))
+    if _same(lab, load_lab(DEFAULT_LAB)):
+        return None
+    raise InputError(
+        f"the lab '{lab.name}' has no scene, and a simulated drone flies in one: add "
+        f"{lab.folder / SCENES_FOLDER}/NAME.yaml, give --scene, or fly a real drone with --drone"
+    )
+
+
+def _same(one: Lab, other: Lab) -> bool:
+    return one is other or one.file.resolve() == other.file.resolve()
+
+
+def _check_mark(judge: JudgeConfig, scene: Scene | None, lab: Lab | None) -> None:
+    """Refuse a flight that must end on a landing mark that its scene or its lab does not have."""
+    if judge.land_on not in {None, LandOn.MARK}:
+        return
+    if scene is not None and scene.mark is None:
+        lacks = f"scene '{scene.name}' has no landing mark"
+    elif scene is None and lab is not None and lab.mark is None:
+        lacks = f"the lab '{lab.name}' states no landing mark"
+    else:
+        return
+    raise InputError(
+        f"{lacks}, and the mission must land on one: state where it may land, such as "
+        '<Rules land_on="any"/> in the tree'
+    )
+
+
+def check_area(mission: MissionTree, site: Site) -> None:
+    """Refuse areas of rules and site that do not fit together, as far as it is known on the ground.
+
+    Raises:
+        InputError: The area cannot be kept.
+    """
+    rules = rules_of(mission)
+    corners = [*(rules.area or ()), *(site.area or ())]
+    # Without a take-off pose the scene may still know where the drone stands in the drawing.
+    if site.take_off_pose is not None or all(each.frame is PlaceFrame.START for each in corners):
+        _area_of(rules, site, site.take_off_pose)
+
+
+def _area_of(rules: MissionRules, site: Site, take_off: Pose2D | None) -> Area | None:
+    """Return the area in which the areas of rules and site both hold; None without one."""
+    given = [corners for corners in (rules.area, site.area) if corners is not None]
+    if not given:
+        return None
+    try:
+        area = Area(tuple(tuple(_corners(corners, take_off)) for corners in given))
+    except ValueRangeError as error:
+        raise InputError(f"area: {error}") from error
+    if area.margin_m(0.0, 0.0) <= 0.0:
+        raise InputError(
+            "area: the take-off point, start:0,0, lies outside the area "
+            f"{'; '.join(map(str, given[0]))}: the drone could only fly back in"
+        )
+    return area
+
+
+def _corners(corners: Sequence[Place], take_off: Pose2D | None) -> Iterator[tuple[float, float]]:
+    for corner in corners:
+        place = Pose2D(x_m=corner.x_m, y_m=corner.y_m, yaw_rad=0.0)
+        if corner.frame is PlaceFrame.LAB:
+            if take_off is None:
+                raise InputError(
+                    f"area: '{corner}' is a place of the lab's drawing, in which the take-off pose "
+                    "is unknown: name the corners as start:x,y"
+                )
+            place = lab_to_start(place, take_off)
+        yield place.x_m, place.y_m
+
+
+def refuse_foreign_network(mission: MissionTree, lab: Lab | None, *, named: bool) -> None:
+    """Refuse a mission that would segment with a shipped network of other classes than the lab's.
+
+    `named`: whether the options name the lab, and not only the scene.
+    """
+    if lab is None or has_paper_classes(lab):
+        return
+    for leaf in mission.leaves():
+        values = {port.name: leaf.initial_value(port) for port in leaf.ports}
+        model, mapped = values.get("model"), values.get("classes")
+        if CLASS_MAP in leaf.writes and model in (SHIPPED_UNET, TEACHER) and not mapped:
+            address = lab_address(lab)
+            make = f"set its model to '{ANY}', or make a network by `uav-bt lab train {address}`"
+            remedy = make if named else f"add --lab {address} for the lab's network"
+            raise InputError(
+                f"'{leaf.path}' segments with the network '{model}', which does not have the "
+                f"classes of the lab '{lab.name}': {remedy}"
+            )

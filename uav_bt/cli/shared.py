@@ -1,0 +1,130 @@
+"""Arguments and options that several commands take."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+import click
+from annotated_types import Ge
+
+from uav_bt.files import writing
+from uav_bt.lab.lab import Lab
+from uav_bt.option import Option
+from uav_bt.tree import NodeRegistry
+from uav_bt.tree.loading.findings import Findings
+from uav_bt.tree.loading.lookup import TreeFolders
+from uav_bt.tree.loading.models import with_palette
+from uav_bt.tree.loading.parameters import Parameters, Params, Ports, Variables
+from uav_bt.tree.registry import OwnLeaves, with_leaves
+
+RUNS: Final = Path("runs")  # the folder of results; git ignores it
+_NONE: Final[Mapping[str, str]] = {}
+
+Records = Annotated[tuple[Path, ...], Option(form="RECORDS...")]
+TextFormat = Annotated[
+    Literal["text", "json"], Option("text is for people; json is one object.", "--format")
+]
+Workers = Annotated[int | None, Ge(1), Option("Flights at a time; default: all cores.")]
+CheckedLab = Annotated[
+    str | None,
+    Option(
+        "Check the mission in this lab, too: a shipped lab, a folder of labs/, or a path.",
+        "--lab NAME",
+    ),
+]
+
+
+def _registry(*, leaves: OwnLeaves = ()) -> NodeRegistry:
+    return with_leaves(NodeRegistry.installed(), [Path(file) for file in leaves])
+
+
+def registry_with(
+    *,
+    leaves: OwnLeaves = (),
+    palette: Annotated[
+        Path | None,
+        Option(
+            "A file with a TreeNodesModel, such as Groot2 exports or saves in its tree files, of "
+            "nodes that are not installed here.",
+            path="read",
+        ),
+    ] = None,
+) -> NodeRegistry:
+    """Return the installed nodes, those of Python files and those of a palette."""
+    registry = _registry(leaves=leaves)
+    if palette is None:
+        return registry
+    odd = Findings()
+    registry = with_palette(registry, palette, odd)
+    for finding in odd:
+        click.echo(str(finding), err=True)
+    return registry
+
+
+Registry = Annotated[NodeRegistry, Option(parts=registry_with)]
+FlownRegistry = Annotated[NodeRegistry, Option(parts=_registry)]
+"""Registries with a palette and without."""
+
+
+def _parameters(
+    *, ports: Ports = _NONE, variables: Variables = _NONE, params: Params = None
+) -> tuple[Parameters, ...]:
+    """Return the values of the command line: none, one set, or one for each variant of the file."""
+    own = Parameters(ports=ports, variables=variables)
+    if params is None:
+        return (own,) if ports or variables else ()
+    from uav_bt.tree.loading.parameter_file import read_parameters  # noqa: PLC0415  (reads YAML)
+
+    file = read_parameters(params)
+    return tuple(own.over(each) for each in file.variants.values() or [file.common])
+
+
+ParameterSets = Annotated[tuple[Parameters, ...], Option(parts=_parameters)]
+
+
+def single(parameters: Sequence[Parameters]) -> Parameters | None:
+    """Return the one set of values of a command that takes no variants; None without values."""
+    if len(parameters) > 1:
+        raise click.UsageError(
+            f"the file of --params has {len(parameters)} variants, which a campaign flies and "
+            "`uav-bt check` checks: give a file with `set` and `var` only"
+        )
+    return next(iter(parameters), None)
+
+
+def refuse_in_lab(
+    lab: Lab,
+    registry: NodeRegistry,
+    tree: Path | str,
+    *,
+    tree_id: str | None,
+    tree_folders: TreeFolders,
+    parameters: Sequence[Parameters | None],
+) -> None:
+    """Refuse a mission that does not fit a lab, with each set of values; None: no values."""
+    # Late: `uav-bt check` answers at once, and these import the parts of a flight.
+    from uav_bt.app.flight import check  # noqa: PLC0415
+
+    for each in parameters:
+        given = each or Parameters()
+        check(
+            tree,
+            registry,
+            lab=lab,
+            tree_id=tree_id,
+            tree_folders=tree_folders,
+            ports=given.ports,
+            variables=given.variables,
+        )
+
+
+def print_or_write(text: str, out: Path | None) -> None:
+    """Print a text, or write it to a file and name the file."""
+    if out is None:
+        click.echo(text, nl=False)
+        return
+    with writing(out):
+        out.write_text(text, encoding="utf-8")
+    click.echo(f"written: {out}")

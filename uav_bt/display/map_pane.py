@@ -1,0 +1,227 @@
+"""Map pane of a film: the lab or the mission's site map, the path, the drone and its view."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import cv2
+import numpy as np
+
+from uav_bt.display import canvas
+from uav_bt.display.canvas import ACCENT, BACKDROP, INK, Colour, Point, Size
+from uav_bt.display.flown_path import FlownPath, Shown
+from uav_bt.display.lab_drawing import HEADER_PX, draw_lab, draw_movers, draw_scale
+from uav_bt.display.lab_map import LabMap, MapFrame, phase_colours
+from uav_bt.mission.map_check import MapAlignment, MapPlacement
+from uav_bt.types import CameraModel, MarkFix, Pose
+from uav_bt.types.arrays import Floats, Image
+from uav_bt.types.projection import pixel_rays
+from uav_bt.types.site_map import SiteMap
+
+FREE: Final[Colour] = (36, 42, 50)  # free space whose ground was not seen
+SEEN: Final[Colour] = (47, 62, 56)
+PASSED: Final[Colour] = (62, 104, 78)
+OUTSIDE: Final[Colour] = (58, 38, 42)
+_BASES: Final[Colour] = (255, 110, 90)
+_EDGES: Final[Colour] = (214, 204, 150)
+_MOVERS: Final[Colour] = (255, 200, 40)
+_TRUE: Final[Colour] = (120, 190, 255)
+_VIEW: Final[Colour] = (200, 220, 255)
+_LEGEND: Final = (("covered", PASSED), ("seen", SEEN), ("outside", OUTSIDE), ("true", _TRUE))
+FOOTER_PX: Final = 24  # height of the legend
+_LINE_PX: Final = 2  # width of the path and of the outlines of objects
+_SPOT: Final = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))  # drawn shape of a point
+_AHEAD_S: Final = 2.0  # drawn length of a mover's predicted course, s
+_VIEW_OPACITY: Final = 0.25
+_VIEW_REACH_M: Final = 1.8  # length of the drawn field of view
+_ROTOR_M: Final = 0.11  # size of the drawn rotors, about that of the ANAFI
+_ARM_M: Final = 0.14
+_NO_LAB_M: Final = (6.0, 6.0)  # extent around the start if the lab is unknown
+
+
+def _draw_site_map(
+    site_map: SiteMap, placement: MapPlacement, frame: MapFrame, lab_map: LabMap | None
+) -> Image:
+    """Return the mission's map in the world, with the outlines of the real objects on top."""
+    image = _cells_in_world(site_map, placement, frame)
+    if lab_map is not None:
+        pad = [] if lab_map.mark is None else [lab_map.mark]
+        outlines = (item.corners() for item in (*lab_map.boxes, *pad))
+        for outline in (lab_map.outline(), *outlines):
+            canvas.polygon(image, frame.all_to_px(outline), None, _TRUE)
+    for points_m, colour in ((site_map.edges_m, _EDGES), (site_map.obstacles_m, _BASES)):
+        spots = np.zeros(image.shape[:2], dtype=np.uint8)
+        x, y = (np.rint(axis).astype(int) for axis in frame.to_px(*placement.to_world(points_m).T))
+        shown = (x >= 0) & (x < frame.size_px[0]) & (y >= 0) & (y < frame.size_px[1])
+        spots[y[shown], x[shown]] = 1
+        image[cv2.dilate(spots, _SPOT) > 0] = colour
+    for item in site_map.objects:
+        places_m = placement.to_world(np.vstack([item.corners_m(), [[item.x_m, item.y_m]]]))
+        *corners, (x, y) = _all_to_px(frame, places_m)
+        red, green, blue = site_map.classes.colours[item.class_id].tolist()
+        canvas.line(image, [*corners, corners[0]], (red, green, blue), _LINE_PX)
+        canvas.put_centred(image, str(item.id), (x, y + 4), scale=0.36)
+    for mover in site_map.movers:
+        here, ahead = _all_to_px(frame, placement.to_world(mover.at(np.array([0.0, _AHEAD_S]))))
+        reach_px = max(round(mover.radius_m * frame.scale_px_per_m), 3)
+        at_px = (round(here[0]), round(here[1]))
+        cv2.circle(image, at_px, reach_px, _MOVERS, _LINE_PX, cv2.LINE_AA)
+        canvas.line(image, [here, ahead], _MOVERS, _LINE_PX)
+    image[-FOOTER_PX:] = BACKDROP  # the cells below have the colours of the legend
+    left, base = 12, image.shape[0] - 10
+    for words, colour in _LEGEND:
+        canvas.line(image, [(left, base - 4), (left + 10, base - 4)], colour, 5)
+        canvas.put(image, words, (left + 16, base), scale=0.36)
+        left += 16 + canvas.text_width_px(words, 0.36) + 14
+    draw_scale(image, frame)
+    return image
+
+
+def _all_to_px(frame: MapFrame, points_m: Floats) -> list[Point]:
+    return frame.all_to_px([(x_m, y_m) for x_m, y_m in points_m.tolist()])
+
+
+def cells_image(site_map: SiteMap) -> Image:
+    """Return the colours of a map's cells by their state, (rows, columns, 3) uint8 RGB."""
+    rows, columns = site_map.free.shape
+    image = canvas.blank((columns, rows), BACKDROP)
+    for cells, colour in (
+        (site_map.free, FREE),
+        (site_map.ground, SEEN),
+        (site_map.outside, OUTSIDE),
+        (site_map.passed & site_map.ground, PASSED),
+    ):
+        image[cells] = colour
+    return image
+
+
+def _cells_in_world(site_map: SiteMap, placement: MapPlacement, frame: MapFrame) -> Image:
+    # The centres of three cells define the affine transform; OpenCV's x is the column.
+    columns_rows = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], dtype=np.float32)
+    centres = np.array(site_map.corner_m) + site_map.cell_m * columns_rows[:, ::-1].astype(float)
+    there = np.array(_all_to_px(frame, placement.to_world(centres)), dtype=np.float32)
+    turn = cv2.getAffineTransform(columns_rows, there)
+    cells = cv2.warpAffine(
+        cells_image(site_map),
+        turn,
+        frame.size_px,
+        flags=cv2.INTER_NEAREST,
+        borderValue=BACKDROP,
+    )
+    return np.asarray(cells, dtype=np.uint8)
+
+
+def ground_view(
+    camera: CameraModel, pitch_rad: float, height_m: float, reach_m: float = _VIEW_REACH_M
+) -> list[Point]:
+    """Return where the corner rays of a camera meet the ground, at most `reach_m` from it.
+
+    The four points (forward, right) in metres from the body's centre go clockwise from the upper
+    left. The lens is taken as free of distortion. The gimbal's pitch is negative down.
+    """
+    left, right = -0.5, camera.width_px - 0.5
+    top, bottom = -0.5, camera.height_px - 0.5
+    corners = [(left, top), (right, top), (right, bottom), (left, bottom)]
+    points: list[Point] = []
+    for forward, across, down in pixel_rays(corners, camera, pitch_rad).tolist():
+        longest = reach_m / max(math.hypot(forward, across), 1e-6)
+        length = min(height_m / down, longest) if down > 0.0 else longest
+        points.append((camera.forward_offset_m + forward * length, across * length))
+    return points
+
+
+class MapPane:
+    """Draws the map pane. Each piece of the path is drawn once: the time per tick is constant."""
+
+    def __init__(
+        self, lab_map: LabMap | None, camera: CameraModel, size_px: Size, title: str = ""
+    ) -> None:
+        extent_m = _NO_LAB_M if lab_map is None else lab_map.ground_size_m
+        margins = {"header_px": HEADER_PX, "footer_px": FOOTER_PX}
+        self._frame = MapFrame.around(extent_m, size_px, **margins)
+        self._camera = camera
+        self._lab_map = lab_map
+        self._title = title
+        self._ground = draw_lab(lab_map, self._frame)  # all below the path
+        self._write_title()
+        self._alignment = MapAlignment()
+        self._site_map: SiteMap | None = None
+        # The path: its colours on black, and its opacity.
+        self._path = canvas.blank(size_px, (0, 0, 0))
+        self._opacity = canvas.blank(size_px, (0, 0, 0))
+        self._drawn = 1  # number of drawn points of the path
+
+    def _write_title(self) -> None:
+        canvas.put(self._ground, self._title, (12, 22), scale=0.48)
+
+    def draw(self, shown: Shown) -> Image:
+        """Return the present map: the lab, or the mission's newest map once there is one."""
+        flown, state, fix = shown.flown, shown.record.observation.state, shown.fix.value
+        pose = flown.pose
+        if pose is not None:
+            self._believe(shown, pose, state.attitude.yaw_rad)
+        image = self._with_path(flown)
+        if self._lab_map is not None:
+            places_m = [(mover.pose.x_m, mover.pose.y_m) for mover in flown.movers]
+            draw_movers(image, self._frame, self._lab_map, places_m)
+        if pose is not None:
+            height_m = max(state.height_above_ground_m, 0.0)
+            self._draw_view(image, pose, state.gimbal_pitch_rad, height_m)
+            if fix is not None:
+                self._draw_fix(image, pose, fix)
+            self._draw_drone(image, pose)
+        return image
+
+    def _believe(self, shown: Shown, pose: Pose, reported_yaw_rad: float) -> None:
+        site_map = shown.site_map
+        self._alignment.add(shown.record.time_s, pose, reported_yaw_rad, site_map)
+        placement = self._alignment.placement
+        if placement is None or site_map is None or site_map is self._site_map:
+            return
+        self._site_map = site_map
+        self._ground = _draw_site_map(site_map, placement, self._frame, self._lab_map)
+        self._write_title()
+
+    def _with_path(self, flown: FlownPath) -> Image:
+        """Draw the new pieces of the path, and return a copy of the map with all of it."""
+        colours, points = phase_colours(flown.phases), flown.points
+        for start, end in zip(points[self._drawn - 1 :], points[self._drawn :], strict=False):
+            ends = self._frame.all_to_px([(start.x_m, start.y_m), (end.x_m, end.y_m)])
+            canvas.line(self._path, ends, colours[end.phase], _LINE_PX)
+            canvas.line(self._opacity, ends, (255, 255, 255), _LINE_PX)
+        self._drawn = max(len(points), 1)
+        below = cv2.multiply(self._ground, 255 - self._opacity, scale=1.0 / 255.0)
+        return np.asarray(cv2.add(below, self._path), dtype=np.uint8)
+
+    def _around(self, pose: Pose, forward_m: float, right_m: float) -> Point:
+        """Return the pixel position of a point given relative to the body's centre."""
+        return self._frame.to_px(*pose.to_world(forward_m, -right_m))
+
+    def _draw_view(self, image: Image, pose: Pose, pitch_rad: float, height_m: float) -> None:
+        # The hull includes the lens: a wedge if it looks ahead, a rectangle if it looks down.
+        lens = (self._camera.forward_offset_m, 0.0)
+        seen = [lens, *ground_view(self._camera, pitch_rad, height_m)]
+        around = [self._around(pose, *point) for point in seen]
+        hull = cv2.convexHull(np.asarray(around, dtype=np.float32)).reshape(-1, 2)
+        layer = image.copy()
+        canvas.polygon(layer, [(x, y) for x, y in hull.tolist()], _VIEW)
+        cv2.addWeighted(layer, _VIEW_OPACITY, image, 1.0 - _VIEW_OPACITY, 0.0, dst=image)
+
+    def _draw_fix(self, image: Image, pose: Pose, fix: MarkFix) -> None:
+        x, y = self._around(pose, fix.forward_m, fix.right_m)
+        arm = 9 if fix.detected else 6
+        for dx, dy in ((arm, arm), (arm, -arm)):
+            canvas.line(image, [(x - dx, y - dy), (x + dx, y + dy)], ACCENT, 2)
+        canvas.line(
+            image, canvas.circle(x, y, max(fix.std_m * self._frame.scale_px_per_m, 1.0)), ACCENT
+        )
+
+    def _draw_drone(self, image: Image, pose: Pose) -> None:
+        rotor_px = _ROTOR_M * self._frame.scale_px_per_m
+        for forward, right in ((1, 1), (1, -1), (-1, -1), (-1, 1)):
+            hub = self._around(pose, forward * _ARM_M, right * _ARM_M)
+            canvas.line(image, [self._around(pose, 0.0, 0.0), hub], INK, 2)
+            canvas.polygon(image, canvas.circle(*hub, rotor_px), None, INK)
+        nose = [(0.26, 0.0), (0.08, 0.07), (-0.1, 0.06), (-0.1, -0.06), (0.08, -0.07)]
+        canvas.polygon(image, [self._around(pose, *point) for point in nose], INK, BACKDROP)
