@@ -159,13 +159,7 @@ class CalibratedDrone(DroneWrapper):
         return self._ready().camera
 
     def connect(self) -> None:
-        """Connect the drone and read the camera file.
-
-        Raises:
-            DroneError: the drone cannot be reached.
-            FileError: the camera file is absent or malformed.
-            ValueRangeError: the camera was calibrated at another aspect than the frames'.
-        """
+        """Connect the drone and read the camera file."""
         self._drone.connect()
         try:
             reported = self._drone.camera
