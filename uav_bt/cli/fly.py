@@ -173,11 +173,7 @@ def fly(
             raise MissionError(f"{stopped_by(stop)} {when}") from stop
         Console().print(summary(flown, begun[0].mark))
         lost = {**flown.lost_outputs, **_closed(stack)}
-    for what, path in files.items():
-        if path is not None and Path(path).exists():
-            click.echo(f"{what}: {path}")
-    for what, why in lost.items():
-        click.echo(f"Error: {what} was lost: {why}", err=True)
+    _name_files(files, lost)
     if viewed is not None and view == "web":
         click.echo("The view stays until Ctrl-C.")
         with suppress(KeyboardInterrupt):
@@ -202,6 +198,15 @@ def _check_watch(tree: str, drone: str, given: Mapping[str, object]) -> None:
                 f"--{name} shows the one tree that a flight began with, and with --watch it may "
                 "change: leave one of them out"
             )
+
+
+def _name_files(written: Mapping[str, str | Path | None], lost: Mapping[str, str]) -> None:
+    """Print the written outputs and the lost ones."""
+    for what, path in written.items():
+        if path is not None and Path(path).exists():
+            click.echo(f"{what}: {path}")
+    for what, why in lost.items():
+        click.echo(f"Error: {what} was lost: {why}", err=True)
 
 
 def _closed(outputs: ExitStack) -> dict[str, str]:
