@@ -29,7 +29,7 @@ from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import RunnerConfig
 from uav_bt.plugins import need
 from uav_bt.protocols import Drone
-from uav_bt.record.config import Quality, RecordConfig
+from uav_bt.record.config import Quality
 from uav_bt.record.reader import RecordReader
 from uav_bt.record.record_file import RecordFile
 from uav_bt.record.recorder import FlightFacts, FlightRecorder
@@ -161,7 +161,8 @@ class FlightRecord:
                     flight.drone.camera,
                     flight_facts(flight),
                     start_ns=time.time_ns(),
-                    config=RecordConfig(quality=options.record_quality, wait=stands_still),
+                    quality=options.record_quality,
+                    wait=stands_still,
                 )
         except FileError:
             file.abandon()
