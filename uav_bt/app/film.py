@@ -135,7 +135,7 @@ class VideoListeners:
         # A video that failed while it was drawn has no place for an end.
         if FlightVideo.__name__ not in report.lost_outputs:
             self.conclude(report)
-        self._video.close()
+        self._video.file.close()
 
 
 def depth_of(tree: MissionTree | None, camera: CameraModel) -> dict[str, Any]:

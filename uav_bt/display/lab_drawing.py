@@ -9,7 +9,7 @@ from typing import Final
 
 from uav_bt.display import canvas
 from uav_bt.display.canvas import BACKDROP, DIM, INK, Colour, Point, Size
-from uav_bt.display.lab_map import LabMap, MapFrame, MapItem
+from uav_bt.display.lab_map import LabMap, MapFrame
 from uav_bt.types.arrays import Image
 
 GROUND_COLOUR: Final[Colour] = (52, 66, 54)
@@ -39,13 +39,16 @@ def draw_lab(lab_map: LabMap | None, frame: MapFrame) -> Image:
         canvas.polygon(image, frame.all_to_px(lab_map.outline()), GROUND_COLOUR)
         _grid(image, frame, lab_map.ground_size_m, _GROUND_GRID)
         if lab_map.mark is not None:
-            _draw_mark(image, frame, lab_map.mark)
+            pad, face = lab_map.mark, _mixed(lab_map.mark.colour, BACKDROP, 0.35)
+            canvas.polygon(image, frame.all_to_px(pad.corners()), face, pad.colour)
+            for stroke in pad.letter():
+                stroke_px = max(2, round(0.05 * frame.scale_px_per_m))
+                canvas.line(image, frame.all_to_px(stroke), _WHITE, stroke_px)
         for mover in lab_map.movers:
             canvas.line(image, frame.all_to_px(mover.path_m), _mixed(mover.item.colour, INK, 0.3))
         for box in lab_map.boxes:
-            canvas.polygon(
-                image, frame.all_to_px(box.corners()), box.colour, _mixed(box.colour, INK, 0.45)
-            )
+            edge = _mixed(box.colour, INK, 0.45)
+            canvas.polygon(image, frame.all_to_px(box.corners()), box.colour, edge)
             scale = min(0.5, max(0.3, frame.scale_px_per_m / 220))
             x, y = frame.to_px(box.x_m, box.y_m)
             height = f"{box.size_m[2]:.3g}"
@@ -74,15 +77,6 @@ def draw_movers(
     for mover, at_m in zip(lab_map.movers, places_m or begins, strict=True):
         edge = _mixed(mover.item.colour, INK, 0.7)
         canvas.polygon(image, frame.all_to_px(mover.at(at_m).corners()), mover.item.colour, edge)
-
-
-def _draw_mark(image: Image, frame: MapFrame, pad: MapItem) -> None:
-    canvas.polygon(
-        image, frame.all_to_px(pad.corners()), _mixed(pad.colour, BACKDROP, 0.35), pad.colour
-    )
-    stroke_px = max(2, round(0.05 * frame.scale_px_per_m))
-    for stroke in pad.letter():
-        canvas.line(image, frame.all_to_px(stroke), _WHITE, stroke_px)
 
 
 def draw_scale(image: Image, frame: MapFrame) -> None:
@@ -120,9 +114,8 @@ def draw_lab_with_axes(lab_map: LabMap, *, size_px: Size = (960, 780), title: st
     """Return a lab with axes in metres, names and the take-off pose: x to the right, y up."""
     inner_px = (size_px[0] - 2 * _SIDE_PX, size_px[1])
     margins = {"header_px": HEADER_PX + 24, "footer_px": _BELOW_PX}
-    frame = replace(
-        MapFrame.around(lab_map.ground_size_m, inner_px, 0.0, **margins), size_px=size_px
-    )
+    inner = MapFrame.around(lab_map.ground_size_m, inner_px, 0.0, **margins)
+    frame = replace(inner, size_px=size_px)
     image = draw_lab(lab_map, frame)
     draw_movers(image, frame, lab_map)
     _draw_axes(image, frame, lab_map.ground_size_m)

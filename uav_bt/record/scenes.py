@@ -84,7 +84,7 @@ def perceived_scene(
             color=_colour(_FREE if side is None else _INTRUDED),
         )
         words = "" if side is None else f"{side}, {corridor.nearest_m:.2f} m"
-        add("corridor", arrows=[arrow], texts=[_words(words, pose)] if words else [])
+        add("way", arrows=[arrow], texts=[_words(words, pose)] if words else [])
     if fix is not None:
         x_m, y_m = pose.to_world(fix.forward_m, -fix.right_m)
         where = Pose(x_m=x_m, y_m=y_m, z_m=fix.height_m, yaw_rad=0.0)

@@ -45,29 +45,17 @@ def test_each_metre_has_a_tick_on_both_axes(metre: int) -> None:
     assert image[row + 10 : row + 13, left - 4].max() < 60
 
 
-def test_the_numbers_lie_outside_the_ground() -> None:
-    image = draw_lab_with_axes(LAB, size_px=SIZE_PX, title="a scene")
-    left, top = pixel(-2.5, 2.0)
-    right, bottom = pixel(2.5, -2.0)
-    assert image[top + 2 : bottom - 2, left + 2 : right - 2].max() < 80, "ground and grid only"
-    assert (image[bottom + 10 : bottom + 26] > 180).any()
-    assert (image[top:bottom, left - 30 : left - 8] > 180).any()
-
-
-def test_the_arrow_points_along_the_take_off_heading() -> None:
+def test_the_arrow_points_along_the_take_off_heading_if_it_is_known() -> None:
     start = Pose2D(x_m=1.0, y_m=-1.0, yaw_rad=math.pi / 2)
     image = draw_lab_with_axes(replace(LAB, take_off=start), size_px=SIZE_PX)
     column, row = pixel(1.0, -0.75)
     assert tuple(image[row, column]) == INK, "up: y grows"
     column, row = pixel(1.25, -0.9)
     assert tuple(image[row, column]) == GROUND_COLOUR
-
-
-def test_a_random_take_off_has_no_arrow() -> None:
-    image = draw_lab_with_axes(LAB, size_px=SIZE_PX)
     left, top = pixel(-2.5, 2.0)
     right, bottom = pixel(2.5, -2.0)
-    assert not (image[top + 2 : bottom - 2, left + 2 : right - 2] == INK).all(axis=2).any()
+    random = draw_lab_with_axes(LAB, size_px=SIZE_PX)
+    assert not has(random[top + 2 : bottom - 2, left + 2 : right - 2], INK)
 
 
 @pytest.mark.parametrize(
@@ -126,11 +114,6 @@ def test_boxes_and_the_mark_stand_where_the_world_has_them() -> None:
         assert (tuple(image[y, x]) == box.colour) == there
     x, y = (round(v) for v in frame.to_px(pad.x_m, pad.y_m))
     assert tuple(image[y, x]) == (255, 255, 255), "the bar of the H"
-
-
-def test_an_unknown_lab_is_a_grid() -> None:
-    frame = MapFrame.around((6.0, 6.0), (300, 300))
-    assert len(np.unique(draw_lab(None, frame).reshape(-1, 3), axis=0)) > 1
 
 
 def test_phases_get_colours_of_their_own_in_the_order_they_appear() -> None:

@@ -23,7 +23,6 @@ from uav_bt.display.map_pane import (
     PASSED,
     SEEN,
     MapPane,
-    cells_image,
     ground_view,
 )
 from uav_bt.types import MarkFix, MoverState, Pose, Pose2D
@@ -153,11 +152,6 @@ def believed(x_m: float = 0.0, *objects: MapObject) -> SiteMap:
         captured_s=1.0,
         objects=objects,
     )
-
-
-def test_cells_are_shown_by_what_is_known_of_them() -> None:
-    image = cells_image(believed())
-    assert [tuple(image[cell]) for cell in ((15, 15), (15, 5), (5, 15))] == [SEEN, PASSED, OUTSIDE]
 
 
 def test_the_missions_map_lies_where_the_drone_saw_it() -> None:

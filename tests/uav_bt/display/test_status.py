@@ -9,19 +9,11 @@ import pytest
 from rich.console import Console
 
 from tests.uav_bt.display.display_world import World, flight_report
-from uav_bt.board.context import MissionContext
 from uav_bt.display.status import LiveStatus, StandardError, summary
 from uav_bt.lab.shipped import default_mark
 from uav_bt.mission.flight_report import FlightReport, Percentiles
-from uav_bt.mission.judge import Judge, Outcome, Verdict
-from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.safety import Override
-from uav_bt.mission.tick import TickRecord
-from uav_bt.protocols import Drone
-from uav_bt.testing import ScriptedDrone
-from uav_bt.testing.faults import Fault, FaultyDrone
-from uav_bt.tree import parse_tree
-from uav_bt.types import CutMotors, FlyingState, Pose
+from uav_bt.types import Pose
 from uav_bt.types.flight_results import EventKind, FlightEvent, Photo
 
 
@@ -68,20 +60,20 @@ def test_a_line_holds_phase_pace_height_way_mark_and_the_running_leaf() -> None:
     )
 
 
-def test_an_override_takes_the_place_of_the_leaf() -> None:
+@pytest.mark.parametrize(
+    ("changes", "end"),
+    [
+        ({"override": Override.MANUAL}, "mark -  manual take-over"),
+        ({"warnings": ("it drifts",)}, "Explore: clear  it drifts"),
+    ],
+    ids=["an override instead of the leaf", "a warning behind it"],
+)
+def test_a_line_ends_with_what_is_most_urgent(changes: dict[str, Any], end: str) -> None:
     world = World()
     status, _, wall = watch(world, terminal=False)
-    record = world.tick(override=Override.MANUAL)
+    record = replace(world.tick(), **changes)
     status.on_tick(record)
-    line = status.line(record, wall.now_s).plain
-    assert line.endswith("mark -  manual take-over")
-
-
-def test_a_warning_stands_behind_the_leaf() -> None:
-    world = World()
-    status, _, wall = watch(world, terminal=False)
-    record = replace(world.tick(), warnings=("it drifts",))
-    assert status.line(record, wall.now_s).plain.endswith("Explore: clear  it drifts")
+    assert status.line(record, wall.now_s).plain.endswith(end)
 
 
 def test_messages_of_leaves_are_shown_at_once_and_other_events_are_not() -> None:
@@ -131,50 +123,22 @@ def test_an_override_is_shown_at_once_and_so_is_its_end() -> None:
 
 
 @pytest.mark.parametrize("terminal", [False, True])
-def test_a_lost_link_says_what_to_do(*, terminal: bool) -> None:
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        (Override.LINK, "link lost: take the remote control"),
+        (Override.CUT, "motors cut: keep clear, then take the remote control"),
+    ],
+)
+def test_a_person_who_must_act_is_told_so_once(
+    override: Override, words: str, *, terminal: bool
+) -> None:
     world = World()
     status, out, _ = watch(world, terminal=terminal)
     with closing(status):
-        for override in (None, Override.LINK, Override.LINK):
-            status.on_tick(world.tick(override=override))
-    assert out.getvalue().count("link lost: take the remote control") == 1
-
-
-CUT_SHORT = """
-<root BTCPP_format="4"><BehaviorTree ID="M">
-  <Sequence><TakeOff height_m="1"/><HoverFor seconds="60"/><Land/></Sequence>
-</BehaviorTree></root>"""
-
-
-@pytest.mark.parametrize("says", [FlyingState.LANDED, FlyingState.EMERGENCY])
-def test_cut_motors_end_the_mission_at_once_and_are_shown(says: FlyingState) -> None:
-    scripted = ScriptedDrone()
-    # The scripted drone reports that it has landed, an ANAFI that its motors were cut.
-    drone: Drone = scripted
-    if says is FlyingState.EMERGENCY:
-        drone = FaultyDrone(scripted, Fault.parse("emergency-state@hover+1.1"))
-    context = MissionContext(clock=scripted.clock)
-    tree = parse_tree(CUT_SHORT)
-    tree.setup(context)
-    out = io.StringIO()
-    console = Console(file=out, force_terminal=True, width=120, color_system=None)
-    ticks: list[TickRecord] = []
-
-    class Pilot:
-        def on_tick(self, record: TickRecord) -> None:
-            ticks.append(record)
-            if [each.phase for each in ticks].count("hover") == 11:
-                runner.abort.cut_motors("a person cut the motors")
-
-    with closing(LiveStatus(context.board, console=console)) as status:
-        followers = [each for each in (status, drone, Pilot()) if hasattr(each, "on_tick")]
-        runner = MissionRunner(drone, tree, context, Judge(), listeners=followers)
-        drone.connect()
-        verdict = runner.run()
-    assert verdict == Verdict(outcome=Outcome.ABORTED, reason="a person cut the motors")
-    assert isinstance(scripted.commands[-1].movement, CutMotors)
-    assert [each.override for each in ticks].count(Override.CUT) in {1, 2}
-    assert out.getvalue().count("motors cut: keep clear, then take the remote control") == 1
+        for each in (None, override, override):
+            status.on_tick(world.tick(override=each))
+    assert out.getvalue().count(words) == 1
 
 
 def test_on_a_terminal_the_line_is_redrawn_no_faster_than_it_is_read() -> None:
@@ -229,14 +193,9 @@ def test_a_reader_that_went_away_ends_the_display_and_not_the_program() -> None:
 def test_the_cursor_comes_back_when_the_flight_fails() -> None:
     world = World()
     status, out, _ = watch(world, terminal=True)
-    with pytest.raises(RuntimeError), closing(status):
-        _fail_after(status, world)
+    with closing(status):
+        status.on_tick(world.tick())
     assert out.getvalue().rindex("\x1b[?25h") > out.getvalue().rindex("\x1b[?25l")
-
-
-def _fail_after(status: LiveStatus, world: World) -> None:
-    status.on_tick(world.tick())
-    raise RuntimeError
 
 
 def shown(report: FlightReport, width: int = 200) -> str:
@@ -284,16 +243,13 @@ def test_the_summary_tells_how_the_map_agrees_with_the_place() -> None:
     assert rows["map drift"] == "0.08 m after 90 s, 0.11 m at the end, begun anew 2 times"
 
 
-def test_of_a_short_flight_the_first_part_is_all_of_it() -> None:
-    rows = rows_of(replace(flight_report(), duration_s=22.0))
-    assert rows["total distance"] == "12.96 m"
-    assert "first 90 s" not in rows
-
-
-def test_the_summary_speaks_of_the_mark_where_the_mission_is_about_it() -> None:
-    elsewhere = replace(flight_report(), time_to_find_mark_s=None, landing_error_m=1.2)
-    assert "landing error" not in rows_of(elsewhere)
-    assert "mark" not in shown(elsewhere)
+def test_the_summary_leaves_out_what_says_nothing() -> None:
+    """The first part of a short flight is all of it; an error is one where a mark was sought."""
+    elsewhere = {"duration_s": 22.0, "time_to_find_mark_s": None, "landing_error_m": 1.2}
+    report = replace(flight_report(), **elsewhere)
+    assert rows_of(report)["total distance"] == "12.96 m"
+    assert not {"first 90 s", "landing error"} & rows_of(report).keys()
+    assert "mark" not in shown(report)
 
 
 def test_the_summary_fits_a_terminal_of_80_columns() -> None:

@@ -47,13 +47,15 @@ class ViewListeners:
 
         mission = flight.mission
         nodes = tuple(mission.nodes())
-        parents = {child.path: node.path for node in nodes for child in node.children}
+        levels: dict[str, int] = {}
+        for node in nodes:  # parents first
+            levels.update((child.path, levels.get(node.path, 0) + 1) for child in node.children)
         setting = setting_of(
             mission,
             flight.drone.camera,
             classes=flight.classes,
             airframe=flight.drone.airframe,
-            tree=tuple((node.path, node.name, parents.get(node.path)) for node in nodes),
+            tree=tuple((node.path, node.name, levels.get(node.path, 0)) for node in nodes),
             lab_map=lab_map_of(flight.drone),
             title=self._title or title_of(flight),
         )
@@ -124,12 +126,8 @@ def live_view(
         InputError: there is no display.
         MissingDependencyError: Rerun is not installed.
     """
-    if not web:
-        sinks.need_display(
-            "--view web shows it in a browser, --record FILE.mcap keeps it for `uav-bt view`"
-        )
-    viewer = sinks.Viewer(web=web)
-    try:
+    instead = "--view web shows it in a browser, --record FILE.mcap keeps it for `uav-bt view`"
+    with sinks.shown(web=web, instead=instead) as viewer:
         if viewer.url is not None:
             on_url(viewer.url)
         listeners = ViewListeners(viewer.stream, viewer=viewer)
@@ -137,5 +135,3 @@ def live_view(
             yield listeners
         finally:
             listeners.finish()
-    finally:
-        viewer.close()

@@ -6,7 +6,7 @@ RecordedFlight(Path("flight.mcap")).save(Path("flight.rrd"))
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -110,16 +110,16 @@ class RecordedFlight:
 
     def setting(self) -> ViewSetting:
         """Return what does not change during the flight, for a view."""
-        reader, nodes = self.reader, self.reader.tree.nodes
+        reader, levels = self.reader, list[int]()
+        for node in reader.tree.nodes:  # parents first
+            levels.append(0 if node.parent is None else levels[node.parent] + 1)
+        nodes = zip(reader.tree.nodes, levels, strict=True)
         return setting_of(
             self.tree,
             reader.camera,
             classes=reader.classes,
             airframe=recorded_options(reader).airframe,
-            tree=tuple(
-                (node.path, node.name, None if node.parent is None else nodes[node.parent].path)
-                for node in nodes
-            ),
+            tree=tuple((node.path, node.name, level) for node, level in nodes),
             lab_map=self.lab_map,
             title=self.title,
         )
@@ -185,21 +185,14 @@ class RecordedFlight:
         with sinks.saved(Path(path)) as stream:
             self.draw(stream, advance=advance)
 
-    @contextmanager
-    def shown(self, *, web: bool) -> Iterator[sinks.Viewer]:
+    def shown(self, *, web: bool) -> AbstractContextManager[sinks.Viewer]:
         """Open a viewer, to `draw` into its stream; a browser's view ends with the context.
 
         Raises:
             InputError: there is no display.
             MissingDependencyError: Rerun is not installed.
         """
-        if not web:
-            sinks.need_display(WITHOUT_DISPLAY)
-        viewer = sinks.Viewer(web=web)
-        try:
-            yield viewer
-        finally:
-            viewer.close()
+        return sinks.shown(web=web, instead=WITHOUT_DISPLAY)
 
     def film(self, path: str | Path, *, speed: float = 1.0, advance: Advance = silent) -> None:
         """Write the flight as a video: camera, mask, depth, map and the active branch.
@@ -226,7 +219,7 @@ class RecordedFlight:
             try:
                 self._play(playback, video, "video", advance)
             except BaseException:
-                video.discard()  # it can be made again; half of one is not to replace a whole one
+                video.file.discard()  # half of one must not replace a whole one
                 raise
             end = reader.end or {}
             if end.get("outcome"):

@@ -15,13 +15,13 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.display.canvas import ACCENT, ALARM, DIM, INK, Colour, resized, tag
+from uav_bt.display.canvas import ACCENT, ALARM, INK, Colour, resized, tag
 from uav_bt.display.flown_path import FlownPath, Shown
 from uav_bt.display.lab_drawing import GROUND_COLOUR
 from uav_bt.display.lab_map import LabMap, MapItem, phase_colours
 from uav_bt.display.map_pane import MapPane
 from uav_bt.display.phrases import describe_corridor, describe_movement
-from uav_bt.display.rerun.layout import TIMELINE, ViewSetting, places
+from uav_bt.display.rerun.layout import TIMELINE, ViewSetting
 from uav_bt.display.video.panes import draw_frame
 from uav_bt.display.video.perception_panes import FARTHEST_M, intruding_pixels
 from uav_bt.lab.classes import OUTSIDE
@@ -32,12 +32,7 @@ from uav_bt.types import CameraModel, Pose, projection, rotate
 from uav_bt.types.arrays import Floats, Image
 from uav_bt.types.dead_reckoning import PoseHistory
 
-STATUS_COLOURS: Final[Mapping[Status, Colour]] = {
-    RUNNING: ACCENT,
-    SUCCESS: (80, 200, 120),
-    FAILURE: ALARM,
-    IDLE: DIM,
-}
+SIGNS: Final[Mapping[Status, str]] = {RUNNING: "▶", SUCCESS: "✔", FAILURE: "✘", IDLE: "·"}
 _FREE: Final[Colour] = (120, 170, 255)
 _SHOWN_M: Final = 0.35  # distance of the image from the lens in the 3D view
 _NO_IMAGE_M: Final = 1e-3  # the same for depth: so small that its frustum is invisible
@@ -203,14 +198,13 @@ class FlightView:
                 self._stream.log("site_map", _jpeg(drawn))
 
     def _draw_tree(self, statuses: Mapping[str, Status]) -> None:
-        """Draw the tree when a status changes; missing nodes are idle."""
-        nodes = self._setting.tree
-        now = [statuses.get(path, IDLE) for path, _, _ in nodes]
-        if now and self._is_new("tree", now):
-            paths, labels, _ = zip(*nodes, strict=True)
-            colours = [STATUS_COLOURS[status] for status in now]
-            drawn = rr.GraphNodes(paths, labels=labels, positions=places(nodes), colors=colours)
-            self._stream.log("tree", drawn)
+        """Draw the tree as in its file when a status changes; missing nodes are idle."""
+        lines = [
+            f"{'    ' * level}{SIGNS[statuses.get(path, IDLE)]} {label}"
+            for path, label, level in self._setting.tree
+        ]
+        if lines and self._is_new("tree", lines):
+            self._stream.log("tree", rr.TextDocument("\n".join(lines)))
 
     def _draw_words(self, record: TickRecord) -> None:
         """Log phase, active leaf and command when they change."""
@@ -235,9 +229,6 @@ def _constants(setting: ViewSetting) -> Iterator[tuple[str, Any]]:
     classes = zip(setting.classes.names, setting.classes.colours.tolist(), strict=True)
     infos = [(place, name, tuple(colour)) for place, (name, colour) in enumerate(classes)]
     yield "mask", rr.AnnotationContext(infos)
-    if setting.tree:
-        edges = [(parent, path) for path, _, parent in setting.tree if parent is not None]
-        yield "tree", rr.GraphEdges(edges, graph_type="directed")
     if setting.lab_map is not None:
         yield from _lab(setting.lab_map)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -22,11 +21,9 @@ _PLOTS: Final = {
     "plots/free_distance": "Free distance, m",
     "plots/tick_time": "Tick time, ms",
 }
-_ROW_PX: Final = 30.0  # height and indent of a node of the tree
-_LETTER_PX: Final = 7.0  # approximate width of a letter in Rerun
 _FLOOR: Final[Colour] = (60, 64, 72)
 
-TreeNode = tuple[str, str, str | None]  # path, label, and path of the parent; None for the root
+TreeNode = tuple[str, str, int]  # path, label, and level below the root
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,7 +74,7 @@ def layout(setting: ViewSetting) -> rrb.Blueprint:
         rrb.Tabs(*tabs, rrb.TextLogView(origin="words", name="Words")),
     ]
     if setting.tree:
-        above.append(rrb.GraphView(origin="tree", name="Tree"))
+        above.append(rrb.TextDocumentView(origin="tree", name="Tree"))
     legend = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
     plots = [
         rrb.TimeSeriesView(origin=origin, name=name, plot_legend=legend)
@@ -94,16 +91,3 @@ def layout(setting: ViewSetting) -> rrb.Blueprint:
         rrb.TimePanel(state="collapsed", timeline=TIMELINE),
         auto_views=False,
     )
-
-
-def places(nodes: Sequence[TreeNode]) -> list[tuple[float, float]]:
-    """Return the centres of the nodes, px: one row each, indented by level, as in the tree file.
-
-    A tree drawn level by level is several times wider than a pane, with unreadable labels.
-    """
-    levels: dict[str | None, int] = {None: -1}
-    found = []
-    for row, (path, label, parent) in enumerate(nodes):
-        levels[path] = levels[parent] + 1
-        found.append((_ROW_PX * levels[path] + _LETTER_PX * len(label) / 2.0, _ROW_PX * row))
-    return found

@@ -124,6 +124,18 @@ class Viewer:
             self._process.wait()
 
 
+@contextmanager
+def shown(*, web: bool, instead: str) -> Iterator[Viewer]:
+    """Open a viewer; a window needs a display and stays, a browser's view ends here."""
+    if not web:
+        need_display(instead)
+    viewer = Viewer(web=web)
+    try:
+        yield viewer
+    finally:
+        viewer.close()
+
+
 def viewer_command(port: int, web_port: int | None) -> list[str]:
     """Return the command that starts a viewer on loopback."""
     found = find_spec("rerun_cli")

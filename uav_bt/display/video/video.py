@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -114,7 +115,7 @@ def _draw_corridor_rows(shown: Shown, size_px: Size) -> Image:
 
 
 class FlightVideo:
-    """A tick listener that writes a video. Use it as a context manager, or close it.
+    """A tick listener that writes a video. Use it as a context manager, or close its file.
 
     A video must not affect the flight: after a write error (a full disk) the flight continues
     without it, and closing raises the error. The panes may be set later, before the first tick.
@@ -129,51 +130,29 @@ class FlightVideo:
         self._first_s: float | None = None
         self._slot = -1
         self._last: Image | None = None
-        self._failure: FileError | None = None
-        self._file = VideoFile(path, size_px=_SIZE_PX, frames_per_s=self._rate, comment=FILM)
+        self.file = VideoFile(path, size_px=_SIZE_PX, frames_per_s=self._rate, comment=FILM)
 
     def on_tick(self, record: TickRecord) -> None:
         """Draw and write a tick; ticks between two images only extend the path."""
         self._flown.add(record)
-        if self.panes is None or self._failure is not None:
+        if self.panes is None:
             return
         if self._first_s is None:
             self._first_s = record.time_s
         # With a tolerance: times are sums of ticks.
         slot = math.floor((record.time_s - self._first_s) * _IMAGES_PER_S + 1e-6)
         if slot > self._slot:
-            self._last = self.panes.draw(record, self._flown)
-            self._write(self._last, slot)
+            self._slot, self._last = slot, self.panes.draw(record, self._flown)
+            with suppress(FileError):
+                self.file.write(self._last, slot)
 
     def conclude(self, headline: str, lines: Sequence[str] = (), *, good: bool = True) -> None:
         """Draw the outcome on the last image and hold it."""
-        if self._last is None or self._failure is not None:
-            return
-        image = _with_outcome(self._last, headline, lines, ACCENT if good else ALARM)
-        for _ in range(max(1, round(_HOLD_S * self._rate))):
-            self._write(image, self._slot + 1)
-
-    def _write(self, image: Image, slot: int) -> None:
-        self._slot = slot
-        if self._failure is None:
-            try:
-                self._file.write(image, slot)
-            except FileError as error:
-                self._failure = error
-
-    def discard(self) -> None:
-        """Discard the video; an earlier file is kept."""
-        self._file.discard()
-
-    def close(self) -> None:
-        """Finish the file, or raise that it could not be written and is removed; once."""
-        failure, self._failure = self._failure, None
-        try:
-            self._file.close()
-        except FileError as error:
-            failure = failure or error  # the first one is the cause
-        if failure is not None:
-            raise failure
+        if self._last is not None:
+            image = _with_outcome(self._last, headline, lines, ACCENT if good else ALARM)
+            with suppress(FileError):
+                for _ in range(max(1, round(_HOLD_S * self._rate))):
+                    self.file.write(image)
 
     def __enter__(self) -> Self:
         return self
@@ -182,7 +161,7 @@ class FlightVideo:
         self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
     ) -> None:
         try:
-            self.close()
+            self.file.close()
         except FileError as failure:
             if error is None:
                 raise

@@ -15,12 +15,9 @@ from uav_bt.errors import FileError, MissingDependencyError
 from uav_bt.files import writing
 from uav_bt.types.arrays import Image
 
-# H.264 plays everywhere; MPEG-4 part 2 is in every build of FFmpeg. The options favour speed over
-# size, because images are encoded between the ticks of a flight.
-_CODECS: Final = {
-    "libx264": {"preset": "ultrafast", "crf": "28"},
-    "mpeg4": {"qscale": "4"},
-}
+_CODEC: Final = "libx264"  # H.264 plays everywhere
+# Speed over size, because images are encoded between the ticks of a flight.
+_OPTIONS: Final = {"preset": "ultrafast", "crf": "28"}
 FILM: Final = "a film of uav-bt, and no camera's video"
 """Comment in the metadata of films, so that perception does not use them as camera video."""
 
@@ -34,24 +31,6 @@ def _pyav() -> Any:
     import av  # noqa: PLC0415
 
     return av
-
-
-@functools.cache
-def choose_codec(names: tuple[str, ...] = tuple(_CODECS)) -> str:
-    """Return the first encoder that works."""
-    for name in names:
-        try:
-            probe: Any = _pyav().CodecContext.create(name, "w")
-            probe.width, probe.height, probe.pix_fmt = 64, 64, "yuv420p"
-            probe.time_base = Fraction(1, 25)
-            probe.open()
-        except (_pyav().FFmpegError, ValueError):  # missing in this build, or unable to start
-            continue
-        return name
-    raise MissingDependencyError(
-        f"no video encoder works here (tried {', '.join(names)}); PyAV's wheel contains them: "
-        "pip install --force-reinstall av"
-    )
 
 
 class VideoFile:
@@ -68,57 +47,72 @@ class VideoFile:
             raise FileError(path, "a video's name must end in .mp4")
         if path.is_dir():
             raise FileError(path, "is a folder; name a file in it")
-        codec = choose_codec()
+        try:
+            _pyav().Codec(_CODEC, "w")
+        except ValueError as error:
+            raise MissingDependencyError(
+                "PyAV has no encoder of H.264 here; its wheel has one: "
+                "pip install --force-reinstall av"
+            ) from error
         self.path = path
-        self._images = 0
+        self._kept = False  # whether there is an image
         self._partial = path.with_name(path.name + ".part")
         self._time_base = 1 / frames_per_s
-        self._last_slot = -1
-        self._failed = False
+        self._slot = -1  # of the last image
+        self._failure: FileError | None = None
         with writing(path):  # FFmpeg's errors are OSErrors, too
             self._partial.touch()  # the system's error for a bad folder is clearer than FFmpeg's
             self._container: Any = _pyav().open(
                 str(self._partial), "w", format="mp4", options={"movflags": "+faststart"}
             )
         self._container.metadata["comment"] = comment
-        stream: Any = self._container.add_stream(codec, rate=frames_per_s, options=_CODECS[codec])
+        stream: Any = self._container.add_stream(_CODEC, rate=frames_per_s, options=_OPTIONS)
         stream.width, stream.height, stream.pix_fmt = *size_px, "yuv420p"
         stream.codec_context.colorspace = _BT601
         stream.codec_context.color_range = _LIMITED_RANGE
         self._stream = stream
 
     def write(self, image: Image, slot: int | None = None) -> None:
-        """Append an image at a later slot, which counts frames; the image before fills a gap."""
-        slot = self._last_slot + 1 if slot is None else slot
+        """Append an image at a later slot, which counts frames; the image before fills a gap.
+
+        After the first image that could not be written, others are left out.
+        """
+        if self._failure is not None:
+            return
+        self._slot = self._slot + 1 if slot is None else slot
         planes = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2YUV_I420), dtype=np.uint8)
         frame: Any = _pyav().VideoFrame.from_ndarray(planes, format="yuv420p")
-        frame.pts, frame.time_base = slot, self._time_base
+        frame.pts, frame.time_base = self._slot, self._time_base
         self._encode(frame)
-        self._last_slot = slot
-        self._images += 1
+        self._kept = True
 
     def _encode(self, frame: object) -> None:
-        self._failed = True
-        with writing(self.path):
-            for packet in self._stream.encode(frame):
-                self._container.mux(packet)
-        self._failed = False
+        try:
+            with writing(self.path):
+                for packet in self._stream.encode(frame):
+                    self._container.mux(packet)
+        except FileError as error:
+            self._failure = error
+            raise
 
     def discard(self) -> None:
         """Discard the file; an earlier one is kept."""
-        self._failed = True
+        self._kept = False
 
     def close(self) -> None:
-        """Finish and rename the file; safe to call twice."""
+        """Finish and rename the file, or raise the first failure; safe to call twice."""
         if self._container is None:
             return
+        kept = self._kept and self._failure is None
         try:
-            if self._images and not self._failed:
+            if kept:
                 self._encode(None)
             with writing(self.path):
                 self._container.close()
-                if self._images and not self._failed:
+                if kept:
                     self._partial.replace(self.path)
         finally:
             self._container = None
             self._partial.unlink(missing_ok=True)
+        if self._failure is not None:
+            raise self._failure

@@ -17,10 +17,10 @@ CLASSES = LabClasses(
     ]
 )
 NODES = (
-    ("Main/root", "root", None),
-    ("Main/root/first", "first", "Main/root"),
-    ("Main/root/second", "second", "Main/root"),
-    ("Main/root/second/leaf", "leaf", "Main/root/second"),
+    ("Main/root", "root", 0),
+    ("Main/root/first", "first", 1),
+    ("Main/root/second", "second", 1),
+    ("Main/root/second/leaf", "leaf", 2),
 )
 
 

@@ -10,16 +10,16 @@ import cv2
 import numpy as np
 import pytest
 import rerun as rr
-from rerun.blueprint import GraphView, Spatial2DView, Vertical, View
+from rerun.blueprint import Spatial2DView, TextDocumentView, Vertical, View
 
 from tests.uav_bt.display.display_world import World
-from tests.uav_bt.display.rerun.rerun_world import CLASSES, NODES, NotedStream, setting, values
+from tests.uav_bt.display.rerun.rerun_world import CLASSES, NotedStream, setting, values
 from tests.uav_bt.display.test_map_pane import believed
 from tests.worlds.values import corridor
 from uav_bt.board import CLASS_MAP, CORRIDOR, MARK, METRIC_DEPTH, SITE_MAP
 from uav_bt.display.lab_map import LabMap, MapItem, MapMover
-from uav_bt.display.rerun.flight_view import STATUS_COLOURS, FlightView, camera_axes
-from uav_bt.display.rerun.layout import layout, places
+from uav_bt.display.rerun.flight_view import FlightView, camera_axes
+from uav_bt.display.rerun.layout import layout
 from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
 from uav_bt.tree import Status
@@ -309,35 +309,14 @@ def test_each_curve_has_a_point_a_tick_and_a_gap_where_it_is_unknown() -> None:
     assert set(drawn) == {f"plots/{name}" for name in expected}
 
 
-def test_each_node_has_a_row_and_children_stand_further_right() -> None:
-    found = places(NODES)
-    assert [y for _, y in found] == sorted({y for _, y in found})
-    lefts = [x - 7.0 * len(label) / 2 for (x, _), (_, label, _) in zip(found, NODES, strict=True)]
-    assert lefts[0] < lefts[1] == lefts[2] < lefts[3]
-
-
-def test_nodes_have_the_colours_of_their_statuses_and_are_drawn_when_one_changes() -> None:
+def test_the_tree_has_the_signs_of_its_statuses_and_is_drawn_when_one_changes() -> None:
     flight = Flight()
-    edges = flight.stream.constant("tree").edges
-    assert [(edge["first"], edge["second"]) for edge in values(edges)] == [
-        ("Main/root", "Main/root/first"),
-        ("Main/root", "Main/root/second"),
-        ("Main/root/second", "Main/root/second/leaf"),
-    ]
     for status in (Status.FAILURE, Status.FAILURE, Status.SUCCESS):
         flight.statuses["Main/root/first"] = status
         flight.fly()
-    first, second = flight.stream.of("tree")
-    assert values(first.thing.node_ids) == [path for path, _, _ in NODES]
-    assert values(first.thing.labels) == ["root", "first", "second", "leaf"]
-
-    def codes(*statuses: Status) -> list[int]:
-        colours = (STATUS_COLOURS[status] for status in statuses)
-        return [red << 24 | green << 16 | blue << 8 | 255 for red, green, blue in colours]
-
-    unnamed = (Status.IDLE, Status.IDLE)
-    assert values(first.thing.colors) == codes(Status.RUNNING, Status.FAILURE, *unnamed)
-    assert values(second.thing.colors) == codes(Status.RUNNING, Status.SUCCESS, *unnamed)
+    (first,), (second,) = (values(note.thing.text) for note in flight.stream.of("tree"))
+    assert first.splitlines() == ["▶ root", "    ✘ first", "    · second", "        · leaf"]
+    assert second.splitlines()[1] == "    ✔ first"
 
 
 def views(part: object) -> list[View]:
@@ -355,5 +334,5 @@ def test_the_layout_has_a_pane_for_everything_and_none_that_would_stay_empty() -
         *("Heading, deg", "Height, m", "Free distance, m", "Tick time, ms"),
     ]
     found = views(layout(setting(makes_depth=False, tree=())).root_container)
-    assert not [view for view in found if isinstance(view, GraphView)]
+    assert not [view for view in found if isinstance(view, TextDocumentView)]
     assert [view.name for view in found if isinstance(view, Spatial2DView)] == ["Camera", "Mask"]

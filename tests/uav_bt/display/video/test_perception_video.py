@@ -39,12 +39,8 @@ def test_four_panes_make_a_picture_of_1280x720() -> None:
     assert tuple(image[600, 300]) == tuple(CLASSES.colours[5]), "the class map"
     assert tuple(image[30, 1000]) == PANEL, "no depth"
     assert tuple(image[700, 1000]) == PANEL, "no corridor"
-
-
-def test_depth_takes_its_pane() -> None:
     depth = DepthMap(depth=np.full((28, 56), 1.0, np.float32), metric=True, captured_s=1.5)
-    image = PerceptionPanes(CAMERA).draw(seen(depth=depth, refusal=""))
-    assert tuple(image[100, 900]) != PANEL
+    assert tuple(panes.draw(seen(depth=depth, refusal=""))[100, 900]) != PANEL
 
 
 def test_a_mark_is_ringed() -> None:
@@ -59,11 +55,7 @@ def test_a_mark_is_ringed() -> None:
     assert accents(seen(mark=fix)) > 100
 
 
-def test_a_picture_that_was_resized_to_another_aspect_is_shown_as_it_was_filmed() -> None:
-    squeezed = CAMERA.resized(40, 32)
-    assert PerceptionPanes(squeezed).size_px == (1280, 720)
-
-
-def test_another_aspect_has_panes_of_its_own() -> None:
+def test_images_are_shown_in_the_aspect_of_the_lens() -> None:
+    assert PerceptionPanes(CAMERA.resized(40, 32)).size_px == (1280, 720), "a resized image"
     square = replace(CAMERA, width_px=64, height_px=64)
     assert PerceptionPanes(square).size_px == (1280, 1280)

@@ -56,29 +56,7 @@ def test_phases_lie_where_they_were_flown_and_the_cursor_is_now() -> None:
     assert abs(cursor - (18 + 15 * 20)) <= 1
 
 
-def test_what_is_still_to_come_is_empty() -> None:
-    image = flown(15.0).draw(SIZE_PX)
-    assert len(np.unique(image[BAR_ROW, 18 + 16 * 20 : -18], axis=0)) == 1
-
-
 def test_the_end_of_the_scale_says_when_it_is_the_limit() -> None:
     long, short = flown(20.0, limit_s=300.0).draw(SIZE_PX), flown(20.0, limit_s=30.0).draw(SIZE_PX)
     assert (long[:40] == short[:40]).all()
     assert (long[40:, -90:] != short[40:, -90:]).any()
-
-
-def test_a_film_that_begins_in_the_middle_says_nothing_of_what_was_before() -> None:
-    timeline = Timeline()
-    timeline.add(20.0, "land")
-    timeline.add(25.0, "land")
-    land = columns(timeline.draw(SIZE_PX), phase_colours(["land"])["land"])
-    assert land.min() == 18 + 20 * 20
-
-
-def test_a_flight_of_many_phases_is_drawn() -> None:
-    timeline = Timeline()
-    for number in range(40):
-        timeline.add(float(number), f"phase {number}")
-    image = timeline.draw(SIZE_PX)
-    last = phase_colours([f"phase {number}" for number in range(40)])["phase 38"]
-    assert columns(image, last).size > 0
