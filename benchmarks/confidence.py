@@ -4,10 +4,9 @@
     python -m benchmarks.confidence val --rooms runs/rooms/val2    # the table, validation scenes
     python -m benchmarks.confidence test --rooms runs/rooms/flown  # testing scenes
 
-Each pose is a sequence of three rendered frames, so that the second and third have a history, with
-right and with deliberately wrong inputs. Each lab is judged with the depth network that it is flown
-with. The exact scale is the median ratio of exact to predicted depth on the ground in view or, with
-little ground, up to 6 m. The confidence is to be above a half only where nearly all are right.
+A pose is a sequence of three rendered frames, with right and with wrong inputs. Each lab is judged
+with the networks that it is flown with. The exact scale is the median ratio of exact to predicted
+depth on the ground in view or, with little ground, up to 6 m.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ import cv2
 import numpy as np
 from scipy.optimize import minimize
 
-from benchmarks.lab_views import copy_lab
+from benchmarks.lab_views import copy_lab, frame_of
 from benchmarks.segmentation import scenes_of
 from perception.camera.ground_plane import CameraView, ground_depth
 from perception.depth.runtime import load_depth_estimator
@@ -37,24 +36,23 @@ from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import View, render_views
 from uav_bt.app.site import network_of
-from uav_bt.lab.classes import GROUND, MARK
+from uav_bt.lab.classes import GROUND, MARK, OUTSIDE
 from uav_bt.lab.lab import LAB_FILE, Lab
 from uav_bt.lab.shipped import load_lab
 from uav_bt.learning.views import DepthViewPlan, scene_seed
 from uav_bt.protocols import DepthEstimator, Segmenter
-from uav_bt.types import Frame
 from uav_bt.yaml_file import read_yaml, yaml_text
 
 WRONG_WEIGHT: Final = 20.0  # right scales that a wrong one counts as; chosen on validation scenes
 _PENALTY: Final = 1e-4  # of the squared coefficients
-RIGHT: Final = ("own network", "pitch wrong", "height wrong")  # with the class map of that network
-Networks = tuple[DepthEstimator, Segmenter, Segmenter]
+_RIGHT: Final = ("own network", "pitch wrong", "height wrong")  # with that network's class map
 _MAP_PX: Final = (224, 112)  # width and height of class maps, and so of the depth in flight
 _TURN_RAD: Final = math.radians(4)  # from frame to frame
 _ADVANCE_M, _APART_S = 0.06, 0.1
 _ENOUGH_PX: Final = 200  # of exact depth, for an exact scale
 _PAINTED: Final = {"train": (0, 1, 2), "val": (3, 4), "test": (5, 6)}  # seeds of the colours
-_CHANNELS: Final = ((2, 0, 1), (1, 2, 0), (0, 2, 1))  # other orders of red, green and blue
+Networks = tuple[DepthEstimator, Segmenter, Segmenter]
+_CHANNELS: Final = ([2, 0, 1], [1, 2, 0], [0, 2, 1])  # other orders of red, green and blue
 
 
 class JudgedScale(NamedTuple):
@@ -75,37 +73,33 @@ class JudgedScale(NamedTuple):
 def judged_scales(split: str, views: int, seed: int, rooms: Path | None) -> Iterator[JudgedScale]:
     """Judge the scales of views of rooms, of both labs, and of the second in other colours."""
     paper, depot = load_lab(), load_lab("depot")
-    for folder in () if rooms is None else sorted(rooms.iterdir()):
-        room, scene = load_lab(folder), str(folder / "scenes" / f"{folder.name}.yaml")
-        networks = _networks(room, room, depot)
-        for views_of in _sequences(scene, max(1, views // 6), seed):
-            rng = np.random.default_rng((seed, len(folder.name)))
-            yield from _scales("room", room, networks, views_of, rng)
-    with TemporaryDirectory() as folder_name:
-        painted = [_painted(depot, Path(folder_name) / str(n), n) for n in _PAINTED[split]]
-        jobs = [(paper.name, paper, paper, depot, views), (depot.name, depot, depot, paper, views)]
-        jobs += [("painted", each, depot, paper, max(1, views // 3)) for each in painted]
-        for name, lab, own, other, count in jobs:
-            networks = _networks(lab, own, other)
-            for scene in scenes_of(lab, f"{'' if lab is paper else 'depot-'}{split}-*"):
-                for number, views_of in enumerate(_sequences(scene, count, seed)):
-                    rng = np.random.default_rng((seed, number))
-                    yield from _scales(name, lab, networks, views_of, rng)
+    furnished = [] if rooms is None else map(load_lab, sorted(rooms.iterdir()))
+    with TemporaryDirectory() as folder:
+        painted = [_painted(depot, Path(folder) / str(n), n) for n in _PAINTED[split]]
+        for name, lab, own, other, count in (
+            *(("room", room, room, depot, max(1, views // 6)) for room in furnished),
+            *((paper.name, paper, paper, depot, views), (depot.name, depot, depot, paper, views)),
+            *(("painted", each, depot, paper, max(1, views // 3)) for each in painted),
+        ):
+            depth = load_depth_estimator(network_of(lab).get("depth", SHIPPED_DEPTHS[0]))
+            networks = depth, _segmenter(own), _segmenter(other)
+            for scene in scenes_of(lab, lab.folder.name if name == "room" else f"*{split}-*"):
+                for number, sequence in enumerate(_sequences(scene, count, seed)):
+                    key = len(lab.folder.name) if name == "room" else number
+                    rng = np.random.default_rng((seed, key))
+                    yield from _scales(name, lab, networks, sequence, rng)
 
 
 def _painted(lab: Lab, folder: Path, seed: int) -> Lab:
     """Return a copy of a lab whose ground, walls and objects have other colours."""
     rng = np.random.default_rng(seed)
-
-    def colour() -> dict[str, str]:
-        return {"colour": f"#{bytes(rng.integers(30, 230, 3).tolist()).hex()}"}
-
     file = copy_lab(lab, folder).lab.folder / LAB_FILE
     content = read_yaml(file, dict[str, Any], "lab file").value
     room = content["room"]
-    room["ground"]["surface"] = {"generator": ("concrete", "wood")[seed % 2], **colour()}
-    for part in (room["walls"], *room["objects"].values()):
-        part["surface"] = colour()
+    parts = (room["ground"], room["walls"], *room["objects"].values())
+    for part in parts:
+        part["surface"] = {"colour": f"#{bytes(rng.integers(30, 230, 3).tolist()).hex()}"}
+    parts[0]["surface"]["generator"] = ("concrete", "wood")[seed % 2]
     file.write_text(yaml_text(content), encoding="utf-8")
     return load_lab(folder)
 
@@ -114,8 +108,7 @@ def _sequences(name: str, views: int, seed: int) -> Iterator[list[View]]:
     """Render sequences of a slowly turning and advancing camera."""
     scene = load_scene(name)
     mixed = scene_seed(seed, scene)
-    rng = np.random.default_rng(mixed)
-    poses = []
+    rng, poses = np.random.default_rng(mixed), []
     for pose in DepthViewPlan(scenes=(name,), views=views).poses(scene, mixed):
         turn = _TURN_RAD if rng.random() < 0.5 else -_TURN_RAD
         for step in range(3):
@@ -125,12 +118,6 @@ def _sequences(name: str, views: int, seed: int) -> Iterator[list[View]]:
     profile = Profile.named("lab")
     drawn = render_views(scene, poses, truth_size_px=_MAP_PX, profile=profile, seed=mixed)
     yield from map(list, zip(drawn, drawn, drawn, strict=True))
-
-
-def _networks(lab: Lab, own: Lab, other: Lab) -> Networks:
-    """Return the depth network of a lab, and the segmentation of two labs."""
-    depth = load_depth_estimator(network_of(lab).get("depth", SHIPPED_DEPTHS[0]))
-    return depth, _segmenter(own), _segmenter(other)
 
 
 def _segmenter(lab: Lab) -> Segmenter:
@@ -149,51 +136,43 @@ def _scales(
     rows, columns = rng.integers(12, 40), rng.integers(20, 60)
     patch[top : top + rows, left : left + columns] = True
     wrong_rad = up * math.radians(rng.uniform(2.0, 7.0))
-    wrong_height = higher * rng.uniform(0.03, 0.1)
+    wrong_height = 1.0 + higher * rng.uniform(0.03, 0.1)
     for channels in (None, _CHANNELS[rng.integers(len(_CHANNELS))]):
         scales: defaultdict[str, AdaptiveScale] = defaultdict(AdaptiveScale)
         for step, view in enumerate(views):
-            rgb = view.image
-            if channels is not None:
-                rgb = np.ascontiguousarray(rgb[..., list(channels)])
-            frame = Frame(image=rgb, index=step, captured_s=0.0, gimbal_pitch_rad=0.0)
+            shown = view.image if channels is None else view.image[..., channels]
+            frame = frame_of(replace(view, image=np.ascontiguousarray(shown)), step)
             depth, roles = networks[0].estimate(frame), lab.classes.roles(view.ids)
             relative = np.asarray(cv2.resize(depth.depth, _MAP_PX), dtype=np.float32)
             near = (view.depth > 0.3) & (view.depth < 6.0)
-            near = shown if (shown := near & (roles == GROUND)).sum() > _ENOUGH_PX else near
+            near = ground if (ground := near & (roles == GROUND)).sum() > _ENOUGH_PX else near
             if near.sum() <= _ENOUGH_PX:
                 continue
             exact = float(np.median(view.depth[near] / relative[near]))
             own, other = (
-                cv2.resize(found, _MAP_PX, interpolation=cv2.INTER_NEAREST).astype(bool)
-                for found in (
-                    each.segment(frame).is_ground.astype(np.uint8) for each in networks[1:]
-                )
+                cv2.resize(each.segment(frame).is_ground.astype(np.uint8), _MAP_PX, interpolation=0)
+                for each in networks[1:]
             )
             above = roles >= MARK
-            grounds = {"own network": own, "other lab's network": other}
+            cases = {"own network": own, "other lab's network": other}
             if channels is None:
-                grounds |= {"pitch wrong": own, "height wrong": own}
-                grounds |= {"outside as ground": ~above & (roles != GROUND)}
-                grounds |= {"obstacles as ground": above, "a patch as ground": patch}
-                grounds |= {"everything as ground": np.ones_like(own)}
-            for condition, ground in grounds.items():
+                cases |= {"pitch wrong": own, "height wrong": own}
+                cases |= {"outside as ground": roles == OUTSIDE, "obstacles as ground": above}
+                cases |= {"a patch as ground": patch, "everything as ground": np.ones_like(own)}
+            for condition, each in cases.items():
                 off_rad = wrong_rad if condition == "pitch wrong" else 0.0
+                factor = wrong_height if condition == "height wrong" else 1.0
                 pitch_rad = max(-math.pi / 2, view.pose.pitch_rad + off_rad)
-                height_m = view.pose.z_m * (
-                    1.0 + (wrong_height if condition == "height wrong" else 0.0)
-                )
+                height_m = factor * view.pose.z_m
                 seen = CameraView(camera=camera, pitch_rad=pitch_rad, height_m=height_m)
-                sample = sample_ground(relative, ground, ground_depth(seen), rng)
+                sample = sample_ground(relative, each.astype(bool), ground_depth(seen), rng)
                 known_m = height_m if depth.in_heights else None
                 found = scales[condition](sample, step * _APART_S, known_m)
                 if found is not None:
                     measures = {key: of for key, (of, _) in found.confidence.measures.items()}
                     colours = "" if channels is None else ", other colours"
-                    sure = found.confidence.value or 0.0
-                    yield JudgedScale(
-                        name, condition + colours, found.factor / exact, sure, measures
-                    )
+                    sure, off = found.confidence.value or 0.0, found.factor / exact
+                    yield JudgedScale(name, condition + colours, off, sure, measures)
 
 
 def fitted(judged: Sequence[JudgedScale], wrong_weight: float = WRONG_WEIGHT) -> dict[str, float]:
@@ -205,16 +184,13 @@ def fitted(judged: Sequence[JudgedScale], wrong_weight: float = WRONG_WEIGHT) ->
     weights = np.where(right > 0.0, 1.0, wrong_weight)
     weights /= weights.sum()
 
-    def loss(given: np.ndarray) -> tuple[float, np.ndarray]:
-        logits = given[0] + values @ given[1:]
-        costs = np.logaddexp(0.0, -logits) * right + np.logaddexp(0.0, logits) * (1.0 - right)
-        off = weights * (1.0 / (1.0 + np.exp(-logits)) - right)
-        slope = np.concatenate([[off.sum()], values.T @ off + 2.0 * _PENALTY * given[1:]])
-        return float(weights @ costs + _PENALTY * (given[1:] ** 2).sum()), slope
+    def loss(given: np.ndarray) -> float:
+        logits = (2.0 * right - 1.0) * (given[0] + values @ given[1:])
+        return float(weights @ np.logaddexp(0.0, -logits) + _PENALTY * (given[1:] ** 2).sum())
 
     limits = [(None, None), *[(0.0, None)] * len(names)]
     begin = np.r_[0.0, np.ones(len(names))]
-    found = minimize(loss, begin, jac=True, bounds=limits, method="L-BFGS-B")
+    found = minimize(loss, begin, bounds=limits, method="L-BFGS-B", options={"ftol": 1e-14})
     return dict(zip(("intercept", *names), found.x.tolist(), strict=True))
 
 
@@ -224,22 +200,19 @@ def table(judged: Sequence[JudgedScale]) -> str:
     parts: dict[str, list[JudgedScale]] = {tenth: [] for tenth in tenths}
     for each in judged:
         tenth = tenths[min(9, int(10.0 * each.confidence))]
-        own = [f"{each.lab}, its own network"] * (each.condition in RIGHT)
+        own = [f"{each.lab}, its own network"] * (each.condition in _RIGHT)
         for name in (tenth, f"{each.lab}, {each.condition}", *own, "all"):
             parts.setdefault(name, []).append(each)
-    return "\n".join(f"{name}: {_row(part)}" for name, part in parts.items())
-
-
-def _row(part: Sequence[JudgedScale]) -> str:
-    if not part:
-        return "0 scales"
-    right = [each.right for each in part]
-    sure = [each.right for each in part if each.confidence > 0.5]
-    worst = math.exp(max(abs(math.log(each.over_exact)) for each in part))
-    return (
-        f"{len(part)} scales, {sum(right)} right, worst factor {worst:.2f}; "
-        f"over 0.5: {sum(sure)} of the right, {len(sure) - sum(sure)} wrong"
-    )
+    lines = []
+    for name, part in parts.items():
+        right = [each.right for each in part]
+        sure = [each.right for each in part if each.confidence > 0.5]
+        worst = math.exp(max((abs(math.log(each.over_exact)) for each in part), default=0.0))
+        lines.append(
+            f"{name}: {len(part)} scales, {sum(right)} right, worst factor {worst:.2f}; "
+            f"over 0.5: {sum(sure)} of the right, {len(sure) - sum(sure)} wrong"
+        )
+    return "\n".join(lines)
 
 
 def main() -> None:

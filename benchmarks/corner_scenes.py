@@ -33,9 +33,8 @@ def corner_scene(seed: int) -> dict[str, Any]:
     arm = int(rng.integers(2))  # the one with the entrance
     boxes = []
     for which in (0, 1):
-        along, length = 1 - which, wall[1 - which] - THICK_M / 2 - GAP_M
-        if which == 0:  # one arm has the L's outer corner
-            length = wall[1] + THICK_M / 2
+        along, half = 1 - which, THICK_M / 2  # one arm has the L's outer corner
+        length = wall[along] - half - GAP_M if which else wall[along] + half
         ends = [(0.1, length)]
         if which == arm:
             least = 0.15 + ENTRANCE_M / 2
@@ -47,10 +46,8 @@ def corner_scene(seed: int) -> dict[str, Any]:
             count = max(1, math.ceil((end - begin) / 0.6))
             size = (end - begin - (count - 1) * GAP_M) / count
             for number in range(count):
-                at = np.empty(2)
-                at[which], at[along] = wall[which], begin + number * (size + GAP_M) + size / 2
-                size_m = np.empty(2)
-                size_m[which], size_m[along] = THICK_M, size
+                middle = begin + number * (size + GAP_M) + size / 2
+                at, size_m = np.array([[wall[which], middle], [THICK_M, size]])[:, [which, along]]
                 if size > 0.05:
                     boxes.append(_box(rng, side * (np.array(HALF_M) - at), size_m))
     boxes.append(_box(rng, -side * rng.uniform(1.2, 1.5, size=2), np.array([0.4, 0.4])))

@@ -1,4 +1,4 @@
-"""Inject faults into flights and judge the reactions.
+"""Inject faults into flights and judge the reactions by one table of right ones.
 
     python -m benchmarks.faults --out runs/faults                       # all kinds, all phases
     python -m benchmarks.faults --kind video-lost~3 late=0.7 --phase explore land
@@ -10,31 +10,123 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import resource
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
+from textwrap import shorten
 from typing import Any, Final
 
 from pebble import ProcessExpired, ProcessPool
 
-from benchmarks.fault_reactions import EXPECTED, Facts, problems
 from uav_bt import app
 from uav_bt.errors import InputError
-from uav_bt.mission.judge import LANDING_SURFACES, JudgeConfig
+from uav_bt.mission.judge import LANDING_SURFACES, JudgeConfig, Outcome
 from uav_bt.mission.tick import TickRecord
-from uav_bt.protocols import Drone
 from uav_bt.testing.fault_kinds import FAULTS, FaultKind
 from uav_bt.testing.faults import Fault, FaultyDrone
-from uav_bt.types import MissionPhase, Observation
+from uav_bt.types import MissionPhase, Observation, Truth
 from uav_bt.types.place import LandOn
 
 PHASES: Final = ("take-off", "explore", "approach", "center", "land")
 _AFTER_S: Final = 3.0  # the drone is watched for this time after the program's end
+
+
+@dataclass(frozen=True, kw_only=True)
+class Expected:
+    """Requirements on the reaction to one kind of fault."""
+
+    named: str  # a regular expression of its names in reasons and warnings, from a word's begin
+    bearable: bool = False  # a mission that ends on the mark all the same is right
+    may_fly: bool = False  # no command can land it: it may hover at the end
+    may_fall: bool = False  # its motors stop anywhere: it may touch what stands there
+    reported: bool = True  # False: no report can be written
+
+
+@dataclass(frozen=True, kw_only=True)
+class Facts:
+    """Outcome of one flight; unknown values are None."""
+
+    began_s: float | None  # when the fault had its first effect, mission time
+    outcome: str | None = None  # of the report
+    reason: str | None = None
+    error: str | None = None  # what flying raised
+    events: tuple[str, ...] = ()  # overrides, logged warnings, what else the report says
+    touched: tuple[str, ...] = ()  # but for the landing surfaces
+    beyond_edge: bool = False
+    emergency_landing: bool = False  # whether that phase was reached
+    motors_on: bool = False  # 3 s after the end
+    on_mark: bool | None = None  # None also where the mission need not end there
+    height_m: float = 0.0  # above the ground, at the end
+    report_whole: bool = False
+
+
+_IMAGE: Final = r"image|frame|video|camera|blind|dark|frozen|stands still|bright"
+_SHAPE: Final = r"(image|frame).*(size|shape|empty|\d+x\d+)"
+_TELEMETRY: Final = r"telemetry|link|nothing (was )?heard"
+
+_EXPECTED: Final = (
+    ("frozen black white covered video-lost no-frame", Expected(named=_IMAGE)),
+    ("noise late slow", Expected(named=_IMAGE, bearable=True)),
+    ("half-size empty-image", Expected(named=_SHAPE)),
+    ("no-telemetry", Expected(named=_TELEMETRY)),
+    ("link-lost", Expected(named=_TELEMETRY, may_fly=True)),
+    ("height-nan height-absurd", Expected(named="height|altitude")),
+    ("height-bias", Expected(named="height|altitude", bearable=True)),
+    ("attitude-nan attitude-absurd", Expected(named="attitude|heading|yaw|roll")),
+    ("yaw-jump yaw-drift yaw-ignored", Expected(named="heading|yaw|turn", bearable=True)),
+    ("velocity-nan velocity-absurd", Expected(named="velocity|speed|m/s")),
+    ("velocity-bias", Expected(named="velocity|speed|odometry", bearable=True)),
+    ("position-jump", Expected(named="velocity|speed|position|odometry", bearable=True)),
+    ("time-jump", Expected(named="time|clock|stamp|future|nothing heard", bearable=True)),
+    ("gimbal-nan gimbal-absurd", Expected(named="gimbal|camera")),
+    ("gimbal-stuck", Expected(named="gimbal|camera", bearable=True)),
+    ("battery-nan battery-low", Expected(named="battery")),
+    ("battery-drains", Expected(named="battery", bearable=True)),  # it may land before
+    ("never-done", Expected(named="movement|obey|not done", bearable=True)),
+    ("interrupted", Expected(named="movement|interrupted", bearable=True)),
+    ("no-take-off", Expected(named="take.?off")),
+    ("no-landing", Expected(named="still (flies|in the air)|not land|landing", may_fly=True)),
+    ("deaf", Expected(named="still (flies|in the air)|not land|obey|command", may_fly=True)),
+    ("motors-cut", Expected(named="motors|emergency", may_fall=True)),
+    ("emergency-state", Expected(named="motors|emergency")),
+    ("landed-state", Expected(named="has landed.*motors|still (flies|in the air)|not take off")),
+    ("pilot", Expected(named="pilot|manual", may_fly=True)),
+    ("wind drift", Expected(named="wind|drift|pushed", bearable=True)),
+    ("observe-raises", Expected(named="fell over")),
+    ("send-raises", Expected(named="fell over", may_fly=True)),
+    ("listener-raises", Expected(named="fell over", bearable=True)),
+    ("disk-full", Expected(named=r"written|space|File too large", reported=False)),
+)
+EXPECTED: Final = {kind: expected for kinds, expected in _EXPECTED for kind in kinds.split()}
+
+
+def problems(expected: Expected, phase: str, facts: Facts) -> tuple[str, ...]:
+    """Return the errors of a reaction to a fault that began in a phase; none when it is right."""
+    success = facts.outcome == Outcome.SUCCESS.value
+    text = "\n".join([*facts.events, facts.error or "", "" if success else facts.reason or ""])
+    words = re.sub(r"\S*/\S*", "", text)  # paths of nodes and files name no fault
+    named = re.search(rf"\b(?:{expected.named})", words, re.IGNORECASE) is not None
+    # The mission may end as without the fault.
+    bearable = expected.bearable or (phase == MissionPhase.LAND and not expected.may_fall)
+    landed = not facts.motors_on and facts.on_mark is not False
+    flown_through = bearable and landed and success and not facts.emergency_landing
+    brief = shorten(f"{facts.outcome}: {facts.reason}", 100)
+    wrong = {
+        f"touched {', '.join(facts.touched)}": bool(facts.touched) and not expected.may_fall,
+        "flew beyond the ground's edge": facts.beyond_edge,
+        f"left flying at {facts.height_m:.1f} m": facts.motors_on and not expected.may_fly,
+        "a success, in the air": success and facts.motors_on,
+        "a success, by an emergency landing": success and facts.emergency_landing,
+        "no whole report": expected.reported and not facts.report_whole,
+        f"not named: {brief}": not (named or flown_through),
+    }
+    return tuple(text for text, holds in wrong.items() if holds)
 
 
 def _fill_disk() -> None:
@@ -45,7 +137,7 @@ def _fill_disk() -> None:
 _DISK_FULL: Final = FaultKind(
     name="disk-full", what="nothing more can be written", follow=_fill_disk
 )
-KINDS: Final[Mapping[str, FaultKind]] = {**FAULTS, _DISK_FULL.name: _DISK_FULL}
+KINDS: Final = {**FAULTS, _DISK_FULL.name: _DISK_FULL}
 # Only networks notice these; exact masks stay as they are.
 IN_IMAGE: Final = {"black", "white", "noise", "covered", "half-size", "empty-image"}
 
@@ -53,14 +145,16 @@ IN_IMAGE: Final = {"black", "white", "noise", "covered", "half-size", "empty-ima
 class WatchedDrone(FaultyDrone):
     """Follows a drone, also after the end of its flight."""
 
-    def __init__(self, drone: Drone, fault: Fault) -> None:
-        super().__init__(drone, fault)
-        self.phases: set[str] = set()
-        self.touched: set[str] = set()
+    def __init__(self, text: str, drone: str, scene: str, seed: int) -> None:
+        fault = Fault.parse(text, KINDS)
+        options = app.FlightOptions(drone=drone, scene=scene, seed=seed)
+        if drone != "plain":  # images are small where masks are exact
+            size_px = (320, 180) if fault.kind.name in IN_IMAGE else (160, 90)
+            options = replace(options, image_size_px=size_px)
+        super().__init__(app.make_drone(options), fault)
+        self.phases, self.touched = set[str](), set[str]()
         self.beyond_edge = False
-        self.motors_on = False
-        self.height_m = 0.0
-        self.on_mark: bool | None = None
+        self.truth: Truth | None = None
 
     def observe(self) -> Observation:
         """Look at the truth, too."""
@@ -81,22 +175,10 @@ class WatchedDrone(FaultyDrone):
         super().disconnect()
 
     def _look(self) -> None:
-        if self.referee is None:
-            return
-        truth = self.referee.truth()
-        self.touched.update({*truth.contacts} - LANDING_SURFACES)
-        self.beyond_edge |= not truth.inside_ground
-        self.motors_on, self.height_m = truth.motors_on, truth.pose.z_m
-        self.on_mark = truth.on_mark
-
-
-def watched_drone(fault: Fault, *, drone: str, scene: str, seed: int) -> WatchedDrone:
-    """Return an unconnected drone with a fault; its images are small where masks are exact."""
-    options = app.FlightOptions(drone=drone, scene=scene, seed=seed)
-    if drone != "plain":
-        size_px = (320, 180) if fault.kind.name in IN_IMAGE else (160, 90)
-        options = replace(options, image_size_px=size_px)
-    return WatchedDrone(app.make_drone(options), fault)
+        if self.referee is not None:
+            self.truth = self.referee.truth()
+            self.touched.update({*self.truth.contacts} - LANDING_SURFACES)
+            self.beyond_edge |= not self.truth.inside_ground
 
 
 def fly(
@@ -112,16 +194,16 @@ def fly(
     on_pad: bool = True,
 ) -> Facts:
     """Fly with a fault, its report in a folder, and return what happened."""
-    fault = Fault.parse(text, KINDS)
-    watched = watched_drone(fault, drone=drone, scene=scene, seed=seed)
-    path = folder / f"{fault}-{scene}-{seed}.json".replace(" ", "_")
+    watched = WatchedDrone(text, drone, scene, seed)
+    kind = watched.fault.kind
+    path = folder / f"{watched.fault}-{scene}-{seed}.json".replace(" ", "_")
     path.unlink(missing_ok=True)
     options = app.FlightOptions(
         drone=watched,
         seed=seed,
-        exact_masks=drone != "plain" and fault.kind.name not in IN_IMAGE,
+        exact_masks=drone != "plain" and kind.name not in IN_IMAGE,
         ports=ports or {},
-        record=path.with_suffix(".mcap") if fault.kind is _DISK_FULL else None,
+        record=path.with_suffix(".mcap") if kind is _DISK_FULL else None,
         judge=JudgeConfig(time_limit_s=time_limit_s, land_on=None if on_pad else LandOn.ANY),
     )
     result: dict[str, Any] | None = None
@@ -145,6 +227,7 @@ def fly(
     overrides = (f"{kind}: {what}" for kind, what in events if kind in {"override", "pilot"})
     lost = (f"{output}: {why}" for output, why in result.get("lost_outputs", {}).items())
     flies = ("still in the air",) if result.get("airborne_at_end") else ()
+    truth = watched.truth
     return Facts(
         began_s=watched.began_s,
         outcome=result.get("outcome"),
@@ -154,9 +237,9 @@ def fly(
         touched=tuple(sorted(watched.touched)),
         beyond_edge=watched.beyond_edge,
         emergency_landing=MissionPhase.EMERGENCY_LANDING in watched.phases,
-        motors_on=watched.motors_on,
-        on_mark=watched.on_mark if on_pad else None,
-        height_m=round(watched.height_m, 2),
+        motors_on=truth is not None and truth.motors_on,
+        on_mark=truth.on_mark if truth is not None and on_pad else None,
+        height_m=0.0 if truth is None else round(truth.pose.z_m, 2),
         report_whole=whole,
     )
 
@@ -215,7 +298,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         faults = faults_of(given.kind, given.phase)
         app.check(given.tree)
-        watched_drone(faults[0], **where)  # refused here, not in another process
+        WatchedDrone(str(faults[0]), **where)  # refused here, not in another process
         given.out.mkdir(parents=True, exist_ok=True)
         one = partial(fly, tree=given.tree, folder=given.out, ports=ports, **where)
         flights = fly_each([partial(one, str(fault)) for fault in faults], given.workers)

@@ -25,7 +25,7 @@ from sim_bridge.twin.scene import Scene
 from uav_bt.display.video.video_file import VideoFile
 from uav_bt.errors import InputError
 from uav_bt.lab.shipped import load_lab
-from uav_bt.types import Command, GimbalTo, Land, TakeOff, Velocity
+from uav_bt.types import Command, GimbalTo, Land, Movement, TakeOff, Velocity
 from uav_bt.types.pose import wrap_angle
 
 Point = tuple[float, float]
@@ -46,8 +46,7 @@ class Pilot:
     """A person who watches the drone and steers it by velocities; every frame is kept."""
 
     def __init__(self, drone: TwinDrone, film: VideoFile) -> None:
-        self._drone, self._film = drone, film
-        self._last = -1
+        self._drone, self._film, self._last = drone, film, -1
 
     def fly_to(self, point: Point, height_m: float) -> None:
         """Fly straight to a place of the drawing, looking ahead."""
@@ -55,43 +54,43 @@ class Pilot:
         while self._drone.clock.now() < until_s:
             pose = self._drone.referee.truth().pose
             east_m, north_m = point[0] - pose.x_m, point[1] - pose.y_m
-            up_m = height_m - pose.z_m
-            away_m = math.hypot(east_m, north_m)
+            up_m, away_m = height_m - pose.z_m, math.hypot(east_m, north_m)
             if away_m < REACHED_M and abs(up_m) < REACHED_M:
                 break
             off = wrap_angle(math.atan2(north_m, east_m) - pose.yaw_rad) if away_m > 0.4 else 0.0
             pace = min(SPEED_MPS, GAIN * away_m) / max(away_m, 1e-6)
-            if abs(off) > 0.6:
-                pace = 0.0  # turns first
+            pace = 0.0 if abs(off) > 0.6 else pace  # turns first
             cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-            movement = Velocity(
-                forward_mps=pace * (cos * east_m + sin * north_m),
-                right_mps=pace * (sin * east_m - cos * north_m),
-                down_mps=-GAIN * up_m,
-                yaw_rate_radps=-GAIN * off,
+            self.send(
+                Velocity(
+                    forward_mps=pace * (cos * east_m + sin * north_m),
+                    right_mps=pace * (sin * east_m - cos * north_m),
+                    down_mps=-GAIN * up_m,
+                    yaw_rate_radps=-GAIN * off,
+                )
             )
-            self.send(Command(movement=movement))
         self.send(None, then_s=0.3 - TICK_S)
 
     def turn(self) -> None:
         """Turn once around."""
         for _ in range(round(2.0 * math.pi / TURN_RADPS / TICK_S)):
-            self.send(Command(movement=Velocity(yaw_rate_radps=TURN_RADPS)))
+            self.send(Velocity(yaw_rate_radps=TURN_RADPS))
 
     def point_camera(self, pitch_deg: float) -> None:
         """Point the camera and wait until it has moved."""
-        gimbal = GimbalTo(pitch_rad=math.radians(pitch_deg))
-        self.send(Command(movement=Velocity(), gimbal=gimbal), then_s=0.5)
+        self.send(Velocity(), GimbalTo(pitch_rad=math.radians(pitch_deg)), then_s=0.5)
 
-    def send(self, command: Command | None, then_s: float = 0.0) -> None:
+    def send(
+        self, movement: Movement | None, gimbal: GimbalTo | None = None, then_s: float = 0.0
+    ) -> None:
         """Send a command, and wait; keep the frames."""
         for tick in range(1 + round(then_s / TICK_S)):
             frame = self._drone.observe().frame
             if frame is not None and frame.index != self._last:
                 self._film.write(frame.image, round(frame.captured_s / TICK_S))
                 self._last = frame.index
-            if command is not None and tick == 0:
-                self._drone.send(command)
+            if movement is not None and tick == 0:
+                self._drone.send(Command(movement=movement, gimbal=gimbal))
             self._drone.clock.sleep_until(self._drone.clock.now() + TICK_S)
 
 
@@ -113,10 +112,6 @@ class FreePlaces:
         self._distance_m, self._before = dijkstra(
             coo_array(np.where(near, gaps, 0.0)), return_predecessors=True
         )
-
-    def nearest(self, point: Point) -> int:
-        """Return the index of the free place nearest to a point."""
-        return int(np.argmin([math.dist(point, place) for place in self.points]))
 
     def spread(self, first: int, count: int) -> list[int]:
         """Return places far from each other that can be reached, in the order of a round."""
@@ -148,11 +143,8 @@ class FreePlaces:
         return corners
 
     def _leg_is_free(self, begin: Point, end: Point) -> bool:
-        shares = np.linspace(0.0, 1.0, max(2, round(math.dist(begin, end) / 0.1)))
-        return all(
-            self._is_free((begin[0] + s * (end[0] - begin[0]), begin[1] + s * (end[1] - begin[1])))
-            for s in shares.tolist()
-        )
+        count = max(2, round(math.dist(begin, end) / 0.1))
+        return all(self._is_free((x, y)) for x, y in np.linspace(begin, end, count).tolist())
 
     def _is_free(self, point: Point) -> bool:
         return not any(
@@ -167,8 +159,8 @@ def fly_round(pilot: Pilot, scene: Scene, height_m: float, count: int) -> None:
     """Take off, turn at every place, film the mark from above, and land."""
     places = FreePlaces(scene, height_m)
     mark = scene.pads[0].position_m if scene.pads else (0.0, 0.0)
-    here = home = places.nearest(mark)
-    pilot.send(Command(movement=TakeOff()), then_s=4.0)
+    here = home = int(np.argmin([math.dist(mark, place) for place in places.points]))
+    pilot.send(TakeOff(), then_s=4.0)
     pilot.fly_to(mark, height_m)
     for number, place in enumerate(places.spread(here, count)):
         pilot.point_camera(PITCHES_DEG[number % len(PITCHES_DEG)])
@@ -181,7 +173,7 @@ def fly_round(pilot: Pilot, scene: Scene, height_m: float, count: int) -> None:
     for pitch_deg, lower_m in ((-60.0, height_m), (-90.0, height_m), (-90.0, 0.8)):
         pilot.point_camera(pitch_deg)
         pilot.fly_to(mark, lower_m)
-    pilot.send(Command(movement=Land()), then_s=3.0)
+    pilot.send(Land(), then_s=3.0)
 
 
 def main() -> None:
@@ -194,20 +186,16 @@ def main() -> None:
     given = parser.parse_args()
     lab = load_lab(given.lab)
     width_px, height_px = map(int, given.image_size.split("x"))
+    size_px = (width_px, height_px)
     given.out.mkdir(parents=True, exist_ok=True)
-    rounds = (
-        (lab.flight.flight_height_m or 1.5, given.places, 0),
-        (ABOVE_M, given.places // 2, 2),
-    )
+    low = (lab.flight.flight_height_m or 1.5, given.places, 0)
+    rounds = (low, (ABOVE_M, given.places // 2, 2))
     for scene in (str(path) for name, path in lab.scenes.items() if "train" in name):
         for seed, (height_m, places, movers) in enumerate(rounds):
             path = given.out / f"{Path(scene).stem}-{seed}.mp4"
-            size_px = (width_px, height_px)
             config = TwinConfig(scene=scene, seed=seed, image_size_px=size_px, movers=movers)
-            drone, film = (
-                config.create(),
-                VideoFile(path, size_px=size_px, frames_per_s=Fraction(10)),
-            )
+            drone = config.create()
+            film = VideoFile(path, size_px=size_px, frames_per_s=Fraction(10))
             drone.connect()
             try:
                 fly_round(Pilot(drone, film), drone.scene, height_m, places)

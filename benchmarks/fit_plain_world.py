@@ -5,10 +5,9 @@
     python -m benchmarks.fit_plain_world --network any --scenes ROOM/scenes/ROOM.yaml ...
     python -m benchmarks.fit_plain_world --dropouts --profile harsh
 
-Both look at the same poses. The map's own scan finds bases of obstacles and edges of the ground;
-each is compared with what it finds on the exact class map of four times the resolution on the same
-bearing. `--dropouts` flies surveys of both: a frame drops out if the odometry measured no motion in
-it, or if the landing mark was not detected although all of its top was in view.
+Both look at the same poses. Bases of obstacles and edges of the ground are compared, bearing by
+bearing, with those in an exact class map of four times the resolution. `--dropouts` flies surveys:
+a frame drops out without a measured motion, or without the landing mark that is all in view.
 """
 
 from __future__ import annotations
@@ -23,6 +22,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from benchmarks.lab_views import frame_of
 from perception.mapping.contact_scan import find_bases, scan_ground
 from perception.networks.weights_file import SHIPPED_UNET, segmentation_file
 from perception.segmentation.runtime import load_segmenter
@@ -36,7 +36,7 @@ from uav_bt import app
 from uav_bt.board import CLASS_MAP, MARK, ODOMETRY
 from uav_bt.learning.views import VALIDATION_SCENES
 from uav_bt.mission.tick import TickRecord
-from uav_bt.types import ClassMap, Frame, Pose
+from uav_bt.types import ClassMap, Pose
 from uav_bt.types.arrays import Floats
 from uav_bt.types.dead_reckoning import PoseHistory
 from uav_bt.types.projection import project
@@ -46,9 +46,11 @@ GROUND: Final = (0.0, 0.1, 0.2, 0.4, 1.0)  # edges of the shares of ground in th
 RANGES_M: Final = (0.0, 1.0, 1.5, 2.0, 3.0)
 SAME_RAD: Final = math.radians(0.6)  # bearings nearer than this are one
 LENS: Final = anafi_camera(640, 360)
+Sample = tuple[float, bool]
+Compared = tuple[Floats, int, int]
 
 
-def errors_of(seen: Floats, exact: Floats) -> tuple[Floats, int, int]:
+def errors_of(seen: Floats, exact: Floats) -> Compared:
     """Return true range and range error by common bearing, (N, 2); points missed, false points."""
     if not len(seen) or not len(exact):
         return np.empty((0, 2)), len(exact), len(seen)
@@ -59,7 +61,7 @@ def errors_of(seen: Floats, exact: Floats) -> tuple[Floats, int, int]:
     return np.column_stack([truth, ranges - truth]), missed, int(np.sum(~same))
 
 
-def row(pairs: list[tuple[Floats, int, int]]) -> str:
+def row(pairs: list[Compared]) -> str:
     """Return median and 90 % of the absolute range error by range, and shares."""
     errors, cells = np.concatenate([found for found, _, _ in pairs]), []
     for near, far in itertools.pairwise(RANGES_M):
@@ -73,25 +75,18 @@ def row(pairs: list[tuple[Floats, int, int]]) -> str:
 def compare_ranges(given: argparse.Namespace, network: Path) -> None:
     """Print the errors of the twin's ranges, and of those without images by jitter."""
     generator, profile = np.random.default_rng(5), Profile.named(given.profile)
-    found: dict[str, list[tuple[Floats, int, int]]] = defaultdict(list)
+    found: dict[str, list[Compared]] = defaultdict(list)
     for scene in map(load_scene, given.scenes):
         segmenter = load_segmenter(network, scene.classes)
         fine, coarse = Caster(scene, EXACT_PX), Caster(scene, SIZE_PX)
         pitch = coarse.rays[1, 1] - coarse.rays[0, 0]
         poses = sample_flight_poses(scene, np.random.default_rng(11), given.views, lowered=0.5)
         for number, view in enumerate(render_views(scene, poses, profile=profile, seed=11)):
-            frame = Frame(
-                image=view.image,
-                index=number,
-                captured_s=0.1 * number,
-                gimbal_pitch_rad=view.pose.pitch_rad,
-                height_above_ground_m=view.pose.z_m,
-            )
+            frame, bases = frame_of(view, number), {}
             maps = {"exact": fine.cast(view.pose)[0], given.network: segmenter.segment(frame).ids}
             for jitter_px in given.jitter:
                 rays = coarse.rays + generator.normal(0.0, jitter_px, coarse.rays.shape) * pitch
                 maps[f"jitter {jitter_px:g} px"] = coarse.cast(view.pose, rays=rays)[0]
-            bases = {}
             for name, ids in maps.items():
                 seen = ClassMap(ids=ids, classes=scene.classes, captured_s=frame.captured_s)
                 bases[name] = find_bases(scan_ground(seen, frame, LENS.resized(*ids.shape[::-1])))
@@ -107,17 +102,15 @@ class DropOuts:
     """Notes the drop-outs of a flight: share of ground or distance, and whether it dropped out."""
 
     def __init__(self, drone: str, scene: str, profile: str) -> None:
-        self._pad, self._seen_s = load_scene(scene).helipad, -math.inf
-        self._true: PoseHistory[Pose] = PoseHistory(memory_s=3.0)
-        self.motion, self.mark = list[tuple[float, bool]](), list[tuple[float, bool]]()
-        ports = {"ExploreFor.duration_ms": "60000"}
+        self._pad, self._true = load_scene(scene).helipad, PoseHistory[Pose](memory_s=3.0)
+        self.motion, self.mark = list[Sample](), list[Sample]()
+        self._seen_s, ports = -math.inf, {"ExploreFor.duration_ms": "60000"}
         options = app.FlightOptions(drone=drone, scene=scene, profile=profile, ports=ports)
         if drone == "twin":
             options = replace(options, image_size_px=(320, 180))
-        app.fly("survey_and_land", options, listeners=[self.follow])
+        app.fly("survey_and_land", options, listeners=[self._follow])
 
-    def follow(self, flight: app.Flight[Any]) -> list[DropOuts]:
-        """Become a listener of the flight."""
+    def _follow(self, flight: app.Flight[Any]) -> list[DropOuts]:
         self._board = flight.context.board
         return [self]
 
@@ -125,15 +118,15 @@ class DropOuts:
         """Note the newest frame, once."""
         if record.truth is not None:
             self._true.add(record.time_s, record.truth.pose)
+        frame, fix = record.observation.frame, self._board.read(MARK).value
         motion, seen = self._board.read(ODOMETRY).value, self._board.read(CLASS_MAP).value
-        frame = record.observation.frame
         if motion is None or seen is None or frame is None or frame.captured_s <= self._seen_s:
             return
         if seen.captured_s != frame.captured_s:
             return
         self._seen_s = frame.captured_s
         self.motion.append((float(seen.is_ground.mean()), motion.tracked_s < frame.captured_s))
-        pose, fix = self._true.at(frame.captured_s), self._board.read(MARK).value
+        pose = self._true.at(frame.captured_s)
         if pose is None or self._pad is None:
             return
         cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
@@ -147,7 +140,7 @@ class DropOuts:
             self.mark.append((float(np.hypot(ahead_m, right_m).mean()), lost))
 
 
-def shares(samples: list[tuple[float, bool]], edges: tuple[float, ...]) -> str:
+def shares(samples: list[Sample], edges: tuple[float, ...]) -> str:
     """Return the share of drop-outs and the number of frames between each two edges."""
     values, dropped = np.array(samples, dtype=float).reshape(-1, 2).T
     parts = [dropped[(values >= a) & (values < b)] for a, b in itertools.pairwise(edges)]
@@ -171,10 +164,11 @@ def main() -> None:
         return
     for drone in ("twin", "plain"):
         logs = [DropOuts(drone, scene, given.profile) for scene in given.scenes]
-        motion = [sample for log in logs for sample in log.motion]
-        mark = [sample for log in logs for sample in log.mark]
-        print(f"{drone}: frames without motion, by ground {GROUND}: {shares(motion, GROUND)}")
-        print(f"{drone}: frames without mark, by metres {RANGES_M}: {shares(mark, RANGES_M)}")
+        for what, samples, edges in (
+            ("motion, by ground", [one for log in logs for one in log.motion], GROUND),
+            ("mark, by metres", [one for log in logs for one in log.mark], RANGES_M),
+        ):
+            print(f"{drone}: frames without {what} {edges}: {shares(samples, edges)}")
 
 
 if __name__ == "__main__":

@@ -21,27 +21,39 @@ import numpy as np
 from benchmarks.segmentation import scenes_of
 from perception.segmentation.teacher import TeacherConfig
 from perception.segmentation.training.picks import Pick, draw_picks, write_picks
+from sim_bridge.twin.views import View
 from uav_bt.errors import FileError
 from uav_bt.files import writing
 from uav_bt.lab.lab import NETWORK_FILE, SCENES_FOLDER, Lab
 from uav_bt.lab.shipped import DEFAULT_LAB, load_lab
 from uav_bt.learning.lab_material import LabFrame, LabMaterial, Use
 from uav_bt.learning.views import ViewPlan, twin_views
+from uav_bt.types import Frame
 
 PICKS: Final = 6500  # on the images for training; the paper's were 6,484
 CHECK_VIEWS: Final = 30  # images of a scene for checks
 
 
+def frame_of(view: View, index: int = 0) -> Frame:
+    """Return a rendered view as a frame of the drone; one follows another after 0.1 s."""
+    return Frame(
+        image=view.image,
+        index=index,
+        captured_s=0.1 * index,
+        gimbal_pitch_rad=view.pose.pitch_rad,
+        height_above_ground_m=view.pose.z_m,
+    )
+
+
 def draw_twin_picks(plan: ViewPlan, config: TeacherConfig, total: int) -> list[Pick]:
     """Sample points of the exact ids, evenly over the scenes, in pixels of the teacher's size."""
     picks: list[Pick] = []
-    size = (config.width_px, config.height_px)
+    size, share = (config.width_px, config.height_px), total // len(plan.scenes)
     for number, scene in enumerate(plan.scenes, start=1):
         views = twin_views(replace(plan, scenes=(scene,), size_px=size, truth_size_px=size))
         samples = ((name, ids) for name, _, ids in views)
         rng = np.random.default_rng((plan.seed, number))
-        share = total // len(plan.scenes)
-        picks.extend(draw_picks(samples, rng, patch_px=config.patch_px, total=share))
+        picks += draw_picks(samples, rng, patch_px=config.patch_px, total=share)
     return picks
 
 
@@ -69,10 +81,8 @@ def write_views(
     for use, plan in plans.items():
         for name, rgb, _ in twin_views(replace(plan, size_px=size, truth_size_px=(32, 18))):
             image = f"{Path(name).stem}.jpg"
-            _, jpeg = cv2.imencode(
-                ".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 95]
-            )
-            (material.frames / image).write_bytes(jpeg.tobytes())
+            quality = [cv2.IMWRITE_JPEG_QUALITY, 95]
+            cv2.imwrite(str(material.frames / image), rgb[..., ::-1], quality)
             frames.append(LabFrame(image=image, source="twin", time_s=0.0, sharpness=0.0, use=use))
         drawn = draw_twin_picks(plan, config, total if use == "train" else total // 5)
         picks += [replace(pick, image=f"{Path(pick.image).stem}.jpg") for pick in drawn]
@@ -88,10 +98,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder of the copy")
     given = parser.parse_args()
     lab = load_lab(given.lab)
-    prefix = "*" if lab.scenes else ""  # scenes of the default lab have no lab in their name
-    scenes = scenes_of(lab, f"{prefix}train-*")
+    scenes = scenes_of(lab, "*train-*")
     plan = ViewPlan(scenes=scenes, views=given.views, profile="lab", lowered=0.25, seed=1)
-    check = replace(plan, scenes=scenes_of(lab, f"{prefix}val-*"), views=CHECK_VIEWS)
+    check = replace(plan, scenes=scenes_of(lab, "*val-*"), views=CHECK_VIEWS)
     material = copy_lab(lab, given.out)
     write_views(material, {"train": plan, "check": check}, TeacherConfig())
     print(f"{material.lab.folder}: next uav-bt lab train {material.lab.folder}")

@@ -11,6 +11,7 @@ with its noise. A scene has one mark, and a random take-off place 2 m and more f
 from __future__ import annotations
 
 import argparse
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import replace
@@ -19,6 +20,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from benchmarks.lab_views import frame_of
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.objects import Helipad
@@ -28,27 +30,19 @@ from sim_bridge.twin.scene_file import scene_text
 from sim_bridge.twin.views import render_views
 from uav_bt.landing_marks import MarkView
 from uav_bt.plugins import make_mark_finder
-from uav_bt.types import Frame
 
 CENTRE_M: Final = (1.2, 0.3)  # of the mark in the scene's drawing
 YAW_DEG: Final = 25.0
 RANGES_M: Final = (0.7, 1.5, 2.0, 3.0, 4.0, 5.0)
 DEPRESSIONS_DEG: Final = (90, 60, 45, 30, 20, 15)
+_CORNERS: Final = ((-0.12, 0.12), (0.12, 0.12), (-0.12, -0.12), (0.12, -0.12))
+_TAGS: Final = [{"id": n, "size_m": 0.19, "at_m": list(at)} for n, at in enumerate(_CORNERS)]
 OPTIONS: Final[Mapping[str, tuple[str, dict[str, Any]]]] = {
     "helipad": ("helipad", {}),
     "region": ("region", {}),
     "apriltag": ("apriltag", {"id": 7, "size_m": 0.38}),
     "aruco": ("aruco", {"id": 7, "size_m": 0.36}),
-    "board": (
-        "apriltag",
-        {
-            "tags": [
-                {"id": 2 * row + column, "size_m": 0.19, "at_m": [x_m, y_m]}
-                for row, y_m in enumerate((0.12, -0.12))
-                for column, x_m in enumerate((-0.12, 0.12))
-            ]
-        },
-    ),
+    "board": ("apriltag", {"tags": _TAGS}),
 }
 MARKS: Final = (
     "helipad-0,helipad-0.2,helipad-0.4,helipad-0.6,apriltag-0,apriltag-0.4,aruco-0.2,board-0,"
@@ -60,12 +54,9 @@ def scene_of(name: str) -> Scene:
     """Return a scene with a mark such as `apriltag-0.4`: kind and height in metres."""
     kind, _, height = name.partition("-")
     registered, options = OPTIONS[kind]
+    size_m = (0.5, 0.5, float(height or 0.0))
     pad = Helipad(
-        position_m=CENTRE_M,
-        yaw_deg=YAW_DEG,
-        size_m=(0.5, 0.5, float(height or 0.0)),
-        kind=registered,
-        options=options,
+        position_m=CENTRE_M, yaw_deg=YAW_DEG, size_m=size_m, kind=registered, options=options
     )
     return Scene(name="mark", helipad=pad)
 
@@ -79,12 +70,11 @@ def errors_in_views(
     """
     rng = np.random.default_rng([round(10 * range_m), round(below_deg)])
     level_m = range_m * math.cos(math.radians(below_deg))
-    camera_m = scene.mark.height_m + range_m * math.sin(math.radians(below_deg))
     poses = [
         CameraPose(
             x_m=CENTRE_M[0] - level_m * math.cos(turn),
             y_m=CENTRE_M[1] - level_m * math.sin(turn),
-            z_m=camera_m,
+            z_m=scene.mark.height_m + range_m * math.sin(math.radians(below_deg)),
             yaw_rad=turn + rng.normal(0.0, math.radians(3.0)),  # not in the image's middle
             pitch_rad=math.radians(max(-90.0, -below_deg + rng.normal(0.0, 2.0))),
         )
@@ -93,14 +83,7 @@ def errors_in_views(
     finder, camera, errors = make_mark_finder(scene.mark), anafi_camera(640, 360), []
     for view in render_views(scene, poses, profile=Profile(), vary_light=True):
         pose = view.pose
-        frame = Frame(
-            image=view.image,
-            index=0,
-            captured_s=0.0,
-            gimbal_pitch_rad=pose.pitch_rad,
-            height_above_ground_m=camera_m,
-        )
-        if (seen := finder.find(MarkView(frame=frame, camera=camera))) is not None:
+        if (seen := finder.find(MarkView(frame=frame_of(view), camera=camera))) is not None:
             east_m, north_m = CENTRE_M[0] - pose.x_m, CENTRE_M[1] - pose.y_m
             cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
             true_m = (cos * east_m + sin * north_m, sin * east_m - cos * north_m)
@@ -114,15 +97,14 @@ def errors_in_views(
 def print_views(name: str, count: int) -> None:
     """Print a table of a mark by distance and depression."""
     print(f"{name}: found; error of the place in cm, mean and 95 %; of the heading in deg, mean")
-    for below_deg in DEPRESSIONS_DEG:
-        for range_m in RANGES_M:
-            found = np.abs(errors_in_views(scene_of(name), range_m, below_deg, count))
-            row = f"  {below_deg:3d} deg {range_m:4.1f} m  {len(found):3d} of {count}"
-            if len(found):
-                place_cm = 100.0 * found[:, 0]
-                row += f"{place_cm.mean():7.1f}{np.percentile(place_cm, 95):7.1f}"
-                row += f"{found[:, 1].mean():7.1f}"
-            print(row, flush=True)
+    for below_deg, range_m in itertools.product(DEPRESSIONS_DEG, RANGES_M):
+        found = np.abs(errors_in_views(scene_of(name), range_m, below_deg, count))
+        row = f"  {below_deg:3d} deg {range_m:4.1f} m  {len(found):3d} of {count}"
+        if len(found):
+            place_cm, turned_deg = 100.0 * found[:, 0], found[:, 1]
+            row += f"{place_cm.mean():7.1f}{np.percentile(place_cm, 95):7.1f}"
+            row += f"{turned_deg.mean():7.1f}"
+        print(row, flush=True)
 
 
 def write_scene(name: str, seed: int, folder: Path) -> None:

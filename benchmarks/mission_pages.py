@@ -28,11 +28,11 @@ from uav_bt.app.provenance import commit
 from uav_bt.tree import MissionTree, NodeRegistry, load_tree
 from uav_bt.tree.describe import Box, ascii_art, render, sketch
 from uav_bt.tree.shipped import resolve_tree
-from uav_bt.types.arrays import Image
 from uav_bt.types.place import LandOn
 
 ROOT: Final = Path(__file__).parents[1]
 PAGES: Final = ROOT / "docs" / "missions"
+NAMES: Final = sorted(page.stem for page in PAGES.glob("*.md"))  # of the missions with a page
 IMAGES: Final = ROOT / "docs" / "images" / "missions"
 RUNS: Final = Path("runs/missions")  # relative to the repository, as in the commands of the pages
 END: Final = "<!-- end -->"
@@ -40,11 +40,6 @@ SHOWN_IMAGES: Final = 90
 SHOWN_MS: Final = 150  # each
 SHOWN_PX: Final = (400, 478)
 LIMIT_BYTES: Final = 600_000
-
-
-def page_names() -> list[str]:
-    """Return the missions that have a page."""
-    return sorted(page.stem for page in PAGES.glob("*.md"))
 
 
 def with_part(page: Path, part: str, text: str) -> str:
@@ -64,8 +59,7 @@ def load(name: str) -> MissionTree:
 def drawing_files(name: str) -> dict[Path, str]:
     """Return page and whole drawing of a mission, by their files, as they are by today's trees."""
     tree, page = load(name), PAGES / f"{name}.md"
-    text = resolve_tree(name).read_text(encoding="utf-8")
-    own = set(re.findall(r'<BehaviorTree ID="(\w+)"', text))
+    own = re.findall(r'<BehaviorTree ID="(\w+)"', resolve_tree(name).read_text(encoding="utf-8"))
     drawing = (
         f"```text\n{ascii_art(_folded(sketch(tree.root), own), tree.name)}```\n\n"
         "A `SubTree` without children is a shared tree of [trees/lib](../../trees/lib); "
@@ -75,7 +69,7 @@ def drawing_files(name: str) -> dict[Path, str]:
     return {**whole, page: with_part(page, "drawing", drawing)}
 
 
-def _folded(box: Box, own: set[str]) -> Box:
+def _folded(box: Box, own: list[str]) -> Box:
     """Return a box without the nodes below the subtrees of other files."""
     word, _, tree_id = box.tag.partition(" ")
     shown = () if word == "SubTree" and tree_id not in own else box.children
@@ -84,20 +78,19 @@ def _folded(box: Box, own: set[str]) -> Box:
 
 def flight_part(report: dict[str, Any], name: str, *, speed: float, source: str) -> str:
     """Return the part `flight`: the film, its flight's figures, and where they come from."""
-    found, total = report["objects_found"], report["objects_total"]
     figures = {
-        "scene, seed": f"`{report['scene']}`, {report['seed']}",
-        "outcome": f"{report['outcome']}: {report['reason']}",
-        "duration": f"{report['duration_s']:.1f} s",
-        "distance": f"{report['total_distance_m']:.1f} m",
-        "photographs": str(len(report["photos"]) or ""),
-        "objects found": f"{found} of {total}, {report['false_objects']} false",
-        "least clearance": f"{report['min_clearance_m']:.2f} m",
+        "scene, seed": "`{scene}`, {seed}",
+        "outcome": "{outcome}: {reason}",
+        "duration": "{duration_s:.1f} s",
+        "distance": "{total_distance_m:.1f} m",
+        **({"photographs": str(len(report["photos"]))} if report["photos"] else {}),
+        "objects found": "{objects_found} of {objects_total}, {false_objects} false",
+        "least clearance": "{min_clearance_m:.2f} m",
     }
     if rules_of(load(name)).land_on in (None, LandOn.MARK):
-        figures["landing error"] = f"{report['landing_error_m']:.3f} m"
-    figures = {title: text for title, text in figures.items() if text}
-    rows = (figures.keys(), ["---"] * len(figures), figures.values())
+        figures["landing error"] = "{landing_error_m:.3f} m"
+    texts = [text.format(**report) for text in figures.values()]
+    rows = (figures, ["---"] * len(figures), texts)
     table = "".join(f"| {' | '.join(row)} |\n" for row in rows)
     return (
         f"![Camera and map of a flight of {name}](../images/missions/{name}.webp)\n\n"
@@ -110,15 +103,14 @@ def flight_part(report: dict[str, Any], name: str, *, speed: float, source: str)
 
 def animate(film: Path, out: Path) -> float:
     """Write camera and map of a film as an animated WebP; return how many times as fast it is."""
-    images: list[Image] = []
+    images: list[Any] = []
     with av.open(str(film)) as container:
         film_s = float((container.duration or 0) / av.time_base)
         for one in container.decode(video=0):
             if (one.time or 0.0) >= film_s / SHOWN_IMAGES * len(images):
-                image = np.asarray(one.to_ndarray(format="bgr24"), dtype=np.uint8)
+                image = one.to_ndarray(format="bgr24")
                 image = np.vstack([image[:360, :640], image[:404, 640:]])  # of 720x1280
-                small = cv2.resize(image, SHOWN_PX, interpolation=cv2.INTER_AREA)
-                images.append(np.asarray(small, dtype=np.uint8))
+                images.append(cv2.resize(image, SHOWN_PX, interpolation=cv2.INTER_AREA))
     animation = cv2.Animation()
     animation.frames, animation.durations = images, [SHOWN_MS] * len(images)
     for quality in (60, 50, 40, 30, 20, 10):
@@ -157,7 +149,7 @@ def main() -> None:
     parser.add_argument("names", nargs="*", metavar="NAME", help="missions with a page, to fly")
     parser.add_argument("--drawings", action="store_true", help="write the drawings only")
     given = parser.parse_args()
-    for name in page_names() if given.drawings else given.names:
+    for name in NAMES if given.drawings else given.names:
         if not given.drawings:
             fly(name)
         for path, text in drawing_files(name).items():

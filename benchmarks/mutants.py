@@ -19,18 +19,17 @@ from typing import NamedTuple
 
 from benchmarks.size import ROOT, tracked
 
-_COMPOSED = tuple(
-    f"uav_bt/{n}" for n in ("app", "cli", "campaign", "learning", "display", "record")
-)
+COMPOSED = ("uav_bt/app", "uav_bt/cli", "uav_bt/campaign", "uav_bt/learning", "uav_bt/display")
+COMPOSED += ("uav_bt/record",)
 FLOORS = {
     "framework": ("uav_bt",),
     "leaves": ("perception", "behaviours"),
-    "composition": _COMPOSED,
+    "composition": COMPOSED,
     "drones": ("sim_bridge",),
 }
-_SWAPPED = {ast.Add: ("+", "-"), ast.Sub: ("-", "+"), ast.Lt: ("<", ">"), ast.Gt: (">", "<")}
-_SWAPPED |= {ast.LtE: ("<=", ">="), ast.GtE: (">=", "<=")}
-_ANSWERS = {"SUCCESS": "FAILURE", "FAILURE": "SUCCESS", "RUNNING": "SUCCESS"}
+SWAPPED = {ast.Add: ("+", "-"), ast.Sub: ("-", "+"), ast.Lt: ("<", ">"), ast.Gt: (">", "<")}
+SWAPPED |= {ast.LtE: ("<=", ">="), ast.GtE: (">=", "<=")}
+ANSWERS = {"SUCCESS": "FAILURE", "FAILURE": "SUCCESS", "RUNNING": "SUCCESS"}
 
 
 class Mistake(NamedTuple):
@@ -47,43 +46,34 @@ class Mistake(NamedTuple):
 def mistakes_in(path: Path) -> Iterator[Mistake]:
     """Find all mistakes that can be made in a module."""
     text = (ROOT / path).read_text(encoding="utf-8")
-    rows = text.splitlines()
+    rows = [b"", *(row.encode() for row in text.splitlines())]
     for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.BinOp) and type(node.op) in _SWAPPED:
-            yield from _between(path, rows, node.left, node.op, node.right)
-        elif isinstance(node, ast.Compare) and type(node.ops[0]) in _SWAPPED:
-            yield from _between(path, rows, node.left, node.ops[0], node.comparators[0])
-        elif isinstance(node, ast.Return) and isinstance(node.value, (ast.Name, ast.Attribute)):
-            name = node.value.id if isinstance(node.value, ast.Name) else node.value.attr
-            if name in _ANSWERS and node.value.end_col_offset is not None:
-                start = node.value.end_col_offset - len(name)
-                yield Mistake("answer", path, node.lineno, start, name, _ANSWERS[name])
-        elif isinstance(node, ast.arguments):
-            for default in (*node.defaults, *node.kw_defaults):
-                yield from _default(path, rows, default)
-        elif isinstance(node, ast.AnnAssign):
-            yield from _default(path, rows, node.value)
-
-
-def _between(
-    path: Path, rows: list[str], left: ast.expr, operator: ast.AST, right: ast.expr
-) -> Iterator[Mistake]:
-    if left.end_lineno != right.lineno or left.end_col_offset is None:
-        return
-    kind = "sign" if isinstance(operator, ast.operator) else "bound"
-    before, after = _SWAPPED[type(operator)]
-    gap = rows[right.lineno - 1].encode()[left.end_col_offset : right.col_offset].decode()
-    if f" {before} " in gap:
-        start = left.end_col_offset + gap.index(f" {before} ") + 1
-        yield Mistake(kind, path, right.lineno, start, before, after)
-
-
-def _default(path: Path, rows: list[str], value: ast.expr | None) -> Iterator[Mistake]:
-    if isinstance(value, ast.Constant) and isinstance(value.value, (bool, int, float)):
-        given = value.value
-        after = repr(not given) if isinstance(given, bool) else repr(1.5 * given or 1.5)
-        before = rows[value.lineno - 1].encode()[value.col_offset : value.end_col_offset].decode()
-        yield Mistake("default", path, value.lineno, value.col_offset, before, after)
+        values: list[ast.expr | None] = []
+        match node:
+            case (
+                ast.BinOp(left=left, op=sign, right=right)
+                | ast.Compare(left=left, ops=[sign, *_], comparators=[right, *_])
+            ) if type(sign) in SWAPPED and left.end_lineno == right.lineno:
+                before, after = SWAPPED[type(sign)]
+                start = left.end_col_offset or 0
+                kind = "sign" if isinstance(node, ast.BinOp) else "bound"
+                at = rows[right.lineno][start : right.col_offset].find(f" {before} ".encode())
+                if at >= 0:
+                    yield Mistake(kind, path, right.lineno, start + at + 1, before, after)
+            case ast.Return(value=ast.Name(id=name) | ast.Attribute(attr=name) as value):
+                start = (value.end_col_offset or 0) - len(name)
+                if name in ANSWERS:
+                    yield Mistake("answer", path, node.lineno, start, name, ANSWERS[name])
+            case ast.arguments():
+                values = [*node.defaults, *node.kw_defaults]
+            case ast.AnnAssign():
+                values = [node.value]
+        for value in values:
+            if isinstance(value, ast.Constant) and isinstance(given := value.value, (int, float)):
+                after = repr(not given) if isinstance(given, bool) else repr(1.5 * given or 1.5)
+                start = value.col_offset
+                before = rows[value.lineno][start : value.end_col_offset].decode()
+                yield Mistake("default", path, value.lineno, start, before, after)
 
 
 def draw(seed: int, count: int) -> list[Mistake]:
@@ -92,7 +82,7 @@ def draw(seed: int, count: int) -> list[Mistake]:
     for floor, folders in FLOORS.items():
         kinds: dict[str, list[Mistake]] = {}
         for path in tracked(*(f"{folder}/*.py" for folder in folders)):
-            if floor == "framework" and path.as_posix().startswith(_COMPOSED):
+            if floor == "framework" and path.as_posix().startswith(COMPOSED):
                 continue
             for mistake in mistakes_in(path):
                 kinds.setdefault(mistake.kind, []).append(mistake)

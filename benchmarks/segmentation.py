@@ -19,7 +19,7 @@ from pathlib import Path
 from perception.networks.weights_file import SHIPPED_UNET
 from perception.segmentation.evaluation import SegmentationScore, score_segmentation
 from perception.segmentation.runtime import OnnxSegmenter, shipped_unet
-from sim_bridge.twin.scene_file import shipped_scenes
+from sim_bridge.twin.scene_file import load_scene, shipped_scenes
 from uav_bt.errors import InputError
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.lab import Lab
@@ -33,7 +33,7 @@ from uav_bt.types.arrays import Image
 def scenes_of(lab: Lab, pattern: str) -> tuple[str, ...]:
     """Return the scenes of a lab that match a pattern such as `test-*`, as names or files."""
     own = {name: str(file) for name, file in lab.scenes.items()}
-    known = own or ({name: name for name in shipped_scenes()} if lab.name == DEFAULT_LAB else {})
+    known = own or {name: name for name in shipped_scenes() if load_scene(name).lab == lab.name}
     found = tuple(known[name] for name in fnmatch.filter(known, pattern))
     if not found:
         names = ", ".join(known)

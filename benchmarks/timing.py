@@ -15,7 +15,7 @@ import math
 import os
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -27,6 +27,7 @@ from py_trees import behaviour, behaviours, composites
 from py_trees.common import Access
 from py_trees.common import Status as Theirs
 
+from benchmarks.lab_views import frame_of
 from perception.depth.runtime import load_depth_estimator
 from perception.segmentation.runtime import shipped_unet
 from sim_bridge.anafi import anafi_camera
@@ -40,43 +41,19 @@ from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext, Proposals
 from uav_bt.clock import ManualClock
 from uav_bt.learning.views import VALIDATION_SCENES
-from uav_bt.mission.tick import TickRecord
 from uav_bt.plugins import make_policy
 from uav_bt.record.info import record_info
 from uav_bt.tree import Leaf, MissionTree, Port, Status
 from uav_bt.tree.nodes import AlwaysFailure, AlwaysSuccess, Fallback, Sequence
-from uav_bt.types import Frame
 
-WARM_UP: Final = 10  # turns that are not counted
+TURNS: Final = 50
+WARM_UP: Final = 10  # turns or frames that are not counted
 TICKS: Final = 100  # in a turn
 GIMBAL_RAD: Final = math.radians(-28.0)  # where a mission holds it
 RECORDED: Final = """<root BTCPP_format="4"><BehaviorTree ID="Main"><ReactiveSequence>
   <Segment model="unet"/><FindMark/><TrackMotion/><MapSite/>
   <Sequence><TakeOff height_m="1.5"/><Turn degrees="60"/><HoverFor seconds="8"/><Land/>
   </Sequence></ReactiveSequence></BehaviorTree></root>"""
-
-
-def in_turns(work: Mapping[str, Callable[[], object]], count: int) -> dict[str, list[float]]:
-    """Let contestants tick in turns; return the processor time of each turn in milliseconds."""
-    taken: dict[str, list[float]] = {name: [] for name in work}
-    for turn in range(WARM_UP + count):
-        for name, tick in work.items():
-            began_s = time.process_time()
-            for _ in range(TICKS):
-                tick()
-            if turn >= WARM_UP:
-                taken[name].append(1e3 * (time.process_time() - began_s))
-    return taken
-
-
-def show(taken: Mapping[str, list[float]]) -> None:
-    """Print median and 99th percentile."""
-    for name, ms in taken.items():
-        p50, p99 = np.percentile(ms, [50, 99])
-        print(f"{name:20s} median {p50:8.2f} ms, 99 % {p99:8.2f} ms")
-
-
-# --- ticks ----------------------------------------------------------------------------------------
 
 
 class Reader(Leaf):
@@ -119,8 +96,18 @@ def root_of(leaf: Callable[..., Any], sequence: Callable[..., Any], fallback: An
 
 
 def ticks() -> None:
-    """Print ticks a second."""
-    work: dict[str, Callable[[], object]] = {}
+    """Print ticks a second of trees that tick in turns."""
+
+    def theirs(kind: Any) -> Callable[..., Any]:
+        return lambda name, children: kind(name, memory=True, children=children)
+
+    both = theirs(composites.Sequence), theirs(composites.Selector)
+    work: dict[str, Callable[[], object]] = {
+        "py_trees, bare": root_of(
+            lambda good: (behaviours.Success if good else behaviours.Failure)("answer"), *both
+        ).tick_once,
+        "py_trees, reads": root_of(TheirReader, *both).tick_once,
+    }
     leaves: dict[str, Callable[..., object]] = {
         "bare": lambda good: AlwaysSuccess() if good else AlwaysFailure(),
         "{key}": partial(Reader, "{number}"),
@@ -128,26 +115,20 @@ def ticks() -> None:
     }
     for name, leaf in leaves.items():
         tree, clock = MissionTree(root_of(leaf, Sequence, Fallback)), ManualClock()
-        board = Blackboard(clock, (ELAPSED,))
+        board, given = Blackboard(clock, (ELAPSED,)), Proposals()
         board.write(ELAPSED, 1.0)
         tree.variables["number"] = 1.0
-        tree.setup(
-            MissionContext(board=board, clock=clock, proposals=Proposals(), policy=make_policy)
-        )
+        tree.setup(MissionContext(board=board, clock=clock, proposals=given, policy=make_policy))
         work[name] = tree.tick
-    theirs = (
-        lambda name, children: composites.Sequence(name, memory=True, children=children),
-        lambda name, children: composites.Selector(name, memory=True, children=children),
-    )
-    work["py_trees, bare"] = root_of(
-        lambda good: (behaviours.Success if good else behaviours.Failure)("answer"), *theirs
-    ).tick_once
-    work["py_trees, reads"] = root_of(TheirReader, *theirs).tick_once
-    for name, ms in in_turns(work, 50).items():
-        print(f"{name:16s}{1e3 * TICKS / np.median(ms):8,.0f} ticks a second")
-
-
-# --- perception -----------------------------------------------------------------------------------
+    taken: dict[str, list[float]] = {name: [] for name in work}
+    for _ in range(WARM_UP + TURNS):
+        for name, tick in work.items():
+            began_s = time.process_time()
+            for _ in range(TICKS):
+                tick()
+            taken[name].append(time.process_time() - began_s)
+    for name, spent_s in taken.items():
+        print(f"{name:16s}{TICKS / np.median(spent_s[WARM_UP:]):8,.0f} ticks a second")
 
 
 def pipeline() -> None:
@@ -162,58 +143,37 @@ def pipeline() -> None:
     taken: dict[str, list[float]] = {stage: [] for stage in (*STAGES, "whole")}
     for name in VALIDATION_SCENES:
         scene, rng = load_scene(name), np.random.default_rng(7)
-        poses = [
-            replace(pose, pitch_rad=GIMBAL_RAD) for pose in sample_flight_poses(scene, rng, 60)
-        ]
+        flown = sample_flight_poses(scene, rng, 60)
+        poses = [replace(pose, pitch_rad=GIMBAL_RAD) for pose in flown]
         for number, view in enumerate(render_views(scene, poses, profile=Profile(), seed=7)):
-            frame = Frame(
-                image=view.image,
-                index=number,
-                captured_s=0.1 * number,
-                gimbal_pitch_rad=GIMBAL_RAD,
-                height_above_ground_m=view.pose.z_m,
-            )
-            spent_s = perception.perceive(frame).stage_s
+            spent_s = perception.perceive(frame_of(view, number)).stage_s
             for stage, ms in taken.items():
                 s = sum(spent_s.values()) if stage == "whole" else spent_s.get(stage, 0.0)
                 if number >= WARM_UP:
                     ms.append(1e3 * s)
-    show(taken)
-
-
-# --- records --------------------------------------------------------------------------------------
-
-
-class Ticks:
-    """Keeps how long each tick computed, in milliseconds."""
-
-    def __init__(self) -> None:
-        self.ms: list[float] = []
-
-    def on_tick(self, record: TickRecord) -> None:
-        """Keep a tick."""
-        self.ms.append(1e3 * record.compute_s)
+    for stage, ms in taken.items():
+        print(
+            "{:20s} median {:8.2f} ms, 99 % {:8.2f} ms".format(stage, *np.percentile(ms, [50, 99]))
+        )
 
 
 def record() -> None:
     """Fly with and without a record in turns, at the pace of a real drone."""
-    kept = {name: Ticks() for name in ("none", "lossless", "high")}
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(3):
-            for name, each in kept.items():
+            for name in ("none", "lossless", "high"):
                 options = app.FlightOptions(scene="train-a", seed=seed, realtime=True)
                 file = Path(folder) / f"{name}-{seed}.mcap"
                 if name != "none":
                     options = replace(options, record=file, record_quality=name)
-                app.fly(RECORDED, options, listeners=[lambda _, each=each: [each]])
+                took = app.fly(RECORDED, options).tick_ms
+                line = f"{name}: a tick took {took}"
                 if name != "none":
                     info = record_info(file)
                     left_out = sum(channel.dropped for channel in info.channels)
-                    print(
-                        f"{name}: {60e-6 * info.bytes / info.duration_s:.0f} MB a minute, "
-                        f"{left_out} messages left out, {info.lost_ticks} lost ticks"
-                    )
-    show({name: each.ms for name, each in kept.items()})
+                    line += f", {60e-6 * info.bytes / info.duration_s:.0f} MB a minute, "
+                    line += f"{left_out} messages left out, {info.lost_ticks} lost ticks"
+                print(line, flush=True)
 
 
 def main() -> None:

@@ -19,37 +19,30 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.rooms.assets import USES, load_assets, make_assets
-from benchmarks.rooms.furnish import FLOWN, Assets, RoomPlan, write_room
-from benchmarks.rooms.room_views import ViewKind
-from benchmarks.rooms.score import score_rooms
-from benchmarks.rooms.training import SCENES, export_any, train_any
+from benchmarks.rooms.furnish import FLOWN, Assets, Furnisher, RoomPlan
+from benchmarks.rooms.training import export_any, train_any
+from benchmarks.rooms.views import SCENES, ViewKind, score_rooms
 from perception.networks.weights_file import SHIPPED_UNET, segmentation_file
 from perception.segmentation.runtime import load_segmenter
 from uav_bt.lab.shipped import load_lab
 
 
-def furnish(assets: Assets, plan: RoomPlan, seed: int, count: int, out: Path) -> None:
-    """Write rooms on all cores."""
-    with ProcessPoolExecutor() as pool:
-        list(pool.map(partial(_furnish, seed, assets, plan, out), range(count), chunksize=8))
-
-
-def _furnish(seed: int, assets: Assets, plan: RoomPlan, out: Path, number: int) -> Path:
+def furnish(seed: int, assets: Assets, plan: RoomPlan, out: Path, number: int) -> Path:
+    """Write a room."""
     rng = np.random.default_rng((seed, number))
-    return write_room(out / f"room-{number:04d}", assets, rng, plan)
+    return Furnisher(out / f"room-{number:04d}", assets, rng, plan).write()
 
 
 def score(rooms: Path, models: list[str], views: int) -> None:
     """Print the scores of networks on rooms."""
     scenes = [str(scene) for scene in sorted(rooms.glob(SCENES))]
     for model in models:
-        path = segmentation_file(model)
-        if path is None:
+        if (path := segmentation_file(model)) is None:
             raise SystemExit(f"{model} is no network")
         segmenter = load_segmenter(path, load_lab().classes)
         for kind in (ViewKind.LEVEL, ViewKind.DOWN):
             print(f"{model}, {len(scenes)} rooms, {kind.value} views:")
-            print("\n".join(score_rooms(segmenter, scenes, views, kind).lines()), flush=True)
+            print("\n".join(score_rooms(segmenter, scenes, views, kind)), flush=True)
 
 
 def main() -> None:
@@ -89,8 +82,10 @@ def main() -> None:
     if given.command == "assets":
         make_assets(given.furniture, given.pictures, given.out)
     elif given.command == "furnish":
-        plan = FLOWN if given.flown else RoomPlan()
-        furnish(load_assets(given.assets, given.use), plan, given.seed, given.rooms, given.out)
+        assets, plan = load_assets(given.assets, given.use), FLOWN if given.flown else RoomPlan()
+        one = partial(furnish, given.seed, assets, plan, given.out)
+        with ProcessPoolExecutor() as pool:
+            list(pool.map(one, range(given.rooms), chunksize=8))
     elif given.command == "train":
         train_any(given)
     elif given.command == "export":

@@ -1,9 +1,8 @@
 """The folder of assets: furniture as closed meshes, and photographs, for training or for testing.
 
 A library of Sweet Home 3D (`.sh3f`) is a ZIP archive with a catalogue and OBJ models, which are
-open and far finer than a lab's mesh may be. Each model becomes a few convex pieces (Wei et al.,
-"Approximate Convex Decomposition for 3D Meshes with Collision-Aware Concavity", SIGGRAPH 2022; the
-package coacd).
+open and far finer than a lab's mesh may be. Each becomes a few convex pieces (Wei et al.,
+"Approximate Convex Decomposition for 3D Meshes", SIGGRAPH 2022; the package coacd).
 """
 
 from __future__ import annotations
@@ -57,21 +56,16 @@ def load_assets(folder: Path, use: str) -> Assets:
 
 
 def make_assets(library: Path, pictures: Path, out: Path) -> None:
-    """Write the furniture of a library as meshes, and photographs at one size.
-
-    The photographs are in folders `train` and `test`. Meshes that exist are kept.
-    """
+    """Write a library's furniture as meshes, and the photographs of `train` and `test` small."""
     (out / "furniture").mkdir(parents=True, exist_ok=True)
     listed = []
     with zipfile.ZipFile(library) as archive:
         for model, size_m, author in standing_models(archive):
             name = PurePosixPath(model).stem
             path = out / "furniture" / f"{name.lower()}.obj"
-            if not path.exists() and not convert(archive.read(model).decode("latin-1"), path):
-                continue
-            # About every fourth model is for tests, by its name.
-            use = "test" if zlib.crc32(name.encode()) % 4 == 0 else "train"
-            listed.append({"file": path.name, "size_m": size_m, "author": author, "use": use})
+            if path.exists() or convert(archive.read(model).decode("latin-1"), path):
+                use = USES[zlib.crc32(name.encode()) % 4 == 0]  # about every fourth for tests
+                listed.append({"file": path.name, "size_m": size_m, "author": author, "use": use})
     (out / LIST).write_text(json.dumps(listed, indent=1) + "\n", encoding="utf-8")
     for use in USES:
         (out / "pictures" / use).mkdir(parents=True, exist_ok=True)

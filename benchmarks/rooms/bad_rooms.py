@@ -13,10 +13,8 @@ import argparse
 import json
 import math
 import shutil
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import cv2
 import numpy as np
@@ -30,11 +28,20 @@ from uav_bt.mission.judge import LANDING_SURFACES
 from uav_bt.mission.tick import TickRecord
 from uav_bt.yaml_file import read_yaml, yaml_text
 
+CASES: Final = (
+    *("good room", "painted floor", "floor of one colour", "walls like the floor"),
+    *("rugs with a dark border", "mirror", "mirror beyond the area", "dim", "dark"),
+    *("camera x2", "camera x0.5", "height +0.5 m", "height -0.5 m"),
+)
+FOCAL: Final = {"camera x2": 2.0, "camera x0.5": 0.5}  # factor of the length in the camera file
+FAULTS: Final = {f"height {off} m": (f"height-bias={float(off)}",) for off in ("+0.5", "-0.5")}
 SIZE_PX: Final = (320, 180)
 CAMERA_FILE: Final = "camera.yaml"
 MIRROR_X_M: Final = 0.0  # world x of a mirror that nothing shows
 _NEAR_MIRROR_M: Final = 0.8  # no object stands nearer to its image than twice this
+_BEFORE_MIRROR: Final = "start:-2.2,-1.2; start:1.1,-1.2; start:1.1,4.4; start:-2.2,4.4"  # by 0.5 m
 _GREY_FILE: Final = "grey.png"
+_CONCRETE: Final = {"generator": "concrete", "colour": "#8f908c"}
 TRUSTED: Final = 0.5  # least confidence of a trusted depth
 WRONG: Final = math.log(1.2)
 GROUND: Final = 0.2  # least share of an image that shows ground, as in `SensesAgree`
@@ -44,83 +51,58 @@ _HULL_M: Final = 0.15  # half of the body's length
 Values = dict[str, Any]
 
 
-def _surface(parts: tuple[str, ...], surface: Values, lab: Values, _scene: Values) -> None:
-    for part in parts:
-        lab["room"][part]["surface"] = dict(surface)
+def _change(case: str, lab: Values) -> None:
+    """Make a bad room of the good one."""
+    room = lab["room"]
+    if case == "painted floor":
+        room["ground"]["surface"] = {**_CONCRETE, "generator": "paint"}
+    elif case == "floor of one colour":
+        room["ground"]["surface"] = {"image": _GREY_FILE, "tile_m": [1.0, 1.0]}
+    elif case == "walls like the floor":
+        room["ground"]["surface"], room["walls"]["surface"] = {**_CONCRETE}, {**_CONCRETE}
+    elif case == "rugs with a dark border":  # two, 2.6 m by 1.9 m
+        for x_m, y_m, colour in ((-2.0, 0.6, "#8c2f39"), (2.1, -1.2, "#d9cfb8")):
+            for half_m, width_m, of in ((1.2, 1.9, "#15120f"), (1.05, 1.6, colour)):
+                ends_m = [[x_m - half_m, y_m], [x_m + half_m, y_m]]
+                line = {"points_m": ends_m, "width_m": width_m, "colour": of}
+                room["ground"]["surface"]["lines"].append(line)
+    elif case == "mirror beyond the area":
+        lab["area"] = _BEFORE_MIRROR
+    elif case in ("dim", "dark"):
+        ambient, share = (0.1, 0.15) if case == "dim" else (0.02, 0.02)
+        room["light"]["ambient"] = ambient
+        for lamp in room["light"]["lamps"]:
+            lamp["brightness"] = round(share * lamp["brightness"], 3)
 
 
-def _rugs(lab: Values, _scene: Values) -> None:
-    """Lay a red rug with a dark border, 2.6 m by 1.9 m, and another beside it."""
-    for x_m, y_m, colour in ((-2.0, 0.6, "#8c2f39"), (2.1, -1.2, "#d9cfb8")):
-        for half_m, width_m, of in ((1.2, 1.9, "#15120f"), (1.05, 1.6, colour)):
-            ends_m = [[x_m - half_m, y_m], [x_m + half_m, y_m]]
-            line = {"points_m": ends_m, "width_m": width_m, "colour": of}
-            lab["room"]["ground"]["surface"]["lines"].append(line)
-
-
-def _mirror(area: str | None, lab: Values, scene: Values) -> None:
-    """Put a wall-high mirror across the room: behind it stands the mirrored room."""
-    edge_m = MIRROR_X_M - _NEAR_MIRROR_M
-    scene["objects"] = [each for each in scene["objects"] if each["position_m"][0] < edge_m]
-    for each in list(scene["objects"]):
+def _mirrored(objects: list[Values]) -> list[Values]:
+    """Put a wall-high mirror across the room: behind it stands the image of what is before it."""
+    kept = [each for each in objects if each["position_m"][0] < MIRROR_X_M - _NEAR_MIRROR_M]
+    for each in kept.copy():
         x_m, y_m = each["position_m"]
-        image = {"position_m": [2 * MIRROR_X_M - x_m, y_m], "yaw_deg": -each.get("yaw_deg", 0)}
-        scene["objects"].append({**each, **image})
-    scene["take_off"] = {"from": [-1.6, 1.6], "yaw_deg": 0}
-    lab |= {} if area is None else {"area": area}
+        place = {"position_m": [2 * MIRROR_X_M - x_m, y_m], "yaw_deg": -each.get("yaw_deg", 0)}
+        kept.append({**each, **place})
+    return kept
 
 
-def _light(ambient: float, share: float, lab: Values, _scene: Values) -> None:
-    lab["room"]["light"]["ambient"] = ambient
-    for lamp in lab["room"]["light"]["lamps"]:
-        lamp["brightness"] = round(share * lamp["brightness"], 3)
-
-
-class BadRoom(NamedTuple):
-    """A room, or an input, that perception is not made for."""
-
-    name: str
-    change: Callable[[Values, Values], None] = lambda _lab, _scene: None  # of the good room
-    focal: float | None = None  # factor of the focal length in the camera file; None: no file
-    faults: tuple[str, ...] = ()
-
-
-_CONCRETE: Final = {"generator": "concrete", "colour": "#8f908c"}
-_GREY: Final = {"image": _GREY_FILE, "tile_m": [1.0, 1.0]}
-_BEFORE_MIRROR: Final = "start:-2.2,-1.2; start:1.1,-1.2; start:1.1,4.4; start:-2.2,4.4"  # by 0.5 m
-BAD_ROOMS: Final = (
-    BadRoom("good room"),
-    BadRoom("painted floor", partial(_surface, ("ground",), _CONCRETE | {"generator": "paint"})),
-    BadRoom("floor of one colour", partial(_surface, ("ground",), _GREY)),
-    BadRoom("walls like the floor", partial(_surface, ("ground", "walls"), _CONCRETE)),
-    BadRoom("rugs with a dark border", _rugs),
-    BadRoom("mirror", partial(_mirror, None)),
-    BadRoom("mirror beyond the area", partial(_mirror, _BEFORE_MIRROR)),
-    BadRoom("dim", partial(_light, 0.1, 0.15)),
-    BadRoom("dark", partial(_light, 0.02, 0.02)),
-    BadRoom("camera x2", focal=2.0),
-    BadRoom("camera x0.5", focal=0.5),
-    BadRoom("height +0.5 m", faults=("height-bias=0.5",)),
-    BadRoom("height -0.5 m", faults=("height-bias=-0.5",)),
-)
-
-
-def write_bad_room(room: BadRoom, folder: Path) -> Path:
+def write_bad_room(case: str, folder: Path) -> Path:
     """Write a bad room as a new lab folder without a network, and return its scene."""
     depot, path = load_lab("depot"), folder / SCENES_FOLDER / f"{folder.name}.yaml"
     lab = read_yaml(depot.file, Values, "lab file").value
-    scene = read_yaml(depot.scenes["depot-val-a"], Values, "scene file").value
+    lab |= {"limits": {"speed_mps": 0.6, "ceiling_m": 2.6}}
     lab.pop("network", None)
-    lab["limits"] = {"speed_mps": 0.6, "ceiling_m": 2.6}
-    scene = {"objects": scene["objects"], "take_off": {"from": [-2.4, 1.4], "yaw_deg": -35}}
-    room.change(lab, scene)
+    _change(case, lab)
+    objects = read_yaml(depot.scenes["depot-val-a"], Values, "scene file").value["objects"]
+    scene = {"objects": objects, "take_off": {"from": [-2.4, 1.4], "yaw_deg": -35}}
+    if "mirror" in case:
+        scene = {"objects": _mirrored(objects), "take_off": {"from": [-1.6, 1.6], "yaw_deg": 0}}
     path.parent.mkdir(parents=True)
     for file in ("barrier.obj", "crate.jpg"):
         shutil.copyfile(depot.folder / file, folder / file)
     cv2.imwrite(str(folder / _GREY_FILE), np.full((64, 64, 3), 143, np.uint8))
     written = {folder / LAB_FILE: lab, path: scene}
-    if room.focal is not None:
-        matrix = anafi_camera(*SIZE_PX).matrix @ np.diag([room.focal, room.focal, 1.0])
+    if case in FOCAL:
+        matrix = anafi_camera(*SIZE_PX).matrix @ np.diag([FOCAL[case], FOCAL[case], 1.0])
         size = dict(zip(("width_px", "height_px"), SIZE_PX, strict=True))
         written[folder / CAMERA_FILE] = {**size, "K": matrix.tolist(), "distortion": [0.0] * 5}
     for target, content in written.items():
@@ -146,7 +128,7 @@ class Watch:
         """Note contacts, and compare the depth of a new frame."""
         if (truth := record.truth) is None:
             return
-        mirror = ["mirror"] * (truth.pose.x_m > self._mirror_x_m - _HULL_M)
+        mirror = {"mirror"} if truth.pose.x_m > self._mirror_x_m - _HULL_M else set()
         for name in {*truth.contacts, *mirror} - set(LANDING_SURFACES):
             self.contacts.setdefault(name, round(record.time_s, 1))
         frame, depth = self._board.read(FRAME).value, self._board.read(METRIC_DEPTH).value
@@ -170,38 +152,38 @@ class Watch:
         return {name: sum(each) / len(each) if each else None for name, each in shares.items()}
 
 
-def fly(room: BadRoom, seed: int, given: argparse.Namespace) -> Values:
+def fly(case: str, seed: int, given: argparse.Namespace) -> Values:
     """Fly once in a bad room and return the flight's line."""
-    folder = given.out / room.name.replace(" ", "-")
-    watch = Watch(MIRROR_X_M if "mirror" in room.name else math.inf)
+    folder = given.out / case.replace(" ", "-")
+    watch = Watch(MIRROR_X_M if "mirror" in case else math.inf)
     scene = folder / SCENES_FOLDER / f"{folder.name}.yaml"
     options = app.FlightOptions(
         lab=folder,
-        scene=str(scene if scene.exists() else write_bad_room(room, folder)),
+        scene=str(scene if scene.exists() else write_bad_room(case, folder)),
         seed=seed,
-        camera=None if room.focal is None else folder / CAMERA_FILE,
-        faults=room.faults,
+        camera=folder / CAMERA_FILE if case in FOCAL else None,
+        faults=FAULTS.get(case, ()),
         ports=dict(each.split("=", 1) for each in given.ports),
         image_size_px=SIZE_PX,
     )
     report = app.fly(given.tree, options, listeners=[watch.follow]).to_json()
     kept = ("outcome", "reason", "duration_s", "coverage_passed", "map_drift_m", "warnings")
-    line = {"case": room.name, "seed": seed, "contacts": watch.contacts, **watch.shares()}
+    line = {"case": case, "seed": seed, "contacts": watch.contacts, **watch.shares()}
     return line | {name: report[name] for name in kept}
 
 
 def main() -> None:
     """Fly, and print a line for each flight."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--cases", nargs="+", default=[room.name for room in BAD_ROOMS])
+    parser.add_argument("--cases", nargs="+", default=CASES, choices=CASES, metavar="CASE")
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--tree", default="survey_any_room")
     parser.add_argument("--set", nargs="*", default=["CoverFor.duration_ms=60000"], dest="ports")
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args()
-    for room in BAD_ROOMS:
-        for seed in range(given.seeds if room.name in given.cases else 0):
-            print(json.dumps(fly(room, seed, given)), flush=True)
+    for case in given.cases:
+        for seed in range(given.seeds):
+            print(json.dumps(fly(case, seed, given)), flush=True)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,7 @@
 """One network with two heads: the roles of pixels, and their depth.
 
-The trunk is the U-Net of `perception.segmentation.training.unet`. Both heads read its features at
-half size, so a frame costs one inference. Depth is relative to the camera's height above the
-ground: at the right scale the factor from relative depth to metres is that height.
+Both heads read the features of a U-Net at half size, so a frame costs one inference. Depth is along
+the optical axis, in heights of the camera above the ground.
 """
 
 from __future__ import annotations
@@ -18,9 +17,7 @@ from torch import Tensor, nn
 from perception.networks.training.network_files import NetworkFiles, OnnxPorts
 from perception.segmentation.training.unet import UNet, UNetConfig
 
-ROLES: Final = ("outside", "ground", "obstacle")
-"""Roles in the order of their scores."""
-
+ROLES: Final = ("outside", "ground", "obstacle")  # in the order of their scores
 _DEPTH_RANGE: Final = 4.0  # of the logarithm of relative depth: 0.02 to 55 heights
 
 
@@ -40,10 +37,7 @@ class RoomNet(nn.Module):
         )
 
     def forward(self, rgb: Tensor) -> tuple[Tensor, Tensor]:
-        """Return logits of the roles, (N, 3, H, W), and depth, (N, 1, H / 2, W / 2).
-
-        Depth is along the optical axis, in heights of the camera above the ground.
-        """
+        """Return logits of the roles, (N, 3, H, W), and depth in heights, (N, 1, H / 2, W / 2)."""
         logits, log_depth = self.heads(rgb)
         return logits, torch.exp(log_depth)
 
@@ -75,9 +69,5 @@ def _ports(net: RoomNet) -> OnnxPorts:
 
 
 ROOM_FILES: Final = NetworkFiles(
-    kind="room-network",
-    remedy="docs/any-room.md says how it is made",
-    build=_build,
-    ports=_ports,
+    kind="room-network", remedy="docs/any-room.md says how it is made", build=_build, ports=_ports
 )
-"""Input `image`: (1, 3, H, W) float32 RGB in [0, 1]. Outputs as `RoomNet.forward` returns them."""

@@ -8,15 +8,16 @@ neighbours, which keeps edges sharp (Li and Snavely, arXiv 1804.00607).
 from __future__ import annotations
 
 import copy
+import math
 import multiprocessing
 import os
 import time
 from argparse import Namespace
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import torch
@@ -24,24 +25,15 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from benchmarks.rooms.augment import augment_rooms
 from benchmarks.rooms.network import ROOM_FILES, RoomNet
-from benchmarks.rooms.room_views import TRUTH_PX, ViewKind, draw_views
+from benchmarks.rooms.views import SCENES, TRUTH_PX, ViewKind, draw_views
 from perception.networks.onnx_runtime import shrunk
-from perception.networks.training.loop import (
-    LoopConfig,
-    Progress,
-    channels_last,
-    train,
-)
+from perception.networks.training.loop import LoopConfig, Progress, channels_last, train
 from perception.segmentation.training.run import IGNORED
 from perception.segmentation.training.unet import UNetConfig
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.learning.exporting import CALIBRATION_VIEWS
 from uav_bt.learning.views import twin_views
-
-SCENES: Final = "*/scenes/*[0-9].yaml"
-"""Scenes of rooms with a landing mark, in a folder of rooms."""
 
 SHAPE: Final = UNetConfig(outputs=3, channels=(24, 48, 96, 192), context=True)
 DEPTH: Final = 0.7  # weight of the depth's loss beside the roles'
@@ -52,18 +44,7 @@ REPORTED: Final = 200  # steps
 KEPT: Final = 500  # steps
 
 
-@dataclass(frozen=True, kw_only=True)
-class RoomJob:
-    """Images of one scene; without labels they teach depth only."""
-
-    scene: str
-    views: int
-    seed: int
-    labelled: bool = True
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RoomImages:
+class RoomImages(NamedTuple):
     """Images of rooms with roles and depth, at the network's size."""
 
     rgb: NDArray[np.uint8]  # (N, H, W, 3)
@@ -71,44 +52,29 @@ class RoomImages:
     depth: NDArray[np.float16]  # (N, H, W), along the optical axis, in heights of the camera
 
 
-def render_rooms(jobs: Sequence[RoomJob], workers: int) -> RoomImages:
-    """Render the images of many scenes in some processes, one for each core if `workers` is 0."""
-    spawned = multiprocessing.get_context("spawn")  # OpenGL does not survive a fork
-    with ProcessPoolExecutor(workers or os.cpu_count(), mp_context=spawned) as pool:
-        parts = list(pool.map(_render, jobs))
-    return RoomImages(
-        rgb=np.concatenate([part.rgb for part in parts]),
-        roles=np.concatenate([part.roles for part in parts]),
-        depth=np.concatenate([part.depth for part in parts]),
-    )
-
-
-def _render(job: RoomJob) -> RoomImages:
-    shape = (job.views, TRUTH_PX[1], TRUTH_PX[0])
+def render_room(scene: str, views: int, seed: int, kind: str) -> RoomImages:
+    """Render images of one scene; those of kind `depth` have no labels."""
+    shape = (views, TRUTH_PX[1], TRUTH_PX[0])
     rgb, roles = np.empty((*shape, 3), np.uint8), np.full(shape, IGNORED, np.uint8)
     depth = np.empty(shape, np.float16)
-    for index, view in enumerate(draw_views(load_scene(job.scene), job.views, job.seed)):
-        rgb[index] = shrunk(view.rgb, TRUTH_PX)
-        if job.labelled:
-            roles[index] = view.roles
-        depth[index] = np.minimum(view.depth_m / view.pose.z_m, KEPT_FARTHEST)
-    return RoomImages(rgb=rgb, roles=roles, depth=depth)
+    for index, view in enumerate(draw_views(load_scene(scene), views, seed)):
+        rgb[index] = shrunk(view.image, TRUTH_PX)
+        if kind != "depth":
+            roles[index] = view.ids
+        depth[index] = np.minimum(view.depth / view.pose.z_m, KEPT_FARTHEST)
+    return RoomImages(rgb, roles, depth)
 
 
 def train_room_net(
     images: RoomImages,
     config: LoopConfig,
-    *,
-    augment: Callable[[Tensor, Tensor, torch.Generator], tuple[Tensor, Tensor]] = augment_rooms,
-    progress: Callable[[Progress, RoomNet], None] | None = None,
+    augment: Callable[[Tensor, Tensor, torch.Generator], tuple[Tensor, Tensor]],
+    progress: Callable[[Progress, RoomNet], None],
 ) -> RoomNet:
     """Train the network; `progress` is called after every step with the averaged network."""
     torch.manual_seed(config.seed)
     net = channels_last(RoomNet(SHAPE))
-    stored = [
-        torch.from_numpy(each).to(config.device)
-        for each in (images.rgb, images.roles, images.depth)
-    ]
+    stored = [torch.from_numpy(each).to(config.device) for each in images]
 
     def objective(rng: np.random.Generator) -> tuple[Tensor, Mapping[str, Tensor]]:
         generator = torch.Generator(config.device).manual_seed(int(rng.integers(2**62)))
@@ -156,18 +122,19 @@ def train_any(run: Namespace) -> None:
         if now.step % KEPT == 0:
             ROOM_FILES.save(run.out, copy.deepcopy(net).cpu(), notes={"steps": now.step})
 
-    jobs = [
-        RoomJob(scene=str(scene), views=run.views, seed=number)
-        for number, scene in enumerate(sorted(run.rooms.glob(SCENES)))
-    ] + [
-        RoomJob(scene=name, views=run.views, seed=1000 + 50 * part + number, labelled=False)
+    rooms = [str(scene) for scene in sorted(run.rooms.glob(SCENES))]
+    jobs = [(scene, run.views, number, "all") for number, scene in enumerate(rooms)] + [
+        (name, run.views, 1000 + 50 * part + number, "depth")
         for number, name in enumerate(run.depth_scenes)
         for part in range(run.depth_parts)
     ]
-    images = render_rooms(jobs, run.workers)
+    spawned = multiprocessing.get_context("spawn")  # OpenGL does not survive a fork
+    with ProcessPoolExecutor(run.workers or os.cpu_count(), mp_context=spawned) as pool:
+        parts = list(pool.map(render_room, *zip(*jobs, strict=True)))
+    images = RoomImages(*map(np.concatenate, zip(*parts, strict=True)))
     report(f"{len(images.rgb)} images of {len(jobs)} scenes")
     config = LoopConfig(steps=run.steps, batch=run.batch, average=0.999, device=run.device)
-    net = train_room_net(images, config, progress=progress)
+    net = train_room_net(images, config, augment_rooms, progress)
     notes = {"scenes": len(jobs), "images": len(images.rgb), "steps": config.steps}
     ROOM_FILES.save(run.out, net, notes=notes)
     report(f"network: {run.out}")
@@ -176,10 +143,85 @@ def train_any(run: Namespace) -> None:
 def export_any(weights: Path, rooms: Path, out: Path) -> None:
     """Write the ONNX file of a network in 8-bit integers, calibrated on images of rooms and lab."""
     images = [
-        view.rgb
+        view.image
         for number, scene in enumerate(sorted(rooms.glob(SCENES))[:24])
         for kind, count in ((ViewKind.LEVEL, 4), (ViewKind.DOWN, 2))
         for view in draw_views(load_scene(str(scene)), count, number, kind=kind)
     ]
     images += [rgb for _, rgb, _ in twin_views(replace(CALIBRATION_VIEWS, views=12))]
     ROOM_FILES.export(weights, out, calibration=images)
+
+
+# --- random changes of images and their labels, on whole batches and any device -------------------
+
+ZOOM: Final = 1.35  # greatest magnification; the part that is kept is at a random place
+# Standard deviations of logarithms: of the exposure, of each colour's gain, of the exponent, and
+# of slow changes of light over the image.
+GAIN, TINT, GAMMA, SHADING = 0.3, 0.08, 0.2, 0.25
+HUE_RAD: Final = 0.6  # greatest rotation of the hue
+SATURATION: Final = (0.2, 1.6)
+NOISE: Final = 0.05  # greatest standard deviation of the noise, of a range of 1
+BLURRED: Final = 0.35  # share of images that lose detail
+_LUMA: Final = (0.299, 0.587, 0.114)
+
+
+def augment_rooms(rgb: Tensor, labels: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+    """Return changed images, (N, 3, H, W) float from 0 to 1, and their labels, (N, K, H, W)."""
+    rgb, labels = zoomed(rgb, labels, generator)
+    return _relit(rgb, generator), labels
+
+
+def _uniform(count: int, low: float, high: float, generator: torch.Generator) -> Tensor:
+    values = torch.rand(count, generator=generator, device=generator.device)
+    return low + (high - low) * values
+
+
+def zoomed(rgb: Tensor, labels: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+    """Return parts of images and labels, half of them mirrored, at the size of the whole."""
+    count = len(rgb)
+    zoom = 1.0 / _uniform(count, 1.0, ZOOM, generator)
+    mirror = torch.where(_uniform(count, 0.0, 1.0, generator) < 0.5, -1.0, 1.0)
+    shift_x = _uniform(count, -1.0, 1.0, generator) * (1.0 - zoom)
+    shift_y = _uniform(count, -1.0, 1.0, generator) * (1.0 - zoom)
+    zero = torch.zeros_like(zoom)
+    rows = torch.stack([mirror * zoom, zero, shift_x, zero, zoom, shift_y], 1).view(-1, 2, 3)
+    grid = functional.affine_grid(rows, list(rgb.shape), align_corners=False)
+    return (
+        functional.grid_sample(rgb, grid, "bilinear", "border", align_corners=False),
+        functional.grid_sample(labels, grid, "nearest", "border", align_corners=False),
+    )
+
+
+def _relit(rgb: Tensor, generator: torch.Generator) -> Tensor:
+    """Return images in other light, through another camera."""
+    count, device = len(rgb), rgb.device
+
+    def normal(*shape: int) -> Tensor:
+        return torch.randn(*shape, generator=generator, device=device)
+
+    rgb = _turned_hue(rgb, _uniform(count, -HUE_RAD, HUE_RAD, generator))
+    grey = sum(share * rgb[:, each : each + 1] for each, share in enumerate(_LUMA))
+    saturation = _uniform(count, *SATURATION, generator).view(-1, 1, 1, 1)
+    rgb = grey + saturation * (rgb - grey)
+    size = rgb.shape[-2:]
+    slow = functional.interpolate(normal(count, 1, 3, 4), size, mode="bicubic")
+    slow = slow + 0.5 * functional.interpolate(normal(count, 1, 8, 14), size, mode="bicubic")
+    gain = GAIN * normal(count, 1, 1, 1) + TINT * normal(count, 3, 1, 1)
+    light = torch.exp(gain + SHADING * torch.rand(count, 1, 1, 1, device=device) * slow)
+    gamma = torch.exp(GAMMA * normal(count, 1, 1, 1))
+    rgb = (rgb * light).clamp(1e-4, 1.0) ** gamma
+    small = functional.interpolate(functional.avg_pool2d(rgb, 2), size, mode="bilinear")
+    share = (_uniform(count, 0.0, 1.0, generator) < BLURRED).float()
+    share = (share * _uniform(count, 0.3, 1.0, generator)).view(-1, 1, 1, 1)
+    rgb = rgb + share * (small - rgb)
+    strength = (NOISE * _uniform(count, 0.0, 1.0, generator) ** 2).view(-1, 1, 1, 1)
+    return (rgb + strength * normal(*rgb.shape)).clamp(0.0, 1.0)
+
+
+def _turned_hue(rgb: Tensor, angle_rad: Tensor) -> Tensor:
+    """Return images whose colours are rotated about the grey axis, by an angle each, (N,)."""
+    cos, sin = torch.cos(angle_rad), torch.sin(angle_rad)
+    third, root = (1.0 - cos) / 3.0, sin / math.sqrt(3.0)
+    same, one, other = cos + third, third - root, third + root
+    rows = torch.stack([same, one, other, other, same, one, one, other, same], 1)
+    return torch.einsum("nij,njhw->nihw", rows.view(-1, 3, 3), rgb)

@@ -23,6 +23,7 @@ IMAGE_SUFFIXES: Final = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".web
 FOREIGN_SUFFIXES: Final = (".arw", ".avif", ".cr2", ".cr3", ".dng", ".heic", ".heif", ".nef")
 _JPEG_MARK: Final = b"\xff\xd8"
 _EXIF_MARK: Final = b"Exif\0\0"
+_PNG_MARKS: Final = b"\x89PNG", b"eXIf"
 _EXIF_BYTES: Final = 65_536 + 64  # longest JPEG segment, and the segment before it
 _ORIENTATION_TAG: Final = 0x0112
 _NAMED: Final = 3  # files that a message lists
@@ -145,13 +146,14 @@ def read_image(path: Path, *, colour: bool, as_stored: bool) -> Image:
 
 
 def exif_orientation(path: Path) -> Orientation:
-    """Return the orientation in a JPEG file's EXIF data; upright without one."""
+    """Return the orientation in the EXIF data of a JPEG or PNG file; upright without one."""
     with reading(path), path.open("rb") as file:
         head = file.read(_EXIF_BYTES)
-    begin = head.find(_EXIF_MARK)
-    if not head.startswith(_JPEG_MARK) or begin < 0:
+    mark = _EXIF_MARK if head.startswith(_JPEG_MARK) else _PNG_MARKS[1]
+    begin = head.find(mark)
+    if not head.startswith((_JPEG_MARK, _PNG_MARKS[0])) or begin < 0:
         return UPRIGHT
-    tiff = head[begin + len(_EXIF_MARK) :]
+    tiff = head[begin + len(mark) :]
     order: Literal["little", "big"] = "little" if tiff.startswith(b"II") else "big"
     place = int.from_bytes(tiff[4:8], order)
     count = int.from_bytes(tiff[place : place + 2], order)

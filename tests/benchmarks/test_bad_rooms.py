@@ -7,15 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.rooms.bad_rooms import (
-    BAD_ROOMS,
-    CAMERA_FILE,
-    MIRROR_X_M,
-    SIZE_PX,
-    BadRoom,
-    Watch,
-    write_bad_room,
-)
+from benchmarks.rooms import bad_rooms
+from benchmarks.rooms.bad_rooms import CASES, MIRROR_X_M, SIZE_PX, Watch, write_bad_room
 from perception.camera.camera_file import load_camera
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.model import build_model
@@ -25,39 +18,31 @@ from uav_bt.lab.shipped import load_lab
 from uav_bt.testing import Fault
 
 
-def named(name: str) -> BadRoom:
-    return next(each for each in BAD_ROOMS if each.name == name)
-
-
-@pytest.mark.parametrize("room", BAD_ROOMS, ids=lambda room: room.name)
-def test_a_bad_room_is_a_lab_that_flies_with_any(room: BadRoom, tmp_path: Path) -> None:
-    path = write_bad_room(room, tmp_path / "room")
-    scene = load_scene(str(path))
-    assert scene.helipad is None
-    build_model(scene, drawn=False)
-    assert network_of(load_lab(str(tmp_path / "room")))["model"] == "any"
-    assert all(Fault.parse(text) for text in room.faults)
-
-
-def test_every_bad_room_differs_from_the_good_one(tmp_path: Path) -> None:
-    texts = set()
-    for number, room in enumerate(BAD_ROOMS):
-        path = write_bad_room(room, tmp_path / str(number))
-        lab = (path.parents[1] / "lab.yaml").read_text(encoding="utf-8")
-        texts.add((lab, path.read_text(encoding="utf-8"), room.focal, room.faults))
-    assert len(texts) == len(BAD_ROOMS)
+def test_every_bad_room_is_another_lab_that_flies_with_any(tmp_path: Path) -> None:
+    found = set()
+    for number, case in enumerate(CASES):
+        path = write_bad_room(case, tmp_path / str(number))
+        scene = load_scene(str(path))
+        assert scene.helipad is None
+        build_model(scene, drawn=False)
+        assert network_of(load_lab(str(path.parents[1])))["model"] == "any"
+        faults = bad_rooms.FAULTS.get(case, ())
+        assert all(map(Fault.parse, faults))
+        lab = (path.parents[1] / "lab.yaml").read_bytes()
+        found.add((lab, path.read_bytes(), bad_rooms.FOCAL.get(case), faults))
+    assert len(found) == len(CASES)
 
 
 def test_a_mirror_shows_what_stands_before_it(tmp_path: Path) -> None:
-    scene = load_scene(str(write_bad_room(named("mirror"), tmp_path / "room")))
+    scene = load_scene(str(write_bad_room("mirror", tmp_path / "room")))
     places = {each.spec.position_m for each in scene.placed}
     assert places == {(2 * MIRROR_X_M - x_m, y_m) for x_m, y_m in places}
     assert all(abs(x_m - MIRROR_X_M) > 0.5 for x_m, _ in places)
 
 
 def test_the_camera_file_is_wrong_by_its_factor(tmp_path: Path) -> None:
-    write_bad_room(named("camera x2"), tmp_path / "room")
-    camera = load_camera(tmp_path / "room" / CAMERA_FILE, size_px=SIZE_PX)
+    write_bad_room("camera x2", tmp_path / "room")
+    camera = load_camera(tmp_path / "room" / bad_rooms.CAMERA_FILE, size_px=SIZE_PX)
     assert camera.fx_px == pytest.approx(2.0 * anafi_camera(*SIZE_PX).fx_px)
 
 

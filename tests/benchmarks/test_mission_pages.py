@@ -7,45 +7,19 @@ from typing import Any
 
 import pytest
 
-from benchmarks.mission_pages import (
-    IMAGES,
-    ROOT,
-    drawing_files,
-    flight_part,
-    page_names,
-    with_part,
-)
+from benchmarks.mission_pages import IMAGES, NAMES, ROOT, drawing_files, flight_part, with_part
+
+FLOWN = {"scene": "val-a", "seed": 7, "outcome": "success", "reason": "landed", "profile": "harsh"}
+FOUND = {"objects_found": 6, "objects_total": 8, "false_objects": 1, "photos": [{}, {}]}
+FIGURES = {"min_clearance_m": 0.318, "landing_error_m": 0.0414, "total_distance_m": 7.77}
+REPORT: dict[str, Any] = {**FLOWN, **FOUND, **FIGURES, "duration_s": 61.23}
 
 
-def report(**changed: Any) -> dict[str, Any]:
-    made = {
-        "scene": "val-a",
-        "seed": 7,
-        "outcome": "success",
-        "reason": "landed",
-        "profile": "harsh",
-        "duration_s": 61.23,
-        "total_distance_m": 7.77,
-        "photos": [{}, {}],
-        "objects_found": 6,
-        "objects_total": 8,
-        "false_objects": 1,
-        "min_clearance_m": 0.318,
-        "landing_error_m": 0.0414,
-    }
-    return {**made, **changed}
-
-
-@pytest.mark.parametrize("name", page_names())
-def test_the_drawings_are_those_of_the_trees(name: str) -> None:
+@pytest.mark.parametrize("name", NAMES)
+def test_a_page_has_todays_drawings_a_film_and_a_row_in_the_index(name: str) -> None:
     for file, text in drawing_files(name).items():
-        assert file.read_text(encoding="utf-8") == text, (
-            "run: python -m benchmarks.mission_pages --drawings"
-        )
-
-
-@pytest.mark.parametrize("name", page_names())
-def test_a_page_has_a_film_and_a_row_in_the_index(name: str) -> None:
+        remedy = "run: python -m benchmarks.mission_pages --drawings"
+        assert file.read_text(encoding="utf-8") == text, remedy
     assert (IMAGES / f"{name}.webp").stat().st_size <= 600_000
     index = (ROOT / "docs" / "missions.md").read_text(encoding="utf-8")
     assert f"| [{name}](missions/{name}.md) |" in index
@@ -64,7 +38,7 @@ def test_a_drawing_has_the_trees_of_the_mission_and_no_inside_of_shared_ones() -
 
 
 def test_the_part_of_a_flight_has_figures_and_their_source() -> None:
-    part = flight_part(report(), "patrol_and_photograph", speed=4.26, source="Commit `1234567`.\n")
+    part = flight_part(REPORT, "patrol_and_photograph", speed=4.26, source="Commit `1234567`.\n")
     assert (
         "| `val-a`, 7 | success: landed | 61.2 s | 7.8 m | 2 | 6 of 8, 1 false | 0.32 m | 0.041 m |"
     ) in part
@@ -73,7 +47,7 @@ def test_the_part_of_a_flight_has_figures_and_their_source() -> None:
 
 
 def test_a_mission_that_lands_beside_the_mark_has_no_landing_error() -> None:
-    part = flight_part(report(photos=[]), "land_elsewhere", speed=1.0, source="")
+    part = flight_part(REPORT | {"photos": []}, "land_elsewhere", speed=1.0, source="")
     assert "landing error" not in part
     assert "photographs" not in part
 

@@ -10,9 +10,8 @@ import onnx
 import pytest
 import torch
 
-from benchmarks.rooms.augment import augment_rooms, zoomed
 from benchmarks.rooms.network import ROOM_FILES
-from benchmarks.rooms.training import RoomImages, depth_loss, train_room_net
+from benchmarks.rooms.training import RoomImages, augment_rooms, depth_loss, train_room_net, zoomed
 from perception.networks.training.loop import LoopConfig
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.runtime import RoomSegmenter

@@ -13,8 +13,8 @@ from benchmarks.segmentation import evaluate_segmentation, main, scenes_of
 from perception.camera.image_files import read_image
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.runtime import shipped_unet
-from perception.segmentation.teacher import Teacher, TeacherConfig, fit_teacher, load_teacher
-from perception.segmentation.training.picks import Pick, gather_patches
+from perception.segmentation.teacher import TeacherConfig, fit_teacher, load_teacher
+from perception.segmentation.training.picks import gather_patches
 from tests.paper_lab import CLASSES
 from tests.uav_bt.learning.lab_world import write_colour_network
 from uav_bt.errors import FileError, InputError
@@ -26,24 +26,13 @@ SMALL = TeacherConfig(width_px=320, height_px=180, patch_px=11)
 PLAN = ViewPlan(scenes=("train-a", "train-b"), views=14, size_px=(320, 180))
 
 
-@pytest.fixture(scope="module")
-def picks() -> list[Pick]:
-    return draw_twin_picks(PLAN, SMALL, 1200)
-
-
-@pytest.fixture(scope="module")
-def teacher(picks: list[Pick]) -> Teacher:
-    images = ((name, rgb) for name, rgb, _ in twin_views(PLAN))
-    return fit_teacher(gather_patches(picks, images, SMALL.patch_px, CLASSES), SMALL)
-
-
-def test_picks_are_drawn_from_every_scene(picks: list[Pick]) -> None:
+def test_a_teacher_learns_the_twins_patterns_by_picks_in_every_scene() -> None:
+    picks = draw_twin_picks(PLAN, SMALL, 1200)
     assert 1000 < len(picks) < 1600
     assert {pick.image[:7] for pick in picks} == {"train-a", "train-b"}
     assert {pick.origin for pick in picks} == {"simulated"}
-
-
-def test_the_teacher_learns_the_twins_patterns(teacher: Teacher) -> None:
+    images = ((name, rgb) for name, rgb, _ in twin_views(PLAN))
+    teacher = fit_teacher(gather_patches(picks, images, SMALL.patch_px, CLASSES), SMALL)
     plan = replace(PLAN, scenes=("val-a",), views=10)
     score = evaluate_segmentation(teacher.window_ids, plan, CLASSES)
     assert score.images == 10
@@ -52,11 +41,7 @@ def test_the_teacher_learns_the_twins_patterns(teacher: Teacher) -> None:
 
 def test_the_shipped_unet_sees_the_validation_scenes_well() -> None:
     plan = ViewPlan(
-        scenes=VALIDATION_SCENES,
-        views=15,
-        size_px=(640, 360),
-        truth_size_px=(224, 112),
-        seed=5,
+        scenes=VALIDATION_SCENES, views=15, size_px=(640, 360), truth_size_px=(224, 112), seed=5
     )
     assert evaluate_segmentation(shipped_unet().ids, plan, CLASSES).role_miou >= 0.96
 

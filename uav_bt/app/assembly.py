@@ -45,18 +45,7 @@ _STILL_S: Final = 2.0  # of a real camera; longer than video needs to repeat a w
 class Flight(Generic[DroneT]):
     """A mission with its drone, options and policies; nothing is connected yet.
 
-    Args:
-        mission: Loaded tree.
-        drone: Drone that flies the mission.
-        options: Options of the flight.
-        held: What holds in the flight. Default: from options, mission and drone.
-        judge: Decides when the flight has ended. Default: by what holds.
-        segmenter: Source of class maps in place of a network. Default: from the options.
-        make_runner: Makes the runner, with the parameters of `MissionRunner`.
-        outputs: Folder that leaves write files to.
-
-    Raises:
-        InputError: Options, mission and place do not fit together.
+    A replay states what `held`, its own judge and runner, and a source of class maps.
     """
 
     def __init__(
@@ -96,11 +85,7 @@ class Flight(Generic[DroneT]):
 
     @cached_property
     def context(self) -> MissionContext:
-        """Context of the mission's leaves; the drone must be connected.
-
-        Raises:
-            InputError: Exact masks need a drone with a referee.
-        """
+        """Context of the mission's leaves; the drone must be connected."""
         held, drone = self.held, self.drone
         sight = drone.sight if isinstance(drone, Imageless) else None
         return MissionContext(
@@ -146,12 +131,7 @@ class Flight(Generic[DroneT]):
 
     @contextmanager
     def connected(self) -> Iterator[None]:
-        """Connect the drone and set the mission up; shut down and disconnect at the end.
-
-        Raises:
-            DroneError: the drone cannot be reached.
-            InputError: A leaf refused its ports, or the lab has no network for its classes.
-        """
+        """Connect the drone and set the mission up; shut down and disconnect at the end."""
         options = self.options
         given = self._segmenter is not None or isinstance(self.drone, Imageless)
         if not given and not options.exact_masks:
@@ -175,12 +155,7 @@ class Flight(Generic[DroneT]):
     def runner(
         self, listeners: Sequence[TickListener], next_tree: NextTree | None = None
     ) -> MissionRunner:
-        """Return the runner of the mission; the drone is connected.
-
-        Args:
-            listeners: Listeners that get each tick.
-            next_tree: Called between ticks; returns a tree that replaces the present one.
-        """
+        """Return the runner of the mission; between ticks `next_tree` may replace its tree."""
         config, tick_s = self.options.runner, self.drone.tick_s
         others = [one for one in listeners if one not in self._faulty]
         return self._make_runner(

@@ -11,7 +11,7 @@ from typing import Any, Final, TypeVar
 from perception.camera.camera_file import Undistorter, load_camera
 from uav_bt import plugins
 from uav_bt.app.option_values import is_drone_config, refuse_incomplete, refuse_unusable
-from uav_bt.app.options import FlightOptions
+from uav_bt.app.options import OF_DRONE, FlightOptions
 from uav_bt.app.place import limits_of, scene_of
 from uav_bt.app.site import Site
 from uav_bt.errors import DroneError, InputError
@@ -115,19 +115,11 @@ def _known(settings: dict[str, Any], names: Collection[str]) -> dict[str, Any]:
 
 
 def drone_settings(options: FlightOptions) -> dict[str, Any]:
-    """Return what sets up a drone besides its scene, by field name of its configuration class.
+    """Return what sets up a drone, by field name of its configuration class.
 
     None: the drone's default holds.
     """
-    return {
-        "seed": options.seed,
-        "profile": options.profile,
-        "image_size_px": options.image_size_px,
-        "realtime": options.realtime,
-        "movers": options.movers or None,
-        "vary_room": options.vary_room or None,
-        **_place_settings(options),
-    }
+    return {name: getattr(options, name) for name in OF_DRONE} | _place_settings(options)
 
 
 def _place_settings(options: FlightOptions) -> dict[str, Any]:
@@ -167,13 +159,7 @@ class CalibratedDrone(DroneWrapper):
         return self._ready().camera
 
     def connect(self) -> None:
-        """Connect the drone and read the camera file.
-
-        Raises:
-            DroneError: the drone cannot be reached.
-            FileError: the camera file is absent or malformed.
-            ValueRangeError: the camera was calibrated at another aspect than the frames'.
-        """
+        """Connect the drone and read the camera file."""
         self._drone.connect()
         try:
             reported = self._drone.camera

@@ -240,7 +240,9 @@ def _run(
             reason=verdict.reason,
             slow_leaves={leaf: round(1e3 * s, 1) for leaf, s in runner.budgets.worst_s.items()},
             warnings=[*log.warnings, *flight.missed_faults()],
-            airborne_at_end=runner.descent.airborne or _flies(drone),
+            # The runner knows only its own descents; the truth of a simulated drone is known.
+            airborne_at_end=runner.descent.airborne
+            or (drone.referee is not None and drone.referee.truth().motors_on),
             lost_outputs=dict(runner.listeners.lost),
             objects=objects_of(site_map),
             path=path.array(),
@@ -296,11 +298,6 @@ def _last_map(flight: Flight[Drone]) -> SiteMap | None:
     """Return the newest site map of any age. None: the mission made none."""
     known = flight.context.board.snapshot().get(SITE_MAP.name)
     return None if known is None else known[0]
-
-
-def _flies(drone: Drone) -> bool:
-    """Return whether a simulated drone is in the air: the runner knows only its own descents."""
-    return drone.referee is not None and drone.referee.truth().motors_on
 
 
 def _profile(flight: Flight[Drone]) -> str | None:

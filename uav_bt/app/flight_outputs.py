@@ -40,11 +40,7 @@ _EACH_PHOTO_S: Final = 10.0
 
 
 def flight_folder(out: Path | None, outputs: Mapping[str, Path | None]) -> FlightFolder | None:
-    """Return the output folder of a flight, new or empty. Leaves cannot write its other outputs.
-
-    Raises:
-        FileError: The folder has files already, or it cannot be written to.
-    """
+    """Return the output folder of a flight, new or empty. Leaves cannot write its other outputs."""
     if out is None:
         return None
     given = [file for file in outputs.values() if file is not None]
@@ -58,16 +54,9 @@ def check_outputs(
     outputs: Mapping[str, Path | None],
     folder: FlightFolder | None,
 ) -> None:
-    """Refuse outputs that cannot be written, that are inputs, or that are one file.
+    """Refuse outputs that cannot be written, that are one file, or that are inputs.
 
-    Args:
-        mission: Mission that is flown; its files, and those that its leaves name, are inputs.
-        options: Options of the flight; the files that they name are inputs.
-        outputs: Files of the flight by kind: report, record, video.
-        folder: Output folder; it is made when something is written.
-
-    Raises:
-        FileError: An output is refused.
+    Inputs are the files of the mission, those that its leaves name, and those of the options.
     """
     read: list[object] = [*mission.sources, *files_of(mission)]
     read += [getattr(options, one.name) for one in fields(options) if one.name not in _NO_INPUTS]
@@ -116,11 +105,7 @@ def fetch_photos(
     folder: FlightFolder,
     now: Callable[[], float] = time.monotonic,
 ) -> None:
-    """Write the photographs of the drone's camera, within a time for all, from its memory card.
-
-    Raises:
-        FileError: Photographs were not fetched; the message names them.
-    """
+    """Write the photographs of the drone's camera, within a time for all, from its memory card."""
     taken = {
         photo.camera_file: photo.camera_media
         for photo in report.photos

@@ -29,7 +29,7 @@ from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import RunnerConfig
 from uav_bt.plugins import need
 from uav_bt.protocols import Drone
-from uav_bt.record.config import Quality, RecordConfig
+from uav_bt.record.config import Quality
 from uav_bt.record.reader import RecordReader
 from uav_bt.record.record_file import RecordFile
 from uav_bt.record.recorder import FlightFacts, FlightRecorder
@@ -120,35 +120,23 @@ class RecordedOptions:
 
 
 def recorded_options(reader: RecordReader) -> RecordedOptions:
-    """Return the options that a recorded flight was flown with.
-
-    Raises:
-        FileError: the record's metadata is damaged.
-    """
+    """Return the options that a recorded flight was flown with."""
     values: dict[str, Any] = {}
-    for each in fields(RecordedOptions):
-        text = reader.metadata.get(each.name)
-        if text is not None:
-            # Texts stand there as they are, everything else as JSON.
-            plain = each.type in {"str", "str | None", "Quality"} and text != "null"
-            values[each.name] = text if plain else _parsed(reader, text)
     try:
+        for each in fields(RecordedOptions):
+            text = reader.metadata.get(each.name)
+            if text is not None:
+                # Texts stand there as they are, everything else as JSON.
+                plain = each.type in {"str", "str | None", "Quality"} and text != "null"
+                values[each.name] = text if plain else parse_json(text)
         return TypeAdapter(RecordedOptions).validate_python(values)
+    except InputError as error:
+        why = f"expected JSON, got '{text:.80}'"
+        raise FileError(reader.path, f"the record's metadata is damaged: {why}") from error
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(map(str, first["loc"]))
-        raise FileError(
-            reader.path, f"the record's metadata is damaged: {where}: {first['msg']}"
-        ) from error
-
-
-def _parsed(reader: RecordReader, text: str) -> Any:
-    try:
-        return parse_json(text)
-    except InputError as error:
-        raise FileError(
-            reader.path, f"the record's metadata is damaged: expected JSON, got '{text:.80}'"
-        ) from error
+        why = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+        raise FileError(reader.path, f"the record's metadata is damaged: {why}") from error
 
 
 class FlightRecord:
@@ -159,11 +147,7 @@ class FlightRecord:
         self._recorder: FlightRecorder | None = None
 
     def begin(self, flight: Flight[Drone]) -> tuple[FlightRecorder]:
-        """Open the file for a flight whose tree is set up; return the tick listener.
-
-        Raises:
-            FileError: the file cannot be written.
-        """
+        """Open the file for a flight whose tree is set up; return the tick listener."""
         options = flight.options
         # A simulation's clock stands still meanwhile: it waits for the disk, and nothing is lost.
         stands_still = not (flight.drone.live or options.realtime)
@@ -177,7 +161,8 @@ class FlightRecord:
                     flight.drone.camera,
                     flight_facts(flight),
                     start_ns=time.time_ns(),
-                    config=RecordConfig(quality=options.record_quality, wait=stands_still),
+                    quality=options.record_quality,
+                    wait=stands_still,
                 )
         except FileError:
             file.abandon()

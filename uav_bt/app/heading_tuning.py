@@ -98,9 +98,6 @@ def identify(series: Sequence[Series]) -> tuple[YawResponse, float]:
     """Fit delay, lag and gain by least squares on the heading; return also the residual, rms rad.
 
     The heading is linear in gain and initial heading, so only delay and lag are searched.
-
-    Raises:
-        InputError: The series turn too little, or the heading does not follow the commands.
     """
     if (turn_deg := commanded_turn_deg(series)) < _LEAST_TURN_DEG:
         raise InputError(
@@ -158,11 +155,7 @@ def heading_loop(gains: HeadingGains, response: YawResponse, tick_s: float) -> L
 
 
 def suggested_loop(response: YawResponse, tick_s: float) -> Loop:
-    """Return the fastest loop with 6 dB and 45 degrees; its gains are the shipped ones, scaled.
-
-    Raises:
-        InputError: No gain keeps these margins.
-    """
+    """Return the fastest loop with 6 dB and 45 degrees; its gains are the shipped ones, scaled."""
     shipped = HeadingGains()
     for proportional in _PROPORTIONAL:
         share = proportional / shipped.proportional

@@ -47,12 +47,7 @@ def is_text(tree: Mission) -> TypeGuard[str]:
 def load_mission(
     tree: Mission, options: FlightOptions, registry: NodeRegistry | None = None
 ) -> MissionTree:
-    """Load the tree of a flight: as `read_mission`, and within the flight's limits.
-
-    Raises:
-        InputError: the tree was refused, or its flight height lies above the ceiling.
-        TreeError: the tree would surely fail in flight.
-    """
+    """Load the tree of a flight: as `read_mission`, and within the flight's limits."""
     mission = read_mission(tree, options, registry)
     if faults := errors_of(faults_of(Uses(mission))):
         raise TreeError(mission.path, faults)
@@ -69,17 +64,7 @@ def read_mission(
 ) -> MissionTree:
     """Load a tree with the values that options and site replace in it.
 
-    Args:
-        tree: the mission.
-        options: which tree of a file, where else trees are, policies by node, and the site.
-        registry: the nodes that may occur; default: all installed.
-        replaced: further attribute values that replace the tree's, by a node's name or path.
-
-    Raises:
-        TreeError: the file was refused, or a policy is unknown.
-        FileError: the file or folder does not exist, or the parameter file has variants.
-        InputError: `tree` is not a mission or was set up before, or its leaves cannot take a
-            setting of the site.
+    `replaced`: further attribute values that replace the tree's, by a node's name or path.
     """
     if isinstance(options.params, ParameterFile) and options.params.variants:
         raise FileError(

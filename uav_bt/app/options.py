@@ -273,6 +273,8 @@ FlightOptions.__doc__ = (
 
 IN_COMMANDS: Final = tuple(name for name, about in _ABOUT.items() if about.group)
 """Fields of `FlightOptions` that `uav-bt fly` has as options; the others are for Python."""
+OF_DRONE: Final = tuple(name for name, about in _ABOUT.items() if about.of_drone)
+"""Fields of `FlightOptions` that a drone's configuration gets if it has fields of these names."""
 _OF_ONE_FLIGHT: Final = {
     *("scene", "seed", "record", "params"),
     *("realtime", "site", "camera", "rehearse", "inference_threads"),

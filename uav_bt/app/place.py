@@ -53,10 +53,6 @@ def conditions_of(
     (`app/loading.py`). Of two limits the smaller one holds, and of two areas both.
 
     `recorded`: whether a record states the area, and the flight is over.
-
-    Raises:
-        InputError: Scene and options are of different labs or landing marks, there is no mark to
-            land on, or the area cannot be kept.
     """
     scene, site, rules = drone.scene, options.place or Site(), rules_of(mission)
     lab = lab_of(options, scene)
@@ -106,11 +102,7 @@ def limits_of(options: FlightOptions) -> Limits:
 
 
 def lab_of(options: FlightOptions, scene: Scene | None) -> Lab | None:
-    """Return the lab of the options or of the scene; None if neither names one.
-
-    Raises:
-        InputError: The scene belongs to another lab than that of the options.
-    """
+    """Return the lab of options or scene; None without. A scene of another lab is refused."""
     lab, of_scene = options.lab, None if scene is None else load_lab(scene.lab)
     if not isinstance(lab, Lab):
         return of_scene
@@ -128,9 +120,6 @@ def scene_of(options: FlightOptions) -> str | None:
     """Return the scene of a simulated drone: its name or file; None for the drone's default.
 
     Without a scene in the options it is the first of the lab's folder `scenes`, by name.
-
-    Raises:
-        InputError: The lab has no scenes.
     """
     asked, lab = options.scene, options.lab
     if not isinstance(lab, Lab):
@@ -169,11 +158,7 @@ def _check_mark(judge: JudgeConfig, scene: Scene | None, lab: Lab | None) -> Non
 
 
 def check_area(mission: MissionTree, site: Site) -> None:
-    """Refuse areas of rules and site that do not fit together, as far as it is known on the ground.
-
-    Raises:
-        InputError: The area cannot be kept.
-    """
+    """Refuse areas of rules and site that do not fit together, where that is known before."""
     rules = rules_of(mission)
     corners = [*(rules.area or ()), *(site.area or ())]
     # Without a take-off pose the scene may still know where the drone stands in the drawing.

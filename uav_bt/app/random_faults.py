@@ -38,11 +38,7 @@ _LEVELS: Final = (0.3, 1.5)  # times the kind's default level
 
 
 def drawn(options: FlightOptions) -> FlightOptions:
-    """Return the options with room, movers and faults drawn from the seed, if `RANDOM` is a fault.
-
-    Raises:
-        InputError: the drone refuses the options.
-    """
+    """Return the options; with `RANDOM` a fault, room, movers and faults come from the seed."""
     if RANDOM not in options.faults:
         return options
     # Other faults in each scene, and the same for each tree, so that trees can be compared.
@@ -79,11 +75,7 @@ def check_faults(texts: Sequence[str]) -> list[Fault]:
 
 
 def check_phases(mission: MissionTree, faults: Sequence[Fault]) -> None:
-    """Refuse faults of phases that a mission cannot have.
-
-    Raises:
-        UnknownNameError: a phase is unknown.
-    """
+    """Refuse faults of phases that a mission cannot have."""
     members = {str(phase) for kind in Phase.__subclasses__() for phase in kind}
     # A moving leaf that writes no phase is one by its own name.
     leaves = {leaf.name for leaf in mission.leaves() if leaf.moves and PHASE not in leaf.writes}
@@ -94,11 +86,7 @@ def check_phases(mission: MissionTree, faults: Sequence[Fault]) -> None:
 
 
 def with_faults(drone: Drone, texts: Sequence[str]) -> Drone:
-    """Return an unconnected drone with faults.
-
-    Raises:
-        InputError: a fault is unknown or malformed, or the drone cannot have it.
-    """
+    """Return an unconnected drone with faults."""
     faults = check_faults(texts)
     if faults and drone.live:
         raise InputError("faults are for simulated drones; a real one must not get them")

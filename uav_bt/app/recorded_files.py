@@ -42,11 +42,7 @@ class RecordedFiles(NamedTuple):
 
 
 def recorded_files(reader: RecordReader, folder: Path) -> RecordedFiles:
-    """Write a record's attachments into an empty folder.
-
-    Raises:
-        FileError: an attachment's name leads out of the folder or is no file's.
-    """
+    """Write a record's attachments into an empty folder."""
     root = folder.resolve()
     files = {name: _written(reader, root, name) for name in reader.attachments}
     tree = files.get(f"{_TREE_FOLDER}{reader.metadata.get('tree', '')}")

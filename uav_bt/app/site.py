@@ -81,11 +81,7 @@ def load_site(path: str | Path) -> Site:
 
 
 def site_of_lab(lab: Lab) -> Site:
-    """Return the site of a lab, as of a site file with the same keys.
-
-    Raises:
-        FileError: A limit is out of its range; the message has the line of the lab file.
-    """
+    """Return the site of a lab, as of a site file with the same keys."""
     mark = {"mark": lab.mark, "mark_pose": lab.mark_pose}
     failure = partial(lab_error, lab.file)
     return _site(lab.flight, network_of(lab), failure, **mark, file=lab.file, lab=lab.name)

@@ -7,18 +7,15 @@ def count(lab: str, *, most: Annotated[int, Ge(1), Option("Most images.")] = 300
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
-from types import UnionType
-from typing import Annotated, Any, Final, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Final, get_args, get_origin, get_type_hints
 
 import click
-from annotated_types import Ge, Gt, Le
 
 from uav_bt.cli.command import Command
-from uav_bt.cli.values import Number, OutputFile, OutputFolder, WholeNumber
+from uav_bt.cli.values import first_type, is_repeated, type_of
 from uav_bt.errors import InputError
 from uav_bt.option import Option, text_below
 
@@ -85,16 +82,16 @@ class _Call:
             self._own.append(each.name)
             self.groups[each.name] = about.group
             made = _option if each.kind is each.KEYWORD_ONLY else _argument
-            self.params.append(made(each.name, _of_union(kind), notes, about, default))
+            self.params.append(made(each.name, first_type(kind), notes, about, default))
 
 
 def _argument(
     name: str, kind: Any, notes: Sequence[Any], about: Option, default: Any
 ) -> click.Argument:
     more: dict[str, Any] = (
-        {"nargs": -1, "required": default is _NOTHING} if _is_repeated(kind) else {}
+        {"nargs": -1, "required": default is _NOTHING} if is_repeated(kind) else {}
     )
-    return click.Argument([name], metavar=about.metavar, type=_type(kind, notes, about), **more)
+    return click.Argument([name], metavar=about.metavar, type=type_of(kind, notes, about), **more)
 
 
 def _option(
@@ -104,7 +101,7 @@ def _option(
     if kind is bool:
         flag += "" if default is False else f"/--no-{flag[2:]}"
         return click.Option([flag, name], default=default, is_flag=True, help=about.help)
-    repeated = _is_repeated(kind)
+    repeated = is_repeated(kind)
     more: dict[str, Any] = {"required": default is _NOTHING}
     if not (default is _NOTHING or repeated):
         more["default"] = default if about.write is None else about.write(default)
@@ -115,7 +112,7 @@ def _option(
     return click.Option(
         [flag, name],
         metavar=about.metavar or _PLACEHOLDERS.get(about.path),
-        type=_type(kind, notes, about),
+        type=type_of(kind, notes, about),
         multiple=repeated,
         help=about.help,
         **more,
@@ -129,41 +126,3 @@ def _read(
         return None if value is None else read(value)
     except InputError as error:
         raise click.BadParameter(str(error), ctx, param) from error
-
-
-def _of_union(kind: Any) -> Any:
-    """Return the first type of a union, as None is no text and most values can be texts."""
-    return get_args(kind)[0] if get_origin(kind) in {Union, UnionType} else kind
-
-
-def _is_repeated(kind: Any) -> bool:
-    origin = get_origin(kind)
-    return origin in {Sequence, Mapping} or (origin is tuple and get_args(kind)[-1] is Ellipsis)
-
-
-def _type(kind: Any, notes: Sequence[Any], about: Option) -> click.ParamType[Any]:
-    if about.path:
-        return {
-            "read": click.Path(dir_okay=False, path_type=Path),
-            "written": OutputFile(about.suffix),
-            "folder": OutputFolder(),
-        }[about.path]
-    if _is_repeated(kind):
-        kind = _of_union(get_args(kind)[0])
-    if kind is Path:
-        return click.Path(path_type=Path)
-    if get_origin(kind) is Literal:
-        return click.Choice(get_args(kind))
-    if about.read is not None or kind not in {int, float}:
-        return click.STRING
-    bounds = dict(pair for note in notes for pair in _bounds(note))
-    return (WholeNumber if kind is int else Number)(**bounds)
-
-
-def _bounds(note: object) -> Iterator[tuple[str, Any]]:
-    if isinstance(note, Ge):
-        yield "min", note.ge
-    elif isinstance(note, Gt):
-        yield from (("min", note.gt), ("min_open", True))
-    elif isinstance(note, Le):
-        yield "max", note.le

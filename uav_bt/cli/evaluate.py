@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import tempfile
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 import click
 from annotated_types import Ge
@@ -14,16 +15,24 @@ from perception.control.runtime import SHIPPED_STUDENT, OnnxControlStudent
 from perception.depth.runtime import load_depth_estimator
 from perception.segmentation import runtime
 from uav_bt.cli.declare import command
-from uav_bt.cli.depth_tables import depth_report
 from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.shared import Records
 from uav_bt.cli.training_options import Drawn
 from uav_bt.files import writing
-from uav_bt.learning import evaluation
-from uav_bt.learning.dataset import read_advised_flights, records_of
-from uav_bt.learning.depth_tables.images import ImagePlan
+from uav_bt.learning.dataset import evaluate_student, read_advised_flights, records_of
+from uav_bt.learning.depth_evaluation import evaluate_depth
 from uav_bt.learning.views import TESTING_SCENES, DepthViewPlan
 from uav_bt.option import Option
+
+_FIGURES: Final = {
+    "edges": ("mean", "median", "rmse", "std", "corr", "known"),
+    "distances": ("mean", "median", "max", "known"),
+    "obstacles": ("mean", "known"),
+}
+_PAPER: Final = (
+    *("0.0740", "0.0597", "0.0988", "0.0655", "0.8342", ""),
+    *("0.1440", "0.1628", "0.3714", "", "", ""),
+)
 
 _Scores = Annotated[Path | None, Option("Write the scores there too, as JSON.", path="written")]
 
@@ -38,28 +47,48 @@ def depth(
         Literal["unet", "exact"],
         Option("Class maps: the network's, as in a flight, or the twin's exact ones."),
     ] = "unet",
-    tables: Annotated[
-        str, Option("The tables, with commas between.", "NAMES")
-    ] = "pairs,distance,sensitivity,corridor",
     drawn: Annotated[Drawn, Option(parts=Drawn, defaults={"views": 170, "seed": 21})],
     out: _Scores = None,
 ) -> None:
     """Measure metric depth against the twin's exact depth; on the testing scenes by default.
 
-    Prints the paper's tables, its figures beside ours: lengths of obstacles' edges, distances from
-    the camera, errors by wrong telemetry and masks, and errors of the safety corridor.
+    Prints errors beside the paper's: lengths of obstacles' edges and distances from the camera,
+    by the paper's three scales, by ground contact alone, and as flown.
     """
     network = None if model == "contact" else load_depth_estimator(model, threads=2)
-    plan = ImagePlan(views=drawn.of(DepthViewPlan(scenes=TESTING_SCENES)), masks=masks)
-    wanted = [name.strip() for name in tables.split(",") if name.strip()]
+    plan = drawn.of(DepthViewPlan(scenes=TESTING_SCENES))
+    unet = runtime.shipped_unet(threads=2)
     with progress_bars() as advance:
-        measured = evaluation.evaluate_depth(
-            plan, runtime.shipped_unet(threads=2), network, tables=wanted, advance=advance
-        )
-    result = {"model": model, **measured}
-    for line in depth_report(result):
+        measured = evaluate_depth(plan, masks, unet, network, advance=advance)
+    click.echo(
+        f"{model} on {measured['images']} images of {', '.join(plan.scenes)}, {masks} masks, "
+        f"telemetry of profile '{plan.profile}'\n"
+        f"Errors in metres of {measured['edges']} edges of obstacles and of {measured['points']} "
+        "distances of 0.3 to 5 m; 'known': the share for which a method has an estimate"
+    )
+    for line in depth_lines(measured["rows"]):
         click.echo(line)
-    _write(result, out)
+    _write({"model": model, **measured}, out)
+
+
+def depth_lines(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Yield the lines of a table of errors, the paper's first."""
+    heads = [f"{what} {name}" for what, names in _FIGURES.items() for name in names]
+    lines = [["", *heads], ["the paper (adaptive)", *_PAPER]]
+    for row in rows:
+        cells = [_figure(row[what], name) for what, names in _FIGURES.items() for name in names]
+        lines.append([row["method"], *cells])
+    widths = [max(len(cell) for cell in column) for column in zip(*lines, strict=True)]
+    for head, *cells in lines:
+        padded = (f"{cell:>{width}}" for cell, width in zip(cells, widths[1:], strict=True))
+        yield f"{head:<{widths[0]}}  {'  '.join(padded)}"
+
+
+def _figure(error: Mapping[str, Any], name: str) -> str:
+    if name == "known":
+        return f"{error['valid'] / error['total']:.0%}" if error["total"] else "-"
+    value = error[{"corr": "correlation"}.get(name, f"{name}_m")]
+    return "-" if value is None else f"{value:.4f}"
 
 
 @command()
@@ -89,7 +118,7 @@ def student(
         flights = read_advised_flights(
             records_of(records), network.config, views_kept or Path(folder), advance=advance
         )
-        score = evaluation.evaluate_student(flights, network, max_windows=views)
+        score = evaluate_student(flights, network, max_windows=views)
     click.echo(f"flights: {len(flights)}, views scored: {score.windows}")
     for name, value in score.to_json().items():
         if name != "windows":

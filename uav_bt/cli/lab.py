@@ -30,7 +30,7 @@ def new(
     name: str,
     *,
     folder: Annotated[
-        Path, Option("Folder of your labs; it is made if it is absent.", "--in")
+        Path, Option("Folder of your labs; it is made if it is absent.", "--in DIR")
     ] = Path("labs"),
 ) -> None:
     """Write a commented lab file for a place of yours.

@@ -10,7 +10,6 @@ from typing import Annotated, Any
 import click
 from annotated_types import Ge, Le
 
-from perception.depth.runtime import load_depth_estimator
 from uav_bt.cli.declare import command
 from uav_bt.cli.progress import progress_bars
 from uav_bt.errors import MissionError, WeightsError
@@ -19,8 +18,7 @@ from uav_bt.inputs import refuse_inputs
 from uav_bt.lab.classes import ROLE_NAMES
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import load_lab
-from uav_bt.learning.flight_geometry import compare_lengths, open_flight
-from uav_bt.learning.geometry import Geometry
+from uav_bt.learning.flight_geometry import Geometry, compare_ranges, open_flight
 from uav_bt.learning.lab_checks import picks_of_lab, teacher_of_lab
 from uav_bt.learning.lab_material import LabMaterial
 from uav_bt.learning.masks import MaskSource
@@ -55,8 +53,8 @@ def check(
     flights: Annotated[
         tuple[Path, ...],
         Option(
-            "Compare lengths in the record of a flight in the lab, too: heights, camera and mark. "
-            "Repeatable.",
+            "Compare the range of the mark in the record of a flight in the lab by its size and by "
+            "the camera, too. Repeatable.",
             "--flight RECORD",
             path="read",
         ),
@@ -69,9 +67,9 @@ def check(
     is scored beside the network. LAB/training/check.png shows the worst images: image, class map
     and picks, wrong ones with a red rim.
 
-    With --flight the range of the landing mark is measured by its size, by height and pitch, and by
-    the depth network. A wrong size, height or camera shows there and not in picks. A lab without
-    picks or images is then checked by its flights only.
+    With --flight the range of the landing mark is measured by its size, and by height and pitch. A
+    wrong size, height or camera shows there and not in picks. A lab without picks or images is then
+    checked by its flights only.
     """
     material = LabMaterial(lab=load_lab(lab))
     if out is not None:
@@ -124,15 +122,11 @@ def _score(material: LabMaterial, model: Path | None) -> tuple[PickScore, dict[s
 
 
 def _geometry(lab: Lab, model: Path | None, flights: Sequence[RecordReader]) -> Geometry:
-    """Compare lengths in flights, print the result, and return it."""
-    segmenter, network = network_of_lab(lab, model), load_depth_estimator("depth")
+    """Compare ranges of the mark in flights, print the result, and return it."""
     with progress_bars() as advance:
-        geometry = compare_lengths(flights, lab, segmenter, network, advance=advance)
-    for line in geometry.lines():
+        geometry = compare_ranges(flights, lab, network_of_lab(lab, model), advance=advance)
+    for line in geometry.lines(lab.file):
         click.echo(line)
-    wrong = geometry.likely_wrong(lab.file)
-    if wrong:
-        click.echo(wrong)
     return geometry
 
 

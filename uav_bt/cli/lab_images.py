@@ -18,7 +18,6 @@ from uav_bt.errors import InputError
 from uav_bt.files import check_output
 from uav_bt.lab.shipped import load_lab
 from uav_bt.learning import lab_frames
-from uav_bt.learning.frames_summary import FramesSummary
 from uav_bt.learning.lab_material import LabMaterial
 from uav_bt.option import Option
 
@@ -47,7 +46,7 @@ def frames(
         raise InputError("\n".join(summary.refused))
 
 
-def _show(summary: FramesSummary) -> None:
+def _show(summary: lab_frames.FramesSummary) -> None:
     width = max(len("source"), *(len(one.source) for one in summary.sources))
     click.echo(f"{'source':<{width}}    read  blurred  alike  over count  kept  for check")
     for one in summary.sources:

@@ -148,3 +148,5 @@ def _show(summary: PerceiveSummary) -> None:
         click.echo(f"{name:<15} {value}")
     for line in summary.skipped:
         click.echo(f"skipped {line}")
+    for line in summary.warnings:
+        click.echo(f"Warning: {line}", err=True)

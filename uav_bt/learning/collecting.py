@@ -64,22 +64,13 @@ def collect(
     on_flight: Progress = lambda _flight, _now: None,
     on_note: Callable[[str], None] = lambda _: None,
 ) -> list[Path]:
-    """Fly the flights of a plan that are missing in its folder.
-
-    Args:
-        plan: the flights.
-        folder: destination of a campaign per profile, and of the random scenes.
-        backend: runs the flights; by default on the cores of this machine.
-        on_flight: called after each flight.
-        on_note: called with messages about the folder.
-
-    Returns:
-        The records.
-
-    Raises:
-        InputError: tree, scene or policy is unusable, or the tree has no adviser.
-    """
-    _check_adviser(plan.tree)
+    """Fly the flights of a plan that are missing in its folder, and return the records."""
+    if not any(ADVICE in leaf.writes for leaf in app.check(plan.tree).leaves()):
+        raise InputError(
+            f"no leaf of '{plan.tree}' writes '{ADVICE.name}', so its records have no labels: put "
+            '<RememberViews/> and <Advise policy="corridor"/> behind <BuildCorridor/>, as '
+            "explore_and_land_advised has it"
+        )
     scenes = _scenes(plan, folder / "scenes")
     records: list[Path] = []
     for profile in plan.profiles:
@@ -103,24 +94,8 @@ def collect(
     return [record for record in records if record.is_file()]
 
 
-def _check_adviser(tree: str | Path) -> None:
-    mission = app.check(tree)
-    if not any(ADVICE in leaf.writes for leaf in mission.leaves()):
-        raise InputError(
-            f"no leaf of '{tree}' writes '{ADVICE.name}', so its records have no labels: put "
-            '<RememberViews/> and <Advise policy="corridor"/> behind <BuildCorridor/>, as '
-            "explore_and_land_advised has it"
-        )
-
-
 def nodes_under_policy(tree: str | Path) -> list[str]:
-    """Return the names of a tree's leaves that use a leaf policy.
-
-    Leaves that only write the advice of a policy are omitted.
-
-    Raises:
-        TreeError: the tree was refused.
-    """
+    """Return the names of a tree's leaves that fly by a leaf policy, not only advise by it."""
     return [
         leaf.name
         for leaf in app.check(tree).leaves()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -13,10 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.control.ego_state import ControlNetConfig
+from perception.control.runtime import ControlEstimate, OnnxControlStudent
 from perception.control.training.samples import (
+    Batch,
     ControlFlight,
+    ControlSamples,
+    ControlScore,
     advised_flight,
     read_flight,
+    score_control,
     write_flight,
 )
 from perception.depth.training.footage import Flight, gathered, shrink
@@ -28,17 +32,15 @@ from perception.depth.training.labelling import (
 )
 from perception.networks.onnx_runtime import shrunk
 from uav_bt.errors import FileError, InputError
-from uav_bt.files import reading
+from uav_bt.learning.lab_material import fingerprint
 from uav_bt.progress import Advance, silent
 from uav_bt.protocols import Advice, Segmenter
-from uav_bt.record.footage import flight_record, footage
 from uav_bt.record.moment import StoredFrame
-from uav_bt.record.reader import RecordReader
+from uav_bt.record.reader import RecordReader, flight_record, footage
 from uav_bt.types import CameraModel, DroneState
 from uav_bt.types.arrays import Image
 
 _FOOTAGE_EVERY_S: Final = 0.1  # one tick
-_END_BYTES: Final = 64 * 1024  # hashed bytes of both ends, where a record has its index
 # The rule's reason without depth, which depends on the depth network and not on the view.
 _BLIND: Final = "no depth"
 
@@ -47,11 +49,7 @@ _BLIND: Final = "no depth"
 
 
 def records_of(paths: Sequence[Path]) -> list[Path]:
-    """Return the records at paths: files, and all files below folders, without duplicates.
-
-    Raises:
-        FileError: a folder contains no record.
-    """
+    """Return the records at paths: files, and all files below folders, without duplicates."""
     found: dict[Path, None] = {}
     for path in paths:
         records = sorted(path.rglob("*.mcap")) if path.is_dir() else [path]
@@ -62,16 +60,7 @@ def records_of(paths: Sequence[Path]) -> list[Path]:
 
 
 def split_records(paths: Sequence[Path], held_out: Sequence[Path]) -> tuple[list[Path], list[Path]]:
-    """Return the records for training and those for evaluation.
-
-    Args:
-        paths: files and folders for training; those that are also held out are removed.
-        held_out: files and folders for evaluation.
-
-    Raises:
-        FileError: a folder contains no record.
-        InputError: no record remains for training.
-    """
+    """Return the records for training and those for evaluation."""
     others = records_of(held_out)
     learnt = [record for record in records_of(paths) if record not in others]
     if not learnt:
@@ -82,32 +71,11 @@ def split_records(paths: Sequence[Path], held_out: Sequence[Path]) -> tuple[list
     return learnt, others
 
 
-def fingerprint(record: Path) -> str:
-    """Return a hash that identifies the state of a record: its size, change time and both ends.
-
-    Raises:
-        FileError: the record cannot be read.
-    """
-    with reading(record), record.open("rb") as file:
-        status = record.stat()
-        digest = hashlib.sha256(file.read(_END_BYTES))
-        file.seek(max(0, status.st_size - _END_BYTES))
-        digest.update(file.read())
-    digest.update(f"{status.st_size} {status.st_mtime_ns}".encode())
-    return digest.hexdigest()[:12]
-
-
 # --- frames ---------------------------------------------------------------------------------------
 
 
 def spaced(frames: Iterable[StoredFrame], every_s: float) -> Iterator[StoredFrame]:
-    """Yield frames with a spacing of about `every_s`, without duplicates.
-
-    Args:
-        frames: frames in the order of time.
-        every_s: wanted spacing. A frame after at least three quarters of it is used, because
-            frames arrive at a fixed rate.
-    """
+    """Yield frames with a spacing of about `every_s`, without duplicates."""
     last: StoredFrame | None = None
     for frame in frames:
         if last is not None:
@@ -119,11 +87,7 @@ def spaced(frames: Iterable[StoredFrame], every_s: float) -> Iterator[StoredFram
 
 
 def image_of(frame: StoredFrame, record: Path) -> NDArray[np.uint8]:
-    """Decode a frame's image, (H, W, 3) RGB.
-
-    Raises:
-        FileError: the image is damaged; the message names the record.
-    """
+    """Decode a frame's image, (H, W, 3) RGB."""
     try:
         return frame.frame().image
     except InputError as error:
@@ -131,11 +95,7 @@ def image_of(frame: StoredFrame, record: Path) -> NDArray[np.uint8]:
 
 
 def footage_of(path: Path) -> Flight:
-    """Read a record's telemetry, and ten frames per second at the size of the depth network.
-
-    Raises:
-        FileError: the file is not a complete flight record, or has no frame.
-    """
+    """Read a record's telemetry, and ten frames per second at the size of the depth network."""
     reader = flight_record(path)
     states: list[DroneState] = []
 
@@ -168,14 +128,7 @@ def read_flights(
     *,
     advance: Advance = silent,
 ) -> list[Flight]:
-    """Read records and, with a segmenter, label them; existing labels are reused.
-
-    Args:
-        paths: paths of the records.
-        segmenter: source of the masks for the labels; None: no labels.
-        folder: cache of the labels, so that an interrupted run can continue.
-        advance: called after each labelled frame and each flight.
-    """
+    """Read records and, with a segmenter, label them; existing labels are reused."""
     flights = []
     for done, path in enumerate(paths, start=1):
         flight = footage_of(path)
@@ -216,17 +169,7 @@ def read_advised_flights(
     *,
     advance: Advance = silent,
 ) -> list[ControlFlight]:
-    """Read records of advised flights, with a cache.
-
-    Args:
-        records: the files.
-        net: configuration of the network, source of the image size.
-        folder: cache of the resized views.
-        advance: called after each record.
-
-    Raises:
-        FileError: a record is damaged, unfinished, of another camera, or without advice.
-    """
+    """Read records of advised flights, with a cache."""
     flights: list[ControlFlight] = []
     camera: CameraModel | None = None
     for done, path in enumerate(records, start=1):
@@ -245,7 +188,7 @@ def read_advised_flights(
 
 def _kept(reader: RecordReader, net: ControlNetConfig, folder: Path) -> ControlFlight:
     size_px = (net.width_px, net.height_px)
-    state = fingerprint(reader.path)
+    state = fingerprint(reader.path, dated=True)
     file = folder / f"{reader.path.stem}-{state}-{size_px[0]}x{size_px[1]}.npz"
     if file.is_file():
         return read_flight(file)
@@ -279,3 +222,16 @@ def _advised_views(
             and advice.answer.reason != _BLIND
         ):
             yield shrunk(image_of(item, reader.path), size_px), advice
+
+
+def evaluate_student(
+    flights: Sequence[ControlFlight], student: OnnxControlStudent, *, max_windows: int = 2000
+) -> ControlScore:
+    """Score an exported student on windows of advised flights, spread evenly over all."""
+
+    def estimates(batch: Batch) -> list[ControlEstimate]:
+        windows = zip(batch.frames, batch.state, strict=True)
+        return [student.estimate(list(frames), state) for frames, state in windows]
+
+    samples = ControlSamples(flights, student.config)
+    return score_control(estimates, samples, max_windows=max_windows)

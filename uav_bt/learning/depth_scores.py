@@ -42,11 +42,7 @@ class DepthScore:
 
 
 def score_depth(samples: Iterable[DepthSample]) -> DepthScore:
-    """Score predictions; a score that an image does not have (of obstacles, say) is left out.
-
-    Raises:
-        ValueRangeError: there is nothing to score, or a prediction is not positive and finite.
-    """
+    """Score predictions; a score that an image does not have (of obstacles, say) is left out."""
     table = np.array([_scores(*sample) for sample in samples], dtype=np.float64)
     if not len(table):
         raise ValueRangeError("there are no images to score depth on")

@@ -18,27 +18,18 @@ from uav_bt.learning.views import DepthViews
 from uav_bt.types.arrays import Image
 
 _COLUMNS: Final = 3
+_SHEET_ROWS: Final = 6
 
 
 class Diary:
-    """Scores of a run by step.
-
-    Args:
-        folder: folder of `scores.jsonl` and `curves.png`.
-        curves: names of the values to plot.
-    """
+    """Scores of a run by step."""
 
     def __init__(self, folder: Path, curves: Sequence[str]) -> None:
         self.folder = folder
         self._curves = tuple(curves)
 
     def note(self, step: int, values: Mapping[str, Any]) -> None:
-        """Add a line and redraw the curves.
-
-        Args:
-            step: training step.
-            values: JSON values by name; None for a missing value.
-        """
+        """Add a line and redraw the curves."""
         self.folder.mkdir(parents=True, exist_ok=True)
         with (self.folder / "scores.jsonl").open("a", encoding="utf-8") as file:
             file.write(json.dumps({"step": step, **values}) + "\n")
@@ -65,21 +56,9 @@ class Diary:
         figure.savefig(self.folder / "curves.png")
 
 
-def write_depth_sheet(
-    path: Path, views: DepthViews, predicted: NDArray[np.float32], *, rows: int = 6
-) -> None:
-    """Draw image, true depth and predicted depth of some views side by side.
-
-    Args:
-        path: the PNG file.
-        views: images with ground truth.
-        predicted: (N, 128, 160) predicted depth.
-        rows: number of views to draw.
-
-    Raises:
-        FileError: the file cannot be written.
-    """
-    places = np.linspace(0, len(views.rgb) - 1, rows).astype(int)
+def write_depth_sheet(path: Path, views: DepthViews, predicted: NDArray[np.float32]) -> None:
+    """Draw image, true and predicted depth, (N, 128, 160), of some views side by side."""
+    places = np.linspace(0, len(views.rgb) - 1, _SHEET_ROWS).astype(int)
     strips = [_depth_strip(views.rgb[at], views.depth_m[at], predicted[at]) for at in places]
     if not cv2.imwrite(str(path), np.vstack(strips)[..., ::-1]):
         raise FileError(path, "the image cannot be written")

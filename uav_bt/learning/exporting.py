@@ -42,22 +42,7 @@ def export_network(
     views: ViewPlan = CALIBRATION_VIEWS,
     advance: Advance = silent,
 ) -> None:
-    """Write the ONNX file of a network.
-
-    Args:
-        network: name of one of `NETWORKS`.
-        weights: the safetensors file.
-        out: the ONNX file.
-        precision: number format of the network.
-        views: images for the calibration of 8-bit integers.
-        advance: called after each image.
-
-    Raises:
-        WeightsError: the weights are unusable.
-        SceneError: a scene is missing or malformed.
-        UnknownNameError: the precision does not exist.
-        MissingDependencyError: OpenGL does not work here.
-    """
+    """Write the ONNX file of a network."""
     if precision not in PRECISIONS:
         raise UnknownNameError("precision", precision, PRECISIONS)
     calibration = None if precision == "fp32" else _images(views, advance)

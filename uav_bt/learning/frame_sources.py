@@ -1,184 +1,101 @@
-"""Videos, flight records and photographs that a lab's images are taken from."""
+"""Videos, flight records and photographs that a lab's images are taken from, and candidates.
+
+A candidate is the sharpest image of each short time, kept as a JPEG file.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final
 
 import cv2
-import numpy as np
-from numpy.typing import NDArray
 
 from perception.camera.image_files import FOREIGN_SUFFIXES, IMAGE_SUFFIXES
+from perception.segmentation.training.frame_choice import (
+    Look,
+    clear_ones,
+    look_at,
+    sharpness_size_px,
+)
+from uav_bt.app.sources.by_name import FolderSource, RecordSource
+from uav_bt.app.sources.shots import ImageSource, Shot
 from uav_bt.app.sources.video_source import VideoSource
 from uav_bt.errors import FileError, InputError
-from uav_bt.files import did_you_mean_file
-from uav_bt.record.footage import RECORD_SUFFIX, flight_record, footage
-from uav_bt.record.moment import StoredFrame
-from uav_bt.types.arrays import Image
-
-SMALLEST_PX: Final = (224, 112)
-"""Longer and shorter side of the smallest images."""
+from uav_bt.files import did_you_mean_file, writing
+from uav_bt.learning.lab_material import LabFrame, fingerprint
+from uav_bt.record.reader import RECORD_SUFFIX, flight_record
 
 _VIDEO_SUFFIXES: Final = (
-    *(".3gp", ".avi", ".m2ts", ".m4v", ".mkv", ".mov", ".mp4", ".mpg", ".mts", ".ts", ".webm"),
+    *(".264", ".265", ".3gp", ".avi", ".h264", ".h265", ".hevc", ".m2ts", ".m4v", ".mkv"),
+    *(".mov", ".mp4", ".mpg", ".mts", ".ts", ".webm"),
 )
+_KNOWN: Final = (*_VIDEO_SUFFIXES, *IMAGE_SUFFIXES, *FOREIGN_SUFFIXES, RECORD_SUFFIX)
 _UNKNOWN_DURATION_S: Final = 60.0  # of a video that states none; it shares the images
 _NAMED: Final = 3  # files that a message lists
 
 
-class Shot(Protocol):
-    """An image with its time, converted on demand."""
-
-    @property
-    def time_s(self) -> float:
-        """Time since the source began."""
-        ...
-
-    @property
-    def size_px(self) -> tuple[int, int]:
-        """Width and height."""
-        ...
-
-    def shrunk(self, size_px: tuple[int, int], *, colour: bool) -> NDArray[np.uint8]:
-        """Return the image at another size, (H, W, 3) uint8 RGB or (H, W) uint8."""
-        ...
-
-
-Shots = Generator[Shot, None, None]
-"""Images in order of time; closing lets go of the file."""
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
-class WholeShot:
-    """An image that is an array already."""
+class FrameSource:
+    """A video file, a flight record or a photograph."""
 
-    array: Image  # (H, W, 3) RGB
-    time_s: float = 0.0
+    name: str  # in the list of images, different for each source
+    path: Path
+    content: str  # hash by which the file is known again, whatever its name
+    images: ImageSource
 
     @property
-    def size_px(self) -> tuple[int, int]:
-        """Width and height."""
-        return self.array.shape[1], self.array.shape[0]
+    def seconds(self) -> float:
+        """About how long it is."""
+        stated_s = self.images.duration_s
+        return _UNKNOWN_DURATION_S if stated_s is None else stated_s
 
-    def shrunk(self, size_px: tuple[int, int], *, colour: bool) -> NDArray[np.uint8]:
-        """Return the image at another size, (H, W, 3) uint8 RGB or (H, W) uint8."""
-        array = self.array if colour else cv2.cvtColor(self.array, cv2.COLOR_RGB2GRAY)
-        shrinks = size_px[0] < self.size_px[0]
-        interpolation = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
-        return np.asarray(cv2.resize(array, size_px, interpolation=interpolation), dtype=np.uint8)
+    def gave(self, frame: LabFrame) -> bool:
+        """Return whether a listed image was taken from this source."""
+        return frame.content == self.content if frame.content else frame.source == self.name
 
 
-@dataclass(frozen=True, kw_only=True)
-class Filmed:
-    """A video file or a flight record.
+def find_sources(
+    paths: Sequence[Path], own: Path, listed: Sequence[LabFrame]
+) -> tuple[list[FrameSource], list[FrameSource], list[str]]:
+    """Find videos and records in the order of their names on the line, and photographs by name.
 
-    Attributes:
-        name: Name in the list of images, different for each source.
-        path: The file.
-        duration_s: About how long it is.
-        skipped: Images that could not be read, with the reasons; filled while shots are read.
+    Returns:
+        Videos and records, photographs, and lines about files that are not read.
     """
-
-    name: str
-    path: Path
-    duration_s: float
-    skipped: list[str] = field(default_factory=list)
-
-    def shots(self) -> Shots:
-        """Iterate over all images.
-
-        Raises:
-            FileError: The file cannot be read.
-        """
-        if _is_record(self.path):
-            yield from _recorded(self.path, self.skipped)
-            return
-        source = VideoSource(self.path)
-        try:
-            with closing(source.decoded()) as decoded:
-                yield from decoded
-        finally:
-            self.skipped.extend(source.skipped)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Photograph:
-    """An image file.
-
-    Attributes:
-        name: Name in the list of images, different for each source.
-        path: The file.
-    """
-
-    name: str
-    path: Path
-
-
-@dataclass(frozen=True, kw_only=True)
-class FrameSources:
-    """All that images are taken from.
-
-    Attributes:
-        filmed: Videos and records, in the order in which they were named.
-        photographs: Image files by name.
-        notes: Lines about files that are not read.
-    """
-
-    filmed: tuple[Filmed, ...]
-    photographs: tuple[Photograph, ...]
-    notes: tuple[str, ...]
-
-
-def find_sources(paths: Sequence[Path], own: Path) -> FrameSources:
-    """Find videos, records and photographs, and open each video once.
-
-    Args:
-        paths: Files, and folders of which all files below are taken that have a known suffix.
-        own: Folder of the lab's images, which are no sources.
-
-    Raises:
-        FileError: A file or folder is absent, a folder holds nothing, or a video cannot be read.
-        InputError: All that was named is in formats that are not read.
-    """
-    files: dict[Path, Path] = {}  # by the resolved path: each file is read once
+    files: dict[str, Path] = {}  # by content: each file is read once
     foreign: list[Path] = []
     for path in paths:
         for file in _files(path, own):
             if file.suffix.lower() in FOREIGN_SUFFIXES:
                 foreign.append(file)
             else:
-                files.setdefault(file.resolve(), file)
-    names = _names(files.values())
-    photographs = [
-        Photograph(name=names[file], path=file) for file in files.values() if _is_photograph(file)
-    ]
-    note = _conversion(foreign)
-    if foreign and not files:
-        raise InputError(note)
-    filmed = [_opened(names[file], file) for file in files.values() if not _is_photograph(file)]
-    return FrameSources(
-        filmed=tuple(filmed),
-        photographs=tuple(sorted(photographs, key=lambda one: one.name)),
-        notes=(note,) if foreign else (),
-    )
+                files.setdefault(fingerprint(file, dated=False), file)
+    notes = []
+    if foreign:
+        names = ", ".join(map(str, foreign[:_NAMED]))
+        more = f" and {len(foreign) - _NAMED} more" if len(foreign) > _NAMED else ""
+        advice = "a format that is not read; convert photographs to JPEG or PNG"
+        notes.append(f"{names}{more}: {advice}")
+        if not files:
+            raise InputError(notes[0])
+    known = {frame.content: frame.source for frame in listed if frame.content}
+    taken = set(known.values())
+    filmed: list[FrameSource] = []
+    photographs: list[FrameSource] = []
+    for content, file in files.items():
+        name = known.get(content) or next(one for one in _names(file) if one not in taken)
+        taken.add(name)
+        kind = photographs if is_photograph(file) else filmed
+        kind.append(FrameSource(name=name, path=file, content=content, images=_opened(file)))
+    return filmed, sorted(photographs, key=lambda one: one.name), notes
 
 
-def check_size(path: Path, size_px: tuple[int, int]) -> None:
-    """Refuse images that are too small to learn from.
-
-    Raises:
-        FileError: They are smaller than `SMALLEST_PX`.
-    """
-    if max(size_px) < SMALLEST_PX[0] or min(size_px) < SMALLEST_PX[1]:
-        raise FileError(
-            path,
-            f"the images must have at least {SMALLEST_PX[0]}x{SMALLEST_PX[1]} pixels, got "
-            f"{size_px[0]}x{size_px[1]}; take the camera's own file, not a preview",
-        )
+def is_photograph(path: Path) -> bool:
+    """Return whether a file's name is that of an image."""
+    return path.suffix.lower() in IMAGE_SUFFIXES
 
 
 def _files(path: Path, own: Path) -> list[Path]:
@@ -190,11 +107,10 @@ def _files(path: Path, own: Path) -> list[Path]:
         raise FileError(path, "is in the folder of the lab's images; name the videos they are from")
     if not path.is_dir():
         return [path]
-    known = (*_VIDEO_SUFFIXES, *IMAGE_SUFFIXES, *FOREIGN_SUFFIXES, ".mcap")
     found = [
         file
         for file in sorted(path.rglob("*"))
-        if file.suffix.lower() in known
+        if file.suffix.lower() in _KNOWN
         and not file.name.startswith(".")  # macOS puts ._NAME beside each file of a memory card
         and file.is_file()
         and own.resolve() not in file.resolve().parents
@@ -204,66 +120,111 @@ def _files(path: Path, own: Path) -> list[Path]:
     return found
 
 
-def _names(files: Iterable[Path]) -> dict[Path, str]:
-    """Return a different name for each file: the file name, with the folder where two are equal."""
-    names: dict[Path, str] = {}
-    for file in files:
-        # Names that are not UTF-8 cannot be written to a list.
-        own, parent = (
-            text.encode("utf-8", "replace").decode()
-            for text in (file.name, file.resolve().parent.name)
+def _names(file: Path) -> Iterator[str]:
+    """Yield names for a file: the file name, then with the folder, as cameras repeat names."""
+    # Names that are not UTF-8 cannot be written to a list.
+    own, parent = (
+        text.encode("utf-8", "replace").decode() for text in (file.name, file.resolve().parent.name)
+    )
+    yield own
+    yield f"{parent}/{own}"
+    for number in range(2, 1_000_000):
+        yield f"{parent}-{number}/{own}"
+
+
+def _opened(path: Path) -> ImageSource:
+    if is_photograph(path):
+        return FolderSource(path)
+    recorded = path.suffix.lower() == RECORD_SUFFIX
+    return RecordSource(flight_record(path)) if recorded else VideoSource(path)
+
+
+# --- candidates -----------------------------------------------------------------------------------
+
+_WINDOW_S: Final = 0.5  # of which the sharpest image is a candidate
+_MOST_CANDIDATES: Final = 1000  # of one video: their files take 0.3 to 1 MB each
+_LONGEST_PX: Final = 1920
+_SMALLEST_PX: Final = (224, 112)  # longer and shorter side of the smallest images
+_JPEG_QUALITY: Final = 95
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Candidate:
+    """An image that may be chosen: its source, time in s, measures, and file unless it is blank."""
+
+    source: FrameSource
+    time_s: float
+    look: Look
+    file: Path | None
+
+
+def watch(
+    filmed: FrameSource, folder: Path, on_time: Callable[[float], None]
+) -> tuple[list[Candidate], int, float]:
+    """Read a video and keep the sharpest image of each half second, longer in very long videos.
+
+    Returns:
+        The candidates in order of time, the number of images that were read, the last one's time.
+    """
+    window_s = max(_WINDOW_S, filmed.seconds / _MOST_CANDIDATES)
+    candidates: list[Candidate] = []
+    best: tuple[Look, Shot] | None = None
+    read, window, end_s = 0, 0, 0.0
+    with closing(filmed.images.images()) as shots:
+        for shot in shots:
+            if not read:
+                _check_size(filmed.path, shot.size_px)
+            now = int(shot.time_s / window_s)
+            if best is not None and now != window:
+                candidates.append(_candidate(filmed, *best, folder / f"{len(candidates):05d}.jpg"))
+                best = None
+            window, read, end_s = now, read + 1, shot.time_s
+            look = look_at(shot.shrunk(sharpness_size_px(*shot.size_px), colour=False))
+            # Of a video's images only the present window's best one is kept in memory.
+            if best is None or (look.blank, -look.sharpness) < (best[0].blank, -best[0].sharpness):
+                best = look, shot
+            on_time(end_s)
+    if best is None:
+        why = f" ({filmed.images.skipped[0]})" if filmed.images.skipped else ""
+        raise FileError(filmed.path, f"holds no image that can be read{why}; film or copy it again")
+    candidates.append(_candidate(filmed, *best, folder / f"{len(candidates):05d}.jpg"))
+    return candidates, read, end_s
+
+
+def _check_size(path: Path, size_px: tuple[int, int]) -> None:
+    """Refuse images that are too small to learn from."""
+    if max(size_px) < _SMALLEST_PX[0] or min(size_px) < _SMALLEST_PX[1]:
+        raise FileError(
+            path,
+            f"the images must have at least {_SMALLEST_PX[0]}x{_SMALLEST_PX[1]} pixels, got "
+            f"{size_px[0]}x{size_px[1]}; take the camera's own file, not a preview",
         )
-        name, number = own, 1
-        while name in names.values():
-            name = f"{parent}/{own}" if number == 1 else f"{parent}-{number}/{own}"
-            number += 1
-        names[file] = name
-    return names
 
 
-def _conversion(foreign: Sequence[Path]) -> str:
-    names = ", ".join(str(path) for path in foreign[:_NAMED])
-    more = f" and {len(foreign) - _NAMED} more" if len(foreign) > _NAMED else ""
-    return f"{names}{more}: a format that is not read; convert photographs to JPEG or PNG"
+def _candidate(source: FrameSource, look: Look, shot: Shot, file: Path) -> Candidate:
+    """Write the file of a candidate unless it is blank."""
+    if look.blank:
+        return Candidate(source=source, time_s=shot.time_s, look=look, file=None)
+    scale = min(1.0, _LONGEST_PX / max(shot.size_px))
+    size_px = (max(1, round(shot.size_px[0] * scale)), max(1, round(shot.size_px[1] * scale)))
+    bgr = cv2.cvtColor(shot.shrunk(size_px, colour=True), cv2.COLOR_RGB2BGR)
+    whole, encoded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+    if not whole:
+        raise FileError(file, "the image cannot be written as JPEG")
+    with writing(file):
+        file.write_bytes(encoded.tobytes())
+    return Candidate(source=source, time_s=shot.time_s, look=look, file=file)
 
 
-def _is_photograph(path: Path) -> bool:
-    return path.suffix.lower() in IMAGE_SUFFIXES
-
-
-def _is_record(path: Path) -> bool:
-    return path.suffix.lower() == RECORD_SUFFIX
-
-
-def _opened(name: str, path: Path) -> Filmed:
-    if _is_record(path):
-        items = footage(flight_record(path))
-        times_s = [item.note.captured_s for item in items if isinstance(item, StoredFrame)]
-        duration_s = times_s[-1] - times_s[0] if times_s else 0.0
-    else:
-        video = VideoSource(path)
-        duration_s = video.total / video.rate_per_s if video.total else _UNKNOWN_DURATION_S
-    skipped: list[str] = []
-    with closing(
-        Filmed(name=name, path=path, duration_s=duration_s, skipped=skipped).shots()
-    ) as shots:
-        first = next(shots, None)
-    if first is None:
-        why = f" ({skipped[0]})" if skipped else ""
-        raise FileError(path, f"holds no image that can be read{why}; film or copy it again")
-    check_size(path, first.size_px)
-    return Filmed(name=name, path=path, duration_s=duration_s)
-
-
-def _recorded(path: Path, skipped: list[str]) -> Shots:
-    begin_s: float | None = None
-    for item in footage(flight_record(path)):
-        if not isinstance(item, StoredFrame):
-            continue
-        begin_s = item.note.captured_s if begin_s is None else begin_s
-        try:
-            image = item.frame().image
-        except InputError as error:
-            skipped.append(f"frame {item.note.index}: {error}")
-            continue
-        yield WholeShot(array=image, time_s=item.note.captured_s - begin_s)
+def clear_candidates(candidates: Sequence[Candidate], path: Path) -> list[Candidate]:
+    """Return the candidates that are neither blank nor blurred; FileError without any."""
+    looks = [one.look for one in candidates]
+    clear = [one for one, good in zip(candidates, clear_ones(looks), strict=True) if good]
+    if not clear:
+        blank = sum(look.blank for look in looks)
+        raise FileError(
+            path,
+            f"none of its images can be used: {blank} are dark or of one colour, "
+            f"{len(looks) - blank} are blurred; film slowly, in good light, with a clean lens",
+        )
+    return clear

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from perception.camera.image_files import read_image
 from perception.networks.mapping import class_id_of, read_mapping
 from perception.segmentation.training.pick_images import check_picks, placed_picks
 from perception.segmentation.training.picks import Pick
@@ -22,21 +23,14 @@ _FEW_IMAGES: Final = 100  # with fewer the network knows few views; chosen
 
 @dataclass(frozen=True, kw_only=True)
 class LabData:
-    """Checked training files of a lab.
+    """Checked training files of a lab."""
 
-    Attributes:
-        material: Where they are.
-        uses: Use of every image, by file name.
-        picks: Picks on all images; may be empty if another network makes the masks.
-        source: Network of the lab file that makes the masks; None: a teacher learns from picks.
-        warnings: Allowed things that may be mistakes.
-    """
-
-    material: LabMaterial
-    uses: Mapping[str, Use]
-    picks: Sequence[Pick]
+    material: LabMaterial  # where they are
+    uses: Mapping[str, Use]  # use of every image, by file name
+    picks: Sequence[Pick]  # picks on all images; may be empty if another network makes the masks
+    # network of the lab file that makes the masks; None: a teacher learns from picks
     source: MaskSource | None
-    warnings: Sequence[str]
+    warnings: Sequence[str]  # allowed things that may be mistakes
 
     def images(self, use: Use) -> list[Path]:
         """Return the images of a use, in the order of names."""
@@ -48,14 +42,14 @@ class LabData:
 
 
 def checked_data(material: LabMaterial) -> LabData:
-    """Check everything that training needs.
-
-    Raises:
-        FileError: A file is absent or malformed, a pick lies outside its image, the picks lack a
-            class that is needed, or the network of `teacher` does not fit the classes.
-        InputError: There are too few images.
-    """
-    uses = material.uses()
+    """Check everything that training needs."""
+    uses, unreadable = material.uses(), []
+    for name in list(uses):
+        try:
+            read_image(material.frames / name, colour=True, as_stored=False)
+        except FileError as error:
+            unreadable.append(f"{error}; it is left out")
+            del uses[name]
     source = teacher_of_lab(material)
     count = sum(use == "train" for use in uses.values())
     if count < _LEAST_IMAGES:
@@ -63,7 +57,9 @@ def checked_data(material: LabMaterial) -> LabData:
             f"{material.frames}: expected at least {_LEAST_IMAGES} images for training, got "
             f"{count}; `uav-bt lab frames` takes them from videos"
         )
-    warnings = [] if count >= _FEW_IMAGES else [f"only {count} images for training"]
+    warnings = unreadable
+    if count < _FEW_IMAGES:
+        warnings.append(f"only {count} images for training")
     needed = source is None or material.picks.exists()
     picks = picks_of_lab(material, uses) if needed else []
     if source is None:
@@ -72,28 +68,14 @@ def checked_data(material: LabMaterial) -> LabData:
 
 
 def picks_of_lab(material: LabMaterial, uses: Mapping[str, Use]) -> list[Pick]:
-    """Return the picks of a lab, each of which lies inside its image.
-
-    Args:
-        material: Where the picks are.
-        uses: Use of every image, by file name.
-
-    Raises:
-        FileError: The file is absent or malformed, an image is absent, or a pick lies outside its
-            image; the message names the line.
-    """
+    """Return the picks of a lab, each of which lies inside its image."""
     if not material.picks.exists():
         raise FileError(material.picks, "there are no picks; `uav-bt lab pick` makes them")
     return placed_picks(material.picks, material.frames, material.lab.classes, uses)
 
 
 def teacher_of_lab(material: LabMaterial) -> MaskSource | None:
-    """Return the network that the lab file names for masks; None without one.
-
-    Raises:
-        FileError: The network or its class mapping does not fit; the message has the line of the
-            lab file.
-    """
+    """Return the network that the lab file names for masks; None without one."""
     lab = material.lab
     if lab.teacher is None:
         return None

@@ -6,7 +6,6 @@ import hashlib
 import json
 import shutil
 import time
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -17,7 +16,7 @@ import numpy as np
 from perception.camera.image_files import read_image
 from perception.networks.training.loop import Progress
 from perception.networks.weights_file import SHIPPED_WEIGHTS
-from perception.segmentation.teacher import Teacher, TeacherConfig, fit_teacher, save_teacher
+from perception.segmentation.teacher import TeacherConfig, fit_teacher, save_teacher
 from perception.segmentation.training.picks import Pick, gather_patches
 from perception.segmentation.training.run import (
     FLIGHT_AUGMENT,
@@ -26,7 +25,6 @@ from perception.segmentation.training.run import (
     train_unet,
 )
 from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
-from uav_bt.lab.classes import LabClasses
 from uav_bt.learning.lab_checks import LabData
 from uav_bt.learning.masks import SIZE_PX, MaskSource, make_masks, mask_files
 from uav_bt.progress import Advance, silent
@@ -44,9 +42,6 @@ def lab_training_config(**given: Any) -> TrainingConfig:
     """Return the settings of a lab's training.
 
     The learning rate is two thirds of that of a new network, and rare classes are balanced.
-
-    Args:
-        given: Fields of `TrainingConfig`.
     """
     steps = given.pop("steps", 800)
     chosen = {
@@ -60,38 +55,21 @@ def lab_training_config(**given: Any) -> TrainingConfig:
     return TrainingConfig(**{**chosen, **given})
 
 
-# --- teacher --------------------------------------------------------------------------------------
+def mask_source(data: LabData, *, seed: int = 0, advance: Advance = silent) -> MaskSource:
+    """Return the maker of masks: the network of the lab file, else a teacher of the picks.
 
-
-def fit_lab_teacher(
-    picks: Sequence[Pick],
-    frames: Path,
-    config: TeacherConfig,
-    classes: LabClasses,
-    *,
-    seed: int = 0,
-    advance: Advance = silent,
-) -> Teacher:
-    """Train the teacher on picks.
-
-    Args:
-        picks: In pixels of their images, which may be of any size.
-        frames: Folder of the images.
-        config: Settings of the teacher.
-        classes: Classes of the lab.
-        seed: Seed of the solver.
-        advance: Called after each image.
-
-    Raises:
-        FileError: An image cannot be read.
-        ValueRangeError: The picks are of one class.
+    The teacher is written to the folder `training`.
     """
+    if data.source is not None:
+        return data.source
+    material, classes, config = data.material, data.material.lab.classes, TeacherConfig()
     scaled: list[Pick] = []
     images: dict[str, Image] = {}
     size = (config.width_px, config.height_px)
+    picks = data.picks_on("train")
     names = list(dict.fromkeys(pick.image for pick in picks))
     for done, name in enumerate(names, start=1):
-        rgb = read_image(frames / name, colour=True, as_stored=False)
+        rgb = read_image(material.frames / name, colour=True, as_stored=False)
         small = cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
         images[name] = np.asarray(small, dtype=np.uint8)
         height, width = rgb.shape[:2]
@@ -102,33 +80,8 @@ def fit_lab_teacher(
         )
         advance("patches", done, len(names))
     patches = gather_patches(scaled, images.items(), config.patch_px, classes)
-    return fit_teacher(patches, config, seed=seed)
-
-
-def mask_source(data: LabData, *, seed: int = 0, advance: Advance = silent) -> MaskSource:
-    """Return the maker of masks: the network of the lab file, else a teacher of the picks.
-
-    The teacher is written to the folder `training`.
-
-    Args:
-        data: Training files.
-        seed: Seed of the teacher's solver.
-        advance: Called after each image with picks.
-    """
-    if data.source is not None:
-        return data.source
-    material, classes = data.material, data.material.lab.classes
-    file = material.teacher
-    teacher = fit_lab_teacher(
-        data.picks_on("train"),
-        material.frames,
-        TeacherConfig(),
-        classes,
-        seed=seed,
-        advance=advance,
-    )
-    save_teacher(file, teacher)
-    return MaskSource(file=file, classes=classes)
+    save_teacher(material.teacher, fit_teacher(patches, config, seed=seed))
+    return MaskSource(file=material.teacher, classes=classes)
 
 
 # --- time -----------------------------------------------------------------------------------------
@@ -136,19 +89,12 @@ def mask_source(data: LabData, *, seed: int = 0, advance: Advance = silent) -> M
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """Work that is ahead, and the time of its parts.
+    """Work that is ahead, and the time of its parts."""
 
-    Attributes:
-        masks: Number of masks to make.
-        mask_s: Time for one mask, seconds.
-        steps: Number of training steps.
-        step_s: Time for one step, seconds.
-    """
-
-    masks: int
-    mask_s: float
-    steps: int
-    step_s: float
+    masks: int  # number of masks to make
+    mask_s: float  # time for one mask, seconds
+    steps: int  # number of training steps
+    step_s: float  # time for one step, seconds
 
     def __str__(self) -> str:
         masks_s, steps_s = self.masks * self.mask_s, self.steps * self.step_s
@@ -165,20 +111,9 @@ def _minutes(seconds: float) -> str:
 def estimated(
     data: LabData, source: MaskSource, config: TrainingConfig, *, workers: int = 1
 ) -> Estimate:
-    """Measure one mask and one step, and return the time that training will take.
-
-    Args:
-        data: Training files.
-        source: Makes the masks.
-        config: Settings of the training.
-        workers: Number of processes that make masks.
-    """
+    """Measure one mask and one step, and return the time that training will take."""
     images = data.images("train")
-    todo = [
-        image
-        for image, file in mask_files(images, _mask_folder(data, source)).items()
-        if not file.is_file()
-    ]
+    files = mask_files(images, _mask_folder(data, source)).values()
     make = source.load()
     rgb = read_image(images[0], colour=True, as_stored=False)
     make(rgb)  # the first one also loads libraries
@@ -190,18 +125,13 @@ def estimated(
     def note(_now: Progress, _net: UNet) -> None:
         done_at.append(time.perf_counter())
 
-    width, height = SIZE_PX
     classes = data.material.lab.classes.names
-    blank = LabelledImages(
-        rgb=np.zeros((1, height, width, 3), dtype=np.uint8),
-        ids=np.zeros((1, height, width), dtype=np.uint8),
-        classes=classes,
-    )
-    train_unet(
-        blank, replace(config, steps=_TIMED), UNetConfig(outputs=len(classes)), progress=note
-    )
+    ids = np.zeros((1, *SIZE_PX[::-1]), dtype=np.uint8)
+    blank = LabelledImages(rgb=np.stack([ids] * 3, axis=-1), ids=ids, classes=classes)
+    config_of_one = replace(config, steps=_TIMED)
+    train_unet(blank, config_of_one, UNetConfig(outputs=len(classes)), progress=note)
     return Estimate(
-        masks=len(todo),
+        masks=sum(not file.is_file() for file in files),
         mask_s=mask_s / workers,
         steps=config.steps,
         step_s=float(np.diff(done_at).min()),
@@ -223,26 +153,17 @@ def train_lab(
     workers: int = 1,
     advance: Advance = silent,
 ) -> float:
-    """Train the network of a lab and write its files.
+    """Train the network of a lab and write its files; `workers` processes make masks.
 
     `training/` gets weights, checkpoint and the network in floats. `segmentation.onnx` is written
     last, in one step. An interrupted training continues from its masks and its checkpoint.
 
-    Args:
-        data: Training files.
-        source: Makes the masks.
-        config: Settings of the training.
-        workers: Number of processes that make masks.
-        advance: Called after each mask and each step.
-
     Returns:
         The loss, as the mean of the last tenth of the steps that were done now; NaN if a finished
         training was only exported again.
-
-    Raises:
-        InputError: A file cannot be read or written.
     """
     folder, images = data.material.training, data.images("train")
+    data.material.keep_uses(data.uses)
     masks = _mask_folder(data, source)
     rgb, ids = make_masks(source, images, masks, workers=workers, advance=advance)
     classes = data.material.lab.classes.names
@@ -254,7 +175,9 @@ def train_lab(
         advance(f"training, loss {now.loss:.3f}", now.step, now.steps)
 
     start = _first_network(data)
-    checkpoint = folder / f"checkpoint-{_run_name(config, masks, images)}.safetensors"
+    about = [asdict(config), masks.name, [one.name for one in mask_files(images, masks).values()]]
+    digest = hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:12]
+    checkpoint = folder / f"checkpoint-{digest}.safetensors"
     net = train_unet(
         LabelledImages(rgb=rgb, ids=ids, classes=classes),
         config,
@@ -264,7 +187,12 @@ def train_lab(
         progress=step_done,
     )
     notes = {"training": asdict(config), "images": len(rgb), "began_with": list(start.classes)}
-    _export(data, net, notes, rgb, advance)
+    UNET_FILES.save(folder / WEIGHTS_FILE, net, notes=notes)
+    UNET_FILES.export(folder / WEIGHTS_FILE, folder / "segmentation-fp32.onnx")
+    advance("8-bit integers", 0, 1)
+    spread = np.linspace(0, len(rgb) - 1, min(len(rgb), _CALIBRATION_IMAGES)).astype(int)
+    UNET_FILES.export(folder / WEIGHTS_FILE, data.material.network, calibration=rgb[spread])
+    advance("8-bit integers", 1, 1)
     for file in folder.glob("checkpoint-*.safetensors"):
         if file != checkpoint:  # of trainings with other settings, picks or images
             file.unlink(missing_ok=True)
@@ -286,26 +214,3 @@ def _first_network(data: LabData) -> UNet:
         if net.classes == tuple(data.material.lab.classes.names):
             return net
     return UNET_FILES.load(UNET_WEIGHTS)[0]
-
-
-def _export(
-    data: LabData,
-    net: UNet,
-    notes: Mapping[str, Any],
-    rgb: Image,
-    advance: Advance,
-) -> None:
-    weights = data.material.training / WEIGHTS_FILE
-    UNET_FILES.save(weights, net, notes=notes)
-    UNET_FILES.export(weights, data.material.training / "segmentation-fp32.onnx")
-    advance("8-bit integers", 0, 1)
-    spread = np.linspace(0, len(rgb) - 1, min(len(rgb), _CALIBRATION_IMAGES)).astype(int)
-    UNET_FILES.export(weights, data.material.network, calibration=rgb[spread])
-    advance("8-bit integers", 1, 1)
-
-
-def _run_name(config: TrainingConfig, masks: Path, images: Sequence[Path]) -> str:
-    """Return a name for the training with these settings on these masks."""
-    names = [file.name for file in mask_files(images, masks).values()]
-    text = json.dumps([asdict(config), masks.name, names], sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:12]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from multiprocessing import get_context
@@ -34,26 +34,15 @@ _PART: Final = 10  # images that a process labels at a time
 
 @dataclass(frozen=True, kw_only=True)
 class MaskSource:
-    """What makes the masks.
+    """What makes the masks."""
 
-    Attributes:
-        file: Weights of a teacher (safetensors), or a segmentation network (ONNX).
-        classes: Classes of the lab.
-        mapping: Class-mapping file of the network; None: it has the classes of the lab.
-    """
-
-    file: Path
-    classes: LabClasses
+    file: Path  # weights of a teacher (safetensors), or a segmentation network (ONNX)
+    classes: LabClasses  # classes of the lab
+    # class-mapping file of the network; None: it has the classes of the lab
     mapping: Path | None = None
 
     def load(self) -> Callable[[Image], Image]:
-        """Return a function from an image, (H, W, 3) RGB, to its class ids, (h, w).
-
-        Raises:
-            WeightsError: The file is absent or damaged, or does not fit the classes.
-            FileError: The mapping file is absent or malformed.
-            ValueRangeError: The mapping names a class that the network does not have.
-        """
+        """Return a function from an image, (H, W, 3) RGB, to its class ids, (h, w)."""
         if self.file.suffix.lower() == ".onnx":
             return OnnxSegmenter(self.file, self.classes, self.mapping).ids
         teacher = TeacherSegmenter(load_teacher(self.file, self.classes))
@@ -83,12 +72,7 @@ def _digest(*parts: bytes) -> str:
 
 
 def mask_files(images: Sequence[Path], folder: Path) -> dict[Path, Path]:
-    """Return the file of each image's mask: a changed image has another one.
-
-    Args:
-        images: Image files.
-        folder: Folder of the masks.
-    """
+    """Return the file of each image's mask: a changed image has another one."""
     return {each: folder / f"{each.stem}-{_digest(each.read_bytes())}.npz" for each in images}
 
 
@@ -102,18 +86,8 @@ def make_masks(
 ) -> tuple[Image, Image]:
     """Make the masks of images; those in the folder are taken from there.
 
-    Args:
-        source: Makes a mask.
-        images: Image files.
-        folder: Keeps each mask, so that an interrupted run continues; one per fingerprint.
-        workers: Number of processes that share the images.
-        advance: Called after each image.
-
     Returns:
         Images (N, h, w, 3) and class ids (N, h, w), both of `SIZE_PX`.
-
-    Raises:
-        FileError: An image or a kept mask cannot be read.
     """
     folder.mkdir(parents=True, exist_ok=True)
     files = mask_files(images, folder)
@@ -121,9 +95,7 @@ def make_masks(
     done = len(files) - len(todo)
     advance("masks", done, len(files))
     if todo and workers == 1:
-        make = source.load()
-        for image, file in todo:
-            _make(make, image, file)
+        for _ in _made(source, todo):
             done += 1
             advance("masks", done, len(files))
     elif todo:
@@ -139,17 +111,17 @@ def make_masks(
 
 
 def _make_all(source: MaskSource, todo: Sequence[tuple[Path, Path]]) -> int:
+    return len(list(_made(source, todo)))
+
+
+def _made(source: MaskSource, todo: Sequence[tuple[Path, Path]]) -> Iterator[Path]:
     make = source.load()
     for image, file in todo:
-        _make(make, image, file)
-    return len(todo)
-
-
-def _make(make: Callable[[Image], Image], image: Path, file: Path) -> None:
-    rgb = read_image(image, colour=True, as_stored=False)
-    ids = cv2.resize(make(rgb), SIZE_PX, interpolation=cv2.INTER_NEAREST_EXACT)
-    with whole_file(file) as partial, partial.open("wb") as out:
-        np.savez_compressed(out, rgb=shrunk(rgb, SIZE_PX), ids=ids)
+        rgb = read_image(image, colour=True, as_stored=False)
+        ids = cv2.resize(make(rgb), SIZE_PX, interpolation=cv2.INTER_NEAREST_EXACT)
+        with whole_file(file) as partial, partial.open("wb") as out:
+            np.savez_compressed(out, rgb=shrunk(rgb, SIZE_PX), ids=ids)
+        yield file
 
 
 def _kept(file: Path) -> tuple[Image, Image]:

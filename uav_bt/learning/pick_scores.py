@@ -35,17 +35,11 @@ _WRONG: Final = (255, 0, 0)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImageScore:
-    """Picks of one image and the classes that a segmentation gives there.
+    """Picks of one image and the classes that a segmentation gives there."""
 
-    Attributes:
-        image: File name.
-        picks: Its picks.
-        answers: Class ids at the picks, (N,) uint8.
-    """
-
-    image: str
-    picks: Sequence[Pick]
-    answers: Image
+    image: str  # file name
+    picks: Sequence[Pick]  # its picks
+    answers: Image  # class ids at the picks, (N,) uint8
 
     @property
     def wrong(self) -> int:
@@ -55,15 +49,10 @@ class ImageScore:
 
 @dataclass(frozen=True, kw_only=True)
 class PickScore:
-    """Score of a segmentation on picks; each pick is a sample.
+    """Score of a segmentation on picks; each pick is a sample."""
 
-    Attributes:
-        total: Counts by class, and the scores of them.
-        images: Scores of the images, most wrong picks first.
-    """
-
-    total: SegmentationScore
-    images: Sequence[ImageScore]
+    total: SegmentationScore  # counts by class, and the scores of them
+    images: Sequence[ImageScore]  # scores of the images, most wrong picks first
 
     @property
     def picks(self) -> dict[str, int]:
@@ -82,11 +71,7 @@ class PickScore:
         return float(np.nanmin(self.total.role_iou))
 
     def confusions(self, most: int = 5) -> list[tuple[str, str, float]]:
-        """Return the largest confusions: class, class it is taken for, share of its picks.
-
-        Args:
-            most: Number of confusions.
-        """
+        """Return the largest confusions: class, class it is taken for, share of its picks."""
         counts, names = self.total.counts, self.total.classes.names
         share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
         np.fill_diagonal(share, 0.0)
@@ -110,15 +95,7 @@ class PickScore:
 
 
 def network_of_lab(lab: Lab, model: Path | None = None) -> OnnxSegmenter:
-    """Return the segmentation network of a lab.
-
-    Args:
-        lab: The lab.
-        model: ONNX file with the classes of the lab; None: the network that the lab is flown with.
-
-    Raises:
-        InputError: The lab has no network, or it cannot be used.
-    """
+    """Return the segmentation network of a lab."""
     if model is not None:
         return OnnxSegmenter(model, lab.classes)
     stated = lab.network.get("model")
@@ -138,18 +115,7 @@ def score_picks(
     *,
     advance: Advance = silent,
 ) -> PickScore:
-    """Score a segmentation at picks.
-
-    Args:
-        segment: Segmentation.
-        picks: In pixels of their images.
-        frames: Folder of the images.
-        classes: Classes of the lab.
-        advance: Called after each image.
-
-    Raises:
-        InputError: There is no pick, or an image cannot be read.
-    """
+    """Score a segmentation at picks, which are in pixels of the images of a folder."""
     if not picks:
         raise InputError(
             f"there are no picks on images for checks in {frames}: pick on images whose use is "
@@ -162,7 +128,10 @@ def score_picks(
     scores = []
     for done, (name, mine) in enumerate(by_image.items(), start=1):
         rgb = read_image(frames / name, colour=True, as_stored=False)
-        answers = _at_picks(segment(rgb), mine, rgb.shape[1::-1])
+        ids, (down, across) = segment(rgb), rgb.shape[:2]
+        height, width = ids.shape
+        rows = [pick.y * height // down for pick in mine]
+        answers = ids[rows, [pick.x * width // across for pick in mine]].astype(np.uint8)
         exact = np.array([pick.class_id for pick in mine], dtype=np.uint8)
         counts += confusion(answers, exact, len(classes))
         scores.append(ImageScore(image=name, picks=mine, answers=answers))
@@ -172,30 +141,14 @@ def score_picks(
     return PickScore(total=total, images=scores)
 
 
-def _at_picks(ids: Image, picks: Sequence[Pick], size_px: tuple[int, ...]) -> Image:
-    height, width = ids.shape
-    across, down = size_px
-    return np.array(
-        [ids[pick.y * height // down, pick.x * width // across] for pick in picks], dtype=np.uint8
-    )
-
-
-def write_sheet(
-    score: PickScore, segment: Segment, frames: Path, file: Path, *, rows: int = _SHEET_ROWS
-) -> None:
+def write_sheet(score: PickScore, segment: Segment, frames: Path, file: Path) -> None:
     """Write the worst images as a PNG file: image, class map, and image with its picks.
 
     A pick is a disc of the colour of its class, with a white rim, or a red one if the segmentation
     has another class there.
-
-    Args:
-        score: Of the images.
-        segment: The segmentation that was scored.
-        frames: Folder of the images.
-        file: PNG file to write.
-        rows: Largest number of images.
     """
-    strips = [_strip(each, segment, frames, score.total.classes) for each in score.images[:rows]]
+    worst, classes = score.images[:_SHEET_ROWS], score.total.classes
+    strips = [_strip(each, segment, frames, classes) for each in worst]
     _, png = cv2.imencode(".png", cv2.cvtColor(np.vstack(strips), cv2.COLOR_RGB2BGR))
     file.parent.mkdir(parents=True, exist_ok=True)
     write_whole(file, png.tobytes())

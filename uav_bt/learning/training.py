@@ -37,17 +37,11 @@ from uav_bt.types.arrays import Image
 # Curves in the diary of a run.
 DEPTH_CURVES: Final = ("loss", "abs_rel", "obstacle_error_m", "ground_error_m")
 STUDENT_CURVES: Final = (
-    "loss",
-    "missed",
-    "stopped",
-    "wrong_side",
-    "step_error_m",
-    "free_error_m",
+    *("loss", "missed", "stopped", "wrong_side", "step_error_m", "free_error_m"),
 )
 
 
 def _save(files: NetworkFiles[Any], net: Any, weights: Path, notes: Mapping[str, Any]) -> None:
-    """Write the weights of a network and the ONNX file with the same name."""
     files.save(weights, net, notes=notes)
     files.export(weights, weights.with_suffix(".onnx"))
 
@@ -56,12 +50,7 @@ def _save(files: NetworkFiles[Any], net: Any, weights: Path, notes: Mapping[str,
 
 
 def score_depth_on(views: DepthViews, predicted: NDArray[np.float32]) -> DepthScore:
-    """Score predictions on their images.
-
-    Args:
-        views: images with ground truth.
-        predicted: (N, 128, 160) float32.
-    """
+    """Score predictions, (N, 128, 160) float32, on their images."""
     classes = load_lab().classes
     return score_depth(
         (mine, truth, classes.roles(ids), ground)
@@ -84,22 +73,11 @@ def train_depth(
     advance: Advance = silent,
     diary: Diary | None = None,
 ) -> DepthScore | None:
-    """Train the depth network and write its safetensors and ONNX files.
+    """Train the depth network and write its safetensors and ONNX files of one name.
 
-    Args:
-        flights: the training data.
-        weights: the safetensors file; the ONNX file has the same name.
-        config: configuration of the training; None: defaults.
-        net_config: shape of the network; None: defaults.
-        start: initial weights of a depth network; None: random ones.
-        checkpoint: file of the training state, to continue from and to update.
-        views: images with ground truth for validation; None without ground truth.
-        validate_every: number of steps between validations.
-        advance: called after each step, with the loss in the name of the stage.
-        diary: stores loss terms, scores and example images of each validation.
-
-    Returns:
-        The score at the end; None without views.
+    `checkpoint` is the training state, to continue from and to update; `views` are images with
+    ground truth for the validation, whose score and images the diary keeps. Returns the score at
+    the end; None without views.
     """
     settings = config or DepthTrainingConfig()
 
@@ -140,11 +118,7 @@ def train_depth(
 
 
 def first_weights(path: Path) -> Mapping[str, NDArray[np.float32]]:
-    """Return initial weights: of a control student, or of a segmentation U-Net's encoder.
-
-    Raises:
-        WeightsError: the file contains neither.
-    """
+    """Return initial weights: of a control student, or of a segmentation U-Net's encoder."""
     try:
         state = STUDENT_FILES.load(path)[0].state_dict()
     except WeightsError as no_student:
@@ -171,22 +145,10 @@ def train_student(
     diary: Diary | None = None,
     advance: Advance = silent,
 ) -> ControlScore | None:
-    """Train the control student and write its safetensors and ONNX files.
+    """Train the control student and write its safetensors and ONNX files of one name.
 
-    Args:
-        flights: the training data.
-        weights: the safetensors file; the ONNX file has the same name.
-        config: configuration of the training; None: defaults.
-        net_config: shape of the network; None: defaults.
-        start: initial weights; None: random ones.
-        checkpoint: file of the training state, to continue from and to update.
-        held_out: flights for validation, not used for training.
-        validate_every: number of steps between validations.
-        diary: stores losses, scores and curves.
-        advance: called after each step, with the loss in the name of the stage.
-
-    Returns:
-        The score at the end; None without held-out flights.
+    `checkpoint` is the training state, to continue from and to update; `held_out` are flights for
+    the validation, which the diary keeps. Returns the score at the end; None without them.
     """
     settings = config or ControlTrainingConfig()
     shape = net_config or ControlNetConfig()

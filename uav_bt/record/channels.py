@@ -34,6 +34,7 @@ from uav_bt.types.site_map import SiteMapBase
 
 _STATUSES: Final = frozenset(Status.__members__)
 _MAX_TIME_S: Final = 1e9  # views count nanoseconds in 64 bits
+_SAME: Final = ("index", "time_s", "phase", "active", "compute_s")  # of a tick and its note
 _OVERRIDES: Final = frozenset({None, *(override.value for override in Override)})
 
 
@@ -67,13 +68,9 @@ class TickNote:
         """Return the note of a tick."""
         frame = record.observation.frame
         return cls(
-            index=record.index,
-            time_s=record.time_s,
+            **{name: getattr(record, name) for name in _SAME},
             tree_status=record.tree_status.name,
-            phase=record.phase,
-            active=record.active,
             word=record.feedback,
-            compute_s=record.compute_s,
             frame_index=None if frame is None else frame.index,
             slow_leaves=tuple(slow.path for slow in record.slow),
         )
@@ -113,11 +110,7 @@ class FrameNote:
         return cls(**{item.name: getattr(frame, item.name) for item in fields(cls)})
 
     def with_image(self, image: NDArray[np.uint8]) -> Frame:
-        """Return the frame.
-
-        Args:
-            image: (H, W, 3), RGB.
-        """
+        """Return the frame with its image, (H, W, 3) RGB."""
         return Frame(image=image, **{item.name: getattr(self, item.name) for item in fields(self)})
 
 

@@ -12,14 +12,8 @@ from uav_bt.board.blackboard import Key
 from uav_bt.board.plain_values import plain
 from uav_bt.mission.tick import TickRecord
 from uav_bt.record import channels, messages, scenes
-from uav_bt.record.channels import (
-    Channel,
-    CommandNote,
-    FrameNote,
-    StatusNote,
-    TickNote,
-)
-from uav_bt.record.config import RecordConfig
+from uav_bt.record.channels import Channel, CommandNote, FrameNote, StatusNote, TickNote
+from uav_bt.record.config import Quality
 from uav_bt.record.images import millimetres
 from uav_bt.record.record_file import Timeline
 from uav_bt.record.site_maps import note_of
@@ -43,23 +37,21 @@ _MAPS: Final = {
     keys.RELATIVE_DEPTH.name: channels.RELATIVE_DEPTH,
     keys.METRIC_DEPTH.name: channels.METRIC_DEPTH,
 }
-# Written completely to separate channels; of all others the board's message has capture times.
+# Written completely to separate channels, recent views as the frames of their ticks; of all others
+# the board's message has capture times.
 _ELSEWHERE: Final = frozenset(
-    {
-        *(keys.FRAME.name, keys.STATE.name, keys.CAMERA.name),
-        # The record already has their frames, each in its tick.
-        *(keys.RECENT_VIEWS.name, keys.ADVICE.name),
-    }
+    key.name for key in (keys.FRAME, keys.STATE, keys.CAMERA, keys.RECENT_VIEWS, keys.ADVICE)
 )
+# Relative depth has no unit and compresses badly; smaller files omit it.
+_LEFT_OUT: Final[dict[Quality, tuple[Channel, ...]]] = {
+    "lossless": (),
+    "high": (channels.RELATIVE_DEPTH,),
+    "small": tuple(_MAPS.values()),
+}
 
 
-@dataclass(frozen=True, kw_only=True)
-class LogLine:
-    """A line of the log."""
-
-    level: str  # "Info", "Warning" or "Error"
-    message: str
-    name: str  # name of the logger
+LogLine = tuple[str, str, str]
+"""Level ("Info", "Warning" or "Error"), message, and name of the logger."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,18 +67,10 @@ class RawMoment:
 
 
 class MomentEncoder:
-    """Encodes moments in their order; each value only when it is new.
+    """Encodes moments in their order; each value only when it is new."""
 
-    Args:
-        timeline: timeline of the record.
-        camera: camera of the drone.
-        config: how images are kept.
-    """
-
-    def __init__(self, timeline: Timeline, camera: CameraModel, config: RecordConfig) -> None:
-        self._timeline = timeline
-        self._camera = camera
-        self._config = config
+    def __init__(self, timeline: Timeline, camera: CameraModel, quality: Quality) -> None:
+        self._timeline, self._camera, self._quality = timeline, camera, quality
         self._frame_index: int | None = None
         self._last: dict[str, Any] = {}  # the board values written last
         self._statuses: tuple[Status, ...] | None = None
@@ -95,12 +79,7 @@ class MomentEncoder:
         self._words = ""  # the active leaf and its reason, written last
 
     def encode(self, moment: RawMoment, images: bool) -> Iterator[Encoded]:  # noqa: FBT001 - called by the worker
-        """Yield a moment's messages.
-
-        Args:
-            moment: data of the tick.
-            images: False omits the images; their channels are named without data.
-        """
+        """Yield a moment's messages; without `images` their channels are named without data."""
         now_ns = self._timeline.at(moment.tick.time_s)
 
         def message(channel: Channel, data: bytes | None) -> Encoded:
@@ -111,7 +90,8 @@ class MomentEncoder:
         yield message(channels.STATE, dump(encode(moment.tick.observation.state)))
         if moment.statuses != self._statuses:
             self._statuses = moment.statuses
-            yield message(channels.TREE_STATUS, dump(encode(_statuses(moment.statuses))))
+            statuses = StatusNote(statuses=tuple(status.name for status in moment.statuses))
+            yield message(channels.TREE_STATUS, dump(encode(statuses)))
         words = _words(moment.tick)
         if words != self._words:
             self._words = words
@@ -125,15 +105,13 @@ class MomentEncoder:
         }
         yield message(channels.BOARD, dump(board))
         for line in moment.log:
-            yield message(
-                channels.LOG, messages.log_line(line.level, line.message, line.name, now_ns)
-            )
+            yield message(channels.LOG, messages.log_line(*line, now_ns))
         for channel, value in self._values(moment):
             yield message(channel, dump(encode(value)))
         for channel, image in self._frame(moment.tick, images=images):
             yield message(channel, image)
         for name, channel in _MAPS.items():
-            if self._is_new(name, moment) and self._is_kept(channel):
+            if self._is_new(name, moment) and channel not in _LEFT_OUT[self._quality]:
                 value = moment.board[name][0]
                 yield message(channel, self._map(value) if images else None)
 
@@ -157,15 +135,6 @@ class MomentEncoder:
             self._map_s = time_s
             yield channels.SITE_MAP, note_of(moment.board[site_map][0])
 
-    def _is_kept(self, channel: Channel) -> bool:
-        # Relative depth has no unit and compresses badly; smaller files omit it.
-        left_out = {
-            "lossless": frozenset[Channel](),
-            "high": frozenset({channels.RELATIVE_DEPTH}),
-            "small": frozenset(_MAPS.values()),
-        }
-        return channel not in left_out[self._config.quality]
-
     def _truth(self, moment: RawMoment, now_ns: int) -> Iterator[tuple[Channel, bytes]]:
         truth, state = moment.tick.truth, moment.tick.observation.state
         if truth is None:
@@ -187,22 +156,15 @@ class MomentEncoder:
             return
         self._frame_index = frame.index
         yield channels.CAMERA_FRAME, dump(encode(FrameNote.of(frame)))
-        if not images:
-            yield channels.CAMERA_IMAGE, None
-            return
         captured_ns = self._timeline.at(frame.captured_s)
-        yield (
-            channels.CAMERA_IMAGE,
-            messages.camera_image(frame.image, captured_ns, self._config.quality),
-        )
+        image = messages.camera_image(frame.image, captured_ns, self._quality) if images else None
+        yield channels.CAMERA_IMAGE, image
 
     def _map(self, value: ClassMap | DepthMap) -> bytes:
         captured_ns = self._timeline.at(value.captured_s)
         if isinstance(value, ClassMap):
             return messages.raw(value.ids, captured_ns)
-        if value.metric:
-            return messages.raw(millimetres(value.depth), captured_ns)
-        return messages.raw(value.depth, captured_ns)
+        return messages.raw(millimetres(value.depth) if value.metric else value.depth, captured_ns)
 
 
 def _commands(moment: RawMoment) -> CommandNote:
@@ -215,10 +177,6 @@ def _commands(moment: RawMoment) -> CommandNote:
         sent=tick.command,
         override=None if tick.override is None else tick.override.value,
     )
-
-
-def _statuses(statuses: tuple[Status, ...]) -> StatusNote:
-    return StatusNote(statuses=tuple(status.name for status in statuses))
 
 
 def _words(tick: TickRecord) -> str:

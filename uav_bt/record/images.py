@@ -19,112 +19,78 @@ from uav_bt.record.config import Quality
 # Measured on noisy 640x360 frames of the twin: 11 ms and 406 kB; libpng's default, which tries
 # every filter on every row, takes 21 ms for 402 kB. JPEG at 90 takes 3 ms and 49 kB.
 _HUFFMAN_ONLY: Final = 2
-_HAS_FILTER: Final = hasattr(cv2, "IMWRITE_PNG_FILTER")
+_HAS_FILTER: Final = hasattr(cv2, "IMWRITE_PNG_FILTER")  # not before OpenCV 4.12
 _PNG: Final = [
     *(cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, _HUFFMAN_ONLY),
-    # OpenCV before 4.12 cannot set the filter.
     *((cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_AVG) if _HAS_FILTER else ()),
 ]
 _JPEG: Final = [cv2.IMWRITE_JPEG_QUALITY, 90]
-_SUFFIXES: Final[dict[str, tuple[str, list[int]]]] = {
-    "lossless": (".png", _PNG),
-    "high": (".jpg", _JPEG),
-    "small": (".jpg", _JPEG),
-}
 _SMALL_WIDTH_PX: Final = 320
 
 # foxglove.RawImage's names of our pixel types.
 _DTYPES: Final[dict[str, np.dtype[Any]]] = {
-    "mono8": np.dtype("<u1"),
-    "16UC1": np.dtype("<u2"),
-    "32FC1": np.dtype("<f4"),
+    name: np.dtype(kind) for name, kind in (("mono8", "<u1"), ("16UC1", "<u2"), ("32FC1", "<f4"))
 }
 _MAX_PIXELS: Final = 50_000_000  # twice a photograph's; a PNG of a few kilobytes can have billions
 _PNG_HEAD: Final = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR"
-_JPEG_SIZES: Final = frozenset(range(0xC0, 0xD0)) - {
-    0xC4,
-    0xC8,
-    0xCC,
-}  # markers of the segments that begin a frame
+_JPEG_FRAMES: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # markers with a size
 _MAX_MM: Final = 65_535
 # Field numbers of foxglove.CompressedImage and foxglove.RawImage.
 _COMPRESSED_DATA: Final = 2
 _WIDTH, _HEIGHT, _ENCODING, _DATA = 2, 3, 4, 6
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5  # protobuf's wire types
-_FIXED_SIZES: Final = {_FIXED64: 8, _FIXED32: 4}
 _MAX_VARINT_BYTES: Final = 10  # 64 bits in groups of seven
 
 
 def encode_image(image: NDArray[np.uint8], quality: Quality) -> tuple[bytes, str]:
-    """Return an image as the bytes of a file, and Foxglove's name of the format.
+    """Return an image, (H, W, 3) RGB, as a file's bytes, and Foxglove's name of the format.
 
-    Args:
-        image: (H, W, 3), RGB.
-        quality: "lossless" is PNG; "high" is JPEG at 90; "small" is JPEG at 90, at most 320 wide.
-
-    Raises:
-        InputError: OpenCV cannot encode it.
+    "lossless" is PNG; "high" is JPEG at 90; "small" is JPEG at 90, at most 320 pixels wide.
     """
-    suffix, options = _SUFFIXES[quality]
     if quality == "small" and image.shape[1] > _SMALL_WIDTH_PX:
         height_px = max(1, round(image.shape[0] * _SMALL_WIDTH_PX / image.shape[1]))
         small = cv2.resize(image, (_SMALL_WIDTH_PX, height_px), interpolation=cv2.INTER_AREA)
         image = np.asarray(small, dtype=np.uint8)
+    suffix, options = (".png", _PNG) if quality == "lossless" else (".jpg", _JPEG)
     good, data = cv2.imencode(suffix, cv2.cvtColor(image, cv2.COLOR_RGB2BGR), options)
     if not good:
         raise InputError(f"an image of {image.shape} cannot be encoded as {suffix}")
-    return data.tobytes(), "png" if suffix == ".png" else "jpeg"
+    return data.tobytes(), "png" if quality == "lossless" else "jpeg"
 
 
 def decode_image(data: bytes | memoryview) -> NDArray[np.uint8]:
-    """Return the image of a PNG's or JPEG's bytes, (H, W, 3), RGB.
-
-    Raises:
-        InputError: they are no image, or one of too many pixels.
-    """
+    """Return the image of a PNG or JPEG, (H, W, 3) RGB; InputError if it is none, or too large."""
     return np.ascontiguousarray(_decoded(data, cv2.IMREAD_COLOR)[..., ::-1])
+
+
+def encode_bytes(values: NDArray[np.uint8]) -> bytes:
+    """Return (H, W) bytes as a PNG with one byte per pixel."""
+    return cv2.imencode(".png", values)[1].tobytes()
+
+
+def decode_bytes(data: bytes) -> NDArray[np.uint8]:
+    """Return the (H, W) bytes of a PNG of `encode_bytes`; InputError as `decode_image`."""
+    return _decoded(data, cv2.IMREAD_GRAYSCALE)
 
 
 def _decoded(data: bytes | memoryview, how: int) -> NDArray[np.uint8]:
     width_px, height_px = image_size(data)
     if width_px * height_px > _MAX_PIXELS:
         raise InputError(f"an image of {width_px}x{height_px} has more than {_MAX_PIXELS} pixels")
-    buffer = np.frombuffer(data, dtype=np.uint8)
-    image = cv2.imdecode(buffer, how)
+    image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), how)
     if image is None:
-        raise InputError(f"a PNG or JPEG image of {len(buffer)} bytes is damaged")
+        raise InputError(f"a PNG or JPEG image of {len(data)} bytes is damaged")
     return image.astype(np.uint8, copy=False)
 
 
-def encode_bytes(values: NDArray[np.uint8]) -> bytes:
-    """Return (H, W) bytes as a PNG with one byte per pixel."""
-    good, data = cv2.imencode(".png", values)
-    if not good:
-        raise InputError(f"an image of {values.shape} cannot be encoded as .png")
-    return data.tobytes()
-
-
-def decode_bytes(data: bytes) -> NDArray[np.uint8]:
-    """Return the (H, W) bytes of a PNG of `encode_bytes`.
-
-    Raises:
-        InputError: they are no image, or one of too many pixels.
-    """
-    return _decoded(data, cv2.IMREAD_GRAYSCALE)
-
-
 def image_size(data: bytes | memoryview) -> tuple[int, int]:
-    """Return width and height from the header of a PNG or JPEG, in pixels.
-
-    Raises:
-        InputError: the data is neither.
-    """
+    """Return width and height from the header of a PNG or JPEG, px; InputError if it is neither."""
     view = memoryview(data)
     if bytes(view[:16]).startswith(_PNG_HEAD) and len(view) > 24:
         return int.from_bytes(view[16:20]), int.from_bytes(view[20:24])
     at = 2 if bytes(view[:2]) == b"\xff\xd8" else len(view)
     while at + 9 <= len(view) and view[at] == 0xFF:
-        if view[at + 1] in _JPEG_SIZES:
+        if view[at + 1] in _JPEG_FRAMES:
             return int.from_bytes(view[at + 7 : at + 9]), int.from_bytes(view[at + 5 : at + 7])
         # Fill bytes 0xFF may stand between two segments.
         at += 1 if view[at + 1] == 0xFF else 2 + int.from_bytes(view[at + 2 : at + 4])
@@ -132,11 +98,7 @@ def image_size(data: bytes | memoryview) -> tuple[int, int]:
 
 
 def image_bytes(message: bytes) -> bytes:
-    """Return the image file in a foxglove.CompressedImage.
-
-    Raises:
-        InputError: the message has no data.
-    """
+    """Return the image file in a foxglove.CompressedImage; InputError without one."""
     data = fields(message).get(_COMPRESSED_DATA)
     if not isinstance(data, memoryview):
         raise InputError("expected a foxglove.CompressedImage with data, got none")
@@ -144,11 +106,7 @@ def image_bytes(message: bytes) -> bytes:
 
 
 def encoding_of(array: NDArray[np.generic]) -> str:
-    """Return foxglove.RawImage's name of an array's pixel type.
-
-    Raises:
-        InputError: the array is not (H, W) of uint8, uint16 or float32.
-    """
+    """Return foxglove.RawImage's name of the pixel type of (H, W) uint8, uint16 or float32."""
     names = [name for name, dtype in _DTYPES.items() if dtype == array.dtype]
     if not names or array.ndim != 2:
         raise InputError(
@@ -158,11 +116,7 @@ def encoding_of(array: NDArray[np.generic]) -> str:
 
 
 def raw_image(message: bytes) -> NDArray[Any]:
-    """Return the pixels of a foxglove.RawImage, (H, W).
-
-    Raises:
-        InputError: the pixels are missing, or of a type that records do not have.
-    """
+    """Return the pixels of a foxglove.RawImage, (H, W); InputError for types records lack."""
     found = fields(message)
     data, encoding = found.get(_DATA), found.get(_ENCODING)
     width, height = found.get(_WIDTH), found.get(_HEIGHT)
@@ -176,26 +130,17 @@ def raw_image(message: bytes) -> NDArray[Any]:
 
 
 def millimetres(depth_m: NDArray[np.float32]) -> NDArray[np.uint16]:
-    """Return metres as integer millimetres, as depth cameras do.
-
-    Args:
-        depth_m: (H, W) metres; non-finite and non-positive values are unknown.
-
-    Returns:
-        (H, W) millimetres, at most 65.535 m; 0 is unknown.
-    """
+    """Return metres, (H, W), as whole millimetres: at most 65.535 m; 0 where not finite."""
     with np.errstate(invalid="ignore"):
         mm = np.clip(np.rint(depth_m * 1000.0), 0, _MAX_MM)
     return np.where(np.isfinite(depth_m), mm, 0).astype(np.uint16)
 
 
 def fields(message: bytes) -> dict[int, int | memoryview]:
-    """Return the fields of a message by number; of a repeated field the last.
+    """Return a protobuf message's fields by number; of a repeated field the last.
 
     Texts, bytes and inner messages are views on the message; numbers are unsigned integers.
-
-    Raises:
-        InputError: the data is not a protobuf message.
+    InputError if it is no message.
     """
     found: dict[int, int | memoryview] = {}
     view, at = memoryview(message), 0
@@ -207,8 +152,8 @@ def fields(message: bytes) -> dict[int, int | memoryview]:
             continue
         if kind == _BYTES:
             size, at = _varint(view, at)
-        elif kind in _FIXED_SIZES:
-            size = _FIXED_SIZES[kind]
+        elif kind in (_FIXED64, _FIXED32):
+            size = 8 if kind == _FIXED64 else 4
         else:
             raise InputError(f"expected a protobuf message, got a field of wire type {kind}")
         content = view[at : at + size]

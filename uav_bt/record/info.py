@@ -45,25 +45,29 @@ class RecordInfo:
 
 
 def record_info(path: Path) -> RecordInfo:
-    """Return the summary of a record; reads all of it to find every damage.
-
-    Raises:
-        FileError: the file cannot be read, is not a flight record, or has another version.
-    """
-    reader = RecordReader(path)
+    """Return the summary of a record; reads all of it to find every damage."""
+    reader, start_ns, last_ns = RecordReader(path), None, 0
     counts: Counter[str] = Counter()
     sizes: Counter[str] = Counter()
-    first_ns, last_ns = None, 0
     for message in reader.messages():
         counts[message.topic] += 1
         sizes[message.topic] += len(message.data)
-        first_ns = message.time_ns if first_ns is None else min(first_ns, message.time_ns)
+        start_ns = message.time_ns if start_ns is None else min(start_ns, message.time_ns)
         last_ns = max(last_ns, message.time_ns)
-    damages = reader.damages
-    end = reader.end
-    dropped, lost_ticks = _losses(reader.path, end or {})
-    start_ns = reader.timeline.start_ns if first_ns is None else first_ns
+    dropped, lost_ticks = _losses(path, reader.end or {})
+    start_ns = reader.timeline.start_ns if start_ns is None else start_ns
     duration_s = max(0.0, (last_ns - start_ns) / 1e9)
+    rows = tuple(
+        ChannelInfo(
+            topic=topic,
+            content=CHANNELS[topic].schema_name if topic in CHANNELS else "",
+            messages=counts[topic],
+            rate_hz=round(counts[topic] / duration_s, 2) if duration_s > 0.0 else 0.0,
+            bytes=sizes[topic],
+            dropped=dropped.get(topic, 0),
+        )
+        for topic in sorted({*counts, *dropped})
+    )
     return RecordInfo(
         path=str(path),
         bytes=path.stat().st_size,
@@ -71,22 +75,12 @@ def record_info(path: Path) -> RecordInfo:
         start_s=reader.timeline.start_s + reader.timeline.since_start(start_ns),
         duration_s=duration_s,
         ticks=counts[channels.TICK.topic],
-        channels=tuple(
-            ChannelInfo(
-                topic=topic,
-                content=CHANNELS[topic].schema_name if topic in CHANNELS else "",
-                messages=counts[topic],
-                rate_hz=round(counts[topic] / duration_s, 2) if duration_s > 0.0 else 0.0,
-                bytes=sizes[topic],
-                dropped=dropped.get(topic, 0),
-            )
-            for topic in sorted({*counts, *dropped})
-        ),
+        channels=rows,
         metadata=reader.metadata,
-        end=None if end is None else dict(end),
+        end=None if reader.end is None else dict(reader.end),
         attachments={name: len(item.data) for name, item in reader.attachments.items()},
         lost_ticks=lost_ticks,
-        damages=damages,
+        damages=reader.damages,
     )
 
 

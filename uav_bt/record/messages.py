@@ -1,4 +1,4 @@
-"""Foxglove's messages, made from ours."""
+"""Foxglove's messages, made from ours. `time_ns` and `captured_ns` are on the record's timeline."""
 
 from __future__ import annotations
 
@@ -28,13 +28,7 @@ def stamp(time_ns: int) -> foxglove.Timestamp:
 
 
 def camera_image(image: NDArray[np.uint8], captured_ns: int, quality: Quality) -> bytes:
-    """Return a frame's image as a CompressedImage.
-
-    Args:
-        image: (H, W, 3), RGB.
-        captured_ns: when it was captured, on the record's timeline.
-        quality: PNG or JPEG.
-    """
+    """Return a frame's image, (H, W, 3) RGB, as a CompressedImage."""
     data, name = encode_image(image, quality)
     return foxglove.CompressedImage(
         timestamp=stamp(captured_ns), frame_id=CAMERA_FRAME_ID, data=data, format=name
@@ -42,20 +36,14 @@ def camera_image(image: NDArray[np.uint8], captured_ns: int, quality: Quality) -
 
 
 def raw(array: NDArray[np.generic], captured_ns: int) -> bytes:
-    """Return an array as a RawImage.
-
-    Args:
-        array: (H, W) of uint8, uint16 or float32.
-        captured_ns: when its frame was captured, on the record's timeline.
-    """
-    encoding = encoding_of(array)
+    """Return an array, (H, W) of uint8, uint16 or float32, as a RawImage."""
     height, width = array.shape
     return foxglove.RawImage(
         timestamp=stamp(captured_ns),
         frame_id=CAMERA_FRAME_ID,
         width=width,
         height=height,
-        encoding=encoding,
+        encoding=encoding_of(array),
         step=width * array.itemsize,
         data=np.ascontiguousarray(array).tobytes(),
     ).encode()
@@ -86,13 +74,7 @@ def placed(where: Pose, attitude: Attitude = LEVEL) -> foxglove.Pose:
 
 
 def pose(where: Pose, attitude: Attitude, time_ns: int) -> bytes:
-    """Return the drone's exact pose in the world as a PoseInFrame.
-
-    Args:
-        where: position and heading.
-        attitude: roll and pitch; its yaw counts from the take-off and is not used.
-        time_ns: on the record's timeline.
-    """
+    """Return the drone's exact pose in the world as a PoseInFrame; the attitude's yaw is unused."""
     return foxglove.PoseInFrame(
         timestamp=stamp(time_ns),
         frame_id=WORLD,
@@ -103,15 +85,7 @@ def pose(where: Pose, attitude: Attitude, time_ns: int) -> bytes:
 def transforms(
     where: Pose, attitude: Attitude, gimbal_pitch_rad: float, camera: CameraModel, time_ns: int
 ) -> tuple[bytes, bytes]:
-    """Return the poses of body and camera in the world, as two FrameTransforms.
-
-    Args:
-        where: position and heading.
-        attitude: roll and pitch.
-        gimbal_pitch_rad: from the horizon; the camera is stabilised.
-        camera: has its distance ahead of the body's centre.
-        time_ns: on the record's timeline.
-    """
+    """Return the poses of body and stabilised camera in the world, as two FrameTransforms."""
     body = _body(where, attitude)
     at_m = np.array([where.x_m, where.y_m, where.z_m])
     lens_m = at_m + body.apply([camera.forward_offset_m, 0.0, 0.0])
@@ -122,14 +96,7 @@ def transforms(
 
 
 def log_line(level: str, message: str, name: str, time_ns: int) -> bytes:
-    """Return a line of the log.
-
-    Args:
-        level: "Info", "Warning" or "Error".
-        message: the line.
-        name: name of the logger.
-        time_ns: on the record's timeline.
-    """
+    """Return a line of a logger; `level` is "Info", "Warning" or "Error"."""
     return foxglove.Log(
         timestamp=stamp(time_ns),
         level=getattr(foxglove.LogLevel, level),

@@ -12,14 +12,7 @@ from uav_bt.errors import InputError
 from uav_bt.files import parse_json
 from uav_bt.lab.classes import LabClasses
 from uav_bt.record import channels
-from uav_bt.record.channels import (
-    Channel,
-    CommandNote,
-    FrameNote,
-    SiteMapNote,
-    StatusNote,
-    TickNote,
-)
+from uav_bt.record.channels import Channel, CommandNote, FrameNote, TickNote
 from uav_bt.record.images import decode_image, image_bytes, raw_image
 from uav_bt.record.site_maps import site_map_of
 from uav_bt.record.values import decode, decode_float
@@ -44,11 +37,7 @@ class StoredFrame:
     image: bytes | None  # a PNG or a JPEG; None if it was omitted
 
     def frame(self) -> Frame:
-        """Return the frame as the drone sent it.
-
-        Raises:
-            InputError: its image was omitted or is damaged.
-        """
+        """Return the frame as the drone sent it; InputError if its image is none."""
         if self.image is None:
             raise InputError(
                 f"the record has no image of frame {self.note.index}: the disk was too slow then"
@@ -77,15 +66,9 @@ class Moment:
 
 
 def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...], classes: LabClasses) -> Moment:
-    """Return the moment of a tick's messages.
+    """Return the moment of a tick's messages by topic; InputError if one is damaged or missing.
 
-    Args:
-        found: the messages by topic.
-        statuses: statuses of the nodes after the previous tick.
-        classes: classes of the lab.
-
-    Raises:
-        InputError: a message is damaged or missing.
+    `statuses` are those of the nodes after the previous tick.
     """
 
     def value(channel: Channel) -> Any:
@@ -98,16 +81,16 @@ def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...], classes: La
     )
     if tick is None or commands is None or state is None:
         raise InputError("a tick of the record lacks its commands or its state")
-    status: StatusNote | None = value(channels.TREE_STATUS)
-    site_map: SiteMapNote | None = value(channels.SITE_MAP)
-    board = _board(found)
+    status, site_map = value(channels.TREE_STATUS), value(channels.SITE_MAP)
+    note, board = value(channels.CAMERA_FRAME), _board(found)
+    image = found.get(channels.CAMERA_IMAGE.topic)
     return Moment(
         tick=tick,
         commands=commands,
         state=state,
         statuses=statuses if status is None else status.statuses,
         board=board,
-        frame=_frame(value(channels.CAMERA_FRAME), found),
+        frame=note and StoredFrame(note=note, image=None if image is None else image_bytes(image)),
         class_map=_class_map(found, board, classes),
         relative_depth=_depth(channels.RELATIVE_DEPTH, "relative_depth", found, board),
         metric_depth=_depth(channels.METRIC_DEPTH, "metric_depth", found, board),
@@ -131,13 +114,6 @@ def _board(found: Mapping[str, bytes]) -> dict[str, Any]:
     return board
 
 
-def _frame(note: FrameNote | None, found: Mapping[str, bytes]) -> StoredFrame | None:
-    if note is None:
-        return None
-    message = found.get(channels.CAMERA_IMAGE.topic)
-    return StoredFrame(note=note, image=None if message is None else image_bytes(message))
-
-
 def _class_map(
     found: Mapping[str, bytes], board: Mapping[str, Any], classes: LabClasses
 ) -> ClassMap | None:
@@ -155,13 +131,15 @@ def _depth(
     if message is None:
         return None
     pixels, entry = raw_image(message), _entry(board, key)
+    if not isinstance(entry["value"], dict):
+        raise InputError(f"expected a depth map's confidence, got {entry['value']!s:.80}")
     metric = pixels.dtype == np.uint16
     depth = np.where(pixels > 0, pixels / np.float32(1000.0), np.nan) if metric else pixels
     return DepthMap(
         depth=depth.astype(np.float32),
         metric=metric,
         captured_s=entry["captured_s"],
-        confidence=_confidence(entry["value"]),
+        confidence=decode_float(entry["value"].get("confidence")),
     )
 
 
@@ -170,9 +148,3 @@ def _entry(board: Mapping[str, Any], key: str) -> Mapping[str, Any]:
         raise InputError(f"a tick of the record has '{key}', its board does not")
     entry: Mapping[str, Any] = board[key]
     return entry
-
-
-def _confidence(value: object) -> float:
-    if not isinstance(value, dict):
-        raise InputError(f"expected a depth map's confidence, got {value!s:.80}")
-    return decode_float(value.get("confidence"))

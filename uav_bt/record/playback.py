@@ -25,20 +25,12 @@ from uav_bt.types.site_map import SiteMap
 
 # Values with a separate channel, by their name in `Moment` and on the board.
 _VALUES: Final[tuple[Key[Any], ...]] = (
-    keys.CLASS_MAP,
-    keys.RELATIVE_DEPTH,
-    keys.METRIC_DEPTH,
-    keys.CORRIDOR,
-    keys.MARK,
+    *(keys.CLASS_MAP, keys.RELATIVE_DEPTH, keys.METRIC_DEPTH, keys.CORRIDOR, keys.MARK),
 )
 
 
 class Playback:
-    """One record, tick by tick, with the board and the statuses after each tick.
-
-    Args:
-        reader: reader of the record.
-    """
+    """One record, tick by tick, with the board and the statuses after each tick."""
 
     def __init__(self, reader: RecordReader) -> None:
         self._reader = reader
@@ -63,14 +55,10 @@ class Playback:
     def ticks(
         self, *, from_s: float | None = None, to_s: float | None = None
     ) -> Iterator[TickRecord]:
-        """Yield the ticks. The board has the values of a tick until the next one is requested.
+        """Yield the ticks; the board has the values of a tick until the next one is requested.
 
-        Args:
-            from_s: seconds since the record's start.
-            to_s: seconds since the record's start; not included.
-
-        Raises:
-            FileError: the record is damaged, although its checksums are right.
+        `from_s` and `to_s` (not included) count from the record's start. FileError if the record
+        is damaged, although its checksums are right.
         """
         for moment in self._reader.moments(from_s=from_s, to_s=to_s):
             self._clock.sleep_until(moment.tick.time_s)
@@ -112,7 +100,13 @@ class Playback:
                 board.forget(key)
             elif value is not None:
                 board.write(key, value, captured_s=entry["captured_s"])
-        self._write_map(moment)
+        entry = moment.board.get(keys.SITE_MAP.name)
+        self._map = moment.site_map or self._map
+        if entry is None or entry["value"] is None:
+            board.forget(keys.SITE_MAP)
+        elif self._map is not None and (moment.site_map is not None or moment.near is not None):
+            self._map = replace(self._map, near=moment.near or self._map.near)
+            board.write(keys.SITE_MAP, self._map, captured_s=entry["captured_s"])
         for plain in (keys.ELAPSED, keys.PHASE):
             entry = moment.board.get(plain.name)
             if entry is not None:
@@ -122,12 +116,3 @@ class Playback:
         board.write(keys.CAMERA, self._reader.camera)
         if self._frame is not None:
             board.write(keys.FRAME, self._frame, captured_s=self._frame.captured_s)
-
-    def _write_map(self, moment: Moment) -> None:
-        entry = moment.board.get(keys.SITE_MAP.name)
-        self._map = moment.site_map or self._map
-        if entry is None or entry["value"] is None:
-            self.board.forget(keys.SITE_MAP)
-        elif self._map is not None and (moment.site_map is not None or moment.near is not None):
-            self._map = replace(self._map, near=moment.near or self._map.near)
-            self.board.write(keys.SITE_MAP, self._map, captured_s=entry["captured_s"])

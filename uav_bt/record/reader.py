@@ -3,11 +3,13 @@
 reader = RecordReader(Path("flight.mcap"))
 for moment in reader.moments():
     print(moment.tick.time_s, moment.commands.sent)
+for item in footage(flight_record(Path("flight.mcap"))):  # for perception and training
+    ...
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -17,14 +19,24 @@ from uav_bt.errors import FileError, InputError
 from uav_bt.files import parse_json
 from uav_bt.lab.classes import LabClass, LabClasses
 from uav_bt.plugins import need
+from uav_bt.protocols import Advice
 from uav_bt.record import channels
-from uav_bt.record.channels import END, SCHEMA_VERSION, START, StatusNote, TreeNote
-from uav_bt.record.moment import Moment, moment_of
+from uav_bt.record.channels import END, SCHEMA_VERSION, START, FrameNote, StatusNote, TreeNote
+from uav_bt.record.images import image_bytes
+from uav_bt.record.moment import Moment, StoredFrame, moment_of
 from uav_bt.record.record_file import Attachment, Timeline
 from uav_bt.record.values import decode
-from uav_bt.types import CameraModel
+from uav_bt.types import CameraModel, DroneState
 
 _NS: Final = 1_000_000_000
+_NEEDED: Final = {channels.TICK.topic, channels.STATE.topic, channels.COMMANDS.topic}
+RECORD_SUFFIX: Final = ".mcap"
+
+_DECODED: Final[dict[str, type[Any]]] = {
+    channels.ADVICE.topic: Advice,
+    channels.CAMERA_FRAME.topic: FrameNote,
+    channels.STATE.topic: DroneState,
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +49,7 @@ class StoredMessage:
 
 
 class RecordReader:
-    """One record. Opening reads its beginning, and an index that other tools moved to the end.
+    """One record. Opening reads its index and its beginning.
 
     Args:
         path: the file.
@@ -47,9 +59,10 @@ class RecordReader:
         attachments: attached files by name: the tree's files, the scene.
         timeline: converts mission seconds and record times.
         camera: camera of the drone.
+        classes: classes of the lab.
         tree: the nodes, in the order of the statuses in the moments.
         finished: whether the record was closed. An unfinished one lacks index, summary and `end`.
-        damages: the damage that the last pass found.
+        end: end of the flight and losses of the record; None if it was not closed.
 
     Raises:
         FileError: the file cannot be read, is not a flight record, or has another version.
@@ -65,6 +78,7 @@ class RecordReader:
         self.attachments: dict[str, Attachment] = {}
         self.tree = TreeNote(nodes=())
         self.finished = is_finished(path)
+        self.end: Mapping[str, str] | None = None
         self._scan = RecordScan(path)
         try:
             self._read_beginning()
@@ -76,59 +90,53 @@ class RecordReader:
                 start_ns=int(self.metadata["start_ns"]), start_s=float(self.metadata["start_s"])
             )
             self.camera = decode(CameraModel, parse_json(self.metadata["camera_model"]))
-            self.classes = self._lab_classes()
+            stored = parse_json(self.metadata["classes"])
+            self.classes = LabClasses(decode(LabClass, each) for each in stored)
         except (KeyError, ValueError, OverflowError, InputError) as error:
             raise self._damaged("metadata", error) from error
 
     @property
     def damages(self) -> tuple[str, ...]:
         """The damage that the last pass found, one line each."""
-        return tuple(str(damage) for damage in self._scan.damages)
+        return tuple(self._scan.damages)
 
     def _read_beginning(self) -> None:
         from mcap.records import Attachment as Attached  # noqa: PLC0415 - an extra
-        from mcap.records import Channel, Message, Metadata  # noqa: PLC0415
+        from mcap.records import Message, Metadata  # noqa: PLC0415
 
-        topics: dict[int, str] = {}
-        first_ns = None
-        for record in self._scan:
+        self._summary: Any = None
+        indexed: list[Any] = []
+        if self.finished:
+            self._summary, indexed = self._index()
+        all_of_it = self.finished and self._summary is None  # the end stands anywhere
+        first_ns, topics = None, dict[int, str]()
+        for record in chain(indexed, self._scan.records(None, topics)):
             if isinstance(record, Metadata) and record.name == START:
                 self.metadata = dict(record.metadata)
+            elif isinstance(record, Metadata) and record.name == END and self.finished:
+                self.end = dict(record.metadata)
             elif isinstance(record, Attached):
                 self.attachments[record.name] = Attachment(
                     name=record.name, media_type=record.media_type, data=record.data
                 )
-            elif isinstance(record, Channel):
-                topics[record.id] = record.topic
             elif isinstance(record, Message):
                 first_ns = record.log_time if first_ns is None else first_ns
-                if record.log_time > first_ns:  # the tree is among the first messages
-                    break
+                if record.log_time > first_ns and not all_of_it:
+                    break  # the tree is among the first messages
                 if topics[record.channel_id] == channels.TREE.topic:
                     self.tree = decode(TreeNote, parse_json(record.data))
-        if self.finished:
-            self._read_moved()
 
-    def _read_moved(self) -> None:
-        """Take metadata and attachments that stand behind the messages, as MCAP allows."""
+    def _index(self) -> tuple[Any, list[Any]]:
+        """Return the summary, and metadata and attachments, which may stand behind the messages."""
+        from mcap.reader import SeekingReader  # noqa: PLC0415 - an extra
+
         with self.path.open("rb") as stream:
             try:
-                indexed = self._indexed(stream)
-                summary = indexed.get_summary()
-                if START not in {index.name for index in summary.metadata_indexes}:
-                    return
-                names = {index.name for index in summary.attachment_indexes}
-                if self.metadata and names <= self.attachments.keys():
-                    return
-                found = {record.name: record for record in indexed.iter_metadata()}
-                attached = list(indexed.iter_attachments())
-            except Exception:  # noqa: BLE001 - a damaged index: what stands at the beginning counts
-                return
-        self.metadata = dict(found[START].metadata)
-        for record in attached:
-            self.attachments[record.name] = Attachment(
-                name=record.name, media_type=record.media_type, data=record.data
-            )
+                reader = SeekingReader(stream, validate_crcs=True)
+                found = [*reader.iter_metadata(), *reader.iter_attachments()]
+                return reader.get_summary(), found
+            except Exception:  # noqa: BLE001 - a damaged index raises anything in the parser
+                return None, []
 
     def _check_version(self) -> None:
         if not self.metadata:
@@ -141,23 +149,6 @@ class RecordReader:
                 self.path,
                 f"has schema version {version}, this version of uav-bt reads {SCHEMA_VERSION}",
             )
-
-    @property
-    def end(self) -> Mapping[str, str] | None:
-        """End of the flight and losses of the record; None if it was not closed."""
-        if not self.finished:
-            return None
-        from mcap.records import Metadata  # noqa: PLC0415 - an extra
-
-        with self.path.open("rb") as stream:
-            try:
-                records: Iterable[Any] = list(self._indexed(stream).iter_metadata())
-            except Exception:  # noqa: BLE001 - a damaged index raises anything in the parser
-                records = self._scan  # slower, but needs no index
-            for record in records:
-                if isinstance(record, Metadata) and record.name == END:
-                    return dict(record.metadata)
-        return None
 
     def messages(
         self,
@@ -177,67 +168,46 @@ class RecordReader:
         Raises:
             FileError: the record cannot be read.
         """
-        start_ns = 0 if from_s is None else self.timeline.start_ns + round(from_s * _NS)
-        end_ns = None if to_s is None else self.timeline.start_ns + round(to_s * _NS)
-        wanted = None if topics is None else frozenset(topics)
-        if self.finished and (from_s is not None or to_s is not None):
-            found = self._found_by_index(wanted, start_ns, end_ns)
-        else:
-            found = self._found_by_scan()
-        for message in found:
-            if wanted is not None and message.topic not in wanted:
-                continue
-            if message.time_ns >= start_ns and (end_ns is None or message.time_ns < end_ns):
-                yield message
-
-    def _found_by_scan(self) -> Iterator[StoredMessage]:
-        from mcap.records import Channel, Message  # noqa: PLC0415 - an extra
-
-        topics: dict[int, str] = {}
-        last_ns = 0
-        for record in self._scan:
-            if isinstance(record, Channel):
-                topics[record.id] = record.topic
-            elif isinstance(record, Message):
-                if record.log_time < last_ns - _NS:  # a second: the writer holds back less
-                    raise FileError(
-                        self.path,
-                        f"its messages are not in the order of time (topic "
-                        f"{topics[record.channel_id]}); `mcap sort` puts them in order",
-                    )
-                last_ns = max(last_ns, record.log_time)
-                yield StoredMessage(
-                    topic=topics[record.channel_id], time_ns=record.log_time, data=record.data
-                )
-
-    def _found_by_index(
-        self, topics: Collection[str] | None, start_ns: int, end_ns: int | None
-    ) -> Iterator[StoredMessage]:
         from mcap.records import Message  # noqa: PLC0415 - an extra
 
-        from uav_bt.record.scan import indexed_chunks  # noqa: PLC0415 - an extra
-
-        with self.path.open("rb") as stream:
-            try:
-                summary = self._indexed(stream).get_summary()
-                if not summary.chunk_indexes:  # without chunks: the whole file is read
-                    yield from self._found_by_scan()
-                    return
-                chunks = _matching(summary, topics, start_ns, end_ns)
-                for record in chain.from_iterable(indexed_chunks(stream, chunks)):
-                    if isinstance(record, Message):
-                        topic = summary.channels[record.channel_id].topic
-                        yield StoredMessage(topic=topic, time_ns=record.log_time, data=record.data)
-            except Exception as error:  # a damaged file can raise anything in the parser
+        start_ns = 0 if from_s is None else self.timeline.start_ns + round(from_s * _NS)
+        end_ns = None if to_s is None else self.timeline.start_ns + round(to_s * _NS)
+        chunks: list[Any] | None = None
+        known: dict[int, str] = {}
+        if from_s is not None or to_s is not None:
+            chunks, known = self._chunks(topics, start_ns, end_ns)
+        last_ns = 0
+        for record in self._scan.records(chunks, known):
+            if not isinstance(record, Message):
+                continue
+            topic, time_ns = known[record.channel_id], record.log_time
+            if time_ns < last_ns - _NS:  # a second: the writer holds back less
                 raise FileError(
-                    self.path, f"is damaged ({error}); `mcap recover` saves the intact part"
-                ) from error
+                    self.path,
+                    f"its messages are not in the order of time (topic {topic}); `mcap sort` puts "
+                    "them in order",
+                )
+            last_ns = max(last_ns, time_ns)
+            if topics is not None and topic not in topics:
+                continue
+            if time_ns >= start_ns and (end_ns is None or time_ns < end_ns):
+                yield StoredMessage(topic=topic, time_ns=time_ns, data=record.data)
 
-    @staticmethod
-    def _indexed(stream: Any) -> Any:
-        from mcap.reader import SeekingReader  # noqa: PLC0415 - an extra
-
-        return SeekingReader(stream, validate_crcs=True)
+    def _chunks(
+        self, topics: Collection[str] | None, start_ns: int, end_ns: int | None
+    ) -> tuple[list[Any] | None, dict[int, str]]:
+        """Return the chunks that may have such messages, and the topics of their channels."""
+        if self._summary is None or not self._summary.chunk_indexes:
+            return None, {}  # the whole file is read
+        known = {number: channel.topic for number, channel in self._summary.channels.items()}
+        chunks = [
+            chunk
+            for chunk in self._summary.chunk_indexes
+            if chunk.message_end_time >= start_ns
+            and (end_ns is None or chunk.message_start_time < end_ns)
+            and (topics is None or {known[one] for one in chunk.message_index_offsets} & {*topics})
+        ]
+        return chunks, known
 
     def moments(
         self, *, from_s: float | None = None, to_s: float | None = None
@@ -266,7 +236,7 @@ class RecordReader:
                     statuses = self._statuses(found[channels.TREE_STATUS.topic])
                 found, time_ns = {}, message.time_ns
             found[message.topic] = message.data
-        if {channels.TICK.topic, channels.STATE.topic, channels.COMMANDS.topic} <= found.keys():
+        if found.keys() >= _NEEDED:
             yield self._moment(found, statuses)
 
     def _statuses_before(self, from_s: float | None) -> tuple[str, ...]:
@@ -278,9 +248,6 @@ class RecordReader:
         if last is None:
             return ("IDLE",) * len(self.tree.nodes)
         return self._statuses(last.data)
-
-    def _lab_classes(self) -> LabClasses:
-        return LabClasses(decode(LabClass, each) for each in parse_json(self.metadata["classes"]))
 
     def _moment(self, found: Mapping[str, bytes], statuses: tuple[str, ...]) -> Moment:
         try:
@@ -298,15 +265,36 @@ class RecordReader:
         return FileError(self.path, f"the record's {what} is damaged: {error}")
 
 
-def _matching(
-    summary: Any, topics: Collection[str] | None, start_ns: int, end_ns: int | None
-) -> Iterator[Any]:
-    """Yield the indices of the chunks that may have matching messages."""
-    for chunk in summary.chunk_indexes:
-        names = {summary.channels[channel].topic for channel in chunk.message_index_offsets}
-        if (
-            chunk.message_end_time >= start_ns
-            and (end_ns is None or chunk.message_start_time < end_ns)
-            and (topics is None or not names.isdisjoint(topics))
-        ):
-            yield chunk
+def flight_record(path: Path) -> RecordReader:
+    """Open a finished record; FileError if it is none."""
+    reader = RecordReader(path)
+    if not reader.finished:
+        raise FileError(path, "the record was never finished; `mcap recover` makes a whole one")
+    return reader
+
+
+def footage(reader: RecordReader) -> Iterator[StoredFrame | DroneState | Advice]:
+    """Yield frames with an image, states and advice, in the order of time.
+
+    Images are decoded on access. FileError if the record is damaged.
+    """
+    note: FrameNote | None = None
+    try:
+        for message in reader.messages((*_DECODED, channels.CAMERA_IMAGE.topic)):
+            if message.topic != channels.CAMERA_IMAGE.topic:
+                found = decode(_DECODED[message.topic], parse_json(message.data))
+                if isinstance(found, FrameNote):
+                    note = found
+                else:
+                    yield found
+            elif note is not None:
+                yield StoredFrame(note=note, image=image_bytes(message.data))
+                note = None
+    except FileError:
+        raise
+    except InputError as error:
+        raise FileError(reader.path, f"a message of the record is damaged: {error}") from error
+    if reader.damages:
+        raise FileError(
+            reader.path, f"is damaged ({reader.damages[0]}); `mcap recover` saves the intact part"
+        )

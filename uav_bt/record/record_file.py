@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,8 +14,7 @@ from uav_bt.plugins import need
 from uav_bt.record.channels import Channel, schema_of
 
 _NS: Final = 1_000_000_000
-# `flush` closes chunks; this only bounds the memory of a burst.
-_CHUNK_BYTES: Final = 4 * 1024 * 1024
+_CHUNK_BYTES: Final = 4 * 1024 * 1024  # `flush` closes chunks; this only bounds a burst's memory
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,10 +28,7 @@ class Attachment:
 
 @dataclass(frozen=True, kw_only=True)
 class Timeline:
-    """Converts mission seconds to times on a record's timeline.
-
-    The messages have the exact mission time; this one is rounded to a nanosecond.
-    """
+    """Converts mission seconds to times on a record's timeline, rounded to a nanosecond."""
 
     start_ns: int  # wall clock, since 1970
     start_s: float  # the mission clock at that moment
@@ -46,34 +43,25 @@ class Timeline:
 
 
 class RecordFile:
-    """An MCAP file open for writing.
-
-    Args:
-        path: path of the file; an old record of that name is replaced.
-
-    Raises:
-        FileError: the file cannot be written.
-        MissingDependencyError: the extra `record` is not installed.
-    """
+    """An MCAP file open for writing; an old record of that name is replaced."""
 
     def __init__(self, path: Path) -> None:
         need("record", "a flight record")
         from mcap.writer import Writer  # noqa: PLC0415 - an extra
 
-        self._path = path
         with writing(path):
             self._stream: IO[bytes] = path.open("wb")
         self._writer: Any = Writer(self._stream, chunk_size=_CHUNK_BYTES)
         self._channel_ids: dict[str, int] = {}
         self._schema_ids: dict[str, int] = {}
-        self._sequences: dict[str, int] = {}
+        self._sequences: Counter[str] = Counter()
         self._writer.start(profile="", library=f"uav-bt/{__version__}")
 
     def write(self, channel: Channel, time_ns: int, data: bytes) -> None:
         """Add a message; OSError when the disk is full."""
         channel_id = self._channel_ids.get(channel.topic) or self._register(channel)
-        sequence = self._sequences.get(channel.topic, 0)
-        self._sequences[channel.topic] = sequence + 1
+        sequence = self._sequences[channel.topic]
+        self._sequences[channel.topic] += 1
         self._writer.add_message(
             channel_id, log_time=time_ns, data=data, publish_time=time_ns, sequence=sequence
         )
@@ -87,11 +75,7 @@ class RecordFile:
         """Add a file."""
         self._writer.flush()
         self._writer.add_attachment(
-            create_time=time_ns,
-            log_time=time_ns,
-            name=attachment.name,
-            media_type=attachment.media_type,
-            data=attachment.data,
+            time_ns, time_ns, attachment.name, attachment.media_type, attachment.data
         )
 
     def flush(self) -> None:

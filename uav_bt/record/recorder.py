@@ -14,7 +14,7 @@ from uav_bt.board.context import MissionContext
 from uav_bt.mission.tick import TickRecord
 from uav_bt.record import channels, messages, scenes
 from uav_bt.record.channels import END, SCHEMA_VERSION, START, NodeNote, TreeNote
-from uav_bt.record.config import RecordConfig
+from uav_bt.record.config import Quality
 from uav_bt.record.encoder import LogLine, MomentEncoder, RawMoment
 from uav_bt.record.record_file import Attachment, RecordFile, Timeline
 from uav_bt.record.values import dump, encode
@@ -26,7 +26,6 @@ from uav_bt.types.ground import Ground
 
 _LOG: Final = logging.getLogger(__name__)
 _LEVELS: Final = {logging.ERROR: "Error", logging.WARNING: "Warning"}
-_RUNNER: Final = "runner"
 _USUAL: Final = frozenset(
     {EventKind.INFO, EventKind.PHASE, EventKind.PHOTO, EventKind.LANDED, EventKind.ENDED}
 )  # the log's other events are warnings
@@ -59,16 +58,10 @@ class RecordLosses:
 
 
 class FlightRecorder:
-    """Records a flight from now until `finish`.
+    """Records a flight from now until `finish`, which closes the file.
 
-    Args:
-        file: the record; this recorder closes it.
-        tree: the mission's tree, set up but not ticked yet.
-        context: context of the mission.
-        camera: camera of the drone.
-        facts: known before the flight.
-        start_ns: wall-clock start of the record's timeline, nanoseconds since 1970.
-        config: amount of data and limits.
+    The tree is set up but not ticked yet. `start_ns` is the wall-clock start of the record's
+    timeline since 1970. With `wait` the flight waits for the disk; otherwise images are omitted.
     """
 
     def __init__(
@@ -80,7 +73,8 @@ class FlightRecorder:
         facts: FlightFacts,
         *,
         start_ns: int,
-        config: RecordConfig | None = None,
+        quality: Quality = "lossless",
+        wait: bool = False,
     ) -> None:
         self._context = context
         self._nodes = tuple(tree.nodes())
@@ -93,9 +87,8 @@ class FlightRecorder:
         self._lines: list[LogLine] = []
         self._handler = _Lines(self._lines)
         self._begin(camera, facts)
-        config = config or RecordConfig()
-        encoder = MomentEncoder(self._timeline, camera, config)
-        self._worker = RecordWorker(self._file, encoder.encode, config)
+        encoder = MomentEncoder(self._timeline, camera, quality)
+        self._worker = RecordWorker(self._file, encoder.encode, wait=wait)
         logging.getLogger().addHandler(self._handler)
 
     def _begin(self, camera: CameraModel, facts: FlightFacts) -> None:
@@ -122,35 +115,27 @@ class FlightRecorder:
     def _tree_note(self) -> TreeNote:
         places = {node.path: place for place, node in enumerate(self._nodes)}
         parents = {child.path: places[node.path] for node in self._nodes for child in node.children}
-        return TreeNote(
-            nodes=tuple(
-                NodeNote(
-                    path=node.path,
-                    name=node.name,
-                    node_id=node.node_id,
-                    parent=parents.get(node.path),
-                )
-                for node in self._nodes
+        notes = (
+            NodeNote(
+                path=one.path, name=one.name, node_id=one.node_id, parent=parents.get(one.path)
             )
+            for one in self._nodes
         )
+        return TreeNote(nodes=tuple(notes))
 
     def on_tick(self, record: TickRecord) -> None:
         """Hand a tick to the writing thread."""
-        proposals = self._context.proposals
         self._note_changes(record)
-        lines = tuple(self._lines)
-        self._lines.clear()
-        self._worker.put(
-            RawMoment(
-                tick=record,
-                proposed=proposals.movement,
-                proposed_gimbal=proposals.gimbal,
-                board=self._context.board.snapshot(),
-                statuses=tuple(node.node_status for node in self._nodes),
-                log=lines,
-            ),
-            record.time_s,
+        moment = RawMoment(
+            tick=record,
+            proposed=self._context.proposals.movement,
+            proposed_gimbal=self._context.proposals.gimbal,
+            board=self._context.board.snapshot(),
+            statuses=tuple(node.node_status for node in self._nodes),
+            log=tuple(self._lines),
         )
+        self._lines.clear()
+        self._worker.put(moment, record.time_s)
 
     def _note_changes(self, record: TickRecord) -> None:
         for event in record.events:
@@ -166,55 +151,35 @@ class FlightRecorder:
                 self._log("Info", f"sent: {kind.__name__}")
 
     def _log(self, level: str, message: str) -> None:
-        self._lines.append(LogLine(level=level, message=message, name=_RUNNER))
+        self._lines.append((level, message, "runner"))
 
     def finish(self, end: Mapping[str, str] | None = None) -> RecordLosses:
         """Write the remaining data, index and summary, and close. Safe to call twice.
 
-        Args:
-            end: how the flight ended, as metadata.
-
-        Returns:
-            The losses; they were logged as a warning, too.
+        `end` is metadata about how the flight ended. The losses are logged as a warning, too.
         """
         if self._ended:
             return self.losses
         self._ended = True
         logging.getLogger().removeHandler(self._handler)
         self._worker.close()
+        dropped, lost_ticks = dict(self._worker.dropped), self._worker.lost_ticks
         failure = self._worker.failure
         if failure is None:
-            failure = self._conclude(end or {})
+            try:
+                about = {"dropped": json.dumps(dropped), "lost_ticks": str(lost_ticks)}
+                self._file.metadata(END, {**(end or {}), **about})
+                self._file.finish()
+            except OSError as error:
+                failure = error
+        reason = None
         if failure is not None:
             self._file.abandon()
-        self.losses = self._losses(failure)
+            reason = f"not written to its end: {getattr(failure, 'strerror', None) or failure}"
+        self.losses = RecordLosses(dropped=dropped, lost_ticks=lost_ticks, failure=reason)
         if str(self.losses):
             _LOG.warning("the flight's record is incomplete: %s", self.losses)
         return self.losses
-
-    def _losses(self, failure: Exception | None) -> RecordLosses:
-        reason = failure.strerror if isinstance(failure, OSError) and failure.strerror else failure
-        return RecordLosses(
-            dropped=dict(self._worker.dropped),
-            lost_ticks=self._worker.lost_ticks,
-            failure=None if reason is None else f"not written to its end: {reason}",
-        )
-
-    def _conclude(self, end: Mapping[str, str]) -> Exception | None:
-        losses = self._losses(None)
-        try:
-            self._file.metadata(
-                END,
-                {
-                    **end,
-                    "dropped": json.dumps(dict(losses.dropped)),
-                    "lost_ticks": str(losses.lost_ticks),
-                },
-            )
-            self._file.finish()
-        except OSError as error:
-            return error
-        return None
 
     def __enter__(self) -> Self:
         """Return itself."""
@@ -245,4 +210,4 @@ class _Lines(logging.Handler):
         """Keep a line of this flight; other flights of the process run in other threads."""
         if record.thread == self._thread:
             level = _LEVELS.get(record.levelno, "Info")
-            self._lines.append(LogLine(level=level, message=record.getMessage(), name=record.name))
+            self._lines.append((level, record.getMessage(), record.name))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import IO, Final
 
@@ -32,24 +32,8 @@ _MAX_CHUNK_BYTES: Final = 32 * 1024 * 1024
 _MAX_GROWTH: Final = 100
 
 
-@dataclass(frozen=True, kw_only=True)
-class Damage:
-    """A damaged place in a record."""
-
-    offset: int  # bytes from the beginning of the file
-    reason: str
-
-    def __str__(self) -> str:
-        """Return the place and the reason in one line."""
-        return f"byte {self.offset}: {self.reason}"
-
-
 def is_finished(path: Path) -> bool:
-    """Return whether a record was closed, and so has index and summary.
-
-    Raises:
-        FileError: the file cannot be read or is not an MCAP file.
-    """
+    """Return whether a record was closed, and so has index and summary; FileError if it is none."""
     with reading(path), path.open("rb") as stream:
         _check_magic(stream, path)
         stream.seek(0, 2)
@@ -61,93 +45,92 @@ def is_finished(path: Path) -> bool:
 
 
 class RecordScan:
-    """One pass over the records of a file, with its chunks opened.
+    """Passes over the records of a file, with its chunks opened.
 
-    A chunk with a wrong checksum is skipped. The pass ends at the first record that the MCAP
+    A chunk with a wrong checksum is skipped. A pass ends at the first record that the MCAP
     library cannot read, which is the end of a file that was cut.
 
-    Args:
-        path: the file.
-
     Attributes:
-        damages: the damaged places that the pass has met.
-        finished: whether the pass reached an end with index and summary.
+        damages: the damaged places that the last pass has met, one line each.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self.damages: list[Damage] = []
-        self.finished = False
+        self.damages: list[str] = []
 
     def __iter__(self) -> Iterator[McapRecord]:
-        """Yield headers, schemas, channels, messages, metadata and attachments, in file order.
+        """Yield headers, schemas, channels, messages, metadata and attachments, in file order."""
+        return self.records(None, {})
 
-        Raises:
-            FileError: the file cannot be read or is not an MCAP file.
+    def records(
+        self, chunks: Iterable[ChunkIndex] | None, topics: dict[int, str]
+    ) -> Iterator[McapRecord]:
+        """Yield the records of all the file, or of chunks of its index, whose topics are known.
+
+        The topics of channels that the pass meets are added, by number.
         """
-        self.damages, self.finished = [], False
+        self.damages = []
         with reading(self._path), self._path.open("rb") as stream:
             _check_magic(stream, self._path)
-            known: set[int] = set()
-            for offset, record in self._records(stream):
-                if isinstance(record, Channel):
-                    known.add(record.id)
-                if isinstance(record, Message) and record.channel_id not in known:
-                    self._note(offset, f"a message on unknown channel {record.channel_id}")
-                else:
-                    yield record
-        if not self.finished and not self.damages:
-            self._note(self._path.stat().st_size, "ends without index and summary")
+            size_bytes = self._path.stat().st_size
+            left_bytes = _MAX_CHUNK_BYTES + _MAX_GROWTH * size_bytes
+            found = self._all(stream, size_bytes) if chunks is None else _indexed(stream, chunks)
+            for offset, record in found:
+                inside = [record]
+                if isinstance(record, Chunk):
+                    try:
+                        inside = opened(record, min(left_bytes, _MAX_CHUNK_BYTES))
+                    except Exception as error:  # noqa: BLE001 - a damaged chunk raises anything
+                        self._note(offset, f"a damaged record ({type(error).__name__}: {error})")
+                        continue
+                    left_bytes -= record.uncompressed_size
+                for one in inside:
+                    if isinstance(one, Channel):
+                        topics[one.id] = one.topic
+                    if isinstance(one, Message) and one.channel_id not in topics:
+                        self._note(offset, f"a message on unknown channel {one.channel_id}")
+                    else:
+                        yield one
+        if chunks is None and not self.damages and not is_finished(self._path):
+            self._note(size_bytes, "ends without index and summary")
 
-    def _records(self, stream: IO[bytes]) -> Iterator[tuple[int, McapRecord]]:
-        """Yield the records before the index, each with the offset of itself or its chunk."""
-        allowance = _Allowance(self._path)
-        size = self._path.stat().st_size
+    def _all(self, stream: IO[bytes], size_bytes: int) -> Iterator[tuple[int, McapRecord]]:
+        """Yield the records before the index with their offsets."""
         # The library checks each length against the limit before it reads the record.
         records = StreamReader(
-            stream, skip_magic=True, emit_chunks=True, record_size_limit=size
+            stream, skip_magic=True, emit_chunks=True, record_size_limit=size_bytes
         ).records
         while True:
             offset = stream.tell()
             try:
-                record = next(records)
+                record = next(records, None)
             except (EndOfFile, RecordLengthLimitExceeded, struct.error) as error:
-                if offset < size:
-                    cut = not isinstance(error, struct.error) or stream.tell() >= size
+                if offset < size_bytes:
+                    cut = not isinstance(error, struct.error) or stream.tell() >= size_bytes
                     what = "the file is cut within a record" if cut else "a damaged record"
                     self._note(offset, what)
                 return
             except Exception as error:  # noqa: BLE001 - a damaged record raises anything
                 self._note(offset, f"a damaged record ({type(error).__name__}: {error})")
                 return
-            if isinstance(record, DataEnd):
-                # The rest repeats data that was read. A footer shows that it is complete.
-                self.finished = is_finished(self._path)
+            if record is None or isinstance(record, DataEnd):  # the rest repeats what was read
                 return
-            if not isinstance(record, Chunk):
-                yield offset, record
-                continue
-            try:
-                inside = allowance.opened(record)
-            except Exception as error:  # noqa: BLE001 - a damaged chunk raises anything
-                self._note(offset, f"a damaged record ({type(error).__name__}: {error})")
-                continue
-            yield from ((offset, one) for one in inside)
+            yield offset, record
 
     def _note(self, offset: int, reason: str) -> None:
-        self.damages.append(Damage(offset=offset, reason=reason))
+        self.damages.append(f"byte {offset}: {reason}")
+
+
+def _indexed(stream: IO[bytes], chunks: Iterable[ChunkIndex]) -> Iterator[tuple[int, McapRecord]]:
+    for index in chunks:
+        stream.seek(index.chunk_start_offset + _HEAD_BYTES)
+        yield index.chunk_start_offset, Chunk.read(ReadDataStream(stream))
 
 
 def opened(chunk: Chunk, max_bytes: int = _MAX_CHUNK_BYTES) -> list[McapRecord]:
     """Return a chunk's records.
 
-    Args:
-        chunk: the chunk as the file has it.
-        max_bytes: limit of the opened size.
-
-    Raises:
-        ValueError: the chunk is larger than the limit or than its size field; its parsers
-            raise further exceptions.
+    ValueError if it is larger, opened, than `max_bytes` or than it says; its parsers raise others.
     """
     size = chunk.uncompressed_size
     if size > max_bytes:
@@ -163,35 +146,6 @@ def opened(chunk: Chunk, max_bytes: int = _MAX_CHUNK_BYTES) -> list[McapRecord]:
     if len(data) != size:
         raise ValueError(f"a chunk of {size} bytes has {len(data)} or more")
     return breakup_chunk(replace(chunk, compression="", data=data), validate_crc=True)
-
-
-def indexed_chunks(stream: IO[bytes], indices: Iterable[ChunkIndex]) -> Iterator[list[McapRecord]]:
-    """Yield the records of some of a file's chunks.
-
-    Args:
-        stream: the open file.
-        indices: the index entries of the chunks.
-
-    Raises:
-        ValueError: a chunk is too large or damaged; its parsers raise further exceptions.
-    """
-    allowance = _Allowance(Path(stream.name))
-    for index in indices:
-        stream.seek(index.chunk_start_offset + _HEAD_BYTES)
-        yield allowance.opened(Chunk.read(ReadDataStream(stream)))
-
-
-class _Allowance:
-    """The number of bytes to which the chunks of a file may still grow."""
-
-    def __init__(self, path: Path) -> None:
-        self._left_bytes = _MAX_CHUNK_BYTES + _MAX_GROWTH * path.stat().st_size
-
-    def opened(self, chunk: Chunk) -> list[McapRecord]:
-        """Return a chunk's records; raises as `opened` does."""
-        records = opened(chunk, min(self._left_bytes, _MAX_CHUNK_BYTES))
-        self._left_bytes -= chunk.uncompressed_size
-        return records
 
 
 def _check_magic(stream: IO[bytes], path: Path) -> None:

@@ -39,19 +39,14 @@ def note_of(site_map: SiteMap) -> SiteMapNote:
 
 
 def _grids(site_map: SiteMap) -> tuple[tuple[NDArray[np.bool_], int], ...]:
-    return (
-        (site_map.ground, _GROUND),
-        (site_map.free, _FREE),
-        (site_map.outside, _OUTSIDE),
-        (site_map.passed, _PASSED),
-    )
+    ground, free = (site_map.ground, _GROUND), (site_map.free, _FREE)
+    return ground, free, (site_map.outside, _OUTSIDE), (site_map.passed, _PASSED)
 
 
 def site_map_of(note: SiteMapNote, classes: LabClasses) -> SiteMap:
-    """Return the map of a note; all its ground gets the capture time of the newest frame.
+    """Return the map of a note; InputError if it is none.
 
-    Raises:
-        InputError: the note is invalid.
+    All its ground gets the capture time of the newest frame.
     """
     try:
         cells = decode_bytes(base64.b64decode(note.cells_png, validate=True))

@@ -69,10 +69,10 @@ def read_numbered_picks(path: Path, classes: LabClasses) -> list[tuple[int, Pick
     with reading(path):
         if not path.exists():
             raise FileError(path, f"there is no such picks file{did_you_mean_file(path)}")
-        text = read_bounded(path, _MAX_BYTES).decode()
+        text = read_bounded(path, _MAX_BYTES).decode("utf-8-sig")
     reader = csv.reader(io.StringIO(text))
     try:
-        rows = [(reader.line_num, row) for row in reader]
+        rows = [(reader.line_num, row) for row in reader if row]
     except csv.Error as error:
         raise FileError(path, f"no CSV: {error}", line=reader.line_num) from error
     if rows and tuple(rows[0][1]) != _COLUMNS:

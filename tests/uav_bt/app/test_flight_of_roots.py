@@ -73,13 +73,6 @@ def test_a_node_as_root_flies_the_same_flight() -> None:
         app.fly(root, drone="plain", judge=ANYWHERE, seed=1)
 
 
-def test_a_tree_of_py_trees_flies_once() -> None:
-    root = hop()
-    app.fly(root, drone="plain", judge=ANYWHERE, seed=1)
-    with pytest.raises(InputError, match="tree 'hop' was flown or set up before"):
-        app.fly(root, drone="plain", judge=ANYWHERE, seed=1)
-
-
 def test_a_replay_is_given_the_tree_again(tmp_path: Path) -> None:
     record = tmp_path / "hop.mcap"
     app.fly(hop(), drone=ScriptedDrone(), judge=ANYWHERE, record=record)

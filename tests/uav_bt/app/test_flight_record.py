@@ -105,15 +105,6 @@ def test_a_record_tells_what_was_flown_and_how_it_ended(noted: tuple[Path, Notes
     assert json.loads(end["report"])["seed"] == 5
 
 
-def test_a_part_is_found_by_its_time(noted: tuple[Path, Notes]) -> None:
-    reader = RecordReader(noted[0])
-    part = [moment.tick.time_s for moment in reader.moments(from_s=0.45, to_s=1.05)]
-    assert part == pytest.approx([0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
-    ticks = list(reader.messages([channels.TICK.topic], from_s=0.45, to_s=1.05))
-    assert {message.topic for message in ticks} == {channels.TICK.topic}
-    assert len(ticks) == len(part)
-
-
 def test_the_tools_of_the_format_read_a_record(noted: tuple[Path, Notes]) -> None:
     from mcap.reader import make_reader  # noqa: PLC0415
 

@@ -74,19 +74,14 @@ class Stage:
         assert self.play(TakeOff(), 3.5).flying is FlyingState.HOVERING
 
 
-def test_it_is_a_drone() -> None:
-    assert isinstance(RehearsedDrone(ScriptedDrone()), Drone)
-
-
-def test_it_is_checked_like_the_drone_that_is_held() -> None:
-    assert Stage().drone.live
-
-
 def test_the_drone_gets_only_camera_directions() -> None:
+    assert isinstance(RehearsedDrone(ScriptedDrone()), Drone)
     stage = Stage()
+    assert stage.drone.live
     stage.fly()
     for movement in (MoveBy(id=1, forward_m=1.0), Velocity(forward_mps=1.0), Land(), CutMotors()):
-        stage.drone.send(Command(movement=movement, gimbal=GimbalTo(pitch_rad=-0.5)))
+        command = Command(movement=movement, gimbal=GimbalTo(pitch_rad=-0.5))
+        assert stage.drone.send(command) == command
     assert stage.held.told == [Command(movement=Release(), gimbal=GimbalTo(pitch_rad=-0.5))] * 4
 
 
@@ -122,9 +117,3 @@ def test_on_the_ground_only_a_take_off_counts() -> None:
     stage = Stage()
     for movement in (Hover(), MoveBy(id=1, forward_m=1.0), Velocity(forward_mps=1.0), Land()):
         assert stage.play(movement, 0.3).flying is FlyingState.LANDED
-
-
-def test_as_sent_is_as_pretended() -> None:
-    stage = Stage()
-    command = Command(movement=Hover(), gimbal=GimbalTo(pitch_rad=-0.2))
-    assert stage.drone.send(command) == command

@@ -105,19 +105,12 @@ def test_an_area_that_cannot_be_kept_is_refused(area: str, words: str) -> None:
         put_together("", site=app.Site(area=area_corners(area)))
 
 
-@pytest.mark.parametrize(
-    ("area", "words"),
-    [
-        ("start:1,1;start:2,1;start:2,2", "the take-off pose lies outside the area start:1,1;"),
-        ("start:-1,-1;start:0,0;start:1,1", "must not lie on one line"),
-        ("lab:-1,-1;lab:1,1;lab:1,-1;lab:-1,1", "must not cross"),
-        ("start:-1,-1,2;start:1,-1;start:0,2", "as start:x,y or lab:x,y, got 'start:-1,-1,2'"),
-        ("start:-1,-1@9;start:1,-1;start:0,2", "as start:x,y or lab:x,y, got 'start:-1,-1@9'"),
-    ],
-)
-def test_an_area_that_no_scene_can_mend_is_refused_with_the_tree(area: str, words: str) -> None:
-    with pytest.raises(TreeError, match=rf":\d+:\d+: Rules: attribute 'area': .*{words}"):
-        put_together(f'<Rules area="{area}"/>')
+def test_an_area_that_no_scene_can_mend_is_refused_with_the_tree() -> None:
+    words = (
+        r":\d+:\d+: Rules: attribute 'area': .*the take-off pose lies outside the area start:1,1;"
+    )
+    with pytest.raises(TreeError, match=words):
+        put_together('<Rules area="start:1,1;start:2,1;start:2,2"/>')
 
 
 def test_a_mission_that_lands_on_a_mark_needs_one(no_pad: Path) -> None:

@@ -42,41 +42,35 @@ def readers() -> list[threading.Thread]:
     return [thread for thread in threading.enumerate() if thread.name == "keys"]
 
 
-def press(*keys: str) -> Noted:
+@pytest.mark.parametrize(
+    ("keys", "manual", "asked"),
+    [
+        ("m", True, []),
+        ("mm", False, []),
+        ("ml", False, ["land: a person pressed l"]),  # even when a person flies
+        ("X", False, ["cut: a person cut the motors"]),  # a capital only
+        ("xq \n\x1b", False, []),
+    ],
+)
+def test_each_key_has_its_action_and_others_do_nothing(
+    keys: str, asked: list[str], *, manual: bool
+) -> None:
     noted = Noted()
     for key in keys:
         obey(key, noted)  # type: ignore[arg-type]
-    return noted
+    assert (noted.manual, noted.asked) == (manual, asked)
 
 
-def test_m_takes_over_and_hands_back() -> None:
-    assert press("m").manual
-    assert not press("m", "m").manual
-
-
-def test_l_lands_even_when_a_person_flies() -> None:
-    noted = press("m", "l")
-    assert not noted.manual
-    assert noted.asked == ["land: a person pressed l"]
-
-
-def test_only_a_capital_x_cuts_the_motors() -> None:
-    assert press("x").asked == []
-    assert press("X").asked == ["cut: a person cut the motors"]
-
-
-@pytest.mark.parametrize("key", ["q", " ", "\n", "\x1b"])
-def test_other_keys_do_nothing(key: str) -> None:
-    noted = press(key)
-    assert not noted.manual
-    assert noted.asked == []
-
-
-def test_without_a_terminal_there_are_no_keys(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("closed", [True, False])
+def test_without_a_terminal_there_are_no_keys(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *, closed: bool
+) -> None:
+    """Python's `sys.stdin` is None after `uav-bt fly tree.xml <&-`."""
     with open(os.devnull, encoding="utf-8") as nothing:  # noqa: PTH123  (a device, not a path)
-        monkeypatch.setattr(sys, "stdin", nothing)
+        monkeypatch.setattr(sys, "stdin", None if closed else nothing)
         with pilot_keys(Noted()):  # type: ignore[arg-type]
             assert readers() == []
+    assert KEYS_HELP not in capsys.readouterr().err
 
 
 def test_a_key_at_a_terminal_counts_and_reader_and_terminal_are_as_before(
@@ -97,13 +91,3 @@ def test_a_key_at_a_terminal_counts_and_reader_and_terminal_are_as_before(
     os.close(ours)
     assert noted.manual
     assert capsys.readouterr().err == f"{KEYS_HELP}\n"
-
-
-def test_a_closed_standard_input_has_no_keys(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Then Python's `sys.stdin` is None, as in `uav-bt fly tree.xml <&-`."""
-    monkeypatch.setattr(sys, "stdin", None)
-    with pilot_keys(Noted()):  # type: ignore[arg-type]
-        pass
-    assert KEYS_HELP not in capsys.readouterr().err

@@ -64,4 +64,4 @@ def test_a_new_lab_changes_nothing_that_exists(world: Path) -> None:
     assert_refused(run("lab", "new", "paper"), "a lab 'paper' ships with uav-bt")
     assert_refused(run("lab", "new", "../hall"), "consists of small letters")
     (world / "file").touch()
-    assert_refused(run("lab", "new", "hall", "--in", "file"), "is a file")
+    assert_refused(run("lab", "new", "hall", "--in", "file"), "cannot be written")

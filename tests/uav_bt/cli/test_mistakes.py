@@ -47,8 +47,6 @@ MISTAKES = [
     ("lab scenes --show vla-a", "unknown scene 'vla-a'; did you mean 'val-a'"),
     ("net evaluate depth --model dept", "dept"),
     ("net evaluate depth --model dpth", "unknown depth model 'dpth'; did you mean 'depth'"),
-    ("net evaluate depth --tables piars", "unknown table 'piars'; did you mean 'pairs'"),
-    ("net evaluate depth --tables ,", "no table"),
     ("net evaluate depth --model contact --scene test-c", "unknown scene 'test-c'"),
     ("net evaluate depth --masks teacher", "--masks"),
     ("net perceive photos --segmentation unett", "unknown segmentation model 'unett'"),

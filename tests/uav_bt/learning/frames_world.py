@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import cache
@@ -66,15 +65,6 @@ def write_video(
             container.mux(stream.encode(frame))
         container.mux(stream.encode())
     return path
-
-
-def set_display_matrix(path: Path, matrix: tuple[int, int, int, int]) -> None:
-    """Write how players turn an MP4 file's images."""
-    content = bytearray(path.read_bytes())
-    a, b, c, d = (65536 * number for number in matrix)  # 16.16 fixed point
-    place = content.index(b"tkhd") + 4 + 40  # the matrix follows 40 bytes after the box's type
-    content[place : place + 36] = struct.pack(">9i", a, b, 0, c, d, 0, 0, 0, 1 << 30)
-    path.write_bytes(content)
 
 
 def write_photograph(path: Path, image: Image) -> Path:

@@ -13,7 +13,8 @@ from perception.depth.training.footage import shrink
 from sim_bridge.anafi import anafi_camera
 from tests.worlds.footage import frame, state, write_record
 from uav_bt.errors import FileError, InputError
-from uav_bt.learning.dataset import fingerprint, footage_of, records_of, split_records
+from uav_bt.learning.dataset import footage_of, records_of, split_records
+from uav_bt.learning.lab_material import fingerprint
 from uav_bt.types import Frame
 
 CAMERA = anafi_camera(64, 36)
@@ -99,6 +100,7 @@ def test_what_is_held_out_is_not_learnt_from(tmp_path: Path) -> None:
 def test_a_changed_record_has_another_fingerprint(tmp_path: Path) -> None:
     path = write_record(tmp_path / "a.mcap", CAMERA, [], [state(0.0)])
     copy = Path(shutil.copy2(path, tmp_path / "b.mcap"))
-    assert fingerprint(copy) == fingerprint(path)
+    assert fingerprint(copy, dated=True) == fingerprint(path, dated=True)
     os.utime(copy, (0, 0))
-    assert fingerprint(copy) != fingerprint(path)
+    assert fingerprint(copy, dated=True) != fingerprint(path, dated=True)
+    assert fingerprint(copy, dated=False) == fingerprint(path, dated=False)

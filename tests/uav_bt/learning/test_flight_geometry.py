@@ -19,10 +19,13 @@ from uav_bt.errors import FileError
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import load_lab
 from uav_bt.landing_marks import MarkSighting, MarkView
-from uav_bt.learning.flight_geometry import compare_lengths, open_flight
-from uav_bt.learning.geometry import Geometry, MarkRanges
-from uav_bt.learning.mark_ranges import mark_ranges
-from uav_bt.types import ClassMap, DepthMap, Frame, LandingMark
+from uav_bt.learning.flight_geometry import (
+    Geometry,
+    compare_ranges,
+    mark_ranges,
+    open_flight,
+)
+from uav_bt.types import ClassMap, Frame, LandingMark
 
 SIZE = (224, 112)
 CAMERA = anafi_camera(320, 180)
@@ -45,17 +48,6 @@ class Painted:
         return paper_map(ids=ids, captured_s=frame.captured_s)
 
 
-class Exact:
-    """A depth network whose unit is 2 m, exact on ground and mark."""
-
-    def estimate(self, frame: Frame) -> DepthMap:
-        view = replace(view_of(frame, CAMERA, SIZE), height_m=1.5)
-        on_mark = Painted().segment(frame).ids == HELIPAD_H
-        depth = np.where(on_mark, ground_depth(view, plane_m=0.4), ground_depth(view))
-        depth = np.where(np.isfinite(depth), 0.5 * depth, 4.0).astype(np.float32)
-        return DepthMap(depth=depth, metric=False, captured_s=frame.captured_s)
-
-
 def shot(index: int, **changes: float) -> Frame:
     image = np.random.default_rng(index).integers(40, 200, (180, 320, 3), dtype=np.uint8)
     return frame(image, index, index / 2, **({"gimbal_pitch_rad": PITCH_RAD} | changes))
@@ -64,60 +56,41 @@ def shot(index: int, **changes: float) -> Frame:
 def flown(tmp_path: Path, frames: Sequence[Frame], mark: LandingMark = MARK) -> Geometry:
     path = write_record(tmp_path / "flight.mcap", CAMERA, frames, [state(0.0)])
     lab = replace(load_lab(), mark=mark)
-    return compare_lengths([open_flight(path, lab)], lab, Painted(), Exact())
+    return compare_ranges([open_flight(path, lab)], lab, Painted())
 
 
 def test_right_figures_agree_and_name_no_cause(tmp_path: Path) -> None:
     found = flown(tmp_path, [shot(index) for index in range(8)])
-    assert found.frames == 4  # a second apart
-    assert found.ground_error(90) < 0.01
-    assert len(found.marks) == 4
-    for of in ("by_size", "by_height"):
-        assert found.ratio(of, "by_depth") == pytest.approx(1.0, abs=0.03)
-    assert found.likely_wrong(FILE) == ""
-    lines = list(found.lines())
-    assert lines[0] == "geometry in 4 frames of flights"
-    assert "  mark in 4 frames: the range by its size is " in lines[2]
+    assert found.frames == len(found.ratios) == 4  # a second apart
+    assert found.ratio == pytest.approx(1.0, abs=0.03)
+    heading, line = found.lines(FILE)
+    assert heading == "geometry in 4 frames of flights"
+    assert line.startswith("  mark in 4 frames: the range by its size is ")
     assert json.loads(json.dumps(found.to_json()))["marks"] == 4
 
 
 @pytest.mark.parametrize(
-    ("mark", "height_m", "cause"),
+    ("mark", "height_m", "large"),
     [
-        (replace(MARK, length_m=0.8, width_m=0.8), 1.5, "size of the mark in lab.yaml (too large)"),
-        (replace(MARK, height_m=0.1), 1.5, "height_m of the mark in lab.yaml (too small)"),
-        (MARK, 1.9, "the height of the drone (too large)"),
+        (replace(MARK, length_m=0.8, width_m=0.8), 1.5, "large"),
+        (replace(MARK, height_m=0.1), 1.5, "small"),
+        (MARK, 1.9, "small"),
     ],
 )
 def test_a_wrong_figure_is_named(
-    tmp_path: Path, mark: LandingMark, height_m: float, cause: str
+    tmp_path: Path, mark: LandingMark, height_m: float, large: str
 ) -> None:
     frames = [shot(2 * index, height_m=height_m) for index in range(3)]
-    found = flown(tmp_path, frames, mark)
-    assert found.ground_error(50) < 0.01  # the scale takes the wrong height
-    line = found.likely_wrong(FILE)
-    assert line.startswith("likely wrong: ")
-    assert cause in line
+    *_, line = flown(tmp_path, frames, mark).lines(FILE)
+    assert line.startswith(f"likely wrong: size or height_m of the mark in lab.yaml (too {large})")
 
 
-def test_a_depth_network_that_does_not_know_the_place_is_no_fault_of_the_lab() -> None:
-    found = Geometry(ground_errors=[np.full(9, 0.3)])
-    found.marks += 3 * [MarkRanges(by_size=2.0, by_height=2.0, by_depth=1.2)]
-    assert "the depth network" in found.likely_wrong(FILE)
-    found.marks[:] = 3 * [MarkRanges(by_size=2.0, by_height=1.6, by_depth=1.2)]
-    assert "size or height_m of the mark" in found.likely_wrong(FILE)
-    found.marks.pop()
-    assert found.likely_wrong(FILE) == ""
-
-
-def test_a_frame_without_ground_has_no_scale_of_an_earlier_one(tmp_path: Path) -> None:
-    level = [shot(4, gimbal_pitch_rad=1.0), shot(6, height_m=0.1)]
-    found = flown(tmp_path, [shot(0), shot(2), *level])
-    assert found.refusals == {
-        "no scale: too little ground": 1,
-        "no height above the ground": 1,
-    }
-    assert "  without metric depth: 50.0 % of the frames" in "\n".join(found.lines())
+def test_few_or_no_marks_name_no_cause(tmp_path: Path) -> None:
+    few = Geometry(frames=2, ratios=[1.4, 1.4])
+    assert len(list(few.lines(FILE))) == 2
+    level = flown(tmp_path, [shot(0, gimbal_pitch_rad=1.0)])
+    assert list(level.lines(FILE))[1].startswith("  mark: in no frame found")
+    assert level.to_json() == {"frames": 1, "marks": 0, "size_to_height": None}
 
 
 class Tagged:
@@ -135,16 +108,15 @@ class Tagged:
 
 def test_the_range_of_tags_is_that_of_their_size() -> None:
     view = MarkView(frame=shot(0), camera=CAMERA, class_map=Painted().segment(shot(0)))
-    found = mark_ranges(view, MARK, Tagged(), None)
-    assert found is not None
-    assert found.by_size == pytest.approx(2.0)
-    assert found.by_height == pytest.approx(1.6, abs=0.02)
-    assert math.isnan(found.by_depth)
+    assert mark_ranges(view, MARK, Tagged()) == (
+        pytest.approx(2.0),
+        pytest.approx(1.6, abs=0.02),
+    )
 
 
 def refusal(path: Path, lab: Lab) -> str:
     with pytest.raises(FileError) as refused:
-        compare_lengths([open_flight(path, lab)], lab, Painted(), Exact())
+        compare_ranges([open_flight(path, lab)], lab, Painted())
     return str(refused.value)
 
 

@@ -14,7 +14,6 @@ import pytest
 from tests.uav_bt.learning.frames_world import (
     SIZE,
     blurred,
-    set_display_matrix,
     view,
     walk,
     write_photograph,
@@ -26,8 +25,7 @@ from uav_bt.errors import FileError, InputError
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.shipped import write_lab
 from uav_bt.learning import lab_frames
-from uav_bt.learning.frames_summary import FramesSummary
-from uav_bt.learning.lab_frames import take_frames, use_at
+from uav_bt.learning.lab_frames import FramesSummary, take_frames, use_at
 from uav_bt.learning.lab_material import LabMaterial
 from uav_bt.types import CameraModel
 
@@ -70,31 +68,12 @@ def test_the_sharpest_image_of_each_half_second_is_taken(
     assert (summary.read, summary.kept, summary.for_check) == (20, 4, 1)
 
 
-def test_images_of_a_phone_come_with_uneven_times(material: LabMaterial, tmp_path: Path) -> None:
-    times_s = [0.0, 0.51, 0.72, 1.9, 2.3, 4.05]
-    take(material, write_video(tmp_path / "a.mp4", walk(6), times_s=times_s))
-    taken_s = [one.time_s for one in material.read_frames()]
-    assert len(taken_s) == 5  # two lie in one half second
-    assert all(min(abs(one - time_s) for time_s in times_s) < 0.01 for one in taken_s)
-
-
 def test_blurred_blank_and_repeated_images_are_left_out(
     material: LabMaterial, tmp_path: Path
 ) -> None:
     images = [*walk(6), blurred(view(5)), np.zeros_like(view(0)), view(0.0), view(0.0)]
     (summary,) = take(material, write_video(tmp_path / "a.mp4", images)).sources
     assert (summary.kept, summary.blurred, summary.alike, summary.surplus) == (6, 2, 2, 0)
-
-
-def test_images_are_turned_as_players_turn_them(material: LabMaterial, tmp_path: Path) -> None:
-    stored = [np.ascontiguousarray(np.rot90(image)) for image in walk(4)]
-    video = write_video(tmp_path / "phone.mp4", stored)
-    set_display_matrix(video, (0, 1, -1, 0))  # a player turns it clockwise
-    take(material, video)
-    for one, shown in zip(material.read_frames(), walk(4), strict=True):
-        written = cv2.imread(str(material.frames / one.image))
-        assert written is not None
-        assert np.abs(written[..., ::-1].astype(float) - shown).mean() < 12.0
 
 
 def test_long_sides_are_at_most_1920_pixels(material: LabMaterial, tmp_path: Path) -> None:
@@ -148,21 +127,6 @@ def test_photographs_of_a_folder(material: LabMaterial, tmp_path: Path) -> None:
     assert "x.heic: a format that is not read" in summary.notes[0]
 
 
-def test_photographs_are_turned_as_their_exif_data_say(
-    material: LabMaterial, tmp_path: Path
-) -> None:
-    path = write_photograph(tmp_path / "a.jpg", view(0))
-    tiff = b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"  # orientation 6
-    exif = b"Exif\0\0" + tiff
-    content = path.read_bytes()
-    segment = b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif
-    path.write_bytes(content[:2] + segment + content[2:])
-    take(material, path)
-    written = cv2.imread(str(material.frames / "a.jpg"))
-    assert written is not None
-    assert np.abs(written[..., ::-1].astype(float) - np.rot90(view(0), -1)).mean() < 12.0
-
-
 def test_images_of_a_video_are_let_go(tmp_path: Path) -> None:
     """Without the garbage collector: a 4K video's images would fill gigabytes until it runs."""
     video = write_video(tmp_path / "a.mp4", walk(20))
@@ -170,7 +134,7 @@ def test_images_of_a_video_are_let_go(tmp_path: Path) -> None:
     gc.disable()
     try:
         most = 0
-        for _ in VideoSource(video).decoded():
+        for _ in VideoSource(video).images():
             most = max(most, sum(type(one) is av.VideoFrame for one in gc.get_objects()))
     finally:
         gc.enable()
@@ -197,13 +161,8 @@ def test_a_further_run_adds_new_videos_only(
     assert summary.total == len(material.read_frames()) == 10
     for name, changed in before.items():
         assert (material.frames / name).stat().st_mtime_ns == changed
-
-
-def test_a_deleted_image_stays_deleted(material: LabMaterial, tmp_path: Path) -> None:
-    video = write_video(tmp_path / "a.mp4", walk(5))
-    take(material, video)
-    (material.frames / material.read_frames()[2].image).unlink()
-    assert take(material, video).total == 4
+    (material.frames / material.read_frames()[2].image).unlink()  # it stays deleted
+    assert take(material, old).total == 9
 
 
 def test_a_stopped_run_keeps_whole_sources(material: LabMaterial, tmp_path: Path) -> None:
@@ -253,27 +212,58 @@ def test_images_are_removed_again_if_the_list_cannot_be_written(
     assert not material.frames.exists()
 
 
+def test_another_recording_of_the_same_name_is_read(material: LabMaterial, tmp_path: Path) -> None:
+    """Cameras count from 1 on each memory card; the order of the names means nothing."""
+    days = [tmp_path / day for day in ("monday", "tuesday")]
+    for begin, day in zip((0, 6), days, strict=True):
+        write_video(day / "DJI_0001.MP4", walk(4, begin=begin))
+        write_photograph(day / "IMG_0001.JPG", view(begin + 3))
+    for day in days:
+        assert not any(one.earlier for one in take(material, day).sources)
+    assert {one.source for one in material.read_frames()} == {
+        *("DJI_0001.MP4", "tuesday/DJI_0001.MP4", "IMG_0001.JPG", "tuesday/IMG_0001.JPG")
+    }
+    listed = material.read_frames()
+    assert all(one.earlier for one in take(material, *reversed(days)).sources)
+    assert material.read_frames() == listed
+
+
+def test_a_source_of_an_older_list_is_known_by_its_name(
+    material: LabMaterial, tmp_path: Path
+) -> None:
+    video = write_video(tmp_path / "a.mp4", walk(4))
+    take(material, video)
+    old = [line.rpartition(",")[0] for line in material.list_file.read_text().splitlines()]
+    material.list_file.write_text("\n".join(old))
+    (summary,) = take(material, video).sources
+    assert summary.earlier
+
+
+def test_a_video_that_states_no_duration_is_not_cut_short(
+    material: LabMaterial, tmp_path: Path
+) -> None:
+    video = write_video(tmp_path / "raw" / "tello.h264", walk(8))
+    (summary,) = take(material, video.parent).sources
+    assert (summary.read, summary.notes) == (8, ())
+
+
 # --- names ----------------------------------------------------------------------------------------
 
 
 def test_sources_with_the_same_name_do_not_collide(material: LabMaterial, tmp_path: Path) -> None:
     videos = [
         write_video(tmp_path / name, walk(3, begin=3 * number))
-        for number, name in enumerate(("1/a.mp4", "2/a.mp4", "2/A.mov"))
+        for number, name in enumerate(("1/a.mp4", "2/a.mp4", "2/A.mov", "..Gang: Süd (2)?.mp4"))
     ]
     for _ in range(2):
-        assert take(material, *videos, videos[0]).total == 9
+        assert take(material, *videos, videos[0]).total == 12
     first = {one.source: one.image for one in reversed(material.read_frames())}
     assert first == {
         "a.mp4": "a-00000.0.jpg",
         "2/a.mp4": "2-a-00000.0.jpg",
         "A.mov": "A-2-00000.0.jpg",
+        "..Gang: Süd (2)?.mp4": "Gang-Süd-2-00000.0.jpg",
     }
-
-
-def test_names_are_cleaned(material: LabMaterial, tmp_path: Path) -> None:
-    take(material, write_video(tmp_path / "..Gang: Süd (2)?.mp4", walk(2)))
-    assert material.read_frames()[0].image == "Gang-Süd-2-00000.0.jpg"
 
 
 # --- bad input ------------------------------------------------------------------------------------

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from perception.segmentation.training.picks import read_picks
 from uav_bt.errors import FileError
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.shipped import write_lab
@@ -40,6 +41,29 @@ def test_the_list_states_the_use(material: LabMaterial) -> None:
 
     assert material.read_frames() == frames
     assert material.uses() == {"00.png": "check", "01.png": "train"}
+
+
+def test_images_that_were_copied_keep_their_use(material: LabMaterial) -> None:
+    _add_images(material, 10)
+    first = material.uses()
+    material.keep_uses(first)  # as training does
+    for name in ("A_extra.png", "._00.png"):
+        cv2.imwrite(str(material.frames / name), np.zeros((4, 6, 3), np.uint8))
+    (material.frames / "02.png").unlink()
+    kept = {name: use for name, use in first.items() if name != "02.png"}
+    assert material.uses() == {"A_extra.png": "train", **kept}
+
+
+def test_a_byte_order_mark_and_empty_lines_are_no_fault(material: LabMaterial) -> None:
+    _add_images(material, 1)
+    text = "\ufeffimage,source,time_s,sharpness,use\n00.png,a.mp4,0.0,1.0,check\n\n\n"
+    material.list_file.write_text(text, encoding="utf-8")
+    assert material.uses() == {"00.png": "check"}
+    text = "\ufeffimage,x,y,class,origin\n00.png,1,2,FLOOR,hand\n\n\n"
+    floor = material.lab.classes.names[material.lab.classes.ground]
+    material.picks.write_text(text.replace("FLOOR", floor), encoding="utf-8")
+    (pick,) = read_picks(material.picks, material.lab.classes)
+    assert (pick.x, pick.y) == (1, 2)
 
 
 def test_a_lab_without_images_names_the_command(material: LabMaterial) -> None:

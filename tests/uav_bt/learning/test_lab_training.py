@@ -29,11 +29,11 @@ CONFIG = replace(lab_training_config(steps=3, batch=2), checkpoint_every=1)
 
 def with_foreign_teacher(folder: Path, **drawn: int) -> LabData:
     """Return a lab whose masks a network makes, which takes less time than a teacher."""
-    material = draw_lab(folder, **drawn)
+    draw_lab(folder, **drawn)
     write_colour_network(folder / "colours.onnx")
     text = (folder / "lab.yaml").read_text() + "teacher: {model: colours.onnx}\n"
     (folder / "lab.yaml").write_text(text)
-    return checked_data(replace(material, lab=load_lab(folder / "lab.yaml")))
+    return checked_data(LabMaterial(lab=load_lab(folder / "lab.yaml")))
 
 
 # --- masks ----------------------------------------------------------------------------------------
@@ -78,16 +78,10 @@ def test_kept_masks_are_not_made_again_and_a_changed_image_is(
     _, changed = make_masks(data.source, images, folder)
     assert len(made) == 1
     assert (changed[2] == FLOOR).all()
-
-
-def test_a_damaged_mask_is_named(tmp_path: Path) -> None:
-    data = with_foreign_teacher(tmp_path / "hall")
-    assert data.source is not None
-    make_masks(data.source, data.images("train"), tmp_path / "masks")
-    first = min((tmp_path / "masks").iterdir())
+    first = min(folder.iterdir())
     first.write_bytes(b"half")
     with pytest.raises(FileError, match=f"{first.name}: is damaged .* made again"):
-        make_masks(data.source, data.images("train"), tmp_path / "masks")
+        make_masks(data.source, images, folder)
 
 
 # --- training -------------------------------------------------------------------------------------
@@ -134,19 +128,6 @@ def test_the_network_has_the_classes_of_the_lab_and_a_new_training_replaces_it(
     assert checkpoint not in kept
 
 
-def test_training_lowers_the_loss(tmp_path: Path) -> None:
-    data = with_foreign_teacher(tmp_path / "hall")
-    assert data.source is not None
-    losses: list[float] = []
-
-    def note(stage: str, _done: int, _total: int) -> None:
-        if stage.startswith("training"):
-            losses.append(float(stage.rpartition(" ")[2]))
-
-    train_lab(data, data.source, lab_training_config(steps=12, batch=2), advance=note)
-    assert np.mean(losses[-3:]) < 0.7 * losses[0]
-
-
 def test_the_estimate_counts_only_masks_that_are_not_there(tmp_path: Path) -> None:
     data = with_foreign_teacher(tmp_path / "hall", train=5)
     assert data.source is not None
@@ -183,16 +164,12 @@ def test_a_bad_pick_is_refused_with_its_line(
         checked_data(rewritten(draw_lab(tmp_path / "hall"), old, new))
 
 
-def test_picks_of_one_class_are_refused(tmp_path: Path) -> None:
+def test_picks_of_one_class_and_missing_ones_are_refused(tmp_path: Path) -> None:
     material = draw_lab(tmp_path / "hall")
     for name in ("wall", "crate"):
         rewritten(material, f",{name},", ",floor,")
     with pytest.raises(FileError, match="two classes at least on images for training, got 1"):
         checked_data(material)
-
-
-def test_missing_picks_and_images_are_refused_with_the_command(tmp_path: Path) -> None:
-    material = draw_lab(tmp_path / "hall")
     material.picks.unlink()
     with pytest.raises(FileError, match="there are no picks; `uav-bt lab pick`"):
         checked_data(material)
@@ -201,8 +178,13 @@ def test_missing_picks_and_images_are_refused_with_the_command(tmp_path: Path) -
         checked_data(few)
 
 
-def test_few_images_are_a_warning(tmp_path: Path) -> None:
-    warnings = checked_data(draw_lab(tmp_path / "hall")).warnings
+def test_few_or_unreadable_images_are_a_warning(tmp_path: Path) -> None:
+    material = draw_lab(tmp_path / "hall")
+    (material.frames / "broken.jpg").write_bytes(b"no image")
+    data = checked_data(material)
+    warnings = data.warnings
+    assert "broken.jpg: is not a readable image; it is left out" in warnings[0]
+    assert "broken.jpg" not in data.uses
     assert "only 6 images for training" in warnings
     assert any("class 'cart' has no picks" in warning for warning in warnings)
 

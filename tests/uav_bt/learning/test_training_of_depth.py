@@ -57,11 +57,7 @@ def test_labels_are_made_once_and_kept(film: Path, tmp_path: Path) -> None:
     assert again.labels is not None
     np.testing.assert_array_equal(first.labels, again.labels)
     assert np.isfinite(first.labels[::3, 0, 100]).all()
-
-
-def test_without_a_segmenter_there_are_no_labels(film: Path, tmp_path: Path) -> None:
-    (flight,) = read_flights([film], None, tmp_path)
-    assert flight.labels is None
+    assert read_flights([film], None, tmp_path)[0].labels is None
 
 
 def test_a_run_leaves_weights_scores_and_pictures(film: Path, tmp_path: Path) -> None:
@@ -92,16 +88,8 @@ def test_the_command_trains_on_a_record(film: Path, tmp_path: Path) -> None:
     result = CliRunner().invoke(
         uav_bt,
         [
-            *(
-                "net",
-                "train",
-                "depth",
-                str(film),
-                "--out",
-                str(out),
-                "--run",
-                str(tmp_path / "run"),
-            ),
+            *("net", "train", "depth", str(film), "--out", str(out)),
+            *("--run", str(tmp_path / "run")),
             *("--labels", "contact", "--no-photometric", "--no-validate", "--steps", "1"),
         ],
     )

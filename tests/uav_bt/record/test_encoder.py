@@ -14,7 +14,7 @@ from tests.uav_bt.record.test_site_maps import site_map
 from tests.worlds.leaves import map_with
 from uav_bt.mission.tick import TickRecord
 from uav_bt.record import messages
-from uav_bt.record.config import RecordConfig
+from uav_bt.record.config import Quality
 from uav_bt.record.encoder import MomentEncoder, RawMoment
 from uav_bt.record.moment import Moment, moment_of
 from uav_bt.record.record_file import Timeline
@@ -97,8 +97,8 @@ def raw_moment(board: dict[str, Any] | None = None) -> RawMoment:
     )
 
 
-def encoder(**config: Any) -> MomentEncoder:
-    return MomentEncoder(Timeline(start_ns=10**18, start_s=0.0), pinhole(), RecordConfig(**config))
+def encoder(quality: Quality = "lossless") -> MomentEncoder:
+    return MomentEncoder(Timeline(start_ns=10**18, start_s=0.0), pinhole(), quality)
 
 
 def messages_of(made: MomentEncoder, moment: RawMoment) -> dict[str, bytes]:
@@ -147,7 +147,7 @@ def test_unchanged_values_are_not_written_again() -> None:
 
 
 def test_small_records_go_without_relative_depth() -> None:
-    moment = read(encoder(quality="high"), raw_moment())
+    moment = read(encoder("high"), raw_moment())
     assert moment.relative_depth is None
     assert moment.metric_depth is not None
 

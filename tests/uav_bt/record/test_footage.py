@@ -13,8 +13,7 @@ from uav_bt.errors import FileError
 from uav_bt.protocols import Advice
 from uav_bt.record import channels
 from uav_bt.record.channels import START
-from uav_bt.record.footage import footage
-from uav_bt.record.reader import RecordReader
+from uav_bt.record.reader import RecordReader, footage
 from uav_bt.record.record_file import RecordFile
 from uav_bt.record.values import dump, encode
 from uav_bt.types import CameraModel

@@ -61,7 +61,7 @@ def moments_of(path: Path) -> list[float]:
     return [moment.tick.time_s for moment in RecordReader(path).moments()]
 
 
-@pytest.mark.parametrize("tick", [35, 120, 301])
+@pytest.mark.parametrize("tick", [35, 120])
 def test_a_killed_flight_leaves_a_record_that_is_read_and_can_be_recovered(
     tick: int, tmp_path: Path
 ) -> None:
@@ -128,8 +128,6 @@ def test_a_flipped_bit_gives_a_clear_error_or_less_and_never_something_else(
 
 
 def test_a_damaged_chunk_is_skipped_and_reported(whole: Path, tmp_path: Path) -> None:
-    from mcap.reader import make_reader  # noqa: PLC0415
-
     with whole.open("rb") as stream:
         summary = make_reader(stream).get_summary()
     assert summary is not None
@@ -144,6 +142,10 @@ def test_a_damaged_chunk_is_skipped_and_reported(whole: Path, tmp_path: Path) ->
     everything, left = moments_of(whole), moments_of(damaged)
     assert 0 < len(left) < len(everything)
     assert set(left) < set(everything)
+    part = RecordReader(damaged)
+    times_s = [moment.tick.time_s for moment in part.moments(from_s=0.05)]
+    assert times_s == [time_s for time_s in left if time_s > 0.04]
+    assert part.damages == info.damages
 
 
 @pytest.mark.parametrize("version", [2, 4])
@@ -199,9 +201,6 @@ def test_a_chunk_that_grows_to_gigabytes_is_not_opened(compression: str) -> None
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < 2_000_000
-
-
-def test_other_compressions_are_named() -> None:
     with pytest.raises(ValueError, match="compressed by 'brotli'"):
         opened(chunk_of(b"", "brotli", 0))
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import pytest
 
-from uav_bt.errors import ValueRangeError
 from uav_bt.record import channels
+from uav_bt.record import worker as worker_module
 from uav_bt.record.channels import Channel
-from uav_bt.record.config import RecordConfig
 from uav_bt.record.worker import Encoded, RecordWorker
 
 PATIENCE_S = 30.0
@@ -35,17 +34,8 @@ class Disk:
             raise OSError(28, "No space left on device")
         self.written.append((channel.topic, time_ns))
 
-    def metadata(self, name: str, values: Mapping[str, str]) -> None:
-        del name, values
-
     def flush(self) -> None:
         self.flushes += 1
-
-    def finish(self) -> None:
-        """Nothing to do."""
-
-    def abandon(self) -> None:
-        """Nothing to do."""
 
 
 def encode(item: int, images: bool) -> Iterator[Encoded]:  # noqa: FBT001 - as the worker calls it
@@ -53,17 +43,19 @@ def encode(item: int, images: bool) -> Iterator[Encoded]:  # noqa: FBT001 - as t
     yield Encoded(channel=channels.CAMERA_IMAGE, time_ns=item, data=b"image" if images else None)
 
 
-def config(**values: object) -> RecordConfig:
-    usual = {"queued_images": 2, "queued_ticks": 4, "flush_s": 0.5, "lag_s": 10.0}
-    return RecordConfig(**usual | values)  # type: ignore[arg-type]
+@pytest.fixture(autouse=True)
+def _limits(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, limit in (("QUEUED_IMAGES", 2), ("QUEUED_TICKS", 4), ("LAG_S", 10.0)):
+        monkeypatch.setattr(worker_module, name, limit)
 
 
 def test_everything_is_written_in_order_when_the_disk_keeps_up() -> None:
     disk = Disk()
-    worker = RecordWorker(disk, encode, config(wait=True))
+    worker = RecordWorker(disk, encode, wait=True)
     for index in range(50):
         worker.put(index, 0.1 * index)
     worker.close()
+    worker.close()  # twice is fine
     assert disk.written == [
         (topic, index) for index in range(50) for topic in ("/mission/tick", "/camera/image")
     ]
@@ -73,7 +65,7 @@ def test_everything_is_written_in_order_when_the_disk_keeps_up() -> None:
 def test_a_slow_disk_costs_images_first_and_then_ticks_and_every_loss_is_counted() -> None:
     disk = Disk()
     disk.free.clear()
-    worker = RecordWorker(disk, encode, config())
+    worker = RecordWorker(disk, encode, wait=False)
     worker.put(0, 0.0)
     assert disk.busy.wait(PATIENCE_S)  # the thread processes item 0, the queue is empty
     for index in range(1, 8):
@@ -81,23 +73,20 @@ def test_a_slow_disk_costs_images_first_and_then_ticks_and_every_loss_is_counted
     disk.free.set()
     worker.close()
     # 0 and 1 have images; at 2 to 4 two items were waiting; at 5 to 7 the queue was full.
-    assert disk.written == [
-        ("/mission/tick", 0),
-        ("/camera/image", 0),
-        ("/mission/tick", 1),
-        ("/camera/image", 1),
-        ("/mission/tick", 2),
-        ("/mission/tick", 3),
-        ("/mission/tick", 4),
-    ]
+    both = [(topic, index) for index in (0, 1) for topic in ("/mission/tick", "/camera/image")]
+    assert disk.written == [*both, *(("/mission/tick", index) for index in (2, 3, 4))]
     assert worker.dropped == {"/camera/image": 3}
     assert worker.lost_ticks == 3
 
 
-def test_a_file_that_lags_gets_no_images_until_it_has_caught_up() -> None:
+def test_a_file_that_lags_gets_no_images_until_it_has_caught_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for name, limit in (("QUEUED_IMAGES", 64), ("QUEUED_TICKS", 64), ("LAG_S", 0.5)):
+        monkeypatch.setattr(worker_module, name, limit)
     disk = Disk()
     disk.free.clear()
-    worker = RecordWorker(disk, encode, config(queued_images=64, queued_ticks=64, lag_s=0.5))
+    worker = RecordWorker(disk, encode, wait=False)
     worker.put(0, 0.0)
     assert disk.busy.wait(PATIENCE_S)
     for index in range(1, 10):
@@ -113,7 +102,7 @@ def test_a_file_that_lags_gets_no_images_until_it_has_caught_up() -> None:
 def test_a_simulated_flight_waits_for_the_disk_and_loses_nothing() -> None:
     disk = Disk()
     disk.free.clear()
-    worker = RecordWorker(disk, encode, config(wait=True))
+    worker = RecordWorker(disk, encode, wait=True)
     handed_over = threading.Event()
 
     def fly() -> None:
@@ -134,7 +123,7 @@ def test_a_simulated_flight_waits_for_the_disk_and_loses_nothing() -> None:
 
 def test_a_full_disk_ends_the_writing_and_not_the_flight() -> None:
     disk = Disk(full_after=3)
-    worker = RecordWorker(disk, encode, config(wait=True))
+    worker = RecordWorker(disk, encode, wait=True)
     for index in range(10):
         worker.put(index, 0.1 * index)
     worker.close()
@@ -145,28 +134,8 @@ def test_a_full_disk_ends_the_writing_and_not_the_flight() -> None:
 
 def test_the_file_is_flushed_every_half_second_of_the_mission() -> None:
     disk = Disk()
-    worker = RecordWorker(disk, encode, config(wait=True, flush_s=0.5))
+    worker = RecordWorker(disk, encode, wait=True)
     for index in range(21):
         worker.put(index, index / 10)
     worker.close()
     assert disk.flushes >= 5  # at 0, 0.5, 1.0, 1.5 and 2.0 s, and when idle
-
-
-def test_closing_twice_is_fine() -> None:
-    worker = RecordWorker(Disk(), encode, config())
-    worker.close()
-    worker.close()
-
-
-@pytest.mark.parametrize(
-    ("values", "words"),
-    [
-        ({"queued_images": 0}, "queued_images"),
-        ({"queued_images": 9, "queued_ticks": 8}, "queued_ticks"),
-        ({"flush_s": 2.0}, "every second"),
-        ({"lag_s": 0.0}, "lag"),
-    ],
-)
-def test_a_config_that_cannot_work_is_refused(values: dict[str, float], words: str) -> None:
-    with pytest.raises(ValueRangeError, match=words):
-        config(**values)

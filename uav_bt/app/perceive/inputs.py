@@ -11,7 +11,6 @@ from typing import Final
 import numpy as np
 
 from perception.camera.camera_file import load_camera
-from perception.camera.image_files import Orientation
 from perception.depth.runtime import load_depth_estimator
 from perception.networks.mapping import read_mapping
 from perception.networks.weights_file import (
@@ -24,15 +23,15 @@ from perception.networks.weights_file import (
 from perception.segmentation import runtime
 from perception.segmentation.runtime import RoomSegmenter
 from sim_bridge.anafi import anafi_camera
-from uav_bt.app.perceive.frame_telemetry import FixedTelemetry, FlightTelemetry, Telemetry
 from uav_bt.app.perceive.pipeline import Pipeline
-from uav_bt.app.sources.by_name import FolderSource, RecordSource, open_source
-from uav_bt.app.sources.streams import ImageSource, TimedImage, TimedImages
+from uav_bt.app.perceive.telemetry import Telemetry
+from uav_bt.app.sources.by_name import FolderSource, open_source
+from uav_bt.app.sources.shots import Shot, Shots
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.shipped import load_lab
 from uav_bt.protocols import DepthEstimator, Segmenter
-from uav_bt.record.footage import RECORD_SUFFIX, flight_record
+from uav_bt.record.reader import RECORD_SUFFIX, flight_record
 from uav_bt.settings import check_numbers
 from uav_bt.types import CameraModel
 
@@ -75,12 +74,7 @@ class PerceiveOptions:
 class PerceiveInput:
     """One source with its camera, telemetry and pipeline.
 
-    Args:
-        text: a video file, a folder of images, an image, `camera:N`, or a flight record.
-        options: Facts about the images, and the networks.
-
-    Raises:
-        InputError: source or telemetry cannot be used.
+    `text` is a video file, a folder of images, an image, `camera:N`, or a flight record.
     """
 
     def __init__(self, text: str, options: PerceiveOptions) -> None:
@@ -93,76 +87,66 @@ class PerceiveInput:
             )
         flown = Path(text) if recorded else options.telemetry
         self._segmentation = options.segmentation or (ANY if flown is None else SHIPPED_UNET)
-        self.telemetry: Telemetry
-        self.source: ImageSource
         self.camera_words = ""  # whose intrinsics; known once it has begun
         self._recorded_camera: CameraModel | None = None
+        times_s = None
         if flown is None:
-            self.telemetry = FixedTelemetry(
-                height_m=options.height_m, gimbal_pitch_rad=options.gimbal_pitch_rad
-            )
+            self.telemetry = Telemetry.fixed(options.height_m, options.gimbal_pitch_rad)
             self.telemetry_words = (
                 f"{options.height_m:g} m above the ground, camera at "
                 f"{math.degrees(options.gimbal_pitch_rad):g} deg, assumed for all frames"
             )
-            self.source = open_source(text)
-            return
-        reader = flight_record(Path(flown))
-        flight = FlightTelemetry(reader)
-        self.telemetry, self.telemetry_words = flight, f"of {flown}"
-        self._recorded_camera = reader.camera
-        if recorded:
-            self.source = RecordSource(reader, flight.times_s)
         else:
+            reader = flight_record(Path(flown))
+            self.telemetry, self.telemetry_words = Telemetry.of_flight(reader), f"of {flown}"
+            self._recorded_camera = reader.camera
             # Images of a folder have no times: they are the flight's frames, one by one.
-            self.source = open_source(text, times_s=list(flight.times_s))
+            times_s = list(self.telemetry.times_s)
+        self.source = open_source(text, times_s=times_s)
+        # Images of a folder without order in time stand for themselves.
+        apart = options.telemetry is None and not options.sequence
+        self.unrelated = apart and isinstance(self.source, FolderSource)
 
-    @property
-    def unrelated(self) -> bool:
-        """Whether each image stands for itself: images of a folder without order in time."""
-        apart = self._options.telemetry is None and not self._options.sequence
-        return apart and isinstance(self.source, FolderSource)
-
-    def begin(self) -> tuple[Pipeline, TimedImages]:
+    def begin(self) -> tuple[Pipeline, Shots]:
         """Return the perception for the images' size, and the images.
 
-        Raises:
-            InputError: no image can be read, the camera is not for them, or a network cannot be
-                used.
+        InputError if no image can be read, the camera is not for them, or a network is unusable.
         """
-        images = self._until(self.source.images(self._options.every))
+        images = self._images()
         first = next(images, None)
         if first is None:
             why = f": {'; '.join(self.source.skipped[:3])}" if self.source.skipped else ""
             raise InputError(f"{self.source.name} holds no image that can be read{why}")
-        height_px, width_px = first.image.shape[:2]
-        camera, self.camera_words = self._camera(width_px, height_px, first.orientation)
+        camera, self.camera_words = self._camera(first)
         options, name = self._options, self._segmentation
         segmenter = _segmenter(name, options)
         model = options.model or (ANY if name == ANY else SHIPPED_DEPTHS[0])
-        pipeline = Pipeline(
-            segmenter,
-            _network(model, segmenter, options),
-            camera,
-            generator=np.random.default_rng(options.seed),
-        )
-        return pipeline, _all_of(first, images)
+        network = _network(model, segmenter, options)
+        generator = np.random.default_rng(options.seed)
+        return Pipeline(segmenter, network, camera, generator=generator), _all_of(first, images)
 
-    def _until(self, images: TimedImages) -> TimedImages:
-        longest_s = self._options.longest_s
-        with closing(images):
+    def _images(self) -> Shots:
+        """Yield the images of the time asked for that have the size of the first one."""
+        longest_s, size_px = self._options.longest_s, None
+        with closing(self.source.images(self._options.every)) as images:
             for image in images:
                 if longest_s is not None and image.time_s >= longest_s:
                     return
-                yield image
+                size_px = size_px or image.size_px
+                if image.size_px == size_px:
+                    yield image
+                else:
+                    (width, height), (first_width, first_height) = image.size_px, size_px
+                    self.source.skipped.append(
+                        f"{image.name}: is {width}x{height}, the first image is "
+                        f"{first_width}x{first_height}"
+                    )
 
-    def _camera(
-        self, width_px: int, height_px: int, orientation: Orientation
-    ) -> tuple[CameraModel, str]:
-        options = self._options
+    def _camera(self, first: Shot) -> tuple[CameraModel, str]:
+        options, (width_px, height_px) = self._options, first.size_px
         if options.camera is not None:
             camera = load_camera(
-                Path(options.camera), size_px=(width_px, height_px), orientation=orientation
+                Path(options.camera), size_px=first.size_px, orientation=first.orientation
             )
             return camera, f"of {options.camera}"
         if self._recorded_camera is not None:
@@ -184,7 +168,7 @@ class PerceiveInput:
             ) from error
         return camera, "the ANAFI's video, 69 deg wide (none given)"
 
-    def progress(self, image: TimedImage) -> tuple[int, int]:
+    def progress(self, image: Shot) -> tuple[int, int]:
         """Return images done and in all; as many as done where the total is unknown."""
         done = image.index + 1
         total = self.source.total or done
@@ -193,7 +177,7 @@ class PerceiveInput:
         return done, max(done, total)
 
 
-def _all_of(first: TimedImage, others: TimedImages) -> TimedImages:
+def _all_of(first: Shot, others: Shots) -> Shots:
     with closing(others):
         yield first
         yield from others

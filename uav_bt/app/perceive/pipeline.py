@@ -10,7 +10,7 @@ import copy
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -18,38 +18,21 @@ import numpy as np
 from perception.camera.camera_file import Undistorter
 from perception.camera.ground_plane import view_of
 from perception.depth.confidence import Confidence
-from perception.depth.corridor import CorridorBuilder, CorridorConfig
+from perception.depth.corridor import CorridorBuilder
 from perception.depth.metric import MetricDepth, MetricDepthMaker
 from perception.depth.scale import Scale
 from perception.marks.tracker import MarkTracker
 from uav_bt.display.video.perception_video import Seen
-from uav_bt.errors import AnswerError, ValueRangeError
+from uav_bt.errors import AnswerError
 from uav_bt.lab.shipped import default_mark
 from uav_bt.landing_marks import MarkSighting, MarkView
 from uav_bt.plugins import make_mark_finder
 from uav_bt.protocols import DepthEstimator, Segmenter
-from uav_bt.types import (
-    CameraModel,
-    DepthMap,
-    DroneState,
-    Frame,
-    LandingMark,
-)
+from uav_bt.types import CameraModel, DepthMap, DroneState, Frame, LandingMark
 
 STAGES: Final = ("segmentation", "relative_depth", "metric_depth", "corridor", "mark")
 
-
-@dataclass(frozen=True, kw_only=True)
-class PipelineConfig:
-    """How the stages work; the defaults are those of the leaves."""
-
-    source: str = "fused"  # of metric depth, where there is a network; contact without one
-    corridor: CorridorConfig = field(default_factory=CorridorConfig)
-    carried_s: float = 12.0  # a mark that was not seen for longer is lost
-
-    def __post_init__(self) -> None:
-        if not self.carried_s > 0.0:
-            raise ValueRangeError(f"the carried time must be positive, got {self.carried_s} s")
+_CARRIED_S: Final = 12.0  # a mark that was not seen for longer is lost, as in the leaves
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -71,13 +54,8 @@ class Pipeline:
         network: frame in, relative depth out; None perceives depth by ground contact alone.
         camera: intrinsics at the frames' size; with distortion where the frames are distorted.
         generator: draws the ground's pixels for the scale.
-        config: how the stages work.
         mark: landing mark. Default: that of the default lab.
         timer: the wall clock that computing is measured with, seconds.
-
-    Raises:
-        UnknownNameError: the config names no source that exists.
-        InputError: the landing mark's options are wrong.
     """
 
     def __init__(
@@ -87,15 +65,13 @@ class Pipeline:
         camera: CameraModel,
         *,
         generator: np.random.Generator,
-        config: PipelineConfig | None = None,
         mark: LandingMark | None = None,
         timer: Callable[[], float] = time.perf_counter,
     ) -> None:
-        self._config = config or PipelineConfig()
         self._segmenter = segmenter
         self._undistorter = Undistorter(camera)
         self._network, self._generator, self._timer = network, generator, timer
-        self._corridors = CorridorBuilder(self._config.corridor)
+        self._corridors = CorridorBuilder()
         self._finder = make_mark_finder(mark or default_mark())
         self.restart()
 
@@ -112,7 +88,7 @@ class Pipeline:
         """
         self._depth = MetricDepthMaker(
             self._network,
-            source="contact" if self._network is None else self._config.source,
+            source="contact" if self._network is None else "fused",
             generator=copy.deepcopy(self._generator),
             timer=self._timer,
         )
@@ -120,16 +96,11 @@ class Pipeline:
         self._state: DroneState | None = None
 
     def perceive(self, frame: Frame, states: Sequence[DroneState] = ()) -> Perceived:
-        """Return the perception of a frame.
+        """Return the perception of the next frame, of the camera's size.
 
-        Args:
-            frame: the next one, of the camera's size.
-            states: the drone's telemetry since the frame before, up to this one's capture. They
-                carry the mark through frames that miss it; without any it is known only in
-                frames that show it.
-
-        Raises:
-            ShapeError: the frame has another size than the camera.
+        `states` are the drone's telemetry since the frame before, up to this one's capture. They
+        carry the mark through frames that miss it; without any it is known only in frames that
+        show it.
         """
         spent: dict[str, float] = {}
         frame = replace(frame, image=self._undistorter.undistort(frame.image))
@@ -161,7 +132,7 @@ class Pipeline:
             )
             self._track.see(sighting, frame.captured_s)
             fix = self._track.fix()
-            if fix and frame.captured_s - fix.captured_s > self._config.carried_s:
+            if fix and frame.captured_s - fix.captured_s > _CARRIED_S:
                 fix = None
         return Perceived(
             frame=frame,

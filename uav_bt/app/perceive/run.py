@@ -14,26 +14,25 @@ from typing import Any, Final
 
 import numpy as np
 
-from perception.depth.confidence import Confidence
-from perception.depth.scale import Scale
+from perception.camera.image_files import IMAGE_SUFFIXES
 from uav_bt.app.option_values import as_file
 from uav_bt.app.perceive.inputs import PerceiveInput, PerceiveOptions
-from uav_bt.app.perceive.mask_folder import MaskFolder
 from uav_bt.app.perceive.pipeline import STAGES, Perceived
-from uav_bt.app.sources.streams import TimedImage
+from uav_bt.app.sources.shots import Shot
 from uav_bt.display.video.perception_video import PerceptionPanes
 from uav_bt.display.video.video_file import FILM, VideoFile
-from uav_bt.errors import InputError
-from uav_bt.files import writing
+from uav_bt.errors import FileError, InputError
+from uav_bt.files import check_empty_folder, write_whole, writing
 from uav_bt.inputs import same_file
 from uav_bt.mission.flight_report import Percentiles
 from uav_bt.progress import Advance, silent
-from uav_bt.types import CameraModel, Corridor, MarkFix
+from uav_bt.record.images import encode_bytes
+from uav_bt.types import CameraModel, ClassMap
 
 _MAX_RATE: Final = 60.0  # images a second of a video that is written
 _ALL: Final = "all"  # the stages of a frame together
 
-_Write = Callable[[TimedImage, Perceived], None]
+_Write = Callable[[Shot, Perceived], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,6 +48,7 @@ class PerceiveSummary:
     in_part: Mapping[str, int]  # frames whose depth is not all that was asked for, by reason
     with_mark: int  # frames that show it
     skipped: tuple[str, ...]  # images that could not be used, and why
+    warnings: tuple[str, ...]  # what may be wrong with all images
     interrupted: bool
 
 
@@ -68,7 +68,7 @@ def perceive(
         options: Facts about the images, and the networks.
         out: an mp4 file with the overlays.
         lines: a file with one JSON object for each frame.
-        masks: a folder, new or empty, for the class map of each frame (`MaskFolder`).
+        masks: a folder, new or empty, for the class map of each frame (ids, as PNG).
         advance: called with the progress.
 
     Raises:
@@ -77,13 +77,9 @@ def perceive(
     """
     options = options or PerceiveOptions()
     out, lines = as_file("out", out), as_file("lines", lines)
-    mask_folder = _mask_folder(as_file("masks", masks, "a folder"), out, lines)
-    read = [
-        Path(source),
-        as_file("telemetry", options.telemetry),
-        as_file("camera", options.camera),
-    ]
-    _keep_apart([path for path in (out, lines) if path is not None], read)
+    folder = as_file("masks", masks, "a folder")
+    _check_outputs([path for path in (out, lines) if path is not None], folder, source, options)
+    mask_folder = None if folder is None else _MaskFolder(folder)
     given = PerceiveInput(str(source), options)
     pipeline, images = given.begin()
     counts = _Counts()
@@ -91,9 +87,8 @@ def perceive(
         stack.enter_context(closing(images))
         writers: list[_Write] = []
         if out is not None:
-            video = _OverlayVideo(out, pipeline.camera, given.source.rate_per_s / options.every)
-            stack.callback(video.close)
-            writers.append(lambda _, seen: video.write(seen))
+            rate = given.source.rate_per_s / options.every
+            writers.append(stack.enter_context(_overlay_video(out, pipeline.camera, rate)))
         if mask_folder is not None:
             writers.append(lambda image, seen: mask_folder.write(image, seen.class_map))
         if lines is not None:
@@ -113,56 +108,83 @@ def perceive(
     return counts.summary(given)
 
 
-def _keep_apart(written: list[Path], read: list[Path | None]) -> None:
-    for path in written:
-        for other in read:
-            if other is not None and other.exists() and path.exists() and path.samefile(other):
-                raise InputError(f"{path} would overwrite an input; name another file")
-
-
-def _mask_folder(folder: Path | None, *files: Path | None) -> MaskFolder | None:
-    if folder is None:
-        return None
+def _check_outputs(
+    files: list[Path], masks: Path | None, source: str | Path, options: PerceiveOptions
+) -> None:
+    texts = (options.telemetry, options.camera, options.segmentation, options.model)
+    read = [Path(each) for each in (source, *texts, options.classes) if each is not None]
     for file in files:
-        if file is not None and same_file(file.parent, folder):
+        if masks is not None and same_file(file.parent, masks):
             raise InputError(f"{file} lies in the folder of the masks; name another place for it")
-    return MaskFolder(folder)
+        if any(other.exists() and file.exists() and file.samefile(other) for other in read):
+            raise InputError(f"{file} would overwrite an input; name another file")
+
+
+class _MaskFolder:
+    """A new or empty folder with the class map of each frame, and the classes.
+
+    A class map is a grey PNG of 8 bits, (h, w), whose values are class ids, at the size of the map.
+    `IMG_1.jpg` of a folder becomes `IMG_1.png`, frame 12 of a video `000012.png`.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        check_empty_folder(folder, "net perceive --masks")
+        self._folder = folder
+
+    def write(self, image: Shot, class_map: ClassMap) -> None:
+        """Write the class map of an image; the first one makes the folder."""
+        classes = self._folder / "classes.json"
+        if not classes.exists():
+            with writing(self._folder):
+                self._folder.mkdir(parents=True, exist_ok=True)
+            rows = [
+                {"id": number, "name": each.name, "role": each.role, "rgb": list(each.colour)}
+                for number, each in enumerate(class_map.classes)
+            ]
+            write_whole(classes, json.dumps({"classes": rows}, indent=2) + "\n")
+        path = self._path(image)
+        with writing(path):
+            if path.exists() or path.is_symlink():
+                raise FileError(path, "exists already, and is not replaced")
+        write_whole(path, encode_bytes(class_map.ids))
+
+    def _path(self, image: Shot) -> Path:
+        name = Path(image.name)
+        if name.suffix.lower() not in IMAGE_SUFFIXES:
+            return self._folder / f"{image.index:06d}.png"
+        path = self._folder / f"{name.stem}.png"
+        # IMG_1.jpg and IMG_1.png of one folder have two masks.
+        return self._folder / f"{name.name}.png" if path.exists() else path
 
 
 @contextmanager
 def _json_lines(path: Path) -> Iterator[_Write]:
     with writing(path), path.open("w", encoding="utf-8") as file:
 
-        def write(image: TimedImage, seen: Perceived) -> None:
+        def write(image: Shot, seen: Perceived) -> None:
             file.write(json.dumps(_as_json(image, seen), allow_nan=False) + "\n")
 
         yield write
 
 
-# --- outputs -------------------------------------------------------------------------------------
+@contextmanager
+def _overlay_video(path: Path, camera: CameraModel, rate_per_s: float) -> Iterator[_Write]:
+    """Write the mp4 file with the overlays, which appears at the end."""
+    panes = PerceptionPanes(camera)
+    rate = Fraction(min(rate_per_s, _MAX_RATE)).limit_denominator(1001)
+    file = VideoFile(path, size_px=panes.size_px, frames_per_s=rate, comment=FILM)
+    begin_s, slot = math.nan, -1
 
+    def write(_: Shot, seen: Perceived) -> None:
+        nonlocal begin_s, slot
+        begin_s = seen.frame.captured_s if math.isnan(begin_s) else begin_s
+        slot = max(slot + 1, round((seen.frame.captured_s - begin_s) * float(rate)))
+        file.write(panes.draw(seen), slot)
 
-class _OverlayVideo:
-    """The mp4 file with the overlays; it appears when it is closed."""
-
-    def __init__(self, path: Path, camera: CameraModel, rate_per_s: float) -> None:
-        self._panes = PerceptionPanes(camera)
-        self._rate = Fraction(min(rate_per_s, _MAX_RATE)).limit_denominator(1001)
-        self._file = VideoFile(
-            path, size_px=self._panes.size_px, frames_per_s=self._rate, comment=FILM
-        )
-        self._begin_s: float | None = None
-        self._slot = -1
-
-    def write(self, seen: Perceived) -> None:
-        frame = seen.frame
-        self._begin_s = frame.captured_s if self._begin_s is None else self._begin_s
-        due = round((frame.captured_s - self._begin_s) * float(self._rate))
-        self._slot = max(self._slot + 1, due)
-        self._file.write(self._panes.draw(seen), self._slot)
-
-    def close(self) -> None:
-        self._file.close()
+    try:
+        yield write
+    finally:
+        file.close()
 
 
 @dataclass
@@ -178,9 +200,8 @@ class _Counts:
 
     def add(self, seen: Perceived) -> None:
         self.frames += 1
-        for stage, spent_s in seen.stage_s.items():
+        for stage, spent_s in (*seen.stage_s.items(), (_ALL, sum(seen.stage_s.values()))):
             self.stage_s.setdefault(stage, []).append(spent_s)
-        self.stage_s.setdefault(_ALL, []).append(sum(seen.stage_s.values()))
         if seen.refusal:
             (self.without_depth if seen.depth is None else self.in_part)[seen.refusal] += 1
         self.with_mark += seen.mark is not None and seen.mark.detected
@@ -198,68 +219,62 @@ class _Counts:
             in_part=dict(self.in_part.most_common()),
             with_mark=self.with_mark,
             skipped=tuple(given.source.skipped),
+            warnings=tuple(given.source.warnings),
             interrupted=self.interrupted,
         )
 
 
-def _as_json(image: TimedImage, seen: Perceived) -> dict[str, Any]:
+def _as_json(image: Shot, seen: Perceived) -> dict[str, Any]:
     """Return one frame as a JSON object. Unknown values are null."""
-    depth = seen.depth
+    depth, scale, corridor, mark = seen.depth, seen.scale, seen.corridor, seen.mark
     return {
         "image": image.name,
         "index": image.index,
         "time_s": round(image.time_s, 4),
-        "depth": None
-        if depth is None
-        else {
+        "depth": depth
+        and {
             "confidence": round(depth.confidence, 4),
-            "scale": None if seen.scale is None else _scale_json(seen.scale),
+            "scale": scale
+            and {"factor": round(scale.factor, 6), "shift_m": round(scale.shift_m, 6)},
             "known_share": round(float(np.isfinite(depth.depth).mean()), 4),
         },
-        "confidence": {name: _confidence_json(each) for name, each in seen.confidences.items()},
+        "confidence": {
+            name: {
+                "value": None if each.value is None else round(each.value, 4),
+                "reason": each.reason or None,
+                **({"measures": _measures(each.measures)} if each.measures else {}),
+            }
+            for name, each in seen.confidences.items()
+        },
         "refusal": seen.refusal or None,
-        "corridor": None if seen.corridor is None else _corridor_json(seen.corridor),
-        "mark": None if seen.mark is None else _mark_json(seen.mark),
+        "corridor": corridor
+        and {
+            "free_distance_m": _metres(corridor.free_distance_m),
+            "nearest_m": _metres(corridor.nearest_m),
+            "nearest_side": corridor.nearest_side,
+            "nearest_left_m": _metres(corridor.nearest_left_m),
+            "nearest_right_m": _metres(corridor.nearest_right_m),
+            "time_to_impact_s": _metres(corridor.time_to_impact_s),
+            "unknown_px": corridor.unknown_px,
+        },
+        "mark": mark
+        and {
+            "forward_m": _metres(mark.forward_m),
+            "right_m": _metres(mark.right_m),
+            "detected": mark.detected,
+            "confidence": round(mark.confidence, 4),
+            "seen_s": _metres(mark.captured_s),
+        },
         "ms": {stage: round(1000.0 * spent_s, 3) for stage, spent_s in seen.stage_s.items()},
     }
 
 
-def _confidence_json(confidence: Confidence) -> dict[str, Any]:
-    value = None if confidence.value is None else round(confidence.value, 4)
-    row: dict[str, Any] = {"value": value, "reason": confidence.reason or None}
-    if confidence.measures:
-        row["measures"] = {
-            name: {"value": round(measure, 4), "reason": reason}
-            for name, (measure, reason) in confidence.measures.items()
-        }
-    return row
-
-
-def _scale_json(scale: Scale) -> dict[str, float]:
-    return {"factor": round(scale.factor, 6), "shift_m": round(scale.shift_m, 6)}
+def _measures(measures: Mapping[str, tuple[float, str | None]]) -> dict[str, Any]:
+    return {
+        name: {"value": round(value, 4), "reason": reason}
+        for name, (value, reason) in measures.items()
+    }
 
 
 def _metres(value: float) -> float | None:
     return round(value, 4) if math.isfinite(value) else None  # JSON knows no infinity
-
-
-def _corridor_json(corridor: Corridor) -> dict[str, Any]:
-    return {
-        "free_distance_m": _metres(corridor.free_distance_m),
-        "nearest_m": _metres(corridor.nearest_m),
-        "nearest_side": corridor.nearest_side,
-        "nearest_left_m": _metres(corridor.nearest_left_m),
-        "nearest_right_m": _metres(corridor.nearest_right_m),
-        "time_to_impact_s": _metres(corridor.time_to_impact_s),
-        "unknown_px": corridor.unknown_px,
-    }
-
-
-def _mark_json(fix: MarkFix) -> dict[str, Any]:
-    return {
-        "forward_m": _metres(fix.forward_m),
-        "right_m": _metres(fix.right_m),
-        "detected": fix.detected,
-        "confidence": round(fix.confidence, 4),
-        "seen_s": _metres(fix.captured_s),
-    }

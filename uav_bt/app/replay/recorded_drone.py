@@ -80,13 +80,7 @@ class RecordedClock:
 class RecordedDrone:
     """Gives the recorded observations, tick by tick, and obeys nothing.
 
-    Args:
-        reader: of the record.
-        airframe: of the recorded drone.
-        stills: whether its camera took photographs.
-
-    Raises:
-        FileError: the record has no tick, or its report is damaged.
+    `stills`: whether its camera took photographs.
     """
 
     referee = None  # new decisions have no consequences that it could judge
@@ -178,13 +172,7 @@ class RecordedSegmenter:
 class RecordedStills:
     """Photographs of the drone's camera, which end when they did in the flight (`StillCamera`).
 
-    Args:
-        drone: Replays the record.
-        report: The report in the record, as JSON.
-        path: Of the record.
-
-    Raises:
-        FileError: The report is damaged.
+    They are read from the report in the record, a JSON text.
     """
 
     def __init__(self, drone: RecordedDrone, report: str, path: Path) -> None:

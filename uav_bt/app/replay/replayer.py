@@ -120,15 +120,7 @@ def replay(record: str | Path, options: ReplayOptions | None = None) -> ReplayRe
 def assemble_recorded(
     reader: RecordReader, changes: ReplayOptions
 ) -> tuple[Flight[RecordedDrone], Masks]:
-    """Put a recorded flight together again: same mission, site, limits and seed, recorded frames.
-
-    Returns:
-        The flight, and whose class maps it gets.
-
-    Raises:
-        FileError: the record lacks its tree, is damaged, or has no images.
-        TreeError: the tree was refused.
-    """
+    """Return a recorded flight, with its mission, site and frames, and whose class maps it gets."""
     recorded = recorded_options(reader)
     if recorded.imageless:
         raise FileError(

@@ -1,13 +1,14 @@
-"""Sources of frames by name: folders of images, flight records, videos and live cameras."""
+"""Sources of images by name: folders, flight records, videos and live cameras."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any, Final
 
+import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.camera.image_files import (
     FOREIGN_SUFFIXES,
@@ -16,23 +17,17 @@ from perception.camera.image_files import (
     image_files,
     read_image,
 )
-from uav_bt.app.sources.streams import (
-    CAMERA,
-    FOLDER_RATE,
-    CameraSource,
-    ImageSource,
-    TimedImage,
-    TimedImages,
-)
+from uav_bt.app.sources.shots import ImageSource, Shot, Shots
 from uav_bt.app.sources.video_source import VideoSource
 from uav_bt.clock import WallClock
 from uav_bt.errors import FileError, InputError, ShapeError
 from uav_bt.files import did_you_mean_file
 from uav_bt.protocols import Clock
-from uav_bt.record.footage import footage
 from uav_bt.record.moment import StoredFrame
-from uav_bt.record.reader import RecordReader
-from uav_bt.types.arrays import Image
+from uav_bt.record.reader import RECORD_SUFFIX, RecordReader, flight_record, footage
+
+CAMERA: Final = "camera:"  # before a device's number
+FOLDER_RATE: Final = 10.0  # images a second where it is unknown: a mission's tick
 
 
 def open_source(
@@ -41,7 +36,7 @@ def open_source(
     """Return the source that a text names; opens nothing that has to be closed.
 
     Args:
-        text: a video file, a folder of images, an image, or `camera:N`.
+        text: a video file, a flight record, a folder of images, an image, or `camera:N`.
         clock: of a live camera's times; default: the wall clock.
         times_s: of a folder's images, in their order; default: ten a second.
 
@@ -56,7 +51,8 @@ def open_source(
             raise InputError(f"expected a camera such as camera:0, got '{text}'")
         return CameraSource(int(number), clock or WallClock())
     path = Path(text)
-    if path.is_dir():
+    suffix = path.suffix.lower()
+    if path.is_dir() or (path.is_file() and suffix in (*IMAGE_SUFFIXES, *FOREIGN_SUFFIXES)):
         return FolderSource(path, times_s=times_s)
     if not path.is_file():
         raise FileError(
@@ -64,28 +60,26 @@ def open_source(
             f"there is no such video file or folder of images{did_you_mean_file(path)} "
             "(a live camera is camera:0)",
         )
-    if path.suffix.lower() in (*IMAGE_SUFFIXES, *FOREIGN_SUFFIXES):
-        return FolderSource(path, times_s=times_s)
-    return VideoSource(path)
+    return RecordSource(flight_record(path)) if suffix == RECORD_SUFFIX else VideoSource(path)
 
 
 class RecordSource:
-    """The frames of a flight record.
+    """The frames of a flight record."""
 
-    Args:
-        reader: of the record.
-        times_s: (N,) of its frames, rising.
-    """
-
-    def __init__(self, reader: RecordReader, times_s: NDArray[np.float64]) -> None:
-        self._reader, self._times_s = reader, times_s
+    def __init__(self, reader: RecordReader) -> None:
+        self._reader = reader
+        found = (item for item in footage(reader) if isinstance(item, StoredFrame))
+        times_s = np.array([item.note.captured_s for item in found])
+        self._begin_s = float(times_s[0]) if times_s.size else 0.0
         self.name = str(reader.path)
         self.total: int | None = len(times_s)
         between_s = float(np.median(np.diff(times_s))) if len(times_s) > 1 else 0.0
         self.rate_per_s = 1.0 / between_s if between_s > 0.0 else FOLDER_RATE
+        self.duration_s: float | None = float(np.ptp(times_s)) if times_s.size else 0.0
         self.skipped: list[str] = []
+        self.warnings: list[str] = []
 
-    def images(self, every: int = 1) -> TimedImages:
+    def images(self, every: int = 1) -> Shots:
         """Iterate over every n-th frame."""
         frames = (item for item in footage(self._reader) if isinstance(item, StoredFrame))
         for index, stored in enumerate(frames):
@@ -96,29 +90,19 @@ class RecordSource:
             except InputError as error:
                 self.skipped.append(f"frame {stored.note.index}: {error}")
                 continue
-            time_s = float(self._times_s[index])
-            yield TimedImage(image=image, index=index, time_s=time_s, name=f"frame {index}")
+            time_s = stored.note.captured_s - self._begin_s
+            yield Shot.of(image, index=index, time_s=time_s, name=f"frame {index}")
 
 
 class FolderSource:
     """The images of a folder by name, numbers in them by their value; or a single image.
 
-    Args:
-        path: the folder or the image.
-        times_s: of the images in their order, the unreadable ones included.
-
-    Raises:
-        FileError: the folder holds no images.
-        ShapeError: the number of times is another.
+    `times_s` are those of the images in their order, the unreadable ones included.
     """
 
     def __init__(self, path: Path, *, times_s: Sequence[float] | None = None) -> None:
-        foreign = ""
-        if path.is_file():
-            self._paths = [path]
-        else:
-            self._paths, foreign = image_files(path)
-            self._paths.sort(key=_natural)
+        self._paths, foreign = ([path], "") if path.is_file() else image_files(path)
+        self._paths.sort(key=_natural)
         if times_s is not None and len(times_s) != len(self._paths):
             expected = f"{len(times_s)}, as many as the telemetry has entries"
             raise ShapeError(f"images in {path}", expected=expected, actual=[len(self._paths)])
@@ -126,41 +110,87 @@ class FolderSource:
         self.name = str(path)
         self.total: int | None = len(self._paths)
         self.rate_per_s = FOLDER_RATE
+        self.duration_s: float | None = len(self._paths) / FOLDER_RATE
         self.skipped: list[str] = [foreign] if foreign else []
+        self.warnings: list[str] = []
 
-    def images(self, every: int = 1) -> TimedImages:
+    def images(self, every: int = 1) -> Shots:
         """Iterate over every n-th image."""
-        shape: tuple[int, ...] | None = None
         for index in range(0, len(self._paths), every):
             path = self._paths[index]
-            image = self._read(path)
-            if image is None:
+            try:
+                # Turned here and not by OpenCV, so that image and camera are turned alike.
+                stored = read_image(path, colour=True, as_stored=True)
+                orientation = exif_orientation(path)
+            except FileError as error:
+                self.skipped.append(str(error).replace(str(path), path.name, 1))
                 continue
-            if shape is not None and image.shape != shape:
-                self.skipped.append(
-                    f"{path.name}: is {image.shape[1]}x{image.shape[0]}, "
-                    f"the first image is {shape[1]}x{shape[0]}"
-                )
-                continue
-            shape = image.shape
-            time_s = index / FOLDER_RATE if self._times_s is None else self._times_s[index]
-            yield TimedImage(
-                image=image,
+            yield Shot.of(
+                orientation.image(stored),
                 index=index,
-                time_s=float(time_s),
+                time_s=float(
+                    index / FOLDER_RATE if self._times_s is None else self._times_s[index]
+                ),
                 name=path.name,
-                orientation=exif_orientation(path),
+                orientation=orientation,
             )
-
-    def _read(self, path: Path) -> Image | None:
-        try:
-            return read_image(path, colour=True, as_stored=False)
-        except FileError as error:
-            self.skipped.append(str(error).replace(str(path), path.name, 1))
-            return None
 
 
 def _natural(path: Path) -> tuple[list[tuple[int, str]], str]:
     """Sort key that puts image_9 before image_10."""
     parts = re.split(r"(\d+)", path.name)
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts], path.name
+
+
+class CameraSource:
+    """A live camera, read by OpenCV. It never ends."""
+
+    def __init__(
+        self, number: int, clock: Clock, *, capture: Callable[[int], Any] = cv2.VideoCapture
+    ) -> None:
+        self._number, self._clock, self._capture = number, clock, capture
+        self.name = f"{CAMERA}{number}"
+        self.total: int | None = None
+        self.rate_per_s = FOLDER_RATE
+        self.duration_s: float | None = None
+        self.skipped: list[str] = []
+        self.warnings: list[str] = []
+
+    def images(self, every: int = 1) -> Shots:
+        """Iterate over every n-th image until it stops; InputError if it sends nothing."""
+        device = self._opened()
+        try:
+            index, begin_s = -1, self._clock.now()
+            while device.grab():
+                index += 1
+                if index % every:
+                    continue
+                time_s = self._clock.now() - begin_s
+                whole, bgr = device.retrieve()
+                if not whole:
+                    self.skipped.append(f"image {index}: did not arrive whole")
+                    continue
+                rgb = np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+                yield Shot.of(rgb, index=index, time_s=time_s, name=f"image {index}")
+        finally:
+            device.release()
+        if index < 0:
+            raise InputError(f"camera {self._number} opens, but sends no images")
+        self.skipped.append(f"the camera stopped after {index + 1} images")
+
+    def _opened(self) -> Any:
+        # Each back end of OpenCV would write about the number to the error stream.
+        level = cv2.utils.logging.getLogLevel()
+        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+        try:
+            device = self._capture(self._number)
+        finally:
+            cv2.utils.logging.setLogLevel(level)
+        if not device.isOpened():
+            device.release()
+            raise InputError(
+                f"camera {self._number} does not open; is it plugged in, and free? "
+                "(`ls /dev/video*` shows what there is)"
+            )
+        device.set(cv2.CAP_PROP_BUFFERSIZE, 1)  # the newest image, not the oldest waiting one
+        return device

@@ -1,88 +1,43 @@
-"""Video files, decoded by FFmpeg and turned as players turn them."""
+"""Video files, decoded by FFmpeg and shown as players show them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterator
-from contextlib import closing
-from dataclasses import dataclass
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 import av
 import numpy as np
-from av.video.reformatter import Interpolation
+from av.video.reformatter import Colorspace, Interpolation
 from numpy.typing import NDArray
 
 from perception.camera.image_files import UPRIGHT, Orientation
-from uav_bt.app.sources.streams import TimedImage, TimedImages
+from uav_bt.app.sources.shots import Shot, Shots, Size
 from uav_bt.display.video.video_file import FILM
 from uav_bt.errors import FileError, ValueRangeError
-from uav_bt.types.arrays import Image
 
 _UNKNOWN_RATE: Final = 25.0  # of a video file that does not say
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class DecodedImage:
-    """One image of a video, converted to an array on demand."""
-
-    decoded: Any  # av.VideoFrame
-    index: int  # counts all whole and damaged images of the video
-    time_s: float  # since the video began
-    orientation: Orientation = UPRIGHT  # from the stored image to the shown one
-
-    @property
-    def size_px(self) -> tuple[int, int]:
-        """Width and height of the shown image."""
-        width_px, height_px = self.decoded.width, self.decoded.height
-        return (height_px, width_px) if self.orientation.transpose else (width_px, height_px)
-
-    def image(self) -> Image:
-        """Return the image as it is shown, (H, W, 3) uint8 RGB."""
-        return self.orientation.image(self.decoded.to_ndarray(format="rgb24"))
-
-    def shrunk(self, size_px: tuple[int, int], *, colour: bool) -> NDArray[np.uint8]:
-        """Return the image as it is shown at another size.
-
-        Args:
-            size_px: Width and height.
-            colour: Whether to return three colours; otherwise grey.
-
-        Returns:
-            (H, W, 3) uint8 RGB or (H, W) uint8.
-        """
-        width_px, height_px = size_px[::-1] if self.orientation.transpose else size_px
-        small = self.decoded.to_ndarray(
-            format="rgb24" if colour else "gray",
-            width=width_px,
-            height=height_px,
-            interpolation=Interpolation.BILINEAR,
-        )
-        return self.orientation.image(small)
-
-
-DecodedImages = Generator[DecodedImage, None, None]
-"""Images in order of time; closing lets go of the file."""
+_HD_ROWS: Final = 720  # from these rows on players take untagged colours for BT.709
+# Numbers of ITU-T H.273.
+_UNTAGGED: Final = 2  # a matrix that the file does not state
+_HDR: Final = {16: "PQ", 18: "HLG"}  # transfer characteristics
 
 
 class VideoSource:
     """A video file, decoded by FFmpeg.
 
-    Images are turned as players turn them, by the orientation in the file. A cover picture is no
-    video stream. Where time stamps start again, as in joined recordings, times go on.
-
-    Args:
-        path: the file.
-
-    Raises:
-        FileError: it is no video, or a film of ours.
+    Images are turned and widened as players do it, by the orientation and the shape of the pixels
+    in the file. A cover picture is no video stream. Where time stamps start again, as in joined
+    recordings, times go on.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self.name = str(path)
         self.skipped: list[str] = []
+        self.warnings: list[str] = []
         with self._opened() as container:
             if container.metadata.get("comment") == FILM:
                 raise FileError(
@@ -91,8 +46,17 @@ class VideoSource:
                     "own video, or the record of a flight (`uav-bt fly --record`)",
                 )
             stream = self._stream(container)
+            hdr = _HDR.get(int(stream.codec_context.color_trc))
+            if hdr:
+                self.warnings.append(
+                    f"the video is HDR ({hdr}), so its colours are pale and dark; switch HDR off "
+                    "in the camera and film again"
+                )
             self.rate_per_s = float(stream.average_rate or _UNKNOWN_RATE)
-            self.total: int | None = stream.frames or self._estimate(container)
+            stated_s = container.duration and float(container.duration) / av.time_base
+            guessed = stated_s and max(1, math.ceil(stated_s * self.rate_per_s))
+            self.total: int | None = stream.frames or guessed or None
+            self.duration_s = self.total / self.rate_per_s if self.total else None
 
     def _opened(self) -> Any:
         try:
@@ -115,50 +79,26 @@ class VideoSource:
                 return stream
         raise FileError(self._path, "holds no video, only a cover picture")
 
-    def _estimate(self, container: Any) -> int | None:
-        if container.duration is None:
-            return None
-        return max(1, math.ceil(float(container.duration) / av.time_base * self.rate_per_s))
-
-    def images(self, every: int = 1) -> TimedImages:
-        """Iterate over every n-th image; damaged images are left out and counted.
-
-        Raises:
-            FileError: the orientation in the file is between the multiples of 90 degrees.
-        """
-        shape: tuple[int, ...] | None = None
-        with closing(self.decoded()) as decoded:
-            for one in decoded:
-                if one.index % every:
-                    continue
-                image = one.image()
-                shape = shape or image.shape
-                if image.shape != shape:
-                    self.skipped.append(f"image {one.index}: has another size than the first")
-                    continue
-                yield TimedImage(
-                    image=image,
-                    index=one.index,
-                    time_s=one.time_s,
-                    name=f"image {one.index}",
-                    orientation=one.orientation,
-                )
-
-    def decoded(self) -> DecodedImages:
-        """Iterate over all images without a conversion; damaged images are left out and counted.
-
-        Raises:
-            FileError: the orientation in the file is between the multiples of 90 degrees.
-        """
+    def images(self, every: int = 1) -> Shots:
+        """Iterate over every n-th image; damaged images are left out and counted."""
         orientation, read_from = UPRIGHT, None
         with self._opened() as container:
+            wide = float(self._stream(container).sample_aspect_ratio or 1)
             for index, time_s, decoded in self._timed(container):
                 # Not of each image: PyAV's side data hold their image in a reference cycle, and
                 # hundreds of images would wait for the garbage collector.
                 if read_from != (read_from := (decoded.rotation, decoded.width, decoded.height)):
                     orientation = self._orientation(decoded)
-                yield DecodedImage(
-                    decoded=decoded, index=index, time_s=time_s, orientation=orientation
+                if index % every:
+                    continue
+                stored_px = (round(decoded.width * wide), decoded.height)
+                yield Shot(
+                    index=index,
+                    time_s=time_s,
+                    name=f"image {index}",
+                    size_px=stored_px[::-1] if orientation.transpose else stored_px,
+                    orientation=orientation,
+                    convert=partial(_converted, decoded, orientation, stored_px),
                 )
 
     def _orientation(self, decoded: Any) -> Orientation:
@@ -218,6 +158,24 @@ class VideoSource:
                     f"{damaged} damaged images and {unreadable} packets that cannot be decoded; "
                     f"the first is {first}"
                 )
+
+
+def _converted(
+    decoded: Any,
+    orientation: Orientation,
+    stored_px: Size,
+    size_px: Size | None,
+    colour: bool,  # noqa: FBT001 - as `Shot.convert`
+) -> NDArray[np.uint8]:
+    options: dict[str, Any] = {}
+    if size_px is not None or stored_px[0] != decoded.width:
+        shown_px = stored_px if size_px is None else size_px
+        turned = size_px is not None and orientation.transpose
+        options["width"], options["height"] = shown_px[::-1] if turned else shown_px
+        options["interpolation"] = Interpolation.BILINEAR
+    if decoded.colorspace == _UNTAGGED and decoded.height >= _HD_ROWS:
+        options["src_colorspace"] = Colorspace.ITU709
+    return orientation.image(decoded.to_ndarray(format="rgb24" if colour else "gray", **options))
 
 
 def _reason(error: Exception) -> str:

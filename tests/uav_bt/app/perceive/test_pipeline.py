@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from perception.camera.ground_plane import ground_depth, view_of
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, paper_map
-from uav_bt.app.perceive.pipeline import STAGES, Pipeline, PipelineConfig
-from uav_bt.errors import AnswerError, ShapeError, ValueRangeError
+from uav_bt.app.perceive.pipeline import STAGES, Pipeline
+from uav_bt.errors import AnswerError, ShapeError
 from uav_bt.types import (
     BodyVelocity,
     CameraModel,
@@ -88,10 +88,9 @@ def pipeline(
     ids: NDArray[np.uint8],
     network: Halves | None = None,
     camera: CameraModel = CAMERA,
-    config: PipelineConfig | None = None,
 ) -> Pipeline:
     rng = np.random.default_rng(0)
-    return Pipeline(Painted(ids), network, camera, generator=rng, config=config)
+    return Pipeline(Painted(ids), network, camera, generator=rng)
 
 
 def pad_at(forward_m: float, right_m: float) -> NDArray[np.uint8]:
@@ -301,8 +300,3 @@ def test_frames_of_a_distorting_lens_are_straightened() -> None:
 def test_a_frame_of_another_size_is_refused() -> None:
     with pytest.raises(ShapeError, match="36x64, as its camera"):
         pipeline(bare_ground()).perceive(replace(frame(), image=np.zeros((36, 65, 3), np.uint8)))
-
-
-def test_a_config_that_makes_no_sense_is_refused() -> None:
-    with pytest.raises(ValueRangeError, match="must be positive"):
-        PipelineConfig(carried_s=0.0)

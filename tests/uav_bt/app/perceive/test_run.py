@@ -128,10 +128,14 @@ def test_a_folder_needs_as_many_images_as_its_telemetry_has_entries(
 def test_what_cannot_be_seen_is_counted_and_named(tmp_path: Path, images: list[Image]) -> None:
     folder = write_images(tmp_path / "views", [np.zeros_like(images[0]), images[1]])
     (folder / "2.png").write_bytes(b"no image")
+    assert cv2.imwrite(str(folder / "3.png"), np.full((32, 18, 3), 90, np.uint8))
     summary = perceive.perceive(str(folder), CONTACT, lines=tmp_path / "seen.jsonl")
     assert summary.frames == 2
     assert summary.without_depth == {"the frame is black": 1}
-    assert summary.skipped == ("2.png: is not a readable image",)
+    assert summary.skipped == (
+        "2.png: is not a readable image",
+        "3.png: is 18x32, the first image is 320x180",
+    )
     black, seen = rows(tmp_path / "seen.jsonl")
     nothing = {"value": None, "reason": "the frame is black"}
     assert black["depth"] is None
@@ -292,6 +296,15 @@ def test_masks_need_a_folder_without_files(tmp_path: Path, images: list[Image]) 
     lines = tmp_path / "masks" / "classes.json"
     with pytest.raises(InputError, match="lies in the folder of the masks"):
         perceive.perceive(str(folder), CONTACT, masks=tmp_path / "masks", lines=lines)
+
+
+def test_no_output_overwrites_a_network(tmp_path: Path, images: list[Image]) -> None:
+    folder, network = write_images(tmp_path / "views", images[:1]), tmp_path / "net.onnx"
+    network.write_bytes(b"a network")
+    options = PerceiveOptions(segmentation=str(network), model="contact")
+    with pytest.raises(InputError, match="would overwrite an input"):
+        perceive.perceive(str(folder), options, lines=network)
+    assert network.read_bytes() == b"a network"
 
 
 @pytest.mark.parametrize(

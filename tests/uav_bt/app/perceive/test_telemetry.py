@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.worlds.footage import frame, state, write_record
-from uav_bt.app.perceive.frame_telemetry import FixedTelemetry, FlightTelemetry
+from uav_bt.app.perceive.telemetry import Telemetry
 from uav_bt.errors import FileError
 from uav_bt.record.reader import RecordReader
 from uav_bt.types import CameraModel
@@ -19,7 +19,7 @@ IMAGE = np.zeros((24, 32, 3), np.uint8)
 
 
 @pytest.fixture
-def flown(tmp_path: Path) -> FlightTelemetry:
+def flown(tmp_path: Path) -> Telemetry:
     """Three frames from 10 s on, during a climb and a turn across yaw = pi."""
     frames = [
         frame(
@@ -34,23 +34,23 @@ def flown(tmp_path: Path) -> FlightTelemetry:
     ]
     states = [state(*one) for one in ((9.8, 0.1), (10.1, 0.2), (10.9, 0.3), (11.5, 0.4))]
     path = write_record(tmp_path / "flight.mcap", CAMERA, frames, states)
-    return FlightTelemetry(RecordReader(path))
+    return Telemetry.of_flight(RecordReader(path))
 
 
 def test_a_fixed_camera_has_the_same_pose_in_every_frame_and_no_states() -> None:
-    fixed = FixedTelemetry(height_m=1.2, gimbal_pitch_rad=-0.6)
+    fixed = Telemetry.fixed(1.2, -0.6)
     frame = fixed.frame(IMAGE, 7, 3.5)
     assert (frame.index, frame.captured_s) == (7, 3.5)
     assert (frame.height_above_ground_m, frame.gimbal_pitch_rad) == (1.2, -0.6)
     assert fixed.states(10.0) == []
 
 
-def test_a_flights_telemetry_begins_with_its_video(flown: FlightTelemetry) -> None:
+def test_a_flights_telemetry_begins_with_its_video(flown: Telemetry) -> None:
     assert flown.times_s == pytest.approx([0.0, 1.0, 2.0])
     assert flown.frame(IMAGE, 0, 0.0).height_above_ground_m == pytest.approx(1.4)
 
 
-def test_between_two_frames_telemetry_is_interpolated(flown: FlightTelemetry) -> None:
+def test_between_two_frames_telemetry_is_interpolated(flown: Telemetry) -> None:
     between = flown.frame(IMAGE, 0, 0.5)
     assert between.gimbal_pitch_rad == pytest.approx(-0.55)
     assert between.height_above_ground_m == pytest.approx(1.9)
@@ -59,13 +59,11 @@ def test_between_two_frames_telemetry_is_interpolated(flown: FlightTelemetry) ->
 
 
 @pytest.mark.parametrize("time_s", [-0.5, 2.5])
-def test_beyond_the_flights_ends_the_height_is_unknown(
-    flown: FlightTelemetry, time_s: float
-) -> None:
+def test_beyond_the_flights_ends_the_height_is_unknown(flown: Telemetry, time_s: float) -> None:
     assert math.isnan(flown.frame(IMAGE, 0, time_s).height_above_ground_m)
 
 
-def test_states_come_once_and_up_to_the_time_asked_for(flown: FlightTelemetry) -> None:
+def test_states_come_once_and_up_to_the_time_asked_for(flown: Telemetry) -> None:
     assert [state.captured_s for state in flown.states(0.1)] == pytest.approx([-0.2, 0.1])
     assert flown.states(0.1) == []
     later = flown.states(5.0)
@@ -75,4 +73,4 @@ def test_states_come_once_and_up_to_the_time_asked_for(flown: FlightTelemetry) -
 def test_a_record_without_a_frame_is_refused(tmp_path: Path) -> None:
     path = write_record(tmp_path / "flight.mcap", CAMERA, [], [state(0.0)])
     with pytest.raises(FileError, match="no frame with an image"):
-        FlightTelemetry(RecordReader(path))
+        Telemetry.of_flight(RecordReader(path))

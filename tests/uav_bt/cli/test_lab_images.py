@@ -1,4 +1,4 @@
-"""`uav-bt lab pick`: output and refusals."""
+"""`uav-bt lab frames` and `lab pick`: images of a lab from videos, and picks on them."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.uav_bt.learning.frames_world import view, walk, write_video
 from tests.worlds.cli import assert_refused, run
 from uav_bt.lab.shipped import write_lab
 
@@ -82,3 +83,40 @@ def test_a_folder_that_cannot_be_written_to_is_refused(hall: Path) -> None:
         assert_refused(run("lab", "pick", "hall"), "cannot be written")
     finally:
         hall.chmod(0o700)
+
+
+# --- frames ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def filmed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return write_lab("hall", Path("labs")).parent
+
+
+def test_the_summary_counts_images_by_source(filmed: Path) -> None:
+    write_video(Path("walk.mp4"), walk(10))
+    result = run("lab", "frames", "hall", "walk.mp4", "--count", 8)
+    assert result.exit_code == 0, result.output
+    heading, line, last = result.stdout.splitlines()
+    assert heading.split()[:2] == ["source", "read"]
+    assert line.split() == ["walk.mp4", "10", "0", "0", "2", "8", "2"]
+    assert last == "images: 8 in labs/hall/frames"
+    assert "Warning: 8 images are few for a network, 40 are the least" in result.stderr
+    assert len(list((filmed / "frames").glob("*.jpg"))) == 8
+
+    again = run("lab", "frames", "hall", "walk.mp4")
+    assert "taken in an earlier run" in again.stdout
+    assert "images: 8" in again.stdout
+
+
+def test_a_source_without_images_is_refused_after_the_others(filmed: Path) -> None:
+    write_video(Path("walk.mp4"), walk(4))
+    write_video(Path("still.mp4"), [view(0)] * 4)
+    result = run("lab", "frames", filmed, "still.mp4", "walk.mp4")
+    assert result.exit_code == 2
+    assert "images: 4" in result.stdout
+    assert "Error: still.mp4: all its images look alike" in result.stderr
+    assert_refused(
+        run("lab", "frames", filmed, "still.mp4"), "still.mp4: all its images look alike"
+    )

@@ -1,0 +1,268 @@
+"""Metric depth against exact depth: images, edges and points, methods, errors."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Literal, Self
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from perception.camera.ground_plane import ground_depth, view_of
+from perception.depth.scale import GroundSample
+from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, ROOFS, paper_map
+from uav_bt.learning.depth_evaluation import (
+    MAP_CAMERA,
+    CollectedScale,
+    draw_points,
+    edge_lengths,
+    metric_maps,
+    pick_edges,
+    summarise_errors,
+)
+from uav_bt.learning.views import MAP_SIZE_PX, DepthViewPlan, SampleImage, take_images
+from uav_bt.types import ClassMap, DepthMap, Frame
+from uav_bt.types.arrays import Indices
+
+PLAN = DepthViewPlan(scenes=("train-a", "train-b"), views=5, seed=3)
+SECRET = 0.37  # metres per unit of the relative depth below
+FACE_M = 2.0
+
+
+class Grey:
+    """Replaces a segmentation network: all pixels are ground."""
+
+    def segment(self, frame: Frame) -> ClassMap:
+        ids = np.full(MAP_SIZE_PX[::-1], CARPET, dtype=np.uint8)
+        return paper_map(ids=ids, captured_s=frame.captured_s)
+
+
+@pytest.fixture(scope="module")
+def raw() -> list[SampleImage]:
+    return list(take_images(PLAN, "exact", Grey(), None))
+
+
+@pytest.fixture(scope="module")
+def ideal() -> list[SampleImage]:
+    return list(take_images(replace(PLAN, profile="ideal"), "exact", Grey(), None))
+
+
+def known(images: list[SampleImage], shift_m: float = 0.0) -> list[SampleImage]:
+    """Return images with exact depth in a secret unit."""
+    found = []
+    for image in images:
+        depth = ((image.depth_m - shift_m) / SECRET).astype(np.float32)
+        relative = DepthMap(depth=depth, metric=False, captured_s=image.frame.captured_s)
+        found.append(replace(image, relative=relative))
+    return found
+
+
+# --- images ---------------------------------------------------------------------------------------
+
+
+def test_the_same_plan_takes_the_same_images_whichever_scenes_stand_beside(
+    raw: list[SampleImage],
+) -> None:
+    assert len(raw) == 10
+    assert min(image.frame.gimbal_pitch_rad for image in raw) > math.radians(-46)  # no landings
+    alone = replace(PLAN, scenes=("train-b",))
+    for first, second in zip(raw[5:], take_images(alone, "unet", Grey(), None), strict=True):
+        np.testing.assert_array_equal(first.exact.ids, second.exact.ids)
+        np.testing.assert_array_equal(first.frame.image, second.frame.image)
+        assert first.frame.height_above_ground_m == second.frame.height_above_ground_m
+        assert first.seen is first.exact
+        assert (second.seen.ids == CARPET).all()
+
+
+def ground_errors_m(images: list[SampleImage]) -> NDArray[np.float64]:
+    """Return differences of the telemetry's ground plane and the exact ground, by image."""
+    errors = []
+    for image in images:
+        plane_m = ground_depth(view_of(image.frame, MAP_CAMERA, MAP_SIZE_PX))
+        ground = (image.exact.ids == CARPET) & np.isfinite(plane_m)
+        if ground.sum() > 100:
+            errors.append(np.median((plane_m - image.depth_m)[ground] / image.depth_m[ground]))
+    return np.array(errors)
+
+
+def test_telemetry_errs_like_that_of_a_flight_and_not_in_an_ideal_one(
+    raw: list[SampleImage], ideal: list[SampleImage]
+) -> None:
+    assert 0.002 < np.std(ground_errors_m(raw)) < 0.06
+    assert np.abs(ground_errors_m(ideal)).max() < 0.003
+    assert all(image.frame.attitude.pitch_rad != 0.0 for image in ideal)
+
+
+# --- edges and points -----------------------------------------------------------------------------
+
+
+class Scenery:
+    """A class map and its depth, painted by rectangles that face the camera."""
+
+    def __init__(self) -> None:
+        self.ids: NDArray[np.uint8] = np.full((112, 224), BACKGROUND, dtype=np.uint8)
+        self.depth: NDArray[np.float32] = np.full((112, 224), 6.0, dtype=np.float32)
+
+    def paint(self, thing: int, rows: slice, columns: slice, depth_m: float = FACE_M) -> Self:
+        self.ids[rows, columns] = thing
+        self.depth[rows, columns] = depth_m
+        return self
+
+    def pick(self, seed: int = 0) -> Indices:
+        return pick_edges(paper_map(self.ids), self.depth, np.random.default_rng(seed))
+
+
+def one_face() -> Scenery:
+    return Scenery().paint(BOXES[0], np.s_[20:81], np.s_[80:141])
+
+
+def corners(edges: Indices) -> set[tuple[int, ...]]:
+    return {tuple(corner) for corner in edges.reshape(-1, 2).tolist()}
+
+
+def test_the_edges_of_a_face_span_its_corners_two_pixels_inside() -> None:
+    scenery = one_face()
+    edges = scenery.pick()
+    assert corners(edges) == {(82, 22), (138, 22), (138, 78), (82, 78)}
+    lengths = edge_lengths(scenery.depth, edges)
+    across, upright = 56 / MAP_CAMERA.fx_px * FACE_M, 56 / MAP_CAMERA.fy_px * FACE_M
+    expected = sorted([across, across, upright, upright])
+    np.testing.assert_allclose(sorted(lengths), expected, rtol=1e-6)
+    np.testing.assert_allclose(edge_lengths(2.0 * scenery.depth, edges), 2.0 * lengths)
+    scenery.depth[22, 82] = np.nan
+    assert np.isnan(edge_lengths(scenery.depth, edges)).sum() == 2
+
+
+@pytest.mark.parametrize(
+    ("scenery", "kept"),
+    [
+        (Scenery().paint(BOXES[0], np.s_[:81], np.s_[80:141]), {(82, 78), (138, 78)}),  # cut off
+        (
+            one_face().paint(HELIPAD_BOX, np.s_[60:112], np.s_[120:200], 1.0),  # behind another
+            {(82, 22), (138, 22), (82, 78)},
+        ),
+        (
+            one_face().paint(CARPET, np.s_[81:], np.s_[:], 1.5),  # nearer ground hides nothing
+            {(82, 22), (138, 22), (138, 78), (82, 78)},
+        ),
+        (Scenery().paint(CARPET, np.s_[20:81], np.s_[80:141]), set()),
+        (Scenery().paint(HELIPAD_BOX, np.s_[20:81], np.s_[80:141]), set()),
+        (Scenery().paint(BOXES[2], np.s_[20:27], np.s_[80:87]), set()),  # a speck
+        (Scenery().paint(BOXES[2], np.s_[20:25], np.s_[80:141]), set()),  # shrinks to a line
+    ],
+)
+def test_corners_of_obstacles_are_picked_where_they_are_theirs(
+    scenery: Scenery, kept: set[tuple[int, int]]
+) -> None:
+    assert corners(scenery.pick()) == kept
+
+
+def test_eight_edges_at_most_and_another_seed_picks_others() -> None:
+    scenery = one_face().paint(ROOFS[0], np.s_[4:20], np.s_[80:141], FACE_M + 0.1)
+    assert {(82, 22), (138, 22), (82, 17), (138, 17)} <= corners(scenery.pick())
+    for at in (10, 180):
+        scenery.paint(BOXES[0], np.s_[20:60], np.s_[at : at + 40])
+    picks = [scenery.pick(seed) for seed in range(6)]
+    assert {len(edges) for edges in picks} == {8}
+    assert len({edges.tobytes() for edges in picks}) > 1
+    np.testing.assert_array_equal(picks[3], scenery.pick(3))
+
+
+def test_points_lie_inside_obstacles_and_ground_within_reach() -> None:
+    scenery = Scenery().paint(BACKGROUND, np.s_[:], np.s_[:])
+    scenery.paint(BOXES[3], np.s_[20:60], np.s_[30:90]).paint(CARPET, np.s_[60:], np.s_[:])
+    rows, columns = draw_points(paper_map(scenery.ids), scenery.depth, np.random.default_rng(0))
+    own = scenery.ids[rows, columns]
+    assert [int((own == one).sum()) for one in (BOXES[3], CARPET)] == [40, 40]
+    for step in (-2, 2):
+        assert (scenery.ids[np.minimum(rows + step, 111), columns] == own).all()
+        assert (scenery.ids[rows, np.clip(columns + step, 0, 223)] == own).all()
+    for depth_m in (0.1, 7.0):
+        far = np.full_like(scenery.depth, depth_m)
+        rows, _ = draw_points(paper_map(scenery.ids), far, np.random.default_rng(0))
+        assert rows.size == 0
+
+
+# --- methods --------------------------------------------------------------------------------------
+
+
+def off_m(name: str, images: list[SampleImage]) -> float:
+    """Return the median error of a method's depth within reach."""
+    maps = list(metric_maps(name, images))
+    errors = [
+        np.abs(depth - image.depth_m)[image.depth_m < 5.0]
+        for depth, image in zip(maps, images, strict=True)
+    ]
+    return float(np.nanmedian(np.concatenate(errors)))
+
+
+@pytest.mark.parametrize("name", ["constant", "least_squares", "adaptive", "flown"])
+def test_every_scale_finds_the_secret_unit(name: str, ideal: list[SampleImage]) -> None:
+    assert off_m(name, known(ideal)) < 0.02
+
+
+def test_collected_scales_know_all_images_before_the_first(ideal: list[SampleImage]) -> None:
+    """The first image has another unit, which a constant scale must not follow."""
+    first, *others = known(ideal)
+    assert first.relative is not None
+    odd = replace(first.relative, depth=2.0 * first.relative.depth)
+    depth = next(metric_maps("constant", [replace(first, relative=odd), *others]))
+    assert np.nanmedian(depth / first.depth_m) == pytest.approx(2.0, rel=0.05)
+
+
+def sample(known_m: float, predicted: float) -> GroundSample:
+    return GroundSample(
+        known_m=np.full(3, known_m, np.float32), predicted=np.full(3, predicted, np.float32)
+    )
+
+
+def test_least_squares_agrees_with_the_textbook_on_noisy_frames() -> None:
+    generator = np.random.default_rng(1)
+    given = generator.uniform(0.5, 3.0, 40)
+    true_m = 2.0 * given - 0.1 + generator.normal(0.0, 0.05, 40)
+    estimator = CollectedScale("least_squares")
+    for frame in range(40):
+        scale = estimator(sample(true_m[frame], given[frame]), 0.1 * frame)
+    expected = np.linalg.lstsq(np.stack([given, np.ones(40)], axis=1), true_m, rcond=None)[0]
+    assert scale is not None
+    assert (scale.factor, scale.shift_m) == pytest.approx(tuple(expected), rel=1e-5)
+
+
+@pytest.mark.parametrize("method", ["constant", "least_squares"])
+def test_frames_that_are_alike_have_no_shift(method: Literal["constant", "least_squares"]) -> None:
+    estimator = CollectedScale(method)
+    assert estimator(None, 0.0) is None
+    for known_m in (1.0, 1.1, 30.0):
+        scale = estimator(sample(known_m, 0.5), 0.0)
+    assert scale is not None
+    assert (scale.factor, scale.shift_m) == (pytest.approx(2.2), 0.0)
+
+
+# --- errors ---------------------------------------------------------------------------------------
+
+
+def test_figures_are_those_worked_out_by_hand() -> None:
+    estimated, truth = [1.1, np.nan, 2.3, 2.8, 4.0], [1.0, 9.0, 2.0, 3.0, 4.0]
+    summary = summarise_errors(np.array(estimated), np.array(truth))
+    known_m = [1.1, 2.3, 2.8, 4.0], [1.0, 2.0, 3.0, 4.0]
+    assert summary == {
+        "total": 5,
+        "valid": 4,
+        "mean_m": pytest.approx(0.15),
+        "median_m": pytest.approx(0.15),
+        "rmse_m": pytest.approx(math.sqrt(0.14 / 4), abs=1e-5),
+        "std_m": pytest.approx(math.sqrt(0.14 / 4 - 0.15**2), abs=1e-5),
+        "max_m": pytest.approx(0.3),
+        "correlation": pytest.approx(np.corrcoef(*known_m)[0, 1], abs=1e-5),
+    }
+
+
+@pytest.mark.parametrize("count", [0, 3])
+def test_without_any_estimate_the_figures_are_unknown(count: int) -> None:
+    summary = summarise_errors(np.full(count, np.nan), np.ones(count))
+    assert (summary["total"], summary["valid"]) == (count, 0)
+    assert summary["mean_m"] is summary["correlation"] is None
+    never = summarise_errors(np.array([2.0, 2.0]), np.array([1.0, 3.0]))
+    assert never["correlation"] is None

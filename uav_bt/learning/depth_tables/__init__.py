@@ -1,1 +1,0 @@
-"""Accuracy of metric depth: the tables of the paper, measured on images of the twin."""
