@@ -154,7 +154,7 @@ def _scales(
                 for each in networks[1:]
             )
             above = roles >= MARK
-            cases = {"own network": own, "other lab's network": other}
+            cases: dict[str, Any] = {"own network": own, "other lab's network": other}
             if channels is None:
                 cases |= {"pitch wrong": own, "height wrong": own}
                 cases |= {"outside as ground": roles == OUTSIDE, "obstacles as ground": above}

@@ -109,8 +109,8 @@ def animate(film: Path, out: Path) -> float:
         for one in container.decode(video=0):
             if (one.time or 0.0) >= film_s / SHOWN_IMAGES * len(images):
                 image = one.to_ndarray(format="bgr24")
-                image = np.vstack([image[:360, :640], image[:404, 640:]])  # of 720x1280
-                images.append(cv2.resize(image, SHOWN_PX, interpolation=cv2.INTER_AREA))
+                panes = np.vstack([image[:360, :640], image[:404, 640:]])  # of 720x1280
+                images.append(cv2.resize(panes, SHOWN_PX, interpolation=cv2.INTER_AREA))
     animation = cv2.Animation()
     animation.frames, animation.durations = images, [SHOWN_MS] * len(images)
     for quality in (60, 50, 40, 30, 20, 10):

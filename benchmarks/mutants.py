@@ -19,8 +19,8 @@ from typing import NamedTuple
 
 from benchmarks.size import ROOT, tracked
 
-COMPOSED = ("uav_bt/app", "uav_bt/cli", "uav_bt/campaign", "uav_bt/learning", "uav_bt/display")
-COMPOSED += ("uav_bt/record",)
+APPS = ("app", "cli", "campaign", "learning", "display", "record")
+COMPOSED = tuple(f"uav_bt/{name}" for name in APPS)
 FLOORS = {
     "framework": ("uav_bt",),
     "leaves": ("perception", "behaviours"),
@@ -68,12 +68,12 @@ def mistakes_in(path: Path) -> Iterator[Mistake]:
                 values = [*node.defaults, *node.kw_defaults]
             case ast.AnnAssign():
                 values = [node.value]
-        for value in values:
-            if isinstance(value, ast.Constant) and isinstance(given := value.value, (int, float)):
+        for each in values:
+            if isinstance(each, ast.Constant) and isinstance(given := each.value, (int, float)):
                 after = repr(not given) if isinstance(given, bool) else repr(1.5 * given or 1.5)
-                start = value.col_offset
-                before = rows[value.lineno][start : value.end_col_offset].decode()
-                yield Mistake("default", path, value.lineno, start, before, after)
+                start, row = each.col_offset, each.lineno
+                before = rows[row][start : each.end_col_offset].decode()
+                yield Mistake("default", path, row, start, before, after)
 
 
 def draw(seed: int, count: int) -> list[Mistake]:

@@ -276,12 +276,12 @@ def _planks(rng: np.random.Generator) -> _Colours:
     count = int(rng.choice([4, 6, 8, 12]))
     image = np.zeros((SIDE_PX, SIDE_PX, 3), np.float32) + _colour(rng)
     for band in np.split(image, count):
-        cut = int(rng.integers(0, SIDE_PX))
-        band[:] += np.where(np.arange(SIDE_PX) < cut, *rng.uniform(-22, 22, 2))[:, None]
+        cut, (left, right) = int(rng.integers(0, SIDE_PX)), rng.uniform(-22, 22, 2)
+        band[:] += np.where(np.arange(SIDE_PX) < cut, left, right)[:, None]
         band[:2] *= 0.6
         band[:, cut : cut + 2] *= 0.6
-    grain = rng.standard_normal((SIDE_PX,) * 2).astype(np.float32)
-    grain = cv2.GaussianBlur(grain, (0, 0), 8, None, 0.7)
+    noise = rng.standard_normal((SIDE_PX,) * 2).astype(np.float32)
+    grain = cv2.GaussianBlur(noise, (0, 0), 8, None, 0.7)
     image += rng.uniform(10, 60) * grain[..., None]
     return np.rot90(image) if rng.random() < 0.5 else image
 

@@ -1,6 +1,6 @@
 """Flights that react to faults correctly, and the rules that judge a reaction.
 
-A corrected reaction gets a line in `RIGHT`. `benchmarks/faults.py` flies all kinds in all phases.
+A corrected reaction gets an entry in `RIGHT`. `benchmarks/faults.py` flies all kinds in all phases.
 """
 
 from __future__ import annotations
@@ -129,6 +129,8 @@ LANDED = Facts(
     report_whole=True,
 )
 SUCCESS = replace(LANDED, outcome="success", reason="landed", on_mark=True)
+BY_EMERGENCY = replace(SUCCESS, emergency_landing=True)
+IN_THE_AIR = replace(SUCCESS, motors_on=True)
 SILENT = replace(LANDED, reason="the tree failed; landed")
 NAMED = replace(LANDED, reason="frame")
 STRICT = Expected(named="frame")
@@ -158,16 +160,8 @@ PATH = "node 'Mission/frame' failed: error: /io/modules/frame/x.cpp"
         (BEARABLE, SUCCESS, ""),
         (BEARABLE, replace(SUCCESS, on_mark=False), UNNOTICED),
         (BEARABLE, replace(SUCCESS, on_mark=None), ""),
-        (
-            BEARABLE,
-            replace(SUCCESS, emergency_landing=True),
-            f"a success, by an emergency landing; {UNNOTICED}",
-        ),
-        (
-            BEARABLE,
-            replace(SUCCESS, motors_on=True),
-            f"left flying at 0.1 m; a success, in the air; {UNNOTICED}",
-        ),
+        (BEARABLE, BY_EMERGENCY, f"a success, by an emergency landing; {UNNOTICED}"),
+        (BEARABLE, IN_THE_AIR, f"left flying at 0.1 m; a success, in the air; {UNNOTICED}"),
         # less is asked for where nobody could do better
         (replace(STRICT, may_fly=True), replace(NAMED, motors_on=True), ""),
         (replace(STRICT, may_fall=True), replace(NAMED, touched=("box-1",)), ""),

@@ -94,8 +94,9 @@ def draws_images(options: FlightOptions) -> bool:
 
 
 def _fields_of_named(options: FlightOptions) -> set[str]:
-    named = isinstance(options.drone, str)
-    return _field_names(_config_class(options.drone_name, options)) if named else set()
+    if not isinstance(options.drone, str):
+        return set()
+    return _field_names(_config_class(options.drone.partition(":")[0], options))
 
 
 def _config_class(name: str, options: FlightOptions) -> type[DroneConfig]:

@@ -7,7 +7,9 @@ import logging
 import multiprocessing
 import threading
 from collections.abc import Iterable, Mapping
-from typing import Any, Final
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
 
 from distributed import CancelledError, Client, as_completed
 from distributed.comm.core import connect
@@ -18,15 +20,12 @@ from uav_bt.campaign.runner import Answers
 from uav_bt.campaign.workers import FAILED, WorkerPool
 from uav_bt.errors import InputError, UavBtError
 
-_CONNECT_S: Final = 10.0  # to reach a scheduler, and for a worker to come up
-
 _pools: dict[tuple[str, int], WorkerPool] = {}  # of this Dask worker, by function and thread
 
 
 def _fly(function: str, task: Mapping[str, Any], timeout_s: float) -> dict[str, Any]:
     """Fly a task on a Dask worker, in another process, as on this machine."""
-    # Dask's nanny starts its workers as daemons, which may start no processes.
-    multiprocessing.current_process().daemon = False
+    multiprocessing.current_process().daemon = False  # a daemon may start no processes
     key = function, threading.get_ident()
     if key not in _pools:
         _pools[key] = WorkerPool(function, workers=1)
@@ -35,20 +34,16 @@ def _fly(function: str, task: Mapping[str, Any], timeout_s: float) -> dict[str, 
 
 def _close_pools(function: str) -> None:
     """Stop the flights of a Dask worker."""
-    for key in tuple(_pools):
-        if key[0] == function:
-            _pools.pop(key).close()
+    for key in [key for key in tuple(_pools) if key[0] == function]:
+        _pools.pop(key).close()
 
 
+@dataclass(frozen=True)
 class DaskBackend:
-    """The workers of the Dask cluster at HOST:PORT; a flight at a time in each of their threads.
+    """The workers of a Dask cluster; a flight at a time in each of their threads."""
 
-    Workers need uav-bt, and find trees and scenes that do not ship with it under the same paths.
-    """
-
-    def __init__(self, address: str, *, connect_s: float = _CONNECT_S) -> None:
-        self._address = address
-        self._connect_s = connect_s
+    address: str  # HOST:PORT of the scheduler
+    connect_s: float = 10.0  # how long to wait for the scheduler, and for the first worker
 
     def __str__(self) -> str:
         return "dask"
@@ -60,8 +55,7 @@ class DaskBackend:
                 logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         with self._connected() as client:
             self._check_workers(client)
-            # A flight is the same wherever it is flown, but no result of another campaign is taken.
-            flights = {
+            flights = {  # `pure=False`: no result of another campaign is taken
                 client.submit(_fly, function, task.to_json(), timeout_s, pure=False): task
                 for task in tasks
             }
@@ -74,19 +68,18 @@ class DaskBackend:
                     yield flights.pop(future), lost if error else future.result()
             except (OSError, CancelledError) as error:
                 raise UavBtError(
-                    "the connection to the Dask cluster was lost; the flights that ended are kept, "
-                    "and the same command goes on from there"
+                    "the connection to the Dask cluster was lost; the same command goes on"
                 ) from error
             finally:
-                if client.status == "running":
-                    # Workers that are gone have nothing to close.
+                if client.status == "running":  # workers that are gone have nothing to close
                     client.run(_close_pools, function, on_error="ignore")
 
     def _connected(self) -> Client:
-        address, wait_s = self._address, self._connect_s
+        address, wait_s = self.address, self.connect_s
         try:
             # A `Client` waits for ever for a scheduler that does not answer.
-            asyncio.run(asyncio.wait_for(connect(address, timeout=wait_s), wait_s)).abort()
+            greeting = connect(address, timeout=wait_s)  # type: ignore[no-untyped-call]
+            asyncio.run(asyncio.wait_for(greeting, wait_s)).abort()
             return Client(address, timeout=wait_s, set_as_default=False)  # type: ignore[no-untyped-call]
         except (OSError, ValueError) as error:
             raise InputError(
@@ -95,16 +88,13 @@ class DaskBackend:
             ) from error
 
     def _check_workers(self, client: Client) -> None:
-        try:
-            client.wait_for_workers(1, timeout=self._connect_s)
-        except TimeoutError as error:
-            raise InputError(
-                f"the Dask cluster at {self._address} has no workers; "
-                f"start some with `dask worker {self._address}`"
-            ) from error
-        workers = client.get_versions(packages=["uav_bt"])["workers"]
-        found = {name: one["packages"]["uav_bt"] for name, one in workers.items()}
-        if set(found.values()) != {uav_bt.__version__}:
-            raise InputError(
-                f"all workers need uav-bt {uav_bt.__version__}, as here; there are {found}"
-            )
+        with suppress(TimeoutError):
+            client.wait_for_workers(1, timeout=self.connect_s)
+        versions: Any = client.get_versions(packages=["uav_bt"])
+        found = {one["packages"]["uav_bt"] for one in versions["workers"].values()}
+        if not found:
+            start = f"start some with `dask worker {self.address}`"
+            raise InputError(f"the Dask cluster at {self.address} has no workers; {start}")
+        if found != {uav_bt.__version__}:
+            needed = f"all workers need uav-bt {uav_bt.__version__}, as here"
+            raise InputError(f"{needed}; there are {found}")

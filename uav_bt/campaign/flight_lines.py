@@ -65,7 +65,7 @@ _OPTIONAL: Final[dict[str, Any]] = {
     "path": list[tuple[float, float, float, float]],  # t, x, y, z
     "coverage_curve": list[tuple[float, float, float]],  # t, passed, seen
 }
-_LINE: Final = create_model(
+_LINE: Final = create_model(  # type: ignore[call-overload]
     "FlightLine",
     __config__=ConfigDict(strict=True, allow_inf_nan=False),
     tree=str,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
-from typing import Any, Final
+from typing import Any
 
 from uav_bt.app.drone_of_flight import is_simulated
 from uav_bt.app.option_values import port_values, variable_values
@@ -13,15 +13,6 @@ from uav_bt.campaign.flight_lines import FlightKey
 from uav_bt.errors import FileError, InputError
 from uav_bt.settings import check_numbers
 from uav_bt.tree.loading.parameters import Plain
-
-# Values of a plan that must be the same when a campaign goes on. Others are compared one by one.
-_COMPARED: Final = (
-    "seed_from",
-    *sorted(
-        {*SHARED}
-        - {"lab", "leaves", "policies", "ports", "record_quality", "tree_folders", "variables"}
-    ),
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,12 +45,6 @@ class PlannedTree(PlannedFile):
             ports={**shared.ports, **self.ports},
             variables={**shared.variables, **self.variables},
         )
-
-    @property
-    def values(self) -> dict[str, str]:
-        """The values as texts, by NODE.PORT and by `{variable}`."""
-        named = {f"{{{name}}}": str(value) for name, value in self.variables.items()}
-        return {**self.ports, **named}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,16 +135,14 @@ class CampaignPlan:
         found = []
         if self.flights < before.flights:
             found.append(f"flights: {before.flights} were planned, now {self.flights}")
-        then = _compared(before)
-        for what, now in _compared(self).items():
-            if what in then:  # the values of a new tree are no difference beside the tree
-                found += _differences(what, then[what], now)
-        flat, flat_before = _flat(self), _flat(before)
-        return found + [
-            f"{what}: was {flat_before[what]}, now {flat[what]}"
-            for what in _COMPARED
-            if flat[what] != flat_before[what]
-        ]
+        now, then = (dict(flattened(_compared(plan))) for plan in (self, before))
+        for what in sorted({*now, *then}):
+            old, new = (text.get(what, "none") for text in (then, now))
+            if old != new and len(old) == len(new) == 64:
+                found.append(f"{what} has changed (SHA-256 {old[:8]}, now {new[:8]})")
+            elif old != new:
+                found.append(f"{what}: was {old}, now {new}")
+        return found
 
     def to_json(self) -> dict[str, Any]:
         """Return the plan as plain JSON values."""
@@ -167,11 +150,7 @@ class CampaignPlan:
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> CampaignPlan:
-        """Return the plan that `to_json` wrote.
-
-        Raises:
-            InputError: these are not the values of a plan, or its lab cannot be read.
-        """
+        """Return the plan that `to_json` wrote, or raise an InputError."""
         try:
             files = {
                 what: tuple(made(**one) for one in values[what])
@@ -222,28 +201,33 @@ def _with_options(values: Mapping[str, Any]) -> dict[str, Any]:
     return {**others, "options": options}
 
 
-def _compared(plan: CampaignPlan) -> dict[str, Mapping[str, Any]]:
-    """Return what flights depend on, beside the fields in `_COMPARED`: values by kind, name."""
-    return {
-        "tree": {file.name: file.sha256 for file in plan.trees},
-        "scene": {file.name: file.sha256 for file in plan.scenes},
-        **{tree.name: tree.values for tree in plan.trees},
-        "weights": plan.weights,
-        "leaves_sha256": plan.leaves_sha256,
-        "lab_sha256": plan.lab_sha256,
-        "versions": plan.versions,
-        "policies": plan.options.policy_names,
-        "ports": plan.options.ports,
-        "variables": plan.options.variables,
-    }
+def _compared(plan: CampaignPlan) -> dict[str, Any]:
+    """Return what flights depend on: not folders, and not what was only planned."""
+    values = plan.to_json()
+    for what in (
+        "flights",
+        "record",
+        "timeout_s",
+        "record_quality",
+        "lab",
+        "leaves",
+        "tree_folders",
+    ):
+        del values[what]
+    kept = ("sha256", "ports", "variables")
+    for what in ("trees", "scenes"):
+        files = {one["name"]: {key: one[key] for key in kept if key in one} for one in values[what]}
+        values[what] = files
+    return values
 
 
-def _differences(what: str, then: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
-    for name in sorted({*then, *now}):
-        old, new = (None if name not in some else str(some[name]) for some in (then, now))
-        if old is None or new is None:
-            yield f"{what}: '{name}' is {'new' if old is None else 'missing'}"
-        elif old != new and len(old) == len(new) == 64:
-            yield f"{what}: '{name}' has changed (SHA-256 {old[:8]}, now {new[:8]})"
-        elif old != new:
-            yield f"{what}: '{name}' was {old}, now {new}"
+def flattened(value: object, name: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the texts in nested values, with the words that lead there; empty is left out."""
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from flattened(inner, f"{name} {key}".strip())
+    elif isinstance(value, list) and value and isinstance(value[0], Mapping):
+        for inner in value:
+            yield from flattened(inner, name)
+    elif value not in (None, "", []) and value is not False:
+        yield name, str(value)

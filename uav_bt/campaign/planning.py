@@ -5,10 +5,10 @@ from __future__ import annotations
 import fnmatch
 import glob
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from sim_bridge.twin.scene_file import load_scene, scene_names, shipped_scenes
 from uav_bt.app import provenance
@@ -25,8 +25,6 @@ from uav_bt.tree import MissionTree, TreeFolders
 from uav_bt.tree.loading.parameter_file import ParameterFile
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.shipped import shipped_missions
-
-T = TypeVar("T")
 
 
 def make_plan(
@@ -125,7 +123,6 @@ def _variants(
     if isinstance(options.params, ParameterFile):
         variants = dict(options.params.variants) or {"": options.params.common}
     shipped = {file.resolve() for file in shipped_missions().values()}
-    common = options.parameters
     for variant, values in variants.items():
         file = ParameterFile(path=Path("campaign"), common=values)
         mission = _loaded(tree, replace(options, params=file))
@@ -136,18 +133,10 @@ def _variants(
             path=path.stem if path in shipped else str(path),
             sha256=provenance.sha256_of(mission),
             # Values of the command line take precedence over a variant.
-            ports=_own(values.ports, options.ports, common.ports),
-            variables=_own(values.variables, options.variables, common.variables),
+            ports={k: v for k, v in values.ports.items() if k not in options.ports},
+            variables={k: v for k, v in values.variables.items() if k not in options.variables},
         )
         yield planned, mission
-
-
-def _own(values: Mapping[str, T], given: Mapping[str, T], common: Mapping[str, T]) -> dict[str, T]:
-    return {
-        name: value
-        for name, value in values.items()
-        if name not in given and common.get(name) != value
-    }
 
 
 def _fingerprints(

@@ -8,12 +8,11 @@ import os
 import platform
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
-from concurrent.futures import Future
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from itertools import islice
 from pathlib import Path
-from queue import SimpleQueue
 from typing import Any, Final, Protocol
 
 from uav_bt.app import provenance
@@ -43,14 +42,7 @@ class Backend(Protocol):
 
 
 class LocalBackend:
-    """The cores of this machine.
-
-    Args:
-        workers: flights at a time; as many as there are cores when None.
-
-    Raises:
-        ValueRangeError: fewer than one.
-    """
+    """The cores of this machine; None: as many flights at a time as there are cores."""
 
     def __init__(self, workers: int | None = None) -> None:
         if workers is not None and workers < 1:
@@ -63,27 +55,17 @@ class LocalBackend:
     def run(self, function: str, tasks: Iterable[FlightTask], timeout_s: float) -> Answers:
         """Fly tasks; see `Backend`."""
         pool = WorkerPool(function, self.workers)
-        ended: SimpleQueue[tuple[FlightTask, Future[Answer]]] = SimpleQueue()
-
-        def start(task: FlightTask) -> None:
-            pool.fly(task.to_json(), timeout_s).add_done_callback(
-                lambda flight: ended.put((task, flight))
-            )
-
+        flying: dict[Future[Answer], FlightTask] = {}
         left = iter(tasks)
-        flying = 0
         try:
-            # One task waits for each that flies, so that no worker waits for its next.
-            for task in islice(left, 2 * self.workers):
-                start(task)
-                flying += 1
-            while flying:
-                task, flight = ended.get()
-                yield task, flight.result()
-                flying -= 1
-                for following in islice(left, 1):
-                    start(following)
-                    flying += 1
+            while True:
+                # One task waits for each that flies, so that no worker waits for its next.
+                for task in islice(left, 2 * self.workers - len(flying)):
+                    flying[pool.fly(task.to_json(), timeout_s)] = task
+                if not flying:
+                    return
+                for flight in wait(flying, return_when=FIRST_COMPLETED).done:
+                    yield flying.pop(flight), flight.result()
         finally:
             pool.close()
 
@@ -177,11 +159,8 @@ def _line_of(task: FlightTask, answer: Answer) -> dict[str, Any]:
 
     The line of a lost process has the options as they were given, `random` among the faults: to
     draw them takes the drone, which may have ended that process.
-
-    Raises:
-        InputError: the worker refused the task, as it would all others of the campaign.
     """
-    if REFUSED in answer:
+    if REFUSED in answer:  # as all other tasks of the campaign would be
         raise InputError(str(answer[REFUSED]))
     if FLOWN in answer:
         line = dict(answer[FLOWN])

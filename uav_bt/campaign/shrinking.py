@@ -22,7 +22,6 @@ from uav_bt.app.drone_of_flight import is_simulated
 from uav_bt.app.flying_process import interruptible
 from uav_bt.app.options import FlightOptions
 from uav_bt.errors import InputError
-from uav_bt.mission.judge import Outcome
 
 T = TypeVar("T")
 Part = tuple[str, int]
@@ -62,17 +61,10 @@ class FailedFlight:
     def of(
         cls, flight: Mapping[str, Any], tree: str, scene: str, options: FlightOptions
     ) -> FailedFlight:
-        """Return a flight from its line, its mission, its scene and the options of its campaign.
+        """Return a flight from the line of its failure, its files and its campaign's options.
 
-        Raises:
-            InputError: The flight did not fail, it cannot be flown again, or its scene cannot be
-                read.
+        An InputError says why it cannot be flown again.
         """
-        if flight["outcome"] == Outcome.SUCCESS.value:
-            raise InputError(
-                f"the flight of {flight['tree']} in {flight['scene']}, seed {flight['seed']}, "
-                "succeeded; there is nothing to shrink"
-            )
         if "details" in flight:  # of a flight that did not end by itself
             raise InputError(
                 "the process of this flight hung or crashed, which a shrunk flight would do, too; "
@@ -98,13 +90,8 @@ class FailedFlight:
 
     def things(self) -> dict[str, Sequence[Any]]:
         """Return everything that may be left out, by its kind."""
-        scene = self.scene
-        return {
-            "faults": self.faults,
-            "movers": scene.movers,
-            "boxes": scene.boxes,
-            "objects": scene.objects,
-        }
+        kinds = ("movers", "boxes", "objects")
+        return {"faults": self.faults, **{kind: getattr(self.scene, kind) for kind in kinds}}
 
     def parts(self) -> list[Part]:
         """Return the parts that may be left out."""
@@ -112,7 +99,7 @@ class FailedFlight:
 
     def with_parts(self, kept: Sequence[Part]) -> FailedFlight:
         """Return the flight with these parts only."""
-        left = {
+        left: dict[str, Any] = {
             kind: tuple(each for n, each in enumerate(some) if (kind, n) in kept)
             for kind, some in self.things().items()
         }
@@ -125,17 +112,13 @@ class FailedFlight:
         with tempfile.TemporaryDirectory(prefix="uav-bt-shrink-") as folder:
             file, report = Path(folder) / "scene.yaml", Path(folder) / "report.json"
             file.write_text(scene_text(self.scene), encoding="utf-8")
-            options = replace(
-                self.options, scene=file, faults=self.faults, drone=drone or self.options.drone
-            )
+            drone = drone or self.options.drone_name
+            options = replace(self.options, scene=file, faults=self.faults, drone=drone)
+            # With an output folder, as in the campaign: leaves that write files need one.
+            out = Path(folder) / "outputs"
             try:
-                # With an output folder, as in the campaign: leaves that write files need one.
                 app.fly(
-                    self.tree,
-                    options,
-                    out=Path(folder) / "outputs",
-                    report=report,
-                    controls=lambda _: interruptible(),
+                    self.tree, options, out=out, report=report, controls=lambda _: interruptible()
                 )
             except Exception:
                 if not report.exists():  # nothing flew

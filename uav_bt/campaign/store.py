@@ -25,11 +25,7 @@ _FORMAT: Final = 1  # of campaign.json
 
 
 def read_plan(folder: Path) -> tuple[CampaignPlan, list[dict[str, Any]]]:
-    """Return the plan of a campaign's folder, and its runs.
-
-    Raises:
-        FileError: the plan is absent, damaged or of a newer format.
-    """
+    """Return the plan of a campaign's folder, and its runs."""
     path = folder / PLAN_FILE
     with reading(path):
         if not path.exists():
@@ -68,14 +64,8 @@ class CampaignStore:
     ) -> Iterator[CampaignStore]:
         """Open a folder for a plan: a new one, or one that the same plan began to fill.
 
-        Args:
-            folder: made when it does not exist.
-            plan: what will be flown.
-            run: about this run, for people: when, where, of which commit.
-
-        Raises:
-            FileError: the folder cannot be written to, or another campaign is at work in it.
-            InputError: the folder belongs to another plan; the message says what differs.
+        `run` tells people of this run: when, where, of which commit. An InputError says in what the
+        folder's plan differs, a FileError that it cannot be written to now.
         """
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
@@ -92,11 +82,7 @@ class CampaignStore:
                 yield cls(folder, out, repaired=_repair(out))
 
     def keep(self, flight: Mapping[str, Any]) -> None:
-        """Write a flight down; it is on the disk on return.
-
-        Raises:
-            FileError: it cannot be written, the disk is full for instance; nothing is left of it.
-        """
+        """Write a flight down; it is on the disk on return, and after a FileError nothing of it."""
         line = json.dumps(flight, allow_nan=False).encode() + b"\n"
         size = os.fstat(self._out.fileno()).st_size
         try:

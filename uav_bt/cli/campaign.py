@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import click
 from annotated_types import Ge, Gt, Le
@@ -34,10 +33,8 @@ from uav_bt.option import Option
 _OPTIONS: Final = (*(name for name in SHARED if name != "record_quality"), "params")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Flown:
-    """Which flights a campaign has; None: not given."""
-
+def _flown(
+    *,
     scenes: Annotated[
         tuple[str, ...],
         Option(
@@ -45,40 +42,41 @@ class Flown:
             "--lab, else val-*.",
             "GLOB",
         ),
-    ] = ()
+    ] = (),
     flights: Annotated[
-        int | None, Ge(1), Option("Flights of each tree in each scene, one seed each; default: 10.")
-    ] = None
-    seed_from: Annotated[int, Ge(0), Option("The first seed.")] = 0
+        int | None,
+        Ge(1),
+        Option("Flights of each tree in each scene, one seed each; default: 10."),
+    ] = None,
+    seed_from: Annotated[int, Ge(0), Option("The first seed.")] = 0,
     timeout_s: Annotated[float, Gt(0), Option("Wall time after which a flight counts as hung.")] = (
         CampaignPlan.timeout_s
-    )
-    record: Annotated[bool, Option("Keep a record of every flight in DIR/records.")] = False
+    ),
+    record: Annotated[bool, Option("Keep a record of every flight in DIR/records.")] = False,
+) -> dict[str, Any]:
+    """Return which flights a campaign has, as `make_plan` takes them."""
+    more: dict[str, Any] = {"scenes": scenes or None, "seed_from": seed_from, "record": record}
+    return {**more, "flights": flights or 10, "timeout_s": timeout_s}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Place:
-    """Where flights are flown."""
-
-    workers: Workers = None
+def _backend(
+    *,
+    workers: Workers = None,
     backend: Annotated[
         Literal["local", "dask"], Option("This machine's cores, or a Dask cluster.")
-    ] = "local"
-    address: Annotated[str | None, Option("Address of the Dask scheduler.", "HOST:PORT")] = None
+    ] = "local",
+    address: Annotated[str | None, Option("Address of the Dask scheduler.", "HOST:PORT")] = None,
+) -> Backend:
+    """Return what flies: `workers` of this machine, None for one on each core, or a cluster."""
+    if backend == "dask" and workers is not None:
+        raise click.UsageError("--workers is for this machine; a cluster has its workers")
+    if (backend == "dask") != (address is not None):
+        raise click.UsageError("--backend dask and --address belong together")
+    if address is None:
+        return LocalBackend(workers)
+    from uav_bt.campaign.cluster import DaskBackend  # noqa: PLC0415  (another extra)
 
-    def __post_init__(self) -> None:
-        if self.backend == "dask" and self.workers is not None:
-            raise click.UsageError("--workers is for this machine; a cluster has its workers")
-        if (self.backend == "dask") != (self.address is not None):
-            raise click.UsageError("--backend dask and --address belong together")
-
-    def open(self) -> Backend:
-        """Return what flies."""
-        if self.address is not None:
-            from uav_bt.campaign.cluster import DaskBackend  # noqa: PLC0415  (another extra)
-
-            return DaskBackend(self.address)
-        return LocalBackend(self.workers)
+    return DaskBackend(address)
 
 
 @command()
@@ -86,9 +84,9 @@ def campaign(
     ctx: click.Context,
     trees: Annotated[tuple[str, ...], Option(form="TREE...")] = (),
     *,
-    flown: Annotated[Flown, Option(parts=Flown)],
+    flown: Annotated[dict[str, Any], Option(parts=_flown)],
     flight: Annotated[FlightOptions, Option(parts=FlightOptions, only=_OPTIONS)],
-    place: Annotated[Place, Option(parts=Place)],
+    backend: Annotated[Backend, Option(parts=_backend)],
     out: Annotated[
         Path | None,
         Option("Where the plan and the flights are kept; default: runs/TREE.", path="folder"),
@@ -124,22 +122,14 @@ def campaign(
         _only_resume(ctx)
         plan, folder = campaigns.plan_of(resume), resume
     elif trees:
-        plan = campaigns.make_plan(
-            trees,
-            flight,
-            scenes=flown.scenes or None,
-            flights=flown.flights or 10,
-            seed_from=flown.seed_from,
-            timeout_s=flown.timeout_s,
-            record=flown.record,
-        )
+        plan = campaigns.make_plan(trees, flight, **flown)
         folder = out or RUNS / "-".join(dict.fromkeys(Path(tree.path).stem for tree in plan.trees))
     else:
         raise click.UsageError("which TREE is to be flown? or --resume DIR")
     with campaign_progress(len(plan)) as progress:
         try:
             result = campaigns.run(
-                plan, folder, backend=place.open(), on_flight=progress.add, on_note=progress.note
+                plan, folder, backend=backend, on_flight=progress.add, on_note=progress.note
             )
         except KeyboardInterrupt:
             progress.note(

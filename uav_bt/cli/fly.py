@@ -15,6 +15,7 @@ from rich.console import Console
 
 from uav_bt import app
 from uav_bt.app import film
+from uav_bt.app.drone_of_flight import is_simulated
 from uav_bt.app.options import IN_COMMANDS
 from uav_bt.app.view.live import live_view
 from uav_bt.cli.declare import command
@@ -112,7 +113,9 @@ def fly(
     watch: Annotated[
         bool,
         Option(
-            "Read TREE again whenever it is edited while it flies; for the twin.", "", "Watching"
+            "Read TREE again whenever it is edited while it flies; for simulated drones.",
+            "",
+            "Watching",
         ),
     ] = False,
 ) -> None:
@@ -136,7 +139,7 @@ def fly(
     """  # noqa: D301  (click needs the backspace)
     files = {"record": flight.record, **asdict(outputs)}
     if watch:
-        _check_watch(tree, flight.drone_name, {**files, "view": view, "groot": groot})
+        _check_watch(tree, flight, {**files, "view": view, "groot": groot})
     with ExitStack() as stack:
         watchers: list[app.Listeners] = [
             stack.enter_context(film.live_status()),
@@ -184,10 +187,12 @@ def fly(
         ctx.exit(MissionError.exit_code)
 
 
-def _check_watch(tree: str, drone: str, given: Mapping[str, object]) -> None:
+def _check_watch(tree: str, flight: app.FlightOptions, given: Mapping[str, object]) -> None:
     """Refuse options that cannot be combined with a tree that changes in flight."""
-    if drone.partition(":")[0] != "twin":
-        raise click.UsageError(f"--watch changes a tree in flight: for the twin, not for {drone}")
+    if not is_simulated(flight):
+        raise click.UsageError(
+            f"--watch changes a tree in flight: for simulated drones, not for {flight.drone_name}"
+        )
     if not Path(tree).is_file():
         raise click.UsageError(
             f"--watch needs a tree file to edit, and '{tree}' is none; 'uav-bt new FILE' writes one"

@@ -60,8 +60,8 @@ def shrink_command(
     small = shrink(flight, lambda count, ending: click.echo(f"  {count:>5}  {ending}"))
     with writing(out):
         out.mkdir(parents=True, exist_ok=True)
-    scene_file, faults = out / "scene.yaml", out / "faults.txt"
-    write_whole(scene_file, scene_text(small.scene))
+    file, faults = out / "scene.yaml", out / "faults.txt"
+    write_whole(file, scene_text(small.scene))
     write_whole(faults, "".join(f"{fault}\n" for fault in small.faults))
     had = flight.things()
     kept = (
@@ -69,7 +69,7 @@ def shrink_command(
         for kind, some in small.things().items()
         if had[kind] or kind != "objects"
     )
-    click.echo(f"remaining: {', '.join(kept)}; {scene_file}, {faults}")
+    click.echo(f"remaining: {', '.join(kept)}; {file}, {faults}")
     options = small.options
     flown: dict[str, Any] = {
         "seed": options.seed,
@@ -80,7 +80,7 @@ def shrink_command(
     }
     for drone in dict.fromkeys((options.drone_name, _TWIN)):
         changes = flown | {"drone": drone}
-        command = fly_command(small.tree, str(scene_file), changes, options, out=str(out / drone))
+        command = fly_command(small.tree, str(file), changes, options, out=str(out / drone))
         images = ", with images" if drone == _TWIN else ""
         click.echo(f"command to repeat it, drone {drone}{images}:\n  {command}")
     if twin:

@@ -57,18 +57,6 @@ def test_a_mission_that_writes_none_has_no_folder(tmp_path: Path) -> None:
     assert list((tmp_path / "flights").iterdir()) == []
 
 
-def write(values: dict[str, Any]) -> dict[str, Any]:
-    """Write a file for seed 0 only, in a worker's process."""
-    if values["seed"] == 0:
-        Path(values["folder"]).mkdir(parents=True)
-    return line(values["seed"], tree=values["tree"], scene=values["scene"])
-
-
-def test_the_flights_name_their_folders(tmp_path: Path) -> None:
-    done = campaign.run(plan(), tmp_path, fly=f"{__name__}:write")
-    assert [flight.get("folder") for flight in done.flights] == ["flights/one-lab-0", None]
-
-
 def write_each(values: dict[str, Any]) -> dict[str, Any]:
     """Write a file for each flight, in a worker's process."""
     Path(values["folder"]).mkdir(parents=True)

@@ -63,7 +63,7 @@ def test_the_plan_keeps_the_network_of_the_lab(hall: Path) -> None:
     before = make_plan(["hop.xml"], flights=1, lab="hall")
     (hall / "segmentation.onnx").write_bytes(b"\x08a network")
     (difference,) = make_plan(["hop.xml"], flights=1, lab="hall").differences(before)
-    assert difference == "lab_sha256: 'hall/segmentation.onnx' is new"
+    assert difference.startswith("lab_sha256 hall/segmentation.onnx: was none, now ")
 
 
 @pytest.mark.parametrize("name", ["lab.yaml", "camera.yaml"])
@@ -74,7 +74,7 @@ def test_a_changed_lab_is_not_resumed(hall: Path, tmp_path: Path, name: str) -> 
     assert plan_of(tmp_path / "out").differences(before) == []
     (hall / name).write_text(f"{(hall / name).read_text()}# moved\n")
     (difference,) = plan_of(tmp_path / "out").differences(before)
-    assert difference.startswith(f"lab_sha256: 'hall/{name}' has changed")
+    assert difference.startswith(f"lab_sha256 hall/{name} has changed")
 
 
 def test_a_changed_lab_of_a_scene_is_not_resumed(hall: Path) -> None:
@@ -83,7 +83,7 @@ def test_a_changed_lab_of_a_scene_is_not_resumed(hall: Path) -> None:
     before = make_plan(["hop.xml"], scenes=scenes, flights=1)
     (hall / "lab.yaml").write_text(f"{LAB}{MARK}")
     differences = make_plan(["hop.xml"], scenes=scenes, flights=1).differences(before)
-    assert any("'hall/lab.yaml' has changed" in line for line in differences)
+    assert any("hall/lab.yaml has changed" in line for line in differences)
 
 
 def test_another_lab_is_another_campaign(hall: Path) -> None:
@@ -92,7 +92,7 @@ def test_another_lab_is_another_campaign(hall: Path) -> None:
     (difference,) = make_plan(["land_only"], scenes=["val-a"], flights=1, lab="paper").differences(
         before
     )
-    assert difference == "lab_sha256: 'paper/lab.yaml' is new"
+    assert difference.startswith("lab_sha256 paper/lab.yaml: was none, now ")
 
 
 def test_a_campaign_whose_lab_is_gone_says_so(hall: Path, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""From names to plans: files found, their hashes, and refusals."""
+"""From names to plans: files found, their hashes, variants of parameters, and refusals."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import pytest
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from sim_bridge.twin import scene_file
 from tests.sim_bridge.twin.room_world import write_lab
+from uav_bt import app
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign import make_plan, plan_of
 from uav_bt.campaign.flight import PathKeeper
@@ -71,7 +72,7 @@ def test_a_changed_include_changes_the_plan(tmp_path: Path) -> None:
     before = make_plan([main], flights=1)
     part.write_text(text.format(f"<ForceSuccess>{HOP}</ForceSuccess>"))
     (difference,) = make_plan([main], flights=1).differences(before)
-    assert difference.startswith("tree: 'main.xml' has changed")
+    assert difference.startswith("trees main.xml sha256 has changed")
 
 
 def test_a_folder_gives_back_its_plan_as_it_would_be_today(tmp_path: Path) -> None:
@@ -81,7 +82,11 @@ def test_a_folder_gives_back_its_plan_as_it_would_be_today(tmp_path: Path) -> No
         pass
     assert plan_of(tmp_path / "out") == plan
     tree(mission, f"<ForceSuccess>{HOP}</ForceSuccess>")
-    assert plan_of(tmp_path / "out").differences(plan)[0].startswith("tree: 'hop.xml' has changed")
+    assert (
+        plan_of(tmp_path / "out")
+        .differences(plan)[0]
+        .startswith("trees hop.xml sha256 has changed")
+    )
 
 
 def test_what_cannot_be_flown_is_refused(tmp_path: Path) -> None:
@@ -130,22 +135,104 @@ def test_ports_leaves_and_time_limit_travel_with_the_plan(tmp_path: Path) -> Non
     assert [str(each) for each in how.leaves] == [str(leaves)]
 
     slower = make_plan([file], replace(options, ports={"TakeOff.height_m": 1.2}), flights=1)
-    assert slower.differences(plan) == ["ports: 'TakeOff.height_m' was 1.1, now 1.2"]
+    assert slower.differences(plan) == ["ports TakeOff.height_m: was 1.1, now 1.2"]
     leaves.write_text(leaves.read_text() + "\n")
     assert "leaves_sha256" in "".join(make_plan([file], options, flights=1).differences(plan))
 
 
-def test_a_change_of_the_lab_is_a_change_of_the_plan(tmp_path: Path) -> None:
+def test_a_mesh_of_the_lab_is_part_of_the_plan(tmp_path: Path) -> None:
     folder = write_lab(tmp_path / "hall")
     scene = folder / "scenes" / "one.yaml"
     scene.write_text("take_off: {from: [0, 0]}", encoding="utf-8")
     before = make_plan(["land_only"], scenes=[str(scene)], flights=1)
-    lab = folder / "lab.yaml"
-    lab.write_text(lab.read_text("utf-8").replace("height_m: 4,", "height_m: 3,"), "utf-8")
-    (difference,) = make_plan(["land_only"], scenes=[str(scene)], flights=1).differences(before)
-    assert difference.startswith("lab_sha256: 'hall/lab.yaml' has changed")
-    before = make_plan(["land_only"], scenes=[str(scene)], flights=1)
     mesh = folder / "cone.obj"
     mesh.write_text(mesh.read_text("utf-8").replace("v 0.5 0.5 1", "v 0.5 0.5 2"), "utf-8")
     (difference,) = make_plan(["land_only"], scenes=[str(scene)], flights=1).differences(before)
-    assert difference.startswith("lab_sha256: 'hall/cone.obj' has changed")
+    assert difference.startswith("lab_sha256 hall/cone.obj has changed")
+
+
+# --- variants of the parameters -------------------------------------------------------------------
+
+BODY = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="{wait_s}"/><Land/></Sequence>'
+VARIANTS = """
+set: {TakeOff.height_m: 1.1}
+var: {wait_s: 1}
+variants:
+  slow: {}
+  fast: {var: {wait_s: 2}, set: {TakeOff.height_m: 1.2}}
+"""
+
+
+@pytest.fixture
+def hop(tmp_path: Path) -> Path:
+    return tree(tmp_path / "hop.xml", BODY)
+
+
+@pytest.fixture
+def params(tmp_path: Path) -> Path:
+    path = tmp_path / "params.yaml"
+    path.write_text(VARIANTS)
+    return path
+
+
+def flown(plan: CampaignPlan) -> dict[str, tuple[object, object]]:
+    """Return height and wait of each tree's flights, as their workers get them."""
+    options = {task.tree: task.flight_options() for task in plan.tasks()}
+    return {
+        tree: (how.ports.get("TakeOff.height_m"), how.variables.get("wait_s"))
+        for tree, how in options.items()
+    }
+
+
+def test_each_variant_is_a_row_of_its_own(hop: Path, params: Path) -> None:
+    plan = make_plan([hop], params=params, flights=1, scenes=["val-a"])
+    assert flown(plan) == {"hop[slow].xml": ("1.1", 1), "hop[fast].xml": ("1.2", 2)}
+    assert [Path(tree.name).stem for tree in plan.trees] == ["hop[slow]", "hop[fast]"]
+    again = CampaignPlan.from_json(json.loads(json.dumps(plan.to_json())))
+    assert flown(again) == flown(plan)
+    assert again.differences(plan) == []
+
+
+def test_the_command_line_counts_before_every_variant(hop: Path, params: Path) -> None:
+    plan = make_plan([hop], params=params, variables={"wait_s": 5}, flights=1, scenes=["val-a"])
+    assert flown(plan) == {"hop[slow].xml": ("1.1", 5), "hop[fast].xml": ("1.2", 5)}
+
+
+def test_another_value_is_another_campaign(hop: Path, params: Path) -> None:
+    before = make_plan([hop], params=params, flights=1, scenes=["val-a"])
+    params.write_text(VARIANTS.replace("wait_s: 2", "wait_s: 3"))
+    now = make_plan([hop], params=params, flights=1, scenes=["val-a"])
+    assert now.differences(before) == ["trees hop[fast].xml variables wait_s: was 2, now 3"]
+    plain = make_plan([hop], variables={"wait_s": 1}, flights=1, scenes=["val-a"])
+    other = make_plan([hop], variables={"wait_s": 2}, flights=1, scenes=["val-a"])
+    assert other.differences(plain) == ["variables wait_s: was 1, now 2"]
+
+
+def test_a_campaign_goes_on_with_its_variants(hop: Path, params: Path, tmp_path: Path) -> None:
+    plan = make_plan([hop], params=params, flights=1, scenes=["val-a"])
+    with CampaignStore.opened(tmp_path / "run", plan, {}):
+        pass
+    params.unlink()
+    assert flown(plan_of(tmp_path / "run")) == flown(plan)
+
+
+def test_a_wrong_value_of_a_variant_is_refused_by_its_line(hop: Path, params: Path) -> None:
+    params.write_text(VARIANTS.replace("wait_s: 2", "wait: 2"))
+    with pytest.raises(InputError, match=r"params.yaml:6:1: no node uses a variable 'wait'"):
+        make_plan([hop], params=params, flights=1)
+
+
+@pytest.mark.parametrize("kind", ["text", "object"])
+def test_what_no_worker_can_read_is_refused(hop: Path, kind: str) -> None:
+    given = hop.read_text() if kind == "text" else app.check(hop, variables={"wait_s": 1})
+    with pytest.raises(InputError, match="a campaign flies tree files, which its workers read"):
+        make_plan([given], variables={"wait_s": 1}, flights=1)  # type: ignore[list-item]
+
+
+def test_a_policy_object_is_refused_with_the_reason() -> None:
+    class Mine:
+        def decide(self, view: object) -> None:
+            """Decide nothing."""
+
+    with pytest.raises(InputError, match="a campaign's policies are names of installed policies"):
+        make_plan(["survey_and_land"], policies={"Explore": Mine()}, flights=1)  # type: ignore[dict-item]

@@ -16,12 +16,10 @@ from click.testing import CliRunner
 
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.app.options import FlightOptions
-from uav_bt.campaign.report.repeat import fly_command
 from uav_bt.campaign.shrinking import FailedFlight, least
 from uav_bt.cli.fly import fly
 from uav_bt.cli.shrink import shrink_command
 from uav_bt.errors import InputError
-from uav_bt.mission.judge import JudgeConfig
 
 
 @pytest.mark.parametrize("causes", [set(), {0}, {7}, {2, 3}, {0, 11}, {1, 5, 9}])
@@ -144,53 +142,21 @@ def test_flights_that_succeeded_are_named_when_none_failed_with_this_seed(tmp_pa
     )
 
 
-def test_a_failed_flight_is_found_beside_one_that_succeeded_with_its_seed(tmp_path: Path) -> None:
-    source = tmp_path / "flights.jsonl"
-    lines = [flight(outcome="success"), flight(scene="no-such")]
-    source.write_text("".join(f"{json.dumps(one)}\n" for one in lines))
-    words = [str(source), "--seed", "3", "--out", str(tmp_path / "small")]
-    assert "unknown scene 'no-such'" in str(CliRunner().invoke(shrink_command, words).exception)
-
-
-def test_the_help_names_the_exit_codes() -> None:
-    text = " ".join(CliRunner().invoke(shrink_command, ["--help"]).output.split())
-    assert "Exits with 0 when the flight was reduced, with 1 when it was stopped" in text
-
-
-def test_the_command_has_the_options_of_the_campaign() -> None:
-    options = FlightOptions(
-        drone="plain",
-        exact_masks=True,
-        judge=JudgeConfig(time_limit_s=5.0),
-        image_size_px=(320, 180),
-    )
-    flown = {"seed": 3, "profile": "harsh"}
-    command = fly_command("land_only", "s.yaml", flown, options, out="o")
-    assert command == (
-        "uav-bt fly land_only --scene s.yaml --seed 3 --exact-masks --profile harsh "
-        "--image-size 320x180 --time-limit 5 --out o"
-    )
-
-
-def test_a_flight_of_a_variant_keeps_its_values() -> None:
-    flown = flight(ports={"TakeOff.height_m": "1.2"}, variables={"laps": 3})
+@pytest.mark.parametrize(
+    "flown",
+    [
+        {"ports": {"TakeOff.height_m": "1.2"}, "variables": {"laps": 3}},
+        {"drone": "twin", "exact_masks": True},
+        {"drone": "twin", "exact_masks": False},
+    ],
+)
+def test_a_flight_is_shrunk_with_what_was_changed_for_it(flown: dict[str, object]) -> None:
     options = FlightOptions(drone="plain", ports={"TakeOff.height_m": 1.0})
-    failed = FailedFlight.of(flown, "land_only", "val-a", options)
-    assert failed.options.ports == {"TakeOff.height_m": "1.2"}
-    assert failed.options.variables == {"laps": 3}
+    failed = FailedFlight.of(flight(**flown), "land_only", "val-a", options)
+    assert {name: getattr(failed.options, name) for name in flown} == flown
 
 
-def test_a_flight_on_exact_masks_is_shrunk_on_exact_masks() -> None:
-    for exact in (True, False):
-        flown = flight(drone="twin", exact_masks=exact)
-        failed = FailedFlight.of(flown, "land_only", "val-a", FlightOptions())
-        assert failed.options.exact_masks is exact
-
-
-def test_a_flight_that_succeeded_or_no_longer_fails_is_refused(tmp_path: Path) -> None:
-    options = FlightOptions(drone="plain")
-    with pytest.raises(InputError, match=r"land_only\.xml in val-a, seed 3, succeeded"):
-        FailedFlight.of(flight(outcome="success"), "land_only", "val-a", options)
+def test_a_flight_that_no_longer_fails_is_refused(tmp_path: Path) -> None:
     source = tmp_path / "flights.jsonl"
     source.write_text(json.dumps(flight(faults=[])) + "\n")
     done = CliRunner().invoke(shrink_command, [str(source), "--out", str(tmp_path / "small")])

@@ -70,7 +70,7 @@ def test_a_changed_tree_is_refused(folder: Path, flown: Path) -> None:
         refused = run("campaign", "--resume", folder)
     finally:
         mission.write_text(text)
-    assert_refused(refused, "holds another campaign", "tree: 'mission.xml' has changed")
+    assert_refused(refused, "holds another campaign", "trees mission.xml sha256 has changed")
 
 
 def test_a_report_is_written_into_the_folder(folder: Path) -> None:

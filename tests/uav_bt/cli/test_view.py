@@ -36,15 +36,6 @@ def test_a_view_is_saved(record: Path, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [view]
 
 
-def test_a_record_that_was_cut_short_is_kept_and_reported(record: Path, tmp_path: Path) -> None:
-    content = record.read_bytes()
-    cut = tmp_path / "cut.mcap"
-    cut.write_bytes(content[: len(content) // 2])
-    result = run("view", cut, "--save", tmp_path / "cut.rrd")
-    assert result.exit_code == 0, result.output
-    assert "never finished" in result.stderr
-
-
 def test_without_a_display_other_ways_are_named(record: Path) -> None:
     assert_refused(run("view", record), "no display", "--web", "--save")
 

@@ -191,8 +191,8 @@ class RandomLeaf(Leaf):
 
     def _value(self, of: Key[Any] | Port[Any]) -> Any:
         """Return a value for a key or an output; None for a type that scripts do not read."""
-        values = {str: ("explore", "red", ""), bool: (True, False), int: (0, 1, 2, 3)}
-        values |= {float: (0.0, self.draw.uniform(0.0, 3.0))}
+        values: dict[type, tuple[object, ...]] = {str: ("explore", "red", ""), bool: (True, False)}
+        values |= {int: (0, 1, 2, 3), float: (0.0, self.draw.uniform(0.0, 3.0))}
         return self.draw.choice(values[of.type]) if of.type in values else None
 
 

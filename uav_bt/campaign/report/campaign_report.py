@@ -25,8 +25,8 @@ from uav_bt.campaign.report.figures import (
 )
 from uav_bt.campaign.report.lab_figures import scene_figure
 from uav_bt.campaign.report.paired import paired_table, pairs_of
-from uav_bt.campaign.report.paper import paper_success
 from uav_bt.campaign.report.sources import FlightSet, read_sources
+from uav_bt.campaign.report.statistics import paper_success
 from uav_bt.campaign.report.tables import Table, origin_table, tables_of
 from uav_bt.campaign.store import FLIGHTS_FILE
 from uav_bt.errors import InputError
@@ -34,9 +34,6 @@ from uav_bt.files import write_whole, writing
 from uav_bt.mission.covered_ground import PASSED_M, SEEN_M
 from uav_bt.mission.flight_report import EXPLORE_S
 
-_ABOUT_DISTRIBUTIONS: Final = (
-    "A line is the share of a tree's flights with at most this value. A band is what the paper has."
-)
 _ABOUT_COVERAGE: Final = (
     f"Covered: the free ground within {PASSED_M:g} m of the flown path. Seen: the ground in view, "
     f"not hidden, within {SEEN_M:g} m of the lens. A thin line is a flight, from its first sample "
@@ -162,7 +159,7 @@ def _drawings(sets: Sequence[FlightSet]) -> Iterator[Drawing]:
     published = paper_success(one.tree for one in sets)
     for name, draw, title, note in (
         ("outcomes", outcomes, "Successes", published),
-        ("distributions", distributions, "Distributions", _ABOUT_DISTRIBUTIONS),
+        ("distributions", distributions, "Distributions", "Shares of flights; band: the paper."),
         ("coverage", coverage_over_time, "Coverage over time", _ABOUT_COVERAGE),
     ):
         if (figure := draw(sets)) is not None:

@@ -8,7 +8,7 @@ import warnings
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
-from typing import TYPE_CHECKING, Any, Final, Literal, cast
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import matplotlib as mpl
 import numpy as np
@@ -19,9 +19,9 @@ from matplotlib.text import Text
 from numpy.typing import NDArray
 
 from uav_bt.campaign.flight_lines import METRICS
-from uav_bt.campaign.report.paper import paper_figures
-from uav_bt.campaign.report.sources import FlightSet
+from uav_bt.campaign.report.sources import Flights, FlightSet
 from uav_bt.campaign.report.statistics import (
+    paper_figures,
     success_interval,
     success_words,
     successes,
@@ -34,21 +34,17 @@ if TYPE_CHECKING:
 
 # Okabe and Ito: distinguishable for people with colour-blindness. Dark colours first, on white.
 _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#555555")
-_INK: Final = "#212529"
-_GRID: Final = "#e9ecef"
 _FONT: Final = "DejaVu Sans"  # part of matplotlib: the same image on each machine
-_STYLE: Final[dict[str, Any]] = {
+_STYLE: Final[Any] = {
     "font.family": _FONT,
     "font.size": 9.0,
-    "axes.edgecolor": "#adb5bd",
-    "axes.labelcolor": _INK,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.titlesize": 10.0,
     "axes.titlelocation": "left",
-    "text.color": _INK,
-    "xtick.color": "#495057",
-    "ytick.color": "#495057",
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#e9ecef",
     "legend.frameon": False,
     "text.parse_math": False,  # names and reasons are plain text and may contain dollar signs
     "pdf.fonttype": 42,  # TrueType: publishers refuse matplotlib's default, Type 3
@@ -72,7 +68,7 @@ def new_figure(width_in: float, height_in: float) -> Figure:
 
 def style() -> Any:
     """Return the context in which the report's figures are drawn."""
-    return mpl.rc_context(cast("Any", _STYLE))  # its stub lists all names there are
+    return mpl.rc_context(_STYLE)
 
 
 def drawn(figure: Figure, form: Form) -> bytes:
@@ -99,11 +95,9 @@ def find_letters(figure: Figure) -> set[str]:
 @cache
 def _font_with(letter: str) -> str | None:
     """Return the name of a font that has a letter: matplotlib's own before those of the system."""
-    real = (
-        font for font in fontManager.ttflist if not font.name.startswith("Last Resort")
-    )  # boxes
-    fonts = sorted(real, key=lambda font: (font.name != _FONT, font.name))
-    return next((f.name for f in fonts if get_font(f.fname).get_char_index(ord(letter))), None)
+    fonts = sorted(fontManager.ttflist, key=lambda font: (font.name != _FONT, font.name))
+    has = (font.name for font in fonts if get_font(font.fname).get_char_index(ord(letter)))
+    return next((name for name in has if not name.startswith("Last Resort")), None)  # only boxes
 
 
 def _coloured(sets: Sequence[FlightSet]) -> list[tuple[FlightSet, str]]:
@@ -119,23 +113,18 @@ def legend(figure: Figure, labels: Iterable[tuple[str, str]], columns: int = 2) 
 def outcomes(sets: Sequence[FlightSet]) -> Figure:
     """Draw the share of successes of each set, with its 95 % Wilson interval."""
     with style():
-        figure = new_figure(8.0, 0.8 + 0.55 * len(sets))
+        figure = new_figure(8.0, 0.8 + 0.4 * len(sets))
         axes = figure.add_subplot()
         for row, (one, colour) in enumerate(_coloured(sets)):
-            low, high = success_interval(one.flights)
-            axes.plot([low, high], [row, row], color=colour, linewidth=6, alpha=0.3)
             share = 100.0 * successes(one.flights) / len(one.flights)
+            axes.plot(
+                success_interval(one.flights), (row, row), color=colour, linewidth=6, alpha=0.3
+            )
             axes.plot(share, row, "o", color=colour, markersize=7, clip_on=False)
-            # Above the bar: beside it, long labels would leave no room for the bars.
-            words = f"{success_words(one.flights)}  [{low:.1f}, {high:.1f}]"
-            for x, text, side in ((0.0, one.label, "left"), (100.0, words, "right")):
-                place = {"xytext": (0, 7), "textcoords": "offset points"}
-                axes.annotate(text, (x, row), **place, horizontalalignment=side)
-        axes.set_yticks([])
-        axes.spines["left"].set_visible(False)
-        axes.set(xlim=(0.0, 100.0), ylim=(len(sets) - 0.6, -0.7))
+        labels = [f"{one.label}: {success_words(one.flights)}" for one in sets]
+        axes.set_yticks(range(len(sets)), labels)
+        axes.set(xlim=(0.0, 100.0), ylim=(len(sets) - 0.5, -0.5))
         axes.set_xlabel("successful flights, %, with the 95 % Wilson interval")
-        axes.grid(axis="x", color=_GRID)
         return figure
 
 
@@ -168,7 +157,6 @@ def _panel(axes: Axes, sets: Sequence[FlightSet], name: str) -> None:
     axes.set_title("\n".join((title, *(f"paper, {text}" for text, _, _ in quoted))))
     axes.set(xlim=(0.0, 100.0) if metric.unit == "%" else (0.0, None), ylim=(0.0, 1.0))
     axes.set_yticks([0.0, 0.5, 1.0], ["0 %", "50 %", "100 %"])
-    axes.grid(color=_GRID)
 
 
 _SHARES: Final = ("passed", "seen")  # as the fields of a flight are called
@@ -179,10 +167,11 @@ def coverage_over_time(sets: Sequence[FlightSet]) -> Figure | None:
 
     Flights without measured coverage are left out; None when no flight has a curve.
     """
-    measured = [
-        (one.label, [f for f in one.flights if f.get("coverage_passed") is not None], colour)
+    found = (
+        (one, colour, [f for f in one.flights if f.get("coverage_passed") is not None])
         for one, colour in _coloured(sets)
-    ]
+    )
+    measured = [(one.label, some, colour) for one, colour, some in found if some]
     if not any(flight["coverage_curve"] for _, some, _ in measured for flight in some):
         return None
     with style():
@@ -190,7 +179,7 @@ def coverage_over_time(sets: Sequence[FlightSet]) -> Figure | None:
         panels = figure.subplots(1, len(_SHARES), sharey=True)
         for axes, what in zip(panels, _SHARES, strict=True):
             for _, some, colour in measured:
-                alpha = float(np.clip(4.0 / max(len(some), 1), 0.1, 0.5))
+                alpha = float(np.clip(4.0 / len(some), 0.1, 0.5))
                 for flight in some:
                     curve = curve_of(flight, what)
                     axes.plot(*curve.T, color=colour, linewidth=0.8, alpha=alpha)
@@ -200,41 +189,30 @@ def coverage_over_time(sets: Sequence[FlightSet]) -> Figure | None:
             axes.set_title(f"free ground {'covered' if what == 'passed' else what}, %")
             axes.set_xlabel("time from the take-off command, s")
             axes.set(xlim=(0.0, None), ylim=(0.0, 100.0))
-            axes.grid(color=_GRID)
-        legend(
-            figure,
-            (
-                (f"{label}, {len(some)} flight{'' if len(some) == 1 else 's'}", colour)
-                for label, some, colour in measured
-                if some
-            ),
-        )
+        legend(figure, ((f"{label}, flights: {len(some)}", c) for label, some, c in measured))
         return figure
 
 
 def curve_of(flight: Mapping[str, Any], what: str) -> NDArray[np.float64]:
     """Return a flight's coverage, `passed` or `seen`, to its end: time in s, share in %, (N, 2)."""
-    column = 1 + _SHARES.index(what)
-    points = [[point[0], 100.0 * point[column]] for point in flight["coverage_curve"]]
+    curve = np.array(flight["coverage_curve"], dtype=np.float64).reshape(-1, 1 + len(_SHARES))
+    points = curve[:, [0, 1 + _SHARES.index(what)]]
     end_s, share = flight.get("duration_s"), flight.get(f"coverage_{what}")
-    if end_s is not None and share is not None and (not points or end_s > points[-1][0]):
-        points.append([end_s, 100.0 * share])
-    return np.array(points, dtype=np.float64).reshape(-1, 2)
+    if end_s is not None and share is not None and end_s > max(points[:, 0], default=0.0):
+        points = np.vstack([points, (end_s, share)])
+    return points * (1.0, 100.0)
 
 
-def mean_curve(flights: Sequence[Mapping[str, Any]], what: str) -> NDArray[np.float64]:
+def mean_curve(flights: Flights, what: str) -> NDArray[np.float64]:
     """Return the mean coverage at the sample times that half of the flights reached, (N, 2).
 
     Time in s, share in %. Later the mean would jump whenever a flight ends.
     """
-    column = 1 + _SHARES.index(what)
-    shares: dict[float, list[float]] = defaultdict(list)
+    shares = defaultdict(list)
     for flight in flights:
         for point in flight["coverage_curve"]:
-            shares[point[0]].append(point[column])
-    means = [
-        [time_s, 100.0 * float(np.mean(some))]
-        for time_s, some in sorted(shares.items())
-        if 2 * len(some) >= len(flights)
-    ]
-    return np.array(means, dtype=np.float64).reshape(-1, 2)
+            shares[point[0]].append(100.0 * point[1 + _SHARES.index(what)])
+    half = len(flights) / 2
+    return np.array(
+        [(t, np.mean(some)) for t, some in sorted(shares.items()) if len(some) >= half]
+    ).reshape(-1, 2)

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from sim_bridge.twin.scene import Scene
 from uav_bt.app.film import map_of_scene
 from uav_bt.campaign.report.figures import legend, new_figure, style
-from uav_bt.campaign.report.sources import FlightSet
+from uav_bt.campaign.report.sources import Flights, FlightSet
 from uav_bt.campaign.report.statistics import SUCCESS
 from uav_bt.display.lab_map import LabMap
 from uav_bt.mission.covered_ground import PASSED_M, GroundCells
@@ -37,8 +37,6 @@ _ARROW_M: Final = 0.5  # length of the arrow of the take-off heading
 _MARGIN_M: Final = 0.1  # around the ground and the paths
 _PANEL_IN: Final = 4.7  # width of a panel's axes
 _WORDS_IN: Final = 0.9  # height of the title, the ticks and their label
-
-Flights = Sequence[dict[str, Any]]
 
 
 def scene_figure(sets: Sequence[FlightSet], name: str, scene: Scene) -> Figure | None:
@@ -122,8 +120,8 @@ def _draw_lab(axes: Axes, lab: LabMap) -> None:
     for box in lab.boxes:
         face = tuple(channel / 255 for channel in box.colour)
         axes.add_patch(Polygon(box.corners(), facecolor=face, edgecolor=_INK, linewidth=0.8))
-        height, centred = f"{box.size_m[2]:.3g}", {"ha": "center", "va": "center"}
-        axes.text(box.x_m, box.y_m, height, fontsize=7, color="white", **centred)
+        height = f"{box.size_m[2]:.3g}"
+        axes.text(box.x_m, box.y_m, height, fontsize=7, color="white", ha="center", va="center")
     for mover in lab.movers:
         colour = tuple(channel / 255 for channel in mover.item.colour)
         axes.plot(*zip(*mover.path_m, strict=True), color=colour, linewidth=0.8, linestyle=":")
@@ -136,6 +134,7 @@ def _draw_lab(axes: Axes, lab: LabMap) -> None:
     axes.set_aspect("equal")
     axes.tick_params(length=2, labelsize=7, labelbottom=True)
     axes.spines[:].set_visible(False)
+    axes.grid(visible=False)
 
 
 def visited_cells(path: Sequence[Sequence[float]], cells: GroundCells) -> Flags:

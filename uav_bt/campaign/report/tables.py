@@ -15,12 +15,14 @@ import numpy as np
 from markupsafe import Markup
 
 from uav_bt.campaign.flight_lines import METRICS
-from uav_bt.campaign.report.paper import paper_figures, paper_success
+from uav_bt.campaign.plan import flattened
 from uav_bt.campaign.report.repeat import repeat_command
 from uav_bt.campaign.report.sources import Flights, FlightSet, Source
 from uav_bt.campaign.report.statistics import (
     PERCENTILE_FLIGHTS,
     SUCCESS,
+    paper_figures,
+    paper_success,
     rate_interval,
     rounded,
     spread,
@@ -122,7 +124,11 @@ def _metrics(sets: Sequence[FlightSet]) -> Table:
     for name, metric in METRICS.items():
         for one in sets:
             if values := values_of(one.flights, name):
-                row = [Cell(name, Markup.escape(metric.words)), metric.unit or None, one.label]
+                row: list[Value] = [
+                    Cell(name, Markup.escape(metric.words)),
+                    metric.unit or None,
+                    one.label,
+                ]
                 row += [len(values), *(rounded(each, name) for each in spread(values).values())]
                 told = "; ".join(text for text, _, _ in paper_figures(name, [one.tree]))
                 rows.append([*row, told or None] if quoted else row)
@@ -275,21 +281,8 @@ def _maps(sets: Sequence[FlightSet]) -> Table:
 def origin_table(source: Source) -> Table:
     """Return the plan of a campaign and its runs: machines, versions and commits."""
     plan = {} if source.plan is None else source.plan.to_json()
-    runs = {"run": list(source.runs)}
-    rows = [*_flat("", plan), *_flat("", runs)]
+    rows = [*flattened(plan), *flattened(list(source.runs), "run")]
     rows = rows or [("file", "a plain file of flights, without a plan")]
     return Table(
         name="origin", title=f"Origin: {source.path}", columns=("what", "which"), rows=rows
     )
-
-
-def _flat(name: str, value: object) -> Iterator[tuple[str, str]]:
-    """Yield what is inside nested values, with the words that lead there; empty is left out."""
-    if isinstance(value, Mapping):
-        for key, inner in value.items():
-            yield from _flat(f"{name} {key}".strip(), inner)
-    elif isinstance(value, list):
-        for inner in value:
-            yield from _flat(name, inner)
-    elif value not in (None, "", False):
-        yield name, str(value)
