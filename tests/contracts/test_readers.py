@@ -211,7 +211,7 @@ TEXTS: Final = {
         "a.obj",
         (DEPOT.folder / "barrier.obj").read_bytes(),
     ),
-    "flights": Reader(read_flights, "a.jsonl", FLIGHT, fits=("empty", "noise")),
+    "flights": Reader(read_flights, "a.jsonl", FLIGHT, fits=("empty",)),
     "campaign": Reader(
         lambda path: read_plan(path.parent),
         PLAN_FILE,

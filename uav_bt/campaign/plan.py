@@ -159,7 +159,7 @@ class CampaignPlan:
             return cls(**{**_with_options(values), **files})
         except FileError:  # a lab file
             raise
-        except (InputError, KeyError, TypeError, ValueError, AttributeError) as error:
+        except (InputError, KeyError, TypeError, ValueError, AttributeError, OSError) as error:
             raise InputError(f"not a campaign's plan: {type(error).__name__}: {error}") from error
 
 
