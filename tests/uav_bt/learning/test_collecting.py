@@ -106,7 +106,7 @@ def test_all_leaves_that_fly_by_a_policy_are_found_whatever_they_are_called(tmp_
     """The adviser keeps its rule. `ReturnToBase` contains three leaves with a policy."""
     tree = tree_file(
         tmp_path,
-        """<ReactiveSequence><Segment/><Advise policy="corridor"/>
+        """<ReactiveSequence><SubTree ID="Perceive"/><Advise policy="corridor"/>
         <Fallback><Explore name="wander"/><ReturnToBase/></Fallback></ReactiveSequence>""",
     )
     assert nodes_under_policy(tree) == ["wander", "SearchUnderPolicy", "look", "Detour"]
