@@ -42,7 +42,7 @@ CEILINGS = {
     "tests/perception": 7_692,
     "tests/sim_bridge": 10_175,
     "tests/tools": 117,
-    "tests/uav_bt": 28_768,
+    "tests/uav_bt": 28_770,
     "tests/worlds": 615,
     "tools": 168,
     "trees": 1,
