@@ -60,14 +60,22 @@ class Flight(Generic[DroneT]):
         make_runner: Callable[..., MissionRunner] = MissionRunner,
         outputs: FlightFolder | None = None,
     ) -> None:
-        self.mission, self.drone, self.options, self.outputs = mission, drone, options, outputs
-        self._segmenter, self._make_runner = segmenter, make_runner
+        self.mission = mission
+        self.drone = drone
+        self.options = options
+        self.outputs = outputs
+        self._segmenter = segmenter
+        self._make_runner = make_runner
         self._faulty = find_faulty_drones(drone)
         check_phases(mission, [one.fault for one in self._faulty])
         self._clock = TickClock(drone.clock)
         self.held = held = held or conditions_of(options, mission, drone)
-        self.lab, self.mark, self.classes, self.area = held.lab, held.mark, held.classes, held.area
-        self.rules, self.judge_config = held.rules, held.judge
+        self.lab = held.lab
+        self.mark = held.mark
+        self.classes = held.classes
+        self.area = held.area
+        self.rules = held.rules
+        self.judge_config = held.judge
         plugins.make_mark_finder(self.mark)  # refuses wrong options before the flight
         self._judge = judge or Judge(held.judge, held.mark, held.area)
 
@@ -225,7 +233,9 @@ class ExactSegmenter:
     def __init__(
         self, referee: Referee, classes: LabClasses, size_px: tuple[int, int] = (224, 112)
     ) -> None:
-        self._referee, self._classes, self._size_px = referee, classes, size_px
+        self._referee = referee
+        self._classes = classes
+        self._size_px = size_px
 
     def segment(self, frame: Frame) -> ClassMap:
         """Return the exact class map of a delivered frame."""

@@ -36,8 +36,11 @@ class TreeReload:
         *,
         timer: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._flight, self._path, self._registry = flight, path, registry
-        self._note, self._timer = note, timer
+        self._flight = flight
+        self._path = path
+        self._registry = registry
+        self._note = note
+        self._timer = timer
         self._next_s = timer() + _POLL_S
         self._known: dict[Path, bytes] = {}  # the files of the last tree that was tried
         self._know(flight.mission)

@@ -1,7 +1,7 @@
 """Commands made of functions: parameters before the star are arguments, the others are options.
 
-    @command()
-    def count(lab: str, *, most: Annotated[int, Ge(1), Option("Most images.")] = 300) -> None:
+@command()
+def count(lab: str, *, most: Annotated[int, Ge(1), Option("Most images.")] = 300) -> None:
 """
 
 from __future__ import annotations

@@ -125,8 +125,10 @@ class _Run:
     def __init__(
         self, material: LabMaterial, listed: list[LabFrame], count: int, advance: Advance
     ) -> None:
-        self._material, self._listed = material, listed
-        self._count, self._advance = count, advance
+        self._material = material
+        self._listed = listed
+        self._count = count
+        self._advance = advance
         self.summaries: list[SourceSummary] = []
 
     def there(self, source: FrameSource) -> list[LabFrame]:

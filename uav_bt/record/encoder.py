@@ -70,7 +70,9 @@ class MomentEncoder:
     """Encodes moments in their order; each value only when it is new."""
 
     def __init__(self, timeline: Timeline, camera: CameraModel, quality: Quality) -> None:
-        self._timeline, self._camera, self._quality = timeline, camera, quality
+        self._timeline = timeline
+        self._camera = camera
+        self._quality = quality
         self._frame_index: int | None = None
         self._last: dict[str, Any] = {}  # the board values written last
         self._statuses: tuple[Status, ...] | None = None

@@ -53,7 +53,9 @@ class RecordWorker(Generic[T]):
     def __init__(
         self, sink: RecordFile, encode: Callable[[T, bool], Iterable[Encoded]], *, wait: bool
     ) -> None:
-        self._sink, self._encode, self._wait = sink, encode, wait
+        self._sink = sink
+        self._encode = encode
+        self._wait = wait
         self._jobs: deque[_Job[T]] = deque()
         self._images_waiting = 0
         self._oldest_s: float | None = None  # mission time of the oldest unwritten tick

@@ -98,7 +98,8 @@ class PerceiveInput:
             )
         else:
             reader = flight_record(Path(flown))
-            self.telemetry, self.telemetry_words = Telemetry.of_flight(reader), f"of {flown}"
+            self.telemetry = Telemetry.of_flight(reader)
+            self.telemetry_words = f"of {flown}"
             self._recorded_camera = reader.camera
             # Images of a folder have no times: they are the flight's frames, one by one.
             times_s = list(self.telemetry.times_s)

@@ -70,7 +70,9 @@ class Pipeline:
     ) -> None:
         self._segmenter = segmenter
         self._undistorter = Undistorter(camera)
-        self._network, self._generator, self._timer = network, generator, timer
+        self._network = network
+        self._generator = generator
+        self._timer = timer
         self._corridors = CorridorBuilder()
         self._finder = make_mark_finder(mark or default_mark())
         self.restart()

@@ -27,7 +27,8 @@ class Telemetry:
     ) -> None:
         begin_s = notes[0].captured_s
         self._states = [state.dated(state.captured_s - begin_s) for state in states]
-        self._next_state, self._slack_s = 0, slack_s
+        self._next_state = 0
+        self._slack_s = slack_s
         columns = np.array(
             [
                 (

@@ -86,7 +86,9 @@ class Comparison:
         self._shared = [(path, there[path], here[path]) for path in there if path in here]
         report.only_recorded = tuple(path for path in there if path not in here)
         report.only_replayed = tuple(path for path in here if path not in there)
-        self._report, self._drone, self._tolerance = report, drone, tolerance
+        self._report = report
+        self._drone = drone
+        self._tolerance = tolerance
         self._nodes: Counter[str] = Counter()
 
     def on_tick(self, record: TickRecord) -> None:

@@ -92,8 +92,10 @@ class RecordedDrone:
         self, reader: RecordReader, airframe: Airframe | None = None, *, stills: bool = False
     ) -> None:
         self._reader = reader
-        self.airframe, self.camera = airframe or Airframe(), reader.camera
-        self.clock, self.ids = RecordedClock(self), MovementIds()
+        self.airframe = airframe or Airframe()
+        self.camera = reader.camera
+        self.clock = RecordedClock(self)
+        self.ids = MovementIds()
         self.missing_images = 0  # frames whose image the record lacks
         self._frame: Frame | None = None
         self._moments: Iterator[Moment] = reader.moments()

@@ -148,7 +148,9 @@ class CameraSource:
     def __init__(
         self, number: int, clock: Clock, *, capture: Callable[[int], Any] = cv2.VideoCapture
     ) -> None:
-        self._number, self._clock, self._capture = number, clock, capture
+        self._number = number
+        self._clock = clock
+        self._capture = capture
         self.name = f"{CAMERA}{number}"
         self.total: int | None = None
         self.rate_per_s = FOLDER_RATE
