@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,53 +12,29 @@ from annotated_types import Ge, Le
 
 from uav_bt.cli.declare import command
 from uav_bt.cli.progress import progress_bars
+from uav_bt.cli.shared import InputFile, OutputFile, table
 from uav_bt.errors import MissionError, WeightsError
 from uav_bt.files import writing
 from uav_bt.inputs import refuse_inputs
 from uav_bt.lab.classes import ROLE_NAMES
-from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import load_lab
-from uav_bt.learning.flight_geometry import Geometry, compare_ranges, open_flight
+from uav_bt.learning.flight_geometry import compare_ranges, open_flight
 from uav_bt.learning.lab_checks import picks_of_lab, teacher_of_lab
 from uav_bt.learning.lab_material import LabMaterial
 from uav_bt.learning.masks import MaskSource
 from uav_bt.learning.pick_scores import PickScore, network_of_lab, score_picks, write_sheet
 from uav_bt.option import Option
-from uav_bt.record.reader import RecordReader
 from uav_bt.tree.loading.lookup import shipped_trees
 
 
 @command()
 def check(
-    ctx: click.Context,
-    lab: Annotated[str, Option(form="LAB")],
+    lab: str,
     *,
-    model: Annotated[
-        Path | None,
-        Option(
-            "An ONNX network with the lab's classes; the one that the lab is flown with if not "
-            "given.",
-            path="read",
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None, Option("Write the scores there too, as JSON.", path="written")
-    ] = None,
-    min_role_iou: Annotated[
-        float,
-        Ge(0),
-        Le(1),
-        Option("Exit with 1 if the intersection over union of a role is lower."),
-    ] = 0.0,
-    flights: Annotated[
-        tuple[Path, ...],
-        Option(
-            "Compare the range of the mark in the record of a flight in the lab by its size and by "
-            "the camera, too. Repeatable.",
-            "--flight RECORD",
-            path="read",
-        ),
-    ] = (),
+    model: InputFile = None,
+    out: OutputFile = None,
+    min_role_iou: Annotated[float, Ge(0), Le(1)] = 0.0,
+    flights: Annotated[tuple[Path, ...], Option(form="--flight RECORD", path="read")] = (),
 ) -> None:
     """Score the segmentation network of a lab on its held-out picks.
 
@@ -70,6 +46,14 @@ def check(
     With --flight the range of the landing mark is measured by its size, and by height and pitch. A
     wrong size, height or camera shows there and not in picks. A lab without picks or images is then
     checked by its flights only.
+
+    Options:
+        model: An ONNX network with the lab's classes; the one that the lab is flown with if not
+            given.
+        out: Write the scores there too, as JSON.
+        min_role_iou: Exit with 1 if the intersection over union of a role is lower.
+        flights: Compare the range of the mark in the record of a flight in the lab by its size and
+            by the camera, too. Repeatable.
     """
     material = LabMaterial(lab=load_lab(lab))
     if out is not None:
@@ -82,9 +66,15 @@ def check(
         score, values = _score(material, model)
     else:
         click.echo(f"not scored: {material.lab.folder} has no picks or no images")
-    geometry = _geometry(material.lab, model, readers) if readers else None
+    lengths = None
+    if readers:
+        network = network_of_lab(material.lab, model)
+        with progress_bars() as advance:
+            geometry = compare_ranges(readers, material.lab, network, advance=advance)
+        for line in geometry.lines(material.lab.file):
+            click.echo(line)
+        lengths = geometry.to_json()
     if out is not None:
-        lengths = None if geometry is None else geometry.to_json()
         with writing(out):
             text = json.dumps({"lab": material.lab.name, **values, "geometry": lengths}, indent=2)
             out.write_text(text + "\n", encoding="utf-8")
@@ -92,14 +82,17 @@ def check(
     if score is not None and score.min_role_iou < min_role_iou:
         low = f"the IoU of a role is {score.min_role_iou:.3f}, below {min_role_iou:g}"
         click.echo(low, err=True)
-        ctx.exit(MissionError.exit_code)
+        raise SystemExit(MissionError.exit_code)
 
 
 def _score(material: LabMaterial, model: Path | None) -> tuple[PickScore, dict[str, Any]]:
     """Score on picks, print the score, and return it, also as JSON values."""
     classes, uses = material.lab.classes, material.uses()
     picks = [pick for pick in picks_of_lab(material, uses) if uses[pick.image] == "check"]
-    segment, teacher = network_of_lab(material.lab, model).ids, _teacher(material)
+    segment = network_of_lab(material.lab, model).ids
+    file = material.teacher
+    trained = MaskSource(file=file, classes=classes) if file.is_file() else None
+    teacher = teacher_of_lab(material) or trained
     beside = None
     with progress_bars() as advance:
         score = score_picks(segment, picks, material.frames, classes, advance=advance)
@@ -121,21 +114,6 @@ def _score(material: LabMaterial, model: Path | None) -> tuple[PickScore, dict[s
     return score, {**score.to_json(), "teacher": None if beside is None else beside.to_json()}
 
 
-def _geometry(lab: Lab, model: Path | None, flights: Sequence[RecordReader]) -> Geometry:
-    """Compare ranges of the mark in flights, print the result, and return it."""
-    with progress_bars() as advance:
-        geometry = compare_ranges(flights, lab, network_of_lab(lab, model), advance=advance)
-    for line in geometry.lines(lab.file):
-        click.echo(line)
-    return geometry
-
-
-def _teacher(material: LabMaterial) -> MaskSource | None:
-    file = material.teacher
-    trained = MaskSource(file=file, classes=material.lab.classes) if file.is_file() else None
-    return teacher_of_lab(material) or trained
-
-
 def score_lines(score: PickScore) -> Iterator[str]:
     """Yield the lines that describe a score on picks."""
     total, counts = score.total, score.picks
@@ -143,9 +121,10 @@ def score_lines(score: PickScore) -> Iterator[str]:
     yield f"{held_out} held-out picks on {total.images} images: {total.accuracy:.3f} right"
     in_roles = dict(zip(ROLE_NAMES, total.role_counts.sum(axis=1).tolist(), strict=True))
     for what, each, ious in (("role", in_roles, total.role_iou), ("class", counts, total.iou)):
-        yield f"{what:<18}{'picks':>6}{'IoU':>8}"
+        rows = [(what, "picks", "IoU")]
         for (name, count), iou in zip(each.items(), ious, strict=True):
-            yield f"  {name:<16}{count:>6}{f'{iou:.3f}' if count else '-':>8}"
+            rows.append((f"  {name}", str(count), f"{iou:.3f}" if count else "-"))
+        yield from table(rows)
     for true, taken, share in score.confusions():
         yield f"{true} taken for {taken}: {100 * share:.0f} % of its picks"
     if score.unchecked:

@@ -14,6 +14,7 @@ from perception.segmentation.training.pick_server import make_pick_server
 from perception.segmentation.training.pick_session import PickSession
 from uav_bt.cli.declare import command
 from uav_bt.cli.progress import progress_bars
+from uav_bt.cli.shared import Count, table
 from uav_bt.errors import InputError
 from uav_bt.files import check_output
 from uav_bt.lab.shipped import load_lab
@@ -27,9 +28,7 @@ def frames(
     lab: str,
     videos: Annotated[tuple[Path, ...], Option(form="VIDEOS...")],
     *,
-    count: Annotated[
-        int, Ge(1), Option("Most images of all videos together, shared by their durations.")
-    ] = lab_frames.DEFAULT_COUNT,
+    count: Count = lab_frames.DEFAULT_COUNT,
 ) -> None:
     """Take images of a place from videos: sharp ones that differ from each other.
 
@@ -38,6 +37,9 @@ def frames(
     (frames.csv) are written to the folder frames/ of the lab. A fifth of them is for checks: the
     network does not learn from those. Videos that were read before are left out, so the same
     command continues a run that was stopped, and further videos add images.
+
+    Options:
+        count: Most images of all videos together, shared by their durations.
     """
     with progress_bars() as advance:
         summary = lab_frames.take_frames(load_lab(lab), videos, count=count, advance=advance)
@@ -47,14 +49,15 @@ def frames(
 
 
 def _show(summary: lab_frames.FramesSummary) -> None:
-    width = max(len("source"), *(len(one.source) for one in summary.sources))
-    click.echo(f"{'source':<{width}}    read  blurred  alike  over count  kept  for check")
+    rows = [("source", "read", "blurred", "alike", "over count", "kept", "for check")]
     for one in summary.sources:
-        left_out = f"{one.read:6d}  {one.blurred:7d}  {one.alike:5d}  {one.surplus:10d}"
-        if one.earlier:
-            left_out = f"{'taken in an earlier run':>34}"
-        click.echo(f"{one.source:<{width}}  {left_out}  {one.kept:4d}  {one.for_check:9d}")
-        for note in one.notes:
+        counts = (one.read, one.blurred, one.alike, one.surplus, one.kept, one.for_check)
+        rows.append((one.source, *map(str, counts)))
+    for line in table(rows):
+        click.echo(line)
+    for one in summary.sources:
+        earlier = ["taken in an earlier run"] if one.earlier else []
+        for note in (*earlier, *one.notes):
             click.echo(f"  {one.source}: {note}")
     for note in summary.notes:
         click.echo(f"skipped {note}")
@@ -69,17 +72,16 @@ def _show(summary: lab_frames.FramesSummary) -> None:
 
 
 @command()
-def pick(
-    lab: str,
-    *,
-    port: Annotated[int, Ge(0), Le(65535), Option("Port of the page; 0 takes a free one.")] = 0,
-) -> None:
+def pick(lab: str, *, port: Annotated[int, Ge(0), Le(65535)] = 0) -> None:
     """Pick classes on the images of a lab, on a page in the browser.
 
     LAB is the name of a lab or its folder. Its images are those in frames/; each stroke is written
     to picks.csv in the folder of the lab. Call the command again to go on.
 
     `uav-bt lab train` learns from the picks.
+
+    Options:
+        port: Port of the page; 0 takes a free one.
     """
     material = LabMaterial(lab=load_lab(lab))
     uses = material.uses()

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import click
-from annotated_types import Ge, Gt, Le
+from annotated_types import Gt, Le
 
 from uav_bt.cli.declare import command
 from uav_bt.cli.shared import (
     CheckedLab,
+    Count,
     FlownRegistry,
     ParameterSets,
     refuse_in_lab,
@@ -28,17 +29,12 @@ from uav_bt.tree.shipped import resolve_tree
 
 @command()
 def simulate(
-    ctx: click.Context,
     tree: str,
     *,
-    script: Annotated[Path, Option("Answers of the leaves (YAML).", path="read")],
-    ticks: Annotated[int, Ge(1), Option("Stop after this many ticks.")] = 1000,
-    tick_s: Annotated[
-        float, Gt(0), Le(3600), Option("Seconds between two ticks, for timers.")
-    ] = 0.1,
-    format_: Annotated[
-        Literal["table", "json"], Option("json: one object with all ticks.", "--format")
-    ] = "table",
+    script: Annotated[Path, Option(path="read")],
+    ticks: Count = 1000,
+    tick_s: Annotated[float, Gt(0), Le(3600)] = 0.1,
+    format_: Annotated[Literal["table", "json"], Option(form="--format")] = "table",
     tree_id: TreeId = None,
     registry: FlownRegistry,
     tree_folders: Folders,
@@ -67,11 +63,17 @@ def simulate(
     Examples:
       uav-bt simulate land_only --script answers.yaml
       uav-bt simulate mission.xml --script answers.yaml --format json
+
+    Options:
+        script: Answers of the leaves (YAML).
+        ticks: Stop after this many ticks.
+        tick_s: Seconds between two ticks, for timers.
+        format_: json: one object with all ticks.
     """  # noqa: D301  (click needs the backspace)
     values, path = single(parameters), resolve_tree(tree)
     if lab is not None:
-        of: dict[str, Any] = {"tree_id": tree_id, "tree_folders": tree_folders}
-        refuse_in_lab(load_lab(lab), registry, path, **of, parameters=[values])
+        place = load_lab(lab)
+        refuse_in_lab(place, registry, path, [values], tree_id=tree_id, tree_folders=tree_folders)
     simulation = Simulation(
         path,
         read_script(script),
@@ -94,7 +96,7 @@ def simulate(
         ticked = "1 tick" if last.tick == 1 else f"{last.tick} ticks"
         click.echo(f"{ended} after {ticked}, {last.time_s:.2f} s")
     if root != "SUCCESS":
-        ctx.exit(MissionError.exit_code)
+        raise SystemExit(MissionError.exit_code)
 
 
 def _print_table(steps: Iterator[SimulatedTick]) -> SimulatedTick:

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import click
 
 from uav_bt.cli.declare import command
-from uav_bt.cli.shared import FlownRegistry, ParameterSets, Registry, print_or_write, single
+from uav_bt.cli.shared import (
+    FlownRegistry,
+    OutputFile,
+    ParameterSets,
+    Registry,
+    print_or_write,
+    single,
+)
 from uav_bt.option import Option
 from uav_bt.tree import Node, NodeRegistry, load_tree
 from uav_bt.tree.describe import (
@@ -29,22 +35,13 @@ from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.port import Port, port_text
 from uav_bt.tree.shipped import resolve_tree
 
-_Out = Annotated[
-    Path | None, Option("The file to write; the text is printed if not given.", path="written")
-]
-
 
 @command()
 def nodes(
     names: Annotated[tuple[str, ...], Option(form="[NODE]...")] = (),
     *,
     format_: Annotated[
-        Literal["text", "json", "xml", "markdown"],
-        Option(
-            "xml: a node model (TreeNodesModel) that graphical tree editors load; markdown: a page "
-            "with a section for each node.",
-            "--format",
-        ),
+        Literal["text", "json", "xml", "markdown"], Option(form="--format")
     ] = "text",
     registry: FlownRegistry,
 ) -> None:
@@ -62,6 +59,10 @@ def nodes(
       reads, writes  names of board keys
       builtin        true for nodes of the format itself
       origin         module and class
+
+    Options:
+        format_: xml: a node model (TreeNodesModel) that graphical tree editors load; markdown: a
+            page with a section for each node.
     """  # noqa: D301  (click needs the backspace)
     if format_ in {"xml", "markdown"}:
         chosen = NodeRegistry(registry[name] for name in names) if names else registry
@@ -127,10 +128,8 @@ def _attribute(port: Port[Any]) -> str:
 def render(
     tree: str,
     *,
-    format_: Annotated[
-        Literal["ascii", "svg"], Option("The form of the drawing.", "--format")
-    ] = "ascii",
-    out: _Out = None,
+    format_: Annotated[Literal["ascii", "svg"], Option(form="--format")] = "ascii",
+    out: OutputFile = None,
     tree_id: TreeId = None,
     registry: Registry,
     tree_folders: Folders,
@@ -140,6 +139,10 @@ def render(
 
     TREE is a file, or the name of a mission that ships with uav-bt. Each node shows its name and
     the values of its ports; svg also shows the board keys that it reads and writes.
+
+    Options:
+        format_: The form of the drawing.
+        out: The file to write; the text is printed if not given.
     """
     lookup = tree_folders.lookup()
     loaded = load_tree(
@@ -153,7 +156,7 @@ def render(
 
 
 @command()
-def schema(*, out: _Out = None, registry: Registry) -> None:
+def schema(*, out: OutputFile = None, registry: Registry) -> None:
     """Write an XML Schema of tree files with all installed nodes.
 
     XML editors complete, explain and check tree files with it. They find it by their settings, or
@@ -161,6 +164,9 @@ def schema(*, out: _Out = None, registry: Registry) -> None:
 
     \b
       <?xml-model href="uav-bt.xsd"?>
+
+    Options:
+        out: The file to write; the text is printed if not given.
     """  # noqa: D301  (click needs the backspace)
     print_or_write(schema_xml(registry), out)
 

@@ -17,8 +17,8 @@ from click.testing import CliRunner
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.shrinking import FailedFlight, least
+from uav_bt.cli.campaign import shrink
 from uav_bt.cli.fly import fly
-from uav_bt.cli.shrink import shrink_command
 from uav_bt.errors import InputError
 
 
@@ -55,7 +55,7 @@ def test_a_flight_is_reduced_to_its_fault_and_can_be_flown_again(tmp_path: Path)
     source = tmp_path / "flights.jsonl"
     source.write_text(json.dumps(flight()) + "\n")
     plain = tmp_path / "small"
-    done = CliRunner().invoke(shrink_command, [str(source), "--out", str(plain)])
+    done = CliRunner().invoke(shrink, [str(source), "--out", str(plain)])
     assert done.exit_code == 0, done.output
     assert "remaining: faults 1, movers 0, boxes 0" in done.output
     assert (plain / "faults.txt").read_text() == "battery-low=0.06@center+0.3\n"
@@ -78,7 +78,7 @@ def test_a_flight_that_ends_for_another_reason_is_no_reproduction(tmp_path: Path
     faults = ["no-frame@center+0.3", "battery-low=0.06@center+0.3"]
     source = tmp_path / "flights.jsonl"
     source.write_text(json.dumps(flight(faults=faults)) + "\n")
-    done = CliRunner().invoke(shrink_command, [str(source), "--out", str(tmp_path / "small")])
+    done = CliRunner().invoke(shrink, [str(source), "--out", str(tmp_path / "small")])
     assert done.exit_code == 0, done.output
     assert (tmp_path / "small" / "faults.txt").read_text() == f"{faults[1]}\n"
 
@@ -120,9 +120,9 @@ def test_a_variant_with_a_dot_is_found_and_other_flights_are_named(tmp_path: Pat
     source = tmp_path / "flights.jsonl"
     source.write_text(json.dumps(flight(tree="land_only[v1.5].xml", scene="no-such")) + "\n")
     words = [str(source), "--out", str(tmp_path / "small"), "--tree"]
-    found = CliRunner().invoke(shrink_command, [*words, "land_only[v1.5]"])
+    found = CliRunner().invoke(shrink, [*words, "land_only[v1.5]"])
     assert "unknown scene 'no-such'" in str(found.exception)
-    other = CliRunner().invoke(shrink_command, [*words, "land_only"])
+    other = CliRunner().invoke(shrink, [*words, "land_only"])
     assert "failed: land_only[v1.5].xml in no-such, seed 3" in str(other.exception)
 
 
@@ -134,7 +134,7 @@ def test_flights_that_succeeded_are_named_when_none_failed_with_this_seed(tmp_pa
     ]
     source.write_text("".join(f"{json.dumps(one)}\n" for one in lines))
     words = [str(source), "--seed", "100", "--out", str(tmp_path / "small")]
-    done = CliRunner().invoke(shrink_command, words)
+    done = CliRunner().invoke(shrink, words)
     assert isinstance(done.exception, InputError)
     assert str(done.exception).endswith(
         "has no failed flight with seed 100; succeeded: land_only.xml in val-a, seed 100; "
@@ -159,7 +159,7 @@ def test_a_flight_is_shrunk_with_what_was_changed_for_it(flown: dict[str, object
 def test_a_flight_that_no_longer_fails_is_refused(tmp_path: Path) -> None:
     source = tmp_path / "flights.jsonl"
     source.write_text(json.dumps(flight(faults=[])) + "\n")
-    done = CliRunner().invoke(shrink_command, [str(source), "--out", str(tmp_path / "small")])
+    done = CliRunner().invoke(shrink, [str(source), "--out", str(tmp_path / "small")])
     assert isinstance(done.exception, InputError)
     assert "does not end with 'aborted: critical battery: 6 %' any more" in str(done.exception)
     assert not (tmp_path / "small").exists()

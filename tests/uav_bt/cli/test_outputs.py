@@ -9,8 +9,7 @@ import click
 import pytest
 
 from tests.worlds.cli import HOP, all_commands, assert_refused, run, tree_file
-from uav_bt.cli.command import Command
-from uav_bt.cli.values import OutputFile, OutputFolder
+from uav_bt.cli.declare import Command
 
 INCLUDING = '<root BTCPP_format="4"><include path="sub/parts.xml"/></root>'
 SCENE = "helipad: {position_m: [0, 0]}\n"
@@ -203,7 +202,7 @@ def test_every_command_looks_at_its_outputs_and_each_is_in_the_table_above() -> 
     for words, command in all_commands():
         assert isinstance(command, Command), words
         for param in command.params:
-            if isinstance(param.type, (OutputFile, OutputFolder)):
+            if command.about[str(param.name)].path in {"written", "folder"}:
                 seen.add((" ".join(words), param.opts[0]))
             elif isinstance(param, click.Option) and isinstance(param.type, click.Path):
                 assert "written" not in str(param.help).lower()

@@ -13,7 +13,7 @@ import pytest
 
 from tests.worlds.cli import all_commands, assert_refused, run
 from uav_bt import __version__
-from uav_bt.cli.values import Number, WholeNumber
+from uav_bt.cli.declare import Number, WholeNumber
 from uav_bt.errors import DroneError, InputError
 from uav_bt.plugins import check_packages
 from uav_bt.tree import shipped
