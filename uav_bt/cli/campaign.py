@@ -33,7 +33,7 @@ from uav_bt.campaign.shrinking import FailedFlight
 from uav_bt.campaign.shrinking import shrink as shrink_flight
 from uav_bt.cli.declare import command
 from uav_bt.cli.progress import campaign_progress
-from uav_bt.cli.shared import RUNS, Count, OutputFolder, Positive, Workers, table
+from uav_bt.cli.shared import RUNS, OutputFolder, Positive, Workers, table
 from uav_bt.errors import InputError, MissionError
 from uav_bt.files import check_empty_folder, write_whole, writing
 from uav_bt.option import Option
@@ -47,7 +47,7 @@ _TWIN: Final = "twin"
 def _flown(
     *,
     scenes: Annotated[tuple[str, ...], Option(form="GLOB")] = (),
-    flights: Count | None = None,
+    flights: Annotated[int | None, Ge(1)] = None,
     seed_from: Annotated[int, Ge(0)] = 0,
     timeout_s: Positive = CampaignPlan.timeout_s,
     record: bool = False,

@@ -70,9 +70,8 @@ class Command(click.Command):
         """Write the options of each section, then the others."""
         rows: dict[str, list[tuple[str, str]]] = {head: [] for head in (*self._sections, "Options")}
         for param in self.get_params(ctx):
-            row = param.get_help_record(ctx)
-            group = self.about.get(str(param.name), Option()).group
-            if row is not None:
+            if isinstance(param, click.Option) and (row := param.get_help_record(ctx)):
+                group = self.about.get(str(param.name), Option()).group
                 rows[group if group in rows else "Options"].append(row)
         for heading, options in rows.items():
             with formatter.section(heading):
