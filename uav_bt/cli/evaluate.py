@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,8 +16,14 @@ from perception.segmentation import runtime
 from uav_bt.app.option_values import Seed
 from uav_bt.cli.declare import command
 from uav_bt.cli.progress import progress_bars
-from uav_bt.cli.shared import Count, InputFile, OutputFile, OutputFolder, Records, table
-from uav_bt.files import writing
+from uav_bt.cli.shared import (
+    Count,
+    InputFile,
+    OutputFile,
+    Records,
+    table,
+    write_scores,
+)
 from uav_bt.learning.dataset import evaluate_student, read_advised_flights, records_of
 from uav_bt.learning.depth_evaluation import evaluate_depth
 from uav_bt.learning.views import TESTING_SCENES, DepthViewPlan, ViewPlan
@@ -86,7 +91,7 @@ def depth(
     )
     for line in depth_lines(measured["rows"]):
         click.echo(line)
-    _write({"model": model, **measured}, out)
+    write_scores({"model": model, **measured}, out)
 
 
 def depth_lines(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
@@ -113,7 +118,6 @@ def student(
     *,
     model: InputFile = None,
     views: Count = 2000,
-    views_kept: OutputFolder = None,
     out: OutputFile = None,
 ) -> None:
     """Measure how well a control student agrees with the rule that advised in RECORDS.
@@ -123,24 +127,15 @@ def student(
     Options:
         model: A control student's ONNX file; the shipped one if not given.
         views: Number of views that are scored.
-        views_kept: Where `net train student` keeps the records' views, to read them once only.
         out: Write the scores there too, as JSON.
     """
     network = OnnxControlStudent(model or SHIPPED_STUDENT, threads=2)
     with tempfile.TemporaryDirectory() as folder, progress_bars() as advance:
-        flights = read_advised_flights(
-            records_of(records), network.config, views_kept or Path(folder), advance=advance
-        )
+        found = records_of(records)
+        flights = read_advised_flights(found, network.config, Path(folder), advance=advance)
         score = evaluate_student(flights, network, max_windows=views)
     click.echo(f"flights: {len(flights)}, views scored: {score.windows}")
     for name, value in score.to_json().items():
         if name != "windows":
             click.echo(f"  {name:<18}{'-' if value is None else format(value, '.4f')}")
-    _write(score.to_json(), out)
-
-
-def _write(scores: dict[str, Any], out: Path | None) -> None:
-    if out is not None:
-        with writing(out):
-            out.write_text(json.dumps(scores, indent=2) + "\n", encoding="utf-8")
-        click.echo(f"scores: {out}")
+    write_scores(score.to_json(), out)

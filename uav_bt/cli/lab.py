@@ -112,7 +112,9 @@ def _standing(scene: Scene) -> list[tuple[str, ...]]:
         spec, shape = item.spec, item.shape
         found.append((item.name, shape.class_id, spec.position_m, spec.yaw_deg, shape.kind.size_m))
     what = "object" if scene.placed else "pattern"
-    rows = [(what, "class", "x, m", "y, m", "yaw, deg", "size, m", "height, m")]
+    rows: list[tuple[str, ...]] = [
+        (what, "class", "x, m", "y, m", "yaw, deg", "size, m", "height, m")
+    ]
     for name, class_id, (x_m, y_m), yaw_deg, (length_m, width_m, height_m) in found:
         where = (f"{x_m:.2f}", f"{y_m:.2f}", f"{yaw_deg:.1f}")
         size = (f"{length_m:.2f} x {width_m:.2f}", f"{height_m:.2f}")

@@ -10,7 +10,7 @@ from annotated_types import Ge
 
 from uav_bt.app.option_values import Seed
 from uav_bt.cli.declare import command
-from uav_bt.cli.lab_check import score_lines
+from uav_bt.cli.lab_images import score_lines
 from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.shared import Count, Device, Steps
 from uav_bt.files import check_output

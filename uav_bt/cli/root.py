@@ -18,7 +18,7 @@ import click
 from click.shell_completion import CompletionItem
 
 import uav_bt as package
-from uav_bt.cli.interrupts import stopped_by
+from uav_bt.cli import stopped_by
 from uav_bt.errors import UavBtError, did_you_mean
 from uav_bt.plugins import check_packages, missing_extra
 
@@ -47,24 +47,18 @@ COMMANDS: Final = {
     "net train depth": ("train:depth", "Train the depth network on flights."),
     "net train student": ("train:student", "Train the control student on advised flights."),
     "net evaluate depth": ("evaluate:depth", "Measure metric depth."),
-    "net evaluate student": (
-        "evaluate:student",
-        "Measure how well a control student agrees with the rule.",
-    ),
+    "net evaluate student": ("evaluate:student", "Measure a control student by the rule."),
     "net export depth": ("train:export_depth", "Export a depth network."),
     "net export student": ("train:export_student", "Export a control student."),
     "lab new": ("lab:new", "Write a commented lab file to begin with."),
     "lab frames": ("lab_images:frames", "Take images of a lab from videos."),
     "lab pick": ("lab_images:pick", "Pick classes on the images of a lab."),
     "lab train": ("lab_train:train", "Train the segmentation network of a lab."),
-    "lab check": ("lab_check:check", "Score the network of a lab on held-out picks."),
+    "lab check": ("lab_images:check", "Score the network of a lab on held-out picks."),
     "lab scenes": ("lab:scenes", "List the shipped scenes, or draw the map of one."),
     "lab schema": ("lab:schema", "Write a JSON schema of lab files."),
     "lab calibrate": ("lab:calibrate", "Calibrate a camera from photographs of a checkerboard."),
-    "lab tune-heading": (
-        "lab:tune_heading",
-        "Choose gains of the heading controller from a recorded flight.",
-    ),
+    "lab tune-heading": ("lab:tune_heading", "Choose gains of the heading by a record."),
 }
 _GROUPS: Final = {
     "tree": "List nodes; draw tree files, write their schema.",
@@ -104,13 +98,7 @@ class LazyGroup(click.Group):
         if words in _GROUPS:
             return LazyGroup(cmd_name, words=f"{words} ", help=_GROUPS[words])
         if words not in COMMANDS:
-            places = [f"'uav-bt {path}'" for path in _paths(cmd_name)]
-            hint = (
-                f"; '{cmd_name}' is {' or '.join(places)}"
-                if places
-                else _did_you_mean(cmd_name, self.list_commands(ctx))
-            )
-            ctx.fail(f"there is no command '{cmd_name}'{hint}")
+            ctx.fail(f"there is no command '{cmd_name}'{self._hint(cmd_name)}")
         module, _, attribute = COMMANDS[words][0].partition(":")
         found: click.Command = getattr(importlib.import_module(f"uav_bt.cli.{module}"), attribute)
         return found
@@ -134,24 +122,24 @@ class LazyGroup(click.Group):
 
     def _lines(self, table: Mapping[str, str]) -> list[tuple[str, str]]:
         """Return names and lines of the help of what stands directly in this group."""
-        inside = ((words.removeprefix(self._words), line) for words, line in table.items())
-        return [
-            (name, line.partition("\n")[0])
-            for (name, line), words in zip(inside, table, strict=True)
-            if words.startswith(self._words) and " " not in name
-        ]
+        inside = (
+            (words.removeprefix(self._words), line.partition("\n")[0])
+            for words, line in table.items()
+            if words.startswith(self._words)
+        )
+        return [(name, line) for name, line in inside if " " not in name]
 
-
-def _paths(name: str) -> list[str]:
-    """Return the words of all commands and groups of a name."""
-    return [words for words in (*_GROUPS, *COMMANDS) if words.rpartition(" ")[2] == name]
-
-
-def _did_you_mean(name: str, commands: list[str]) -> str:
-    alike = [command for command in commands if command[:2] == name[:2]]
-    # 'flight' is 0.44 similar to 'fly'. At that ratio most unlike names match, so the first two
-    # letters must be equal.
-    return did_you_mean(name, commands) or did_you_mean(name, alike, cutoff=0.4)
+    def _hint(self, name: str) -> str:
+        """Return where a command of this name is, or the nearest name."""
+        known = (*_GROUPS, *COMMANDS)
+        places = [f"'uav-bt {words}'" for words in known if words.rpartition(" ")[2] == name]
+        if places:
+            return f"; '{name}' is {' or '.join(places)}"
+        here = [known for known, _ in (*self._lines(_LINES), *self._lines(_GROUPS))]
+        # 'flight' is 0.44 similar to 'fly'. At that ratio most unlike names match, so the first two
+        # letters must be equal.
+        alike = [known for known in here if known[:2] == name[:2]]
+        return did_you_mean(name, here) or did_you_mean(name, alike, cutoff=0.4)
 
 
 class _Root(LazyGroup):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 import signal
 from typing import Annotated, Literal
 
@@ -12,7 +11,7 @@ from annotated_types import Ge, Le
 
 from sim_bridge.loopback.drone import DroneSetup, LoopbackDrone
 from sim_bridge.loopback.firmware.telemetry_events import BatteryOptions
-from sim_bridge.loopback.handshake import Identity, Ports
+from sim_bridge.loopback.handshake import Ports
 from sim_bridge.loopback.media import Card
 from sim_bridge.loopback.server import ServerOptions
 from sim_bridge.twin.profile import Profile as TwinProfile
@@ -58,8 +57,6 @@ def serve_anafi(
     address: str = "127.0.0.1",
     battery_percent: Annotated[int, Ge(0), Le(100), Option(form="--battery")] = 100,
     card: Literal["ready", "full", "absent"] = "ready",
-    name: str = "ANAFI-loopback",
-    verbose: bool = False,
     ports: Annotated[Ports, Option(parts=_ports)],
 ) -> None:
     """Serve a loopback ANAFI until Ctrl-C.
@@ -81,14 +78,9 @@ def serve_anafi(
             other than 127.x.x.x, everybody who can reach it can fly the drone.
         battery_percent: The battery's charge at first, per cent.
         card: Its memory card. With a full or an absent one, photographs fail.
-        name: Its product name.
-        verbose: Log connections and damaged messages, too.
     """
-    logging.basicConfig(
-        level=logging.INFO if verbose else logging.WARNING, format="%(levelname)s %(message)s"
-    )
     setup = DroneSetup(
-        server=ServerOptions(address=address, ports=ports, identity=Identity(name=name)),
+        server=ServerOptions(address=address, ports=ports),
         battery=BatteryOptions(charge=battery_percent / 100.0),
         card=Card(card),
         scene=None if scene is None else load_scene(scene),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
@@ -121,6 +122,14 @@ def print_or_write(text: str, out: Path | None) -> None:
     with writing(out):
         out.write_text(text, encoding="utf-8")
     click.echo(f"written: {out}")
+
+
+def write_scores(scores: Mapping[str, Any], out: Path | None) -> None:
+    """Write scores as JSON, if there is a file for them."""
+    if out is not None:
+        with writing(out):
+            out.write_text(json.dumps(scores, indent=2) + "\n", encoding="utf-8")
+        click.echo(f"scores: {out}")
 
 
 def table(rows: Sequence[Sequence[object]], *, left: int = 1) -> Iterator[str]:

@@ -25,7 +25,6 @@ from uav_bt.cli.shared import (
     Device,
     InputFile,
     OutputFolder,
-    Positive,
     Records,
     Steps,
     Workers,
@@ -110,12 +109,9 @@ def student(
     *,
     out: _Weights = RUNS / "student.safetensors",
     run: _Run = RUNS / "student",
-    views_kept: OutputFolder = None,
     held_out: Annotated[tuple[Path, ...], Option(form="--validate RECORDS")] = (),
     views: Annotated[int, Ge(1), Le(5)] = 3,
-    spacing_s: Positive = 0.5,
     start: InputFile = None,
-    near_weight: Positive = 2.0,
     seed: Seed = 0,
     steps: Steps = 6000,
     batch: Annotated[int, Ge(2)] = 24,
@@ -128,32 +124,25 @@ def student(
     cores 4,500 steps take about 36 minutes; the same command continues what was stopped.
 
     Options:
-        views_kept: Where the records' views are kept, for several runs to share; RUN/views if not
-            given.
         held_out: Records, or a folder of them, that validate and are not learnt from. Repeatable.
         views: Frames in a window: the present one and earlier ones.
-        spacing_s: Time between the views of a window.
         start: Weights to begin with, a student's or a segmentation U-Net's; the shipped U-Net's if
             not given.
-        near_weight: How much more often views near obstacles are drawn than others.
         batch: Windows in a step.
     """
     # Refuses an absent GPU before records are read.
-    loop = ControlTrainingConfig(
-        near_weight=near_weight, seed=seed, steps=steps, batch=batch, device=device
-    )
-    net = ControlNetConfig(views=views, spacing_s=spacing_s)
-    kept = views_kept or run / "views"
+    loop = ControlTrainingConfig(seed=seed, steps=steps, batch=batch, device=device)
+    net = ControlNetConfig(views=views)
     learnt, others = split_records(records, held_out)
     with progress_bars() as advance:
         score = training.train_student(
-            read_advised_flights(learnt, net, kept, advance=advance),
+            read_advised_flights(learnt, net, run / "views", advance=advance),
             out,
             config=loop,
             net_config=net,
             start=start or UNET_WEIGHTS,
             checkpoint=run / "checkpoint.safetensors",
-            held_out=read_advised_flights(others, net, kept, advance=advance),
+            held_out=read_advised_flights(others, net, run / "views", advance=advance),
             diary=diary.Diary(run, training.STUDENT_CURVES),
             advance=advance,
         )

@@ -88,19 +88,13 @@ def _described(node: type[Node]) -> str:
 
 
 def _as_json(node: type[Node]) -> dict[str, Any]:
+    plain = ("name", "doc", "direction", "least", "most", "range", "required", "sample")
     ports = [
         {
-            "name": port.name,
+            **{name: getattr(port, name) for name in plain},
             "type": port.type.__name__,
             "default": default_text(port),
-            "doc": port.doc,
-            "direction": port.direction,
             "choices": [*map(port_text, port.choices)],
-            "least": port.least,
-            "most": port.most,
-            "range": port.range,
-            "required": port.required,
-            "sample": port.sample,
         }
         for port in node.ports
     ]
