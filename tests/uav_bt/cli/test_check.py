@@ -345,17 +345,3 @@ def test_a_pipe_is_checked(tmp_path: Path) -> None:
     result = run("check", pipe)
     writer.join()
     assert (result.exit_code, result.stdout) == (0, f"{pipe}: good\n")
-
-
-def test_a_value_in_another_unit_is_a_warning_of_check_and_fly(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    tree = tree_file(tmp_path, '<Sequence><TakeOff/><Turn degrees="1.047"/><Land/></Sequence>')
-    words = "degrees looks like radians; for 60 degrees write 60"
-    checked = run("check", tree)
-    assert checked.exit_code == 0
-    assert f"warning: Turn: attribute 'degrees': 1.047 {words}" in checked.stderr
-    (finding,) = json.loads(run("check", tree, "--format", "json").stdout)["findings"]
-    assert (finding["rule"], finding["severity"]) == ("unit", "warning")
-    assert_refused(run("fly", tree, "--drone", "blimp"), "unknown drone 'blimp'")
-    assert f"Turn: attribute 'degrees': 1.047 {words}" in caplog.text  # before the flight
