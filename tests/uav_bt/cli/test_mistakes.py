@@ -19,6 +19,8 @@ MISTAKES = [
     ("start", "there is no command 'start' $"),
     ("train student", "'train' is 'uav-bt net train'"),
     ("net evaluate detph", "did you mean 'depth'"),
+    ("net scenes", "there is no command 'scenes'; 'scenes' is 'uav-bt lab scenes'"),
+    ("student", "'student' is 'uav-bt net train student' or 'uav-bt net evaluate student'"),
     ("fly", "Missing argument 'TREE'"),
     ("fly land_onyl", "no such tree file.*did you mean 'land_only'"),
     ("fly ./nowhere/land_only.xml", "no such tree file"),
