@@ -109,11 +109,6 @@ def campaign(
     `error`. `uav-bt report DIR` writes the report. A flight with networks takes 30 to 60 s of a
     core, and a fifth of that with `--drone plain`, which draws no images.
 
-    \b
-    Examples:
-      uav-bt campaign land_only --scenes val-a,val-b --flights 50 --out runs/land
-      uav-bt campaign --resume runs/land
-
     Exits with 0 when all flights were flown, whatever their outcome (but see --fail-under), with 1
     when it was stopped, and with 2 when something given was refused.
 
@@ -121,7 +116,7 @@ def campaign(
         out: Where the plan and the flights are kept; default: runs/TREE.
         resume: Continue the campaign in this folder, with the plan that is kept there.
         fail_under: Exit with 1 when fewer flights succeed.
-    """  # noqa: D301  (click needs the backspace)
+    """
     if resume is not None:
         _only_resume(click.get_current_context())
         plan, folder = campaigns.plan_of(resume), resume
@@ -192,17 +187,12 @@ def report(
     Worse, for --not-worse, is a tree with two more failures among these flights, a median coverage
     more than 2 points lower or a 5th percentile of the clearance more than 2 cm lower.
 
-    \b
-    Examples:
-      uav-bt report runs/land
-      uav-bt report runs/before runs/after --out report.html --figures pdf
-
     Options:
         out: The HTML page; figures and tables go beside it. Default: DIR/report.html
         figures: Form of the files of figures; the page always has PNGs inside.
         all_pairs: Compare all trees with each other, not only the first with each other one.
         not_worse: Exit with 1 if a tree is worse than the first on the same flights.
-    """  # noqa: D301  (click needs the backspace)
+    """
     losses = losses_of(read_sources(sources).sets) if not_worse else []
     written = write_report(
         sources,
@@ -236,11 +226,6 @@ def shrink(
     The rest is written as a scene file and a fault file, with the commands that fly them: with the
     drone that failed, and in the twin with images.
 
-    \b
-    Example:
-      uav-bt campaign land_only --drone plain --faults random --out runs/soak
-      uav-bt shrink runs/soak --out runs/soak/smallest
-
     Exits with 0 when the flight was reduced, with 1 when it was stopped or does not fail in the
     twin (--twin), and with 2 when something given was refused.
 
@@ -250,7 +235,7 @@ def shrink(
         seed: Of the flight; default: any.
         out: A new or empty folder for scene and faults.
         twin: Fly the result in the twin, too; exit with 1 if it does not fail.
-    """  # noqa: D301  (click needs the backspace)
+    """
     check_empty_folder(out, "shrink")
     wanted = {"tree": tree_name, "scene": scene, "seed": seed}
     flight = _failed(source, {name: value for name, value in wanted.items() if value is not None})

@@ -49,18 +49,13 @@ def check(
     of each variant of the parameter file. --lab refuses a mission that does not fit the settings of
     a lab: its network and flight height, its ceiling and its area.
 
-    \b
-    As JSON, each line is an object with
-      file      the file's path
-      ok        true or false
-      findings  objects with path, line, column, node, message, severity
-                (error or warning) and rule, a name that stays; path is
-                that of an included file if the mistake is there, line and
-                column count from 1 and are null for the file as a whole
+    As JSON, each line is an object with file, ok and findings: objects with path, line, column,
+    node, message, severity (error or warning) and rule, a name that stays. The path is that of an
+    included file if the mistake is there. Line and column count from 1; null is the whole file.
 
     Options:
         format_: json: one object a line and file, with its findings.
-    """  # noqa: D301  (click needs the backspace)
+    """
     lookup = tree_folders.lookup()
     one = bool(parameters or lab)
     if one and (len(trees) > 1 or Path(trees[0]).is_dir()):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import ExitStack, suppress
-from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Final, Literal
@@ -31,29 +30,14 @@ from uav_bt.protocols import Drone
 _GROOT_PORT: Final = "1667"  # the default of Groot2; notifications have the next one
 
 
-@dataclass(frozen=True, kw_only=True)
-class Outputs:
-    """Output files of a flight besides its record; None: not written.
-
-    Options:
-        out: A new or empty folder for the report, the map's objects, and what leaves such as
-            TakePhoto write.
-        report: Write the flight's report there, as JSON; default: report.json in --out.
-        video: Make a video of the flight: an mp4 file.
-        btlog: Log what each node does: a .btlog file, which Groot2 replays.
-    """
-
-    out: Annotated[Path | None, Option(group="Outputs", path="folder")] = None
-    report: Annotated[Path | None, Option(group="Outputs", path="written")] = None
-    video: Annotated[Path | None, Option(group="Outputs", path="written", suffix=".mp4")] = None
-    btlog: Annotated[Path | None, Option(group="Outputs", path="written", suffix=".btlog")] = None
-
-
 @command(sections=("Mission", "Outputs", "Watching", "Simulated room", "Place", "Real drone"))
 def fly(
     tree: str,
     *,
-    outputs: Annotated[Outputs, Option(parts=Outputs)],
+    out: Annotated[Path | None, Option(group="Outputs", path="folder")] = None,
+    report: Annotated[Path | None, Option(group="Outputs", path="written")] = None,
+    video: Annotated[Path | None, Option(group="Outputs", path="written", suffix=".mp4")] = None,
+    btlog: Annotated[Path | None, Option(group="Outputs", path="written", suffix=".btlog")] = None,
     flight: Annotated[app.FlightOptions, Option(parts=app.FlightOptions, only=IN_COMMANDS)],
     view: Annotated[
         Literal["window", "web"] | None, Option("", "[WHERE]", "Watching", alone="window")
@@ -82,19 +66,24 @@ def fly(
       uav-bt fly hover_and_look --drone anafi --site site.yaml --rehearse
 
     Options:
+        out: A new or empty folder for the report, the map's objects, and what leaves such as
+            TakePhoto write.
+        report: Write the flight's report there, as JSON; default: report.json in --out.
+        video: Make a video of the flight: an mp4 file.
+        btlog: Log what each node does: a .btlog file, which Groot2 replays.
         view: Show the flight in Rerun: in a window, or with `web` in a browser on this machine.
         groot: Let Groot2 on this machine watch, on port 1667 or PORT and on the next one. Without
             a port it stands after TREE.
         watch: Read TREE again whenever it is edited while it flies; for simulated drones.
     """  # noqa: D301  (click needs the backspace)
-    if watch and (view or groot or outputs.btlog):
+    if watch and (view or groot or btlog):
         raise click.UsageError(
             "--view, --groot and --btlog show the one tree that a flight began with, and with "
             "--watch it may change: leave them out"
         )
     begun: list[app.Flight[Drone]] = []
     with ExitStack() as stack:
-        follow = stack.enter_context(watched_live(btlog=outputs.btlog, groot=groot))
+        follow = stack.enter_context(watched_live(btlog=btlog, groot=groot))
 
         def listen(flown: app.Flight[Drone]) -> list[TickListener]:
             begun.append(flown)
@@ -112,9 +101,9 @@ def fly(
             flown = app.fly(
                 tree,
                 flight,
-                out=outputs.out,
-                report=outputs.report,
-                video=outputs.video,
+                out=out,
+                report=report,
+                video=video,
                 listeners=watchers,
                 on_check=click.echo,
                 controls=pilot_keys,
@@ -129,7 +118,8 @@ def fly(
             stack.close()
         except (FileError, OSError) as fault:
             lost["an output"] = str(fault)
-    _name_files({"record": flight.record, **asdict(outputs)}, lost)
+    files = {"record": flight.record, "out": out, "report": report, "video": video, "btlog": btlog}
+    _name_files(files, lost)
     if viewed is not None and view == "web":
         click.echo("The view stays until Ctrl-C.")
         with suppress(KeyboardInterrupt):

@@ -31,14 +31,8 @@ def progress_bars() -> Iterator[Callable[[str, int, int], None]]:
         A callback for a stage's text, the steps done and the steps in all. The text up to its first
         comma is the stage's name; the rest may change from call to call.
     """
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
     stages: dict[str, TaskID] = {}
-    with Progress(*columns, console=Console(stderr=True)) as bars:
+    with Progress(console=Console(stderr=True)) as bars:
 
         def advance(stage: str, done: int, total: int) -> None:
             name = stage.partition(",")[0]

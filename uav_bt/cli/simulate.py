@@ -49,20 +49,14 @@ def simulate(
 
     \b
     The script is a YAML file, such as this answers.yaml:
-      leaves:                 # by path, name or node id
-        TakeOff: RRS          # running, running, success; then always the last
-        Explore: (RRS)        # in brackets: over and over
-        Avoid: F              # failure; K is skipped
-      default: S              # for all other leaves
-      outputs:                # written when the leaf succeeds
-        Measure: {depth_m: 1.5}
-      variables: {laps: 3}    # before the first tick; --var takes precedence
+      leaves: {TakeOff: RRS, Explore: (RRS), Avoid: F}  # by path, name or node id
+      default: S                                        # for all other leaves
+      outputs: {Measure: {depth_m: 1.5}}                # when it succeeds
+      variables: {laps: 3}                              # --var takes precedence
       board: {phase: explore}
 
-    \b
-    Examples:
-      uav-bt simulate land_only --script answers.yaml
-      uav-bt simulate mission.xml --script answers.yaml --format json
+    R is running, S success, F failure, K skipped. The last answer stays; those in brackets are
+    given over and over.
 
     Options:
         script: Answers of the leaves (YAML).

@@ -49,21 +49,14 @@ def nodes(
 
     With each node go its attributes and the board keys it reads and writes.
 
-    \b
-    As JSON, one array of objects with
-      node_id, kind  Action, Condition, Control, Decorator or SubTree
-      doc            one line
-      ports          objects with name, type, default (null: none), doc,
-                     direction (input, output, inout), choices, required,
-                     least and most (of a number; null: no bound), range in words
-      reads, writes  names of board keys
-      builtin        true for nodes of the format itself
-      origin         module and class
+    As JSON, one array of objects: node_id, kind, doc, ports, reads and writes (board keys), builtin
+    (of the format itself) and origin (module and class). A port without a default, or a number
+    without a bound (least, most), has null there.
 
     Options:
         format_: xml: a node model (TreeNodesModel) that graphical tree editors load; markdown: a
             page with a section for each node.
-    """  # noqa: D301  (click needs the backspace)
+    """
     if format_ in {"xml", "markdown"}:
         chosen = NodeRegistry(registry[name] for name in names) if names else registry
         click.echo((palette_xml if format_ == "xml" else node_page)(chosen), nl=False)

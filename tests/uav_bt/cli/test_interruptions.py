@@ -17,7 +17,6 @@ import pytest
 
 from tests.uav_bt.learning.lab_world import draw_lab
 from tests.worlds.cli import run, tree_file
-from uav_bt.app.view.recorded import RecordedFlight
 from uav_bt.record.info import record_info
 
 HOVER = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="250"/><Land/></Sequence>'
@@ -189,20 +188,6 @@ def test_what_is_interrupted_says_so_and_leaves_nothing_half_done(name: str, wor
         assert not info.damages
         with av.open(str(world / "new.mp4")) as film:
             assert sum(1 for _ in film.decode(video=0)) > 5
-
-
-def test_half_a_film_of_a_record_does_not_replace_a_whole_one(flown: Path, tmp_path: Path) -> None:
-    old = tmp_path / "old.mp4"
-    old.write_bytes(OLD)
-
-    def interrupt(_stage: str, done: int, _total: int) -> None:
-        if done >= 20:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        RecordedFlight(flown).film(old, advance=interrupt)
-    assert old.read_bytes() == OLD
-    assert list(tmp_path.iterdir()) == [old]
 
 
 @pytest.fixture

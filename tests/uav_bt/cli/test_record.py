@@ -18,17 +18,8 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the record of a short flight of the twin."""
     folder = tmp_path_factory.mktemp("flown")
     path = folder / "flight.mcap"
-    result = run(
-        "fly",
-        tree_file(folder, HOP),
-        "--scene",
-        "val-a",
-        "--seed",
-        3,
-        *SMALL,
-        "--record",
-        path,
-    )
+    flight = ("fly", tree_file(folder, HOP), "--scene", "val-a", "--seed", 3, *SMALL)
+    result = run(*flight, "--record", path)
     assert result.exit_code == 0, result.output
     assert f"record: {path}" in result.stdout
     return path
