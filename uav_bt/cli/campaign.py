@@ -44,28 +44,6 @@ _NAMED: Final = 5  # flights that an error names, at most
 _TWIN: Final = "twin"
 
 
-def _flown(
-    *,
-    scenes: Annotated[tuple[str, ...], Option(form="GLOB")] = (),
-    flights: Annotated[int | None, Ge(1)] = None,
-    seed_from: Annotated[int, Ge(0)] = 0,
-    timeout_s: Positive = CampaignPlan.timeout_s,
-    record: bool = False,
-) -> dict[str, Any]:
-    """Return which flights a campaign has, as `make_plan` takes them.
-
-    Options:
-        scenes: Scenes by name, file or pattern, with commas between. Repeatable; default: those of
-            --lab, else val-*.
-        flights: Flights of each tree in each scene, one seed each; default: 10.
-        seed_from: The first seed.
-        timeout_s: Wall time after which a flight counts as hung.
-        record: Keep a record of every flight in DIR/records.
-    """
-    more: dict[str, Any] = {"scenes": scenes or None, "seed_from": seed_from, "record": record}
-    return {**more, "flights": flights or 10, "timeout_s": timeout_s}
-
-
 def _backend(
     *,
     workers: Workers = None,
@@ -93,7 +71,11 @@ def _backend(
 def campaign(
     trees: Annotated[tuple[str, ...], Option(form="TREE...")] = (),
     *,
-    flown: Annotated[dict[str, Any], Option(parts=_flown)],
+    scenes: Annotated[tuple[str, ...], Option(form="GLOB")] = (),
+    flights: Annotated[int | None, Ge(1)] = None,
+    seed_from: Annotated[int, Ge(0)] = 0,
+    timeout_s: Positive = CampaignPlan.timeout_s,
+    record: bool = False,
     flight: Annotated[FlightOptions, Option(parts=FlightOptions, only=_OPTIONS)],
     backend: Annotated[Backend, Option(parts=_backend)],
     out: OutputFolder = None,
@@ -113,6 +95,12 @@ def campaign(
     when it was stopped, and with 2 when something given was refused.
 
     Options:
+        scenes: Scenes by name, file or pattern, with commas between. Repeatable; default: those of
+            --lab, else val-*.
+        flights: Flights of each tree in each scene, one seed each; default: 10.
+        seed_from: The first seed.
+        timeout_s: Wall time after which a flight counts as hung.
+        record: Keep a record of every flight in DIR/records.
         out: Where the plan and the flights are kept; default: runs/TREE.
         resume: Continue the campaign in this folder, with the plan that is kept there.
         fail_under: Exit with 1 when fewer flights succeed.
@@ -121,7 +109,15 @@ def campaign(
         _only_resume(click.get_current_context())
         plan, folder = campaigns.plan_of(resume), resume
     elif trees:
-        plan = campaigns.make_plan(trees, flight, **flown)
+        plan = campaigns.make_plan(
+            trees,
+            flight,
+            scenes=scenes or None,
+            flights=flights or 10,
+            seed_from=seed_from,
+            timeout_s=timeout_s,
+            record=record,
+        )
         folder = out or RUNS / "-".join(dict.fromkeys(Path(tree.path).stem for tree in plan.trees))
     else:
         raise click.UsageError("which TREE is to be flown? or --resume DIR")

@@ -1,4 +1,4 @@
-"""`uav-bt net evaluate`: how good a network is, measured against the twin's truth."""
+"""`uav-bt net perceive` and `net evaluate`: what networks make of a video, how good they are."""
 
 from __future__ import annotations
 
@@ -14,16 +14,20 @@ from perception.control.runtime import SHIPPED_STUDENT, OnnxControlStudent
 from perception.depth.runtime import load_depth_estimator
 from perception.segmentation import runtime
 from uav_bt.app.option_values import Seed
+from uav_bt.app.perceive import PerceiveOptions, PerceiveSummary
+from uav_bt.app.perceive import perceive as perceive_source
 from uav_bt.cli.declare import command
 from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.shared import (
     Count,
     InputFile,
     OutputFile,
+    OutputFolder,
     Records,
     table,
     write_scores,
 )
+from uav_bt.errors import MissionError
 from uav_bt.learning.dataset import evaluate_student, read_advised_flights, records_of
 from uav_bt.learning.depth_evaluation import evaluate_depth
 from uav_bt.learning.views import TESTING_SCENES, DepthViewPlan, ViewPlan
@@ -139,3 +143,66 @@ def student(
         if name != "windows":
             click.echo(f"  {name:<18}{'-' if value is None else format(value, '.4f')}")
     write_scores(score.to_json(), out)
+
+
+@command()
+def perceive(
+    source: str,
+    *,
+    out: Annotated[Path | None, Option(path="written", suffix=".mp4")] = None,
+    json: OutputFile = None,
+    masks: OutputFolder = None,
+    options: Annotated[PerceiveOptions, Option(parts=PerceiveOptions)],
+) -> None:
+    """Show what perception makes of a video: masks, depth in metres, corridor, mark.
+
+    SOURCE is a video file, a folder of images, an image, a live camera such as camera:0, or a
+    record of `uav-bt fly --record`, which brings its camera and telemetry along. The images of a
+    folder are unrelated unless --sequence or --telemetry is given. Ctrl-C keeps what was written
+    and exits with 1.
+
+    Options:
+        out: Write the overlays there: an mp4 file.
+        json: Write one JSON object a frame there, a line each.
+        masks: A new or empty folder for the class map of each frame, a PNG of class ids, and for
+            classes.json.
+    """
+    with progress_bars() as advance:
+        summary = perceive_source(
+            source, options, out=out, lines=json, masks=masks, advance=advance
+        )
+    _show(summary)
+    if out is not None and summary.frames:
+        click.echo(f"video: {out}")
+    if json is not None:
+        click.echo(f"frames: {json}")
+    if masks is not None and summary.frames:
+        click.echo(f"masks: {masks}")
+    if summary.interrupted:
+        raise SystemExit(MissionError.exit_code)
+
+
+def _show(summary: PerceiveSummary) -> None:
+    none = sum(summary.without_depth.values())
+    stopped = ", then interrupted" if summary.interrupted else ""
+    if summary.unrelated and summary.frames > 1:
+        stopped = f"{stopped}, each for itself (--sequence: they follow one another)"
+    rows = [
+        ("frames", f"{summary.frames}{stopped}"),
+        ("camera", summary.camera),
+        ("telemetry", summary.telemetry),
+        ("metric depth", f"in {summary.frames - none} frames, none in {none}"),
+        *(("", f"none in {count}: {why}") for why, count in summary.without_depth.items()),
+        *(("", f"contact only in {count}: {why}") for why, count in summary.in_part.items()),
+        ("mark", f"seen in {summary.with_mark} frames"),
+        *(
+            (name, f"{spent.p50:.1f} ms median, {spent.p99:.1f} ms 99 %")
+            for name, spent in summary.stage_ms.items()
+        ),
+    ]
+    for name, value in rows:
+        click.echo(f"{name:<15} {value}")
+    for line in summary.skipped:
+        click.echo(f"skipped {line}")
+    for line in summary.warnings:
+        click.echo(f"Warning: {line}", err=True)

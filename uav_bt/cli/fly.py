@@ -1,9 +1,15 @@
-"""`uav-bt fly`: fly a mission, watch it, keep its report."""
+"""`uav-bt fly`: fly a mission, watch it, keep its report; the keys of the person who watches."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from contextlib import ExitStack, suppress
+import os
+import select
+import sys
+import termios
+import threading
+import tty
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Final, Literal
@@ -18,15 +24,18 @@ from uav_bt.app.options import IN_COMMANDS
 from uav_bt.app.view.live import live_view
 from uav_bt.cli import stopped_by
 from uav_bt.cli.declare import command
-from uav_bt.cli.keys import pilot_keys
 from uav_bt.display.status import OrderLines, summary
 from uav_bt.errors import FileError, MissionError
 from uav_bt.groot import watched_live
 from uav_bt.mission.judge import Outcome
+from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.tick import TickListener
 from uav_bt.option import Option
 from uav_bt.protocols import Drone
 
+KEYS_HELP: Final = (
+    "keys: m takes over and hands back, l lands, X (shift) cuts the motors in flight, Ctrl-C lands"
+)
 _GROOT_PORT: Final = "1667"  # the default of Groot2; notifications have the next one
 
 
@@ -137,3 +146,48 @@ def _name_files(written: Mapping[str, str | Path | None], lost: Mapping[str, str
             click.echo(f"{what}: {path}")
     for what, why in lost.items():
         click.echo(f"Error: {what} was lost: {why}", err=True)
+
+
+def obey(key: str, runner: MissionRunner) -> None:
+    """Carry out the action of a key; other keys do nothing."""
+    if key == "m":
+        runner.manual = not runner.manual
+    elif key == "l":
+        runner.manual = False
+        runner.abort.request("a person pressed l")
+    elif key == "X":
+        runner.abort.cut_motors("a person cut the motors")
+
+
+@contextmanager
+def pilot_keys(runner: MissionRunner) -> Iterator[None]:
+    """Print the keys and obey them while a mission flies. Without a terminal this does nothing."""
+    if sys.stdin is None or not sys.stdin.isatty():  # None: the standard input was closed
+        yield
+        return
+    click.echo(KEYS_HELP, err=True)
+    terminal = sys.stdin.fileno()
+    before = termios.tcgetattr(terminal)
+    stop_read, stop_write = os.pipe()
+    reader = threading.Thread(
+        target=_read, args=(terminal, stop_read, runner), name="keys", daemon=True
+    )
+    try:
+        tty.setcbreak(terminal)  # keys without Enter; Ctrl-C still is a signal
+        reader.start()
+        yield
+    finally:
+        os.write(stop_write, b".")
+        reader.join()
+        termios.tcsetattr(terminal, termios.TCSADRAIN, before)
+        os.close(stop_read)
+        os.close(stop_write)
+
+
+def _read(terminal: int, stop: int, runner: MissionRunner) -> None:
+    while stop not in (ready := select.select([terminal, stop], [], [])[0]):
+        if terminal in ready:
+            pressed = os.read(terminal, 1)
+            if not pressed:  # the terminal went away
+                return
+            obey(pressed.decode("latin-1"), runner)

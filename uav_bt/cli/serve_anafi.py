@@ -23,26 +23,6 @@ from uav_bt.option import Option
 _Port = Annotated[int, Ge(0), Le(65_535)]
 
 
-def _ports(
-    *,
-    discovery: Annotated[_Port, Option(form="--discovery-port")] = Ports.discovery,
-    control: Annotated[_Port, Option(form="--control-port")] = Ports.control,
-    commands: Annotated[_Port, Option(form="--commands-port")] = Ports.commands,
-    http: Annotated[_Port, Option(form="--http-port")] = Ports.http,
-    rtsp: Annotated[_Port, Option(form="--rtsp-port")] = Ports.rtsp,
-) -> Ports:
-    """Return the ports of the drone.
-
-    Options:
-        discovery: TCP, where clients find it; 0 takes a free one.
-        control: TCP, where clients ask for a link; 0 takes a free one.
-        commands: UDP, where commands go; 0 takes a free one.
-        http: TCP, its web server; 0 takes a free one.
-        rtsp: TCP, its video; 0 takes a free one.
-    """
-    return Ports(discovery=discovery, control=control, commands=commands, http=http, rtsp=rtsp)
-
-
 @command()
 def serve_anafi(
     *,
@@ -57,7 +37,11 @@ def serve_anafi(
     address: str = "127.0.0.1",
     battery_percent: Annotated[int, Ge(0), Le(100), Option(form="--battery")] = 100,
     card: Literal["ready", "full", "absent"] = "ready",
-    ports: Annotated[Ports, Option(parts=_ports)],
+    discovery_port: _Port = Ports.discovery,
+    control_port: _Port = Ports.control,
+    commands_port: _Port = Ports.commands,
+    http_port: _Port = Ports.http,
+    rtsp_port: _Port = Ports.rtsp,
 ) -> None:
     """Serve a loopback ANAFI until Ctrl-C.
 
@@ -78,7 +62,19 @@ def serve_anafi(
             other than 127.x.x.x, everybody who can reach it can fly the drone.
         battery_percent: The battery's charge at first, per cent.
         card: Its memory card. With a full or an absent one, photographs fail.
+        discovery_port: TCP, where clients find it; 0 takes a free one.
+        control_port: TCP, where clients ask for a link; 0 takes a free one.
+        commands_port: UDP, where commands go; 0 takes a free one.
+        http_port: TCP, its web server; 0 takes a free one.
+        rtsp_port: TCP, its video; 0 takes a free one.
     """
+    ports = Ports(
+        discovery=discovery_port,
+        control=control_port,
+        commands=commands_port,
+        http=http_port,
+        rtsp=rtsp_port,
+    )
     setup = DroneSetup(
         server=ServerOptions(address=address, ports=ports),
         battery=BatteryOptions(charge=battery_percent / 100.0),

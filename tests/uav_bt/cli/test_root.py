@@ -48,7 +48,7 @@ def test_flying_needs_no_extra() -> None:
     )
     done = python(
         f"{without(*extras)}"
-        "from uav_bt.cli import check, doctor, fly, lab, simulate, tree\n"
+        "from uav_bt.cli import check, doctor, fly, lab, tree\n"
         "from uav_bt import app\n"
         "app.make_drone(app.FlightOptions())\n"
     )
