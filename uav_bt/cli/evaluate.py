@@ -172,12 +172,9 @@ def perceive(
             source, options, out=out, lines=json, masks=masks, advance=advance
         )
     _show(summary)
-    if out is not None and summary.frames:
-        click.echo(f"video: {out}")
-    if json is not None:
-        click.echo(f"frames: {json}")
-    if masks is not None and summary.frames:
-        click.echo(f"masks: {masks}")
+    for what, path in (("video", out), ("frames", json), ("masks", masks)):
+        if path is not None and path.exists():
+            click.echo(f"{what}: {path}")
     if summary.interrupted:
         raise SystemExit(MissionError.exit_code)
 

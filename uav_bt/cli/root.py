@@ -66,10 +66,7 @@ _GROUPS: Final = {
     "net": "Train, evaluate and export networks.",
     "net train": "Train the networks that missions fly on.",
     "net evaluate": "Measure networks against the twin's truth.",
-    "net export": """Make ONNX files from trained weights.
-
-    A network in 8-bit integers takes about half the time of one in floats. The ranges of its
-    numbers are taken from images of the twin.""",
+    "net export": "Make ONNX files from trained weights.",
     "lab": "Begin and train labs, calibrate, tune the heading.",
 }
 
@@ -123,7 +120,7 @@ class LazyGroup(click.Group):
     def _lines(self, table: Mapping[str, str]) -> list[tuple[str, str]]:
         """Return names and lines of the help of what stands directly in this group."""
         inside = (
-            (words.removeprefix(self._words), line.partition("\n")[0])
+            (words.removeprefix(self._words), line)
             for words, line in table.items()
             if words.startswith(self._words)
         )

@@ -226,7 +226,8 @@ class Export:
 
     Options:
         weights: The safetensors file of `uav-bt net train`; the shipped one if not given.
-        precision: 8-bit integers or floats.
+        precision: 8-bit integers, which take about half the time, or floats. The integers' ranges
+            are taken from images of the twin.
         out: The ONNX file; runs/NETWORK-PRECISION.onnx if not given.
     """
 
