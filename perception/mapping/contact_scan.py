@@ -26,6 +26,9 @@ _MAX_ELEVATION_RAD: Final = math.radians(-8.0)  # ground above this elevation is
 _MIN_RUN: Final = 4  # samples of obstacle or background above a base; fewer are mask noise
 # An obstacle at a metre that covers a bearing up to this elevation reaches the drone's height.
 _TALL_RAD: Final = math.radians(-25.0)
+# An obstacle is high from this height, or up to this distance below the camera.
+_HIGH_M: Final = 0.9
+_BELOW_M: Final = 0.5
 _TALL_SHARE: Final = 0.9  # of the samples that it covers; the others are mask noise
 
 
@@ -53,6 +56,7 @@ class Bases:
     placed_ids: Ids  # (N,) classes of the obstacles there
     # (N,) heights of their upper edges above the ground, m; NaN where the roof is not in view
     placed_heights_m: Floats
+    placed_high: Flags  # (N,) whether they reach the drone's height, or may do so
     # (M, 2): the nearest sample in view on bearings where it shows an obstacle. The obstacle stands
     # there or nearer, since a vertical edge keeps its bearing.
     hidden_m: Floats
@@ -110,6 +114,7 @@ def find_bases(scan: GroundScan) -> Bases:
         placed_m=_borders_m(scan, *placed),
         placed_ids=scan.ids[placed],
         placed_heights_m=_upper_edges(scan, *placed),
+        placed_high=_are_high(scan, *placed),
         hidden_m=scan.level_m[hidden],
         hidden_tall=_are_tall(scan, rows[hides]) & ~scan.on_legs[scan.ids[hidden]],
         edges_m=_borders_m(scan, edge_rows[ends], edge[ends]),
@@ -210,6 +215,25 @@ def _upper_edges(scan: GroundScan, rows: Indices, first: Indices) -> Floats:
     heights_m = np.full(len(known), np.nan)
     heights_m[known] = scan.height_m - base_m * (slope / 2.0)
     return heights_m
+
+
+def _are_high(scan: GroundScan, rows: Indices, first: Indices) -> Flags:
+    """Return whether sides of one class, with their roofs, rise to about the drone's height, (N,).
+
+    A side that ends with the image does. The sides begin at samples `first` of the bearings `rows`.
+    """
+    ids = np.pad(scan.ids[rows], ((0, 0), (0, 2)), constant_values=NO_ROLE)
+    own = ids[np.arange(len(rows)), first]
+    roof = np.where(scan.top_of[own] == 0, own, scan.top_of[own])
+    others = (ids != own[:, None]) & (ids != roof[:, None])
+    others &= np.arange(ids.shape[1]) > first[:, None]
+    others[:, :-1] &= others[:, 1:]  # a single sample is mask noise
+    end = others.argmax(axis=1)
+    ends = ids[np.arange(len(rows)), end] != NO_ROLE
+    below_m = np.zeros(len(rows))
+    end = np.minimum(end, scan.ids.shape[1] - 1)
+    below_m = scan.height_m * _range_m(scan, rows, first) / _range_m(scan, rows, end)
+    return ~ends | (below_m <= _BELOW_M) | (scan.height_m - below_m >= _HIGH_M)
 
 
 def _range_m(scan: GroundScan, rows: Indices, samples: Indices) -> Floats:
