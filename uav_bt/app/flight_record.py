@@ -72,7 +72,6 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
         "simulated": drone.referee is not None,
         "imageless": flight.context.sight is not None,
         "outputs": flight.outputs is not None,
-        "stills": flight.context.stills is not None,
         "versions": provenance.package_versions(),
         "platform": f"{platform.platform()}, Python {platform.python_version()}",
         "git": provenance.commit(),
@@ -105,7 +104,6 @@ class RecordedOptions:
     exact_masks: bool
     imageless: bool  # whether the frames show nothing
     outputs: bool  # whether leaves could write files
-    stills: bool  # whether the drone's camera took photographs
     record_quality: Quality
     site: Site | None
     limits: Limits

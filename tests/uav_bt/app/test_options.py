@@ -20,7 +20,6 @@ from tests.uav_bt.campaign.campaign_world import plan
 from uav_bt import app
 from uav_bt.answers import Advance, Answer
 from uav_bt.app.perceive.inputs import PerceiveOptions
-from uav_bt.app.replay.replayer import ReplayOptions
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
@@ -137,8 +136,6 @@ def test_every_number_is_checked_when_it_is_given(make: Callable[..., Any], name
         (PerceiveOptions, {"gimbal_pitch_rad": -2.0}, "must be a number from -1.5708 up to 1.5708"),
         (plan, {"flights": 0}, "must be a positive whole number, got 0"),
         (app.JudgeConfig, {"land_on": "nowhere"}, "unknown land_on 'nowhere' .*ground, mark, none"),
-        (ReplayOptions, {"masks": "exact"}, "masks: expected network or recorded.*, got 'exact'"),
-        (ReplayOptions, {"tree_folders": "lib"}, "tree_folders: expected a TreeFolders, got 'lib'"),
     ],
 )
 def test_values_of_nested_settings_are_refused(

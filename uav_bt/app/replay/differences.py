@@ -67,19 +67,10 @@ class ReplayReport:
 
 
 class Comparison:
-    """Compares the replay with the record, tick by tick, into a report; a listener of the runner.
-
-    `tolerance`: how far numbers of commands may differ, metres or radians; 0 for exactly.
-    """
+    """Compares a replay with its record, tick by tick, into a report; a listener of the runner."""
 
     def __init__(
-        self,
-        report: ReplayReport,
-        recorded: TreeNote,
-        tree: MissionTree,
-        drone: RecordedDrone,
-        *,
-        tolerance: float,
+        self, report: ReplayReport, recorded: TreeNote, tree: MissionTree, drone: RecordedDrone
     ) -> None:
         there = {node.path: place for place, node in enumerate(recorded.nodes)}
         here = {node.path: node for node in tree.nodes()}
@@ -88,7 +79,7 @@ class Comparison:
         report.only_replayed = tuple(path for path in here if path not in there)
         self._report = report
         self._drone = drone
-        self._tolerance = tolerance
+        self._tolerance = 0.0 if report.exact else LOSSY_NUMBERS
         self._nodes: Counter[str] = Counter()
 
     def on_tick(self, record: TickRecord) -> None:

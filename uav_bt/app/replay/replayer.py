@@ -11,12 +11,12 @@ from typing import Any, Final, Literal, get_args
 from uav_bt.app.assembly import Flight
 from uav_bt.app.flight_record import RecordedOptions, recorded_options
 from uav_bt.app.loading import Mission, is_text, read_mission
-from uav_bt.app.option_values import check_policies, expect, files, refuse
+from uav_bt.app.option_values import refuse
 from uav_bt.app.options import FlightOptions
 from uav_bt.app.place import conditions_of
 from uav_bt.app.recorded_files import recorded_files
-from uav_bt.app.replay.differences import LOSSY_NUMBERS, Comparison, ReplayReport
-from uav_bt.app.replay.recorded_drone import RecordedDrone, RecordedSegmenter
+from uav_bt.app.replay.differences import Comparison, ReplayReport
+from uav_bt.app.replay.recorded_drone import RecordedDrone
 from uav_bt.board import CLASS_MAP, FRAME
 from uav_bt.board.context import FlightFolder
 from uav_bt.errors import FileError, NodeFailedError
@@ -51,8 +51,6 @@ class ReplayOptions:
         registry: the nodes that may occur; None: all installed.
         leaves: Python files with leaves and policies that the trees may use.
 
-    Raises:
-        InputError: a value cannot be used.
     """
 
     tree: Mission | None = None
@@ -61,13 +59,6 @@ class ReplayOptions:
     masks: Masks | None = None
     registry: NodeRegistry | None = None
     leaves: Sequence[str | Path] = ()
-
-    def __post_init__(self) -> None:
-        check_policies(self.policies)
-        files(self.leaves)
-        expect("tree_folders", self.tree_folders, TreeFolders, "a TreeFolders")
-        if self.masks not in {None, *get_args(Masks)}:
-            refuse("masks", "network or recorded, or None", self.masks)
 
 
 def replay(record: str | Path, options: ReplayOptions | None = None) -> ReplayReport:
@@ -93,20 +84,20 @@ def replay(record: str | Path, options: ReplayOptions | None = None) -> ReplayRe
             "is not in it: replay the whole record",
         )
     flight, masks = assemble_recorded(reader, changes)
-    keeps_files = recorded_options(reader).outputs
     drone, lossless = flight.drone, flight.options.record_quality == "lossless"
     is_file = isinstance(changes.tree, str | Path) and not is_text(changes.tree)
     report = ReplayReport(
         record=str(record),
         tree=str(changes.tree) if is_file else flight.mission.origin,
         outcome=(reader.end or {}).get("outcome"),
+        exact=lossless,
         masks=masks,
     )
-    tolerance = 0.0 if lossless else LOSSY_NUMBERS
-    comparison = Comparison(report, reader.tree, flight.mission, drone, tolerance=tolerance)
+    comparison = Comparison(report, reader.tree, flight.mission, drone)
     try:
         with TemporaryDirectory(prefix="uav-bt-replay-") as folder:
             # The replay's files are dropped; leaves must answer as in the flight.
+            keeps_files = recorded_options(reader).outputs
             flight.outputs = FlightFolder(Path(folder)) if keeps_files else None
             with flight.connected():
                 flight.runner([comparison]).run()
@@ -128,8 +119,10 @@ def assemble_recorded(
             "was flown without images, so there is nothing to perceive again; fly it again with "
             "its seed instead, which gives the same flight on the same machine",
         )
-    drone = RecordedDrone(reader, recorded.airframe, stills=recorded.stills)
+    drone = RecordedDrone(reader, recorded.airframe)
     masks = changes.masks or ("recorded" if recorded.exact_masks else "network")
+    if masks not in get_args(Masks):
+        refuse("masks", "network or recorded, or None", masks)
     options = FlightOptions(
         seed=recorded.seed,
         inference_threads=recorded.inference_threads,
@@ -139,10 +132,10 @@ def assemble_recorded(
         runner=recorded.runner,
         policies=changes.policies,
         leaves=changes.leaves,
+        tree_folders=changes.tree_folders,
     )
     if changes.tree is not None:
         # Attributes and variables that the recorded mission had may name none of this one.
-        options = replace(options, tree_folders=changes.tree_folders)
         mission = read_mission(changes.tree, options, changes.registry)
     else:
         mission = _recorded_mission(reader, recorded, options, changes.registry)
@@ -158,7 +151,7 @@ def assemble_recorded(
         options,
         held=held,
         judge=ReplayJudge(drone, recorded.judge),
-        segmenter=RecordedSegmenter(drone) if masks == "recorded" else None,
+        segmenter=drone if masks == "recorded" else None,
         make_runner=ReplayRunner,
     )
     return flight, masks
@@ -166,15 +159,14 @@ def assemble_recorded(
 
 def _check_complete(reader: RecordReader, mission: MissionTree, masks: Masks) -> None:
     """Refuse a record that lacks the tree's frames or class maps: every replay would differ."""
-    needed: dict[str, str] = {}
-    if any(FRAME in leaf.reads for leaf in mission.leaves()):
-        needed |= dict.fromkeys(
-            (channels.CAMERA_FRAME.topic, channels.CAMERA_IMAGE.topic), "frames"
-        )
-    if masks == "recorded" and any(CLASS_MAP in leaf.writes for leaf in mission.leaves()):
-        needed[channels.CLASS_MAP.topic] = "class maps"
-    for topic, what in needed.items():
-        if next(reader.messages([topic]), None) is None:
+    perceives = any(FRAME in leaf.reads for leaf in mission.leaves())
+    segments = any(CLASS_MAP in leaf.writes for leaf in mission.leaves())
+    for topic, what, needed in (
+        (channels.CAMERA_FRAME.topic, "frames", perceives),
+        (channels.CAMERA_IMAGE.topic, "frames", perceives),
+        (channels.CLASS_MAP.topic, "class maps", segments and masks == "recorded"),
+    ):
+        if needed and next(reader.messages([topic]), None) is None:
             raise FileError(
                 reader.path,
                 f"the record has no {what} (no message on {topic}): perception cannot be "

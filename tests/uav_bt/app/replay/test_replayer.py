@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -12,20 +11,20 @@ import pytest
 
 from behaviours.fly.land import Land
 from behaviours.policies.segmentation_rule import SegmentationRule
-from tests.worlds.records import FLIGHT, NoisyDrone, copy_part, fly_noisy
+from tests.worlds.records import FLIGHT, copy_part, fly_noisy
 from tests.worlds.trees import tree_file
 from uav_bt import app
 from uav_bt.answers import Advance, Answer
 from uav_bt.app import recorded_files
 from uav_bt.app.replay import ReplayOptions, replay
-from uav_bt.app.replay.recorded_drone import MovementIds, RecordedDrone
+from uav_bt.app.replay.recorded_drone import MovementIds
 from uav_bt.app.replay.replayer import assemble_recorded
-from uav_bt.errors import DroneError, FileError
+from uav_bt.errors import FileError
 from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.tick import TickRecord
-from uav_bt.protocols import PolicyView, Still, StillState
+from uav_bt.protocols import PolicyView
 from uav_bt.record import encoder
-from uav_bt.record.channels import END, Channel
+from uav_bt.record.channels import Channel
 from uav_bt.record.reader import RecordReader
 from uav_bt.tree import Status
 from uav_bt.types import (
@@ -300,60 +299,3 @@ def test_a_replay_has_the_variables_and_ports_that_the_flight_was_given(
     flight, _ = assemble_recorded(RecordReader(record), ReplayOptions())
     assert flight.mission.variables.snapshot() == {"laps": 2, "turn_deg": 45}
     assert flight.mission.find("TakeOff").port_value("height_m") == 1.2
-
-
-# --- photographs of the drone's camera ------------------------------------------------------------
-
-TWICE = (
-    "<Sequence><TakeOff/>"
-    '<ForceSuccess><TakePhoto label="a"/></ForceSuccess><Turn degrees="30"/>'
-    '<ForceSuccess><TakePhoto label="b"/></ForceSuccess><Land/></Sequence>'
-)
-
-
-class SlowCamera:
-    """Ends each photograph seven questions after it was asked for: the second one fails."""
-
-    def __init__(self) -> None:
-        self.asked = self.questions = 0
-
-    def take_still(self) -> int:
-        self.asked += 1
-        self.questions = 0
-        return self.asked
-
-    def still(self, number: int) -> Still:
-        self.questions += 1
-        if self.questions < 7:
-            return Still()
-        if number == 1:
-            return Still(state=StillState.SAVED, media="m1")
-        return Still(state=StillState.FAILED, reason="the memory card is full")
-
-    def fetch_still(self, media: str, limit_s: float) -> bytes:
-        assert (media, limit_s > 0.0) == ("m1", True)
-        return b"\xff\xd8"
-
-
-class PhotographingDrone(NoisyDrone):
-    """A scripted drone whose camera takes photographs."""
-
-    stills = SlowCamera()
-
-
-def test_photographs_end_when_they_did_in_the_flight(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    drone, out = PhotographingDrone(), tmp_path / "out"
-    record, report = fly_noisy(tmp_path, monkeypatch, body=TWICE, drone=drone, out=out)
-    assert [photo.camera_media for photo in report.photos] == ["m1", None]
-    assert replay(record).same
-    stills = RecordedDrone(RecordReader(record), stills=True).stills
-    assert stills is not None
-    with pytest.raises(DroneError, match="a record has no photograph 'm1'"):
-        stills.fetch_still("m1", 1.0)
-    whole = dict(RecordReader(record).end or {})
-    damaged = {END: {**whole, "report": json.dumps({"events": [], "photos": 1})}}
-    part = copy_part(record, tmp_path / "part.mcap", metadata=damaged)
-    with pytest.raises(FileError, match="the report in the record is damaged"):
-        replay(part)
