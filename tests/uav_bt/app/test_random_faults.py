@@ -169,8 +169,8 @@ def test_only_leaves_that_become_the_phase_are_phases_of_faults() -> None:
         (["black@centre"], "fault 'black@centre': 'centre'; did you mean"),
         (["wind=inf"], "'wind=inf': expected a finite level from -10 to 10 m"),
         (["random=3"], "'random' takes no level and no time"),
-        ("wind", "expected a list of faults"),
-        ([Fault.parse("wind")], r"flies with drone=FaultyDrone\(drone, fault\)"),
+        ("wind", "faults: 'str' instances are not allowed"),
+        ([Fault.parse("wind")], "faults: expected a valid string, got"),
         (["@no-such.txt"], "no-such"),
     ],
 )
