@@ -8,7 +8,7 @@ Example:
 """
 
 from uav_bt.app import own_packages as _own_packages  # noqa: F401  (first, for what it checks)
-from uav_bt.app.assembly import ExactSegmenter, Flight, Listeners, assemble
+from uav_bt.app.assembly import Flight, Listeners, assemble
 from uav_bt.app.drone_of_flight import make_drone
 from uav_bt.app.flight import STILL_IN_THE_AIR, check, fly
 from uav_bt.app.loading import Mission
@@ -25,7 +25,6 @@ from uav_bt.types.place import LandOn
 
 __all__ = [
     "STILL_IN_THE_AIR",
-    "ExactSegmenter",
     "Flight",
     "FlightOptions",
     "FlownMission",

@@ -39,6 +39,7 @@ from uav_bt.types import ClassMap, Frame
 DroneT = TypeVar("DroneT", bound=Drone)
 
 _LOG: Final = logging.getLogger(__name__)
+_EXACT_PX: Final = (224, 112)  # width and height of exact class maps: those of the networks
 _STILL_S: Final = 2.0  # of a real camera; longer than video needs to repeat a whole image
 
 
@@ -70,13 +71,7 @@ class Flight(Generic[DroneT]):
         check_phases(mission, [one.fault for one in self._faulty])
         self._clock = TickClock(drone.clock)
         self.held = held = held or conditions_of(options, mission, drone)
-        self.lab = held.lab
-        self.mark = held.mark
-        self.classes = held.classes
-        self.area = held.area
-        self.rules = held.rules
-        self.judge_config = held.judge
-        plugins.make_mark_finder(self.mark)  # refuses wrong options before the flight
+        plugins.make_mark_finder(held.mark)  # refuses wrong options before the flight
         self._judge = judge or Judge(held.judge, held.mark, held.area)
 
     def missed_faults(self) -> list[str]:
@@ -118,16 +113,14 @@ class Flight(Generic[DroneT]):
 
     def _policy(self, name: str) -> LeafPolicy:
         given = self.options.policy_objects.get(name)
-        if given is None:
-            return plugins.make_policy(name, self.options.own_parts.policies)
-        return given
+        return given or plugins.make_policy(name, self.options.own_parts.policies)
 
     def _exact_segmenter(self) -> Segmenter | None:
         if not self.options.exact_masks:
             return None
         if self.drone.referee is None:
             raise InputError("exact masks need a simulated drone: a real one has no referee")
-        return ExactSegmenter(self.drone.referee, self.classes)
+        return _ExactSegmenter(self.drone.referee, self.held.classes)
 
     @property
     def scene_name(self) -> str | None:
@@ -144,7 +137,7 @@ class Flight(Generic[DroneT]):
         given = self._segmenter is not None or isinstance(self.drone, Imageless)
         if not given and not options.exact_masks:
             named = isinstance(options.lab, Lab)
-            refuse_foreign_network(self.mission, self.lab, named=named)
+            refuse_foreign_network(self.mission, self.held.lab, named=named)
         try:
             self.drone.connect()
             self.context.board.write(CAMERA, self.drone.camera)
@@ -221,23 +214,14 @@ def frame_judge(drone: Drone) -> FrameJudge:
     return FrameWatch(still_s=_STILL_S) if drone.live else FrameWatch()
 
 
-class ExactSegmenter:
-    """The twin's exact class ids as a segmenter: for evaluations, never for a mission's result.
+class _ExactSegmenter:
+    """The twin's exact class ids as a segmenter: for evaluations, never for a mission's result."""
 
-    Args:
-        referee: gives the exact class ids.
-        classes: classes of the lab.
-        size_px: width and height of the class maps.
-    """
-
-    def __init__(
-        self, referee: Referee, classes: LabClasses, size_px: tuple[int, int] = (224, 112)
-    ) -> None:
+    def __init__(self, referee: Referee, classes: LabClasses) -> None:
         self._referee = referee
         self._classes = classes
-        self._size_px = size_px
 
     def segment(self, frame: Frame) -> ClassMap:
         """Return the exact class map of a delivered frame."""
-        ids = np.ascontiguousarray(self._referee.class_ids(frame, *self._size_px))
+        ids = np.ascontiguousarray(self._referee.class_ids(frame, *_EXACT_PX))
         return ClassMap(ids=ids, classes=self._classes, captured_s=frame.captured_s)

@@ -21,7 +21,7 @@ from uav_bt.app.flight_outputs import (
 )
 from uav_bt.app.flying_process import landing_on_signals, short_collections
 from uav_bt.app.loading import Mission, load_mission
-from uav_bt.app.option_values import as_file
+from uav_bt.app.option_values import as_file, expect, refuse
 from uav_bt.app.options import FlightOptions, given_options
 from uav_bt.app.place import check_area
 from uav_bt.app.random_faults import drawn
@@ -29,7 +29,7 @@ from uav_bt.app.reload import TreeReload, reloadable_file
 from uav_bt.app.results import FlownMission, PathLog
 from uav_bt.app.site import Site
 from uav_bt.board import SITE_MAP
-from uav_bt.errors import InputError, TreeError, UavBtError
+from uav_bt.errors import TreeError, UavBtError
 from uav_bt.lab.lab import Lab
 from uav_bt.mission.covered_ground import CoveredGround
 from uav_bt.mission.flight_log import FlightLog
@@ -39,17 +39,16 @@ from uav_bt.mission.map_check import MapCheck
 from uav_bt.mission.preflight import Check, check_drone, refuse_faults
 from uav_bt.mission.runner import MissionRunner, NextTree
 from uav_bt.mission.tick import TickListener
+from uav_bt.plugins import need
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, NodeRegistry
 from uav_bt.tree.loading.before_flight import findings_at, refused_by_lab
 from uav_bt.tree.loading.uses import Uses
-from uav_bt.types import SiteMap
 
 STILL_IN_THE_AIR: Final = (
     "THE DRONE IS STILL IN THE AIR, as far as is known: take its remote control and land it"
 )
 Controls = Callable[[MissionRunner], AbstractContextManager[None]]
-_Writers = Mapping[str, Callable[[FlightReport], None]]  # by output
 
 
 def check(tree: Mission, registry: NodeRegistry | None = None, **how: Any) -> MissionTree:
@@ -131,37 +130,36 @@ def fly(
     _check_listeners(listeners)
     options = drawn(given_options(options, how))
     mission = load_mission(tree, options, registry)
-    out, report = as_file("out", out, "a folder"), as_file("report", report)
-    if out is not None and report is None:
-        report = out / REPORT_FILE
-    video, record_file = as_file("video", video), as_file("record", options.record)
-    outputs = {"report": report, "record": record_file, "video": video}
+    out = as_file("out", out, "a folder")
+    report = as_file("report", report) or (out and out / REPORT_FILE)
+    video, record = as_file("video", video), as_file("record", options.record)
+    outputs = {"report": report, "record": record, "video": video}
     folder = flight_folder(out, outputs)
     check_outputs(mission, options, outputs, folder)
     flight = join(mission, options, folder)
     watched = None if watch is None else reloadable_file(tree, flight.drone, outputs)
+    if record is not None:
+        need("record", "a flight record")
     with ExitStack() as stack:
-        record = None
-        if record_file is not None:
-            from uav_bt.app.flight_record import FlightRecord  # noqa: PLC0415  (an extra)
-
-            record = stack.enter_context(FlightRecord(record_file))
         stack.enter_context(flight.connected())
         if flight.drone.live:
             stack.enter_context(short_collections())
             _check_before_take_off(flight, on_check)
-        followers: list[Listeners] = []
+        followers = list(listeners)
         keep: dict[str, Callable[[FlightReport], None]] = {}  # the report last: it names losses
         if folder is not None and flight.context.stills is not None:
             camera = flight.context.stills  # first, while the drone waits on the ground
             keep["camera photographs"] = partial(fetch_photos, camera=camera, folder=folder)
         if video is not None:
             film = stack.enter_context(flight_video(video))
-            followers.append(film)
+            followers.insert(0, film)
             keep["video"] = film.finish
         if record is not None:
-            followers.append(record.begin)
-            keep["record"] = record.conclude
+            from uav_bt.app import flight_record  # noqa: PLC0415  (an extra)
+
+            recorder = stack.enter_context(flight_record.begin_record(record, flight))
+            followers.append(lambda _: [recorder])
+            keep["record"] = partial(flight_record.end_record, recorder=recorder, path=record)
         if folder is not None:
             keep["objects"] = partial(write_objects, folder=folder)
         if report is not None:
@@ -170,7 +168,7 @@ def fly(
         if watched is not None and watch is not None:
             next_tree = TreeReload(flight, watched, registry, watch)
         controls = controls or (lambda _: nullcontext())
-        return _run(flight, [*followers, *listeners], keep, controls, next_tree)
+        return _run(flight, followers, keep, controls, next_tree)
 
 
 def changes_of(options: FlightOptions) -> FlightChanges:
@@ -188,28 +186,14 @@ def changes_of(options: FlightOptions) -> FlightChanges:
 def _check_listeners(listeners: object) -> None:
     for make in listeners if isinstance(listeners, Sequence) else [listeners]:
         if make is listeners or not callable(make):
-            raise InputError(
-                "listeners: expected a list of functions that take the flight and return what "
-                f"follows it, such as [lambda flight: [notes]]; got {make!r:.80}"
-            )
-
-
-def _made(make: Listeners, flight: Flight[Drone]) -> Sequence[TickListener]:
-    made: object = make(flight)
-    if isinstance(made, Sequence):
-        return made
-    raise InputError(
-        f"listeners: expected functions that return a list, such as lambda flight: [notes]; "
-        f"{make!r:.80} returned {made!r:.80}"
-    )
+            refuse("listeners", "a list of functions, such as [lambda flight: [notes]]", make)
 
 
 def _check_before_take_off(flight: Flight[Drone], on_check: Callable[[Check], None] | None) -> None:
-    drone, preflight = flight.drone, flight.held.site.preflight
-    checks = check_drone(drone, preflight, judge_frame=frame_judge(drone))
-    for each in checks:
-        if on_check is not None:
-            on_check(each)
+    drone = flight.drone
+    checks = check_drone(drone, flight.held.site.preflight, judge_frame=frame_judge(drone))
+    for each in checks if on_check is not None else ():
+        on_check(each)
     if not flight.options.rehearse:  # nothing takes off: faults are only shown
         refuse_faults(checks)
 
@@ -217,7 +201,7 @@ def _check_before_take_off(flight: Flight[Drone], on_check: Callable[[Check], No
 def _run(
     flight: Flight[Drone],
     listeners: Sequence[Listeners],
-    keep: _Writers,
+    keep: Mapping[str, Callable[[FlightReport], None]],
     controls: Controls,
     next_tree: NextTree | None,
 ) -> FlownMission:
@@ -227,27 +211,15 @@ def _run(
     coverage = None if ground is None else CoveredGround(ground, drone.camera)
     accuracy = None if ground is None else MapCheck(ground, lambda: board.read(SITE_MAP).value)
     log, path = FlightLog(coverage, accuracy), PathLog()
-    made = [one for make in listeners for one in _made(make, flight)]
-    runner = flight.runner([log, path, *made], next_tree)
+    followers: list[TickListener] = [log, path]
+    for make in listeners:
+        made = make(flight)
+        expect("listeners", made, Sequence, "functions that return a list, as lambda _: [notes]")
+        followers += made
+    runner = flight.runner(followers, next_tree)
 
     def finish(verdict: Verdict) -> FlownMission:
-        site_map = _last_map(flight)
-        result = FlownMission(
-            **vars(changes_of(flight.options)),
-            **log.fields(),
-            **_facts(flight),
-            outcome=verdict.outcome.value,
-            reason=verdict.reason,
-            slow_leaves={leaf: round(1e3 * s, 1) for leaf, s in runner.budgets.worst_s.items()},
-            warnings=[*log.warnings, *flight.missed_faults()],
-            # The runner knows only its own descents; the truth of a simulated drone is known.
-            airborne_at_end=runner.descent.airborne
-            or (drone.referee is not None and drone.referee.truth().motors_on),
-            lost_outputs=dict(runner.listeners.lost),
-            objects=objects_of(site_map),
-            path=path.array(),
-            site_map=site_map,
-        )
+        result = _result(flight, runner, log, path, verdict)
         for what, write in keep.items():
             try:
                 write(result)
@@ -267,37 +239,46 @@ def _run(
     return finish(verdict)
 
 
-def _facts(flight: Flight[Drone]) -> dict[str, Any]:
-    """Return what a report says of a flight besides its course and its end."""
-    options, context = flight.options, flight.context
-    return {
-        "scene": flight.scene_name,
-        "lab": None if flight.lab is None else flight.lab.name,
-        "seed": options.seed,
-        "tree": flight.mission.origin,
-        "policies": {
+def _result(
+    flight: Flight[Drone], runner: MissionRunner, log: FlightLog, path: PathLog, verdict: Verdict
+) -> FlownMission:
+    options, context, referee = flight.options, flight.context, flight.drone.referee
+    site_map, _ = context.board.snapshot().get(SITE_MAP.name, (None, None))  # of any age
+    return FlownMission(
+        **vars(changes_of(options)),
+        **log.fields(),
+        scene=flight.scene_name,
+        lab=None if flight.held.lab is None else flight.held.lab.name,
+        seed=options.seed,
+        tree=flight.mission.origin,
+        policies={
             leaf.path: str(leaf.port_value("policy"))
             for leaf in flight.mission.leaves()
             if any(port.name == "policy" for port in leaf.ports)
         },
-        "drone": options.drone_name,
-        "profile": _profile(flight),
-        "perception_ms": {
+        drone=options.drone_name,
+        profile=_profile(flight),
+        perception_ms={
             name: Percentiles.of_seconds(times) for name, times in context.stage_times_s.items()
         },
-        "photos": list(context.notes.photos),
-        "events": list(context.notes.events),
-    }
+        photos=list(context.notes.photos),
+        events=list(context.notes.events),
+        outcome=verdict.outcome.value,
+        reason=verdict.reason,
+        slow_leaves={leaf: round(1e3 * s, 1) for leaf, s in runner.budgets.worst_s.items()},
+        warnings=[*log.warnings, *flight.missed_faults()],
+        # The runner knows only its own descents; the truth of a simulated drone is known.
+        airborne_at_end=runner.descent.airborne
+        or (referee is not None and referee.truth().motors_on),
+        lost_outputs=dict(runner.listeners.lost),
+        objects=objects_of(site_map),
+        path=path.array(),
+        site_map=site_map,
+    )
 
 
 def _words(error: Exception) -> str:
     return str(error) if isinstance(error, UavBtError) else f"{type(error).__name__}: {error}"
-
-
-def _last_map(flight: Flight[Drone]) -> SiteMap | None:
-    """Return the newest site map of any age. None: the mission made none."""
-    known = flight.context.board.snapshot().get(SITE_MAP.name)
-    return None if known is None else known[0]
 
 
 def _profile(flight: Flight[Drone]) -> str | None:

@@ -67,7 +67,7 @@ class TreeReload:
             self._note(f"{error}\n{_REFUSED}")
             return None
         self._know(tree)
-        if rules_of(tree) != flight.rules:
+        if rules_of(tree) != flight.held.rules:
             words = "its Rules differ from those that were read before the take-off"
             self._note(f"{self._path}: {words}\n{_REFUSED}")
         elif tree.sources == flown.sources:

@@ -42,9 +42,11 @@ class FlownMission(FlightReport):
 class PathLog:
     """Listens to the runner and keeps the drone's pose at each tick."""
 
-    def __init__(self) -> None:
+    def __init__(self, ticks: Iterable[TickRecord] = ()) -> None:
         self._flown = FlownPath()
         self._rows: list[tuple[float, ...]] = []
+        for tick in ticks:
+            self.on_tick(tick)
 
     def on_tick(self, record: TickRecord) -> None:
         """Add the pose of a tick."""
@@ -54,11 +56,3 @@ class PathLog:
     def array(self) -> NDArray[np.float64]:
         """Return the path until now, (N, 5); see `FlownMission.path`."""
         return np.array(self._rows, dtype=np.float64).reshape(-1, 5)
-
-
-def path_of(ticks: Iterable[TickRecord]) -> NDArray[np.float64]:
-    """Return the path of recorded ticks, (N, 5); see `FlownMission.path`."""
-    log = PathLog()
-    for tick in ticks:
-        log.on_tick(tick)
-    return log.array()

@@ -16,12 +16,10 @@ from typing import Any
 import av
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from sim_bridge.plain import PlainConfig
 from sim_bridge.twin import TwinConfig
 from sim_bridge.twin.drone import TwinDrone
-from tests.paper_lab import CLASSES
 from tests.worlds.trees import tree_file
 from uav_bt import app, plugins
 from uav_bt.errors import (
@@ -36,10 +34,10 @@ from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
-from uav_bt.testing import InjectedError, ScriptedDrone, blank_frame
+from uav_bt.testing import InjectedError, ScriptedDrone
 from uav_bt.tree import Leaf, NodeRegistry, Status
 from uav_bt.tree.shipped import shipped_missions
-from uav_bt.types import Command, DroneState, FlyingState, Frame, Land, Observation
+from uav_bt.types import Command, FlyingState, Land, Observation
 
 TREES = Path(app.__file__).parents[2] / "trees"
 HOP = '<Sequence><TakeOff height_m="1.0"/><Land/></Sequence>'
@@ -189,20 +187,7 @@ def test_an_option_that_a_drone_cannot_use_is_refused(
         app.make_drone(app.FlightOptions(drone="twin:here"))
 
 
-def test_exact_masks_come_from_the_referee_at_the_networks_size(
-    hangar: Hangar, tmp_path: Path
-) -> None:
-    class Knowing:
-        def class_ids(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.uint8]:
-            return np.full((width_px, height_px), frame.index, dtype=np.uint8).T
-
-    state = DroneState(captured_s=0.0, flying=FlyingState.HOVERING)
-    frame = blank_frame(hangar.drone.camera, state, index=9, captured_s=1.25)
-    class_map = app.ExactSegmenter(Knowing(), CLASSES, (56, 28)).segment(frame)  # type: ignore[arg-type]
-    assert class_map.ids.shape == (28, 56)
-    assert class_map.ids.flags.c_contiguous
-    assert class_map.captured_s == 1.25
-    assert (class_map.ids == 9).all()
+def test_exact_masks_need_a_referee(hangar: Hangar, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="exact masks need a simulated drone"):
         app.fly(tree_file(tmp_path, HOP), drone="scripted", exact_masks=True)
     assert not hangar.drone.connected

@@ -176,8 +176,8 @@ def test_a_composed_tree_flies_and_its_own_leaf_can_be_asked(tmp_path: Path) -> 
     [
         ({"options": {"scene": "val-a"}}, r"options: expected FlightOptions\(\.\.\.\), got \{'sc"),
         ({"registry": [Peek]}, r"registry: expected a NodeRegistry, such as .*; got \[<class"),
-        ({"listeners": [3]}, r"listeners: expected a list of functions .*; got 3"),
-        ({"listeners": print}, r"listeners: expected a list of functions .*; got <built-in"),
+        ({"listeners": [3]}, r"listeners: expected a list of functions, .*, got 3"),
+        ({"listeners": print}, r"listeners: expected a list of functions, .*, got <built-in"),
     ],
 )
 def test_arguments_of_another_type_are_refused(given: dict[str, Any], message: str) -> None:
@@ -187,7 +187,7 @@ def test_arguments_of_another_type_are_refused(given: dict[str, Any], message: s
 
 def test_what_does_not_fit_a_composed_tree_is_refused_before_the_flight() -> None:
     drone = ScriptedDrone()
-    with pytest.raises(InputError, match=r"that return a list, .*<built-in .*> returned None"):
+    with pytest.raises(InputError, match=r"listeners: .* that return a list, .*, got None"):
         app.fly(composed(), drone=drone, listeners=[print])  # type: ignore[list-item]
     for policies, message in (
         ({"pek": "corridor"}, "no node of that name or path; did you mean 'peek'"),

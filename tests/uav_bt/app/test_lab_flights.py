@@ -94,9 +94,9 @@ def test_a_real_drone_flies_with_the_settings_of_the_lab(make_lab: MakeLab) -> N
     assert context.mark_pose == Pose2D(x_m=1.0, y_m=0.5, yaw_rad=0.0)
     assert context.clearances.obstacle_m == 0.5
     assert flight.mission.find("TakeOff").port_value("height_m") == 1.1
-    assert flight.area is not None
-    assert flight.area.margin_m(0.0, 0.0) == pytest.approx(1.0)
-    assert flight.area.margin_m(1.4, 0.0) == pytest.approx(0.1)  # ahead is up the drawing
+    assert flight.held.area is not None
+    assert flight.held.area.margin_m(0.0, 0.0) == pytest.approx(1.0)
+    assert flight.held.area.margin_m(1.4, 0.0) == pytest.approx(0.1)  # ahead is up the drawing
 
 
 def test_a_lab_without_a_mark_or_with_a_narrow_margin_is_refused(make_lab: MakeLab) -> None:
@@ -165,9 +165,9 @@ def test_the_first_scene_of_the_lab_is_flown_unless_one_is_named(make_lab: MakeL
     for asked, name in ((None, "east"), ("west", "west"), ("labs/hall/scenes/west.yaml", "west")):
         flight = app.assemble("land_only", drone="plain", lab="hall", scene=asked)
         assert flight.scene_name == name
-        assert flight.classes.names[1] == "floor"
-        assert flight.lab is not None
-        assert flight.lab.name == "hall"
+        assert flight.held.classes.names[1] == "floor"
+        assert flight.held.lab is not None
+        assert flight.held.lab.name == "hall"
     assert app.assemble("land_only", drone="plain", lab="paper").scene_name == "train-a"
     assert app.assemble("land_only", drone="plain", lab="depot").scene_name == "depot-test-a"
 
@@ -193,7 +193,7 @@ def test_a_scene_in_the_folder_of_a_lab_belongs_to_it(
     monkeypatch.chdir(tmp_path.parent)
     for name in ("one", "two"):
         flight = app.assemble("land_only", drone="plain", scene=folder / "scenes" / f"{name}.yaml")
-        assert flight.classes.names[1] == "floor"
+        assert flight.held.classes.names[1] == "floor"
 
 
 def test_the_mark_of_a_scene_comes_before_that_of_its_lab(make_lab: MakeLab) -> None:

@@ -59,12 +59,12 @@ def put_together(rules: str, **how: Any) -> Flight[Drone]:
 def test_options_come_before_the_missions_rules() -> None:
     rules = '<Rules time_limit_s="60" land_on="ground"/>'
     flight = put_together(rules)
-    assert (flight.judge_config.limit_s, flight.judge_config.land_on) == (60.0, LandOn.GROUND)
+    assert (flight.held.judge.limit_s, flight.held.judge.land_on) == (60.0, LandOn.GROUND)
     flight = put_together(rules, judge=app.JudgeConfig(time_limit_s=90.0, land_on=LandOn.ANY))
-    assert (flight.judge_config.limit_s, flight.judge_config.land_on) == (90.0, LandOn.ANY)
-    assert put_together("").judge_config.limit_s == 300.0
+    assert (flight.held.judge.limit_s, flight.held.judge.land_on) == (90.0, LandOn.ANY)
+    assert put_together("").held.judge.limit_s == 300.0
     rehearsal = put_together('<Rules land_on="mark"/>', rehearse=True)
-    assert rehearsal.judge_config.land_on is LandOn.ANY  # where the drone is held
+    assert rehearsal.held.judge.land_on is LandOn.ANY  # where the drone is held
 
 
 def test_the_areas_of_mission_and_site_both_hold() -> None:
@@ -85,8 +85,8 @@ def test_an_area_of_the_drawing_is_turned_to_the_take_off(no_pad: Path) -> None:
     """The drone at (-1, 0.5) looks up the drawing: up is ahead, left is left."""
     area = "lab:-2,0; lab:0,0; lab:0,2; lab:-2,2"
     flight = put_together(f'<Rules land_on="any" area="{area}"/>', scene=no_pad)
-    assert flight.area is not None
-    corners = np.array(flight.area.polygons[0])
+    assert flight.held.area is not None
+    corners = np.array(flight.held.area.polygons[0])
     assert corners == pytest.approx(np.array([[-0.5, -1.0], [-0.5, 1.0], [1.5, 1.0], [1.5, -1.0]]))
     no_pad.write_text("take_off: {from: random}", encoding="utf-8")
     with pytest.raises(InputError, match="name the corners as start:x,y"):

@@ -9,12 +9,11 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final, Literal, get_args
 
 from uav_bt.app.assembly import Flight
-from uav_bt.app.flight_record import RecordedOptions, recorded_options
+from uav_bt.app.flight_record import RecordedOptions, recorded_files, recorded_options
 from uav_bt.app.loading import Mission, is_text, read_mission
 from uav_bt.app.option_values import refuse
 from uav_bt.app.options import FlightOptions
 from uav_bt.app.place import conditions_of
-from uav_bt.app.recorded_files import recorded_files
 from uav_bt.app.replay.differences import Comparison, ReplayReport
 from uav_bt.app.replay.recorded_drone import RecordedDrone
 from uav_bt.board import CLASS_MAP, FRAME

@@ -15,7 +15,7 @@ from tests.worlds.records import FLIGHT, copy_part, fly_noisy
 from tests.worlds.trees import tree_file
 from uav_bt import app
 from uav_bt.answers import Advance, Answer
-from uav_bt.app import recorded_files
+from uav_bt.app import flight_record
 from uav_bt.app.replay import ReplayOptions, replay
 from uav_bt.app.replay.recorded_drone import MovementIds
 from uav_bt.app.replay.replayer import assemble_recorded
@@ -206,10 +206,10 @@ def test_attachments_without_the_tree_or_outside_their_folder_are_refused(
     noisy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(recorded_files, "_TREE_FOLDER", "trees/")
+        patch.setattr(flight_record, "_TREE_FOLDER", "trees/")
         with pytest.raises(FileError, match=r"lacks its tree file \(mission\.xml\); give the tree"):
             replay(noisy)
-        patch.setattr(recorded_files, "_TREE_FOLDER", "tree/../../")
+        patch.setattr(flight_record, "_TREE_FOLDER", "tree/../../")
         record, _ = fly_noisy(tmp_path, monkeypatch)
     with pytest.raises(FileError, match="lies outside its folder"):
         replay(record)
