@@ -14,7 +14,6 @@ import numpy as np
 from perception.camera.frame_watch import FrameWatch
 from uav_bt import plugins
 from uav_bt.app.drone_of_flight import make_drone
-from uav_bt.app.flying_process import collections_postponed
 from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.options import FlightOptions, given_options
 from uav_bt.app.place import Conditions, conditions_of, refuse_foreign_network
@@ -141,8 +140,7 @@ class Flight(Generic[DroneT]):
         try:
             self.drone.connect()
             self.context.board.write(CAMERA, self.drone.camera)
-            with collections_postponed():
-                self.mission.setup(self.context)
+            self.mission.setup(self.context)
             yield
         finally:
             # The flight is over: a failing shutdown or disconnect does not change its result.

@@ -25,8 +25,7 @@ _PACKAGE: Final = "uav-bt"
 _AGAIN: Final = "install uav-bt again"
 _SDK: Final = "parrot-olympe"
 _SDK_BEYOND: Final = (3, 13)  # fails on import from there on
-_LINE_WIDTH: Final = 100  # characters
-_NO_BREAK: Final = "\N{NO-BREAK SPACE}"  # keeps a package and its version in one line
+_LINE_WIDTH: Final = 80  # characters; the line's beginning comes in addition
 _GROUPS: Final = {
     plugins.DRONES: "drones",
     plugins.POLICIES: "policies",
@@ -59,14 +58,14 @@ def examine(draws: Callable[[], str]) -> Iterator[Check]:
     except UavBtError as error:
         yield Check("drawing the lab", good=False, found=str(error))
     for group, what in _GROUPS.items():
-        faults: dict[str, str] = {}
+        good_names, faults = [], []
         for name in plugins.names(group):
             try:
                 plugins.load(group, name)
+                good_names.append(name)
             except UavBtError as error:
-                faults[name] = str(error)
-        good_names = [name for name in plugins.names(group) if name not in faults]
-        yield _contributed(what, good_names, faults.values())
+                faults.append(str(error))
+        yield _contributed(what, good_names, faults)
     try:
         registry = NodeRegistry.installed()
     except UavBtError as error:
@@ -86,30 +85,16 @@ def _belongs(requirement: Requirement, extra: str) -> bool:
 
 def _extra(extra: str, names: Iterable[str]) -> Check:
     versions = {name: _version(name) for name in names}
-    missing = [name for name, version in versions.items() if version is None]
-    what = f"extra {extra}" if extra else "needed packages"
-    found = ", ".join(f"{name} {version}" for name, version in versions.items() if version)
-    if missing:
-        found = ", ".join(missing) + (f" (installed: {found})" if found else "")
+    missing = ", ".join(name for name, version in versions.items() if version is None)
+    installed = ", ".join(f"{name}=={version}" for name, version in versions.items() if version)
+    found = f"{missing} (installed: {installed})" if missing and installed else missing or installed
     return Check(
-        what=what,
+        what=f"extra {extra}" if extra else "needed packages",
         good=not missing,
-        found=_wrapped(found, len(f"{what}: ok, ")),
+        found="\n  ".join(textwrap.wrap(found, _LINE_WIDTH, break_on_hyphens=False)),
         remedy=f"run {plugins.install_command(extra)}" if extra else _AGAIN,
         optional=bool(extra),
     )
-
-
-def _wrapped(text: str, begin: int) -> str:
-    """Return a list in lines of limited width; the first one begins in a given column."""
-    lines = textwrap.fill(
-        text.replace(" ", _NO_BREAK).replace(f",{_NO_BREAK}", ", "),
-        _LINE_WIDTH,
-        initial_indent=" " * begin,
-        subsequent_indent="  ",
-        break_on_hyphens=False,
-    )
-    return lines[begin:].replace(_NO_BREAK, " ")
 
 
 def _version(name: str) -> str | None:

@@ -81,18 +81,6 @@ def _interrupt(number: int, _frame: object) -> NoReturn:
 
 
 @contextmanager
-def collections_postponed() -> Iterator[None]:
-    """Search for garbage afterwards: imports make many objects, and all of them stay."""
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
-
-
-@contextmanager
 def short_collections() -> Iterator[None]:
     """Keep garbage collections short: only objects made inside are searched.
 

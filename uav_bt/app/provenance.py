@@ -57,15 +57,13 @@ def hardware(cpu_info: Path = Path("/proc/cpuinfo")) -> str:
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     flags = {word for line in lines if line.startswith("flags") for word in line.split()}
     vnni = "VNNI" if flags & {"avx_vnni", "avx512_vnni"} else "no VNNI"
-    memory, system = "memory unknown", f"{platform.system()} {platform.release()}"
+    memory = "memory unknown"
     with suppress(AttributeError, OSError, ValueError):  # Windows has no such names
         total = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
         memory = f"{total / 2**30:.1f} GiB memory"
-    with suppress(OSError, KeyError):  # not a Linux distribution, or one without this file
-        system = f"{platform.freedesktop_os_release()['PRETTY_NAME']} ({system})"
     return (
         f"{names[0] if names else platform.machine()}, {os.cpu_count()} cores, "
-        f"{vnni if flags else 'VNNI unknown'}, {memory}, {system}, "
+        f"{vnni if flags else 'VNNI unknown'}, {memory}, {platform.platform()}, "
         f"Python {platform.python_version()}"
     )
 

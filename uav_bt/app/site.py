@@ -9,8 +9,8 @@ A site file is YAML with the keys of `uav_bt.lab.flight_keys`, each of which may
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -75,16 +75,22 @@ def load_site(path: str | Path) -> Site:
     file = read_yaml(Path(path), FlightKeys, "site file")
     with file.at("mark"):
         pose, mark = mark_pose(file.value), mark_of(file.value, default_mark())
-    return _site(
-        file.value, file.value.network, file.error, mark=mark, mark_pose=pose, file=Path(path)
-    )
+    site = _site(file.value, file.value.network, file.at)
+    return replace(site, mark=mark, mark_pose=pose, file=Path(path))
 
 
 def site_of_lab(lab: Lab) -> Site:
     """Return the site of a lab, as of a site file with the same keys."""
-    mark = {"mark": lab.mark, "mark_pose": lab.mark_pose}
-    failure = partial(lab_error, lab.file)
-    return _site(lab.flight, network_of(lab), failure, **mark, file=lab.file, lab=lab.name)
+    site = _site(lab.flight, network_of(lab), partial(_at, lab.file))
+    return replace(site, mark=lab.mark, mark_pose=lab.mark_pose, file=lab.file, lab=lab.name)
+
+
+@contextmanager
+def _at(lab_file: Path, key: str) -> Iterator[None]:
+    try:
+        yield
+    except ValueRangeError as error:
+        raise lab_error(lab_file, str(error), key) from error
 
 
 def network_of(lab: Lab) -> NetworkKeys:
@@ -102,43 +108,34 @@ def has_paper_classes(lab: Lab) -> bool:
 
 
 def _site(
-    keys: FlightKeys, network: NetworkKeys | None, failure: Callable[..., InputError], **given: Any
+    keys: FlightKeys,
+    network: NetworkKeys | None,
+    at: Callable[[str], AbstractContextManager[None]],
 ) -> Site:
-    """Return the site of the keys of a file; `failure` makes an error of a message and keys."""
-    battery, ports, networks = keys.battery or {}, keys.ports or {}, network or {}
-    critical = {"critical_battery": battery["critical"]} if "critical" in battery else {}
-    take_off = {"battery": battery.get("take_off"), "link": (keys.link or {}).get("take_off")}
-    with _at("take_off", failure):
-        start = take_off_pose(keys)
-    with _at("limits", failure):
-        limits = Limits(**(keys.limits or {}), **critical)
+    """Return the site of the keys of a file; `at` gives errors of a block the line of a key."""
+    same = ("flight_height_m", "take_off_surface_m", "camera", "ground", "return_home")
+    stated: dict[str, Any] = {name: getattr(keys, name) for name in same} | {**(network or {})}
+    stated |= {f"{name}_port": port for name, port in (keys.ports or {}).items()}
+    stated |= {f"video_{name}": value for name, value in (keys.video or {}).items()}
+    limits: dict[str, Any] = {**(keys.limits or {})}
+    preflight: dict[str, Any] = {}
+    battery, link = keys.battery or {}, keys.link or {}
+    if "critical" in battery:
+        limits["critical_battery"] = battery["critical"]
+    if "take_off" in battery:
+        preflight["battery"] = battery["take_off"]
+    if "take_off" in link:
+        preflight["link"] = link["take_off"]
+    with at("take_off"):
+        stated["take_off_pose"] = take_off_pose(keys)
+    with at("limits"):
+        stated["limits"] = Limits(**limits)
     return Site(
-        flight_height_m=keys.flight_height_m,
-        take_off_surface_m=keys.take_off_surface_m,
-        take_off_pose=start,
-        camera=keys.camera,
-        model=networks.get("model"),
-        classes=networks.get("classes"),
-        depth=networks.get("depth"),
-        ground=keys.ground,
-        limits=limits,
         area=None if keys.area is None else area_corners(keys.area),
         clearances=keys.margins or Clearances(),
-        preflight=PreflightConfig(**{key: v for key, v in take_off.items() if v is not None}),
-        video_latency_s=(keys.video or {}).get("latency_s", Site.video_latency_s),
-        http_port=ports.get("http"),
-        rtsp_port=ports.get("rtsp"),
-        return_home=keys.return_home,
-        **given,
+        preflight=PreflightConfig(**preflight),
+        **stated,
     )
-
-
-@contextmanager
-def _at(key: str, failure: Callable[..., InputError]) -> Iterator[None]:
-    try:
-        yield
-    except ValueRangeError as error:
-        raise failure(str(error), key) from error
 
 
 def check_clearances(site: Site, airframe: Airframe) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from uav_bt import app
 from uav_bt.app.flight_record import recorded_files
-from uav_bt.app.tree_places import drawn_places
+from uav_bt.app.place import drawn_places
 from uav_bt.campaign import make_plan, plan_of
 from uav_bt.campaign.store import CampaignStore
 from uav_bt.record.reader import RecordReader

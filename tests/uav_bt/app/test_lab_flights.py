@@ -179,7 +179,7 @@ def test_a_scene_of_another_lab_is_refused(make_lab: MakeLab, tmp_path: Path) ->
         app.assemble("land_only", drone="plain", lab="hall", scene="val-a")
     other = tmp_path / "other.yaml"
     other.write_text(f"lab: hall\n{SCENE}")
-    assert app.assemble("land_only", drone="plain", lab="hall", scene=other).lab is not None
+    assert app.assemble("land_only", drone="plain", lab="hall", scene=other).held.lab is not None
     with pytest.raises(InputError, match=r"'other' belongs to the lab 'hall'"):
         app.assemble("land_only", drone="plain", lab="paper", scene=other)
 

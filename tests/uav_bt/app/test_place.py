@@ -68,17 +68,17 @@ def test_options_come_before_the_missions_rules() -> None:
 
 
 def test_the_areas_of_mission_and_site_both_hold() -> None:
-    assert put_together("").area is None
+    assert put_together("").held.area is None
     site = app.Site(area=area_corners(AHEAD))
     of_site, of_both = (
         put_together("", site=site),
         put_together(f'<Rules area="{SQUARE}"/>', site=site),
     )
-    assert of_site.area is not None
-    assert of_both.area is not None
-    assert of_site.area.margin_m(0.0, 0.0) == pytest.approx(0.5)
-    assert of_both.area.margin_m(0.8, 0.0) == pytest.approx(-0.2)
-    assert of_both.area.margin_m(-0.8, 0.0) == pytest.approx(-0.3)
+    assert of_site.held.area is not None
+    assert of_both.held.area is not None
+    assert of_site.held.area.margin_m(0.0, 0.0) == pytest.approx(0.5)
+    assert of_both.held.area.margin_m(0.8, 0.0) == pytest.approx(-0.2)
+    assert of_both.held.area.margin_m(-0.8, 0.0) == pytest.approx(-0.3)
 
 
 def test_an_area_of_the_drawing_is_turned_to_the_take_off(no_pad: Path) -> None:
@@ -117,7 +117,7 @@ def test_a_mission_that_lands_on_a_mark_needs_one(no_pad: Path) -> None:
     with pytest.raises(InputError, match="scene 'open' has no landing mark") as error:
         put_together("", scene=no_pad)
     assert '<Rules land_on="any"/>' in str(error.value)
-    assert put_together('<Rules land_on="ground"/>', scene=no_pad).area is None
+    assert put_together('<Rules land_on="ground"/>', scene=no_pad).held.area is None
 
 
 def test_rules_do_not_change_in_flight(tmp_path: Path) -> None:
