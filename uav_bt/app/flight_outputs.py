@@ -28,12 +28,7 @@ from uav_bt.types.flight_results import FRAME_OF_RESULTS, FoundObject, found_obj
 
 REPORT_FILE: Final = "report.json"
 OBJECTS_FILES: Final = ("objects.json", "objects.csv")
-_NO_INPUTS: Final = {
-    "lab",
-    "profile",
-    "record",
-    "tree_folders",
-}  # options; `lab` is looked at apart
+_NO_INPUTS: Final = {"lab", "profile", "record", "tree_folders"}  # options; the lab is read apart
 # Chosen: over Wi-Fi an ANAFI sends some megabytes a second, and a photograph has about eight.
 _FIRST_PHOTO_S: Final = 15.0
 _EACH_PHOTO_S: Final = 10.0
@@ -112,21 +107,20 @@ def fetch_photos(
         if photo.camera_file is not None and photo.camera_media is not None
     }
     until_s = now() + _FIRST_PHOTO_S + _EACH_PHOTO_S * len(taken)
-    missing: dict[str, str] = {}
+    missing: list[str] = []
     reason = "the drone is still in the air" if report.airborne_at_end else ""
     for name, media in taken.items():
+        limit_s = max(0.0, until_s - now())
         try:
-            if report.airborne_at_end:
-                missing[name] = media
-            else:
-                folder.write(name, camera.fetch_still(media, max(0.0, until_s - now())))
+            if not report.airborne_at_end:
+                folder.write(name, camera.fetch_still(media, limit_s))
+                continue
         except (DroneError, FileError) as error:
-            missing[name] = media
             reason = reason or str(error)
+        missing.append(f"{name}: media {media}")
     if missing:
         raise FileError(
             folder.folder,
-            f"{len(missing)} of {len(taken)} photographs of the drone's camera were not fetched "
-            f"({', '.join(missing)}): {reason}. They stay on its memory card, as the media "
-            f"{', '.join(missing.values())}",
+            f"{len(missing)} of {len(taken)} photographs stay on the drone's memory card "
+            f"({', '.join(missing)}): {reason}",
         )

@@ -98,7 +98,6 @@ def _flight_facts(flight: Flight[Drone]) -> FlightFacts:
             if isinstance(value, Plain)
         },
         "policies": options.policy_names,
-        "policy_objects": list(options.policy_objects),
         "drone": options.drone_name,
         "drone_config": repr(options.drone) if is_dataclass(options.drone) else None,
         "classes": [asdict(each) for each in held.classes],
@@ -185,7 +184,6 @@ class RecordedOptions:
     judge: JudgeConfig  # with the mission's rules
     area: tuple[Polygon, ...] | None  # relative to the take-off pose
     airframe: Airframe
-    policy_objects: tuple[str, ...]  # policies that only the recorded program had
     # Attributes that nodes had instead of those of the tree file, policies among them.
     replaced: dict[str, dict[str, str]]
     variables: dict[str, Plain]  # before the first tick

@@ -1,14 +1,13 @@
 """Tuning of the heading loop from a recorded flight.
 
 The drone answers a yaw-rate command as a first-order lag behind a delay, and the rate integrates to
-the heading:
+the heading; delay, lag and gain are fitted to the record:
 
     yaw(s) / command(s) = gain * exp(-delay * s) / (s * (lag * s + 1))
 
-Delay, lag and gain are fitted to the record. The delay lasts from a command until the mission reads
-its effect, so it includes the latency of the telemetry. The drone holds a command until the next.
-Sampled at the ticks, drone and hold have an exact discrete transfer function (Astrom and
-Wittenmark, *Computer-Controlled Systems*, section 2.6). Clockwise is positive.
+The drone holds a command until the next. Sampled at the ticks, drone and hold have an exact
+discrete transfer function (Astrom and Wittenmark, *Computer-Controlled Systems*, section 2.6).
+Clockwise is positive.
 """
 
 from __future__ import annotations
@@ -86,7 +85,7 @@ def yaw_series(path: Path) -> list[Series]:
         movement, state = moment.commands.sent.movement, moment.state
         flies = state.flying in {FlyingState.HOVERING, FlyingState.FLYING}
         if isinstance(movement, Velocity | Hover) and flies and not state.pilot_has_control:
-            rate_radps = movement.yaw_rate_radps if isinstance(movement, Velocity) else 0.0
+            rate_radps = getattr(movement, "yaw_rate_radps", 0.0)
             parts[-1].append((moment.tick.time_s, rate_radps, state.attitude.yaw_rad))
         elif parts[-1]:
             parts.append([])
@@ -172,15 +171,13 @@ def suggested_loop(response: YawResponse, tick_s: float) -> Loop:
 def draw(
     series: Sequence[Series], response: YawResponse, loops: Mapping[str, Loop], path: Path
 ) -> None:
-    """Write a PNG: heading and model over the longest series, its commands, and small steps."""
-    times, rates, yaws = longest = max(series, key=np.size)
-    figure = Figure(figsize=(7, 7), layout="constrained")
-    heading, rate, step = figure.subplots(3, 1)
+    """Write a PNG: heading and model over the longest series, and small steps."""
+    times, _, yaws = longest = max(series, key=np.size)
+    figure = Figure(figsize=(7, 5), layout="constrained")
+    heading, step = figure.subplots(2, 1)
     for name, line, angles in (("measured", "-", yaws), ("model", "--", response.turned(longest))):
         heading.plot(times, np.degrees(angles - angles.mean()), line, label=name)
-    heading.set(ylabel="heading, degrees")
-    rate.step(times, rates, where="post")
-    rate.set(xlabel="mission time, s", ylabel="command, rad/s")
+    heading.set(xlabel="mission time, s", ylabel="heading, degrees")
     for name, loop in loops.items():
         closed = control.feedback(loop.transfer, 1)
         found = control.step_response(closed, np.arange(0.0, 6.0, loop.transfer.dt))

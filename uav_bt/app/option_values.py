@@ -210,12 +210,12 @@ def judge_of(
     return JudgeConfig(time_limit_s=judge)
 
 
-def loaded_by(load: Callable[[Path], Any], kind: type) -> Checked:
+def loaded_by(load: Callable[[str | Path], Any], kind: type) -> Checked:
     """Return a check that loads the object of a file or a name, and takes an object as it is."""
 
     def loaded(given: object) -> object:
         if isinstance(given, str | Path):
-            return load(Path(given))
+            return load(given)
         expect(kind.__name__, given, kind | None, f"a {kind.__name__}, its file or its name")
         return given
 

@@ -89,7 +89,9 @@ class FlightOptions:
     ports: Annotated[Ports, Checked(port_values)] = field(default_factory=dict)
     variables: Annotated[Variables, Checked(variable_values)] = field(default_factory=dict)
     params: Annotated[
-        str | Path | ParameterFile | None, loaded_by(read_parameters, ParameterFile), PARAMS
+        str | Path | ParameterFile | None,
+        loaded_by(lambda file: read_parameters(Path(file)), ParameterFile),
+        PARAMS,
     ] = None
     policies: Policies = field(default_factory=dict)
     judge: Annotated[JudgeConfig, Option(group="Mission", parts=judge_of)] = field(
@@ -137,7 +139,7 @@ class FlightOptions:
     image_size_px: ImageSize = (640, 360)
     lab: Annotated[
         str | Path | Lab | None,
-        loaded_by(lambda name: load_lab(str(name)), Lab),
+        loaded_by(load_lab, Lab),
         Option("", "NAME", "Place"),
     ] = None
     """The lab that is flown in, real or simulated: a shipped lab, a folder of labs/, or a path. Its

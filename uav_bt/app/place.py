@@ -65,7 +65,7 @@ def conditions_of(
     if scene is not None and options.lab is None and site.mark not in {None, mark}:
         raise InputError(
             f"the site's mark ({site.mark}) is not that of scene '{scene.name}' ({mark}): "
-            "remove 'mark' from the site file, or change 'helipad' of the scene"
+            "remove one of them"
         )
     found = Conditions(
         lab=lab,
@@ -108,11 +108,10 @@ def lab_of(options: FlightOptions, scene: Scene | None) -> Lab | None:
     if not isinstance(lab, Lab):
         return of_scene
     if scene is not None and of_scene is not None and not _same(lab, of_scene):
-        shipped = "the shipped ones" if _same(lab, load_lab(DEFAULT_LAB)) else "it has none"
         raise InputError(
             f"scene '{scene.name}' belongs to the lab '{of_scene.name}', and the flight is in the "
-            f"lab '{lab.name}': choose a scene of that lab ({', '.join(lab.scenes) or shipped}), "
-            f"or --lab {of_scene.name}"
+            f"lab '{lab.name}': choose one of its scenes ({', '.join(lab.scenes)}), or --lab "
+            f"{of_scene.name}"
         )
     return lab
 
@@ -146,16 +145,13 @@ def _check_mark(judge: JudgeConfig, scene: Scene | None, lab: Lab | None) -> Non
     """Refuse a flight that must end on a landing mark that its scene or its lab does not have."""
     if judge.land_on not in {None, LandOn.MARK}:
         return
-    if scene is not None and scene.mark is None:
-        lacks = f"scene '{scene.name}' has no landing mark"
-    elif scene is None and lab is not None and lab.mark is None:
-        lacks = f"the lab '{lab.name}' states no landing mark"
-    else:
-        return
-    raise InputError(
-        f"{lacks}, and the mission must land on one: state where it may land, such as "
-        '<Rules land_on="any"/> in the tree'
-    )
+    place: Scene | Lab | None = scene or lab
+    if place is not None and place.mark is None:
+        what = f"scene '{place.name}'" if scene is not None else f"the lab '{place.name}'"
+        raise InputError(
+            f"{what} has no landing mark, and the mission must land on one: state where it may "
+            'land, such as <Rules land_on="any"/> in the tree'
+        )
 
 
 def check_area(mission: MissionTree, site: Site) -> None:
@@ -204,27 +200,26 @@ def refuse_foreign_network(mission: MissionTree, lab: Lab | None, *, named: bool
     """
     if lab is None or has_paper_classes(lab):
         return
+    address = lab_address(lab)
+    remedy = f"add --lab {address} for the lab's network"
+    if named:
+        remedy = f"set its model to '{ANY}', or make a network by `uav-bt lab train {address}`"
     for leaf in mission.leaves():
         values = {port.name: leaf.initial_value(port) for port in leaf.ports}
-        model, mapped = values.get("model"), values.get("classes")
-        if CLASS_MAP in leaf.writes and model in (SHIPPED_UNET, TEACHER) and not mapped:
-            address = lab_address(lab)
-            make = f"set its model to '{ANY}', or make a network by `uav-bt lab train {address}`"
-            remedy = make if named else f"add --lab {address} for the lab's network"
+        shipped = values.get("model") in (SHIPPED_UNET, TEACHER)
+        if CLASS_MAP in leaf.writes and shipped and not values.get("classes"):
             raise InputError(
-                f"'{leaf.path}' segments with the network '{model}', which does not have the "
-                f"classes of the lab '{lab.name}': {remedy}"
+                f"'{leaf.path}' segments with the network '{values['model']}', which does not have "
+                f"the classes of the lab '{lab.name}': {remedy}"
             )
 
 
 def drawn_places(
     tree: MissionTree, take_off: Pose2D | None
 ) -> Iterator[tuple[str, tuple[float, float]]]:
-    """Yield the places of a mission whose position in the drawing is known.
+    """Yield the places of a mission in the lab's drawing: text, and x and y in metres.
 
-    Yields:
-        The text of a place, and its x and y in the drawing, m. Without a take-off pose in the
-        drawing only places in the lab's frame are known.
+    Without a take-off pose in the drawing only places in the lab's frame are known.
     """
     found: dict[str, Place] = {}
     for text in (each for node in tree.nodes() for each in node.literals.values()):

@@ -13,7 +13,7 @@ from uav_bt.app.options import FlightOptions
 from uav_bt.board import PHASE
 from uav_bt.errors import InputError, UnknownNameError
 from uav_bt.protocols import Drone
-from uav_bt.testing.fault_kinds import FAULTS, FaultKind
+from uav_bt.testing.fault_kinds import FAULTS
 from uav_bt.testing.faults import RANDOM, START, Fault, FaultyDrone
 from uav_bt.tree import MissionTree
 from uav_bt.types import MissionPhase
@@ -54,7 +54,7 @@ def drawn(options: FlightOptions) -> FlightOptions:
 
 def _drawn_fault(rng: np.random.Generator) -> str:
     kinds = [kind for kind in FAULTS.values() if kind.name not in _HOPELESS]
-    kind: FaultKind = kinds[int(rng.integers(len(kinds)))]
+    kind = kinds[int(rng.integers(len(kinds)))]
     phase = _PHASES[int(rng.integers(len(_PHASES)))]
     times = float(rng.uniform(*_LEVELS))
     delay_s = float(rng.uniform(0.0, _DELAY_S.get(phase, _OTHER_DELAY_S)))

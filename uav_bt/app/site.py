@@ -25,7 +25,7 @@ from uav_bt.lab.shipped import default_mark, load_lab
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
 from uav_bt.settings import check_numbers
-from uav_bt.types import NARROWER_M, Airframe, Clearances, LandingMark, Pose2D
+from uav_bt.types import Airframe, Clearances, LandingMark, Pose2D
 from uav_bt.types.place import Place, area_corners
 from uav_bt.yaml_file import read_yaml
 
@@ -117,15 +117,12 @@ def _site(
     stated: dict[str, Any] = {name: getattr(keys, name) for name in same} | {**(network or {})}
     stated |= {f"{name}_port": port for name, port in (keys.ports or {}).items()}
     stated |= {f"video_{name}": value for name, value in (keys.video or {}).items()}
-    limits: dict[str, Any] = {**(keys.limits or {})}
-    preflight: dict[str, Any] = {}
     battery, link = keys.battery or {}, keys.link or {}
+    limits: dict[str, Any] = {**(keys.limits or {})}
     if "critical" in battery:
         limits["critical_battery"] = battery["critical"]
-    if "take_off" in battery:
-        preflight["battery"] = battery["take_off"]
-    if "take_off" in link:
-        preflight["link"] = link["take_off"]
+    take_off = {"battery": battery.get("take_off"), "link": link.get("take_off")}
+    preflight = {name: share for name, share in take_off.items() if share is not None}
     with at("take_off"):
         stated["take_off_pose"] = take_off_pose(keys)
     with at("limits"):
@@ -140,12 +137,10 @@ def _site(
 
 def check_clearances(site: Site, airframe: Airframe) -> None:
     """Refuse distances that the drone's hull does not fit in, with the line of the file."""
-    reach_m = airframe.radius_m
-    for name, least_m in site.clearances.below(reach_m).items():
-        narrow = f", and narrow passages take off {NARROWER_M:g} m" if name == "obstacle_m" else ""
+    for name, least_m in site.clearances.below(airframe.radius_m).items():
         message = (
-            f"must be at least {least_m:.2f} m, because the drone reaches {reach_m:.2f} m "
-            f"from its centre{narrow}, got {getattr(site.clearances, name):g}"
+            f"must be at least {least_m:.2f} m, since the drone reaches {airframe.radius_m:.2f} m "
+            f"from its centre, got {getattr(site.clearances, name):g}"
         )
         if site.file is None:
             raise InputError(f"margins.{name}: {message}; a site file sets it")

@@ -88,7 +88,7 @@ def test_what_needs_a_file_is_refused(tmp_path: Path) -> None:
         app.fly(hop(), drone="plain", judge=ANYWHERE, watch=print)
     with pytest.raises(InputError, match=r"a campaign flies tree files, .*; got <py_trees"):
         make_plan([hop()])
-    with pytest.raises(InputError, match="variables are for tree files; this is 'hop'"):
+    with pytest.raises(InputError, match="variables: for tree files only; 'hop' is loaded already"):
         app.check(hop(), variables={"laps": 3})
     with pytest.raises(InputError, match="tree_folders are for tree files"):
         app.check(hop(), tree_folders=app.TreeFolders(trees=[tmp_path]))

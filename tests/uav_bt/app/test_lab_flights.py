@@ -101,7 +101,7 @@ def test_a_real_drone_flies_with_the_settings_of_the_lab(make_lab: MakeLab) -> N
 
 def test_a_lab_without_a_mark_or_with_a_narrow_margin_is_refused(make_lab: MakeLab) -> None:
     make_lab("")
-    with pytest.raises(InputError, match="the lab 'hall' states no landing mark"):
+    with pytest.raises(InputError, match="the lab 'hall' has no landing mark"):
         app.assemble("land_only", drone=ScriptedDrone(), lab="hall")
     app.assemble("land_only", drone=ScriptedDrone(), lab="hall", judge=ANYWHERE)
     with pytest.raises(InputError, match=r"the lab 'hall' has no scene.*labs/hall/scenes/NAME"):
@@ -174,7 +174,7 @@ def test_the_first_scene_of_the_lab_is_flown_unless_one_is_named(make_lab: MakeL
 
 def test_a_scene_of_another_lab_is_refused(make_lab: MakeLab, tmp_path: Path) -> None:
     make_lab(scenes=("one",))
-    words = r"scene 'val-a' belongs to the lab 'paper'.*lab 'hall': choose a scene .*\(one\)"
+    words = r"scene 'val-a' belongs to the lab 'paper'.*lab 'hall': choose one .*\(one\)"
     with pytest.raises(InputError, match=words):
         app.assemble("land_only", drone="plain", lab="hall", scene="val-a")
     other = tmp_path / "other.yaml"

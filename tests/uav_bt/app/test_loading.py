@@ -108,7 +108,7 @@ def test_a_loaded_tree_takes_ports_and_no_variables() -> None:
     tree = parse_tree(document('<HoverFor seconds="1"/>'))
     assert load_mission(tree, FlightOptions(ports={"HoverFor.seconds": "2"})) is tree
     assert tree.find("HoverFor").port_value("seconds") == 2.0
-    with pytest.raises(InputError, match=r"write tree.variables\['t'\] = 2"):
+    with pytest.raises(InputError, match=r"variables: for tree files only; .*\['name'\] = value"):
         load_mission(tree, FlightOptions(variables={"t": 2}))
 
 

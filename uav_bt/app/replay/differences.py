@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
 from uav_bt.app.replay.recorded_drone import RecordedDrone
@@ -85,7 +84,11 @@ class Comparison:
     def on_tick(self, record: TickRecord) -> None:
         """Compare a tick with the recorded one."""
         report, moment = self._report, self._drone.moment
-        statuses = self._statuses(moment.statuses)
+        statuses = {
+            path: (moment.statuses[place], node.node_status.name)
+            for path, place, node in self._shared
+            if place < len(moment.statuses) and moment.statuses[place] != node.node_status.name
+        }
         command = self._command(moment.commands.decided, record.decided or record.command)
         owners = (moment.commands.proposed_by, record.proposed_by)
         proposed_by = owners if owners[0] != owners[1] else None
@@ -107,29 +110,20 @@ class Comparison:
                 )
             )
 
-    def _statuses(self, recorded: Sequence[str]) -> dict[str, tuple[str, str]]:
-        pairs = {
-            path: (recorded[place], node.node_status.name)
-            for path, place, node in self._shared
-            if place < len(recorded)
-        }
-        return {path: pair for path, pair in pairs.items() if pair[0] != pair[1]}
-
     def _command(self, recorded: Command, replayed: Command) -> tuple[str, str] | None:
         same_id = self._drone.ids.pair(recorded.movement, replayed.movement)
-        same_movement = self._agree(recorded.movement, replayed.movement)
-        if same_id and same_movement and self._agree(recorded.gimbal, replayed.gimbal):
+        movements = self._agree(recorded.movement, replayed.movement)
+        if same_id and movements and self._agree(recorded.gimbal, replayed.gimbal):
             return None
         return _words(recorded), _words(replayed)
 
     def _agree(self, one: Movement | GimbalTo | None, other: Movement | GimbalTo | None) -> bool:
-        if type(one) is not type(other) or one is None or other is None:
+        if type(one) is not type(other) or one is None:
             return one is other
-        if isinstance(one, MoveBy) and isinstance(other, MoveBy):
-            other = replace(other, id=one.id)
         return all(
-            abs(getattr(one, item.name) - getattr(other, item.name)) <= self._tolerance
-            for item in fields(one)
+            abs(value - getattr(other, name)) <= self._tolerance
+            for name, value in vars(one).items()
+            if name != "id"  # pairs of movements are compared by it
         )
 
 

@@ -49,7 +49,6 @@ class ReplayOptions:
             flight flew on exact masks.
         registry: the nodes that may occur; None: all installed.
         leaves: Python files with leaves and policies that the trees may use.
-
     """
 
     tree: Mission | None = None
@@ -74,14 +73,6 @@ def replay(record: str | Path, options: ReplayOptions | None = None) -> ReplayRe
     """
     changes = options or ReplayOptions()
     reader = RecordReader(record)
-    first = next(reader.moments(), None)
-    if first is not None and first.tick.index > 0:
-        begins_s = first.tick.time_s - reader.timeline.start_s
-        raise FileError(
-            reader.path,
-            f"begins {begins_s:.1f} s into its flight; what tree and perception remember by then "
-            "is not in it: replay the whole record",
-        )
     flight, masks = assemble_recorded(reader, changes)
     drone, lossless = flight.drone, flight.options.record_quality == "lossless"
     is_file = isinstance(changes.tree, str | Path) and not is_text(changes.tree)
@@ -119,6 +110,13 @@ def assemble_recorded(
             "its seed instead, which gives the same flight on the same machine",
         )
     drone = RecordedDrone(reader, recorded.airframe)
+    if drone.moment.tick.index > 0:
+        begins_s = drone.now() - reader.timeline.start_s
+        raise FileError(
+            reader.path,
+            f"begins {begins_s:.1f} s into its flight; what tree and perception remember by then "
+            "is not in it: replay the whole record",
+        )
     masks = changes.masks or ("recorded" if recorded.exact_masks else "network")
     if masks not in get_args(Masks):
         refuse("masks", "network or recorded, or None", masks)
@@ -133,11 +131,11 @@ def assemble_recorded(
         leaves=changes.leaves,
         tree_folders=changes.tree_folders,
     )
-    if changes.tree is not None:
+    if changes.tree is None:
+        mission = _recorded_mission(reader, recorded, options, changes.registry)
+    else:
         # Attributes and variables that the recorded mission had may name none of this one.
         mission = read_mission(changes.tree, options, changes.registry)
-    else:
-        mission = _recorded_mission(reader, recorded, options, changes.registry)
     _check_complete(reader, mission, masks)
     held = replace(
         conditions_of(options, mission, drone, recorded=True),
@@ -149,9 +147,9 @@ def assemble_recorded(
         drone,
         options,
         held=held,
-        judge=ReplayJudge(drone, recorded.judge),
+        judge=_ReplayJudge(drone, recorded.judge),
         segmenter=drone if masks == "recorded" else None,
-        make_runner=ReplayRunner,
+        make_runner=_ReplayRunner,
     )
     return flight, masks
 
@@ -180,33 +178,23 @@ def _recorded_mission(
     registry: NodeRegistry | None,
 ) -> MissionTree:
     """Load the recorded tree as it was flown, but for the policies that options give."""
-    for node, given in recorded.replaced.items():
-        name = node.rpartition("/")[2].partition("#")[0]
-        lost = given.get("policy") in recorded.policy_objects
-        if lost and not {node, name} & {*options.policies}:
-            raise FileError(
-                reader.path,
-                f"the policy of node '{node}' was an object of the program that flew, "
-                f"{given['policy']}: give it again with ReplayOptions(policies=...), or an "
-                f"installed one with --policy '{name}=NAME'",
-            )
     with TemporaryDirectory(prefix="uav-bt-replay-") as folder:
-        attached = recorded_files(reader, Path(folder))
-        if attached.tree is None:
-            tree = reader.metadata.get("tree", "")
+        tree = recorded_files(reader, Path(folder)).tree
+        if tree is None:
+            name = reader.metadata.get("tree", "")
             raise FileError(
                 reader.path,
-                f"the record lacks its tree file{f' ({tree})' if tree else ''}; give the tree with "
-                "--tree, or with ReplayOptions(tree=...)",
+                f"the record lacks its tree file ({name}); give the tree with --tree, or with "
+                "ReplayOptions(tree=...)",
             )
         options = replace(options, tree_id=reader.metadata.get("tree_name"))
-        mission = read_mission(attached.tree, options, registry, replaced=recorded.replaced)
+        mission = read_mission(tree, options, registry, replaced=recorded.replaced)
     for name, value in recorded.variables.items():
         mission.variables[name] = value
     return mission
 
 
-class ReplayJudge(Judge):
+class _ReplayJudge(Judge):
     """Ends the replay with the recording's last tick, whatever happens."""
 
     def __init__(self, drone: RecordedDrone, config: JudgeConfig) -> None:
@@ -220,7 +208,7 @@ class ReplayJudge(Judge):
         return over if self._drone.at_end else None
 
 
-class ReplayRunner(MissionRunner):
+class _ReplayRunner(MissionRunner):
     """Flies a recorded drone; an operator's stop comes again in the tick in which it came."""
 
     def __init__(self, drone: RecordedDrone, *rest: Any, **named: Any) -> None:
@@ -228,20 +216,16 @@ class ReplayRunner(MissionRunner):
         self._recorded = drone
 
     def _tick_tree(self) -> Status:
-        # A stop between two ticks keeps the tree from being ticked; one within comes after.
-        stopped = self._stops()
-        if stopped and self._recorded.moment.tick.tree_status == Status.IDLE.name:
+        # A stop that the runner does not come to by itself. One between two ticks keeps the tree
+        # from being ticked; one within comes after.
+        before, now = self._recorded.before, self._recorded.moment
+        stopped = now.commands.override == Override.ABORT.value and (
+            before is None
+            or (before.commands.override not in _STOPPED and before.tick.tree_status not in _OVER)
+        )
+        if stopped and now.tick.tree_status == Status.IDLE.name:
             self.abort.request(_AS_RECORDED)
         status = super()._tick_tree()
         if stopped:
             self.abort.request(_AS_RECORDED)
         return status
-
-    def _stops(self) -> bool:
-        """Return whether a stop begins here that the runner does not come to by itself."""
-        before, now = self._recorded.before, self._recorded.moment
-        if now.commands.override != Override.ABORT.value:
-            return False
-        return before is None or (
-            before.commands.override not in _STOPPED and before.tick.tree_status not in _OVER
-        )
