@@ -147,9 +147,8 @@ def refuse_incomplete(drone: object, expected: str = "a Drone") -> None:
         if not name.startswith("_") and inspect.getattr_static(drone, name, _ABSENT) is _ABSENT
     ]
     if missing:
-        remedy = ": add `airframe = uav_bt.types.Airframe()`" if missing == ["airframe"] else ""
         raise InputError(
-            f"drone: expected {expected}; {class_name(drone)} lacks {', '.join(missing)}{remedy}"
+            f"drone: expected {expected}; {class_name(drone)} lacks {', '.join(missing)}"
         )
 
 

@@ -13,20 +13,17 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import av
 import numpy as np
 import pytest
 
 from sim_bridge.plain import PlainConfig
 from sim_bridge.twin import TwinConfig
-from sim_bridge.twin.drone import TwinDrone
 from tests.worlds.trees import tree_file
 from uav_bt import app, plugins
 from uav_bt.errors import (
     DroneError,
     FileError,
     InputError,
-    NodeFailedError,
 )
 from uav_bt.mission.drone_wrapper import DroneWrapper
 from uav_bt.mission.flight_report import FlightReport
@@ -36,7 +33,6 @@ from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.testing import InjectedError, ScriptedDrone
 from uav_bt.tree import Leaf, NodeRegistry, Status
-from uav_bt.tree.shipped import shipped_missions
 from uav_bt.types import Command, FlyingState, Land, Observation
 
 TREES = Path(app.__file__).parents[2] / "trees"
@@ -109,11 +105,6 @@ def test_a_name_with_a_suffix_or_a_folder_is_a_file_and_never_a_shipped_mission(
     assert app.resolve_tree("land_only.xml").read_text(encoding="utf-8") == "mine"
 
 
-@pytest.mark.parametrize("path", sorted(shipped_missions().values()), ids=lambda path: path.stem)
-def test_every_shipped_mission_is_sound(path: Path) -> None:
-    assert list(app.check(path.stem).leaves())
-
-
 # --- policies, drones, masks ----------------------------------------------------------------------
 
 
@@ -144,27 +135,11 @@ def test_a_drone_gets_its_address_and_what_it_may_need(hangar: Hangar) -> None:
     assert not hangar.drone.connected
 
 
-def test_movers_are_for_the_twin() -> None:
-    with pytest.raises(InputError, match=r"drone 'anafi' takes no --movers .*, got 2"):
-        app.make_drone(app.FlightOptions(drone="anafi", movers=2))
-    with pytest.raises(
-        InputError, match="movers: expected a number greater than or equal to 0, got -1"
-    ):
-        app.FlightOptions(movers=-1)
-    one, two = (
-        app.make_drone(app.FlightOptions(scene="val-a", seed=seed, movers=2)) for seed in (1, 2)
-    )
-    assert isinstance(one, TwinDrone)
-    assert isinstance(two, TwinDrone)
-    assert len(one.scene.movers) == 2
-    assert one.scene.movers != two.scene.movers
-    assert one.scene.name == "val-a"
-
-
 @pytest.mark.parametrize(
     ("drone", "flag", "option", "value"),
     [
         ("anafi", "--scene", "scene", "val-a"),
+        ("anafi", "--movers", "movers", 2),
         ("anafi:127.0.0.1:1", "--profile", "profile", "harsh"),
         ("anafi", "--seed", "seed", 9),
         ("sphinx", "--realtime", "realtime", True),
@@ -230,23 +205,6 @@ def test_listeners_get_the_connected_drone_and_the_mission(hangar: Hangar, tmp_p
     assert ticks == list(range(report.ticks))
 
 
-def test_a_leaf_that_raises_leaves_a_report_of_the_error(
-    hangar: Hangar, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def break_down(_: object) -> None:
-        raise LookupError("gimbal")
-
-    monkeypatch.setattr("behaviours.fly.land.Land.update", break_down)
-    path = tmp_path / "report.json"
-    with pytest.raises(NodeFailedError):
-        app.fly(tree_file(tmp_path, HOP), SCRIPTED, report=path)
-    told = json.loads(path.read_text(encoding="utf-8"))
-    assert told["outcome"] == "error"
-    assert told["reason"] == "node 'Main/Sequence/Land' failed: LookupError: gimbal"
-    assert hangar.drone.state.flying is FlyingState.LANDED
-    assert not hangar.drone.connected
-
-
 def test_a_lost_drone_leaves_a_report_and_a_word_about_where_it_is(
     hangar: Hangar, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -291,21 +249,6 @@ def test_a_listener_that_breaks_is_named_and_the_mission_flies_on(
     assert report.outcome == "success"
     assert list(report.lost_outputs.values()) == ["OSError: disk full"]
     assert not report.airborne_at_end
-
-
-def frames_of(film: Path) -> int:
-    with av.open(str(film)) as container:
-        return sum(1 for _ in container.decode(video=0))
-
-
-def test_a_flight_is_filmed_to_its_outcome(hangar: Hangar, tmp_path: Path) -> None:
-    film, ticks = tmp_path / "flight.mp4", list[int]()
-    tree = tree_file(tmp_path, HOP)
-    report = app.fly(tree, SCRIPTED, video=str(film), listeners=[doing(ticks.append)])
-    assert report.outcome == "success"
-    assert dict(report.lost_outputs) == {}
-    # The outcome is held at the end for two seconds.
-    assert frames_of(film) == pytest.approx(len(ticks) + 20, abs=2)
 
 
 @pytest.mark.parametrize(

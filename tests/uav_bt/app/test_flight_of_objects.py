@@ -137,11 +137,12 @@ def test_a_leaf_that_raises_is_named_with_its_line_in_the_report(tmp_path: Path)
         def update(self) -> Status:
             raise RuntimeError("sensor gone")
 
-    report = tmp_path / "report.json"
+    report, options = tmp_path / "report.json", scripted()
     line = Boom.update.__code__.co_firstlineno + 1
     where = rf"tests/uav_bt/app/test_flight_of_objects\.py:{line}"
     with pytest.raises(NodeFailedError, match=rf"RuntimeError: sensor gone \({where}\)$") as caught:
-        app.fly(MissionTree(Boom()), scripted(), report=report)
+        app.fly(MissionTree(Boom()), options, report=report)
+    assert not options.drone.connected  # type: ignore[union-attr]
     assert json.loads(report.read_text(encoding="utf-8"))["reason"] == str(caught.value)
 
 

@@ -90,7 +90,7 @@ def test_what_needs_a_file_is_refused(tmp_path: Path) -> None:
         make_plan([hop()])
     with pytest.raises(InputError, match="variables: for tree files only; 'hop' is loaded already"):
         app.check(hop(), variables={"laps": 3})
-    with pytest.raises(InputError, match="tree_folders are for tree files"):
+    with pytest.raises(InputError, match="tree_folders: for tree files only"):
         app.check(hop(), tree_folders=app.TreeFolders(trees=[tmp_path]))
 
 

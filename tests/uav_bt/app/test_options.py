@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_bridge.olympe import AnafiConfig, SphinxConfig
+from sim_bridge.olympe import AnafiConfig
 from sim_bridge.olympe.config import OlympeConfig
 from sim_bridge.plain import PlainConfig
 from sim_bridge.twin import TwinConfig
@@ -208,33 +208,6 @@ def test_keywords_replace_values_of_options_that_several_flights_share() -> None
 # --- drones ---------------------------------------------------------------------------------------
 
 
-class Bodiless:
-    """A drone without a known airframe."""
-
-    clock = camera = referee = scene = tick_s = None
-    live = False
-
-    def connect(self) -> None: ...
-
-    def observe(self) -> None: ...
-
-    def send(self) -> None: ...
-
-    def disconnect(self) -> None: ...
-
-
-@dataclass(frozen=True, kw_only=True)
-class BodilessConfig:
-    def create(self) -> Any:
-        return Bodiless()
-
-
-@pytest.mark.parametrize("drone", [Bodiless(), BodilessConfig()], ids=["object", "configuration"])
-def test_a_drone_without_an_airframe_is_refused_with_what_to_add(drone: Any) -> None:
-    with pytest.raises(InputError, match=r"Bodiless lacks airframe: add `airframe = .*Airframe"):
-        app.make_drone(app.FlightOptions(drone=drone))
-
-
 def test_the_airframe_of_a_drone_reaches_the_leaves() -> None:
     """A drone with propeller guards."""
     wide = Airframe(body_size_m=(0.4, 0.4, 0.12), command_delay_s=0.2)
@@ -267,10 +240,6 @@ def test_a_site_replaces_what_a_configuration_says_of_the_place() -> None:
     assert (config.take_off_surface_m, config.speed_limit_mps) == (0.4, 0.5)
     alone: Any = app.make_drone(app.FlightOptions(drone=given))
     assert alone._config is given
-
-
-def test_the_kinds_of_one_drone_refer_to_what_they_share() -> None:
-    assert all("OlympeConfig" in str(kind.__doc__) for kind in (AnafiConfig, SphinxConfig))
 
 
 # --- help -----------------------------------------------------------------------------------------

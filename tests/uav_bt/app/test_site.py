@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from behaviours.fly.take_off import TakeOff
 from tests.worlds.trees import tree_file
 from uav_bt import app
 from uav_bt.app.loading import load_mission
@@ -17,10 +16,9 @@ from uav_bt.errors import FileError, InputError
 from uav_bt.lab.shipped import default_mark
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
-from uav_bt.mission.tick import TickRecord
 from uav_bt.testing import ScriptedDrone
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status
-from uav_bt.types import Airframe, Clearances, LandingMark, MissionPhase
+from uav_bt.types import Airframe, Clearances, LandingMark
 
 FULL = """
 flight_height_m: 1.2
@@ -97,47 +95,7 @@ def test_what_is_wrong_is_named(tmp_path: Path, text: str, message: str) -> None
         load_site(site_file(tmp_path, text))
 
 
-EXPLORE = """
-<ReactiveSequence>
-  <Segment/>
-  <Sequence>
-    <TakeOff height_m="1.5"/>
-    <ForceSuccess><Timeout msec="9000"><Repeat num_cycles="-1">
-      <Fallback><Explore/><Avoid/></Fallback>
-    </Repeat></Timeout></ForceSuccess>
-    <AlwaysFailure/>
-  </Sequence>
-</ReactiveSequence>
-"""
-
-
-def test_the_flight_height_of_a_site_holds_after_the_take_off(tmp_path: Path) -> None:
-    """No step returns to the height in the tree."""
-    heights: list[float] = []
-
-    class Heights:
-        def on_tick(self, record: TickRecord) -> None:
-            if record.phase == MissionPhase.EXPLORE and record.override is None:
-                heights.append(record.observation.state.height_above_ground_m)
-
-    options = app.FlightOptions(
-        scene="val-a",
-        profile="ideal",
-        exact_masks=True,
-        image_size_px=(160, 90),
-        site=Site(flight_height_m=1.2),
-    )
-    app.fly(tree_file(tmp_path, EXPLORE), options, listeners=[lambda _: [Heights()]])
-    assert len(heights) > 50
-    assert min(heights) > 1.1
-    assert max(heights) < 1.3
-
-
 # --- values of a site in a tree -------------------------------------------------------------------
-
-
-class SlowTakeOff(TakeOff):
-    """The shipped take-off in a subclass with another name."""
 
 
 class Climb(Leaf):
@@ -169,7 +127,7 @@ class OwnEyes(Leaf):
         return Status.SUCCESS
 
 
-OWN = NodeRegistry.installed().with_nodes(SlowTakeOff, Climb, FixedClimb, OwnEyes)
+OWN = NodeRegistry.installed().with_nodes(Climb, FixedClimb, OwnEyes)
 
 
 def loaded(folder: Path, body: str, site: Site) -> dict[str, object]:
@@ -185,7 +143,7 @@ def loaded(folder: Path, body: str, site: Site) -> dict[str, object]:
 def test_every_leaf_that_sets_the_height_or_segments_gets_the_values_of_the_site(
     tmp_path: Path,
 ) -> None:
-    for leaf in ("TakeOff", "SlowTakeOff", "Climb"):
+    for leaf in ("TakeOff", "Climb"):
         body = f'<{leaf} name="up" height_m="1.5"/>'
         assert loaded(tmp_path, body, Site(flight_height_m=0.9))["up.height_m"] == 0.9
     body = '<Sequence><Segment/><OwnEyes model="any"/></Sequence>'
@@ -206,15 +164,6 @@ def test_a_setting_that_no_leaf_can_take_is_refused_and_one_that_none_asks_for_i
     loaded(tmp_path, "<Land/>", Site(flight_height_m=0.9))
     (message,) = caplog.messages
     assert "the site's height_m='0.9' has no effect: no leaf of tree" in message
-
-
-def test_the_mark_and_the_clearances_of_a_site_reach_the_leaves() -> None:
-    """A real drone has no scene, so that the site describes the mark."""
-    site = Site(mark=replace(default_mark(), height_m=0.05), clearances=Clearances(obstacle_m=0.5))
-    flight = app.assemble("land_only", drone=ScriptedDrone(), site=site)
-
-    assert flight.context.mark.height_m == 0.05
-    assert flight.context.clearances.obstacle_m == 0.5
 
 
 def test_a_place_that_is_narrower_than_the_drone_is_refused(tmp_path: Path) -> None:
