@@ -11,7 +11,7 @@ import pytest
 
 from tests.uav_bt.learning.lab_world import write_colour_network
 from tests.worlds.records import FLIGHT, NoisyDrone
-from tests.worlds.trees import tree_file
+from tests.worlds.trees import document, tree_file
 from uav_bt import app
 from uav_bt.app.drone_of_flight import CalibratedDrone
 from uav_bt.app.place import limits_of
@@ -124,18 +124,6 @@ def test_the_camera_of_a_lab_is_that_of_its_real_drone(make_lab: MakeLab) -> Non
 
 
 # --- precedence -----------------------------------------------------------------------------------
-
-
-def test_the_command_line_comes_before_the_lab_and_the_lab_before_the_tree(
-    make_lab: MakeLab,
-) -> None:
-    make_lab(f"{MARK}flight_height_m: 1.1\n")
-    lab, given = (
-        app.check("land_only", lab="hall"),
-        app.check("land_only", lab="hall", ports={"TakeOff.height_m": "0.8"}),
-    )
-    assert lab.find("TakeOff").port_value("height_m") == 1.1
-    assert given.find("TakeOff").port_value("height_m") == 0.8
 
 
 @pytest.mark.parametrize(
@@ -258,24 +246,13 @@ def test_report_and_record_keep_the_lab_and_a_replay_flies_in_it(
 # --- before any drone -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("keys", "body", "words"),
-    [
-        ("limits: {ceiling_m: 1.0}", '<TakeOff height_m="1.5"/>', "above the ceiling of 1 m"),
-        (
-            'area: "start:-1,-1;start:1,-1;start:1,1;start:-1,1"',
-            '<Rules area="start:0,0;start:0,1;start:0,2"/>',
-            "must not lie on one line",
-        ),
-    ],
-)
-def test_a_mission_that_does_not_fit_a_lab_is_refused(
-    make_lab: MakeLab, tmp_path: Path, keys: str, body: str, words: str
-) -> None:
-    make_lab(f"{MARK}{keys}\n")
-    tree = tree_file(tmp_path, f"<Sequence>{body}<Land/></Sequence>")
-    with pytest.raises(InputError, match=words):
-        app.check(tree, lab="hall")
+def test_a_mission_that_does_not_fit_a_lab_is_refused(make_lab: MakeLab) -> None:
+    make_lab(f"{MARK}limits: {{ceiling_m: 1.0}}\n")
+    with pytest.raises(InputError, match="above the ceiling of 1 m"):
+        app.check("land_only", lab="hall", ports={"TakeOff.height_m": 1.5})
+    make_lab(f'{MARK}area: "start:-1,-1;start:1,-1;start:1,1;start:-1,1"\n')
+    with pytest.raises(InputError, match="must not lie on one line"):
+        app.check(document('<Rules area="start:0,0;start:0,1;start:0,2"/>'), lab="hall")
 
 
 # --- the network of a lab -------------------------------------------------------------------------
@@ -330,10 +307,3 @@ def test_a_scene_of_a_lab_without_a_network_names_the_option(
     write_colour_network(folder / "segmentation.onnx", order=(0, 1, 2, 3, 3, 3))
     with pytest.raises(InputError, match=r"does not have the classes .* add --lab .*hall"):
         app.fly(tree_file(tmp_path, SEES), scene=folder / "scenes" / "one.yaml")
-
-
-def test_the_network_of_a_lab_is_not_overwritten(make_lab: MakeLab, tmp_path: Path) -> None:
-    folder = make_lab(scenes=("one",))
-    network = write_colour_network(folder / "segmentation.onnx")
-    with pytest.raises(FileError, match="is an input and would be overwritten"):
-        app.fly("land_only", drone="plain", lab="hall", report=network)
