@@ -156,7 +156,7 @@ def test_a_flight_and_its_drone_have_one_seed(drone: PlainConfig, seed: int) -> 
     assert one.observe().state == other.observe().state
 
 
-def test_files_are_texts_or_paths(tmp_path: Path) -> None:
+def test_files_are_texts_or_paths_and_numbers_may_be_numpys(tmp_path: Path) -> None:
     site = tmp_path / "site.yaml"
     site.write_text("flight_height_m: 1.1\n", encoding="utf-8")
     by_text = app.FlightOptions(record="f.mcap", camera="c.yaml", site=str(site), scene="s.yaml")
@@ -165,11 +165,9 @@ def test_files_are_texts_or_paths(tmp_path: Path) -> None:
     )
     assert by_text == by_path
     assert by_text.site == app.Site(flight_height_m=1.1)
-    assert replace(by_text, seed=3).site is by_text.site
-
-
-def test_numbers_of_numpy_are_numbers() -> None:
-    options = app.FlightOptions(seed=np.int64(7), image_size_px=[320, 180])  # type: ignore[arg-type]
+    assert repr(app.FlightOptions(site=site)).startswith("FlightOptions(site=Site(flight_height")
+    options = replace(by_text, seed=np.int64(7), image_size_px=[320, 180])  # type: ignore[arg-type]
+    assert options.site is by_text.site
     assert (options.seed, options.image_size_px) == (7, (320, 180))
     assert type(options.seed) is int
 
@@ -192,12 +190,6 @@ def test_objects_are_called_by_their_class() -> None:
     assert options.policy_objects[f"{name}#2"] is second
 
 
-def test_options_and_sites_print_what_was_chosen() -> None:
-    assert repr(app.FlightOptions()) == "FlightOptions()"
-    options = app.FlightOptions(seed=3, site=app.Site(flight_height_m=1.2))
-    assert repr(options) == "FlightOptions(seed=3, site=Site(flight_height_m=1.2))"
-
-
 def test_keywords_replace_values_of_options_that_several_flights_share() -> None:
     shared = app.FlightOptions(scene="val-a", profile="ideal")
     flight = app.assemble("land_only", shared, seed=7)
@@ -208,38 +200,24 @@ def test_keywords_replace_values_of_options_that_several_flights_share() -> None
 # --- drones ---------------------------------------------------------------------------------------
 
 
-def test_the_airframe_of_a_drone_reaches_the_leaves() -> None:
-    """A drone with propeller guards."""
-    wide = Airframe(body_size_m=(0.4, 0.4, 0.12), command_delay_s=0.2)
+def test_objects_and_configurations_fly_as_they_are_but_for_the_place() -> None:
+    """A drone with propeller guards; a site replaces what a configuration says of the place."""
     drone = ScriptedDrone()
-    drone.airframe = wide
-    flight = app.assemble("land_only", app.FlightOptions(drone=drone))
+    drone.airframe = wide = Airframe(body_size_m=(0.4, 0.4, 0.12), command_delay_s=0.2)
+    flight = app.assemble("land_only", drone=drone)
+    assert flight.drone is drone
     assert flight.context.airframe is wide
-    guarded = app.make_drone(app.FlightOptions(drone=AnafiConfig(airframe=wide)))
-    assert guarded.airframe is wide
-    assert app.make_drone(app.FlightOptions()).airframe == AnafiConfig().airframe
-
-
-def test_a_drone_is_flown_as_it_is() -> None:
-    drone = ScriptedDrone()
-    assert app.make_drone(app.FlightOptions(drone=drone)) is drone
-
-
-def test_a_configuration_makes_its_drone() -> None:
-    drone: Any = app.make_drone(app.FlightOptions(drone=TwinConfig(scene="val-b", profile="harsh")))
-    assert drone.scene.name == "val-b"
-    assert drone.profile.video_latency_s == 0.28
-
-
-def test_a_site_replaces_what_a_configuration_says_of_the_place() -> None:
-    given = AnafiConfig(speed_limit_mps=0.9, address="127.0.0.1", rtsp_port=8554)
+    twin: Any = app.make_drone(app.FlightOptions(drone=TwinConfig(scene="val-b", profile="harsh")))
+    assert (twin.scene.name, twin.profile.video_latency_s) == ("val-b", 0.28)
+    given = AnafiConfig(speed_limit_mps=0.9, address="127.0.0.1", rtsp_port=8554, airframe=wide)
     site = app.Site(take_off_surface_m=0.4, http_port=8080, limits=Limits(speed_mps=0.5))
-    drone: Any = app.make_drone(app.FlightOptions(drone=given, site=site))
-    config: AnafiConfig = drone._config
-    assert (config.address, config.http_port, config.rtsp_port) == ("127.0.0.1", 8080, 8554)
-    assert (config.take_off_surface_m, config.speed_limit_mps) == (0.4, 0.5)
     alone: Any = app.make_drone(app.FlightOptions(drone=given))
     assert alone._config is given
+    assert alone.airframe is wide
+    placed: Any = app.make_drone(app.FlightOptions(drone=given, site=site))
+    config: AnafiConfig = placed._config
+    assert (config.address, config.http_port, config.rtsp_port) == ("127.0.0.1", 8080, 8554)
+    assert (config.take_off_surface_m, config.speed_limit_mps) == (0.4, 0.5)
 
 
 # --- help -----------------------------------------------------------------------------------------

@@ -14,13 +14,12 @@ from uav_bt import app
 from uav_bt.app.assembly import Flight, assemble
 from uav_bt.app.place import drawn_places
 from uav_bt.app.reload import TreeReload
-from uav_bt.errors import InputError, TreeError
-from uav_bt.mission.tick import TickRecord
+from uav_bt.errors import InputError
 from uav_bt.protocols import Drone
 from uav_bt.record.reader import RecordReader
 from uav_bt.testing import ScriptedDrone
 from uav_bt.tree import parse_tree
-from uav_bt.types import Pose2D, Velocity
+from uav_bt.types import Pose2D
 from uav_bt.types.place import LandOn, area_corners
 
 pytestmark = pytest.mark.flight
@@ -107,14 +106,6 @@ def test_an_area_that_cannot_be_kept_is_refused(area: str, words: str) -> None:
         put_together("", site=app.Site(area=area_corners(area)))
 
 
-def test_an_area_that_no_scene_can_mend_is_refused_with_the_tree() -> None:
-    words = (
-        r":\d+:\d+: Rules: attribute 'area': .*the take-off pose lies outside the area start:1,1;"
-    )
-    with pytest.raises(TreeError, match=words):
-        put_together('<Rules area="start:1,1;start:2,1;start:2,2"/>')
-
-
 def test_a_mission_that_lands_on_a_mark_needs_one(no_pad: Path) -> None:
     with pytest.raises(InputError, match="scene 'open' has no landing mark") as error:
         put_together("", scene=no_pad)
@@ -163,22 +154,10 @@ def test_a_tree_lands_while_the_drone_is_blind(no_pad: Path) -> None:
     assert (flown.duration_s or 99.0) < 25.0
 
 
-class Ahead:
-    """Follows the velocities that were sent, and the ones that were decided."""
-
-    def __init__(self) -> None:
-        self.sent: list[float] = []
-
-    def on_tick(self, record: TickRecord) -> None:
-        if isinstance(record.command.movement, Velocity):
-            self.sent.append(record.command.movement.forward_mps)
-
-
 DASH = """\
 from uav_bt.board import STATE
 from uav_bt.tree import Leaf, Status
-from uav_bt.tree import parse_tree
-from uav_bt.types import Pose2D, Velocity
+from uav_bt.types import Velocity
 
 
 class Dash(Leaf):
@@ -228,7 +207,4 @@ def test_each_known_place_is_drawn_once() -> None:
     assert list(found) == ["start:2,0", "lab:0.5,1@90"]
     assert found["start:2,0"] == pytest.approx((-1.0, 2.0))
     assert found["lab:0.5,1@90"] == (0.5, 1.0)
-
-
-def test_without_a_take_off_pose_only_places_of_the_drawing_are_known() -> None:
     assert [text for text, _ in drawn_places(parse_tree(PLACES), None)] == ["lab:0.5,1@90"]
