@@ -81,10 +81,6 @@ class Flight(Generic[DroneT]):
             if one.missed is not None
         ]
 
-    def __repr__(self) -> str:
-        flown = "" if self.scene_name is None else f" in {self.scene_name}"
-        return f"<Flight of {self.mission!r} with {self.options.drone_name}{flown}>"
-
     @cached_property
     def context(self) -> MissionContext:
         """Context of the mission's leaves; the drone must be connected."""
@@ -124,10 +120,8 @@ class Flight(Generic[DroneT]):
     @property
     def scene_name(self) -> str | None:
         """The name of the scene that a simulated drone flies in; None on a real drone."""
-        asked, scene = self.options.scene, self.drone.scene
-        if scene is not None:
-            return scene.name
-        return None if asked is None else str(asked)
+        scene = self.drone.scene
+        return None if scene is None else scene.name
 
     @contextmanager
     def connected(self) -> Iterator[None]:

@@ -243,6 +243,8 @@ def _result(
     flight: Flight[Drone], runner: MissionRunner, log: FlightLog, path: PathLog, verdict: Verdict
 ) -> FlownMission:
     options, context, referee = flight.options, flight.context, flight.drone.referee
+    simulation = options if isinstance(options.drone, str) else options.drone
+    profile = None if referee is None else getattr(simulation, "profile", None)
     site_map, _ = context.board.snapshot().get(SITE_MAP.name, (None, None))  # of any age
     return FlownMission(
         **vars(changes_of(options)),
@@ -257,7 +259,7 @@ def _result(
             if any(port.name == "policy" for port in leaf.ports)
         },
         drone=options.drone_name,
-        profile=_profile(flight),
+        profile=profile if isinstance(profile, str) else None,
         perception_ms={
             name: Percentiles.of_seconds(times) for name, times in context.stage_times_s.items()
         },
@@ -279,12 +281,3 @@ def _result(
 
 def _words(error: Exception) -> str:
     return str(error) if isinstance(error, UavBtError) else f"{type(error).__name__}: {error}"
-
-
-def _profile(flight: Flight[Drone]) -> str | None:
-    """Return the name of a simulated drone's profile. None: it has no name."""
-    given = flight.options.drone
-    if isinstance(given, str):
-        return None if flight.drone.referee is None else flight.options.profile
-    profile = getattr(given, "profile", None)
-    return profile if isinstance(profile, str) else None

@@ -39,7 +39,6 @@ class Conditions:
     mark: LandingMark
     mark_pose: Pose2D | None  # None: unknown
     take_off: Pose2D | None  # None: unknown
-    rules: MissionRules  # that the mission states
     judge: JudgeConfig  # with these rules
     area: Area | None = None  # relative to the take-off pose; None: no bound
 
@@ -75,7 +74,6 @@ def conditions_of(
         mark=mark or default_mark(),
         mark_pose=known.mark_pose,
         take_off=known.take_off_pose,
-        rules=rules,
         judge=judge,
     )
     if recorded:

@@ -56,7 +56,7 @@ class TreeReload:
         flight = self._flight
         try:
             tree = load_mission(self._path, flight.options, self._registry)
-            if rules_of(tree) != flight.held.rules:
+            if rules_of(tree) != rules_of(flight.mission):
                 raise InputError(
                     f"{self._path}: its Rules differ from those that were read before the take-off"
                 )

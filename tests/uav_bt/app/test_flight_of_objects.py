@@ -199,13 +199,6 @@ def test_what_does_not_fit_a_composed_tree_is_refused_before_the_flight() -> Non
     assert not drone.commands
 
 
-def test_flights_trees_and_leaves_print_what_they_are() -> None:
-    flight = app.assemble(composed(), app.FlightOptions(scene="val-a"))
-    tree = "<MissionTree 'Hop': 4 nodes, Hop (composed in Python)>"
-    assert repr(flight) == f"<Flight of {tree} with twin in val-a>"
-    assert repr(flight.mission.find("peek")) == "<Peek 'Hop/body/peek', ticks=3>"
-
-
 def test_options_and_site_replace_attributes_of_a_tree_object() -> None:
     tree = app.check("explore_and_land_segmentation")
     policy = Careful()
