@@ -7,9 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import py_trees
 import pytest
 
 from behaviours.fly.land import Land
+from behaviours.fly.look import HoverFor
 from behaviours.fly.take_off import TakeOff
 from behaviours.policies.segmentation_rule import SegmentationRule
 from sim_bridge.twin import TwinConfig
@@ -17,7 +20,9 @@ from uav_bt import app
 from uav_bt.answers import Advance, Answer
 from uav_bt.app.replay import ReplayOptions, replay
 from uav_bt.board import STATE
-from uav_bt.errors import InputError, NodeFailedError, TreeError
+from uav_bt.board.context import MissionContext
+from uav_bt.campaign import make_plan
+from uav_bt.errors import FileError, InputError, NodeFailedError, TreeError
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.protocols import PolicyView
 from uav_bt.record.reader import RecordReader
@@ -25,9 +30,11 @@ from uav_bt.testing import ScriptedDrone
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, load_tree
 from uav_bt.tree.nodes import Sequence
 from uav_bt.types import Hover
-from uav_bt.types.place import LandOn
 
 # --- definitions of a notebook --------------------------------------------------------------------
+
+
+ANYWHERE = app.JudgeConfig(land_on=app.LandOn.ANY)
 
 
 class Peek(Leaf):
@@ -89,7 +96,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[FlightReport, Caref
         seed=3,
         exact_masks=True,
         policies={"Explore": policy},
-        judge=app.JudgeConfig(land_on=LandOn.ANY),
+        judge=ANYWHERE,
         record=str(record),
     )
     return app.fly(MISSION, options, registry=NODES), policy, record
@@ -151,17 +158,15 @@ def composed() -> MissionTree:
 
 
 def scripted(**options: object) -> app.FlightOptions:
-    judge = app.JudgeConfig(land_on=app.LandOn.ANY)
-    return app.FlightOptions(drone=ScriptedDrone(), judge=judge, **options)  # type: ignore[arg-type]
+    return app.FlightOptions(drone=ScriptedDrone(), judge=ANYWHERE, **options)  # type: ignore[arg-type]
 
 
-def test_a_composed_tree_flies_and_its_own_leaf_can_be_asked(tmp_path: Path) -> None:
+def test_a_composed_tree_flies_and_its_own_leaf_can_be_asked() -> None:
     tree = composed()
-    report = app.fly(tree, scripted(), report=str(tmp_path / "r.json"))
+    report = app.fly(tree, scripted())
     assert report.outcome == "success"
     assert report.drone == "uav_bt.testing.drone.ScriptedDrone"
     assert report.tree == "Hop (composed in Python)"
-    assert json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))["tree"] == report.tree
     peek = tree.find("peek")
     assert isinstance(peek, Peek)
     assert peek.heights_m[-1] == pytest.approx(1.2, abs=0.1)
@@ -241,3 +246,75 @@ def test_what_is_no_mission_is_refused(tree: app.Mission, message: str) -> None:
     for use in (app.check, app.assemble, app.fly):
         with pytest.raises(InputError, match=message):
             use(tree)
+
+
+# --- roots of trees -------------------------------------------------------------------------------
+
+
+class Heights(py_trees.behaviour.Behaviour):
+    """Keeps the heights of the flight, from the mission's board."""
+
+    def __init__(self) -> None:
+        super().__init__("heights")
+        self.seen_m: list[float] = []
+
+    def setup(self, mission: MissionContext) -> None:
+        self._board = mission.board
+
+    def update(self) -> py_trees.common.Status:
+        state = self._board.read(STATE).value
+        if state is not None:
+            self.seen_m.append(state.height_m)
+        return py_trees.common.Status.SUCCESS
+
+
+def hop(heights: Heights | None = None) -> py_trees.behaviour.Behaviour:
+    """Return a tree of py_trees that takes off, waits and lands."""
+    steps = py_trees.composites.Sequence(
+        "steps", memory=True, children=[TakeOff(height_m=1.2), HoverFor(seconds=1.0), Land()]
+    )
+    return py_trees.composites.Parallel(
+        "hop",
+        py_trees.common.ParallelPolicy.SuccessOnSelected([steps], synchronise=False),
+        children=[heights or Heights(), steps],
+    )
+
+
+def test_a_tree_of_py_trees_flies_the_flight_of_its_nodes() -> None:
+    heights = Heights()
+    flown = app.fly(hop(heights), drone="plain", judge=ANYWHERE, seed=1)
+    assert (flown.outcome, flown.tree) == ("success", "hop (composed in Python)")
+    assert max(heights.seen_m) > 0.9
+    assert flown.events[-1].text == "the tree succeeded at Land"
+    assert flown.events[-1].node == "hop/hop/Land"
+    root = Sequence("hop", [TakeOff(height_m=1.2), HoverFor(seconds=1.0), Land()])
+    same = app.fly(root, drone="plain", judge=ANYWHERE, seed=1)
+    assert np.array_equal(flown.path, same.path)
+    with pytest.raises(InputError, match="tree 'hop' was flown or set up before"):
+        app.fly(root, drone="plain", judge=ANYWHERE, seed=1)
+
+
+def test_a_replay_is_given_the_tree_again(tmp_path: Path) -> None:
+    record = tmp_path / "hop.mcap"
+    app.fly(hop(), scripted(record=record))
+    with pytest.raises(FileError, match=r"lacks its tree file \(hop \(composed in Python\)\)"):
+        replay(record)
+    again = replay(record, ReplayOptions(tree=hop()))
+    assert again.same
+    assert again.tree == "hop (composed in Python)"
+
+
+def test_what_needs_a_file_is_refused(tmp_path: Path) -> None:
+    for refused, words in (
+        (lambda: app.fly(hop(), drone="plain", watch=print), "watch: expected a tree file"),
+        (lambda: make_plan([hop()]), r"a campaign flies tree files, .*; got <py_trees"),  # type: ignore[list-item]
+        (lambda: app.check(hop(), variables={"laps": 3}), "variables: for tree files only; 'hop'"),
+        (
+            lambda: app.check(hop(), tree_folders=app.TreeFolders(trees=[tmp_path])),
+            "tree_folders: for tree files only",
+        ),
+    ):
+        with pytest.raises(InputError, match=words):
+            refused()
+    tree = app.check(hop(), ports={"TakeOff.height_m": 1.7})
+    assert tree.find("hop/hop/TakeOff").literals["height_m"] == 1.7
