@@ -17,7 +17,7 @@ from uav_bt.app.drone_of_flight import CalibratedDrone
 from uav_bt.app.place import limits_of
 from uav_bt.app.replay import ReplayOptions
 from uav_bt.app.replay.replayer import assemble_recorded
-from uav_bt.app.site import network_of, site_of_lab
+from uav_bt.app.site import network_of
 from uav_bt.errors import FileError, InputError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.mission.judge import JudgeConfig
@@ -70,11 +70,8 @@ def test_a_lab_is_found_by_name_by_folder_and_by_object(make_lab: MakeLab) -> No
         assert options.place is not None
         assert (options.place.lab, options.place.flight_height_m) == ("hall", 1.1)
         assert replace(options, seed=1).place == options.place
-
-
-def test_lab_and_site_together_are_refused() -> None:
-    with pytest.raises(InputError, match=r"--lab and --site .* both say how the place is flown"):
-        app.FlightOptions(lab="paper", site=app.Site())
+    with pytest.raises(InputError, match="both say how the place is flown"):
+        app.FlightOptions(lab="hall", site=app.Site())
 
 
 # --- a real drone ---------------------------------------------------------------------------------
@@ -101,26 +98,23 @@ def test_a_real_drone_flies_with_the_settings_of_the_lab(make_lab: MakeLab) -> N
 
 def test_a_lab_without_a_mark_or_with_a_narrow_margin_is_refused(make_lab: MakeLab) -> None:
     make_lab("")
+    drone = ScriptedDrone()
     with pytest.raises(InputError, match="the lab 'hall' has no landing mark"):
-        app.assemble("land_only", drone=ScriptedDrone(), lab="hall")
-    app.assemble("land_only", drone=ScriptedDrone(), lab="hall", judge=ANYWHERE)
+        app.assemble("land_only", drone=drone, lab="hall")
+    app.assemble("land_only", drone=drone, lab="hall", judge=ANYWHERE)
     with pytest.raises(InputError, match=r"the lab 'hall' has no scene.*labs/hall/scenes/NAME"):
         app.assemble("land_only", drone="plain", lab="hall")
     make_lab(f"{MARK}margins: {{edge_m: 0.1}}\n")
     with pytest.raises(FileError, match=r"labs/hall/lab.yaml:10: margins.edge_m: must be at least"):
-        app.assemble("land_only", drone=ScriptedDrone(), lab="hall")
+        app.assemble("land_only", drone=drone, lab="hall")
 
 
 def test_the_camera_of_a_lab_is_that_of_its_real_drone(make_lab: MakeLab) -> None:
-    folder = make_lab(scenes=("one",))
-    (folder / "camera.yaml").touch()
-    make_lab(f"{MARK}camera: camera.yaml\n", scenes=("one",))
-    real, simulated = (
-        app.make_drone(app.FlightOptions(drone=drone, lab="hall"))
-        for drone in (ScriptedDrone(), "plain")
-    )
-    assert isinstance(real, CalibratedDrone)
-    assert not isinstance(simulated, CalibratedDrone)
+    (make_lab(scenes=("one",)) / "camera.yaml").touch()
+    make_lab(f"{MARK}camera: camera.yaml\n")
+    for drone, calibrated in ((ScriptedDrone(), True), ("plain", False)):
+        made = app.make_drone(app.FlightOptions(drone=drone, lab="hall"))
+        assert isinstance(made, CalibratedDrone) == calibrated
 
 
 # --- precedence -----------------------------------------------------------------------------------
@@ -160,23 +154,19 @@ def test_the_first_scene_of_the_lab_is_flown_unless_one_is_named(make_lab: MakeL
     assert app.assemble("land_only", drone="plain", lab="depot").scene_name == "depot-test-a"
 
 
-def test_a_scene_of_another_lab_is_refused(make_lab: MakeLab, tmp_path: Path) -> None:
-    make_lab(scenes=("one",))
-    words = r"scene 'val-a' belongs to the lab 'paper'.*lab 'hall': choose one .*\(one\)"
+def test_a_scene_of_another_lab_is_refused(
+    make_lab: MakeLab, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = make_lab(scenes=("one", "two")).resolve()
+    words = r"scene 'val-a' belongs to the lab 'paper'.*lab 'hall': choose one .*\(one, two\)"
     with pytest.raises(InputError, match=words):
         app.assemble("land_only", drone="plain", lab="hall", scene="val-a")
     other = tmp_path / "other.yaml"
     other.write_text(f"lab: hall\n{SCENE}")
-    assert app.assemble("land_only", drone="plain", lab="hall", scene=other).held.lab is not None
+    assert app.assemble("land_only", drone="plain", lab="hall", scene=other).scene_name == "other"
     with pytest.raises(InputError, match=r"'other' belongs to the lab 'hall'"):
         app.assemble("land_only", drone="plain", lab="paper", scene=other)
-
-
-def test_a_scene_in_the_folder_of_a_lab_belongs_to_it(
-    make_lab: MakeLab, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """From every folder, and also if it states the lab's name."""
-    folder = make_lab(scenes=("one", "two")).resolve()
+    # One in the folder of a lab belongs to it from everywhere, also if it states the lab's name.
     (folder / "scenes" / "two.yaml").write_text(f"lab: hall\n{SCENE}")
     monkeypatch.chdir(tmp_path.parent)
     for name in ("one", "two"):
@@ -263,23 +253,20 @@ SEES = FLIGHT.replace("<TakeOff", "<Segment/><TakeOff", 1)
 def test_a_lab_is_flown_with_the_network_in_its_folder(make_lab: MakeLab, tmp_path: Path) -> None:
     """The record names it, and a network of the lab file takes precedence."""
     folder = make_lab()
-    network = write_colour_network(folder / "segmentation.onnx", order=(0, 1, 2, 3, 3, 3))
+    write_colour_network(folder / "segmentation.onnx", order=(0, 1, 2, 3, 3, 3))
     record = tmp_path / "flight.mcap"
     tree = tree_file(tmp_path, SEES)
     app.fly(tree, drone=NoisyDrone(), lab="hall", record=record, judge=ANYWHERE)
     assert "segmentation.onnx" in RecordReader(record).metadata["weights"]
     other = write_colour_network(folder / "other.onnx", order=(0, 1, 2, 3, 3, 3))
     make_lab(f"{MARK}network: {{model: other.onnx}}\n")
-    for lab, file in ((load_lab("hall"), other), (load_lab(folder), other)):
-        assert lab.network["model"] == str(file)
-    assert network.is_file()
+    assert load_lab("hall").network["model"] == str(other)
 
 
 def test_a_tree_that_does_not_segment_flies_in_a_lab_with_a_network(
     make_lab: MakeLab, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    folder = make_lab()
-    write_colour_network(folder / "segmentation.onnx")
+    write_colour_network(make_lab() / "segmentation.onnx")
     app.check(tree_file(tmp_path, FLIGHT), lab="hall")
     assert not caplog.messages
     make_lab(f"{MARK}network: {{model: segmentation.onnx}}\n")
@@ -290,20 +277,11 @@ def test_a_tree_that_does_not_segment_flies_in_a_lab_with_a_network(
 def test_a_lab_without_a_network_is_flown_with_the_one_for_any_room(
     make_lab: MakeLab, tmp_path: Path
 ) -> None:
-    folder = make_lab(scenes=("one",))
-    lab = load_lab(folder)
-    assert network_of(lab) == {"model": "any", "depth": "any"}
-    assert site_of_lab(lab).model == "any"
-    report = app.fly(tree_file(tmp_path, SEES), drone=NoisyDrone(), lab="hall", judge=ANYWHERE)
+    folder, tree = make_lab(scenes=("one",)), tree_file(tmp_path, SEES)
+    assert network_of(load_lab(folder)) == {"model": "any", "depth": "any"}
+    report = app.fly(tree, drone=NoisyDrone(), lab="hall", judge=ANYWHERE)
     assert report.outcome == "success"
-
-
-def test_a_scene_of_a_lab_without_a_network_names_the_option(
-    make_lab: MakeLab, tmp_path: Path
-) -> None:
-    folder = make_lab(scenes=("one",))
-    with pytest.raises(InputError, match=r"does not have the classes .* add --lab .*hall"):
-        app.fly(tree_file(tmp_path, SEES), scene=folder / "scenes" / "one.yaml")
-    write_colour_network(folder / "segmentation.onnx", order=(0, 1, 2, 3, 3, 3))
-    with pytest.raises(InputError, match=r"does not have the classes .* add --lab .*hall"):
-        app.fly(tree_file(tmp_path, SEES), scene=folder / "scenes" / "one.yaml")
+    for _ in range(2):  # a scene alone does not bring the lab's network
+        with pytest.raises(InputError, match=r"does not have the classes .* add --lab .*hall"):
+            app.fly(tree, scene=folder / "scenes" / "one.yaml")
+        write_colour_network(folder / "segmentation.onnx", order=(0, 1, 2, 3, 3, 3))

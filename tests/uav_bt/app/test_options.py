@@ -6,6 +6,7 @@ import math
 import pydoc
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -108,17 +109,12 @@ SETTINGS = (
 """What makes the settings that users hand over; all of its numbers have defaults."""
 
 
-@pytest.mark.parametrize(
-    ("make", "name"),
-    [
-        (make, each.name)
-        for make in SETTINGS
-        for each in fields(make if isinstance(make, type) else type(make()))
-        if str(each.type).partition(" ")[0] in {"int", "float"}
-    ],
-)
-def test_every_number_is_checked_when_it_is_given(make: Callable[..., Any], name: str) -> None:
-    for wrong in (math.nan, math.inf, -math.inf, -7, "3", True):
+@pytest.mark.parametrize("make", SETTINGS)
+def test_every_number_is_checked_when_it_is_given(make: Callable[..., Any]) -> None:
+    kinds = fields(make if isinstance(make, type) else type(make()))
+    names = [one.name for one in kinds if str(one.type).partition(" ")[0] in {"int", "float"}]
+    assert names
+    for name, wrong in product(names, (math.nan, math.inf, -math.inf, -7, "3", True)):
         with pytest.raises(ValueRangeError, match=f"^{name} must be .*number.*, got {wrong!r}"):
             make(**{name: wrong})
 
@@ -143,16 +139,14 @@ def test_values_of_nested_settings_are_refused(
         make(**given)
 
 
-@pytest.mark.parametrize(
-    ("drone", "seed"), [(PlainConfig(seed=6), 0), (PlainConfig(), 6), (PlainConfig(seed=6), 6)]
-)
-def test_a_flight_and_its_drone_have_one_seed(drone: PlainConfig, seed: int) -> None:
-    options = app.FlightOptions(drone=drone, seed=seed)
+@pytest.mark.parametrize(("own", "seed"), [(6, 0), (0, 6), (6, 6)])
+def test_a_flight_and_its_drone_have_one_seed(own: int, seed: int) -> None:
+    options = app.FlightOptions(drone=PlainConfig(seed=own), seed=seed)
     assert options.seed == 6
     named = app.FlightOptions(drone="plain", scene="train-a", seed=6)
-    one, other = (app.make_drone(each) for each in (options, named))
-    for each in (one, other):
-        each.connect()
+    one, other = app.make_drone(options), app.make_drone(named)
+    one.connect()
+    other.connect()
     assert one.observe().state == other.observe().state
 
 
