@@ -36,8 +36,7 @@ _GROUPS: Final = {
 def examine(draws: Callable[[], str]) -> Iterator[Check]:
     """Check the machine, line by line.
 
-    Args:
-        draws: draws an image of the lab and returns the renderer's name; raises when it cannot.
+    `draws` draws an image of the lab and returns the renderer's name; it raises when it cannot.
     """
     python = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
     yield Check("Python", good=True, found=python)
@@ -54,14 +53,14 @@ def examine(draws: Callable[[], str]) -> Iterator[Check]:
     except UavBtError as error:
         yield Check("drawing the lab", good=False, found=str(error))
     for group, what in _GROUPS.items():
-        good_names, faults = [], []
+        good, faults = [], []
         for name in plugins.names(group):
             try:
                 plugins.load(group, name)
-                good_names.append(name)
+                good.append(name)
             except UavBtError as error:
                 faults.append(str(error))
-        yield _contributed(what, good_names, faults)
+        yield _contributed(what, good, faults)
     try:
         registry = NodeRegistry.installed()
     except UavBtError as error:
@@ -81,9 +80,10 @@ def _belongs(requirement: Requirement, extra: str) -> bool:
 
 def _extra(extra: str, names: Iterable[str]) -> Check:
     versions = {name: _version(name) for name in names}
-    missing = ", ".join(name for name, version in versions.items() if version is None)
-    installed = ", ".join(f"{name}=={version}" for name, version in versions.items() if version)
-    found = f"{missing} (installed: {installed})" if missing and installed else missing or installed
+    missing = ", ".join(name for name, version in versions.items() if not version)
+    found = ", ".join(f"{name}=={version}" for name, version in versions.items() if version)
+    if missing:
+        found = f"{missing} (installed: {found})" if found else missing
     return Check(
         what=f"extra {extra}" if extra else "needed packages",
         good=not missing,
@@ -93,22 +93,23 @@ def _extra(extra: str, names: Iterable[str]) -> Check:
     )
 
 
-def _version(name: str) -> str | None:
+def _version(name: str) -> str:
     try:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
-        return None
+        return ""
 
 
 def _olympe() -> Check:
-    installed, fits = _version(_SDK), sys.version_info < _SDK_BEYOND
-    if installed is None:
-        found = f"{_SDK}, which flies ANAFIs{'' if fits else '; it needs Python 3.10 to 3.12'}"
-        remedy = f"run {plugins.install_command('olympe')}" if fits else ""
-        return Check("Parrot's SDK", good=False, found=found, remedy=remedy, optional=True)
-    good = fits and importlib.util.find_spec("olympe") is not None
-    remedy = "it runs with Python 3.10 to 3.12 on Linux x86-64"
-    return Check("Parrot's SDK", good, f"{_SDK} {installed}", remedy)
+    what, version = "Parrot's SDK", _version(_SDK)
+    fits = sys.version_info < _SDK_BEYOND
+    if version:
+        good = fits and importlib.util.find_spec("olympe") is not None
+        remedy = "it runs with Python 3.10 to 3.12 on Linux x86-64"
+        return Check(what, good, f"{_SDK} {version}", remedy)
+    found = f"{_SDK}, which flies ANAFIs{'' if fits else '; it needs Python 3.10 to 3.12'}"
+    remedy = f"run {plugins.install_command('olympe')}" if fits else ""
+    return Check(what, good=False, found=found, remedy=remedy, optional=True)
 
 
 def _contributed(what: str, good: Iterable[str], faults: Iterable[str]) -> Check:
