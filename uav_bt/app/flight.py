@@ -86,8 +86,8 @@ def fly(
     report: str | Path | None = None,
     video: str | Path | None = None,
     listeners: Sequence[Listeners] = (),
-    on_check: Callable[[Check], None] | None = None,
-    controls: Controls | None = None,
+    on_check: Callable[[Check], None] = lambda _: None,
+    controls: Controls = lambda _: nullcontext(),
     watch: Callable[[str], None] | None = None,
     **how: Any,
 ) -> FlownMission:
@@ -100,18 +100,16 @@ def fly(
 
     Args:
         tree: a shipped mission's name, a tree file, a tree file's text, or a tree that was built
-            in Python: a `MissionTree`, or its root, a node or a behaviour of py_trees. A tree that
-            was built in Python flies once. `watch` does not take it, and a replay is given it
-            again.
-        options: Options that several flights share. Default: only `how`.
+            in Python: a `MissionTree`, or its root, a node or a behaviour of py_trees. It flies
+            once, is not taken by `watch`, and a replay is given it again.
+        options: Options that several flights share.
         registry: the nodes that may occur; default: all installed. Own leaves fly without a
             package with `NodeRegistry.installed().with_nodes(Peek)`.
         out: output folder of the flight, new or empty: report, objects of the map, and the files
             that leaves such as `TakePhoto` write.
-        report: where to write the report as JSON; it is also written when the mission fails.
-            Default: `report.json` in `out`.
-        video: where to write a film of the flight, an mp4 file; it, too, is written when the
-            mission fails. `film.flight_video` has options.
+        report: where to write the report as JSON, also of a mission that fails. Default:
+            `report.json` in `out`.
+        video: where to write a film of the flight, an mp4 file. `film.flight_video` has options.
         listeners: Functions that make tick listeners of the flight (displays, logs).
         on_check: called with each line of the check before take-off.
         controls: Controls of a person while the mission flies, such as a keyboard.
@@ -124,8 +122,8 @@ def fly(
         InputError: tree, scene, weights, policy or drone cannot be used; nothing was flown.
         DroneError: the drone cannot be reached, or is not ready to take off.
         NodeFailedError: a leaf raised; the drone was landed and the report written, as it is when
-            the drone raises. A listener or a file that fails ends no flight: it stands in the
-            report's `lost_outputs`.
+            the drone raises. A listener or a file that fails ends no flight: the report's
+            `lost_outputs` name it.
     """
     _check_listeners(listeners)
     options = drawn(given_options(options, how))
@@ -167,7 +165,6 @@ def fly(
         next_tree = None
         if watched is not None and watch is not None:
             next_tree = TreeReload(flight, watched, registry, watch)
-        controls = controls or (lambda _: nullcontext())
         return _run(flight, followers, keep, controls, next_tree)
 
 
@@ -189,10 +186,10 @@ def _check_listeners(listeners: object) -> None:
             refuse("listeners", "a list of functions, such as [lambda flight: [notes]]", make)
 
 
-def _check_before_take_off(flight: Flight[Drone], on_check: Callable[[Check], None] | None) -> None:
+def _check_before_take_off(flight: Flight[Drone], on_check: Callable[[Check], None]) -> None:
     drone = flight.drone
     checks = check_drone(drone, flight.held.site.preflight, judge_frame=frame_judge(drone))
-    for each in checks if on_check is not None else ():
+    for each in checks:
         on_check(each)
     if not flight.options.rehearse:  # nothing takes off: faults are only shown
         refuse_faults(checks)
