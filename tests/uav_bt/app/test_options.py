@@ -60,6 +60,8 @@ class NotADrone:
         ({"site": 3}, r"Site: expected a Site, its file or its name, got 3"),
         ({"faults": "wind"}, r"faults: 'str' instances are not allowed .*, got 'wind'"),
         ({"leaves": [3]}, r"leaves: expected a valid string, got 3"),
+        ({"variables": {"laps": None}}, r"variables\['laps'\]: expected a text, a number, True or"),
+        ({"variables": {3: 1}}, "variables: expected values by variable, such as .*, got 3"),
         ({"site": "nowhere.yaml"}, r"nowhere\.yaml"),
         ({"record_quality": "low"}, r"record_quality: expected 'lossless', .*, got 'low'"),
         ({"realtime": "no"}, r"realtime: expected a valid boolean, got 'no'"),

@@ -9,12 +9,12 @@ import pytest
 
 from sim_bridge.plain import PlainConfig
 from sim_bridge.twin.scene_file import shipped_scenes
+from tests.worlds.trees import document
 from uav_bt import app
 from uav_bt.app.random_faults import check_phases, drawn, with_faults
 from uav_bt.errors import FileError, InputError, UnknownNameError
 from uav_bt.testing import Fault, FaultyDrone, ScriptedDrone
-from uav_bt.tree import Leaf, NodeRegistry, Status
-from uav_bt.types import Hover
+from uav_bt.tree import Leaf, NodeRegistry
 
 
 def options(seed: int, scene: str | None = "val-a") -> app.FlightOptions:
@@ -104,26 +104,12 @@ def test_a_drone_with_a_fault_follows_its_flight_once() -> None:
             app.fly("hover_and_look", drone=one)
 
 
-class Nudge(Leaf):
-    """Hovers for a tick."""
-
-    moves = True
-
-    def update(self) -> Status:
-        self.propose(Hover())
-        return Status.SUCCESS
-
-
-NUDGE = """
-<root BTCPP_format="4"><BehaviorTree ID="Mission"><Sequence>
-  <TakeOff/><Nudge name="aside"/><Land/>
-</Sequence></BehaviorTree></root>
-"""
-
-
 def test_only_leaves_that_become_the_phase_are_phases_of_faults() -> None:
-    registry = NodeRegistry.installed().with_nodes(Nudge)
-    mission = app.check(NUDGE, registry)
+    class Nudge(Leaf):
+        moves = True
+
+    text = document('<Sequence><TakeOff/><Nudge name="aside"/><Land/></Sequence>')
+    mission = app.check(text, NodeRegistry.installed().with_nodes(Nudge))
     check_phases(mission, [Fault.parse("black@aside"), Fault.parse("black@take-off")])
     for phase in ("TakeOff", "Land", "Nudge"):
         with pytest.raises(UnknownNameError, match=f"'{phase}'"):

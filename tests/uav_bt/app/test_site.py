@@ -98,33 +98,29 @@ def test_what_is_wrong_is_named(tmp_path: Path, text: str, message: str) -> None
 # --- values of a site in a tree -------------------------------------------------------------------
 
 
-class Climb(Leaf):
+class Own(Leaf):
+    def update(self) -> Status:
+        return Status.SUCCESS
+
+
+class Climb(Own):
     """A third party's independent take-off."""
 
     ports = (Port("height_m", float, default=2.0, doc="flight height, m"),)
     writes = (FLIGHT_HEIGHT,)
 
-    def update(self) -> Status:
-        return Status.SUCCESS
 
-
-class FixedClimb(Leaf):
+class FixedClimb(Own):
     """A take-off to a constant height."""
 
     writes = (FLIGHT_HEIGHT,)
 
-    def update(self) -> Status:
-        return Status.SUCCESS
 
-
-class OwnEyes(Leaf):
+class OwnEyes(Own):
     """Segment with another network."""
 
     ports = (Port("model", str, default="unet", doc="the network"),)
     writes = (CLASS_MAP,)
-
-    def update(self) -> Status:
-        return Status.SUCCESS
 
 
 OWN = NodeRegistry.installed().with_nodes(Climb, FixedClimb, OwnEyes)
