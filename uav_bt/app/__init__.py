@@ -47,5 +47,5 @@ __all__ = [
 
 
 def __dir__() -> list[str]:
-    """Return the public names; submodules, which completion would list too, are left out."""
+    """Return the public names, without submodules."""
     return __all__

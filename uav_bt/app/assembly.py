@@ -38,7 +38,7 @@ from uav_bt.types import ClassMap, Frame
 DroneT = TypeVar("DroneT", bound=Drone)
 
 _LOG: Final = logging.getLogger(__name__)
-_EXACT_PX: Final = (224, 112)  # width and height of exact class maps: those of the networks
+_EXACT_PX: Final = (224, 112)  # width and height of exact class maps
 _STILL_S: Final = 2.0  # of a real camera; longer than video needs to repeat a whole image
 
 
@@ -107,25 +107,26 @@ class Flight(Generic[DroneT]):
         )
 
     def _policy(self, name: str) -> LeafPolicy:
-        given = self.options.policy_objects.get(name)
-        return given or plugins.make_policy(name, self.options.own_parts.policies)
+        if (given := self.options.policy_objects.get(name)) is not None:
+            return given
+        return plugins.make_policy(name, self.options.own_parts.policies)
 
     def _exact_segmenter(self) -> Segmenter | None:
         if not self.options.exact_masks:
             return None
         if self.drone.referee is None:
-            raise InputError("exact masks need a simulated drone: a real one has no referee")
+            raise InputError("exact masks need a simulated drone")
         return _ExactSegmenter(self.drone.referee, self.held.classes)
 
     @property
     def scene_name(self) -> str | None:
-        """The name of the scene that a simulated drone flies in; None on a real drone."""
+        """The name of a simulated drone's scene; None on a real drone."""
         scene = self.drone.scene
         return None if scene is None else scene.name
 
     @contextmanager
     def connected(self) -> Iterator[None]:
-        """Connect the drone and set the mission up; shut down and disconnect at the end."""
+        """Connect the drone and set the mission up; undo both at the end."""
         options = self.options
         given = self._segmenter is not None or isinstance(self.drone, Imageless)
         if not given and not options.exact_masks:
@@ -137,7 +138,7 @@ class Flight(Generic[DroneT]):
             self.mission.setup(self.context)
             yield
         finally:
-            # The flight is over: a failing shutdown or disconnect does not change its result.
+            # The flight is over: what fails now does not change its result.
             try:
                 self.mission.shutdown()
             except NodeFailedError as error:
@@ -148,7 +149,7 @@ class Flight(Generic[DroneT]):
     def runner(
         self, listeners: Sequence[TickListener], next_tree: NextTree | None = None
     ) -> MissionRunner:
-        """Return the runner of the mission; between ticks `next_tree` may replace its tree."""
+        """Return the runner; between ticks `next_tree` may replace its tree."""
         config, tick_s = self.options.runner, self.drone.tick_s
         others = [one for one in listeners if one not in self._faulty]
         return self._make_runner(
@@ -194,7 +195,7 @@ def assemble(
 def join(
     mission: MissionTree, options: FlightOptions, outputs: FlightFolder | None = None
 ) -> Flight[Drone]:
-    """Return a flight of a mission that was loaded with these options, with a new drone."""
+    """Return a flight of a loaded mission, with a new drone."""
     drone = with_faults(make_drone(options), options.faults)
     flight = Flight(mission, drone, options, outputs=outputs)
     check_clearances(flight.held.site, drone.airframe)
@@ -207,7 +208,7 @@ def frame_judge(drone: Drone) -> FrameJudge:
 
 
 class _ExactSegmenter:
-    """The twin's exact class ids as a segmenter: for evaluations, never for a mission's result."""
+    """The twin's exact class ids as a segmenter, for evaluations."""
 
     def __init__(self, referee: Referee, classes: LabClasses) -> None:
         self._referee = referee

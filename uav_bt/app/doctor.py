@@ -34,10 +34,7 @@ _GROUPS: Final = {
 
 
 def examine(draws: Callable[[], str]) -> Iterator[Check]:
-    """Check the machine, line by line.
-
-    `draws` draws an image of the lab and returns the renderer's name; it raises when it cannot.
-    """
+    """Check the machine, line by line; `draws` draws an image, and raises when it cannot."""
     python = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
     yield Check("Python", good=True, found=python)
     free_gb = shutil.disk_usage(Path.cwd()).free / 1e9

@@ -1,4 +1,4 @@
-"""The drone of a flight, from its options and the place that it flies in; drones around others."""
+"""The drone of a flight, from its options and place; drones around others."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from uav_bt.testing.drone import ScriptedDrone
 from uav_bt.types import CameraModel, Command, DroneState, Frame, Observation, Release
 
 _CEILING_SLACK_M: Final = 0.6  # of the drone's own ceiling above the mission's
-_MOVEMENT_TICKS: Final = 20  # of each movement of a rehearsal: 2 s, as a metre in flight
+_MOVEMENT_TICKS: Final = 20  # of a rehearsed movement: 2 s
 Seen = TypeVar("Seen", Frame, DroneState)
 
 
@@ -40,7 +40,7 @@ def make_drone(options: FlightOptions) -> Drone:
         drone = (replace(drone, **given) if given else drone).create()
     refuse_incomplete(drone)
     site = options.place or Site()
-    # A lab states the camera of its real drone; that of a simulated one is known exactly.
+    # A lab states the camera of its real drone.
     of_place = None if site.lab is not None and drone.scene is not None else site.camera
     if camera := options.camera or of_place:
         drone = CalibratedDrone(drone, Path(camera))
@@ -66,7 +66,7 @@ def is_simulated(options: FlightOptions) -> bool:
 
 
 def _config_class(options: FlightOptions) -> type[DroneConfig]:
-    """Return the configuration class of a named drone: registered, or from a file of leaves."""
+    """Return the configuration class of a named drone."""
     name = str(options.drone).partition(":")[0]
     registered = name in plugins.names(plugins.DRONES)
     own = {} if registered else options.own_parts.drones  # a plan is read without its leaves
@@ -79,7 +79,7 @@ def _field_names(config: type) -> set[str]:
 
 
 def _known(settings: dict[str, Any], names: Collection[str]) -> dict[str, Any]:
-    """Return the settings that a configuration has; without None, for which its default holds."""
+    """Return the settings that a configuration has; for None its default holds."""
     return {key: value for key, value in settings.items() if value is not None and key in names}
 
 
@@ -92,7 +92,7 @@ def _place_settings(options: FlightOptions) -> dict[str, Any]:
         "speed_limit_mps": limits.speed_mps,
         "climb_limit_mps": limits.climb_mps,
         "yaw_rate_limit_radps": limits.yaw_rate_radps,
-        # The drone's own ceiling counts from where it takes off, and lies above the mission's.
+        # The drone's own ceiling counts from where it takes off.
         "altitude_limit_m": limits.ceiling_m - site.take_off_surface_m + _CEILING_SLACK_M,
         "take_off_surface_m": site.take_off_surface_m,
         "video_latency_s": site.video_latency_s,
@@ -100,7 +100,7 @@ def _place_settings(options: FlightOptions) -> dict[str, Any]:
 
 
 class CalibratedDrone(DroneWrapper):
-    """Flies another drone, with a camera file of `lab calibrate` in place of its intrinsics.
+    """Flies another drone, with a camera file in place of its intrinsics.
 
     The file is for any size of the frames' aspect, and read when their size is known.
     """
@@ -147,10 +147,8 @@ class CalibratedDrone(DroneWrapper):
 class RehearsedDrone(DroneWrapper):
     """A rehearsal: live video and telemetry, and a drone that stays where it is.
 
-    The mission flies a pretended drone: it takes off, moves and lands in numbers only and without
-    error, so that tree and perception run as they would. Only the gimbal is pointed for real, since
-    the view depends on it. A person holds the drone at flight height and watches the decisions of
-    the mission.
+    It takes off, moves and lands in numbers only, so that tree and perception run as they would.
+    Only the gimbal is pointed for real. A person holds the drone at flight height.
     """
 
     referee = None  # there is no truth about a pretended flight

@@ -266,7 +266,7 @@ def _result(
         reason=verdict.reason,
         slow_leaves={leaf: round(1e3 * s, 1) for leaf, s in runner.budgets.worst_s.items()},
         warnings=[*log.warnings, *flight.missed_faults()],
-        # The runner knows only its own descents; the truth of a simulated drone is known.
+        # The runner knows only its own descents.
         airborne_at_end=runner.descent.airborne
         or (referee is not None and referee.truth().motors_on),
         lost_outputs=dict(runner.listeners.lost),

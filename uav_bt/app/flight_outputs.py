@@ -1,4 +1,4 @@
-"""The files that a flight writes: where they lie, that they overwrite no input, their content."""
+"""The files that a flight writes; they overwrite no input."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from uav_bt.types.flight_results import FRAME_OF_RESULTS, FoundObject, found_obj
 
 REPORT_FILE: Final = "report.json"
 OBJECTS_FILES: Final = ("objects.json", "objects.csv")
-_NO_INPUTS: Final = {"lab", "profile", "record", "tree_folders"}  # options; the lab is read apart
+_NO_INPUTS: Final = {"lab", "profile", "record", "tree_folders"}  # options
 # Chosen: over Wi-Fi an ANAFI sends some megabytes a second, and a photograph has about eight.
 _FIRST_PHOTO_S: Final = 15.0
 _EACH_PHOTO_S: Final = 10.0
 
 
 def flight_folder(out: Path | None, outputs: Mapping[str, Path | None]) -> FlightFolder | None:
-    """Return the output folder of a flight, new or empty. Leaves cannot write its other outputs."""
+    """Return the output folder of a flight; leaves cannot write its other outputs."""
     if out is None:
         return None
     given = [file for file in outputs.values() if file is not None]
@@ -49,10 +49,7 @@ def check_outputs(
     outputs: Mapping[str, Path | None],
     folder: FlightFolder | None,
 ) -> None:
-    """Refuse outputs that cannot be written, that are one file, or that are inputs.
-
-    Inputs are the files of the mission, those that its leaves name, and those of the options.
-    """
+    """Refuse outputs that cannot be written, that are one file, or that the flight reads."""
     read: list[object] = [*mission.sources, *files_of(mission)]
     read += [getattr(options, one.name) for one in fields(options) if one.name not in _NO_INPUTS]
     if isinstance(lab := options.lab, Lab):
@@ -62,9 +59,7 @@ def check_outputs(
     files = [(name, file) for name, file in outputs.items() if file is not None]
     for (first, file), (second, other) in combinations(files, 2):
         if same_file(file, other):
-            raise FileError(
-                file, f"is named for the {first} and for the {second}; choose another name"
-            )
+            raise FileError(file, f"is named for the {first} and for the {second}")
     for _, file in files:
         check_output(file, new_folders=folder is not None and file.parent == folder.folder)
         refuse_inputs(file, read, shipped_trees())
@@ -100,7 +95,7 @@ def fetch_photos(
     folder: FlightFolder,
     now: Callable[[], float] = time.monotonic,
 ) -> None:
-    """Write the photographs of the drone's camera, within a time for all, from its memory card."""
+    """Write the photographs that are on the memory card of the drone's camera."""
     taken = {
         photo.camera_file: photo.camera_media
         for photo in report.photos

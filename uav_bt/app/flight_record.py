@@ -44,7 +44,7 @@ _LAB_FILE: Final = "lab.yaml"
 
 
 def begin_record(path: Path, flight: Flight[Drone]) -> FlightRecorder:
-    """Open the record of a flight whose tree is set up; return what listens to its ticks."""
+    """Open the record of a flight whose tree is set up."""
     file = RecordFile(path)
     try:
         with writing(path):
@@ -56,7 +56,7 @@ def begin_record(path: Path, flight: Flight[Drone]) -> FlightRecorder:
                 _flight_facts(flight),
                 start_ns=time.time_ns(),
                 quality=flight.options.record_quality,
-                # A simulation's clock stands still: it waits for the disk, and nothing is lost.
+                # The clock of a simulation waits for the disk.
                 wait=not (flight.drone.live or flight.options.realtime),
             )
     except FileError:
@@ -65,7 +65,7 @@ def begin_record(path: Path, flight: Flight[Drone]) -> FlightRecorder:
 
 
 def end_record(report: FlightReport, *, recorder: FlightRecorder, path: Path) -> None:
-    """Close a record with how the flight ended; FileError if it is not written to its end."""
+    """Close a record with how the flight ended; FileError if it is incomplete."""
     end = {"outcome": report.outcome, "reason": report.reason}
     losses = recorder.finish({**end, "report": json.dumps(report.to_json())})
     if losses.failure is not None:
@@ -73,7 +73,7 @@ def end_record(report: FlightReport, *, recorder: FlightRecorder, path: Path) ->
 
 
 def _flight_facts(flight: Flight[Drone]) -> FlightFacts:
-    """Return the facts of a flight that are known before it begins; its drone is connected."""
+    """Return the facts of a connected flight that are known before it begins."""
     mission, drone, options, held = flight.mission, flight.drone, flight.options, flight.held
     site = options.place
     if site is not None and site.lab is not None:  # the scene may have another mark than its lab
@@ -126,7 +126,7 @@ def _plain(value: object) -> object:
 
 
 def _attachments(flight: Flight[Drone]) -> Iterator[Attachment]:
-    """Yield the files of a flight: one tree file with all trees and places, scene and lab."""
+    """Yield the files of a flight: one with all trees and places, scene and lab."""
     mission, scene, lab = flight.mission, flight.drone.scene, flight.options.lab
     if mission.sources:
         name = f"{_TREE_FOLDER}{mission.path.name}"
@@ -141,7 +141,7 @@ def _attachments(flight: Flight[Drone]) -> Iterator[Attachment]:
 
 
 class RecordedFiles(NamedTuple):
-    """Files of a record, written into a folder; None for those that it does not have."""
+    """Files of a record, written into a folder; None: it has none."""
 
     tree: Path | None
     scene: Path | None

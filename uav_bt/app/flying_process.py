@@ -1,4 +1,4 @@
-"""The process while a mission flies: signals land the drone, garbage collections stay short."""
+"""Signals and garbage collections while a mission flies."""
 
 from __future__ import annotations
 
@@ -36,18 +36,12 @@ def landing_on_signals(runner: MissionRunner) -> Iterator[None]:
 
 
 def interruptible() -> AbstractContextManager[None]:
-    """Raise KeyboardInterrupt on Ctrl-C and SIGTERM: a simulated drone need not land first.
-
-    Used inside `landing_on_signals`.
-    """
+    """Raise KeyboardInterrupt on Ctrl-C and SIGTERM, inside `landing_on_signals`."""
     return _handling({signal.SIGINT: signal.default_int_handler, signal.SIGTERM: _interrupt})
 
 
 def ended_by_signals() -> AbstractContextManager[None]:
-    """End the process on SIGTERM and SIGHUP: the flight of a worker is lost, and not landed.
-
-    Used inside `landing_on_signals`.
-    """
+    """End the process of a worker on SIGTERM and SIGHUP, inside `landing_on_signals`."""
     return _handling({signal.SIGTERM: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL})
 
 
@@ -55,7 +49,7 @@ def ended_by_signals() -> AbstractContextManager[None]:
 def _handling(
     handlers: Mapping[signal.Signals, Any], before: dict[signal.Signals, Any] | None = None
 ) -> Iterator[None]:
-    """Handle signals so inside; ignored ones (nohup) stay so. `before` gets the former handlers.
+    """Handle signals inside, but for ignored ones; `before` gets the former handlers.
 
     Python hands signals to the main thread only; elsewhere this does nothing.
     """

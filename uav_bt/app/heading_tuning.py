@@ -34,7 +34,7 @@ from uav_bt.types import FlyingState, Hover, Velocity
 Series = NDArray[np.float64]
 """(3, N): mission time, s; yaw rate sent then, rad/s; heading read then, rad, unwrapped."""
 
-_GAIN_MARGIN_DB, _PHASE_MARGIN_DEG = 6.0, 45.0  # usual least margins, e.g. in the book above
+_GAIN_MARGIN_DB, _PHASE_MARGIN_DEG = 6.0, 45.0  # usual least margins
 _LEAST_TICKS: Final = 20  # chosen: a shorter series of commands holds no whole response
 _LEAST_TURN_DEG: Final = 90.0  # chosen: commanded turns of all series together
 _LEAST_FIT: Final = 0.9  # chosen: share of the heading's variance that the model explains
@@ -52,7 +52,7 @@ class YawResponse:
     gain: float  # yaw rate reached per yaw rate commanded
 
     def turned(self, series: Series) -> NDArray[np.float64]:
-        """Return the turn since the start of a series, (N,) rad, of a drone that was at rest."""
+        """Return the turn since the start of a series, (N,) rad."""
         times, rates, _ = series
         commanded = np.append(0.0, np.cumsum(rates[:-1] * np.diff(times)))
         grid = np.arange(times[0], times[-1] + _STEP_S, _STEP_S)
@@ -79,7 +79,7 @@ def commanded_turn_deg(series: Sequence[Series]) -> float:
 
 
 def yaw_series(path: Path) -> list[Series]:
-    """Return the parts of a record in which the mission commanded yaw rates in the air."""
+    """Return the parts of a record with commanded yaw rates."""
     parts: list[list[tuple[float, float, float]]] = [[]]
     for moment in RecordReader(path).moments():
         movement, state = moment.commands.sent.movement, moment.state
@@ -94,9 +94,9 @@ def yaw_series(path: Path) -> list[Series]:
 
 
 def identify(series: Sequence[Series]) -> tuple[YawResponse, float]:
-    """Fit delay, lag and gain by least squares on the heading; return also the residual, rms rad.
+    """Fit delay, lag and gain to the heading by least squares; return also the residual, rms rad.
 
-    The heading is linear in gain and initial heading, so only delay and lag are searched.
+    The heading is linear in the gain: only delay and lag are searched.
     """
     if (turn_deg := commanded_turn_deg(series)) < _LEAST_TURN_DEG:
         raise InputError(

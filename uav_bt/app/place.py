@@ -25,7 +25,7 @@ from uav_bt.types.area import Area
 from uav_bt.types.place import LandOn, MissionRules, Place, PlaceFrame, parse_places
 from uav_bt.types.place_frames import lab_to_start, start_to_lab
 
-_LARGER: Final = frozenset({"floor_m", "critical_battery"})  # limits whose larger value is stricter
+_LARGER: Final = frozenset({"floor_m", "critical_battery"})  # the larger is stricter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +89,7 @@ def rules_of(mission: MissionTree) -> MissionRules:
 
 
 def limits_of(options: FlightOptions) -> Limits:
-    """Return the limits of all commands: of options, site or lab; the stricter where both state."""
+    """Return the limits of options, site or lab; the stricter where both state them."""
     site, given = options.place, options.limits
     if site is None or given is None:
         return given or (site or Site()).limits
@@ -101,7 +101,7 @@ def limits_of(options: FlightOptions) -> Limits:
 
 
 def lab_of(options: FlightOptions, scene: Scene | None) -> Lab | None:
-    """Return the lab of options or scene; None without. A scene of another lab is refused."""
+    """Return the lab of options or scene; refuse a scene of another lab."""
     lab, of_scene = options.lab, None if scene is None else load_lab(scene.lab)
     if not isinstance(lab, Lab):
         return of_scene
@@ -115,10 +115,7 @@ def lab_of(options: FlightOptions, scene: Scene | None) -> Lab | None:
 
 
 def scene_of(options: FlightOptions) -> str | None:
-    """Return the scene of a simulated drone: its name or file; None for the drone's default.
-
-    Without a scene in the options it is the first of the lab's folder `scenes`, by name.
-    """
+    """Return the name or file of the scene: of the options, or the lab's first; None: default."""
     asked, lab = options.scene, options.lab
     if not isinstance(lab, Lab):
         return None if asked is None else str(asked)
@@ -140,7 +137,7 @@ def _same(one: Lab, other: Lab) -> bool:
 
 
 def _check_mark(judge: JudgeConfig, scene: Scene | None, lab: Lab | None) -> None:
-    """Refuse a flight that must end on a landing mark that its scene or its lab does not have."""
+    """Refuse a flight that must land on a mark where there is none."""
     if judge.land_on not in {None, LandOn.MARK}:
         return
     place: Scene | Lab | None = scene or lab
@@ -153,16 +150,16 @@ def _check_mark(judge: JudgeConfig, scene: Scene | None, lab: Lab | None) -> Non
 
 
 def check_area(mission: MissionTree, site: Site) -> None:
-    """Refuse areas of rules and site that do not fit together, where that is known before."""
+    """Refuse areas of rules and site that do not fit together."""
     rules = rules_of(mission)
     corners = [*(rules.area or ()), *(site.area or ())]
-    # Without a take-off pose the scene may still know where the drone stands in the drawing.
+    # The scene may still know the take-off pose.
     if site.take_off_pose is not None or all(each.frame is PlaceFrame.START for each in corners):
         _area_of(rules, site, site.take_off_pose)
 
 
 def _area_of(rules: MissionRules, site: Site, take_off: Pose2D | None) -> Area | None:
-    """Return the area in which the areas of rules and site both hold; None without one."""
+    """Return where the areas of rules and site both hold; None without one."""
     given = [corners for corners in (rules.area, site.area) if corners is not None]
     if not given:
         return None
@@ -192,7 +189,7 @@ def _corners(corners: Sequence[Place], take_off: Pose2D | None) -> Iterator[tupl
 
 
 def refuse_foreign_network(mission: MissionTree, lab: Lab | None, *, named: bool) -> None:
-    """Refuse a mission that would segment with a shipped network of other classes than the lab's.
+    """Refuse a mission whose network has other classes than the lab.
 
     `named`: whether the options name the lab, and not only the scene.
     """

@@ -35,8 +35,7 @@ def commit(folder: Path = Path(uav_bt.__file__).parent) -> str | None:
     git = shutil.which("git")
     if git is None:
         return None
-    # Without its locks: `status` would renew the index, and one that is stopped while it does
-    # leaves a lock behind that keeps people from committing.
+    # `status` renews the index, and when stopped leaves a lock that keeps people from committing.
     command = [git, "--no-optional-locks", "-C", str(folder)]
     with suppress(OSError, subprocess.SubprocessError):  # better no commit than no flight
         head = _output(*command, "rev-parse", "HEAD")
@@ -52,7 +51,7 @@ def _output(*command: str) -> str:
 
 
 def hardware(cpu_info: Path = Path("/proc/cpuinfo")) -> str:
-    """Return processor, cores, VNNI, memory, system and Python of this machine, in one line."""
+    """Return processor, memory, system and Python of this machine, in one line."""
     lines = cpu_info.read_text(encoding="utf-8").splitlines() if cpu_info.is_file() else []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     flags = {word for line in lines if line.startswith("flags") for word in line.split()}
@@ -109,5 +108,5 @@ def _file_sha256(file: Path, _changed_ns: int) -> str:
 
 
 def sha256_of(mission: MissionTree) -> str:
-    """Return the SHA-256 of a mission's texts: its own file and all that it includes."""
+    """Return the SHA-256 of a mission's file and of all that it includes."""
     return hashlib.sha256(b"\0".join(mission.sources.values())).hexdigest()

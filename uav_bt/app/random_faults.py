@@ -1,4 +1,4 @@
-"""Faults of a flight: given as texts, or drawn from its seed together with room and movers."""
+"""Faults of a flight: given as texts, or drawn from its seed."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _LEVELS: Final = (0.3, 1.5)  # times the kind's default level
 
 
 def drawn(options: FlightOptions) -> FlightOptions:
-    """Return the options; with `RANDOM` a fault, room, movers and faults come from the seed."""
+    """Return the options; with `RANDOM` room, movers and faults come from the seed."""
     if RANDOM not in options.faults:
         return options
     # Other faults in each scene, and the same for each tree, so that trees can be compared.
@@ -70,7 +70,7 @@ def _drawn_fault(rng: np.random.Generator) -> str:
 
 
 def check_faults(texts: Sequence[str]) -> list[Fault]:
-    """Return the faults of texts, without `RANDOM`; InputError if one is unknown or malformed."""
+    """Return the faults of texts, without `RANDOM`."""
     return [Fault.parse(text) for text in texts if text != RANDOM]
 
 

@@ -1,4 +1,4 @@
-"""A tree file that is edited while it flies: read again, checked, and flown from its root."""
+"""A tree file that is edited while it flies."""
 
 from __future__ import annotations
 
@@ -21,9 +21,7 @@ _POLL_S: Final = 0.5  # wall time between two looks at the files
 class TreeReload:
     """Gives a runner the tree of a file that was edited, and calls `note` with what comes of it.
 
-    The tree is loaded with the options and nodes of the first one, and set up for the same mission.
-    One that is refused is reported, and the present one flies on. A missing file is awaited:
-    editors may write into the file, or write a new one and rename it.
+    A missing file is awaited: editors may write into the file, or write a new one and rename it.
     """
 
     def __init__(
@@ -64,7 +62,7 @@ class TreeReload:
                 self._note(f"{self._path}: again the tree that flies; it goes on")
             else:
                 tree.setup(flight.context)
-        except UavBtError as error:  # whatever is wrong with the file, its leaves or its policies
+        except UavBtError as error:  # of the file, its leaves or policies
             for each in error.details if isinstance(error, TreeError) else ():
                 if isinstance(each, Finding):  # an edit of its file may cure it
                     file = Path(each.path).resolve()
@@ -92,7 +90,7 @@ def _content(path: Path) -> bytes | None:
 
 
 def reloadable_file(tree: Mission, drone: Drone, outputs: Mapping[str, Path | None]) -> Path:
-    """Return the tree file to watch; refuse a real drone, and outputs, which show one tree only."""
+    """Return the tree file to watch; refuse a real drone, and outputs."""
     if drone.live:
         raise InputError("watch: a tree is replaced in flight on simulated drones only")
     if not isinstance(tree, str | Path) or is_text(tree) or not Path(tree).is_file():

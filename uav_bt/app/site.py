@@ -47,7 +47,7 @@ class Site:
     depth: str | None = None  # name or file of the depth network; None: as in the tree
     ground: tuple[str, ...] = ()  # classes that the drone may fly over and scale depth by
     limits: Limits = field(default_factory=Limits)  # of all commands
-    area: tuple[Place, ...] | None = None  # corners that every mission stays within; None: no bound
+    area: tuple[Place, ...] | None = None  # None: no bound
     mark: LandingMark | None = None  # None: that of the scene or of the lab
     mark_pose: Pose2D | None = None  # in the lab's drawing; None: unknown
     clearances: Clearances = field(default_factory=Clearances)  # that routes keep
@@ -57,7 +57,7 @@ class Site:
     rtsp_port: int | None = None  # of the drone's video; None: the usual one
     return_home: bool | None = None  # whether the drone returns by itself; None: as it is set
     file: Path | None = field(default=None, compare=False)  # that it was read from
-    lab: str | None = field(default=None, compare=False)  # name of the lab that it was made of
+    lab: str | None = field(default=None, compare=False)  # its name
 
     __repr__ = brief_repr
 
@@ -96,8 +96,7 @@ def _at(lab_file: Path, key: str) -> Iterator[None]:
 def network_of(lab: Lab) -> NetworkKeys:
     """Return the networks that a lab is flown with: its own, else those for any room.
 
-    A lab with the classes of the paper's lab is flown with the tree's networks instead: the shipped
-    depth network has seen that lab only.
+    One with the classes of the paper's lab is flown with the tree's.
     """
     return lab.network if has_paper_classes(lab) else {"model": ANY, "depth": ANY, **lab.network}
 
@@ -112,7 +111,7 @@ def _site(
     network: NetworkKeys | None,
     at: Callable[[str], AbstractContextManager[None]],
 ) -> Site:
-    """Return the site of the keys of a file; `at` gives errors of a block the line of a key."""
+    """Return the site of a file; `at` gives errors of a block the line of a key."""
     same = ("flight_height_m", "take_off_surface_m", "camera", "ground", "return_home")
     stated: dict[str, Any] = {name: getattr(keys, name) for name in same} | {**(network or {})}
     stated |= {f"{name}_port": port for name, port in (keys.ports or {}).items()}
@@ -136,7 +135,7 @@ def _site(
 
 
 def check_clearances(site: Site, airframe: Airframe) -> None:
-    """Refuse distances that the drone's hull does not fit in, with the line of the file."""
+    """Refuse distances that the drone's hull does not fit in."""
     for name, least_m in site.clearances.below(airframe.radius_m).items():
         message = (
             f"must be at least {least_m:.2f} m, since the drone reaches {airframe.radius_m:.2f} m "

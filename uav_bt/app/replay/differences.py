@@ -38,7 +38,7 @@ class ReplayReport:
     record: str
     tree: str
     outcome: str | None  # of the recorded flight; None when its record is unfinished
-    exact: bool = True  # whether nothing may differ: the recorded images are lossless and whole
+    exact: bool = True  # the recorded images are lossless and whole
     masks: str  # "network" or "recorded"
     ticks: int = 0
     status_ticks: int = 0  # in which a node's status differs
@@ -54,7 +54,7 @@ class ReplayReport:
 
     @property
     def same(self) -> bool:
-        """Whether the replay is the recorded flight, within the tolerance of a lossy record."""
+        """Whether the replay is the recorded flight, within the tolerance."""
         if self.only_recorded or self.only_replayed or self.ended is not None:
             return False
         allowed = 0 if self.exact else int(LOSSY_TICKS * self.ticks)
@@ -66,7 +66,7 @@ class ReplayReport:
 
 
 class Comparison:
-    """Compares a replay with its record, tick by tick, into a report; a listener of the runner."""
+    """Compares a replay with its record, tick by tick, into a report."""
 
     def __init__(
         self, report: ReplayReport, recorded: TreeNote, tree: MissionTree, drone: RecordedDrone

@@ -88,7 +88,7 @@ class RecordedDrone:
         return self._next is None
 
     def now(self) -> float:
-        """Return the tick's recorded time; after the last tick, the time of the last sleep."""
+        """Return the recorded time; after the last tick, that of the last sleep."""
         return max(self._slept_to_s, self.moment.tick.time_s)
 
     def sleep_until(self, time_s: float) -> None:
@@ -127,7 +127,7 @@ class RecordedDrone:
         """Nothing needs to be done."""
 
     def segment(self, frame: Frame) -> ClassMap:
-        """Return the class map that was recorded with a frame; InputError if there is none."""
+        """Return the class map that was recorded with a frame."""
         found = self.moment.class_map
         if found is None or found.captured_s != frame.captured_s:
             raise InputError(

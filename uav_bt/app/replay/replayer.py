@@ -101,21 +101,20 @@ def replay(record: str | Path, options: ReplayOptions | None = None) -> ReplayRe
 def assemble_recorded(
     reader: RecordReader, changes: ReplayOptions
 ) -> tuple[Flight[RecordedDrone], Masks]:
-    """Return a recorded flight, with its mission, site and frames, and whose class maps it gets."""
+    """Return a recorded flight, and whose class maps it gets."""
     recorded = recorded_options(reader)
     if recorded.imageless:
         raise FileError(
             reader.path,
             "was flown without images, so there is nothing to perceive again; fly it again with "
-            "its seed instead, which gives the same flight on the same machine",
+            "its seed",
         )
     drone = RecordedDrone(reader, recorded.airframe)
     if drone.moment.tick.index > 0:
         begins_s = drone.now() - reader.timeline.start_s
         raise FileError(
             reader.path,
-            f"begins {begins_s:.1f} s into its flight; what tree and perception remember by then "
-            "is not in it: replay the whole record",
+            f"begins {begins_s:.1f} s into its flight: replay the whole record",
         )
     masks = changes.masks or ("recorded" if recorded.exact_masks else "network")
     if masks not in get_args(Masks):
@@ -155,7 +154,7 @@ def assemble_recorded(
 
 
 def _check_complete(reader: RecordReader, mission: MissionTree, masks: Masks) -> None:
-    """Refuse a record that lacks the tree's frames or class maps: every replay would differ."""
+    """Refuse a record that lacks the tree's frames or class maps."""
     perceives = any(FRAME in leaf.reads for leaf in mission.leaves())
     segments = any(CLASS_MAP in leaf.writes for leaf in mission.leaves())
     for topic, what, needed in (
@@ -166,8 +165,7 @@ def _check_complete(reader: RecordReader, mission: MissionTree, masks: Masks) ->
         if needed and next(reader.messages([topic]), None) is None:
             raise FileError(
                 reader.path,
-                f"the record has no {what} (no message on {topic}): perception cannot be "
-                "replayed; give the record as it was flown",
+                f"the record has no {what} (no message on {topic}); give it as it was flown",
             )
 
 
@@ -177,7 +175,7 @@ def _recorded_mission(
     options: FlightOptions,
     registry: NodeRegistry | None,
 ) -> MissionTree:
-    """Load the recorded tree as it was flown, but for the policies that options give."""
+    """Load the recorded tree, with the policies of the options."""
     with TemporaryDirectory(prefix="uav-bt-replay-") as folder:
         tree = recorded_files(reader, Path(folder)).tree
         if tree is None:
@@ -209,7 +207,7 @@ class _ReplayJudge(Judge):
 
 
 class _ReplayRunner(MissionRunner):
-    """Flies a recorded drone; an operator's stop comes again in the tick in which it came."""
+    """Repeats an operator's stop in the tick in which it came."""
 
     def __init__(self, drone: RecordedDrone, *rest: Any, **named: Any) -> None:
         super().__init__(drone, *rest, **named)
