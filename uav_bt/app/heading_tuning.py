@@ -101,8 +101,7 @@ def identify(series: Sequence[Series]) -> tuple[YawResponse, float]:
     if (turn_deg := commanded_turn_deg(series)) < _LEAST_TURN_DEG:
         raise InputError(
             f"expected turns of {_LEAST_TURN_DEG:.0f} degrees or more by yaw-rate commands, got "
-            f"{turn_deg:.0f}: record a flight that explores by the map, such as survey_and_land "
-            "(the leaf Turn leaves the yaw rate to the drone)"
+            f"{turn_deg:.0f}: record a flight that explores by the map, such as survey_and_land"
         )
     heading = np.concatenate([yaws - yaws.mean() for _, _, yaws in series])
 
@@ -154,7 +153,7 @@ def heading_loop(gains: HeadingGains, response: YawResponse, tick_s: float) -> L
 
 
 def suggested_loop(response: YawResponse, tick_s: float) -> Loop:
-    """Return the fastest loop with 6 dB and 45 degrees; its gains are the shipped ones, scaled."""
+    """Return the fastest loop with these margins, with the shipped gains scaled."""
     shipped = HeadingGains()
     for proportional in _PROPORTIONAL:
         share = proportional / shipped.proportional

@@ -69,8 +69,7 @@ def read_mission(
     if isinstance(options.params, ParameterFile) and options.params.variants:
         raise FileError(
             options.params.path,
-            f"has variants ({', '.join(options.params.variants)}), and a campaign flies them; give "
-            "a file with `set` and `var` only",
+            f"has variants ({', '.join(options.params.variants)}), which only a campaign flies",
         )
     expect("registry", registry, NodeRegistry | None, "NodeRegistry.installed().with_nodes(...)")
     overrides = {node: dict(given) for node, given in (replaced or {}).items()}
@@ -85,7 +84,8 @@ def read_mission(
         replace_in(tree, registry, options.parameters, overrides, by_key)
     else:
         expect("tree", tree, str | Path, "a mission's name, a tree file, its text, or a tree")
-        read, source = (parse_tree, tree) if is_text(tree) else (load_tree, resolve_tree(tree))
+        read = parse_tree if is_text(tree) else load_tree
+        source: Any = tree if is_text(tree) else resolve_tree(tree)
         registry = registry.with_policies(options.policy_objects)
         tree = read(
             source,
@@ -121,7 +121,7 @@ def _check_made(tree: MissionTree, options: FlightOptions) -> None:
 
 
 def _site_values(site: Site) -> _ByKey:
-    """Return the attributes that a site replaces, by the board key that their leaves write."""
+    """Return the attributes that a site replaces, by the key that their leaves write."""
     found: dict[Key[Any], dict[str, str]] = {CLASS_MAP: {}, METRIC_DEPTH: {}, FLIGHT_HEIGHT: {}}
     for key, name, value in (
         (CLASS_MAP, "model", site.model),
@@ -161,7 +161,7 @@ def _check_site_reaches(mission: MissionTree, by_key: _ByKey, options: FlightOpt
 
 
 def _check_ceiling(mission: MissionTree, ceiling_m: float) -> None:
-    """Refuse a flight height above the ceiling, but for one that is known in flight only."""
+    """Refuse a flight height above the ceiling, if it is known before the flight."""
     for leaf in mission.leaves():
         height = next((port for port in leaf.ports if port.name == _HEIGHT_PORT), None)
         if FLIGHT_HEIGHT not in leaf.writes or height is None:

@@ -72,7 +72,7 @@ def as_file(name: str, value: str | Path | None, expected: str = "a file") -> Pa
 
 
 def fault_texts(faults: Sequence[str]) -> tuple[str, ...]:
-    """Return faults as texts; `@FILE` stands for the lines of a file, which are checked here."""
+    """Return faults as texts; `@FILE` stands for the lines of a file."""
     return tuple(text for one in faults for text in _fault_lines(one))
 
 
@@ -161,8 +161,7 @@ def refuse_unusable(
 ) -> None:
     """Refuse the `FlightOptions` that a drone does not support; defaults are never refused.
 
-    The message begins with `drone` and ends with `remedy`. The flag of an option is named, too, if
-    the drone is, as a command may have given both.
+    The message begins with `drone`, ends with `remedy`, and names the flag of a named drone.
     """
     for each in fields(options):
         value, about = getattr(options, each.name), option_of(type(options), each.name)
@@ -210,7 +209,7 @@ def judge_of(
 
 
 def loaded_by(load: Callable[[str | Path], Any], kind: type) -> Checked:
-    """Return a check that loads the object of a file or a name, and takes an object as it is."""
+    """Return a check that loads the object of a file or a name; objects stay."""
 
     def loaded(given: object) -> object:
         if isinstance(given, str | Path):

@@ -1,4 +1,4 @@
-"""How a mission is flown: the options of one flight, declared once for Python and command line."""
+"""The options of one flight, declared once for Python and command line."""
 
 from __future__ import annotations
 
@@ -199,7 +199,7 @@ class FlightOptions:
         object.__setattr__(self, "seed", own or self.seed)  # the class is frozen for all others
 
     def shared_json(self) -> dict[str, Any]:
-        """Return the fields in `SHARED` as plain JSON values that make them again in any folder."""
+        """Return the fields in `SHARED` as JSON values that hold in any folder."""
         plain = _adapter().dump_python(self, mode="json", include={*SHARED} - {"lab"})
         lab = lab_address(self.lab) if isinstance(self.lab, Lab) else None
         folders = self.tree_folders.to_json()
@@ -225,7 +225,7 @@ class FlightOptions:
 
     @property
     def parameters(self) -> Parameters:
-        """Ports and variables of the options, and beneath them those of the parameter file."""
+        """Ports and variables of the options, before those of the parameter file."""
         own = Parameters(ports=self.ports, variables=self.variables)
         return own if not isinstance(self.params, ParameterFile) else own.over(self.params.common)
 
@@ -266,9 +266,9 @@ FlightOptions.__doc__ = (
 )
 
 IN_COMMANDS: Final = tuple(name for name, about in _ABOUT.items() if about.group)
-"""Fields of `FlightOptions` that `uav-bt fly` has as options; the others are for Python."""
+"""Fields that `uav-bt fly` has as options; the others are for Python."""
 OF_DRONE: Final = tuple(name for name, about in _ABOUT.items() if about.of_drone)
-"""Fields of `FlightOptions` that a drone's configuration gets if it has fields of these names."""
+"""Fields that a drone's configuration gets if it has fields of these names."""
 _OF_ONE_FLIGHT: Final = {
     *("scene", "seed", "record", "params"),
     *("realtime", "site", "camera", "rehearse", "inference_threads"),
@@ -296,6 +296,6 @@ def _adapter() -> TypeAdapter[FlightOptions]:
 
 
 def given_options(options: FlightOptions | None, how: Mapping[str, Any]) -> FlightOptions:
-    """Return the options of a flight: those of an object, some of them replaced by `how`."""
+    """Return the options of an object, some of them replaced by `how`."""
     expect("options", options, FlightOptions | None, "FlightOptions(...)")
     return replace(options, **how) if options else FlightOptions(**how)

@@ -36,18 +36,15 @@ def commit(folder: Path = Path(uav_bt.__file__).parent) -> str | None:
     if git is None:
         return None
     # `status` renews the index, and when stopped leaves a lock that keeps people from committing.
-    command = [git, "--no-optional-locks", "-C", str(folder)]
+    command = [git, "--no-optional-locks", "-C", str(folder), "status"]
+    command += ["--porcelain=v2", "--branch", "--untracked-files=no"]
     with suppress(OSError, subprocess.SubprocessError):  # better no commit than no flight
-        head = _output(*command, "rev-parse", "HEAD")
-        changed = _output(*command, "status", "--porcelain", "--untracked-files=no")
-        return f"{head}+changes" if changed else head
+        found = subprocess.run(  # noqa: S603 - git itself, with arguments of our own
+            command, capture_output=True, text=True, check=True, timeout=_GIT_LIMIT_S
+        ).stdout.splitlines()
+        changes = "" if all(line.startswith("#") for line in found) else "+changes"
+        return found[0].removeprefix("# branch.oid ") + changes
     return None
-
-
-def _output(*command: str) -> str:
-    return subprocess.run(  # noqa: S603 - git itself, with arguments of our own
-        command, capture_output=True, text=True, check=True, timeout=_GIT_LIMIT_S
-    ).stdout.strip()
 
 
 def hardware(cpu_info: Path = Path("/proc/cpuinfo")) -> str:
