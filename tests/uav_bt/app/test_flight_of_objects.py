@@ -187,20 +187,17 @@ def test_arguments_of_another_type_are_refused(given: dict[str, Any], message: s
 
 
 def test_what_does_not_fit_a_composed_tree_is_refused_before_the_flight() -> None:
-    drone = ScriptedDrone()
-    with pytest.raises(InputError, match=r"listeners: .* that return a list, .*, got None"):
-        app.fly(composed(), drone=drone, listeners=[print])  # type: ignore[list-item]
-    for policies, message in (
-        ({"pek": "corridor"}, "no node of that name or path; did you mean 'peek'"),
-        ({"peek": "corridor"}, "Peek 'peek': override of 'peek': unknown attribute 'policy'"),
+    drone, low = ScriptedDrone(), app.Limits(ceiling_m=1.0)
+    ceiling = r"/up' is to fly at 1\.2 m, above the ceiling of 1 m: lower the flight height"
+    for how, message in (
+        ({"listeners": [print]}, r"listeners: .* that return a list, .*, got None"),
+        ({"policies": {"pek": "corridor"}}, "no node of that name or path; did you mean 'peek'"),
+        ({"policies": {"peek": "corridor"}}, "override of 'peek': unknown attribute 'policy'"),
+        ({"site": app.Site(limits=low)}, ceiling),
+        ({"limits": low}, ceiling),
     ):
         with pytest.raises(InputError, match=message):
-            app.fly(composed(), drone=drone, policies=policies)
-    low = app.Limits(ceiling_m=1.0)
-    message = r"/up' is to fly at 1\.2 m, above the ceiling of 1 m: lower the flight height"
-    for how in ({"site": app.Site(limits=low)}, {"limits": low}):
-        with pytest.raises(InputError, match=message):
-            app.fly(composed(), drone=drone, **how)
+            app.fly(composed(), drone=drone, **how)  # type: ignore[arg-type]
     assert not drone.commands
 
 

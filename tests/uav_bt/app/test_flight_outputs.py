@@ -9,15 +9,16 @@ from pathlib import Path
 
 import pytest
 
+from sim_bridge.plain import PlainConfig
 from sim_bridge.twin import TwinConfig
+from tests.worlds.trees import document
 from uav_bt import app
 from uav_bt.app.drone_of_flight import RehearsedDrone
 from uav_bt.app.flight_outputs import fetch_photos, flight_folder
 from uav_bt.board.context import FlightFolder
 from uav_bt.errors import DroneError, FileError
 from uav_bt.mission.drone_wrapper import DroneWrapper
-from uav_bt.protocols import Drone, Still, StillCamera, StillState
-from uav_bt.testing import ScriptedDrone
+from uav_bt.protocols import Still, StillCamera, StillState
 from uav_bt.types.flight_results import EventKind
 
 HOP = '<BehaviorTree ID="Hop"><Sequence><TakeOff/><Land/></Sequence></BehaviorTree>'
@@ -53,13 +54,10 @@ def test_files_that_files_of_any_suffix_name_are_inputs() -> None:
     Path("main.tree").write_text(Path("main.xml").read_text().replace("hop.xml", "hop.tree"))
     Path("hall.onnx").write_bytes(b"\0 network")
     Path("hall.txt").write_text("network: {model: hall.onnx}\n")
-    Path("see.xml").write_text(
-        '<root BTCPP_format="4"><BehaviorTree ID="See"><Sequence><Segment model="hall.onnx"/>'
-        "<TakeOff/><Land/></Sequence></BehaviorTree></root>"
-    )
-    for how in ({"tree": "main.tree", "site": "hall.txt"}, {"tree": "see.xml"}):
+    see = document('<Sequence><Segment model="hall.onnx"/><TakeOff/><Land/></Sequence>')
+    for tree, site in (("main.tree", "hall.txt"), (see, None)):
         with pytest.raises(FileError, match=r"^hall\.onnx: is an input"):
-            app.fly(**how, drone="plain", report="hall.onnx")
+            app.fly(tree, site=site, drone="plain", report="hall.onnx")
     with pytest.raises(FileError, match=r"^hop\.tree: is an input"):
         app.fly("main.tree", drone="plain", report="hop.tree")
 
@@ -148,9 +146,9 @@ TWO_PHOTOS = """<root BTCPP_format="4"><BehaviorTree ID="M"><ReactiveSequence>
 class Camera:
     """Saves each photograph at once; some are not handed out."""
 
-    def __init__(self) -> None:
+    def __init__(self, *lost: str) -> None:
         self.taken = 0
-        self.lost: set[str] = set()
+        self.lost = lost
         self.limits_s: list[float] = []
 
     def take_still(self) -> int:
@@ -170,61 +168,43 @@ class Camera:
 class PhotographingDrone(DroneWrapper):
     """The plain drone with a camera for photographs."""
 
-    def __init__(self, drone: Drone, camera: Camera) -> None:
-        super().__init__(drone)
-        self._camera = camera
+    camera_of_photos: Camera
 
     @property
     def stills(self) -> StillCamera | None:
-        return self._camera
+        return self.camera_of_photos
 
 
 def fly(camera: Camera, out: Path) -> app.FlownMission:
-    plain = app.make_drone(app.FlightOptions(drone="plain", profile="ideal", scene="val-a"))
-    return app.fly(TWO_PHOTOS, drone=PhotographingDrone(plain, camera), out=out)
+    drone = PhotographingDrone(PlainConfig(profile="ideal", scene="val-a").create())
+    drone.camera_of_photos = camera
+    assert drone.stills is camera
+    assert RehearsedDrone(drone).stills is None
+    return app.fly(TWO_PHOTOS, drone=drone, out=out)
 
 
-def test_photographs_are_fetched_into_the_folder_of_the_flight(tmp_path: Path) -> None:
-    camera = Camera()
-    flown = fly(camera, tmp_path / "out")
-    assert [photo.camera_file for photo in flown.photos] == [
-        "photo-001-a-camera.jpg",
-        "photo-002-b-camera.jpg",
-    ]
-    for photo in flown.photos:
-        assert (tmp_path / "out" / str(photo.camera_file)).read_bytes() == JPEG
+def test_photographs_are_fetched_after_the_landing(tmp_path: Path) -> None:
+    camera, out = Camera(), tmp_path / "out"
+    flown = fly(camera, out)
+    files = [photo.camera_file for photo in flown.photos]
+    assert files == ["photo-001-a-camera.jpg", "photo-002-b-camera.jpg"]
+    assert all((out / str(file)).read_bytes() == JPEG for file in files)
     assert flown.lost_outputs == {}
     assert all(0.0 < limit_s <= 35.0 for limit_s in camera.limits_s)
+    camera.limits_s.clear()
+    flying = replace(flown, airborne_at_end=True)
+    with pytest.raises(FileError, match=r"2 of 2 .*: the drone is still in the air"):
+        fetch_photos(flying, camera, FlightFolder(tmp_path / "other"))
+    assert camera.limits_s == []
 
 
 def test_a_photograph_that_is_not_fetched_is_named_in_the_report(tmp_path: Path) -> None:
-    camera = Camera()
-    camera.lost = {"m1"}
-    flown = fly(camera, tmp_path / "out")
+    camera, out = Camera("m1"), tmp_path / "out"
+    flown = fly(camera, out)
     assert flown.outcome == "success"
     (reason,) = flown.lost_outputs.values()
     words = "1 of 2 photographs stay on the drone's memory card (photo-001-a-camera.jpg: media m1)"
     assert f"{words}: its web server answers 404" in reason
-    assert (tmp_path / "out" / "photo-002-b-camera.jpg").read_bytes() == JPEG
-    assert reason in (tmp_path / "out" / "report.json").read_text().replace("\\", "")
-    camera.fetch_still = lambda *_: int("no number")  # type: ignore[method-assign,assignment]
-    lost = fly(camera, tmp_path / "other").lost_outputs
-    assert lost["camera photographs"].startswith("ValueError: invalid literal")
-    report = json.loads((tmp_path / "other" / "report.json").read_text(encoding="utf-8"))
-    assert report["lost_outputs"] == lost
-
-
-def test_a_rehearsal_passes_no_camera_on() -> None:
-    drone = DroneWrapper(PhotographingDrone(ScriptedDrone(), Camera()))
-    assert isinstance(drone.stills, Camera)
-    assert RehearsedDrone(drone).stills is None
-
-
-def test_of_a_flying_drone_nothing_is_fetched(tmp_path: Path) -> None:
-    camera = Camera()
-    flown = fly(camera, tmp_path / "out")
-    flying = replace(flown, airborne_at_end=True)
-    camera.limits_s.clear()
-    with pytest.raises(FileError, match=r"2 of 2 .*: the drone is still in the air"):
-        fetch_photos(flying, camera, FlightFolder(tmp_path / "other"))
-    assert camera.limits_s == []
+    assert (out / "photo-002-b-camera.jpg").read_bytes() == JPEG
+    report = json.loads((out / "report.json").read_text(encoding="utf-8"))
+    assert report["lost_outputs"] == {"camera photographs": reason}

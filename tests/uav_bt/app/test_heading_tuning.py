@@ -130,9 +130,6 @@ def test_suggested_gains_are_the_fastest_with_margins() -> None:
     assert found.phase_margin_deg >= 45.0
     assert faster.gain_margin_db < 6.0 or faster.phase_margin_deg < 45.0
     assert gains.integral / gains.proportional == pytest.approx(0.1 / 1.2)
-
-
-def test_a_response_that_no_gain_can_steer_is_refused() -> None:
     with pytest.raises(InputError, match=r"some gain can steer, got YawResponse\(delay_s=0.8"):
         suggested_loop(YawResponse(delay_s=0.8, lag_s=0.8, gain=40.0), TICK_S)
 

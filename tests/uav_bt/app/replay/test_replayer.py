@@ -123,13 +123,9 @@ def test_trees_of_other_nodes_and_ends_are_compared(noisy: Path, tmp_path: Path)
 def test_a_leaf_that_fails_in_the_replay_is_reported(
     noisy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def update(_self: Land) -> None:
-        raise RuntimeError("no ground")
-
-    monkeypatch.setattr(Land, "update", update)
+    monkeypatch.setattr(Land, "update", lambda _: 1 / 0)
     report = replay(noisy)
-    assert report.ended is not None
-    assert "no ground" in report.ended
+    assert "ZeroDivisionError" in str(report.ended)
     assert not report.same
 
 
