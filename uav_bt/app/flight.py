@@ -13,6 +13,8 @@ from uav_bt.app.assembly import Flight, Listeners, frame_judge, join
 from uav_bt.app.film import flight_video
 from uav_bt.app.flight_outputs import (
     REPORT_FILE,
+    FlownMission,
+    PathLog,
     check_outputs,
     fetch_photos,
     flight_folder,
@@ -26,7 +28,6 @@ from uav_bt.app.options import FlightOptions, given_options
 from uav_bt.app.place import check_area
 from uav_bt.app.random_faults import drawn
 from uav_bt.app.reload import TreeReload, reloadable_file
-from uav_bt.app.results import FlownMission, PathLog
 from uav_bt.app.site import Site
 from uav_bt.board import SITE_MAP
 from uav_bt.errors import TreeError, UavBtError

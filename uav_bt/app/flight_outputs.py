@@ -1,4 +1,4 @@
-"""The files that a flight writes; they overwrite no input."""
+"""Results of a flight: path and map as arrays, and the files that it writes."""
 
 from __future__ import annotations
 
@@ -6,20 +6,25 @@ import csv
 import io
 import json
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, fields
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass, field, fields
 from itertools import combinations
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from uav_bt.app.options import FlightOptions
 from uav_bt.app.provenance import files_of
 from uav_bt.board.context import FlightFolder
+from uav_bt.display.flown_path import FlownPath
 from uav_bt.errors import DroneError, FileError
 from uav_bt.files import check_output, write_whole
 from uav_bt.inputs import refuse_inputs, same_file
 from uav_bt.lab.lab import Lab
 from uav_bt.mission.flight_report import FlightReport
+from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import StillCamera
 from uav_bt.tree import MissionTree
 from uav_bt.tree.loading.lookup import shipped_trees
@@ -32,6 +37,49 @@ _NO_INPUTS: Final = {"lab", "profile", "record", "tree_folders"}  # options
 # Chosen: over Wi-Fi an ANAFI sends some megabytes a second, and a photograph has about eight.
 _FIRST_PHOTO_S: Final = 15.0
 _EACH_PHOTO_S: Final = 10.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlownMission(FlightReport):
+    """The report of a flight, with its path and its map.
+
+        flown = app.fly("land_only")
+        plt.plot(flown.path[:, 1], flown.path[:, 2])
+
+    Attributes:
+        path: (N, 5) float64, a row for each tick: time in mission seconds, x, y, z in metres and
+            yaw in radians. In a simulated drone it is the true pose in the lab frame of
+            `docs/frames.md`. Otherwise it is dead-reckoned from the telemetry, with the first
+            pose as the origin.
+        site_map: The map at the end of the flight. None if the tree has no leaf that makes one.
+    """
+
+    path: NDArray[np.float64] = field(repr=False)
+    site_map: SiteMap | None = field(repr=False)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the report as plain JSON values, without the arrays."""
+        report = {each.name: getattr(self, each.name) for each in fields(FlightReport)}
+        return FlightReport(**report).to_json()
+
+
+class PathLog:
+    """Listens to the runner and keeps the drone's pose at each tick."""
+
+    def __init__(self, ticks: Iterable[TickRecord] = ()) -> None:
+        self._flown = FlownPath()
+        self._rows: list[tuple[float, ...]] = []
+        for tick in ticks:
+            self.on_tick(tick)
+
+    def on_tick(self, record: TickRecord) -> None:
+        """Add the pose of a tick."""
+        pose = self._flown.add(record)
+        self._rows.append((record.time_s, pose.x_m, pose.y_m, pose.z_m, pose.yaw_rad))
+
+    def array(self) -> NDArray[np.float64]:
+        """Return the path until now, (N, 5); see `FlownMission.path`."""
+        return np.array(self._rows, dtype=np.float64).reshape(-1, 5)
 
 
 def flight_folder(out: Path | None, outputs: Mapping[str, Path | None]) -> FlightFolder | None:

@@ -29,8 +29,7 @@ from uav_bt.tree.shipped import resolve_tree
 Mission = str | Path | MissionTree | Node | Behaviour
 """A mission: a shipped one's name, a tree file, a tree or its root, or a tree file's text.
 
-A text is a `str` whose first character, blanks aside, is `<`. A root is a node, or a behaviour of
-py_trees in whose tree nodes may stand.
+A text begins with `<`. A root is a node, or a behaviour of py_trees.
 """
 
 _HEIGHT_PORT: Final = "height_m"  # of a leaf that sets the flight height
@@ -104,8 +103,7 @@ def _check_made(tree: MissionTree, options: FlightOptions) -> None:
     """Refuse a tree that flew, and options that are for tree files."""
     if tree.is_set_up:
         raise InputError(
-            f"tree '{tree.name}' was flown or set up before, and a tree flies once: load or "
-            "compose it anew for each flight"
+            f"tree '{tree.name}' was flown or set up before: make it anew for each flight"
         )
     for what, given in (
         ("tree_id", options.tree_id not in {None, tree.name}),

@@ -73,11 +73,10 @@ class FlightOptions:
 
         FlightOptions(scene="val-a", seed=3, judge=JudgeConfig(time_limit_s=600.0))
 
-    In Python `drone` may also be a configuration such as `TwinConfig(scene="val-a")`, or a `Drone`.
-    An object is flown as it is; the values of site or lab replace those of the same name in a
-    configuration. A policy may also be an object with `decide`, a site also a `Site`, a lab also a
-    `Lab`. The seed does not reach a drone given as an object. A named drone without a seed, such as
-    anafi, refuses any but 0.
+    In Python `drone` may also be a configuration such as `TwinConfig(scene="val-a")`, or a `Drone`,
+    which the seed does not reach. Values of site or lab replace those of a configuration. A policy
+    may also be an object with `decide`, a site also a `Site`, a lab also a `Lab`. A drone without a
+    seed, such as anafi, refuses any but 0.
 
     Raises:
         InputError: A value cannot be used, lab or site file cannot be read, or both are given.
@@ -182,7 +181,7 @@ class FlightOptions:
         if self.lab is not None and self.site is not None:
             raise InputError(
                 "--lab and --site (lab and site in Python) both say how the place is flown: give "
-                "one of them; a lab file has all keys of a site file"
+                "one of them"
             )
         if isinstance(self.record, Path) and self.record.suffix.lower() != ".mcap":
             refuse("record", "a file whose name ends in .mcap", str(self.record))

@@ -48,9 +48,9 @@ def conditions_of(
 ) -> Conditions:
     """Return what holds in a flight, with this precedence.
 
-    The options (command line) come before the rules of the mission, these before the scene of a
-    simulated drone, this before lab or site, and these before the ports of the tree
-    (`app/loading.py`). Of two limits the smaller one holds, and of two areas both.
+    Options come before the mission's rules, these before the scene of a simulated drone, this
+    before lab or site, these before the ports of the tree (`app/loading.py`). Of two limits the
+    smaller one holds, and of two areas both.
 
     `recorded`: whether a record states the area, and the flight is over.
     """
@@ -128,7 +128,7 @@ def scene_of(options: FlightOptions) -> str | None:
         return None
     raise InputError(
         f"the lab '{lab.name}' has no scene, and a simulated drone flies in one: add "
-        f"{lab.folder / SCENES_FOLDER}/NAME.yaml, give --scene, or fly a real drone with --drone"
+        f"{lab.folder / SCENES_FOLDER}/NAME.yaml, or give --scene or a real --drone"
     )
 
 
@@ -181,8 +181,8 @@ def _corners(corners: Sequence[Place], take_off: Pose2D | None) -> Iterator[tupl
         if corner.frame is PlaceFrame.LAB:
             if take_off is None:
                 raise InputError(
-                    f"area: '{corner}' is a place of the lab's drawing, in which the take-off pose "
-                    "is unknown: name the corners as start:x,y"
+                    f"area: '{corner}': the take-off pose in the lab's drawing is unknown: name "
+                    "the corners as start:x,y"
                 )
             place = lab_to_start(place, take_off)
         yield place.x_m, place.y_m

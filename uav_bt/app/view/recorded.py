@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Final
 
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.app.film import depth_of, map_of_scene
+from uav_bt.app.flight_outputs import PathLog
 from uav_bt.app.flight_record import recorded_files, recorded_options
-from uav_bt.app.results import PathLog
 from uav_bt.app.view.live import setting_of
 from uav_bt.board import SITE_MAP
 from uav_bt.display.phrases import describe_flight
