@@ -308,30 +308,28 @@ def test_the_third_signal_ends_a_program_that_hangs(hangar: Hangar, tmp_path: Pa
     assert handlers() == before
 
 
-def test_whoever_ignores_a_signal_means_it(hangar: Hangar, tmp_path: Path) -> None:
+def test_ignored_signals_stay_so_and_another_thread_takes_no_handlers(
+    hangar: Hangar, tmp_path: Path
+) -> None:
     """With nohup a mission continues after its terminal was closed."""
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    within: list[object] = []
-    look = doing(lambda _: within.append(signal.getsignal(signal.SIGHUP)))
+    tree = tree_file(tmp_path, HOP)
+    before, within, reports = signal.signal(signal.SIGHUP, signal.SIG_IGN), [], []
+
+    def fly() -> None:
+        look = doing(lambda _: within.append(handlers()))
+        reports.append(app.fly(tree, SCRIPTED, listeners=[look]))
+
     try:
-        app.fly(tree_file(tmp_path, HOP), SCRIPTED, listeners=[look])
+        fly()
+        assert {one[2] for one in within} == {signal.SIG_IGN}
     finally:
         signal.signal(signal.SIGHUP, before)
-    assert set(within) == {signal.SIG_IGN}
-
-
-def test_a_flight_in_another_thread_takes_no_handlers(hangar: Hangar, tmp_path: Path) -> None:
-    """Python lets only the main thread set them."""
-    before, within, reports = handlers(), [], []
-    follow = doing(lambda _index: within.append(handlers()))
-    tree = tree_file(tmp_path, HOP)
-    thread = threading.Thread(
-        target=lambda: reports.append(app.fly(tree, SCRIPTED, listeners=[follow]))
-    )
+    within.clear()
+    thread = threading.Thread(target=fly)
     thread.start()
     thread.join(timeout=60.0)
-    assert [report.outcome for report in reports] == ["success"]
-    assert set(within) == {before}
+    assert [report.outcome for report in reports] == ["success"] * 2
+    assert set(within) == {handlers()}
 
 
 def test_leaves_close_what_they_opened_when_the_flight_is_over(
@@ -342,22 +340,19 @@ def test_leaves_close_what_they_opened_when_the_flight_is_over(
 ) -> None:
     """A device or a drone that fails at the end changes no result."""
 
-    def fail() -> None:
-        raise DroneError("already gone")
-
     class Device(Leaf):
-        """Opens a device for the whole mission."""
-
         def update(self) -> Status:
             return Status.SUCCESS
 
         def on_shutdown(self) -> None:
             raise OSError("the device is gone")
 
+    def fail() -> None:
+        raise DroneError("already gone")
+
     tree = tree_file(tmp_path, f"<Sequence><Device/>{HOP}</Sequence>")
-    registry = NodeRegistry.installed().with_nodes(Device)
     monkeypatch.setattr(hangar.drone, "disconnect", fail)
-    report = app.fly(tree, SCRIPTED, registry=registry)
+    report = app.fly(tree, SCRIPTED, registry=NodeRegistry.installed().with_nodes(Device))
     assert report.outcome == "success"
     assert "Device' failed: OSError: the device is gone" in caplog.text
 

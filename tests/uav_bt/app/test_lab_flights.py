@@ -143,13 +143,14 @@ def test_the_smaller_limits_of_options_and_lab_hold(
 
 
 def test_the_first_scene_of_the_lab_is_flown_unless_one_is_named(make_lab: MakeLab) -> None:
-    make_lab(scenes=("west", "east"))
+    make_lab("mark: {size_m: [1, 1], height_m: 0.3}\n", scenes=("west", "east"))
     for asked, name in ((None, "east"), ("west", "west"), ("labs/hall/scenes/west.yaml", "west")):
         flight = app.assemble("land_only", drone="plain", lab="hall", scene=asked)
         assert flight.scene_name == name
         assert flight.held.classes.names[1] == "floor"
         assert flight.held.lab is not None
         assert flight.held.lab.name == "hall"
+        assert flight.context.mark.height_m == 0.05  # of the scene, and not of the lab
     assert app.assemble("land_only", drone="plain", lab="paper").scene_name == "train-a"
     assert app.assemble("land_only", drone="plain", lab="depot").scene_name == "depot-test-a"
 
@@ -172,13 +173,6 @@ def test_a_scene_of_another_lab_is_refused(
     for name in ("one", "two"):
         flight = app.assemble("land_only", drone="plain", scene=folder / "scenes" / f"{name}.yaml")
         assert flight.held.classes.names[1] == "floor"
-
-
-def test_the_mark_of_a_scene_comes_before_that_of_its_lab(make_lab: MakeLab) -> None:
-    make_lab("mark: {size_m: [1, 1], height_m: 0.3, position_m: [0, 0]}\n", scenes=("one",))
-    context = app.assemble("land_only", drone="plain", lab="hall").context
-    assert context.mark.height_m == 0.05
-    assert context.mark_pose == Pose2D(x_m=1.0, y_m=0.5, yaw_rad=0.0)
 
 
 TAG = "kind: apriltag, options: {id: 7, size_m: 0.4}"

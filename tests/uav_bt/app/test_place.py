@@ -13,11 +13,9 @@ from tests.worlds.trees import document
 from uav_bt import app
 from uav_bt.app.assembly import Flight, assemble
 from uav_bt.app.place import drawn_places
-from uav_bt.app.reload import TreeReload
 from uav_bt.errors import InputError
 from uav_bt.protocols import Drone
 from uav_bt.record.reader import RecordReader
-from uav_bt.testing import ScriptedDrone
 from uav_bt.tree import parse_tree
 from uav_bt.types import Pose2D
 from uav_bt.types.place import LandOn, area_corners
@@ -111,19 +109,6 @@ def test_a_mission_that_lands_on_a_mark_needs_one(no_pad: Path) -> None:
         put_together("", scene=no_pad)
     assert '<Rules land_on="any"/>' in str(error.value)
     assert put_together('<Rules land_on="ground"/>', scene=no_pad).held.area is None
-
-
-def test_rules_do_not_change_in_flight(tmp_path: Path) -> None:
-    path, notes = tmp_path / "mission.xml", list[str]()
-    path.write_text(mission('<Rules time_limit_s="60"/>', "<TakeOff/>"), encoding="utf-8")
-    flight: Flight[Drone] = assemble(path, drone=ScriptedDrone())
-    now_s = [0.0]
-    reload = TreeReload(flight, path, None, notes.append, timer=lambda: now_s[0])
-    path.write_text(mission('<Rules time_limit_s="600"/>', "<TakeOff/>"), encoding="utf-8")
-    now_s[0] = 5.0
-    with flight.connected():
-        assert reload() is None
-    assert "its Rules differ" in notes[0]
 
 
 # --- flights --------------------------------------------------------------------------------------

@@ -103,6 +103,7 @@ def test_editors_that_rename_are_noticed_and_a_file_that_is_gone_is_waited_for(p
         ("<Sequence><TakeOf/></Sequence>", "4:11: TakeOf"),
         ("<Sequence><TakeOff", ":5:1: not well-formed"),
         (ABOVE.format(height=9.0, name="high"), "ceiling"),
+        (HIGH.replace("<Hover", '<Rules time_limit_s="60"/><Hover'), "its Rules differ from those"),
         ('<Sequence><Explore policy="none"/></Sequence>', "unknown policy"),
         ("", "mission.xml"),
         (f'<Sequence><Segment model="none.onnx"/>{HIGH}</Sequence>', "none.onnx"),
