@@ -144,14 +144,14 @@ def fly(
         if flight.drone.live:
             stack.enter_context(short_collections())
             _check_before_take_off(flight, on_check)
-        followers = list(listeners)
+        followers: list[Listeners] = []
         keep: dict[str, Callable[[FlightReport], None]] = {}  # the report last: it names losses
         if folder is not None and flight.context.stills is not None:
             camera = flight.context.stills  # first, while the drone waits on the ground
             keep["camera photographs"] = partial(fetch_photos, camera=camera, folder=folder)
         if video is not None:
             film = stack.enter_context(flight_video(video))
-            followers.insert(0, film)
+            followers.append(film)
             keep["video"] = film.finish
         if record is not None:
             from uav_bt.app import flight_record  # noqa: PLC0415  (an extra)
@@ -166,7 +166,7 @@ def fly(
         next_tree = None
         if watched is not None and watch is not None:
             next_tree = TreeReload(flight, watched, registry, watch)
-        return _run(flight, followers, keep, controls, next_tree)
+        return _run(flight, [*followers, *listeners], keep, controls, next_tree)
 
 
 def changes_of(options: FlightOptions) -> FlightChanges:
