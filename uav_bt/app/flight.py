@@ -65,8 +65,7 @@ def check(tree: Mission, registry: NodeRegistry | None = None, **how: Any) -> Mi
 
     Raises:
         TreeError: the file was refused; the error holds all findings.
-        InputError: `tree` is not a mission, it flew before, or it does not fit its site or lab:
-            it flies above the ceiling, or the areas of rules and place exclude one another.
+        InputError: `tree` is not a mission, flew before, or does not fit its site or lab.
     """
     options = given_options(None, how)
     mission = load_mission(tree, options, registry)

@@ -28,10 +28,7 @@ _GIT_LIMIT_S: Final = 5.0
 
 @lru_cache(maxsize=8)
 def commit(folder: Path = Path(uav_bt.__file__).parent) -> str | None:
-    """Return the commit of the checkout that a folder belongs to; None outside a checkout.
-
-    It is followed by ``+changes`` when files that git follows differ from it.
-    """
+    """Return the commit of a checkout, with ``+changes`` if its files differ; None without one."""
     git = shutil.which("git")
     if git is None:
         return None

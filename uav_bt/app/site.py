@@ -1,9 +1,6 @@
 """Sites: the settings of a place and of the drone there, from a site file or a lab file.
 
-A site file is YAML with the keys of `uav_bt.lab.flight_keys`, each of which may be left out:
-
-    flight_height_m: 1.2
-    mark: {kind: apriltag, size_m: [0.5, 0.5], height_m: 0.2, options: {id: 7, size_m: 0.3}}
+A site file is YAML with the keys of `uav_bt.lab.flight_keys`.
 """
 
 from __future__ import annotations
