@@ -34,7 +34,7 @@ from uav_bt.types.flight_results import FRAME_OF_RESULTS, FoundObject, found_obj
 REPORT_FILE: Final = "report.json"
 OBJECTS_FILES: Final = ("objects.json", "objects.csv")
 _NO_INPUTS: Final = {"lab", "profile", "record", "tree_folders"}  # options
-# Chosen: over Wi-Fi an ANAFI sends some megabytes a second, and a photograph has about eight.
+# Chosen: an ANAFI sends some megabytes a second, and a photograph has about eight.
 _FIRST_PHOTO_S: Final = 15.0
 _EACH_PHOTO_S: Final = 10.0
 

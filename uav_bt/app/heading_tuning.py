@@ -141,7 +141,7 @@ def heading_loop(gains: HeadingGains, response: YawResponse, tick_s: float) -> L
     numerator = np.convolve(np.diff(ramp, prepend=0.0), denominator)[: last + 1]
     plant = control.TransferFunction(numerator, np.pad(denominator, (0, last - 2)), tick_s)
     transfer = pid * plant
-    # Polynomial roots are inaccurate with poles at 1. A fine frequency response is accurate.
+    # Polynomial roots are inaccurate with poles at 1.
     shares = np.append(np.geomspace(1e-4, 0.1, 200), np.linspace(0.101, 0.999, 800))
     sampled = control.FrequencyResponseData(transfer, math.pi / tick_s * shares, smooth=True)
     gain_margin, phase_margin_deg, _, _, crossover, _ = control.stability_margins(sampled)

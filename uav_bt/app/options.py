@@ -69,7 +69,7 @@ from uav_bt.tree.registry import OwnLeaves, OwnParts, parts_of_files
     ),
 )
 class FlightOptions:
-    """How a mission is flown. Every value is checked here; files are given as `str` or `Path`.
+    """How a mission is flown; every value is checked here.
 
         FlightOptions(scene="val-a", seed=3, judge=JudgeConfig(time_limit_s=600.0))
 
@@ -195,7 +195,7 @@ class FlightOptions:
                 f"seed: expected one seed, got {self.seed} for the flight and {own} in the "
                 f"drone's {kind}: leave out the drone's"
             )
-        object.__setattr__(self, "seed", own or self.seed)  # the class is frozen for all others
+        object.__setattr__(self, "seed", own or self.seed)  # frozen for all others
 
     def shared_json(self) -> dict[str, Any]:
         """Return the fields in `SHARED` as JSON values that hold in any folder."""

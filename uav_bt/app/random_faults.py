@@ -19,7 +19,7 @@ from uav_bt.tree import MissionTree
 from uav_bt.types import MissionPhase
 from uav_bt.types.commands import Phase
 
-# Faults after which no command can land the drone, or after which nothing is flown.
+# Faults after which nothing is flown, or no command can land the drone.
 _HOPELESS: Final = frozenset(
     {"deaf", "link-lost", "motors-cut", "no-landing", "no-take-off", "pilot", "send-raises"}
 )
@@ -41,7 +41,7 @@ def drawn(options: FlightOptions) -> FlightOptions:
     """Return the options; with `RANDOM` room, movers and faults come from the seed."""
     if RANDOM not in options.faults:
         return options
-    # Other faults in each scene, and the same for each tree, so that trees can be compared.
+    # The same for each tree, so that trees can be compared.
     # The scene's name, because one file has many paths.
     scene = make_drone(options).scene
     name = None if scene is None else scene.name
