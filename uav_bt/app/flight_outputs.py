@@ -6,7 +6,7 @@ import csv
 import io
 import json
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from itertools import combinations
 from pathlib import Path
@@ -137,23 +137,18 @@ def write_objects(report: FlightReport, folder: FlightFolder) -> None:
         write_whole(folder.folder / name, text)
 
 
-def fetch_photos(
-    report: FlightReport,
-    camera: StillCamera,
-    folder: FlightFolder,
-    now: Callable[[], float] = time.monotonic,
-) -> None:
+def fetch_photos(report: FlightReport, camera: StillCamera, folder: FlightFolder) -> None:
     """Write the photographs that are on the memory card of the drone's camera."""
     taken = {
         photo.camera_file: photo.camera_media
         for photo in report.photos
         if photo.camera_file is not None and photo.camera_media is not None
     }
-    until_s = now() + _FIRST_PHOTO_S + _EACH_PHOTO_S * len(taken)
+    until_s = time.monotonic() + _FIRST_PHOTO_S + _EACH_PHOTO_S * len(taken)
     missing: list[str] = []
     reason = "the drone is still in the air" if report.airborne_at_end else ""
     for name, media in taken.items():
-        limit_s = max(0.0, until_s - now())
+        limit_s = max(0.0, until_s - time.monotonic())
         try:
             if not report.airborne_at_end:
                 folder.write(name, camera.fetch_still(media, limit_s))

@@ -40,7 +40,6 @@ from uav_bt.types.area import Polygon
 
 _TREE_FOLDER: Final = "tree/"
 _SCENE_FILE: Final = "scene.yaml"
-_LAB_FILE: Final = "lab.yaml"
 
 
 def begin_record(path: Path, flight: Flight[Drone]) -> FlightRecorder:
@@ -128,16 +127,16 @@ def _plain(value: object) -> object:
 def _attachments(flight: Flight[Drone]) -> Iterator[Attachment]:
     """Yield the files of a flight: one with all trees and places, scene and lab."""
     mission, scene, lab = flight.mission, flight.drone.scene, flight.options.lab
+    xml, yaml = "application/xml", "application/yaml"
     if mission.sources:
         name = f"{_TREE_FOLDER}{mission.path.name}"
-        yield Attachment(name=name, media_type="application/xml", data=mission.whole())
+        yield Attachment(name=name, media_type=xml, data=mission.whole())
     if isinstance(scene, Scene):
-        data = scene_text(scene).encode()
-        yield Attachment(name=_SCENE_FILE, media_type="application/yaml", data=data)
+        text = scene_text(scene)
+        yield Attachment(name=_SCENE_FILE, media_type=yaml, data=text.encode())
     if isinstance(lab, Lab):
         with reading(lab.file):
-            data = lab.file.read_bytes()
-        yield Attachment(name=_LAB_FILE, media_type="application/yaml", data=data)
+            yield Attachment(name="lab.yaml", media_type=yaml, data=lab.file.read_bytes())
 
 
 class RecordedFiles(NamedTuple):
