@@ -6,7 +6,6 @@ import json
 import shutil
 import tempfile
 import time
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,12 +18,11 @@ from uav_bt.mission.tick import TickRecord
 _PATH_INTERVAL_S: Final = 0.5  # at 0.5 m/s a point every quarter of a metre: maps need no more
 
 
-def fly_task(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Fly the flight that `FlightTask.to_json` wrote, in this process, and return its line.
+def fly_task(task: FlightTask) -> dict[str, Any]:
+    """Fly a flight in this process, and return its line.
 
     An InputError says that the flight was refused before anything flew.
     """
-    task = FlightTask.from_json(values)
     options, keeper = task.flight_options(), PathKeeper()
     outputs = None if task.folder is None else Path(task.folder)
     if outputs is not None:
@@ -45,17 +43,15 @@ def fly_task(values: Mapping[str, Any]) -> dict[str, Any]:
         except Exception:
             if not report.exists():  # nothing flew; otherwise the report tells of the fault, too
                 raise
-        finally:
-            # The objects of a flight in which no leaf wrote a file are in its line.
-            if outputs is not None and outputs.is_dir():
-                written = {file.name for file in outputs.iterdir()}
-                if written.issubset(OBJECTS_FILES):
-                    shutil.rmtree(outputs)
         flight: dict[str, Any] = json.loads(report.read_text(encoding="utf-8"))
-    flight |= {"scene": task.scene, "tree": task.tree}
+    # The objects of a flight in which no leaf wrote a file are in its line.
+    if outputs is not None and outputs.is_dir():
+        written = {file.name for file in outputs.iterdir()}
+        if written.issubset(OBJECTS_FILES):
+            shutil.rmtree(outputs)
+    flight |= {"scene": task.scene, "tree": task.tree, "path": keeper.points}
     if options.exact_masks:
         flight["exact_masks"] = True
-    flight["path"] = keeper.points
     flight["wall_s"] = round(time.perf_counter() - began_s, 3)
     return flight
 
@@ -68,13 +64,12 @@ class PathKeeper:
 
     def __init__(self) -> None:
         self.points: list[tuple[float, ...]] = []
-        self._next_s = 0.0
 
     def on_tick(self, record: TickRecord) -> None:
         """Keep the position of a tick that is due."""
         # Half a tick early is on time: ticks are a tenth of a second, and floats add up.
-        if record.truth is not None and record.time_s >= self._next_s - 0.05:
-            self._next_s = record.time_s + _PATH_INTERVAL_S
+        due_s = self.points[-1][0] + _PATH_INTERVAL_S - 0.05 if self.points else 0.0
+        if record.truth is not None and record.time_s >= due_s:
             pose = record.truth.pose
             values = (record.time_s, pose.x_m, pose.y_m, pose.z_m)
             self.points.append(tuple(round(value, 3) for value in values))

@@ -28,7 +28,7 @@ Part = tuple[str, int]
 """A thing that may be left out: its kind and its number."""
 
 # Options as they were flown.
-_OF_THE_LINE: Final = ("drone", "profile", "ports", "variables", "exact_masks")
+_OF_THE_LINE: Final = ("drone", "profile", "ports", "variables", "exact_masks", "faults")
 _NUMBER: Final = re.compile(r"-?\d+(\.\d+)?")
 
 
@@ -43,8 +43,7 @@ class Ending(NamedTuple):
 
     def agrees(self, other: Ending) -> bool:
         """Return whether two flights ended for the same cause; numbers may differ."""
-        reasons = {_NUMBER.sub("#", ending.reason) for ending in (self, other)}
-        return self.outcome == other.outcome and len(reasons) == 1
+        return _NUMBER.sub("#", str(self)) == _NUMBER.sub("#", str(other))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,8 +52,7 @@ class FailedFlight:
 
     tree: str  # a file or the name of a shipped mission
     scene: Scene  # with the room and the movers that were drawn
-    options: FlightOptions  # without scene, movers and faults
-    faults: tuple[str, ...]
+    options: FlightOptions  # without scene and movers
     ending: Ending
 
     @classmethod
@@ -70,9 +68,8 @@ class FailedFlight:
                 "the process of this flight hung or crashed, which a shrunk flight would do, too; "
                 f"expected a flight that ended by itself, got: {flight.get('reason')}"
             )
-        room, movers = bool(flight.get("vary_room")), flight.get("movers") or 0
         flown = {name: flight[name] for name in _OF_THE_LINE if flight.get(name)}
-        flown |= {"seed": flight["seed"], "movers": 0, "vary_room": False, "faults": ()}
+        flown = {"faults": (), **flown, "seed": flight["seed"], "movers": 0, "vary_room": False}
         options = replace(options, **flown)
         if "faults" not in flight or not is_simulated(options):
             raise InputError(
@@ -80,18 +77,18 @@ class FailedFlight:
                 f"`uav-bt campaign` writes it; got drone {options.drone_name!r} and "
                 f"{'no ' if 'faults' not in flight else ''}faults"
             )
+        room, movers = bool(flight.get("vary_room")), flight.get("movers") or 0
         return cls(
             tree=tree,
             scene=varied(load_scene(scene), options.seed, room=room, movers=movers),
             options=options,
-            faults=tuple(flight.get("faults") or ()),
             ending=Ending(flight["outcome"], flight.get("reason") or ""),
         )
 
     def things(self) -> dict[str, Sequence[Any]]:
         """Return everything that may be left out, by its kind."""
         kinds = ("movers", "boxes", "objects")
-        return {"faults": self.faults, **{kind: getattr(self.scene, kind) for kind in kinds}}
+        return {"faults": self.options.faults, **{one: getattr(self.scene, one) for one in kinds}}
 
     def parts(self) -> list[Part]:
         """Return the parts that may be left out."""
@@ -103,22 +100,22 @@ class FailedFlight:
             kind: tuple(each for n, each in enumerate(some) if (kind, n) in kept)
             for kind, some in self.things().items()
         }
-        faults = left.pop("faults")
+        options = replace(self.options, faults=left.pop("faults"))
         scene = replace(self.scene, name=f"{self.scene.name}-shrunk", **left)
-        return replace(self, scene=scene, faults=faults)
+        return replace(self, scene=scene, options=options)
 
     def fly(self, drone: str | None = None) -> Ending:
         """Fly it, with another simulated drone if one is given; return how it ends."""
         with tempfile.TemporaryDirectory(prefix="uav-bt-shrink-") as folder:
             file, report = Path(folder) / "scene.yaml", Path(folder) / "report.json"
             file.write_text(scene_text(self.scene), encoding="utf-8")
-            drone = drone or self.options.drone_name
-            options = replace(self.options, scene=file, faults=self.faults, drone=drone)
-            # With an output folder, as in the campaign: leaves that write files need one.
-            out = Path(folder) / "outputs"
             try:
                 app.fly(
-                    self.tree, options, out=out, report=report, controls=lambda _: interruptible()
+                    self.tree,
+                    replace(self.options, scene=file, drone=drone or self.options.drone),
+                    out=Path(folder) / "outputs",  # as in the campaign: some leaves need one
+                    report=report,
+                    controls=lambda _: interruptible(),
                 )
             except Exception:
                 if not report.exists():  # nothing flew

@@ -62,7 +62,7 @@ def shrink_command(
         out.mkdir(parents=True, exist_ok=True)
     file, faults = out / "scene.yaml", out / "faults.txt"
     write_whole(file, scene_text(small.scene))
-    write_whole(faults, "".join(f"{fault}\n" for fault in small.faults))
+    write_whole(faults, "".join(f"{fault}\n" for fault in small.options.faults))
     had = flight.things()
     kept = (
         f"{kind} {len(some)}"
@@ -74,7 +74,7 @@ def shrink_command(
     flown: dict[str, Any] = {
         "seed": options.seed,
         "profile": options.profile,
-        "faults": [f"@{faults}"] if small.faults else [],
+        "faults": [f"@{faults}"] if small.options.faults else [],
         "ports": options.ports,
         "variables": options.variables,
     }
@@ -93,7 +93,7 @@ def shrink_command(
 def _failed(source: Path, wanted: dict[str, str | int]) -> FailedFlight:
     """Return the first failed flight that has the wanted tree, scene and seed."""
     succeeded, failed = [], []
-    for one in read_sources([source]).sets:
+    for one in read_sources([source]):
         for line in one.flights:
             is_wanted = all(_plain(line[name]) == _plain(value) for name, value in wanted.items())
             which = f"{line['tree']} in {line['scene']}, seed {line['seed']}"
@@ -102,7 +102,7 @@ def _failed(source: Path, wanted: dict[str, str | int]) -> FailedFlight:
             elif not is_wanted:
                 failed.append(which)
             else:
-                plan = one.source.plan
+                plan = one.plan
                 options = FlightOptions() if plan is None else plan.options
                 scene = one.scene_path(str(line["scene"]))
                 return FailedFlight.of(line, one.tree_path(), scene, options)

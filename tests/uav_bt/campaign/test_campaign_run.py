@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.uav_bt.campaign.campaign_world import FLY, comparable, plan
+from tests.uav_bt.campaign.campaign_world import comparable, fly, plan
 from uav_bt.campaign import CampaignResult
 from uav_bt.campaign.plan import CampaignPlan
 from uav_bt.campaign.runner import LocalBackend, run
@@ -16,7 +16,7 @@ from uav_bt.errors import FileError, InputError, ValueRangeError
 
 
 def flown(wanted: CampaignPlan, folder: Path, *, workers: int = 2, **how: Any) -> CampaignResult:
-    return run(wanted, folder, backend=LocalBackend(workers), fly=FLY, **how)
+    return run(wanted, folder, backend=LocalBackend(workers), fly=fly, **how)
 
 
 def kept_seeds(folder: Path) -> list[int]:
@@ -34,7 +34,7 @@ def test_one_and_two_workers_fly_the_same_flights(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("faults", [[], ["random"]])
-def test_what_crashes_hangs_or_raises_is_an_error_and_the_campaign_goes_on(
+def test_what_crashes_or_raises_is_an_error_and_the_campaign_goes_on(
     tmp_path: Path, faults: list[str]
 ) -> None:
     """The drone is made in the worker only: the scene of this plan does not exist."""
@@ -49,12 +49,7 @@ def test_what_crashes_hangs_or_raises_is_an_error_and_the_campaign_goes_on(
         "RuntimeError: out of luck",
     ]
     assert [flight["faults"] for flight in flights[1:4]] == [faults] * 3
-
-
-def test_a_flight_that_hangs_is_an_error(tmp_path: Path) -> None:
-    (flight,) = flown(plan(flights=1, policies={"0": "hangs"}, timeout_s=0.5), tmp_path).flights
-    assert (flight["outcome"], flight["tree"], flight["scene"]) == ("error", "one.xml", "lab")
-    assert flight["reason"].startswith("no end after 0.5 s")
+    assert {(flight["tree"], flight["scene"]) for flight in flights} == {("one.xml", "lab")}
 
 
 def test_a_stopped_campaign_goes_on_and_flies_nothing_twice(tmp_path: Path) -> None:
@@ -71,13 +66,8 @@ def test_a_stopped_campaign_goes_on_and_flies_nothing_twice(tmp_path: Path) -> N
     assert told == [False, True, True, True]
     assert result.flown_now == 3
     assert sorted(kept_seeds(tmp_path)) == [0, 1, 2, 3]
-    assert flown(wanted, tmp_path).flown_now == 0
-
-
-def test_more_flights_are_added(tmp_path: Path) -> None:
-    flown(plan(flights=1), tmp_path)
-    result = flown(plan(flights=3), tmp_path)
-    assert (result.flown_now, len(result.flights)) == (2, 3)
+    more = flown(plan(flights=5), tmp_path)
+    assert (more.flown_now, len(more.flights)) == (1, 5)
 
 
 def test_a_half_written_flight_is_flown_again_and_a_damaged_line_is_refused(
@@ -98,18 +88,6 @@ def test_a_refused_flight_ends_the_campaign_and_is_not_kept(tmp_path: Path) -> N
     with pytest.raises(InputError, match="no such weights"):
         flown(plan(flights=9, policies={"1": "is refused"}), tmp_path, workers=1)
     assert kept_seeds(tmp_path) == [0]
-
-
-def test_records_are_named_in_the_flights(tmp_path: Path) -> None:
-    (flight,) = flown(plan(flights=1, scenes=("../lab",), record=True), tmp_path).flights
-    assert flight["record"] == "records/one-.._lab-0.mcap"
-    assert (tmp_path / "records").is_dir()
-
-
-def test_a_file_for_a_folder_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    with pytest.raises(FileError):
-        flown(plan(), tmp_path / "file")
 
 
 def test_no_workers_are_refused() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
@@ -12,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from sim_bridge.twin.scene import Scene
 from uav_bt.app.film import map_of_scene
-from uav_bt.campaign.report.figures import legend, new_figure, style
+from uav_bt.campaign.report.figures import STYLE, legend, new_figure
 from uav_bt.campaign.report.sources import Flights, FlightSet
 from uav_bt.campaign.report.statistics import SUCCESS
 from uav_bt.display.lab_map import LabMap
@@ -39,45 +40,44 @@ _PANEL_IN: Final = 4.7  # width of a panel's axes
 _WORDS_IN: Final = 0.9  # height of the title, the ticks and their label
 
 
+@mpl.rc_context(STYLE)
 def scene_figure(sets: Sequence[FlightSet], name: str, scene: Scene) -> Figure | None:
     """Draw the flights in a scene: paths on the left, coverage on the right, a row for each set.
 
     Sets without paths in this scene are left out; None when no path was kept.
     """
     found = (
-        (one, [f for f in one.flights if f["scene"] == name and f.get("path")]) for one in sets
+        (one.label, [f for f in one.flights if f["scene"] == name and f.get("path")])
+        for one in sets
     )
-    rows = [(one, flown) for one, flown in found if flown]
+    rows = [(label, flown) for label, flown in found if flown]
     if not rows:
         return None
     lab, cells = map_of_scene(scene), GroundCells(scene.ground_plan)
     shown = [flight for _, flown in rows for flight in flown]
     paths_m = np.concatenate([np.asarray(flight["path"])[:, 1:3] for flight in shown])
     half_m = np.maximum(np.abs(paths_m).max(axis=0), np.asarray(lab.ground_size_m) / 2) + _MARGIN_M
-    with style():
-        row_in = _PANEL_IN * half_m[1] / half_m[0] + _WORDS_IN
-        figure = new_figure(11.0, row_in * len(rows) + 0.4)
-        grid = figure.subplots(len(rows), 2, squeeze=False, sharex=True, sharey=True)
-        grid[0, 0].set(xlim=(-half_m[0], half_m[0]), ylim=(-half_m[1], half_m[1]))
-        for (left, right), (one, flown) in zip(grid, rows, strict=True):
-            _paths(left, flown, lab)
-            count = "1 flight" if len(flown) == 1 else f"{len(flown)} flights"
-            left.set_title(f"{one.label}\nin {name}, {count}", fontweight="bold")
-            image = _coverage(right, flown, lab, cells)
-        bar = figure.colorbar(image, ax=grid, shrink=0.7 / len(rows), pad=0.01)
-        bar.set_label("flights that covered it, %")
-        bar.outline.set_visible(False)
-        outcomes = {flight["outcome"] for flight in shown}
-        legend(
-            figure,
-            ((o.replace("_", " "), c) for o, c in _OUTCOME_COLOURS.items() if o in outcomes),
-            columns=len(_OUTCOME_COLOURS),
-        )
-        return figure
+    row_in = _PANEL_IN * half_m[1] / half_m[0] + _WORDS_IN
+    figure = new_figure(11.0, row_in * len(rows) + 0.4)
+    grid = figure.subplots(len(rows), 2, squeeze=False, sharex=True, sharey=True)
+    grid[0, 0].set(xlim=(-half_m[0], half_m[0]), ylim=(-half_m[1], half_m[1]))
+    for (left, right), (label, flown) in zip(grid, rows, strict=True):
+        _draw_lab(left, lab)
+        _draw_paths(left, flown)
+        count = "1 flight" if len(flown) == 1 else f"{len(flown)} flights"
+        left.set_title(f"{label}\nin {name}, {count}", fontweight="bold")
+        _draw_lab(right, lab)
+        image = _draw_coverage(right, flown, lab, cells)
+    bar = figure.colorbar(image, ax=grid, shrink=0.7 / len(rows), pad=0.01)
+    bar.set_label("flights that covered it, %")
+    bar.outline.set_visible(False)
+    outcomes = {flight["outcome"] for flight in shown}
+    colours = ((o.replace("_", " "), c) for o, c in _OUTCOME_COLOURS.items() if o in outcomes)
+    legend(figure, colours, columns=len(_OUTCOME_COLOURS))
+    return figure
 
 
-def _paths(axes: Axes, flown: Flights, lab: LabMap) -> None:
-    _draw_lab(axes, lab)
+def _draw_paths(axes: Axes, flown: Flights) -> None:
     alpha = float(np.clip(6.0 / len(flown), 0.15, 0.8))
     # Failures on top: they are few and matter most.
     for flight in sorted(flown, key=lambda one: one["outcome"] != SUCCESS):
@@ -91,10 +91,9 @@ def _paths(axes: Axes, flown: Flights, lab: LabMap) -> None:
         axes.plot(x_m[0], y_m[0], ".", color=colour, markersize=3)
 
 
-def _coverage(axes: Axes, flown: Flights, lab: LabMap, cells: GroundCells) -> Any:
-    _draw_lab(axes, lab)
+def _draw_coverage(axes: Axes, flown: Flights, lab: LabMap, cells: GroundCells) -> Any:
     passed = [visited_cells(flight["path"], cells) for flight in flown]
-    half_x, half_y = lab.ground_size_m[0] / 2, lab.ground_size_m[1] / 2
+    half_x, half_y = (side / 2 for side in lab.ground_size_m)
     image = axes.imshow(
         100.0 * np.mean(passed, axis=0),
         origin="lower",

@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
-from markupsafe import Markup
-from numpy.typing import NDArray
 
-from uav_bt.campaign.flight_lines import METRICS
-from uav_bt.campaign.report.sources import Flights, FlightSet
-from uav_bt.campaign.report.statistics import (
-    SUCCESS,
-    mcnemar,
-    median_interval,
-    reached,
-    rounded,
-    successes,
-)
-from uav_bt.campaign.report.tables import Cell, Table, Value
+from uav_bt.campaign.report import statistics
+from uav_bt.campaign.report.sources import FlightSet
+from uav_bt.campaign.report.tables import Table, Value, metric_cell
+from uav_bt.campaign.store import METRICS
 from uav_bt.errors import InputError
+from uav_bt.types.arrays import Floats
 
 _COMPARED: Final = ("coverage_passed", "min_clearance_m", "landing_error_m", "duration_s")
 
@@ -40,36 +32,38 @@ class Pairs(NamedTuple):
 
     first: FlightSet
     second: FlightSet
-    flights: tuple[Flights, Flights]  # lines of the first tree and, in the same order, the second
+    flights: list[tuple[Mapping[str, Any], Mapping[str, Any]]]  # lines of first and second
 
-    def values(self, metric: str) -> NDArray[np.float64]:
+    def values(self, metric: str) -> Floats:
         """Return a metric of the pairs that both reached it, (2, N), in its unit in reports."""
-        both = [
-            [reached(flight, metric) for flight in pair] for pair in zip(*self.flights, strict=True)
-        ]
+        both = [[statistics.reached(flight, metric) for flight in pair] for pair in self.flights]
         known = [pair for pair in both if None not in pair]
         return np.array(known, dtype=np.float64).reshape(-1, 2).T
+
+    def successes(self) -> Counter[tuple[bool, bool]]:
+        """Return how many pairs there are by the success of first and second."""
+        success = statistics.SUCCESS
+        return Counter(
+            (first["outcome"] == success, second["outcome"] == success)
+            for first, second in self.flights
+        )
 
 
 def pairs_of(sets: Sequence[FlightSet], *, all_pairs: bool = False) -> list[Pairs]:
     """Return the trees that share flights: the first with each other, or all with each other."""
     chosen = combinations(sets, 2) if all_pairs else ((sets[0], one) for one in sets[1:])
-    found = (Pairs(first, second, _shared(first, second)) for first, second in chosen)
-    return [pairs for pairs in found if pairs.flights[0]]
+    found = (_paired(first, second) for first, second in chosen)
+    return [pairs for pairs in found if pairs.flights]
 
 
-def _shared(first: FlightSet, second: FlightSet) -> tuple[Flights, Flights]:
-    plans = [one.source.plan for one in (first, second) if one.source.plan is not None]
-    scenes = {(file.name, file.sha256) for plan in plans for file in plan.scenes}
-    changed = [name for name, count in Counter(name for name, _ in scenes).items() if count > 1]
-    seconds = {(flight["scene"], flight["seed"]): flight for flight in second.flights}
-    pairs = [
-        (flight, seconds[key])
-        for flight in first.flights
-        if (key := (flight["scene"], flight["seed"])) in seconds
-        and flight["scene"] not in (None, *changed)
-    ]
-    return [one for one, _ in pairs], [other for _, other in pairs]
+def _paired(first: FlightSet, second: FlightSet) -> Pairs:
+    plans = [one.plan for one in (first, second) if one.plan]
+    planned = {(file.name, file.sha256) for plan in plans for file in plan.scenes}
+    changed = [name for name, count in Counter(name for name, _ in planned).items() if count > 1]
+    others = {(flight["scene"], flight["seed"]): flight for flight in second.flights}
+    known = [flight for flight in first.flights if flight["scene"] not in (None, *changed)]
+    keyed = ((flight, others.get((flight["scene"], flight["seed"]))) for flight in known)
+    return Pairs(first, second, [(one, other) for one, other in keyed if other is not None])
 
 
 def paired_table(pairs: Sequence[Pairs]) -> Table:
@@ -90,24 +84,19 @@ def paired_table(pairs: Sequence[Pairs]) -> Table:
 
 
 def _rows(pairs: Pairs) -> Iterator[Sequence[Value]]:
-    first, second = map(successes, pairs.flights)
-    ends = [
-        [flight["outcome"] == SUCCESS for flight in pair]
-        for pair in zip(*pairs.flights, strict=True)
-    ]
-    p = float(f"{mcnemar(ends.count([False, True]), ends.count([True, False])):.3g}")
-    yield "successes", None, len(ends), first, second, second - first, None, None, p
+    ends = pairs.successes()
+    gained, lost, both = ends[False, True], ends[True, False], ends[True, True]
+    p = float(f"{statistics.mcnemar(gained, lost):.3g}")
+    counts = (len(pairs.flights), lost + both, gained + both, gained - lost)
+    yield "successes", None, *counts, None, None, p
     for name in _COMPARED:
         values = pairs.values(name)
         if values.size:
             change = values[1] - values[0]
             numbers = (*np.median(values, axis=1), np.median(change))
-            cells = (
-                rounded(each, name)
-                for each in (*numbers, *(median_interval(change) or (None,) * 2))
-            )
-            measure = Cell(name, Markup.escape(METRICS[name].words))
-            yield measure, METRICS[name].unit, len(change), *cells, None
+            interval = statistics.median_interval(change)
+            cells = (statistics.rounded(each, name) for each in (*numbers, *interval))
+            yield metric_cell(name), METRICS[name].unit, len(change), *cells, None
 
 
 def losses_of(sets: Sequence[FlightSet]) -> list[str]:
@@ -128,9 +117,10 @@ def losses_of(sets: Sequence[FlightSet]) -> list[str]:
 
 
 def _losses(pairs: Pairs) -> Iterator[str]:
-    first, second = map(successes, pairs.flights)
-    if first - second > _MORE_FAILURES:
-        yield f"{first - second} more failures"
+    ends = pairs.successes()
+    more = ends[True, False] - ends[False, True]
+    if more > _MORE_FAILURES:
+        yield f"{more} more failures"
     for name, statistic, percentile, allowed in _LESS:
         values, metric = pairs.values(name), METRICS[name]
         if values.size:

@@ -8,8 +8,8 @@ from pathlib import PurePosixPath
 from typing import Any
 
 from uav_bt.app.options import FlightOptions
-from uav_bt.campaign.flight_lines import file_stem, key_of
 from uav_bt.campaign.report.sources import FlightSet
+from uav_bt.campaign.store import file_stem, key_of
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import lab_address
 
@@ -17,7 +17,7 @@ from uav_bt.lab.shipped import lab_address
 def repeat_command(one: FlightSet, flight: Mapping[str, Any]) -> str:
     """Return the command that flies a flight of a set again."""
     scene = None if flight["scene"] is None else one.scene_path(flight["scene"])
-    options = FlightOptions() if one.source.plan is None else one.source.plan.options
+    options = FlightOptions() if one.plan is None else one.plan.options
     out = PurePosixPath(flight.get("folder") or file_stem(key_of(flight))).name
     return fly_command(one.tree_path(), scene, flight, options, out=out)
 

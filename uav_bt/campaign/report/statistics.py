@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import binomtest, bootstrap, chi2
 
-from uav_bt.campaign.flight_lines import METRICS
 from uav_bt.campaign.report.sources import Flights
+from uav_bt.campaign.store import METRICS
 from uav_bt.mission.flight_report import EXPLORE_S
 from uav_bt.mission.judge import Outcome
+from uav_bt.types.arrays import Floats
 
 SUCCESS: Final = Outcome.SUCCESS.value
 PERCENTILE_FLIGHTS: Final = 3  # smallest number with percentiles and intervals (chosen)
@@ -92,10 +92,10 @@ def rate_interval(count: int, hours: float) -> tuple[float, float]:
     return low / hours, high / hours
 
 
-def median_interval(values: NDArray[np.float64]) -> tuple[float, float] | None:
+def median_interval(values: Floats) -> tuple[float, float] | tuple[None, None]:
     """Return the 95 % percentile bootstrap of a median (Efron and Tibshirani, 1993, chapter 13)."""
     if values.size < PERCENTILE_FLIGHTS:
-        return None
+        return None, None
     rng = np.random.default_rng(0)
     found = bootstrap((values,), np.median, n_resamples=_RESAMPLES, method="percentile", rng=rng)
     low, high = found.confidence_interval

@@ -14,23 +14,11 @@ from urllib.parse import quote
 import numpy as np
 from markupsafe import Markup
 
-from uav_bt.campaign.flight_lines import METRICS
 from uav_bt.campaign.plan import flattened
+from uav_bt.campaign.report import statistics
 from uav_bt.campaign.report.repeat import repeat_command
-from uav_bt.campaign.report.sources import Flights, FlightSet, Source
-from uav_bt.campaign.report.statistics import (
-    PERCENTILE_FLIGHTS,
-    SUCCESS,
-    paper_figures,
-    paper_success,
-    rate_interval,
-    rounded,
-    spread,
-    success_interval,
-    success_percent,
-    successes,
-    values_of,
-)
+from uav_bt.campaign.report.sources import Flights, FlightSet
+from uav_bt.campaign.store import METRICS
 from uav_bt.mission.covered_ground import PASSED_M, SEEN_M
 from uav_bt.mission.flight_report import EXPLORE_S
 from uav_bt.mission.judge import Outcome
@@ -52,6 +40,11 @@ class Cell(NamedTuple):
 
 
 Value = str | int | float | Cell | None
+
+
+def metric_cell(name: str) -> Cell:
+    """Return the cell of a metric: its field in the CSV file, its words on the page."""
+    return Cell(name, Markup.escape(METRICS[name].words))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,13 +75,17 @@ _SUCCESS: Final = ("flights", "successes", "success, %", "from, %", "to, %")
 
 
 def _success(flights: Flights) -> Iterator[Value]:
-    percent = success_percent(flights)
-    yield from (len(flights), successes(flights), None if percent is None else round(percent, 1))
-    yield from (round(end, 1) for end in success_interval(flights))
+    percent = statistics.success_percent(flights)
+    yield from (
+        len(flights),
+        statistics.successes(flights),
+        None if percent is None else round(percent, 1),
+    )
+    yield from (round(end, 1) for end in statistics.success_interval(flights))
 
 
 def _outcomes(sets: Sequence[FlightSet]) -> Table:
-    failures = [outcome.value for outcome in Outcome if outcome.value != SUCCESS]
+    failures = [outcome.value for outcome in Outcome if outcome.value != statistics.SUCCESS]
     ends = [(one, [flight["outcome"] for flight in one.flights]) for one in sets]
     return Table(
         name="outcomes",
@@ -119,23 +116,20 @@ _METRIC_NOTE: Final = (
 
 
 def _metrics(sets: Sequence[FlightSet]) -> Table:
-    quoted = ("paper",) if paper_success(one.tree for one in sets) else ()
+    quoted = ("paper",) if statistics.paper_success(one.tree for one in sets) else ()
     rows: list[list[Value]] = []
     for name, metric in METRICS.items():
         for one in sets:
-            if values := values_of(one.flights, name):
-                row: list[Value] = [
-                    Cell(name, Markup.escape(metric.words)),
-                    metric.unit or None,
-                    one.label,
-                ]
-                row += [len(values), *(rounded(each, name) for each in spread(values).values())]
-                told = "; ".join(text for text, _, _ in paper_figures(name, [one.tree]))
+            if values := statistics.values_of(one.flights, name):
+                numbers = statistics.spread(values).values()
+                row = [metric_cell(name), metric.unit or None, one.label, len(values)]
+                row += [statistics.rounded(each, name) for each in numbers]
+                told = "; ".join(text for text, *_ in statistics.paper_figures(name, [one.tree]))
                 rows.append([*row, told or None] if quoted else row)
     return Table(
         name="metrics",
         title="Times and distances",
-        columns=("metric", "unit", "tree", "flights", *spread(()), *quoted),
+        columns=("metric", "unit", "tree", "flights", *statistics.spread(()), *quoted),
         rows=rows,
         note=_METRIC_NOTE,
     )
@@ -166,7 +160,7 @@ def _rates(sets: Sequence[FlightSet]) -> Table:
             row = [one.label, round(hours, 2), round(path_m / hours), round(rooms / hours, 1)]
             for has in _EVENTS.values():
                 count = sum(map(has, one.flights))
-                rates = (count / hours, *rate_interval(count, hours))
+                rates = (count / hours, *statistics.rate_interval(count, hours))
                 row += [count, *(round(_RATE_H * rate, 1) for rate in rates)]
             rows.append(row)
     events = [
@@ -189,7 +183,7 @@ def _sorted(one: FlightSet) -> Flights:
 def _failures(sets: Sequence[FlightSet], page: Path) -> Table:
     rows: list[list[Value]] = []
     for one in sets:
-        for flight in (each for each in _sorted(one) if each["outcome"] != SUCCESS):
+        for flight in (each for each in _sorted(one) if each["outcome"] != statistics.SUCCESS):
             outcome, command = flight["outcome"].replace("_", " "), repeat_command(one, flight)
             row = [one.label, flight["scene"], flight["seed"], outcome, flight.get("reason")]
             row += [flight.get("duration_s"), _record(one, flight, page)]
@@ -204,7 +198,7 @@ def _failures(sets: Sequence[FlightSet], page: Path) -> Table:
 
 
 def _record(one: FlightSet, flight: Mapping[str, Any], page: Path) -> Cell | None:
-    folder = one.source.path if one.source.path.is_dir() else one.source.path.parent
+    folder = one.path if one.path.is_dir() else one.path.parent
     file = folder / (flight.get("record") or "")
     if not file.is_file():
         return None
@@ -257,11 +251,13 @@ def _maps(sets: Sequence[FlightSet]) -> Table:
                 sum(flight.get(name) or 0 for flight in mapped)
                 for name in ("objects_found", "objects_total", "false_objects", "map_restarts")
             )
-            errors_m = spread([e for flight in mapped for e in flight.get("object_errors_m") or ()])
-            if len(mapped) < PERCENTILE_FLIGHTS:
+            errors_m = statistics.spread(
+                [e for flight in mapped for e in flight.get("object_errors_m") or ()]
+            )
+            if len(mapped) < statistics.PERCENTILE_FLIGHTS:
                 errors_m["95 %"] = None
             wanted = ("mean", "median", "95 %", "most")
-            numbers = [rounded(errors_m[name], "map_drift_m") for name in wanted]
+            numbers = [statistics.rounded(errors_m[name], "map_drift_m") for name in wanted]
             share = round(100.0 * found / total, 1) if total else None
             rows.append([one.label, len(mapped), found, total, share, false, *numbers, restarts])
     return Table(
@@ -278,11 +274,9 @@ def _maps(sets: Sequence[FlightSet]) -> Table:
     )
 
 
-def origin_table(source: Source) -> Table:
+def origin_table(one: FlightSet) -> Table:
     """Return the plan of a campaign and its runs: machines, versions and commits."""
-    plan = {} if source.plan is None else source.plan.to_json()
-    rows = [*flattened(plan), *flattened(list(source.runs), "run")]
+    plan = {} if one.plan is None else one.plan.to_json()
+    rows = [*flattened(plan), *flattened([*one.runs], "run")]
     rows = rows or [("file", "a plain file of flights, without a plan")]
-    return Table(
-        name="origin", title=f"Origin: {source.path}", columns=("what", "which"), rows=rows
-    )
+    return Table(name="origin", title=f"Origin: {one.path}", columns=("what", "which"), rows=rows)
