@@ -187,9 +187,8 @@ def _page(
     """Return the page: notes first, each figure before the tables of its values."""
     drawn_as = {each.name: each for each in drawings}
     scenes = [each for each in drawings if each.name.startswith("scene-")]
-    columns, rows = ("note",), [(note,) for note in notes]
     parts: list[Any] = [
-        Table(name="notes", title="Please note", columns=columns, rows=rows),
+        Table("notes", "Please note", ("note",), [(note,) for note in notes]),
         *(drawn_as["outcomes"], tables["outcomes"], tables["scenes"], tables["pairs"]),
         *(drawn_as.get("distributions"), tables["metrics"], tables["rates"]),
         *(drawn_as.get("coverage"), tables["map"], *scenes, tables["failures"], tables["timings"]),

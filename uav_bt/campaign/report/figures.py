@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from uav_bt.campaign.report import statistics
+from uav_bt.campaign.report import statistics as stats
 from uav_bt.campaign.report.sources import Flights, FlightSet
 from uav_bt.campaign.store import METRICS
 from uav_bt.mission.flight_report import EXPLORE_S
@@ -80,11 +80,11 @@ def outcomes(sets: Sequence[FlightSet]) -> Figure:
     figure = new_figure(8.0, 0.8 + 0.4 * len(sets))
     axes = figure.add_subplot()
     for row, one in enumerate(sets):
-        share = 100.0 * statistics.successes(one.flights) / len(one.flights)
-        ends = statistics.success_interval(one.flights)
+        share = 100.0 * stats.successes(one.flights) / len(one.flights)
+        ends = stats.success_interval(one.flights)
         axes.plot(ends, (row, row), color=_colour(row), linewidth=6, alpha=0.3)
         axes.plot(share, row, "o", color=_colour(row), markersize=7, clip_on=False)
-    labels = [f"{one.label}: {statistics.success_words(one.flights)}" for one in sets]
+    labels = [f"{one.label}: {stats.success_words(one.flights)}" for one in sets]
     axes.set_yticks(range(len(sets)), labels)
     axes.set(xlim=(0.0, 100.0), ylim=(len(sets) - 0.5, -0.5))
     axes.set_xlabel("successful flights, %, with the 95 % Wilson interval")
@@ -96,9 +96,7 @@ def distributions(sets: Sequence[FlightSet]) -> Figure | None:
     """Draw the cumulative distribution of each metric; None when no flight has a metric."""
     # Where all values are 0, no flight has that phase.
     panels = [
-        name
-        for name in METRICS
-        if any(any(statistics.values_of(one.flights, name)) for one in sets)
+        name for name in METRICS if any(any(stats.values_of(one.flights, name)) for one in sets)
     ]
     if not panels:
         return None
@@ -114,11 +112,11 @@ def distributions(sets: Sequence[FlightSet]) -> Figure | None:
 
 
 def _panel(axes: Axes, sets: Sequence[FlightSet], name: str) -> None:
-    metric, quoted = METRICS[name], statistics.paper_figures(name, (one.tree for one in sets))
+    metric, quoted = METRICS[name], stats.paper_figures(name, (one.tree for one in sets))
     for _, least, most in quoted:
         axes.axvspan(least, most, color="#ffd43b", alpha=0.5, linewidth=0)
     for index, one in enumerate(sets):
-        if values := statistics.values_of(one.flights, name):
+        if values := stats.values_of(one.flights, name):
             axes.ecdf(values, color=_colour(index), linewidth=1.8)
     title = f"{metric.words}, {metric.unit}" if metric.unit else metric.words
     axes.set_title("\n".join((title, *(f"paper, {text}" for text, _, _ in quoted))))

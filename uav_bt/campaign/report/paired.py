@@ -9,9 +9,9 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from uav_bt.campaign.report import statistics
+from uav_bt.campaign.report import statistics as stats
 from uav_bt.campaign.report.sources import FlightSet
-from uav_bt.campaign.report.tables import Table, Value, metric_cell
+from uav_bt.campaign.report.tables import Row, Table, metric_cell
 from uav_bt.campaign.store import METRICS
 from uav_bt.errors import InputError
 from uav_bt.types.arrays import Floats
@@ -36,13 +36,13 @@ class Pairs(NamedTuple):
 
     def values(self, metric: str) -> Floats:
         """Return a metric of the pairs that both reached it, (2, N), in its unit in reports."""
-        both = [[statistics.reached(flight, metric) for flight in pair] for pair in self.flights]
+        both = [[stats.reached(flight, metric) for flight in pair] for pair in self.flights]
         known = [pair for pair in both if None not in pair]
         return np.array(known, dtype=np.float64).reshape(-1, 2).T
 
     def successes(self) -> Counter[tuple[bool, bool]]:
         """Return how many pairs there are by the success of first and second."""
-        success = statistics.SUCCESS
+        success = stats.SUCCESS
         return Counter(
             (first["outcome"] == success, second["outcome"] == success)
             for first, second in self.flights
@@ -68,25 +68,24 @@ def _paired(first: FlightSet, second: FlightSet) -> Pairs:
 
 def paired_table(pairs: Sequence[Pairs]) -> Table:
     """Return the comparison of trees on the same flights."""
-    return Table(
-        name="pairs",
-        title="Compared on the same flights",
-        columns=(
-            *("first tree", "second tree", "measure", "unit", "pairs"),
-            *("first", "second", "second minus first", "from", "to", "p"),
-        ),
-        rows=[(one.first.label, one.second.label, *row) for one in pairs for row in _rows(one)],
-        note="A pair is a flight of each tree in the same scene with the same seed. Each metric "
-        "counts the pairs in which both flights reached it and shows medians. The difference is "
-        "the median of the paired differences; that of shares is in percentage points. From and "
-        "to: its 95 % bootstrap interval. p: McNemar's exact test of success.",
+    rows = [(one.first.label, one.second.label, *row) for one in pairs for row in _rows(one)]
+    columns = (
+        *("first tree", "second tree", "measure", "unit", "pairs"),
+        *("first", "second", "second minus first", "from", "to", "p"),
     )
+    note = (
+        "A pair is a flight of each tree in the same scene with the same seed. Each metric counts "
+        "the pairs in which both flights reached it and shows medians. The difference is the "
+        "median of the paired differences; that of shares is in percentage points. From and to: "
+        "its 95 % bootstrap interval. p: McNemar's exact test of success."
+    )
+    return Table("pairs", "Compared on the same flights", columns, rows, note)
 
 
-def _rows(pairs: Pairs) -> Iterator[Sequence[Value]]:
+def _rows(pairs: Pairs) -> Iterator[Row]:
     ends = pairs.successes()
     gained, lost, both = ends[False, True], ends[True, False], ends[True, True]
-    p = float(f"{statistics.mcnemar(gained, lost):.3g}")
+    p = float(f"{stats.mcnemar(gained, lost):.3g}")
     counts = (len(pairs.flights), lost + both, gained + both, gained - lost)
     yield "successes", None, *counts, None, None, p
     for name in _COMPARED:
@@ -94,8 +93,8 @@ def _rows(pairs: Pairs) -> Iterator[Sequence[Value]]:
         if values.size:
             change = values[1] - values[0]
             numbers = (*np.median(values, axis=1), np.median(change))
-            interval = statistics.median_interval(change)
-            cells = (statistics.rounded(each, name) for each in (*numbers, *interval))
+            interval = stats.median_interval(change)
+            cells = (stats.rounded(each, name) for each in (*numbers, *interval))
             yield metric_cell(name), METRICS[name].unit, len(change), *cells, None
 
 
