@@ -16,10 +16,9 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from uav_bt.app import provenance
-from uav_bt.campaign.flight import fly_task
 from uav_bt.campaign.plan import CampaignPlan, FlightTask
 from uav_bt.campaign.store import CampaignStore, file_stem, key_of
-from uav_bt.campaign.workers import Fly, Line, WorkerPool
+from uav_bt.campaign.workers import Fly, Line, WorkerPool, fly_task
 from uav_bt.errors import ValueRangeError
 
 Progress = Callable[[Mapping[str, Any], bool], None]

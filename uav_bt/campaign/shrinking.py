@@ -12,7 +12,7 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final, NamedTuple, TypeVar
+from typing import Any, Final, TypeVar
 
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene, scene_text
@@ -32,18 +32,9 @@ _OF_THE_LINE: Final = ("drone", "profile", "ports", "variables", "exact_masks", 
 _NUMBER: Final = re.compile(r"-?\d+(\.\d+)?")
 
 
-class Ending(NamedTuple):
-    """How a flight ended."""
-
-    outcome: str
-    reason: str
-
-    def __str__(self) -> str:
-        return f"{self.outcome}: {self.reason}"
-
-    def agrees(self, other: Ending) -> bool:
-        """Return whether two flights ended for the same cause; numbers may differ."""
-        return _NUMBER.sub("#", str(self)) == _NUMBER.sub("#", str(other))
+def same_cause(one: str, other: str) -> bool:
+    """Return whether two endings have the same outcome and reason; numbers may differ."""
+    return _NUMBER.sub("#", one) == _NUMBER.sub("#", other)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +44,7 @@ class FailedFlight:
     tree: str  # a file or the name of a shipped mission
     scene: Scene  # with the room and the movers that were drawn
     options: FlightOptions  # without scene and movers
-    ending: Ending
+    ending: str  # outcome and reason
 
     @classmethod
     def of(
@@ -63,26 +54,21 @@ class FailedFlight:
 
         An InputError says why it cannot be flown again.
         """
-        if "details" in flight:  # of a flight that did not end by itself
-            raise InputError(
-                "the process of this flight hung or crashed, which a shrunk flight would do, too; "
-                f"expected a flight that ended by itself, got: {flight.get('reason')}"
-            )
         flown = {name: flight[name] for name in _OF_THE_LINE if flight.get(name)}
         flown = {"faults": (), **flown, "seed": flight["seed"], "movers": 0, "vary_room": False}
         options = replace(options, **flown)
-        if "faults" not in flight or not is_simulated(options):
+        if "details" in flight or "faults" not in flight or not is_simulated(options):
             raise InputError(
-                "expected a flight of a simulated drone whose line states its faults, as "
-                f"`uav-bt campaign` writes it; got drone {options.drone_name!r} and "
-                f"{'no ' if 'faults' not in flight else ''}faults"
+                "expected a flight of a simulated drone that ended by itself, not by a crash, and "
+                "whose line states its faults, as `uav-bt campaign` writes it; got drone "
+                f"{options.drone_name!r}: {flight.get('reason')}"
             )
         room, movers = bool(flight.get("vary_room")), flight.get("movers") or 0
         return cls(
             tree=tree,
             scene=varied(load_scene(scene), options.seed, room=room, movers=movers),
             options=options,
-            ending=Ending(flight["outcome"], flight.get("reason") or ""),
+            ending=f"{flight['outcome']}: {flight.get('reason') or ''}",
         )
 
     def things(self) -> dict[str, Sequence[Any]]:
@@ -104,7 +90,7 @@ class FailedFlight:
         scene = replace(self.scene, name=f"{self.scene.name}-shrunk", **left)
         return replace(self, scene=scene, options=options)
 
-    def fly(self, drone: str | None = None) -> Ending:
+    def fly(self, drone: str | None = None) -> str:
         """Fly it, with another simulated drone if one is given; return how it ends."""
         with tempfile.TemporaryDirectory(prefix="uav-bt-shrink-") as folder:
             file, report = Path(folder) / "scene.yaml", Path(folder) / "report.json"
@@ -121,10 +107,10 @@ class FailedFlight:
                 if not report.exists():  # nothing flew
                     raise
             line = json.loads(report.read_text(encoding="utf-8"))
-            return Ending(line["outcome"], line["reason"])
+            return f"{line['outcome']}: {line['reason']}"
 
 
-def shrink(flight: FailedFlight, on_try: Callable[[int, Ending], None]) -> FailedFlight:
+def shrink(flight: FailedFlight, on_try: Callable[[int, str], None]) -> FailedFlight:
     """Return a flight with the fewest parts that still ends as the original did.
 
     `on_try` is called after each flight with the number of its parts, and how it ended. An
@@ -134,7 +120,7 @@ def shrink(flight: FailedFlight, on_try: Callable[[int, Ending], None]) -> Faile
     def fails(parts: Sequence[Part]) -> bool:
         ending = flight.with_parts(parts).fly()
         on_try(len(parts), ending)
-        return ending.agrees(flight.ending)
+        return same_cause(ending, flight.ending)
 
     parts = flight.parts()
     if not fails(parts):

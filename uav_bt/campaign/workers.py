@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import faulthandler
 import gc
+import json
 import multiprocessing
 import os
 import shutil
 import signal
 import tempfile
 import threading
+import time
 import traceback
 from collections.abc import Callable
 from concurrent.futures import CancelledError, Future
@@ -25,10 +27,14 @@ from typing import Any, Final
 
 from pebble import ProcessExpired, ProcessPool
 
+from uav_bt import app
 from uav_bt.app.flight import changes_of
+from uav_bt.app.flight_outputs import OBJECTS_FILES
+from uav_bt.app.flying_process import ended_by_signals
 from uav_bt.campaign.plan import FlightTask
 from uav_bt.errors import InputError, UavBtError
 from uav_bt.mission.judge import Outcome
+from uav_bt.mission.tick import TickRecord
 
 Line = dict[str, Any]
 """A flight's line."""
@@ -36,6 +42,7 @@ Line = dict[str, Any]
 Fly = Callable[[FlightTask], Line]
 """Flies a task in a worker's process, which imports it; an InputError refuses all tasks."""
 
+_PATH_INTERVAL_S: Final = 0.5  # at 0.5 m/s a point every quarter of a metre: maps need no more
 _OUTPUT_TAIL: Final = 4000  # characters of a lost process's output that are kept; chosen
 
 
@@ -172,3 +179,60 @@ def _fly(fly: Fly, task: FlightTask, output: str) -> Line:
         # Cycles hold a flown flight together, and the collector, which counts objects, does not
         # see how large its networks are.
         gc.collect()
+
+
+def fly_task(task: FlightTask) -> Line:
+    """Fly a flight in this process, and return its line.
+
+    An InputError says that the flight was refused before anything flew.
+    """
+    options, keeper = task.flight_options(), PathKeeper()
+    outputs = None if task.folder is None else Path(task.folder)
+    if outputs is not None:
+        shutil.rmtree(outputs, ignore_errors=True)  # of the same flight, when it was interrupted
+
+    began_s = time.perf_counter()
+    with tempfile.TemporaryDirectory(prefix="uav-bt-flight-") as folder:
+        report = Path(folder) / "report.json"
+        try:
+            app.fly(
+                task.tree_path,
+                options,
+                out=outputs,
+                report=report,
+                listeners=[lambda _: [keeper]],
+                controls=lambda _: ended_by_signals(),
+            )
+        except Exception:
+            if not report.exists():  # nothing flew; otherwise the report tells of the fault, too
+                raise
+        flight: Line = json.loads(report.read_text(encoding="utf-8"))
+    # The objects of a flight in which no leaf wrote a file are in its line.
+    if outputs is not None and outputs.is_dir():
+        written = {file.name for file in outputs.iterdir()}
+        if written.issubset(OBJECTS_FILES):
+            shutil.rmtree(outputs)
+    flight |= {"scene": task.scene, "tree": task.tree, "path": keeper.points}
+    if options.exact_masks:
+        flight["exact_masks"] = True
+    flight["wall_s"] = round(time.perf_counter() - began_s, 3)
+    return flight
+
+
+class PathKeeper:
+    """Listens to the runner and keeps the referee's positions at 2 Hz; nothing without a referee.
+
+    `points` are time in mission seconds, and x, y, z in world metres, all to the thousandth.
+    """
+
+    def __init__(self) -> None:
+        self.points: list[tuple[float, ...]] = []
+
+    def on_tick(self, record: TickRecord) -> None:
+        """Keep the position of a tick that is due."""
+        # Half a tick early is on time: ticks are a tenth of a second, and floats add up.
+        due_s = self.points[-1][0] + _PATH_INTERVAL_S - 0.05 if self.points else 0.0
+        if record.truth is not None and record.time_s >= due_s:
+            pose = record.truth.pose
+            values = (record.time_s, pose.x_m, pose.y_m, pose.z_m)
+            self.points.append(tuple(round(value, 3) for value in values))

@@ -10,9 +10,8 @@ from annotated_types import Ge
 
 from sim_bridge.twin.scene_file import scene_text
 from uav_bt.app.options import FlightOptions
-from uav_bt.campaign.report.repeat import fly_command
-from uav_bt.campaign.report.sources import read_sources
-from uav_bt.campaign.shrinking import FailedFlight, shrink
+from uav_bt.campaign.report.sources import fly_command, read_sources
+from uav_bt.campaign.shrinking import FailedFlight, same_cause, shrink
 from uav_bt.cli.declare import command
 from uav_bt.errors import InputError, MissionError
 from uav_bt.files import check_empty_folder, write_whole, writing
@@ -86,7 +85,7 @@ def shrink_command(
     if twin:
         ending = small.fly(_TWIN)
         click.echo(f"in the twin: {ending}")
-        if not ending.agrees(small.ending):
+        if not same_cause(ending, small.ending):
             ctx.exit(MissionError.exit_code)
 
 

@@ -11,8 +11,8 @@ import pytest
 from tests.uav_bt.campaign.campaign_world import line, plan
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign import run
-from uav_bt.campaign.flight import PathKeeper, fly_task
 from uav_bt.campaign.plan import FlightTask
+from uav_bt.campaign.workers import PathKeeper, fly_task
 
 pytestmark = pytest.mark.flight
 

@@ -102,8 +102,8 @@ def test_a_signal_stops_shrinking_and_nothing_is_written(tmp_path: Path, number:
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
-        ({"details": "Segmentation fault"}, "hung or crashed"),
-        ({"drone": "anafi"}, "got drone 'anafi' and faults"),
+        ({"details": "Segmentation fault"}, "that ended by itself, not by a crash"),
+        ({"drone": "anafi"}, "got drone 'anafi': critical battery"),
     ],
 )
 def test_a_flight_that_cannot_be_flown_again_is_refused(

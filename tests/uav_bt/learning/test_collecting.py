@@ -10,10 +10,9 @@ import pytest
 
 from sim_bridge.twin.scene_file import load_scene
 from tests.worlds.trees import tree_file
-from uav_bt.campaign.flight import fly_task
 from uav_bt.campaign.plan import FlightTask
 from uav_bt.campaign.runner import Flown
-from uav_bt.campaign.workers import Fly, lost_line
+from uav_bt.campaign.workers import Fly, fly_task, lost_line
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.learning.collecting import CollectionPlan, collect, nodes_under_policy
 from uav_bt.mission.judge import Outcome

@@ -20,8 +20,8 @@ from uav_bt.campaign.report.figures import (
     distributions,
     drawn,
     outcomes,
+    scene_figure,
 )
-from uav_bt.campaign.report.lab_figures import scene_figure
 from uav_bt.campaign.report.paired import paired_table, pairs_of
 from uav_bt.campaign.report.sources import FlightSet, read_sources
 from uav_bt.campaign.report.statistics import paper_success

@@ -1,4 +1,4 @@
-"""The report's figures of outcomes, of the distributions of metrics, and of coverage over time."""
+"""The report's figures: outcomes, distributions, coverage over time, and paths in the scenes."""
 
 from __future__ import annotations
 
@@ -12,19 +12,25 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Polygon
+from scipy.spatial import cKDTree
 
+from sim_bridge.twin.scene import Scene
+from uav_bt.app.film import map_of_scene
 from uav_bt.campaign.report import statistics as stats
 from uav_bt.campaign.report.sources import Flights, FlightSet
 from uav_bt.campaign.store import METRICS
+from uav_bt.display.lab_map import LabMap
+from uav_bt.mission.covered_ground import PASSED_M, GroundCells
 from uav_bt.mission.flight_report import EXPLORE_S
-from uav_bt.types.arrays import Floats
+from uav_bt.types.arrays import Flags, Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 # Okabe and Ito: distinguishable for people with colour-blindness. Dark colours first, on white.
 _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#555555")
-STYLE: Final[Any] = {
+_STYLE: Final[Any] = {
     "font.size": 9.0,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -38,7 +44,6 @@ STYLE: Final[Any] = {
     "pdf.fonttype": 42,  # TrueType: publishers refuse matplotlib's default, Type 3
     "svg.hashsalt": "uav-bt",  # otherwise the identifiers in an SVG are random
 }
-"""The report's figures are made and drawn with these settings of matplotlib."""
 
 Form = Literal["png", "pdf", "svg"]
 
@@ -50,12 +55,12 @@ _NO_METADATA: Final[dict[Form, tuple[str, ...]]] = {
 }
 
 
-def new_figure(width_in: float, height_in: float) -> Figure:
+def _new_figure(width_in: float, height_in: float) -> Figure:
     """Return an empty figure."""
     return Figure(figsize=(width_in, height_in), dpi=130, layout="constrained", facecolor="white")
 
 
-@mpl.rc_context(STYLE)
+@mpl.rc_context(_STYLE)
 def drawn(figure: Figure, form: Form) -> bytes:
     """Return a figure as the content of an image file; equal figures give equal bytes."""
     buffer = io.BytesIO()
@@ -64,7 +69,7 @@ def drawn(figure: Figure, form: Form) -> bytes:
     return buffer.getvalue()
 
 
-def legend(figure: Figure, labels: Iterable[tuple[str, str]], columns: int = 2) -> None:
+def _legend(figure: Figure, labels: Iterable[tuple[str, str]], columns: int = 2) -> None:
     """Add a legend of labels with their colours above a figure."""
     lines = [Line2D([], [], color=colour, label=label) for label, colour in labels]
     figure.legend(handles=lines, loc="outside upper left", ncols=columns)
@@ -74,10 +79,10 @@ def _colour(index: int) -> str:
     return _COLOURS[index % len(_COLOURS)]
 
 
-@mpl.rc_context(STYLE)
+@mpl.rc_context(_STYLE)
 def outcomes(sets: Sequence[FlightSet]) -> Figure:
     """Draw the share of successes of each set, with its 95 % Wilson interval."""
-    figure = new_figure(8.0, 0.8 + 0.4 * len(sets))
+    figure = _new_figure(8.0, 0.8 + 0.4 * len(sets))
     axes = figure.add_subplot()
     for row, one in enumerate(sets):
         share = 100.0 * stats.successes(one.flights) / len(one.flights)
@@ -91,7 +96,7 @@ def outcomes(sets: Sequence[FlightSet]) -> Figure:
     return figure
 
 
-@mpl.rc_context(STYLE)
+@mpl.rc_context(_STYLE)
 def distributions(sets: Sequence[FlightSet]) -> Figure | None:
     """Draw the cumulative distribution of each metric; None when no flight has a metric."""
     # Where all values are 0, no flight has that phase.
@@ -101,13 +106,13 @@ def distributions(sets: Sequence[FlightSet]) -> Figure | None:
     if not panels:
         return None
     rows = math.ceil(len(panels) / 2)
-    figure = new_figure(9.5, 0.3 + 0.15 * len(sets) + 2.1 * rows)
+    figure = _new_figure(9.5, 0.3 + 0.15 * len(sets) + 2.1 * rows)
     grid = figure.subplots(rows, 2, squeeze=False)
     for axes in grid.flat[len(panels) :]:
         axes.set_visible(False)
     for axes, name in zip(grid.flat, panels, strict=False):
         _panel(axes, sets, name)
-    legend(figure, ((one.label, _colour(index)) for index, one in enumerate(sets)))
+    _legend(figure, ((one.label, _colour(index)) for index, one in enumerate(sets)))
     return figure
 
 
@@ -127,7 +132,7 @@ def _panel(axes: Axes, sets: Sequence[FlightSet], name: str) -> None:
 _SHARES: Final = ("passed", "seen")  # as the fields of a flight are called
 
 
-@mpl.rc_context(STYLE)
+@mpl.rc_context(_STYLE)
 def coverage_over_time(sets: Sequence[FlightSet]) -> Figure | None:
     """Draw the coverage of each flight over time and the mean of each set.
 
@@ -140,7 +145,7 @@ def coverage_over_time(sets: Sequence[FlightSet]) -> Figure | None:
     measured = [(label, some, colour) for label, some, colour in found if some]
     if not any(flight["coverage_curve"] for _, some, _ in measured for flight in some):
         return None
-    figure = new_figure(9.5, 3.4 + 0.15 * len(sets))
+    figure = _new_figure(9.5, 3.4 + 0.15 * len(sets))
     for axes, what in zip(figure.subplots(1, len(_SHARES), sharey=True), _SHARES, strict=True):
         for _, some, colour in measured:
             alpha = float(np.clip(4.0 / len(some), 0.1, 0.5))
@@ -153,7 +158,7 @@ def coverage_over_time(sets: Sequence[FlightSet]) -> Figure | None:
         axes.set_title(f"free ground {'covered' if what == 'passed' else what}, %")
         axes.set_xlabel("time from the take-off command, s")
         axes.set(xlim=(0.0, None), ylim=(0.0, 100.0))
-    legend(figure, ((f"{label}, flights: {len(some)}", c) for label, some, c in measured))
+    _legend(figure, ((f"{label}, flights: {len(some)}", c) for label, some, c in measured))
     return figure
 
 
@@ -179,3 +184,128 @@ def mean_curve(flights: Flights, what: str) -> Floats:
     half = len(flights) / 2
     means = [(t, np.mean(some)) for t, some in sorted(shares.items()) if len(some) >= half]
     return np.array(means).reshape(-1, 2)
+
+
+_OUTCOME_COLOURS: Final = {
+    "success": "#2b8a5a",
+    "collision": "#c92a2a",
+    "left_area": "#e67700",
+    "timeout": "#6741d9",
+    "aborted": "#868e96",
+    "error": "#212529",
+}
+_POINTS: Final = 5  # that are evaluated for each of a path, one for each tick
+_MARK: Final = "#a61e1e"
+_INK: Final = "#343a40"
+_ARROW_M: Final = 0.5  # length of the arrow of the take-off heading
+_MARGIN_M: Final = 0.1  # around the ground and the paths
+_PANEL_IN: Final = 4.7  # width of a panel's axes
+_WORDS_IN: Final = 0.9  # height of the title, the ticks and their label
+
+
+@mpl.rc_context(_STYLE)
+def scene_figure(sets: Sequence[FlightSet], name: str, scene: Scene) -> Figure | None:
+    """Draw the flights in a scene: paths on the left, coverage on the right, a row for each set.
+
+    Sets without paths in this scene are left out; None when no path was kept.
+    """
+    found = (
+        (one.label, [f for f in one.flights if f["scene"] == name and f.get("path")])
+        for one in sets
+    )
+    rows = [(label, flown) for label, flown in found if flown]
+    if not rows:
+        return None
+    lab, cells = map_of_scene(scene), GroundCells(scene.ground_plan)
+    shown = [flight for _, flown in rows for flight in flown]
+    paths_m = np.concatenate([np.asarray(flight["path"])[:, 1:3] for flight in shown])
+    half_m = np.maximum(np.abs(paths_m).max(axis=0), np.asarray(lab.ground_size_m) / 2) + _MARGIN_M
+    row_in = _PANEL_IN * half_m[1] / half_m[0] + _WORDS_IN
+    figure = _new_figure(11.0, row_in * len(rows) + 0.4)
+    grid = figure.subplots(len(rows), 2, squeeze=False, sharex=True, sharey=True)
+    grid[0, 0].set(xlim=(-half_m[0], half_m[0]), ylim=(-half_m[1], half_m[1]))
+    for (left, right), (label, flown) in zip(grid, rows, strict=True):
+        _draw_lab(left, lab)
+        _draw_paths(left, flown)
+        count = "1 flight" if len(flown) == 1 else f"{len(flown)} flights"
+        left.set_title(f"{label}\nin {name}, {count}", fontweight="bold")
+        _draw_lab(right, lab)
+        image = _draw_coverage(right, flown, lab, cells)
+    bar = figure.colorbar(image, ax=grid, shrink=0.7 / len(rows), pad=0.01)
+    bar.set_label("flights that covered it, %")
+    bar.outline.set_visible(False)
+    outcomes = {flight["outcome"] for flight in shown}
+    colours = ((o.replace("_", " "), c) for o, c in _OUTCOME_COLOURS.items() if o in outcomes)
+    _legend(figure, colours, columns=len(_OUTCOME_COLOURS))
+    return figure
+
+
+def _draw_paths(axes: Axes, flown: Flights) -> None:
+    alpha = float(np.clip(6.0 / len(flown), 0.15, 0.8))
+    # Failures on top: they are few and matter most.
+    for flight in sorted(flown, key=lambda one: one["outcome"] != stats.SUCCESS):
+        _, x_m, y_m, _ = np.asarray(flight["path"], dtype=np.float64).T
+        colour = _OUTCOME_COLOURS[flight["outcome"]]
+        if flight["outcome"] == stats.SUCCESS:
+            axes.plot(x_m, y_m, color=colour, linewidth=0.9, alpha=alpha)
+        else:
+            axes.plot(x_m, y_m, color=colour, linewidth=1.4, alpha=0.9)
+            axes.plot(x_m[-1], y_m[-1], "x", color=colour, markersize=8, markeredgewidth=2)
+        axes.plot(x_m[0], y_m[0], ".", color=colour, markersize=3)
+
+
+def _draw_coverage(axes: Axes, flown: Flights, lab: LabMap, cells: GroundCells) -> Any:
+    passed = [visited_cells(flight["path"], cells) for flight in flown]
+    half_x, half_y = (side / 2 for side in lab.ground_size_m)
+    image = axes.imshow(
+        100.0 * np.mean(passed, axis=0),
+        origin="lower",
+        extent=(-half_x, half_x, -half_y, half_y),
+        vmin=0.0,
+        vmax=100.0,
+        cmap="Blues",
+        zorder=0,
+    )
+    shares = [100.0 * cells.share(one) for one in passed]
+    spread = f" (mean; {min(shares):.0f} to {max(shares):.0f} %)" if len(shares) > 1 else ""
+    axes.set_title(f"{float(np.mean(shares)):.0f} % of the free ground covered{spread}")
+    axes.set_xlabel(f"x, m; covered: the body's centre came within {PASSED_M:g} m", fontsize=8)
+    return image
+
+
+def _draw_lab(axes: Axes, lab: LabMap) -> None:
+    """Draw ground, mark, boxes with their heights, movers' paths and take-off, with axes in m."""
+    axes.add_patch(Polygon(lab.outline(), facecolor="none", edgecolor="#adb5bd"))
+    if lab.mark is not None:
+        axes.add_patch(Polygon(lab.mark.corners(), facecolor="white", edgecolor=_MARK))
+        axes.text(lab.mark.x_m, lab.mark.y_m, "H", ha="center", va="center", color=_MARK)
+    for box in lab.boxes:
+        face = tuple(channel / 255 for channel in box.colour)
+        axes.add_patch(Polygon(box.corners(), facecolor=face, edgecolor=_INK, linewidth=0.8))
+        height = f"{box.size_m[2]:.3g}"
+        axes.text(box.x_m, box.y_m, height, fontsize=7, color="white", ha="center", va="center")
+    for mover in lab.movers:
+        colour = tuple(channel / 255 for channel in mover.item.colour)
+        axes.plot(*zip(*mover.path_m, strict=True), color=colour, linewidth=0.8, linestyle=":")
+    if lab.take_off is not None:
+        arrow = {"arrowstyle": "-|>", "color": _INK, "shrinkA": 0, "shrinkB": 0}
+        ahead = lab.take_off.to_world(_ARROW_M, 0.0)
+        axes.annotate("", ahead, (lab.take_off.x_m, lab.take_off.y_m), arrowprops=arrow)
+    axes.set_xlabel("x, m", fontsize=8)
+    axes.set_ylabel("y, m", fontsize=8)
+    axes.set_aspect("equal")
+    axes.tick_params(length=2, labelsize=7, labelbottom=True)
+    axes.spines[:].set_visible(False)
+    axes.grid(visible=False)
+
+
+def visited_cells(path: Sequence[Sequence[float]], cells: GroundCells) -> Flags:
+    """Return the cells that a flight has passed, (rows, columns).
+
+    `path` has points (t, x, y, z) in s and world metres, connected by straight lines.
+    """
+    time_s, x_m, y_m, _ = np.asarray(path, dtype=np.float64).T
+    dense_s = np.linspace(time_s[0], time_s[-1], _POINTS * len(path))
+    points_m = np.column_stack([np.interp(dense_s, time_s, along_m) for along_m in (x_m, y_m)])
+    away_m, _ = cKDTree(points_m).query(cells.middles_m)
+    return np.asarray(away_m <= PASSED_M)

@@ -1,4 +1,4 @@
-"""Sources of a report: folders of campaigns and plain files of flights."""
+"""Sources of a report: folders of campaigns and files of flights; commands that repeat them."""
 
 from __future__ import annotations
 
@@ -6,12 +6,22 @@ import shlex
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
+from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.plan import CampaignPlan
-from uav_bt.campaign.store import FLIGHTS_FILE, PLAN_FILE, read_flights, read_plan
+from uav_bt.campaign.store import (
+    FLIGHTS_FILE,
+    PLAN_FILE,
+    file_stem,
+    key_of,
+    read_flights,
+    read_plan,
+)
 from uav_bt.errors import FileError
+from uav_bt.lab.lab import Lab
+from uav_bt.lab.shipped import lab_address
 
 Flights = Sequence[Mapping[str, Any]]
 
@@ -37,6 +47,13 @@ class FlightSet:
         """Return the file of the tree, or the name of a shipped mission."""
         planned = self.plan.trees if self.plan else ()
         return next((f.path for f in planned if f.name == self.tree), Path(self.tree).stem)
+
+    def repeat_command(self, flight: Mapping[str, Any]) -> str:
+        """Return the command that flies one of the flights again."""
+        scene = None if flight["scene"] is None else self.scene_path(flight["scene"])
+        options = FlightOptions() if self.plan is None else self.plan.options
+        out = PurePosixPath(flight.get("folder") or file_stem(key_of(flight))).name
+        return fly_command(self.tree_path(), scene, flight, options, out=out)
 
 
 def read_sources(paths: Sequence[Path]) -> tuple[FlightSet, ...]:
@@ -80,3 +97,44 @@ def _read(path: Path) -> Iterator[FlightSet]:
         raise FileError(file, f"no flights; {remedy}")
     for tree, some in by_tree(flights).items():
         yield replace(source, label=Path(tree).stem, tree=tree, flights=some)
+
+
+def fly_command(
+    tree: str, scene: str | None, flight: Mapping[str, Any], options: FlightOptions, *, out: str
+) -> str:
+    """Return the `uav-bt fly` command of a flight.
+
+    `flight` has what was drawn or changed for it, by the names in a flight's line, and `options`
+    say how its campaign was flown. Leaves that write files need the output folder.
+    """
+    drone, folders, limit_s = flight.get("drone"), options.tree_folders, options.judge.time_limit_s
+    is_default_size = options.image_size_px == FlightOptions.image_size_px
+    given: list[tuple[str, object]] = [
+        ("--scene", scene),
+        ("--seed", str(flight["seed"])),
+        ("--exact-masks", bool(flight.get("exact_masks") or options.exact_masks)),
+        ("--drone", None if drone == FlightOptions.drone else drone),
+        ("--profile", flight.get("profile")),
+        ("--vary-room", bool(flight.get("vary_room"))),
+        ("--movers", flight.get("movers") or None),
+        *(("--faults", fault) for fault in flight.get("faults") or ()),
+        *(("--set", f"{name}={value}") for name, value in (flight.get("ports") or {}).items()),
+        *(("--var", f"{name}={value}") for name, value in (flight.get("variables") or {}).items()),
+        ("--image-size", None if is_default_size else "{}x{}".format(*options.image_size_px)),
+        ("--time-limit", None if limit_s is None else f"{limit_s:g}"),
+        ("--lab", lab_address(options.lab) if isinstance(options.lab, Lab) else None),
+        ("--tree", options.tree_id),
+        *(("--trees", folder) for folder in folders.trees),
+        ("--include-root", folders.include_root),
+        *(("--ros-pkg", f"{name}={folder}") for name, folder in folders.packages.items()),
+        *(("--policy", f"{node}={name}") for node, name in options.policy_names.items()),
+        *(("--leaves", file) for file in options.leaves),
+        ("--out", out),
+    ]
+    words = ["uav-bt", "fly", tree]
+    for name, value in given:
+        if value is True:
+            words.append(name)
+        elif value is not None and value is not False:
+            words += [name, str(value)]
+    return shlex.join(words)

@@ -15,7 +15,6 @@ from markupsafe import Markup
 
 from uav_bt.campaign.plan import flattened
 from uav_bt.campaign.report import statistics as stats
-from uav_bt.campaign.report.repeat import repeat_command
 from uav_bt.campaign.report.sources import Flights, FlightSet
 from uav_bt.campaign.store import METRICS
 from uav_bt.mission.covered_ground import PASSED_M, SEEN_M
@@ -167,7 +166,7 @@ def _failures(sets: Sequence[FlightSet], page: Path) -> Table:
     rows: list[Row] = []
     for one in sets:
         for flight in (each for each in _sorted(one) if each["outcome"] != stats.SUCCESS):
-            outcome, command = flight["outcome"].replace("_", " "), repeat_command(one, flight)
+            outcome, command = flight["outcome"].replace("_", " "), one.repeat_command(flight)
             row = [one.label, flight["scene"], flight["seed"], outcome, flight.get("reason")]
             row += [flight.get("duration_s"), _record(one, flight, page)]
             rows.append([*row, Cell(command, Markup("<code>{}</code>").format(command))])

@@ -20,9 +20,7 @@ from uav_bt.campaign import make_plan
 from uav_bt.campaign.plan import PlannedFile
 from uav_bt.campaign.report import campaign_report
 from uav_bt.campaign.report.campaign_report import WrittenReport, write_report
-from uav_bt.campaign.report.figures import distributions
-from uav_bt.campaign.report.lab_figures import scene_figure
-from uav_bt.campaign.report.repeat import repeat_command
+from uav_bt.campaign.report.figures import distributions, scene_figure
 from uav_bt.campaign.report.sources import FlightSet, read_sources
 from uav_bt.campaign.report.tables import origin_table
 from uav_bt.errors import FileError
@@ -193,7 +191,7 @@ def test_a_flight_is_repeated_with_what_was_drawn_and_changed_for_it(
 ) -> None:
     folder = campaign(tmp_path / "c", flight(3, **changes), **how)
     (one,) = read_sources([folder])
-    told = repeat_command(one, one.flights[0])
+    told = one.repeat_command(one.flights[0])
     assert told.startswith("uav-bt fly /missions/one.xml --scene '/labs/my lab.yaml' --seed 3 --")
     assert told.removesuffix(" --out one-val-a-3").endswith(words)
 

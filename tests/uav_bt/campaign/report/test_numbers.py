@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from uav_bt.app.provenance import hardware
-from uav_bt.campaign.report.figures import curve_of, mean_curve
-from uav_bt.campaign.report.lab_figures import visited_cells
+from uav_bt.campaign.report.figures import curve_of, mean_curve, visited_cells
 from uav_bt.campaign.report.statistics import (
     mcnemar,
     median_interval,
