@@ -123,7 +123,7 @@ def test_the_page_stands_alone_and_names_flights_and_machine(tmp_path: Path) -> 
     assert len(found) == 2, "the scene's file is gone"
     assert all(one.startswith("data:image/png;base64,") for one in found)
     assert not any(f"<{tag}" in text for tag in ("script", "link", "iframe"))
-    assert written.images == ()
+    assert not written.images
     assert not (tmp_path / "r-figures").exists()
     for words in ("Flights of one", "abc", "Please note", notes[0]):
         assert f">{words}</" in text
