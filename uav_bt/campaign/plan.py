@@ -32,7 +32,7 @@ class PlannedFile:
     variables: dict[str, Plain] = field(default_factory=dict)  # likewise
 
     def options(self, shared: FlightOptions) -> FlightOptions:
-        """Return how this tree is flown, with what all flights of the campaign have in common."""
+        """Return how this tree is flown, from what all flights have in common."""
         return replace(
             shared,
             ports={**shared.ports, **self.ports},
@@ -77,11 +77,11 @@ class CampaignPlan:
     # How all are flown, by the fields in `SHARED`. The tree folders are absolute.
     options: FlightOptions = field(default_factory=FlightOptions)
     record: bool = False  # whether each flight's record is kept
-    timeout_s: float = 900.0  # wall time of a hung flight; 300 s take two minutes on a busy core
-    weights: dict[str, str] = field(default_factory=dict)  # SHA-256 by file of the trees' networks
-    leaves_sha256: dict[str, str] = field(default_factory=dict)  # of the Python files with leaves
-    lab_sha256: dict[str, str] = field(default_factory=dict)  # of lab files and what they name
-    versions: dict[str, str] = field(default_factory=dict)  # of packages that flights depend on
+    timeout_s: float = 900.0  # wall time of a hung flight
+    weights: dict[str, str] = field(default_factory=dict)  # SHA-256 of networks, by file
+    leaves_sha256: dict[str, str] = field(default_factory=dict)  # of files with leaves
+    lab_sha256: dict[str, str] = field(default_factory=dict)  # of labs' files
+    versions: dict[str, str] = field(default_factory=dict)  # of packages
 
     def __post_init__(self) -> None:
         _check_shared(self.options)
@@ -92,8 +92,8 @@ class CampaignPlan:
                 raise InputError(f"a campaign needs at least one {what}")
             if twice := [name for name in names if names.count(name) > 1]:
                 raise InputError(
-                    f"two {what}s are called '{twice[0]}', and flights tell them apart by that; "
-                    "give each once, under its own name, and values as variants of --params"
+                    f"two {what}s are called '{twice[0]}': give each once, under its own name, "
+                    "and values as variants of --params"
                 )
 
     def __len__(self) -> int:
@@ -132,7 +132,7 @@ class CampaignPlan:
         return found
 
     def to_json(self) -> dict[str, Any]:
-        """Return the plan as plain JSON values; those of the options stand beside the others."""
+        """Return the plan as plain JSON values, those of the options beside the others."""
         others = _PLAN.dump_python(self, mode="json", exclude={"options"})
         return {**self.options.shared_json(), **others}
 
@@ -160,8 +160,8 @@ def _check_shared(options: FlightOptions) -> None:
     """Refuse options that a plan does not keep, and policies that are objects."""
     if not is_simulated(options):
         raise InputError(
-            f"drone '{options.drone_name}' cannot fly a campaign, only simulated ones can: twin, "
-            "plain, or another that is installed and takes a scene"
+            f"drone '{options.drone_name}' cannot fly a campaign, only simulated ones can: "
+            "twin, plain, or another that is installed and takes a scene"
         )
     default = FlightOptions()
     others = [each.name for each in fields(options) if each.name not in SHARED]
@@ -171,8 +171,8 @@ def _check_shared(options: FlightOptions) -> None:
         raise InputError(f"a campaign takes no {refused[0]}, only {only}; fly with app.fly(...)")
     if options.policy_objects:
         raise InputError(
-            "a campaign's policies are names of installed policies, because each flight has a "
-            f"process of its own; got {next(iter(options.policy_objects))}"
+            "a campaign's policies are names of installed policies, as each flight has its own "
+            f"process; got {next(iter(options.policy_objects))}"
         )
 
 
@@ -186,7 +186,7 @@ def _compared(plan: CampaignPlan) -> dict[str, Any]:
 
 
 def flattened(value: object, name: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the texts in nested values, with the words that lead there; empty is left out."""
+    """Yield the texts in nested values, with the words that lead there, if not empty."""
     if isinstance(value, Mapping):
         for key, inner in value.items():
             yield from flattened(inner, f"{name} {key}".strip())

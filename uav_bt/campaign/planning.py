@@ -42,9 +42,9 @@ def make_plan(
 
     Args:
         trees: tree files, or names of shipped missions.
-        options: how all are flown, by the fields in `uav_bt.campaign.plan.SHARED`, and `params`:
-            each variant of the parameter file is flown.
-        scenes: names of scenes of the lab, scene files, or patterns (`test-*`) of either. Default:
+        options: how all are flown, by the fields in `uav_bt.campaign.plan.SHARED`, and
+            `params`, each of whose variants is flown.
+        scenes: names of the lab's scenes, files, or patterns (`test-*`) of either. Default:
             all scenes of the lab's folder; without a lab `val-*`.
         flights: of each tree in each scene, one seed each.
         seed_from: the first seed.
@@ -109,7 +109,7 @@ def _variants(tree: str | Path, options: FlightOptions) -> Iterator[PlannedFile]
         path = _loaded(tree, replace(options, params=file)).path
         yield PlannedFile(
             name=f"{path.stem}[{variant}]{path.suffix}" if variant else path.name,
-            # A shipped mission by its name is found on other machines and installations, too.
+            # A shipped mission is found by its name on other machines, too.
             path=path.stem if path in shipped else str(path),
             # Values of the command line take precedence over a variant.
             ports={k: v for k, v in values.ports.items() if k not in options.ports},
@@ -141,7 +141,7 @@ def _scenes(wanted: Sequence[str] | None, options: FlightOptions) -> Iterator[Pl
 
 
 def _fingerprinted(plan: CampaignPlan) -> CampaignPlan:
-    """Return a plan with hashes of all files that its flights need, and versions, as of now."""
+    """Return a plan with today's versions, and hashes of all files that it needs."""
     options = plan.options
     missions = [_loaded(tree.path, tree.options(options)) for tree in plan.trees]
     places = [load_scene(scene.path) for scene in plan.scenes]

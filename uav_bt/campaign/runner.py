@@ -84,8 +84,7 @@ def run(
 ) -> CampaignResult:
     """Fly those flights of a plan that its folder does not hold yet.
 
-    Each flight is kept when it ends. A campaign that was stopped, or killed, goes on when it is
-    called again.
+    Each flight is kept when it ends. A campaign that was stopped goes on when called again.
 
     Args:
         plan: what to fly.
@@ -115,12 +114,12 @@ def run(
         done = {key_of(one): one for one in store.kept if key_of(one) in wanted}
         left = [task for key, task in wanted.items() if key not in done]
         if store.repaired:
-            on_note("the last line was only half written and was taken away; it is flown again")
+            on_note("the last line was only half written and is flown again")
         before = [each.get("code") for each in store.runs][-2:][0]
         if done and left and before != about["code"]:
             on_note(
-                f"the code has changed since the last run ({before}, now {about['code']}): the "
-                "folder has flights of both"
+                f"the code has changed since the last run ({before}, now {about['code']}): "
+                "the folder has flights of both"
             )
         for flight in done.values():
             on_flight(flight, False)

@@ -1,7 +1,7 @@
 """Reduction of a failed flight to the fewest objects, movers and faults that still fail.
 
-The parts are removed by delta debugging (Zeller and Hildebrandt, 2002): larger groups first, then
-single ones, until no part can be left out.
+The parts are removed by delta debugging (Zeller and Hildebrandt, 2002): larger groups first,
+then single ones, until no part can be left out.
 """
 
 from __future__ import annotations
@@ -125,8 +125,8 @@ def shrink(flight: FailedFlight, on_try: Callable[[int, str], None]) -> FailedFl
     parts = flight.parts()
     if not fails(parts):
         raise InputError(
-            f"the flight does not end with '{flight.ending}' any more: code, networks or machine "
-            "differ from those that flew it"
+            f"the flight does not end with '{flight.ending}' any more: code, networks or "
+            "machine differ from those that flew it"
         )
     return flight.with_parts(least(parts, fails))
 

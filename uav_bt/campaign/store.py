@@ -1,4 +1,4 @@
-"""A campaign's folder: its plan, and a line for each flight that a killed process leaves whole."""
+"""A campaign's folder: its plan, and a line for each flight."""
 
 from __future__ import annotations
 
@@ -86,18 +86,14 @@ def key_of(flight: Mapping[str, Any]) -> FlightKey:
 
 
 def file_stem(key: FlightKey) -> str:
-    """Return the name of a flight's files, without its ending; two flights may have the same."""
+    """Return the stem of a flight's files; two flights may have the same."""
     tree, scene, seed = key
     # A scene may be called anything.
     return re.sub(r"[^\w.-]+", "_", f"{Path(tree).stem}-{scene}-{seed}")
 
 
 def read_flights(path: Path) -> tuple[dict[str, Any], ...]:
-    """Return the flights of a file in their order; of a flight that it has twice the later line.
-
-    Raises:
-        FileError: the file cannot be read, or a line holds no flight.
-    """
+    """Return the flights of a file in their order; of one that it has twice the later line."""
     flights: dict[FlightKey, dict[str, Any]] = {}
     with reading(path), path.open("rb") as file:
         for number, line in enumerate(file, start=1):
@@ -147,8 +143,8 @@ class CampaignStore:
     def __init__(self, folder: Path, out: IO[bytes], runs: list[dict[str, Any]]) -> None:
         self.folder = folder
         self.runs = runs  # of its plan; the last is the one that opened it
-        self.repaired = _repair(out)  # whether a last line that was half written was taken away
-        self.kept = read_flights(folder / FLIGHTS_FILE)  # the flights that were there on opening
+        self.repaired = _repair(out)  # whether half a line was taken away
+        self.kept = read_flights(folder / FLIGHTS_FILE)  # that were there on opening
         self._out = out
 
     @classmethod
@@ -158,8 +154,8 @@ class CampaignStore:
     ) -> Iterator[CampaignStore]:
         """Open a folder for a plan: a new one, or one that the same plan began to fill.
 
-        `run` tells people of this run: when, where, of which commit. An InputError says in what the
-        folder's plan differs, a FileError that it cannot be written to now.
+        `run` tells of this run: when, where, of which commit. An InputError says in what the
+        folder's plan differs.
         """
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
@@ -178,7 +174,7 @@ class CampaignStore:
                 yield cls(folder, out, runs)
 
     def keep(self, flight: Mapping[str, Any]) -> None:
-        """Write a flight down; it is on the disk on return, and after a FileError nothing of it."""
+        """Write a flight to the disk, or nothing of it and a FileError."""
         line = json.dumps(flight, allow_nan=False).encode() + b"\n"
         size = os.fstat(self._out.fileno()).st_size
         try:
@@ -190,8 +186,8 @@ class CampaignStore:
             os.ftruncate(self._out.fileno(), size)
             raise FileError(
                 self.folder / FLIGHTS_FILE,
-                f"cannot be written: {error.strerror}; all flights before this one are kept, and "
-                "the same command goes on from there",
+                f"cannot be written: {error.strerror}; all flights before this one are kept, "
+                "and the same command goes on from there",
             ) from error
 
 
@@ -215,7 +211,7 @@ def _runs_before(folder: Path, plan: CampaignPlan) -> list[dict[str, Any]]:
 
 
 def _repair(file: IO[bytes]) -> bool:
-    """Take away a last line without its end, which a killed campaign or a full disk left."""
+    """Take away a last line without its end, which a killed campaign left."""
     file.seek(0)
     data = file.read()
     whole = data.rfind(b"\n") + 1

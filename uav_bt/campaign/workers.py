@@ -1,8 +1,8 @@
 """Worker processes that fly, kept by Pebble: a crash or a hang costs one flight.
 
-A flight runs native code (physics, graphics, networks). When that code dies it takes its process
-along, and when it hangs only another process can stop it. Each worker flies one task after the
-other, so that slow imports happen once.
+A flight runs native code (physics, graphics, networks). When that code dies its process dies,
+and when it hangs only another process can stop it. Each worker flies one task after the other,
+so that slow imports happen once.
 """
 
 from __future__ import annotations
@@ -42,15 +42,15 @@ Line = dict[str, Any]
 Fly = Callable[[FlightTask], Line]
 """Flies a task in a worker's process, which imports it; an InputError refuses all tasks."""
 
-_PATH_INTERVAL_S: Final = 0.5  # at 0.5 m/s a point every quarter of a metre: maps need no more
+_PATH_INTERVAL_S: Final = 0.5  # at 0.5 m/s a point every quarter of a metre
 _OUTPUT_TAIL: Final = 4000  # characters of a lost process's output that are kept; chosen
 
 
 def lost_line(task: FlightTask, reason: str, details: str = "") -> Line:
     """Return the line of a flight that did not end by itself.
 
-    It has the options as they were given, `random` among the faults: to draw them takes the drone,
-    which may have ended the process.
+    It has the options as given, `random` among the faults: to draw them takes the drone, which
+    may have ended the process.
     """
     options = task.flight_options()
     return {
@@ -83,11 +83,11 @@ class WorkerPool:
         self._flying: dict[Future[Line], tuple[FlightTask, Path, float]] = {}
 
     def start(self, task: FlightTask, timeout_s: float) -> Future[Line]:
-        """Fly a task after those that wait, for `timeout_s` of wall time at most; see `line_of`."""
+        """Fly a task after those that wait, for `timeout_s` of wall time at most."""
         self._count += 1
         output = Path(self._folder.name) / f"output-{self._count}.txt"
-        # The first task starts the processes, which must ignore Ctrl-C: it is for the campaign. In
-        # a flight it would land the drone, and the flight would count as flown.
+        # The first task starts the processes, which must ignore Ctrl-C: in a flight it would
+        # land the drone, and the flight would count as flown.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             flight = self._pool.schedule(_fly, (self._fly, task, str(output)), timeout=timeout_s)
@@ -97,7 +97,7 @@ class WorkerPool:
         return flight
 
     def line_of(self, flight: Future[Line]) -> Line:
-        """Wait for the end of a flight, and return its line; an InputError refuses all tasks."""
+        """Wait for a flight's end and return its line; an InputError refuses all tasks."""
         task, output, timeout_s = self._flying[flight]
         try:
             return flight.result()
@@ -107,8 +107,8 @@ class WorkerPool:
             reason = "the campaign was stopped"
         except BrokenProcessPool as error:
             raise InputError(
-                f"the worker processes ended ({error}); a script that flies a campaign must call "
-                'it below `if __name__ == "__main__":`, as each worker imports the script'
+                f"the worker processes ended ({error}); a script that flies a campaign must "
+                'call it below `if __name__ == "__main__":`, as each worker imports the script'
             ) from error
         except TimeoutError:
             reason = f"no end after {timeout_s:g} s of wall time; its process was stopped"
@@ -140,7 +140,7 @@ def _exit_reason(code: int) -> str:
     return f"its process was ended by {name}{hint}"
 
 
-# --- in the worker process ------------------------------------------------------------------------
+# --- in the worker process ---
 
 
 def _begin(folder: str) -> None:
@@ -176,8 +176,7 @@ def _fly(fly: Fly, task: FlightTask, output: str) -> Line:
         reason = str(error) if known else f"{type(error).__name__}: {error}"
         return lost_line(task, reason, traceback.format_exc())
     finally:
-        # Cycles hold a flown flight together, and the collector, which counts objects, does not
-        # see how large its networks are.
+        # Cycles hold a flown flight together, and the collector does not see how large it is.
         gc.collect()
 
 
@@ -189,7 +188,7 @@ def fly_task(task: FlightTask) -> Line:
     options, keeper = task.flight_options(), PathKeeper()
     outputs = None if task.folder is None else Path(task.folder)
     if outputs is not None:
-        shutil.rmtree(outputs, ignore_errors=True)  # of the same flight, when it was interrupted
+        shutil.rmtree(outputs, ignore_errors=True)  # of an interrupted one
 
     began_s = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="uav-bt-flight-") as folder:
@@ -204,7 +203,7 @@ def fly_task(task: FlightTask) -> Line:
                 controls=lambda _: ended_by_signals(),
             )
         except Exception:
-            if not report.exists():  # nothing flew; otherwise the report tells of the fault, too
+            if not report.exists():  # nothing flew
                 raise
         flight: Line = json.loads(report.read_text(encoding="utf-8"))
     # The objects of a flight in which no leaf wrote a file are in its line.
@@ -220,10 +219,7 @@ def fly_task(task: FlightTask) -> Line:
 
 
 class PathKeeper:
-    """Listens to the runner and keeps the referee's positions at 2 Hz; nothing without a referee.
-
-    `points` are time in mission seconds, and x, y, z in world metres, all to the thousandth.
-    """
+    """Keeps the referee's positions at 2 Hz: mission seconds, and x, y, z in world metres."""
 
     def __init__(self) -> None:
         self.points: list[tuple[float, ...]] = []

@@ -1,4 +1,4 @@
-"""Report of campaigns: a self-contained page, with its figures and tables as files beside it."""
+"""Report of campaigns: a self-contained page, with figures and tables beside it."""
 
 from __future__ import annotations
 
@@ -33,16 +33,14 @@ from uav_bt.mission.covered_ground import PASSED_M, SEEN_M
 from uav_bt.mission.flight_report import EXPLORE_S
 
 _ABOUT_COVERAGE: Final = (
-    f"Covered: the free ground within {PASSED_M:g} m of the flown path. Seen: the ground in view, "
-    f"not hidden, within {SEEN_M:g} m of the lens. A thin line is a flight, from its first sample "
-    "to its end, which has a dot. A thick line is the mean of a tree's flights, as long as half of "
-    f"them last. The dotted line marks {EXPLORE_S:.0f} s."
+    f"Covered: the free ground within {PASSED_M:g} m of the path. Seen: in view, not hidden, "
+    f"within {SEEN_M:g} m of the lens. A thin line is a flight, its end a dot. A thick line is "
+    f"the mean while half of them last. The dotted line marks {EXPLORE_S:.0f} s."
 )
 _ABOUT_SCENES: Final = (
-    "Left: the true path of every flight. A dot is its start, a cross its failure. Right: the "
-    "share of the flights that covered each place. Axes are those of the scene file. The number "
-    "in a box is its height in metres, the arrow the take-off heading, a dotted line the path of "
-    "a mover."
+    "Left: true paths. A dot is a start, a cross a failure. Right: the share of the flights "
+    "that covered each place. Axes are those of the scene file. In a box stands its height, m. "
+    "The arrow is the take-off heading, a dotted line a mover's path."
 )
 
 _PAGE: Final = """\
@@ -108,9 +106,9 @@ def write_report(
 
     Args:
         paths: Folders of campaigns, or files with one flight per line.
-        out: The page. None: `report.html` in the first folder, or a page beside the first file.
-        figures: Form of the files of figures. None: no files. The page has PNGs in any case.
-        all_pairs: Compare all trees with each other, not only the first with each other one.
+        out: The page. None: `report.html` in the first folder, or beside the first file.
+        figures: Form of the figures' files. None: no files. The page has PNGs in any case.
+        all_pairs: Compare all trees with each other, not only with the first.
         today: Date of the report. None: today, UTC.
         on_note: Called with each note on the flights.
 

@@ -1,4 +1,4 @@
-"""The report's figures: outcomes, distributions, coverage over time, and paths in the scenes."""
+"""The report's figures: outcomes, distributions, coverage, and paths in the scenes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from uav_bt.types.arrays import Flags, Floats
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Okabe and Ito: distinguishable for people with colour-blindness. Dark colours first, on white.
+# Okabe and Ito: for people with colour-blindness, too. Dark colours first, on white.
 _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#555555")
 _STYLE: Final[Any] = {
     "font.size": 9.0,
@@ -134,10 +134,7 @@ _SHARES: Final = ("passed", "seen")  # as the fields of a flight are called
 
 @mpl.rc_context(_STYLE)
 def coverage_over_time(sets: Sequence[FlightSet]) -> Figure | None:
-    """Draw the coverage of each flight over time and the mean of each set.
-
-    Flights without measured coverage are left out; None when no flight has a curve.
-    """
+    """Draw the coverage of flights over time and each set's mean; None without a curve."""
     found = (
         (one.label, [f for f in one.flights if f.get("coverage_passed") is not None], _colour(row))
         for row, one in enumerate(sets)
@@ -163,7 +160,7 @@ def coverage_over_time(sets: Sequence[FlightSet]) -> Figure | None:
 
 
 def curve_of(flight: Mapping[str, Any], what: str) -> Floats:
-    """Return a flight's coverage, `passed` or `seen`, to its end: time in s, share in %, (N, 2)."""
+    """Return a flight's coverage, `passed` or `seen`: time in s, share in %, (N, 2)."""
     curve = np.array(flight["coverage_curve"], dtype=np.float64).reshape(-1, 1 + len(_SHARES))
     points = curve[:, [0, 1 + _SHARES.index(what)]]
     end_s, share = flight.get("duration_s"), flight.get(f"coverage_{what}")
@@ -205,10 +202,7 @@ _WORDS_IN: Final = 0.9  # height of the title, the ticks and their label
 
 @mpl.rc_context(_STYLE)
 def scene_figure(sets: Sequence[FlightSet], name: str, scene: Scene) -> Figure | None:
-    """Draw the flights in a scene: paths on the left, coverage on the right, a row for each set.
-
-    Sets without paths in this scene are left out; None when no path was kept.
-    """
+    """Draw paths (left) and coverage (right) in a scene, a row for each set; None without paths."""
     found = (
         (one.label, [f for f in one.flights if f["scene"] == name and f.get("path")])
         for one in sets
@@ -245,11 +239,10 @@ def _draw_paths(axes: Axes, flown: Flights) -> None:
     # Failures on top: they are few and matter most.
     for flight in sorted(flown, key=lambda one: one["outcome"] != stats.SUCCESS):
         _, x_m, y_m, _ = np.asarray(flight["path"], dtype=np.float64).T
-        colour = _OUTCOME_COLOURS[flight["outcome"]]
-        if flight["outcome"] == stats.SUCCESS:
-            axes.plot(x_m, y_m, color=colour, linewidth=0.9, alpha=alpha)
-        else:
-            axes.plot(x_m, y_m, color=colour, linewidth=1.4, alpha=0.9)
+        failed, colour = flight["outcome"] != stats.SUCCESS, _OUTCOME_COLOURS[flight["outcome"]]
+        width, shade = (1.4, 0.9) if failed else (0.9, alpha)
+        axes.plot(x_m, y_m, color=colour, linewidth=width, alpha=shade)
+        if failed:
             axes.plot(x_m[-1], y_m[-1], "x", color=colour, markersize=8, markeredgewidth=2)
         axes.plot(x_m[0], y_m[0], ".", color=colour, markersize=3)
 
@@ -274,7 +267,7 @@ def _draw_coverage(axes: Axes, flown: Flights, lab: LabMap, cells: GroundCells) 
 
 
 def _draw_lab(axes: Axes, lab: LabMap) -> None:
-    """Draw ground, mark, boxes with their heights, movers' paths and take-off, with axes in m."""
+    """Draw ground, mark, boxes, movers' paths and take-off, with axes in m."""
     axes.add_patch(Polygon(lab.outline(), facecolor="none", edgecolor="#adb5bd"))
     if lab.mark is not None:
         axes.add_patch(Polygon(lab.mark.corners(), facecolor="white", edgecolor=_MARK))

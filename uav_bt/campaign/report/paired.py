@@ -35,7 +35,7 @@ class Pairs(NamedTuple):
     flights: list[tuple[Mapping[str, Any], Mapping[str, Any]]]  # lines of first and second
 
     def values(self, metric: str) -> Floats:
-        """Return a metric of the pairs that both reached it, (2, N), in its unit in reports."""
+        """Return a metric of the pairs that both reached it, (2, N), as in reports."""
         both = [[stats.reached(flight, metric) for flight in pair] for pair in self.flights]
         known = [pair for pair in both if None not in pair]
         return np.array(known, dtype=np.float64).reshape(-1, 2).T
@@ -50,7 +50,7 @@ class Pairs(NamedTuple):
 
 
 def pairs_of(sets: Sequence[FlightSet], *, all_pairs: bool = False) -> list[Pairs]:
-    """Return the trees that share flights: the first with each other, or all with each other."""
+    """Return the trees that share flights: the first with each other, or all."""
     chosen = combinations(sets, 2) if all_pairs else ((sets[0], one) for one in sets[1:])
     found = (_paired(first, second) for first, second in chosen)
     return [pairs for pairs in found if pairs.flights]
@@ -74,10 +74,10 @@ def paired_table(pairs: Sequence[Pairs]) -> Table:
         *("first", "second", "second minus first", "from", "to", "p"),
     )
     note = (
-        "A pair is a flight of each tree in the same scene with the same seed. Each metric counts "
-        "the pairs in which both flights reached it and shows medians. The difference is the "
-        "median of the paired differences; that of shares is in percentage points. From and to: "
-        "its 95 % bootstrap interval. p: McNemar's exact test of success."
+        "A pair is a flight of each tree in the same scene with the same seed. Each metric "
+        "counts the pairs in which both reached it and shows medians. The difference is the "
+        "median of the paired ones, of shares in percentage points. From and to: its 95 % "
+        "bootstrap interval. p: McNemar's exact test of success."
     )
     return Table("pairs", "Compared on the same flights", columns, rows, note)
 
@@ -101,16 +101,16 @@ def _rows(pairs: Pairs) -> Iterator[Row]:
 def losses_of(sets: Sequence[FlightSet]) -> list[str]:
     """Return a sentence for each figure in which a tree is worse than the first one.
 
-    Worse: two more failures among the pairs, a median coverage more than 2 points lower, or a 5th
-    percentile of the least clearance more than 2 cm lower. An InputError says that a tree shares
-    no flight with the first.
+    Worse: two more failures among the pairs, or a loss of `_LESS`. An InputError says that a
+    tree shares no flight with the first.
     """
     pairs = pairs_of(sets)
     if len(sets) < 2 or len(pairs) < len(sets) - 1:
         alone = [one.label for one in sets[1:] if one not in [each.second for each in pairs]]
         raise InputError(
-            "expected two trees or more with flights in the same scenes with the same seeds, got "
-            + (f"none in common of {sets[0].label} and {', '.join(alone)}" if alone else "one tree")
+            "expected two trees or more with flights in the same scenes with the same seeds, "
+            f"got {f'none in common of {sets[0].label} and ' if alone else 'one tree'}"
+            + ", ".join(alone)
         )
     return [f"{one.second.label}: {loss}" for one in pairs for loss in _losses(one)]
 

@@ -1,4 +1,4 @@
-"""Sources of a report: folders of campaigns and files of flights; commands that repeat them."""
+"""Sources of a report: folders of campaigns, and files of flights."""
 
 from __future__ import annotations
 
@@ -57,11 +57,7 @@ class FlightSet:
 
 
 def read_sources(paths: Sequence[Path]) -> tuple[FlightSet, ...]:
-    """Read folders of campaigns, or files with one flight per line, each tree as a set.
-
-    Raises:
-        FileError: A folder or file is missing or has no flights.
-    """
+    """Read folders of campaigns, or files with one flight per line, each tree as a set."""
     sets = [one for path in dict.fromkeys(paths) for one in _read(path)]
     count = Counter(one.label for one in sets)
     return tuple(
@@ -104,8 +100,8 @@ def fly_command(
 ) -> str:
     """Return the `uav-bt fly` command of a flight.
 
-    `flight` has what was drawn or changed for it, by the names in a flight's line, and `options`
-    say how its campaign was flown. Leaves that write files need the output folder.
+    `flight` has what was drawn or changed for it, by the names in a flight's line, and
+    `options` say how its campaign was flown. Leaves that write files need the output folder.
     """
     drone, folders, limit_s = flight.get("drone"), options.tree_folders, options.judge.time_limit_s
     is_default_size = options.image_size_px == FlightOptions.image_size_px

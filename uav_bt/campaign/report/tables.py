@@ -58,7 +58,7 @@ class Table(NamedTuple):
 
 
 def tables_of(sets: Sequence[FlightSet], page: Path) -> dict[str, Table]:
-    """Return the report's tables by name, but for that of pairs; links are relative to the page."""
+    """Return the report's tables by name, but for pairs; links are relative to the page."""
     makers = (_outcomes, _scenes, _metrics, _rates, _timings, _flights, _maps)
     tables = [*(make(sets) for make in makers), _failures(sets, page)]
     return {table.name: table for table in tables}
@@ -99,10 +99,10 @@ def _scenes(sets: Sequence[FlightSet]) -> Table:
 
 
 _METRIC_NOTE: Final = (
-    f"Flights: those that reached the metric. The first {EXPLORE_S:.0f} s begin with the take-off "
-    "command; shorter flights do not count. The search lasts from the end of exploration until "
-    f"the mark is found. Passed: within {PASSED_M:g} m of the path. Seen: in view, not hidden, "
-    f"within {SEEN_M:g} m of the lens. Least clearance: of the hull from a box or mover."
+    f"Flights: those that reached the metric. The first {EXPLORE_S:.0f} s begin with the "
+    "take-off command; shorter flights do not count. The search lasts from the end of "
+    f"exploration until the mark is found. Passed: within {PASSED_M:g} m of the path. Seen: in "
+    f"view, within {SEEN_M:g} m of the lens. Least clearance: of the hull from a box or mover."
 )
 
 
@@ -152,8 +152,8 @@ def _rates(sets: Sequence[FlightSet]) -> Table:
     events = [f"{event}{number}" for event in _EVENTS for number in numbers]
     columns = ("tree", "hours", "metres per hour", "rooms covered per hour", *events)
     note = (
-        "From and to: the exact 95 % interval of the rate; without an event its upper end. A drone "
-        "that hovers touches nothing, so the distance and the ground covered are beside."
+        "From and to: the exact 95 % interval of the rate; without an event its upper end. A "
+        "drone that hovers touches nothing, so distance and ground covered are beside."
     )
     return Table("rates", f"Events per {_RATE_H:.0f} hours", columns, rows, note)
 
@@ -187,8 +187,8 @@ def _timings(sets: Sequence[FlightSet]) -> Table:
     rows = [[one.label, *row] for one in sets for row in _timings_of(one.flights)]
     columns = ("tree", "stage", "flights", "p50, ms", "p99, ms", "longest, ms", "times real time")
     note = (
-        "p50 and p99: medians over the flights of each flight's percentiles. Longest: the maximum "
-        "of all flights. One inference thread; other flights ran at the same time."
+        "p50 and p99: medians over the flights of each flight's percentiles. Longest: of all "
+        "flights. One inference thread; other flights ran at the same time."
     )
     return Table("timings", "Computing", columns, rows, note)
 
@@ -236,9 +236,8 @@ def _maps(sets: Sequence[FlightSet]) -> Table:
         *("error, m: mean", "median", "95 %", "most", "restarts"),
     )
     note = (
-        f"An object is found if the map has one of its class within {FOUND_M:g} m. The pose at "
-        "take-off aligns the map with the place, so the errors of position contain the drift. "
-        "They are those of all found objects."
+        f"An object is found if the map has one of its class within {FOUND_M:g} m. The pose "
+        "at take-off aligns the map, so the errors of all found objects contain the drift."
     )
     return Table("map", "The mission's map", columns, rows, note)
 
