@@ -13,13 +13,11 @@ from sim_bridge.twin.scene_file import scene_text
 from uav_bt import campaign as campaigns
 from uav_bt.app.options import SHARED, FlightOptions
 from uav_bt.campaign import CampaignResult
-from uav_bt.campaign.flight_lines import METRICS
 from uav_bt.campaign.plan import CampaignPlan
 from uav_bt.campaign.report.campaign_report import write_report
 from uav_bt.campaign.report.figures import Form
 from uav_bt.campaign.report.paired import losses_of
-from uav_bt.campaign.report.repeat import fly_command
-from uav_bt.campaign.report.sources import by_tree, read_sources
+from uav_bt.campaign.report.sources import by_tree, fly_command, read_sources
 from uav_bt.campaign.report.statistics import (
     SUCCESS,
     spread,
@@ -29,8 +27,9 @@ from uav_bt.campaign.report.statistics import (
     values_of,
 )
 from uav_bt.campaign.runner import Backend, LocalBackend
-from uav_bt.campaign.shrinking import FailedFlight
+from uav_bt.campaign.shrinking import FailedFlight, same_cause
 from uav_bt.campaign.shrinking import shrink as shrink_flight
+from uav_bt.campaign.store import METRICS
 from uav_bt.cli.declare import command
 from uav_bt.cli.progress import campaign_progress
 from uav_bt.cli.shared import RUNS, OutputFolder, Positive, Workers, table
@@ -189,7 +188,7 @@ def report(
         all_pairs: Compare all trees with each other, not only the first with each other one.
         not_worse: Exit with 1 if a tree is worse than the first on the same flights.
     """
-    losses = losses_of(read_sources(sources).sets) if not_worse else []
+    losses = losses_of(read_sources(sources)) if not_worse else []
     written = write_report(
         sources,
         out,
@@ -242,14 +241,14 @@ def shrink(
         out.mkdir(parents=True, exist_ok=True)
     file, faults = out / "scene.yaml", out / "faults.txt"
     write_whole(file, scene_text(small.scene))
-    write_whole(faults, "".join(f"{fault}\n" for fault in small.faults))
+    write_whole(faults, "".join(f"{fault}\n" for fault in small.options.faults))
     kept = (f"{kind} {len(some)}" for kind, some in small.things().items())
     click.echo(f"remaining: {', '.join(kept)}; {file}, {faults}")
     options = small.options
     flown: dict[str, Any] = {
         "seed": options.seed,
         "profile": options.profile,
-        "faults": [f"@{faults}"] if small.faults else [],
+        "faults": [f"@{faults}"] if small.options.faults else [],
         "ports": options.ports,
         "variables": options.variables,
     }
@@ -261,18 +260,18 @@ def shrink(
     if twin:
         ending = small.fly(_TWIN)
         click.echo(f"in the twin: {ending}")
-        if not ending.agrees(small.ending):
+        if not same_cause(ending, small.ending):
             raise SystemExit(MissionError.exit_code)
 
 
 def _failed(source: Path, wanted: dict[str, str | int]) -> FailedFlight:
     """Return the first failed flight that has the wanted tree, scene and seed."""
     others: list[str] = []
-    for one in read_sources([source]).sets:
+    for one in read_sources([source]):
         for line in one.flights:
             is_wanted = all(_plain(line[name]) == _plain(value) for name, value in wanted.items())
             if is_wanted and line["outcome"] != SUCCESS:
-                options = FlightOptions() if one.source.plan is None else one.source.plan.options
+                options = FlightOptions() if one.plan is None else one.plan.options
                 scene = one.scene_path(str(line["scene"]))
                 return FailedFlight.of(line, one.tree_path(), scene, options)
             if wanted:

@@ -121,7 +121,7 @@ def fly(
         except KeyboardInterrupt as stop:
             when = "again while it landed" if begun else "before take-off: nothing flew"
             raise MissionError(f"{stopped_by(stop)} {when}") from stop
-        Console().print(summary(flown, begun[0].mark))
+        Console().print(summary(flown, begun[0].held.mark))
         lost = dict(flown.lost_outputs)
         try:
             stack.close()

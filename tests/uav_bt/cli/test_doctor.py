@@ -45,7 +45,7 @@ def test_a_missing_extra_is_named_with_its_pip_line_and_is_no_fault(
     assert result.exit_code == 0, result.output
     msgpack = version("msgpack")
     assert (
-        f"extra live: optional, not installed: pyzmq (installed: msgpack {msgpack}); "
+        f"extra live: optional, not installed: pyzmq (installed: msgpack=={msgpack}); "
         'run `pip install -c constraints.txt -e ".[live]"` in the folder of uav-bt\'s source\n'
     ) in result.stdout
     assert "extra view: optional, not installed: rerun-sdk; run `pip " in result.stdout
