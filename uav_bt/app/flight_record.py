@@ -29,7 +29,7 @@ from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import RunnerConfig
 from uav_bt.plugins import need
 from uav_bt.protocols import Drone
-from uav_bt.record.config import Quality
+from uav_bt.record import Quality
 from uav_bt.record.reader import RecordReader
 from uav_bt.record.record_file import RecordFile
 from uav_bt.record.recorder import FlightFacts, FlightRecorder
@@ -174,9 +174,9 @@ class FlightRecord:
         if self._recorder is None:
             return
         end = {"outcome": report.outcome, "reason": report.reason}
-        losses = self._recorder.finish({**end, "report": json.dumps(report.to_json())})
-        if losses.failure is not None:
-            raise FileError(self._path, losses.failure)
+        failure = self._recorder.finish({**end, "report": json.dumps(report.to_json())})
+        if failure is not None:
+            raise FileError(self._path, failure)
 
     def __enter__(self) -> Self:
         """Return itself; raises MissingDependencyError without the extra `record`."""
@@ -191,4 +191,5 @@ class FlightRecord:
     ) -> None:
         """Close the file, with the fault if there was one."""
         if self._recorder is not None:
-            self._recorder.__exit__(kind, error, trace)
+            fault = {"outcome": "error", "reason": f"{type(error).__name__}: {error}"}
+            self._recorder.finish({} if error is None else fault)

@@ -78,7 +78,7 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_small_record_has_small_pictures_and_the_rules_word_but_no_maps(record: Path) -> None:
-    topics = {message.topic for message in RecordReader(record).messages()}
+    topics = {topic for topic, _, _ in RecordReader(record).messages()}
     assert "/mission/advice" in topics
     assert "/camera/image" in topics
     assert not topics & {"/perception/class_map", "/perception/metric_depth"}

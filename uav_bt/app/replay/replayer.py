@@ -34,7 +34,7 @@ from uav_bt.types.area import Area
 Masks = Literal["network", "recorded"]
 
 _OVER: Final = frozenset({"SUCCESS", "FAILURE"})
-_STOPPED: Final = frozenset({Override.ABORT.value, Override.BATTERY.value})
+_STOPPED: Final = frozenset({Override.ABORT, Override.BATTERY})
 _AS_RECORDED: Final = "stopped, as in the recording"
 
 
@@ -249,7 +249,7 @@ class ReplayRunner(MissionRunner):
     def _stops(self) -> bool:
         """Return whether a stop begins here that the runner does not come to by itself."""
         before, now = self._recorded.before, self._recorded.moment
-        if now.commands.override != Override.ABORT.value:
+        if now.commands.override is not Override.ABORT:
             return False
         return before is None or (
             before.commands.override not in _STOPPED and before.tick.tree_status not in _OVER
