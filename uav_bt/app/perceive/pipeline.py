@@ -25,10 +25,10 @@ from perception.marks.tracker import MarkTracker
 from uav_bt.display.video.perception_video import Seen
 from uav_bt.errors import AnswerError
 from uav_bt.lab.shipped import default_mark
-from uav_bt.landing_marks import MarkSighting, MarkView
+from uav_bt.landing_marks import MarkView
 from uav_bt.plugins import make_mark_finder
 from uav_bt.protocols import DepthEstimator, Segmenter
-from uav_bt.types import CameraModel, DepthMap, DroneState, Frame, LandingMark
+from uav_bt.types import CameraModel, DroneState, Frame
 
 STAGES: Final = ("segmentation", "relative_depth", "metric_depth", "corridor", "mark")
 
@@ -39,10 +39,8 @@ _CARRIED_S: Final = 12.0  # a mark that was not seen for longer is lost, as in t
 class Perceived(Seen):
     """Perception of one undistorted frame."""
 
-    relative: DepthMap | None  # None without a network, and of a frozen image
     scale: Scale | None  # of the network's depth; None where none went in
     confidences: Mapping[str, Confidence]  # of `ground`, `scale` and `depth`
-    sighting: MarkSighting | None  # the landing mark in this frame
     stage_s: Mapping[str, float]  # wall time by stage; a stage that did not run is not in it
 
 
@@ -54,7 +52,6 @@ class Pipeline:
         network: frame in, relative depth out; None perceives depth by ground contact alone.
         camera: intrinsics at the frames' size; with distortion where the frames are distorted.
         generator: draws the ground's pixels for the scale.
-        mark: landing mark. Default: that of the default lab.
         timer: the wall clock that computing is measured with, seconds.
     """
 
@@ -65,7 +62,6 @@ class Pipeline:
         camera: CameraModel,
         *,
         generator: np.random.Generator,
-        mark: LandingMark | None = None,
         timer: Callable[[], float] = time.perf_counter,
     ) -> None:
         self._segmenter = segmenter
@@ -74,7 +70,7 @@ class Pipeline:
         self._generator = generator
         self._timer = timer
         self._corridors = CorridorBuilder()
-        self._finder = make_mark_finder(mark or default_mark())
+        self._finder = make_mark_finder(default_mark())
         self.restart()
 
     @property
@@ -139,14 +135,12 @@ class Pipeline:
         return Perceived(
             frame=frame,
             class_map=class_map,
-            relative=metric.relative,
             depth=metric.depth,
             refusal=metric.refusal,
             scale=metric.scale,
             confidences=metric.confidences,
             corridor=corridor,
             intruding=intruding,
-            sighting=sighting,
             mark=fix,
             stage_s=spent,
         )

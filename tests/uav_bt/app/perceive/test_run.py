@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,7 +25,6 @@ from tests.uav_bt.app.perceive.perceive_world import (
 )
 from uav_bt.app import perceive
 from uav_bt.app.perceive import PerceiveOptions, inputs
-from uav_bt.app.perceive.pipeline import Pipeline
 from uav_bt.errors import FileError, InputError, ShapeError, ValueRangeError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.types import DepthMap, Frame
@@ -188,24 +186,6 @@ def test_every_second_frame_of_the_first_moments(tmp_path: Path, images: list[Im
     assert facts(tmp_path / "seen.mp4")[1] == pytest.approx([0.0, 0.2, 0.4])
 
 
-def test_a_break_keeps_what_was_written(
-    tmp_path: Path, images: list[Image], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    look, calls = Pipeline.perceive, iter(range(10))
-
-    def interrupted(*arguments: Any) -> Any:
-        if next(calls) == 2:
-            raise KeyboardInterrupt
-        return look(*arguments)
-
-    monkeypatch.setattr(Pipeline, "perceive", interrupted)
-    folder = write_images(tmp_path / "views", images)
-    out, lines = tmp_path / "seen.mp4", tmp_path / "seen.jsonl"
-    summary = perceive.perceive(str(folder), CONTACT, out=out, lines=lines)
-    assert (summary.frames, summary.interrupted) == (2, True)
-    assert len(facts(out)[1]) == len(rows(lines)) == 2
-
-
 def test_a_camera_file_is_for_images_of_its_aspect(tmp_path: Path, images: list[Image]) -> None:
     folder = write_images(tmp_path / "views", images[:1])
     file = camera_file(tmp_path / "camera.yaml", 640, 360)
@@ -302,25 +282,14 @@ def test_no_output_overwrites_a_network(tmp_path: Path, images: list[Image]) -> 
     folder, network = write_images(tmp_path / "views", images[:1]), tmp_path / "net.onnx"
     network.write_bytes(b"a network")
     options = PerceiveOptions(segmentation=str(network), model="contact")
-    with pytest.raises(InputError, match="would overwrite an input"):
+    with pytest.raises(InputError, match="is an input and would be overwritten"):
         perceive.perceive(str(folder), options, lines=network)
     assert network.read_bytes() == b"a network"
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"every": 0},
-        {"threads": 0},
-        {"longest_s": 0.0},
-        {"height_m": 0.0},
-        {"gimbal_pitch_rad": math.radians(-91)},
-        {"classes": Path("classes.yaml")},
-    ],
-)
-def test_options_that_make_no_sense_are_refused(options: dict[str, Any]) -> None:
-    with pytest.raises(InputError):
-        PerceiveOptions(**options)
+def test_a_class_mapping_belongs_to_a_network() -> None:
+    with pytest.raises(InputError, match="belongs to an ONNX segmentation"):
+        PerceiveOptions(classes=Path("classes.yaml"))
 
 
 def test_photographs_are_perceived_by_roles_and_flights_by_the_papers_classes(
