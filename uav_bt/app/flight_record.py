@@ -171,10 +171,11 @@ class FlightRecord:
 
     def conclude(self, report: FlightReport) -> None:
         """Close the file with how the flight ended; FileError if it is not written to its end."""
-        if self._recorder is None:
+        recorder, self._recorder = self._recorder, None
+        if recorder is None:
             return
         end = {"outcome": report.outcome, "reason": report.reason}
-        failure = self._recorder.finish({**end, "report": json.dumps(report.to_json())})
+        failure = recorder.finish({**end, "report": json.dumps(report.to_json())})
         if failure is not None:
             raise FileError(self._path, failure)
 

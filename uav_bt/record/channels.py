@@ -1,8 +1,4 @@
-"""The content of a record: the notes of a tick, and the channels.
-
-`docs/records.md` lists the channels. New channels and new fields keep the schema version; a
-change of an existing one raises it.
-"""
+"""The notes of a tick, and the channels of a record (docs/records.md)."""
 
 from __future__ import annotations
 
@@ -46,7 +42,7 @@ class TickNote:
     active: tuple[str, ...] = ()  # names from the root to the deepest running node
     word: str = ""  # feedback of the deepest running node
     compute_s: float = 0.0  # wall time of the tree, networks included
-    frame_index: int | None = None  # index of the newest frame; None before the first
+    frame_index: int | None = None  # of the newest frame
     slow_leaves: tuple[str, ...] = ()  # leaves that exceeded their time budget
 
     def __post_init__(self) -> None:
@@ -68,7 +64,7 @@ class TickNote:
 
 @dataclass(frozen=True, kw_only=True)
 class CommandNote:
-    """Proposal of the leaves, decision of the arbiter and command sent, in one tick."""
+    """What was proposed, decided and sent in one tick."""
 
     proposed: Movement | None = None
     proposed_by: str | None = None  # the leaf's path
@@ -136,9 +132,10 @@ class StatusNote:
     statuses: tuple[str, ...]
 
 
-SCHEMA_VERSION: Final = 3  # version of the whole record; readers refuse any other
+# Readers refuse any other version. New channels and fields keep it; a change raises it.
+SCHEMA_VERSION: Final = 3
 
-# Names of the two metadata records, written at the start and at the end of the flight.
+# Names of the metadata at the start and at the end of the flight.
 START: Final = "uav_bt.flight"
 END: Final = "uav_bt.end"
 
@@ -147,7 +144,7 @@ class Channel(NamedTuple):
     """One channel."""
 
     topic: str
-    # A message type of Foxglove's (protobuf), a dataclass (JSON), or None: JSON of any shape.
+    # A message type of Foxglove's, a dataclass (JSON), or None: any JSON.
     content: str | type[Any] | None
 
     @property

@@ -35,8 +35,7 @@ _MAPS: Final = {
     keys.RELATIVE_DEPTH.name: channels.RELATIVE_DEPTH,
     keys.METRIC_DEPTH.name: channels.METRIC_DEPTH,
 }
-# Written completely to separate channels, recent views as the frames of their ticks; of all others
-# the board's message has capture times.
+# Written completely to separate channels; of all others the board's message has the times.
 _ELSEWHERE: Final = frozenset(
     key.name for key in (keys.FRAME, keys.STATE, keys.CAMERA, keys.RECENT_VIEWS, keys.ADVICE)
 )
@@ -80,7 +79,7 @@ class MomentEncoder:
         self._map_s = -math.inf  # time of the last site map
 
     def encode(self, moment: RawMoment, *, images: bool) -> Iterator[Message]:
-        """Yield a moment's messages; without `images` their channels are named without data."""
+        """Yield a moment's messages; without `images` those have no data."""
         now_ns = self._timeline.at(moment.tick.time_s)
         for channel, value in self._values(moment):
             yield channel, dump(encode(value))
@@ -136,7 +135,7 @@ class MomentEncoder:
         return True
 
     def _drawn(self, moment: RawMoment, now_ns: int) -> Iterator[Message]:
-        """Yield what only viewers read: poses, and what was perceived, in the world."""
+        """Yield what only viewers read: poses and scenes."""
         truth, state = moment.tick.truth, moment.tick.observation.state
         if truth is None:
             return

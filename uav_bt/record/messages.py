@@ -1,4 +1,4 @@
-"""Foxglove's messages, made from ours. `time_ns` and `captured_ns` are on the record's timeline."""
+"""Foxglove's messages, made from ours; times are on the record's timeline."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def calibration(camera: CameraModel, time_ns: int) -> bytes:
 def transforms(
     where: Pose, attitude: Attitude, gimbal_pitch_rad: float, camera: CameraModel, time_ns: int
 ) -> tuple[bytes, bytes]:
-    """Return the poses of body and stabilised camera in the world, as two FrameTransforms."""
+    """Return the poses of body and camera in the world, as FrameTransforms."""
     body = _body(where, attitude)
     at_m = np.array([where.x_m, where.y_m, where.z_m])
     lens_m = at_m + body.apply([camera.forward_offset_m, 0.0, 0.0])
@@ -97,7 +97,7 @@ def log_line(level: str, message: str, name: str, time_ns: int) -> bytes:
 
 
 def lab_scene(ground: Ground, classes: LabClasses, time_ns: int) -> bytes:
-    """Return the ground and its objects in the colours of their classes, as a SceneUpdate."""
+    """Return ground and objects in the colours of their classes, as a SceneUpdate."""
     wide_m, deep_m = ground.size_m
     floor = Footprint(x_m=0.0, y_m=0.0, half_x_m=wide_m / 2, half_y_m=deep_m / 2)
     cubes = [

@@ -67,7 +67,7 @@ class Moment:
 
 
 def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...], classes: LabClasses) -> Moment:
-    """Return the moment of a tick's messages by topic; InputError or others if one is damaged.
+    """Return the moment of a tick's messages by topic.
 
     `statuses` are those of the nodes after the previous tick.
     """

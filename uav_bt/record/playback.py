@@ -55,8 +55,7 @@ class Playback:
     ) -> Iterator[TickRecord]:
         """Yield the ticks; the board has the values of a tick until the next one is requested.
 
-        `from_s` and `to_s` (not included) count from the record's start. FileError if the record
-        is damaged, although its checksums are right.
+        `from_s` and `to_s` (not included) count from the record's start.
         """
         for moment in self._reader.moments(from_s=from_s, to_s=to_s):
             self._clock.sleep_until(moment.tick.time_s)

@@ -88,7 +88,7 @@ class RecordReader:
 
     @contextmanager
     def intact(self, what: str) -> Iterator[None]:
-        """Raise the errors of damaged content as FileError, which names the file and the part."""
+        """Raise errors of damaged content as FileError, which names file and part."""
         try:
             yield
         except FileError:
@@ -103,7 +103,7 @@ class RecordReader:
         from mcap.records import Message, Metadata  # noqa: PLC0415
 
         indexed = self._scan.indexed() if self.finished else []
-        all_of_it = self.finished and not indexed  # a damaged index: the end stands anywhere
+        all_of_it = self.finished and not indexed  # the end stands anywhere
         first_ns = None
         for topic, record in chain(((None, one) for one in indexed), self._scan):
             if isinstance(record, Metadata) and record.name == START:
@@ -191,7 +191,7 @@ class RecordReader:
 
     def _ticks(self, to_s: float | None) -> Iterator[tuple[int, dict[str, bytes]]]:
         """Yield time and messages by topic of each tick, and of messages without one."""
-        # A tick's messages have one time; a tool that sorts by time may change their order.
+        # A tool that sorts by time may change the order of a tick's messages.
         found: dict[str, bytes] = {}
         last_ns = 0
         for topic, time_ns, data in self.messages(to_s=to_s):

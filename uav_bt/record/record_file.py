@@ -13,7 +13,7 @@ from uav_bt.plugins import need
 from uav_bt.record.channels import Channel
 
 _NS: Final = 1_000_000_000
-_CHUNK_BYTES: Final = 4 * 1024 * 1024  # `flush` closes chunks; this only bounds a burst's memory
+_CHUNK_BYTES: Final = 4 * 1024 * 1024  # `flush` closes chunks; this bounds memory
 
 
 class Attachment(NamedTuple):
@@ -26,7 +26,7 @@ class Attachment(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Timeline:
-    """Converts mission seconds to times on a record's timeline, rounded to a nanosecond."""
+    """Converts mission seconds to times on a record's timeline."""
 
     start_ns: int  # wall clock, since 1970
     start_s: float  # the mission clock at that moment
@@ -83,7 +83,7 @@ class RecordFile:
         try:
             self._stream.close()
         except OSError:
-            # Closing flushes again, and the disk is still full. The loss has been reported.
+            # Closing flushes again, and the disk is still full.
             self._stream.close()
 
     def _register(self, channel: Channel) -> int:

@@ -19,7 +19,7 @@ from uav_bt.record.record_file import Attachment, RecordFile, Timeline
 from uav_bt.record.values import dump, encode
 from uav_bt.record.worker import RecordWorker
 from uav_bt.tree import MissionTree
-from uav_bt.types import CameraModel, CutMotors, Land, Movement, Release, TakeOff
+from uav_bt.types import CameraModel
 from uav_bt.types.flight_results import EventKind
 from uav_bt.types.ground import Ground
 
@@ -42,8 +42,8 @@ class FlightFacts:
 class FlightRecorder:
     """Records a flight from now until `finish`, which closes the file.
 
-    The tree is set up but not ticked yet. `start_ns` is the wall-clock start of the record's
-    timeline since 1970. With `wait` the flight waits for the disk; otherwise images are omitted.
+    The tree is set up but not ticked yet. `start_ns` is the wall clock, since 1970.
+    With `wait` the flight waits for the disk; otherwise images are omitted.
     """
 
     def __init__(
@@ -64,9 +64,6 @@ class FlightRecorder:
         self._timeline = Timeline(start_ns=start_ns, start_s=context.clock.now())
         self._encoder = MomentEncoder(self._timeline, camera, quality)
         self._refused: tuple[str, ...] = ()
-        self._movement: type[Movement] | None = None
-        self._ended = False
-        self._failure: str | None = None
         self._dropped: Counter[str] = Counter()  # omitted messages by topic
         self._begin(camera, facts)
         self._lines: list[LogLine] = []
@@ -96,16 +93,13 @@ class FlightRecorder:
         self._file.flush()
 
     def _tree_note(self) -> TreeNote:
-        places = {node.path: place for place, node in enumerate(self._nodes)}
-        parents = {child.path: places[node.path] for node in self._nodes for child in node.children}
-        return TreeNote(
-            nodes=tuple(
-                NodeNote(
-                    path=one.path, name=one.name, node_id=one.node_id, parent=parents.get(one.path)
-                )
-                for one in self._nodes
-            )
-        )
+        parents: dict[str, int] = {}
+        notes = []
+        for place, one in enumerate(self._nodes):
+            parents |= {child.path: place for child in one.children}
+            parent = parents.get(one.path)
+            notes.append(NodeNote(path=one.path, name=one.name, node_id=one.node_id, parent=parent))
+        return TreeNote(nodes=tuple(notes))
 
     def on_tick(self, record: TickRecord) -> None:
         """Hand a tick to the writing thread."""
@@ -143,24 +137,15 @@ class FlightRecorder:
             self._refused = record.refused
             why = "; ".join(record.refused)
             self._log("Warning", f"refused: {why}" if why else "nothing is refused any more")
-        kind = type(record.command.movement)
-        if kind is not self._movement:
-            self._movement = kind
-            if kind in {TakeOff, Land, Release, CutMotors}:
-                self._log("Info", f"sent: {kind.__name__}")
 
     def _log(self, level: str, message: str) -> None:
         self._lines.append((level, message, "runner"))
 
     def finish(self, end: Mapping[str, str]) -> str | None:
-        """Write the remaining data, index and summary, and close; return why that failed, or None.
+        """Write the rest with the metadata `end`, and close; return why that failed, or None.
 
-        `end` is metadata about how the flight ended. Losses are logged as a warning. Safe to call
-        twice.
+        Losses are logged as a warning.
         """
-        if self._ended:
-            return self._failure
-        self._ended = True
         logging.getLogger().removeHandler(self._handler)
         self._worker.close()
         dropped, lost_ticks = self._dropped, self._worker.lost_ticks
@@ -174,14 +159,14 @@ class FlightRecorder:
                 failure = error
         losses = [f"{lost_ticks} ticks lost"] if lost_ticks else []
         losses += [f"{count} of {topic} left out" for topic, count in sorted(dropped.items())]
+        why = None
         if failure is not None:
             self._file.abandon()
-            why = getattr(failure, "strerror", None) or failure
-            self._failure = f"not written to its end: {why}"
-            losses.insert(0, self._failure)
+            why = f"not written to its end: {getattr(failure, 'strerror', None) or failure}"
+            losses.insert(0, why)
         if losses:
             _LOG.warning("the flight's record is incomplete: %s", "; ".join(losses))
-        return self._failure
+        return why
 
 
 class _Lines(logging.Handler):
@@ -193,7 +178,7 @@ class _Lines(logging.Handler):
         self._thread = threading.get_ident()
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Keep a line of this flight; other flights of the process run in other threads."""
+        """Keep a line of this flight's thread."""
         if record.thread == self._thread:
             level = _LEVELS.get(record.levelno, "Info")
             self._lines.append((level, record.getMessage(), record.name))

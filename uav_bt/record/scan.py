@@ -1,8 +1,4 @@
-"""Reading a record from its beginning, past damaged chunks, to the place where it was cut.
-
-The MCAP library reads the records; this module opens the chunks, skips damaged ones, and bounds
-how far they may grow.
-"""
+"""Reading a record from its beginning, past damaged chunks, to the place where it was cut."""
 
 from __future__ import annotations
 
@@ -28,7 +24,7 @@ _MAX_CHUNK_BYTES: Final = 32 * 1024 * 1024
 
 
 class RecordScan:
-    """Passes over the records of a file, with its chunks opened; FileError if it is none.
+    """Passes over the records of an MCAP file, with its chunks opened.
 
     Attributes:
         finished: whether the record was closed, and so has index and summary.
@@ -47,10 +43,9 @@ class RecordScan:
         self.finished = tail.endswith(_MAGIC) and tail[0] == Opcode.FOOTER
 
     def __iter__(self) -> Iterator[tuple[str | None, Any]]:
-        """Yield headers, schemas, channels, messages, metadata and attachments, in file order.
+        """Yield the records in the order of the file, messages with their topics.
 
-        A message comes with its topic. A chunk with a wrong checksum is skipped. The pass ends at
-        the first record that the MCAP library cannot read, which is the end of a file that was cut.
+        A damaged chunk is skipped. A record that cannot be read is the end of a cut file.
         """
         self.damages = []
         topics: dict[int, str] = {}
@@ -78,7 +73,7 @@ class RecordScan:
     def _stored(self, stream: IO[bytes]) -> Iterator[tuple[int, McapRecord]]:
         """Yield the records before the index with their offsets."""
         stream.seek(len(_MAGIC))
-        # The library checks each length against the limit before it reads the record.
+        # Each length is checked against the limit before the record is read.
         records = StreamReader(
             stream, skip_magic=True, emit_chunks=True, record_size_limit=self._size_bytes
         ).records
@@ -98,20 +93,17 @@ class RecordScan:
         self.damages.append(f"byte {offset}: {reason}")
 
     def indexed(self) -> list[Metadata | Attachment]:
-        """Return metadata and attachments, which may stand behind the messages; [] without them."""
+        """Return metadata and attachments, which may stand behind the messages."""
         with self._path.open("rb") as stream:
             try:
                 reader = SeekingReader(stream, validate_crcs=True)
                 return [*reader.iter_metadata(), *reader.iter_attachments()]
-            except Exception:  # noqa: BLE001 - a damaged index raises anything in the parser
+            except Exception:  # noqa: BLE001 - a damaged index raises anything
                 return []
 
 
 def opened(chunk: Chunk) -> list[McapRecord]:
-    """Return a chunk's records.
-
-    ValueError if it is too large, opened, or larger than it says; its parsers raise others.
-    """
+    """Return a chunk's records; ValueError if it is too large or not of the size that it says."""
     size = chunk.uncompressed_size
     if size > _MAX_CHUNK_BYTES:
         raise ValueError(f"a chunk of {size} bytes, opened, more than {_MAX_CHUNK_BYTES}")

@@ -1,7 +1,6 @@
 """A site map as a record's message and back: its grids as one image, the rest as numbers.
 
-The image has one byte per cell and one bit per grid. It keeps whether a cell showed ground, but not
-when.
+The image has one byte per cell and one bit per grid, but not when a cell showed ground.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
-"""Our frozen dataclasses as JSON and back, without losing a bit, and the JSON schema of each.
+"""Our dataclasses as JSON and back, without losing a bit, and their JSON schemas.
 
-Numbers are written in Python's shortest form that reads back as the same double. Non-finite numbers
-are texts, as in protobuf's JSON: "Infinity", "-Infinity", "NaN".
+Non-finite numbers are texts, as in protobuf's JSON: "Infinity", "-Infinity", "NaN".
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """A thread that encodes and writes, so that a tick does not wait for the disk.
 
-The queue is bounded. When it is full, a real flight goes on and images are omitted first. A
-simulated flight may wait instead, because its clock stands still. A killed flight loses at most
-`LAG_S` and `FLUSH_S`, less than a second.
+When its queue is full, images are omitted first; a simulated flight waits instead.
+A killed flight loses at most `LAG_S` and `FLUSH_S`, less than a second.
 """
 
 from __future__ import annotations
@@ -14,16 +13,16 @@ from typing import Final, Generic, TypeVar
 
 T = TypeVar("T")
 
-LAG_S: Final = 0.5  # largest lag of the file behind the flight; beyond it images are omitted
-QUEUED_IMAGES: Final = 64  # most ticks with images in the queue: 640x360, noisy, 45 MB
-QUEUED_TICKS: Final = 1_024  # most ticks in the queue; without images some kilobytes each
-FLUSH_S: Final = 0.3  # mission time, or idle time, until data goes to the system: several ticks
+LAG_S: Final = 0.5  # largest lag of the file; beyond it images are omitted
+QUEUED_IMAGES: Final = 64  # most ticks with images in the queue: 45 MB
+QUEUED_TICKS: Final = 1_024  # most ticks in the queue
+FLUSH_S: Final = 0.3  # mission time, or idle time, until data goes to the system
 
 
 class RecordWorker(Generic[T]):
     """Writes items in their order, in a separate thread.
 
-    `write` takes an item and whether with its images. With `wait` the flight waits for the disk.
+    `write` takes an item and whether with images. With `wait` the flight waits.
 
     Attributes:
         lost_ticks: ticks without any message.
@@ -47,7 +46,7 @@ class RecordWorker(Generic[T]):
         self._thread.start()
 
     def put(self, item: T, time_s: float) -> None:
-        """Queue an item of a mission time; it is encoded later and must not change any more."""
+        """Queue an item of a mission time, which must not change any more."""
         with self._changed:
             if self._wait:
                 self._changed.wait_for(lambda: self._keeps_up(time_s))
@@ -92,7 +91,7 @@ class RecordWorker(Generic[T]):
                         self._flush()
                 elif self.failure is None and not worked:
                     self._flush()
-            except Exception as error:  # noqa: BLE001 - reported at the end: a full disk lands no drone
+            except Exception as error:  # noqa: BLE001 - reported at the end
                 self.failure = error
             if job is not None:
                 with self._changed:

@@ -37,7 +37,7 @@ from uav_bt.record.reader import RECORD_SUFFIX, flight_record
 from uav_bt.settings import check_numbers
 from uav_bt.types import CameraModel
 
-_SQUARE_SLACK: Final = 0.01  # of the ratio of focal lengths: the pixels of a video are square
+_SQUARE_SLACK: Final = 0.01  # of the ratio of focal lengths
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,14 +48,12 @@ class PerceiveOptions:
     height_m: float = 1.5  # of the camera above the ground, without telemetry
     gimbal_pitch_rad: float = math.radians(-30)  # 0 level, without telemetry
     telemetry: str | Path | None = None  # record of the same flight
-    # A shipped one's name, an ONNX file, or "contact" (no network); None: that of any room with the
-    # segmentation for any room, else the paper's lab's.
+    # A shipped one's name, an ONNX file, or "contact"; None: as the segmentation's.
     model: str | None = None
-    # A shipped one's name, "teacher" or an ONNX file; None: the paper's lab's for flights, else
-    # that for any room.
+    # A shipped one's name or an ONNX file; None: "unet" for flights, else "any".
     segmentation: str | None = None
     classes: str | Path | None = None  # class-mapping file of a foreign segmentation
-    # Whether the images of a folder follow one another, as a video's. They do with telemetry.
+    # Whether a folder's images follow one another. They do with telemetry.
     sequence: bool = False
     every: int = 1  # images a step; 1 takes all
     longest_s: float | None = None  # of the source's time; None: to its end
@@ -103,7 +101,7 @@ class PerceiveInput:
             self.telemetry = Telemetry.of_flight(reader)
             self.telemetry_words = f"of {flown}"
             self._recorded_camera = reader.camera
-            # Images of a folder have no times: they are the flight's frames, one by one.
+            # Images of a folder are the flight's frames, one by one.
             times_s = list(self.telemetry.times_s)
         self.source = open_source(text, times_s=times_s)
         # Images of a folder without order in time stand for themselves.
@@ -111,7 +109,7 @@ class PerceiveInput:
         self.unrelated = apart and isinstance(self.source, FolderSource)
 
     def images(self) -> Shots:
-        """Yield the images of the time asked for that have the size of the first one."""
+        """Yield the images of the time asked for, of the size of the first one."""
         longest_s, size_px = self._options.longest_s, None
         with closing(self.source.images(self._options.every)) as images:
             for image in images:
@@ -128,10 +126,7 @@ class PerceiveInput:
                     )
 
     def begin(self, images: Shots) -> tuple[Pipeline, Iterator[Shot]]:
-        """Return the perception for the images' size, and all images.
-
-        InputError if there is no image, the camera is not for them, or a network is unusable.
-        """
+        """Return the perception for the images' size, and all images."""
         first = next(images, None)
         if first is None:
             why = f": {'; '.join(self.source.skipped[:3])}" if self.source.skipped else ""

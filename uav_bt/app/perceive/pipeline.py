@@ -1,7 +1,6 @@
 """All perception of a frame without a tree: class map, depth, corridor and mark.
 
-For videos, benchmarks and evaluations. In a mission each perception leaf does one of these steps,
-so that a tree file shows them.
+In a mission each perception leaf does one of these steps.
 """
 
 from __future__ import annotations
@@ -79,11 +78,7 @@ class Pipeline:
         return self._undistorter.camera
 
     def restart(self) -> None:
-        """Forget all earlier frames.
-
-        The scale, the track of the mark, the telemetry, the image with which a frozen one is
-        compared, and the random numbers start anew. Images are then perceived alike in any order.
-        """
+        """Forget all earlier frames, so that images are perceived alike in any order."""
         self._depth = MetricDepthMaker(
             self._network,
             source="contact" if self._network is None else "fused",
@@ -96,9 +91,8 @@ class Pipeline:
     def perceive(self, frame: Frame, states: Sequence[DroneState] = ()) -> Perceived:
         """Return the perception of the next frame, of the camera's size.
 
-        `states` are the drone's telemetry since the frame before, up to this one's capture. They
-        carry the mark through frames that miss it; without any it is known only in frames that
-        show it.
+        `states`: the drone's telemetry since the frame before. It carries the mark through frames
+        that miss it.
         """
         spent: dict[str, float] = {}
         frame = replace(frame, image=self._undistorter.undistort(frame.image))

@@ -1,4 +1,4 @@
-"""Perceive every image of a source: a video with overlays, a line a frame, a summary."""
+"""Perceive every image of a source."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _MARK: Final = ("forward_m", "right_m", "detected", "confidence")
 
 _Write = Callable[[Shot, Perceived], None]
 _Row = tuple[Mapping[str, float], str, bool, bool]
-"""Of one frame: time by stage in s, refusal, whether it has depth, whether it shows the mark."""
+"""Of a frame: time by stage in s, refusal, whether it has depth, and a mark."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +54,7 @@ class PerceiveSummary:
     telemetry: str  # whose pose, in words
     stage_ms: Mapping[str, Percentiles]  # wall time by stage, "all" their sum
     without_depth: Mapping[str, int]  # frames without metric depth, by reason
-    in_part: Mapping[str, int]  # frames whose depth is not all that was asked for, by reason
+    in_part: Mapping[str, int]  # frames with partial depth, by reason
     with_mark: int  # frames that show it
     skipped: tuple[str, ...]  # images that could not be used, and why
     warnings: tuple[str, ...]  # what may be wrong with all images
@@ -110,7 +110,8 @@ def perceive(
                     pipeline.restart()
                 frame = given.telemetry.frame(image.image, image.index, image.time_s)
                 seen = pipeline.perceive(frame, given.telemetry.states(image.time_s))
-                rows.append(_row(seen))
+                has_mark = seen.mark is not None and seen.mark.detected
+                rows.append((seen.stage_s, seen.refusal, seen.depth is not None, has_mark))
                 for write in writers:
                     write(image, seen)
                 done = image.index + 1
@@ -129,20 +130,12 @@ def _check_outputs(files: list[Path], masks: Path | None, given: tuple[object, .
         check_empty_folder(masks, "net perceive --masks")
 
 
-def _row(seen: Perceived) -> _Row:
-    has_mark = seen.mark is not None and seen.mark.detected
-    return seen.stage_s, seen.refusal, seen.depth is not None, has_mark
-
-
 def _summary(rows: list[_Row], given: PerceiveInput, *, interrupted: bool) -> PerceiveSummary:
     spent = {name: [row[0][name] for row in rows if name in row[0]] for name in STAGES}
     spent["all"] = [sum(row[0].values()) for row in rows]
     stages = {name: Percentiles.of_seconds(values) for name, values in spent.items()}
-    refused = [(why, has_depth) for _, why, has_depth, _ in rows if why]
-    without, in_part = (
-        Counter(why for why, has_depth in refused if has_depth is wanted)
-        for wanted in (False, True)
-    )
+    without = Counter(why for _, why, has_depth, _ in rows if why and not has_depth)
+    in_part = Counter(why for _, why, has_depth, _ in rows if why and has_depth)
     return PerceiveSummary(
         frames=len(rows),
         unrelated=given.unrelated,
@@ -161,7 +154,7 @@ def _summary(rows: list[_Row], given: PerceiveInput, *, interrupted: bool) -> Pe
 def _write_mask(folder: Path, image: Shot, seen: Perceived) -> None:
     """Write the class map of an image; the first one makes the folder and lists the classes.
 
-    A class map is a grey PNG of 8 bits, (h, w), whose values are class ids, at the size of the map.
+    It is a grey PNG, (h, w), whose values are class ids.
     `IMG_1.jpg` of a folder becomes `IMG_1.png`, frame 12 of a video `000012.png`.
     """
     classes = folder / "classes.json"
@@ -248,7 +241,7 @@ def _measures(measures: Mapping[str, tuple[float, str | None]]) -> dict[str, Any
 
 
 def _rounded(value: Any) -> Any:
-    """Return plain values with rounded numbers; None for infinity, which JSON does not know."""
+    """Return plain values with rounded numbers; None for infinity."""
     if isinstance(value, dict):
         return {name: _rounded(each) for name, each in value.items()}
     if isinstance(value, float):

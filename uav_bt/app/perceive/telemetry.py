@@ -1,14 +1,10 @@
-"""Telemetry of a video's frames: height, gimbal pitch and motion at each frame.
-
-A live flight's frames come with their telemetry. A video file's do not: either the camera was
-fixed at a known height and pitch, or the record of the same flight holds the telemetry.
-"""
+"""Telemetry of a video's frames: of a fixed camera, or of the flight's record."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,9 +37,15 @@ class Telemetry:
 
     @classmethod
     def fixed(cls, height_m: float, gimbal_pitch_rad: float) -> Telemetry:
-        """Return that of a camera that always looks down from the same height above the ground."""
-        heights_m = dict.fromkeys(("altitude_m", "height_m", "height_above_ground_m"), height_m)
-        note = FrameNote(index=0, captured_s=0.0, gimbal_pitch_rad=gimbal_pitch_rad, **heights_m)
+        """Return that of a camera with a fixed height above the ground and pitch."""
+        note = FrameNote(
+            index=0,
+            captured_s=0.0,
+            gimbal_pitch_rad=gimbal_pitch_rad,
+            altitude_m=height_m,
+            height_m=height_m,
+            height_above_ground_m=height_m,
+        )
         return cls([note], [], math.inf)
 
     @classmethod
@@ -62,7 +64,7 @@ class Telemetry:
         """Return an image, (H, W, 3) RGB, as a frame; heights beyond the flight's ends are NaN."""
         known = self.times_s[0] - self._slack_s <= time_s <= self.times_s[-1] + self._slack_s
 
-        def at(columns: Mapping[str, Sequence[float]]) -> dict[str, float]:
+        def at(columns: Mapping[str, Any]) -> dict[str, float]:
             return {
                 name: float(np.interp(time_s, self.times_s, column)) if known else math.nan
                 for name, column in columns.items()

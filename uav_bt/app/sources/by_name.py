@@ -32,8 +32,7 @@ _CAMERA: Final = "camera:"  # before a device's number
 def open_source(text: str, *, times_s: Sequence[float] | None = None) -> ImageSource:
     """Return the source that a text names: a video, a record, a folder, an image or `camera:N`.
 
-    `times_s` are those of a folder's images, in their order; default: ten a second. It opens
-    nothing that has to be closed. InputError (also of a file) if it cannot be used.
+    `times_s` are those of a folder's images, in their order; default: ten a second.
     """
     if text.startswith(_CAMERA):
         number = text.removeprefix(_CAMERA)
@@ -83,7 +82,7 @@ class RecordSource(ImageSource):
 
 
 class FolderSource(ImageSource):
-    """The images of a folder by name, numbers in them by their value; or a single image.
+    """The images of a folder by name, numbers by their value; or a single image.
 
     `times_s` are those of the images in their order, the unreadable ones included.
     """

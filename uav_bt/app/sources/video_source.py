@@ -29,9 +29,8 @@ _HDR: Final = {16: "PQ", 18: "HLG"}  # transfer characteristics
 class VideoSource(ImageSource):
     """A video file, decoded by FFmpeg.
 
-    Images are turned and widened as players do it, by the orientation and the shape of the pixels
-    in the file. A cover picture is no video stream. Where time stamps start again, as in joined
-    recordings, times go on.
+    Images are turned and widened as players do it. A cover picture is no video stream.
+    Where time stamps start again, as in joined recordings, times go on.
     """
 
     def __init__(self, path: Path) -> None:
@@ -111,7 +110,7 @@ class VideoSource(ImageSource):
         for index, decoded in self._decoded(packets):
             shown_s = index / self.rate_per_s if decoded.time is None else float(decoded.time)
             begin_s = shown_s if begin_s is None else begin_s
-            if shown_s - begin_s < last_s:  # another recording is joined to the last one
+            if shown_s - begin_s < last_s:  # another recording is joined
                 begin_s = shown_s - last_s - 1.0 / self.rate_per_s
             last_s = shown_s - begin_s
             yield index, last_s, decoded
@@ -133,7 +132,7 @@ class VideoSource(ImageSource):
                 except av.FFmpegError as error:
                     unreadable += 1
                     first = first or f"packet {count}, {_reason(error)}"
-                    if unreadable > count:  # no packet could be read at all: the file ends here
+                    if unreadable > count:  # the file ends here
                         break
                     continue
                 for frame in frames:

@@ -146,17 +146,6 @@ def test_a_videos_images_come_with_their_times(tmp_path: Path) -> None:
     assert [(one.index, round(one.time_s, 3)) for one in third] == [(0, 0.0), (3, 0.3)]
 
 
-def test_a_damaged_part_is_reported_and_the_rest_is_read(tmp_path: Path) -> None:
-    path = encoded(tmp_path / "flight.mp4", noise(40))
-    content = bytearray(path.read_bytes())
-    middle = len(content) // 2
-    content[middle : middle + 4000] = bytes(4000)
-    path.write_bytes(content)
-    source = VideoSource(path)
-    assert 0 < len(list(source.images())) <= 40
-    assert "damaged" in source.skipped[0]
-
-
 @pytest.mark.parametrize(
     ("matrix", "stored"),
     [
