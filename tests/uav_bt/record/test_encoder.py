@@ -12,8 +12,7 @@ import pytest
 from tests.paper_lab import CLASSES, paper_map
 from tests.uav_bt.record.test_site_maps import site_map
 from tests.worlds.leaves import map_with
-from tests.worlds.values import corridor
-from uav_bt.mission.tick import TickRecord
+from tests.worlds.values import corridor, fix, tick, truth
 from uav_bt.record import Quality, messages
 from uav_bt.record.channels import CommandNote
 from uav_bt.record.encoder import MomentEncoder, RawMoment
@@ -24,52 +23,28 @@ from uav_bt.tree.status import IDLE, RUNNING
 from uav_bt.types import (
     HOVER,
     Attitude,
-    Corridor,
     DepthMap,
     DroneState,
     FlyingState,
-    MarkFix,
     MoverState,
     NearObstacles,
-    Observation,
     Pose,
-    Truth,
 )
 from uav_bt.types.ground import Footprint, Ground, Standing
 
 CAPTURED_S = 1.1000000000000003
 DEPTH = np.array([[0.5, np.nan], [1.2345, 80.0]], dtype=np.float32)
-TRUTH = Truth(
-    time_s=1.2,
-    pose=Pose(x_m=1.0, y_m=-2.0, z_m=1.5, yaw_rad=0.3),
-    contacts=("mark",),
-    clearance_m=math.inf,
-    inside_ground=True,
-    on_mark=True,
-    landing_error_m=0.01,
-    motors_on=True,
-    gimbal_pitch_rad=-0.5,
-    movers=(
-        MoverState(
-            name="mover-1",
-            pose=Pose(x_m=0.5, y_m=-1.0, z_m=0.85, yaw_rad=0.0),
-            vx_mps=0.5,
-            vy_mps=0.0,
-        ),
-    ),
+MOVER = MoverState(
+    name="mover-1", pose=Pose(x_m=0.5, y_m=-1.0, z_m=0.85, yaw_rad=0.0), vx_mps=0.5, vy_mps=0.0
 )
+ABOVE = Pose(x_m=1.0, y_m=0.0, z_m=1.5, yaw_rad=math.pi / 2)
+TRUTH = truth(ABOVE, 1.2, contacts=("mark",), clearance_m=math.inf, movers=(MOVER,))
 BOARD: dict[str, Any] = {
     "class_map": paper_map(ids=np.arange(6, dtype=np.uint8).reshape(2, 3), captured_s=CAPTURED_S),
     "relative_depth": DepthMap(depth=DEPTH, metric=False, captured_s=CAPTURED_S),
     "metric_depth": DepthMap(depth=DEPTH, metric=True, captured_s=CAPTURED_S, confidence=0.25),
-    "corridor": Corridor(
-        captured_s=CAPTURED_S,
-        free_distance_m=math.inf,
-        nearest_m=0.7,
-        nearest_side="left",
-        time_to_impact_s=math.inf,
-    ),
-    "mark": MarkFix(captured_s=CAPTURED_S, forward_m=0.1, right_m=0.2, height_m=0.4, detected=True),
+    "corridor": corridor(math.inf, "left", nearest_m=0.7, captured_s=CAPTURED_S),
+    "mark": fix(CAPTURED_S, 0.1, 0.2),
     "site_map": map_with(NearObstacles(captured_s=CAPTURED_S)),
     "phase": "explore",
 }
@@ -77,22 +52,9 @@ BOARD: dict[str, Any] = {
 
 def raw_moment(board: dict[str, Any] | None = None) -> RawMoment:
     state = DroneState(captured_s=1.2, flying=FlyingState.HOVERING)
-    tick = TickRecord(
-        index=12,
-        time_s=1.2,
-        observation=Observation(frame=None, state=state),
-        tree_status=RUNNING,
-        phase="explore",
-        active=("Main",),
-        command=HOVER,
-        proposed_by=None,
-        override=None,
-        compute_s=0.01,
-        truth=TRUTH,
-    )
     values = BOARD if board is None else board
     return RawMoment(
-        tick=tick,
+        tick=tick(state, active=("Main",), truth=TRUTH),
         commands=CommandNote(decided=HOVER, sent=HOVER),
         board={name: (value, CAPTURED_S) for name, value in values.items()},
         statuses=(RUNNING, IDLE),
@@ -129,21 +91,17 @@ def test_what_the_board_knew_comes_back() -> None:
     assert moment.board["phase"] == {"value": "explore", "captured_s": CAPTURED_S}
 
 
-def test_unchanged_values_are_not_written_again() -> None:
+def test_unchanged_values_and_relative_depth_of_small_records_are_not_written() -> None:
     made = encoder()
     read(made, raw_moment())
     again = read(made, raw_moment())
     assert again.class_map is None
     assert again.corridor is None
     assert again.statuses == ("FAILURE",)  # the statuses of the last tick are kept
+    high = read(encoder("high"), raw_moment())
+    assert (high.relative_depth, high.metric_depth is None) == (None, False)
     newer = replace(BOARD["corridor"], nearest_m=0.6)
     assert read(made, raw_moment({**BOARD, "corridor": newer})).corridor == newer
-
-
-def test_small_records_go_without_relative_depth() -> None:
-    moment = read(encoder("high"), raw_moment())
-    assert moment.relative_depth is None
-    assert moment.metric_depth is not None
 
 
 def test_the_body_turns_with_the_drone_and_the_lens_with_the_gimbal() -> None:
@@ -179,9 +137,6 @@ def test_what_is_near_is_kept_with_every_new_map() -> None:
     assert (moment.site_map, moment.near and moment.near.captured_s) == (None, 1.1)
 
 
-ABOVE = Pose(x_m=1.0, y_m=0.0, z_m=1.5, yaw_rad=np.pi / 2)
-
-
 def test_the_lab_has_a_solid_for_each_object_in_the_colour_of_its_class() -> None:
     outline = Footprint(x_m=1.25, y_m=0.5, half_x_m=0.2, half_y_m=0.2)
     box = Standing(footprint=outline, height_m=1.5, class_id=5)
@@ -197,7 +152,6 @@ def test_the_lab_has_a_solid_for_each_object_in_the_colour_of_its_class() -> Non
 
 def test_what_is_perceived_stands_where_the_drone_sees_it() -> None:
     """A mark 1 m ahead of a drone with heading +y lies 1 m up the map."""
-    fix = MarkFix(captured_s=0.0, forward_m=0.75, right_m=0.0, height_m=0.4, detected=True)
-    both = messages.perceived_scene(ABOVE, corridor(1.0, "left", nearest_m=0.6), fix, 0)
+    both = messages.perceived_scene(ABOVE, corridor(1.0, "left", nearest_m=0.6), fix(0.0, 0.75), 0)
     assert np.float64(0.75).tobytes() in both
     assert b"mark" not in messages.perceived_scene(ABOVE, corridor(1.0), None, 0)

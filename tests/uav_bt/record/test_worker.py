@@ -44,16 +44,6 @@ def _limits(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(worker_module, name, limit)
 
 
-def test_everything_is_written_in_order_when_the_disk_keeps_up() -> None:
-    disk = Disk()
-    worker = worker_on(disk, wait=True)
-    for index in range(50):
-        worker.put(index, 0.1 * index)
-    worker.close()
-    assert disk.written == [(index, True) for index in range(50)]
-    assert (worker.lost_ticks, worker.failure) == (0, None)
-
-
 def test_a_slow_disk_costs_images_first_and_then_ticks_and_every_loss_is_counted() -> None:
     disk = Disk()
     disk.free.clear()

@@ -133,13 +133,6 @@ def test_a_box_ahead_intrudes_where_it_stands_and_only_its_pixels_are_marked() -
     assert (ids[seen.intruding] == BOX).all()
 
 
-def test_telemetry_gives_the_time_to_impact() -> None:
-    seen = pipeline(with_box()).perceive(frame(), [state(0.0, forward_mps=0.5)])
-    assert seen.corridor is not None
-    expected_s = (seen.corridor.free_distance_m - 0.12) / 0.5
-    assert seen.corridor.time_to_impact_s == pytest.approx(expected_s)
-
-
 def test_a_networks_depth_is_scaled_by_the_ground() -> None:
     seen = pipeline(bare_ground(), Halves()).perceive(frame())
     assert seen.scale is not None
@@ -176,24 +169,6 @@ def test_a_picture_that_stands_still_while_the_drone_flies_is_frozen() -> None:
     frozen = flying.perceive(again, [state(0.1)])
     assert (frozen.refusal, frozen.depth) == ("the image is frozen", None)
     assert "relative_depth" not in frozen.stage_s
-
-
-def test_a_restarted_pipeline_measures_the_scale_anew() -> None:
-    network = Halves()
-    flying = pipeline(bare_ground(), network)
-
-    same = frame().image
-    assert factor(flying, 0, same) == pytest.approx(2.0, rel=1e-3)
-    network.unit_m = 3.0
-    assert factor(flying, 1, same) == pytest.approx(2.0, rel=1e-3), "one outlier is rejected"
-    flying.restart()
-    assert factor(flying, 2, same) == pytest.approx(3.0, rel=1e-3)
-
-
-def factor(flying: Pipeline, index: int, image: NDArray[np.uint8]) -> float:
-    scale = flying.perceive(replace(frame(index), image=image)).scale
-    assert scale is not None
-    return scale.factor
 
 
 def test_a_restarted_pipeline_knows_no_image_mark_or_telemetry() -> None:
