@@ -115,7 +115,7 @@ class VideoListeners:
             drone.camera,
             lab_map=lab_map_of(drone),
             title=self._title or title_of(flight),
-            limit_s=flight.judge_config.limit_s,
+            limit_s=flight.held.judge.limit_s,
             **depth_of(flight.mission, drone.camera),
         )
         return [self._video]

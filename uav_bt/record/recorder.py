@@ -8,7 +8,7 @@ import threading
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Self
 
 from uav_bt.board.context import MissionContext
 from uav_bt.mission.tick import TickRecord
@@ -64,6 +64,7 @@ class FlightRecorder:
         self._timeline = Timeline(start_ns=start_ns, start_s=context.clock.now())
         self._encoder = MomentEncoder(self._timeline, camera, quality)
         self._refused: tuple[str, ...] = ()
+        self._ended = False
         self._dropped: Counter[str] = Counter()  # omitted messages by topic
         self._begin(camera, facts)
         self._lines: list[LogLine] = []
@@ -146,6 +147,7 @@ class FlightRecorder:
 
         Losses are logged as a warning.
         """
+        self._ended = True
         logging.getLogger().removeHandler(self._handler)
         self._worker.close()
         dropped, lost_ticks = self._dropped, self._worker.lost_ticks
@@ -167,6 +169,16 @@ class FlightRecorder:
         if losses:
             _LOG.warning("the flight's record is incomplete: %s", "; ".join(losses))
         return why
+
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:
+        """Finish, unless that was done, with the fault if there was one."""
+        if not self._ended:
+            fault = {"outcome": "error", "reason": f"{type(error).__name__}: {error}"}
+            self.finish({} if error is None else fault)
 
 
 class _Lines(logging.Handler):

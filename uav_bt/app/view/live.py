@@ -53,7 +53,7 @@ class ViewListeners:
         setting = setting_of(
             mission,
             flight.drone.camera,
-            classes=flight.classes,
+            classes=flight.held.classes,
             airframe=flight.drone.airframe,
             tree=tuple((node.path, node.name, levels.get(node.path, 0)) for node in nodes),
             lab_map=lab_map_of(flight.drone),
