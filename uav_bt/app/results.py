@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.display.flown_path import FlownPath
+from uav_bt.display.shown import FlownPath
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.tick import TickRecord
 from uav_bt.types import SiteMap

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.paper_lab import paper_map
+from tests.paper_lab import CLASSES, paper_map
 from tests.worlds import values
 from uav_bt.board import CLASS_MAP, CORRIDOR, ELAPSED, MARK, METRIC_DEPTH, MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.clock import ManualClock
-from uav_bt.display.flown_path import FlownPath, Shown
 from uav_bt.display.lab_map import LabMap, MapItem
+from uav_bt.display.shown import FlightFacts, FlownPath, Shown
 from uav_bt.mission.flight_report import FlightReport, Percentiles
 from uav_bt.mission.tick import TickRecord
 from uav_bt.testing import blank_frame, pinhole
@@ -31,13 +31,28 @@ from uav_bt.types import (
     Pose,
     Truth,
 )
+from uav_bt.types.ground import Ground
 
 CAMERA = pinhole(64, 36)
+
+
+def item(x_m: float, y_m: float, size_m: tuple[float, float, float], **more: Any) -> MapItem:
+    half_x_m, half_y_m = size_m[0] / 2, size_m[1] / 2
+    return MapItem(
+        x_m=x_m, y_m=y_m, half_x_m=half_x_m, half_y_m=half_y_m, height_m=size_m[2], **more
+    )
+
+
 LAB = LabMap(
-    ground_size_m=(5.0, 4.0),
-    boxes=(MapItem(x_m=1.0, y_m=1.0, size_m=(0.4, 0.4, 1.9), colour=(200, 10, 20)),),
-    mark=MapItem(x_m=-1.5, y_m=-1.0, size_m=(0.5, 0.5, 0.4), colour=(255, 196, 0)),
+    ground=Ground(size_m=(5.0, 4.0)),
+    boxes=(item(1.0, 1.0, (0.4, 0.4, 1.9), colour=(200, 10, 20)),),
+    mark=item(-1.5, -1.0, (0.5, 0.5, 0.4), colour=(255, 196, 0)),
 )
+
+
+def facts(**changes: Any) -> FlightFacts:
+    told: dict[str, Any] = {"camera": CAMERA, "classes": CLASSES, "lab_map": LAB, "title": "tour"}
+    return FlightFacts(**{**told, **changes})
 
 
 class World:
@@ -112,7 +127,7 @@ def shown_of(world: World, record: TickRecord, *poses: Pose) -> Shown:
     flown = FlownPath()
     for pose in poses:
         flown.add(replace(record, truth=_truth(record.time_s, pose)))
-    return Shown.of(record, flown, world.board)
+    return Shown(record, flown, world.board)
 
 
 def has(image: NDArray[np.uint8], colour: tuple[int, ...]) -> bool:
