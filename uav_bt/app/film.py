@@ -26,9 +26,10 @@ from uav_bt.app.assembly import Flight, Listeners
 from uav_bt.board import METRIC_DEPTH, SITE_MAP
 from uav_bt.display.lab_map import LabMap, MapItem
 from uav_bt.display.phrases import describe_flight, lands_on_mark
-from uav_bt.display.shown import FlightFacts
+from uav_bt.display.shown import FlightFacts, Intruding
 from uav_bt.display.status import LiveStatus
-from uav_bt.display.video.video import FlightVideo
+from uav_bt.display.video.video import FlightVideo, open_film
+from uav_bt.display.video.video_file import VideoFile
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone
@@ -81,7 +82,6 @@ def facts_of_flight(flight: Flight[Drone], title: str) -> FlightFacts:
         or describe_flight(mission.origin, scene=flight.scene_name, drone=name, seed=seed),
         lab_map=map_of_scene(drone.scene) if isinstance(drone.scene, Scene) else None,
         nodes=tuple((node.path, node.name) for node in mission.nodes()),
-        limit_s=flight.judge_config.limit_s,
     )
 
 
@@ -89,62 +89,63 @@ def facts_of(mission: MissionTree | None, camera: CameraModel, **known: Any) -> 
     """Return known facts with those of a mission; None where some nodes are not installed."""
     leaves = () if mission is None else tuple(mission.leaves())
     written = {key for leaf in leaves for key in leaf.writes}
-    facts = FlightFacts(
+    builders = [leaf for leaf in leaves if isinstance(leaf, BuildCorridor)]
+    return FlightFacts(
         camera=camera,
         makes_depth=METRIC_DEPTH in written,
         makes_map=SITE_MAP in written,
+        intruding=_marker(builders[0], camera) if len(builders) == 1 else None,
         **known,
     )
-    builders = [leaf for leaf in leaves if isinstance(leaf, BuildCorridor)]
-    return _with_corridor(facts, builders[0]) if len(builders) == 1 else facts
 
 
-def _with_corridor(facts: FlightFacts, leaf: BuildCorridor) -> FlightFacts:
+def _marker(leaf: BuildCorridor, camera: CameraModel) -> Intruding:
+    """Return a function that marks the pixels inside a leaf's corridor."""
     from perception.depth.corridor import CorridorBuilder  # noqa: PLC0415  (Numba is heavy)
 
-    config, background = leaf.config(), bool(leaf.port_value("background"))
-    builder = CorridorBuilder(config)
+    builder, background = CorridorBuilder(leaf.config()), bool(leaf.port_value("background"))
 
     def intruding(frame: Frame, class_map: ClassMap, depth: DepthMap) -> NDArray[np.bool_]:
         height_px, width_px = depth.depth.shape
         things = ~class_map.is_ground if background else class_map.is_above_ground
-        view = view_of(frame, facts.camera, (width_px, height_px))
+        view = view_of(frame, camera, (width_px, height_px))
         return builder.intruding(depth, view, things=things)
 
-    sides_m = (config.side_m, config.front_m, config.up_down_m)
-    return replace(facts, corridor_m=sides_m, intruding=intruding)
+    return intruding
 
 
 class VideoListeners:
     """Films a flight; one of the `listeners` of `app.fly`."""
 
-    def __init__(self, video: FlightVideo, title: str) -> None:
-        self._video = video
+    def __init__(self, file: VideoFile, title: str) -> None:
+        self._file = file
         self._title = title
-        self._mark: LandingMark | None = None  # of the flight
+        self._begun: tuple[FlightVideo, LandingMark] | None = None
 
     def __call__(self, flight: Flight[Drone]) -> Sequence[TickListener]:
         """Begin the video of a connected drone's flight."""
-        self._mark = flight.context.mark
-        self._video.begin(flight.context.board, facts_of_flight(flight, self._title))
-        return [self._video]
+        facts = facts_of_flight(flight, self._title)
+        video = FlightVideo(self._file, flight.context.board, facts)
+        self._begun = video, flight.context.mark
+        return [video]
 
     def conclude(self, report: FlightReport) -> None:
         """Show how the flight ended for a moment."""
-        lines = [report.reason]
+        # A video that failed while it was drawn has no place for an end.
+        if self._begun is None or FlightVideo.__name__ in report.lost_outputs:
+            return
+        video, mark = self._begun
+        lines, error_m = [report.reason], report.landing_error_m
         if report.duration_s is not None:
             lines.append(f"{report.duration_s:.0f} s, {report.total_distance_m or 0.0:.1f} m flown")
-        error_m = report.landing_error_m
-        if error_m is not None and self._mark is not None and lands_on_mark(report, self._mark):
+        if error_m is not None and lands_on_mark(report, mark):
             lines.append(f"{100 * error_m:.0f} cm from the mark's centre")
-        self._video.conclude(report.outcome, lines)
+        video.conclude(report.outcome, lines)
 
     def finish(self, report: FlightReport) -> None:
         """Show how the flight ended and finish the file."""
-        # A video that failed while it was drawn has no place for an end.
-        if FlightVideo.__name__ not in report.lost_outputs:
-            self.conclude(report)
-        self._video.file.close()
+        self.conclude(report)
+        self._file.close()
 
 
 @contextmanager
@@ -162,9 +163,8 @@ def flight_video(
         FileError: the file cannot be written; raised before anything flies.
         MissingDependencyError: no video encoder works here.
     """
-    video = FlightVideo(Path(path), speed=speed)
-    with closing(video.file):
-        yield VideoListeners(video, title)
+    with closing(open_film(Path(path), speed)) as file:
+        yield VideoListeners(file, title)
 
 
 @contextmanager

@@ -100,14 +100,11 @@ def view(
     if from_s is not None and to_s is not None and from_s >= to_s:
         raise click.UsageError(f"--from {from_s:g} must lie before --to {to_s:g}")
     flight = RecordedFlight(file, from_s=from_s, to_s=to_s)
-    window = not (web or save)
-    if window:
-        sinks.need_display(WITHOUT_DISPLAY)
     if save is not None:
         with progress_bars() as advance:
             flight.save(save, advance=advance)
         click.echo(f"view: {save}")
-    if web or window:
+    if web or save is None:
         _show(flight, web=web)
     for damage in flight.damages:
         click.echo(f"{file}: {damage}", err=True)

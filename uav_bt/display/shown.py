@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import colorsys
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -23,23 +24,16 @@ Intruding = Callable[[Frame, ClassMap, DepthMap], NDArray[np.bool_]]
 """Returns which pixels of a depth map are inside the corridor, (H, W)."""
 
 _UNNAMED: Final[Colour] = (150, 156, 166)  # colour before the first phase
-# Bright and distinct colours, used in the order in which phases appear.
-_PHASE_COLOURS: Final[tuple[Colour, ...]] = (
-    (170, 178, 190),
-    (94, 205, 255),
-    (255, 130, 190),
-    (255, 170, 80),
-    (178, 235, 110),
-    (255, 255, 255),
-    (190, 160, 255),
-)
 
 
 def phase_colours(phases: Sequence[str]) -> dict[str, Colour]:
-    """Return a colour for each phase, in the order of first appearance."""
-    named = [phase for phase in dict.fromkeys(phases) if phase]
-    colours = {p: _PHASE_COLOURS[i % len(_PHASE_COLOURS)] for i, p in enumerate(named)}
-    return {"": _UNNAMED, **colours}
+    """Return a bright colour for each phase, in the order of first appearance."""
+    colours = {"": _UNNAMED}
+    for number, phase in enumerate(filter(None, dict.fromkeys(phases))):
+        hue = (0.55 + 0.382 * number) % 1.0  # the golden ratio keeps any number of hues apart
+        red, green, blue = (round(255 * part) for part in colorsys.hsv_to_rgb(hue, 0.5, 1.0))
+        colours[phase] = (red, green, blue)
+    return colours
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,11 +45,9 @@ class FlightFacts:
     title: str = ""  # mission, scene and seed
     lab_map: LabMap | None = None  # None: unknown
     nodes: tuple[tuple[str, str], ...] = ()  # path and name, in the order of the tree file
-    limit_s: float | None = None  # of the time; None: no limit
     makes_depth: bool = False  # whether the mission makes metric depth
     makes_map: bool = False  # whether the mission keeps a site map
-    # Metres from the body's centre to the corridor's planes: aside, ahead, up and down.
-    corridor_m: tuple[float, float, float] | None = None
+    start_s: float | None = None  # start of a view's timeline; None: the first tick
     intruding: Intruding | None = None  # None: no pixel is marked
 
 

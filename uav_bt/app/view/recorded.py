@@ -22,7 +22,7 @@ from uav_bt.display.lab_map import LabMap
 from uav_bt.display.phrases import describe_flight
 from uav_bt.display.rerun import sinks
 from uav_bt.display.shown import FlightFacts
-from uav_bt.display.video.video import FlightVideo
+from uav_bt.display.video.video import FlightVideo, open_film
 from uav_bt.errors import FileError, InputError, TreeError
 from uav_bt.files import parse_json
 from uav_bt.mission.tick import TickListener, TickRecord
@@ -88,7 +88,7 @@ class RecordedFlight:
             ),
             lab_map=self._lab_map,
             nodes=tuple((node.path, node.name) for node in reader.tree.nodes),
-            limit_s=options.judge.limit_s,
+            start_s=reader.timeline.start_s,
         )
 
     @property
@@ -126,9 +126,7 @@ class RecordedFlight:
         from uav_bt.display.rerun.flight_view import FlightView  # noqa: PLC0415  (needs Rerun)
 
         playback = Playback(self.reader)
-        view = FlightView(
-            stream, self.facts, playback.board, playback.statuses, start_s=playback.start_s
-        )
+        view = FlightView(stream, self.facts, playback.board, playback.statuses)
         self._play(playback, view, "view", advance, stopped)
 
     def _ticks(self, playback: Playback) -> Iterator[TickRecord]:
@@ -183,14 +181,13 @@ class RecordedFlight:
             FileError: the video cannot be written, or the record not be read.
             MissingDependencyError: no video encoder works here.
         """
-        playback, video = Playback(self.reader), FlightVideo(Path(path), speed=speed)
-        video.begin(playback.board, self.facts)
-        with closing(video.file):
+        playback, end = Playback(self.reader), self.reader.end or {}
+        with closing(open_film(Path(path), speed)) as file:
+            video = FlightVideo(file, playback.board, self.facts)
             try:
                 self._play(playback, video, "video", advance)
             except BaseException:
-                video.file.discard()  # half of one must not replace a whole one
+                file.discard()  # half of one must not replace a whole one
                 raise
-            end = self.reader.end or {}
             if end.get("outcome"):
                 video.conclude(end["outcome"], [end.get("reason", "")])

@@ -32,7 +32,6 @@ from uav_bt.types.dead_reckoning import PoseHistory
 from uav_bt.types.ground import Block
 
 _SIGNS: Final[Mapping[Status, str]] = {RUNNING: "▶", SUCCESS: "✔", FAILURE: "✘", IDLE: "·"}
-_FREE: Final[Colour] = (120, 170, 255)
 _SHOWN_M: Final = 0.35  # distance of the image from the lens in the 3D view
 _NO_IMAGE_M: Final = 1e-3  # the same for depth: so small that its frustum is invisible
 _KEPT_S: Final = 2.0  # history of poses; older frames are not drawn
@@ -57,8 +56,7 @@ Statuses = Mapping[str, Status]  # of the nodes, by path
 class FlightView:
     """Draws a flight into an open Rerun recording; a tick listener.
 
-    `board` and `statuses` are those after each tick. The timeline begins at a mission time, by
-    default that of the first tick.
+    `board` and `statuses` are those after each tick.
     """
 
     def __init__(
@@ -67,8 +65,6 @@ class FlightView:
         facts: FlightFacts,
         board: Blackboard,
         statuses: Callable[[], Statuses],
-        *,
-        start_s: float | None = None,
     ) -> None:
         # Only mission time: a record must give the same drawing at any date.
         stream.set_log_time_enabled(False)
@@ -78,7 +74,7 @@ class FlightView:
         self._camera = _shown_camera(facts.camera)
         self._board = board
         self._statuses = statuses
-        self._start_s = start_s
+        self._start_s = facts.start_s
         self._flown = FlownPath()
         self._poses = PoseHistory[Pose](_KEPT_S)
         self._map = MapPane(facts, _MAP_PX)
@@ -166,8 +162,8 @@ class FlightView:
             self._stream.log("world/depth", lens)
 
     def _draw_perceived(self, shown: Shown) -> None:
-        """Draw new masks, depth and corridors; the last at the pose of its frame's capture."""
-        class_map, depth, corridor = shown.class_map, shown.depth.value, shown.corridor
+        """Draw a new mask and new depth."""
+        class_map, depth = shown.class_map, shown.depth.value
         time_s = None if class_map is None else class_map.captured_s
         if self._is_new("mask/ids", time_s) and class_map is not None:
             self._stream.log("mask/ids", rr.SegmentationImage(class_map.ids))
@@ -181,18 +177,6 @@ class FlightView:
             metres = np.where(np.isfinite(depth.depth), depth.depth, np.nan).astype(np.float16)
             look: dict[str, Any] = {"colormap": "turbo", "depth_range": [0.0, FARTHEST_M]}
             self._stream.log("world/depth/metres", rr.DepthImage(metres, meter=1.0, **look))
-        size_m = self._facts.corridor_m
-        time_s = None if corridor is None or size_m is None else corridor.captured_s
-        pose = None if time_s is None else self._poses.at(time_s)
-        if self._is_new("world/corridor", time_s) and corridor and size_m and pose:
-            side_m, front_m, up_m = size_m
-            box = rr.Boxes3D(
-                centers=[[front_m / 2.0, 0.0, 0.0]],
-                half_sizes=[[front_m / 2.0, side_m, up_m]],
-                colors=[_FREE if corridor.nearest_side is None else ALARM],
-                labels=[describe_corridor(corridor)],
-            )
-            self._stream.log("world/corridor", _placed(pose), box)
 
     def _tree(self, statuses: Statuses) -> str:
         """Return the tree as in its file with the statuses; missing nodes are idle."""

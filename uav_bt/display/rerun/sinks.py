@@ -43,16 +43,6 @@ _KEPT: Final = (
 )
 
 
-def need_display(instead: str) -> None:
-    """Refuse to open a window on a machine without a display, with advice."""
-    given = (os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
-    if sys.platform != "darwin" and not any(given):
-        raise InputError(
-            "there is no display to open a window on (DISPLAY and WAYLAND_DISPLAY are not set): "
-            f"{instead}"
-        )
-
-
 @contextmanager
 def saved(path: Path) -> Iterator[rr.RecordingStream]:
     """Write the drawings of the context into an rrd file, which appears complete or not at all."""
@@ -95,12 +85,19 @@ class Viewer(NamedTuple):
 
 @contextmanager
 def shown(*, web: bool, instead: str) -> Iterator[Viewer]:
-    """Open a viewer; a window needs a display and stays, a browser's view ends here."""
+    """Open a viewer; a window needs a display and stays, a browser's view ends here.
+
+    The error about a missing display says what to do `instead`.
+    """
     need("view", "a view")
     import rerun as rr  # noqa: PLC0415 - an extra
 
-    if not web:
-        need_display(instead)
+    displays = [os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")]
+    if not web and sys.platform != "darwin" and not any(displays):
+        raise InputError(
+            "there is no display to open a window on (DISPLAY and WAYLAND_DISPLAY are not set): "
+            f"{instead}"
+        )
     port, web_port = _free_port(), _free_port()
     address = f"rerun+http://{_LOOPBACK}:{port}/proxy"
     page = f"http://{_LOOPBACK}:{web_port}/?url={address.replace('+', '%2B')}"

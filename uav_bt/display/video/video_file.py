@@ -49,7 +49,7 @@ class VideoFile:
         self.path = path
         self._kept = False  # whether there are images, and all of them
         self._partial = path.with_name(path.name + ".part")
-        self._time_base = 1 / frames_per_s
+        self.frames_per_s = frames_per_s
         self._slot = -1  # of the last image
         self._new_frame: Any = av.VideoFrame.from_ndarray
         with writing(path):  # FFmpeg's errors are OSErrors, too
@@ -70,7 +70,7 @@ class VideoFile:
         planes = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2YUV_I420), dtype=np.uint8)
         frame = self._new_frame(planes, format="yuv420p")
         frame.pts = self._slot
-        frame.time_base = self._time_base
+        frame.time_base = 1 / self.frames_per_s
         self.discard()
         self._encode(frame)
         self._kept = True

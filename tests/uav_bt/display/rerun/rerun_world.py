@@ -83,10 +83,4 @@ def values(batch: Any) -> list[Any]:
 
 
 def noted_facts(**changes: Any) -> FlightFacts:
-    told: dict[str, Any] = {
-        "classes": CLASSES,
-        "nodes": NODES,
-        "makes_depth": True,
-        "corridor_m": (0.5, 2.0, 0.8),
-    }
-    return facts(**{**told, **changes})
+    return facts(**{"classes": CLASSES, "nodes": NODES, "makes_depth": True, **changes})

@@ -32,13 +32,12 @@ def pose(x_m: float = 0.0, yaw_rad: float = 0.0) -> Pose:
 class Flight:
     """A view of a flight."""
 
-    def __init__(self, start_s: float | None = None, **changes: Any) -> None:
+    def __init__(self, **changes: Any) -> None:
         self.stream, self.world = NotedStream(), World(start_s=40.0)
         self.statuses = {"Main/root": Status.RUNNING, "Main/root/first": Status.FAILURE}
         stream: Any = self.stream
-        self.view = FlightView(
-            stream, noted_facts(**changes), self.world.board, lambda: self.statuses, start_s=start_s
-        )
+        board, told = self.world.board, noted_facts(**changes)
+        self.view = FlightView(stream, told, board, lambda: self.statuses)
 
     def fly(self, at: Pose | None = None, **changes: Any) -> TickRecord:
         record = self.world.tick(pose=at or pose(), **changes)
@@ -73,7 +72,7 @@ class Flight:
 def test_time_begins_with_the_first_tick_or_at_the_given_time(
     start_s: float | None, first_s: float
 ) -> None:
-    flight = Flight(start_s)
+    flight = Flight(start_s=start_s)
     for _ in range(2):
         flight.fly()
     times = [note.time_s for note in flight.stream.of("plots/tick_time/compute")]
@@ -182,25 +181,6 @@ def test_classes_have_our_names_and_colours() -> None:
     assert [info["color"] >> 8 for info in shown] == [
         int(red) << 16 | int(green) << 8 | int(blue) for red, green, blue in CLASSES.colours
     ]
-
-
-def test_the_corridor_is_a_box_ahead_that_says_what_is_inside() -> None:
-    flight = Flight()
-    found = []
-    for side in (None, "left"):
-        now_s = flight.world.clock.now()
-        seen = corridor(1.0, side, nearest_m=0.6, captured_s=now_s)
-        flight.world.board.write(CORRIDOR, seen, captured_s=now_s)
-        flight.fly()
-        found.append(flight.stream.of("world/corridor")[-1].things[1])
-    assert values(found[0].centers) == [[1.0, 0.0, 0.0]]
-    np.testing.assert_allclose(values(found[0].half_sizes), [[1.0, 0.5, 0.8]], atol=1e-6)
-    assert values(found[1].labels) == ["intrusion left, 0.60 m"]
-    assert values(found[0].colors) != values(found[1].colors)
-    flight.world.board.forget(CORRIDOR)
-    for _ in range(2):
-        flight.fly()
-    assert flight.stream.kinds("world/corridor") == ["Transform3D", "Transform3D", "Clear"]
 
 
 def test_the_site_map_is_an_image_twice_a_second() -> None:

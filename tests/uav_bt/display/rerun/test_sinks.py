@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import socket
 import subprocess
@@ -131,21 +130,12 @@ def test_closing_a_web_view_ends_its_server() -> None:
     assert answers(port, False)
 
 
-@pytest.mark.parametrize(
-    ("environment", "displays"),
-    [({}, False), ({"DISPLAY": ":0"}, True), ({"WAYLAND_DISPLAY": "wayland-0"}, True)],
-)
-def test_a_display_is_what_the_environment_says(
-    environment: dict[str, str], displays: object, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_display_no_window_is_opened(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sinks.sys, "platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    for name, value in environment.items():
-        monkeypatch.setenv(name, value)
-    refused = contextlib.nullcontext() if displays else pytest.raises(InputError, match="instead")
-    with refused:
-        sinks.need_display("do that instead")
+    with pytest.raises(InputError, match="do that"), sinks.shown(web=False, instead="do that"):
+        pass
 
 
 def test_a_missing_rerun_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
