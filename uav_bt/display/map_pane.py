@@ -10,14 +10,7 @@ import numpy as np
 
 from uav_bt.display import canvas
 from uav_bt.display.canvas import ACCENT, BACKDROP, INK, Colour, Point, Size
-from uav_bt.display.lab_map import (
-    HEADER_PX,
-    LabMap,
-    MapFrame,
-    draw_lab,
-    draw_movers,
-    draw_scale,
-)
+from uav_bt.display.lab_map import HEADER_PX, LabMap, MapFrame, draw_lab, draw_movers, draw_scale
 from uav_bt.display.shown import FlightFacts, FlownPath, Shown, phase_colours
 from uav_bt.mission.map_check import MapAlignment, MapPlacement
 from uav_bt.types import CameraModel, MarkFix, Pose
@@ -143,8 +136,8 @@ class MapPane:
         flown, state, fix = shown.flown, shown.record.observation.state, shown.fix.value
         pose, lab_map = flown.pose, self._facts.lab_map
         if pose is not None:
-            time_s, reported_rad = shown.record.time_s, state.attitude.yaw_rad
-            self._alignment.add(time_s, pose, reported_rad, shown.site_map)
+            reported_rad = state.attitude.yaw_rad
+            self._alignment.add(shown.record.time_s, pose, reported_rad, shown.site_map)
             self._believe(shown.site_map)
         image = self._with_path(flown)
         canvas.put(image, self._facts.title, (12, 22), scale=0.48)

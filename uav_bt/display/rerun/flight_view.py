@@ -38,7 +38,6 @@ _KEPT_S: Final = 2.0  # history of poses; older frames are not drawn
 _IMAGE_PX: Final = 640  # least width of the camera's image
 _MAP_PX: Final = (640, 520)
 _MAP_S: Final = 0.5  # time between images of the site map, which changes with every view
-
 _TIMELINE: Final = "flight"  # seconds since the first tick
 _PLOTS: Final = {
     "plots/heading": "Heading, deg",
@@ -46,9 +45,7 @@ _PLOTS: Final = {
     "plots/free_distance": "Free distance, m",
     "plots/tick_time": "Tick time, ms",
 }
-_FLOOR: Final[Colour] = (60, 64, 72)
 _EYE_M: Final = (-1.2, -6.0, 5.2)
-_UP: Final = (0.0, 0.0, 1.0)
 
 Statuses = Mapping[str, Status]  # of the nodes, by path
 
@@ -203,9 +200,8 @@ def layout(facts: FlightFacts) -> rrb.Blueprint:
             origin="world",
             name=facts.title or "Lab",
             background=BACKDROP,
-            line_grid=rrb.LineGrid3D(spacing=1.0, color=_FLOOR),
             overrides={"world/path": [so_far]},
-            eye_controls=rrb.EyeControls3D(position=_EYE_M, look_target=[0, 0, 0], eye_up=_UP),
+            eye_controls=rrb.EyeControls3D(position=_EYE_M, look_target=[0.0, 0.0, 0.3]),
         )
     ]
     if facts.makes_map:

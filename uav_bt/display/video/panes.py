@@ -14,12 +14,7 @@ from numpy.typing import NDArray
 
 from uav_bt.display import canvas
 from uav_bt.display.canvas import ACCENT, ALARM, BACKDROP, DIM, INK, PANEL, Colour, Point, Size
-from uav_bt.display.phrases import (
-    describe_corridor,
-    describe_fix,
-    describe_free,
-    describe_movement,
-)
+from uav_bt.display.phrases import describe_corridor, describe_fix, describe_free, describe_movement
 from uav_bt.display.shown import Shown
 from uav_bt.types import CameraModel, ClassMap, Corridor, DepthMap, Frame, MarkFix
 from uav_bt.types.arrays import Image
