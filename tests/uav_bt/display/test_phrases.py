@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -20,6 +21,7 @@ from uav_bt.types import (
     CutMotors,
     Hover,
     Land,
+    LandingMark,
     MarkFix,
     MoveBy,
     Movement,
@@ -36,23 +38,25 @@ def test_a_flight_is_called_by_its_mission_and_its_place(scene: str | None, word
     assert describe_flight("land_only.xml", scene=scene, drone="anafi", seed=3) == words
 
 
+WIDE = replace(default_mark(), length_m=1.2, width_m=1.6)  # half its diagonal is 1 m
+
+
 @pytest.mark.parametrize(
-    ("searched_s", "error_m", "on_it"),
-    [(5.6, 1.2, True), (None, 0.03, True), (None, 1.2, False), (None, None, False)],
-    ids=["beside the pad that it looked for", "down on the pad", "elsewhere", "still flying"],
+    ("searched_s", "error_m", "mark", "on_it"),
+    [
+        (5.6, 1.2, default_mark(), True),
+        (None, 0.03, default_mark(), True),
+        (None, 0.9, default_mark(), False),
+        (None, 0.9, WIDE, True),
+        (None, None, default_mark(), False),
+    ],
+    ids=["beside the pad that it looked for", "on it", "elsewhere", "on a wide one", "flying"],
 )
 def test_a_landing_is_held_against_the_mark_where_the_mission_is_about_it(
-    searched_s: float | None, error_m: float | None, *, on_it: bool
+    searched_s: float | None, error_m: float | None, mark: LandingMark, *, on_it: bool
 ) -> None:
     report = replace(flight_report(), time_to_find_mark_s=searched_s, landing_error_m=error_m)
-    assert lands_on_mark(report, default_mark()) == on_it
-
-
-def test_a_larger_mark_is_landed_on_further_from_its_middle() -> None:
-    """Half the diagonal of 1.2 x 1.6 m is 1 m."""
-    report = replace(flight_report(), time_to_find_mark_s=None, landing_error_m=0.9)
-    assert lands_on_mark(report, replace(default_mark(), length_m=1.2, width_m=1.6))
-    assert not lands_on_mark(report, default_mark())
+    assert lands_on_mark(report, mark) == on_it
 
 
 @pytest.mark.parametrize(
@@ -76,16 +80,24 @@ def test_a_movement_in_words(movement: Movement, words: str) -> None:
     assert describe_movement(movement) == words
 
 
-def test_a_fix_says_where_and_whether_it_is_seen() -> None:
-    seen = MarkFix(captured_s=0.0, forward_m=1.0, right_m=-1.0, height_m=0.4, detected=True)
-    carried = MarkFix(captured_s=0.0, forward_m=2.0, right_m=0.0, height_m=0.4, detected=False)
-    assert describe_fix(seen, 0.1) == "1.41 m, 45 deg left, seen"
-    assert describe_fix(carried, 1.26) == "2.00 m, 0 deg right, carried 1.3 s"
-
-
-def test_no_fix_says_for_how_long() -> None:
-    assert describe_fix(None, math.inf) == "none"
-    assert describe_fix(None, 18.2) == "none for 18 s"
+@pytest.mark.parametrize(
+    ("place", "age_s", "words"),
+    [
+        ({"forward_m": 1.0, "right_m": -1.0, "detected": True}, 0.1, "1.41 m, 45 deg left, seen"),
+        (
+            {"forward_m": 2.0, "right_m": 0.0, "detected": False},
+            1.26,
+            "2.00 m, 0 deg right, carried 1.3 s",
+        ),
+        (None, math.inf, "none"),
+        (None, 18.2, "none for 18 s"),
+    ],
+)
+def test_a_fix_says_where_and_whether_it_is_seen(
+    place: dict[str, Any] | None, age_s: float, words: str
+) -> None:
+    fix = None if place is None else MarkFix(captured_s=0.0, height_m=0.4, **place)
+    assert describe_fix(fix, age_s) == words
 
 
 def test_a_corridor_says_what_intrudes_and_how_far_the_way_is_free() -> None:
