@@ -7,7 +7,7 @@ no other characters.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 import cv2
@@ -95,6 +95,17 @@ def tag(
     top = min(max(at_px[1], 0), max(height_px - high, 0))
     image[top : top + high, left : left + wide] //= 4
     put(image, text, (left + 6, top + round(31 * scale)), colour=colour, scale=scale)
+
+
+def draw_legend(
+    image: Image, entries: Iterable[tuple[str, Colour]], at_px: tuple[int, int], scale: float
+) -> None:
+    """Write names behind dashes of their colours in a row."""
+    left, base = at_px
+    for words, colour in entries:
+        line(image, [(left, base - 4), (left + 10, base - 4)], colour, 5)
+        put(image, words, (left + 16, base), scale=scale)
+        left += 16 + text_width_px(words, scale) + 14
 
 
 def line(image: Image, points_px: Sequence[Point], colour: Colour, width_px: int = 1) -> None:

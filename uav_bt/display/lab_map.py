@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final, TypeVar
 
@@ -26,7 +26,6 @@ _PLACE_COLOUR: Final[Colour] = (255, 170, 0)
 HEADER_PX: Final = 32  # height of a map's title and scale
 _SIDE_PX: Final = 64  # margin left and right of the ground, for the numbers of the y axis
 _BELOW_PX: Final = 72  # margin below the ground, for the numbers of the x axis and the legend
-_TICK_PX: Final = 6
 _NAME_PX: Final = 16  # height of a name
 _TEXT: Final = 0.42  # scale of axes and names
 _ARROW_M: Final = 0.5  # length of the arrow of the take-off heading
@@ -186,38 +185,26 @@ def draw_lab_with_axes(lab_map: LabMap, *, size_px: Size = (960, 780), title: st
 
 
 def _draw_axes(image: Image, frame: MapFrame, size_m: Point) -> None:
-    half_x, half_y = size_m[0] / 2, size_m[1] / 2
-    corners = [(-half_x, half_y), (-half_x, -half_y), (half_x, -half_y)]
-    canvas.line(image, frame.all_to_px(corners), INK)
-    left, base = frame.to_px(-half_x, -half_y)
-    for x_m in _whole_metres(half_x):
-        at = frame.to_px(x_m, 0.0)[0]
-        canvas.line(image, [(at, base), (at, base + _TICK_PX)], INK)
-        canvas.put_centred(image, f"{x_m}", (at, base + 22))
-    for y_m in _whole_metres(half_y):
-        at = frame.to_px(0.0, y_m)[1]
-        canvas.line(image, [(left, at), (left - _TICK_PX, at)], INK)
-        canvas.put_centred(image, f"{y_m}", (left - 20, at + 5))
-    canvas.put_centred(image, "x, m", (frame.size_px[0] / 2, base + 42))
-    canvas.put_centred(image, "y, m", (left - 38, frame.to_px(0.0, half_y)[1] - 10))
-
-
-def _named(lab_map: LabMap) -> Iterator[tuple[str, Sequence[Point]]]:
-    """Yield the names on a map, each with the outline of what it names."""
-    for box in lab_map.boxes:
-        yield box.name, box.corners()
-    for number, mover in enumerate(lab_map.movers, start=1):
-        yield f"mover-{number}: {mover.name}, {mover.height_m:.3g} m", mover.corners()
-    if lab_map.mark is not None:
-        yield f"mark, {lab_map.mark.height_m:.3g} m", lab_map.mark.corners()
-    for text, at_m in lab_map.places:
-        yield text, [at_m]
+    """Write the metres of the grid's lines below and left of the ground."""
+    left, base = frame.to_px(-size_m[0] / 2, -size_m[1] / 2)
+    for x_m in _whole_metres(size_m[0] / 2):
+        canvas.put_centred(image, f"{x_m}", (frame.to_px(x_m, 0.0)[0], base + 18))
+    for y_m in _whole_metres(size_m[1] / 2):
+        canvas.put_centred(image, f"{y_m}", (left - 16, frame.to_px(0.0, y_m)[1] + 5))
+    canvas.put_centred(image, "x, m", (frame.size_px[0] / 2, base + 38))
+    canvas.put_centred(image, "y, m", (left - 40, frame.size_px[1] / 2))
 
 
 def _write_names(image: Image, frame: MapFrame, lab_map: LabMap) -> None:
     """Write a name below each object, and above those at the ground's lower edge."""
     lowest = frame.to_px(0.0, -lab_map.ground.size_m[1] / 2)[1]
-    for name, outline_m in _named(lab_map):
+    named = [(box.name, box.corners()) for box in lab_map.boxes]
+    for number, mover in enumerate(lab_map.movers, start=1):
+        named.append((f"mover-{number}: {mover.name}, {mover.height_m:.3g} m", mover.corners()))
+    if lab_map.mark is not None:
+        named.append((f"mark, {lab_map.mark.height_m:.3g} m", lab_map.mark.corners()))
+    named += [(text, [at_m]) for text, at_m in lab_map.places]
+    for name, outline_m in named:
         xs, ys = zip(*frame.all_to_px(outline_m), strict=True)
         middle, base = (min(xs) + max(xs)) / 2, max(ys) + _NAME_PX
         if base > lowest:

@@ -68,11 +68,7 @@ def _draw_site_map(
         canvas.line(image, canvas.circle(*here, reach_px), _MOVERS, _LINE_PX)
         canvas.line(image, [here, ahead], _MOVERS, _LINE_PX)
     image[-FOOTER_PX:] = BACKDROP  # the cells below have the colours of the legend
-    left, base = 12, image.shape[0] - 10
-    for words, colour in _LEGEND:
-        canvas.line(image, [(left, base - 4), (left + 10, base - 4)], colour, 5)
-        canvas.put(image, words, (left + 16, base), scale=0.36)
-        left += 16 + canvas.text_width_px(words, 0.36) + 14
+    canvas.draw_legend(image, _LEGEND, (12, image.shape[0] - 10), 0.36)
     draw_scale(image, frame)
     return image
 

@@ -15,12 +15,11 @@ from uav_bt.board.blackboard import Blackboard
 from uav_bt.clock import ManualClock
 from uav_bt.display.lab_map import LabMap, MapItem
 from uav_bt.display.shown import FlightFacts, FlownPath, Shown
+from uav_bt.mission.flight_log import FlightLog
 from uav_bt.mission.flight_report import FlightReport, Percentiles
 from uav_bt.mission.tick import TickRecord
 from uav_bt.testing import blank_frame, pinhole
-from uav_bt.tree import Status
 from uav_bt.types import (
-    HOVER,
     Attitude,
     BodyVelocity,
     DepthMap,
@@ -102,24 +101,19 @@ class World:
             gimbal_pitch_rad=-0.5,
         )
         self.board.write(ELAPSED, time_s)
-        image = blank_frame(CAMERA, state) if frame else None
         told: dict[str, Any] = {
             "index": self.index,
-            "time_s": time_s,
-            "observation": Observation(frame=image, state=state),
-            "tree_status": Status.RUNNING,
             "phase": "explore",
             "active": ("mission", "Explore"),
-            "command": HOVER,
-            "proposed_by": None,
-            "override": None,
-            "compute_s": 0.001,
             "truth": None if pose is None else _truth(time_s, pose),
             "feedback": "clear",
+            **changes,
         }
         self.index += 1
         self.clock.advance(after_s)
-        return TickRecord(**{**told, **changes})
+        image = blank_frame(CAMERA, state) if frame else None
+        seen = Observation(frame=image, state=state)
+        return replace(values.tick(state, **told), observation=seen)
 
 
 def shown_of(world: World, record: TickRecord, *poses: Pose) -> Shown:
@@ -141,26 +135,19 @@ def _truth(time_s: float, pose: Pose) -> Truth:
 
 def flight_report(outcome: str = "success", reason: str = "landed") -> FlightReport:
     """Return the report of a flight, by default a successful one."""
-    return FlightReport(
+    return replace(
+        values.report(FlightLog(), outcome=outcome, reason=reason),
         scene="train-a",
         seed=3,
         tree="explore_and_land.xml",
-        policies={},
-        drone="twin",
-        profile="lab",
-        outcome=outcome,
-        reason=reason,
         duration_s=114.5,
         explore_distance_m=9.59,
         total_distance_m=12.96,
-        search_distance_m=0.4,
         time_to_find_mark_s=5.6,
-        time_to_land_s=None,
         landing_error_m=0.0235,
         min_clearance_m=0.734,
         coverage_passed=0.612,
         coverage_seen=0.839,
-        ticks=1146,
         tick_ms=Percentiles(p50=1.5, p99=10.6, max=20.0),
         perception_ms={"segmentation": Percentiles(p50=0.8, p99=6.7, max=9.0)},
     )

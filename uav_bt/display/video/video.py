@@ -37,8 +37,7 @@ _READINGS: Final[Size] = (639, 258)
 _PHASES: Final[Size] = (639, 56)
 _IMAGES_PER_S: Final = 10  # of mission time: one per tick in simulation
 _HOLD_S: Final = 2.0  # video time of the outcome at the end
-_TEXT: Final = 0.42  # scale of the phases' names
-_MARGIN_PX: Final = 18
+_MOST_PHASES: Final = 6  # of which the last ones have room
 
 
 def open_film(path: Path, speed: float = 1.0) -> VideoFile:
@@ -82,11 +81,14 @@ class FlightVideo:
     def draw(self, record: TickRecord) -> Image:
         """Return the image of a tick, (720, 1280, 3) RGB."""
         shown = Shown(record, self._flown, self._board)
+        phases = canvas.blank(_PHASES, PANEL)
+        colours = [*phase_colours(self._flown.phases).items()][1:]  # without that of no phase
+        canvas.draw_legend(phases, colours[-_MOST_PHASES:], (18, 33), 0.42)
         panes = [  # with their left upper corners
             (0, 0, draw_camera(shown, self._facts.camera, _LARGE)),
             (641, 0, self._map.draw(shown)),
             (641, 406, draw_readings(shown, _READINGS)),
-            (641, 664, draw_phases(self._flown.phases)),
+            (641, 664, phases),
         ]
         self._shows_depth = self._shows_depth or shown.depth.known
         if self._shows_depth:
@@ -112,20 +114,6 @@ class FlightVideo:
             image = _with_outcome(self._last, outcome, lines)
             for _ in range(max(1, round(_HOLD_S * self._file.frames_per_s))):
                 self._file.write(image)
-
-
-def draw_phases(phases: Sequence[str]) -> Image:
-    """Return the phases in the colours of their paths; if not all fit, only the last ones."""
-    image = canvas.blank(_PHASES, PANEL)
-    right = _PHASES[0] - _MARGIN_PX
-    for phase, colour in reversed(phase_colours(phases).items()):
-        left = right - canvas.text_width_px(phase, _TEXT) - 20
-        if not phase or left < _MARGIN_PX:
-            break
-        canvas.line(image, [(left, 28), (left + 14, 28)], colour, 3)
-        canvas.put(image, phase, (left + 20, 33), scale=_TEXT)
-        right = left - 16
-    return image
 
 
 def _with_outcome(last: Image, outcome: str, lines: Sequence[str]) -> Image:

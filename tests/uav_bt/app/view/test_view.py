@@ -11,10 +11,10 @@ import pytest
 from tests.uav_bt.app.view.recorded_world import Seen, fly
 from uav_bt import app
 from uav_bt.app.view import recorded
-from uav_bt.app.view.live import live_view, saved_view
+from uav_bt.app.view.live import saved_view
 from uav_bt.app.view.recorded import RecordedFlight
 from uav_bt.display.rerun import sinks
-from uav_bt.errors import FileError, InputError, TreeError
+from uav_bt.errors import FileError, TreeError
 
 ENTITIES = (
     *("/world/lab/things", "/world/path", "/world/camera/image"),
@@ -126,11 +126,3 @@ def test_a_flight_is_drawn_while_it_is_flown(
     told = contents(tmp_path / "live.rrd")
     for entity in ENTITIES:
         assert entity in told
-
-
-def test_without_a_display_the_remedy_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    monkeypatch.setattr(sinks.sys, "platform", "linux")
-    with pytest.raises(InputError, match=r"no display.*web"), live_view():
-        pass

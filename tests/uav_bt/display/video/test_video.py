@@ -7,15 +7,14 @@ from typing import Any
 import av
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from tests.paper_lab import CLASSES
 from tests.uav_bt.display.display_world import World, facts, has
 from uav_bt.display.canvas import PANEL
 from uav_bt.display.shown import phase_colours
-from uav_bt.display.video.video import FlightVideo, draw_phases, open_film
+from uav_bt.display.video.video import FlightVideo, open_film
 from uav_bt.errors import FileError, ValueRangeError
-from uav_bt.types import ClassMap, DepthMap, Frame, Pose
+from uav_bt.types import Pose
 
 
 def panes_of(world: World, **changes: Any) -> FlightVideo:
@@ -92,28 +91,6 @@ def test_depth_and_corridor_share_the_quarter_of_the_class_map(*, asked: bool) -
     assert tuple(after[650, 10]) != PANEL
 
 
-def test_what_intrudes_is_marked_only_in_the_picture_it_was_found_in() -> None:
-    world = World()
-    asked: list[DepthMap] = []
-
-    def everything(frame: Frame, class_map: ClassMap, depth: DepthMap) -> NDArray[np.bool_]:
-        asked.append(depth)
-        return np.ones(class_map.ids.shape, dtype=bool)
-
-    panes = panes_of(world, makes_depth=True, intruding=everything)
-    world.see()
-    world.see_depth()
-    world.clock.advance(0.1)
-    late = panes.draw(world.tick())
-    assert asked == []
-    world.see()
-    world.see_depth()
-    marked = panes.draw(world.tick())
-    assert len(asked) == 1
-    red = marked[600, 100].astype(int) - late[600, 100]
-    assert red[0] > red[2] + 20
-
-
 def test_the_outcome_stays_at_the_end(tmp_path: Path) -> None:
     world = World()
     with closing(open_film(tmp_path / "flight.mp4")) as file:
@@ -123,12 +100,6 @@ def test_the_outcome_stays_at_the_end(tmp_path: Path) -> None:
     times = decoded(tmp_path / "flight.mp4")[1]
     assert len(times) == 2 + 20
     assert times[-1] == pytest.approx(2.1)
-
-
-def test_an_outcome_without_a_flight_writes_nothing(tmp_path: Path) -> None:
-    with closing(open_film(tmp_path / "flight.mp4")) as file:
-        FlightVideo(file, World().board, facts()).conclude("aborted", [])
-    assert list(tmp_path.iterdir()) == []
 
 
 class FullDisk:
@@ -156,9 +127,12 @@ def test_a_speed_that_makes_no_video_is_refused(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_phases_that_are_too_many_lose_the_first_ones() -> None:
-    many = [f"a long phase {number}" for number in range(7)]
-    image, colours = draw_phases(many), phase_colours(many)
-    assert not has(image, colours[many[0]])
-    assert has(image, colours[many[6]])
-    assert (image[:, 630:] == PANEL).all()
+def test_of_many_phases_the_last_ones_are_named_in_their_colours() -> None:
+    world = World()
+    video = panes_of(world)
+    many = [f"phase {number}" for number in range(9)]
+    for phase in many:
+        video._flown.add(world.tick(phase=phase))
+    image, colours = video.draw(world.tick(phase=many[-1])), phase_colours(many)
+    assert [has(image[664:, 641:], colours[phase]) for phase in many] == [False] * 3 + [True] * 6
+    assert (image[664:, 1270:] == PANEL).all()
