@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 from typing import Final
@@ -24,7 +25,7 @@ from uav_bt.display.video.panes import (
     empty_pane,
 )
 from uav_bt.display.video.video_file import FILM, VideoFile
-from uav_bt.errors import ValueRangeError
+from uav_bt.errors import FileError, ValueRangeError
 from uav_bt.mission.judge import Outcome
 from uav_bt.mission.tick import TickRecord
 from uav_bt.types.arrays import Image
@@ -76,7 +77,8 @@ class FlightVideo:
         if slot > self._slot:
             self._slot = slot
             self._last = self.draw(record)
-            self._file.write(self._last, slot)
+            with suppress(FileError):  # closing the file raises it, and the flight goes on
+                self._file.write(self._last, slot)
 
     def draw(self, record: TickRecord) -> Image:
         """Return the image of a tick, (720, 1280, 3) RGB."""
@@ -112,8 +114,9 @@ class FlightVideo:
         """Draw the outcome on the last image and hold it."""
         if self._last is not None:
             image = _with_outcome(self._last, outcome, lines)
-            for _ in range(max(1, round(_HOLD_S * self._file.frames_per_s))):
-                self._file.write(image)
+            with suppress(FileError):
+                for _ in range(max(1, round(_HOLD_S * self._file.frames_per_s))):
+                    self._file.write(image)
 
 
 def _with_outcome(last: Image, outcome: str, lines: Sequence[str]) -> Image:

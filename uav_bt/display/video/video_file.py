@@ -27,8 +27,8 @@ _LIMITED_RANGE: Final = 1  # FFmpeg's AVCOL_RANGE_MPEG
 class VideoFile:
     """Writes images of one size, width and height even, into an mp4 file.
 
-    The images are written to `<name>.part`; closing renames it. A file without images is removed,
-    and so is one after an image that could not be written, which raises a `FileError`.
+    The images are written to `<name>.part`; closing renames it. A file without images is removed.
+    What cannot be written raises a `FileError`, again in closing, and the file is removed.
     """
 
     def __init__(
@@ -47,7 +47,8 @@ class VideoFile:
                 "pip install --force-reinstall av"
             ) from error
         self.path = path
-        self._kept = False  # whether there are images, and all of them
+        self._kept = False  # whether there is an image
+        self._failure: FileError | None = None  # the first one
         self._partial = path.with_name(path.name + ".part")
         self.frames_per_s = frames_per_s
         self._slot = -1  # of the last image
@@ -66,35 +67,43 @@ class VideoFile:
 
     def write(self, image: Image, slot: int | None = None) -> None:
         """Append an image at a later slot, which counts frames; the image before fills a gap."""
+        if self._failure is not None:
+            raise self._failure
         self._slot = self._slot + 1 if slot is None else slot
         planes = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2YUV_I420), dtype=np.uint8)
         frame = self._new_frame(planes, format="yuv420p")
         frame.pts = self._slot
         frame.time_base = 1 / self.frames_per_s
-        self.discard()
         self._encode(frame)
         self._kept = True
 
     def _encode(self, frame: object) -> None:
-        with writing(self.path):
-            for packet in self._stream.encode(frame):
-                self._container.mux(packet)
+        try:
+            with writing(self.path):
+                for packet in self._stream.encode(frame):
+                    self._container.mux(packet)
+        except FileError as error:
+            self._failure = error
+            raise
 
     def discard(self) -> None:
         """Discard the file; an earlier one is kept."""
         self._kept = False
 
     def close(self) -> None:
-        """Finish and rename the file; safe to call twice."""
+        """Finish and rename the file, or raise the first failure; safe to call twice."""
         if self._container is None:
             return
+        kept = self._kept and self._failure is None
         try:
-            if self._kept:
+            if kept:
                 self._encode(None)
             with writing(self.path):
                 self._container.close()
-                if self._kept:
+                if kept:
                     self._partial.replace(self.path)
         finally:
             self._container = None
             self._partial.unlink(missing_ok=True)
+        if self._failure is not None:
+            raise self._failure

@@ -110,14 +110,16 @@ class FullDisk:
         raise OSError(28, "No space left on device")
 
 
-def test_a_full_disk_is_an_error_of_the_tick_and_leaves_no_file(tmp_path: Path) -> None:
-    world = World()
-    with closing(open_film(tmp_path / "flight.mp4")) as file:
-        video = FlightVideo(file, world.board, facts())
-        fly(video, world, 1)
-        file._stream = FullDisk()
-        with pytest.raises(FileError, match="No space left"):
-            fly(video, world, 1)
+def test_a_full_disk_ends_the_film_and_not_the_flight(tmp_path: Path) -> None:
+    world, file = World(), open_film(tmp_path / "flight.mp4")
+    video = FlightVideo(file, world.board, facts())
+    fly(video, world, 1)
+    file._stream = FullDisk()
+    fly(video, world, 3)
+    video.conclude("success", [])
+    with pytest.raises(FileError, match="No space left"):
+        file.close()
+    file.close()
     assert list(tmp_path.iterdir()) == []
 
 
