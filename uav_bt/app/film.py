@@ -71,7 +71,7 @@ def map_of_scene(scene: Scene) -> LabMap:
 
 
 def facts_of_flight(flight: Flight[Drone], title: str) -> FlightFacts:
-    """Return what films and views show of a connected flight; they call it by the title."""
+    """Return the facts of a connected flight."""
     drone, options, mission = flight.drone, flight.options, flight.mission
     name, seed = options.drone_name, options.seed
     return facts_of(
@@ -86,7 +86,7 @@ def facts_of_flight(flight: Flight[Drone], title: str) -> FlightFacts:
 
 
 def facts_of(mission: MissionTree | None, camera: CameraModel, **known: Any) -> FlightFacts:
-    """Return known facts with those of a mission; None where some nodes are not installed."""
+    """Return facts with those of a mission; None: it is unknown."""
     leaves = () if mission is None else tuple(mission.leaves())
     written = {key for leaf in leaves for key in leaf.writes}
     builders = [leaf for leaf in leaves if isinstance(leaf, BuildCorridor)]
@@ -169,7 +169,7 @@ def flight_video(
 
 @contextmanager
 def live_status(console: Console | None = None) -> Iterator[Listeners]:
-    """Show the flight that is flown inside in one line; by default on the standard error stream."""
+    """Show the flight that is flown inside in one line, on standard error."""
     with ExitStack() as lines:
 
         def make(flight: Flight[Drone]) -> Sequence[TickListener]:

@@ -37,6 +37,17 @@ def blank(size_px: Size, colour: Colour) -> Image:
     return np.full((size_px[1], size_px[0], 3), colour, dtype=np.uint8)
 
 
+def empty_pane(words: str, size_px: Size) -> Image:
+    """Return a pane with only a line of text."""
+    image = blank(size_px, PANEL)
+    scale = 0.5
+    while text_width_px(words, scale) > size_px[0] - 16 and scale > 0.3:
+        scale -= 0.05
+    left = (size_px[0] - text_width_px(words, scale)) // 2
+    put(image, words, (left, size_px[1] // 2), scale=scale)
+    return image
+
+
 def circle(x_px: float, y_px: float, radius_px: float) -> list[Point]:
     """Return a circle as a closed polyline."""
     angles = np.linspace(0.0, 2.0 * math.pi, 32)

@@ -24,8 +24,8 @@ _FLOOR_GRID: Final[Colour] = (30, 33, 40)
 _WHITE: Final[Colour] = (255, 255, 255)
 _PLACE_COLOUR: Final[Colour] = (255, 170, 0)
 HEADER_PX: Final = 32  # height of a map's title and scale
-_SIDE_PX: Final = 64  # margin left and right of the ground, for the numbers of the y axis
-_BELOW_PX: Final = 72  # margin below the ground, for the numbers of the x axis and the legend
+_SIDE_PX: Final = 64  # beside the ground, for the numbers
+_BELOW_PX: Final = 72  # below the ground, for numbers and legend
 _NAME_PX: Final = 16  # height of a name
 _TEXT: Final = 0.42  # scale of axes and names
 _ARROW_M: Final = 0.5  # length of the arrow of the take-off heading
@@ -38,7 +38,7 @@ class MapItem(Footprint):
     height_m: float
     colour: Colour = (160, 120, 80)  # RGB colour of the sides in class maps
     name: str = ""  # class of the sides, such as box_3
-    parts: tuple[Block, ...] = ()  # such as the legs and the top of a table; none: it is solid
+    parts: tuple[Block, ...] = ()  # of a table, say; none: it is solid
     path_m: tuple[Point, ...] = ()  # of a mover, world metres; a loop ends with its first point
 
     def corners(self) -> list[Point]:
@@ -80,7 +80,7 @@ class MapFrame:
         return cls(size_px=size_px, scale_px_per_m=scale, centre_m=centre_m)
 
     def to_px(self, x_m: Number, y_m: Number) -> tuple[Number, Number]:
-        """Return the position of one or more world points, pixels from the upper left corner."""
+        """Return where world points lie, pixels from the upper left corner."""
         return (
             self.size_px[0] / 2 + (x_m - self.centre_m[0]) * self.scale_px_per_m,
             self.size_px[1] / 2 - (y_m - self.centre_m[1]) * self.scale_px_per_m,
@@ -92,7 +92,7 @@ class MapFrame:
 
 
 def draw_lab(lab_map: LabMap | None, frame: MapFrame) -> Image:
-    """Return the empty lab: ground, boxes, mark, movers' paths; a grid of metres if unknown."""
+    """Return the empty lab; a grid of metres if it is unknown."""
     image = canvas.blank(frame.size_px, BACKDROP)
     reach_m = math.ceil(max(frame.size_px) / frame.scale_px_per_m / 2 + abs(frame.centre_m[1]))
     _grid(image, frame, (2.0 * reach_m, 2.0 * reach_m), _FLOOR_GRID)
@@ -139,7 +139,7 @@ def _whole_metres(half_m: float) -> range:
 def draw_movers(
     image: Image, frame: MapFrame, lab_map: LabMap, places_m: Sequence[Point] = ()
 ) -> None:
-    """Draw the movers at places in the map's order; by default at the start of their paths."""
+    """Draw the movers at places; by default at the start of their paths."""
     begins_m = [mover.path_m[0] for mover in lab_map.movers]
     for mover, (x_m, y_m) in zip(lab_map.movers, places_m or begins_m, strict=True):
         outline = frame.all_to_px(replace(mover, x_m=x_m, y_m=y_m).corners())
@@ -161,7 +161,7 @@ def _mixed(one: Colour, other: Colour, share: float) -> Colour:
 
 
 def draw_lab_with_axes(lab_map: LabMap, *, size_px: Size = (960, 780), title: str = "") -> Image:
-    """Return a lab with axes in metres, names and the take-off pose: x to the right, y up."""
+    """Return a lab with names, take-off pose and metres."""
     inner_px = (size_px[0] - 2 * _SIDE_PX, size_px[1])
     margins = {"above_px": HEADER_PX + 24, "below_px": _BELOW_PX}
     frame = replace(

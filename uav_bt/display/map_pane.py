@@ -1,4 +1,4 @@
-"""Map pane of a film: the lab or the mission's site map, the path, the drone and its view."""
+"""Map pane of a film: lab or site map, path, drone and its view."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _NO_LAB_M: Final = (6.0, 6.0)  # extent around the start if the lab is unknown
 def _draw_site_map(
     site_map: SiteMap, placement: MapPlacement, frame: MapFrame, lab_map: LabMap | None
 ) -> Image:
-    """Return the mission's map in the world, with the outlines of the real objects on top."""
+    """Return the mission's map in the world, below the true outlines."""
     image = _draw_cells(site_map, placement, frame)
     if lab_map is not None:
         items = (*lab_map.boxes, lab_map.mark)
@@ -112,7 +112,7 @@ def ground_view(
 
 
 class MapPane:
-    """Draws the map pane. Each piece of the path is drawn once: the time per tick is constant."""
+    """Draws the map pane, each piece of the path once: the time per tick is constant."""
 
     def __init__(self, facts: FlightFacts, size_px: Size) -> None:
         self._facts = facts
@@ -128,7 +128,7 @@ class MapPane:
         self._drawn = 1  # number of drawn points of the path
 
     def draw(self, shown: Shown) -> Image:
-        """Return the present map: the lab, or the mission's newest map once there is one."""
+        """Return the present map: the lab, or the mission's newest map."""
         flown, state, fix = shown.flown, shown.record.observation.state, shown.fix.value
         pose, lab_map = flown.pose, self._facts.lab_map
         if pose is not None:
@@ -172,7 +172,7 @@ class MapPane:
         return self._frame.to_px(*pose.to_world(forward_m, -right_m))
 
     def _draw_view(self, image: Image, pose: Pose, pitch_rad: float, height_m: float) -> None:
-        # The hull includes the lens: a wedge if it looks ahead, a rectangle if it looks down.
+        # The hull includes the lens: a wedge if it looks ahead.
         camera = self._facts.camera
         seen = [(camera.forward_offset_m, 0.0), *ground_view(camera, pitch_rad, height_m)]
         around = [self._around(pose, *point) for point in seen]

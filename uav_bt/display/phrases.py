@@ -1,4 +1,4 @@
-"""Short descriptions of flights, commands and readings, for films, views and the status line."""
+"""Short descriptions of flights, commands and readings."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def describe_flight(tree: str, *, scene: str | None, drone: str, seed: int) -> s
 
 
 def lands_on_mark(report: FlightReport, mark: LandingMark) -> bool:
-    """Return whether a flight searched or reached a mark; other landings have no landing error."""
+    """Return whether a flight searched or reached the mark."""
     error_m = report.landing_error_m
     on_pad = error_m is not None and error_m <= mark.radius_m
     return on_pad or report.time_to_find_mark_s is not None
@@ -59,7 +59,7 @@ def describe_movement(movement: Movement) -> str:
 
 
 def describe_fix(fix: MarkFix | None, age_s: float) -> str:
-    """Return range and direction of a mark fix, and whether it is seen or dead-reckoned."""
+    """Return where a mark is, and whether it is seen or carried."""
     if fix is None:
         return "none" if math.isinf(age_s) else f"none for {age_s:.0f} s"
     bearing_deg = math.degrees(fix.bearing_rad)

@@ -1,4 +1,4 @@
-"""What films and views show: facts of the flight, its path until now, and the values of a tick."""
+"""What films and views show of a flight, of its path and of a tick."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def phase_colours(phases: Sequence[str]) -> dict[str, Colour]:
     """Return a bright colour for each phase, in the order of first appearance."""
     colours = {"": _UNNAMED}
     for number, phase in enumerate(filter(None, dict.fromkeys(phases))):
-        hue = (0.55 + 0.382 * number) % 1.0  # the golden ratio keeps any number of hues apart
+        hue = (0.55 + 0.382 * number) % 1.0  # the golden ratio
         red, green, blue = (round(255 * part) for part in colorsys.hsv_to_rgb(hue, 0.5, 1.0))
         colours[phase] = (red, green, blue)
     return colours
@@ -91,7 +91,7 @@ class FlownPath:
 
 
 class Shown:
-    """What is shown of a tick; values of the board after it are None when they are stale."""
+    """What is shown of a tick; stale values are None."""
 
     def __init__(self, record: TickRecord, flown: FlownPath, board: Blackboard) -> None:
         self.record = record

@@ -45,12 +45,12 @@ WITHOUT_DISPLAY: Final = (
 
 
 class RecordedFlight:
-    """A record with the tree and the lab of its attachments, each as far as it is known here.
+    """A record with its tree and its lab, as far as they are known here.
 
     Args:
         path: the record.
-        from_s: Start of the part that is shown, since the record's start. Default: all from there.
-        to_s: Its end, not included. Default: all until the end.
+        from_s: Start of the part that is shown, seconds since the record's start.
+        to_s: Its end, not included.
 
     Raises:
         FileError: it cannot be read, is not a flight record, or is of another version.

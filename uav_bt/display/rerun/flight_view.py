@@ -125,7 +125,7 @@ class FlightView:
             self._stream.log(f"plots/{curve}", rr.Scalars(known))
 
     def _is_new(self, entity: str, value: object) -> bool:
-        """Return whether an entity is to be drawn for a value; None clears what is there."""
+        """Return whether a value is to be drawn; None clears what is there."""
         if value == self._last.get(entity):
             return False
         self._last[entity] = value
@@ -297,7 +297,7 @@ def _pinhole(camera: CameraModel, image_m: float) -> rr.Pinhole:
 
 
 def camera_axes(yaw_rad: float, pitch_rad: float) -> Floats:
-    """Return the camera's axes (x right, y down, z forward) in the world, the columns of (3, 3)."""
+    """Return the camera's axes right, down and forward in the world, columns of (3, 3)."""
     forward, right = rotate(1.0, 0.0, yaw_rad), rotate(0.0, -1.0, yaw_rad)
     level = np.array([[*forward, 0.0], [*right, 0.0], [0.0, 0.0, -1.0]]).T
     return np.asarray(level @ projection.camera_axes(pitch_rad))

@@ -1,6 +1,6 @@
 """Outputs of a Rerun view: a file, Rerun's window, or a browser.
 
-The viewer is a separate process that listens on loopback only; Rerun's default is all interfaces.
+The viewer is a process that listens on loopback only; Rerun's default is all interfaces.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _KEPT: Final = (
 
 @contextmanager
 def saved(path: Path) -> Iterator[rr.RecordingStream]:
-    """Write the drawings of the context into an rrd file, which appears complete or not at all."""
+    """Write what is drawn inside into an rrd file that appears complete or not at all."""
     need("view", "a view")
     import rerun as rr  # noqa: PLC0415 - an extra
     from rerun_bindings import flush_and_cleanup_orphaned_recordings  # noqa: PLC0415
@@ -71,7 +71,7 @@ def saved(path: Path) -> Iterator[rr.RecordingStream]:
 
 
 class Viewer(NamedTuple):
-    """The process of a viewer, in a window or for a browser, and the recording that it shows."""
+    """A viewer's process and the recording that it shows."""
 
     process: subprocess.Popen[bytes]
     stream: rr.RecordingStream
@@ -126,7 +126,7 @@ def shown(*, web: bool, instead: str) -> Iterator[Viewer]:
 
 
 def viewer_command(port: int, web_port: int | None = None) -> list[str]:
-    """Return the command that starts a viewer on loopback; a port of its page for browsers."""
+    """Return the command that starts a viewer; `web_port` is for browsers."""
     found = find_spec("rerun_cli")
     if found is None or found.origin is None:
         raise MissingDependencyError(
@@ -146,7 +146,7 @@ def _free_port() -> int:
 
 
 class Background:
-    """A tick listener that draws a view in another thread, and drops ticks that this cannot draw.
+    """A tick listener that draws a view in another thread, and drops ticks if that is slow.
 
     An error of the drawing is raised in a later tick.
     """

@@ -1,4 +1,4 @@
-"""Panes of films: the camera's image, the readings, and what perception made of the image."""
+"""Panes of films: camera image, readings, class map, depth, corridor."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.display import canvas
-from uav_bt.display.canvas import ACCENT, ALARM, BACKDROP, DIM, INK, PANEL, Colour, Point, Size
+from uav_bt.display.canvas import ACCENT, ALARM, BACKDROP, DIM, INK, Colour, Point, Size
 from uav_bt.display.phrases import describe_corridor, describe_fix, describe_free, describe_movement
 from uav_bt.display.shown import Shown
 from uav_bt.types import CameraModel, ClassMap, Corridor, DepthMap, Frame, MarkFix
@@ -30,7 +30,7 @@ FARTHEST_M: Final = 5.0  # end of the depth's scale: the length of the paper's c
 _UNKNOWN: Final[Colour] = (70, 74, 84)  # grey, which is not in the scale
 _BAR_WIDTH_PX: Final = 10
 _OPACITY: Final = 0.6  # opacity of the mark on intruding pixels
-_LEAST_SHARE: Final = 0.001  # least share of pixels in the legend, so that it does not flicker
+_LEAST_SHARE: Final = 0.001  # of the pixels; smaller ones would flicker in the legend
 _SCALE: Final = 0.4  # of the legend
 _SWATCH_PX: Final = 10
 _LEGEND_PX: Final = 20  # height of a row of the legend
@@ -41,17 +41,6 @@ _GAP_PX: Final = 2
 _FLATTEST: Final = 4.0  # largest aspect ratio of the video's panes, wide or high
 
 Row = tuple[str, str, Colour]  # name, value and its colour
-
-
-def empty_pane(words: str, size_px: Size) -> Image:
-    """Return a pane with only a line of text."""
-    image = canvas.blank(size_px, PANEL)
-    scale = 0.5
-    while canvas.text_width_px(words, scale) > size_px[0] - 16 and scale > 0.3:
-        scale -= 0.05
-    left = (size_px[0] - canvas.text_width_px(words, scale)) // 2
-    canvas.put(image, words, (left, size_px[1] // 2), scale=scale)
-    return image
 
 
 def project_fix(fix: MarkFix, frame: Frame, camera: CameraModel) -> tuple[float, float, float]:
@@ -70,7 +59,7 @@ def draw_camera(shown: Shown, camera: CameraModel, size_px: Size) -> Image:
     """Return the camera's image with a ring around the mark and the policy's reason."""
     record, frame = shown.record, shown.frame
     if frame is None:
-        return empty_pane("no image yet", size_px)
+        return canvas.empty_pane("no image yet", size_px)
     image = draw_frame(frame, shown.fix.value, camera, size_px)
     age_ms = 1000.0 * (record.time_s - frame.captured_s)
     canvas.tag(image, f"camera  {age_ms:.0f} ms old", (10, 10), colour=DIM)
@@ -129,7 +118,7 @@ def _reticle(image: Image, at_px: Point, radius_px: float, colour: Colour) -> No
 def draw_readings(shown: Shown, size_px: Size) -> Image:
     """Return the text pane: the active branch on the left, the numbers on the right."""
     record = shown.record
-    image = empty_pane("", size_px)
+    image = canvas.empty_pane("", size_px)
     canvas.put(image, record.phase or "-", (18, 38), scale=0.85, colour=ACCENT, bold=True)
     clock = f"{shown.elapsed_s:.1f} s"
     canvas.put(image, clock, (size_px[0] - 18 - canvas.text_width_px(clock, 0.85), 38), scale=0.85)
@@ -191,7 +180,7 @@ def draw_rows(image: Image, rows: Sequence[Row], at_px: tuple[int, int]) -> None
 def draw_class_map(class_map: ClassMap | None, size_px: Size) -> Image:
     """Return the class map in the colours of its classes, with a legend."""
     if class_map is None:
-        return empty_pane("no class map", size_px)
+        return canvas.empty_pane("no class map", size_px)
     ids = class_map.ids
     image = canvas.resized(class_map.classes.colourise(ids), size_px)
     title = "class map"
@@ -203,7 +192,7 @@ def draw_class_map(class_map: ClassMap | None, size_px: Size) -> Image:
 
 
 def _draw_legend(image: Image, class_map: ClassMap, title_px: int) -> None:
-    """Draw swatch and name of classes beside the title and, if necessary, in a row below it."""
+    """Draw swatches and names of classes beside the title, and in a row below it."""
     top, left, end = _EDGE_PX, _EDGE_PX + title_px, image.shape[1] - _EDGE_PX
     for name, colour in legend_of(class_map):
         wide = _SWATCH_PX + 5 + canvas.text_width_px(name, _SCALE) + 12
@@ -235,9 +224,9 @@ def _scale_colours() -> NDArray[np.uint8]:
 
 
 def draw_depth(depth: DepthMap | None, size_px: Size, *, why_none: str = "") -> Image:
-    """Return metric depth from near (red) to far (blue), and why it is missing or reduced."""
+    """Return depth from near (red) to far (blue), and why it is missing."""
     if depth is None:
-        return empty_pane(f"no depth: {why_none}" if why_none else "no depth", size_px)
+        return canvas.empty_pane(f"no depth: {why_none}" if why_none else "no depth", size_px)
     known = np.isfinite(depth.depth)
     metres = np.where(known, depth.depth, 0.0)
     colours = _scale_colours()[np.clip(metres * (255.0 / FARTHEST_M), 0.0, 255.0).astype(np.uint8)]
@@ -276,9 +265,9 @@ def draw_corridor(
     intruding: NDArray[np.bool_] | None,
     size_px: Size,
 ) -> Image:
-    """Return the darkened image of a corridor with the pixels inside it marked, and text."""
+    """Return the darkened image, in which pixels inside the corridor are marked."""
     if frame is None or corridor is None:
-        return empty_pane("no corridor", size_px)
+        return canvas.empty_pane("no corridor", size_px)
     # Nearest neighbour takes a tenth of the time, and a darkened image looks the same.
     image = canvas.resized(frame.image, size_px) // 2
     if intruding is not None and intruding.any():
@@ -293,9 +282,8 @@ def draw_corridor(
         if math.isfinite(corridor.nearest_left_m):
             canvas.tag(image, f"< {corridor.nearest_left_m:.2f} m", (10, row), colour=ALARM)
         if math.isfinite(corridor.nearest_right_m):
-            canvas.tag(
-                image, f"{corridor.nearest_right_m:.2f} m >", (size_px[0], row), colour=ALARM
-            )
+            words = f"{corridor.nearest_right_m:.2f} m >"
+            canvas.tag(image, words, (size_px[0], row), colour=ALARM)
     return image
 
 

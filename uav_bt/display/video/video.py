@@ -22,7 +22,6 @@ from uav_bt.display.video.panes import (
     draw_depth,
     draw_readings,
     draw_rows,
-    empty_pane,
 )
 from uav_bt.display.video.video_file import FILM, VideoFile
 from uav_bt.errors import FileError, ValueRangeError
@@ -50,10 +49,10 @@ def open_film(path: Path, speed: float = 1.0) -> VideoFile:
 
 
 class FlightVideo:
-    """A tick listener that films a flight into an open file, from the board after each tick.
+    """A tick listener that films a flight into an open file.
 
-    The panes of depth and corridor are there if the mission makes metric depth, or from the first
-    one on. A new pane is a function of `Shown` and a line in `draw`.
+    The panes of depth are there if the mission makes metric depth, or from the first one on.
+    A new pane is a function of `Shown` and a line in `draw`.
     """
 
     def __init__(self, file: VideoFile, board: Blackboard, facts: FlightFacts) -> None:
@@ -95,7 +94,7 @@ class FlightVideo:
         self._shows_depth = self._shows_depth or shown.depth.known
         if self._shows_depth:
             inside = shown.intruding_pixels(self._facts)
-            rows = empty_pane("", _SMALL)
+            rows = canvas.blank(_SMALL, PANEL)
             draw_rows(rows, corridor_rows(shown), (10, 28))
             panes += [
                 (0, 361, draw_class_map(shown.class_map, _SMALL)),

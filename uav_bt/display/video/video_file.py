@@ -66,7 +66,7 @@ class VideoFile:
         self._stream = stream
 
     def write(self, image: Image, slot: int | None = None) -> None:
-        """Append an image at a later slot, which counts frames; the image before fills a gap."""
+        """Append an image at a later slot, which counts frames."""
         if self._failure is not None:
             raise self._failure
         self._slot = self._slot + 1 if slot is None else slot
