@@ -17,14 +17,13 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Final, NamedTuple
 
 import cv2
 import numpy as np
 from scipy.optimize import minimize
 
-from benchmarks.lab_views import copy_lab, frame_of
+from benchmarks.lab_views import frame_of
 from benchmarks.segmentation import scenes_of
 from perception.camera.ground_plane import CameraView, ground_depth
 from perception.depth.runtime import load_depth_estimator
@@ -37,11 +36,10 @@ from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import View, render_views
 from uav_bt.app.site import network_of
 from uav_bt.lab.classes import GROUND, MARK, OUTSIDE
-from uav_bt.lab.lab import LAB_FILE, Lab
+from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import load_lab
 from uav_bt.learning.views import DepthViewPlan, scene_seed
 from uav_bt.protocols import DepthEstimator, Segmenter
-from uav_bt.yaml_file import read_yaml, yaml_text
 
 WRONG_WEIGHT: Final = 20.0  # right scales that a wrong one counts as; chosen on validation scenes
 _PENALTY: Final = 1e-4  # of the squared coefficients
@@ -50,7 +48,6 @@ _MAP_PX: Final = (224, 112)  # width and height of class maps, and so of the dep
 _TURN_RAD: Final = math.radians(4)  # from frame to frame
 _ADVANCE_M, _APART_S = 0.06, 0.1
 _ENOUGH_PX: Final = 200  # of exact depth, for an exact scale
-_PAINTED: Final = {"train": (0, 1, 2), "val": (3, 4), "test": (5, 6)}  # seeds of the colours
 Networks = tuple[DepthEstimator, Segmenter, Segmenter]
 _CHANNELS: Final = ([2, 0, 1], [1, 2, 0], [0, 2, 1])  # other orders of red, green and blue
 
@@ -71,37 +68,20 @@ class JudgedScale(NamedTuple):
 
 
 def judged_scales(split: str, views: int, seed: int, rooms: Path | None) -> Iterator[JudgedScale]:
-    """Judge the scales of views of rooms, of both labs, and of the second in other colours."""
+    """Judge the scales of views of rooms and of both labs."""
     paper, depot = load_lab(), load_lab("depot")
     furnished = [] if rooms is None else map(load_lab, sorted(rooms.iterdir()))
-    with TemporaryDirectory() as folder:
-        painted = [_painted(depot, Path(folder) / str(n), n) for n in _PAINTED[split]]
-        for name, lab, own, other, count in (
-            *(("room", room, room, depot, max(1, views // 6)) for room in furnished),
-            *((paper.name, paper, paper, depot, views), (depot.name, depot, depot, paper, views)),
-            *(("painted", each, depot, paper, max(1, views // 3)) for each in painted),
-        ):
-            depth = load_depth_estimator(network_of(lab).get("depth", SHIPPED_DEPTHS[0]))
-            networks = depth, _segmenter(own), _segmenter(other)
-            for scene in scenes_of(lab, lab.folder.name if name == "room" else f"*{split}-*"):
-                for number, sequence in enumerate(_sequences(scene, count, seed)):
-                    key = len(lab.folder.name) if name == "room" else number
-                    rng = np.random.default_rng((seed, key))
-                    yield from _scales(name, lab, networks, sequence, rng)
-
-
-def _painted(lab: Lab, folder: Path, seed: int) -> Lab:
-    """Return a copy of a lab whose ground, walls and objects have other colours."""
-    rng = np.random.default_rng(seed)
-    file = copy_lab(lab, folder).lab.folder / LAB_FILE
-    content = read_yaml(file, dict[str, Any], "lab file").value
-    room = content["room"]
-    parts = (room["ground"], room["walls"], *room["objects"].values())
-    for part in parts:
-        part["surface"] = {"colour": f"#{bytes(rng.integers(30, 230, 3).tolist()).hex()}"}
-    parts[0]["surface"]["generator"] = ("concrete", "wood")[seed % 2]
-    file.write_text(yaml_text(content), encoding="utf-8")
-    return load_lab(folder)
+    for name, lab, other, count in (
+        *(("room", room, depot, max(1, views // 6)) for room in furnished),
+        *((paper.name, paper, depot, views), (depot.name, depot, paper, views)),
+    ):
+        depth = load_depth_estimator(network_of(lab).get("depth", SHIPPED_DEPTHS[0]))
+        networks = depth, _segmenter(lab), _segmenter(other)
+        for scene in scenes_of(lab, lab.folder.name if name == "room" else f"*{split}-*"):
+            for number, sequence in enumerate(_sequences(scene, count, seed)):
+                key = len(lab.folder.name) if name == "room" else number
+                rng = np.random.default_rng((seed, key))
+                yield from _scales(name, lab, networks, sequence, rng)
 
 
 def _sequences(name: str, views: int, seed: int) -> Iterator[list[View]]:

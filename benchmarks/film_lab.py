@@ -16,8 +16,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
 
 from sim_bridge.twin import TwinConfig
 from sim_bridge.twin.drone import TwinDrone
@@ -31,7 +29,7 @@ from uav_bt.types.pose import wrap_angle
 Point = tuple[float, float]
 
 TICK_S: Final = 0.1
-CELL_M: Final = 0.25  # of the grid that the round is planned on
+CELL_M: Final = 0.25  # of the grid of places
 ROOM_M: Final = 0.55  # from the drone's centre to objects and walls
 ABOVE_M: Final = 2.4  # flight height above people and carts
 PITCHES_DEG: Final = (-12.0, -28.0, -45.0)  # of the camera, place by place
@@ -39,7 +37,7 @@ TURN_RADPS: Final = 0.7
 REACHED_M: Final = 0.15
 GAIN: Final = 1.2  # 1/s, from distance to speed
 SPEED_MPS: Final = 0.6
-LEG_TIMEOUT_S: Final = 12.0
+LEG_TIMEOUT_S: Final = 20.0
 
 
 class Pilot:
@@ -95,7 +93,7 @@ class Pilot:
 
 
 class FreePlaces:
-    """The places of a scene where a drone has room at a height, and paths between them."""
+    """The places of a scene where a drone has room at a height."""
 
     def __init__(self, scene: Scene, height_m: float) -> None:
         self._scene, self._height_m = scene, height_m
@@ -106,41 +104,11 @@ class FreePlaces:
         self.points = [cell for cell in cells if self._is_free(cell)]
         if not self.points:
             raise InputError(f"scene '{scene.name}' has no room to fly at {height_m:g} m")
-        table = np.array(self.points)
-        gaps = np.hypot(*(table[:, None] - table[None]).transpose(2, 0, 1))
-        near = (gaps > 0.0) & (gaps < 1.5 * CELL_M)
-        self._distance_m, self._before = dijkstra(
-            coo_array(np.where(near, gaps, 0.0)), return_predecessors=True
-        )
 
-    def spread(self, first: int, count: int) -> list[int]:
-        """Return places far from each other that can be reached, in the order of a round."""
-        reachable = np.isfinite(self._distance_m[first])
-        chosen = [first]
-        while len(chosen) < count + 1:
-            away = self._distance_m[chosen].min(axis=0)
-            chosen.append(int(np.where(reachable, away, -1.0).argmax()))
-        tour, left = [first], set(chosen[1:])
-        while left:
-            tour.append(min(left, key=lambda place: self._distance_m[tour[-1], place]))
-            left.remove(tour[-1])
-        return tour[1:]
-
-    def path(self, begin: int, end: int) -> list[Point]:
-        """Return the corners of a path; each leg has room on all of its length."""
-        cells = [end]
-        while cells[-1] != begin:
-            cells.append(int(self._before[begin, cells[-1]]))
-        points = [self.points[cell] for cell in reversed(cells)]
-        corners, at = [], 0
-        while at < len(points) - 1:
-            at = next(
-                to
-                for to in range(len(points) - 1, at, -1)
-                if to == at + 1 or self._leg_is_free(points[at], points[to])
-            )
-            corners.append(points[at])
-        return corners
+    def after(self, route: list[Point]) -> Point:
+        """Return the place farthest from a route that a straight leg leads to from its end."""
+        seen = [place for place in self.points if self._leg_is_free(route[-1], place)]
+        return max(seen, key=lambda place: min(math.dist(place, other) for other in route))
 
     def _leg_is_free(self, begin: Point, end: Point) -> bool:
         count = max(2, round(math.dist(begin, end) / 0.1))
@@ -159,17 +127,16 @@ def fly_round(pilot: Pilot, scene: Scene, height_m: float, count: int) -> None:
     """Take off, turn at every place, film the mark from above, and land."""
     places = FreePlaces(scene, height_m)
     mark = scene.pads[0].position_m if scene.pads else (0.0, 0.0)
-    here = home = int(np.argmin([math.dist(mark, place) for place in places.points]))
+    route = [min(places.points, key=lambda place: math.dist(mark, place))]
     pilot.send(TakeOff(), then_s=4.0)
-    pilot.fly_to(mark, height_m)
-    for number, place in enumerate(places.spread(here, count)):
+    pilot.fly_to(route[0], height_m)
+    for number in range(count):
         pilot.point_camera(PITCHES_DEG[number % len(PITCHES_DEG)])
-        for corner in places.path(here, place):
-            pilot.fly_to(corner, height_m)
+        route.append(places.after(route))
+        pilot.fly_to(route[-1], height_m)
         pilot.turn()
-        here = place
-    for corner in places.path(here, home):
-        pilot.fly_to(corner, height_m)
+    for place in reversed(route):
+        pilot.fly_to(place, height_m)
     for pitch_deg, lower_m in ((-60.0, height_m), (-90.0, height_m), (-90.0, 0.8)):
         pilot.point_camera(pitch_deg)
         pilot.fly_to(mark, lower_m)

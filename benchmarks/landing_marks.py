@@ -3,9 +3,13 @@
     python -m benchmarks.landing_marks views --marks apriltag-0,board-0 --views 12
     python -m benchmarks.landing_marks scenes --out runs/marks
     uav-bt campaign land_only --scenes "runs/marks/*.yaml" --flights 1 --exact-masks --out runs/land
+    python -m benchmarks.landing_marks corners --scenes 20 --out runs/corners
+    uav-bt campaign land_only survey_and_land --scenes "runs/corners/*.yaml" --flights 1 \
+        --drone plain --profile harsh --out runs/corner-flights
 
 A mark's name is its kind and its height in metres. `views` renders it through the twin's camera,
-with its noise. A scene has one mark, and a random take-off place 2 m and more from it.
+with its noise. A scene has one mark, and a random take-off place 2 m and more from it. In `corners`
+the mark lies in a corner behind boxes whose entrance is narrower than passages of routes elsewhere.
 """
 
 from __future__ import annotations
@@ -19,6 +23,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import yaml
 
 from benchmarks.lab_views import frame_of
 from sim_bridge.anafi import anafi_camera
@@ -48,6 +53,12 @@ MARKS: Final = (
     "helipad-0,helipad-0.2,helipad-0.4,helipad-0.6,apriltag-0,apriltag-0.4,aruco-0.2,board-0,"
     "region-0,region-0.6"
 )
+
+HALF_M: Final = 2.5, 2.0  # of the ground's sides, around corners
+ENTRANCE_M: Final = 0.6
+PAD_M: Final = 0.25  # half of the landing box's side
+GAP_M: Final = 0.03  # between two boxes of the wall: they must not touch
+THICK_M: Final = 0.3  # of the wall's boxes
 
 
 def scene_of(name: str) -> Scene:
@@ -118,16 +129,71 @@ def write_scene(name: str, seed: int, folder: Path) -> None:
     (folder / f"{scene.name}.yaml").write_text(scene_text(scene), encoding="utf-8")
 
 
+def corner_scene(seed: int) -> dict[str, Any]:
+    """Return a scene: an L of boxes around the mark in one of the corners, and a box elsewhere."""
+    rng = np.random.default_rng(seed)
+    side = rng.choice([-1.0, 1.0], size=2)  # of the corner
+    pad = rng.uniform(0.65, 0.8, size=2)  # distances of the mark's middle from the two edges
+    wall = pad + rng.uniform(0.75, 0.95, size=2)  # of the two arms of the L, to their middles
+    arm = int(rng.integers(2))  # the one with the entrance
+    boxes = []
+    for which in (0, 1):
+        along, half = 1 - which, THICK_M / 2  # one arm has the L's outer corner
+        length = wall[along] - half - GAP_M if which else wall[along] + half
+        ends = [(0.1, length)]
+        if which == arm:
+            least = 0.15 + ENTRANCE_M / 2
+            most = wall[along] - THICK_M / 2 - 0.15 - ENTRANCE_M / 2
+            middle = rng.uniform(max(least, pad[along] - 0.3), min(most, pad[along] + 0.3))
+            door = middle - ENTRANCE_M / 2, middle + ENTRANCE_M / 2
+            ends = [(0.1, door[0]), (door[1], length)]
+        for begin, end in ends:
+            count = max(1, math.ceil((end - begin) / 0.6))
+            size = (end - begin - (count - 1) * GAP_M) / count
+            for number in range(count):
+                middle = begin + number * (size + GAP_M) + size / 2
+                at, size_m = np.array([[wall[which], middle], [THICK_M, size]])[:, [which, along]]
+                if size > 0.05:
+                    boxes.append(_box(rng, side * (np.array(HALF_M) - at), size_m))
+    boxes.append(_box(rng, -side * rng.uniform(1.2, 1.5, size=2), np.array([0.4, 0.4])))
+    start = -side * (0.6, -0.9) + rng.uniform(-0.15, 0.15, size=2)
+    pad_m = side * (np.array(HALF_M) - pad)
+    return {
+        "name": f"corner-{seed}",
+        "helipad": {"position_m": _rounded(pad_m), "yaw_deg": 0, "size_m": [0.5, 0.5, 0.4]},
+        "boxes": boxes,
+        "take_off": {"from": _rounded(start), "yaw_deg": int(rng.integers(-180, 180))},
+    }
+
+
+def _box(
+    rng: np.random.Generator, at_m: np.ndarray[Any, Any], size_m: np.ndarray[Any, Any]
+) -> dict[str, Any]:
+    height_m = float(rng.uniform(1.0, 2.2))
+    return {
+        "pattern": int(rng.integers(1, 9)),
+        "position_m": _rounded(at_m),
+        "size_m": [*_rounded(size_m), round(height_m, 2)],
+    }
+
+
+def _rounded(values: np.ndarray[Any, Any]) -> list[float]:
+    return [round(float(value), 3) for value in values]
+
+
 def main() -> None:
     """Print the errors in views, or write scenes."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("what", choices=("views", "scenes"))
+    parser.add_argument("what", choices=("views", "scenes", "corners"))
     parser.add_argument("--marks", default=MARKS)
     parser.add_argument("--views", type=int, default=12, help="for each distance and tilt")
-    parser.add_argument("--scenes", type=int, default=4, help="for each mark")
+    parser.add_argument("--scenes", type=int, default=4, help="for each mark; corners")
     parser.add_argument("--out", type=Path, default=Path("runs/marks"), help="of the scenes")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
+    for seed in range(given.scenes if given.what == "corners" else 0):
+        text = yaml.safe_dump(corner_scene(seed), sort_keys=False, default_flow_style=None)
+        (given.out / f"corner-{seed:02d}.yaml").write_text(text, encoding="utf-8")
     for name in given.marks.split(","):
         if given.what == "views":
             print_views(name, given.views)

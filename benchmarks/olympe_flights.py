@@ -1,89 +1,58 @@
-"""Missions over Parrot's SDK against the loopback ANAFI: outcomes, latency, frame rate, CPU share.
-
-Run it with a Python that has Olympe; the drone is served by another process, by default with the
-same Python:
+"""Fly missions over Parrot's SDK against the loopback ANAFI.
 
     python -m benchmarks.olympe_flights --flights 10 --scene train-a
 
-Latency is from a frame's arrival at this program to the moment its command was handed to the SDK's
-thread: conversion, perception and tree included, rendering and encoding not; a table says where it
-goes. A frame that came while the one before was still being processed is never used and does not
-count. Load, and on a virtual machine the time that its host gave to others, are printed, too:
-latencies grow with them.
+Run it with a Python that has Olympe; another process serves the drone. Each flight is printed as a
+line, with the times of a tick and of the stages of perception. They grow with the machine's load.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import subprocess
 import sys
-import time
-from functools import partial
 from pathlib import Path
 
-from benchmarks.loopback_drone import served
-from benchmarks.olympe_stages import TimedDrone, TimedQueue, table, timed_drone
 from sim_bridge.olympe import AnafiConfig
-from sim_bridge.olympe.drone import OlympeDrone
 from uav_bt import app
 from uav_bt.app.site import Site
 from uav_bt.errors import UavBtError
 
-
-def machine_s() -> tuple[float, float]:
-    """Return the time of all cores, and how much of it the host gave to others, seconds (Linux)."""
-    hundredths = [int(number) for number in Path("/proc/stat").read_text().split()[1:9]]
-    return sum(hundredths) / 100.0, hundredths[7] / 100.0
+PAD_M = 0.4  # height of the scenes' landing mark, on which the drone stands
 
 
-def fly(args: argparse.Namespace, number: int) -> tuple[TimedDrone, TimedQueue, bool]:
-    """Fly one mission, print a line about it, and return its times and whether it succeeded.
-
-    Raises:
-        UavBtError: it could not be flown, or ended with an error.
-    """
+def fly(args: argparse.Namespace, number: int) -> bool:
+    """Fly one mission, print a line about it, and return whether it succeeded."""
     address = f"127.0.1.{number + 1}"
+    words = ["--address", address, "--scene", args.scene, "--seed", str(number)]
+    words += ["--rate", f"{args.rate:g}", "--profile", args.profile]
+    command = [args.server_python, "-m", "uav_bt", "serve-anafi", *words]
     latency_s = 0.03 if args.profile == "ideal" else AnafiConfig.video_latency_s
-    config = AnafiConfig(address=address, take_off_surface_m=0.4, video_latency_s=latency_s)
-    drone, queue = timed_drone(partial(OlympeDrone, config))
-    options = app.FlightOptions(drone=drone, site=Site(take_off_surface_m=0.4))
-    with served(
-        address,
-        "--profile",
-        args.profile,
-        scene=args.scene,
-        seed=number,
-        rate_hz=args.rate,
-        python=args.server_python,
-    ) as printed:
-        wall_s, cpu_s = time.perf_counter(), time.process_time()
-        cores_s, stolen_s = machine_s()
-        report = app.fly(
-            args.tree,
-            options,
-            report=args.reports / f"{number}.json" if args.reports else None,
-            listeners=[drone.watch],
-        )
-        share = (time.process_time() - cpu_s) / (time.perf_counter() - wall_s)
-        all_s, gone_s = machine_s()
-        stolen = (gone_s - stolen_s) / (all_s - cores_s)
-    print(f"drone: {'; '.join(printed)}", flush=True)
-    p50, p95, p99 = drone.frame_to_command_ms()
-    came_hz, used_hz = drone.used_hz()
+    config = AnafiConfig(address=address, take_off_surface_m=PAD_M, video_latency_s=latency_s)
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:  # noqa: S603
+        try:
+            if server.stdout is None or not server.stdout.readline():  # printed once it listens
+                raise SystemExit(f"no loopback ANAFI can be served at {address}")
+            site = Site(take_off_surface_m=PAD_M)
+            file = args.reports / f"{number}.json" if args.reports else None
+            report = app.fly(args.tree, drone=config, site=site, report=file)
+        except UavBtError as error:
+            print(f"{number}: {type(error).__name__}: {error}", flush=True)
+            return False
+        finally:
+            server.terminate()
     print(
-        f"{number}: {report.outcome}, {report.reason}; {report.duration_s or 0.0:.0f} s; "
-        f"frame to command p50 {p50:.1f} ms, p95 {p95:.1f} ms, p99 {p99:.1f} ms; "
-        f"{came_hz:.1f} frames/s came, {used_hz:.1f}/s were used; {100 * share:.0f} % of a "
-        f"core; load {os.getloadavg()[0]:.1f}, {100 * stolen:.0f} % of the machine's time was "
-        "stolen",
+        f"{number}: {report.outcome}, {report.reason}; {report.duration_s or 0.0:.0f} s; tick "
+        f"{report.tick_ms}, {report.perception_ms} ms; load {os.getloadavg()[0]:.1f}",
         flush=True,
     )
-    return drone, queue, report.outcome == "success"
+    return report.outcome == "success"
 
 
 def main() -> int:
     """Fly and print; return the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--tree", default="explore_and_land_depth")
     parser.add_argument("--flights", type=int, default=10)
     parser.add_argument("--scene", default="train-a")
@@ -92,16 +61,7 @@ def main() -> int:
     parser.add_argument("--server-python", default=sys.executable)
     parser.add_argument("--reports", type=Path, help="folder for the flights' reports")
     args = parser.parse_args()
-    flown = []
-    for number in range(args.flights):
-        try:
-            flown.append(fly(args, number))
-        except UavBtError as error:
-            print(f"{number}: {type(error).__name__}: {error}", flush=True)
-    if flown:
-        drones, queues, _ = zip(*flown, strict=True)
-        print("\n".join(table(drones, queues)))
-    good = sum(success for *_, success in flown)
+    good = sum(fly(args, number) for number in range(args.flights))
     print(f"{good} of {args.flights} succeeded")
     return 0 if good == args.flights else 1
 

@@ -21,11 +21,10 @@ class Option:
 
     Attributes:
         help: One or two sentences.
-        form: Flag and placeholder of the value, as `--set NODE.PORT=VALUE`; without a flag it is
-            the name of the field or parameter.
-        group: Heading of the help that it stands under; fields of `FlightOptions` without one are
-            for Python only.
-        of_drone: Whether it sets up the drone, whose configuration has a field of its name.
+        form: Flag and placeholder of the value, as `--set NODE.PORT=VALUE`. Default flag: the name
+            of the field or parameter.
+        group: Heading in the help; fields of `FlightOptions` without one are for Python only.
+        of_drone: Whether a drone's configuration has a field of its name.
         path: What a path is: a file that is read or written, or a folder that is written.
         suffix: How the name of a written file ends.
         alone: The text when the flag stands alone. None: the flag needs a value.
@@ -63,13 +62,13 @@ class Option:
 
 
 def option_of(made: Any, name: str) -> Option:
-    """Return the declaration of a field; its help may stand below it, as its docstring."""
+    """Return the declaration of a field; its help may be its docstring."""
     about = next(each for each in _hints(made)[name].__metadata__ if isinstance(each, Option))
     return about if about.help else replace(about, help=text_below(made, name))
 
 
 def text_below(made: Any, name: str) -> str:
-    """Return the docstring of a field of a pydantic dataclass, in one line; otherwise ""."""
+    """Return the docstring of a field in one line, "" without one."""
     known = getattr(made, "__pydantic_fields__", {}).get(name)
     return " ".join(str(known.description or "").split()) if known else ""
 

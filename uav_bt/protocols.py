@@ -119,9 +119,8 @@ class Drone(Protocol):
 class DroneConfig(Protocol):
     """Configuration dataclass of one kind of drone, registered in `uav_bt.drones`.
 
-    Its fields are the settings of that drone, keyword-only and with defaults. Fields with a name of
-    `uav_bt.app.drone_of_flight.drone_settings`, `scene` and `address` are filled in from a flight's
-    options.
+    Its fields are the settings of that drone, keyword-only and with defaults. Fields named as
+    in `uav_bt/app/drone_of_flight.py` are filled in from a flight's options and its place.
     """
 
     def create(self) -> Drone:

@@ -56,15 +56,9 @@ def outlines_m(movers: Sequence[MapMover]) -> Floats:
 
 
 def gap_m(movers: Sequence[MapMover], places_m: Floats, body_m: float) -> Floats:
-    """Return the gap between the body and the nearest mover, less the movers' uncertainty, metres.
+    """Return the least gap to movers over a prediction, less their uncertainty, (...); or inf.
 
-    Args:
-        movers: The movers of the map.
-        places_m: (..., T, 2) places of the drone at the times of a prediction, in the map's frame.
-        body_m: Half of the body's diagonal.
-
-    Returns:
-        (...) least gap over the prediction; inf without movers.
+    `places_m`, (..., T, 2), are the drone's at `TIMES_S`; `body_m` is half of its diagonal.
     """
     min_left_m = np.full(places_m.shape[:-2], math.inf)
     for mover in movers:
@@ -79,13 +73,9 @@ def gap_m(movers: Sequence[MapMover], places_m: Floats, body_m: float) -> Floats
 def yielding_mps(
     movers: Sequence[MapMover], path_m: Floats, speed_mps: float, body_m: float = 0.2
 ) -> float:
-    """Return the highest speed along a path that keeps the gap to movers; 0 to wait.
+    """Return the highest speed, up to `speed_mps`, that keeps the gap to movers; 0 to wait.
 
-    Args:
-        movers: The movers of the map.
-        path_m: (N, 2) path from the drone, metres in the map's frame.
-        speed_mps: Highest speed.
-        body_m: Half of the body's diagonal.
+    The path, (N, 2) in the map's frame, begins at the drone.
     """
     if not movers or speed_mps <= 0.0:
         return speed_mps
@@ -103,10 +93,7 @@ def yielding_mps(
 def runs_into(site_map: SiteMap, velocity_mps: Floats, body_m: float) -> bool:
     """Return whether a drone that flies on for a moment comes too near to a mover.
 
-    Args:
-        site_map: The map with its movers.
-        velocity_mps: (2,) velocity of the drone over the ground, in the map's frame; 0 to stay.
-        body_m: Half of the body's diagonal.
+    Its velocity, (2,), is over the ground in the map's frame.
     """
     flown_s = np.minimum(TIMES_S, _STOP_S)[:, None]
     places_m = np.array([site_map.pose.x_m, site_map.pose.y_m]) + flown_s * velocity_mps

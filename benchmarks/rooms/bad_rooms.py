@@ -24,7 +24,6 @@ from uav_bt import app
 from uav_bt.board import FRAME, METRIC_DEPTH, ODOMETRY
 from uav_bt.lab.lab import LAB_FILE, SCENES_FOLDER
 from uav_bt.lab.shipped import load_lab
-from uav_bt.mission.judge import LANDING_SURFACES
 from uav_bt.mission.tick import TickRecord
 from uav_bt.yaml_file import read_yaml, yaml_text
 
@@ -111,11 +110,11 @@ def write_bad_room(case: str, folder: Path) -> Path:
 
 
 class Watch:
-    """Notes contacts, and compares depth with the truth; beyond a mirror is a contact, too."""
+    """Compares depth with the truth, and notes when the drone is beyond a mirror."""
 
     def __init__(self, mirror_x_m: float) -> None:
         self._mirror_x_m, self._last = mirror_x_m, -1
-        self.contacts: dict[str, float] = {}  # first time of each, s
+        self.mirror_s: float | None = None  # first time beyond the mirror
         self.depths: list[tuple[float, float]] = []  # confidence, logarithm of the error
         self.followed: list[bool] = []  # of the frames with ground: whether its motion was measured
 
@@ -125,12 +124,11 @@ class Watch:
         return [self]
 
     def on_tick(self, record: TickRecord) -> None:
-        """Note contacts, and compare the depth of a new frame."""
+        """Compare the depth of a new frame."""
         if (truth := record.truth) is None:
             return
-        mirror = {"mirror"} if truth.pose.x_m > self._mirror_x_m - _HULL_M else set()
-        for name in {*truth.contacts, *mirror} - set(LANDING_SURFACES):
-            self.contacts.setdefault(name, round(record.time_s, 1))
+        if self.mirror_s is None and truth.pose.x_m > self._mirror_x_m - _HULL_M:
+            self.mirror_s = round(record.time_s, 1)
         frame, depth = self._board.read(FRAME).value, self._board.read(METRIC_DEPTH).value
         if truth.pose.z_m <= _FLYING_M or frame is None or frame.index == self._last:
             return
@@ -168,7 +166,7 @@ def fly(case: str, seed: int, given: argparse.Namespace) -> Values:
     )
     report = app.fly(given.tree, options, listeners=[watch.follow]).to_json()
     kept = ("outcome", "reason", "duration_s", "coverage_passed", "map_drift_m", "warnings")
-    line = {"case": case, "seed": seed, "contacts": watch.contacts, **watch.shares()}
+    line = {"case": case, "seed": seed, "mirror_s": watch.mirror_s, **watch.shares()}
     return line | {name: report[name] for name in kept}
 
 

@@ -24,8 +24,10 @@ _BEARING_STEP_RAD: Final = math.radians(1.0)  # about three columns of a 224-wid
 _ELEVATION_STEP_RAD: Final = math.radians(0.5)  # about one row of a 224-wide map
 _MAX_ELEVATION_RAD: Final = math.radians(-8.0)  # ground above this elevation is beyond the lab
 _MIN_RUN: Final = 4  # samples of obstacle or background above a base; fewer are mask noise
-# An obstacle at a metre that covers a bearing up to this elevation reaches the drone's height.
-_TALL_RAD: Final = math.radians(-25.0)
+# A tall obstacle is higher than the one, or ends nearer than the other below the camera.
+_TALL_M: Final = 0.9
+_BELOW_M: Final = 0.5
+_HIDDEN_M: Final = 1.0  # assumed range of a base below the image
 _TALL_SHARE: Final = 0.9  # of the samples that it covers; the others are mask noise
 
 
@@ -53,6 +55,7 @@ class Bases:
     placed_ids: Ids  # (N,) classes of the obstacles there
     # (N,) heights of their upper edges above the ground, m; NaN where the roof is not in view
     placed_heights_m: Floats
+    placed_tall: Flags  # (N,) whether they are tall
     # (M, 2): the nearest sample in view on bearings where it shows an obstacle. The obstacle stands
     # there or nearer, since a vertical edge keeps its bearing.
     hidden_m: Floats
@@ -106,22 +109,28 @@ def find_bases(scan: GroundScan) -> Bases:
     edge_rows, edge, edge_before = first_runs(scan.roles, OUTSIDE, scan.min_run)
     ends, ended = edge_before == GROUND, edge_before == NO_ROLE
     placed, hidden = (rows[stands], first[stands]), (rows[hides], first[hides])
+    placed_m, gap_m = _borders_m(scan, *placed), max(_BELOW_M, scan.height_m - _TALL_M)
+    bases_m = np.hypot(*placed_m.T)[:, None]
+    hidden_tall = _are_tall(scan, hidden[0], 0.0, _HIDDEN_M * scan.height_m / _BELOW_M)
     return Bases(
-        placed_m=_borders_m(scan, *placed),
+        placed_m=placed_m,
         placed_ids=scan.ids[placed],
         placed_heights_m=_upper_edges(scan, *placed),
+        placed_tall=_are_tall(scan, placed[0], bases_m, bases_m * scan.height_m / gap_m),
         hidden_m=scan.level_m[hidden],
-        hidden_tall=_are_tall(scan, rows[hides]) & ~scan.on_legs[scan.ids[hidden]],
+        hidden_tall=hidden_tall & ~scan.on_legs[scan.ids[hidden]],
         edges_m=_borders_m(scan, edge_rows[ends], edge[ends]),
         hidden_edges_m=scan.level_m[edge_rows[ended], edge[ended]],
     )
 
 
-def _are_tall(scan: GroundScan, rows: Indices) -> Flags:
-    """Return whether obstacles cover bearings up to the elevation of the drone's height."""
+def _are_tall(
+    scan: GroundScan, rows: Indices, from_m: Floats | float, to_m: Floats | float
+) -> Flags:
+    """Return whether obstacles cover the samples of N bearings between two ranges, (N, 1)."""
     ranges_m = np.hypot(*np.moveaxis(scan.level_m[rows], -1, 0))
-    below = ranges_m <= scan.height_m / math.tan(-_TALL_RAD)
-    shown = below & (scan.roles[rows] != NO_ROLE)
+    shown = (ranges_m > from_m) & (ranges_m <= to_m)
+    shown &= scan.roles[rows] != NO_ROLE
     covered = shown & (scan.roles[rows] == OBSTACLE)
     return np.asarray(covered.sum(axis=1) >= _TALL_SHARE * shown.sum(axis=1))
 

@@ -49,17 +49,10 @@ class Covered:
 def cover_below(
     level_m: Floats, ids: Ids, roles: Ids, classes: LabClasses, runs: tuple[Indices, Indices, Ids]
 ) -> Covered | None:
-    """Give the samples of the ground below boards to the objects that stand there.
+    """Give the samples of the ground below boards, which are returned, to the objects on legs.
 
-    Args:
-        level_m: (B, E, 2) samples of a scan, metres forward and right, from near to far.
-        ids: (B, E) their class ids, changed.
-        roles: (B, E) their role ids, changed.
-        classes: classes of the lab.
-        runs: `first_runs` of obstacles.
-
-    Returns:
-        The ground below boards; None if no object on legs is in view.
+    The samples of a scan, (B, E, 2) from near to far, have `ids` and `roles`, (B, E), which are
+    changed. The `runs` are the `first_runs` of obstacles. None without an object on legs in view.
     """
     rows, first, before = runs
     kinds = np.zeros(len(ids), dtype=np.uint8)
@@ -111,11 +104,9 @@ def _near_side(
 ) -> tuple[Floats, Flags]:
     """Return the range of an object's near side by bearing, and whether it is below the image.
 
-    Args:
-        points_m: (B, 2) lowest points of its class, by bearing.
-        groups: (B,) number of the object; the same on bearings side by side.
-        hidden: (B,) whether the point is the nearest in view, and the object begins before it.
-        spans_m: (B,) largest distance between two of its legs; 0 without legs.
+    For B bearings: `points_m`, the lowest points of its class; `groups`, the number of the object;
+    `hidden`, whether the point is the nearest in view, and the object begins before it;
+    `spans_m`, the largest distance between two of its legs, 0 without legs.
     """
     count = len(points_m)
     near_m = np.sqrt(points_m[:, 0] ** 2 + points_m[:, 1] ** 2)

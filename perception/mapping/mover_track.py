@@ -37,7 +37,7 @@ LOST_S: Final = 0.2  # a cluster unseen for this time has left the view
 # A standing edge at some height seems to move against the camera: by this ratio at most, which is
 # that of an edge at 0.6 m seen from 1.5 m.
 PARALLAX: Final = 0.7
-MIN_MPS: Final = 0.1
+MIN_MPS: Final = 0.15
 MAX_MPS: Final = 1.5
 STAYS_M: Final = 0.2  # a cluster within this distance of one place for `STAYS_S` stands
 STAYS_S: Final = 3.0

@@ -37,6 +37,7 @@ WAITS_S: Final = 90.0  # after a movement, what has arrived may be a waiting mov
 
 _APART_M: Final = 0.3  # points further apart belong to two clusters
 _MIN_POINTS: Final = 3  # a cluster with fewer points is ignored
+_TALL_SHARE: Final = 0.5  # a cluster with a smaller share of tall points stands
 _MAX_WIDTH_M: Final = 1.2  # a wider cluster is a wall that a displaced view shows
 # A mover's assumed depth. Its base is seen from one side, and its middle lies behind.
 _DEPTH_M: Final = 0.4
@@ -151,12 +152,14 @@ class MoverTracker:
         time_s: float,
         *,
         cut: Flags | None = None,
+        tall: Flags | None = None,
         judges: bool = True,
     ) -> Flags:
         """Track the arrived points of a view from the camera at `from_m`; return which stand, (N,).
 
-        `cut` are points beside which the obstacle may continue. `judges` states whether the view
-        may show movement.
+        `cut` are points beside which the obstacle may continue, `tall` those of tall obstacles:
+        others stand, unless they have moved before. `judges` states whether the view may show
+        movement.
         """
         self._tracks = [
             track
@@ -166,9 +169,14 @@ class MoverTracker:
         self.predict(time_s)
         stands = np.zeros(len(points_m), dtype=bool)
         cut = np.zeros(len(points_m), dtype=bool) if cut is None else cut
+        tall = np.ones(len(points_m), dtype=bool) if tall is None else tall
         for cluster, owner in self._assigned(_clusters(points_m, from_m, cut)):
             place_m, noise, radius_m, rows, whole = cluster
-            if owner is not None:
+            if tall[rows].mean() < _TALL_SHARE and not (owner and owner.has_moved):
+                stands[rows] = True
+                if owner is not None:
+                    owner.judge(from_m, moves=False)
+            elif owner is not None:
                 owner.sight(place_m, noise, from_m, radius_m, whole=whole)
                 owner.judge(from_m, moves=judges)
                 stands[rows] = owner.stands

@@ -254,6 +254,7 @@ class SiteMapper:
             np.array([view.lens.x_m, view.lens.y_m]),
             view.captured_s,
             cut=view.is_cut(arrived)[arrived],
+            tall=view.base_tall[arrived],
             judges=view.height_m >= _LOW_M,
         )
         settled_s = bases.settled_s + np.where(on_ground, SETTLES_S, 0.0)

@@ -55,6 +55,7 @@ class View:
     bases_m: Floats  # (N, 2) bases near enough for the map, each with another one beside it
     base_ids: Ids  # (N,) classes of the obstacles there
     base_heights_m: Floats  # (N,) heights of their upper edges; NaN where the roof is not in view
+    base_tall: Flags  # (N,) whether they are tall
     edges_m: Floats  # (M, 2) edges of the ground near enough for the map
 
     @classmethod
@@ -86,6 +87,7 @@ class View:
             bases_m=contacts.placed_m[firm],
             base_ids=contacts.placed_ids[firm],
             base_heights_m=contacts.placed_heights_m[firm],
+            base_tall=contacts.placed_tall[firm],
             edges_m=contacts.edges_m[near],
         )
 
@@ -118,11 +120,13 @@ class View:
                 placed_m=self.contacts.placed_m[placed],
                 placed_ids=self.contacts.placed_ids[placed],
                 placed_heights_m=self.contacts.placed_heights_m[placed],
+                placed_tall=self.contacts.placed_tall[placed],
             ),
             firm=self.firm[placed],
             bases_m=self.bases_m[bases],
             base_ids=self.base_ids[bases],
             base_heights_m=self.base_heights_m[bases],
+            base_tall=self.base_tall[bases],
         )
 
     def body_m(self, points_m: Floats) -> Floats:

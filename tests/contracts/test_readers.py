@@ -37,9 +37,8 @@ from uav_bt.app.option_values import fault_texts
 from uav_bt.app.options import FlightOptions
 from uav_bt.app.site import load_site
 from uav_bt.app.sources.by_name import open_source
-from uav_bt.campaign.flight_lines import read_flights
-from uav_bt.campaign.plan import CampaignPlan, PlannedFile, PlannedTree
-from uav_bt.campaign.store import PLAN_FILE, read_plan
+from uav_bt.campaign.plan import CampaignPlan, PlannedFile
+from uav_bt.campaign.store import PLAN_FILE, read_flights, read_plan
 from uav_bt.errors import InputError, TreeError
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.obj_file import read_obj
@@ -79,7 +78,7 @@ FLIGHT: Final = (
 )
 FILE: Final = {"name": "a", "path": "/a", "sha256": "0" * 64}
 PLAN: Final = CampaignPlan(
-    trees=(PlannedTree(**FILE, ports={"TakeOff.height_m": "1.2"}),),
+    trees=(PlannedFile(**FILE, ports={"TakeOff.height_m": "1.2"}),),
     scenes=(PlannedFile(**FILE),),
     flights=5,
     options=FlightOptions(policies={"a": "b"}),

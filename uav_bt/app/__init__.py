@@ -8,12 +8,12 @@ Example:
 """
 
 from uav_bt.app import own_packages as _own_packages  # noqa: F401  (first, for what it checks)
-from uav_bt.app.assembly import ExactSegmenter, Flight, Listeners, assemble
+from uav_bt.app.assembly import Flight, Listeners, assemble
 from uav_bt.app.drone_of_flight import make_drone
 from uav_bt.app.flight import STILL_IN_THE_AIR, check, fly
+from uav_bt.app.flight_outputs import FlownMission
 from uav_bt.app.loading import Mission
 from uav_bt.app.options import FlightOptions
-from uav_bt.app.results import FlownMission
 from uav_bt.app.site import Site, load_site
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.limits import Limits
@@ -25,7 +25,6 @@ from uav_bt.types.place import LandOn
 
 __all__ = [
     "STILL_IN_THE_AIR",
-    "ExactSegmenter",
     "Flight",
     "FlightOptions",
     "FlownMission",
@@ -48,5 +47,5 @@ __all__ = [
 
 
 def __dir__() -> list[str]:
-    """Return the public names; submodules, which completion would list too, are left out."""
+    """Return the public names, without submodules."""
     return __all__

@@ -14,7 +14,6 @@ import numpy as np
 from perception.camera.frame_watch import FrameWatch
 from uav_bt import plugins
 from uav_bt.app.drone_of_flight import make_drone
-from uav_bt.app.flying_process import collections_postponed
 from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.options import FlightOptions, given_options
 from uav_bt.app.place import Conditions, conditions_of, refuse_foreign_network
@@ -39,6 +38,7 @@ from uav_bt.types import ClassMap, Frame
 DroneT = TypeVar("DroneT", bound=Drone)
 
 _LOG: Final = logging.getLogger(__name__)
+_EXACT_PX: Final = (224, 112)  # width and height of exact class maps
 _STILL_S: Final = 2.0  # of a real camera; longer than video needs to repeat a whole image
 
 
@@ -70,13 +70,7 @@ class Flight(Generic[DroneT]):
         check_phases(mission, [one.fault for one in self._faulty])
         self._clock = TickClock(drone.clock)
         self.held = held = held or conditions_of(options, mission, drone)
-        self.lab = held.lab
-        self.mark = held.mark
-        self.classes = held.classes
-        self.area = held.area
-        self.rules = held.rules
-        self.judge_config = held.judge
-        plugins.make_mark_finder(self.mark)  # refuses wrong options before the flight
+        plugins.make_mark_finder(held.mark)  # refuses wrong options before the flight
         self._judge = judge or Judge(held.judge, held.mark, held.area)
 
     def missed_faults(self) -> list[str]:
@@ -86,10 +80,6 @@ class Flight(Generic[DroneT]):
             for one in self._faulty
             if one.missed is not None
         ]
-
-    def __repr__(self) -> str:
-        flown = "" if self.scene_name is None else f" in {self.scene_name}"
-        return f"<Flight of {self.mission!r} with {self.options.drone_name}{flown}>"
 
     @cached_property
     def context(self) -> MissionContext:
@@ -117,42 +107,38 @@ class Flight(Generic[DroneT]):
         )
 
     def _policy(self, name: str) -> LeafPolicy:
-        given = self.options.policy_objects.get(name)
-        if given is None:
-            return plugins.make_policy(name, self.options.own_parts.policies)
-        return given
+        if (given := self.options.policy_objects.get(name)) is not None:
+            return given
+        return plugins.make_policy(name, self.options.own_parts.policies)
 
     def _exact_segmenter(self) -> Segmenter | None:
         if not self.options.exact_masks:
             return None
         if self.drone.referee is None:
-            raise InputError("exact masks need a simulated drone: a real one has no referee")
-        return ExactSegmenter(self.drone.referee, self.classes)
+            raise InputError("exact masks need a simulated drone")
+        return _ExactSegmenter(self.drone.referee, self.held.classes)
 
     @property
     def scene_name(self) -> str | None:
-        """The name of the scene that a simulated drone flies in; None on a real drone."""
-        asked, scene = self.options.scene, self.drone.scene
-        if scene is not None:
-            return scene.name
-        return None if asked is None else str(asked)
+        """The name of a simulated drone's scene; None on a real drone."""
+        scene = self.drone.scene
+        return None if scene is None else scene.name
 
     @contextmanager
     def connected(self) -> Iterator[None]:
-        """Connect the drone and set the mission up; shut down and disconnect at the end."""
+        """Connect the drone and set the mission up; undo both at the end."""
         options = self.options
         given = self._segmenter is not None or isinstance(self.drone, Imageless)
         if not given and not options.exact_masks:
             named = isinstance(options.lab, Lab)
-            refuse_foreign_network(self.mission, self.lab, named=named)
+            refuse_foreign_network(self.mission, self.held.lab, named=named)
         try:
             self.drone.connect()
             self.context.board.write(CAMERA, self.drone.camera)
-            with collections_postponed():
-                self.mission.setup(self.context)
+            self.mission.setup(self.context)
             yield
         finally:
-            # The flight is over: a failing shutdown or disconnect does not change its result.
+            # The flight is over: what fails now does not change its result.
             try:
                 self.mission.shutdown()
             except NodeFailedError as error:
@@ -163,7 +149,7 @@ class Flight(Generic[DroneT]):
     def runner(
         self, listeners: Sequence[TickListener], next_tree: NextTree | None = None
     ) -> MissionRunner:
-        """Return the runner of the mission; between ticks `next_tree` may replace its tree."""
+        """Return the runner; between ticks `next_tree` may replace its tree."""
         config, tick_s = self.options.runner, self.drone.tick_s
         others = [one for one in listeners if one not in self._faulty]
         return self._make_runner(
@@ -209,7 +195,7 @@ def assemble(
 def join(
     mission: MissionTree, options: FlightOptions, outputs: FlightFolder | None = None
 ) -> Flight[Drone]:
-    """Return a flight of a mission that was loaded with these options, with a new drone."""
+    """Return a flight of a loaded mission, with a new drone."""
     drone = with_faults(make_drone(options), options.faults)
     flight = Flight(mission, drone, options, outputs=outputs)
     check_clearances(flight.held.site, drone.airframe)
@@ -221,23 +207,14 @@ def frame_judge(drone: Drone) -> FrameJudge:
     return FrameWatch(still_s=_STILL_S) if drone.live else FrameWatch()
 
 
-class ExactSegmenter:
-    """The twin's exact class ids as a segmenter: for evaluations, never for a mission's result.
+class _ExactSegmenter:
+    """The twin's exact class ids as a segmenter, for evaluations."""
 
-    Args:
-        referee: gives the exact class ids.
-        classes: classes of the lab.
-        size_px: width and height of the class maps.
-    """
-
-    def __init__(
-        self, referee: Referee, classes: LabClasses, size_px: tuple[int, int] = (224, 112)
-    ) -> None:
+    def __init__(self, referee: Referee, classes: LabClasses) -> None:
         self._referee = referee
         self._classes = classes
-        self._size_px = size_px
 
     def segment(self, frame: Frame) -> ClassMap:
         """Return the exact class map of a delivered frame."""
-        ids = np.ascontiguousarray(self._referee.class_ids(frame, *self._size_px))
+        ids = np.ascontiguousarray(self._referee.class_ids(frame, *_EXACT_PX))
         return ClassMap(ids=ids, classes=self._classes, captured_s=frame.captured_s)

@@ -25,8 +25,7 @@ _PACKAGE: Final = "uav-bt"
 _AGAIN: Final = "install uav-bt again"
 _SDK: Final = "parrot-olympe"
 _SDK_BEYOND: Final = (3, 13)  # fails on import from there on
-_LINE_WIDTH: Final = 100  # characters
-_NO_BREAK: Final = "\N{NO-BREAK SPACE}"  # keeps a package and its version in one line
+_LINE_WIDTH: Final = 80  # characters; the line's beginning comes in addition
 _GROUPS: Final = {
     plugins.DRONES: "drones",
     plugins.POLICIES: "policies",
@@ -35,17 +34,9 @@ _GROUPS: Final = {
 
 
 def examine(draws: Callable[[], str]) -> Iterator[Check]:
-    """Check the machine, line by line.
-
-    Args:
-        draws: draws an image of the lab and returns the renderer's name; raises when it cannot.
-    """
-    head = "Programming Language :: Python :: "
-    known = metadata.metadata(_PACKAGE).get_all("Classifier", ())
-    tried = ", ".join(text.removeprefix(head) for text in known if text.startswith(head))
+    """Check the machine, line by line; `draws` draws an image, and raises when it cannot."""
     python = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
-    good = sys.version_info >= (3, 11)
-    yield Check("Python", good, f"{python} (supported: {tried})", "install Python 3.11 or newer")
+    yield Check("Python", good=True, found=python)
     free_gb = shutil.disk_usage(Path.cwd()).free / 1e9
     yield Check("machine", good=True, found=f"{hardware()}; {free_gb:.1f} GB free in this folder")
     yield Check(_PACKAGE, good=True, found=__version__)
@@ -59,14 +50,14 @@ def examine(draws: Callable[[], str]) -> Iterator[Check]:
     except UavBtError as error:
         yield Check("drawing the lab", good=False, found=str(error))
     for group, what in _GROUPS.items():
-        faults: dict[str, str] = {}
+        good, faults = [], []
         for name in plugins.names(group):
             try:
                 plugins.load(group, name)
+                good.append(name)
             except UavBtError as error:
-                faults[name] = str(error)
-        good_names = [name for name in plugins.names(group) if name not in faults]
-        yield _contributed(what, good_names, faults.values())
+                faults.append(str(error))
+        yield _contributed(what, good, faults)
     try:
         registry = NodeRegistry.installed()
     except UavBtError as error:
@@ -86,48 +77,36 @@ def _belongs(requirement: Requirement, extra: str) -> bool:
 
 def _extra(extra: str, names: Iterable[str]) -> Check:
     versions = {name: _version(name) for name in names}
-    missing = [name for name, version in versions.items() if version is None]
-    what = f"extra {extra}" if extra else "needed packages"
-    found = ", ".join(f"{name} {version}" for name, version in versions.items() if version)
+    missing = ", ".join(name for name, version in versions.items() if not version)
+    found = ", ".join(f"{name}=={version}" for name, version in versions.items() if version)
     if missing:
-        found = ", ".join(missing) + (f" (installed: {found})" if found else "")
+        found = f"{missing} (installed: {found})" if found else missing
     return Check(
-        what=what,
+        what=f"extra {extra}" if extra else "needed packages",
         good=not missing,
-        found=_wrapped(found, len(f"{what}: ok, ")),
+        found="\n  ".join(textwrap.wrap(found, _LINE_WIDTH, break_on_hyphens=False)),
         remedy=f"run {plugins.install_command(extra)}" if extra else _AGAIN,
         optional=bool(extra),
     )
 
 
-def _wrapped(text: str, begin: int) -> str:
-    """Return a list in lines of limited width; the first one begins in a given column."""
-    lines = textwrap.fill(
-        text.replace(" ", _NO_BREAK).replace(f",{_NO_BREAK}", ", "),
-        _LINE_WIDTH,
-        initial_indent=" " * begin,
-        subsequent_indent="  ",
-        break_on_hyphens=False,
-    )
-    return lines[begin:].replace(_NO_BREAK, " ")
-
-
-def _version(name: str) -> str | None:
+def _version(name: str) -> str:
     try:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
-        return None
+        return ""
 
 
 def _olympe() -> Check:
-    installed, fits = _version(_SDK), sys.version_info < _SDK_BEYOND
-    if installed is None:
-        found = f"{_SDK}, which flies ANAFIs{'' if fits else '; it needs Python 3.10 to 3.12'}"
-        remedy = f"run {plugins.install_command('olympe')}" if fits else ""
-        return Check("Parrot's SDK", good=False, found=found, remedy=remedy, optional=True)
-    good = fits and importlib.util.find_spec("olympe") is not None
-    remedy = "it runs with Python 3.10 to 3.12 on Linux x86-64"
-    return Check("Parrot's SDK", good, f"{_SDK} {installed}", remedy)
+    what, version = "Parrot's SDK", _version(_SDK)
+    fits = sys.version_info < _SDK_BEYOND
+    if version:
+        good = fits and importlib.util.find_spec("olympe") is not None
+        remedy = "it runs with Python 3.10 to 3.12 on Linux x86-64"
+        return Check(what, good, f"{_SDK} {version}", remedy)
+    found = f"{_SDK}, which flies ANAFIs{'' if fits else '; it needs Python 3.10 to 3.12'}"
+    remedy = f"run {plugins.install_command('olympe')}" if fits else ""
+    return Check(what, good=False, found=found, remedy=remedy, optional=True)
 
 
 def _contributed(what: str, good: Iterable[str], faults: Iterable[str]) -> Check:

@@ -77,7 +77,7 @@ def facts_of_flight(flight: Flight[Drone], title: str) -> FlightFacts:
     return facts_of(
         mission,
         drone.camera,
-        classes=flight.classes,
+        classes=flight.held.classes,
         title=title
         or describe_flight(mission.origin, scene=flight.scene_name, drone=name, seed=seed),
         lab_map=map_of_scene(drone.scene) if isinstance(drone.scene, Scene) else None,

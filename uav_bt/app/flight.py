@@ -13,6 +13,8 @@ from uav_bt.app.assembly import Flight, Listeners, frame_judge, join
 from uav_bt.app.film import flight_video
 from uav_bt.app.flight_outputs import (
     REPORT_FILE,
+    FlownMission,
+    PathLog,
     check_outputs,
     fetch_photos,
     flight_folder,
@@ -21,15 +23,14 @@ from uav_bt.app.flight_outputs import (
 )
 from uav_bt.app.flying_process import landing_on_signals, short_collections
 from uav_bt.app.loading import Mission, load_mission
-from uav_bt.app.option_values import as_file
+from uav_bt.app.option_values import as_file, expect, refuse
 from uav_bt.app.options import FlightOptions, given_options
 from uav_bt.app.place import check_area
 from uav_bt.app.random_faults import drawn
 from uav_bt.app.reload import TreeReload, reloadable_file
-from uav_bt.app.results import FlownMission, PathLog
 from uav_bt.app.site import Site
 from uav_bt.board import SITE_MAP
-from uav_bt.errors import InputError, TreeError, UavBtError
+from uav_bt.errors import TreeError, UavBtError
 from uav_bt.lab.lab import Lab
 from uav_bt.mission.covered_ground import CoveredGround
 from uav_bt.mission.flight_log import FlightLog
@@ -39,17 +40,16 @@ from uav_bt.mission.map_check import MapCheck
 from uav_bt.mission.preflight import Check, check_drone, refuse_faults
 from uav_bt.mission.runner import MissionRunner, NextTree
 from uav_bt.mission.tick import TickListener
+from uav_bt.plugins import need
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, NodeRegistry
 from uav_bt.tree.loading.before_flight import findings_at, refused_by_lab
 from uav_bt.tree.loading.uses import Uses
-from uav_bt.types import SiteMap
 
 STILL_IN_THE_AIR: Final = (
     "THE DRONE IS STILL IN THE AIR, as far as is known: take its remote control and land it"
 )
 Controls = Callable[[MissionRunner], AbstractContextManager[None]]
-_Writers = Mapping[str, Callable[[FlightReport], None]]  # by output
 
 
 def check(tree: Mission, registry: NodeRegistry | None = None, **how: Any) -> MissionTree:
@@ -65,8 +65,7 @@ def check(tree: Mission, registry: NodeRegistry | None = None, **how: Any) -> Mi
 
     Raises:
         TreeError: the file was refused; the error holds all findings.
-        InputError: `tree` is not a mission, it flew before, or it does not fit its site or lab:
-            it flies above the ceiling, or the areas of rules and place exclude one another.
+        InputError: `tree` is not a mission, flew before, or does not fit its site or lab.
     """
     options = given_options(None, how)
     mission = load_mission(tree, options, registry)
@@ -87,8 +86,8 @@ def fly(
     report: str | Path | None = None,
     video: str | Path | None = None,
     listeners: Sequence[Listeners] = (),
-    on_check: Callable[[Check], None] | None = None,
-    controls: Controls | None = None,
+    on_check: Callable[[Check], None] = lambda _: None,
+    controls: Controls = lambda _: nullcontext(),
     watch: Callable[[str], None] | None = None,
     **how: Any,
 ) -> FlownMission:
@@ -101,18 +100,16 @@ def fly(
 
     Args:
         tree: a shipped mission's name, a tree file, a tree file's text, or a tree that was built
-            in Python: a `MissionTree`, or its root, a node or a behaviour of py_trees. A tree that
-            was built in Python flies once. `watch` does not take it, and a replay is given it
-            again.
-        options: Options that several flights share. Default: only `how`.
+            in Python: a `MissionTree`, or its root, a node or a behaviour of py_trees. It flies
+            once, is not taken by `watch`, and a replay is given it again.
+        options: Options that several flights share.
         registry: the nodes that may occur; default: all installed. Own leaves fly without a
             package with `NodeRegistry.installed().with_nodes(Peek)`.
         out: output folder of the flight, new or empty: report, objects of the map, and the files
             that leaves such as `TakePhoto` write.
-        report: where to write the report as JSON; it is also written when the mission fails.
-            Default: `report.json` in `out`.
-        video: where to write a film of the flight, an mp4 file; it, too, is written when the
-            mission fails. `film.flight_video` has options.
+        report: where to write the report as JSON, also of a mission that fails. Default:
+            `report.json` in `out`.
+        video: where to write a film of the flight, an mp4 file. `film.flight_video` has options.
         listeners: Functions that make tick listeners of the flight (displays, logs).
         on_check: called with each line of the check before take-off.
         controls: Controls of a person while the mission flies, such as a keyboard.
@@ -125,27 +122,23 @@ def fly(
         InputError: tree, scene, weights, policy or drone cannot be used; nothing was flown.
         DroneError: the drone cannot be reached, or is not ready to take off.
         NodeFailedError: a leaf raised; the drone was landed and the report written, as it is when
-            the drone raises. A listener or a file that fails ends no flight: it stands in the
-            report's `lost_outputs`.
+            the drone raises. A listener or a file that fails ends no flight: the report's
+            `lost_outputs` name it.
     """
     _check_listeners(listeners)
     options = drawn(given_options(options, how))
     mission = load_mission(tree, options, registry)
-    out, report = as_file("out", out, "a folder"), as_file("report", report)
-    if out is not None and report is None:
-        report = out / REPORT_FILE
-    video, record_file = as_file("video", video), as_file("record", options.record)
-    outputs = {"report": report, "record": record_file, "video": video}
+    out = as_file("out", out, "a folder")
+    report = as_file("report", report) or (out and out / REPORT_FILE)
+    video, record = as_file("video", video), as_file("record", options.record)
+    outputs = {"report": report, "record": record, "video": video}
     folder = flight_folder(out, outputs)
     check_outputs(mission, options, outputs, folder)
     flight = join(mission, options, folder)
     watched = None if watch is None else reloadable_file(tree, flight.drone, outputs)
+    if record is not None:
+        need("record", "a flight record")
     with ExitStack() as stack:
-        record = None
-        if record_file is not None:
-            from uav_bt.app.flight_record import FlightRecord  # noqa: PLC0415  (an extra)
-
-            record = stack.enter_context(FlightRecord(record_file))
         stack.enter_context(flight.connected())
         if flight.drone.live:
             stack.enter_context(short_collections())
@@ -160,8 +153,11 @@ def fly(
             followers.append(film)
             keep["video"] = film.finish
         if record is not None:
-            followers.append(record.begin)
-            keep["record"] = record.conclude
+            from uav_bt.app import flight_record  # noqa: PLC0415  (an extra)
+
+            recorder = stack.enter_context(flight_record.begin_record(record, flight))
+            followers.append(lambda _: [recorder])
+            keep["record"] = partial(flight_record.end_record, recorder=recorder, path=record)
         if folder is not None:
             keep["objects"] = partial(write_objects, folder=folder)
         if report is not None:
@@ -169,7 +165,6 @@ def fly(
         next_tree = None
         if watched is not None and watch is not None:
             next_tree = TreeReload(flight, watched, registry, watch)
-        controls = controls or (lambda _: nullcontext())
         return _run(flight, [*followers, *listeners], keep, controls, next_tree)
 
 
@@ -188,28 +183,14 @@ def changes_of(options: FlightOptions) -> FlightChanges:
 def _check_listeners(listeners: object) -> None:
     for make in listeners if isinstance(listeners, Sequence) else [listeners]:
         if make is listeners or not callable(make):
-            raise InputError(
-                "listeners: expected a list of functions that take the flight and return what "
-                f"follows it, such as [lambda flight: [notes]]; got {make!r:.80}"
-            )
+            refuse("listeners", "a list of functions, such as [lambda flight: [notes]]", make)
 
 
-def _made(make: Listeners, flight: Flight[Drone]) -> Sequence[TickListener]:
-    made: object = make(flight)
-    if isinstance(made, Sequence):
-        return made
-    raise InputError(
-        f"listeners: expected functions that return a list, such as lambda flight: [notes]; "
-        f"{make!r:.80} returned {made!r:.80}"
-    )
-
-
-def _check_before_take_off(flight: Flight[Drone], on_check: Callable[[Check], None] | None) -> None:
-    drone, preflight = flight.drone, flight.held.site.preflight
-    checks = check_drone(drone, preflight, judge_frame=frame_judge(drone))
+def _check_before_take_off(flight: Flight[Drone], on_check: Callable[[Check], None]) -> None:
+    drone = flight.drone
+    checks = check_drone(drone, flight.held.site.preflight, judge_frame=frame_judge(drone))
     for each in checks:
-        if on_check is not None:
-            on_check(each)
+        on_check(each)
     if not flight.options.rehearse:  # nothing takes off: faults are only shown
         refuse_faults(checks)
 
@@ -217,7 +198,7 @@ def _check_before_take_off(flight: Flight[Drone], on_check: Callable[[Check], No
 def _run(
     flight: Flight[Drone],
     listeners: Sequence[Listeners],
-    keep: _Writers,
+    keep: Mapping[str, Callable[[FlightReport], None]],
     controls: Controls,
     next_tree: NextTree | None,
 ) -> FlownMission:
@@ -227,27 +208,15 @@ def _run(
     coverage = None if ground is None else CoveredGround(ground, drone.camera)
     accuracy = None if ground is None else MapCheck(ground, lambda: board.read(SITE_MAP).value)
     log, path = FlightLog(coverage, accuracy), PathLog()
-    made = [one for make in listeners for one in _made(make, flight)]
-    runner = flight.runner([log, path, *made], next_tree)
+    followers: list[TickListener] = [log, path]
+    for make in listeners:
+        made = make(flight)
+        expect("listeners", made, Sequence, "functions that return a list, as lambda _: [notes]")
+        followers += made
+    runner = flight.runner(followers, next_tree)
 
     def finish(verdict: Verdict) -> FlownMission:
-        site_map = _last_map(flight)
-        result = FlownMission(
-            **vars(changes_of(flight.options)),
-            **log.fields(),
-            **_facts(flight),
-            outcome=verdict.outcome.value,
-            reason=verdict.reason,
-            slow_leaves={leaf: round(1e3 * s, 1) for leaf, s in runner.budgets.worst_s.items()},
-            warnings=[*log.warnings, *flight.missed_faults()],
-            # The runner knows only its own descents; the truth of a simulated drone is known.
-            airborne_at_end=runner.descent.airborne
-            or (drone.referee is not None and drone.referee.truth().motors_on),
-            lost_outputs=dict(runner.listeners.lost),
-            objects=objects_of(site_map),
-            path=path.array(),
-            site_map=site_map,
-        )
+        result = _result(flight, runner, log, path, verdict)
         for what, write in keep.items():
             try:
                 write(result)
@@ -267,43 +236,45 @@ def _run(
     return finish(verdict)
 
 
-def _facts(flight: Flight[Drone]) -> dict[str, Any]:
-    """Return what a report says of a flight besides its course and its end."""
-    options, context = flight.options, flight.context
-    return {
-        "scene": flight.scene_name,
-        "lab": None if flight.lab is None else flight.lab.name,
-        "seed": options.seed,
-        "tree": flight.mission.origin,
-        "policies": {
+def _result(
+    flight: Flight[Drone], runner: MissionRunner, log: FlightLog, path: PathLog, verdict: Verdict
+) -> FlownMission:
+    options, context, referee = flight.options, flight.context, flight.drone.referee
+    simulation = options if isinstance(options.drone, str) else options.drone
+    profile = None if referee is None else getattr(simulation, "profile", None)
+    site_map, _ = context.board.snapshot().get(SITE_MAP.name, (None, None))  # of any age
+    return FlownMission(
+        **vars(changes_of(options)),
+        **log.fields(),
+        scene=flight.scene_name,
+        lab=None if flight.held.lab is None else flight.held.lab.name,
+        seed=options.seed,
+        tree=flight.mission.origin,
+        policies={
             leaf.path: str(leaf.port_value("policy"))
             for leaf in flight.mission.leaves()
             if any(port.name == "policy" for port in leaf.ports)
         },
-        "drone": options.drone_name,
-        "profile": _profile(flight),
-        "perception_ms": {
+        drone=options.drone_name,
+        profile=profile if isinstance(profile, str) else None,
+        perception_ms={
             name: Percentiles.of_seconds(times) for name, times in context.stage_times_s.items()
         },
-        "photos": list(context.notes.photos),
-        "events": list(context.notes.events),
-    }
+        photos=list(context.notes.photos),
+        events=list(context.notes.events),
+        outcome=verdict.outcome.value,
+        reason=verdict.reason,
+        slow_leaves={leaf: round(1e3 * s, 1) for leaf, s in runner.budgets.worst_s.items()},
+        warnings=[*log.warnings, *flight.missed_faults()],
+        # The runner knows only its own descents.
+        airborne_at_end=runner.descent.airborne
+        or (referee is not None and referee.truth().motors_on),
+        lost_outputs=dict(runner.listeners.lost),
+        objects=objects_of(site_map),
+        path=path.array(),
+        site_map=site_map,
+    )
 
 
 def _words(error: Exception) -> str:
     return str(error) if isinstance(error, UavBtError) else f"{type(error).__name__}: {error}"
-
-
-def _last_map(flight: Flight[Drone]) -> SiteMap | None:
-    """Return the newest site map of any age. None: the mission made none."""
-    known = flight.context.board.snapshot().get(SITE_MAP.name)
-    return None if known is None else known[0]
-
-
-def _profile(flight: Flight[Drone]) -> str | None:
-    """Return the name of a simulated drone's profile. None: it has no name."""
-    given = flight.options.drone
-    if isinstance(given, str):
-        return None if flight.drone.referee is None else flight.options.profile
-    profile = getattr(given, "profile", None)
-    return profile if isinstance(profile, str) else None

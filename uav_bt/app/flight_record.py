@@ -1,4 +1,4 @@
-"""Facts in a flight's record beside its ticks, written and read again.
+"""Facts and files in a flight's record beside its ticks, written and read again.
 
 `app.fly(tree, record="flight.mcap")` does all of the writing.
 """
@@ -8,38 +8,71 @@ from __future__ import annotations
 import json
 import platform
 import time
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any, Final, NamedTuple
 
 from pydantic import TypeAdapter, ValidationError
 
 import uav_bt
+from sim_bridge.twin.scene import Scene
+from sim_bridge.twin.scene_file import scene_text
 from uav_bt.app import provenance
 from uav_bt.app.assembly import Flight
-from uav_bt.app.recorded_files import attachments_of
 from uav_bt.app.site import Site
 from uav_bt.errors import FileError, InputError
-from uav_bt.files import parse_json, writing
+from uav_bt.files import parse_json, reading, writing
+from uav_bt.lab.lab import Lab
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import RunnerConfig
-from uav_bt.plugins import need
 from uav_bt.protocols import Drone
 from uav_bt.record.config import Quality
 from uav_bt.record.reader import RecordReader
-from uav_bt.record.record_file import RecordFile
+from uav_bt.record.record_file import Attachment, RecordFile
 from uav_bt.record.recorder import FlightFacts, FlightRecorder
 from uav_bt.tree.loading.parameters import Plain
 from uav_bt.types import Airframe
 from uav_bt.types.area import Polygon
 
+_TREE_FOLDER: Final = "tree/"
+_SCENE_FILE: Final = "scene.yaml"
 
-def flight_facts(flight: Flight[Drone]) -> FlightFacts:
-    """Return the facts of a flight that are known before it begins; its drone is connected."""
+
+def begin_record(path: Path, flight: Flight[Drone]) -> FlightRecorder:
+    """Open the record of a flight whose tree is set up."""
+    file = RecordFile(path)
+    try:
+        with writing(path):
+            return FlightRecorder(
+                file,
+                flight.mission,
+                flight.context,
+                flight.drone.camera,
+                _flight_facts(flight),
+                start_ns=time.time_ns(),
+                quality=flight.options.record_quality,
+                # The clock of a simulation waits for the disk.
+                wait=not (flight.drone.live or flight.options.realtime),
+            )
+    except FileError:
+        file.abandon()
+        raise
+
+
+def end_record(report: FlightReport, *, recorder: FlightRecorder, path: Path) -> None:
+    """Close a record with how the flight ended; FileError if it is incomplete."""
+    end = {"outcome": report.outcome, "reason": report.reason}
+    losses = recorder.finish({**end, "report": json.dumps(report.to_json())})
+    if losses.failure is not None:
+        raise FileError(path, losses.failure)
+
+
+def _flight_facts(flight: Flight[Drone]) -> FlightFacts:
+    """Return the facts of a connected flight that are known before it begins."""
     mission, drone, options, held = flight.mission, flight.drone, flight.options, flight.held
     site = options.place
     if site is not None and site.lab is not None:  # the scene may have another mark than its lab
@@ -64,7 +97,6 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
             if isinstance(value, Plain)
         },
         "policies": options.policy_names,
-        "policy_objects": list(options.policy_objects),
         "drone": options.drone_name,
         "drone_config": repr(options.drone) if is_dataclass(options.drone) else None,
         "classes": [asdict(each) for each in held.classes],
@@ -72,26 +104,65 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
         "simulated": drone.referee is not None,
         "imageless": flight.context.sight is not None,
         "outputs": flight.outputs is not None,
-        "stills": flight.context.stills is not None,
         "versions": provenance.package_versions(),
         "platform": f"{platform.platform()}, Python {platform.python_version()}",
         "git": provenance.commit(),
         "weights": provenance.weights_of(mission),
     }
     del values["record"], values["params"]
-    referee = flight.drone.referee
     return FlightFacts(
         values={
             name: value if isinstance(value, str) else json.dumps(value, default=_plain)
             for name, value in values.items()
         },
-        attachments=[*attachments_of(mission, drone.scene, options.lab)],
-        ground=None if referee is None else referee.ground(),
+        attachments=[*_attachments(flight)],
+        ground=None if drone.referee is None else drone.referee.ground(),
     )
 
 
 def _plain(value: object) -> object:
     return str(value) if isinstance(value, Path) else asdict(value)  # type: ignore[call-overload]
+
+
+def _attachments(flight: Flight[Drone]) -> Iterator[Attachment]:
+    """Yield the files of a flight: one with all trees and places, scene and lab."""
+    mission, scene, lab = flight.mission, flight.drone.scene, flight.options.lab
+    xml, yaml = "application/xml", "application/yaml"
+    if mission.sources:
+        name = f"{_TREE_FOLDER}{mission.path.name}"
+        yield Attachment(name=name, media_type=xml, data=mission.whole())
+    if isinstance(scene, Scene):
+        text = scene_text(scene)
+        yield Attachment(name=_SCENE_FILE, media_type=yaml, data=text.encode())
+    if isinstance(lab, Lab):
+        with reading(lab.file):
+            yield Attachment(name="lab.yaml", media_type=yaml, data=lab.file.read_bytes())
+
+
+class RecordedFiles(NamedTuple):
+    """Files of a record, written into a folder; None: it has none."""
+
+    tree: Path | None
+    scene: Path | None
+
+
+def recorded_files(reader: RecordReader, folder: Path) -> RecordedFiles:
+    """Write a record's attachments into an empty folder."""
+    root, files = folder.resolve(), dict[str, Path]()
+    for name, attachment in reader.attachments.items():
+        try:
+            files[name] = file = (root / name).resolve()
+            if not file.is_relative_to(root):
+                raise FileError(reader.path, f"its attachment '{name:.80}' lies outside its folder")
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_bytes(attachment.data)
+        except (OSError, ValueError) as error:  # no name of a file, or the disk is full
+            reason = getattr(error, "strerror", None) or error
+            raise FileError(
+                reader.path, f"its attachment '{name:.80}' cannot be written out: {reason}"
+            ) from error
+    tree = files.get(f"{_TREE_FOLDER}{reader.metadata.get('tree', '')}")
+    return RecordedFiles(tree=tree, scene=files.get(_SCENE_FILE))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +176,6 @@ class RecordedOptions:
     exact_masks: bool
     imageless: bool  # whether the frames show nothing
     outputs: bool  # whether leaves could write files
-    stills: bool  # whether the drone's camera took photographs
     record_quality: Quality
     site: Site | None
     limits: Limits
@@ -113,7 +183,6 @@ class RecordedOptions:
     judge: JudgeConfig  # with the mission's rules
     area: tuple[Polygon, ...] | None  # relative to the take-off pose
     airframe: Airframe
-    policy_objects: tuple[str, ...]  # policies that only the recorded program had
     # Attributes that nodes had instead of those of the tree file, policies among them.
     replaced: dict[str, dict[str, str]]
     variables: dict[str, Plain]  # before the first tick
@@ -137,58 +206,3 @@ def recorded_options(reader: RecordReader) -> RecordedOptions:
         first = error.errors()[0]
         why = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
         raise FileError(reader.path, f"the record's metadata is damaged: {why}") from error
-
-
-class FlightRecord:
-    """The record of one flight: begun when the tree is set up, closed whatever happens."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._recorder: FlightRecorder | None = None
-
-    def begin(self, flight: Flight[Drone]) -> tuple[FlightRecorder]:
-        """Open the file for a flight whose tree is set up; return the tick listener."""
-        options = flight.options
-        # A simulation's clock stands still meanwhile: it waits for the disk, and nothing is lost.
-        stands_still = not (flight.drone.live or options.realtime)
-        file = RecordFile(self._path)
-        try:
-            with writing(self._path):
-                self._recorder = FlightRecorder(
-                    file,
-                    flight.mission,
-                    flight.context,
-                    flight.drone.camera,
-                    flight_facts(flight),
-                    start_ns=time.time_ns(),
-                    quality=options.record_quality,
-                    wait=stands_still,
-                )
-        except FileError:
-            file.abandon()
-            raise
-        return (self._recorder,)
-
-    def conclude(self, report: FlightReport) -> None:
-        """Close the file with how the flight ended; FileError if it is not written to its end."""
-        if self._recorder is None:
-            return
-        end = {"outcome": report.outcome, "reason": report.reason}
-        losses = self._recorder.finish({**end, "report": json.dumps(report.to_json())})
-        if losses.failure is not None:
-            raise FileError(self._path, losses.failure)
-
-    def __enter__(self) -> Self:
-        """Return itself; raises MissingDependencyError without the extra `record`."""
-        need("record", "a flight record")
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close the file, with the fault if there was one."""
-        if self._recorder is not None:
-            self._recorder.__exit__(kind, error, trace)

@@ -1,4 +1,4 @@
-"""The process while a mission flies: signals land the drone, garbage collections stay short."""
+"""Signals and garbage collections while a mission flies."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import gc
 import signal
 import threading
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from typing import Any, Final, NoReturn
 
 from uav_bt.mission.runner import MissionRunner
@@ -19,8 +19,7 @@ _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 def landing_on_signals(runner: MissionRunner) -> Iterator[None]:
     """Land on Ctrl-C, SIGTERM and SIGHUP; on a second one, do not wait for the landing.
 
-    The report is written either way. Python hands signals to the main thread only; elsewhere this
-    does nothing.
+    The report is written either way.
     """
     count, before = 0, dict[signal.Signals, Any]()
 
@@ -36,31 +35,25 @@ def landing_on_signals(runner: MissionRunner) -> Iterator[None]:
         yield
 
 
-@contextmanager
-def interruptible() -> Iterator[None]:
-    """Raise KeyboardInterrupt on Ctrl-C and SIGTERM: a simulated drone need not land first.
-
-    Used inside `landing_on_signals`. Outside the main thread this does nothing.
-    """
-    with _handling({signal.SIGINT: signal.default_int_handler, signal.SIGTERM: _interrupt}, {}):
-        yield
+def interruptible() -> AbstractContextManager[None]:
+    """Raise KeyboardInterrupt on Ctrl-C and SIGTERM, inside `landing_on_signals`."""
+    return _handling({signal.SIGINT: signal.default_int_handler, signal.SIGTERM: _interrupt})
 
 
-@contextmanager
-def ended_by_signals() -> Iterator[None]:
-    """End the process on SIGTERM and SIGHUP: the flight of a worker is lost, and not landed.
-
-    Used inside `landing_on_signals`. Outside the main thread this does nothing.
-    """
-    with _handling({signal.SIGTERM: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL}, {}):
-        yield
+def ended_by_signals() -> AbstractContextManager[None]:
+    """End the process of a worker on SIGTERM and SIGHUP, inside `landing_on_signals`."""
+    return _handling({signal.SIGTERM: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL})
 
 
 @contextmanager
 def _handling(
-    handlers: Mapping[signal.Signals, Any], before: dict[signal.Signals, Any]
+    handlers: Mapping[signal.Signals, Any], before: dict[signal.Signals, Any] | None = None
 ) -> Iterator[None]:
-    """Handle signals so inside; ignored ones (nohup) stay so. `before` gets the former handlers."""
+    """Handle signals inside, but for ignored ones; `before` gets the former handlers.
+
+    Python hands signals to the main thread only; elsewhere this does nothing.
+    """
+    before = {} if before is None else before
     if threading.current_thread() is threading.main_thread():
         for number, handler in handlers.items():
             if signal.getsignal(number) is not signal.SIG_IGN:
@@ -78,18 +71,6 @@ def _restore(handlers: Mapping[signal.Signals, Any]) -> None:
 
 def _interrupt(number: int, _frame: object) -> NoReturn:
     raise KeyboardInterrupt(signal.Signals(number).name)
-
-
-@contextmanager
-def collections_postponed() -> Iterator[None]:
-    """Search for garbage afterwards: imports make many objects, and all of them stay."""
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
 
 
 @contextmanager

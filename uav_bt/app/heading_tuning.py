@@ -1,14 +1,13 @@
 """Tuning of the heading loop from a recorded flight.
 
 The drone answers a yaw-rate command as a first-order lag behind a delay, and the rate integrates to
-the heading:
+the heading; delay, lag and gain are fitted to the record:
 
     yaw(s) / command(s) = gain * exp(-delay * s) / (s * (lag * s + 1))
 
-Delay, lag and gain are fitted to the record. The delay lasts from a command until the mission reads
-its effect, so it includes the latency of the telemetry. The drone holds a command until the next.
-Sampled at the ticks, drone and hold have an exact discrete transfer function (Astrom and
-Wittenmark, *Computer-Controlled Systems*, section 2.6). Clockwise is positive.
+The drone holds a command until the next. Sampled at the ticks, drone and hold have an exact
+discrete transfer function (Astrom and Wittenmark, *Computer-Controlled Systems*, section 2.6).
+Clockwise is positive.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ from uav_bt.types import FlyingState, Hover, Velocity
 Series = NDArray[np.float64]
 """(3, N): mission time, s; yaw rate sent then, rad/s; heading read then, rad, unwrapped."""
 
-_GAIN_MARGIN_DB, _PHASE_MARGIN_DEG = 6.0, 45.0  # usual least margins, e.g. in the book above
+_GAIN_MARGIN_DB, _PHASE_MARGIN_DEG = 6.0, 45.0  # usual least margins
 _LEAST_TICKS: Final = 20  # chosen: a shorter series of commands holds no whole response
 _LEAST_TURN_DEG: Final = 90.0  # chosen: commanded turns of all series together
 _LEAST_FIT: Final = 0.9  # chosen: share of the heading's variance that the model explains
@@ -53,7 +52,7 @@ class YawResponse:
     gain: float  # yaw rate reached per yaw rate commanded
 
     def turned(self, series: Series) -> NDArray[np.float64]:
-        """Return the turn since the start of a series, (N,) rad, of a drone that was at rest."""
+        """Return the turn since the start of a series, (N,) rad."""
         times, rates, _ = series
         commanded = np.append(0.0, np.cumsum(rates[:-1] * np.diff(times)))
         grid = np.arange(times[0], times[-1] + _STEP_S, _STEP_S)
@@ -80,13 +79,13 @@ def commanded_turn_deg(series: Sequence[Series]) -> float:
 
 
 def yaw_series(path: Path) -> list[Series]:
-    """Return the parts of a record in which the mission commanded yaw rates in the air."""
+    """Return the parts of a record with commanded yaw rates."""
     parts: list[list[tuple[float, float, float]]] = [[]]
     for moment in RecordReader(path).moments():
         movement, state = moment.commands.sent.movement, moment.state
         flies = state.flying in {FlyingState.HOVERING, FlyingState.FLYING}
         if isinstance(movement, Velocity | Hover) and flies and not state.pilot_has_control:
-            rate_radps = movement.yaw_rate_radps if isinstance(movement, Velocity) else 0.0
+            rate_radps = getattr(movement, "yaw_rate_radps", 0.0)
             parts[-1].append((moment.tick.time_s, rate_radps, state.attitude.yaw_rad))
         elif parts[-1]:
             parts.append([])
@@ -95,15 +94,14 @@ def yaw_series(path: Path) -> list[Series]:
 
 
 def identify(series: Sequence[Series]) -> tuple[YawResponse, float]:
-    """Fit delay, lag and gain by least squares on the heading; return also the residual, rms rad.
+    """Fit delay, lag and gain to the heading by least squares; return also the residual, rms rad.
 
-    The heading is linear in gain and initial heading, so only delay and lag are searched.
+    The heading is linear in the gain: only delay and lag are searched.
     """
     if (turn_deg := commanded_turn_deg(series)) < _LEAST_TURN_DEG:
         raise InputError(
             f"expected turns of {_LEAST_TURN_DEG:.0f} degrees or more by yaw-rate commands, got "
-            f"{turn_deg:.0f}: record a flight that explores by the map, such as survey_and_land "
-            "(the leaf Turn leaves the yaw rate to the drone)"
+            f"{turn_deg:.0f}: record a flight that explores by the map, such as survey_and_land"
         )
     heading = np.concatenate([yaws - yaws.mean() for _, _, yaws in series])
 
@@ -143,7 +141,7 @@ def heading_loop(gains: HeadingGains, response: YawResponse, tick_s: float) -> L
     numerator = np.convolve(np.diff(ramp, prepend=0.0), denominator)[: last + 1]
     plant = control.TransferFunction(numerator, np.pad(denominator, (0, last - 2)), tick_s)
     transfer = pid * plant
-    # Polynomial roots are inaccurate with poles at 1. A fine frequency response is accurate.
+    # Polynomial roots are inaccurate with poles at 1.
     shares = np.append(np.geomspace(1e-4, 0.1, 200), np.linspace(0.101, 0.999, 800))
     sampled = control.FrequencyResponseData(transfer, math.pi / tick_s * shares, smooth=True)
     gain_margin, phase_margin_deg, _, _, crossover, _ = control.stability_margins(sampled)
@@ -155,7 +153,7 @@ def heading_loop(gains: HeadingGains, response: YawResponse, tick_s: float) -> L
 
 
 def suggested_loop(response: YawResponse, tick_s: float) -> Loop:
-    """Return the fastest loop with 6 dB and 45 degrees; its gains are the shipped ones, scaled."""
+    """Return the fastest loop with these margins, with the shipped gains scaled."""
     shipped = HeadingGains()
     for proportional in _PROPORTIONAL:
         share = proportional / shipped.proportional
@@ -172,15 +170,13 @@ def suggested_loop(response: YawResponse, tick_s: float) -> Loop:
 def draw(
     series: Sequence[Series], response: YawResponse, loops: Mapping[str, Loop], path: Path
 ) -> None:
-    """Write a PNG: heading and model over the longest series, its commands, and small steps."""
-    times, rates, yaws = longest = max(series, key=np.size)
-    figure = Figure(figsize=(7, 7), layout="constrained")
-    heading, rate, step = figure.subplots(3, 1)
+    """Write a PNG: heading and model over the longest series, and small steps."""
+    times, _, yaws = longest = max(series, key=np.size)
+    figure = Figure(figsize=(7, 5), layout="constrained")
+    heading, step = figure.subplots(2, 1)
     for name, line, angles in (("measured", "-", yaws), ("model", "--", response.turned(longest))):
         heading.plot(times, np.degrees(angles - angles.mean()), line, label=name)
-    heading.set(ylabel="heading, degrees")
-    rate.step(times, rates, where="post")
-    rate.set(xlabel="mission time, s", ylabel="command, rad/s")
+    heading.set(xlabel="mission time, s", ylabel="heading, degrees")
     for name, loop in loops.items():
         closed = control.feedback(loop.transfer, 1)
         found = control.step_response(closed, np.arange(0.0, 6.0, loop.transfer.dt))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeGuard
 
 from py_trees.behaviour import Behaviour
 
+from uav_bt.app.option_values import expect
 from uav_bt.app.options import FlightOptions
 from uav_bt.app.place import limits_of
 from uav_bt.app.site import Site
@@ -29,8 +29,7 @@ from uav_bt.tree.shipped import resolve_tree
 Mission = str | Path | MissionTree | Node | Behaviour
 """A mission: a shipped one's name, a tree file, a tree or its root, or a tree file's text.
 
-A text is a `str` whose first character, blanks aside, is `<`. A root is a node, or a behaviour of
-py_trees in whose tree nodes may stand.
+A text begins with `<`. A root is a node, or a behaviour of py_trees.
 """
 
 _HEIGHT_PORT: Final = "height_m"  # of a leaf that sets the flight height
@@ -69,29 +68,26 @@ def read_mission(
     if isinstance(options.params, ParameterFile) and options.params.variants:
         raise FileError(
             options.params.path,
-            f"has variants ({', '.join(options.params.variants)}), and a campaign flies them; give "
-            "a file with `set` and `var` only",
+            f"has variants ({', '.join(options.params.variants)}), which only a campaign flies",
         )
-    if registry is not None and not isinstance(registry, NodeRegistry):
-        raise InputError(
-            "registry: expected a NodeRegistry, such as "
-            f"NodeRegistry.installed().with_nodes(Peek); got {registry!r:.80}"
-        )
+    expect("registry", registry, NodeRegistry | None, "NodeRegistry.installed().with_nodes(...)")
     overrides = {node: dict(given) for node, given in (replaced or {}).items()}
     for node, policy in options.policy_names.items():
         overrides.setdefault(node, {})["policy"] = policy
-    site = options.place or Site()
-    by_key = _site_values(site)
+    by_key = _site_values(options.place or Site())
     registry = registry or NodeRegistry.installed()
     if isinstance(tree, Node | Behaviour):
         tree = MissionTree(tree, name=tree.name)
     if isinstance(tree, MissionTree):
         _check_made(tree, options)
         replace_in(tree, registry, options.parameters, overrides, by_key)
-    elif isinstance(tree, str | Path):
+    else:
+        expect("tree", tree, str | Path, "a mission's name, a tree file, its text, or a tree")
+        read = parse_tree if is_text(tree) else load_tree
+        source: Any = tree if is_text(tree) else resolve_tree(tree)
         registry = registry.with_policies(options.policy_objects)
-        load = partial(parse_tree, tree) if is_text(tree) else partial(_load_file, tree)
-        tree = load(
+        tree = read(
+            source,
             with_leaves(registry, [Path(file) for file in options.leaves]),
             tree_id=options.tree_id,
             overrides=overrides,
@@ -99,82 +95,71 @@ def read_mission(
             lookup=options.tree_folders.lookup(),
             parameters=options.parameters,
         )
-    else:
-        raise InputError(
-            "expected a mission: a shipped one's name, a tree file, a MissionTree, the root of a "
-            f"tree or a tree file's text; got {tree!r:.80}"
-        )
-    _check_site_reaches(tree, by_key, site, options)
+    _check_site_reaches(tree, by_key, options)
     return tree
-
-
-def _load_file(tree: str | Path, registry: NodeRegistry, **how: Any) -> MissionTree:
-    return load_tree(resolve_tree(tree), registry, **how)
 
 
 def _check_made(tree: MissionTree, options: FlightOptions) -> None:
     """Refuse a tree that flew, and options that are for tree files."""
     if tree.is_set_up:
         raise InputError(
-            f"tree '{tree.name}' was flown or set up before, and a tree flies once: load or "
-            "compose it anew for each flight"
+            f"tree '{tree.name}' was flown or set up before: make it anew for each flight"
         )
-    this = f"for tree files; this is '{tree.name}', which is loaded already"
     for what, given in (
-        (f"tree_id={options.tree_id!r} is", options.tree_id not in {None, tree.name}),
-        ("tree_folders are", options.tree_folders != TreeFolders()),
-        ("leaves are", options.leaves),
+        ("tree_id", options.tree_id not in {None, tree.name}),
+        ("tree_folders", options.tree_folders != TreeFolders()),
+        ("leaves", options.leaves),
+        ("variables", options.parameters.variables),
     ):
         if given:
-            raise InputError(f"{what} {this}")
-    for name, value in options.parameters.variables.items():
-        raise InputError(f"variables are {this}: write tree.variables['{name}'] = {value!r}")
+            raise InputError(
+                f"{what}: for tree files only; '{tree.name}' is loaded already (its variables are "
+                "set with tree.variables['name'] = value)"
+            )
 
 
 def _site_values(site: Site) -> _ByKey:
-    """Return the attributes that a site replaces, by the board key that their leaves write."""
-    height_m = None if site.flight_height_m is None else f"{site.flight_height_m:g}"
-    classes = None if site.classes is None else str(site.classes)
-    wanted: dict[Key[Any], dict[str, str | None]] = {
-        CLASS_MAP: {"model": site.model, "classes": classes},
-        METRIC_DEPTH: {"model": site.depth},
-        FLIGHT_HEIGHT: {_HEIGHT_PORT: height_m},
-    }
-    stated = {
-        key: {name: value for name, value in values.items() if value is not None}
-        for key, values in wanted.items()
-    }
-    return {key: values for key, values in stated.items() if values}
+    """Return the attributes that a site replaces, by the key that their leaves write."""
+    found: dict[Key[Any], dict[str, str]] = {CLASS_MAP: {}, METRIC_DEPTH: {}, FLIGHT_HEIGHT: {}}
+    for key, name, value in (
+        (CLASS_MAP, "model", site.model),
+        (CLASS_MAP, "classes", site.classes),
+        (METRIC_DEPTH, "model", site.depth),
+        (FLIGHT_HEIGHT, _HEIGHT_PORT, site.flight_height_m),
+    ):
+        if value is not None:
+            found[key][name] = f"{value:g}" if isinstance(value, float) else str(value)
+    return {key: values for key, values in found.items() if values}
 
 
-def _check_site_reaches(
-    mission: MissionTree, by_key: _ByKey, site: Site, options: FlightOptions
-) -> None:
+def _check_site_reaches(mission: MissionTree, by_key: _ByKey, options: FlightOptions) -> None:
     """Refuse a tree whose leaves cannot take a site's setting; log one that no leaf asks for.
 
     A tree may ignore the depth network, and a segmentation network that no lab file states.
     """
-    source, ignored = "site" if site.lab is None else "lab", [METRIC_DEPTH.name]
-    if isinstance(options.lab, Lab) and "model" not in (options.lab.flight.network or {}):
-        ignored.append(CLASS_MAP.name)
+    source, ignored = "site", [METRIC_DEPTH.name]
+    if isinstance(options.lab, Lab):
+        source = "lab"
+        ignored += [] if "model" in (options.lab.flight.network or {}) else [CLASS_MAP.name]
     for key, attributes in by_key.items():
         writers = [leaf for leaf in mission.leaves() if key in leaf.writes]
         for name, value in attributes.items() if key.name not in ignored else ():
+            setting = f"the {source}'s {name}='{value}'"
             if not writers:
                 _log.warning(
-                    "Warning: the %s's %s='%s' has no effect: no leaf of tree '%s' writes '%s'",
-                    *(source, name, value, mission.name, key.name),
+                    "Warning: %s has no effect: no leaf of tree '%s' writes '%s'",
+                    *(setting, mission.name, key.name),
                 )
             elif not any(name in leaf.values_taken({key: attributes}) for leaf in writers):
                 raise InputError(
-                    f"the {source}'s {name}='{value}' reaches no leaf of tree '{mission.name}': "
-                    f"'{writers[0].path}' writes '{key.name}' but has no port '{name}'; give it "
-                    "that port, or fly without this setting"
+                    f"{setting} reaches no leaf of tree '{mission.name}': '{writers[0].path}' "
+                    f"writes '{key.name}' but has no port '{name}'; give it that port, or fly "
+                    "without this setting"
                 )
 
 
 def _check_ceiling(mission: MissionTree, ceiling_m: float) -> None:
-    """Refuse a flight height above the ceiling, but for one that is known in flight only."""
+    """Refuse a flight height above the ceiling, if it is known before the flight."""
     for leaf in mission.leaves():
         height = next((port for port in leaf.ports if port.name == _HEIGHT_PORT), None)
         if FLIGHT_HEIGHT not in leaf.writes or height is None:

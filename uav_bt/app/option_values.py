@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from numbers import Integral
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Final, NoReturn
 
-from annotated_types import Ge, Gt
-from pydantic import BeforeValidator, GetCoreSchemaHandler
+from annotated_types import Ge, Gt, MinLen
+from pydantic import AfterValidator, BeforeValidator, Field
 from pydantic_core import CoreSchema, core_schema
 
 from uav_bt.errors import FileError, InputError, ValueRangeError
@@ -30,6 +30,16 @@ from uav_bt.tree.port import port_text
 _ABSENT: Final = object()
 
 
+@dataclass(frozen=True)
+class Checked:
+    """A function checks the value, whatever its type, and returns it."""
+
+    check: Callable[[Any], Any]
+
+    def __get_pydantic_core_schema__(self, *_: object) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.check)
+
+
 def class_name(value: object) -> str:
     """Return the full name of an object's class."""
     return f"{type(value).__module__}.{type(value).__qualname__}"
@@ -40,31 +50,29 @@ def is_drone_config(drone: object) -> bool:
     return callable(getattr(drone, "create", None))
 
 
-def as_file(name: str, value: object, expected: str = "a file") -> Path | None:
+def expect(name: str, value: object, kind: type | UnionType, expected: str) -> None:
+    """Refuse a value of another type."""
+    if not isinstance(value, kind):
+        refuse(name, expected, value)
+
+
+def refuse(name: str, expected: str, value: object) -> NoReturn:
+    """Raise an InputError that names the expected and the given value."""
+    got = f"{value!r:.80}"
+    if isinstance(value, type):
+        got = f"the class {value.__name__}: write {value.__name__}(...)"
+    raise InputError(f"{name}: expected {expected}, got {got}")
+
+
+def as_file(name: str, value: str | Path | None, expected: str = "a file") -> Path | None:
     """Return a file's path, None for None; refuse what is neither text nor path."""
-    if value is None or isinstance(value, Path):
-        return value
-    if not isinstance(value, str) or not value:
+    if value == "" or not isinstance(value, str | Path | None):
         refuse(name, f"{expected}, as str or Path", value)
-    return Path(value)
+    return None if value is None else Path(value)
 
 
-def files(value: object) -> tuple[Path, ...]:
-    """Return the paths of a list of files of leaves."""
-    if not isinstance(value, (tuple, list)):
-        refuse("leaves", "a list of files, such as ['my_leaves.py']", value)
-    return tuple(path for each in value if (path := as_file("leaves", each or "")) is not None)
-
-
-def fault_texts(faults: object) -> tuple[str, ...]:
-    """Return faults as texts; `@FILE` stands for the lines of a file, which are checked here."""
-    if not isinstance(faults, (tuple, list)) or not all(isinstance(one, str) for one in faults):
-        refuse(
-            "faults",
-            "a list of faults as texts, such as ['video-lost@explore+1~3'] (a Fault, also of your "
-            "own FaultKind, flies with drone=FaultyDrone(drone, fault))",
-            faults,
-        )
+def fault_texts(faults: Sequence[str]) -> tuple[str, ...]:
+    """Return faults as texts; `@FILE` stands for the lines of a file."""
     return tuple(text for one in faults for text in _fault_lines(one))
 
 
@@ -103,25 +111,19 @@ def variable_values(variables: object) -> dict[str, Plain]:
     return _plain_values("variables", "values by variable, such as {'laps': 3}", variables)
 
 
-def _plain_values(what: str, expected: str, values: object) -> dict[str, Plain]:
-    if not isinstance(values, Mapping):
-        refuse(what, expected, values)
+def _plain_values(what: str, expected: str, values: Any) -> dict[str, Plain]:
+    expect(what, values, Mapping, expected)
     for name, value in values.items():
-        if not isinstance(name, str):
-            refuse(what, expected, name)
-        if not isinstance(value, Plain):
-            refuse(f"{what}['{name}']", "a text, a number, True or False", value)
+        expect(what, name, str, expected)
+        expect(f"{what}['{name}']", value, Plain, "a text, a number, True or False")
     return dict(values)
 
 
-def check_policies(policies: Any) -> Any:
-    """Return leaf policies by node; refuse other values, and policies without `decide`."""
-    if not isinstance(policies, Mapping):
-        refuse("policies", "policies by node, such as {'Explore': 'corridor'}", policies)
+def _policies(policies: Any) -> Any:
+    expect("policies", policies, Mapping, "policies by node, such as {'Explore': 'corridor'}")
     for node, policy in policies.items():
         expect("policies", node, str, "the name or path of a node")
-        usable = isinstance(policy, LeafPolicy) and not isinstance(policy, type)
-        if not usable and not isinstance(policy, str):
+        if isinstance(policy, type) or not isinstance(policy, str | LeafPolicy):
             refuse(f"policies['{node}']", "a policy's name, or an object with `decide`", policy)
     return policies
 
@@ -136,17 +138,6 @@ def check_drone(drone: Any) -> Any:
     return drone
 
 
-def common_seed(drone: object, seed: int) -> int:
-    """Return the seed of a flight: its own, or that of its drone's configuration."""
-    own = getattr(drone, "seed", 0) if is_drone_config(drone) else 0
-    if own and seed and own != seed:
-        raise InputError(
-            f"seed: expected one seed, got {seed} for the flight and {own} in the drone's "
-            f"{type(drone).__name__}: leave out the drone's"
-        )
-    return own or seed
-
-
 def refuse_incomplete(drone: object, expected: str = "a Drone") -> None:
     """Refuse a drone that lacks members of the protocol; the message lists them."""
     # Nothing is read: unconnected drones raise.
@@ -156,9 +147,8 @@ def refuse_incomplete(drone: object, expected: str = "a Drone") -> None:
         if not name.startswith("_") and inspect.getattr_static(drone, name, _ABSENT) is _ABSENT
     ]
     if missing:
-        remedy = ": add `airframe = uav_bt.types.Airframe()`" if missing == ["airframe"] else ""
         raise InputError(
-            f"drone: expected {expected}; {class_name(drone)} lacks {', '.join(missing)}{remedy}"
+            f"drone: expected {expected}; {class_name(drone)} lacks {', '.join(missing)}"
         )
 
 
@@ -169,14 +159,9 @@ def refuse_unusable(
     *,
     remedy: str = "leave it out, as this drone has no such setting",
 ) -> None:
-    """Refuse options that a drone does not support; defaults are never refused.
+    """Refuse the `FlightOptions` that a drone does not support; defaults are never refused.
 
-    Args:
-        options: A `FlightOptions`. The flag of an option is named, too, if the drone is, as a
-            command may have given both.
-        drone: Subject of the message.
-        usable: Names of the options that the drone supports.
-        remedy: End of the message: what to do.
+    The message begins with `drone`, ends with `remedy`, and names the flag of a named drone.
     """
     for each in fields(options):
         value, about = getattr(options, each.name), option_of(type(options), each.name)
@@ -186,78 +171,8 @@ def refuse_unusable(
             raise InputError(f"{drone} takes no {name}, got {value!r}: {remedy}")
 
 
-def expect(name: str, value: object, kind: type | UnionType, expected: str) -> None:
-    """Refuse a value of another type."""
-    if not isinstance(value, kind):
-        refuse(name, expected, value)
-
-
-def refuse(name: str, expected: str, value: object) -> NoReturn:
-    """Raise an InputError that names the expected and the given value."""
-    got = f"{value!r:.80}"
-    if isinstance(value, type):
-        got = f"the class {value.__name__}: write {value.__name__}(...)"
-    raise InputError(f"{name}: expected {expected}, got {got}")
-
-
-MISSION: Final = "Mission"
-OUTPUTS: Final = "Outputs"
-ROOM: Final = "Simulated room"
-REAL: Final = "Real drone"
-"""Headings of the help of `uav-bt fly`."""
-RECORD_SUFFIX: Final = ".mcap"
-
-
-@dataclass(frozen=True)
-class Checked:
-    """A function of the option's name and value checks it, whatever its type, and returns it."""
-
-    check: Callable[[str, Any], Any]
-
-    def __get_pydantic_core_schema__(
-        self, source: object, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        del source
-        name = str(handler.field_name)
-        return core_schema.no_info_plain_validator_function(lambda value: self.check(name, value))
-
-
-def record_file(name: str, value: object) -> Path | None:
-    """Return the path of a record."""
-    path = as_file(name, value)
-    if path is not None and path.suffix.lower() != RECORD_SUFFIX:
-        refuse(name, f"a file whose name ends in {RECORD_SUFFIX}", str(path))
-    return path
-
-
-def scene_text(name: str, value: object) -> str | None:
-    """Return a scene's name or path as it was given."""
-    expected = "the name or file of a scene (a Scene belongs to the drone, as PlainConfig(scene=))"
-    return None if as_file(name, value, expected) is None else str(value)
-
-
-def loaded(kind: type, load: Callable[[Any], Any], expected: str) -> Checked:
-    """Return a check that takes an object, and loads that of a file or a name."""
-
-    def check(name: str, value: object) -> Any:
-        if value is None or isinstance(value, kind):
-            return value
-        as_file(name, value, expected)
-        return load(value)
-
-    return Checked(check)
-
-
-def whole(value: object) -> object:
-    """Return an integer of NumPy as `int`; others are checked after this."""
+def _whole(value: object) -> object:
     return int(value) if isinstance(value, Integral) and not isinstance(value, bool) else value
-
-
-def _size(value: object) -> object:
-    sides = tuple(value) if isinstance(value, Iterable) else ()
-    if len(sides) != 2:
-        refuse("image_size_px", "width and height in pixels, such as (640, 360)", value)
-    return tuple(whole(side) for side in sides)
 
 
 def _size_of_text(text: str) -> tuple[int, int]:
@@ -293,19 +208,34 @@ def judge_of(
     return JudgeConfig(time_limit_s=judge)
 
 
+def loaded_by(load: Callable[[str | Path], Any], kind: type) -> Checked:
+    """Return a check that loads the object of a file or a name; objects stay."""
+
+    def loaded(given: object) -> object:
+        if isinstance(given, str | Path):
+            return load(given)
+        expect(kind.__name__, given, kind | None, f"a {kind.__name__}, its file or its name")
+        return given
+
+    return Checked(loaded)
+
+
+Whole = Annotated[int, BeforeValidator(_whole)]
+"""Also an integer of NumPy."""
+File = Annotated[
+    Annotated[str, MinLen(1)] | Path | None,
+    AfterValidator(lambda file: None if file is None else Path(file)),
+]
 Seed = Annotated[
-    int,
-    BeforeValidator(whole),
-    Ge(0),
-    Option("Seed of everything random.", "", ROOM, of_drone=True),
+    Whole, Ge(0), Option("Seed of everything random.", "", "Simulated room", of_drone=True)
 ]
 Policies = Annotated[
     Mapping[str, str | LeafPolicy],
-    Checked(lambda _, value: check_policies(value)),
+    Checked(_policies),
     Option(
         "Let a node, by name or path, use another leaf policy. Repeatable.",
         "--policy NODE=NAME",
-        MISSION,
+        "Mission",
         read=_policies_of_texts,
     ),
 ]
@@ -315,25 +245,24 @@ Profile = Annotated[
         "How imperfect the twin is: ideal, lab or harsh; lab-instant and harsh-instant have "
         "telemetry without delay.",
         "NAME",
-        ROOM,
+        "Simulated room",
         of_drone=True,
     ),
 ]
 ImageSize = Annotated[
-    tuple[Annotated[int, Ge(1)], Annotated[int, Ge(1)]],
-    BeforeValidator(_size),
+    tuple[Annotated[Whole, Ge(1)], Annotated[Whole, Ge(1)]],
+    Field(strict=False),  # a list is as good
     Option(
         "Size of the camera's frames, 16:9.",
         "--image-size WxH",
-        ROOM,
+        "Simulated room",
         of_drone=True,
         read=_size_of_text,
         write="{0[0]}x{0[1]}".format,
     ),
 ]
 Threads = Annotated[
-    int,
-    BeforeValidator(whole),
+    Whole,
     Ge(1),
     Option(
         "Threads of the networks' inference. With one, a flight does not depend on the machine's "

@@ -1,4 +1,4 @@
-"""How a mission is flown: the options of one flight, declared once for Python and command line."""
+"""The options of one flight, declared once for Python and command line."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final, Self
 
 from annotated_types import Ge, Le
 from pydantic import (
-    BeforeValidator,
+    AfterValidator,
     ConfigDict,
     ModelWrapValidatorHandler,
     TypeAdapter,
@@ -23,32 +23,25 @@ from pydantic.dataclasses import dataclass
 
 from sim_bridge.twin.scene import MAX_MOVERS
 from uav_bt.app.option_values import (
-    MISSION,
-    OUTPUTS,
-    REAL,
-    RECORD_SUFFIX,
-    ROOM,
     Checked,
+    File,
     ImageSize,
     Policies,
     Profile,
     Seed,
     Threads,
-    as_file,
+    Whole,
     check_drone,
     class_name,
-    common_seed,
     expect,
     fault_texts,
-    files,
+    is_drone_config,
     judge_of,
-    loaded,
+    loaded_by,
     port_values,
-    record_file,
+    refuse,
     refuse_unusable,
-    scene_text,
     variable_values,
-    whole,
 )
 from uav_bt.app.site import Site, load_site, site_of_lab
 from uav_bt.brief import brief_repr
@@ -76,15 +69,14 @@ from uav_bt.tree.registry import OwnLeaves, OwnParts, parts_of_files
     ),
 )
 class FlightOptions:
-    """How a mission is flown. Every value is checked here; files are given as `str` or `Path`.
+    """How a mission is flown; every value is checked here.
 
         FlightOptions(scene="val-a", seed=3, judge=JudgeConfig(time_limit_s=600.0))
 
-    In Python `drone` may also be a configuration such as `TwinConfig(scene="val-a")`, or a `Drone`.
-    An object is flown as it is; the values of site or lab replace those of the same name in a
-    configuration. A policy may also be an object with `decide`, a site also a `Site`, a lab also a
-    `Lab`. The seed does not reach a drone given as an object. A named drone without a seed, such as
-    anafi, refuses any but 0.
+    In Python `drone` may also be a configuration such as `TwinConfig(scene="val-a")`, or a `Drone`,
+    which the seed does not reach. Values of site or lab replace those of a configuration. A policy
+    may also be an object with `decide`, a site also a `Site`, a lab also a `Lab`. A drone without a
+    seed, such as anafi, refuses any but 0.
 
     Raises:
         InputError: A value cannot be used, lab or site file cannot be read, or both are given.
@@ -92,88 +84,81 @@ class FlightOptions:
 
     tree_id: TreeId = None
     tree_folders: Folders = field(default_factory=TreeFolders)
-    leaves: Annotated[OwnLeaves, Checked(lambda _, value: files(value))] = ()
-    ports: Annotated[Ports, Checked(lambda _, value: port_values(value))] = field(
-        default_factory=dict
-    )
-    variables: Annotated[Variables, Checked(lambda _, value: variable_values(value))] = field(
-        default_factory=dict
-    )
+    leaves: Annotated[OwnLeaves, AfterValidator(lambda given: tuple(map(Path, given)))] = ()
+    ports: Annotated[Ports, Checked(port_values)] = field(default_factory=dict)
+    variables: Annotated[Variables, Checked(variable_values)] = field(default_factory=dict)
     params: Annotated[
         str | Path | ParameterFile | None,
-        loaded(ParameterFile, lambda file: read_parameters(Path(file)), "a parameter file"),
+        loaded_by(lambda file: read_parameters(Path(file)), ParameterFile),
         PARAMS,
     ] = None
     policies: Policies = field(default_factory=dict)
-    judge: Annotated[JudgeConfig, Option(group=MISSION, parts=judge_of)] = field(
+    judge: Annotated[JudgeConfig, Option(group="Mission", parts=judge_of)] = field(
         default_factory=JudgeConfig
     )
     """When a flight is over, and what counts as a success."""
-    record: Annotated[
-        str | Path | None,
-        Checked(record_file),
-        Option(group=OUTPUTS, path="written", suffix=RECORD_SUFFIX),
-    ] = None
+    record: Annotated[File, Option(group="Outputs", path="written", suffix=".mcap")] = None
     """Keep the flight's record: an MCAP file, for viewers and for replay."""
-    record_quality: Annotated[Quality, Option("", "--quality", OUTPUTS)] = "lossless"
+    record_quality: Annotated[Quality, Option("", "--quality", "Outputs")] = "lossless"
     """Quality of the record's images: lossless, which replays exactly, high or small. At 640x360 a
     minute takes about 240, 35 or 14 MB."""
     scene: Annotated[
-        str | Path | None, Checked(scene_text), Option("", "SCENE", ROOM, of_drone=True)
+        File,
+        AfterValidator(lambda scene: None if scene is None else str(scene)),
+        Option("", "SCENE", "Simulated room", of_drone=True),
     ] = None
     """The twin's lab: a shipped scene or a YAML file."""
     seed: Seed = 0
     profile: Profile = "lab"
     movers: Annotated[
-        int,
-        BeforeValidator(whole),
+        Whole,
         Ge(0),
         Le(MAX_MOVERS),
         Option(
             "Number of people and carts, drawn from the seed, that are added to the movers of the "
             f"twin's scene; {MAX_MOVERS} together at most.",
             "N",
-            ROOM,
+            "Simulated room",
             of_drone=True,
         ),
     ] = 0
-    vary_room: Annotated[bool, Option(group=ROOM, of_drone=True)] = False
+    vary_room: Annotated[bool, Option(group="Simulated room", of_drone=True)] = False
     """Place and size the scene's boxes by the seed."""
     faults: Annotated[
         Sequence[str],
-        Checked(lambda _, value: fault_texts(value)),
-        Option("", "KIND[=LEVEL][@PHASE[+S]][~S]", ROOM),
+        AfterValidator(fault_texts),
+        Option("", "KIND[=LEVEL][@PHASE[+S]][~S]", "Simulated room"),
     ] = ()
     """A fault of the drone, such as video-lost@explore+1~3, or `random`: room, movers and faults
     are drawn from the seed. Repeatable."""
-    exact_masks: Annotated[bool, Option(group=ROOM)] = False
+    exact_masks: Annotated[bool, Option(group="Simulated room")] = False
     """Fly on exact masks instead of a network's."""
-    realtime: Annotated[bool, Option(group=ROOM, of_drone=True)] = False
+    realtime: Annotated[bool, Option(group="Simulated room", of_drone=True)] = False
     """Fly the twin no faster than real time."""
     image_size_px: ImageSize = (640, 360)
     lab: Annotated[
         str | Path | Lab | None,
-        loaded(Lab, lambda name: load_lab(str(name)), "the name of a lab, its folder, or a Lab"),
+        loaded_by(load_lab, Lab),
         Option("", "NAME", "Place"),
     ] = None
     """The lab that is flown in, real or simulated: a shipped lab, a folder of labs/, or a path. Its
     lab file has all keys of a site file."""
     drone: Annotated[
         str | DroneConfig | Drone,
-        Checked(lambda _, value: check_drone(value)),
-        Option("", "NAME[:ADDRESS]", REAL),
+        Checked(check_drone),
+        Option("", "NAME[:ADDRESS]", "Real drone"),
     ] = "twin"
     """The drone that flies: twin, plain (the twin without images), anafi[:HOST[:PORT]],
     sphinx[:HOST[:PORT]], or another that is installed."""
     site: Annotated[
         str | Path | Site | None,
-        loaded(Site, lambda file: load_site(Path(file)), "a site file or a Site"),
-        Option(group=REAL, path="read"),
+        loaded_by(load_site, Site),
+        Option(group="Real drone", path="read"),
     ] = None
     """A site file: heights, camera, classes and limits of the place."""
-    camera: Annotated[str | Path | None, Checked(as_file), Option(group=REAL, path="read")] = None
+    camera: Annotated[File, Option(group="Real drone", path="read")] = None
     """A camera file of `uav-bt lab calibrate`: frames are undistorted with it."""
-    rehearse: Annotated[bool, Option(group=REAL)] = False
+    rehearse: Annotated[bool, Option(group="Real drone")] = False
     """Motors off: perception and tree see the live video, and show what would be sent."""
     inference_threads: Threads = 1
     limits: Annotated[Limits | None, Option()] = None
@@ -196,16 +181,24 @@ class FlightOptions:
         if self.lab is not None and self.site is not None:
             raise InputError(
                 "--lab and --site (lab and site in Python) both say how the place is flown: give "
-                "one of them; a lab file has all keys of a site file"
+                "one of them"
             )
-        if not isinstance(self.drone, str):
-            who = f"{type(self.drone).__name__} is flown as it is and"
-            refuse_unusable(self, who, {"seed"}, remedy="set it there")
-            # The class is frozen for all others.
-            object.__setattr__(self, "seed", common_seed(self.drone, self.seed))
+        if isinstance(self.record, Path) and self.record.suffix.lower() != ".mcap":
+            refuse("record", "a file whose name ends in .mcap", str(self.record))
+        if isinstance(self.drone, str):
+            return
+        kind = type(self.drone).__name__
+        refuse_unusable(self, f"{kind} is flown as it is and", {"seed"}, remedy="set it there")
+        own = getattr(self.drone, "seed", 0) if is_drone_config(self.drone) else 0
+        if own and self.seed not in {0, own}:
+            raise InputError(
+                f"seed: expected one seed, got {self.seed} for the flight and {own} in the "
+                f"drone's {kind}: leave out the drone's"
+            )
+        object.__setattr__(self, "seed", own or self.seed)  # frozen for all others
 
     def shared_json(self) -> dict[str, Any]:
-        """Return the fields in `SHARED` as plain JSON values that make them again in any folder."""
+        """Return the fields in `SHARED` as JSON values that hold in any folder."""
         plain = _adapter().dump_python(self, mode="json", include={*SHARED} - {"lab"})
         lab = lab_address(self.lab) if isinstance(self.lab, Lab) else None
         folders = self.tree_folders.to_json()
@@ -231,7 +224,7 @@ class FlightOptions:
 
     @property
     def parameters(self) -> Parameters:
-        """Ports and variables of the options, and beneath them those of the parameter file."""
+        """Ports and variables of the options, before those of the parameter file."""
         own = Parameters(ports=self.ports, variables=self.variables)
         return own if not isinstance(self.params, ParameterFile) else own.over(self.params.common)
 
@@ -272,9 +265,9 @@ FlightOptions.__doc__ = (
 )
 
 IN_COMMANDS: Final = tuple(name for name, about in _ABOUT.items() if about.group)
-"""Fields of `FlightOptions` that `uav-bt fly` has as options; the others are for Python."""
+"""Fields that `uav-bt fly` has as options; the others are for Python."""
 OF_DRONE: Final = tuple(name for name, about in _ABOUT.items() if about.of_drone)
-"""Fields of `FlightOptions` that a drone's configuration gets if it has fields of these names."""
+"""Fields that a drone's configuration gets if it has fields of these names."""
 _OF_ONE_FLIGHT: Final = {
     *("scene", "seed", "record", "params"),
     *("realtime", "site", "camera", "rehearse", "inference_threads"),
@@ -291,9 +284,9 @@ def _refusal(error: ValidationError) -> str:
     if first["type"] == "unexpected_keyword_argument":
         names = [each.name for each in fields(FlightOptions)]
         return str(UnknownNameError("flight option", str(first["loc"][0]), names))
-    words = first["msg"].removeprefix("Input should be ")
     number = "a number " if "than" in first["type"] else ""
-    return f"{first['loc'][0]}: expected {number}{words}, got {first['input']!r:.80}"
+    words = first["msg"].replace("Input should be ", f"expected {number}")
+    return f"{first['loc'][0]}: {words}, got {first['input']!r:.80}"
 
 
 @cache
@@ -302,6 +295,6 @@ def _adapter() -> TypeAdapter[FlightOptions]:
 
 
 def given_options(options: FlightOptions | None, how: Mapping[str, Any]) -> FlightOptions:
-    """Return the options of a flight: those of an object, some of them replaced by `how`."""
+    """Return the options of an object, some of them replaced by `how`."""
     expect("options", options, FlightOptions | None, "FlightOptions(...)")
     return replace(options, **how) if options else FlightOptions(**how)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -21,10 +22,10 @@ from uav_bt.tree import MissionTree
 from uav_bt.tree.rules import Rules
 from uav_bt.types import LandingMark, Pose2D
 from uav_bt.types.area import Area
-from uav_bt.types.place import LandOn, MissionRules, Place, PlaceFrame
-from uav_bt.types.place_frames import lab_to_start
+from uav_bt.types.place import LandOn, MissionRules, Place, PlaceFrame, parse_places
+from uav_bt.types.place_frames import lab_to_start, start_to_lab
 
-_LARGER: Final = frozenset({"floor_m", "critical_battery"})  # limits whose larger value is stricter
+_LARGER: Final = frozenset({"floor_m", "critical_battery"})  # the larger is stricter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +39,6 @@ class Conditions:
     mark: LandingMark
     mark_pose: Pose2D | None  # None: unknown
     take_off: Pose2D | None  # None: unknown
-    rules: MissionRules  # that the mission states
     judge: JudgeConfig  # with these rules
     area: Area | None = None  # relative to the take-off pose; None: no bound
 
@@ -48,9 +48,9 @@ def conditions_of(
 ) -> Conditions:
     """Return what holds in a flight, with this precedence.
 
-    The options (command line) come before the rules of the mission, these before the scene of a
-    simulated drone, this before lab or site, and these before the ports of the tree
-    (`app/loading.py`). Of two limits the smaller one holds, and of two areas both.
+    Options come before the mission's rules, these before the scene of a simulated drone, this
+    before lab or site, these before the ports of the tree (`app/loading.py`). Of two limits the
+    smaller one holds, and of two areas both.
 
     `recorded`: whether a record states the area, and the flight is over.
     """
@@ -64,7 +64,7 @@ def conditions_of(
     if scene is not None and options.lab is None and site.mark not in {None, mark}:
         raise InputError(
             f"the site's mark ({site.mark}) is not that of scene '{scene.name}' ({mark}): "
-            "remove 'mark' from the site file, or change 'helipad' of the scene"
+            "remove one of them"
         )
     found = Conditions(
         lab=lab,
@@ -74,7 +74,6 @@ def conditions_of(
         mark=mark or default_mark(),
         mark_pose=known.mark_pose,
         take_off=known.take_off_pose,
-        rules=rules,
         judge=judge,
     )
     if recorded:
@@ -90,7 +89,7 @@ def rules_of(mission: MissionTree) -> MissionRules:
 
 
 def limits_of(options: FlightOptions) -> Limits:
-    """Return the limits of all commands: of options, site or lab; the stricter where both state."""
+    """Return the limits of options, site or lab; the stricter where both state them."""
     site, given = options.place, options.limits
     if site is None or given is None:
         return given or (site or Site()).limits
@@ -102,25 +101,21 @@ def limits_of(options: FlightOptions) -> Limits:
 
 
 def lab_of(options: FlightOptions, scene: Scene | None) -> Lab | None:
-    """Return the lab of options or scene; None without. A scene of another lab is refused."""
+    """Return the lab of options or scene; refuse a scene of another lab."""
     lab, of_scene = options.lab, None if scene is None else load_lab(scene.lab)
     if not isinstance(lab, Lab):
         return of_scene
     if scene is not None and of_scene is not None and not _same(lab, of_scene):
-        shipped = "the shipped ones" if _same(lab, load_lab(DEFAULT_LAB)) else "it has none"
         raise InputError(
             f"scene '{scene.name}' belongs to the lab '{of_scene.name}', and the flight is in the "
-            f"lab '{lab.name}': choose a scene of that lab ({', '.join(lab.scenes) or shipped}), "
-            f"or --lab {of_scene.name}"
+            f"lab '{lab.name}': choose one of its scenes ({', '.join(lab.scenes)}), or --lab "
+            f"{of_scene.name}"
         )
     return lab
 
 
 def scene_of(options: FlightOptions) -> str | None:
-    """Return the scene of a simulated drone: its name or file; None for the drone's default.
-
-    Without a scene in the options it is the first of the lab's folder `scenes`, by name.
-    """
+    """Return the name or file of the scene: of the options, or the lab's first; None: default."""
     asked, lab = options.scene, options.lab
     if not isinstance(lab, Lab):
         return None if asked is None else str(asked)
@@ -133,7 +128,7 @@ def scene_of(options: FlightOptions) -> str | None:
         return None
     raise InputError(
         f"the lab '{lab.name}' has no scene, and a simulated drone flies in one: add "
-        f"{lab.folder / SCENES_FOLDER}/NAME.yaml, give --scene, or fly a real drone with --drone"
+        f"{lab.folder / SCENES_FOLDER}/NAME.yaml, or give --scene or a real --drone"
     )
 
 
@@ -142,32 +137,29 @@ def _same(one: Lab, other: Lab) -> bool:
 
 
 def _check_mark(judge: JudgeConfig, scene: Scene | None, lab: Lab | None) -> None:
-    """Refuse a flight that must end on a landing mark that its scene or its lab does not have."""
+    """Refuse a flight that must land on a mark where there is none."""
     if judge.land_on not in {None, LandOn.MARK}:
         return
-    if scene is not None and scene.mark is None:
-        lacks = f"scene '{scene.name}' has no landing mark"
-    elif scene is None and lab is not None and lab.mark is None:
-        lacks = f"the lab '{lab.name}' states no landing mark"
-    else:
-        return
-    raise InputError(
-        f"{lacks}, and the mission must land on one: state where it may land, such as "
-        '<Rules land_on="any"/> in the tree'
-    )
+    place: Scene | Lab | None = scene or lab
+    if place is not None and place.mark is None:
+        what = f"scene '{place.name}'" if scene is not None else f"the lab '{place.name}'"
+        raise InputError(
+            f"{what} has no landing mark, and the mission must land on one: state where it may "
+            'land, such as <Rules land_on="any"/> in the tree'
+        )
 
 
 def check_area(mission: MissionTree, site: Site) -> None:
-    """Refuse areas of rules and site that do not fit together, where that is known before."""
+    """Refuse areas of rules and site that do not fit together."""
     rules = rules_of(mission)
     corners = [*(rules.area or ()), *(site.area or ())]
-    # Without a take-off pose the scene may still know where the drone stands in the drawing.
+    # The scene may still know the take-off pose.
     if site.take_off_pose is not None or all(each.frame is PlaceFrame.START for each in corners):
         _area_of(rules, site, site.take_off_pose)
 
 
 def _area_of(rules: MissionRules, site: Site, take_off: Pose2D | None) -> Area | None:
-    """Return the area in which the areas of rules and site both hold; None without one."""
+    """Return where the areas of rules and site both hold; None without one."""
     given = [corners for corners in (rules.area, site.area) if corners is not None]
     if not given:
         return None
@@ -189,28 +181,49 @@ def _corners(corners: Sequence[Place], take_off: Pose2D | None) -> Iterator[tupl
         if corner.frame is PlaceFrame.LAB:
             if take_off is None:
                 raise InputError(
-                    f"area: '{corner}' is a place of the lab's drawing, in which the take-off pose "
-                    "is unknown: name the corners as start:x,y"
+                    f"area: '{corner}': the take-off pose in the lab's drawing is unknown: name "
+                    "the corners as start:x,y"
                 )
             place = lab_to_start(place, take_off)
         yield place.x_m, place.y_m
 
 
 def refuse_foreign_network(mission: MissionTree, lab: Lab | None, *, named: bool) -> None:
-    """Refuse a mission that would segment with a shipped network of other classes than the lab's.
+    """Refuse a mission whose network has other classes than the lab.
 
     `named`: whether the options name the lab, and not only the scene.
     """
     if lab is None or has_paper_classes(lab):
         return
+    address = lab_address(lab)
+    remedy = f"add --lab {address} for the lab's network"
+    if named:
+        remedy = f"set its model to '{ANY}', or make a network by `uav-bt lab train {address}`"
     for leaf in mission.leaves():
         values = {port.name: leaf.initial_value(port) for port in leaf.ports}
-        model, mapped = values.get("model"), values.get("classes")
-        if CLASS_MAP in leaf.writes and model in (SHIPPED_UNET, TEACHER) and not mapped:
-            address = lab_address(lab)
-            make = f"set its model to '{ANY}', or make a network by `uav-bt lab train {address}`"
-            remedy = make if named else f"add --lab {address} for the lab's network"
+        shipped = values.get("model") in (SHIPPED_UNET, TEACHER)
+        if CLASS_MAP in leaf.writes and shipped and not values.get("classes"):
             raise InputError(
-                f"'{leaf.path}' segments with the network '{model}', which does not have the "
-                f"classes of the lab '{lab.name}': {remedy}"
+                f"'{leaf.path}' segments with the network '{values['model']}', which does not have "
+                f"the classes of the lab '{lab.name}': {remedy}"
             )
+
+
+def drawn_places(
+    tree: MissionTree, take_off: Pose2D | None
+) -> Iterator[tuple[str, tuple[float, float]]]:
+    """Yield the places of a mission in the lab's drawing: text, and x and y in metres.
+
+    Without a take-off pose in the drawing only places in the lab's frame are known.
+    """
+    found: dict[str, Place] = {}
+    for text in (each for node in tree.nodes() for each in node.literals.values()):
+        with suppress(ValueRangeError):  # other attributes are no places
+            found |= {str(one): one for one in parse_places(text)} if isinstance(text, str) else {}
+    for name, place in found.items():
+        there = Pose2D(x_m=place.x_m, y_m=place.y_m, yaw_rad=0.0)
+        if place.frame is PlaceFrame.START and take_off is not None:
+            there = start_to_lab(there, take_off)
+        elif place.frame is not PlaceFrame.LAB:
+            continue
+        yield name, (there.x_m, there.y_m)

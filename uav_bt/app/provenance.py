@@ -28,44 +28,35 @@ _GIT_LIMIT_S: Final = 5.0
 
 @lru_cache(maxsize=8)
 def commit(folder: Path = Path(uav_bt.__file__).parent) -> str | None:
-    """Return the commit of the checkout that a folder belongs to; None outside a checkout.
-
-    It is followed by ``+changes`` when files that git follows differ from it.
-    """
+    """Return the commit of a checkout, with ``+changes`` if its files differ; None without one."""
     git = shutil.which("git")
     if git is None:
         return None
-    # Without its locks: `status` would renew the index, and one that is stopped while it does
-    # leaves a lock behind that keeps people from committing.
-    command = [git, "--no-optional-locks", "-C", str(folder)]
+    # `status` renews the index, and when stopped leaves a lock that keeps people from committing.
+    command = [git, "--no-optional-locks", "-C", str(folder), "status"]
+    command += ["--porcelain=v2", "--branch", "--untracked-files=no"]
     with suppress(OSError, subprocess.SubprocessError):  # better no commit than no flight
-        head = _output(*command, "rev-parse", "HEAD")
-        changed = _output(*command, "status", "--porcelain", "--untracked-files=no")
-        return f"{head}+changes" if changed else head
+        found = subprocess.run(  # noqa: S603 - git itself, with arguments of our own
+            command, capture_output=True, text=True, check=True, timeout=_GIT_LIMIT_S
+        ).stdout.splitlines()
+        changes = "" if all(line.startswith("#") for line in found) else "+changes"
+        return found[0].removeprefix("# branch.oid ") + changes
     return None
 
 
-def _output(*command: str) -> str:
-    return subprocess.run(  # noqa: S603 - git itself, with arguments of our own
-        command, capture_output=True, text=True, check=True, timeout=_GIT_LIMIT_S
-    ).stdout.strip()
-
-
 def hardware(cpu_info: Path = Path("/proc/cpuinfo")) -> str:
-    """Return processor, cores, VNNI, memory, system and Python of this machine, in one line."""
+    """Return processor, memory, system and Python of this machine, in one line."""
     lines = cpu_info.read_text(encoding="utf-8").splitlines() if cpu_info.is_file() else []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     flags = {word for line in lines if line.startswith("flags") for word in line.split()}
     vnni = "VNNI" if flags & {"avx_vnni", "avx512_vnni"} else "no VNNI"
-    memory, system = "memory unknown", f"{platform.system()} {platform.release()}"
+    memory = "memory unknown"
     with suppress(AttributeError, OSError, ValueError):  # Windows has no such names
         total = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
         memory = f"{total / 2**30:.1f} GiB memory"
-    with suppress(OSError, KeyError):  # not a Linux distribution, or one without this file
-        system = f"{platform.freedesktop_os_release()['PRETTY_NAME']} ({system})"
     return (
         f"{names[0] if names else platform.machine()}, {os.cpu_count()} cores, "
-        f"{vnni if flags else 'VNNI unknown'}, {memory}, {system}, "
+        f"{vnni if flags else 'VNNI unknown'}, {memory}, {platform.platform()}, "
         f"Python {platform.python_version()}"
     )
 
@@ -111,5 +102,5 @@ def _file_sha256(file: Path, _changed_ns: int) -> str:
 
 
 def sha256_of(mission: MissionTree) -> str:
-    """Return the SHA-256 of a mission's texts: its own file and all that it includes."""
+    """Return the SHA-256 of a mission's file and of all that it includes."""
     return hashlib.sha256(b"\0".join(mission.sources.values())).hexdigest()

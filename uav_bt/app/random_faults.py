@@ -1,4 +1,4 @@
-"""Faults of a flight: given as texts, or drawn from its seed together with room and movers."""
+"""Faults of a flight: given as texts, or drawn from its seed."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from uav_bt.app.options import FlightOptions
 from uav_bt.board import PHASE
 from uav_bt.errors import InputError, UnknownNameError
 from uav_bt.protocols import Drone
-from uav_bt.testing.fault_kinds import FAULTS, FaultKind
+from uav_bt.testing.fault_kinds import FAULTS
 from uav_bt.testing.faults import RANDOM, START, Fault, FaultyDrone
 from uav_bt.tree import MissionTree
 from uav_bt.types import MissionPhase
 from uav_bt.types.commands import Phase
 
-# Faults after which no command can land the drone, or after which nothing is flown.
+# Faults after which nothing is flown, or no command can land the drone.
 _HOPELESS: Final = frozenset(
     {"deaf", "link-lost", "motors-cut", "no-landing", "no-take-off", "pilot", "send-raises"}
 )
@@ -38,10 +38,10 @@ _LEVELS: Final = (0.3, 1.5)  # times the kind's default level
 
 
 def drawn(options: FlightOptions) -> FlightOptions:
-    """Return the options; with `RANDOM` a fault, room, movers and faults come from the seed."""
+    """Return the options; with `RANDOM` room, movers and faults come from the seed."""
     if RANDOM not in options.faults:
         return options
-    # Other faults in each scene, and the same for each tree, so that trees can be compared.
+    # The same for each tree, so that trees can be compared.
     # The scene's name, because one file has many paths.
     scene = make_drone(options).scene
     name = None if scene is None else scene.name
@@ -54,7 +54,7 @@ def drawn(options: FlightOptions) -> FlightOptions:
 
 def _drawn_fault(rng: np.random.Generator) -> str:
     kinds = [kind for kind in FAULTS.values() if kind.name not in _HOPELESS]
-    kind: FaultKind = kinds[int(rng.integers(len(kinds)))]
+    kind = kinds[int(rng.integers(len(kinds)))]
     phase = _PHASES[int(rng.integers(len(_PHASES)))]
     times = float(rng.uniform(*_LEVELS))
     delay_s = float(rng.uniform(0.0, _DELAY_S.get(phase, _OTHER_DELAY_S)))
@@ -70,7 +70,7 @@ def _drawn_fault(rng: np.random.Generator) -> str:
 
 
 def check_faults(texts: Sequence[str]) -> list[Fault]:
-    """Return the faults of texts, without `RANDOM`; InputError if one is unknown or malformed."""
+    """Return the faults of texts, without `RANDOM`."""
     return [Fault.parse(text) for text in texts if text != RANDOM]
 
 

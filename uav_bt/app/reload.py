@@ -1,4 +1,4 @@
-"""A tree file that is edited while it flies: read again, checked, and flown from its root."""
+"""A tree file that is edited while it flies."""
 
 from __future__ import annotations
 
@@ -16,15 +16,12 @@ from uav_bt.tree import MissionTree, NodeRegistry
 from uav_bt.tree.loading.findings import Finding
 
 _POLL_S: Final = 0.5  # wall time between two looks at the files
-_REFUSED: Final = "The edited tree is refused; the one before it flies on."
 
 
 class TreeReload:
     """Gives a runner the tree of a file that was edited, and calls `note` with what comes of it.
 
-    The tree is loaded with the options and nodes of the first one, and set up for the same mission.
-    One that is refused is reported, and the present one flies on. A missing file is awaited:
-    editors may write into the file, or write a new one and rename it.
+    A missing file is awaited: editors may write into the file, or write a new one and rename it.
     """
 
     def __init__(
@@ -54,29 +51,30 @@ class TreeReload:
         if files.items() <= self._known.items():
             return None
         self._known |= files
-        flight, flown = self._flight, self._flight.mission
+        flight = self._flight
         try:
             tree = load_mission(self._path, flight.options, self._registry)
-            if tree.sources != flown.sources:
+            if rules_of(tree) != rules_of(flight.mission):
+                raise InputError(
+                    f"{self._path}: its Rules differ from those that were read before the take-off"
+                )
+            if same := tree.sources == flight.mission.sources:
+                self._note(f"{self._path}: again the tree that flies; it goes on")
+            else:
                 tree.setup(flight.context)
-        except UavBtError as error:  # whatever is wrong with the file, its leaves or its policies
+        except UavBtError as error:  # of the file, its leaves or policies
             for each in error.details if isinstance(error, TreeError) else ():
                 if isinstance(each, Finding):  # an edit of its file may cure it
                     file = Path(each.path).resolve()
                     self._known.setdefault(file, _content(file) or b"")
-            self._note(f"{error}\n{_REFUSED}")
+            self._note(f"{error}\nThe edited tree is refused; the one before it flies on.")
             return None
         self._know(tree)
-        if rules_of(tree) != flight.rules:
-            words = "its Rules differ from those that were read before the take-off"
-            self._note(f"{self._path}: {words}\n{_REFUSED}")
-        elif tree.sources == flown.sources:
-            self._note(f"{self._path}: again the tree that flies; it goes on")
-        else:
-            flight.mission = tree
-            self._note(f"{self._path}: the edited tree flies, from its root on")
-            return tree
-        return None
+        if same:
+            return None
+        flight.mission = tree
+        self._note(f"{self._path}: the edited tree flies, from its root on")
+        return tree
 
     def _know(self, tree: MissionTree) -> None:
         """Keep the files that a tree was read from, with a link to its file."""
@@ -92,7 +90,7 @@ def _content(path: Path) -> bytes | None:
 
 
 def reloadable_file(tree: Mission, drone: Drone, outputs: Mapping[str, Path | None]) -> Path:
-    """Return the tree file to watch; refuse a real drone, and outputs, which show one tree only."""
+    """Return the tree file to watch; refuse a real drone, and outputs."""
     if drone.live:
         raise InputError("watch: a tree is replaced in flight on simulated drones only")
     if not isinstance(tree, str | Path) or is_text(tree) or not Path(tree).is_file():
@@ -103,7 +101,6 @@ def reloadable_file(tree: Mission, drone: Drone, outputs: Mapping[str, Path | No
     for what, file in outputs.items():
         if file is not None:
             raise InputError(
-                f"watch: a {what} shows one tree, and this one may change in flight: "
-                f"leave {what} out, or fly without watch"
+                f"watch: a {what} shows one tree, and this one may change: leave one of both out"
             )
     return Path(tree)

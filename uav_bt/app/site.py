@@ -1,16 +1,13 @@
 """Sites: the settings of a place and of the drone there, from a site file or a lab file.
 
-A site file is YAML with the keys of `uav_bt.lab.flight_keys`, each of which may be left out:
-
-    flight_height_m: 1.2
-    mark: {kind: apriltag, size_m: [0.5, 0.5], height_m: 0.2, options: {id: 7, size_m: 0.3}}
+A site file is YAML with the keys of `uav_bt.lab.flight_keys`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,7 +22,7 @@ from uav_bt.lab.shipped import default_mark, load_lab
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
 from uav_bt.settings import check_numbers
-from uav_bt.types import NARROWER_M, Airframe, Clearances, LandingMark, Pose2D
+from uav_bt.types import Airframe, Clearances, LandingMark, Pose2D
 from uav_bt.types.place import Place, area_corners
 from uav_bt.yaml_file import read_yaml
 
@@ -47,7 +44,7 @@ class Site:
     depth: str | None = None  # name or file of the depth network; None: as in the tree
     ground: tuple[str, ...] = ()  # classes that the drone may fly over and scale depth by
     limits: Limits = field(default_factory=Limits)  # of all commands
-    area: tuple[Place, ...] | None = None  # corners that every mission stays within; None: no bound
+    area: tuple[Place, ...] | None = None  # None: no bound
     mark: LandingMark | None = None  # None: that of the scene or of the lab
     mark_pose: Pose2D | None = None  # in the lab's drawing; None: unknown
     clearances: Clearances = field(default_factory=Clearances)  # that routes keep
@@ -57,7 +54,7 @@ class Site:
     rtsp_port: int | None = None  # of the drone's video; None: the usual one
     return_home: bool | None = None  # whether the drone returns by itself; None: as it is set
     file: Path | None = field(default=None, compare=False)  # that it was read from
-    lab: str | None = field(default=None, compare=False)  # name of the lab that it was made of
+    lab: str | None = field(default=None, compare=False)  # its name
 
     __repr__ = brief_repr
 
@@ -75,23 +72,28 @@ def load_site(path: str | Path) -> Site:
     file = read_yaml(Path(path), FlightKeys, "site file")
     with file.at("mark"):
         pose, mark = mark_pose(file.value), mark_of(file.value, default_mark())
-    return _site(
-        file.value, file.value.network, file.error, mark=mark, mark_pose=pose, file=Path(path)
-    )
+    site = _site(file.value, file.value.network, file.at)
+    return replace(site, mark=mark, mark_pose=pose, file=Path(path))
 
 
 def site_of_lab(lab: Lab) -> Site:
     """Return the site of a lab, as of a site file with the same keys."""
-    mark = {"mark": lab.mark, "mark_pose": lab.mark_pose}
-    failure = partial(lab_error, lab.file)
-    return _site(lab.flight, network_of(lab), failure, **mark, file=lab.file, lab=lab.name)
+    site = _site(lab.flight, network_of(lab), partial(_at, lab.file))
+    return replace(site, mark=lab.mark, mark_pose=lab.mark_pose, file=lab.file, lab=lab.name)
+
+
+@contextmanager
+def _at(lab_file: Path, key: str) -> Iterator[None]:
+    try:
+        yield
+    except ValueRangeError as error:
+        raise lab_error(lab_file, str(error), key) from error
 
 
 def network_of(lab: Lab) -> NetworkKeys:
     """Return the networks that a lab is flown with: its own, else those for any room.
 
-    A lab with the classes of the paper's lab is flown with the tree's networks instead: the shipped
-    depth network has seen that lab only.
+    One with the classes of the paper's lab is flown with the tree's.
     """
     return lab.network if has_paper_classes(lab) else {"model": ANY, "depth": ANY, **lab.network}
 
@@ -102,53 +104,39 @@ def has_paper_classes(lab: Lab) -> bool:
 
 
 def _site(
-    keys: FlightKeys, network: NetworkKeys | None, failure: Callable[..., InputError], **given: Any
+    keys: FlightKeys,
+    network: NetworkKeys | None,
+    at: Callable[[str], AbstractContextManager[None]],
 ) -> Site:
-    """Return the site of the keys of a file; `failure` makes an error of a message and keys."""
-    battery, ports, networks = keys.battery or {}, keys.ports or {}, network or {}
-    critical = {"critical_battery": battery["critical"]} if "critical" in battery else {}
-    take_off = {"battery": battery.get("take_off"), "link": (keys.link or {}).get("take_off")}
-    with _at("take_off", failure):
-        start = take_off_pose(keys)
-    with _at("limits", failure):
-        limits = Limits(**(keys.limits or {}), **critical)
+    """Return the site of a file; `at` gives errors of a block the line of a key."""
+    same = ("flight_height_m", "take_off_surface_m", "camera", "ground", "return_home")
+    stated: dict[str, Any] = {name: getattr(keys, name) for name in same} | {**(network or {})}
+    stated |= {f"{name}_port": port for name, port in (keys.ports or {}).items()}
+    stated |= {f"video_{name}": value for name, value in (keys.video or {}).items()}
+    battery, link = keys.battery or {}, keys.link or {}
+    limits: dict[str, Any] = {**(keys.limits or {})}
+    if "critical" in battery:
+        limits["critical_battery"] = battery["critical"]
+    take_off = {"battery": battery.get("take_off"), "link": link.get("take_off")}
+    preflight = {name: share for name, share in take_off.items() if share is not None}
+    with at("take_off"):
+        stated["take_off_pose"] = take_off_pose(keys)
+    with at("limits"):
+        stated["limits"] = Limits(**limits)
     return Site(
-        flight_height_m=keys.flight_height_m,
-        take_off_surface_m=keys.take_off_surface_m,
-        take_off_pose=start,
-        camera=keys.camera,
-        model=networks.get("model"),
-        classes=networks.get("classes"),
-        depth=networks.get("depth"),
-        ground=keys.ground,
-        limits=limits,
         area=None if keys.area is None else area_corners(keys.area),
         clearances=keys.margins or Clearances(),
-        preflight=PreflightConfig(**{key: v for key, v in take_off.items() if v is not None}),
-        video_latency_s=(keys.video or {}).get("latency_s", Site.video_latency_s),
-        http_port=ports.get("http"),
-        rtsp_port=ports.get("rtsp"),
-        return_home=keys.return_home,
-        **given,
+        preflight=PreflightConfig(**preflight),
+        **stated,
     )
 
 
-@contextmanager
-def _at(key: str, failure: Callable[..., InputError]) -> Iterator[None]:
-    try:
-        yield
-    except ValueRangeError as error:
-        raise failure(str(error), key) from error
-
-
 def check_clearances(site: Site, airframe: Airframe) -> None:
-    """Refuse distances that the drone's hull does not fit in, with the line of the file."""
-    reach_m = airframe.radius_m
-    for name, least_m in site.clearances.below(reach_m).items():
-        narrow = f", and narrow passages take off {NARROWER_M:g} m" if name == "obstacle_m" else ""
+    """Refuse distances that the drone's hull does not fit in."""
+    for name, least_m in site.clearances.below(airframe.radius_m).items():
         message = (
-            f"must be at least {least_m:.2f} m, because the drone reaches {reach_m:.2f} m "
-            f"from its centre{narrow}, got {getattr(site.clearances, name):g}"
+            f"must be at least {least_m:.2f} m, since the drone reaches {airframe.radius_m:.2f} m "
+            f"from its centre, got {getattr(site.clearances, name):g}"
         )
         if site.file is None:
             raise InputError(f"margins.{name}: {message}; a site file sets it")

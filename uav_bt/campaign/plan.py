@@ -3,43 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+
 from uav_bt.app.drone_of_flight import is_simulated
-from uav_bt.app.option_values import port_values, variable_values
 from uav_bt.app.options import SHARED, FlightOptions
-from uav_bt.campaign.flight_lines import FlightKey
 from uav_bt.errors import FileError, InputError
 from uav_bt.settings import check_numbers
 from uav_bt.tree.loading.parameters import Plain
 
+FlightKey = tuple[str, str | None, int]
+"""Tree, scene and seed, which identify a flight of a campaign."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class PlannedFile:
-    """A tree or a scene, and its content when the campaign was planned."""
-
-    name: str  # what flights and reports call it
-    path: str  # absolute, so that workers find it from any folder
-    sha256: str  # of its text and of all that it includes
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlannedTree(PlannedFile):
-    """A tree with the values that only its flights have.
+    """A tree or a scene, and its content when the campaign was planned.
 
     A variant of the campaign's parameters is a separate tree: `patrol[fast].xml`.
     """
 
+    name: str  # what flights and reports call it
+    path: str  # absolute, so that workers find it from any folder; or what it ships as
+    sha256: str = ""  # of its text and of all that it includes
     ports: dict[str, str] = field(default_factory=dict)  # before those of the plan's options
     variables: dict[str, Plain] = field(default_factory=dict)  # likewise
 
-    def __post_init__(self) -> None:
-        port_values(self.ports)
-        variable_values(self.variables)
-
     def options(self, shared: FlightOptions) -> FlightOptions:
-        """Return how this tree is flown, with what all flights of the campaign have in common."""
+        """Return how this tree is flown, from what all flights have in common."""
         return replace(
             shared,
             ports={**shared.ports, **self.ports},
@@ -49,16 +42,16 @@ class PlannedTree(PlannedFile):
 
 @dataclass(frozen=True, kw_only=True)
 class FlightTask:
-    """One flight of a campaign; travels to the process that flies it as JSON."""
+    """One flight of a campaign, of plain values that travel to the process that flies it."""
 
     tree: str  # the name in flights and reports
     tree_path: str  # file, or a shipped mission's name
     scene: str
     scene_path: str
     seed: int
+    options: Mapping[str, Any]  # as `FlightOptions.shared_json` writes them
     record: str | None = None  # file of the flight's record
     folder: str | None = None  # its output folder
-    options: FlightOptions = field(default_factory=FlightOptions)  # the fields in `SHARED`
 
     @property
     def key(self) -> FlightKey:
@@ -67,34 +60,28 @@ class FlightTask:
 
     def flight_options(self) -> FlightOptions:
         """Return how this flight is flown."""
-        return replace(self.options, scene=self.scene_path, seed=self.seed, record=self.record)
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the task as plain JSON values."""
-        return _flat(self)
-
-    @classmethod
-    def from_json(cls, values: Mapping[str, Any]) -> FlightTask:
-        """Return the task that `to_json` wrote."""
-        return cls(**_with_options(values))
+        options = FlightOptions.of_json(self.options)
+        return replace(options, scene=self.scene_path, seed=self.seed, record=self.record)
 
 
 @dataclass(frozen=True, kw_only=True)
 class CampaignPlan:
     """Every tree in every scene with every seed, all flown the same way."""
 
-    trees: tuple[PlannedTree, ...]
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
+    trees: tuple[PlannedFile, ...]
     scenes: tuple[PlannedFile, ...]
     flights: int  # of each tree in each scene, one seed each
     seed_from: int = 0
     # How all are flown, by the fields in `SHARED`. The tree folders are absolute.
     options: FlightOptions = field(default_factory=FlightOptions)
     record: bool = False  # whether each flight's record is kept
-    timeout_s: float = 900.0  # wall time of a hung flight; 300 s take two minutes on a busy core
-    weights: dict[str, str] = field(default_factory=dict)  # SHA-256 by file of the trees' networks
-    leaves_sha256: dict[str, str] = field(default_factory=dict)  # of the Python files with leaves
-    lab_sha256: dict[str, str] = field(default_factory=dict)  # of lab files and what they name
-    versions: dict[str, str] = field(default_factory=dict)  # of packages that flights depend on
+    timeout_s: float = 900.0  # wall time of a hung flight
+    weights: dict[str, str] = field(default_factory=dict)  # SHA-256 of networks, by file
+    leaves_sha256: dict[str, str] = field(default_factory=dict)  # of files with leaves
+    lab_sha256: dict[str, str] = field(default_factory=dict)  # of labs' files
+    versions: dict[str, str] = field(default_factory=dict)  # of packages
 
     def __post_init__(self) -> None:
         _check_shared(self.options)
@@ -103,18 +90,18 @@ class CampaignPlan:
             names = [file.name for file in files]
             if not names:
                 raise InputError(f"a campaign needs at least one {what}")
-            for name in names:
-                if names.count(name) > 1:
-                    raise InputError(
-                        f"two {what}s are called '{name}', and flights tell them apart by that; "
-                        "give each once, under its own name, and values as variants of --params"
-                    )
+            if twice := [name for name in names if names.count(name) > 1]:
+                raise InputError(
+                    f"two {what}s are called '{twice[0]}': give each once, under its own name, "
+                    "and values as variants of --params"
+                )
 
     def __len__(self) -> int:
         return len(self.trees) * len(self.scenes) * self.flights
 
     def tasks(self) -> Iterator[FlightTask]:
         """Return all flights, seeds outermost, so that any beginning of them is balanced."""
+        options = {each.name: each.options(self.options).shared_json() for each in self.trees}
         for seed in range(self.seed_from, self.seed_from + self.flights):
             for scene in self.scenes:
                 for tree in self.trees:
@@ -124,7 +111,7 @@ class CampaignPlan:
                         scene=scene.name,
                         scene_path=scene.path,
                         seed=seed,
-                        options=tree.options(self.options),
+                        options=options[tree.name],
                     )
 
     def differences(self, before: CampaignPlan) -> list[str]:
@@ -145,84 +132,61 @@ class CampaignPlan:
         return found
 
     def to_json(self) -> dict[str, Any]:
-        """Return the plan as plain JSON values."""
-        return _flat(self)
+        """Return the plan as plain JSON values, those of the options beside the others."""
+        others = _PLAN.dump_python(self, mode="json", exclude={"options"})
+        return {**self.options.shared_json(), **others}
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> CampaignPlan:
         """Return the plan that `to_json` wrote, or raise an InputError."""
         try:
-            files = {
-                what: tuple(made(**one) for one in values[what])
-                for what, made in (("trees", PlannedTree), ("scenes", PlannedFile))
-            }
-            return cls(**{**_with_options(values), **files})
+            options = FlightOptions.of_json({name: values[name] for name in SHARED})
+            others = {name: value for name, value in values.items() if name not in SHARED}
+            return _PLAN.validate_python({**others, "options": options})
         except FileError:  # a lab file
             raise
-        except (InputError, KeyError, TypeError, ValueError, AttributeError, OSError) as error:
+        except ValidationError as error:
+            wrong = error.errors()[0]
+            where = ".".join(map(str, wrong["loc"]))
+            raise InputError(f"not a campaign's plan: '{where}': {wrong['msg']}") from error
+        except (InputError, KeyError, TypeError, ValueError, OSError) as error:
             raise InputError(f"not a campaign's plan: {type(error).__name__}: {error}") from error
+
+
+_PLAN = TypeAdapter(CampaignPlan)
 
 
 def _check_shared(options: FlightOptions) -> None:
     """Refuse options that a plan does not keep, and policies that are objects."""
-    left = replace(options, **{name: getattr(FlightOptions(), name) for name in SHARED})
-    for each in fields(options):
-        if getattr(left, each.name) != getattr(FlightOptions(), each.name):
-            raise InputError(
-                f"a campaign takes no {each.name}, only {', '.join(SHARED)}; "
-                "fly with app.fly(...) instead"
-            )
     if not is_simulated(options):
         raise InputError(
-            f"drone '{options.drone_name}' cannot fly a campaign, only simulated ones can: twin, "
-            "plain, or another that is installed and takes a scene"
+            f"drone '{options.drone_name}' cannot fly a campaign, only simulated ones can: "
+            "twin, plain, or another that is installed and takes a scene"
         )
+    default = FlightOptions()
+    others = [each.name for each in fields(options) if each.name not in SHARED]
+    refused = [name for name in others if getattr(options, name) != getattr(default, name)]
+    if refused:
+        only = ", ".join(SHARED)
+        raise InputError(f"a campaign takes no {refused[0]}, only {only}; fly with app.fly(...)")
     if options.policy_objects:
         raise InputError(
-            "a campaign's policies are names of installed policies, because each flight has a "
-            f"process of its own; got {next(iter(options.policy_objects))}"
+            "a campaign's policies are names of installed policies, as each flight has its own "
+            f"process; got {next(iter(options.policy_objects))}"
         )
-
-
-def _flat(planned: FlightTask | CampaignPlan) -> dict[str, Any]:
-    """Return plain JSON values; those of the options stand beside the others."""
-    values = {each.name: getattr(planned, each.name) for each in fields(planned)}
-    del values["options"]
-    for what in ("trees", "scenes"):
-        if what in values:
-            values[what] = [asdict(file) for file in values[what]]
-    return {**planned.options.shared_json(), **values}
-
-
-def _with_options(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what `_flat` wrote with one `options`."""
-    options = FlightOptions.of_json({name: values[name] for name in SHARED})
-    others = {name: value for name, value in values.items() if name not in SHARED}
-    return {**others, "options": options}
 
 
 def _compared(plan: CampaignPlan) -> dict[str, Any]:
     """Return what flights depend on: not folders, and not what was only planned."""
-    values = plan.to_json()
-    for what in (
-        "flights",
-        "record",
-        "timeout_s",
-        "record_quality",
-        "lab",
-        "leaves",
-        "tree_folders",
-    ):
-        del values[what]
-    kept = ("sha256", "ports", "variables")
+    left_out = {"flights", "record", "timeout_s", "record_quality", "lab", "leaves", "tree_folders"}
+    values = {name: value for name, value in plan.to_json().items() if name not in left_out}
     for what in ("trees", "scenes"):
-        files = {one["name"]: {key: one[key] for key in kept if key in one} for one in values[what]}
-        values[what] = files
+        values[what] = {file.pop("name"): {**file, "path": ""} for file in values[what]}
     return values
 
 
 def flattened(value: object, name: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the texts in nested values, with the words that lead there; empty is left out."""
+    """Yield the texts in nested values, with the words that lead there, if not empty."""
     if isinstance(value, Mapping):
         for key, inner in value.items():
             yield from flattened(inner, f"{name} {key}".strip())

@@ -16,7 +16,7 @@ from uav_bt.app.loading import is_text, load_mission
 from uav_bt.app.options import FlightOptions, given_options
 from uav_bt.app.place import lab_of, scene_of
 from uav_bt.app.random_faults import check_faults, check_phases
-from uav_bt.campaign.plan import CampaignPlan, PlannedFile, PlannedTree
+from uav_bt.campaign.plan import CampaignPlan, PlannedFile
 from uav_bt.campaign.store import read_plan
 from uav_bt.errors import InputError, UnknownNameError
 from uav_bt.lab.lab import Lab
@@ -42,9 +42,9 @@ def make_plan(
 
     Args:
         trees: tree files, or names of shipped missions.
-        options: how all are flown, by the fields in `uav_bt.campaign.plan.SHARED`, and `params`:
-            each variant of the parameter file is flown.
-        scenes: names of scenes of the lab, scene files, or patterns (`test-*`) of either. Default:
+        options: how all are flown, by the fields in `uav_bt.campaign.plan.SHARED`, and
+            `params`, each of whose variants is flown.
+        scenes: names of the lab's scenes, files, or patterns (`test-*`) of either. Default:
             all scenes of the lab's folder; without a lab `val-*`.
         flights: of each tree in each scene, one seed each.
         seed_from: the first seed.
@@ -57,27 +57,27 @@ def make_plan(
             number is out of range.
     """
     options = given_options(options, how)
-    leaves = [Path(file).resolve() for file in options.leaves]
+    planned = tuple(file for tree in trees for file in _variants(tree, options))
+    common = options.parameters
     options = replace(
         options,
         lab=lab_address(options.lab) if isinstance(options.lab, Lab) else None,
         tree_folders=TreeFolders(**options.tree_folders.to_json()),
-        leaves=tuple(map(str, leaves)),
+        leaves=tuple(str(Path(file).resolve()) for file in options.leaves),
+        ports=common.ports,
+        variables=common.variables,
+        params=None,
     )
-    flown = [one for tree in trees for one in _variants(tree, options)]
-    places = [_planned_scene(name, options) for name in _scenes(scenes, options)]
-    common = options.parameters
-    options = replace(options, ports=common.ports, variables=common.variables, params=None)
-    return CampaignPlan(
-        trees=tuple(planned for planned, _ in flown),
-        scenes=tuple(scene for scene, _ in places),
+    plan = CampaignPlan(
+        trees=planned,
+        scenes=tuple(_scenes(scenes, options)),
         flights=flights,
         seed_from=seed_from,
         options=options,
         record=record,
         timeout_s=timeout_s,
-        **_fingerprints(options, [mission for _, mission in flown], [lab for _, lab in places]),
     )
+    return _fingerprinted(plan)
 
 
 def plan_of(folder: Path) -> CampaignPlan:
@@ -87,21 +87,7 @@ def plan_of(folder: Path) -> CampaignPlan:
         FileError: the folder holds no campaign.
         InputError: a file that it needs cannot be used any more.
     """
-    before, _ = read_plan(folder)
-    missions = [_loaded(tree.path, tree.options(before.options)) for tree in before.trees]
-    places = [_planned_scene(scene.path, before.options) for scene in before.scenes]
-    return replace(
-        before,
-        trees=tuple(
-            replace(tree, sha256=provenance.sha256_of(mission))
-            for tree, mission in zip(before.trees, missions, strict=True)
-        ),
-        scenes=tuple(
-            replace(now, name=scene.name)
-            for (now, _), scene in zip(places, before.scenes, strict=True)
-        ),
-        **_fingerprints(before.options, missions, [lab for _, lab in places]),
-    )
+    return _fingerprinted(read_plan(folder)[0])
 
 
 def _loaded(tree: str | Path, options: FlightOptions) -> MissionTree:
@@ -110,75 +96,29 @@ def _loaded(tree: str | Path, options: FlightOptions) -> MissionTree:
     return mission
 
 
-def _variants(
-    tree: str | Path, options: FlightOptions
-) -> Iterator[tuple[PlannedTree, MissionTree]]:
-    """Yield a tree, planned and loaded, once for each variant of the parameters."""
-    if not isinstance(tree, str | Path) or is_text(tree):
-        what = "a text: " if isinstance(tree, str) else ""
-        raise InputError(
-            f"a campaign flies tree files, which its workers read; got {what}{tree!r:.40}"
-        )
+def _variants(tree: str | Path, options: FlightOptions) -> Iterator[PlannedFile]:
+    """Yield a tree once for each variant of the parameters."""
+    if is_text(tree) or not isinstance(tree, str | Path):
+        raise InputError(f"a campaign flies tree files, which its workers read; got {tree!r:.40}")
     variants = {"": Parameters()}
     if isinstance(options.params, ParameterFile):
         variants = dict(options.params.variants) or {"": options.params.common}
     shipped = {file.resolve() for file in shipped_missions().values()}
     for variant, values in variants.items():
         file = ParameterFile(path=Path("campaign"), common=values)
-        mission = _loaded(tree, replace(options, params=file))
-        path = mission.path
-        planned = PlannedTree(
+        path = _loaded(tree, replace(options, params=file)).path
+        yield PlannedFile(
             name=f"{path.stem}[{variant}]{path.suffix}" if variant else path.name,
-            # A shipped mission by its name is found on other machines and installations, too.
+            # A shipped mission is found by its name on other machines, too.
             path=path.stem if path in shipped else str(path),
-            sha256=provenance.sha256_of(mission),
             # Values of the command line take precedence over a variant.
             ports={k: v for k, v in values.ports.items() if k not in options.ports},
             variables={k: v for k, v in values.variables.items() if k not in options.variables},
         )
-        yield planned, mission
 
 
-def _fingerprints(
-    options: FlightOptions, missions: Sequence[MissionTree], labs: Sequence[Lab]
-) -> dict[str, Any]:
-    """Return the fields of a plan with hashes and versions; `labs` are those of the scenes."""
-    return {
-        "weights": provenance.weights_of(*missions),
-        "leaves_sha256": {str(file): _sha256(Path(file)) for file in options.leaves},
-        "lab_sha256": _lab_sha256(options, labs),
-        "versions": provenance.package_versions(),
-    }
-
-
-def _sha256(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()
-
-
-def _lab_sha256(options: FlightOptions, of_scenes: Sequence[Lab]) -> dict[str, str]:
-    """Return the SHA-256 of all labs' files; of the default lab only where it is named."""
-    named = [options.lab] if isinstance(options.lab, Lab) else []
-    labs = {lab.file.resolve(): lab for lab in (*of_scenes, *named)}
-    default = load_lab().file.resolve()
-    return {
-        f"{lab.name}/{file.name}": _sha256(file)
-        for path, lab in labs.items()
-        if named or path != default
-        for file in _files_of(lab)
-        if file is not None
-    }
-
-
-def _files_of(lab: Lab) -> tuple[Path | None, ...]:
-    model = lab.network.get("model", "")
-    network = Path(model) if Path(model).suffix else None  # else the name of a shipped one
-    classes = lab.network.get("classes")
-    built = () if lab.room is None else lab.room.files
-    return (lab.file, lab.flight.camera, network, classes, *built)
-
-
-def _scenes(wanted: Sequence[str] | None, options: FlightOptions) -> list[str]:
-    """Return the scenes that names and patterns match, each once."""
+def _scenes(wanted: Sequence[str] | None, options: FlightOptions) -> Iterator[PlannedFile]:
+    """Yield the scenes that names and patterns match, each once."""
     own = options.lab.scenes if isinstance(options.lab, Lab) else {}
     if wanted is None:
         wanted = tuple(own)
@@ -195,15 +135,47 @@ def _scenes(wanted: Sequence[str] | None, options: FlightOptions) -> list[str]:
         if not matches and glob.has_magic(word):
             raise UnknownNameError("scene pattern", word, known)
         found += [str(known.get(name, name)) for name in matches or [word]]
-    return list(dict.fromkeys(found))
+    for scene in dict.fromkeys(found):
+        path = scene if scene in scene_names() else str(Path(scene).resolve())
+        yield PlannedFile(name=load_scene(scene).name, path=path)
 
 
-def _planned_scene(name: str, options: FlightOptions) -> tuple[PlannedFile, Lab]:
-    """Return a scene of the plan, and its lab."""
-    scene = load_scene(name)
-    planned = PlannedFile(
-        name=scene.name,
-        path=name if name in scene_names() else str(Path(name).resolve()),
-        sha256=_sha256(shipped_scenes().get(name, Path(name))),
+def _fingerprinted(plan: CampaignPlan) -> CampaignPlan:
+    """Return a plan with today's versions, and hashes of all files that it needs."""
+    options = plan.options
+    missions = [_loaded(tree.path, tree.options(options)) for tree in plan.trees]
+    places = [load_scene(scene.path) for scene in plan.scenes]
+    texts = [shipped_scenes().get(scene.path, Path(scene.path)) for scene in plan.scenes]
+    labs = [lab_of(options, place) or load_lab(place.lab) for place in places]
+    trees = zip(plan.trees, missions, strict=True)
+    scenes = zip(plan.scenes, texts, strict=True)
+    return replace(
+        plan,
+        trees=tuple(replace(tree, sha256=provenance.sha256_of(found)) for tree, found in trees),
+        scenes=tuple(replace(scene, sha256=_sha256(text)) for scene, text in scenes),
+        weights=provenance.weights_of(*missions),
+        leaves_sha256={str(file): _sha256(Path(file)) for file in options.leaves},
+        lab_sha256=_lab_sha256(options, labs),
+        versions=provenance.package_versions(),
     )
-    return planned, lab_of(options, scene) or load_lab(scene.lab)
+
+
+def _lab_sha256(options: FlightOptions, of_scenes: Sequence[Lab]) -> dict[str, str]:
+    """Return the SHA-256 of all labs' files; of the default lab only where it is named."""
+    named = [options.lab] if isinstance(options.lab, Lab) else []
+    labs = {lab.file.resolve(): lab for lab in (*of_scenes, *named)}
+    if not named:
+        labs.pop(load_lab().file.resolve(), None)
+    found = {}
+    for lab in labs.values():
+        model = Path(lab.network.get("model", ""))
+        network = model if model.suffix else None  # else the name of a shipped one
+        built = () if lab.room is None else lab.room.files
+        for file in (lab.file, lab.flight.camera, network, lab.network.get("classes"), *built):
+            if file is not None:
+                found[f"{lab.name}/{file.name}"] = _sha256(file)
+    return found
+
+
+def _sha256(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()

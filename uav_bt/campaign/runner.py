@@ -10,34 +10,29 @@ from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import closing
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Protocol
 
 from uav_bt.app import provenance
-from uav_bt.app.flight import changes_of
-from uav_bt.campaign.flight_lines import file_stem, key_of
 from uav_bt.campaign.plan import CampaignPlan, FlightTask
-from uav_bt.campaign.store import OUTPUTS_FOLDER, RECORDS_FOLDER, CampaignStore, read_plan
-from uav_bt.campaign.workers import FAILED, FLOWN, REFUSED, Answer, WorkerPool
-from uav_bt.errors import InputError, ValueRangeError
-from uav_bt.mission.judge import Outcome
-
-FLY_FUNCTION: Final = "uav_bt.campaign.flight:fly_task"
+from uav_bt.campaign.store import CampaignStore, file_stem, key_of
+from uav_bt.campaign.workers import Fly, Line, WorkerPool, fly_task
+from uav_bt.errors import ValueRangeError
 
 Progress = Callable[[Mapping[str, Any], bool], None]
 """Called with every flight: its line, and whether it was flown just now."""
 
-Answers = Generator[tuple[FlightTask, Answer], None, None]
-"""Tasks with their workers' answers, as they end. Closing it stops all that still flies."""
+Flown = Generator[tuple[FlightTask, Line], None, None]
+"""Tasks with their flights' lines, as they end. Closing it stops all that still flies."""
 
 
 class Backend(Protocol):
     """Where flights are flown."""
 
-    def run(self, function: str, tasks: Iterable[FlightTask], timeout_s: float) -> Answers:
-        """Fly tasks with MODULE:FUNCTION, each for `timeout_s` of wall time at most."""
+    def run(self, fly: Fly, tasks: Iterable[FlightTask], timeout_s: float) -> Flown:
+        """Fly tasks, each for `timeout_s` of wall time at most; an InputError refuses them."""
         ...
 
 
@@ -52,20 +47,20 @@ class LocalBackend:
     def __str__(self) -> str:
         return f"local, {self.workers} worker{'s' if self.workers > 1 else ''}"
 
-    def run(self, function: str, tasks: Iterable[FlightTask], timeout_s: float) -> Answers:
+    def run(self, fly: Fly, tasks: Iterable[FlightTask], timeout_s: float) -> Flown:
         """Fly tasks; see `Backend`."""
-        pool = WorkerPool(function, self.workers)
-        flying: dict[Future[Answer], FlightTask] = {}
+        pool = WorkerPool(fly, self.workers)
+        flying: dict[Future[Line], FlightTask] = {}
         left = iter(tasks)
         try:
             while True:
                 # One task waits for each that flies, so that no worker waits for its next.
                 for task in islice(left, 2 * self.workers - len(flying)):
-                    flying[pool.fly(task.to_json(), timeout_s)] = task
+                    flying[pool.start(task, timeout_s)] = task
                 if not flying:
                     return
                 for flight in wait(flying, return_when=FIRST_COMPLETED).done:
-                    yield flying.pop(flight), flight.result()
+                    yield flying.pop(flight), pool.line_of(flight)
         finally:
             pool.close()
 
@@ -74,7 +69,7 @@ class LocalBackend:
 class CampaignResult:
     """Result of a campaign."""
 
-    flights: tuple[dict[str, Any], ...]  # those of the plan, in its order
+    flights: tuple[Line, ...]  # those of the plan, in its order
     flown_now: int  # the others were there before
 
 
@@ -85,12 +80,11 @@ def run(
     backend: Backend | None = None,
     on_flight: Progress = lambda _flight, _now: None,
     on_note: Callable[[str], None] = lambda _: None,
-    fly: str = FLY_FUNCTION,
+    fly: Fly = fly_task,
 ) -> CampaignResult:
     """Fly those flights of a plan that its folder does not hold yet.
 
-    Each flight is kept when it ends. A campaign that was stopped, or killed, goes on when it is
-    called again.
+    Each flight is kept when it ends. A campaign that was stopped goes on when called again.
 
     Args:
         plan: what to fly.
@@ -98,7 +92,7 @@ def run(
         backend: where flights are flown; the cores of this machine by default.
         on_flight: called with every flight, those that were there before first.
         on_note: called at once with remarks about the folder.
-        fly: MODULE:FUNCTION that takes a task and returns the flight's line.
+        fly: takes a task and returns the flight's line; a function of a module.
 
     Returns:
         All flights of the plan, whatever their outcome.
@@ -120,20 +114,19 @@ def run(
         done = {key_of(one): one for one in store.kept if key_of(one) in wanted}
         left = [task for key, task in wanted.items() if key not in done]
         if store.repaired:
-            on_note("the last line was only half written and was taken away; it is flown again")
-        _, runs = read_plan(folder)
-        before = runs[-2].get("code") if len(runs) > 1 else about["code"]
+            on_note("the last line was only half written and is flown again")
+        before = [each.get("code") for each in store.runs][-2:][0]
         if done and left and before != about["code"]:
             on_note(
-                f"the code has changed since the last run ({before}, now {about['code']}): the "
-                "folder has flights of both"
+                f"the code has changed since the last run ({before}, now {about['code']}): "
+                "the folder has flights of both"
             )
         for flight in done.values():
             on_flight(flight, False)
         tasks = _with_outputs(plan, folder, left)
-        with closing(backend.run(fly, tasks, plan.timeout_s)) as answers:
-            for task, answer in answers:
-                flight = done[task.key] = _line_of(task, answer)
+        with closing(backend.run(fly, tasks, plan.timeout_s)) as flown:
+            for task, line in flown:
+                flight = done[task.key] = _with_files(line, task, folder)
                 store.keep(flight)
                 on_flight(flight, True)
     return CampaignResult(flights=tuple(done[key] for key in wanted), flown_now=len(left))
@@ -142,7 +135,8 @@ def run(
 def _with_outputs(
     plan: CampaignPlan, folder: Path, tasks: list[FlightTask]
 ) -> Iterator[FlightTask]:
-    records, outputs = (folder.resolve() / name for name in (RECORDS_FOLDER, OUTPUTS_FOLDER))
+    """Yield the tasks with their records and output folders, each with a name of its own."""
+    records, outputs = (folder.resolve() / name for name in ("records", "flights"))
     if plan.record and tasks:
         records.mkdir(exist_ok=True)
     stems = Counter(file_stem(task.key) for task in plan.tasks())
@@ -154,32 +148,10 @@ def _with_outputs(
         yield replace(task, record=record, folder=str(outputs / name))
 
 
-def _line_of(task: FlightTask, answer: Answer) -> dict[str, Any]:
-    """Return the line to keep of a flight: what was flown, or the error that it ended with.
-
-    The line of a lost process has the options as they were given, `random` among the faults: to
-    draw them takes the drone, which may have ended that process.
-    """
-    if REFUSED in answer:  # as all other tasks of the campaign would be
-        raise InputError(str(answer[REFUSED]))
-    if FLOWN in answer:
-        line = dict(answer[FLOWN])
-    else:
-        options = task.flight_options()
-        line = {
-            "scene": task.scene,
-            "seed": task.seed,
-            "tree": task.tree,
-            "drone": options.drone_name,
-            "profile": options.profile,
-            **asdict(changes_of(options)),
-            "outcome": Outcome.ERROR.value,
-            "reason": answer[FAILED],
-            "details": answer.get("details", ""),
-        }
-    # Relative, so that the folder may move.
-    if task.record is not None:
-        line["record"] = f"{RECORDS_FOLDER}/{Path(task.record).name}"
-    if task.folder is not None and Path(task.folder).is_dir():
-        line["folder"] = f"{OUTPUTS_FOLDER}/{Path(task.folder).name}"
-    return line
+def _with_files(line: Line, task: FlightTask, folder: Path) -> Line:
+    """Return a flight's line with its files, relative, so that the folder may move."""
+    files = {"record": task.record, "folder": task.folder}
+    if task.folder is None or not Path(task.folder).is_dir():
+        del files["folder"]
+    home = folder.resolve()
+    return {**line, **{key: str(Path(at).relative_to(home)) for key, at in files.items() if at}}

@@ -1,7 +1,7 @@
 """Reduction of a failed flight to the fewest objects, movers and faults that still fail.
 
-The parts are removed by delta debugging (Zeller and Hildebrandt, 2002): larger groups first, then
-single ones, until no part can be left out.
+The parts are removed by delta debugging (Zeller and Hildebrandt, 2002): larger groups first,
+then single ones, until no part can be left out.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final, NamedTuple, TypeVar
+from typing import Any, Final, TypeVar
 
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene, scene_text
@@ -28,23 +28,13 @@ Part = tuple[str, int]
 """A thing that may be left out: its kind and its number."""
 
 # Options as they were flown.
-_OF_THE_LINE: Final = ("drone", "profile", "ports", "variables", "exact_masks")
+_OF_THE_LINE: Final = ("drone", "profile", "ports", "variables", "exact_masks", "faults")
 _NUMBER: Final = re.compile(r"-?\d+(\.\d+)?")
 
 
-class Ending(NamedTuple):
-    """How a flight ended."""
-
-    outcome: str
-    reason: str
-
-    def __str__(self) -> str:
-        return f"{self.outcome}: {self.reason}"
-
-    def agrees(self, other: Ending) -> bool:
-        """Return whether two flights ended for the same cause; numbers may differ."""
-        reasons = {_NUMBER.sub("#", ending.reason) for ending in (self, other)}
-        return self.outcome == other.outcome and len(reasons) == 1
+def same_cause(one: str, other: str) -> bool:
+    """Return whether two endings have the same outcome and reason; numbers may differ."""
+    return _NUMBER.sub("#", one) == _NUMBER.sub("#", other)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,9 +43,8 @@ class FailedFlight:
 
     tree: str  # a file or the name of a shipped mission
     scene: Scene  # with the room and the movers that were drawn
-    options: FlightOptions  # without scene, movers and faults
-    faults: tuple[str, ...]
-    ending: Ending
+    options: FlightOptions  # without scene and movers
+    ending: str  # outcome and reason
 
     @classmethod
     def of(
@@ -65,33 +54,27 @@ class FailedFlight:
 
         An InputError says why it cannot be flown again.
         """
-        if "details" in flight:  # of a flight that did not end by itself
+        flown = {name: flight[name] for name in _OF_THE_LINE if flight.get(name)}
+        flown = {"faults": (), **flown, "seed": flight["seed"], "movers": 0, "vary_room": False}
+        options = replace(options, **flown)
+        if "details" in flight or "faults" not in flight or not is_simulated(options):
             raise InputError(
-                "the process of this flight hung or crashed, which a shrunk flight would do, too; "
-                f"expected a flight that ended by itself, got: {flight.get('reason')}"
+                "expected a flight of a simulated drone that ended by itself, not by a crash, and "
+                "whose line states its faults, as `uav-bt campaign` writes it; got drone "
+                f"{options.drone_name!r}: {flight.get('reason')}"
             )
         room, movers = bool(flight.get("vary_room")), flight.get("movers") or 0
-        flown = {name: flight[name] for name in _OF_THE_LINE if flight.get(name)}
-        flown |= {"seed": flight["seed"], "movers": 0, "vary_room": False, "faults": ()}
-        options = replace(options, **flown)
-        if "faults" not in flight or not is_simulated(options):
-            raise InputError(
-                "expected a flight of a simulated drone whose line states its faults, as "
-                f"`uav-bt campaign` writes it; got drone {options.drone_name!r} and "
-                f"{'no ' if 'faults' not in flight else ''}faults"
-            )
         return cls(
             tree=tree,
             scene=varied(load_scene(scene), options.seed, room=room, movers=movers),
             options=options,
-            faults=tuple(flight.get("faults") or ()),
-            ending=Ending(flight["outcome"], flight.get("reason") or ""),
+            ending=f"{flight['outcome']}: {flight.get('reason') or ''}",
         )
 
     def things(self) -> dict[str, Sequence[Any]]:
         """Return everything that may be left out, by its kind."""
         kinds = ("movers", "boxes", "objects")
-        return {"faults": self.faults, **{kind: getattr(self.scene, kind) for kind in kinds}}
+        return {"faults": self.options.faults, **{one: getattr(self.scene, one) for one in kinds}}
 
     def parts(self) -> list[Part]:
         """Return the parts that may be left out."""
@@ -103,31 +86,31 @@ class FailedFlight:
             kind: tuple(each for n, each in enumerate(some) if (kind, n) in kept)
             for kind, some in self.things().items()
         }
-        faults = left.pop("faults")
+        options = replace(self.options, faults=left.pop("faults"))
         scene = replace(self.scene, name=f"{self.scene.name}-shrunk", **left)
-        return replace(self, scene=scene, faults=faults)
+        return replace(self, scene=scene, options=options)
 
-    def fly(self, drone: str | None = None) -> Ending:
+    def fly(self, drone: str | None = None) -> str:
         """Fly it, with another simulated drone if one is given; return how it ends."""
         with tempfile.TemporaryDirectory(prefix="uav-bt-shrink-") as folder:
             file, report = Path(folder) / "scene.yaml", Path(folder) / "report.json"
             file.write_text(scene_text(self.scene), encoding="utf-8")
-            drone = drone or self.options.drone_name
-            options = replace(self.options, scene=file, faults=self.faults, drone=drone)
-            # With an output folder, as in the campaign: leaves that write files need one.
-            out = Path(folder) / "outputs"
             try:
                 app.fly(
-                    self.tree, options, out=out, report=report, controls=lambda _: interruptible()
+                    self.tree,
+                    replace(self.options, scene=file, drone=drone or self.options.drone),
+                    out=Path(folder) / "outputs",  # as in the campaign: some leaves need one
+                    report=report,
+                    controls=lambda _: interruptible(),
                 )
             except Exception:
                 if not report.exists():  # nothing flew
                     raise
             line = json.loads(report.read_text(encoding="utf-8"))
-            return Ending(line["outcome"], line["reason"])
+            return f"{line['outcome']}: {line['reason']}"
 
 
-def shrink(flight: FailedFlight, on_try: Callable[[int, Ending], None]) -> FailedFlight:
+def shrink(flight: FailedFlight, on_try: Callable[[int, str], None]) -> FailedFlight:
     """Return a flight with the fewest parts that still ends as the original did.
 
     `on_try` is called after each flight with the number of its parts, and how it ended. An
@@ -137,13 +120,13 @@ def shrink(flight: FailedFlight, on_try: Callable[[int, Ending], None]) -> Faile
     def fails(parts: Sequence[Part]) -> bool:
         ending = flight.with_parts(parts).fly()
         on_try(len(parts), ending)
-        return ending.agrees(flight.ending)
+        return same_cause(ending, flight.ending)
 
     parts = flight.parts()
     if not fails(parts):
         raise InputError(
-            f"the flight does not end with '{flight.ending}' any more: code, networks or machine "
-            "differ from those that flew it"
+            f"the flight does not end with '{flight.ending}' any more: code, networks or "
+            "machine differ from those that flew it"
         )
     return flight.with_parts(least(parts, fails))
 

@@ -1,60 +1,150 @@
-"""A campaign's folder: its plan, and a line for each flight that a killed process leaves whole."""
+"""A campaign's folder: its plan, and a line for each flight."""
 
 from __future__ import annotations
 
 import fcntl
 import json
 import os
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import IO, Any, Final, NamedTuple
 
-from uav_bt.campaign.flight_lines import read_flights
-from uav_bt.campaign.plan import CampaignPlan
+from pydantic import ConfigDict, NonNegativeInt, ValidationError, create_model
+
+from uav_bt.campaign.plan import CampaignPlan, FlightKey
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import parse_json, read_bounded, reading, write_whole, writing
+from uav_bt.mission.flight_report import EXPLORE_S, Percentiles
+from uav_bt.mission.judge import Outcome
 
 PLAN_FILE: Final = "campaign.json"
 FLIGHTS_FILE: Final = "flights.jsonl"
-RECORDS_FOLDER: Final = "records"
-OUTPUTS_FOLDER: Final = "flights"  # a folder for each flight that wrote files
 _LOCK_FILE: Final = ".lock"
 _MAX_PLAN_BYTES: Final = 50_000_000  # it lists every run, and a cluster starts many
 _FORMAT: Final = 1  # of campaign.json
+_FIRST: Final = f"in the first {EXPLORE_S:.0f} s"
+
+
+class Metric(NamedTuple):
+    """A number in a flight's line."""
+
+    words: str  # its name in reports
+    unit: str = ""  # in reports: s, m or %; empty: a count. In the line a share is 0 to 1
+
+
+METRICS: Final = {
+    "duration_s": Metric("duration", "s"),
+    "explore_distance_m": Metric(f"distance {_FIRST}", "m"),
+    "total_distance_m": Metric("total distance", "m"),
+    "search_distance_m": Metric("distance while searching", "m"),
+    "time_to_find_mark_s": Metric("time to find the landing mark", "s"),
+    "time_to_land_s": Metric("time from there to motors off", "s"),
+    "landing_error_m": Metric("landing error", "m"),
+    "min_clearance_m": Metric("least clearance of a flight", "m"),
+    "coverage_passed_90s": Metric(f"free ground passed {_FIRST}", "%"),
+    "coverage_passed": Metric("free ground passed", "%"),
+    "coverage_seen_90s": Metric(f"free ground seen {_FIRST}", "%"),
+    "coverage_seen": Metric("free ground seen", "%"),
+    "objects_found": Metric("objects found by the map"),
+    "false_objects": Metric("objects of the map that are not there"),
+    "map_drift_90s_m": Metric("drift of the map after 90 s", "m"),
+    "map_drift_180s_m": Metric("drift of the map after 180 s", "m"),
+    "map_drift_m": Metric("drift of the map at the end", "m"),
+}
+"""Fields of a flight's line that hold a number, or null when the flight did not reach it."""
+
+_OPTIONAL: Final[dict[str, Any]] = {
+    **dict.fromkeys((*METRICS, "objects_total", "map_restarts", "wall_s"), float),
+    **dict.fromkeys(("reason", "lab", "drone", "record", "folder", "details", "profile"), str),
+    "movers": NonNegativeInt,
+    **dict.fromkeys(("vary_room", "on_mark"), bool),
+    "faults": list[str],
+    **dict.fromkeys(("ports", "variables"), dict[str, Any]),
+    "object_errors_m": list[float],
+    "tick_ms": Percentiles,
+    "perception_ms": dict[str, Percentiles | None],
+    "path": list[tuple[float, float, float, float]],  # t, x, y, z
+    "coverage_curve": list[tuple[float, float, float]],  # t, passed, seen
+}
+_LINE: Final = create_model(  # type: ignore[call-overload]
+    "FlightLine",
+    __config__=ConfigDict(strict=True, allow_inf_nan=False),
+    tree=str,
+    scene=(str | None, None),
+    seed=NonNegativeInt,
+    outcome=Outcome,
+    **{name: (kind | None, None) for name, kind in _OPTIONAL.items()},
+)
+"""What the program reads of a line. A file may come from other programs, or be edited."""
+
+
+def key_of(flight: Mapping[str, Any]) -> FlightKey:
+    """Return the key that identifies a flight in its campaign."""
+    return flight["tree"], flight["scene"], flight["seed"]
+
+
+def file_stem(key: FlightKey) -> str:
+    """Return the stem of a flight's files; two flights may have the same."""
+    tree, scene, seed = key
+    # A scene may be called anything.
+    return re.sub(r"[^\w.-]+", "_", f"{Path(tree).stem}-{scene}-{seed}")
+
+
+def read_flights(path: Path) -> tuple[dict[str, Any], ...]:
+    """Return the flights of a file in their order; of one that it has twice the later line."""
+    flights: dict[FlightKey, dict[str, Any]] = {}
+    with reading(path), path.open("rb") as file:
+        for number, line in enumerate(file, start=1):
+            if not line.strip():
+                continue
+            try:
+                flight = _read_flight(line)
+            except InputError as error:
+                remedy = "delete this line; a campaign flies its flight again"
+                raise FileError(path, f"{error}; {remedy}", number) from error
+            flights.pop(key_of(flight), None)
+            flights[key_of(flight)] = flight
+    return tuple(flights.values())
+
+
+def _read_flight(line: bytes) -> dict[str, Any]:
+    flight = parse_json(line)
+    try:
+        _LINE.model_validate_json(line)
+    except ValidationError as error:
+        wrong = error.errors()[0]
+        where = ".".join(map(str, wrong["loc"]))
+        got = f"{wrong['msg']}, got {wrong['input']!r:.60}"
+        raise InputError(f"no flight: '{where}': {got}") from error
+    return {"scene": None, **flight}
 
 
 def read_plan(folder: Path) -> tuple[CampaignPlan, list[dict[str, Any]]]:
     """Return the plan of a campaign's folder, and its runs."""
     path = folder / PLAN_FILE
-    with reading(path):
-        if not path.exists():
-            raise FileError(path, "no such file; this folder holds no campaign")
-    data = read_bounded(path, _MAX_PLAN_BYTES)
     try:
-        content = parse_json(data)
+        content = parse_json(read_bounded(path, _MAX_PLAN_BYTES))
         version, plan, runs = content["format"], content["plan"], content["runs"]
-        read = CampaignPlan.from_json(plan) if version == _FORMAT else None
-    except FileError:  # a lab file
+        if version == _FORMAT:
+            return CampaignPlan.from_json(plan), [dict(run) for run in runs]
+    except FileError:  # also of a lab file
         raise
-    except (KeyError, TypeError) as error:
-        raise FileError(path, "not a campaign: needs 'format', 'plan' and 'runs'") from error
-    except InputError as error:
-        raise FileError(path, str(error)) from error
-    if read is None:
-        raise FileError(path, f"has format {version}, this version of uav-bt reads {_FORMAT}")
-    if not isinstance(runs, list):
-        raise FileError(path, f"not a campaign: 'runs' must be a list, got {runs!r:.40}")
-    return read, runs
+    except (InputError, KeyError, TypeError, ValueError) as error:
+        what = f"{type(error).__name__}: {error}"
+        raise FileError(path, f"expected a campaign's format, plan and runs; {what}") from error
+    raise FileError(path, f"has format {version!r:.20}, this version of uav-bt reads {_FORMAT}")
 
 
 class CampaignStore:
     """A campaign's folder, open for one campaign at a time; made by `opened`."""
 
-    def __init__(self, folder: Path, out: IO[bytes], *, repaired: bool) -> None:
+    def __init__(self, folder: Path, out: IO[bytes], runs: list[dict[str, Any]]) -> None:
         self.folder = folder
-        self.repaired = repaired  # whether a last line that was half written was taken away
-        self.kept = read_flights(folder / FLIGHTS_FILE)  # the flights that were there on opening
+        self.runs = runs  # of its plan; the last is the one that opened it
+        self.repaired = _repair(out)  # whether half a line was taken away
+        self.kept = read_flights(folder / FLIGHTS_FILE)  # that were there on opening
         self._out = out
 
     @classmethod
@@ -64,8 +154,8 @@ class CampaignStore:
     ) -> Iterator[CampaignStore]:
         """Open a folder for a plan: a new one, or one that the same plan began to fill.
 
-        `run` tells people of this run: when, where, of which commit. An InputError says in what the
-        folder's plan differs, a FileError that it cannot be written to now.
+        `run` tells of this run: when, where, of which commit. An InputError says in what the
+        folder's plan differs.
         """
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
@@ -75,14 +165,16 @@ class CampaignStore:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
                 raise FileError(folder, "another campaign is at work in this folder") from error
-            _settle(folder, plan, run)
+            runs = [*_runs_before(folder, plan), dict(run)]
+            content = {"format": _FORMAT, "plan": plan.to_json(), "runs": runs}
+            write_whole(folder / PLAN_FILE, json.dumps(content, indent=2) + "\n")
             with writing(folder / FLIGHTS_FILE):
                 out = (folder / FLIGHTS_FILE).open("a+b", buffering=0)
             with out:
-                yield cls(folder, out, repaired=_repair(out))
+                yield cls(folder, out, runs)
 
     def keep(self, flight: Mapping[str, Any]) -> None:
-        """Write a flight down; it is on the disk on return, and after a FileError nothing of it."""
+        """Write a flight to the disk, or nothing of it and a FileError."""
         line = json.dumps(flight, allow_nan=False).encode() + b"\n"
         size = os.fstat(self._out.fileno()).st_size
         try:
@@ -94,33 +186,32 @@ class CampaignStore:
             os.ftruncate(self._out.fileno(), size)
             raise FileError(
                 self.folder / FLIGHTS_FILE,
-                f"cannot be written: {error.strerror}; all flights before this one are kept, and "
-                "the same command goes on from there",
+                f"cannot be written: {error.strerror}; all flights before this one are kept, "
+                "and the same command goes on from there",
             ) from error
 
 
-def _settle(folder: Path, plan: CampaignPlan, run: Mapping[str, Any]) -> None:
-    """Write the plan, or find that it is the one in the folder."""
-    runs: list[dict[str, Any]] = []
+def _runs_before(folder: Path, plan: CampaignPlan) -> list[dict[str, Any]]:
+    """Return the runs of the plan in a folder; refuse another campaign's folder."""
     flights = folder / FLIGHTS_FILE
-    if (folder / PLAN_FILE).exists():
-        before, runs = read_plan(folder)
-        differences = plan.differences(before)
-        if differences and flights.exists() and flights.stat().st_size:
-            raise InputError(
-                f"{folder} holds another campaign; choose another folder, or fly what it says:\n  "
-                + "\n  ".join(differences)
-            )
-        if differences:
-            runs = []  # it was refused, or stopped, before its first flight: nothing is lost
-    elif flights.exists():
-        raise FileError(flights, f"flights without a plan ({PLAN_FILE}); choose another folder")
-    content = {"format": _FORMAT, "plan": plan.to_json(), "runs": [*runs, dict(run)]}
-    write_whole(folder / PLAN_FILE, json.dumps(content, indent=2) + "\n")
+    if not (folder / PLAN_FILE).exists():
+        if flights.exists():
+            without = f"flights without a plan ({PLAN_FILE}); choose another folder"
+            raise FileError(flights, without)
+        return []
+    before, runs = read_plan(folder)
+    differences = plan.differences(before)
+    if differences and flights.exists() and flights.stat().st_size:
+        raise InputError(
+            f"{folder} holds another campaign; choose another folder, or fly what it says:\n  "
+            + "\n  ".join(differences)
+        )
+    # One that was refused, or stopped, before its first flight: nothing is lost.
+    return [] if differences else runs
 
 
 def _repair(file: IO[bytes]) -> bool:
-    """Take away a last line without its end, which a killed campaign or a full disk left."""
+    """Take away a last line without its end, which a killed campaign left."""
     file.seek(0)
     data = file.read()
     whole = data.rfind(b"\n") + 1

@@ -1,46 +1,76 @@
 """Worker processes that fly, kept by Pebble: a crash or a hang costs one flight.
 
-A flight runs native code (physics, graphics, networks). When that code dies it takes its process
-along, and when it hangs only another process can stop it. Each worker flies one task after the
-other, so that slow imports happen once.
+A flight runs native code (physics, graphics, networks). When that code dies its process dies,
+and when it hangs only another process can stop it. Each worker flies one task after the other,
+so that slow imports happen once.
 """
 
 from __future__ import annotations
 
 import faulthandler
 import gc
-import importlib
-import itertools
+import json
 import multiprocessing
 import os
 import shutil
 import signal
 import tempfile
 import threading
+import time
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import CancelledError, Future
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
 from pebble import ProcessExpired, ProcessPool
 
+from uav_bt import app
+from uav_bt.app.flight import changes_of
+from uav_bt.app.flight_outputs import OBJECTS_FILES
+from uav_bt.app.flying_process import ended_by_signals
+from uav_bt.campaign.plan import FlightTask
 from uav_bt.errors import InputError, UavBtError
+from uav_bt.mission.judge import Outcome
+from uav_bt.mission.tick import TickRecord
 
-FLOWN: Final = "flown"  # answer: the flight's line
-REFUSED: Final = "refused"  # answer: why no task of this campaign can be flown
-FAILED: Final = "failed"  # answer: the error that the flight ended with
-Answer = dict[str, Any]
+Line = dict[str, Any]
+"""A flight's line."""
 
+Fly = Callable[[FlightTask], Line]
+"""Flies a task in a worker's process, which imports it; an InputError refuses all tasks."""
+
+_PATH_INTERVAL_S: Final = 0.5  # at 0.5 m/s a point every quarter of a metre
 _OUTPUT_TAIL: Final = 4000  # characters of a lost process's output that are kept; chosen
 
 
-class WorkerPool:
-    """A number of worker processes, replaced when they end; each flies with MODULE:FUNCTION."""
+def lost_line(task: FlightTask, reason: str, details: str = "") -> Line:
+    """Return the line of a flight that did not end by itself.
 
-    def __init__(self, function: str, workers: int) -> None:
-        self._function = function
+    It has the options as given, `random` among the faults: to draw them takes the drone, which
+    may have ended the process.
+    """
+    options = task.flight_options()
+    return {
+        "scene": task.scene,
+        "seed": task.seed,
+        "tree": task.tree,
+        "drone": options.drone_name,
+        "profile": options.profile,
+        **asdict(changes_of(options)),
+        "outcome": Outcome.ERROR.value,
+        "reason": reason,
+        "details": details,
+    }
+
+
+class WorkerPool:
+    """A number of worker processes, replaced when they end."""
+
+    def __init__(self, fly: Fly, workers: int) -> None:
+        self._fly = fly
         self._folder = tempfile.TemporaryDirectory(prefix="uav-bt-workers-")
         self._pool = ProcessPool(
             workers,
@@ -49,63 +79,56 @@ class WorkerPool:
             # A forked copy of MuJoCo or of the graphics driver does not work.
             context=multiprocessing.get_context("spawn"),
         )
-        self._numbers = itertools.count()
-        self._flying: set[Future[Answer]] = set()
+        self._count = 0
+        self._flying: dict[Future[Line], tuple[FlightTask, Path, float]] = {}
 
-    def fly(self, task: Mapping[str, Any], timeout_s: float) -> Future[Answer]:
-        """Fly a task of JSON values after those that wait; the answer has FLOWN, REFUSED or FAILED.
-
-        The flight is stopped after `timeout_s` of wall time.
-        """
-        output = Path(self._folder.name) / f"output-{next(self._numbers)}.txt"
-        answered: Future[Answer] = Future()
-
-        def ended(flight: Future[Answer]) -> None:
-            self._flying.discard(flight)
-            answered.set_result(_answer_of(flight, output, timeout_s))
-
-        # The first task starts the processes, which must ignore Ctrl-C: it is for the campaign. In
-        # a flight it would land the drone, and the flight would count as flown.
+    def start(self, task: FlightTask, timeout_s: float) -> Future[Line]:
+        """Fly a task after those that wait, for `timeout_s` of wall time at most."""
+        self._count += 1
+        output = Path(self._folder.name) / f"output-{self._count}.txt"
+        # The first task starts the processes, which must ignore Ctrl-C: in a flight it would
+        # land the drone, and the flight would count as flown.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
-            flight = self._pool.schedule(
-                _fly, (self._function, dict(task), str(output)), timeout=timeout_s
-            )
+            flight = self._pool.schedule(_fly, (self._fly, task, str(output)), timeout=timeout_s)
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        self._flying.add(flight)
-        flight.add_done_callback(ended)
-        return answered
+        self._flying[flight] = task, output, timeout_s
+        return flight
+
+    def line_of(self, flight: Future[Line]) -> Line:
+        """Wait for a flight's end and return its line; an InputError refuses all tasks."""
+        task, output, timeout_s = self._flying[flight]
+        try:
+            return flight.result()
+        except InputError:
+            raise
+        except CancelledError:
+            reason = "the campaign was stopped"
+        except BrokenProcessPool as error:
+            raise InputError(
+                f"the worker processes ended ({error}); a script that flies a campaign must "
+                'call it below `if __name__ == "__main__":`, as each worker imports the script'
+            ) from error
+        except TimeoutError:
+            reason = f"no end after {timeout_s:g} s of wall time; its process was stopped"
+        except ProcessExpired as error:
+            reason = _exit_reason(error.exitcode)
+        except Exception as error:  # noqa: BLE001 - the campaign goes on
+            reason = f"its answer was lost: {type(error).__name__}: {error}"
+        finally:
+            del self._flying[flight]
+            text = output.read_text("utf-8", "replace") if output.exists() else ""
+            output.unlink(missing_ok=True)
+        return lost_line(task, reason, text.strip()[-_OUTPUT_TAIL:])
 
     def close(self) -> None:
-        """Stop all workers at once and remove their files; what still flies answers FAILED."""
+        """Stop all workers at once and remove their files; what still flies is lost."""
         self._pool.stop()  # type: ignore[no-untyped-call]
         for flight in tuple(self._flying):
             flight.cancel()
         self._pool.join()
         self._folder.cleanup()
-
-
-def _answer_of(flight: Future[Answer], output: Path, timeout_s: float) -> Answer:
-    try:
-        return flight.result()
-    except CancelledError:
-        return {FAILED: "the campaign was stopped"}
-    except BrokenProcessPool as error:
-        return {
-            REFUSED: f"the worker processes ended ({error}); a script that flies a campaign must "
-            'call it below `if __name__ == "__main__":`, as each worker imports the script'
-        }
-    except TimeoutError:
-        reason = f"no end after {timeout_s:g} s of wall time; its process was stopped"
-    except ProcessExpired as error:
-        reason = _exit_reason(error.exitcode)
-    except BaseException as error:  # noqa: BLE001 - without an answer the campaign waits for ever
-        reason = f"its answer was lost: {type(error).__name__}: {error}"
-    finally:
-        text = output.read_text("utf-8", "replace") if output.exists() else ""
-        output.unlink(missing_ok=True)
-    return {FAILED: reason, "details": text.strip()[-_OUTPUT_TAIL:]}
 
 
 def _exit_reason(code: int) -> str:
@@ -117,7 +140,7 @@ def _exit_reason(code: int) -> str:
     return f"its process was ended by {name}{hint}"
 
 
-# --- in the worker process ------------------------------------------------------------------------
+# --- in the worker process ---
 
 
 def _begin(folder: str) -> None:
@@ -137,25 +160,75 @@ def _end_with_campaign(folder: str) -> None:
     os._exit(0)
 
 
-def _fly(function: str, task: dict[str, Any], output: str) -> Answer:
-    """Return the answer to a task; everything that is printed goes to the file `output`."""
+def _fly(fly: Fly, task: FlightTask, output: str) -> Line:
+    """Return the line of a task; everything that is printed goes to the file `output`."""
     descriptor = os.open(output, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     os.dup2(descriptor, 1)
     os.dup2(descriptor, 2)
     os.close(descriptor)
     faulthandler.enable()
     try:
-        module, _, name = function.partition(":")
-        fly: Callable[[dict[str, Any]], dict[str, Any]]
-        fly = getattr(importlib.import_module(module), name)
-        return {FLOWN: fly(task)}
+        return fly(task)
     except InputError as error:
-        return {REFUSED: str(error)}
-    except BaseException as error:  # noqa: BLE001 - part of the answer; a leaf may call sys.exit
+        raise InputError(str(error)) from error  # not each of its classes travels
+    except BaseException as error:  # noqa: BLE001 - a leaf may call sys.exit
         known = isinstance(error, UavBtError)
         reason = str(error) if known else f"{type(error).__name__}: {error}"
-        return {FAILED: reason, "details": traceback.format_exc()}
+        return lost_line(task, reason, traceback.format_exc())
     finally:
-        # Cycles hold a flown flight together, and the collector, which counts objects, does not
-        # see how large its networks are.
+        # Cycles hold a flown flight together, and the collector does not see how large it is.
         gc.collect()
+
+
+def fly_task(task: FlightTask) -> Line:
+    """Fly a flight in this process, and return its line.
+
+    An InputError says that the flight was refused before anything flew.
+    """
+    options, keeper = task.flight_options(), PathKeeper()
+    outputs = None if task.folder is None else Path(task.folder)
+    if outputs is not None:
+        shutil.rmtree(outputs, ignore_errors=True)  # of an interrupted one
+
+    began_s = time.perf_counter()
+    with tempfile.TemporaryDirectory(prefix="uav-bt-flight-") as folder:
+        report = Path(folder) / "report.json"
+        try:
+            app.fly(
+                task.tree_path,
+                options,
+                out=outputs,
+                report=report,
+                listeners=[lambda _: [keeper]],
+                controls=lambda _: ended_by_signals(),
+            )
+        except Exception:
+            if not report.exists():  # nothing flew
+                raise
+        flight: Line = json.loads(report.read_text(encoding="utf-8"))
+    # The objects of a flight in which no leaf wrote a file are in its line.
+    if outputs is not None and outputs.is_dir():
+        written = {file.name for file in outputs.iterdir()}
+        if written.issubset(OBJECTS_FILES):
+            shutil.rmtree(outputs)
+    flight |= {"scene": task.scene, "tree": task.tree, "path": keeper.points}
+    if options.exact_masks:
+        flight["exact_masks"] = True
+    flight["wall_s"] = round(time.perf_counter() - began_s, 3)
+    return flight
+
+
+class PathKeeper:
+    """Keeps the referee's positions at 2 Hz: mission seconds, and x, y, z in world metres."""
+
+    def __init__(self) -> None:
+        self.points: list[tuple[float, ...]] = []
+
+    def on_tick(self, record: TickRecord) -> None:
+        """Keep the position of a tick that is due."""
+        # Half a tick early is on time: ticks are a tenth of a second, and floats add up.
+        due_s = self.points[-1][0] + _PATH_INTERVAL_S - 0.05 if self.points else 0.0
+        if record.truth is not None and record.time_s >= due_s:
+            pose = record.truth.pose
+            values = (record.time_s, pose.x_m, pose.y_m, pose.z_m)
+            self.points.append(tuple(round(value, 3) for value in values))

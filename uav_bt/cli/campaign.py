@@ -12,7 +12,6 @@ from annotated_types import Ge, Gt, Le
 from uav_bt import campaign as campaigns
 from uav_bt.app.options import SHARED, FlightOptions
 from uav_bt.campaign import CampaignResult
-from uav_bt.campaign.flight_lines import METRICS
 from uav_bt.campaign.plan import CampaignPlan
 from uav_bt.campaign.report.sources import by_tree
 from uav_bt.campaign.report.statistics import (
@@ -24,6 +23,7 @@ from uav_bt.campaign.report.statistics import (
     values_of,
 )
 from uav_bt.campaign.runner import Backend, LocalBackend
+from uav_bt.campaign.store import METRICS
 from uav_bt.cli.declare import command
 from uav_bt.cli.progress import campaign_progress
 from uav_bt.cli.shared import RUNS, Workers

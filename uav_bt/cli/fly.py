@@ -174,7 +174,7 @@ def fly(
         except KeyboardInterrupt as stop:
             when = "again while it landed" if begun else "before take-off: nothing flew"
             raise MissionError(f"{stopped_by(stop)} {when}") from stop
-        Console().print(summary(flown, begun[0].mark))
+        Console().print(summary(flown, begun[0].held.mark))
         lost = {**flown.lost_outputs, **_closed(stack)}
     _name_files(files, lost)
     if viewed is not None and view == "web":

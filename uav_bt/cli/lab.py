@@ -13,7 +13,7 @@ from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene, scene_names
 from uav_bt.app.film import map_of_scene
 from uav_bt.app.flight import check as check_tree
-from uav_bt.app.tree_places import drawn_places
+from uav_bt.app.place import drawn_places
 from uav_bt.cli.declare import command
 from uav_bt.cli.shared import print_or_write
 from uav_bt.display.lab_map import draw_lab_with_axes

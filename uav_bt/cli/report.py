@@ -56,7 +56,7 @@ def report(
       uav-bt report runs/land
       uav-bt report runs/before runs/after --out report.html --figures pdf
     """  # noqa: D301  (click needs the backspace)
-    losses = losses_of(read_sources(sources).sets) if not_worse else []
+    losses = losses_of(read_sources(sources)) if not_worse else []
     written = write_report(
         sources,
         out,

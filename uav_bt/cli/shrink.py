@@ -10,9 +10,8 @@ from annotated_types import Ge
 
 from sim_bridge.twin.scene_file import scene_text
 from uav_bt.app.options import FlightOptions
-from uav_bt.campaign.report.repeat import fly_command
-from uav_bt.campaign.report.sources import read_sources
-from uav_bt.campaign.shrinking import FailedFlight, shrink
+from uav_bt.campaign.report.sources import fly_command, read_sources
+from uav_bt.campaign.shrinking import FailedFlight, same_cause, shrink
 from uav_bt.cli.declare import command
 from uav_bt.errors import InputError, MissionError
 from uav_bt.files import check_empty_folder, write_whole, writing
@@ -62,7 +61,7 @@ def shrink_command(
         out.mkdir(parents=True, exist_ok=True)
     file, faults = out / "scene.yaml", out / "faults.txt"
     write_whole(file, scene_text(small.scene))
-    write_whole(faults, "".join(f"{fault}\n" for fault in small.faults))
+    write_whole(faults, "".join(f"{fault}\n" for fault in small.options.faults))
     had = flight.things()
     kept = (
         f"{kind} {len(some)}"
@@ -74,7 +73,7 @@ def shrink_command(
     flown: dict[str, Any] = {
         "seed": options.seed,
         "profile": options.profile,
-        "faults": [f"@{faults}"] if small.faults else [],
+        "faults": [f"@{faults}"] if small.options.faults else [],
         "ports": options.ports,
         "variables": options.variables,
     }
@@ -86,14 +85,14 @@ def shrink_command(
     if twin:
         ending = small.fly(_TWIN)
         click.echo(f"in the twin: {ending}")
-        if not ending.agrees(small.ending):
+        if not same_cause(ending, small.ending):
             ctx.exit(MissionError.exit_code)
 
 
 def _failed(source: Path, wanted: dict[str, str | int]) -> FailedFlight:
     """Return the first failed flight that has the wanted tree, scene and seed."""
     succeeded, failed = [], []
-    for one in read_sources([source]).sets:
+    for one in read_sources([source]):
         for line in one.flights:
             is_wanted = all(_plain(line[name]) == _plain(value) for name, value in wanted.items())
             which = f"{line['tree']} in {line['scene']}, seed {line['seed']}"
@@ -102,7 +101,7 @@ def _failed(source: Path, wanted: dict[str, str | int]) -> FailedFlight:
             elif not is_wanted:
                 failed.append(which)
             else:
-                plan = one.source.plan
+                plan = one.plan
                 options = FlightOptions() if plan is None else plan.options
                 scene = one.scene_path(str(line["scene"]))
                 return FailedFlight.of(line, one.tree_path(), scene, options)

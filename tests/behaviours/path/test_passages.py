@@ -9,7 +9,7 @@ import pytest
 from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import RecentObstacles
 from behaviours.path.passages import ClearanceMaps
-from benchmarks.corner_scenes import corner_scene
+from benchmarks.landing_marks import corner_scene
 from uav_bt.errors import ValueRangeError
 from uav_bt.testing.world import drawn_map
 from uav_bt.types import Clearances, LandingMark, NearObstacles, Pose2D

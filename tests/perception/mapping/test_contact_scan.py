@@ -102,6 +102,14 @@ def test_a_side_is_as_high_as_the_border_to_its_roof() -> None:
     assert np.isnan(bases.placed_heights_m[1:]).all()
 
 
+@pytest.mark.parametrize(("height_m", "last"), [(1.4, 4), (1.2, 3), (2.0, 2)])
+def test_an_obstacle_is_tall_up_to_a_height_or_to_the_drone(height_m: float, last: int) -> None:
+    """From 1.5 m on it covers up to 0.9 m of height, or up to 0.5 m below the camera."""
+    roles = np.array([[1, 1] + [3] * (end - 1) + [1] * (9 - end) for end in range(2, 10)], np.uint8)
+    scan = GroundScan(along(10, 8), roles, roles, roles, CLASSES.top_of, height_m, min_run=1)
+    assert find_bases(scan).placed_tall.tolist() == [end >= last for end in range(2, 10)]
+
+
 def test_a_point_of_the_ground_has_the_role_of_the_nearest_pixel() -> None:
     class_map, pitch_rad = noise(1), -0.6
     view = View.of(class_map, frame(pitch_rad), CAMERA, HERE)

@@ -127,6 +127,18 @@ def test_an_edge_above_the_ground_seen_by_a_drone_that_passes_is_no_mover() -> N
         assert tracker.movers(step * STEP_S) == ()
 
 
+def test_what_is_low_stands_unless_it_moved_before() -> None:
+    """A chair shows one leg after another, and the edge of its seat."""
+    tracker, low = MoverTracker(), np.zeros(9, dtype=bool)
+    for step in range(40):
+        points_m = face((2.0, -1.0 + 0.05 * step), np.random.default_rng(step), 0.01)
+        assert tracker.follow(points_m, HERE_M, step * STEP_S, tall=low).all()
+        assert tracker.movers(step * STEP_S) == ()
+    tracker, time_s, mover = crossed()
+    points_m = face((mover.x_m, mover.y_m), np.random.default_rng(0), 0.01)
+    assert not tracker.follow(points_m, HERE_M, time_s + STEP_S, tall=low).any()
+
+
 @pytest.mark.parametrize("speed_mps", [0.2, 0.5, 1.0])
 @pytest.mark.parametrize("seed", range(4))
 def test_a_cart_that_crosses_is_a_mover_soon_with_its_velocity(speed_mps: float, seed: int) -> None:

@@ -7,9 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import py_trees
 import pytest
 
 from behaviours.fly.land import Land
+from behaviours.fly.look import HoverFor
 from behaviours.fly.take_off import TakeOff
 from behaviours.policies.segmentation_rule import SegmentationRule
 from sim_bridge.twin import TwinConfig
@@ -17,6 +20,8 @@ from uav_bt import app
 from uav_bt.answers import Advance, Answer
 from uav_bt.app.replay import ReplayOptions, replay
 from uav_bt.board import STATE
+from uav_bt.board.context import MissionContext
+from uav_bt.campaign import make_plan
 from uav_bt.errors import FileError, InputError, NodeFailedError, TreeError
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.protocols import PolicyView
@@ -25,9 +30,11 @@ from uav_bt.testing import ScriptedDrone
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, load_tree
 from uav_bt.tree.nodes import Sequence
 from uav_bt.types import Hover
-from uav_bt.types.place import LandOn
 
 # --- definitions of a notebook --------------------------------------------------------------------
+
+
+ANYWHERE = app.JudgeConfig(land_on=app.LandOn.ANY)
 
 
 class Peek(Leaf):
@@ -89,7 +96,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[FlightReport, Caref
         seed=3,
         exact_masks=True,
         policies={"Explore": policy},
-        judge=app.JudgeConfig(land_on=LandOn.ANY),
+        judge=ANYWHERE,
         record=str(record),
     )
     return app.fly(MISSION, options, registry=NODES), policy, record
@@ -114,22 +121,17 @@ def test_report_and_record_say_what_flew(flown: tuple[FlightReport, Careful, Pat
     assert reader.attachments["tree/<text>"].data == MISSION.encode()
 
 
-def test_a_replay_takes_the_same_objects_again(flown: tuple[FlightReport, Careful, Path]) -> None:
+def test_a_replay_is_given_the_objects_again(flown: tuple[FlightReport, Careful, Path]) -> None:
     options = ReplayOptions(policies={"Explore": Careful()}, registry=NODES)
     report = replay(str(flown[2]), options)
     assert report.same
     assert report.tree == "<text>"
     other = replay(flown[2], replace(options, policies={"Explore": "segmentation"}))
     assert not other.same  # twice the steps
-
-
-def test_a_replay_without_the_objects_says_what_it_lacks(
-    flown: tuple[FlightReport, Careful, Path],
-) -> None:
-    with pytest.raises(FileError, match=r"policy of node '.*/Explore' was an object of.*Careful"):
+    with pytest.raises(InputError, match=r"unknown policy '.*Careful'"):
         replay(flown[2], ReplayOptions(registry=NODES))
     with pytest.raises(TreeError, match="unknown node 'Peek'"):
-        replay(flown[2], ReplayOptions(policies={"Explore": Careful()}))
+        replay(flown[2], replace(options, registry=None))
 
 
 def test_a_leaf_that_raises_is_named_with_its_line_in_the_report(tmp_path: Path) -> None:
@@ -137,11 +139,12 @@ def test_a_leaf_that_raises_is_named_with_its_line_in_the_report(tmp_path: Path)
         def update(self) -> Status:
             raise RuntimeError("sensor gone")
 
-    report = tmp_path / "report.json"
+    report, options = tmp_path / "report.json", scripted()
     line = Boom.update.__code__.co_firstlineno + 1
     where = rf"tests/uav_bt/app/test_flight_of_objects\.py:{line}"
     with pytest.raises(NodeFailedError, match=rf"RuntimeError: sensor gone \({where}\)$") as caught:
-        app.fly(MissionTree(Boom()), scripted(), report=report)
+        app.fly(MissionTree(Boom()), options, report=report)
+    assert not options.drone.connected  # type: ignore[union-attr]
     assert json.loads(report.read_text(encoding="utf-8"))["reason"] == str(caught.value)
 
 
@@ -155,17 +158,15 @@ def composed() -> MissionTree:
 
 
 def scripted(**options: object) -> app.FlightOptions:
-    judge = app.JudgeConfig(land_on=app.LandOn.ANY)
-    return app.FlightOptions(drone=ScriptedDrone(), judge=judge, **options)  # type: ignore[arg-type]
+    return app.FlightOptions(drone=ScriptedDrone(), judge=ANYWHERE, **options)  # type: ignore[arg-type]
 
 
-def test_a_composed_tree_flies_and_its_own_leaf_can_be_asked(tmp_path: Path) -> None:
+def test_a_composed_tree_flies_and_its_own_leaf_can_be_asked() -> None:
     tree = composed()
-    report = app.fly(tree, scripted(), report=str(tmp_path / "r.json"))
+    report = app.fly(tree, scripted())
     assert report.outcome == "success"
     assert report.drone == "uav_bt.testing.drone.ScriptedDrone"
     assert report.tree == "Hop (composed in Python)"
-    assert json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))["tree"] == report.tree
     peek = tree.find("peek")
     assert isinstance(peek, Peek)
     assert peek.heights_m[-1] == pytest.approx(1.2, abs=0.1)
@@ -175,9 +176,9 @@ def test_a_composed_tree_flies_and_its_own_leaf_can_be_asked(tmp_path: Path) -> 
     ("given", "message"),
     [
         ({"options": {"scene": "val-a"}}, r"options: expected FlightOptions\(\.\.\.\), got \{'sc"),
-        ({"registry": [Peek]}, r"registry: expected a NodeRegistry, such as .*; got \[<class"),
-        ({"listeners": [3]}, r"listeners: expected a list of functions .*; got 3"),
-        ({"listeners": print}, r"listeners: expected a list of functions .*; got <built-in"),
+        ({"registry": [Peek]}, r"registry: expected NodeRegistry.installed.*, got \[<class"),
+        ({"listeners": [3]}, r"listeners: expected a list of functions, .*, got 3"),
+        ({"listeners": print}, r"listeners: expected a list of functions, .*, got <built-in"),
     ],
 )
 def test_arguments_of_another_type_are_refused(given: dict[str, Any], message: str) -> None:
@@ -186,30 +187,18 @@ def test_arguments_of_another_type_are_refused(given: dict[str, Any], message: s
 
 
 def test_what_does_not_fit_a_composed_tree_is_refused_before_the_flight() -> None:
-    drone = ScriptedDrone()
-    with pytest.raises(InputError, match=r"that return a list, .*<built-in .*> returned None"):
-        app.fly(composed(), drone=drone, listeners=[print])  # type: ignore[list-item]
-    for policies, message in (
-        ({"pek": "corridor"}, "no node of that name or path; did you mean 'peek'"),
-        ({"peek": "corridor"}, "Peek 'peek': override of 'peek': unknown attribute 'policy'"),
+    drone, low = ScriptedDrone(), app.Limits(ceiling_m=1.0)
+    ceiling = r"/up' is to fly at 1\.2 m, above the ceiling of 1 m: lower the flight height"
+    for how, message in (
+        ({"listeners": [print]}, r"listeners: .* that return a list, .*, got None"),
+        ({"policies": {"pek": "corridor"}}, "no node of that name or path; did you mean 'peek'"),
+        ({"policies": {"peek": "corridor"}}, "override of 'peek': unknown attribute 'policy'"),
+        ({"site": app.Site(limits=low)}, ceiling),
+        ({"limits": low}, ceiling),
     ):
         with pytest.raises(InputError, match=message):
-            app.fly(composed(), drone=drone, policies=policies)
-    low = app.Limits(ceiling_m=1.0)
-    message = r"/up' is to fly at 1\.2 m, above the ceiling of 1 m: lower the flight height"
-    for how in ({"site": app.Site(limits=low)}, {"limits": low}):
-        with pytest.raises(InputError, match=message):
-            app.fly(composed(), drone=drone, **how)
+            app.fly(composed(), drone=drone, **how)  # type: ignore[arg-type]
     assert not drone.commands
-
-
-def test_flights_trees_leaves_and_registries_print_what_they_are() -> None:
-    flight = app.assemble(composed(), app.FlightOptions(scene="val-a"))
-    tree = "<MissionTree 'Hop': 4 nodes, Hop (composed in Python)>"
-    assert repr(flight) == f"<Flight of {tree} with twin in val-a>"
-    assert repr(flight.mission.find("peek")) == "<Peek 'Hop/body/peek', ticks=3>"
-    registry = NodeRegistry()
-    assert repr(registry) == f"<NodeRegistry: {len(list(registry))} nodes>"
 
 
 def test_options_and_site_replace_attributes_of_a_tree_object() -> None:
@@ -244,8 +233,8 @@ def test_what_was_replaced_in_a_loaded_tree_is_replayed(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("tree", "message"),
     [
-        (3, "expected a mission: a shipped one's name, a tree file, a MissionTree, .*; got 3"),
-        (Land, "expected a mission: .*, the root of a tree or .*; got <class"),
+        (3, "tree: expected a mission's name, a tree file, its text, or a tree, got 3"),
+        (Land, r"tree: expected .*, got the class Land: write Land\(\.\.\.\)"),
         ("<root", "<text>.*not well-formed"),
         ("hoover", "no such tree file"),
     ],
@@ -254,3 +243,75 @@ def test_what_is_no_mission_is_refused(tree: app.Mission, message: str) -> None:
     for use in (app.check, app.assemble, app.fly):
         with pytest.raises(InputError, match=message):
             use(tree)
+
+
+# --- roots of trees -------------------------------------------------------------------------------
+
+
+class Heights(py_trees.behaviour.Behaviour):
+    """Keeps the heights of the flight, from the mission's board."""
+
+    def __init__(self) -> None:
+        super().__init__("heights")
+        self.seen_m: list[float] = []
+
+    def setup(self, mission: MissionContext) -> None:
+        self._board = mission.board
+
+    def update(self) -> py_trees.common.Status:
+        state = self._board.read(STATE).value
+        if state is not None:
+            self.seen_m.append(state.height_m)
+        return py_trees.common.Status.SUCCESS
+
+
+def hop(heights: Heights | None = None) -> py_trees.behaviour.Behaviour:
+    """Return a tree of py_trees that takes off, waits and lands."""
+    steps = py_trees.composites.Sequence(
+        "steps", memory=True, children=[TakeOff(height_m=1.2), HoverFor(seconds=1.0), Land()]
+    )
+    return py_trees.composites.Parallel(
+        "hop",
+        py_trees.common.ParallelPolicy.SuccessOnSelected([steps], synchronise=False),
+        children=[heights or Heights(), steps],
+    )
+
+
+def test_a_tree_of_py_trees_flies_the_flight_of_its_nodes() -> None:
+    heights = Heights()
+    flown = app.fly(hop(heights), drone="plain", judge=ANYWHERE, seed=1)
+    assert (flown.outcome, flown.tree) == ("success", "hop (composed in Python)")
+    assert max(heights.seen_m) > 0.9
+    assert flown.events[-1].text == "the tree succeeded at Land"
+    assert flown.events[-1].node == "hop/hop/Land"
+    root = Sequence("hop", [TakeOff(height_m=1.2), HoverFor(seconds=1.0), Land()])
+    same = app.fly(root, drone="plain", judge=ANYWHERE, seed=1)
+    assert np.array_equal(flown.path, same.path)
+    with pytest.raises(InputError, match="tree 'hop' was flown or set up before"):
+        app.fly(root, drone="plain", judge=ANYWHERE, seed=1)
+
+
+def test_a_replay_is_given_the_tree_again(tmp_path: Path) -> None:
+    record = tmp_path / "hop.mcap"
+    app.fly(hop(), scripted(record=record))
+    with pytest.raises(FileError, match=r"lacks its tree file \(hop \(composed in Python\)\)"):
+        replay(record)
+    again = replay(record, ReplayOptions(tree=hop()))
+    assert again.same
+    assert again.tree == "hop (composed in Python)"
+
+
+def test_what_needs_a_file_is_refused(tmp_path: Path) -> None:
+    for refused, words in (
+        (lambda: app.fly(hop(), drone="plain", watch=print), "watch: expected a tree file"),
+        (lambda: make_plan([hop()]), r"a campaign flies tree files, .*; got <py_trees"),  # type: ignore[list-item]
+        (lambda: app.check(hop(), variables={"laps": 3}), "variables: for tree files only; 'hop'"),
+        (
+            lambda: app.check(hop(), tree_folders=app.TreeFolders(trees=[tmp_path])),
+            "tree_folders: for tree files only",
+        ),
+    ):
+        with pytest.raises(InputError, match=words):
+            refused()
+    tree = app.check(hop(), ports={"TakeOff.height_m": 1.7})
+    assert tree.find("hop/hop/TakeOff").literals["height_m"] == 1.7

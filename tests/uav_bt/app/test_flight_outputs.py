@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from sim_bridge.plain import PlainConfig
 from sim_bridge.twin import TwinConfig
+from tests.worlds.trees import document
 from uav_bt import app
-from uav_bt.app.flight_outputs import flight_folder
-from uav_bt.errors import FileError
+from uav_bt.app.drone_of_flight import RehearsedDrone
+from uav_bt.app.flight_outputs import fetch_photos, flight_folder
+from uav_bt.board.context import FlightFolder
+from uav_bt.errors import DroneError, FileError
+from uav_bt.mission.drone_wrapper import DroneWrapper
+from uav_bt.protocols import Still, StillCamera, StillState
 from uav_bt.types.flight_results import EventKind
 
 HOP = '<BehaviorTree ID="Hop"><Sequence><TakeOff/><Land/></Sequence></BehaviorTree>'
@@ -47,13 +54,10 @@ def test_files_that_files_of_any_suffix_name_are_inputs() -> None:
     Path("main.tree").write_text(Path("main.xml").read_text().replace("hop.xml", "hop.tree"))
     Path("hall.onnx").write_bytes(b"\0 network")
     Path("hall.txt").write_text("network: {model: hall.onnx}\n")
-    Path("see.xml").write_text(
-        '<root BTCPP_format="4"><BehaviorTree ID="See"><Sequence><Segment model="hall.onnx"/>'
-        "<TakeOff/><Land/></Sequence></BehaviorTree></root>"
-    )
-    for how in ({"tree": "main.tree", "site": "hall.txt"}, {"tree": "see.xml"}):
+    see = document('<Sequence><Segment model="hall.onnx"/><TakeOff/><Land/></Sequence>')
+    for tree, site in (("main.tree", "hall.txt"), (see, None)):
         with pytest.raises(FileError, match=r"^hall\.onnx: is an input"):
-            app.fly(**how, drone="plain", report="hall.onnx")
+            app.fly(tree, site=site, drone="plain", report="hall.onnx")
     with pytest.raises(FileError, match=r"^hop\.tree: is an input"):
         app.fly("main.tree", drone="plain", report="hop.tree")
 
@@ -127,3 +131,80 @@ def test_leaves_cannot_take_the_names_of_other_outputs(folder: Path) -> None:
         with pytest.raises(FileError, match="name of another output"):
             made.write(name, "mine")
     assert not (folder / "out").exists()
+
+
+# --- photographs of the drone's camera ------------------------------------------------------------
+
+JPEG = b"\xff\xd8 a photograph"
+TWO_PHOTOS = """<root BTCPP_format="4"><BehaviorTree ID="M"><ReactiveSequence>
+<Rules land_on="any"/><Segment/><TrackMotion/><MapSite/>
+<Sequence><TakeOff/><TakePhoto label="a"/><TakePhoto label="b"/>
+<ForceSuccess><EmergencyLand/></ForceSuccess></Sequence>
+</ReactiveSequence></BehaviorTree></root>"""
+
+
+class Camera:
+    """Saves each photograph at once; some are not handed out."""
+
+    def __init__(self, *lost: str) -> None:
+        self.taken = 0
+        self.lost = lost
+        self.limits_s: list[float] = []
+
+    def take_still(self) -> int:
+        self.taken += 1
+        return self.taken
+
+    def still(self, number: int) -> Still:
+        return Still(state=StillState.SAVED, media=f"m{number}")
+
+    def fetch_still(self, media: str, limit_s: float) -> bytes:
+        self.limits_s.append(limit_s)
+        if media in self.lost:
+            raise DroneError("its web server answers 404")
+        return JPEG
+
+
+class PhotographingDrone(DroneWrapper):
+    """The plain drone with a camera for photographs."""
+
+    camera_of_photos: Camera
+
+    @property
+    def stills(self) -> StillCamera | None:
+        return self.camera_of_photos
+
+
+def fly(camera: Camera, out: Path) -> app.FlownMission:
+    drone = PhotographingDrone(PlainConfig(profile="ideal", scene="val-a").create())
+    drone.camera_of_photos = camera
+    assert drone.stills is camera
+    assert RehearsedDrone(drone).stills is None
+    return app.fly(TWO_PHOTOS, drone=drone, out=out)
+
+
+def test_photographs_are_fetched_after_the_landing(tmp_path: Path) -> None:
+    camera, out = Camera(), tmp_path / "out"
+    flown = fly(camera, out)
+    files = [photo.camera_file for photo in flown.photos]
+    assert files == ["photo-001-a-camera.jpg", "photo-002-b-camera.jpg"]
+    assert all((out / str(file)).read_bytes() == JPEG for file in files)
+    assert flown.lost_outputs == {}
+    assert all(0.0 < limit_s <= 35.0 for limit_s in camera.limits_s)
+    camera.limits_s.clear()
+    flying = replace(flown, airborne_at_end=True)
+    with pytest.raises(FileError, match=r"2 of 2 .*: the drone is still in the air"):
+        fetch_photos(flying, camera, FlightFolder(tmp_path / "other"))
+    assert camera.limits_s == []
+
+
+def test_a_photograph_that_is_not_fetched_is_named_in_the_report(tmp_path: Path) -> None:
+    camera, out = Camera("m1"), tmp_path / "out"
+    flown = fly(camera, out)
+    assert flown.outcome == "success"
+    (reason,) = flown.lost_outputs.values()
+    words = "1 of 2 photographs stay on the drone's memory card (photo-001-a-camera.jpg: media m1)"
+    assert f"{words}: its web server answers 404" in reason
+    assert (out / "photo-002-b-camera.jpg").read_bytes() == JPEG
+    report = json.loads((out / "report.json").read_text(encoding="utf-8"))
+    assert report["lost_outputs"] == {"camera photographs": reason}

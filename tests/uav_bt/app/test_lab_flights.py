@@ -11,13 +11,13 @@ import pytest
 
 from tests.uav_bt.learning.lab_world import write_colour_network
 from tests.worlds.records import FLIGHT, NoisyDrone
-from tests.worlds.trees import tree_file
+from tests.worlds.trees import document, tree_file
 from uav_bt import app
 from uav_bt.app.drone_of_flight import CalibratedDrone
 from uav_bt.app.place import limits_of
 from uav_bt.app.replay import ReplayOptions
 from uav_bt.app.replay.replayer import assemble_recorded
-from uav_bt.app.site import network_of, site_of_lab
+from uav_bt.app.site import network_of
 from uav_bt.errors import FileError, InputError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.mission.judge import JudgeConfig
@@ -70,11 +70,8 @@ def test_a_lab_is_found_by_name_by_folder_and_by_object(make_lab: MakeLab) -> No
         assert options.place is not None
         assert (options.place.lab, options.place.flight_height_m) == ("hall", 1.1)
         assert replace(options, seed=1).place == options.place
-
-
-def test_lab_and_site_together_are_refused() -> None:
-    with pytest.raises(InputError, match=r"--lab and --site .* both say how the place is flown"):
-        app.FlightOptions(lab="paper", site=app.Site())
+    with pytest.raises(InputError, match="both say how the place is flown"):
+        app.FlightOptions(lab="hall", site=app.Site())
 
 
 # --- a real drone ---------------------------------------------------------------------------------
@@ -94,48 +91,33 @@ def test_a_real_drone_flies_with_the_settings_of_the_lab(make_lab: MakeLab) -> N
     assert context.mark_pose == Pose2D(x_m=1.0, y_m=0.5, yaw_rad=0.0)
     assert context.clearances.obstacle_m == 0.5
     assert flight.mission.find("TakeOff").port_value("height_m") == 1.1
-    assert flight.area is not None
-    assert flight.area.margin_m(0.0, 0.0) == pytest.approx(1.0)
-    assert flight.area.margin_m(1.4, 0.0) == pytest.approx(0.1)  # ahead is up the drawing
+    assert flight.held.area is not None
+    assert flight.held.area.margin_m(0.0, 0.0) == pytest.approx(1.0)
+    assert flight.held.area.margin_m(1.4, 0.0) == pytest.approx(0.1)  # ahead is up the drawing
 
 
 def test_a_lab_without_a_mark_or_with_a_narrow_margin_is_refused(make_lab: MakeLab) -> None:
     make_lab("")
-    with pytest.raises(InputError, match="the lab 'hall' states no landing mark"):
-        app.assemble("land_only", drone=ScriptedDrone(), lab="hall")
-    app.assemble("land_only", drone=ScriptedDrone(), lab="hall", judge=ANYWHERE)
+    drone = ScriptedDrone()
+    with pytest.raises(InputError, match="the lab 'hall' has no landing mark"):
+        app.assemble("land_only", drone=drone, lab="hall")
+    app.assemble("land_only", drone=drone, lab="hall", judge=ANYWHERE)
     with pytest.raises(InputError, match=r"the lab 'hall' has no scene.*labs/hall/scenes/NAME"):
         app.assemble("land_only", drone="plain", lab="hall")
     make_lab(f"{MARK}margins: {{edge_m: 0.1}}\n")
     with pytest.raises(FileError, match=r"labs/hall/lab.yaml:10: margins.edge_m: must be at least"):
-        app.assemble("land_only", drone=ScriptedDrone(), lab="hall")
+        app.assemble("land_only", drone=drone, lab="hall")
 
 
 def test_the_camera_of_a_lab_is_that_of_its_real_drone(make_lab: MakeLab) -> None:
-    folder = make_lab(scenes=("one",))
-    (folder / "camera.yaml").touch()
-    make_lab(f"{MARK}camera: camera.yaml\n", scenes=("one",))
-    real, simulated = (
-        app.make_drone(app.FlightOptions(drone=drone, lab="hall"))
-        for drone in (ScriptedDrone(), "plain")
-    )
-    assert isinstance(real, CalibratedDrone)
-    assert not isinstance(simulated, CalibratedDrone)
+    (make_lab(scenes=("one",)) / "camera.yaml").touch()
+    make_lab(f"{MARK}camera: camera.yaml\n")
+    for drone, calibrated in ((ScriptedDrone(), True), ("plain", False)):
+        made = app.make_drone(app.FlightOptions(drone=drone, lab="hall"))
+        assert isinstance(made, CalibratedDrone) == calibrated
 
 
 # --- precedence -----------------------------------------------------------------------------------
-
-
-def test_the_command_line_comes_before_the_lab_and_the_lab_before_the_tree(
-    make_lab: MakeLab,
-) -> None:
-    make_lab(f"{MARK}flight_height_m: 1.1\n")
-    lab, given = (
-        app.check("land_only", lab="hall"),
-        app.check("land_only", lab="hall", ports={"TakeOff.height_m": "0.8"}),
-    )
-    assert lab.find("TakeOff").port_value("height_m") == 1.1
-    assert given.find("TakeOff").port_value("height_m") == 0.8
 
 
 @pytest.mark.parametrize(
@@ -161,46 +143,36 @@ def test_the_smaller_limits_of_options_and_lab_hold(
 
 
 def test_the_first_scene_of_the_lab_is_flown_unless_one_is_named(make_lab: MakeLab) -> None:
-    make_lab(scenes=("west", "east"))
+    make_lab("mark: {size_m: [1, 1], height_m: 0.3}\n", scenes=("west", "east"))
     for asked, name in ((None, "east"), ("west", "west"), ("labs/hall/scenes/west.yaml", "west")):
         flight = app.assemble("land_only", drone="plain", lab="hall", scene=asked)
         assert flight.scene_name == name
-        assert flight.classes.names[1] == "floor"
-        assert flight.lab is not None
-        assert flight.lab.name == "hall"
+        assert flight.held.classes.names[1] == "floor"
+        assert flight.held.lab is not None
+        assert flight.held.lab.name == "hall"
+        assert flight.context.mark.height_m == 0.05  # of the scene, and not of the lab
     assert app.assemble("land_only", drone="plain", lab="paper").scene_name == "train-a"
     assert app.assemble("land_only", drone="plain", lab="depot").scene_name == "depot-test-a"
 
 
-def test_a_scene_of_another_lab_is_refused(make_lab: MakeLab, tmp_path: Path) -> None:
-    make_lab(scenes=("one",))
-    words = r"scene 'val-a' belongs to the lab 'paper'.*lab 'hall': choose a scene .*\(one\)"
+def test_a_scene_of_another_lab_is_refused(
+    make_lab: MakeLab, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = make_lab(scenes=("one", "two")).resolve()
+    words = r"scene 'val-a' belongs to the lab 'paper'.*lab 'hall': choose one .*\(one, two\)"
     with pytest.raises(InputError, match=words):
         app.assemble("land_only", drone="plain", lab="hall", scene="val-a")
     other = tmp_path / "other.yaml"
     other.write_text(f"lab: hall\n{SCENE}")
-    assert app.assemble("land_only", drone="plain", lab="hall", scene=other).lab is not None
+    assert app.assemble("land_only", drone="plain", lab="hall", scene=other).scene_name == "other"
     with pytest.raises(InputError, match=r"'other' belongs to the lab 'hall'"):
         app.assemble("land_only", drone="plain", lab="paper", scene=other)
-
-
-def test_a_scene_in_the_folder_of_a_lab_belongs_to_it(
-    make_lab: MakeLab, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """From every folder, and also if it states the lab's name."""
-    folder = make_lab(scenes=("one", "two")).resolve()
+    # One in the folder of a lab belongs to it from everywhere, also if it states the lab's name.
     (folder / "scenes" / "two.yaml").write_text(f"lab: hall\n{SCENE}")
     monkeypatch.chdir(tmp_path.parent)
     for name in ("one", "two"):
         flight = app.assemble("land_only", drone="plain", scene=folder / "scenes" / f"{name}.yaml")
-        assert flight.classes.names[1] == "floor"
-
-
-def test_the_mark_of_a_scene_comes_before_that_of_its_lab(make_lab: MakeLab) -> None:
-    make_lab("mark: {size_m: [1, 1], height_m: 0.3, position_m: [0, 0]}\n", scenes=("one",))
-    context = app.assemble("land_only", drone="plain", lab="hall").context
-    assert context.mark.height_m == 0.05
-    assert context.mark_pose == Pose2D(x_m=1.0, y_m=0.5, yaw_rad=0.0)
+        assert flight.held.classes.names[1] == "floor"
 
 
 TAG = "kind: apriltag, options: {id: 7, size_m: 0.4}"
@@ -258,24 +230,13 @@ def test_report_and_record_keep_the_lab_and_a_replay_flies_in_it(
 # --- before any drone -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("keys", "body", "words"),
-    [
-        ("limits: {ceiling_m: 1.0}", '<TakeOff height_m="1.5"/>', "above the ceiling of 1 m"),
-        (
-            'area: "start:-1,-1;start:1,-1;start:1,1;start:-1,1"',
-            '<Rules area="start:0,0;start:0,1;start:0,2"/>',
-            "must not lie on one line",
-        ),
-    ],
-)
-def test_a_mission_that_does_not_fit_a_lab_is_refused(
-    make_lab: MakeLab, tmp_path: Path, keys: str, body: str, words: str
-) -> None:
-    make_lab(f"{MARK}{keys}\n")
-    tree = tree_file(tmp_path, f"<Sequence>{body}<Land/></Sequence>")
-    with pytest.raises(InputError, match=words):
-        app.check(tree, lab="hall")
+def test_a_mission_that_does_not_fit_a_lab_is_refused(make_lab: MakeLab) -> None:
+    make_lab(f"{MARK}limits: {{ceiling_m: 1.0}}\n")
+    with pytest.raises(InputError, match="above the ceiling of 1 m"):
+        app.check("land_only", lab="hall", ports={"TakeOff.height_m": 1.5})
+    make_lab(f'{MARK}area: "start:-1,-1;start:1,-1;start:1,1;start:-1,1"\n')
+    with pytest.raises(InputError, match="must not lie on one line"):
+        app.check(document('<Rules area="start:0,0;start:0,1;start:0,2"/>'), lab="hall")
 
 
 # --- the network of a lab -------------------------------------------------------------------------
@@ -286,23 +247,20 @@ SEES = FLIGHT.replace("<TakeOff", "<Segment/><TakeOff", 1)
 def test_a_lab_is_flown_with_the_network_in_its_folder(make_lab: MakeLab, tmp_path: Path) -> None:
     """The record names it, and a network of the lab file takes precedence."""
     folder = make_lab()
-    network = write_colour_network(folder / "segmentation.onnx", order=(0, 1, 2, 3, 3, 3))
+    write_colour_network(folder / "segmentation.onnx", order=(0, 1, 2, 3, 3, 3))
     record = tmp_path / "flight.mcap"
     tree = tree_file(tmp_path, SEES)
     app.fly(tree, drone=NoisyDrone(), lab="hall", record=record, judge=ANYWHERE)
     assert "segmentation.onnx" in RecordReader(record).metadata["weights"]
     other = write_colour_network(folder / "other.onnx", order=(0, 1, 2, 3, 3, 3))
     make_lab(f"{MARK}network: {{model: other.onnx}}\n")
-    for lab, file in ((load_lab("hall"), other), (load_lab(folder), other)):
-        assert lab.network["model"] == str(file)
-    assert network.is_file()
+    assert load_lab("hall").network["model"] == str(other)
 
 
 def test_a_tree_that_does_not_segment_flies_in_a_lab_with_a_network(
     make_lab: MakeLab, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    folder = make_lab()
-    write_colour_network(folder / "segmentation.onnx")
+    write_colour_network(make_lab() / "segmentation.onnx")
     app.check(tree_file(tmp_path, FLIGHT), lab="hall")
     assert not caplog.messages
     make_lab(f"{MARK}network: {{model: segmentation.onnx}}\n")
@@ -313,27 +271,11 @@ def test_a_tree_that_does_not_segment_flies_in_a_lab_with_a_network(
 def test_a_lab_without_a_network_is_flown_with_the_one_for_any_room(
     make_lab: MakeLab, tmp_path: Path
 ) -> None:
-    folder = make_lab(scenes=("one",))
-    lab = load_lab(folder)
-    assert network_of(lab) == {"model": "any", "depth": "any"}
-    assert site_of_lab(lab).model == "any"
-    report = app.fly(tree_file(tmp_path, SEES), drone=NoisyDrone(), lab="hall", judge=ANYWHERE)
+    folder, tree = make_lab(scenes=("one",)), tree_file(tmp_path, SEES)
+    assert network_of(load_lab(folder)) == {"model": "any", "depth": "any"}
+    report = app.fly(tree, drone=NoisyDrone(), lab="hall", judge=ANYWHERE)
     assert report.outcome == "success"
-
-
-def test_a_scene_of_a_lab_without_a_network_names_the_option(
-    make_lab: MakeLab, tmp_path: Path
-) -> None:
-    folder = make_lab(scenes=("one",))
-    with pytest.raises(InputError, match=r"does not have the classes .* add --lab .*hall"):
-        app.fly(tree_file(tmp_path, SEES), scene=folder / "scenes" / "one.yaml")
-    write_colour_network(folder / "segmentation.onnx", order=(0, 1, 2, 3, 3, 3))
-    with pytest.raises(InputError, match=r"does not have the classes .* add --lab .*hall"):
-        app.fly(tree_file(tmp_path, SEES), scene=folder / "scenes" / "one.yaml")
-
-
-def test_the_network_of_a_lab_is_not_overwritten(make_lab: MakeLab, tmp_path: Path) -> None:
-    folder = make_lab(scenes=("one",))
-    network = write_colour_network(folder / "segmentation.onnx")
-    with pytest.raises(FileError, match="is an input and would be overwritten"):
-        app.fly("land_only", drone="plain", lab="hall", report=network)
+    for _ in range(2):  # a scene alone does not bring the lab's network
+        with pytest.raises(InputError, match=r"does not have the classes .* add --lab .*hall"):
+            app.fly(tree, scene=folder / "scenes" / "one.yaml")
+        write_colour_network(folder / "segmentation.onnx", order=(0, 1, 2, 3, 3, 3))

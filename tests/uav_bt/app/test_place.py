@@ -12,13 +12,12 @@ import pytest
 from tests.worlds.trees import document
 from uav_bt import app
 from uav_bt.app.assembly import Flight, assemble
-from uav_bt.app.reload import TreeReload
-from uav_bt.errors import InputError, TreeError
-from uav_bt.mission.tick import TickRecord
+from uav_bt.app.place import drawn_places
+from uav_bt.errors import InputError
 from uav_bt.protocols import Drone
 from uav_bt.record.reader import RecordReader
-from uav_bt.testing import ScriptedDrone
-from uav_bt.types import Velocity
+from uav_bt.tree import parse_tree
+from uav_bt.types import Pose2D
 from uav_bt.types.place import LandOn, area_corners
 
 pytestmark = pytest.mark.flight
@@ -59,34 +58,34 @@ def put_together(rules: str, **how: Any) -> Flight[Drone]:
 def test_options_come_before_the_missions_rules() -> None:
     rules = '<Rules time_limit_s="60" land_on="ground"/>'
     flight = put_together(rules)
-    assert (flight.judge_config.limit_s, flight.judge_config.land_on) == (60.0, LandOn.GROUND)
+    assert (flight.held.judge.limit_s, flight.held.judge.land_on) == (60.0, LandOn.GROUND)
     flight = put_together(rules, judge=app.JudgeConfig(time_limit_s=90.0, land_on=LandOn.ANY))
-    assert (flight.judge_config.limit_s, flight.judge_config.land_on) == (90.0, LandOn.ANY)
-    assert put_together("").judge_config.limit_s == 300.0
+    assert (flight.held.judge.limit_s, flight.held.judge.land_on) == (90.0, LandOn.ANY)
+    assert put_together("").held.judge.limit_s == 300.0
     rehearsal = put_together('<Rules land_on="mark"/>', rehearse=True)
-    assert rehearsal.judge_config.land_on is LandOn.ANY  # where the drone is held
+    assert rehearsal.held.judge.land_on is LandOn.ANY  # where the drone is held
 
 
 def test_the_areas_of_mission_and_site_both_hold() -> None:
-    assert put_together("").area is None
+    assert put_together("").held.area is None
     site = app.Site(area=area_corners(AHEAD))
     of_site, of_both = (
         put_together("", site=site),
         put_together(f'<Rules area="{SQUARE}"/>', site=site),
     )
-    assert of_site.area is not None
-    assert of_both.area is not None
-    assert of_site.area.margin_m(0.0, 0.0) == pytest.approx(0.5)
-    assert of_both.area.margin_m(0.8, 0.0) == pytest.approx(-0.2)
-    assert of_both.area.margin_m(-0.8, 0.0) == pytest.approx(-0.3)
+    assert of_site.held.area is not None
+    assert of_both.held.area is not None
+    assert of_site.held.area.margin_m(0.0, 0.0) == pytest.approx(0.5)
+    assert of_both.held.area.margin_m(0.8, 0.0) == pytest.approx(-0.2)
+    assert of_both.held.area.margin_m(-0.8, 0.0) == pytest.approx(-0.3)
 
 
 def test_an_area_of_the_drawing_is_turned_to_the_take_off(no_pad: Path) -> None:
     """The drone at (-1, 0.5) looks up the drawing: up is ahead, left is left."""
     area = "lab:-2,0; lab:0,0; lab:0,2; lab:-2,2"
     flight = put_together(f'<Rules land_on="any" area="{area}"/>', scene=no_pad)
-    assert flight.area is not None
-    corners = np.array(flight.area.polygons[0])
+    assert flight.held.area is not None
+    corners = np.array(flight.held.area.polygons[0])
     assert corners == pytest.approx(np.array([[-0.5, -1.0], [-0.5, 1.0], [1.5, 1.0], [1.5, -1.0]]))
     no_pad.write_text("take_off: {from: random}", encoding="utf-8")
     with pytest.raises(InputError, match="name the corners as start:x,y"):
@@ -105,32 +104,11 @@ def test_an_area_that_cannot_be_kept_is_refused(area: str, words: str) -> None:
         put_together("", site=app.Site(area=area_corners(area)))
 
 
-def test_an_area_that_no_scene_can_mend_is_refused_with_the_tree() -> None:
-    words = (
-        r":\d+:\d+: Rules: attribute 'area': .*the take-off pose lies outside the area start:1,1;"
-    )
-    with pytest.raises(TreeError, match=words):
-        put_together('<Rules area="start:1,1;start:2,1;start:2,2"/>')
-
-
 def test_a_mission_that_lands_on_a_mark_needs_one(no_pad: Path) -> None:
     with pytest.raises(InputError, match="scene 'open' has no landing mark") as error:
         put_together("", scene=no_pad)
     assert '<Rules land_on="any"/>' in str(error.value)
-    assert put_together('<Rules land_on="ground"/>', scene=no_pad).area is None
-
-
-def test_rules_do_not_change_in_flight(tmp_path: Path) -> None:
-    path, notes = tmp_path / "mission.xml", list[str]()
-    path.write_text(mission('<Rules time_limit_s="60"/>', "<TakeOff/>"), encoding="utf-8")
-    flight: Flight[Drone] = assemble(path, drone=ScriptedDrone())
-    now_s = [0.0]
-    reload = TreeReload(flight, path, None, notes.append, timer=lambda: now_s[0])
-    path.write_text(mission('<Rules time_limit_s="600"/>', "<TakeOff/>"), encoding="utf-8")
-    now_s[0] = 5.0
-    with flight.connected():
-        assert reload() is None
-    assert "its Rules differ" in notes[0]
+    assert put_together('<Rules land_on="ground"/>', scene=no_pad).held.area is None
 
 
 # --- flights --------------------------------------------------------------------------------------
@@ -159,17 +137,6 @@ def test_a_tree_lands_while_the_drone_is_blind(no_pad: Path) -> None:
     flown = fly(text, scene=no_pad, faults=["video-lost@emergency landing"])
     assert flown.outcome == "success"
     assert (flown.duration_s or 99.0) < 25.0
-
-
-class Ahead:
-    """Follows the velocities that were sent, and the ones that were decided."""
-
-    def __init__(self) -> None:
-        self.sent: list[float] = []
-
-    def on_tick(self, record: TickRecord) -> None:
-        if isinstance(record.command.movement, Velocity):
-            self.sent.append(record.command.movement.forward_mps)
 
 
 DASH = """\
@@ -209,3 +176,20 @@ def test_a_drone_stays_in_its_area(no_pad: Path, tmp_path: Path, area: str) -> N
     assert ahead_m == pytest.approx(0.6, abs=0.1)
     assert math.dist(flown.path[-1, 1:3], (-1.0, 1.1)) < 0.2
     assert RecordReader(record).metadata["area"].startswith("[[[-0.5, -0.5]")
+
+
+# --- places in the drawing ------------------------------------------------------------------------
+
+PLACES = """<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence>
+  <LoopString queue="start:2,0;lab:0.5,1@90;mark" value="{p}"><GoTo to="{p}"/></LoopString>
+  <GoTo to="start:2,0"/><Face at="90"/><GoTo to="body:1,0"/>
+</Sequence></BehaviorTree></root>"""
+UP = Pose2D(x_m=-1.0, y_m=0.0, yaw_rad=math.pi / 2)
+
+
+def test_each_known_place_is_drawn_once() -> None:
+    found = dict(drawn_places(parse_tree(PLACES), UP))
+    assert list(found) == ["start:2,0", "lab:0.5,1@90"]
+    assert found["start:2,0"] == pytest.approx((-1.0, 2.0))
+    assert found["lab:0.5,1@90"] == (0.5, 1.0)
+    assert [text for text, _ in drawn_places(parse_tree(PLACES), None)] == ["lab:0.5,1@90"]

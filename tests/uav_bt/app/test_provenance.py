@@ -20,14 +20,6 @@ def test_the_networks_that_a_mission_loads_are_named_with_their_checksums() -> N
     assert len(weights["unet.onnx"]) == 64
 
 
-def test_a_network_that_an_entry_of_a_subtree_names_counts() -> None:
-    text = """<root BTCPP_format="4" main_tree_to_execute="Main">
-      <BehaviorTree ID="Main"><SubTree ID="See" net="unet"/></BehaviorTree>
-      <BehaviorTree ID="See"><Segment model="{net}"/></BehaviorTree>
-    </root>"""
-    assert list(provenance.weights_of(load_mission(text, app.FlightOptions()))) == ["unet.onnx"]
-
-
 def test_a_height_that_an_entry_of_a_subtree_gives_is_held_against_the_ceiling() -> None:
     text = """<root BTCPP_format="4" main_tree_to_execute="Main">
       <BehaviorTree ID="Main"><SubTree ID="Up" to_m="2.6"/></BehaviorTree>

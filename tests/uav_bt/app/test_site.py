@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from behaviours.fly.take_off import TakeOff
 from tests.worlds.trees import tree_file
 from uav_bt import app
 from uav_bt.app.loading import load_mission
@@ -17,10 +16,9 @@ from uav_bt.errors import FileError, InputError
 from uav_bt.lab.shipped import default_mark
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
-from uav_bt.mission.tick import TickRecord
 from uav_bt.testing import ScriptedDrone
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status
-from uav_bt.types import Airframe, Clearances, LandingMark, MissionPhase
+from uav_bt.types import Airframe, Clearances, LandingMark
 
 FULL = """
 flight_height_m: 1.2
@@ -97,79 +95,35 @@ def test_what_is_wrong_is_named(tmp_path: Path, text: str, message: str) -> None
         load_site(site_file(tmp_path, text))
 
 
-EXPLORE = """
-<ReactiveSequence>
-  <Segment/>
-  <Sequence>
-    <TakeOff height_m="1.5"/>
-    <ForceSuccess><Timeout msec="9000"><Repeat num_cycles="-1">
-      <Fallback><Explore/><Avoid/></Fallback>
-    </Repeat></Timeout></ForceSuccess>
-    <AlwaysFailure/>
-  </Sequence>
-</ReactiveSequence>
-"""
-
-
-def test_the_flight_height_of_a_site_holds_after_the_take_off(tmp_path: Path) -> None:
-    """No step returns to the height in the tree."""
-    heights: list[float] = []
-
-    class Heights:
-        def on_tick(self, record: TickRecord) -> None:
-            if record.phase == MissionPhase.EXPLORE and record.override is None:
-                heights.append(record.observation.state.height_above_ground_m)
-
-    options = app.FlightOptions(
-        scene="val-a",
-        profile="ideal",
-        exact_masks=True,
-        image_size_px=(160, 90),
-        site=Site(flight_height_m=1.2),
-    )
-    app.fly(tree_file(tmp_path, EXPLORE), options, listeners=[lambda _: [Heights()]])
-    assert len(heights) > 50
-    assert min(heights) > 1.1
-    assert max(heights) < 1.3
-
-
 # --- values of a site in a tree -------------------------------------------------------------------
 
 
-class SlowTakeOff(TakeOff):
-    """The shipped take-off in a subclass with another name."""
+class Own(Leaf):
+    def update(self) -> Status:
+        return Status.SUCCESS
 
 
-class Climb(Leaf):
+class Climb(Own):
     """A third party's independent take-off."""
 
     ports = (Port("height_m", float, default=2.0, doc="flight height, m"),)
     writes = (FLIGHT_HEIGHT,)
 
-    def update(self) -> Status:
-        return Status.SUCCESS
 
-
-class FixedClimb(Leaf):
+class FixedClimb(Own):
     """A take-off to a constant height."""
 
     writes = (FLIGHT_HEIGHT,)
 
-    def update(self) -> Status:
-        return Status.SUCCESS
 
-
-class OwnEyes(Leaf):
+class OwnEyes(Own):
     """Segment with another network."""
 
     ports = (Port("model", str, default="unet", doc="the network"),)
     writes = (CLASS_MAP,)
 
-    def update(self) -> Status:
-        return Status.SUCCESS
 
-
-OWN = NodeRegistry.installed().with_nodes(SlowTakeOff, Climb, FixedClimb, OwnEyes)
+OWN = NodeRegistry.installed().with_nodes(Climb, FixedClimb, OwnEyes)
 
 
 def loaded(folder: Path, body: str, site: Site) -> dict[str, object]:
@@ -185,7 +139,7 @@ def loaded(folder: Path, body: str, site: Site) -> dict[str, object]:
 def test_every_leaf_that_sets_the_height_or_segments_gets_the_values_of_the_site(
     tmp_path: Path,
 ) -> None:
-    for leaf in ("TakeOff", "SlowTakeOff", "Climb"):
+    for leaf in ("TakeOff", "Climb"):
         body = f'<{leaf} name="up" height_m="1.5"/>'
         assert loaded(tmp_path, body, Site(flight_height_m=0.9))["up.height_m"] == 0.9
     body = '<Sequence><Segment/><OwnEyes model="any"/></Sequence>'
@@ -208,15 +162,6 @@ def test_a_setting_that_no_leaf_can_take_is_refused_and_one_that_none_asks_for_i
     assert "the site's height_m='0.9' has no effect: no leaf of tree" in message
 
 
-def test_the_mark_and_the_clearances_of_a_site_reach_the_leaves() -> None:
-    """A real drone has no scene, so that the site describes the mark."""
-    site = Site(mark=replace(default_mark(), height_m=0.05), clearances=Clearances(obstacle_m=0.5))
-    flight = app.assemble("land_only", drone=ScriptedDrone(), site=site)
-
-    assert flight.context.mark.height_m == 0.05
-    assert flight.context.clearances.obstacle_m == 0.5
-
-
 def test_a_place_that_is_narrower_than_the_drone_is_refused(tmp_path: Path) -> None:
     """The body's radius is 0.2 m, and narrow passages reduce the distance by 0.1 m."""
     site = Site(clearances=Clearances(obstacle_m=0.25))
@@ -233,30 +178,15 @@ def test_a_place_that_is_narrower_than_the_drone_is_refused(tmp_path: Path) -> N
         app.assemble("land_only", drone=drone)
 
 
-def test_a_tag_as_mark(tmp_path: Path) -> None:
-    text = "mark: {kind: apriltag, height_m: 0, options: {family: 36h11, id: 7, size_m: 0.3}}"
-    site = load_site(site_file(tmp_path, text))
-
-    assert site.mark is not None
-    assert (site.mark.kind, site.mark.height_m) == ("apriltag", 0.0)
-    assert site.mark.options == {"family": "36h11", "id": 7, "size_m": 0.3}
-    flight = app.assemble("land_only", drone=ScriptedDrone(), site=site)
-    assert flight.context.mark == site.mark
-
-
 MAT_SCENE = """
 helipad: {position_m: [1.6, 1.1], yaw_deg: 15, size_m: [0.6, 0.6, 0.05]}
 take_off: {from: helipad, yaw_deg: -125}
 """
 
 
-def test_the_mark_of_a_scene_is_landed_on_and_a_site_may_not_state_another(tmp_path: Path) -> None:
+def test_a_site_may_not_state_another_mark_than_the_scene(tmp_path: Path) -> None:
     scene = tmp_path / "mat.yaml"
     scene.write_text(MAT_SCENE, encoding="utf-8")
-    report = app.fly("land_only", drone="plain", scene=scene, seed=1)
-    assert report.outcome == "success"
-    assert report.landing_error_m is not None
-    assert report.landing_error_m < 0.15
     site = site_file(tmp_path, "mark: {size_m: [0.6, 0.6], height_m: 0.3}")
     with pytest.raises(InputError, match=r"the site's mark .*0\.3.* is not that of scene .*0\.05"):
         app.assemble("land_only", scene=scene, site=site)

@@ -8,15 +8,15 @@ from typing import Any
 
 import pytest
 
-from tests.uav_bt.campaign.campaign_world import FLY, comparable, plan
+from tests.uav_bt.campaign.campaign_world import comparable, fly, plan
 from uav_bt.campaign import CampaignResult
 from uav_bt.campaign.plan import CampaignPlan
 from uav_bt.campaign.runner import LocalBackend, run
-from uav_bt.errors import FileError, InputError, ValueRangeError
+from uav_bt.errors import InputError, ValueRangeError
 
 
 def flown(wanted: CampaignPlan, folder: Path, *, workers: int = 2, **how: Any) -> CampaignResult:
-    return run(wanted, folder, backend=LocalBackend(workers), fly=FLY, **how)
+    return run(wanted, folder, backend=LocalBackend(workers), fly=fly, **how)
 
 
 def kept_seeds(folder: Path) -> list[int]:
@@ -33,28 +33,14 @@ def test_one_and_two_workers_fly_the_same_flights(tmp_path: Path) -> None:
     assert len({flight["wall_s"] for flight in one.flights}) == 1, "one process flies them all"
 
 
-@pytest.mark.parametrize("faults", [[], ["random"]])
-def test_what_crashes_hangs_or_raises_is_an_error_and_the_campaign_goes_on(
-    tmp_path: Path, faults: list[str]
-) -> None:
+def test_what_crashes_or_raises_is_an_error_and_the_campaign_goes_on(tmp_path: Path) -> None:
     """The drone is made in the worker only: the scene of this plan does not exist."""
     fates = {"1": "crashes", "2": "exits", "3": "raises"}
-    flights = flown(plan(flights=5, policies=fates, faults=faults), tmp_path).flights
-    assert [flight["outcome"] for flight in flights] == [
-        *("success", "error", "error", "error", "success")
-    ]
-    assert [flight["reason"] for flight in flights[1:4]] == [
-        "its process was ended by SIGABRT",
-        "its process ended by itself, with exit code 3",
-        "RuntimeError: out of luck",
-    ]
-    assert [flight["faults"] for flight in flights[1:4]] == [faults] * 3
-
-
-def test_a_flight_that_hangs_is_an_error(tmp_path: Path) -> None:
-    (flight,) = flown(plan(flights=1, policies={"0": "hangs"}, timeout_s=0.5), tmp_path).flights
-    assert (flight["outcome"], flight["tree"], flight["scene"]) == ("error", "one.xml", "lab")
-    assert flight["reason"].startswith("no end after 0.5 s")
+    flights = flown(plan(flights=5, policies=fates, faults=["random"]), tmp_path).flights
+    ends = [flight["outcome"] for flight in flights]
+    assert ends == ["success", "error", "error", "error", "success"]
+    assert flights[3]["reason"] == "RuntimeError: out of luck"
+    assert [flight["faults"] for flight in flights[1:4]] == [["random"]] * 3
 
 
 def test_a_stopped_campaign_goes_on_and_flies_nothing_twice(tmp_path: Path) -> None:
@@ -71,45 +57,23 @@ def test_a_stopped_campaign_goes_on_and_flies_nothing_twice(tmp_path: Path) -> N
     assert told == [False, True, True, True]
     assert result.flown_now == 3
     assert sorted(kept_seeds(tmp_path)) == [0, 1, 2, 3]
-    assert flown(wanted, tmp_path).flown_now == 0
+    more = flown(plan(flights=5), tmp_path)
+    assert (more.flown_now, len(more.flights)) == (1, 5)
 
 
-def test_more_flights_are_added(tmp_path: Path) -> None:
-    flown(plan(flights=1), tmp_path)
-    result = flown(plan(flights=3), tmp_path)
-    assert (result.flown_now, len(result.flights)) == (2, 3)
-
-
-def test_a_half_written_flight_is_flown_again_and_a_damaged_line_is_refused(
-    tmp_path: Path,
-) -> None:
+def test_a_half_written_flight_is_flown_again(tmp_path: Path) -> None:
     flown(plan(flights=2), tmp_path, workers=1)
     path = tmp_path / "flights.jsonl"
     path.write_bytes(path.read_bytes()[:-5])
     notes: list[str] = []
     assert flown(plan(flights=2), tmp_path, on_note=notes.append).flown_now == 1
     assert notes[0].startswith("the last line was only half written")
-    path.write_bytes(b"rubbish\n" + path.read_bytes())
-    with pytest.raises(FileError, match=r"flights\.jsonl:1: no JSON: .*; delete this line"):
-        flown(plan(flights=2), tmp_path)
 
 
 def test_a_refused_flight_ends_the_campaign_and_is_not_kept(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such weights"):
         flown(plan(flights=9, policies={"1": "is refused"}), tmp_path, workers=1)
     assert kept_seeds(tmp_path) == [0]
-
-
-def test_records_are_named_in_the_flights(tmp_path: Path) -> None:
-    (flight,) = flown(plan(flights=1, scenes=("../lab",), record=True), tmp_path).flights
-    assert flight["record"] == "records/one-.._lab-0.mcap"
-    assert (tmp_path / "records").is_dir()
-
-
-def test_a_file_for_a_folder_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    with pytest.raises(FileError):
-        flown(plan(), tmp_path / "file")
 
 
 def test_no_workers_are_refused() -> None:

@@ -1,4 +1,4 @@
-"""A campaign's folder: no stored flight is lost, and partial writes are recognized."""
+"""A campaign's folder: no stored flight is lost, and partial and wrong lines are recognized."""
 
 from __future__ import annotations
 
@@ -6,34 +6,21 @@ import errno
 import json
 import os
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from tests.uav_bt.campaign.campaign_world import line, plan
-from uav_bt.campaign.plan import CampaignPlan
-from uav_bt.campaign.store import CampaignStore, read_plan
+from tests.uav_bt.campaign.campaign_world import jsonl, keep, line, plan
+from uav_bt.campaign.store import CampaignStore, read_flights, read_plan
 from uav_bt.errors import FileError, InputError
 
 
-def keep(folder: Path, *flights: dict[str, Any], of: CampaignPlan | None = None) -> CampaignStore:
-    with CampaignStore.opened(folder, of or plan(), {"code": None}) as store:
-        for flight in flights:
-            store.keep(flight)
-    return store
-
-
 def test_a_kept_flight_is_there_when_the_folder_is_opened_again(tmp_path: Path) -> None:
-    keep(tmp_path / "new" / "folder", line(0))
-    assert keep(tmp_path / "new" / "folder", line(1)).kept == (line(0),)
-    assert keep(tmp_path / "new" / "folder").kept == (line(0), line(1))
-
-
-def test_every_run_is_noted_in_the_plan(tmp_path: Path) -> None:
-    keep(tmp_path)
-    keep(tmp_path, of=plan(flights=9))
-    read, runs = read_plan(tmp_path)
-    assert (read.flights, runs) == (9, [{"code": None}, {"code": None}])
+    folder = tmp_path / "new" / "folder"
+    keep(folder, line(0))
+    assert keep(folder, line(1), of=plan(flights=9)).kept == (line(0),)
+    assert keep(folder, of=plan(flights=9)).kept == (line(0), line(1))
+    read, runs = read_plan(folder)
+    assert (read.flights, runs) == (9, [{"code": "abc"}] * 3)
 
 
 @pytest.mark.parametrize("cut", range(1, len(json.dumps(line(1))) + 1, 7))
@@ -77,8 +64,7 @@ def test_another_plan_is_refused_and_nothing_is_touched(tmp_path: Path) -> None:
 def test_a_campaign_without_a_flight_may_become_another(tmp_path: Path) -> None:
     """A command that was refused before any flight must not block the corrected one."""
     keep(tmp_path, of=plan(profile="harsh"))
-    kept = keep(tmp_path, line(0), of=plan(profile="ideal"))
-    assert kept.kept == ()
+    assert keep(tmp_path, line(0), of=plan(profile="ideal")).kept == ()
     found, runs = read_plan(tmp_path)
     assert found.options.profile == "ideal"
     assert len(runs) == 1
@@ -93,14 +79,57 @@ def test_two_campaigns_do_not_write_to_one_folder(tmp_path: Path) -> None:
     keep(tmp_path, line(0))
 
 
-def test_flights_without_a_plan_are_left_alone(tmp_path: Path) -> None:
+def test_what_is_no_campaigns_folder_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "flights.jsonl").write_text("mine\n")
     with pytest.raises(FileError, match=r"flights without a plan \(campaign\.json\)"):
         keep(tmp_path)
     assert (tmp_path / "flights.jsonl").read_text() == "mine\n"
-
-
-def test_a_file_in_the_folders_place_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "out").write_text("")
     with pytest.raises(FileError, match="cannot be written: File exists"):
-        keep(tmp_path / "out")
+        keep(tmp_path / "flights.jsonl")
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ('{"tree": "a', "no JSON: Invalid control character"),
+        ("[1]", "'': Input should be an object, got [1]"),
+        ("[" * 100_000, "nested deeper than 64"),
+        ('{"seed": 1e999}', "1e999 is beyond a double's range"),
+        (json.dumps(line(duration_s=float("nan"))), "NaN is not JSON"),
+        ("{}", "'tree': Field required"),
+        (json.dumps(line(scene=3)), "'scene': Input should be a valid string, got 3"),
+        (json.dumps(line() | {"seed": True}), "'seed': Input should be a valid integer, got True"),
+        (json.dumps(line() | {"seed": -1}), "'seed': Input should be greater than or equal to 0"),
+        (json.dumps(line(outcome="fine")), "'outcome': Input should be 'success', 'collision'"),
+        (json.dumps(line(duration_s="long")), "'duration_s': Input should be a valid number"),
+        (json.dumps(line(duration_s=True)), "'duration_s': Input should be a valid number"),
+        (json.dumps(line(reason=1)), "'reason': Input should be a valid string"),
+        (json.dumps(line(tick_ms={"p50": 1.0})), "'tick_ms.p99': Field required"),
+        (json.dumps(line(perception_ms={"a": {"p50": "1"}})), "'perception_ms.a.p50'"),
+        (json.dumps(line(path=[[0.0, 1.0, 2.0]])), "'path.0.3': Field required"),
+        (json.dumps(line(path=[[0.0, 1.0, None, 2.0]])), "'path.0.2'"),
+        (json.dumps(line(coverage_curve=[[10.0, 0.1]])), "'coverage_curve.0.2'"),
+        (json.dumps(line(object_errors_m=[0.1, None])), "'object_errors_m.1'"),
+        (json.dumps(line(map_restarts="one")), "'map_restarts'"),
+        (json.dumps(line(movers=-2)), "'movers': Input should be greater than or equal to 0"),
+        (json.dumps(line(faults="wind")), "'faults': Input should be a valid"),
+        (json.dumps(line(ports=7)), "'ports': Input should be an object, got 7"),
+        (json.dumps(line(vary_room="yes")), "'vary_room': Input should be a valid boolean"),
+    ],
+)
+def test_what_is_no_flight_is_refused_with_its_line_and_the_reason(
+    text: str, why: str, tmp_path: Path
+) -> None:
+    path = jsonl(tmp_path / "f.jsonl", line())
+    path.write_text(f"{path.read_text()}\n{text}\n")
+    with pytest.raises(FileError) as refused:
+        read_flights(path)
+    assert why in str(refused.value)
+    assert str(refused.value).startswith(f"{path}:3: ")
+    assert "delete this line; a campaign flies its flight again" in str(refused.value)
+
+
+def test_of_a_flight_that_stands_there_twice_the_later_counts(tmp_path: Path) -> None:
+    again = [line(0, reason="first"), line(1), line(0, reason="second", scene=None)]
+    path = jsonl(tmp_path / "f.jsonl", *again, again[0] | {"reason": "third"})
+    assert [flight["reason"] for flight in read_flights(path)] == ["landed", "second", "third"]

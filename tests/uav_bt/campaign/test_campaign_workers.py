@@ -12,33 +12,34 @@ from typing import Any
 
 import pytest
 
-from tests.uav_bt.campaign.campaign_world import FLY, plan
-from uav_bt.app.options import FlightOptions
+from tests.uav_bt.campaign.campaign_world import fly, plan
 from uav_bt.campaign import make_plan, run
-from uav_bt.campaign.workers import FAILED, FLOWN, REFUSED, WorkerPool
+from uav_bt.campaign.plan import FlightTask
+from uav_bt.campaign.workers import WorkerPool
+from uav_bt.errors import InputError
 
 HERE = Path(__file__).parents[3]
 
 
-def task(fate: str, seed: int = 0) -> dict[str, Any]:
-    return next(plan(policies={str(seed): fate}, seed_from=seed).tasks()).to_json()
+def task(fate: str) -> FlightTask:
+    return next(plan(policies={"0": fate}).tasks())
 
 
 @pytest.fixture(scope="module")
 def worker() -> Iterator[WorkerPool]:
-    one = WorkerPool(FLY, workers=1)
+    one = WorkerPool(fly, workers=1)
     yield one
     one.close()
 
 
-def flown(pool: WorkerPool, fate: str, seed: int = 0, timeout_s: float = 60.0) -> dict[str, Any]:
-    return pool.fly(task(fate, seed), timeout_s).result(90.0)
+def flown(pool: WorkerPool, fate: str, timeout_s: float = 60.0) -> dict[str, Any]:
+    return pool.line_of(pool.start(task(fate), timeout_s))
 
 
 def test_a_worker_flies_one_task_after_the_other_in_one_process(worker: WorkerPool) -> None:
-    first, second = (flown(worker, "lands", seed)[FLOWN] for seed in (0, 1))
-    assert (first["seed"], second["seed"]) == (0, 1)
-    assert first["wall_s"] == second["wall_s"]
+    first, second = flown(worker, "lands"), flown(worker, "is chatty")
+    assert first == second
+    assert first["outcome"] == "success"
 
 
 def test_what_a_flight_leaves_behind_is_gone_before_the_next(
@@ -46,32 +47,36 @@ def test_what_a_flight_leaves_behind_is_gone_before_the_next(
 ) -> None:
     collected = tmp_path / "collected"
     for fate in (f"leaves a cycle to {collected}", "lands"):
-        assert FLOWN in flown(worker, fate)
+        flown(worker, fate)
     assert collected.exists()
 
 
-def test_what_libraries_print_does_not_land_among_the_answers(worker: WorkerPool) -> None:
-    assert flown(worker, "is chatty")[FLOWN]["outcome"] == "success"
-
-
-def test_a_fault_is_reported_with_its_traceback(worker: WorkerPool) -> None:
-    answer = flown(worker, "raises")
-    assert answer[FAILED] == "RuntimeError: out of luck"
-    assert "campaign_world.py" in answer["details"]
-
-
 @pytest.mark.parametrize(
-    ("fate", "reason"),
+    ("fate", "reason", "details", "processes"),
     [
-        ("calls sys.exit", "SystemExit: 3"),
-        ("has an answer that cannot be sent", "its answer was lost: "),
+        ("raises", "RuntimeError: out of luck", "campaign_world.py", 1),
+        ("calls sys.exit", "SystemExit: 3", "sys.exit", 1),
+        ("has an answer that cannot be sent", "its answer was lost: ", "", 1),
+        ("crashes", "its process was ended by SIGABRT", "a library's last words", 2),
+        ("exits", "its process ended by itself, with exit code 3", "", 2),
+        ("hangs", "no end after 5 s of wall time; its process was stopped", "", 2),
     ],
 )
-def test_a_flight_that_ends_unusually_fails_and_the_next_one_flies(
-    worker: WorkerPool, fate: str, reason: str
+def test_a_flight_that_ends_unusually_is_an_error_and_the_next_one_flies(
+    worker: WorkerPool, fate: str, reason: str, details: str, processes: int
 ) -> None:
-    assert flown(worker, fate)[FAILED].startswith(reason)
-    assert FLOWN in flown(worker, "lands")
+    before = flown(worker, "lands")
+    lost = flown(worker, fate, 60.0 if fate != "hangs" else 5.0)
+    assert (lost["outcome"], lost["tree"], lost["scene"]) == ("error", "one.xml", "lab")
+    assert lost["reason"].startswith(reason)
+    assert details in lost["details"]
+    after = flown(worker, "lands")
+    assert len({flight["wall_s"] for flight in (before, after)}) == processes
+
+
+def test_refused_input_is_no_failed_flight(worker: WorkerPool) -> None:
+    with pytest.raises(InputError, match="no such weights"):
+        flown(worker, "is refused")
 
 
 TERMINATED = """
@@ -95,74 +100,36 @@ def test_a_signal_to_a_worker_in_flight_is_an_error_of_its_flight(
         '<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence>'
         "<TakeOff/><Stop/><Land/></Sequence></BehaviorTree></root>"
     )
-    options = FlightOptions(drone="plain", leaves=[leaves])
-    done = run(make_plan([str(tree)], options, scenes=["val-a"], flights=1), tmp_path / "out")
-    (flight,) = done.flights
+    planned = make_plan([tree], scenes=["val-a"], flights=1, drone="plain", leaves=[leaves])
+    (flight,) = run(planned, tmp_path / "out").flights
     assert flight["outcome"] == "error"
     assert flight["reason"] == f"its process was ended by {name}"
 
 
-def test_refused_input_is_no_failed_flight(worker: WorkerPool) -> None:
-    assert flown(worker, "is refused") == {REFUSED: "no such weights"}
-
-
-def test_a_crash_is_reported_with_signal_and_last_output(worker: WorkerPool) -> None:
-    answer = flown(worker, "crashes")
-    assert answer[FAILED] == "its process was ended by SIGABRT"
-    assert "a library's last words" in answer["details"]
-
-
-def test_a_process_that_exits_is_reported_with_its_exit_code(worker: WorkerPool) -> None:
-    assert flown(worker, "exits")[FAILED] == ("its process ended by itself, with exit code 3")
-
-
-def test_a_flight_that_hangs_is_stopped(worker: WorkerPool) -> None:
-    assert flown(worker, "hangs", timeout_s=0.2)[FAILED].startswith(
-        "no end after 0.2 s of wall time"
-    )
-
-
-def test_after_a_lost_process_the_next_task_flies_in_a_new_one(worker: WorkerPool) -> None:
-    before = flown(worker, "lands")[FLOWN]["wall_s"]
-    lost = flown(worker, "exits")
-    answer = flown(worker, "lands")
-    assert FAILED in lost
-    assert answer[FLOWN]["wall_s"] != before
-
-
-def test_closing_stops_what_flies_and_what_waits() -> None:
-    pool = WorkerPool(FLY, workers=1)
-    answers = [pool.fly(task("hangs"), 600.0) for _ in range(2)]
-    pool.close()
-    assert [one.result(10.0) for one in answers] == [{FAILED: "the campaign was stopped"}] * 2
-
-
-@pytest.mark.parametrize("fate", ["lands", "crashes", "hangs"])
-def test_a_pool_leaves_no_temporary_files(
-    fate: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_closing_stops_what_flies_and_what_waits_and_leaves_no_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """This includes the files of a worker that was killed in flight."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    pool = WorkerPool(FLY, workers=1)
+    pool = WorkerPool(fly, workers=1)
+    for fate in ("lands", "crashes"):
+        flown(pool, fate)
     (folder,) = tmp_path.glob("uav-bt-workers-*")
-    timeout_s = 20.0 if fate != "hangs" else 5.0
-    answer = pool.fly({**task(fate), "litters": True}, timeout_s).result(90.0)
-    assert (FLOWN in answer) == (fate == "lands")
-    assert [path.is_dir() for path in folder.iterdir()] == [True]
+    assert [path.is_dir() for path in folder.iterdir()] == [True, True]
+    flights = [pool.start(task("hangs"), 600.0) for _ in range(2)]
     pool.close()
+    assert [pool.line_of(one)["reason"] for one in flights] == ["the campaign was stopped"] * 2
     assert list(tmp_path.iterdir()) == []
 
 
 KILLED = """
 import os, signal
-from pathlib import Path
-from tests.uav_bt.campaign.campaign_world import FLY
+from tests.uav_bt.campaign.campaign_world import fly
 from tests.uav_bt.campaign.test_campaign_workers import task
 from uav_bt.campaign.workers import WorkerPool
 
-pool = WorkerPool(FLY, workers=1)
-pool.fly({**task("lands"), "litters": True}, 60.0).result()
-pool.fly({**task("hangs"), "litters": True}, 60.0)
+pool = WorkerPool(fly, workers=1)
+pool.line_of(pool.start(task("lands"), 60.0))
+pool.start(task("hangs"), 60.0)
 os.kill(os.getpid(), signal.SIGKILL)
 """
 
@@ -184,10 +151,10 @@ def test_workers_whose_campaign_was_killed_end_and_tidy_up(tmp_path: Path) -> No
 def test_a_script_without_a_main_guard_gets_the_remedy(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(
-        "from tests.uav_bt.campaign.campaign_world import FLY, plan\n"
+        "from tests.uav_bt.campaign.campaign_world import fly, plan\n"
         "from uav_bt.campaign.runner import run\n"
         "from pathlib import Path\n"
-        f"run(plan(), Path({str(tmp_path / 'out')!r}), fly=FLY)\n"
+        f"run(plan(), Path({str(tmp_path / 'out')!r}), fly=fly)\n"
     )
     done = subprocess.run(  # noqa: S603
         [sys.executable, str(script)],

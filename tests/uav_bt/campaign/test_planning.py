@@ -7,25 +7,30 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from sim_bridge.twin import scene_file
 from tests.sim_bridge.twin.room_world import write_lab
-from uav_bt import app
+from tests.uav_bt.campaign.campaign_world import keep
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign import make_plan, plan_of
-from uav_bt.campaign.flight import PathKeeper
-from uav_bt.campaign.plan import CampaignPlan, FlightTask
-from uav_bt.campaign.store import CampaignStore
+from uav_bt.campaign.plan import CampaignPlan
 from uav_bt.errors import InputError, SceneError, TreeError
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.tree.loading.lookup import shipped_trees
 
 SCENES = Path(scene_file.__file__).parent / "scenes"
 HOP = '<Sequence><TakeOff height_m="1.0"/><Land/></Sequence>'
+
+
+class Mine:
+    """A policy that is an object."""
+
+    def decide(self, view: object) -> None:
+        """Decide nothing."""
 
 
 def tree(path: Path, body: str = HOP, extra: str = "") -> Path:
@@ -64,52 +69,47 @@ def test_files_are_found_by_pattern_too(tmp_path: Path) -> None:
     assert plan.trees[0].path == str(tmp_path / "hop.xml")
 
 
-def test_a_changed_include_changes_the_plan(tmp_path: Path) -> None:
+def test_a_changed_include_changes_the_plan_of_the_folder(tmp_path: Path) -> None:
     part = tmp_path / "part.xml"
     text = '<root BTCPP_format="4"><BehaviorTree ID="Part">{}</BehaviorTree></root>'
     part.write_text(text.format(HOP))
     main = tree(tmp_path / "main.xml", '<SubTree ID="Part"/>', '<include path="part.xml"/>')
-    before = make_plan([main], flights=1)
+    before = make_plan([main], scenes=["val-a"], flights=2, profile="ideal", seed_from=3)
+    keep(tmp_path / "out", of=before)
+    assert plan_of(tmp_path / "out") == before
     part.write_text(text.format(f"<ForceSuccess>{HOP}</ForceSuccess>"))
-    (difference,) = make_plan([main], flights=1).differences(before)
+    (difference,) = plan_of(tmp_path / "out").differences(before)
     assert difference.startswith("trees main.xml sha256 has changed")
 
 
-def test_a_folder_gives_back_its_plan_as_it_would_be_today(tmp_path: Path) -> None:
-    mission = tree(tmp_path / "hop.xml")
-    plan = make_plan([mission], scenes=["val-a"], flights=2, profile="ideal", seed_from=3)
-    with CampaignStore.opened(tmp_path / "out", plan, {}):
-        pass
-    assert plan_of(tmp_path / "out") == plan
-    tree(mission, f"<ForceSuccess>{HOP}</ForceSuccess>")
-    assert (
-        plan_of(tmp_path / "out")
-        .differences(plan)[0]
-        .startswith("trees hop.xml sha256 has changed")
-    )
-
-
-def test_what_cannot_be_flown_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "bad.yaml").write_text("boxes: []\n")
-    with pytest.raises(SceneError):
-        make_plan(["land_only"], scenes=[str(tmp_path / "bad.yaml")])
-    with pytest.raises(TreeError):
-        make_plan([tree(tmp_path / "bad.xml", "<Nonsense/>")])
-    with pytest.raises(InputError, match="nobody"):
-        make_plan(["explore_and_land_segmentation"], policies={"Explore": "nobody"})
-    with pytest.raises(InputError, match="at least one scene"):
-        make_plan(["land_only"], scenes=[","])
-
-
-def test_the_way_is_kept_twice_a_second_to_the_millimetre() -> None:
-    keeper = PathKeeper()
-    for tick in range(11):
-        pose = SimpleNamespace(x_m=tick / 3, y_m=-1.0, z_m=1.23456)
-        keeper.on_tick(SimpleNamespace(time_s=0.1 * tick, truth=SimpleNamespace(pose=pose)))  # type: ignore[arg-type]
-    keeper.on_tick(SimpleNamespace(time_s=9.0, truth=None))  # type: ignore[arg-type]
-    assert keeper.points == [
-        *((0.0, 0.0, -1.0, 1.235), (0.5, 1.667, -1.0, 1.235), (1.0, 3.333, -1.0, 1.235))
-    ]
+@pytest.mark.parametrize(
+    ("how", "error", "message"),
+    [
+        ({"scenes": ["bad.yaml"]}, SceneError, "bad.yaml"),
+        ({"trees": ["bad.xml"]}, TreeError, "Nonsense"),
+        ({"trees": ["survey_and_land"], "policies": {"Explore": "nobody"}}, InputError, "nobody"),
+        ({"scenes": [","]}, InputError, "at least one scene"),
+        ({"scenes": ["nothing-*"]}, InputError, r"scene pattern 'nothing-\*'"),
+        ({"trees": ["<root/>"]}, InputError, "a campaign flies tree files, which its workers read"),
+        (
+            {"trees": ["survey_and_land"], "policies": {"Explore": Mine()}},
+            InputError,
+            "a campaign's policies are names of installed policies",
+        ),
+    ],
+)
+def test_what_cannot_be_flown_is_refused(
+    how: dict[str, Any],
+    error: type[InputError],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("bad.yaml").write_text("boxes: []\n")
+    tree(Path("bad.xml"), "<Nonsense/>")
+    with pytest.raises(error, match=message):
+        make_plan(**{"trees": ["land_only"], **how})
 
 
 def test_ports_leaves_and_time_limit_travel_with_the_plan(tmp_path: Path) -> None:
@@ -128,8 +128,7 @@ def test_ports_leaves_and_time_limit_travel_with_the_plan(tmp_path: Path) -> Non
     assert plan.leaves_sha256 == {str(leaves): hashlib.sha256(leaves.read_bytes()).hexdigest()}
     again = CampaignPlan.from_json(json.loads(json.dumps(plan.to_json())))
     assert not again.differences(plan)
-    task = FlightTask.from_json(json.loads(json.dumps(next(plan.tasks()).to_json())))
-    how = task.flight_options()
+    how = next(again.tasks()).flight_options()
     assert how.judge == options.judge
     assert how.ports == {"TakeOff.height_m": "1.1"}
     assert [str(each) for each in how.leaves] == [str(leaves)]
@@ -184,18 +183,18 @@ def flown(plan: CampaignPlan) -> dict[str, tuple[object, object]]:
     }
 
 
-def test_each_variant_is_a_row_of_its_own(hop: Path, params: Path) -> None:
+def test_each_variant_is_a_row_of_its_own(hop: Path, params: Path, tmp_path: Path) -> None:
     plan = make_plan([hop], params=params, flights=1, scenes=["val-a"])
     assert flown(plan) == {"hop[slow].xml": ("1.1", 1), "hop[fast].xml": ("1.2", 2)}
-    assert [Path(tree.name).stem for tree in plan.trees] == ["hop[slow]", "hop[fast]"]
-    again = CampaignPlan.from_json(json.loads(json.dumps(plan.to_json())))
+    # The command line counts before every variant.
+    five = make_plan([hop], params=params, variables={"wait_s": 5}, flights=1, scenes=["val-a"])
+    assert flown(five) == {"hop[slow].xml": ("1.1", 5), "hop[fast].xml": ("1.2", 5)}
+    # A campaign goes on without the file.
+    keep(tmp_path / "run", of=plan)
+    params.unlink()
+    again = plan_of(tmp_path / "run")
     assert flown(again) == flown(plan)
     assert again.differences(plan) == []
-
-
-def test_the_command_line_counts_before_every_variant(hop: Path, params: Path) -> None:
-    plan = make_plan([hop], params=params, variables={"wait_s": 5}, flights=1, scenes=["val-a"])
-    assert flown(plan) == {"hop[slow].xml": ("1.1", 5), "hop[fast].xml": ("1.2", 5)}
 
 
 def test_another_value_is_another_campaign(hop: Path, params: Path) -> None:
@@ -203,36 +202,9 @@ def test_another_value_is_another_campaign(hop: Path, params: Path) -> None:
     params.write_text(VARIANTS.replace("wait_s: 2", "wait_s: 3"))
     now = make_plan([hop], params=params, flights=1, scenes=["val-a"])
     assert now.differences(before) == ["trees hop[fast].xml variables wait_s: was 2, now 3"]
-    plain = make_plan([hop], variables={"wait_s": 1}, flights=1, scenes=["val-a"])
-    other = make_plan([hop], variables={"wait_s": 2}, flights=1, scenes=["val-a"])
-    assert other.differences(plain) == ["variables wait_s: was 1, now 2"]
-
-
-def test_a_campaign_goes_on_with_its_variants(hop: Path, params: Path, tmp_path: Path) -> None:
-    plan = make_plan([hop], params=params, flights=1, scenes=["val-a"])
-    with CampaignStore.opened(tmp_path / "run", plan, {}):
-        pass
-    params.unlink()
-    assert flown(plan_of(tmp_path / "run")) == flown(plan)
 
 
 def test_a_wrong_value_of_a_variant_is_refused_by_its_line(hop: Path, params: Path) -> None:
     params.write_text(VARIANTS.replace("wait_s: 2", "wait: 2"))
     with pytest.raises(InputError, match=r"params.yaml:6:1: no node uses a variable 'wait'"):
         make_plan([hop], params=params, flights=1)
-
-
-@pytest.mark.parametrize("kind", ["text", "object"])
-def test_what_no_worker_can_read_is_refused(hop: Path, kind: str) -> None:
-    given = hop.read_text() if kind == "text" else app.check(hop, variables={"wait_s": 1})
-    with pytest.raises(InputError, match="a campaign flies tree files, which its workers read"):
-        make_plan([given], variables={"wait_s": 1}, flights=1)  # type: ignore[list-item]
-
-
-def test_a_policy_object_is_refused_with_the_reason() -> None:
-    class Mine:
-        def decide(self, view: object) -> None:
-            """Decide nothing."""
-
-    with pytest.raises(InputError, match="a campaign's policies are names of installed policies"):
-        make_plan(["survey_and_land"], policies={"Explore": Mine()}, flights=1)  # type: ignore[dict-item]

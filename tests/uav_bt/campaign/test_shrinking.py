@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shlex
 import signal
@@ -15,6 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 from sim_bridge.twin.scene_file import load_scene
+from tests.uav_bt.campaign.campaign_world import jsonl
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.shrinking import FailedFlight, least
 from uav_bt.cli.fly import fly
@@ -52,8 +52,7 @@ def flight(**changes: object) -> dict[str, object]:
 
 def test_a_flight_is_reduced_to_its_fault_and_can_be_flown_again(tmp_path: Path) -> None:
     """Neither the wind nor any box matters to a low battery."""
-    source = tmp_path / "flights.jsonl"
-    source.write_text(json.dumps(flight()) + "\n")
+    source = jsonl(tmp_path / "flights.jsonl", flight())
     plain = tmp_path / "small"
     done = CliRunner().invoke(shrink_command, [str(source), "--out", str(plain)])
     assert done.exit_code == 0, done.output
@@ -76,8 +75,7 @@ def test_a_flight_is_reduced_to_its_fault_and_can_be_flown_again(tmp_path: Path)
 def test_a_flight_that_ends_for_another_reason_is_no_reproduction(tmp_path: Path) -> None:
     """Without frames the flight is aborted, too, but the battery is what failed."""
     faults = ["no-frame@center+0.3", "battery-low=0.06@center+0.3"]
-    source = tmp_path / "flights.jsonl"
-    source.write_text(json.dumps(flight(faults=faults)) + "\n")
+    source = jsonl(tmp_path / "flights.jsonl", flight(faults=faults))
     done = CliRunner().invoke(shrink_command, [str(source), "--out", str(tmp_path / "small")])
     assert done.exit_code == 0, done.output
     assert (tmp_path / "small" / "faults.txt").read_text() == f"{faults[1]}\n"
@@ -85,8 +83,7 @@ def test_a_flight_that_ends_for_another_reason_is_no_reproduction(tmp_path: Path
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_stops_shrinking_and_nothing_is_written(tmp_path: Path, number: int) -> None:
-    source = tmp_path / "flights.jsonl"
-    source.write_text(json.dumps(flight()) + "\n")
+    source = jsonl(tmp_path / "flights.jsonl", flight())
     words = ["-m", "uav_bt", "shrink", str(source), "--out", str(tmp_path / "small")]
     with subprocess.Popen(  # noqa: S603 - our own command
         [sys.executable, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -105,8 +102,8 @@ def test_a_signal_stops_shrinking_and_nothing_is_written(tmp_path: Path, number:
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
-        ({"details": "Segmentation fault"}, "hung or crashed"),
-        ({"drone": "anafi"}, "got drone 'anafi' and faults"),
+        ({"details": "Segmentation fault"}, "that ended by itself, not by a crash"),
+        ({"drone": "anafi"}, "got drone 'anafi': critical battery"),
     ],
 )
 def test_a_flight_that_cannot_be_flown_again_is_refused(
@@ -117,28 +114,20 @@ def test_a_flight_that_cannot_be_flown_again_is_refused(
 
 
 def test_a_variant_with_a_dot_is_found_and_other_flights_are_named(tmp_path: Path) -> None:
-    source = tmp_path / "flights.jsonl"
-    source.write_text(json.dumps(flight(tree="land_only[v1.5].xml", scene="no-such")) + "\n")
-    words = [str(source), "--out", str(tmp_path / "small"), "--tree"]
-    found = CliRunner().invoke(shrink_command, [*words, "land_only[v1.5]"])
-    assert "unknown scene 'no-such'" in str(found.exception)
-    other = CliRunner().invoke(shrink_command, [*words, "land_only"])
-    assert "failed: land_only[v1.5].xml in no-such, seed 3" in str(other.exception)
+    ends = (flight(seed=100, scene=scene, outcome="success") for scene in ("val-a", "val-b"))
+    dotted = flight(tree="land_only[v1.5].xml", scene="no-such")
+    source = jsonl(tmp_path / "flights.jsonl", *ends, dotted)
 
+    def refused(*words: str) -> str:
+        given = [str(source), "--out", str(tmp_path / "small"), *words]
+        done = CliRunner().invoke(shrink_command, given)
+        assert isinstance(done.exception, InputError)
+        return str(done.exception)
 
-def test_flights_that_succeeded_are_named_when_none_failed_with_this_seed(tmp_path: Path) -> None:
-    source = tmp_path / "flights.jsonl"
-    lines = [
-        *(flight(seed=100, scene=scene, outcome="success") for scene in ("val-a", "val-b")),
-        flight(),
-    ]
-    source.write_text("".join(f"{json.dumps(one)}\n" for one in lines))
-    words = [str(source), "--seed", "100", "--out", str(tmp_path / "small")]
-    done = CliRunner().invoke(shrink_command, words)
-    assert isinstance(done.exception, InputError)
-    assert str(done.exception).endswith(
+    assert "unknown scene 'no-such'" in refused("--tree", "land_only[v1.5]")
+    assert refused("--seed", "100").endswith(
         "has no failed flight with seed 100; succeeded: land_only.xml in val-a, seed 100; "
-        "land_only.xml in val-b, seed 100; failed: land_only.xml in val-a, seed 3"
+        "land_only.xml in val-b, seed 100; failed: land_only[v1.5].xml in no-such, seed 3"
     )
 
 
@@ -157,8 +146,7 @@ def test_a_flight_is_shrunk_with_what_was_changed_for_it(flown: dict[str, object
 
 
 def test_a_flight_that_no_longer_fails_is_refused(tmp_path: Path) -> None:
-    source = tmp_path / "flights.jsonl"
-    source.write_text(json.dumps(flight(faults=[])) + "\n")
+    source = jsonl(tmp_path / "flights.jsonl", flight(faults=[]))
     done = CliRunner().invoke(shrink_command, [str(source), "--out", str(tmp_path / "small")])
     assert isinstance(done.exception, InputError)
     assert "does not end with 'aborted: critical battery: 6 %' any more" in str(done.exception)

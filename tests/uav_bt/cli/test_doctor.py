@@ -58,7 +58,7 @@ def test_a_missing_extra_is_named_with_its_pip_line_and_is_no_fault(
     assert result.exit_code == 0, result.output
     msgpack = version("msgpack")
     assert (
-        f"extra live: optional, not installed: pyzmq (installed: msgpack {msgpack}); "
+        f"extra live: optional, not installed: pyzmq (installed: msgpack=={msgpack}); "
         'run `pip install -c constraints.txt -e ".[live]"` in the folder of uav-bt\'s source\n'
     ) in result.stdout
     assert "extra view: optional, not installed: rerun-sdk; run `pip " in result.stdout
@@ -75,7 +75,7 @@ def test_the_needed_packages_are_lines_of_a_terminals_width() -> None:
     assert len(listed) > 1
     assert all(len(line) <= 100 for line in listed)
     # A package and its version stand in one line.
-    assert all(re.fullmatch(r".*[\w.+]+ [\w.+]+,?", line) for line in listed)
+    assert all(re.fullmatch(r".*[\w.+]+==[\w.+]+,?", line) for line in listed)
 
 
 def test_the_doctor_sends_nothing_anywhere(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -232,7 +232,7 @@ def test_a_failure_is_flown_again_with_its_folders(
     command = ("campaign", mission.path, "--scenes", "val-a", "--flights", 1, "--workers", 1)
     assert run(*command, *SMALL, *mission.options, "--out", out).exit_code == 0
     there = mission.folder.rename(tmp_path / "away")
-    (row,) = tables_of(read_sources([out]).sets, tmp_path / "page.html")["failures"].rows
+    (row,) = tables_of(read_sources([out]), tmp_path / "page.html")["failures"].rows
     there.rename(mission.folder)
     words = shlex.split(str(row[-1]))
     options = [str(word) for word in mission.options]

@@ -11,8 +11,8 @@ import pytest
 from sim_bridge.twin.scene_file import load_scene
 from tests.worlds.trees import tree_file
 from uav_bt.campaign.plan import FlightTask
-from uav_bt.campaign.runner import Answers
-from uav_bt.campaign.workers import FAILED, FLOWN
+from uav_bt.campaign.runner import Flown
+from uav_bt.campaign.workers import Fly, fly_task, lost_line
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.learning.collecting import CollectionPlan, collect, nodes_under_policy
 from uav_bt.mission.judge import Outcome
@@ -27,8 +27,8 @@ class Pretends:
         self.tasks: list[FlightTask] = []
         self._broken = broken
 
-    def run(self, function: str, tasks: Iterable[FlightTask], timeout_s: float) -> Answers:
-        assert function.endswith(":fly_task")
+    def run(self, fly: Fly, tasks: Iterable[FlightTask], timeout_s: float) -> Flown:
+        assert fly is fly_task
         assert timeout_s > 300.0
         for task in tasks:
             self.tasks.append(task)
@@ -36,7 +36,7 @@ class Pretends:
             failed = task.scene in self._broken
             if not failed:
                 Path(task.record).write_bytes(b"")
-            yield task, {FAILED: "it broke"} if failed else {FLOWN: _line(task)}
+            yield task, lost_line(task, "it broke") if failed else _line(task)
 
 
 def _line(task: FlightTask) -> dict[str, Any]:
@@ -58,9 +58,9 @@ def collected(folder: Path, **changed: Any) -> tuple[list[Path], list[FlightTask
 def test_flights_are_shared_out_over_scenes_and_profiles(tmp_path: Path) -> None:
     records, tasks = collected(tmp_path, flights=15)
     assert len(records) == len(tasks) == 16  # rounded up
-    assert sorted({task.options.profile for task in tasks}) == ["harsh", "lab"]
+    assert sorted({task.options["profile"] for task in tasks}) == ["harsh", "lab"]
     assert {task.scene[:7] for task in tasks} == {"train-a", "train-b", "train-c", "train-d"}
-    assert all(task.options.record_quality == "small" for task in tasks)
+    assert all(task.options["record_quality"] == "small" for task in tasks)
 
 
 def test_every_flight_but_the_first_has_light_and_boxes_of_its_own(tmp_path: Path) -> None:

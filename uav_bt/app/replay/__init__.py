@@ -1,7 +1,6 @@
 """Replay of recorded flights: recorded observations go in, decisions are compared.
 
-The loop is open: new decisions do not change the recorded frames. The first difference has a cause
-in the change; later ones may follow from the first.
+The loop is open: new decisions do not change the recorded frames.
 """
 
 from __future__ import annotations

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
 from uav_bt.app.replay.recorded_drone import RecordedDrone
@@ -39,7 +38,7 @@ class ReplayReport:
     record: str
     tree: str
     outcome: str | None  # of the recorded flight; None when its record is unfinished
-    exact: bool = True  # whether nothing may differ: the recorded images are lossless and whole
+    exact: bool = True  # the recorded images are lossless and whole
     masks: str  # "network" or "recorded"
     ticks: int = 0
     status_ticks: int = 0  # in which a node's status differs
@@ -55,7 +54,7 @@ class ReplayReport:
 
     @property
     def same(self) -> bool:
-        """Whether the replay is the recorded flight, within the tolerance of a lossy record."""
+        """Whether the replay is the recorded flight, within the tolerance."""
         if self.only_recorded or self.only_replayed or self.ended is not None:
             return False
         allowed = 0 if self.exact else int(LOSSY_TICKS * self.ticks)
@@ -67,19 +66,10 @@ class ReplayReport:
 
 
 class Comparison:
-    """Compares the replay with the record, tick by tick, into a report; a listener of the runner.
-
-    `tolerance`: how far numbers of commands may differ, metres or radians; 0 for exactly.
-    """
+    """Compares a replay with its record, tick by tick, into a report."""
 
     def __init__(
-        self,
-        report: ReplayReport,
-        recorded: TreeNote,
-        tree: MissionTree,
-        drone: RecordedDrone,
-        *,
-        tolerance: float,
+        self, report: ReplayReport, recorded: TreeNote, tree: MissionTree, drone: RecordedDrone
     ) -> None:
         there = {node.path: place for place, node in enumerate(recorded.nodes)}
         here = {node.path: node for node in tree.nodes()}
@@ -88,13 +78,17 @@ class Comparison:
         report.only_replayed = tuple(path for path in here if path not in there)
         self._report = report
         self._drone = drone
-        self._tolerance = tolerance
+        self._tolerance = 0.0 if report.exact else LOSSY_NUMBERS
         self._nodes: Counter[str] = Counter()
 
     def on_tick(self, record: TickRecord) -> None:
         """Compare a tick with the recorded one."""
         report, moment = self._report, self._drone.moment
-        statuses = self._statuses(moment.statuses)
+        statuses = {
+            path: (moment.statuses[place], node.node_status.name)
+            for path, place, node in self._shared
+            if place < len(moment.statuses) and moment.statuses[place] != node.node_status.name
+        }
         command = self._command(moment.commands.decided, record.decided or record.command)
         owners = (moment.commands.proposed_by, record.proposed_by)
         proposed_by = owners if owners[0] != owners[1] else None
@@ -116,29 +110,20 @@ class Comparison:
                 )
             )
 
-    def _statuses(self, recorded: Sequence[str]) -> dict[str, tuple[str, str]]:
-        pairs = {
-            path: (recorded[place], node.node_status.name)
-            for path, place, node in self._shared
-            if place < len(recorded)
-        }
-        return {path: pair for path, pair in pairs.items() if pair[0] != pair[1]}
-
     def _command(self, recorded: Command, replayed: Command) -> tuple[str, str] | None:
         same_id = self._drone.ids.pair(recorded.movement, replayed.movement)
-        same_movement = self._agree(recorded.movement, replayed.movement)
-        if same_id and same_movement and self._agree(recorded.gimbal, replayed.gimbal):
+        movements = self._agree(recorded.movement, replayed.movement)
+        if same_id and movements and self._agree(recorded.gimbal, replayed.gimbal):
             return None
         return _words(recorded), _words(replayed)
 
     def _agree(self, one: Movement | GimbalTo | None, other: Movement | GimbalTo | None) -> bool:
-        if type(one) is not type(other) or one is None or other is None:
+        if type(one) is not type(other) or one is None:
             return one is other
-        if isinstance(one, MoveBy) and isinstance(other, MoveBy):
-            other = replace(other, id=one.id)
         return all(
-            abs(getattr(one, item.name) - getattr(other, item.name)) <= self._tolerance
-            for item in fields(one)
+            abs(value - getattr(other, name)) <= self._tolerance
+            for name, value in vars(one).items()
+            if name != "id"  # pairs of movements are compared by it
         )
 
 

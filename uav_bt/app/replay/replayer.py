@@ -9,14 +9,13 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final, Literal, get_args
 
 from uav_bt.app.assembly import Flight
-from uav_bt.app.flight_record import RecordedOptions, recorded_options
+from uav_bt.app.flight_record import RecordedOptions, recorded_files, recorded_options
 from uav_bt.app.loading import Mission, is_text, read_mission
-from uav_bt.app.option_values import check_policies, expect, files, refuse
+from uav_bt.app.option_values import refuse
 from uav_bt.app.options import FlightOptions
 from uav_bt.app.place import conditions_of
-from uav_bt.app.recorded_files import recorded_files
-from uav_bt.app.replay.differences import LOSSY_NUMBERS, Comparison, ReplayReport
-from uav_bt.app.replay.recorded_drone import RecordedDrone, RecordedSegmenter
+from uav_bt.app.replay.differences import Comparison, ReplayReport
+from uav_bt.app.replay.recorded_drone import RecordedDrone
 from uav_bt.board import CLASS_MAP, FRAME
 from uav_bt.board.context import FlightFolder
 from uav_bt.errors import FileError, NodeFailedError
@@ -50,9 +49,6 @@ class ReplayOptions:
             flight flew on exact masks.
         registry: the nodes that may occur; None: all installed.
         leaves: Python files with leaves and policies that the trees may use.
-
-    Raises:
-        InputError: a value cannot be used.
     """
 
     tree: Mission | None = None
@@ -61,13 +57,6 @@ class ReplayOptions:
     masks: Masks | None = None
     registry: NodeRegistry | None = None
     leaves: Sequence[str | Path] = ()
-
-    def __post_init__(self) -> None:
-        check_policies(self.policies)
-        files(self.leaves)
-        expect("tree_folders", self.tree_folders, TreeFolders, "a TreeFolders")
-        if self.masks not in {None, *get_args(Masks)}:
-            refuse("masks", "network or recorded, or None", self.masks)
 
 
 def replay(record: str | Path, options: ReplayOptions | None = None) -> ReplayReport:
@@ -84,29 +73,21 @@ def replay(record: str | Path, options: ReplayOptions | None = None) -> ReplayRe
     """
     changes = options or ReplayOptions()
     reader = RecordReader(record)
-    first = next(reader.moments(), None)
-    if first is not None and first.tick.index > 0:
-        begins_s = first.tick.time_s - reader.timeline.start_s
-        raise FileError(
-            reader.path,
-            f"begins {begins_s:.1f} s into its flight; what tree and perception remember by then "
-            "is not in it: replay the whole record",
-        )
     flight, masks = assemble_recorded(reader, changes)
-    keeps_files = recorded_options(reader).outputs
     drone, lossless = flight.drone, flight.options.record_quality == "lossless"
     is_file = isinstance(changes.tree, str | Path) and not is_text(changes.tree)
     report = ReplayReport(
         record=str(record),
         tree=str(changes.tree) if is_file else flight.mission.origin,
         outcome=(reader.end or {}).get("outcome"),
+        exact=lossless,
         masks=masks,
     )
-    tolerance = 0.0 if lossless else LOSSY_NUMBERS
-    comparison = Comparison(report, reader.tree, flight.mission, drone, tolerance=tolerance)
+    comparison = Comparison(report, reader.tree, flight.mission, drone)
     try:
         with TemporaryDirectory(prefix="uav-bt-replay-") as folder:
             # The replay's files are dropped; leaves must answer as in the flight.
+            keeps_files = recorded_options(reader).outputs
             flight.outputs = FlightFolder(Path(folder)) if keeps_files else None
             with flight.connected():
                 flight.runner([comparison]).run()
@@ -120,16 +101,24 @@ def replay(record: str | Path, options: ReplayOptions | None = None) -> ReplayRe
 def assemble_recorded(
     reader: RecordReader, changes: ReplayOptions
 ) -> tuple[Flight[RecordedDrone], Masks]:
-    """Return a recorded flight, with its mission, site and frames, and whose class maps it gets."""
+    """Return a recorded flight, and whose class maps it gets."""
     recorded = recorded_options(reader)
     if recorded.imageless:
         raise FileError(
             reader.path,
             "was flown without images, so there is nothing to perceive again; fly it again with "
-            "its seed instead, which gives the same flight on the same machine",
+            "its seed",
         )
-    drone = RecordedDrone(reader, recorded.airframe, stills=recorded.stills)
+    drone = RecordedDrone(reader, recorded.airframe)
+    if drone.moment.tick.index > 0:
+        begins_s = drone.now() - reader.timeline.start_s
+        raise FileError(
+            reader.path,
+            f"begins {begins_s:.1f} s into its flight: replay the whole record",
+        )
     masks = changes.masks or ("recorded" if recorded.exact_masks else "network")
+    if masks not in get_args(Masks):
+        refuse("masks", "network or recorded, or None", masks)
     options = FlightOptions(
         seed=recorded.seed,
         inference_threads=recorded.inference_threads,
@@ -139,13 +128,13 @@ def assemble_recorded(
         runner=recorded.runner,
         policies=changes.policies,
         leaves=changes.leaves,
+        tree_folders=changes.tree_folders,
     )
-    if changes.tree is not None:
-        # Attributes and variables that the recorded mission had may name none of this one.
-        options = replace(options, tree_folders=changes.tree_folders)
-        mission = read_mission(changes.tree, options, changes.registry)
-    else:
+    if changes.tree is None:
         mission = _recorded_mission(reader, recorded, options, changes.registry)
+    else:
+        # Attributes and variables that the recorded mission had may name none of this one.
+        mission = read_mission(changes.tree, options, changes.registry)
     _check_complete(reader, mission, masks)
     held = replace(
         conditions_of(options, mission, drone, recorded=True),
@@ -157,28 +146,26 @@ def assemble_recorded(
         drone,
         options,
         held=held,
-        judge=ReplayJudge(drone, recorded.judge),
-        segmenter=RecordedSegmenter(drone) if masks == "recorded" else None,
-        make_runner=ReplayRunner,
+        judge=_ReplayJudge(drone, recorded.judge),
+        segmenter=drone if masks == "recorded" else None,
+        make_runner=_ReplayRunner,
     )
     return flight, masks
 
 
 def _check_complete(reader: RecordReader, mission: MissionTree, masks: Masks) -> None:
-    """Refuse a record that lacks the tree's frames or class maps: every replay would differ."""
-    needed: dict[str, str] = {}
-    if any(FRAME in leaf.reads for leaf in mission.leaves()):
-        needed |= dict.fromkeys(
-            (channels.CAMERA_FRAME.topic, channels.CAMERA_IMAGE.topic), "frames"
-        )
-    if masks == "recorded" and any(CLASS_MAP in leaf.writes for leaf in mission.leaves()):
-        needed[channels.CLASS_MAP.topic] = "class maps"
-    for topic, what in needed.items():
-        if next(reader.messages([topic]), None) is None:
+    """Refuse a record that lacks the tree's frames or class maps."""
+    perceives = any(FRAME in leaf.reads for leaf in mission.leaves())
+    segments = any(CLASS_MAP in leaf.writes for leaf in mission.leaves())
+    for topic, what, needed in (
+        (channels.CAMERA_FRAME.topic, "frames", perceives),
+        (channels.CAMERA_IMAGE.topic, "frames", perceives),
+        (channels.CLASS_MAP.topic, "class maps", segments and masks == "recorded"),
+    ):
+        if needed and next(reader.messages([topic]), None) is None:
             raise FileError(
                 reader.path,
-                f"the record has no {what} (no message on {topic}): perception cannot be "
-                "replayed; give the record as it was flown",
+                f"the record has no {what} (no message on {topic}); give it as it was flown",
             )
 
 
@@ -188,34 +175,24 @@ def _recorded_mission(
     options: FlightOptions,
     registry: NodeRegistry | None,
 ) -> MissionTree:
-    """Load the recorded tree as it was flown, but for the policies that options give."""
-    for node, given in recorded.replaced.items():
-        name = node.rpartition("/")[2].partition("#")[0]
-        lost = given.get("policy") in recorded.policy_objects
-        if lost and not {node, name} & {*options.policies}:
-            raise FileError(
-                reader.path,
-                f"the policy of node '{node}' was an object of the program that flew, "
-                f"{given['policy']}: give it again with ReplayOptions(policies=...), or an "
-                f"installed one with --policy '{name}=NAME'",
-            )
+    """Load the recorded tree, with the policies of the options."""
     with TemporaryDirectory(prefix="uav-bt-replay-") as folder:
-        attached = recorded_files(reader, Path(folder))
-        if attached.tree is None:
-            tree = reader.metadata.get("tree", "")
+        tree = recorded_files(reader, Path(folder)).tree
+        if tree is None:
+            name = reader.metadata.get("tree", "")
             raise FileError(
                 reader.path,
-                f"the record lacks its tree file{f' ({tree})' if tree else ''}; give the tree with "
-                "--tree, or with ReplayOptions(tree=...)",
+                f"the record lacks its tree file ({name}); give the tree with --tree, or with "
+                "ReplayOptions(tree=...)",
             )
         options = replace(options, tree_id=reader.metadata.get("tree_name"))
-        mission = read_mission(attached.tree, options, registry, replaced=recorded.replaced)
+        mission = read_mission(tree, options, registry, replaced=recorded.replaced)
     for name, value in recorded.variables.items():
         mission.variables[name] = value
     return mission
 
 
-class ReplayJudge(Judge):
+class _ReplayJudge(Judge):
     """Ends the replay with the recording's last tick, whatever happens."""
 
     def __init__(self, drone: RecordedDrone, config: JudgeConfig) -> None:
@@ -229,28 +206,24 @@ class ReplayJudge(Judge):
         return over if self._drone.at_end else None
 
 
-class ReplayRunner(MissionRunner):
-    """Flies a recorded drone; an operator's stop comes again in the tick in which it came."""
+class _ReplayRunner(MissionRunner):
+    """Repeats an operator's stop in the tick in which it came."""
 
     def __init__(self, drone: RecordedDrone, *rest: Any, **named: Any) -> None:
         super().__init__(drone, *rest, **named)
         self._recorded = drone
 
     def _tick_tree(self) -> Status:
-        # A stop between two ticks keeps the tree from being ticked; one within comes after.
-        stopped = self._stops()
-        if stopped and self._recorded.moment.tick.tree_status == Status.IDLE.name:
+        # A stop that the runner does not come to by itself. One between two ticks keeps the tree
+        # from being ticked; one within comes after.
+        before, now = self._recorded.before, self._recorded.moment
+        stopped = now.commands.override == Override.ABORT.value and (
+            before is None
+            or (before.commands.override not in _STOPPED and before.tick.tree_status not in _OVER)
+        )
+        if stopped and now.tick.tree_status == Status.IDLE.name:
             self.abort.request(_AS_RECORDED)
         status = super()._tick_tree()
         if stopped:
             self.abort.request(_AS_RECORDED)
         return status
-
-    def _stops(self) -> bool:
-        """Return whether a stop begins here that the runner does not come to by itself."""
-        before, now = self._recorded.before, self._recorded.moment
-        if now.commands.override != Override.ABORT.value:
-            return False
-        return before is None or (
-            before.commands.override not in _STOPPED and before.tick.tree_status not in _OVER
-        )

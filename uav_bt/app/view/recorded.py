@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Final
 
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.app.film import facts_of, map_of_scene
-from uav_bt.app.flight_record import recorded_options
-from uav_bt.app.recorded_files import recorded_files
-from uav_bt.app.results import path_of
+from uav_bt.app.flight_outputs import PathLog
+from uav_bt.app.flight_record import recorded_files, recorded_options
 from uav_bt.board import SITE_MAP
 from uav_bt.display.lab_map import LabMap
 from uav_bt.display.phrases import describe_flight
@@ -99,7 +98,7 @@ class RecordedFlight:
 
     def path(self) -> NDArray[np.float64]:
         """Return the flown path, (N, 5); see `uav_bt.app.FlownMission.path`."""
-        return path_of(self._ticks(Playback(self.reader)))
+        return PathLog(self._ticks(Playback(self.reader))).array()
 
     def maps(self) -> Iterator[tuple[float, SiteMap]]:
         """Yield the recorded site maps, two per second, each with its time in mission seconds."""

@@ -1,4 +1,4 @@
-"""Report of campaigns: a self-contained page, with its figures and tables as files beside it."""
+"""Report of campaigns: a self-contained page, with figures and tables beside it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import base64
 import datetime as dt
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -20,10 +19,9 @@ from uav_bt.campaign.report.figures import (
     coverage_over_time,
     distributions,
     drawn,
-    find_letters,
     outcomes,
+    scene_figure,
 )
-from uav_bt.campaign.report.lab_figures import scene_figure
 from uav_bt.campaign.report.paired import paired_table, pairs_of
 from uav_bt.campaign.report.sources import FlightSet, read_sources
 from uav_bt.campaign.report.statistics import paper_success
@@ -35,22 +33,19 @@ from uav_bt.mission.covered_ground import PASSED_M, SEEN_M
 from uav_bt.mission.flight_report import EXPLORE_S
 
 _ABOUT_COVERAGE: Final = (
-    f"Covered: the free ground within {PASSED_M:g} m of the flown path. Seen: the ground in view, "
-    f"not hidden, within {SEEN_M:g} m of the lens. A thin line is a flight, from its first sample "
-    "to its end, which has a dot. A thick line is the mean of a tree's flights, as long as half of "
-    f"them last. The dotted line marks {EXPLORE_S:.0f} s."
+    f"Covered: the free ground within {PASSED_M:g} m of the path. Seen: in view, not hidden, "
+    f"within {SEEN_M:g} m of the lens. A thin line is a flight, its end a dot. A thick line is "
+    f"the mean while half of them last. The dotted line marks {EXPLORE_S:.0f} s."
 )
 _ABOUT_SCENES: Final = (
-    "Left: the true path of every flight. A dot is its start, a cross its failure. Right: the "
-    "share of the flights that covered each place. Axes are those of the scene file. The number "
-    "in a box is its height in metres, the arrow the take-off heading, a dotted line the path of "
-    "a mover."
+    "Left: true paths. A dot is a start, a cross a failure. Right: the share of the flights "
+    "that covered each place. Axes are those of the scene file. In a box stands its height, m. "
+    "The arrow is the take-off heading, a dotted line a mover's path."
 )
 
 _PAGE: Final = """\
 <!DOCTYPE html>
 <html lang="en">
-<head>
 <meta charset="utf-8">
 <title>{{ title }}</title>
 <style>
@@ -61,8 +56,6 @@ table { border-collapse: collapse; font-size: .88rem; font-variant-numeric: tabu
 th, td { border-bottom: 1px solid #dee2e6; padding: .28rem .8rem .28rem 0; text-align: left; }
 code { white-space: pre-wrap; }
 </style>
-</head>
-<body>
 <h1>{{ title }}</h1>
 <p>{{ lead }}</p>
 {% for part in parts %}
@@ -79,7 +72,6 @@ code { white-space: pre-wrap; }
 </table></div>
 {% endif %}
 {% endfor %}
-</body>
 </html>
 """
 
@@ -93,13 +85,12 @@ class Drawing(NamedTuple):
     figure: Figure
 
 
-@dataclass(frozen=True, kw_only=True)
-class WrittenReport:
+class WrittenReport(NamedTuple):
     """The files of a report."""
 
     page: Path
-    images: tuple[Path, ...]  # in the folder `STEM-figures` beside the page
-    tables: tuple[Path, ...]  # CSV, beside the page
+    images: list[Path]  # in the folder `STEM-figures` beside the page
+    tables: list[Path]  # CSV, beside the page
 
 
 def write_report(
@@ -115,37 +106,38 @@ def write_report(
 
     Args:
         paths: Folders of campaigns, or files with one flight per line.
-        out: The page. None: `report.html` in the first folder, or a page beside the first file.
-        figures: Form of the files of figures. None: no files. The page has PNGs in any case.
-        all_pairs: Compare all trees with each other, not only the first with each other one.
+        out: The page. None: `report.html` in the first folder, or beside the first file.
+        figures: Form of the figures' files. None: no files. The page has PNGs in any case.
+        all_pairs: Compare all trees with each other, not only with the first.
         today: Date of the report. None: today, UTC.
         on_note: Called with each note on the flights.
 
     Raises:
         FileError: There are no flights, or a file cannot be read or written.
     """
-    sets, missing = read_sources(paths)
-    notes = list(missing)
+    sets = read_sources(paths)
     out = out or _default_page(paths[0])
-    pairs = paired_table(pairs_of(sets, all_pairs=all_pairs))
-    tables = {**tables_of(sets, out), "pairs": pairs}
+    tables = tables_of(sets, out)
+    tables["pairs"] = paired_table(pairs_of(sets, all_pairs=all_pairs))
+    notes = list(dict.fromkeys(one.note for one in sets if one.note))
     drawings = [*_drawings(sets), *_scenes(sets, notes)]
-    if letters := set().union(*(find_letters(each.figure) for each in drawings)):
-        notes.append(
-            f"figures show boxes for {' '.join(sorted(letters))}: no installed font has them; "
-            "install one, such as Debian's fonts-noto-cjk or fonts-noto-core"
-        )
     for note in notes:
         on_note(note)
     today = today or dt.datetime.now(dt.UTC).date()
     write_whole(out, _page(sets, tables, drawings, notes, today))
+    written = WrittenReport(out, [], [])
     for name, table in tables.items():
-        write_whole(out.with_name(f"{out.stem}-{name}.csv"), table.to_csv())
-    return WrittenReport(
-        page=out,
-        images=() if figures is None else tuple(_written(out, drawings, figures)),
-        tables=tuple(out.with_name(f"{out.stem}-{name}.csv") for name in tables),
-    )
+        written.tables.append(out.with_name(f"{out.stem}-{name}.csv"))
+        write_whole(written.tables[-1], table.to_csv())
+    folder = out.with_name(f"{out.stem}-figures")
+    if figures is not None:
+        with writing(folder):
+            folder.mkdir(exist_ok=True)
+        for each in drawings:
+            name = re.sub(r"[^\w.-]+", "_", each.name)  # a scene may have any name
+            written.images.append(folder / f"{name}.{figures}")
+            write_whole(written.images[-1], drawn(each.figure, figures))
+    return written
 
 
 def _default_page(first: Path) -> Path:
@@ -157,13 +149,12 @@ def _default_page(first: Path) -> Path:
 def _drawings(sets: Sequence[FlightSet]) -> Iterator[Drawing]:
     """Yield the figures of all flights, without those that would be empty."""
     published = paper_success(one.tree for one in sets)
-    for name, draw, title, note in (
-        ("outcomes", outcomes, "Successes", published),
-        ("distributions", distributions, "Distributions", "Shares of flights; band: the paper."),
-        ("coverage", coverage_over_time, "Coverage over time", _ABOUT_COVERAGE),
-    ):
-        if (figure := draw(sets)) is not None:
-            yield Drawing(name, title, note, figure)
+    about = "Shares of flights; band: the paper."
+    yield Drawing("outcomes", "Successes", published, outcomes(sets))
+    if figure := distributions(sets):
+        yield Drawing("distributions", "Distributions", about, figure)
+    if figure := coverage_over_time(sets):
+        yield Drawing("coverage", "Coverage over time", _ABOUT_COVERAGE, figure)
 
 
 def _scenes(sets: Sequence[FlightSet], notes: list[str]) -> Iterator[Drawing]:
@@ -184,16 +175,6 @@ def _scenes(sets: Sequence[FlightSet], notes: list[str]) -> Iterator[Drawing]:
                 yield Drawing(f"scene-{name}", f"Scene {name}", _ABOUT_SCENES, figure)
 
 
-def _written(page: Path, drawings: Sequence[Drawing], form: Form) -> Iterator[Path]:
-    folder = page.with_name(f"{page.stem}-figures")
-    with writing(folder):
-        folder.mkdir(exist_ok=True)
-    for each in drawings:
-        name = re.sub(r"[^\w.-]+", "_", each.name)  # a scene may have any name
-        write_whole(folder / f"{name}.{form}", drawn(each.figure, form))
-        yield folder / f"{name}.{form}"
-
-
 def _page(
     sets: Sequence[FlightSet],
     tables: dict[str, Table],
@@ -202,15 +183,14 @@ def _page(
     today: dt.date,
 ) -> str:
     """Return the page: notes first, each figure before the tables of its values."""
-    figures = {each.name: each for each in drawings}
+    drawn_as = {each.name: each for each in drawings}
     scenes = [each for each in drawings if each.name.startswith("scene-")]
-    columns, rows = ("note",), [(note,) for note in notes]
     parts: list[Any] = [
-        Table(name="notes", title="Please note", columns=columns, rows=rows),
-        *(figures["outcomes"], tables["outcomes"], tables["scenes"], tables["pairs"]),
-        *(figures.get("distributions"), tables["metrics"], tables["rates"]),
-        *(figures.get("coverage"), tables["map"], *scenes, tables["failures"], tables["timings"]),
-        *(origin_table(one) for one in {id(each.source): each.source for each in sets}.values()),
+        Table("notes", "Please note", ("note",), [(note,) for note in notes]),
+        *(drawn_as["outcomes"], tables["outcomes"], tables["scenes"], tables["pairs"]),
+        *(drawn_as.get("distributions"), tables["metrics"], tables["rates"]),
+        *(drawn_as.get("coverage"), tables["map"], *scenes, tables["failures"], tables["timings"]),
+        *map(origin_table, {one.path: one for one in sets}.values()),
     ]
     names = sorted({flight["scene"] for one in sets for flight in one.flights} - {None})
     count = sum(len(one.flights) for one in sets)

@@ -1,42 +1,36 @@
-"""The report's figures of outcomes, of the distributions of metrics, and of coverage over time."""
+"""The report's figures: outcomes, distributions, coverage, and paths in the scenes."""
 
 from __future__ import annotations
 
 import io
 import math
-import warnings
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cache
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.font_manager import fontManager, get_font
 from matplotlib.lines import Line2D
-from matplotlib.text import Text
-from numpy.typing import NDArray
+from matplotlib.patches import Polygon
+from scipy.spatial import cKDTree
 
-from uav_bt.campaign.flight_lines import METRICS
+from sim_bridge.twin.scene import Scene
+from uav_bt.app.film import map_of_scene
+from uav_bt.campaign.report import statistics as stats
 from uav_bt.campaign.report.sources import Flights, FlightSet
-from uav_bt.campaign.report.statistics import (
-    paper_figures,
-    success_interval,
-    success_words,
-    successes,
-    values_of,
-)
+from uav_bt.campaign.store import METRICS
+from uav_bt.display.lab_map import LabMap
+from uav_bt.mission.covered_ground import PASSED_M, GroundCells
 from uav_bt.mission.flight_report import EXPLORE_S
+from uav_bt.types.arrays import Flags, Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Okabe and Ito: distinguishable for people with colour-blindness. Dark colours first, on white.
+# Okabe and Ito: for people with colour-blindness, too. Dark colours first, on white.
 _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#555555")
-_FONT: Final = "DejaVu Sans"  # part of matplotlib: the same image on each machine
 _STYLE: Final[Any] = {
-    "font.family": _FONT,
     "font.size": 9.0,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -61,98 +55,74 @@ _NO_METADATA: Final[dict[Form, tuple[str, ...]]] = {
 }
 
 
-def new_figure(width_in: float, height_in: float) -> Figure:
-    """Return an empty figure in the report's style; its parts are added within `style()`."""
+def _new_figure(width_in: float, height_in: float) -> Figure:
+    """Return an empty figure."""
     return Figure(figsize=(width_in, height_in), dpi=130, layout="constrained", facecolor="white")
 
 
-def style() -> Any:
-    """Return the context in which the report's figures are drawn."""
-    return mpl.rc_context(_STYLE)
-
-
+@mpl.rc_context(_STYLE)
 def drawn(figure: Figure, form: Form) -> bytes:
     """Return a figure as the content of an image file; equal figures give equal bytes."""
     buffer = io.BytesIO()
-    with style(), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing from font")  # `find_letters` names them
-        metadata = dict.fromkeys(_NO_METADATA[form])
-        figure.savefig(buffer, format=form, metadata=metadata, dpi="figure")
+    metadata = dict.fromkeys(_NO_METADATA[form])
+    figure.savefig(buffer, format=form, metadata=metadata, dpi="figure")
     return buffer.getvalue()
 
 
-def find_letters(figure: Figure) -> set[str]:
-    """Give texts the installed fonts that have their letters; return letters that no font has."""
-    missing = set()
-    for text in figure.findobj(Text):
-        fonts = {letter: _font_with(letter) for letter in text.get_text() if letter.isprintable()}
-        others = {font for font in fonts.values() if font and font != _FONT}
-        text.set_fontfamily([_FONT, *sorted(others)])
-        missing |= {letter for letter, font in fonts.items() if font is None}
-    return missing
-
-
-@cache
-def _font_with(letter: str) -> str | None:
-    """Return the name of a font that has a letter: matplotlib's own before those of the system."""
-    fonts = sorted(fontManager.ttflist, key=lambda font: (font.name != _FONT, font.name))
-    has = (font.name for font in fonts if get_font(font.fname).get_char_index(ord(letter)))
-    return next((name for name in has if not name.startswith("Last Resort")), None)  # only boxes
-
-
-def _coloured(sets: Sequence[FlightSet]) -> list[tuple[FlightSet, str]]:
-    return [(one, _COLOURS[index % len(_COLOURS)]) for index, one in enumerate(sets)]
-
-
-def legend(figure: Figure, labels: Iterable[tuple[str, str]], columns: int = 2) -> None:
+def _legend(figure: Figure, labels: Iterable[tuple[str, str]], columns: int = 2) -> None:
     """Add a legend of labels with their colours above a figure."""
     lines = [Line2D([], [], color=colour, label=label) for label, colour in labels]
     figure.legend(handles=lines, loc="outside upper left", ncols=columns)
 
 
+def _colour(index: int) -> str:
+    return _COLOURS[index % len(_COLOURS)]
+
+
+@mpl.rc_context(_STYLE)
 def outcomes(sets: Sequence[FlightSet]) -> Figure:
     """Draw the share of successes of each set, with its 95 % Wilson interval."""
-    with style():
-        figure = new_figure(8.0, 0.8 + 0.4 * len(sets))
-        axes = figure.add_subplot()
-        for row, (one, colour) in enumerate(_coloured(sets)):
-            share = 100.0 * successes(one.flights) / len(one.flights)
-            axes.plot(
-                success_interval(one.flights), (row, row), color=colour, linewidth=6, alpha=0.3
-            )
-            axes.plot(share, row, "o", color=colour, markersize=7, clip_on=False)
-        labels = [f"{one.label}: {success_words(one.flights)}" for one in sets]
-        axes.set_yticks(range(len(sets)), labels)
-        axes.set(xlim=(0.0, 100.0), ylim=(len(sets) - 0.5, -0.5))
-        axes.set_xlabel("successful flights, %, with the 95 % Wilson interval")
-        return figure
+    figure = _new_figure(8.0, 0.8 + 0.4 * len(sets))
+    axes = figure.add_subplot()
+    for row, one in enumerate(sets):
+        share = 100.0 * stats.successes(one.flights) / len(one.flights)
+        ends = stats.success_interval(one.flights)
+        axes.plot(ends, (row, row), color=_colour(row), linewidth=6, alpha=0.3)
+        axes.plot(share, row, "o", color=_colour(row), markersize=7, clip_on=False)
+    labels = [f"{one.label}: {stats.success_words(one.flights)}" for one in sets]
+    axes.set_yticks(range(len(sets)), labels)
+    axes.set(xlim=(0.0, 100.0), ylim=(len(sets) - 0.5, -0.5))
+    axes.set_xlabel("successful flights, %, with the 95 % Wilson interval")
+    return figure
 
 
+@mpl.rc_context(_STYLE)
 def distributions(sets: Sequence[FlightSet]) -> Figure | None:
     """Draw the cumulative distribution of each metric; None when no flight has a metric."""
     # Where all values are 0, no flight has that phase.
-    panels = [name for name in METRICS if any(any(values_of(one.flights, name)) for one in sets)]
+    panels = [
+        name for name in METRICS if any(any(stats.values_of(one.flights, name)) for one in sets)
+    ]
     if not panels:
         return None
-    with style():
-        rows = math.ceil(len(panels) / 2)
-        figure = new_figure(9.5, 0.3 + 0.15 * len(sets) + 2.1 * rows)
-        grid = figure.subplots(rows, 2, squeeze=False)
-        for axes in grid.flat[len(panels) :]:
-            axes.set_visible(False)
-        for axes, name in zip(grid.flat, panels, strict=False):
-            _panel(axes, sets, name)
-        legend(figure, ((one.label, colour) for one, colour in _coloured(sets)))
-        return figure
+    rows = math.ceil(len(panels) / 2)
+    figure = _new_figure(9.5, 0.3 + 0.15 * len(sets) + 2.1 * rows)
+    grid = figure.subplots(rows, 2, squeeze=False)
+    for axes in grid.flat[len(panels) :]:
+        axes.set_visible(False)
+    for axes, name in zip(grid.flat, panels, strict=False):
+        _panel(axes, sets, name)
+    _legend(figure, ((one.label, _colour(index)) for index, one in enumerate(sets)))
+    return figure
 
 
 def _panel(axes: Axes, sets: Sequence[FlightSet], name: str) -> None:
-    metric, quoted = METRICS[name], paper_figures(name, (one.tree for one in sets))
+    metric, quoted = METRICS[name], stats.paper_figures(name, (one.tree for one in sets))
     for _, least, most in quoted:
         axes.axvspan(least, most, color="#ffd43b", alpha=0.5, linewidth=0)
-    for one, colour in _coloured(sets):
-        if values := values_of(one.flights, name):
-            axes.ecdf(values, color=colour, linewidth=1.8)
+    for index, one in enumerate(sets):
+        if values := stats.values_of(one.flights, name):
+            axes.ecdf(values, color=_colour(index), linewidth=1.8)
     title = f"{metric.words}, {metric.unit}" if metric.unit else metric.words
     axes.set_title("\n".join((title, *(f"paper, {text}" for text, _, _ in quoted))))
     axes.set(xlim=(0.0, 100.0) if metric.unit == "%" else (0.0, None), ylim=(0.0, 1.0))
@@ -162,39 +132,35 @@ def _panel(axes: Axes, sets: Sequence[FlightSet], name: str) -> None:
 _SHARES: Final = ("passed", "seen")  # as the fields of a flight are called
 
 
+@mpl.rc_context(_STYLE)
 def coverage_over_time(sets: Sequence[FlightSet]) -> Figure | None:
-    """Draw the coverage of each flight over time and the mean of each set.
-
-    Flights without measured coverage are left out; None when no flight has a curve.
-    """
+    """Draw the coverage of flights over time and each set's mean; None without a curve."""
     found = (
-        (one, colour, [f for f in one.flights if f.get("coverage_passed") is not None])
-        for one, colour in _coloured(sets)
+        (one.label, [f for f in one.flights if f.get("coverage_passed") is not None], _colour(row))
+        for row, one in enumerate(sets)
     )
-    measured = [(one.label, some, colour) for one, colour, some in found if some]
+    measured = [(label, some, colour) for label, some, colour in found if some]
     if not any(flight["coverage_curve"] for _, some, _ in measured for flight in some):
         return None
-    with style():
-        figure = new_figure(9.5, 3.4 + 0.15 * len(sets))
-        panels = figure.subplots(1, len(_SHARES), sharey=True)
-        for axes, what in zip(panels, _SHARES, strict=True):
-            for _, some, colour in measured:
-                alpha = float(np.clip(4.0 / len(some), 0.1, 0.5))
-                for flight in some:
-                    curve = curve_of(flight, what)
-                    axes.plot(*curve.T, color=colour, linewidth=0.8, alpha=alpha)
-                    axes.plot(*curve[-1:].T, ".", color=colour, markersize=4, alpha=alpha)
-                axes.plot(*mean_curve(some, what).T, color=colour, linewidth=2.0)
-            axes.axvline(EXPLORE_S, color="#adb5bd", linewidth=0.8, linestyle=":")
-            axes.set_title(f"free ground {'covered' if what == 'passed' else what}, %")
-            axes.set_xlabel("time from the take-off command, s")
-            axes.set(xlim=(0.0, None), ylim=(0.0, 100.0))
-        legend(figure, ((f"{label}, flights: {len(some)}", c) for label, some, c in measured))
-        return figure
+    figure = _new_figure(9.5, 3.4 + 0.15 * len(sets))
+    for axes, what in zip(figure.subplots(1, len(_SHARES), sharey=True), _SHARES, strict=True):
+        for _, some, colour in measured:
+            alpha = float(np.clip(4.0 / len(some), 0.1, 0.5))
+            for flight in some:
+                curve = curve_of(flight, what)
+                axes.plot(*curve.T, color=colour, linewidth=0.8, alpha=alpha)
+                axes.plot(*curve[-1:].T, ".", color=colour, markersize=4, alpha=alpha)
+            axes.plot(*mean_curve(some, what).T, color=colour, linewidth=2.0)
+        axes.axvline(EXPLORE_S, color="#adb5bd", linewidth=0.8, linestyle=":")
+        axes.set_title(f"free ground {'covered' if what == 'passed' else what}, %")
+        axes.set_xlabel("time from the take-off command, s")
+        axes.set(xlim=(0.0, None), ylim=(0.0, 100.0))
+    _legend(figure, ((f"{label}, flights: {len(some)}", c) for label, some, c in measured))
+    return figure
 
 
-def curve_of(flight: Mapping[str, Any], what: str) -> NDArray[np.float64]:
-    """Return a flight's coverage, `passed` or `seen`, to its end: time in s, share in %, (N, 2)."""
+def curve_of(flight: Mapping[str, Any], what: str) -> Floats:
+    """Return a flight's coverage, `passed` or `seen`: time in s, share in %, (N, 2)."""
     curve = np.array(flight["coverage_curve"], dtype=np.float64).reshape(-1, 1 + len(_SHARES))
     points = curve[:, [0, 1 + _SHARES.index(what)]]
     end_s, share = flight.get("duration_s"), flight.get(f"coverage_{what}")
@@ -203,7 +169,7 @@ def curve_of(flight: Mapping[str, Any], what: str) -> NDArray[np.float64]:
     return points * (1.0, 100.0)
 
 
-def mean_curve(flights: Flights, what: str) -> NDArray[np.float64]:
+def mean_curve(flights: Flights, what: str) -> Floats:
     """Return the mean coverage at the sample times that half of the flights reached, (N, 2).
 
     Time in s, share in %. Later the mean would jump whenever a flight ends.
@@ -213,6 +179,126 @@ def mean_curve(flights: Flights, what: str) -> NDArray[np.float64]:
         for point in flight["coverage_curve"]:
             shares[point[0]].append(100.0 * point[1 + _SHARES.index(what)])
     half = len(flights) / 2
-    return np.array(
-        [(t, np.mean(some)) for t, some in sorted(shares.items()) if len(some) >= half]
-    ).reshape(-1, 2)
+    means = [(t, np.mean(some)) for t, some in sorted(shares.items()) if len(some) >= half]
+    return np.array(means).reshape(-1, 2)
+
+
+_OUTCOME_COLOURS: Final = {
+    "success": "#2b8a5a",
+    "collision": "#c92a2a",
+    "left_area": "#e67700",
+    "timeout": "#6741d9",
+    "aborted": "#868e96",
+    "error": "#212529",
+}
+_POINTS: Final = 5  # that are evaluated for each of a path, one for each tick
+_MARK: Final = "#a61e1e"
+_INK: Final = "#343a40"
+_ARROW_M: Final = 0.5  # length of the arrow of the take-off heading
+_MARGIN_M: Final = 0.1  # around the ground and the paths
+_PANEL_IN: Final = 4.7  # width of a panel's axes
+_WORDS_IN: Final = 0.9  # height of the title, the ticks and their label
+
+
+@mpl.rc_context(_STYLE)
+def scene_figure(sets: Sequence[FlightSet], name: str, scene: Scene) -> Figure | None:
+    """Draw paths (left) and coverage (right) in a scene, a row for each set; None without paths."""
+    found = (
+        (one.label, [f for f in one.flights if f["scene"] == name and f.get("path")])
+        for one in sets
+    )
+    rows = [(label, flown) for label, flown in found if flown]
+    if not rows:
+        return None
+    lab, cells = map_of_scene(scene), GroundCells(scene.ground_plan)
+    shown = [flight for _, flown in rows for flight in flown]
+    paths_m = np.concatenate([np.asarray(flight["path"])[:, 1:3] for flight in shown])
+    half_m = np.maximum(np.abs(paths_m).max(axis=0), np.asarray(lab.ground.size_m) / 2) + _MARGIN_M
+    row_in = _PANEL_IN * half_m[1] / half_m[0] + _WORDS_IN
+    figure = _new_figure(11.0, row_in * len(rows) + 0.4)
+    grid = figure.subplots(len(rows), 2, squeeze=False, sharex=True, sharey=True)
+    grid[0, 0].set(xlim=(-half_m[0], half_m[0]), ylim=(-half_m[1], half_m[1]))
+    for (left, right), (label, flown) in zip(grid, rows, strict=True):
+        _draw_lab(left, lab)
+        _draw_paths(left, flown)
+        count = "1 flight" if len(flown) == 1 else f"{len(flown)} flights"
+        left.set_title(f"{label}\nin {name}, {count}", fontweight="bold")
+        _draw_lab(right, lab)
+        image = _draw_coverage(right, flown, lab, cells)
+    bar = figure.colorbar(image, ax=grid, shrink=0.7 / len(rows), pad=0.01)
+    bar.set_label("flights that covered it, %")
+    bar.outline.set_visible(False)
+    outcomes = {flight["outcome"] for flight in shown}
+    colours = ((o.replace("_", " "), c) for o, c in _OUTCOME_COLOURS.items() if o in outcomes)
+    _legend(figure, colours, columns=len(_OUTCOME_COLOURS))
+    return figure
+
+
+def _draw_paths(axes: Axes, flown: Flights) -> None:
+    alpha = float(np.clip(6.0 / len(flown), 0.15, 0.8))
+    # Failures on top: they are few and matter most.
+    for flight in sorted(flown, key=lambda one: one["outcome"] != stats.SUCCESS):
+        _, x_m, y_m, _ = np.asarray(flight["path"], dtype=np.float64).T
+        failed, colour = flight["outcome"] != stats.SUCCESS, _OUTCOME_COLOURS[flight["outcome"]]
+        width, shade = (1.4, 0.9) if failed else (0.9, alpha)
+        axes.plot(x_m, y_m, color=colour, linewidth=width, alpha=shade)
+        if failed:
+            axes.plot(x_m[-1], y_m[-1], "x", color=colour, markersize=8, markeredgewidth=2)
+        axes.plot(x_m[0], y_m[0], ".", color=colour, markersize=3)
+
+
+def _draw_coverage(axes: Axes, flown: Flights, lab: LabMap, cells: GroundCells) -> Any:
+    passed = [visited_cells(flight["path"], cells) for flight in flown]
+    half_x, half_y = (side / 2 for side in lab.ground.size_m)
+    image = axes.imshow(
+        100.0 * np.mean(passed, axis=0),
+        origin="lower",
+        extent=(-half_x, half_x, -half_y, half_y),
+        vmin=0.0,
+        vmax=100.0,
+        cmap="Blues",
+        zorder=0,
+    )
+    shares = [100.0 * cells.share(one) for one in passed]
+    spread = f" (mean; {min(shares):.0f} to {max(shares):.0f} %)" if len(shares) > 1 else ""
+    axes.set_title(f"{float(np.mean(shares)):.0f} % of the free ground covered{spread}")
+    axes.set_xlabel(f"x, m; covered: the body's centre came within {PASSED_M:g} m", fontsize=8)
+    return image
+
+
+def _draw_lab(axes: Axes, lab: LabMap) -> None:
+    """Draw ground, mark, boxes, movers' paths and take-off, with axes in m."""
+    axes.add_patch(Polygon(lab.ground.corners_m, facecolor="none", edgecolor="#adb5bd"))
+    if lab.mark is not None:
+        axes.add_patch(Polygon(lab.mark.corners(), facecolor="white", edgecolor=_MARK))
+        axes.text(lab.mark.x_m, lab.mark.y_m, "H", ha="center", va="center", color=_MARK)
+    for box in lab.boxes:
+        face = tuple(channel / 255 for channel in box.colour)
+        axes.add_patch(Polygon(box.corners(), facecolor=face, edgecolor=_INK, linewidth=0.8))
+        height = f"{box.height_m:.3g}"
+        axes.text(box.x_m, box.y_m, height, fontsize=7, color="white", ha="center", va="center")
+    for mover in lab.movers:
+        colour = tuple(channel / 255 for channel in mover.colour)
+        axes.plot(*zip(*mover.path_m, strict=True), color=colour, linewidth=0.8, linestyle=":")
+    if lab.take_off is not None:
+        arrow = {"arrowstyle": "-|>", "color": _INK, "shrinkA": 0, "shrinkB": 0}
+        ahead = lab.take_off.to_world(_ARROW_M, 0.0)
+        axes.annotate("", ahead, (lab.take_off.x_m, lab.take_off.y_m), arrowprops=arrow)
+    axes.set_xlabel("x, m", fontsize=8)
+    axes.set_ylabel("y, m", fontsize=8)
+    axes.set_aspect("equal")
+    axes.tick_params(length=2, labelsize=7, labelbottom=True)
+    axes.spines[:].set_visible(False)
+    axes.grid(visible=False)
+
+
+def visited_cells(path: Sequence[Sequence[float]], cells: GroundCells) -> Flags:
+    """Return the cells that a flight has passed, (rows, columns).
+
+    `path` has points (t, x, y, z) in s and world metres, connected by straight lines.
+    """
+    time_s, x_m, y_m, _ = np.asarray(path, dtype=np.float64).T
+    dense_s = np.linspace(time_s[0], time_s[-1], _POINTS * len(path))
+    points_m = np.column_stack([np.interp(dense_s, time_s, along_m) for along_m in (x_m, y_m)])
+    away_m, _ = cKDTree(points_m).query(cells.middles_m)
+    return np.asarray(away_m <= PASSED_M)

@@ -1,29 +1,29 @@
-"""Sources of a report: folders of campaigns and plain files of flights."""
+"""Sources of a report: folders of campaigns, and files of flights."""
 
 from __future__ import annotations
 
 import shlex
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+from typing import Any
 
-from uav_bt.campaign.flight_lines import read_flights
+from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.plan import CampaignPlan
-from uav_bt.campaign.store import FLIGHTS_FILE, PLAN_FILE, read_plan
+from uav_bt.campaign.store import (
+    FLIGHTS_FILE,
+    PLAN_FILE,
+    file_stem,
+    key_of,
+    read_flights,
+    read_plan,
+)
 from uav_bt.errors import FileError
+from uav_bt.lab.lab import Lab
+from uav_bt.lab.shipped import lab_address
 
 Flights = Sequence[Mapping[str, Any]]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Source:
-    """A folder or file that was read; a plain file of flights has no plan and no runs."""
-
-    path: Path  # as given
-    plan: CampaignPlan | None = None
-    runs: tuple[dict[str, Any], ...] = ()  # each with its time, machine and commit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,47 +33,37 @@ class FlightSet:
     label: str  # unique in the report
     tree: str  # name of the tree's file
     flights: Flights  # their lines
-    source: Source
+    path: Path  # the folder or file that was read, as given
+    plan: CampaignPlan | None = None  # a plain file of flights has no plan and no runs
+    runs: Sequence[Mapping[str, Any]] = ()  # each with its time, machine and commit
+    note: str = ""  # on planned flights of the source that are missing
 
     def scene_path(self, scene: str) -> str:
         """Return the file of a scene of these flights, or the name of a shipped scene."""
-        planned = self.source.plan.scenes if self.source.plan is not None else ()
+        planned = self.plan.scenes if self.plan else ()
         return next((file.path for file in planned if file.name == scene), scene)
 
     def tree_path(self) -> str:
         """Return the file of the tree, or the name of a shipped mission."""
-        planned = self.source.plan.trees if self.source.plan is not None else ()
-        paths = (file.path for file in planned if file.name == self.tree)
-        return next(paths, Path(self.tree).stem)
+        planned = self.plan.trees if self.plan else ()
+        return next((f.path for f in planned if f.name == self.tree), Path(self.tree).stem)
+
+    def repeat_command(self, flight: Mapping[str, Any]) -> str:
+        """Return the command that flies one of the flights again."""
+        scene = None if flight["scene"] is None else self.scene_path(flight["scene"])
+        options = FlightOptions() if self.plan is None else self.plan.options
+        out = PurePosixPath(flight.get("folder") or file_stem(key_of(flight))).name
+        return fly_command(self.tree_path(), scene, flight, options, out=out)
 
 
-class Sources(NamedTuple):
-    """Content of a report."""
-
-    sets: tuple[FlightSet, ...]  # the flights by tree and source
-    notes: tuple[str, ...]  # on planned flights that are missing
-
-
-def read_sources(paths: Sequence[Path]) -> Sources:
-    """Read folders of campaigns, or files with one flight per line, each tree as a set.
-
-    Raises:
-        FileError: A folder or file is missing or has no flights.
-    """
-    notes: list[str] = []
-    found: list[tuple[Source, str, Flights]] = []
-    for path in dict.fromkeys(paths):
-        source, flights = _read(path)
-        found += [(source, tree, some) for tree, some in by_tree(flights).items()]
-        if source.plan is not None and len(flights) < len(source.plan):
-            notes.append(f"{path}: {len(flights)} of {len(source.plan)} planned flights were flown")
-    stems = Counter(Path(tree).stem for _, tree, _ in found)
-    sets = []
-    for source, tree, flights in found:
-        stem = Path(tree).stem
-        label = stem if stems[stem] == 1 else f"{stem} ({source.path})"
-        sets.append(FlightSet(label=label, tree=tree, flights=flights, source=source))
-    return Sources(tuple(sets), tuple(notes))
+def read_sources(paths: Sequence[Path]) -> tuple[FlightSet, ...]:
+    """Read folders of campaigns, or files with one flight per line, each tree as a set."""
+    sets = [one for path in dict.fromkeys(paths) for one in _read(path)]
+    count = Counter(one.label for one in sets)
+    return tuple(
+        one if count[one.label] == 1 else replace(one, label=f"{one.label} ({one.path})")
+        for one in sets
+    )
 
 
 def by_tree(flights: Iterable[Mapping[str, Any]]) -> dict[str, Flights]:
@@ -84,20 +74,63 @@ def by_tree(flights: Iterable[Mapping[str, Any]]) -> dict[str, Flights]:
     return dict(trees)
 
 
-def _read(path: Path) -> tuple[Source, Flights]:
-    file, source = path, Source(path=path)
+def _read(path: Path) -> Iterator[FlightSet]:
+    file, source = path, FlightSet(label="", tree="", flights=(), path=path)
+    remedy, note = "expected lines that `uav-bt campaign` wrote", ""
     if path.is_dir():
         file = path / FLIGHTS_FILE
         if not file.is_file():
-            raise FileError(
-                path, f"no flights in this folder; `uav-bt campaign` keeps them in {FLIGHTS_FILE}"
-            )
-        if (path / PLAN_FILE).exists():
-            plan, runs = read_plan(path)
-            source = Source(path=path, plan=plan, runs=tuple(runs))
+            kept = f"`uav-bt campaign` keeps them in {FLIGHTS_FILE}"
+            raise FileError(path, f"no flights in this folder; {kept}")
     flights = read_flights(file)
+    if path.is_dir() and (path / PLAN_FILE).exists():
+        plan, runs = read_plan(path)
+        remedy = f"`uav-bt campaign --resume {shlex.quote(str(path))}` flies them"
+        if len(flights) < len(plan):
+            note = f"{path}: {len(flights)} of {len(plan)} planned flights were flown"
+        source = replace(source, plan=plan, runs=runs, note=note)
     if not flights:
-        resume = f"`uav-bt campaign --resume {shlex.quote(str(path))}` flies them"
-        expected = "expected lines that `uav-bt campaign` wrote" if source.plan is None else resume
-        raise FileError(file, f"no flights; {expected}")
-    return source, flights
+        raise FileError(file, f"no flights; {remedy}")
+    for tree, some in by_tree(flights).items():
+        yield replace(source, label=Path(tree).stem, tree=tree, flights=some)
+
+
+def fly_command(
+    tree: str, scene: str | None, flight: Mapping[str, Any], options: FlightOptions, *, out: str
+) -> str:
+    """Return the `uav-bt fly` command of a flight.
+
+    `flight` has what was drawn or changed for it, by the names in a flight's line, and
+    `options` say how its campaign was flown. Leaves that write files need the output folder.
+    """
+    drone, folders, limit_s = flight.get("drone"), options.tree_folders, options.judge.time_limit_s
+    is_default_size = options.image_size_px == FlightOptions.image_size_px
+    given: list[tuple[str, object]] = [
+        ("--scene", scene),
+        ("--seed", str(flight["seed"])),
+        ("--exact-masks", bool(flight.get("exact_masks") or options.exact_masks)),
+        ("--drone", None if drone == FlightOptions.drone else drone),
+        ("--profile", flight.get("profile")),
+        ("--vary-room", bool(flight.get("vary_room"))),
+        ("--movers", flight.get("movers") or None),
+        *(("--faults", fault) for fault in flight.get("faults") or ()),
+        *(("--set", f"{name}={value}") for name, value in (flight.get("ports") or {}).items()),
+        *(("--var", f"{name}={value}") for name, value in (flight.get("variables") or {}).items()),
+        ("--image-size", None if is_default_size else "{}x{}".format(*options.image_size_px)),
+        ("--time-limit", None if limit_s is None else f"{limit_s:g}"),
+        ("--lab", lab_address(options.lab) if isinstance(options.lab, Lab) else None),
+        ("--tree", options.tree_id),
+        *(("--trees", folder) for folder in folders.trees),
+        ("--include-root", folders.include_root),
+        *(("--ros-pkg", f"{name}={folder}") for name, folder in folders.packages.items()),
+        *(("--policy", f"{node}={name}") for node, name in options.policy_names.items()),
+        *(("--leaves", file) for file in options.leaves),
+        ("--out", out),
+    ]
+    words = ["uav-bt", "fly", tree]
+    for name, value in given:
+        if value is True:
+            words.append(name)
+        elif value is not None and value is not False:
+            words += [name, str(value)]
+    return shlex.join(words)

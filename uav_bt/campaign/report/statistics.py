@@ -7,19 +7,19 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import binomtest, bootstrap, chi2
 
-from uav_bt.campaign.flight_lines import METRICS
 from uav_bt.campaign.report.sources import Flights
+from uav_bt.campaign.store import METRICS
 from uav_bt.mission.flight_report import EXPLORE_S
 from uav_bt.mission.judge import Outcome
+from uav_bt.types.arrays import Floats
 
 SUCCESS: Final = Outcome.SUCCESS.value
 PERCENTILE_FLIGHTS: Final = 3  # smallest number with percentiles and intervals (chosen)
 _PERCENT_FLIGHTS: Final = 10  # smallest number whose successes are given in percent (chosen)
 _DIGITS: Final = {"s": 1, "m": 3, "%": 1, "": 2}  # decimal places by unit
-_RESAMPLES: Final = 4_000  # chosen: the interval's ends repeat to a few percent of its width
+_RESAMPLES: Final = 4_000  # chosen: the ends repeat to a few percent of the width
 
 
 def reached(flight: Mapping[str, Any], metric: str) -> float | None:
@@ -46,18 +46,13 @@ def rounded(value: float | None, metric: str) -> float | None:
 
 def spread(values: Sequence[float]) -> dict[str, float | None]:
     """Return mean, median, percentiles and ends of values; None where there are too few."""
+    names = ("mean", "median", "5 %", "95 %", "least", "most")
     if not values:
-        return dict.fromkeys(("mean", "median", "5 %", "95 %", "least", "most"))
-    p5, median, p95 = (float(value) for value in np.percentile(values, [5, 50, 95]))
-    enough = len(values) >= PERCENTILE_FLIGHTS
-    return {
-        "mean": float(np.mean(values)),
-        "median": median,
-        "5 %": p5 if enough else None,
-        "95 %": p95 if enough else None,
-        "least": float(min(values)),
-        "most": float(max(values)),
-    }
+        return dict.fromkeys(names)
+    numbers = [np.mean(values), *np.percentile(values, [50, 5, 95, 0, 100])]
+    found: dict[str, float | None] = dict(zip(names, map(float, numbers), strict=True))
+    few = dict.fromkeys(("5 %", "95 %")) if len(values) < PERCENTILE_FLIGHTS else {}
+    return found | few
 
 
 def successes(flights: Flights) -> int:
@@ -92,10 +87,10 @@ def rate_interval(count: int, hours: float) -> tuple[float, float]:
     return low / hours, high / hours
 
 
-def median_interval(values: NDArray[np.float64]) -> tuple[float, float] | None:
-    """Return the 95 % percentile bootstrap of a median (Efron and Tibshirani, 1993, chapter 13)."""
+def median_interval(values: Floats) -> tuple[float, float] | tuple[None, None]:
+    """Return the 95 % percentile bootstrap of a median (Efron and Tibshirani, 1993)."""
     if values.size < PERCENTILE_FLIGHTS:
-        return None
+        return None, None
     rng = np.random.default_rng(0)
     found = bootstrap((values,), np.median, n_resamples=_RESAMPLES, method="percentile", rng=rng)
     low, high = found.confidence_interval
@@ -130,7 +125,7 @@ def paper_figures(metric: str, trees: Iterable[str]) -> list[tuple[str, float, f
 
 
 def paper_success(trees: Iterable[str]) -> str:
-    """Return the paper's statement about the success of missions; empty if it flew none of them."""
+    """Return the paper's statement about the success of missions; empty without one."""
     flown = {Path(tree).stem for tree in trees}
     known = [mission for mission in (_SEGMENTATION, _DEPTH) if mission in flown]
     each = " each" if len(known) > 1 else ""

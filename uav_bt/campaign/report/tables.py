@@ -6,7 +6,6 @@ import csv
 import io
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 from urllib.parse import quote
@@ -14,23 +13,10 @@ from urllib.parse import quote
 import numpy as np
 from markupsafe import Markup
 
-from uav_bt.campaign.flight_lines import METRICS
 from uav_bt.campaign.plan import flattened
-from uav_bt.campaign.report.repeat import repeat_command
-from uav_bt.campaign.report.sources import Flights, FlightSet, Source
-from uav_bt.campaign.report.statistics import (
-    PERCENTILE_FLIGHTS,
-    SUCCESS,
-    paper_figures,
-    paper_success,
-    rate_interval,
-    rounded,
-    spread,
-    success_interval,
-    success_percent,
-    successes,
-    values_of,
-)
+from uav_bt.campaign.report import statistics as stats
+from uav_bt.campaign.report.sources import Flights, FlightSet
+from uav_bt.campaign.store import METRICS
 from uav_bt.mission.covered_ground import PASSED_M, SEEN_M
 from uav_bt.mission.flight_report import EXPLORE_S
 from uav_bt.mission.judge import Outcome
@@ -52,16 +38,16 @@ class Cell(NamedTuple):
 
 
 Value = str | int | float | Cell | None
+Row = Sequence[Value]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Table:
+class Table(NamedTuple):
     """A table of the report; one without rows is not on the page."""
 
     name: str  # of its CSV file, without the report's stem and the suffix
     title: str
     columns: Sequence[str]
-    rows: Sequence[Sequence[Value]]
+    rows: Sequence[Row]
     note: str = ""
 
     def to_csv(self) -> str:
@@ -72,73 +58,66 @@ class Table:
 
 
 def tables_of(sets: Sequence[FlightSet], page: Path) -> dict[str, Table]:
-    """Return the report's tables by name, but for that of pairs; links are relative to the page."""
+    """Return the report's tables by name, but for pairs; links are relative to the page."""
     makers = (_outcomes, _scenes, _metrics, _rates, _timings, _flights, _maps)
-    tables = [make(sets) for make in makers]
-    return {table.name: table for table in (*tables, _failures(sets, page))}
+    tables = [*(make(sets) for make in makers), _failures(sets, page)]
+    return {table.name: table for table in tables}
+
+
+def metric_cell(name: str) -> Cell:
+    """Return the cell of a metric: its field in the CSV file, its words on the page."""
+    return Cell(name, Markup.escape(METRICS[name].words))
 
 
 _SUCCESS: Final = ("flights", "successes", "success, %", "from, %", "to, %")
 
 
-def _success(flights: Flights) -> Iterator[Value]:
-    percent = success_percent(flights)
-    yield from (len(flights), successes(flights), None if percent is None else round(percent, 1))
-    yield from (round(end, 1) for end in success_interval(flights))
+def _success(flights: Flights) -> Row:
+    percent, ends = stats.success_percent(flights), stats.success_interval(flights)
+    share = None if percent is None else round(percent, 1)
+    return len(flights), stats.successes(flights), share, *(round(end, 1) for end in ends)
 
 
 def _outcomes(sets: Sequence[FlightSet]) -> Table:
-    failures = [outcome.value for outcome in Outcome if outcome.value != SUCCESS]
-    ends = [(one, [flight["outcome"] for flight in one.flights]) for one in sets]
-    return Table(
-        name="outcomes",
-        title="Outcomes",
-        columns=("tree", *_SUCCESS, *(failure.replace("_", " ") for failure in failures)),
-        rows=[[one.label, *_success(one.flights), *map(end.count, failures)] for one, end in ends],
-        note="From and to: the 95 % Wilson interval of the share of successes.",
-    )
+    failures = [outcome.value for outcome in Outcome if outcome.value != stats.SUCCESS]
+    rows = []
+    for one in sets:
+        ends = [flight["outcome"] for flight in one.flights]
+        rows.append([one.label, *_success(one.flights), *map(ends.count, failures)])
+    columns = ("tree", *_SUCCESS, *(failure.replace("_", " ") for failure in failures))
+    note = "From and to: the 95 % Wilson interval of the share of successes."
+    return Table("outcomes", "Outcomes", columns, rows, note)
 
 
 def _scenes(sets: Sequence[FlightSet]) -> Table:
-    rows: list[list[Value]] = []
+    rows: list[Row] = []
     for one in sets:
         for scene in sorted({flight["scene"] for flight in one.flights if flight["scene"]}):
             flown = [flight for flight in one.flights if flight["scene"] == scene]
             rows.append([one.label, scene, *_success(flown)])
-    columns = ("tree", "scene", *_SUCCESS)
-    return Table(name="scenes", title="By scene", columns=columns, rows=rows)
+    return Table("scenes", "By scene", ("tree", "scene", *_SUCCESS), rows)
 
 
 _METRIC_NOTE: Final = (
-    f"Flights: the number of flights that reached the metric. The first {EXPLORE_S:.0f} s begin "
-    "with the take-off command; shorter flights do not count. The search lasts from the end of "
-    f"exploration until the mark is found. Passed: within {PASSED_M:g} m of the flown path. Seen: "
-    f"in view, not hidden, within {SEEN_M:g} m of the lens. Least clearance: the smallest distance "
-    "of the hull from a box or mover."
+    f"Flights: those that reached the metric. The first {EXPLORE_S:.0f} s begin with the "
+    "take-off command; shorter flights do not count. The search lasts from the end of "
+    f"exploration until the mark is found. Passed: within {PASSED_M:g} m of the path. Seen: in "
+    f"view, within {SEEN_M:g} m of the lens. Least clearance: of the hull from a box or mover."
 )
 
 
 def _metrics(sets: Sequence[FlightSet]) -> Table:
-    quoted = ("paper",) if paper_success(one.tree for one in sets) else ()
-    rows: list[list[Value]] = []
+    quoted = ("paper",) if stats.paper_success(one.tree for one in sets) else ()
+    rows: list[Row] = []
     for name, metric in METRICS.items():
         for one in sets:
-            if values := values_of(one.flights, name):
-                row: list[Value] = [
-                    Cell(name, Markup.escape(metric.words)),
-                    metric.unit or None,
-                    one.label,
-                ]
-                row += [len(values), *(rounded(each, name) for each in spread(values).values())]
-                told = "; ".join(text for text, _, _ in paper_figures(name, [one.tree]))
+            if values := stats.values_of(one.flights, name):
+                row: list[Value] = [metric_cell(name), metric.unit or None, one.label, len(values)]
+                row += [stats.rounded(each, name) for each in stats.spread(values).values()]
+                told = "; ".join(text for text, *_ in stats.paper_figures(name, [one.tree]))
                 rows.append([*row, told or None] if quoted else row)
-    return Table(
-        name="metrics",
-        title="Times and distances",
-        columns=("metric", "unit", "tree", "flights", *spread(()), *quoted),
-        rows=rows,
-        note=_METRIC_NOTE,
-    )
+    columns = ("metric", "unit", "tree", "flights", *stats.spread(()), *quoted)
+    return Table("metrics", "Times and distances", columns, rows, _METRIC_NOTE)
 
 
 def _landed_elsewhere(flight: Mapping[str, Any]) -> bool:
@@ -156,7 +135,7 @@ _RATE_H: Final = 100.0  # hours that rates are given for
 
 
 def _rates(sets: Sequence[FlightSet]) -> Table:
-    rows: list[list[Value]] = []
+    rows: list[Row] = []
     for one in sets:
         seconds, path_m, rooms = (
             sum(flight.get(name) or 0.0 for flight in one.flights)
@@ -166,20 +145,17 @@ def _rates(sets: Sequence[FlightSet]) -> Table:
             row = [one.label, round(hours, 2), round(path_m / hours), round(rooms / hours, 1)]
             for has in _EVENTS.values():
                 count = sum(map(has, one.flights))
-                rates = (count / hours, *rate_interval(count, hours))
+                rates = (count / hours, *stats.rate_interval(count, hours))
                 row += [count, *(round(_RATE_H * rate, 1) for rate in rates)]
             rows.append(row)
-    events = [
-        f"{event}{number}" for event in _EVENTS for number in ("", ", rate", ", from", ", to")
-    ]
-    return Table(
-        name="rates",
-        title=f"Events per {_RATE_H:.0f} hours",
-        columns=("tree", "hours", "metres per hour", "rooms covered per hour", *events),
-        rows=rows,
-        note="From and to: the exact 95 % interval of the rate; without an event its upper end. "
-        "A drone that hovers touches nothing, so the distance and the ground covered are beside.",
+    numbers = ("", ", rate", ", from", ", to")
+    events = [f"{event}{number}" for event in _EVENTS for number in numbers]
+    columns = ("tree", "hours", "metres per hour", "rooms covered per hour", *events)
+    note = (
+        "From and to: the exact 95 % interval of the rate; without an event its upper end. A "
+        "drone that hovers touches nothing, so distance and ground covered are beside."
     )
+    return Table("rates", f"Events per {_RATE_H:.0f} hours", columns, rows, note)
 
 
 def _sorted(one: FlightSet) -> Flights:
@@ -187,24 +163,19 @@ def _sorted(one: FlightSet) -> Flights:
 
 
 def _failures(sets: Sequence[FlightSet], page: Path) -> Table:
-    rows: list[list[Value]] = []
+    rows: list[Row] = []
     for one in sets:
-        for flight in (each for each in _sorted(one) if each["outcome"] != SUCCESS):
-            outcome, command = flight["outcome"].replace("_", " "), repeat_command(one, flight)
+        for flight in (each for each in _sorted(one) if each["outcome"] != stats.SUCCESS):
+            outcome, command = flight["outcome"].replace("_", " "), one.repeat_command(flight)
             row = [one.label, flight["scene"], flight["seed"], outcome, flight.get("reason")]
             row += [flight.get("duration_s"), _record(one, flight, page)]
             rows.append([*row, Cell(command, Markup("<code>{}</code>").format(command))])
     columns = ("tree", "scene", "seed", "outcome", "reason", "after, s", "record")
-    return Table(
-        name="failures",
-        title="Every failure",
-        columns=(*columns, "command to repeat"),
-        rows=rows,
-    )
+    return Table("failures", "Every failure", (*columns, "command to repeat"), rows)
 
 
 def _record(one: FlightSet, flight: Mapping[str, Any], page: Path) -> Cell | None:
-    folder = one.source.path if one.source.path.is_dir() else one.source.path.parent
+    folder = one.path if one.path.is_dir() else one.path.parent
     file = folder / (flight.get("record") or "")
     if not file.is_file():
         return None
@@ -213,18 +184,16 @@ def _record(one: FlightSet, flight: Mapping[str, Any], page: Path) -> Cell | Non
 
 
 def _timings(sets: Sequence[FlightSet]) -> Table:
-    numbers = ("p50, ms", "p99, ms", "longest, ms", "times real time")
-    return Table(
-        name="timings",
-        title="Computing",
-        columns=("tree", "stage", "flights", *numbers),
-        rows=[[one.label, *row] for one in sets for row in _timings_of(one.flights)],
-        note="p50 and p99: medians over the flights of each flight's percentiles. Longest: the "
-        "maximum of all flights. One inference thread; other flights ran at the same time.",
+    rows = [[one.label, *row] for one in sets for row in _timings_of(one.flights)]
+    columns = ("tree", "stage", "flights", "p50, ms", "p99, ms", "longest, ms", "times real time")
+    note = (
+        "p50 and p99: medians over the flights of each flight's percentiles. Longest: of all "
+        "flights. One inference thread; other flights ran at the same time."
     )
+    return Table("timings", "Computing", columns, rows, note)
 
 
-def _timings_of(flights: Flights) -> Iterator[Sequence[Value]]:
+def _timings_of(flights: Flights) -> Iterator[Row]:
     parts = [
         {"whole tick": flight.get("tick_ms"), **(flight.get("perception_ms") or {})}
         for flight in flights
@@ -235,21 +204,19 @@ def _timings_of(flights: Flights) -> Iterator[Sequence[Value]]:
             p50, p99, most = ([time[key] for time in times] for key in ("p50", "p99", "max"))
             numbers = (np.median(p50), np.median(p99), max(most))
             yield stage, len(times), *(round(float(number), 2) for number in numbers), None
-    speeds = [
-        f["duration_s"] / f["wall_s"] for f in flights if f.get("duration_s") and f.get("wall_s")
-    ]
-    if speeds:
+    ended = [flight for flight in flights if flight.get("duration_s") and flight.get("wall_s")]
+    if speeds := [flight["duration_s"] / flight["wall_s"] for flight in ended]:
         yield "flight", len(speeds), None, None, None, round(float(np.median(speeds)), 1)
 
 
 def _flights(sets: Sequence[FlightSet]) -> Table:
     fields = ("scene", "seed", "outcome", "reason", "profile", *METRICS, "wall_s")
     rows = [[one.label, *map(flight.get, fields)] for one in sets for flight in _sorted(one)]
-    return Table(name="flights", title="All flights", columns=("tree", *fields), rows=rows)
+    return Table("flights", "All flights", ("tree", *fields), rows)
 
 
 def _maps(sets: Sequence[FlightSet]) -> Table:
-    rows: list[list[Value]] = []
+    rows: list[Row] = []
     for one in sets:
         mapped = [f for f in one.flights if f.get("objects_total") is not None]
         if mapped:
@@ -257,32 +224,27 @@ def _maps(sets: Sequence[FlightSet]) -> Table:
                 sum(flight.get(name) or 0 for flight in mapped)
                 for name in ("objects_found", "objects_total", "false_objects", "map_restarts")
             )
-            errors_m = spread([e for flight in mapped for e in flight.get("object_errors_m") or ()])
-            if len(mapped) < PERCENTILE_FLIGHTS:
+            errors_m = stats.spread([e for f in mapped for e in f.get("object_errors_m") or ()])
+            if len(mapped) < stats.PERCENTILE_FLIGHTS:
                 errors_m["95 %"] = None
             wanted = ("mean", "median", "95 %", "most")
-            numbers = [rounded(errors_m[name], "map_drift_m") for name in wanted]
+            numbers = [stats.rounded(errors_m[name], "map_drift_m") for name in wanted]
             share = round(100.0 * found / total, 1) if total else None
             rows.append([one.label, len(mapped), found, total, share, false, *numbers, restarts])
-    return Table(
-        name="map",
-        title="The mission's map",
-        columns=(
-            *("tree", "flights", "objects found", "of", "found, %", "false objects"),
-            *("error, m: mean", "median", "95 %", "most", "restarts"),
-        ),
-        rows=rows,
-        note=f"An object counts as found if the map has an object of its class within {FOUND_M:g} "
-        "m. The pose at take-off aligns the map with the place, so the errors of position contain "
-        "the drift. They are those of all found objects.",
+    columns = (
+        *("tree", "flights", "objects found", "of", "found, %", "false objects"),
+        *("error, m: mean", "median", "95 %", "most", "restarts"),
     )
+    note = (
+        f"An object is found if the map has one of its class within {FOUND_M:g} m. The pose "
+        "at take-off aligns the map, so the errors of all found objects contain the drift."
+    )
+    return Table("map", "The mission's map", columns, rows, note)
 
 
-def origin_table(source: Source) -> Table:
+def origin_table(one: FlightSet) -> Table:
     """Return the plan of a campaign and its runs: machines, versions and commits."""
-    plan = {} if source.plan is None else source.plan.to_json()
-    rows = [*flattened(plan), *flattened(list(source.runs), "run")]
+    plan = {} if one.plan is None else one.plan.to_json()
+    rows = [*flattened(plan), *flattened([*one.runs], "run")]
     rows = rows or [("file", "a plain file of flights, without a plan")]
-    return Table(
-        name="origin", title=f"Origin: {source.path}", columns=("what", "which"), rows=rows
-    )
+    return Table("origin", f"Origin: {one.path}", ("what", "which"), rows)

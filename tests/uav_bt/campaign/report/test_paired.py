@@ -2,36 +2,26 @@
 
 from __future__ import annotations
 
-import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from uav_bt.app.options import FlightOptions
-from uav_bt.campaign.plan import CampaignPlan, PlannedFile, PlannedTree
+from tests.uav_bt.campaign.campaign_world import jsonl, line, plan
+from uav_bt.campaign.plan import PlannedFile
 from uav_bt.campaign.report.paired import losses_of, paired_table, pairs_of
-from uav_bt.campaign.report.sources import FlightSet, Source, read_sources
+from uav_bt.campaign.report.sources import FlightSet, read_sources
 from uav_bt.errors import InputError
 
 
 def flight(seed: int, tree: str = "a.xml", **fields: Any) -> dict[str, Any]:
-    return {
-        "tree": tree,
-        "scene": "val-a",
-        "seed": seed,
-        "outcome": "success",
-        "min_clearance_m": 0.5,
-        "coverage_passed": 0.8,
-        "duration_s": 100.0 + seed,
-        **fields,
-    }
+    known = {"tree": tree, "scene": "val-a", "min_clearance_m": 0.5, "coverage_passed": 0.8}
+    return line(seed, **known | fields)
 
 
 def sets_of(folder: Path, *flights: dict[str, Any]) -> tuple[FlightSet, ...]:
-    file = folder / "f.jsonl"
-    file.write_text("".join(json.dumps(one) + "\n" for one in flights), encoding="utf-8")
-    return read_sources([file]).sets
+    return read_sources([jsonl(folder / "f.jsonl", *flights)])
 
 
 def rows_of(sets: tuple[FlightSet, ...], **options: Any) -> dict[str, dict[str, Any]]:
@@ -85,40 +75,30 @@ def test_the_first_tree_is_compared_with_each_other_one(tmp_path: Path) -> None:
 
 
 def test_scenes_of_equal_name_and_different_text_are_not_paired() -> None:
-    def planned(scene_sha256: str) -> FlightSet:
-        plan = CampaignPlan(
-            trees=(PlannedTree(name="a.xml", path="a", sha256="0" * 64),),
-            scenes=(PlannedFile(name="val-a", path="val-a", sha256=scene_sha256),),
-            flights=1,
-            options=FlightOptions(),
-        )
-        source = Source(path=Path("runs"), plan=plan, runs=())
-        return FlightSet(label=scene_sha256[0], tree="a.xml", flights=(flight(1),), source=source)
+    def planned(sha256: str) -> FlightSet:
+        scene = PlannedFile(name="val-a", path="val-a", sha256=sha256)
+        one = FlightSet(label=sha256, tree="a.xml", flights=(flight(1),), path=Path("runs"))
+        return replace(one, plan=plan(scenes=[scene]))
 
-    assert len(pairs_of([planned("1" * 64), planned("1" * 64)])) == 1
-    assert pairs_of([planned("1" * 64), planned("2" * 64)]) == []
+    assert len(pairs_of([planned("1"), planned("1")])) == 1
+    assert pairs_of([planned("1"), planned("2")]) == []
 
 
 @pytest.mark.parametrize(
-    ("changed", "sentence"),
+    ("changed", "losses"),
     [
-        ({"outcome": "collision"}, "b: 2 more failures"),
+        ({"outcome": "collision"}, ["b: 2 more failures"]),
         (
             {"min_clearance_m": 0.47},
-            "b: least clearance of a flight: 5th percentile 0.03 m lower",
+            ["b: least clearance of a flight: 5th percentile 0.03 m lower"],
         ),
-        ({"coverage_passed": 0.77}, "b: free ground passed: median 3 points lower"),
+        ({"coverage_passed": 0.77}, ["b: free ground passed: median 3 points lower"]),
+        ({"min_clearance_m": 0.49, "coverage_passed": 0.79}, []),
     ],
 )
-def test_losses_are_named(changed: dict[str, Any], sentence: str, tmp_path: Path) -> None:
+def test_large_losses_are_named(changed: dict[str, Any], losses: list[str], tmp_path: Path) -> None:
     later = [flight(seed, "b.xml", **changed) for seed in (1, 2)]
-    assert losses_of(sets_of(tmp_path, flight(1), flight(2), *later)) == [sentence]
-
-
-@pytest.mark.parametrize("changed", [{"min_clearance_m": 0.49}, {"coverage_passed": 0.79}])
-def test_small_losses_are_allowed(changed: dict[str, Any], tmp_path: Path) -> None:
-    later = [flight(seed, "b.xml", **changed) for seed in (1, 2)]
-    assert losses_of(sets_of(tmp_path, flight(1), flight(2), *later)) == []
+    assert losses_of(sets_of(tmp_path, flight(1), flight(2), *later)) == losses
 
 
 def test_losses_need_flights_in_common(tmp_path: Path) -> None:
