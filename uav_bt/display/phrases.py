@@ -6,16 +6,28 @@ import math
 from pathlib import Path
 
 from uav_bt.mission.flight_report import FlightReport
-from uav_bt.types import Corridor, LandingMark, MarkFix, MoveBy, Movement, Velocity
+from uav_bt.types import (
+    Corridor,
+    CutMotors,
+    Hover,
+    Land,
+    LandingMark,
+    MarkFix,
+    MoveBy,
+    Movement,
+    Release,
+    TakeOff,
+    Velocity,
+)
 
 _NOTHING = 5e-3  # m and m/s; smaller parts are not shown
 _NO_TURN_RAD = math.radians(0.5)
-_WHOLE = {  # by the class of a movement
-    "TakeOff": "take off",
-    "Land": "land",
-    "Hover": "hover",
-    "CutMotors": "cut the motors",
-    "Release": "released to the pilot",
+_WHOLE: dict[type[Movement], str] = {
+    TakeOff: "take off",
+    Land: "land",
+    Hover: "hover",
+    CutMotors: "cut the motors",
+    Release: "released to the pilot",
 }
 _DIRECTIONS = (("forward", "back"), ("right", "left"), ("down", "up"))
 
@@ -45,7 +57,7 @@ def describe_movement(movement: Movement) -> str:
             along = (movement.forward_mps, movement.right_mps, movement.down_mps)
             yaw_rad = movement.yaw_rate_radps
         case _:
-            return _WHOLE[type(movement).__name__]
+            return _WHOLE[type(movement)]
     steps = ", ".join(
         f"{abs(value):.2f} {unit} {names[value < 0]}"
         for value, names in zip(along, _DIRECTIONS, strict=True)
