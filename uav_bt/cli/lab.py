@@ -16,7 +16,7 @@ from uav_bt.app.flight import check as check_tree
 from uav_bt.app.place import drawn_places
 from uav_bt.cli.declare import command
 from uav_bt.cli.shared import print_or_write
-from uav_bt.display.lab_drawing import draw_lab_with_axes
+from uav_bt.display.lab_map import draw_lab_with_axes
 from uav_bt.files import writing
 from uav_bt.lab.lab_file import lab_schema
 from uav_bt.lab.shipped import write_lab

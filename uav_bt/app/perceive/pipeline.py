@@ -21,7 +21,7 @@ from perception.depth.corridor import CorridorBuilder
 from perception.depth.metric import MetricDepth, MetricDepthMaker
 from perception.depth.scale import Scale
 from perception.marks.tracker import MarkTracker
-from uav_bt.display.video.perception_video import Seen
+from uav_bt.display.video.panes import Seen
 from uav_bt.errors import AnswerError
 from uav_bt.lab.shipped import default_mark
 from uav_bt.landing_marks import MarkView

@@ -20,7 +20,7 @@ from uav_bt.app.option_values import as_file
 from uav_bt.app.perceive.inputs import PerceiveInput, PerceiveOptions
 from uav_bt.app.perceive.pipeline import STAGES, Perceived
 from uav_bt.app.sources.shots import Shot
-from uav_bt.display.video.perception_video import PerceptionPanes
+from uav_bt.display.video.panes import PerceptionPanes
 from uav_bt.display.video.video_file import FILM, VideoFile
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import check_empty_folder, write_whole, writing
