@@ -31,9 +31,9 @@ from tests.docs.documents import (
     resolve,
 )
 from uav_bt.app.site import load_site
+from uav_bt.cli import declare
 from uav_bt.cli.root import uav_bt
 from uav_bt.cli.shared import registry_with
-from uav_bt.cli.values import OutputFile, OutputFolder
 from uav_bt.tree import NodeRegistry, parse_tree
 from uav_bt.tree.dry_run import read_script
 from uav_bt.tree.loading.loader import check_file
@@ -265,12 +265,13 @@ class Reader:
 
 
 def _writes(command: click.Command, param: click.Parameter) -> bool:
-    made = isinstance(param.type, OutputFile | OutputFolder)
+    about = command.about[str(param.name)] if isinstance(command, declare.Command) else None
+    made = about is not None and about.path in {"written", "folder"}
     return made or (command.name, param.name) in WRITES
 
 
 def _files(path: Path, kind: click.Path) -> list[Path]:
     """Return the files that a command writes for a path; a network has two."""
-    if isinstance(kind, OutputFolder):
+    if not kind.file_okay:
         return [path / ".kept"]
     return [path, path.with_suffix(".onnx")] if path.suffix == ".safetensors" else [path]

@@ -1,4 +1,4 @@
-"""`uav-bt campaign`: many flights, on all cores or on a cluster."""
+"""`uav-bt campaign`, `report` and `shrink`: many flights, results, causes of a failure."""
 
 from __future__ import annotations
 
@@ -7,13 +7,17 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
 import click
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
+from sim_bridge.twin.scene_file import scene_text
 from uav_bt import campaign as campaigns
 from uav_bt.app.options import SHARED, FlightOptions
 from uav_bt.campaign import CampaignResult
 from uav_bt.campaign.plan import CampaignPlan
-from uav_bt.campaign.report.sources import by_tree
+from uav_bt.campaign.report.campaign_report import write_report
+from uav_bt.campaign.report.figures import Form
+from uav_bt.campaign.report.paired import losses_of
+from uav_bt.campaign.report.sources import by_tree, fly_command, read_sources
 from uav_bt.campaign.report.statistics import (
     SUCCESS,
     spread,
@@ -23,51 +27,34 @@ from uav_bt.campaign.report.statistics import (
     values_of,
 )
 from uav_bt.campaign.runner import Backend, LocalBackend
+from uav_bt.campaign.shrinking import FailedFlight, same_cause
+from uav_bt.campaign.shrinking import shrink as shrink_flight
 from uav_bt.campaign.store import METRICS
 from uav_bt.cli.declare import command
 from uav_bt.cli.progress import campaign_progress
-from uav_bt.cli.shared import RUNS, Workers
-from uav_bt.errors import MissionError
+from uav_bt.cli.shared import RUNS, OutputFolder, Positive, Workers, table
+from uav_bt.errors import InputError, MissionError
+from uav_bt.files import check_empty_folder, write_whole, writing
 from uav_bt.option import Option
 
 _OPTIONS: Final = (*(name for name in SHARED if name != "record_quality"), "params")
-
-
-def _flown(
-    *,
-    scenes: Annotated[
-        tuple[str, ...],
-        Option(
-            "Scenes by name, file or pattern, with commas between. Repeatable; default: those of "
-            "--lab, else val-*.",
-            "GLOB",
-        ),
-    ] = (),
-    flights: Annotated[
-        int | None,
-        Ge(1),
-        Option("Flights of each tree in each scene, one seed each; default: 10."),
-    ] = None,
-    seed_from: Annotated[int, Ge(0), Option("The first seed.")] = 0,
-    timeout_s: Annotated[float, Gt(0), Option("Wall time after which a flight counts as hung.")] = (
-        CampaignPlan.timeout_s
-    ),
-    record: Annotated[bool, Option("Keep a record of every flight in DIR/records.")] = False,
-) -> dict[str, Any]:
-    """Return which flights a campaign has, as `make_plan` takes them."""
-    more: dict[str, Any] = {"scenes": scenes or None, "seed_from": seed_from, "record": record}
-    return {**more, "flights": flights or 10, "timeout_s": timeout_s}
+_RESUMED: Final = {"resume", "workers", "backend", "address", "fail_under"}  # may go together
+_NAMED: Final = 5  # flights that an error names, at most
+_TWIN: Final = "twin"
 
 
 def _backend(
     *,
     workers: Workers = None,
-    backend: Annotated[
-        Literal["local", "dask"], Option("This machine's cores, or a Dask cluster.")
-    ] = "local",
-    address: Annotated[str | None, Option("Address of the Dask scheduler.", "HOST:PORT")] = None,
+    backend: Literal["local", "dask"] = "local",
+    address: Annotated[str | None, Option(form="HOST:PORT")] = None,
 ) -> Backend:
-    """Return what flies: `workers` of this machine, None for one on each core, or a cluster."""
+    """Return what flies: `workers` of this machine, None for one on each core, or a cluster.
+
+    Options:
+        backend: This machine's cores, or a Dask cluster.
+        address: Address of the Dask scheduler.
+    """
     if backend == "dask" and workers is not None:
         raise click.UsageError("--workers is for this machine; a cluster has its workers")
     if (backend == "dask") != (address is not None):
@@ -81,25 +68,18 @@ def _backend(
 
 @command()
 def campaign(
-    ctx: click.Context,
     trees: Annotated[tuple[str, ...], Option(form="TREE...")] = (),
     *,
-    flown: Annotated[dict[str, Any], Option(parts=_flown)],
+    scenes: Annotated[tuple[str, ...], Option(form="GLOB")] = (),
+    flights: Annotated[int | None, Ge(1)] = None,
+    seed_from: Annotated[int, Ge(0)] = 0,
+    timeout_s: Positive = CampaignPlan.timeout_s,
+    record: bool = False,
     flight: Annotated[FlightOptions, Option(parts=FlightOptions, only=_OPTIONS)],
     backend: Annotated[Backend, Option(parts=_backend)],
-    out: Annotated[
-        Path | None,
-        Option("Where the plan and the flights are kept; default: runs/TREE.", path="folder"),
-    ] = None,
-    resume: Annotated[
-        Path | None,
-        Option(
-            "Continue the campaign in this folder, with the plan that is kept there.", path="folder"
-        ),
-    ] = None,
-    fail_under: Annotated[
-        float | None, Ge(0), Le(100), Option("Exit with 1 when fewer flights succeed.", "PERCENT")
-    ] = None,
+    out: OutputFolder = None,
+    resume: OutputFolder = None,
+    fail_under: Annotated[float | None, Ge(0), Le(100), Option(form="PERCENT")] = None,
 ) -> None:
     """Fly missions many times and keep every flight.
 
@@ -110,48 +90,54 @@ def campaign(
     `error`. `uav-bt report DIR` writes the report. A flight with networks takes 30 to 60 s of a
     core, and a fifth of that with `--drone plain`, which draws no images.
 
-    \b
-    Examples:
-      uav-bt campaign land_only --scenes val-a,val-b --flights 50 --out runs/land
-      uav-bt campaign --resume runs/land
-
     Exits with 0 when all flights were flown, whatever their outcome (but see --fail-under), with 1
     when it was stopped, and with 2 when something given was refused.
-    """  # noqa: D301  (click needs the backspace)
+
+    Options:
+        scenes: Scenes by name, file or pattern, with commas between. Repeatable; default: those of
+            --lab, else val-*.
+        flights: Flights of each tree in each scene, one seed each; default: 10.
+        seed_from: The first seed.
+        timeout_s: Wall time after which a flight counts as hung.
+        record: Keep a record of every flight in DIR/records.
+        out: Where the plan and the flights are kept; default: runs/TREE.
+        resume: Continue the campaign in this folder, with the plan that is kept there.
+        fail_under: Exit with 1 when fewer flights succeed.
+    """
     if resume is not None:
-        _only_resume(ctx)
+        _only_resume(click.get_current_context())
         plan, folder = campaigns.plan_of(resume), resume
     elif trees:
-        plan = campaigns.make_plan(trees, flight, **flown)
+        plan = campaigns.make_plan(
+            trees,
+            flight,
+            scenes=scenes or None,
+            flights=flights or 10,
+            seed_from=seed_from,
+            timeout_s=timeout_s,
+            record=record,
+        )
         folder = out or RUNS / "-".join(dict.fromkeys(Path(tree.path).stem for tree in plan.trees))
     else:
         raise click.UsageError("which TREE is to be flown? or --resume DIR")
-    with campaign_progress(len(plan)) as progress:
-        try:
-            result = campaigns.run(
-                plan, folder, backend=backend, on_flight=progress.add, on_note=progress.note
-            )
-        except KeyboardInterrupt:
-            progress.note(
-                f"stopped; {progress.done} of {len(plan)} flights are kept in {folder}, "
-                "and the same command continues from there"
-            )
-            ctx.exit(MissionError.exit_code)
-    _print_result(result, folder)
+    with campaign_progress(len(plan), folder) as progress:
+        result = campaigns.run(
+            plan, folder, backend=backend, on_flight=progress.add, on_note=progress.note
+        )
+    _print_result(result)
+    click.echo(f"flights: {folder / 'flights.jsonl'}")
     good = 100.0 * successes(result.flights) / len(result.flights)
     if fail_under is not None and good < fail_under:
-        ctx.exit(MissionError.exit_code)
+        raise SystemExit(MissionError.exit_code)
 
 
 def _only_resume(ctx: click.Context) -> None:
     """Refuse options that the folder's plan decides."""
-    may = {"resume", "workers", "backend", "address", "fail_under"}
     given = [
         param.opts[0] if isinstance(param, click.Option) else "TREE"
         for param in ctx.command.params
-        if param.name is not None
-        and param.name not in may
-        and ctx.get_parameter_source(param.name) is click.core.ParameterSource.COMMANDLINE
+        if (name := str(param.name)) not in _RESUMED
+        and ctx.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
     ]
     if given:
         raise click.UsageError(
@@ -159,20 +145,145 @@ def _only_resume(ctx: click.Context) -> None:
         )
 
 
-def _print_result(result: CampaignResult, folder: Path) -> None:
+def _print_result(result: CampaignResult) -> None:
     for tree, flights in by_tree(result.flights).items():
         low, high = success_interval(flights)
         ends = Counter(flight["outcome"] for flight in flights if flight["outcome"] != SUCCESS)
         failures = "".join(f"; {name} {count}" for name, count in ends.most_common())
-        success = (
-            f"success {success_words(flights)} (95 % Wilson interval {low:.1f} to {high:.1f} %)"
-        )
-        click.echo(f"{tree}: {success}{failures}")
-        heads = ("mean", "median", "p5", "p95", "least", "most")
-        click.echo(f"  {'unit':>25}{'n':>5}" + "".join(f"{head:>8}" for head in heads))
+        success = f"success {success_words(flights)}"
+        click.echo(f"{tree}: {success} (95 % Wilson interval {low:.1f} to {high:.1f} %){failures}")
+        rows = [["", "unit", "n", "mean", "median", "p5", "p95", "least", "most"]]
         for name, metric in METRICS.items():
             if values := values_of(flights, name):
                 numbers = spread(values).values()
-                cells = "".join(" " * 8 if each is None else f"{each:>8.2f}" for each in numbers)
-                click.echo(f"  {name:<22}{metric.unit:>3}{len(values):>5}{cells}")
-    click.echo(f"flights: {folder / 'flights.jsonl'}")
+                cells = ("" if each is None else f"{each:.2f}" for each in numbers)
+                rows.append([name, metric.unit, str(len(values)), *cells])
+        for line in table(rows):
+            click.echo(f"  {line}")
+
+
+@command()
+def report(
+    sources: Annotated[tuple[Path, ...], Option(form="DIR...")],
+    *,
+    out: Annotated[Path | None, Option(path="written", suffix=".html")] = None,
+    figures: Literal[Form, "none"] = "png",
+    all_pairs: bool = False,
+    not_worse: bool = False,
+) -> None:
+    """Write the report of campaigns, their trees side by side.
+
+    DIR is the folder of a `uav-bt campaign`, or a file with one flight per line. The page is
+    self-contained. Its figures are also written to the folder report-figures beside it, and its
+    tables (CSV) beside it.
+
+    Trees that flew in the same scenes with the same seeds are compared flight by flight: McNemar's
+    test of success, and paired differences of coverage, clearance, landing error and duration.
+    Worse, for --not-worse, is a tree with two more failures among these flights, a median coverage
+    more than 2 points lower or a 5th percentile of the clearance more than 2 cm lower.
+
+    Options:
+        out: The HTML page; figures and tables go beside it. Default: DIR/report.html
+        figures: Form of the files of figures; the page always has PNGs inside.
+        all_pairs: Compare all trees with each other, not only the first with each other one.
+        not_worse: Exit with 1 if a tree is worse than the first on the same flights.
+    """
+    losses = losses_of(read_sources(sources)) if not_worse else []
+    written = write_report(
+        sources,
+        out,
+        figures=None if figures == "none" else figures,
+        all_pairs=all_pairs,
+        on_note=lambda note: click.echo(f"note: {note}", err=True),
+    )
+    for file in (written.page, *written.images, *written.tables):
+        click.echo(file)
+    if losses:
+        click.echo("\n".join(f"worse: {loss}" for loss in losses), err=True)
+        raise SystemExit(MissionError.exit_code)
+
+
+@command()
+def shrink(
+    source: Annotated[Path, Option(form="DIR")],
+    *,
+    tree_name: Annotated[str | None, Option(form="--tree NAME")] = None,
+    scene: Annotated[str | None, Option(form="NAME")] = None,
+    seed: Annotated[int | None, Ge(0)] = None,
+    out: Annotated[Path, Option(path="folder")],
+    twin: bool = False,
+) -> None:
+    """Reduce a failed flight to the fewest causes that still make it fail.
+
+    DIR is the folder of a `uav-bt campaign`, or a file with one flight per line. The first flight
+    that failed is taken, unless --tree, --scene and --seed name another. Boxes, movers and faults
+    are left out as long as the flight ends with the same outcome and reason; numbers may differ.
+    The rest is written as a scene file and a fault file, with the commands that fly them: with the
+    drone that failed, and in the twin with images.
+
+    Exits with 0 when the flight was reduced, with 1 when it was stopped or does not fail in the
+    twin (--twin), and with 2 when something given was refused.
+
+    Options:
+        tree_name: Of the flight; default: any.
+        scene: Of the flight; default: any.
+        seed: Of the flight; default: any.
+        out: A new or empty folder for scene and faults.
+        twin: Fly the result in the twin, too; exit with 1 if it does not fail.
+    """
+    check_empty_folder(out, "shrink")
+    wanted = {"tree": tree_name, "scene": scene, "seed": seed}
+    flight = _failed(source, {name: value for name, value in wanted.items() if value is not None})
+    click.echo(f"{flight.ending}; {len(flight.parts())} parts: boxes, objects, movers and faults")
+    click.echo("  parts  end of the flight")
+    small = shrink_flight(flight, lambda count, ending: click.echo(f"  {count:>5}  {ending}"))
+    with writing(out):
+        out.mkdir(parents=True, exist_ok=True)
+    file, faults = out / "scene.yaml", out / "faults.txt"
+    write_whole(file, scene_text(small.scene))
+    write_whole(faults, "".join(f"{fault}\n" for fault in small.options.faults))
+    kept = (f"{kind} {len(some)}" for kind, some in small.things().items())
+    click.echo(f"remaining: {', '.join(kept)}; {file}, {faults}")
+    options = small.options
+    flown: dict[str, Any] = {
+        "seed": options.seed,
+        "profile": options.profile,
+        "faults": [f"@{faults}"] if small.options.faults else [],
+        "ports": options.ports,
+        "variables": options.variables,
+    }
+    for drone in dict.fromkeys((options.drone_name, _TWIN)):
+        changes = flown | {"drone": drone}
+        repeat = fly_command(small.tree, str(file), changes, options, out=str(out / drone))
+        images = ", with images" if drone == _TWIN else ""
+        click.echo(f"command to repeat it, drone {drone}{images}:\n  {repeat}")
+    if twin:
+        ending = small.fly(_TWIN)
+        click.echo(f"in the twin: {ending}")
+        if not same_cause(ending, small.ending):
+            raise SystemExit(MissionError.exit_code)
+
+
+def _failed(source: Path, wanted: dict[str, str | int]) -> FailedFlight:
+    """Return the first failed flight that has the wanted tree, scene and seed."""
+    others: list[str] = []
+    for one in read_sources([source]):
+        for line in one.flights:
+            is_wanted = all(_plain(line[name]) == _plain(value) for name, value in wanted.items())
+            if is_wanted and line["outcome"] != SUCCESS:
+                options = FlightOptions() if one.plan is None else one.plan.options
+                scene = one.scene_path(str(line["scene"]))
+                return FailedFlight.of(line, one.tree_path(), scene, options)
+            if wanted:
+                which = f"{line['tree']} in {line['scene']}, seed {line['seed']}"
+                others.append(f"{which}: {line['outcome']}")
+    asked = ", ".join(f"{name} {value}" for name, value in wanted.items())
+    raise InputError(
+        f"{source} has no failed flight{f' with {asked}' if asked else ''}"
+        + "".join(f"; {each}" for each in others[:_NAMED])
+    )
+
+
+def _plain(value: object) -> object:
+    """Return a tree's name without its file's ending, and any other value as it is."""
+    return value.removesuffix(".xml") if isinstance(value, str) else value

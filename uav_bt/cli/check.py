@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import json
-import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Final, Literal
 
 import click
 
 from uav_bt.cli.declare import command
 from uav_bt.cli.shared import CheckedLab, ParameterSets, Registry, refuse_in_lab
 from uav_bt.errors import FileError, InputError
+from uav_bt.files import reading
 from uav_bt.lab.shipped import load_lab
 from uav_bt.option import Option
 from uav_bt.tree import NodeRegistry
@@ -31,7 +31,6 @@ _Report = tuple[Path, tuple[Finding, ...]]
 
 @command()
 def check(
-    ctx: click.Context,
     trees: Annotated[tuple[str, ...], Option(form="TREE...")],
     *,
     tree_id: TreeId = None,
@@ -39,10 +38,7 @@ def check(
     tree_folders: Folders,
     parameters: ParameterSets,
     lab: CheckedLab = None,
-    format_: Annotated[
-        Literal["text", "json"],
-        Option("json: one object a line and file, with its findings.", "--format"),
-    ] = "text",
+    format_: Annotated[Literal["text", "json"], Option(form="--format")] = "text",
 ) -> None:
     """Check tree files and report all that is wrong.
 
@@ -53,16 +49,13 @@ def check(
     of each variant of the parameter file. --lab refuses a mission that does not fit the settings of
     a lab: its network and flight height, its ceiling and its area.
 
-    \b
-    As JSON, each line is an object with
-      file      the file's path
-      ok        true or false
-      findings  objects with path, line, column, node, message, severity
-                (error or warning) and rule, a name that stays; path is
-                that of an included file if the mistake is there, line and
-                column count from 1 and are null for the file as a whole
-    """  # noqa: D301  (click needs the backspace)
-    refused = False
+    As JSON, each line is an object with file, ok and findings: objects with path, line, column,
+    node, message, severity (error or warning) and rule, a name that stays. The path is that of an
+    included file if the mistake is there. Line and column count from 1; null is the whole file.
+
+    Options:
+        format_: json: one object a line and file, with its findings.
+    """
     lookup = tree_folders.lookup()
     one = bool(parameters or lab)
     if one and (len(trees) > 1 or Path(trees[0]).is_dir()):
@@ -71,15 +64,16 @@ def check(
         )
     fits = None
     if lab is not None:
-        of: dict[str, Any] = {"tree_id": tree_id, "tree_folders": tree_folders}
-        fits = partial(refuse_in_lab, load_lab(lab), registry, **of)
+        fits = partial(
+            refuse_in_lab, load_lab(lab), registry, tree_id=tree_id, tree_folders=tree_folders
+        )
+    refused = False
     for tree in trees:
-        if one:
-            found: Iterable[_Report] = [
-                _single(tree, registry, tree_id, lookup, parameters or [None], fits=fits)
-            ]
+        if one or _is_pipe(tree):
+            sets = parameters or [None]
+            found = iter([_single(tree, registry, tree_id, lookup, sets, fits=fits)])
         else:
-            found = _reports(tree, registry, tree_id, lookup)
+            found = _of_files(tree, registry, tree_id, lookup)
         for path, findings in found:
             refused |= bool(errors_of(findings))
             if format_ == "json":
@@ -87,16 +81,13 @@ def check(
             else:
                 _print(path, findings)
     if refused:
-        ctx.exit(InputError.exit_code)
+        raise SystemExit(InputError.exit_code)
 
 
-def _reports(
+def _of_files(
     tree: str, registry: NodeRegistry, tree_id: str | None, lookup: Lookup
 ) -> Iterator[_Report]:
     """Yield the findings of each file of a TREE."""
-    if _is_pipe(tree):
-        yield _single(tree, registry, tree_id, lookup, [None])
-        return
     try:
         files = tree_files(tree)
         if Path(tree).is_dir():
@@ -116,32 +107,27 @@ def _single(
     lookup: Lookup,
     parameters: Sequence[Parameters | None],
     *,
-    fits: Callable[..., None] | None = None,
+    fits: Callable[[Path | str, Sequence[Parameters | None]], None] | None,
 ) -> _Report:
     """Return the name and the findings of one text, which is read once, with each set of values.
 
     `fits` raises InputError if the mission does not fit a lab.
     """
+    path = Path(tree)
+    found: list[Finding] = []
     try:
         path, source = _read(tree)
+        for each in parameters:
+            found += check_text(
+                source, registry, path=path, tree_id=tree_id, lookup=lookup, parameters=each
+            )
+        if fits is not None:
+            found = [one for one in found if one.rule is not Rule.LAB]
+        if fits is not None and not errors_of(found):
+            fits(source.decode() if _is_pipe(tree) else path, parameters)
     except InputError as error:
-        return Path(tree), findings_of(error, Path(tree))
-    found = (
-        finding
-        for each in parameters
-        for finding in check_text(
-            source, registry, path=path, tree_id=tree_id, lookup=lookup, parameters=each
-        )
-    )
-    findings = tuple(dict.fromkeys(found))
-    if fits is not None:
-        findings = tuple(one for one in findings if one.rule is not Rule.LAB)
-    if fits is not None and not errors_of(findings):
-        try:
-            fits(source.decode() if _is_pipe(tree) else path, parameters=parameters)
-        except InputError as error:
-            findings += findings_of(error, path)
-    return path, findings
+        found += findings_of(error, path)
+    return path, tuple(dict.fromkeys(found))
 
 
 def _is_pipe(tree: str) -> bool:
@@ -150,16 +136,11 @@ def _is_pipe(tree: str) -> bool:
 
 def _read(tree: str) -> tuple[Path, bytes]:
     """Return the name and the text of a file, of a shipped mission or from a pipe."""
-    if tree == _STDIN:
-        return Path("<stdin>"), sys.stdin.buffer.read(MAX_BYTES + 1)
     if not _is_pipe(tree):
         path = resolve_tree(tree)
         return path, read_source(path)
-    try:
-        with Path(tree).open("rb") as pipe:
-            return Path(tree), pipe.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise FileError(tree, str(error.strerror)) from error
+    with reading(Path(tree)), click.open_file(tree, "rb") as pipe:
+        return Path("<stdin>" if tree == _STDIN else tree), pipe.read(MAX_BYTES + 1)
 
 
 def _print(path: Path, findings: tuple[Finding, ...]) -> None:
@@ -190,17 +171,14 @@ def _as_json(path: Path, findings: tuple[Finding, ...]) -> str:
 def new(
     file: Path,
     *,
-    start: Annotated[
-        Literal["hover", "land", "explore"],
-        Option(
-            "hover: up, look round, down; land: find the mark, land; explore: the whole mission.",
-            "--from",
-        ),
-    ] = "hover",
+    start: Annotated[Literal["hover", "land", "explore"], Option(form="--from")] = "hover",
 ) -> None:
     """Write a commented mission file to begin with.
 
     FILE is the new file, such as my_mission.xml. A file that exists is not overwritten.
+
+    Options:
+        start: hover: up, look round, down; land: find the mark, land; explore: the whole mission.
     """
     write_starter(file, start)
     click.echo(f"written: {file} (fly it: uav-bt fly {file})")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import chain
 from typing import Annotated
 
 import click
@@ -18,32 +19,24 @@ from uav_bt.option import Option
 
 
 @command()
-def doctor(
-    ctx: click.Context,
-    *,
-    drone: Annotated[
-        str | None,
-        Option(
-            "Connect to this drone, too, and check it as before a take-off. Without this option "
-            "nothing is sent anywhere.",
-            "NAME[:ADDRESS]",
-        ),
-    ] = None,
-) -> None:
+def doctor(*, drone: Annotated[str | None, Option(form="NAME[:ADDRESS]")] = None) -> None:
     """Check the installation.
 
     Exits with 1 when something that uav-bt needs is wrong; extras are a choice.
+
+    Options:
+        drone: Connect to this drone, too, and check it as before a take-off. Without this option
+            nothing is sent anywhere.
     """
-    bad = 0
-    for check in examine(_draws):
-        click.echo(str(check))
-        bad += not (check.good or check.optional)
+    checks = examine(_draws)
     if drone is not None:
-        for check in _drone_checks(drone):
-            click.echo(str(check))
-            bad += not check.good
+        checks = chain(checks, _drone_checks(drone))
+    bad = False
+    for check in checks:
+        click.echo(str(check))
+        bad |= not (check.good or check.optional)
     if bad:
-        ctx.exit(UavBtError.exit_code)
+        raise SystemExit(UavBtError.exit_code)
 
 
 def _draws() -> str:

@@ -1,27 +1,36 @@
-"""`uav-bt net evaluate`: how good a network is, measured against the twin's truth."""
+"""`uav-bt net perceive` and `net evaluate`: what networks make of a video, how good they are."""
 
 from __future__ import annotations
 
-import json
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, TypeVar
 
 import click
-from annotated_types import Ge
 
 from perception.control.runtime import SHIPPED_STUDENT, OnnxControlStudent
 from perception.depth.runtime import load_depth_estimator
 from perception.segmentation import runtime
+from uav_bt.app.option_values import Seed
+from uav_bt.app.perceive import PerceiveOptions, PerceiveSummary
+from uav_bt.app.perceive import perceive as perceive_source
 from uav_bt.cli.declare import command
 from uav_bt.cli.progress import progress_bars
-from uav_bt.cli.shared import Records
-from uav_bt.cli.training_options import Drawn
-from uav_bt.files import writing
+from uav_bt.cli.shared import (
+    Count,
+    InputFile,
+    OutputFile,
+    OutputFolder,
+    Records,
+    table,
+    write_scores,
+)
+from uav_bt.errors import MissionError
 from uav_bt.learning.dataset import evaluate_student, read_advised_flights, records_of
 from uav_bt.learning.depth_evaluation import evaluate_depth
-from uav_bt.learning.views import TESTING_SCENES, DepthViewPlan
+from uav_bt.learning.views import TESTING_SCENES, DepthViewPlan, ViewPlan
 from uav_bt.option import Option
 
 _FIGURES: Final = {
@@ -33,27 +42,45 @@ _PAPER: Final = (
     *("0.0740", "0.0597", "0.0988", "0.0655", "0.8342", ""),
     *("0.1440", "0.1628", "0.3714", "", "", ""),
 )
+_Plan = TypeVar("_Plan", ViewPlan, DepthViewPlan)
 
-_Scores = Annotated[Path | None, Option("Write the scores there too, as JSON.", path="written")]
+
+@dataclass(frozen=True, kw_only=True)
+class Drawn:
+    """Which images the twin draws; without scenes those of the plan.
+
+    Options:
+        scenes: Draw images of this scene, by name or file, not of the default ones. Repeatable.
+        views: Images of each scene.
+    """
+
+    scenes: Annotated[tuple[str, ...], Option(form="--scene SCENE")] = ()
+    views: Count = 50
+    seed: Seed = 5
+
+    def of(self, plan: _Plan) -> _Plan:
+        """Return a plan with these values."""
+        scenes = self.scenes or plan.scenes
+        return replace(plan, scenes=scenes, views=self.views, seed=self.seed)
 
 
 @command()
 def depth(
     *,
-    model: Annotated[
-        str, Option("'depth', an ONNX network, or 'contact': masks and geometry, no network.")
-    ] = "depth",
-    masks: Annotated[
-        Literal["unet", "exact"],
-        Option("Class maps: the network's, as in a flight, or the twin's exact ones."),
-    ] = "unet",
+    model: str = "depth",
+    masks: Literal["unet", "exact"] = "unet",
     drawn: Annotated[Drawn, Option(parts=Drawn, defaults={"views": 170, "seed": 21})],
-    out: _Scores = None,
+    out: OutputFile = None,
 ) -> None:
     """Measure metric depth against the twin's exact depth; on the testing scenes by default.
 
     Prints errors beside the paper's: lengths of obstacles' edges and distances from the camera,
     by the paper's three scales, by ground contact alone, and as flown.
+
+    Options:
+        model: 'depth', an ONNX network, or 'contact': masks and geometry, no network.
+        masks: Class maps: the network's, as in a flight, or the twin's exact ones.
+        out: Write the scores there too, as JSON.
     """
     network = None if model == "contact" else load_depth_estimator(model, threads=2)
     plan = drawn.of(DepthViewPlan(scenes=TESTING_SCENES))
@@ -68,26 +95,24 @@ def depth(
     )
     for line in depth_lines(measured["rows"]):
         click.echo(line)
-    _write({"model": model, **measured}, out)
+    write_scores({"model": model, **measured}, out)
 
 
 def depth_lines(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """Yield the lines of a table of errors, the paper's first."""
-    heads = [f"{what} {name}" for what, names in _FIGURES.items() for name in names]
-    lines = [["", *heads], ["the paper (adaptive)", *_PAPER]]
-    for row in rows:
-        cells = [_figure(row[what], name) for what, names in _FIGURES.items() for name in names]
-        lines.append([row["method"], *cells])
-    widths = [max(len(cell) for cell in column) for column in zip(*lines, strict=True)]
-    for head, *cells in lines:
-        padded = (f"{cell:>{width}}" for cell, width in zip(cells, widths[1:], strict=True))
-        yield f"{head:<{widths[0]}}  {'  '.join(padded)}"
+    figures = [(what, name) for what, names in _FIGURES.items() for name in names]
+    lines = [["", *(f"{what} {name}" for what, name in figures)]]
+    lines.append(["the paper (adaptive)", *_PAPER])
+    lines += [
+        [row["method"], *(_figure(row[what], name) for what, name in figures)] for row in rows
+    ]
+    return table(lines)
 
 
 def _figure(error: Mapping[str, Any], name: str) -> str:
     if name == "known":
         return f"{error['valid'] / error['total']:.0%}" if error["total"] else "-"
-    value = error[{"corr": "correlation"}.get(name, f"{name}_m")]
+    value = error["correlation" if name == "corr" else f"{name}_m"]
     return "-" if value is None else f"{value:.4f}"
 
 
@@ -95,39 +120,86 @@ def _figure(error: Mapping[str, Any], name: str) -> str:
 def student(
     records: Records,
     *,
-    model: Annotated[
-        Path | None,
-        Option("A control student's ONNX file; the shipped one if not given.", path="read"),
-    ] = None,
-    views: Annotated[int, Ge(1), Option("Number of views that are scored.")] = 2000,
-    views_kept: Annotated[
-        Path | None,
-        Option(
-            "Where `net train student` keeps the records' views, to read them once only.",
-            path="folder",
-        ),
-    ] = None,
-    out: _Scores = None,
+    model: InputFile = None,
+    views: Count = 2000,
+    out: OutputFile = None,
 ) -> None:
     """Measure how well a control student agrees with the rule that advised in RECORDS.
 
     RECORDS are files that `uav-bt net collect` made, or folders of them.
+
+    Options:
+        model: A control student's ONNX file; the shipped one if not given.
+        views: Number of views that are scored.
+        out: Write the scores there too, as JSON.
     """
     network = OnnxControlStudent(model or SHIPPED_STUDENT, threads=2)
     with tempfile.TemporaryDirectory() as folder, progress_bars() as advance:
-        flights = read_advised_flights(
-            records_of(records), network.config, views_kept or Path(folder), advance=advance
-        )
+        found = records_of(records)
+        flights = read_advised_flights(found, network.config, Path(folder), advance=advance)
         score = evaluate_student(flights, network, max_windows=views)
     click.echo(f"flights: {len(flights)}, views scored: {score.windows}")
     for name, value in score.to_json().items():
         if name != "windows":
             click.echo(f"  {name:<18}{'-' if value is None else format(value, '.4f')}")
-    _write(score.to_json(), out)
+    write_scores(score.to_json(), out)
 
 
-def _write(scores: dict[str, Any], out: Path | None) -> None:
-    if out is not None:
-        with writing(out):
-            out.write_text(json.dumps(scores, indent=2) + "\n", encoding="utf-8")
-        click.echo(f"scores: {out}")
+@command()
+def perceive(
+    source: str,
+    *,
+    out: Annotated[Path | None, Option(path="written", suffix=".mp4")] = None,
+    json: OutputFile = None,
+    masks: OutputFolder = None,
+    options: Annotated[PerceiveOptions, Option(parts=PerceiveOptions)],
+) -> None:
+    """Show what perception makes of a video: masks, depth in metres, corridor, mark.
+
+    SOURCE is a video file, a folder of images, an image, a live camera such as camera:0, or a
+    record of `uav-bt fly --record`, which brings its camera and telemetry along. The images of a
+    folder are unrelated unless --sequence or --telemetry is given. Ctrl-C keeps what was written
+    and exits with 1.
+
+    Options:
+        out: Write the overlays there: an mp4 file.
+        json: Write one JSON object a frame there, a line each.
+        masks: A new or empty folder for the class map of each frame, a PNG of class ids, and for
+            classes.json.
+    """
+    with progress_bars() as advance:
+        summary = perceive_source(
+            source, options, out=out, lines=json, masks=masks, advance=advance
+        )
+    _show(summary)
+    for what, path in (("video", out), ("frames", json), ("masks", masks)):
+        if path is not None and path.exists():
+            click.echo(f"{what}: {path}")
+    if summary.interrupted:
+        raise SystemExit(MissionError.exit_code)
+
+
+def _show(summary: PerceiveSummary) -> None:
+    none = sum(summary.without_depth.values())
+    stopped = ", then interrupted" if summary.interrupted else ""
+    if summary.unrelated and summary.frames > 1:
+        stopped = f"{stopped}, each for itself (--sequence: they follow one another)"
+    rows = [
+        ("frames", f"{summary.frames}{stopped}"),
+        ("camera", summary.camera),
+        ("telemetry", summary.telemetry),
+        ("metric depth", f"in {summary.frames - none} frames, none in {none}"),
+        *(("", f"none in {count}: {why}") for why, count in summary.without_depth.items()),
+        *(("", f"contact only in {count}: {why}") for why, count in summary.in_part.items()),
+        ("mark", f"seen in {summary.with_mark} frames"),
+        *(
+            (name, f"{spent.p50:.1f} ms median, {spent.p99:.1f} ms 99 %")
+            for name, spent in summary.stage_ms.items()
+        ),
+    ]
+    for name, value in rows:
+        click.echo(f"{name:<15} {value}")
+    for line in summary.skipped:
+        click.echo(f"skipped {line}")
+    for line in summary.warnings:
+        click.echo(f"Warning: {line}", err=True)

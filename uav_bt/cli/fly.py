@@ -1,123 +1,60 @@
-"""`uav-bt fly`: fly a mission, watch it, keep its report."""
+"""`uav-bt fly`: fly a mission, watch it, keep its report; the keys of the person who watches."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
-from contextlib import ExitStack, suppress
-from dataclasses import asdict, dataclass
+import os
+import select
+import sys
+import termios
+import threading
+import tty
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
 import click
+from annotated_types import Ge, Le
 from rich.console import Console
 
 from uav_bt import app
 from uav_bt.app import film
-from uav_bt.app.drone_of_flight import is_simulated
 from uav_bt.app.options import IN_COMMANDS
 from uav_bt.app.view.live import live_view
+from uav_bt.cli import stopped_by
 from uav_bt.cli.declare import command
-from uav_bt.cli.interrupts import stopped_by
-from uav_bt.cli.keys import pilot_keys
 from uav_bt.display.status import OrderLines, summary
-from uav_bt.errors import FileError, InputError, MissionError
+from uav_bt.errors import FileError, MissionError
 from uav_bt.groot import watched_live
 from uav_bt.mission.judge import Outcome
+from uav_bt.mission.runner import MissionRunner
+from uav_bt.mission.tick import TickListener
 from uav_bt.option import Option
 from uav_bt.protocols import Drone
 
-_GROOT_PORT: Final = 1667  # the default of Groot2
-_MAX_GROOT_PORT: Final = 65_534  # notifications have the next one
-
-
-def _groot_port(text: str) -> int:
-    """Return a port whose neighbour exists, too."""
-    if not re.fullmatch(r"[1-9]\d{0,4}", text) or int(text) > _MAX_GROOT_PORT:
-        # `--groot` takes the next word for its port; the mission's name may be meant.
-        raise InputError(
-            f"expected a port from 1 to {_MAX_GROOT_PORT} or nothing, got '{text}'; "
-            "write a --groot without a port after TREE"
-        )
-    return int(text)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Outputs:
-    """Output files of a flight besides its record; None: not written."""
-
-    out: Annotated[
-        Path | None,
-        Option(
-            "A new or empty folder for the report, the map's objects, and what leaves such as "
-            "TakePhoto write.",
-            "",
-            "Outputs",
-            path="folder",
-        ),
-    ] = None
-    report: Annotated[
-        Path | None,
-        Option(
-            "Write the flight's report there, as JSON; default: report.json in --out.",
-            "",
-            "Outputs",
-            path="written",
-        ),
-    ] = None
-    video: Annotated[
-        Path | None,
-        Option(
-            "Make a video of the flight: an mp4 file.", "", "Outputs", path="written", suffix=".mp4"
-        ),
-    ] = None
-    btlog: Annotated[
-        Path | None,
-        Option(
-            "Log what each node does: a .btlog file, which Groot2 replays.",
-            "",
-            "Outputs",
-            path="written",
-            suffix=".btlog",
-        ),
-    ] = None
+KEYS_HELP: Final = (
+    "keys: m takes over and hands back, l lands, X (shift) cuts the motors in flight, Ctrl-C lands"
+)
+_GROOT_PORT: Final = "1667"  # the default of Groot2; notifications have the next one
 
 
 @command(sections=("Mission", "Outputs", "Watching", "Simulated room", "Place", "Real drone"))
 def fly(
-    ctx: click.Context,
     tree: str,
     *,
-    outputs: Annotated[Outputs, Option(parts=Outputs)],
+    out: Annotated[Path | None, Option(group="Outputs", path="folder")] = None,
+    report: Annotated[Path | None, Option(group="Outputs", path="written")] = None,
+    video: Annotated[Path | None, Option(group="Outputs", path="written", suffix=".mp4")] = None,
+    btlog: Annotated[Path | None, Option(group="Outputs", path="written", suffix=".btlog")] = None,
     flight: Annotated[app.FlightOptions, Option(parts=app.FlightOptions, only=IN_COMMANDS)],
     view: Annotated[
-        Literal["window", "web"] | None,
-        Option(
-            "Show the flight in Rerun: in a window, or with `web` in a browser on this machine.",
-            "[WHERE]",
-            "Watching",
-            alone="window",
-        ),
+        Literal["window", "web"] | None, Option("", "[WHERE]", "Watching", alone="window")
     ] = None,
     groot: Annotated[
-        int | None,
-        Option(
-            f"Let Groot2 on this machine watch, on port {_GROOT_PORT} or PORT and on the next one.",
-            "[PORT]",
-            "Watching",
-            alone=str(_GROOT_PORT),
-            read=_groot_port,
-        ),
+        int | None, Ge(1), Le(65_534), Option("", "[PORT]", "Watching", alone=_GROOT_PORT)
     ] = None,
-    watch: Annotated[
-        bool,
-        Option(
-            "Read TREE again whenever it is edited while it flies; for simulated drones.",
-            "",
-            "Watching",
-        ),
-    ] = False,
+    watch: Annotated[bool, Option(group="Watching")] = False,
 ) -> None:
     """Fly a mission.
 
@@ -136,36 +73,46 @@ def fly(
       uav-bt fly mission.xml --out results --record flight.mcap
       uav-bt fly mission.xml --watch --realtime
       uav-bt fly hover_and_look --drone anafi --site site.yaml --rehearse
+
+    Options:
+        out: A new or empty folder for the report, the map's objects, and what leaves such as
+            TakePhoto write.
+        report: Write the flight's report there, as JSON; default: report.json in --out.
+        video: Make a video of the flight: an mp4 file.
+        btlog: Log what each node does: a .btlog file, which Groot2 replays.
+        view: Show the flight in Rerun: in a window, or with `web` in a browser on this machine.
+        groot: Let Groot2 on this machine watch, on port 1667 or PORT and on the next one. Without
+            a port it stands after TREE.
+        watch: Read TREE again whenever it is edited while it flies; for simulated drones.
     """  # noqa: D301  (click needs the backspace)
-    files = {"record": flight.record, **asdict(outputs)}
-    if watch:
-        _check_watch(tree, flight, {**files, "view": view, "groot": groot})
+    if watch and (view or groot or btlog):
+        raise click.UsageError(
+            "--view, --groot and --btlog show the one tree that a flight began with, and with "
+            "--watch it may change: leave them out"
+        )
+    begun: list[app.Flight[Drone]] = []
     with ExitStack() as stack:
-        watchers: list[app.Listeners] = [
-            stack.enter_context(film.live_status()),
-            lambda _: [OrderLines(click.echo)] if flight.rehearse else [],
-        ]
+        follow = stack.enter_context(watched_live(btlog=btlog, groot=groot))
+
+        def listen(flown: app.Flight[Drone]) -> list[TickListener]:
+            begun.append(flown)
+            orders = [OrderLines(click.echo)] if flight.rehearse else []
+            return [*orders, *follow(flown.mission, flown.context)]
+
+        watchers: list[app.Listeners] = [stack.enter_context(film.live_status()), listen]
         viewed = None
         if view is not None:
             # Lives as long as the command: a browser still shows it when the summary is printed.
-            viewed = ctx.with_resource(live_view(web=view == "web", on_url=click.echo))
+            shown = live_view(web=view == "web", on_url=click.echo)
+            viewed = click.get_current_context().with_resource(shown)
             watchers.append(viewed)
-        follow = stack.enter_context(watched_live(btlog=outputs.btlog, groot=groot))
-        watchers.append(lambda flown: follow(flown.mission, flown.context))
-        begun: list[app.Flight[Drone]] = []
-
-        def begin(flown: app.Flight[Drone]) -> tuple[()]:
-            begun.append(flown)
-            return ()
-
-        watchers.append(begin)
         try:
             flown = app.fly(
                 tree,
                 flight,
-                out=outputs.out,
-                report=outputs.report,
-                video=outputs.video,
+                out=out,
+                report=report,
+                video=video,
                 listeners=watchers,
                 on_check=click.echo,
                 controls=pilot_keys,
@@ -175,7 +122,12 @@ def fly(
             when = "again while it landed" if begun else "before take-off: nothing flew"
             raise MissionError(f"{stopped_by(stop)} {when}") from stop
         Console().print(summary(flown, begun[0].held.mark))
-        lost = {**flown.lost_outputs, **_closed(stack)}
+        lost = dict(flown.lost_outputs)
+        try:
+            stack.close()
+        except (FileError, OSError) as fault:
+            lost["an output"] = str(fault)
+    files = {"record": flight.record, "out": out, "report": report, "video": video, "btlog": btlog}
     _name_files(files, lost)
     if viewed is not None and view == "web":
         click.echo("The view stays until Ctrl-C.")
@@ -184,25 +136,7 @@ def fly(
     if flown.airborne_at_end:
         click.secho(app.STILL_IN_THE_AIR, fg="red", bold=True, err=True)
     if lost or flown.outcome != Outcome.SUCCESS.value:
-        ctx.exit(MissionError.exit_code)
-
-
-def _check_watch(tree: str, flight: app.FlightOptions, given: Mapping[str, object]) -> None:
-    """Refuse options that cannot be combined with a tree that changes in flight."""
-    if not is_simulated(flight):
-        raise click.UsageError(
-            f"--watch changes a tree in flight: for simulated drones, not for {flight.drone_name}"
-        )
-    if not Path(tree).is_file():
-        raise click.UsageError(
-            f"--watch needs a tree file to edit, and '{tree}' is none; 'uav-bt new FILE' writes one"
-        )
-    for name, value in given.items():
-        if value is not None:
-            raise click.UsageError(
-                f"--{name} shows the one tree that a flight began with, and with --watch it may "
-                "change: leave one of them out"
-            )
+        raise SystemExit(MissionError.exit_code)
 
 
 def _name_files(written: Mapping[str, str | Path | None], lost: Mapping[str, str]) -> None:
@@ -214,10 +148,46 @@ def _name_files(written: Mapping[str, str | Path | None], lost: Mapping[str, str
         click.echo(f"Error: {what} was lost: {why}", err=True)
 
 
-def _closed(outputs: ExitStack) -> dict[str, str]:
-    """Close the outputs; return those that failed, with reasons."""
+def obey(key: str, runner: MissionRunner) -> None:
+    """Carry out the action of a key; other keys do nothing."""
+    if key == "m":
+        runner.manual = not runner.manual
+    elif key == "l":
+        runner.manual = False
+        runner.abort.request("a person pressed l")
+    elif key == "X":
+        runner.abort.cut_motors("a person cut the motors")
+
+
+@contextmanager
+def pilot_keys(runner: MissionRunner) -> Iterator[None]:
+    """Print the keys and obey them while a mission flies. Without a terminal this does nothing."""
+    if sys.stdin is None or not sys.stdin.isatty():  # None: the standard input was closed
+        yield
+        return
+    click.echo(KEYS_HELP, err=True)
+    terminal = sys.stdin.fileno()
+    before = termios.tcgetattr(terminal)
+    stop_read, stop_write = os.pipe()
+    reader = threading.Thread(
+        target=_read, args=(terminal, stop_read, runner), name="keys", daemon=True
+    )
     try:
-        outputs.close()
-    except (FileError, OSError) as fault:
-        return {"an output": str(fault)}
-    return {}
+        tty.setcbreak(terminal)  # keys without Enter; Ctrl-C still is a signal
+        reader.start()
+        yield
+    finally:
+        os.write(stop_write, b".")
+        reader.join()
+        termios.tcsetattr(terminal, termios.TCSADRAIN, before)
+        os.close(stop_read)
+        os.close(stop_write)
+
+
+def _read(terminal: int, stop: int, runner: MissionRunner) -> None:
+    while stop not in (ready := select.select([terminal, stop], [], [])[0]):
+        if terminal in ready:
+            pressed = os.read(terminal, 1)
+            if not pressed:  # the terminal went away
+                return
+            obey(pressed.decode("latin-1"), runner)

@@ -1,23 +1,33 @@
-"""`uav-bt lab new`, `schema` and `scenes`: a lab file to begin with, scenes of the twin."""
+"""`uav-bt lab`: a lab file to begin with, scenes of the twin, a camera's file, heading gains."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Final
 
 import click
 import cv2
+import numpy as np
 
+from behaviours.fly.heading_control import HeadingGains
+from perception.camera.calibration import Calibration
+from perception.camera.calibration import calibrate as calibrate_camera
+from perception.camera.camera_file import write_camera
+from perception.camera.image_files import image_files, read_image
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene, scene_names
 from uav_bt.app.film import map_of_scene
 from uav_bt.app.flight import check as check_tree
 from uav_bt.app.place import drawn_places
 from uav_bt.cli.declare import command
-from uav_bt.cli.shared import print_or_write
+from uav_bt.cli.progress import progress_bars
+from uav_bt.cli.shared import Positive, print_or_write, table
 from uav_bt.display.lab_map import draw_lab_with_axes
-from uav_bt.files import writing
+from uav_bt.errors import FileError
+from uav_bt.files import did_you_mean_file, writing
 from uav_bt.lab.lab_file import lab_schema
 from uav_bt.lab.shipped import write_lab
 from uav_bt.option import Option
@@ -26,32 +36,21 @@ _FLIGHT_HEIGHT_M: Final = 1.5  # of the shipped missions: only boxes that reach 
 
 
 @command()
-def new(
-    name: str,
-    *,
-    folder: Annotated[
-        Path, Option("Folder of your labs; it is made if it is absent.", "--in DIR")
-    ] = Path("labs"),
-) -> None:
+def new(name: str, *, folder: Annotated[Path, Option(form="--in DIR")] = Path("labs")) -> None:
     """Write a commented lab file for a place of yours.
 
     NAME is the place, such as hall: its folder is labs/hall, and --lab hall finds it. A folder that
     exists is not changed.
+
+    Options:
+        folder: Folder of your labs; it is made if it is absent.
     """
     path = write_lab(name, folder)
     click.echo(f"written: {path} (edit it, then try: uav-bt check land_only --lab {path.parent})")
 
 
 @command()
-def schema(
-    *,
-    out: Annotated[
-        Path | None,
-        Option(
-            "Write the schema there; it is printed if not given.", path="written", suffix=".json"
-        ),
-    ] = None,
-) -> None:
+def schema(*, out: Annotated[Path | None, Option(path="written", suffix=".json")] = None) -> None:
     """Write a JSON schema of lab files.
 
     YAML editors complete, explain and check lab files with it. They find it by this line at the
@@ -59,6 +58,9 @@ def schema(
 
     \b
       # yaml-language-server: $schema=lab.schema.json
+
+    Options:
+        out: Write the schema there; it is printed if not given.
     """  # noqa: D301  (click needs the backspace)
     print_or_write(lab_schema(), out)
 
@@ -66,22 +68,23 @@ def schema(
 @command()
 def scenes(
     *,
-    shown: Annotated[
-        str | None, Option("A scene, by name or file, to draw.", "--show SCENE")
-    ] = None,
-    tree: Annotated[str | None, Option("A mission whose places are drawn, too.", "TREE")] = None,
-    out: Annotated[
-        Path | None,
-        Option("The PNG file for the map; SCENE.png if not given.", path="written", suffix=".png"),
-    ] = None,
+    shown: Annotated[str | None, Option(form="--show SCENE")] = None,
+    tree: Annotated[str | None, Option(form="TREE")] = None,
+    out: Annotated[Path | None, Option(path="written", suffix=".png")] = None,
 ) -> None:
-    """List the scenes that ship with uav-bt, or list the boxes of one and draw its map."""
+    """List the scenes that ship with uav-bt, or list the boxes of one and draw its map.
+
+    Options:
+        shown: A scene, by name or file, to draw.
+        tree: A mission whose places are drawn, too.
+        out: The PNG file for the map; SCENE.png if not given.
+    """
     if shown is None:
         given = "--out" if out is not None else "--tree" if tree is not None else None
         if given is not None:
             raise click.UsageError(f"{given} needs --show SCENE")
-        for name in scene_names():
-            click.echo(f"{name:<16}{_line(load_scene(name))}")
+        for line in table([(name, _summary(load_scene(name))) for name in scene_names()], left=2):
+            click.echo(line)
         return
     scene = load_scene(shown)
     path = Path(f"{scene.name}.png") if out is None else out
@@ -92,39 +95,34 @@ def scenes(
     _, png = cv2.imencode(".png", cv2.cvtColor(drawn, cv2.COLOR_RGB2BGR))
     with writing(path):
         path.write_bytes(png.tobytes())
-    click.echo(f"{scene.name}: {_line(scene)}\n{_table(scene)}map: {path}")
+    click.echo(f"{scene.name}: {_summary(scene)}")
+    for line in table(_standing(scene), left=2):
+        click.echo(line)
+    click.echo(f"map: {path}")
 
 
-def _table(scene: Scene) -> str:
-    """Return the boxes and objects of a scene, a line for each."""
-    lines = ["pattern  class   x, m   y, m  yaw, deg  size, m      height, m"]
-    for box in scene.boxes:
-        (x_m, y_m), (length_m, width_m, height_m) = box.position_m, box.size_m
-        lines.append(
-            f"{box.pattern:<7}  {scene.classes.names[scene.class_of(box)]}  {x_m:5.2f}  {y_m:5.2f}"
-            f"  {box.yaw_deg:8.1f}  {f'{length_m:.2f} x {width_m:.2f}':<11}  {height_m:9.2f}"
-        )
-    text = "".join(f"{line}\n" for line in lines) if scene.boxes else ""
-    return text + _objects(scene)
-
-
-def _objects(scene: Scene) -> str:
-    """Return the objects of a scene, a line for each."""
-    if not scene.placed:
-        return ""
-    wide = max(len(item.name) for item in scene.placed) + 2
-    lines = [f"{'object':<{wide}}{'class':<12}  x, m   y, m  yaw, deg  size, m      height, m"]
+def _standing(scene: Scene) -> list[tuple[str, ...]]:
+    """Return a row for each box, by its pattern, and each object of a scene."""
+    names = scene.classes.names
+    found = [
+        (str(box.pattern), scene.class_of(box), box.position_m, box.yaw_deg, box.size_m)
+        for box in scene.boxes
+    ]
     for item in scene.placed:
-        (x_m, y_m), (length_m, width_m, height_m) = item.spec.position_m, item.shape.kind.size_m
-        lines.append(
-            f"{item.name:<{wide}}{scene.classes.names[item.shape.class_id]:<12} {x_m:5.2f}  "
-            f"{y_m:5.2f}  {item.spec.yaw_deg:8.1f}  {f'{length_m:.2f} x {width_m:.2f}':<11}  "
-            f"{height_m:9.2f}"
-        )
-    return "".join(f"{line}\n" for line in lines)
+        spec, shape = item.spec, item.shape
+        found.append((item.name, shape.class_id, spec.position_m, spec.yaw_deg, shape.kind.size_m))
+    what = "object" if scene.placed else "pattern"
+    rows: list[tuple[str, ...]] = [
+        (what, "class", "x, m", "y, m", "yaw, deg", "size, m", "height, m")
+    ]
+    for name, class_id, (x_m, y_m), yaw_deg, (length_m, width_m, height_m) in found:
+        where = (f"{x_m:.2f}", f"{y_m:.2f}", f"{yaw_deg:.1f}")
+        size = (f"{length_m:.2f} x {width_m:.2f}", f"{height_m:.2f}")
+        rows.append((name, names[class_id], *where, *size))
+    return rows if found else []
 
 
-def _line(scene: Scene) -> str:
+def _summary(scene: Scene) -> str:
     heights = [box.size_m[2] for box in scene.boxes]
     heights += [item.standing.height_m for item in scene.placed]
     tall = sum(height_m >= _FLIGHT_HEIGHT_M for height_m in heights)
@@ -145,3 +143,109 @@ def _line(scene: Scene) -> str:
         "{:g} x {:g} m, ".format(*scene.ground.size_m) + f"{len(heights)} {what}{span} "
         f"({tall} reach {_FLIGHT_HEIGHT_M} m), {movers}{mark}, take-off from {place}"
     )
+
+
+@command()
+def calibrate(
+    images: Annotated[tuple[Path, ...], Option(form="IMAGES...")],
+    *,
+    square_mm: Positive = 20.0,
+    out: Annotated[Path, Option(path="written")] = Path("camera.yaml"),
+) -> None:
+    """Calibrate a camera from photographs of a checkerboard.
+
+    IMAGES are photographs or folders of them. The board's layout need not be known: every layout of
+    inner corners that the photographs allow is tried, and the camera with the lowest reprojection
+    error is kept. A camera that the photographs do not determine is refused. What cannot be used is
+    named. The EXIF orientation is ignored: the camera is that of the stored pixels.
+
+    Options:
+        square_mm: Edge of one square of the board.
+        out: The camera file.
+    """
+    files, foreign = _files(images)
+    # As stored: a calibration is of the sensor's pixels, however the phone was held.
+    photographs = {
+        str(path): partial(read_image, path, colour=False, as_stored=True) for path in files
+    }
+    with progress_bars() as advance:
+        found = calibrate_camera(photographs, square_m=square_mm / 1000.0, advance=advance)
+    _print_calibration(found)
+    for line in foreign:
+        click.echo(f"skipped {line}")
+    for warning in found.warnings:
+        click.echo(f"warning: {warning}", err=True)
+    write_camera(out, found.best)
+    click.echo(f"camera file: {out}")
+
+
+def _files(paths: tuple[Path, ...]) -> tuple[list[Path], list[str]]:
+    """Return all images of files and folders, each once, and lines about formats not read."""
+    found: dict[Path, None] = {}
+    foreign = []
+    for path in paths:
+        if path.is_dir():
+            inside, line = image_files(path)
+            found.update(dict.fromkeys(inside))
+            foreign += [f"in {path}: {line}"] if line else []
+        elif path.is_file():
+            found[path] = None
+        else:
+            raise FileError(path, f"there is no such image{did_you_mean_file(path)}")
+    return list(found), foreign
+
+
+def _print_calibration(found: Calibration) -> None:
+    rows = [("layout", "images", "error, px", "error of all corners, px", "")]
+    for trial in found.trials:
+        errors = (f"{trial.error_px:.3f}", f"{trial.common_error_px:.3f}")
+        kept = "<- kept" if trial is found.best else ""
+        rows.append((f"{trial.columns}x{trial.rows}", str(len(trial.images)), *errors, kept))
+    for line in table(rows):
+        click.echo(line)
+    camera = found.best.camera
+    click.echo(
+        f"{camera.width_px}x{camera.height_px}: focal lengths {camera.fx_px:.2f}, "
+        f"{camera.fy_px:.2f} px; centre {camera.cx_px:.2f}, {camera.cy_px:.2f} px; distortion "
+        + " ".join(f"{value:.4f}" for value in camera.distortion)
+    )
+    for name, reason in found.skipped.items():
+        click.echo(f"skipped {name}: {reason}")
+
+
+@command()
+def tune_heading(
+    record: Annotated[Path, Option(path="read")],
+    *,
+    out: Annotated[Path, Option(path="written", suffix=".png")] = Path("heading.png"),
+) -> None:
+    """Identify the yaw response of a recorded flight and choose gains of the heading loop.
+
+    RECORD is a flight that turned under yaw-rate commands, such as one of survey_and_land.
+
+    Options:
+        out: The PNG file for the plot.
+    """
+    from uav_bt.app import heading_tuning as tuning  # noqa: PLC0415 - extras, and slow to import
+
+    series = tuning.yaw_series(record)
+    response, residual_rad = tuning.identify(series)
+    tick_s = float(np.median(np.concatenate([np.diff(times) for times, _, _ in series])))
+    loops = {
+        "shipped": tuning.heading_loop(HeadingGains(), response, tick_s),
+        "suggested": tuning.suggested_loop(response, tick_s),
+    }
+    click.echo(
+        f"commands every {tick_s:.2f} s, turns of {tuning.commanded_turn_deg(series):.0f} degrees\n"
+        f"delay {1000 * response.delay_s:.0f} ms, lag {1000 * response.lag_s:.0f} ms, gain "
+        f"{response.gain:.2f}; fits the heading to {math.degrees(residual_rad):.1f} degrees (rms)"
+    )
+    for name, loop in loops.items():
+        p, i, d = loop.gains.proportional, loop.gains.integral, loop.gains.derivative
+        click.echo(
+            f"{name} gains: P {p:.2f} 1/s, I {i:.3f} 1/s^2, D {d:.3f}; margins "
+            f"{loop.gain_margin_db:.1f} dB and {loop.phase_margin_deg:.0f} degrees, crossover "
+            f"{loop.crossover_radps:.2f} rad/s"
+        )
+    tuning.draw(series, response, loops, out)
+    click.echo(f"plot: {out}")

@@ -1,10 +1,11 @@
-"""`uav-bt lab frames` and `lab pick`: images of a lab from videos, and picks on them."""
+"""`uav-bt lab frames`, `pick` and `check`: images of a lab, picks, the score of its network."""
 
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import click
 from annotated_types import Ge, Le
@@ -14,12 +15,20 @@ from perception.segmentation.training.pick_server import make_pick_server
 from perception.segmentation.training.pick_session import PickSession
 from uav_bt.cli.declare import command
 from uav_bt.cli.progress import progress_bars
-from uav_bt.errors import InputError
+from uav_bt.cli.shared import Count, InputFile, OutputFile, table, write_scores
+from uav_bt.errors import InputError, MissionError, WeightsError
 from uav_bt.files import check_output
+from uav_bt.inputs import refuse_inputs
+from uav_bt.lab.classes import ROLE_NAMES
 from uav_bt.lab.shipped import load_lab
 from uav_bt.learning import lab_frames
+from uav_bt.learning.flight_geometry import compare_ranges, open_flight
+from uav_bt.learning.lab_checks import picks_of_lab, teacher_of_lab
 from uav_bt.learning.lab_material import LabMaterial
+from uav_bt.learning.masks import MaskSource
+from uav_bt.learning.pick_scores import PickScore, network_of_lab, score_picks, write_sheet
 from uav_bt.option import Option
+from uav_bt.tree.loading.lookup import shipped_trees
 
 
 @command()
@@ -27,9 +36,7 @@ def frames(
     lab: str,
     videos: Annotated[tuple[Path, ...], Option(form="VIDEOS...")],
     *,
-    count: Annotated[
-        int, Ge(1), Option("Most images of all videos together, shared by their durations.")
-    ] = lab_frames.DEFAULT_COUNT,
+    count: Count = lab_frames.DEFAULT_COUNT,
 ) -> None:
     """Take images of a place from videos: sharp ones that differ from each other.
 
@@ -38,6 +45,9 @@ def frames(
     (frames.csv) are written to the folder frames/ of the lab. A fifth of them is for checks: the
     network does not learn from those. Videos that were read before are left out, so the same
     command continues a run that was stopped, and further videos add images.
+
+    Options:
+        count: Most images of all videos together, shared by their durations.
     """
     with progress_bars() as advance:
         summary = lab_frames.take_frames(load_lab(lab), videos, count=count, advance=advance)
@@ -47,14 +57,17 @@ def frames(
 
 
 def _show(summary: lab_frames.FramesSummary) -> None:
-    width = max(len("source"), *(len(one.source) for one in summary.sources))
-    click.echo(f"{'source':<{width}}    read  blurred  alike  over count  kept  for check")
+    rows: list[tuple[str, ...]] = [
+        ("source", "read", "blurred", "alike", "over count", "kept", "for check")
+    ]
     for one in summary.sources:
-        left_out = f"{one.read:6d}  {one.blurred:7d}  {one.alike:5d}  {one.surplus:10d}"
-        if one.earlier:
-            left_out = f"{'taken in an earlier run':>34}"
-        click.echo(f"{one.source:<{width}}  {left_out}  {one.kept:4d}  {one.for_check:9d}")
-        for note in one.notes:
+        counts = (one.read, one.blurred, one.alike, one.surplus, one.kept, one.for_check)
+        rows.append((one.source, *map(str, counts)))
+    for line in table(rows):
+        click.echo(line)
+    for one in summary.sources:
+        earlier = ["taken in an earlier run"] if one.earlier else []
+        for note in (*earlier, *one.notes):
             click.echo(f"  {one.source}: {note}")
     for note in summary.notes:
         click.echo(f"skipped {note}")
@@ -69,17 +82,16 @@ def _show(summary: lab_frames.FramesSummary) -> None:
 
 
 @command()
-def pick(
-    lab: str,
-    *,
-    port: Annotated[int, Ge(0), Le(65535), Option("Port of the page; 0 takes a free one.")] = 0,
-) -> None:
+def pick(lab: str, *, port: Annotated[int, Ge(0), Le(65535)] = 0) -> None:
     """Pick classes on the images of a lab, on a page in the browser.
 
     LAB is the name of a lab or its folder. Its images are those in frames/; each stroke is written
     to picks.csv in the folder of the lab. Call the command again to go on.
 
     `uav-bt lab train` learns from the picks.
+
+    Options:
+        port: Port of the page; 0 takes a free one.
     """
     material = LabMaterial(lab=load_lab(lab))
     uses = material.uses()
@@ -116,3 +128,107 @@ def _print_summary(session: PickSession) -> None:
         click.echo(
             "warning: no picks on images for the check: the network cannot be scored", err=True
         )
+
+
+@command()
+def check(
+    lab: str,
+    *,
+    model: InputFile = None,
+    out: OutputFile = None,
+    min_role_iou: Annotated[float, Ge(0), Le(1)] = 0.0,
+    flights: Annotated[tuple[Path, ...], Option(form="--flight RECORD", path="read")] = (),
+) -> None:
+    """Score the segmentation network of a lab on its held-out picks.
+
+    LAB is a shipped lab, a folder of labs/, or a path. Scored are the picks on images whose use in
+    frames.csv is 'check', from which the network did not learn; each pick is a sample. The teacher
+    is scored beside the network. LAB/training/check.png shows the worst images: image, class map
+    and picks, wrong ones with a red rim.
+
+    With --flight the range of the landing mark is measured by its size, and by height and pitch. A
+    wrong size, height or camera shows there and not in picks. A lab without picks or images is then
+    checked by its flights only.
+
+    Options:
+        model: An ONNX network with the lab's classes; the one that the lab is flown with if not
+            given.
+        out: Write the scores there too, as JSON.
+        min_role_iou: Exit with 1 if the intersection over union of a role is lower.
+        flights: Compare the range of the mark in the record of a flight in the lab by its size and
+            by the camera, too. Repeatable.
+    """
+    material = LabMaterial(lab=load_lab(lab))
+    if out is not None:
+        refuse_inputs(out, [material.lab.folder, *flights], shipped_trees())
+    readers = [open_flight(path, material.lab) for path in flights]
+    score: PickScore | None = None
+    values: dict[str, Any] = {}
+    picked = material.picks.exists() and material.frames.is_dir()
+    if picked or not readers or min_role_iou > 0.0:
+        score, values = _score(material, model)
+    else:
+        click.echo(f"not scored: {material.lab.folder} has no picks or no images")
+    lengths = None
+    if readers:
+        network = network_of_lab(material.lab, model)
+        with progress_bars() as advance:
+            geometry = compare_ranges(readers, material.lab, network, advance=advance)
+        for line in geometry.lines(material.lab.file):
+            click.echo(line)
+        lengths = geometry.to_json()
+    write_scores({"lab": material.lab.name, **values, "geometry": lengths}, out)
+    if score is not None and score.min_role_iou < min_role_iou:
+        low = f"the IoU of a role is {score.min_role_iou:.3f}, below {min_role_iou:g}"
+        click.echo(low, err=True)
+        raise SystemExit(MissionError.exit_code)
+
+
+def _score(material: LabMaterial, model: Path | None) -> tuple[PickScore, dict[str, Any]]:
+    """Score on picks, print the score, and return it, also as JSON values."""
+    classes, uses = material.lab.classes, material.uses()
+    picks = [pick for pick in picks_of_lab(material, uses) if uses[pick.image] == "check"]
+    segment = network_of_lab(material.lab, model).ids
+    file = material.teacher
+    trained = MaskSource(file=file, classes=classes) if file.is_file() else None
+    teacher = teacher_of_lab(material) or trained
+    beside = None
+    with progress_bars() as advance:
+        score = score_picks(segment, picks, material.frames, classes, advance=advance)
+        if teacher is not None:
+            try:
+                beside = score_picks(teacher.load(), picks, material.frames, classes)
+            except WeightsError as error:  # the score of the network does not depend on it
+                click.echo(f"teacher: not scored ({error})", err=True)
+    for line in score_lines(score):
+        click.echo(line)
+    if beside is not None:
+        click.echo(
+            f"teacher: {beside.total.accuracy:.3f} of the picks right, IoU of the roles "
+            f"{beside.total.role_miou:.3f}"
+        )
+    sheet = material.training / "check.png"
+    write_sheet(score, segment, material.frames, sheet)
+    click.echo(f"worst images: {sheet}")
+    return score, {**score.to_json(), "teacher": None if beside is None else beside.to_json()}
+
+
+def score_lines(score: PickScore) -> Iterator[str]:
+    """Yield the lines that describe a score on picks."""
+    total, counts = score.total, score.picks
+    held_out = sum(counts.values())
+    yield f"{held_out} held-out picks on {total.images} images: {total.accuracy:.3f} right"
+    in_roles = dict(zip(ROLE_NAMES, total.role_counts.sum(axis=1).tolist(), strict=True))
+    for what, each, ious in (("role", in_roles, total.role_iou), ("class", counts, total.iou)):
+        rows = [(what, "picks", "IoU")]
+        for (name, count), iou in zip(each.items(), ious, strict=True):
+            rows.append((f"  {name}", str(count), f"{iou:.3f}" if count else "-"))
+        yield from table(rows)
+    for true, taken, share in score.confusions():
+        yield f"{true} taken for {taken}: {100 * share:.0f} % of its picks"
+    if score.unchecked:
+        yield f"unchecked, because without held-out picks: {', '.join(score.unchecked)}"
+    wrong = [each for each in score.images if each.wrong][:5]
+    if wrong:
+        texts = (f"{each.image} ({each.wrong} of {len(each.picks)})" for each in wrong)
+        yield f"most wrong picks: {', '.join(texts)}"

@@ -10,28 +10,27 @@ from annotated_types import Ge
 
 from uav_bt.app.option_values import Seed
 from uav_bt.cli.declare import command
-from uav_bt.cli.lab_check import score_lines
+from uav_bt.cli.lab_images import score_lines
 from uav_bt.cli.progress import progress_bars
-from uav_bt.cli.training_options import Device, Steps
+from uav_bt.cli.shared import Count, Device, Steps
 from uav_bt.files import check_output
 from uav_bt.lab.shipped import load_lab
 from uav_bt.learning import lab_training
 from uav_bt.learning.lab_checks import LabData, checked_data
 from uav_bt.learning.lab_material import LabMaterial
 from uav_bt.learning.pick_scores import network_of_lab, score_picks
-from uav_bt.option import Option
 from uav_bt.plugins import need
 
 
 @command()
 def train(
-    lab: Annotated[str, Option(form="LAB")],
+    lab: str,
     *,
     steps: Steps = 800,
-    batch: Annotated[int, Ge(2), Option("Images in a step.")] = 12,
+    batch: Annotated[int, Ge(2)] = 12,
     device: Device = "cpu",
     seed: Seed = 0,
-    workers: Annotated[int, Ge(1), Option("Processes that make the masks.")] = 1,
+    workers: Count = 1,
 ) -> None:
     """Train the segmentation network of a lab.
 
@@ -44,6 +43,10 @@ def train(
     Writes LAB/segmentation.onnx, with which the lab is flown unless its file states a network. An
     existing one is replaced when the training has finished. LAB/training keeps teacher, masks and
     checkpoint: the same command continues an interrupted training.
+
+    Options:
+        batch: Images in a step.
+        workers: Processes that make the masks.
     """
     need("train")
     # Refuses an absent GPU now.

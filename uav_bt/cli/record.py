@@ -18,7 +18,7 @@ from uav_bt.app.replay.differences import LOSSY_NUMBERS, LOSSY_TICKS
 from uav_bt.app.view.recorded import WITHOUT_DISPLAY, RecordedFlight
 from uav_bt.cli.declare import command
 from uav_bt.cli.progress import progress_bars
-from uav_bt.cli.shared import TextFormat
+from uav_bt.cli.shared import TextFormat, table
 from uav_bt.display.rerun import sinks
 from uav_bt.errors import MissionError
 from uav_bt.option import Option
@@ -54,19 +54,11 @@ def _text(found: RecordInfo) -> str:
     if found.lost_ticks:
         lines.append(f"  {found.lost_ticks} ticks lost")
     lines += [f"  attached: {name}, {size} bytes" for name, size in found.attachments.items()]
-    row = "  {:<28} {:<26} {:>8} {:>8} {:>10} {:>8}"
-    lines.append(row.format("channel", "content", "messages", "Hz", "kB", "left out"))
-    lines += [
-        row.format(
-            channel.topic,
-            channel.content,
-            channel.messages,
-            f"{channel.rate_hz:.1f}",
-            f"{channel.bytes / 1e3:.1f}",
-            channel.dropped,
-        )
-        for channel in found.channels
-    ]
+    rows = [("channel", "content", "messages", "Hz", "kB", "left out")]
+    for each in found.channels:
+        size = (f"{each.rate_hz:.1f}", f"{each.bytes / 1e3:.1f}", str(each.dropped))
+        rows.append((each.topic, each.content, str(each.messages), *size))
+    lines += [f"  {line}" for line in table(rows, left=2)]
     lines += [f"  damage: {damage}" for damage in found.damages]
     return "\n".join(lines)
 
@@ -75,27 +67,22 @@ def _text(found: RecordInfo) -> str:
 def view(
     file: _Record,
     *,
-    save: Annotated[
-        Path | None,
-        Option(
-            "Keep the view: an rrd file, which `rerun FILE` opens anywhere.",
-            path="written",
-            suffix=".rrd",
-        ),
-    ] = None,
-    web: Annotated[bool, Option("Show it in a browser on this machine, until Ctrl-C.")] = False,
-    from_s: Annotated[
-        float | None, Ge(0), Option("Begin here, from the record's start.", "--from SECONDS")
-    ] = None,
-    to_s: Annotated[
-        float | None, Ge(0), Option("End here, from the record's start.", "--to SECONDS")
-    ] = None,
+    save: Annotated[Path | None, Option(path="written", suffix=".rrd")] = None,
+    web: bool = False,
+    from_s: Annotated[float | None, Ge(0), Option(form="--from SECONDS")] = None,
+    to_s: Annotated[float | None, Ge(0), Option(form="--to SECONDS")] = None,
 ) -> None:
     """Show a record of `uav-bt fly --record` in Rerun.
 
     Camera with overlays, mask, metric depth, the lab and the path in 3D, the tree with its
     statuses, and plots, on one timeline. Opens a window unless --web or --save is given.
     A record that was cut short is shown as far as it goes.
+
+    Options:
+        save: Keep the view: an rrd file, which `rerun FILE` opens anywhere.
+        web: Show it in a browser on this machine, until Ctrl-C.
+        from_s: Begin here, from the record's start.
+        to_s: End here, from the record's start.
     """
     if from_s is not None and to_s is not None and from_s >= to_s:
         raise click.UsageError(f"--from {from_s:g} must lie before --to {to_s:g}")
@@ -124,22 +111,13 @@ def _show(flight: RecordedFlight, *, web: bool) -> None:
 
 @command()
 def replay(
-    ctx: click.Context,
     file: _Record,
     *,
-    tree: Annotated[
-        str | None, Option("Replay this mission, not the recorded one.", "TREE")
-    ] = None,
+    tree: Annotated[str | None, Option(form="TREE")] = None,
     tree_folders: Folders,
     leaves: OwnLeaves = (),
     policies: Policies = _NO_POLICIES,
-    masks: Annotated[
-        Literal["network", "recorded"] | None,
-        Option(
-            "Where class maps come from; default: the tree's network, or the record if the flight "
-            "flew on exact masks."
-        ),
-    ] = None,
+    masks: Literal["network", "recorded"] | None = None,
     format_: TextFormat = "text",
 ) -> None:
     """Feed recorded frames through perception and tree, and print what differs.
@@ -147,6 +125,11 @@ def replay(
     New decisions do not change the recorded frames. Exits with 0 when statuses and
     commands are the recorded ones (of a lossy record: within the tolerance that is printed), 1 when
     they differ, and 2 when the record or an option is refused.
+
+    Options:
+        tree: Replay this mission, not the recorded one.
+        masks: Where class maps come from; default: the tree's network, or the record if the flight
+            flew on exact masks.
     """
     if tree is None and tree_folders != TreeFolders():
         raise click.UsageError("a record has its own tree files: folders are for another --tree")
@@ -160,7 +143,7 @@ def replay(
         for line in _report_lines(report):
             click.echo(line)
     if not report.same:
-        ctx.exit(MissionError.exit_code)
+        raise SystemExit(MissionError.exit_code)
 
 
 def _report_lines(report: ReplayReport) -> Iterator[str]:

@@ -18,7 +18,7 @@ import click
 from click.shell_completion import CompletionItem
 
 import uav_bt as package
-from uav_bt.cli.interrupts import stopped_by
+from uav_bt.cli import stopped_by
 from uav_bt.errors import UavBtError, did_you_mean
 from uav_bt.plugins import check_packages, missing_extra
 
@@ -29,10 +29,10 @@ COMMANDS: Final = {
     "fly": ("fly:fly", "Fly a mission."),
     "check": ("check:check", "Check tree files and report all that is wrong."),
     "new": ("check:new", "Write a commented mission file to begin with."),
-    "simulate": ("simulate:simulate", "Tick a tree with scripted leaves."),
+    "simulate": ("tree:simulate", "Tick a tree with scripted leaves."),
     "campaign": ("campaign:campaign", "Fly missions many times."),
-    "report": ("report:report", "Write the report of campaigns."),
-    "shrink": ("shrink:shrink_command", "Reduce a failed flight to its fewest causes."),
+    "report": ("campaign:report", "Write the report of campaigns."),
+    "shrink": ("campaign:shrink", "Reduce a failed flight to its fewest causes."),
     "view": ("record:view", "Show the record of a flight."),
     "replay": ("record:replay", "Feed a recorded flight through the tree again."),
     "lsp": ("tree:lsp", "Check and complete tree files in editors."),
@@ -42,29 +42,23 @@ COMMANDS: Final = {
     "tree render": ("tree:render", "Draw a tree file, with its subtrees in place."),
     "tree schema": ("tree:schema", "Write an XML Schema of tree files."),
     "record info": ("record:info", "Print the content of a record."),
-    "net perceive": ("perceive:perceive", "Run perception over a video or a camera."),
+    "net perceive": ("evaluate:perceive", "Run perception over a video or a camera."),
     "net collect": ("train:collect", "Fly and record for the control student."),
     "net train depth": ("train:depth", "Train the depth network on flights."),
     "net train student": ("train:student", "Train the control student on advised flights."),
     "net evaluate depth": ("evaluate:depth", "Measure metric depth."),
-    "net evaluate student": (
-        "evaluate:student",
-        "Measure how well a control student agrees with the rule.",
-    ),
-    "net export depth": ("export:depth", "Export a depth network."),
-    "net export student": ("export:student", "Export a control student."),
+    "net evaluate student": ("evaluate:student", "Measure a control student by the rule."),
+    "net export depth": ("train:export_depth", "Export a depth network."),
+    "net export student": ("train:export_student", "Export a control student."),
     "lab new": ("lab:new", "Write a commented lab file to begin with."),
     "lab frames": ("lab_images:frames", "Take images of a lab from videos."),
     "lab pick": ("lab_images:pick", "Pick classes on the images of a lab."),
     "lab train": ("lab_train:train", "Train the segmentation network of a lab."),
-    "lab check": ("lab_check:check", "Score the network of a lab on held-out picks."),
+    "lab check": ("lab_images:check", "Score the network of a lab on held-out picks."),
     "lab scenes": ("lab:scenes", "List the shipped scenes, or draw the map of one."),
     "lab schema": ("lab:schema", "Write a JSON schema of lab files."),
-    "lab calibrate": ("camera:calibrate", "Calibrate a camera from photographs of a checkerboard."),
-    "lab tune-heading": (
-        "camera:tune_heading",
-        "Choose gains of the heading controller from a recorded flight.",
-    ),
+    "lab calibrate": ("lab:calibrate", "Calibrate a camera from photographs of a checkerboard."),
+    "lab tune-heading": ("lab:tune_heading", "Choose gains of the heading by a record."),
 }
 _GROUPS: Final = {
     "tree": "List nodes; draw tree files, write their schema.",
@@ -72,10 +66,7 @@ _GROUPS: Final = {
     "net": "Train, evaluate and export networks.",
     "net train": "Train the networks that missions fly on.",
     "net evaluate": "Measure networks against the twin's truth.",
-    "net export": """Make ONNX files from trained weights.
-
-    A network in 8-bit integers takes about half the time of one in floats. The ranges of its
-    numbers are taken from images of the twin.""",
+    "net export": "Make ONNX files from trained weights.",
     "lab": "Begin and train labs, calibrate, tune the heading.",
 }
 
@@ -104,13 +95,7 @@ class LazyGroup(click.Group):
         if words in _GROUPS:
             return LazyGroup(cmd_name, words=f"{words} ", help=_GROUPS[words])
         if words not in COMMANDS:
-            places = [f"'uav-bt {path}'" for path in _paths(cmd_name)]
-            hint = (
-                f"; '{cmd_name}' is {' or '.join(places)}"
-                if places
-                else _did_you_mean(cmd_name, self.list_commands(ctx))
-            )
-            ctx.fail(f"there is no command '{cmd_name}'{hint}")
+            ctx.fail(f"there is no command '{cmd_name}'{self._hint(cmd_name)}")
         module, _, attribute = COMMANDS[words][0].partition(":")
         found: click.Command = getattr(importlib.import_module(f"uav_bt.cli.{module}"), attribute)
         return found
@@ -134,24 +119,24 @@ class LazyGroup(click.Group):
 
     def _lines(self, table: Mapping[str, str]) -> list[tuple[str, str]]:
         """Return names and lines of the help of what stands directly in this group."""
-        inside = ((words.removeprefix(self._words), line) for words, line in table.items())
-        return [
-            (name, line.partition("\n")[0])
-            for (name, line), words in zip(inside, table, strict=True)
-            if words.startswith(self._words) and " " not in name
-        ]
+        inside = (
+            (words.removeprefix(self._words), line)
+            for words, line in table.items()
+            if words.startswith(self._words)
+        )
+        return [(name, line) for name, line in inside if " " not in name]
 
-
-def _paths(name: str) -> list[str]:
-    """Return the words of all commands and groups of a name."""
-    return [words for words in (*_GROUPS, *COMMANDS) if words.rpartition(" ")[2] == name]
-
-
-def _did_you_mean(name: str, commands: list[str]) -> str:
-    alike = [command for command in commands if command[:2] == name[:2]]
-    # 'flight' is 0.44 similar to 'fly'. At that ratio most unlike names match, so the first two
-    # letters must be equal.
-    return did_you_mean(name, commands) or did_you_mean(name, alike, cutoff=0.4)
+    def _hint(self, name: str) -> str:
+        """Return where a command of this name is, or the nearest name."""
+        known = (*_GROUPS, *COMMANDS)
+        places = [f"'uav-bt {words}'" for words in known if words.rpartition(" ")[2] == name]
+        if places:
+            return f"; '{name}' is {' or '.join(places)}"
+        here = [known for known, _ in (*self._lines(_LINES), *self._lines(_GROUPS))]
+        # 'flight' is 0.44 similar to 'fly'. At that ratio most unlike names match, so the first two
+        # letters must be equal.
+        alike = [known for known in here if known[:2] == name[:2]]
+        return did_you_mean(name, here) or did_you_mean(name, alike, cutoff=0.4)
 
 
 class _Root(LazyGroup):

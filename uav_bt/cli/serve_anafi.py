@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 import signal
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import click
 from annotated_types import Ge, Le
 
 from sim_bridge.loopback.drone import DroneSetup, LoopbackDrone
 from sim_bridge.loopback.firmware.telemetry_events import BatteryOptions
-from sim_bridge.loopback.handshake import Identity, Ports
+from sim_bridge.loopback.handshake import Ports
 from sim_bridge.loopback.media import Card
 from sim_bridge.loopback.server import ServerOptions
 from sim_bridge.twin.profile import Profile as TwinProfile
@@ -21,88 +20,28 @@ from uav_bt.app.option_values import ImageSize, Profile, Seed
 from uav_bt.cli.declare import command
 from uav_bt.option import Option
 
-
-def _settings(
-    *,
-    scene: Annotated[
-        str | None,
-        Option(
-            "Fly in this lab: a shipped scene or a YAML file. Without it the drone has an open "
-            "field and an outdoor drone's pace, as scripts for the ANAFI expect.",
-            "SCENE",
-        ),
-    ] = None,
-    seed: Seed = 0,
-    profile: Profile = "lab",
-    image_size_px: ImageSize = (640, 360),
-    video_rate_hz: Annotated[
-        float, Ge(0.1), Le(240), Option("Frames of video a second, at most.", "--rate")
-    ] = 30.0,
-    no_video: Annotated[bool, Option("Serve no video.")] = False,
-    gps: Annotated[
-        bool | None,
-        Option(
-            "Whether it has a GPS fix. Without either it has one in the open field, none in a lab."
-        ),
-    ] = None,
-    skycontroller: Annotated[
-        bool,
-        Option("Serve a SkyController 3 with the drone behind it: olympe.SkyController3(ADDRESS)."),
-    ] = False,
-) -> dict[str, Any]:
-    return {
-        "scene": None if scene is None else load_scene(scene),
-        "seed": seed,
-        "profile": TwinProfile.named(profile),
-        "image_size_px": image_size_px,
-        "video_rate_hz": video_rate_hz,
-        "video": not no_video,
-        "gps": gps,
-        "skycontroller": skycontroller,
-    }
-
-
-def _port(name: str, what: str) -> Option:
-    return Option(f"{what}; 0 takes a free one.", f"--{name}-port")
-
-
 _Port = Annotated[int, Ge(0), Le(65_535)]
-
-
-def _ports(
-    *,
-    discovery: Annotated[_Port, _port("discovery", "TCP, where clients find it")] = Ports.discovery,
-    control: Annotated[
-        _Port, _port("control", "TCP, where clients ask for a link")
-    ] = Ports.control,
-    commands: Annotated[_Port, _port("commands", "UDP, where commands go")] = Ports.commands,
-    http: Annotated[_Port, _port("http", "TCP, its web server")] = Ports.http,
-    rtsp: Annotated[_Port, _port("rtsp", "TCP, its video")] = Ports.rtsp,
-) -> Ports:
-    return Ports(discovery=discovery, control=control, commands=commands, http=http, rtsp=rtsp)
 
 
 @command()
 def serve_anafi(
     *,
-    settings: Annotated[dict[str, Any], Option(parts=_settings)],
-    address: Annotated[
-        str,
-        Option(
-            "Where it listens. For several drones: 127.0.0.2, 127.0.0.3, ... At any address other "
-            "than 127.x.x.x, everybody who can reach it can fly the drone."
-        ),
-    ] = "127.0.0.1",
-    battery_percent: Annotated[
-        int, Ge(0), Le(100), Option("The battery's charge at first, per cent.", "--battery")
-    ] = 100,
-    card: Annotated[
-        Literal["ready", "full", "absent"],
-        Option("Its memory card. With a full or an absent one, photographs fail."),
-    ] = "ready",
-    name: Annotated[str, Option("Its product name.")] = "ANAFI-loopback",
-    verbose: Annotated[bool, Option("Log connections and damaged messages, too.")] = False,
-    ports: Annotated[Ports, Option(parts=_ports)],
+    scene: Annotated[str | None, Option(form="SCENE")] = None,
+    seed: Seed = 0,
+    profile: Profile = "lab",
+    image_size_px: ImageSize = (640, 360),
+    video_rate_hz: Annotated[float, Ge(0.1), Le(240), Option(form="--rate")] = 30.0,
+    no_video: bool = False,
+    gps: bool | None = None,
+    skycontroller: bool = False,
+    address: str = "127.0.0.1",
+    battery_percent: Annotated[int, Ge(0), Le(100), Option(form="--battery")] = 100,
+    card: Literal["ready", "full", "absent"] = "ready",
+    discovery_port: _Port = Ports.discovery,
+    control_port: _Port = Ports.control,
+    commands_port: _Port = Ports.commands,
+    http_port: _Port = Ports.http,
+    rtsp_port: _Port = Ports.rtsp,
 ) -> None:
     """Serve a loopback ANAFI until Ctrl-C.
 
@@ -110,15 +49,44 @@ def serve_anafi(
     written for Parrot's Olympe fly it unchanged: olympe.Drone("127.0.0.1"). It needs neither a
     drone nor Olympe. The drone's own web and video ports, 80 and 554, need root; without it choose
     others, such as --http-port 8080 --rtsp-port 8554, and tell the script.
+
+    Options:
+        scene: Fly in this lab: a shipped scene or a YAML file. Without it the drone has an open
+            field and an outdoor drone's pace, as scripts for the ANAFI expect.
+        video_rate_hz: Frames of video a second, at most.
+        no_video: Serve no video.
+        gps: Whether it has a GPS fix. Without either it has one in the open field, none in a lab.
+        skycontroller: Serve a SkyController 3 with the drone behind it:
+            olympe.SkyController3(ADDRESS).
+        address: Where it listens. For several drones: 127.0.0.2, 127.0.0.3, ... At any address
+            other than 127.x.x.x, everybody who can reach it can fly the drone.
+        battery_percent: The battery's charge at first, per cent.
+        card: Its memory card. With a full or an absent one, photographs fail.
+        discovery_port: TCP, where clients find it; 0 takes a free one.
+        control_port: TCP, where clients ask for a link; 0 takes a free one.
+        commands_port: UDP, where commands go; 0 takes a free one.
+        http_port: TCP, its web server; 0 takes a free one.
+        rtsp_port: TCP, its video; 0 takes a free one.
     """
-    logging.basicConfig(
-        level=logging.INFO if verbose else logging.WARNING, format="%(levelname)s %(message)s"
+    ports = Ports(
+        discovery=discovery_port,
+        control=control_port,
+        commands=commands_port,
+        http=http_port,
+        rtsp=rtsp_port,
     )
     setup = DroneSetup(
-        server=ServerOptions(address=address, ports=ports, identity=Identity(name=name)),
+        server=ServerOptions(address=address, ports=ports),
         battery=BatteryOptions(charge=battery_percent / 100.0),
         card=Card(card),
-        **settings,
+        scene=None if scene is None else load_scene(scene),
+        seed=seed,
+        profile=TwinProfile.named(profile),
+        image_size_px=image_size_px,
+        video_rate_hz=video_rate_hz,
+        video=not no_video,
+        gps=gps,
+        skycontroller=skycontroller,
     )
     asyncio.run(_serve(setup))
 

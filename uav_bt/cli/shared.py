@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import json
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import click
-from annotated_types import Ge
+from annotated_types import Ge, Gt
 
 from uav_bt.files import writing
 from uav_bt.lab.lab import Lab
 from uav_bt.option import Option
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.loading.findings import Findings
-from uav_bt.tree.loading.lookup import TreeFolders
 from uav_bt.tree.loading.models import with_palette
 from uav_bt.tree.loading.parameters import Parameters, Params, Ports, Variables
 from uav_bt.tree.registry import OwnLeaves, with_leaves
@@ -22,11 +22,21 @@ from uav_bt.tree.registry import OwnLeaves, with_leaves
 RUNS: Final = Path("runs")  # the folder of results; git ignores it
 _NONE: Final[Mapping[str, str]] = {}
 
+Count = Annotated[int, Ge(1)]
+Positive = Annotated[float, Gt(0)]
+InputFile = Annotated[Path | None, Option(path="read")]
+OutputFile = Annotated[Path | None, Option(path="written")]
+OutputFolder = Annotated[Path | None, Option(path="folder")]
 Records = Annotated[tuple[Path, ...], Option(form="RECORDS...")]
 TextFormat = Annotated[
     Literal["text", "json"], Option("text is for people; json is one object.", "--format")
 ]
 Workers = Annotated[int | None, Ge(1), Option("Flights at a time; default: all cores.")]
+Steps = Annotated[int, Ge(1), Option("Steps of training.")]
+Device = Annotated[
+    Literal["cpu", "cuda"],
+    Option("Where PyTorch trains; 'cuda' needs a GPU and a PyTorch built for it."),
+]
 CheckedLab = Annotated[
     str | None,
     Option(
@@ -36,24 +46,14 @@ CheckedLab = Annotated[
 ]
 
 
-def _registry(*, leaves: OwnLeaves = ()) -> NodeRegistry:
-    return with_leaves(NodeRegistry.installed(), [Path(file) for file in leaves])
+def registry_with(*, leaves: OwnLeaves = (), palette: InputFile = None) -> NodeRegistry:
+    """Return the installed nodes, those of Python files and those of a palette.
 
-
-def registry_with(
-    *,
-    leaves: OwnLeaves = (),
-    palette: Annotated[
-        Path | None,
-        Option(
-            "A file with a TreeNodesModel, such as Groot2 exports or saves in its tree files, of "
-            "nodes that are not installed here.",
-            path="read",
-        ),
-    ] = None,
-) -> NodeRegistry:
-    """Return the installed nodes, those of Python files and those of a palette."""
-    registry = _registry(leaves=leaves)
+    Options:
+        palette: A file with a TreeNodesModel, such as Groot2 exports or saves in its tree files, of
+            nodes that are not installed here.
+    """
+    registry = with_leaves(NodeRegistry.installed(), [Path(file) for file in leaves])
     if palette is None:
         return registry
     odd = Findings()
@@ -64,7 +64,7 @@ def registry_with(
 
 
 Registry = Annotated[NodeRegistry, Option(parts=registry_with)]
-FlownRegistry = Annotated[NodeRegistry, Option(parts=_registry)]
+FlownRegistry = Annotated[NodeRegistry, Option(parts=registry_with, only=("leaves",))]
 """Registries with a palette and without."""
 
 
@@ -98,26 +98,20 @@ def refuse_in_lab(
     lab: Lab,
     registry: NodeRegistry,
     tree: Path | str,
-    *,
-    tree_id: str | None,
-    tree_folders: TreeFolders,
     parameters: Sequence[Parameters | None],
+    **lookup: Any,
 ) -> None:
-    """Refuse a mission that does not fit a lab, with each set of values; None: no values."""
+    """Refuse a mission that does not fit a lab, with each set of values; None: no values.
+
+    `lookup` says which tree is meant and where others are found, as `FlightOptions` takes it.
+    """
     # Late: `uav-bt check` answers at once, and these import the parts of a flight.
     from uav_bt.app.flight import check  # noqa: PLC0415
 
     for each in parameters:
         given = each or Parameters()
-        check(
-            tree,
-            registry,
-            lab=lab,
-            tree_id=tree_id,
-            tree_folders=tree_folders,
-            ports=given.ports,
-            variables=given.variables,
-        )
+        values = {"ports": given.ports, "variables": given.variables}
+        check(tree, registry, lab=lab, **lookup, **values)
 
 
 def print_or_write(text: str, out: Path | None) -> None:
@@ -128,3 +122,23 @@ def print_or_write(text: str, out: Path | None) -> None:
     with writing(out):
         out.write_text(text, encoding="utf-8")
     click.echo(f"written: {out}")
+
+
+def write_scores(scores: Mapping[str, Any], out: Path | None) -> None:
+    """Write scores as JSON, if there is a file for them."""
+    if out is not None:
+        with writing(out):
+            out.write_text(json.dumps(scores, indent=2) + "\n", encoding="utf-8")
+        click.echo(f"scores: {out}")
+
+
+def table(rows: Sequence[Sequence[object]], *, left: int = 1) -> Iterator[str]:
+    """Yield the lines of a table; the first `left` columns are words, the others are numbers."""
+    texts = [[str(cell) for cell in row] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*texts, strict=True)]
+    for row in texts:
+        words = (f"{cell:<{width}}" for cell, width in zip(row[:left], widths, strict=False))
+        numbers = (
+            f"{cell:>{width}}" for cell, width in zip(row[left:], widths[left:], strict=True)
+        )
+        yield "  ".join((*words, *numbers)).rstrip()

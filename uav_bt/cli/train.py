@@ -1,64 +1,66 @@
-"""`uav-bt net train` and `net collect`: the depth network, the control student and its flights."""
+"""`uav-bt net train`, `export` and `collect`: networks, and flights to learn from."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
 import click
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
 from perception.control.ego_state import ControlNetConfig
 from perception.control.training.run import ControlTrainingConfig
 from perception.depth.training.run import DepthTrainingConfig
+from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.runtime import shipped_unet
 from uav_bt.app.option_values import ImageSize, Policies, Seed
 from uav_bt.campaign.runner import LocalBackend
 from uav_bt.cli.declare import command
+from uav_bt.cli.evaluate import Drawn
 from uav_bt.cli.progress import campaign_progress, progress_bars
-from uav_bt.cli.shared import RUNS, Records, Workers
-from uav_bt.cli.training_options import Device, Steps, Weights
-from uav_bt.errors import FileError, MissionError
+from uav_bt.cli.shared import (
+    RUNS,
+    Count,
+    Device,
+    InputFile,
+    OutputFolder,
+    Records,
+    Steps,
+    Workers,
+)
+from uav_bt.errors import FileError
 from uav_bt.learning import collecting, diary, training
 from uav_bt.learning.dataset import read_advised_flights, read_flights, split_records
+from uav_bt.learning.exporting import CALIBRATION_VIEWS, Network, Precision, export_network
 from uav_bt.learning.lab_training import UNET_WEIGHTS
 from uav_bt.learning.views import TRAINING_SCENES, DepthViewPlan, depth_views
 from uav_bt.option import Option
 from uav_bt.plugins import need
 
 _NO_POLICIES: Final[dict[str, str]] = {}
+_Weights = Annotated[Path, Option("The weights.", path="written", suffix=".safetensors")]
+_Run = Annotated[
+    Path,
+    Option(
+        "Where checkpoint, scores and what is made of the flights are kept; the same command "
+        "continues a training from there.",
+        path="folder",
+    ),
+]
 
 
 @command()
 def depth(
     flights: Annotated[tuple[Path, ...], Option(form="FLIGHTS...")],
     *,
-    out: Weights = RUNS / "depth.safetensors",
-    run: Annotated[
-        Path,
-        Option(
-            "Where labels, checkpoint, scores and images are kept; the same command continues a "
-            "training from there.",
-            path="folder",
-        ),
-    ] = RUNS / "depth",
-    labels: Annotated[
-        Literal["contact", "none"],
-        Option("Labels beside the frames: depth from masks and geometry, or none."),
-    ] = "contact",
-    photometric: Annotated[
-        bool, Option("Learn from the photometric loss between neighbouring frames, too.")
-    ] = True,
-    start: Annotated[
-        Path | None,
-        Option("Weights of a depth network to begin with; random ones if not given.", path="read"),
-    ] = None,
-    validate: Annotated[
-        bool, Option("Score the network on the twin's validation scenes as it learns.")
-    ] = True,
-    pose: Annotated[
-        Literal["telemetry", "network"], Option("Source of the camera's movement between frames.")
-    ] = "telemetry",
+    out: _Weights = RUNS / "depth.safetensors",
+    run: _Run = RUNS / "depth",
+    labels: Literal["contact", "none"] = "contact",
+    photometric: bool = True,
+    start: InputFile = None,
+    validate: bool = True,
+    pose: Literal["telemetry", "network"] = "telemetry",
     seed: Seed = 0,
     steps: Steps = 2500,
     device: Device = "cpu",
@@ -67,6 +69,13 @@ def depth(
 
     FLIGHTS are records of `uav-bt fly --record`. Writes a safetensors file and, beside it, the ONNX
     file made from it, which a tree file may name.
+
+    Options:
+        labels: Labels beside the frames: depth from masks and geometry, or none.
+        photometric: Learn from the photometric loss between neighbouring frames, too.
+        start: Weights of a depth network to begin with; random ones if not given.
+        validate: Score the network on the twin's validation scenes as it learns.
+        pose: Source of the camera's movement between frames.
     """
     if not photometric and labels == "none":
         raise click.UsageError("--no-photometric with --labels none leaves nothing to learn from")
@@ -98,47 +107,14 @@ def depth(
 def student(
     records: Records,
     *,
-    out: Weights = RUNS / "student.safetensors",
-    run: Annotated[
-        Path,
-        Option(
-            "Where views, checkpoint, scores and curves are kept; the same command continues a "
-            "training from there.",
-            path="folder",
-        ),
-    ] = RUNS / "student",
-    views_kept: Annotated[
-        Path | None,
-        Option(
-            "Where the records' views are kept, for several runs to share; RUN/views if not given.",
-            path="folder",
-        ),
-    ] = None,
-    held_out: Annotated[
-        tuple[Path, ...],
-        Option(
-            "Records, or a folder of them, that validate and are not learnt from. Repeatable.",
-            "--validate RECORDS",
-        ),
-    ] = (),
-    views: Annotated[
-        int, Ge(1), Le(5), Option("Frames in a window: the present one and earlier ones.")
-    ] = 3,
-    spacing_s: Annotated[float, Gt(0), Option("Time between the views of a window.")] = 0.5,
-    start: Annotated[
-        Path | None,
-        Option(
-            "Weights to begin with, a student's or a segmentation U-Net's; the shipped U-Net's if "
-            "not given.",
-            path="read",
-        ),
-    ] = None,
-    near_weight: Annotated[
-        float, Gt(0), Option("How much more often views near obstacles are drawn than others.")
-    ] = 2.0,
+    out: _Weights = RUNS / "student.safetensors",
+    run: _Run = RUNS / "student",
+    held_out: Annotated[tuple[Path, ...], Option(form="--validate RECORDS")] = (),
+    views: Annotated[int, Ge(1), Le(5)] = 3,
+    start: InputFile = None,
     seed: Seed = 0,
     steps: Steps = 6000,
-    batch: Annotated[int, Ge(2), Option("Windows in a step.")] = 24,
+    batch: Annotated[int, Ge(2)] = 24,
     device: Device = "cpu",
 ) -> None:
     """Train the control student on records of advised flights.
@@ -146,23 +122,27 @@ def student(
     RECORDS are files that `uav-bt net collect` made, or folders of them. Writes a safetensors file
     and, beside it, the ONNX file made from it, for a tree with policy="student:FILE.onnx". On two
     cores 4,500 steps take about 36 minutes; the same command continues what was stopped.
+
+    Options:
+        held_out: Records, or a folder of them, that validate and are not learnt from. Repeatable.
+        views: Frames in a window: the present one and earlier ones.
+        start: Weights to begin with, a student's or a segmentation U-Net's; the shipped U-Net's if
+            not given.
+        batch: Windows in a step.
     """
     # Refuses an absent GPU before records are read.
-    loop = ControlTrainingConfig(
-        near_weight=near_weight, seed=seed, steps=steps, batch=batch, device=device
-    )
-    net = ControlNetConfig(views=views, spacing_s=spacing_s)
-    kept = views_kept or run / "views"
+    loop = ControlTrainingConfig(seed=seed, steps=steps, batch=batch, device=device)
+    net = ControlNetConfig(views=views)
     learnt, others = split_records(records, held_out)
     with progress_bars() as advance:
         score = training.train_student(
-            read_advised_flights(learnt, net, kept, advance=advance),
+            read_advised_flights(learnt, net, run / "views", advance=advance),
             out,
             config=loop,
             net_config=net,
             start=start or UNET_WEIGHTS,
             checkpoint=run / "checkpoint.safetensors",
-            held_out=read_advised_flights(others, net, kept, advance=advance),
+            held_out=read_advised_flights(others, net, run / "views", advance=advance),
             diary=diary.Diary(run, training.STUDENT_CURVES),
             advance=advance,
         )
@@ -177,43 +157,21 @@ def student(
 
 @command()
 def collect(
-    ctx: click.Context,
     tree: str,
     *,
-    flights: Annotated[
-        int, Ge(1), Option("Minimum in all, shared evenly over scenes and profiles.")
-    ] = 96,
-    scenes: Annotated[
-        tuple[str, ...],
-        Option(
-            "Scene to begin with, by name or file. Repeatable; default: all training scenes.",
-            "--scene SCENE",
-        ),
-    ] = (),
+    flights: Count = 96,
+    scenes: Annotated[tuple[str, ...], Option(form="--scene SCENE")] = (),
     profiles: Annotated[
         tuple[Literal["ideal", "lab", "harsh", "lab-instant", "harsh-instant"], ...],
-        Option("How imperfect the twin is. Repeatable; default: lab and harsh.", "--profile"),
+        Option(form="--profile"),
     ] = (),
-    layouts: Annotated[
-        bool,
-        Option(
-            "Vary the boxes, too, in all flights but the first of each scene; light always varies."
-        ),
-    ] = True,
+    layouts: bool = True,
     seed: Seed = 0,
     image_size_px: ImageSize = (640, 360),
-    student: Annotated[
-        Path | None,
-        Option(
-            "Let this control student (ONNX) fly in place of every policy of the tree.", path="read"
-        ),
-    ] = None,
+    student: InputFile = None,
     policies: Policies = _NO_POLICIES,
     workers: Workers = None,
-    out: Annotated[
-        Path | None,
-        Option("Where flights and records are kept; default: runs/collected-TREE.", path="folder"),
-    ] = None,
+    out: OutputFolder = None,
 ) -> None:
     """Fly a mission many times and record the rule's advice on every view.
 
@@ -221,6 +179,15 @@ def collect(
     explore_and_land_student_advised, where the student flies and the rule's answers are
     recorded. `uav-bt net train student DIR...` learns from the records. The same command continues
     a collection that was stopped. A flight takes about 45 s of a core.
+
+    Options:
+        flights: Minimum in all, shared evenly over scenes and profiles.
+        scenes: Scene to begin with, by name or file. Repeatable; default: all training scenes.
+        profiles: How imperfect the twin is. Repeatable; default: lab and harsh.
+        layouts: Vary the boxes, too, in all flights but the first of each scene; light always
+            varies.
+        student: Let this control student (ONNX) fly in place of every policy of the tree.
+        out: Where flights and records are kept; default: runs/collected-TREE.
     """
     need("record")
     names = {node: str(policy) for node, policy in policies.items()}
@@ -241,17 +208,57 @@ def collect(
         image_size_px=image_size_px,
     )
     folder = out or RUNS / f"collected-{Path(tree).stem}"
-    with campaign_progress(len(plan)) as progress:
-        try:
-            records = collecting.collect(
-                plan,
-                folder,
-                backend=LocalBackend(workers),
-                on_flight=progress.add,
-                on_note=progress.note,
-            )
-        except KeyboardInterrupt:
-            progress.note(f"stopped; the same command continues from the files in {folder}")
-            ctx.exit(MissionError.exit_code)
+    with campaign_progress(len(plan), folder) as progress:
+        records = collecting.collect(
+            plan,
+            folder,
+            backend=LocalBackend(workers),
+            on_flight=progress.add,
+            on_note=progress.note,
+        )
     size_mb = sum(record.stat().st_size for record in records) / 1e6
     click.echo(f"{len(records)} records, {size_mb:.0f} MB: {folder}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Export:
+    """The network that is exported.
+
+    Options:
+        weights: The safetensors file of `uav-bt net train`; the shipped one if not given.
+        precision: 8-bit integers, which take about half the time, or floats. The integers' ranges
+            are taken from images of the twin.
+        out: The ONNX file; runs/NETWORK-PRECISION.onnx if not given.
+    """
+
+    weights: InputFile = None
+    precision: Precision = "int8"
+    out: Annotated[Path | None, Option(path="written", suffix=".onnx")] = None
+    drawn: Annotated[Drawn, Option(parts=Drawn)]
+
+    def write(self, network: Network) -> None:
+        """Make the file, and name it."""
+        need("train")
+        path = self.out or RUNS / f"{network}-{self.precision}.onnx"
+        source = self.weights or SHIPPED_WEIGHTS / f"{network}.safetensors"
+        plan = self.drawn.of(CALIBRATION_VIEWS)
+        with progress_bars() as advance:
+            export_network(
+                network, source, path, precision=self.precision, views=plan, advance=advance
+            )
+        click.echo(f"network in {self.precision}: {path}, {path.stat().st_size / 1e6:.1f} MB")
+
+
+_Export = Annotated[Export, Option(parts=Export)]
+
+
+@command("depth")
+def export_depth(*, export: _Export) -> None:
+    """Export a depth network."""
+    export.write("depth")
+
+
+@command("student")
+def export_student(*, export: _Export) -> None:
+    """Export a control student. All its shapes are fixed."""
+    export.write("student")

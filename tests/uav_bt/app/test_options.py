@@ -20,7 +20,6 @@ from sim_bridge.twin import TwinConfig
 from tests.uav_bt.campaign.campaign_world import plan
 from uav_bt import app
 from uav_bt.answers import Advance, Answer
-from uav_bt.app.perceive.inputs import PerceiveOptions
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
@@ -106,7 +105,7 @@ def test_a_value_that_cannot_be_used_is_refused_when_it_is_given(
 
 SETTINGS = (
     *(app.Limits, app.RunnerConfig, app.JudgeConfig, app.Site),
-    *(PreflightConfig, Clearances, PerceiveOptions, plan),
+    *(PreflightConfig, Clearances, plan),
 )
 """What makes the settings that users hand over; all of its numbers have defaults."""
 
@@ -128,8 +127,6 @@ def test_every_number_is_checked_when_it_is_given(make: Callable[..., Any]) -> N
         (app.RunnerConfig, {"tick_s": 1.5}, "must be a positive number up to 1, got 1.5"),
         (app.Limits, {"critical_battery": 1.5}, "must be a number from 0 up to 1, got 1.5"),
         (app.Site, {"http_port": 70_000}, "must be a positive whole number up to 65535, got 70000"),
-        (PerceiveOptions, {"every": 1.5}, "must be a positive whole number, got 1.5"),
-        (PerceiveOptions, {"gimbal_pitch_rad": -2.0}, "must be a number from -1.5708 up to 1.5708"),
         (plan, {"flights": 0}, "must be a positive whole number, got 0"),
         (app.JudgeConfig, {"land_on": "nowhere"}, "unknown land_on 'nowhere' .*ground, mark, none"),
     ],

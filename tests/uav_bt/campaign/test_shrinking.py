@@ -17,8 +17,8 @@ from sim_bridge.twin.scene_file import load_scene
 from tests.uav_bt.campaign.campaign_world import jsonl
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.shrinking import FailedFlight, least
+from uav_bt.cli.campaign import shrink
 from uav_bt.cli.fly import fly
-from uav_bt.cli.shrink import shrink_command
 from uav_bt.errors import InputError
 
 
@@ -54,7 +54,7 @@ def test_a_flight_is_reduced_to_its_fault_and_can_be_flown_again(tmp_path: Path)
     """Neither the wind nor any box matters to a low battery."""
     source = jsonl(tmp_path / "flights.jsonl", flight())
     plain = tmp_path / "small"
-    done = CliRunner().invoke(shrink_command, [str(source), "--out", str(plain)])
+    done = CliRunner().invoke(shrink, [str(source), "--out", str(plain)])
     assert done.exit_code == 0, done.output
     assert "remaining: faults 1, movers 0, boxes 0" in done.output
     assert (plain / "faults.txt").read_text() == "battery-low=0.06@center+0.3\n"
@@ -76,7 +76,7 @@ def test_a_flight_that_ends_for_another_reason_is_no_reproduction(tmp_path: Path
     """Without frames the flight is aborted, too, but the battery is what failed."""
     faults = ["no-frame@center+0.3", "battery-low=0.06@center+0.3"]
     source = jsonl(tmp_path / "flights.jsonl", flight(faults=faults))
-    done = CliRunner().invoke(shrink_command, [str(source), "--out", str(tmp_path / "small")])
+    done = CliRunner().invoke(shrink, [str(source), "--out", str(tmp_path / "small")])
     assert done.exit_code == 0, done.output
     assert (tmp_path / "small" / "faults.txt").read_text() == f"{faults[1]}\n"
 
@@ -120,14 +120,15 @@ def test_a_variant_with_a_dot_is_found_and_other_flights_are_named(tmp_path: Pat
 
     def refused(*words: str) -> str:
         given = [str(source), "--out", str(tmp_path / "small"), *words]
-        done = CliRunner().invoke(shrink_command, given)
+        done = CliRunner().invoke(shrink, given)
         assert isinstance(done.exception, InputError)
         return str(done.exception)
 
     assert "unknown scene 'no-such'" in refused("--tree", "land_only[v1.5]")
     assert refused("--seed", "100").endswith(
-        "has no failed flight with seed 100; succeeded: land_only.xml in val-a, seed 100; "
-        "land_only.xml in val-b, seed 100; failed: land_only[v1.5].xml in no-such, seed 3"
+        "has no failed flight with seed 100; land_only.xml in val-a, seed 100: success; "
+        "land_only.xml in val-b, seed 100: success; "
+        "land_only[v1.5].xml in no-such, seed 3: aborted"
     )
 
 
@@ -147,7 +148,7 @@ def test_a_flight_is_shrunk_with_what_was_changed_for_it(flown: dict[str, object
 
 def test_a_flight_that_no_longer_fails_is_refused(tmp_path: Path) -> None:
     source = jsonl(tmp_path / "flights.jsonl", flight(faults=[]))
-    done = CliRunner().invoke(shrink_command, [str(source), "--out", str(tmp_path / "small")])
+    done = CliRunner().invoke(shrink, [str(source), "--out", str(tmp_path / "small")])
     assert isinstance(done.exception, InputError)
     assert "does not end with 'aborted: critical battery: 6 %' any more" in str(done.exception)
     assert not (tmp_path / "small").exists()

@@ -62,17 +62,6 @@ def test_the_same_command_flies_nothing_again_and_resume_neither(folder: Path) -
     assert flights_of(folder) == before
 
 
-def test_a_changed_tree_is_refused(folder: Path, flown: Path) -> None:
-    mission = flown.parent / "mission.xml"
-    text = mission.read_text()
-    try:
-        mission.write_text(text.replace("1.0", "1.2"))
-        refused = run("campaign", "--resume", folder)
-    finally:
-        mission.write_text(text)
-    assert_refused(refused, "holds another campaign", "trees mission.xml sha256 has changed")
-
-
 def test_a_report_is_written_into_the_folder(folder: Path) -> None:
     done = run("report", folder)
     assert done.exit_code == 0, done.output
@@ -81,13 +70,6 @@ def test_a_report_is_written_into_the_folder(folder: Path) -> None:
     assert all(file.is_file() for file in files)
     assert {file.suffix for file in files} == {".html", ".png", ".csv"}
     assert (folder / "report-figures" / "scene-val-a.png") in files
-
-
-def test_a_report_has_its_figures_as_pdf(folder: Path) -> None:
-    done = run("report", folder, "--figures", "pdf")
-    assert done.exit_code == 0, done.output
-    assert str(folder / "report-figures" / "outcomes.pdf") in done.stdout.splitlines()
-    assert {file.suffix for file in (folder / "report-figures").iterdir()} == {".pdf"}
 
 
 def test_a_worse_tree_makes_the_exit_code(folder: Path, tmp_path: Path) -> None:
@@ -116,21 +98,8 @@ def test_a_scene_that_is_gone_is_reported_and_left_out(folder: Path) -> None:
     assert "no map of scene 'gone'" in done.stderr
 
 
-def test_a_profile_that_nobody_knows_ends_the_campaign(tmp_path: Path) -> None:
-    mission, out = tree_file(tmp_path, HOP), tmp_path / "out"
-    refused = run("campaign", mission, "--flights", 1, *SMALL, "--profile", "no", "--out", out)
-    assert refused.exit_code == 2, refused.output
-    assert "unknown profile 'no'" in refused.stderr
-    assert flights_of(out) == []
-
-
-@pytest.mark.parametrize(("percent", "code"), [(100, 0), (50, 0)])
-def test_successes_above_the_limit_are_good(folder: Path, percent: int, code: int) -> None:
-    done = run("campaign", "--resume", folder, "--fail-under", percent)
-    assert done.exit_code == code
-
-
 def test_successes_under_the_limit_fail(folder: Path) -> None:
+    assert run("campaign", "--resume", folder, "--fail-under", 100).exit_code == 0
     text = (folder / "flights.jsonl").read_text().replace("success", "collision", 1)
     (folder / "flights.jsonl").write_text(text)
     assert run("campaign", "--resume", folder, "--fail-under", 50).exit_code == 0
@@ -152,14 +121,15 @@ def test_a_stopped_campaign_says_how_it_goes_on(
 
 def test_on_a_terminal_a_bar_counts_outcomes_and_names_failures() -> None:
     told = io.StringIO()
-    with campaign_progress(3, Console(file=told, force_terminal=True, width=100)) as progress:
+    console = Console(file=told, force_terminal=True, width=100)
+    with campaign_progress(3, Path("out"), console) as progress:
         progress.add({"outcome": "success", "tree": "t", "scene": "s", "seed": 0}, now=False)
         progress.add({"outcome": "success", "tree": "t", "scene": "s", "seed": 1}, now=True)
         progress.add(
             {"outcome": "timeout", "tree": "t", "scene": "s", "seed": 2, "reason": "[red]"},
             now=True,
         )
-        assert progress.done == 3
+        assert progress.outcomes.total() == 3
     text = click.unstyle(told.getvalue())
     assert "success 2  timeout 1" in text
     assert "3/3 t s seed 2: timeout, [red]" in text

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import click
 import pytest
 from annotated_types import Ge, Gt, Le
 from click.testing import CliRunner
@@ -32,19 +31,24 @@ class Size:
 
 @command(sections=("Size",))
 def example(
-    ctx: click.Context,
     name: str,
     files: Annotated[tuple[Path, ...], Option(form="[FILE]...")] = (),
     *,
     size: Annotated[Size, Option(parts=Size, only=("width",), defaults={"width": 4})],
     share: Annotated[float | None, Gt(0), Option("Share.", "--part SHARE")] = None,
-    form: Annotated[Literal["a", "b"], Option("Form.")] = "a",
-    on: Annotated[bool, Option("Whether it is on.")] = True,
+    form: Literal["a", "b"] = "a",
+    on: bool = True,
     values: Annotated[Mapping[str, str], Option("Values.", read=_values)] = NONE,
     where: Annotated[str | None, Option("Where.", "[WHERE]", alone="here")] = None,
 ) -> None:
-    """Note what was given."""
-    SEEN.append({**locals(), "ctx": ctx.info_name})
+    """Note what was given.
+
+    Options:
+        form: Form
+            of letters.
+        on: Whether it is on.
+    """
+    SEEN.append(locals())
 
 
 @pytest.mark.parametrize(
@@ -60,7 +64,7 @@ def example(
 )
 def test_a_function_gets_what_the_command_line_says(line: str, given: dict[str, Any]) -> None:
     assert CliRunner().invoke(example, line.split()).exit_code == 0
-    defaults = {"ctx": "example", "name": "x", "files": (), "size": Size(width=4), "share": None}
+    defaults = {"name": "x", "files": (), "size": Size(width=4), "share": None}
     defaults |= {"form": "a", "on": True, "values": {}, "where": None}
     assert SEEN.pop() == {**defaults, **given}
 
@@ -69,8 +73,11 @@ def test_a_function_gets_what_the_command_line_says(line: str, given: dict[str, 
     ("line", "words"),
     [
         ("", "Missing argument 'NAME'"),
-        ("x --width 0", "'--width': expected a whole number from 1 to 9, got '0'"),
-        ("x --part 0", "'--part': expected a number above 0, got '0'"),
+        ("x --width 0", "'--width': 0 is not in the range 1<=x<=9"),
+        ("x --part 0", "'--part': 0.0 is not in the range x>0"),
+        ("x --width 1.5", "'--width': '1.5' is not a valid integer"),
+        ("x --part half", "'--part': 'half' is not a valid number"),
+        ("x --part nan", "'--part': 'nan' is not a finite number"),
         ("x --form c", "'c' is not one of 'a', 'b'"),
         ("x --height 3", "No such option '--height'"),
         ("x --values a", "'--values': expected NAME=VALUE, got 'a'"),
@@ -85,6 +92,7 @@ def test_the_help_has_sections_and_then_the_other_options() -> None:
     lines = CliRunner().invoke(example, ["--help"]).stdout.splitlines()
     assert [line for line in lines if line.endswith(":")] == ["Size:", "Options:"]
     assert lines[lines.index("Size:") + 1].split()[:3] == ["--width", "INTEGER", "Width."]
+    assert [line.split()[2:] for line in lines if "--form" in line] == [["Form", "of", "letters."]]
 
 
 def test_pairs_have_a_name_and_one_value() -> None:

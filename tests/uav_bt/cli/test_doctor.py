@@ -12,20 +12,7 @@ import pytest
 from tests.worlds.cli import HOP, run, tree_file
 from uav_bt.app.doctor import examine
 from uav_bt.errors import MissingDependencyError
-from uav_bt.record.reader import RecordReader
 
-EXPLORING = """
-<ReactiveSequence>
-  <Segment model="unet"/>
-  <Sequence>
-    <TakeOff/>
-    <ForceSuccess><Timeout msec="8000"><KeepRunningUntilFailure><Fallback>
-      <Explore/><Avoid/>
-    </Fallback></KeepRunningUntilFailure></Timeout></ForceSuccess>
-    <Land/>
-  </Sequence>
-</ReactiveSequence>
-"""
 SMALL = ("--image-size", "160x90", "--profile", "ideal")
 
 
@@ -64,20 +51,6 @@ def test_a_missing_extra_is_named_with_its_pip_line_and_is_no_fault(
     assert "extra view: optional, not installed: rerun-sdk; run `pip " in result.stdout
 
 
-def test_the_needed_packages_are_lines_of_a_terminals_width() -> None:
-    lines = run("doctor").stdout.splitlines()
-    first = next(i for i, line in enumerate(lines) if line.startswith("needed packages: ok, "))
-    listed = [lines[first]]
-    for line in lines[first + 1 :]:
-        if not line.startswith("  "):
-            break
-        listed.append(line)
-    assert len(listed) > 1
-    assert all(len(line) <= 100 for line in listed)
-    # A package and its version stand in one line.
-    assert all(re.fullmatch(r".*[\w.+]+==[\w.+]+,?", line) for line in listed)
-
-
 def test_the_doctor_sends_nothing_anywhere(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> None:
         pytest.fail("a packet was sent")
@@ -101,23 +74,6 @@ def test_the_doctor_looks_at_a_drone_when_asked() -> None:
     result = run("doctor", "--drone", f"anafi:127.0.0.1:{port}")
     assert result.exit_code in (1, 2)  # without Parrot's SDK its error comes first
     assert "Parrot's SDK" in result.stderr or "cannot reach anafi" in result.stderr
-
-
-def test_a_site_changes_the_flight_height(tmp_path: Path) -> None:
-    site = tmp_path / "site.yaml"
-    site.write_text("flight_height_m: 1.2", encoding="utf-8")
-    record = tmp_path / "flight.mcap"
-    tree = tree_file(tmp_path, EXPLORING)
-    result = run("fly", tree, *SMALL, "--site", site, "--record", record)
-    assert result.exit_code == 1, result.output  # it lands beside the mark
-    heights_m = [
-        moment.state.height_above_ground_m
-        for moment in RecordReader(record).moments()
-        if moment.board["phase"]["value"] == "explore"
-    ]
-    assert len(heights_m) > 50
-    assert min(heights_m) > 1.05
-    assert max(heights_m) < 1.35
 
 
 def test_a_rehearsal_succeeds_without_leaving_the_ground(tmp_path: Path) -> None:

@@ -17,7 +17,6 @@ import pytest
 
 from tests.uav_bt.learning.lab_world import draw_lab
 from tests.worlds.cli import run, tree_file
-from uav_bt.app.view.recorded import RecordedFlight
 from uav_bt.record.info import record_info
 
 HOVER = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="250"/><Land/></Sequence>'
@@ -51,6 +50,10 @@ class Case:
 
 # Once the modules are imported, SIGTERM raises the same exception as Ctrl-C. In the air a flight
 # handles SIGTERM and SIGHUP, too: `test_fly.py` sends them.
+PORTS = (
+    "--no-video --address 127.0.0.9 --discovery-port 0 --control-port 0 --commands-port 0 "
+    "--http-port 0 --rtsp-port 0"
+)
 INT, TERM = signal.SIGINT, signal.SIGTERM
 CASES = {
     "fly, importing": Case(
@@ -63,25 +66,11 @@ CASES = {
     "fly, importing, SIGTERM": Case(
         "fly hover.xml", "begun", "Error: stopped by SIGTERM", by=(TERM,), after_s=0.1
     ),
-    "train, importing": Case(
-        "net train depth record.mcap --out old.safetensors",
-        "begun",
-        "Error: stopped by Ctrl-C",
-        after_s=0.1,
-        kept=("old.safetensors",),
-    ),
     "fly, before take-off": Case(
         "fly hover.xml --drone slow --report old.json",
         "creating",
         "stopped by Ctrl-C before take-off: nothing flew",
         kept=("old.json",),
-    ),
-    "fly, before take-off, SIGTERM": Case(
-        "fly hover.xml --drone slow --video old.mp4",
-        "creating",
-        "stopped by SIGTERM before take-off",
-        by=(TERM,),
-        kept=("old.mp4",),
     ),
     "fly, in the air": Case(
         f"fly hover.xml {SMALL} --report new.json --video new.mp4 --record new.mcap",
@@ -111,20 +100,9 @@ CASES = {
         kept=("labs/hall/segmentation.onnx",),
     ),
     "pick": Case("lab pick hall", "open http", "next: uav-bt lab train hall", code=0),
-    "serve-anafi": Case(
-        "serve-anafi --no-video --address 127.0.0.9 --discovery-port 0 "
-        "--control-port 0 --commands-port 0 --http-port 0 --rtsp-port 0",
-        "stands in",
-        "stopped",
-        code=0,
-    ),
+    "serve-anafi": Case(f"serve-anafi {PORTS}", "stands in", "stopped", code=0),
     "serve-anafi, SIGTERM": Case(
-        "serve-anafi --no-video --address 127.0.0.9 --discovery-port 0 "
-        "--control-port 0 --commands-port 0 --http-port 0 --rtsp-port 0",
-        "stands in",
-        "stopped",
-        code=0,
-        by=(TERM,),
+        f"serve-anafi {PORTS}", "stands in", "stopped", code=0, by=(TERM,)
     ),
     "simulate": Case(
         "simulate long.xml --script script.yaml --ticks 100000000", r"\n +1 ", "stopped by Ctrl-C"
@@ -150,9 +128,8 @@ def world(tmp_path: Path, flown: Path) -> Path:
     tree_file(tmp_path, LONG, "long.xml")
     (tmp_path / "script.yaml").write_text("leaves: {HoverFor: RS}\n")
     (tmp_path / "flight.mcap").write_bytes(flown.read_bytes())
-    for name in ("old.json", "old.mp4", "old.rrd", "old.html", "old.safetensors", "flights.jsonl"):
+    for name in ("old.json", "old.mp4", "old.rrd"):
         (tmp_path / name).write_bytes(OLD)
-    (tmp_path / "record.mcap").write_bytes(OLD)
     draw_lab(tmp_path / "labs" / "hall").network.write_bytes(OLD)
     (tmp_path / "slow.py").write_text(SLOW_DRONE)
     (tmp_path / "slow-1.dist-info").mkdir()
@@ -211,20 +188,6 @@ def test_what_is_interrupted_says_so_and_leaves_nothing_half_done(name: str, wor
         assert not info.damages
         with av.open(str(world / "new.mp4")) as film:
             assert sum(1 for _ in film.decode(video=0)) > 5
-
-
-def test_half_a_film_of_a_record_does_not_replace_a_whole_one(flown: Path, tmp_path: Path) -> None:
-    old = tmp_path / "old.mp4"
-    old.write_bytes(OLD)
-
-    def interrupt(_stage: str, done: int, _total: int) -> None:
-        if done >= 20:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        RecordedFlight(flown).film(old, advance=interrupt)
-    assert old.read_bytes() == OLD
-    assert list(tmp_path.iterdir()) == [old]
 
 
 @pytest.fixture

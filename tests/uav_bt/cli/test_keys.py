@@ -10,7 +10,7 @@ import threading
 
 import pytest
 
-from uav_bt.cli.keys import KEYS_HELP, obey, pilot_keys
+from uav_bt.cli.fly import KEYS_HELP, obey, pilot_keys
 
 
 class Noted:

@@ -14,7 +14,7 @@ from uav_bt import app
 from uav_bt.app.view.recorded import RecordedFlight
 from uav_bt.campaign.report.sources import read_sources
 from uav_bt.campaign.report.tables import tables_of
-from uav_bt.errors import FileError, InputError
+from uav_bt.errors import InputError
 from uav_bt.record.reader import RecordReader
 
 SMALL = ("--image-size", "160x90", "--profile", "ideal")
@@ -61,11 +61,6 @@ class Mission:
             *("--trees", folder / "parts", "--include-root", folder),
             *("--ros-pkg", f"robot={folder / 'install' / 'robot'}"),
         )
-        self.tree_folders = app.TreeFolders(
-            trees=[folder / "parts"],
-            include_root=folder,
-            packages={"robot": folder / "install" / "robot"},
-        )
 
 
 @pytest.fixture
@@ -97,49 +92,35 @@ def test_every_command_finds_the_trees_of_other_folders(mission: Mission, tmp_pa
     assert ticked == LEAVES
 
 
-def test_every_command_names_the_option_that_is_missing(mission: Mission, tmp_path: Path) -> None:
+def test_every_command_refuses_what_is_missing_or_no_folder(
+    mission: Mission, tmp_path: Path
+) -> None:
     trees, root, package = (mission.options[at : at + 2] for at in (0, 2, 4))
+    none, twice = tmp_path / "none", ("--ros-pkg", f"robot={tmp_path}") * 2
     for command in commands(mission.path, tmp_path):
         for given, words in (
             ((*root, *package), f"{mission.path}:3:"),
             ((*trees, *package), "allow it with --include-root DIR"),
             ((*trees, *root), "package 'robot' is not known here: add --ros-pkg robot=DIR"),
+            (("--trees", none), "none: no such folder"),
+            (("--include-root", none), "none: no such folder"),
+            (("--ros-pkg", f"robot={none}"), "none: no such folder"),
+            (("--ros-pkg", "robot"), "expected NAME=DIR"),
+            (twice, "package 'robot' is given two values"),
         ):
-            result = run(*command, *given)
-            assert result.exit_code == 2, (command, result.output)
-            assert words in result.stderr
-            assert "Traceback" not in result.stderr
+            assert_refused(run(*command, *given), words)
 
 
-def test_every_command_refuses_folders_that_are_none(mission: Mission, tmp_path: Path) -> None:
-    for command in commands(mission.path, tmp_path):
-        for option in ("--trees", "--include-root"):
-            assert_refused(run(*command, option, tmp_path / "none"), "none: no such folder")
-        none = f"robot={tmp_path / 'none'}"
-        assert_refused(run(*command, "--ros-pkg", none), "none: no such folder")
-        for package in ("robot", f"={tmp_path}"):
-            words = ("--ros-pkg", "expected NAME=DIR", f"got '{package}'")
-            assert_refused(run(*command, "--ros-pkg", package), *words)
-        twice = ("--ros-pkg", f"robot={tmp_path}") * 2
-        assert_refused(run(*command, *twice), "package 'robot' is given two values")
-
-
-def test_a_tree_in_two_files_and_a_circle_of_includes_are_refused(
-    mission: Mission, tmp_path: Path
-) -> None:
+def test_a_tree_in_two_files_and_a_circle_of_includes_are_refused(mission: Mission) -> None:
     twin = write(mission.folder / "parts" / "twin.xml", "Down", "<Land/>")
-    for command in commands(mission.path, tmp_path):
-        result = run(*command, *mission.options)
-        assert result.exit_code == 2
-        places = f"{mission.down}:2:1 and {twin}:2:1"
-        assert f"tree 'Down' stands in several files: {places}" in result.stderr
+    places = f"{mission.down}:2:1 and {twin}:2:1"
+    result = run("check", mission.path, *mission.options)
+    assert_refused(result, f"tree 'Down' stands in several files: {places}")
     twin.unlink()
     up = mission.folder / "shared" / "up.xml"
     write(up, "Up", '<TakeOff height_m="1.0"/>', '<include path="../missions/hop.xml"/>')
-    for command in commands(mission.path, tmp_path):
-        result = run(*command, *mission.options)
-        assert result.exit_code == 2
-        assert f"{up}:1:59: include: the files include each other in a circle" in result.stderr
+    result = run("check", mission.path, *mission.options)
+    assert_refused(result, f"{up}:1:59: include: the files include each other in a circle")
 
 
 # --- records --------------------------------------------------------------------------------------
@@ -247,19 +228,6 @@ def test_a_failure_is_flown_again_with_its_folders(
 
 
 # --- from Python ----------------------------------------------------------------------------------
-
-
-def test_folders_in_python(mission: Mission, tmp_path: Path) -> None:
-    options = app.FlightOptions(tree_folders=mission.tree_folders)
-    flight = app.assemble(mission.path, options)
-    assert [leaf.name for leaf in flight.mission.leaves()] == LEAVES
-    with pytest.raises(InputError, match="tree_folders are for tree files; this is 'Main'"):
-        app.assemble(flight.mission, options)
-    gone = app.TreeFolders(trees=[tmp_path / "none"])
-    with pytest.raises(FileError, match="none: no such folder"):
-        app.assemble(mission.path, app.FlightOptions(tree_folders=gone))
-    assert repr(app.TreeFolders(trees=["parts"])) == f"TreeFolders(trees=({Path('parts')!r},))"
-    assert app.TreeFolders(**mission.tree_folders.to_json()) == mission.tree_folders
 
 
 @pytest.mark.parametrize(

@@ -7,20 +7,6 @@ import socket
 from tests.worlds.cli import assert_refused, run
 
 
-def test_its_help_names_what_olympe_users_need() -> None:
-    result = run("serve-anafi", "--help")
-    assert result.exit_code == 0
-    for word in (
-        "--address",
-        "--http-port",
-        "--rtsp-port",
-        "--discovery-port",
-        "--scene",
-        "--card",
-    ):
-        assert word in result.output
-
-
 def test_a_taken_port_exits_with_2_and_says_what_to_do() -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))

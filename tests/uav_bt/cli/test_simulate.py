@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.worlds.cli import HOP, assert_refused, run, tree_file
+from tests.worlds.cli import HOP, run, tree_file
 
 
 @pytest.fixture
@@ -77,21 +77,6 @@ def test_a_leaf_does_not_answer_what_it_never_does(hop: Path, tmp_path: Path) ->
     result = run("simulate", hop, "--script", script)
     assert result.exit_code == 2
     assert "Land never answers FAILURE, only SUCCESS or RUNNING; got 'F'" in result.stderr
-
-
-def test_a_shipped_mission_is_simulated_by_name(tmp_path: Path) -> None:
-    script = script_file(tmp_path, "default: S")
-    result = run("simulate", "land_only", "--script", script)
-    assert (result.exit_code, "SUCCESS after 1 tick," in result.stdout) == (0, True)
-
-
-def test_bad_input_is_refused_with_file_and_line(hop: Path, tmp_path: Path) -> None:
-    script = script_file(tmp_path, "default: S\nleaves:\n  Take: S")
-    assert_refused(
-        run("simulate", hop, "--script", script), f"{script}:3:1: mock of 'Take': the tree"
-    )
-    script = script_file(tmp_path, "leaves: {TakeOff: S}")
-    assert_refused(run("simulate", hop, "--script", script), f"{hop}:3:", "Land 'Land': has no")
 
 
 def test_a_node_that_raises_ends_it_with_a_message(tmp_path: Path) -> None:

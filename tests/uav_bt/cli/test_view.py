@@ -47,12 +47,6 @@ def test_a_flight_cannot_be_shown_without_a_display(tmp_path: Path) -> None:
     assert not report.exists()
 
 
-def test_a_span_after_the_end_is_refused(record: Path, tmp_path: Path) -> None:
-    refused = run("view", record, "--from", 500, "--save", tmp_path / "x.rrd")
-    assert_refused(refused, "no tick")
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_file_is_looked_at_before_the_display(tmp_path: Path) -> None:
     text = tmp_path / "flight.mcap"
     text.write_text("no record at all")

@@ -8,9 +8,10 @@ from contextlib import closing
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
+from annotated_types import Ge, Gt, Le
 
 from perception.camera.camera_file import load_camera
 from perception.depth.runtime import load_depth_estimator
@@ -25,6 +26,7 @@ from perception.networks.weights_file import (
 from perception.segmentation import runtime
 from perception.segmentation.runtime import RoomSegmenter
 from sim_bridge.anafi import anafi_camera
+from uav_bt.app.option_values import Threads
 from uav_bt.app.perceive.pipeline import Pipeline
 from uav_bt.app.perceive.telemetry import Telemetry
 from uav_bt.app.sources.by_name import FolderSource, open_source
@@ -32,6 +34,7 @@ from uav_bt.app.sources.shots import Shot, Shots
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.shipped import load_lab
+from uav_bt.option import Option
 from uav_bt.protocols import DepthEstimator, Segmenter
 from uav_bt.record.reader import RECORD_SUFFIX, flight_record
 from uav_bt.settings import check_numbers
@@ -42,31 +45,38 @@ _SQUARE_SLACK: Final = 0.01  # of the ratio of focal lengths
 
 @dataclass(frozen=True, kw_only=True)
 class PerceiveOptions:
-    """Facts about the images, and the networks that perceive them."""
+    """Facts about the images, and the networks that perceive them.
 
-    camera: str | Path | None = None  # a camera file; None: the record's, or the ANAFI's
-    height_m: float = 1.5  # of the camera above the ground, without telemetry
-    gimbal_pitch_rad: float = math.radians(-30)  # 0 level, without telemetry
-    telemetry: str | Path | None = None  # record of the same flight
-    # A shipped one's name, an ONNX file, or "contact"; None: as the segmentation's.
+    Options:
+        camera: Camera file of `uav-bt lab calibrate`; without it, the ANAFI's video is assumed.
+        height_m: Height of the camera above the ground, for all frames.
+        gimbal_deg: Pitch of the camera, for all frames: 0 level, negative down.
+        telemetry: Record of the same flight, from `uav-bt fly --record`: height and gimbal by
+            frame.
+        model: Depth network: 'any', 'depth', an ONNX file, or 'contact' (masks and geometry, no
+            network); by default the one that belongs to the segmentation.
+        segmentation: Segmentation: 'any', 'unet', 'teacher', or an ONNX file; by default 'unet' for
+            flights and 'any' for all else.
+        classes: Class-mapping file of a foreign segmentation network.
+        sequence: The images of the folder follow one another; without it each stands for itself.
+        every: Process only one in this many frames.
+        longest_s: Stop after this much of the source.
+    """
+
+    camera: Annotated[Path | None, Option(path="read")] = None
+    height_m: Annotated[float, Gt(0), Le(100)] = 1.5
+    gimbal_deg: Annotated[float, Ge(-90), Le(90)] = -30.0
+    telemetry: Annotated[Path | None, Option(path="read")] = None
     model: str | None = None
-    # A shipped one's name or an ONNX file; None: "unet" for flights, else "any".
     segmentation: str | None = None
-    classes: str | Path | None = None  # class-mapping file of a foreign segmentation
-    # Whether a folder's images follow one another. They do with telemetry.
+    classes: Annotated[Path | None, Option(path="read")] = None
     sequence: bool = False
-    every: int = 1  # images a step; 1 takes all
-    longest_s: float | None = None  # of the source's time; None: to its end
-    threads: int = 1  # of the networks' inference
-    seed: int = 0  # of the ground's pixels that are drawn for the scale
+    every: Annotated[int, Ge(1)] = 1
+    longest_s: Annotated[float | None, Gt(0), Option(form="--seconds")] = None
+    threads: Threads = 1
 
     def __post_init__(self) -> None:
-        straight_rad = math.pi / 2
-        check_numbers(
-            self,
-            {"gimbal_pitch_rad": -straight_rad, "seed": 0},
-            {"gimbal_pitch_rad": straight_rad},
-        )
+        check_numbers(self, {"gimbal_deg": -90.0}, {"gimbal_deg": 90.0})
         if self.classes is not None and not (self.segmentation or "").lower().endswith(".onnx"):
             raise InputError("a class-mapping file belongs to an ONNX segmentation network")
 
@@ -91,10 +101,10 @@ class PerceiveInput:
         self._recorded_camera: CameraModel | None = None
         times_s = None
         if flown is None:
-            self.telemetry = Telemetry.fixed(options.height_m, options.gimbal_pitch_rad)
+            self.telemetry = Telemetry.fixed(options.height_m, math.radians(options.gimbal_deg))
             self.telemetry_words = (
                 f"{options.height_m:g} m above the ground, camera at "
-                f"{math.degrees(options.gimbal_pitch_rad):g} deg, assumed for all frames"
+                f"{options.gimbal_deg:g} deg, assumed for all frames"
             )
         else:
             reader = flight_record(Path(flown))
@@ -136,7 +146,7 @@ class PerceiveInput:
         segmenter = _segmenter(name, options)
         model = options.model or (ANY if name == ANY else SHIPPED_DEPTHS[0])
         network = _network(model, segmenter, options)
-        generator = np.random.default_rng(options.seed)
+        generator = np.random.default_rng(0)
         return Pipeline(segmenter, network, camera, generator=generator), chain([first], images)
 
     def _camera(self, first: Shot) -> tuple[CameraModel, str]:
