@@ -74,8 +74,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         scenes=scenes_of(lab, given.scenes),
         views=given.views,
         size_px=(640, 360),
-        profile="lab",
-        lowered=0.0,
         seed=2,
     )
     score = evaluate_segmentation(segmenter(given.model, lab), plan, lab.classes)

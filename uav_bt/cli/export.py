@@ -12,7 +12,7 @@ from uav_bt.cli.declare import command
 from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.shared import RUNS
 from uav_bt.cli.training_options import Drawn
-from uav_bt.learning.exporting import CALIBRATION_VIEWS, Network, Precision, export_network
+from uav_bt.learning.training import CALIBRATION_VIEWS, Network, Precision, export_network
 from uav_bt.option import Option
 from uav_bt.plugins import need
 

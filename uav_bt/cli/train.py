@@ -19,10 +19,10 @@ from uav_bt.cli.progress import campaign_progress, progress_bars
 from uav_bt.cli.shared import RUNS, Records, Workers
 from uav_bt.cli.training_options import Device, Steps, Weights
 from uav_bt.errors import FileError, MissionError
-from uav_bt.learning import collecting, diary, training
-from uav_bt.learning.dataset import read_advised_flights, read_flights, split_records
+from uav_bt.learning import collecting, training
+from uav_bt.learning.dataset import read_advised_flights, read_flights, records_of
 from uav_bt.learning.lab_training import UNET_WEIGHTS
-from uav_bt.learning.views import TRAINING_SCENES, DepthViewPlan, depth_views
+from uav_bt.learning.views import TRAINING_SCENES
 from uav_bt.option import Option
 from uav_bt.plugins import need
 
@@ -37,8 +37,8 @@ def depth(
     run: Annotated[
         Path,
         Option(
-            "Where labels, checkpoint, scores and images are kept; the same command continues a "
-            "training from there.",
+            "Where labels and checkpoint are kept; the same command continues a training from "
+            "there.",
             path="folder",
         ),
     ] = RUNS / "depth",
@@ -53,9 +53,6 @@ def depth(
         Path | None,
         Option("Weights of a depth network to begin with; random ones if not given.", path="read"),
     ] = None,
-    validate: Annotated[
-        bool, Option("Score the network on the twin's validation scenes as it learns.")
-    ] = True,
     pose: Annotated[
         Literal["telemetry", "network"], Option("Source of the camera's movement between frames.")
     ] = "telemetry",
@@ -75,21 +72,13 @@ def depth(
     )
     with progress_bars() as advance:
         segmenter = shipped_unet() if labels == "contact" else None
-        score = training.train_depth(
+        training.train_depth(
             read_flights(flights, segmenter, run, advance=advance),
             out,
             config=config,
             start=start,
             checkpoint=run / "checkpoint.safetensors",
-            views=depth_views(DepthViewPlan()) if validate else None,
-            diary=diary.Diary(run, training.DEPTH_CURVES) if validate else None,
             advance=advance,
-        )
-    if score is not None:
-        click.echo(
-            f"validation: {score.abs_rel:.4f} relative error after median scaling, obstacles "
-            f"{score.obstacle_error_m:.3f} m and ground {score.ground_error_m:.3f} m off with the "
-            "ground's scale"
         )
     click.echo(f"depth network: {out} and {out.with_suffix('.onnx')}")
 
@@ -102,8 +91,8 @@ def student(
     run: Annotated[
         Path,
         Option(
-            "Where views, checkpoint, scores and curves are kept; the same command continues a "
-            "training from there.",
+            "Where views and checkpoint are kept; the same command continues a training from "
+            "there.",
             path="folder",
         ),
     ] = RUNS / "student",
@@ -114,13 +103,6 @@ def student(
             path="folder",
         ),
     ] = None,
-    held_out: Annotated[
-        tuple[Path, ...],
-        Option(
-            "Records, or a folder of them, that validate and are not learnt from. Repeatable.",
-            "--validate RECORDS",
-        ),
-    ] = (),
     views: Annotated[
         int, Ge(1), Le(5), Option("Frames in a window: the present one and earlier ones.")
     ] = 3,
@@ -153,24 +135,15 @@ def student(
     )
     net = ControlNetConfig(views=views, spacing_s=spacing_s)
     kept = views_kept or run / "views"
-    learnt, others = split_records(records, held_out)
     with progress_bars() as advance:
-        score = training.train_student(
-            read_advised_flights(learnt, net, kept, advance=advance),
+        training.train_student(
+            read_advised_flights(records_of(records), net, kept, advance=advance),
             out,
             config=loop,
             net_config=net,
             start=start or UNET_WEIGHTS,
             checkpoint=run / "checkpoint.safetensors",
-            held_out=read_advised_flights(others, net, kept, advance=advance),
-            diary=diary.Diary(run, training.STUDENT_CURVES),
             advance=advance,
-        )
-    if score is not None:
-        click.echo(
-            f"held-out flights: enters {100 * score.missed:.1f} % of blocked paths, stops before "
-            f"{100 * score.stopped:.1f} % of free ones, begins {100 * score.wrong_side:.1f} % of "
-            f"turns to the other side, steps {score.step_error_m:.3f} m off"
         )
     click.echo(f"control student: {out} and {out.with_suffix('.onnx')}")
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import filecmp
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -24,7 +23,7 @@ from uav_bt.learning.frame_sources import (
     is_photograph,
     watch,
 )
-from uav_bt.learning.lab_material import LabFrame, LabMaterial, Use
+from uav_bt.learning.lab_material import LabFrame, LabMaterial, Use, nth_use
 from uav_bt.progress import Advance, silent
 
 DEFAULT_COUNT: Final = 300
@@ -33,11 +32,8 @@ FEW: Final = 40
 
 _CANDIDATES: Final = ".candidates-"  # folder beside the images while a source is read
 _PARTS: Final = 10  # of a video's time
-_PARTS_A_CHECK: Final = 5  # every fifth part, and every fifth photograph
-_MISSED: Final = 0.9  # a video that ends before this share of its stated duration was cut short
 _PHOTOGRAPHS: Final = "photographs"
 _LONGEST_NAME: Final = 60  # characters
-_TIME: Final = re.compile(r"-\d{5,}\.\d(-\d+)?$")  # at the end of an image's name
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,34 +72,26 @@ def take_frames(
     together, shared by their durations, and also the photographs.
     """
     material = LabMaterial(lab=lab)
-    listed = material.read_frames()  # refuses a malformed list before the folder is made
-    filmed, photographs, notes = find_sources(paths, material.frames, listed)
+    run = _Run(material, advance)  # refuses a malformed list before the folder is made
+    filmed, photographs, notes = find_sources(paths, material.frames)
     check_output_folder(material.frames)
     with writing(material.frames):
         material.frames.mkdir(exist_ok=True)
         for old in material.frames.glob(f"{_CANDIDATES}*"):  # by a run that was killed
             shutil.rmtree(old)
-    run = _Run(material, listed, count, advance)
     errors: list[FileError] = []
+    left = count
     try:
-        done_s, left = 0.0, count
-        total_s = sum(one.seconds for one in filmed if not run.there(one))
         for place, one in enumerate(filmed):
-            there = run.there(one)
-            if there:
-                left -= run.add_earlier(one.name, there)
-                continue
             share = one.seconds / max(1e-9, sum(each.seconds for each in filmed[place:]))
             try:
-                left -= run.film(one, max(1, round(left * min(1.0, share))), done_s, total_s)
+                left -= run.film(one, max(1, round(left * min(1.0, share))))
             except FileError as error:
                 errors.append(error)
-            done_s += one.seconds
-        if photographs:
-            try:
-                run.photograph(photographs)
-            except FileError as error:
-                errors.append(error)
+        try:
+            run.photograph(photographs, count)
+        except FileError as error:
+            errors.append(error)
         if errors and not any(one.kept for one in run.summaries):
             raise errors[0] if len(errors) == 1 else InputError("\n".join(map(str, errors)))
         total = len(material.uses())
@@ -122,34 +110,20 @@ def take_frames(
 class _Run:
     """One run over all sources."""
 
-    def __init__(
-        self, material: LabMaterial, listed: list[LabFrame], count: int, advance: Advance
-    ) -> None:
+    def __init__(self, material: LabMaterial, advance: Advance) -> None:
         self._material = material
-        self._listed = listed
-        self._count = count
+        self._listed = material.read_frames()
         self._advance = advance
         self.summaries: list[SourceSummary] = []
 
-    def there(self, source: FrameSource) -> list[LabFrame]:
-        """Return the listed images of a source that exist."""
-        folder = self._material.frames
-        return [one for one in self._listed if source.gave(one) and (folder / one.image).is_file()]
-
-    def add_earlier(self, name: str, there: Sequence[LabFrame]) -> int:
-        """Add the summary of a source whose images are there already; return their number."""
-        checks = sum(frame.use == "check" for frame in there)
-        self.summaries.append(
-            SourceSummary(source=name, kept=len(there), for_check=checks, earlier=True)
-        )
-        return len(there)
-
-    def film(self, filmed: FrameSource, quota: int, done_s: float, total_s: float) -> int:
-        """Take images of a video; return their number."""
+    def film(self, filmed: FrameSource, quota: int) -> int:
+        """Take images of a video, unless they are there; return their number."""
+        if there := self._there([filmed], filmed.name):
+            return len(there)
 
         def on_time(time_s: float) -> None:
-            seconds = done_s + min(time_s, filmed.seconds)
-            self._advance(f"seconds of video, {filmed.name}", int(seconds), max(1, int(total_s)))
+            total = max(1, int(filmed.seconds))
+            self._advance(f"seconds of video, {filmed.name}", min(int(time_s), total), total)
 
         with self._candidates() as folder:
             candidates, read, end_s = watch(filmed, Path(folder), on_time)
@@ -162,54 +136,56 @@ class _Run:
                     f"all its images look alike ({len(clear)} were compared): walk or fly through "
                     "the place while filming",
                 )
-            stem = self._free_stem(filmed, [])
             uses = [use_at(one.time_s, end_s) for one in chosen]
-            self._keep(chosen, uses, [f"{stem}-{one.time_s:07.1f}.jpg" for one in chosen])
-        stated_s = filmed.images.duration_s
-        notes = [*filmed.images.warnings, *filmed.images.skipped]
-        if stated_s is not None and end_s < _MISSED * stated_s - 1.0:
-            notes.append(
-                f"the file ends at {end_s:.1f} s of {stated_s:.1f} s, so it was cut short; what "
-                "could be read is used"
-            )
+            self._keep(chosen, uses, [f"-{one.time_s:07.1f}" for one in chosen])
         counts = (read, len(candidates), len(clear), different)
+        notes = [*filmed.images.warnings, *filmed.images.skipped]
         self._summarise(filmed.name, counts, uses, notes)
         return len(chosen)
 
-    def photograph(self, photographs: Sequence[FrameSource]) -> None:
-        """Take photographs."""
-        there = [frame for one in photographs for frame in self.there(one)]
-        unread = [one for one in photographs if not self.there(one)]
-        if there:
-            self.add_earlier(_PHOTOGRAPHS, there)
+    def photograph(self, photographs: Sequence[FrameSource], count: int) -> None:
+        """Take the photographs that are not there."""
+        there = self._there(photographs, _PHOTOGRAPHS)
+        taken = {frame.content for frame in there}
+        unread = [one for one in photographs if one.content not in taken]
         if not unread:
             return
         with self._candidates() as folder:
-            candidates, notes = [], []
+            candidates: list[Candidate] = []
+            notes = []
             for number, one in enumerate(unread, start=1):
-                place = Path(folder) / str(number)
-                place.mkdir()
                 try:
-                    candidates += watch(one, place, lambda _: None)[0]
+                    candidates += watch(one, Path(folder), lambda _: None)[0]
                 except FileError as error:
                     notes.append(str(error))
                 self._advance(f"{_PHOTOGRAPHS}, {one.name}", number, len(unread))
-            clear = [one for one in candidates if one.file is not None]
-            chosen, different = _most_different(clear, max(0, self._count - len(there)))
+            clear = [one for one in candidates if not one.look.blank]
+            chosen, different = _most_different(clear, max(0, count - len(there)))
             if not chosen and not there:
                 where = unread[0].path if len(unread) == 1 else unread[0].path.parent
                 raise FileError(
                     where, f"no photograph can be used: {'; '.join(notes) or 'all are blank'}"
                 )
-            earlier = sum(is_photograph(Path(frame.source)) for frame in self._listed) + 1
-            uses = [_nth_use(earlier + place) for place in range(len(chosen))]
-            names: list[str] = []
-            for each in chosen:
-                names.append(f"{self._free_stem(each.source, names)}.jpg")
-            if chosen:
-                self._keep(chosen, uses, names)
+            first = sum(is_photograph(Path(frame.source)) for frame in self._listed) + 1
+            uses = [nth_use(number) for number in range(first, first + len(chosen))]
+            self._keep(chosen, uses, [""] * len(chosen))
         counts = (len(unread), len(candidates), len(clear), different)
         self._summarise(_PHOTOGRAPHS, counts, uses, notes)
+
+    def _there(self, sources: Sequence[FrameSource], name: str) -> list[LabFrame]:
+        """Return the images of sources that an earlier run took, and add their summary."""
+        contents = {one.content for one in sources}
+        folder = self._material.frames
+        there = [
+            frame
+            for frame in self._listed
+            if frame.content in contents and (folder / frame.image).is_file()
+        ]
+        if there:
+            checks = sum(frame.use == "check" for frame in there)
+            summary = SourceSummary(source=name, kept=len(there), for_check=checks, earlier=True)
+            self.summaries.append(summary)
+        return there
 
     def _summarise(
         self,
@@ -237,35 +213,36 @@ class _Run:
         with writing(self._material.frames):
             return tempfile.TemporaryDirectory(prefix=_CANDIDATES, dir=self._material.frames)
 
-    def _free_stem(self, source: FrameSource, others: Sequence[str]) -> str:
-        """Return the beginning of the image names of a source, which no other source has."""
-        suffix = Path(source.name).suffix
-        cleaned = re.sub(r"[^\w.-]+", "-", source.name.removesuffix(suffix)).strip(".-")
-        images = [*others, *(one.image for one in self._listed if not source.gave(one))]
-        taken = {_TIME.sub("", Path(image).stem).casefold() for image in images}
-        return _first_free(cleaned[:_LONGEST_NAME] or "video", "", taken)
-
     def _keep(
-        self, chosen: Sequence[Candidate], uses: Sequence[Use], wished: Sequence[str]
+        self, chosen: Sequence[Candidate], uses: Sequence[Use], endings: Sequence[str]
     ) -> None:
-        """Move chosen images into the lab's folder and write the list."""
-        files = [one.file for one in chosen if one.file is not None]
-        with _moved(list(zip(files, wished, strict=True)), self._material.frames) as names:
-            added = [
+        """Move chosen images into the lab's folder, and then write the list.
+
+        A file that is there already stays: a run that was killed left it.
+        """
+        added = []
+        for one, use, ending in zip(chosen, uses, endings, strict=True):
+            source = one.source
+            stem = re.sub(r"[^\w.-]+", "-", Path(source.name).stem).strip(".-")[:_LONGEST_NAME]
+            # The hash, because cameras repeat names on each memory card.
+            file = self._material.frames / f"{stem or 'video'}-{source.content[:6]}{ending}.jpg"
+            if not file.exists():
+                with writing(file):
+                    one.file.rename(file)
+            added.append(
                 LabFrame(
-                    image=name,
-                    source=one.source.name,
+                    image=file.name,
+                    source=source.name,
                     time_s=one.time_s,
                     sharpness=one.look.sharpness,
                     use=use,
-                    content=one.source.content,
+                    content=source.content,
                 )
-                for name, one, use in zip(names, chosen, uses, strict=True)
-            ]
-            sources = {one.source.content: one.source for one in chosen}.values()
-            others = [row for row in self._listed if not any(one.gave(row) for one in sources)]
-            self._material.write_frames([*others, *added])
+            )
+        sources = {one.source.content for one in chosen}
+        others = [frame for frame in self._listed if frame.content not in sources]
         self._listed = [*others, *added]
+        self._material.write_frames(self._listed)
 
 
 def _most_different(clear: Sequence[Candidate], most: int) -> tuple[list[Candidate], int]:
@@ -280,48 +257,4 @@ def use_at(time_s: float, end_s: float) -> Use:
     `end_s` is the time of the video's last image.
     """
     part = min(_PARTS - 1, int(_PARTS * time_s / end_s)) if end_s > 0.0 else 0
-    return _nth_use(part + 1)
-
-
-def _nth_use(number: int) -> Use:
-    return "check" if number % _PARTS_A_CHECK == 0 else "train"
-
-
-# --- files ----------------------------------------------------------------------------------------
-
-
-@contextmanager
-def _moved(files: Sequence[tuple[Path, str]], folder: Path) -> Iterator[list[str]]:
-    """Move files with wished names into a folder; remove them again if the block inside fails.
-
-    A file that exists there stays. If its content is the same, as after a run that was killed, it
-    is used; otherwise the new file gets a number. Yields the names that they have.
-    """
-    taken = {path.name.casefold() for path in folder.iterdir()}
-    names: list[str] = []
-    mine: list[Path] = []
-    try:
-        for file, wished in files:
-            name, there = wished, folder / wished
-            same = there.is_file() and filecmp.cmp(file, there, shallow=False)
-            if name in names or not same:
-                name = _first_free(Path(wished).stem, ".jpg", taken)
-                mine.append(folder / name)
-                with writing(folder / name):
-                    file.rename(folder / name)
-            names.append(name)
-            taken.add(name.casefold())
-        yield names
-    except BaseException:
-        for path in mine:
-            path.unlink(missing_ok=True)
-        raise
-
-
-def _first_free(stem: str, suffix: str, taken: set[str]) -> str:
-    # Some file systems do not distinguish capitals.
-    name, number = f"{stem}{suffix}", 1
-    while name.casefold() in taken:
-        number += 1
-        name = f"{stem}-{number}{suffix}"
-    return name
+    return nth_use(part + 1)
