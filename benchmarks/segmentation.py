@@ -24,7 +24,7 @@ from uav_bt.errors import InputError
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import DEFAULT_LAB, load_lab
-from uav_bt.learning.masks import MaskSource
+from uav_bt.learning.lab_data import MaskSource
 from uav_bt.learning.pick_scores import network_of_lab
 from uav_bt.learning.views import ViewPlan, twin_views
 from uav_bt.types.arrays import Image

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from typing import Any, Final, Literal
 
 import cv2
@@ -41,6 +42,8 @@ _OCCLUDER_M: Final = 0.15  # a nearer object at a corner hides the face from thi
 _MAX_EDGES: Final = 8  # per image, so that crowded images do not dominate
 _POINTS: Final = 40  # per image on obstacles, and as many on the ground
 _MIN_RANGE_M, _MAX_RANGE_M = 0.3, 5.0  # of points, along the ray; the paper's range of distances
+
+_FIGURES: Final = ("mean_m", "median_m", "rmse_m", "std_m", "max_m", "correlation")
 
 _Collects = Literal["constant", "least_squares"]
 
@@ -75,38 +78,29 @@ def evaluate_depth(
         edges.append(pick_edges(image.exact, image.depth_m, generator))
         points.append(draw_points(image.exact, image.depth_m, generator))
 
-    def lengths_m(maps: Sequence[Floats32]) -> Floats:
-        return np.concatenate([edge_lengths(*each) for each in zip(maps, edges, strict=True)])
+    def measured(maps: Sequence[Floats32]) -> tuple[Floats, Floats]:
+        lengths_m = [edge_lengths(*each) for each in zip(maps, edges, strict=True)]
+        ranges_m = [(depth * _RAYS)[at] for depth, at in zip(maps, points, strict=True)]
+        return np.concatenate(lengths_m), np.concatenate(ranges_m)
 
-    def ranges_m(maps: Sequence[Floats32]) -> Floats:
-        pairs = zip(maps, points, strict=True)
-        return np.concatenate([(depth * _RAYS)[rows, columns] for depth, (rows, columns) in pairs])
-
-    exact = [image.depth_m for image in images]
+    true_m, true_ranges_m = measured([image.depth_m for image in images])
     roles = [image.exact.roles[at] for image, at in zip(images, points, strict=True)]
-    true_m, true_ranges_m, obstacle = (
-        *(lengths_m(exact), ranges_m(exact)),
-        np.concatenate(roles) == OBSTACLE,
-    )
+    obstacle = np.concatenate(roles) == OBSTACLE
     names = [name for name, (source, _) in METHODS.items() if network or source == "contact"]
     rows = []
     for done, name in enumerate(names, start=1):
-        maps = list(metric_maps(name, images))
-        measured_m = ranges_m(maps)
+        lengths_m, ranges_m = measured(list(metric_maps(name, images)))
         rows.append(
             {
                 "method": name,
-                "edges": summarise_errors(lengths_m(maps), true_m),
-                "distances": summarise_errors(measured_m, true_ranges_m),
-                "obstacles": summarise_errors(measured_m[obstacle], true_ranges_m[obstacle]),
+                "edges": summarise_errors(lengths_m, true_m),
+                "distances": summarise_errors(ranges_m, true_ranges_m),
+                "obstacles": summarise_errors(ranges_m[obstacle], true_ranges_m[obstacle]),
             }
         )
         advance("methods", done, len(names))
     return {
-        "scenes": list(plan.scenes),
-        "views": plan.views,
-        "seed": plan.seed,
-        "profile": plan.profile,
+        **asdict(plan),
         "masks": masks,
         "images": len(images),
         "edges": len(true_m),
@@ -266,18 +260,12 @@ def summarise_errors(estimated_m: Floats, truth_m: Floats) -> dict[str, float | 
     """
     known = np.isfinite(estimated_m)
     estimated, truth = estimated_m[known].astype(np.float64), truth_m[known].astype(np.float64)
-    names = ("mean_m", "median_m", "rmse_m", "std_m", "max_m", "correlation")
-    figures = [math.nan] * len(names)
-    if estimated.size:
-        error = np.abs(estimated - truth)
-        a, b = estimated - estimated.mean(), truth - truth.mean()
-        size = math.sqrt(float(a @ a) * float(b @ b))
-        spread = math.sqrt(float(np.mean(error**2))), error.std(), error.max()
-        correlation = float(a @ b) / size if size > 0.0 else math.nan
-        figures = [error.mean(), np.median(error), *spread, correlation]
-    rounded = (None if math.isnan(each) else round(float(each), 5) for each in figures)
-    return {
-        "total": truth_m.size,
-        "valid": estimated.size,
-        **dict(zip(names, rounded, strict=True)),
-    }
+    error = np.abs(estimated - truth)
+    figures: dict[str, float | None] = dict.fromkeys(_FIGURES)
+    if error.size:
+        rmse_m = math.sqrt(float(np.mean(error**2)))
+        spread = (error.mean(), np.median(error), rmse_m, error.std(), error.max())
+        figures |= zip(_FIGURES, (round(float(figure), 5) for figure in spread), strict=False)
+    if error.size and estimated.std() > 0.0 and truth.std() > 0.0:
+        figures["correlation"] = round(float(np.corrcoef(estimated, truth)[0, 1]), 5)
+    return {"total": truth_m.size, "valid": error.size, **figures}

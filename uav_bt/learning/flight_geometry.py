@@ -108,8 +108,8 @@ def compare_ranges(
             view = MarkView(frame=frame, camera=undistorter.camera, class_map=class_map)
             found.frames += 1
             if mark is not None and finder is not None:
-                ranges_m = mark_ranges(view, mark, finder)
-                found.ratios += [] if ranges_m is None else [ranges_m[0] / ranges_m[1]]
+                by_size_m, by_height_m = mark_ranges(view, mark, finder) or (0.0, 0.0)
+                found.ratios += [by_size_m / by_height_m] if by_height_m else []
             advance(f"frames of {reader.path.name}", done, len(frames))
     return found
 
@@ -122,9 +122,8 @@ def _spread_frames(reader: RecordReader) -> list[StoredFrame]:
         if not isinstance(item, StoredFrame) or item.image is None:
             continue
         note = item.note
-        if not math.isfinite(note.height_above_ground_m + note.gimbal_pitch_rad):
-            continue
-        if found and note.captured_s - found[-1].note.captured_s < apart_s - 1e-9:
+        early = found and note.captured_s - found[-1].note.captured_s < apart_s - 1e-9
+        if early or not math.isfinite(note.height_above_ground_m + note.gimbal_pitch_rad):
             continue
         found.append(item)
         if len(found) > _MOST_FRAMES:

@@ -13,7 +13,7 @@ from tests.worlds.trees import tree_file
 from uav_bt.campaign.plan import FlightTask
 from uav_bt.campaign.runner import Answers
 from uav_bt.campaign.workers import FAILED, FLOWN
-from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.errors import InputError
 from uav_bt.learning.collecting import CollectionPlan, collect, nodes_under_policy
 from uav_bt.mission.judge import Outcome
 
@@ -110,8 +110,3 @@ def test_all_leaves_that_fly_by_a_policy_are_found_whatever_they_are_called(tmp_
         <Fallback><Explore name="wander"/><ReturnToBase/></Fallback></ReactiveSequence>""",
     )
     assert nodes_under_policy(tree) == ["wander", "SearchUnderPolicy", "look", "Detour"]
-
-
-def test_no_flights_are_refused() -> None:
-    with pytest.raises(ValueRangeError, match="needs flights, scenes and profiles"):
-        CollectionPlan(tree=ADVISED, flights=0)

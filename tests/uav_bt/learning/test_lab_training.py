@@ -14,15 +14,13 @@ from perception.segmentation.runtime import OnnxSegmenter
 from tests.uav_bt.learning.lab_world import FLOOR, WALL, draw_lab, exact_ids, write_colour_network
 from uav_bt.errors import FileError, InputError
 from uav_bt.lab.shipped import load_lab
-from uav_bt.learning.lab_checks import LabData, checked_data
+from uav_bt.learning.lab_data import LabData, MaskSource, checked_data, make_masks
 from uav_bt.learning.lab_material import LabMaterial
 from uav_bt.learning.lab_training import (
-    estimated,
     lab_training_config,
     mask_source,
     train_lab,
 )
-from uav_bt.learning.masks import MaskSource, make_masks
 
 CONFIG = replace(lab_training_config(steps=3, batch=2), checkpoint_every=1)
 
@@ -126,16 +124,6 @@ def test_the_network_has_the_classes_of_the_lab_and_a_new_training_replaces_it(
     assert network.read_bytes() != before
     (checkpoint,) = data.material.training.glob("checkpoint-*")
     assert checkpoint not in kept
-
-
-def test_the_estimate_counts_only_masks_that_are_not_there(tmp_path: Path) -> None:
-    data = with_foreign_teacher(tmp_path / "hall", train=5)
-    assert data.source is not None
-    before = estimated(data, data.source, CONFIG)
-    assert (before.masks, before.steps) == (5, 3)
-    assert str(before).startswith("5 masks of ")
-    train_lab(data, data.source, CONFIG)
-    assert estimated(data, data.source, CONFIG).masks == 0
 
 
 # --- refusals -------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ import pytest
 
 from tests.uav_bt.learning.lab_world import draw_lab, write_colour_network
 from uav_bt.errors import InputError
-from uav_bt.learning.lab_checks import picks_of_lab
+from uav_bt.learning.lab_data import picks_of_lab
 from uav_bt.learning.lab_material import LabMaterial
 from uav_bt.learning.pick_scores import PickScore, network_of_lab, score_picks, write_sheet
 
