@@ -9,23 +9,10 @@ from typing import Final
 
 from perception.control.ego_state import ControlNetConfig
 from perception.control.runtime import ControlEstimate, OnnxControlStudent
-from perception.control.training.samples import (
-    Batch,
-    ControlFlight,
-    ControlSamples,
-    ControlScore,
-    advised_flight,
-    read_flight,
-    score_control,
-    write_flight,
-)
+from perception.control.training import samples
+from perception.control.training.samples import Batch, ControlFlight, ControlSamples, ControlScore
+from perception.depth.training import labelling
 from perception.depth.training.footage import Flight, gathered, shrink
-from perception.depth.training.labelling import (
-    add_parallax,
-    contact_labels,
-    read_labels,
-    write_labels,
-)
 from perception.networks.onnx_runtime import shrunk
 from uav_bt.errors import FileError, InputError
 from uav_bt.learning.lab_material import fingerprint
@@ -99,23 +86,14 @@ def read_flights(
         if segmenter is not None:
             kept = folder / f"labels-{path.stem}-{fingerprint(path)}.npz"
             if not kept.is_file():
-                _write_labels(kept, flight, segmenter, path.stem, advance)
-            flight = replace(flight, labels=read_labels(kept))
+                labels = labelling.contact_labels(flight, segmenter, advance=advance)
+                folder.mkdir(parents=True, exist_ok=True)
+                parallax = labelling.add_parallax(flight, labels, advance=advance)
+                labelling.write_labels(kept, parallax)
+            flight = replace(flight, labels=labelling.read_labels(kept))
         flights.append(flight)
         advance("flights", done, len(paths))
     return flights
-
-
-def _write_labels(
-    file: Path, flight: Flight, segmenter: Segmenter, name: str, advance: Advance
-) -> None:
-    def report(stage: str, done: int, total: int) -> None:
-        advance(f"{stage}, {name}", done, total)
-
-    labels = contact_labels(flight, segmenter, advance=report)
-    labels = add_parallax(flight, labels, advance=report)
-    file.parent.mkdir(parents=True, exist_ok=True)
-    write_labels(file, labels)
 
 
 # --- advised views --------------------------------------------------------------------------------
@@ -143,15 +121,15 @@ def read_advised_flights(
             )
         kept = folder / f"{path.stem}-{fingerprint(path)}-{size_px[0]}x{size_px[1]}.npz"
         if not kept.is_file():
-            flight = advised_flight(_advised_views(reader, size_px))
+            flight = samples.advised_flight(_advised_views(reader, size_px))
             if flight is None:
                 raise FileError(
                     path,
                     "this flight contains no advice to learn from: fly "
                     "explore_and_land_advised, or put <Advise/> into the tree",
                 )
-            write_flight(kept, flight)
-        flights.append(read_flight(kept))
+            samples.write_flight(kept, flight)
+        flights.append(samples.read_flight(kept))
         advance("flights", done, len(records))
     return flights
 
@@ -173,13 +151,16 @@ def _advised_views(
 
 
 def evaluate_student(
-    flights: Sequence[ControlFlight], student: OnnxControlStudent, *, max_windows: int = 2000
+    flights: Sequence[ControlFlight],
+    student: OnnxControlStudent,
+    *,
+    max_windows: int = 2000,
 ) -> ControlScore:
     """Score an exported student on windows of advised flights, spread evenly over all."""
 
     def estimates(batch: Batch) -> list[ControlEstimate]:
-        windows = zip(batch.frames, batch.state, strict=True)
-        return [student.estimate(list(frames), state) for frames, state in windows]
+        pairs = zip(batch.frames, batch.state, strict=True)
+        return [student.estimate(list(frames), state) for frames, state in pairs]
 
-    samples = ControlSamples(flights, student.config)
-    return score_control(estimates, samples, max_windows=max_windows)
+    windows = ControlSamples(flights, student.config)
+    return samples.score_control(estimates, windows, max_windows=max_windows)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from behaviours.perceive.depth import NETWORK_AHEAD_M
 from perception.camera.ground_plane import ray_lengths
 from perception.depth.metric import LEAST_CONFIDENCE, MAX_DEPTH_M, MetricDepthMaker
-from perception.depth.scale import GroundSample, Scale
+from perception.depth.scale import GroundSample, Scale, ScaleEstimator
 from uav_bt.lab.classes import GROUND, OBSTACLE
 from uav_bt.learning.views import MAP_SIZE_PX, VIDEO, DepthViewPlan, Masks, SampleImage, take_images
 from uav_bt.progress import Advance, silent
@@ -116,7 +116,7 @@ def metric_maps(name: str, images: Sequence[SampleImage]) -> Iterator[NDArray[np
     maker = MetricDepthMaker(
         _Estimated(images),
         source=source,
-        scale=None if collects is None else CollectedScale(collects),
+        scale=None if collects is None else collected_scale(collects),
         generator=np.random.default_rng(0),
         network_ahead_m=NETWORK_AHEAD_M if flown else MAX_DEPTH_M,
         least_confidence=LEAST_CONFIDENCE if flown else 0.0,
@@ -141,37 +141,27 @@ class _Estimated:
         return self._depths[frame.index]
 
 
-class CollectedScale:
-    """The two constant scales of the paper, from the medians of all frames until now.
+def collected_scale(method: _Collects) -> ScaleEstimator:
+    """Return an estimator of the paper's constant scales, from the medians of all frames until now.
 
     "constant" is the median ratio of known to predicted depth; "least_squares" solves
-    ``scale * predicted + shift = known`` (equation 1).
+    ``scale * predicted + shift = known`` (equation 1). There is none before the first sample.
     """
+    samples: list[tuple[float, float]] = []
 
-    def __init__(self, method: _Collects) -> None:
-        self._method = method
-        self._known: list[float] = []
-        self._predicted: list[float] = []
-
-    def __call__(
-        self,
-        sample: GroundSample | None,
-        captured_s: float,
-        height_m: float | None = None,  # noqa: ARG002  (the protocol's)
-    ) -> Scale | None:
-        """Add a frame and return the scale of all frames; None before the first sample."""
-        del captured_s  # a constant has no age
+    def scale(sample: GroundSample | None, _s: float, _height_m: float | None) -> Scale | None:
         if sample is not None:
-            self._known.append(float(np.median(sample.known_m)))
-            self._predicted.append(float(np.median(sample.predicted)))
-        if not self._known:
+            samples.append((float(np.median(sample.known_m)), float(np.median(sample.predicted))))
+        if not samples:
             return None
-        known, predicted = np.array(self._known), np.array(self._predicted)
+        known, predicted = np.array(samples).T
         # Similar frames cannot separate scale from shift; the plain ratio is used instead.
-        if self._method == "least_squares" and predicted.std() > 1e-3 * predicted.mean():
-            factor, shift_m = (float(part) for part in np.polyfit(predicted, known, 1))
+        if method == "least_squares" and predicted.std() > 1e-3 * predicted.mean():
+            factor, shift_m = np.polyfit(predicted, known, 1).tolist()
             return Scale(factor=factor, shift_m=shift_m) if factor > 0.0 else None
         return Scale(factor=float(np.median(known / predicted)))
+
+    return scale
 
 
 def pick_edges(class_map: ClassMap, depth_m: Floats32, generator: np.random.Generator) -> Indices:

@@ -5,9 +5,10 @@ A candidate is the sharpest image of each short time, kept as a JPEG file.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import Final
 
@@ -45,14 +46,13 @@ class FrameSource:
 
     @property
     def name(self) -> str:
-        """The file's name; the list takes no name that is not UTF-8."""
-        return self.path.name.encode("utf-8", "replace").decode()
+        """The file's name."""
+        return self.path.name
 
     @property
     def seconds(self) -> float:
         """About how long it is."""
-        stated_s = self.images.duration_s
-        return _UNKNOWN_DURATION_S if stated_s is None else stated_s
+        return self.images.duration_s or _UNKNOWN_DURATION_S
 
 
 def find_sources(
@@ -137,38 +137,32 @@ def watch(
         The candidates in order of time, the number of images that were read, the last one's time.
     """
     window_s = max(_WINDOW_S, filmed.seconds / _MOST_CANDIDATES)
-    candidates: list[Candidate] = []
-    best: tuple[Look, Shot] | None = None
-    read, window, end_s = 0, 0, 0.0
-    with closing(filmed.images.images()) as shots:
+    times_s: list[float] = []
+
+    def measured(shots: Iterable[Shot]) -> Iterator[tuple[Look, Shot]]:
         for shot in shots:
-            if not read:
-                _check_size(filmed.path, shot.size_px)
-            now = int(shot.time_s / window_s)
-            if best is not None and now != window:
-                candidates.append(_candidate(filmed, *best, folder))
-                best = None
-            window, read, end_s = now, read + 1, shot.time_s
-            look = look_at(shot.shrunk(sharpness_size_px(*shot.size_px), colour=False))
+            if max(shot.size_px) < _SMALLEST_PX[0] or min(shot.size_px) < _SMALLEST_PX[1]:
+                raise FileError(
+                    filmed.path,
+                    f"the images must have at least {_SMALLEST_PX[0]}x{_SMALLEST_PX[1]} pixels, "
+                    f"got {shot.size_px[0]}x{shot.size_px[1]}; take the camera's own file, not a "
+                    "preview",
+                )
+            times_s.append(shot.time_s)
+            on_time(shot.time_s)
+            yield look_at(shot.shrunk(sharpness_size_px(*shot.size_px), colour=False)), shot
+
+    candidates = []
+    with closing(filmed.images.images()) as shots:
+        windows = groupby(measured(shots), lambda one: int(one[1].time_s / window_s))
+        for _, window in windows:
             # Of a video's images only the present window's best one is kept in memory.
-            if best is None or (look.blank, -look.sharpness) < (best[0].blank, -best[0].sharpness):
-                best = look, shot
-            on_time(end_s)
-    if best is None:
+            look, shot = min(window, key=lambda one: (one[0].blank, -one[0].sharpness))
+            candidates.append(_candidate(filmed, look, shot, folder))
+    if not candidates:
         why = f" ({filmed.images.skipped[0]})" if filmed.images.skipped else ""
         raise FileError(filmed.path, f"holds no image that can be read{why}; film or copy it again")
-    candidates.append(_candidate(filmed, *best, folder))
-    return candidates, read, end_s
-
-
-def _check_size(path: Path, size_px: tuple[int, int]) -> None:
-    """Refuse images that are too small to learn from."""
-    if max(size_px) < _SMALLEST_PX[0] or min(size_px) < _SMALLEST_PX[1]:
-        raise FileError(
-            path,
-            f"the images must have at least {_SMALLEST_PX[0]}x{_SMALLEST_PX[1]} pixels, got "
-            f"{size_px[0]}x{size_px[1]}; take the camera's own file, not a preview",
-        )
+    return candidates, len(times_s), times_s[-1]
 
 
 def _candidate(source: FrameSource, look: Look, shot: Shot, folder: Path) -> Candidate:

@@ -4,25 +4,19 @@ from __future__ import annotations
 
 import re
 import shutil
-import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Final
 
 from perception.segmentation.training.frame_choice import different_ones
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import check_output_folder, writing
 from uav_bt.lab.lab import Lab
-from uav_bt.learning.frame_sources import (
-    Candidate,
-    FrameSource,
-    clear_candidates,
-    find_sources,
-    is_photograph,
-    watch,
-)
+from uav_bt.learning import frame_sources
+from uav_bt.learning.frame_sources import Candidate, FrameSource, is_photograph
 from uav_bt.learning.lab_material import LabFrame, LabMaterial, Use, nth_use
 from uav_bt.progress import Advance, silent
 
@@ -30,7 +24,8 @@ DEFAULT_COUNT: Final = 300
 FEW: Final = 40
 """Fewer images than this teach a network little."""
 
-_CANDIDATES: Final = ".candidates-"  # folder beside the images while a source is read
+# Folder beside the images while a source is read; the system's temporary folder may be in memory.
+_CANDIDATES: Final = ".candidates-"
 _PARTS: Final = 10  # of a video's time
 _PHOTOGRAPHS: Final = "photographs"
 _LONGEST_NAME: Final = 60  # characters
@@ -73,7 +68,7 @@ def take_frames(
     """
     material = LabMaterial(lab=lab)
     run = _Run(material, advance)  # refuses a malformed list before the folder is made
-    filmed, photographs, notes = find_sources(paths, material.frames)
+    filmed, photographs, notes = frame_sources.find_sources(paths, material.frames)
     check_output_folder(material.frames)
     with writing(material.frames):
         material.frames.mkdir(exist_ok=True)
@@ -125,23 +120,17 @@ class _Run:
             total = max(1, int(filmed.seconds))
             self._advance(f"seconds of video, {filmed.name}", min(int(time_s), total), total)
 
-        with self._candidates() as folder:
-            candidates, read, end_s = watch(filmed, Path(folder), on_time)
+        with TemporaryDirectory(prefix=_CANDIDATES, dir=self._material.frames) as folder:
+            candidates, read, end_s = frame_sources.watch(filmed, Path(folder), on_time)
             on_time(filmed.seconds)
-            clear = clear_candidates(candidates, filmed.path)
-            chosen, different = _most_different(clear, quota)
-            if different == 1 and len(clear) > 1:
-                raise FileError(
-                    filmed.path,
-                    f"all its images look alike ({len(clear)} were compared): walk or fly through "
-                    "the place while filming",
-                )
-            uses = [use_at(one.time_s, end_s) for one in chosen]
-            self._keep(chosen, uses, [f"-{one.time_s:07.1f}" for one in chosen])
-        counts = (read, len(candidates), len(clear), different)
-        notes = [*filmed.images.warnings, *filmed.images.skipped]
-        self._summarise(filmed.name, counts, uses, notes)
-        return len(chosen)
+            clear = frame_sources.clear_candidates(candidates, filmed.path)
+            summary = SourceSummary(
+                source=filmed.name,
+                read=read,
+                blurred=len(candidates) - len(clear),
+                notes=(*filmed.images.warnings, *filmed.images.skipped),
+            )
+            return self._keep(summary, clear, quota, lambda one, _: use_at(one.time_s, end_s))
 
     def photograph(self, photographs: Sequence[FrameSource], count: int) -> None:
         """Take the photographs that are not there."""
@@ -150,27 +139,30 @@ class _Run:
         unread = [one for one in photographs if one.content not in taken]
         if not unread:
             return
-        with self._candidates() as folder:
+        with TemporaryDirectory(prefix=_CANDIDATES, dir=self._material.frames) as folder:
             candidates: list[Candidate] = []
             notes = []
             for number, one in enumerate(unread, start=1):
                 try:
-                    candidates += watch(one, Path(folder), lambda _: None)[0]
+                    candidates += frame_sources.watch(one, Path(folder), lambda _: None)[0]
                 except FileError as error:
                     notes.append(str(error))
                 self._advance(f"{_PHOTOGRAPHS}, {one.name}", number, len(unread))
             clear = [one for one in candidates if not one.look.blank]
-            chosen, different = _most_different(clear, max(0, count - len(there)))
-            if not chosen and not there:
+            if not clear and not there:
                 where = unread[0].path if len(unread) == 1 else unread[0].path.parent
                 raise FileError(
                     where, f"no photograph can be used: {'; '.join(notes) or 'all are blank'}"
                 )
-            first = sum(is_photograph(Path(frame.source)) for frame in self._listed) + 1
-            uses = [nth_use(number) for number in range(first, first + len(chosen))]
-            self._keep(chosen, uses, [""] * len(chosen))
-        counts = (len(unread), len(candidates), len(clear), different)
-        self._summarise(_PHOTOGRAPHS, counts, uses, notes)
+            earlier = sum(is_photograph(Path(frame.source)) for frame in self._listed)
+            summary = SourceSummary(
+                source=_PHOTOGRAPHS,
+                read=len(unread),
+                blurred=len(candidates) - len(clear),
+                notes=tuple(notes),
+            )
+            most = max(0, count - len(there))
+            self._keep(summary, clear, most, lambda _, number: nth_use(earlier + number))
 
     def _there(self, sources: Sequence[FrameSource], name: str) -> list[LabFrame]:
         """Return the images of sources that an earlier run took, and add their summary."""
@@ -187,45 +179,34 @@ class _Run:
             self.summaries.append(summary)
         return there
 
-    def _summarise(
-        self,
-        name: str,
-        counts: tuple[int, int, int, int],
-        uses: Sequence[Use],
-        notes: Sequence[str],
-    ) -> None:
-        read, candidates, clear, different = counts
-        self.summaries.append(
-            SourceSummary(
-                source=name,
-                read=read,
-                blurred=candidates - clear,
-                alike=clear - different,
-                surplus=different - len(uses),
-                kept=len(uses),
-                for_check=uses.count("check"),
-                notes=tuple(notes),
-            )
-        )
-
-    def _candidates(self) -> tempfile.TemporaryDirectory[str]:
-        # In the lab's folder, because a temporary folder of the system may be in memory.
-        with writing(self._material.frames):
-            return tempfile.TemporaryDirectory(prefix=_CANDIDATES, dir=self._material.frames)
-
     def _keep(
-        self, chosen: Sequence[Candidate], uses: Sequence[Use], endings: Sequence[str]
-    ) -> None:
-        """Move chosen images into the lab's folder, and then write the list.
+        self,
+        summary: SourceSummary,
+        clear: Sequence[Candidate],
+        most: int,
+        use_of: Callable[[Candidate, int], Use],
+    ) -> int:
+        """Move the most different candidates into the lab's folder, and then write the list.
 
-        A file that is there already stays: a run that was killed left it.
+        A file that is there already stays: a run that was killed left it. `use_of` gives the use of
+        a candidate and its number, from 1.
         """
+        order = different_ones([one.look for one in clear])
+        if len(order) == 1 < len(clear) and clear[0].source is clear[1].source:
+            raise FileError(
+                clear[0].source.path,
+                f"all its images look alike ({len(clear)} were compared): walk or fly through the "
+                "place while filming",
+            )
         added = []
-        for one, use, ending in zip(chosen, uses, endings, strict=True):
-            source = one.source
+        for number, index in enumerate(sorted(order[:most]), start=1):
+            one, source = clear[index], clear[index].source
             stem = re.sub(r"[^\w.-]+", "-", Path(source.name).stem).strip(".-")[:_LONGEST_NAME]
             # The hash, because cameras repeat names on each memory card.
-            file = self._material.frames / f"{stem or 'video'}-{source.content[:6]}{ending}.jpg"
+            name = f"{stem or 'video'}-{source.content[:6]}"
+            if not is_photograph(source.path):
+                name = f"{name}-{one.time_s:07.1f}"
+            file = self._material.frames / f"{name}.jpg"
             if not file.exists():
                 with writing(file):
                     one.file.rename(file)
@@ -235,20 +216,24 @@ class _Run:
                     source=source.name,
                     time_s=one.time_s,
                     sharpness=one.look.sharpness,
-                    use=use,
+                    use=use_of(one, number),
                     content=source.content,
                 )
             )
-        sources = {one.source.content for one in chosen}
+        sources = {frame.content for frame in added}
         others = [frame for frame in self._listed if frame.content not in sources]
         self._listed = [*others, *added]
         self._material.write_frames(self._listed)
-
-
-def _most_different(clear: Sequence[Candidate], most: int) -> tuple[list[Candidate], int]:
-    """Return the most different candidates in their order, and how many are different at all."""
-    order = different_ones([one.look for one in clear])
-    return [clear[index] for index in sorted(order[:most])], len(order)
+        self.summaries.append(
+            replace(
+                summary,
+                alike=len(clear) - len(order),
+                surplus=len(order) - len(added),
+                kept=len(added),
+                for_check=sum(frame.use == "check" for frame in added),
+            )
+        )
+        return len(added)
 
 
 def use_at(time_s: float, end_s: float) -> Use:

@@ -126,7 +126,8 @@ class LabMaterial:
         for frame in frames:
             measured = (f"{frame.time_s:.3f}", f"{frame.sharpness:.1f}")
             writer.writerow([frame.image, frame.source, *measured, frame.use, frame.content])
-        write_whole(self.list_file, text.getvalue())
+        # File names may be no UTF-8.
+        write_whole(self.list_file, text.getvalue().encode("utf-8", "replace"))
 
 
 def fingerprint(path: Path) -> str:

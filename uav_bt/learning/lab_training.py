@@ -16,13 +16,9 @@ from perception.networks.training.loop import Progress
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.runtime import MAP_PX
 from perception.segmentation.teacher import TeacherConfig, fit_teacher, save_teacher
+from perception.segmentation.training import run
 from perception.segmentation.training.picks import Pick, gather_patches
-from perception.segmentation.training.run import (
-    FLIGHT_AUGMENT,
-    LabelledImages,
-    TrainingConfig,
-    train_unet,
-)
+from perception.segmentation.training.run import TrainingConfig
 from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
 from uav_bt.learning.lab_data import LabData, MaskSource, make_masks, mask_files
 from uav_bt.progress import Advance, silent
@@ -35,21 +31,20 @@ UNET_WEIGHTS: Final = SHIPPED_WEIGHTS / WEIGHTS_FILE
 _CALIBRATION_IMAGES: Final = 200
 
 
-def lab_training_config(**given: Any) -> TrainingConfig:
+def lab_training_config(*, steps: int = 800, **given: Any) -> TrainingConfig:
     """Return the settings of a lab's training.
 
     The learning rate is two thirds of that of a new network, and rare classes are balanced.
     """
-    steps = given.pop("steps", 800)
-    chosen = {
-        "steps": steps,
-        "learning_rate": 2e-3,
-        "warm_up_steps": min(50, steps // 10 + 1),
-        "checkpoint_every": 50,
-        "augment": FLIGHT_AUGMENT,
-        "balanced": True,
-    }
-    return TrainingConfig(**{**chosen, **given})
+    return TrainingConfig(
+        steps=steps,
+        learning_rate=2e-3,
+        warm_up_steps=min(50, steps // 10 + 1),
+        checkpoint_every=50,
+        augment=run.FLIGHT_AUGMENT,
+        balanced=True,
+        **given,
+    )
 
 
 def mask_source(data: LabData, *, seed: int = 0, advance: Advance = silent) -> MaskSource:
@@ -114,8 +109,8 @@ def train_lab(
     about = [asdict(config), masks.name, [one.name for one in mask_files(images, masks).values()]]
     digest = hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:12]
     checkpoint = folder / f"checkpoint-{digest}.safetensors"
-    net = train_unet(
-        LabelledImages(rgb=rgb, ids=ids, classes=classes),
+    net = run.train_unet(
+        run.LabelledImages(rgb=rgb, ids=ids, classes=classes),
         config,
         UNetConfig(width_px=width, height_px=height, outputs=len(classes)),
         start=start,
@@ -130,12 +125,9 @@ def train_lab(
     spread = np.linspace(0, len(rgb) - 1, min(len(rgb), _CALIBRATION_IMAGES)).astype(int)
     UNET_FILES.export(weights, data.material.network, calibration=rgb[spread])
     advance("8-bit integers", 1, 1)
-    for file in folder.glob("checkpoint-*.safetensors"):
-        if file != checkpoint:  # of trainings with other settings, picks or images
-            file.unlink(missing_ok=True)
-    for old in folder.glob("masks-*"):
-        if old != masks:
-            shutil.rmtree(old)
+    for old in {*folder.glob("checkpoint-*"), *folder.glob("masks-*")} - {checkpoint, masks}:
+        # Of trainings with other settings, picks or images.
+        shutil.rmtree(old) if old.is_dir() else old.unlink()
     last = losses[-max(len(losses) // 10, 1) :]
     return float(np.mean(last)) if last else float("nan")
 

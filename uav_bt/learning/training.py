@@ -18,7 +18,7 @@ from perception.depth.training import run
 from perception.depth.training.clips import ClipSource
 from perception.depth.training.footage import Flight
 from perception.depth.training.network import DEPTH_FILES, DepthNetConfig
-from perception.networks.training.loop import Progress
+from perception.networks.training.loop import LoopConfig, Progress
 from perception.networks.training.network_files import NetworkFiles, parameter_count
 from perception.segmentation.training.unet import UNET_FILES
 from uav_bt.errors import WeightsError
@@ -59,11 +59,7 @@ def train_depth(
         checkpoint=checkpoint,
         progress=_shown(advance),
     )
-    notes = {
-        "training": asdict(config),
-        "start": None if start is None else start.name,
-        "frames": clips.frame_count,
-    }
+    notes = {**_about(config, start), "frames": clips.frame_count}
     _save(DEPTH_FILES, net, weights, notes)
 
 
@@ -91,8 +87,7 @@ def train_student(
         progress=_shown(advance),
     )
     notes = {
-        "training": asdict(config),
-        "start": None if start is None else start.name,
+        **_about(config, start),
         "flights": len(flights),
         "windows": len(samples),
         "near_share": round(samples.near_share, 4),
@@ -103,6 +98,10 @@ def train_student(
 
 def _shown(advance: Advance) -> Callable[[Progress, object], None]:
     return lambda now, _net: advance(f"training, loss {now.loss:.3f}", now.step, now.steps)
+
+
+def _about(config: LoopConfig, start: Path | None) -> dict[str, Any]:
+    return {"training": asdict(config), "start": None if start is None else start.name}
 
 
 def _save(files: NetworkFiles[Any], net: Any, weights: Path, notes: Mapping[str, Any]) -> None:

@@ -15,7 +15,7 @@ from perception.depth.scale import GroundSample
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, ROOFS, paper_map
 from uav_bt.learning.depth_evaluation import (
     MAP_CAMERA,
-    CollectedScale,
+    collected_scale,
     draw_points,
     edge_lengths,
     metric_maps,
@@ -222,9 +222,9 @@ def test_least_squares_agrees_with_the_textbook_on_noisy_frames() -> None:
     generator = np.random.default_rng(1)
     given = generator.uniform(0.5, 3.0, 40)
     true_m = 2.0 * given - 0.1 + generator.normal(0.0, 0.05, 40)
-    estimator = CollectedScale("least_squares")
+    estimator = collected_scale("least_squares")
     for frame in range(40):
-        scale = estimator(sample(true_m[frame], given[frame]), 0.1 * frame)
+        scale = estimator(sample(true_m[frame], given[frame]), 0.1 * frame, None)
     expected = np.linalg.lstsq(np.stack([given, np.ones(40)], axis=1), true_m, rcond=None)[0]
     assert scale is not None
     assert (scale.factor, scale.shift_m) == pytest.approx(tuple(expected), rel=1e-5)
@@ -232,10 +232,10 @@ def test_least_squares_agrees_with_the_textbook_on_noisy_frames() -> None:
 
 @pytest.mark.parametrize("method", ["constant", "least_squares"])
 def test_frames_that_are_alike_have_no_shift(method: Literal["constant", "least_squares"]) -> None:
-    estimator = CollectedScale(method)
-    assert estimator(None, 0.0) is None
+    estimator = collected_scale(method)
+    assert estimator(None, 0.0, None) is None
     for known_m in (1.0, 1.1, 30.0):
-        scale = estimator(sample(known_m, 0.5), 0.0)
+        scale = estimator(sample(known_m, 0.5), 0.0, None)
     assert scale is not None
     assert (scale.factor, scale.shift_m) == (pytest.approx(2.2), 0.0)
 

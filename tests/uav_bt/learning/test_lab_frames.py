@@ -24,7 +24,7 @@ from uav_bt.app.sources.video_source import VideoSource
 from uav_bt.errors import FileError, InputError
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.shipped import write_lab
-from uav_bt.learning import lab_frames
+from uav_bt.learning import frame_sources
 from uav_bt.learning.lab_frames import FramesSummary, take_frames, use_at
 from uav_bt.learning.lab_material import LabMaterial
 from uav_bt.types import CameraModel
@@ -152,9 +152,9 @@ def test_a_further_run_adds_new_videos_only(
     take(material, old)
     before = {name: (material.frames / name).stat().st_mtime_ns for name in inside(material)[1:]}
     watched = []
-    watch = lab_frames.watch
+    watch = frame_sources.watch
     monkeypatch.setattr(
-        lab_frames, "watch", lambda one, *rest: watched.append(one.name) or watch(one, *rest)
+        frame_sources, "watch", lambda one, *rest: watched.append(one.name) or watch(one, *rest)
     )
     summary = take(material, old, write_video(tmp_path / "new.mp4", walk(5, begin=6)))
     assert watched == ["new.mp4"]

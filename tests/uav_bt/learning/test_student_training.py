@@ -11,6 +11,7 @@ from click.testing import CliRunner
 
 from perception.control.ego_state import ControlNetConfig
 from perception.control.runtime import OnnxControlStudent
+from perception.control.training import samples
 from perception.control.training.network import STUDENT_FILES
 from perception.control.training.run import ControlTrainingConfig
 from perception.networks.weights_file import SHIPPED_WEIGHTS
@@ -96,7 +97,7 @@ def test_what_was_read_is_kept(
     record: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (first,) = read_advised_flights([record], NET, tmp_path)
-    monkeypatch.setattr("uav_bt.learning.dataset.advised_flight", None)  # it must not be read again
+    monkeypatch.setattr(samples, "advised_flight", None)  # it must not be read again
     (again,) = read_advised_flights([record], NET, tmp_path)
     assert (again.labels[:, 0] == first.labels[:, 0]).all() or np.isnan(first.labels).any()
     assert (again.images == first.images).all()
