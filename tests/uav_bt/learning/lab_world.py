@@ -47,7 +47,7 @@ def draw_lab(folder: Path, *, train: int = 6, check: int = 2, keys: str = "") ->
         rgb = COLOURS[exact_ids(left)] + rng.integers(0, 12, (HEIGHT, WIDTH, 3), dtype=np.uint8)
         cv2.imwrite(str(material.frames / name), rgb[..., ::-1])
         use = "train" if index < train else "check"
-        frames.append(LabFrame(image=name, source="x.mp4", time_s=0.0, sharpness=1.0, use=use))
+        frames.append(LabFrame(image=name, source="x.mp4", use=use))
         places = [(20, 20, WALL), (230, 30, WALL), (15, 120, FLOOR), (240, 130, FLOOR)]
         places += [(left + 15, 70, CRATE), (left + 35, 90, CRATE)]
         picks += [Pick(image=name, x=x, y=y, class_id=class_id) for x, y, class_id in places]

@@ -66,11 +66,6 @@ def test_a_byte_order_mark_and_empty_lines_are_no_fault(material: LabMaterial) -
     assert (pick.x, pick.y) == (1, 2)
 
 
-def test_a_lab_without_images_names_the_command(material: LabMaterial) -> None:
-    with pytest.raises(FileError, match="uav-bt lab frames"):
-        material.uses()
-
-
 @pytest.mark.parametrize(
     ("line", "words"),
     [
