@@ -1,4 +1,4 @@
-"""Collection of training flights: the rule or the student flies, and the rule labels each view.
+"""Collection of training flights: rule or student flies, and the rule labels each view.
 
 plan = CollectionPlan(tree="explore_and_land_advised", flights=96)
 collect(plan, Path("runs/collected"))
@@ -90,7 +90,7 @@ def collect(
 
 
 def nodes_under_policy(tree: str | Path) -> list[str]:
-    """Return the names of a tree's leaves that fly by a leaf policy, not only advise by it."""
+    """Return the names of a tree's leaves that fly by a policy, not only advise by it."""
     return [
         leaf.name
         for leaf in app.check(tree).leaves()

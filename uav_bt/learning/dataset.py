@@ -10,7 +10,7 @@ from typing import Final
 from perception.control.ego_state import ControlNetConfig
 from perception.control.runtime import ControlEstimate, OnnxControlStudent
 from perception.control.training import samples
-from perception.control.training.samples import Batch, ControlFlight, ControlSamples, ControlScore
+from perception.control.training.samples import ControlFlight, ControlSamples, ControlScore
 from perception.depth.training import labelling
 from perception.depth.training.footage import Flight, gathered, shrink
 from perception.networks.onnx_runtime import shrunk
@@ -23,13 +23,13 @@ from uav_bt.record.reader import RecordReader, flight_record, footage
 from uav_bt.types import DroneState, Frame
 from uav_bt.types.arrays import Image
 
-_APART_S: Final = 0.075  # least time between frames that are learnt from: ten a second, irregular
+_APART_S: Final = 0.075  # least time between frames, which come about every 0.1 s
 # The rule's reason without depth, which depends on the depth network and not on the view.
 _BLIND: Final = "no depth"
 
 
 def records_of(paths: Sequence[Path]) -> list[Path]:
-    """Return the records at paths: files, and all files below folders, without duplicates."""
+    """Return the records at paths: files, and all files below folders, each once."""
     found: dict[Path, None] = {}
     for path in paths:
         records = sorted(path.rglob("*.mcap")) if path.is_dir() else [path]
@@ -47,11 +47,8 @@ def _image(frame: StoredFrame, record: Path) -> Image:
         raise FileError(record, f"frame {frame.note.index} is damaged: {error}") from error
 
 
-# --- depth ----------------------------------------------------------------------------------------
-
-
 def footage_of(path: Path) -> Flight:
-    """Read a record's telemetry, and ten frames per second at the size of the depth network."""
+    """Read a record's telemetry, and ten frames a second at the depth network's size."""
     reader = flight_record(path)
     states: list[DroneState] = []
     frames: list[Frame] = []
@@ -94,9 +91,6 @@ def read_flights(
         flights.append(flight)
         advance("flights", done, len(paths))
     return flights
-
-
-# --- advised views --------------------------------------------------------------------------------
 
 
 def read_advised_flights(
@@ -158,7 +152,7 @@ def evaluate_student(
 ) -> ControlScore:
     """Score an exported student on windows of advised flights, spread evenly over all."""
 
-    def estimates(batch: Batch) -> list[ControlEstimate]:
+    def estimates(batch: samples.Batch) -> list[ControlEstimate]:
         pairs = zip(batch.frames, batch.state, strict=True)
         return [student.estimate(list(frames), state) for frames, state in pairs]
 

@@ -1,10 +1,10 @@
 """Metric depth against the twin's exact depth, beside the paper's table (`net evaluate depth`).
 
 The paper (Mocanu et al.) evaluates depth by the dimensions of obstacles: a person picks two points
-on the edges of an obstacle in the image, and their distance in space is compared with a tape
-measure's. Here the exact class map replaces the person: the outline of each visible face (a box's
-sides, a roof), eroded by two pixels as a person clicks on the obstacle, is simplified to a polygon
-whose sides are the edges. Points drawn at random have a distance from the camera.
+on the edges of an obstacle, and their distance in space is compared with a tape measure's. Here the
+exact class map replaces the person: the outline of each visible face (a box's side, a roof) is
+eroded by two pixels and simplified to a polygon, whose sides are the edges. Points drawn at random
+have a distance from the camera.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ MAP_CAMERA: Final = VIDEO.resized(*MAP_SIZE_PX)
 _RAYS: Final = ray_lengths(MAP_CAMERA)  # (112, 224) metres along the ray for a metre of depth
 _INSET_PX: Final = 2  # from an outline inwards, because the border itself is ambiguous
 _SQUARE: Final = np.ones((2 * _INSET_PX + 1, 2 * _INSET_PX + 1), dtype=np.uint8)
-_SIMPLIFY_PX: Final = 1.5  # largest distance of the polygon from the outline: a pixel, rounded
+_SIMPLIFY_PX: Final = 1.5  # largest distance of the polygon from the outline
 _MIN_AREA_PX: Final = 60  # of a face; smaller ones are hard to click on
 _MIN_CORNERS: Final = 3  # of a face; a line has no edges
 _MIN_LENGTH_PX: Final = 6.0  # of an edge; an error of three pixels is half of this
 _MIN_LENGTH_M: Final = 0.1  # of an edge, in space
-_OCCLUDER_M: Final = 0.15  # a nearer object at a corner hides the face from this difference on
+_OCCLUDER_M: Final = 0.15  # an object so much nearer hides a corner of the face
 _MAX_EDGES: Final = 8  # per image, so that crowded images do not dominate
 _POINTS: Final = 40  # per image on obstacles, and as many on the ground
-_MIN_RANGE_M, _MAX_RANGE_M = 0.3, 5.0  # of points, along the ray; the paper's range of distances
+_MIN_RANGE_M, _MAX_RANGE_M = 0.3, 5.0  # of points, along the ray; the paper's
 
 _FIGURES: Final = ("mean_m", "median_m", "rmse_m", "std_m", "max_m", "correlation")
 
@@ -86,7 +86,7 @@ def evaluate_depth(
     true_m, true_ranges_m = measured([image.depth_m for image in images])
     roles = [image.exact.roles[at] for image, at in zip(images, points, strict=True)]
     obstacle = np.concatenate(roles) == OBSTACLE
-    names = [name for name, (source, _) in METHODS.items() if network or source == "contact"]
+    names = list(METHODS) if network else ["contact"]
     rows = []
     for done, name in enumerate(names, start=1):
         lengths_m, ranges_m = measured(list(metric_maps(name, images)))
@@ -142,7 +142,7 @@ class _Estimated:
 
 
 def collected_scale(method: _Collects) -> ScaleEstimator:
-    """Return an estimator of the paper's constant scales, from the medians of all frames until now.
+    """Return an estimator of the paper's constant scales, by the medians of all frames so far.
 
     "constant" is the median ratio of known to predicted depth; "least_squares" solves
     ``scale * predicted + shift = known`` (equation 1). There is none before the first sample.
@@ -165,7 +165,7 @@ def collected_scale(method: _Collects) -> ScaleEstimator:
 
 
 def pick_edges(class_map: ClassMap, depth_m: Floats32, generator: np.random.Generator) -> Indices:
-    """Return edges of one image by exact classes and depth, (N, 2, 2): two ends, column and row."""
+    """Return edges of an image by exact classes and depth, (N, 2, 2): ends, column and row."""
     edges: list[Indices] = []
     for face in _faces(class_map):
         outlines, _ = cv2.findContours(face, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
@@ -216,7 +216,7 @@ def _picked(
 
 
 def edge_lengths(depth_m: Floats32, edges: Indices) -> Floats:
-    """Return the lengths of edges in space by a depth map, (N,) metres; NaN where unknown."""
+    """Return the lengths of edges by a depth map, (N,) metres; NaN where unknown."""
     columns, rows = edges[..., 0], edges[..., 1]
     depth = depth_m[rows, columns].astype(np.float64)
     x = (columns - MAP_CAMERA.cx_px) / MAP_CAMERA.fx_px * depth
@@ -228,7 +228,7 @@ def edge_lengths(depth_m: Floats32, edges: Indices) -> Floats:
 def draw_points(
     class_map: ClassMap, depth_m: Floats32, generator: np.random.Generator
 ) -> tuple[Indices, Indices]:
-    """Return rows and columns of points on obstacles and ground, uniform over the pixels."""
+    """Return rows and columns of random points on obstacles and ground."""
     ids, range_m = class_map.ids, depth_m * _RAYS
     inner = cv2.erode(ids, _SQUARE) == cv2.dilate(ids, _SQUARE)
     inner &= (range_m >= _MIN_RANGE_M) & (range_m <= _MAX_RANGE_M)
@@ -244,9 +244,9 @@ def summarise_errors(estimated_m: Floats, truth_m: Floats) -> dict[str, float | 
     """Summarise estimates of lengths, (N,) metres, NaN without an estimate.
 
     Returns:
-        How many were wanted (`total`) and given (`valid`), and figures about the latter: of the
-        absolute error mean, median, root mean square, standard deviation and maximum, and
-        Pearson's correlation of estimates with the truth.
+        How many were wanted (`total`) and given (`valid`), and figures about the latter: mean,
+        median, root mean square, standard deviation and maximum of the absolute error, and
+        Pearson's correlation.
     """
     known = np.isfinite(estimated_m)
     estimated, truth = estimated_m[known].astype(np.float64), truth_m[known].astype(np.float64)

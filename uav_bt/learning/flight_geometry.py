@@ -1,7 +1,7 @@
-"""Geometry of a lab in records of its flights: the range of the mark by its size and by the camera.
+"""Geometry of a lab in records of its flights.
 
-The picks of a lab do not show a wrong height, camera or size of the mark. Here the range of the
-mark is measured by its size, and by height and pitch of the camera.
+Picks do not show a wrong height, camera or size of the mark. Here the range of the mark is measured
+by its size, and by height and pitch of the camera.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ class Geometry:
 
     tolerance: float = 0.1  # relative difference of the two ranges that needs no cause
     frames: int = 0  # that were compared
-    ratios: list[float] = field(default_factory=list)  # range by size to range by height, by frame
+    ratios: list[float] = field(default_factory=list)  # of the ranges, by frame
 
     @property
     def ratio(self) -> float:
-        """Median ratio of the range by the mark's size to that by height and pitch; or NaN."""
+        """Median ratio of the range by size to that by height and pitch; or NaN."""
         return float(np.median(self.ratios)) if self.ratios else math.nan
 
     def to_json(self) -> dict[str, Any]:
@@ -57,7 +57,7 @@ class Geometry:
         return {"frames": self.frames, "marks": len(self.ratios), "size_to_height": ratio}
 
     def lines(self, lab_file: Path) -> Iterator[str]:
-        """Yield the lines that describe the figures, and the likely cause of a difference."""
+        """Yield lines about the figures, and about the likely cause of a difference."""
         yield f"geometry in {self.frames} frames of flights"
         if not self.ratios:
             yield "  mark: in no frame found whole and large enough, as a class of the role mark"

@@ -1,11 +1,11 @@
-"""Videos, flight records and photographs that a lab's images are taken from, and candidates.
+"""Videos, flight records and photographs for a lab's images, and candidates from them.
 
 A candidate is the sharpest image of each short time, kept as a JPEG file.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from itertools import groupby
@@ -26,6 +26,7 @@ from uav_bt.app.sources.shots import ImageSource, Shot
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import did_you_mean_file, writing
 from uav_bt.learning.lab_material import fingerprint
+from uav_bt.progress import Advance
 from uav_bt.record.reader import RECORD_SUFFIX
 
 _VIDEO_SUFFIXES: Final = (
@@ -45,11 +46,6 @@ class FrameSource:
     images: ImageSource
 
     @property
-    def name(self) -> str:
-        """The file's name."""
-        return self.path.name
-
-    @property
     def seconds(self) -> float:
         """About how long it is."""
         return self.images.duration_s or _UNKNOWN_DURATION_S
@@ -58,7 +54,7 @@ class FrameSource:
 def find_sources(
     paths: Sequence[Path], own: Path
 ) -> tuple[list[FrameSource], list[FrameSource], list[str]]:
-    """Find videos and records in the order of their names on the line, and photographs by name.
+    """Find videos and records in the order of the line, and photographs by name.
 
     Returns:
         Videos and records, photographs, and lines about files that are not read.
@@ -79,7 +75,7 @@ def find_sources(
             found[content] = FrameSource(path=file, content=content, images=images)
     filmed = [one for one in found.values() if not is_photograph(one.path)]
     photographs = [one for one in found.values() if is_photograph(one.path)]
-    return filmed, sorted(photographs, key=lambda one: one.name), notes
+    return filmed, sorted(photographs, key=lambda one: one.path.name), notes
 
 
 def is_photograph(path: Path) -> bool:
@@ -109,8 +105,6 @@ def _files(path: Path, own: Path) -> list[Path]:
     return found
 
 
-# --- candidates -----------------------------------------------------------------------------------
-
 _WINDOW_S: Final = 0.5  # of which the sharpest image is a candidate
 _MOST_CANDIDATES: Final = 1000  # of one video: their files take 0.3 to 1 MB each
 _LONGEST_PX: Final = 1920
@@ -129,15 +123,16 @@ class Candidate:
 
 
 def watch(
-    filmed: FrameSource, folder: Path, on_time: Callable[[float], None]
+    filmed: FrameSource, folder: Path, advance: Advance
 ) -> tuple[list[Candidate], int, float]:
-    """Read a video and keep the sharpest image of each half second, longer in very long videos.
+    """Keep the sharpest image of each half second of a video, longer in very long ones.
 
     Returns:
-        The candidates in order of time, the number of images that were read, the last one's time.
+        The candidates in order of time, how many images were read, the last one's time.
     """
     window_s = max(_WINDOW_S, filmed.seconds / _MOST_CANDIDATES)
     times_s: list[float] = []
+    total_s = max(1, int(filmed.seconds))
 
     def measured(shots: Iterable[Shot]) -> Iterator[tuple[Look, Shot]]:
         for shot in shots:
@@ -149,7 +144,7 @@ def watch(
                     "preview",
                 )
             times_s.append(shot.time_s)
-            on_time(shot.time_s)
+            advance(f"seconds of video, {filmed.path.name}", int(shot.time_s), total_s)
             yield look_at(shot.shrunk(sharpness_size_px(*shot.size_px), colour=False)), shot
 
     candidates = []

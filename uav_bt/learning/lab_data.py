@@ -1,16 +1,16 @@
-"""Checked training files of a lab, and the class maps of its images, from which its network learns.
+"""Checked training files of a lab, and the class maps from which its network learns.
 
-Class maps are made by a teacher of the picks, or by a network that the lab file names. Finished
-ones are kept.
+A teacher of the picks makes them, or a network that the lab file names. Finished ones are kept.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
+from itertools import repeat
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Final
@@ -22,7 +22,7 @@ from perception.camera.image_files import read_image
 from perception.networks.mapping import class_id_of, read_mapping
 from perception.networks.onnx_runtime import shrunk
 from perception.segmentation.clean import REFINED_BY
-from perception.segmentation.runtime import MAP_PX, OnnxSegmenter, TeacherSegmenter
+from perception.segmentation.runtime import MAP_PX, OnnxSegmenter
 from perception.segmentation.teacher import load_teacher
 from perception.segmentation.training.pick_images import check_picks, placed_picks
 from perception.segmentation.training.picks import Pick
@@ -32,12 +32,11 @@ from uav_bt.lab.classes import GROUND, LabClasses
 from uav_bt.lab.lab_file import lab_error
 from uav_bt.learning.lab_material import LabMaterial, Use
 from uav_bt.progress import Advance, silent
-from uav_bt.types import Frame
 from uav_bt.types.arrays import Image
 
 _LEAST_IMAGES: Final = 4
 _FEW_IMAGES: Final = 100  # with fewer the network knows few views; chosen
-_PART: Final = 10  # images that a process labels at a time
+_PART: Final = 10  # images that are labelled at a time
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,13 +52,8 @@ class MaskSource:
         """Return a function from an image, (H, W, 3) RGB, to its class ids, (h, w)."""
         if self.file.suffix.lower() == ".onnx":
             return OnnxSegmenter(self.file, self.classes, self.mapping).ids
-        teacher = TeacherSegmenter(load_teacher(self.file, self.classes))
-
-        def ids(rgb: Image) -> Image:
-            frame = Frame(image=rgb, index=0, captured_s=0.0, gimbal_pitch_rad=0.0)
-            return teacher.segment(frame).ids
-
-        return ids
+        teacher = load_teacher(self.file, self.classes)
+        return lambda rgb: _small(teacher.refined_ids(teacher.resized(rgb)))
 
     @property
     def fingerprint(self) -> str:
@@ -82,9 +76,8 @@ class LabData:
 
     material: LabMaterial  # where they are
     uses: Mapping[str, Use]  # use of every image, by file name
-    picks: Sequence[Pick]  # picks on all images; may be empty if another network makes the masks
-    # network of the lab file that makes the masks; None: a teacher learns from picks
-    source: MaskSource | None
+    picks: Sequence[Pick]  # on all images; may be empty with a `source`
+    source: MaskSource | None  # network of the lab file; None: a teacher learns from picks
     warnings: Sequence[str]  # allowed things that may be mistakes
 
     def images(self, use: Use) -> list[Path]:
@@ -96,11 +89,8 @@ class LabData:
         return [pick for pick in self.picks if self.uses[pick.image] == use]
 
 
-# --- checks, before hours of work -----------------------------------------------------------------
-
-
 def checked_data(material: LabMaterial) -> LabData:
-    """Check everything that training needs."""
+    """Check everything that training needs, before hours of work."""
     uses, warnings = material.uses(), []
     for name in list(uses):
         try:
@@ -152,9 +142,6 @@ def teacher_of_lab(material: LabMaterial) -> MaskSource | None:
     return source
 
 
-# --- masks ----------------------------------------------------------------------------------------
-
-
 def _digest(*parts: bytes) -> str:
     return hashlib.sha256(b"\0".join(parts)).hexdigest()[:12]
 
@@ -180,38 +167,31 @@ def make_masks(
     folder.mkdir(parents=True, exist_ok=True)
     files = mask_files(images, folder)
     todo = [(image, file) for image, file in files.items() if not file.is_file()]
+    parts = [todo[first : first + _PART] for first in range(0, len(todo), _PART)]
     done = len(files) - len(todo)
     advance("masks", done, len(files))
-    made = _made(source, todo) if workers == 1 else _made_by(workers, source, todo)
-    for new in made if todo else ():
-        done += new
-        advance("masks", done, len(files))
+    # Spawned, once it is used: a fork would copy locks of the inference runtime's threads.
+    with ProcessPoolExecutor(max_workers=workers, mp_context=get_context("spawn")) as pool:
+        for made in (map if workers == 1 else pool.map)(_make, repeat(source), parts):
+            done += made
+            advance("masks", done, len(files))
     rgb, ids = zip(*(_kept(file) for file in files.values()), strict=True)
     return np.stack(rgb), np.stack(ids)
 
 
-def _made_by(workers: int, source: MaskSource, todo: Sequence[tuple[Path, Path]]) -> Iterator[int]:
-    """Make masks in several processes, and yield how many are new."""
-    parts = [todo[first : first + _PART] for first in range(0, len(todo), _PART)]
-    # Spawned: a fork would copy the threads' locks of the inference runtime.
-    with ProcessPoolExecutor(max_workers=workers, mp_context=get_context("spawn")) as pool:
-        for job in as_completed([pool.submit(_make_all, source, part) for part in parts]):
-            yield job.result()
+def _small(ids: Image) -> Image:
+    small = cv2.resize(ids, MAP_PX, interpolation=cv2.INTER_NEAREST_EXACT)
+    return np.asarray(small, dtype=np.uint8)
 
 
-def _make_all(source: MaskSource, todo: Sequence[tuple[Path, Path]]) -> int:
-    return sum(_made(source, todo))
-
-
-def _made(source: MaskSource, todo: Sequence[tuple[Path, Path]]) -> Iterator[int]:
-    """Make masks, and yield 1 after each."""
+def _make(source: MaskSource, todo: Sequence[tuple[Path, Path]]) -> int:
     make = source.load()
     for image, file in todo:
         rgb = read_image(image, colour=True, as_stored=False)
-        ids = cv2.resize(make(rgb), MAP_PX, interpolation=cv2.INTER_NEAREST_EXACT)
+        ids = _small(make(rgb))
         with whole_file(file) as partial, partial.open("wb") as out:
             np.savez_compressed(out, rgb=shrunk(rgb, MAP_PX), ids=ids)
-        yield 1
+    return len(todo)
 
 
 def _kept(file: Path) -> tuple[Image, Image]:

@@ -24,7 +24,7 @@ DEFAULT_COUNT: Final = 300
 FEW: Final = 40
 """Fewer images than this teach a network little."""
 
-# Folder beside the images while a source is read; the system's temporary folder may be in memory.
+# Folder of a source that is being read; the system's temporary one may be in memory.
 _CANDIDATES: Final = ".candidates-"
 _PARTS: Final = 10  # of a video's time
 _PHOTOGRAPHS: Final = "photographs"
@@ -62,9 +62,9 @@ def take_frames(
 ) -> FramesSummary:
     """Take images of a lab from videos, flight records and photographs, and folders of them.
 
-    Sources are finished one by one, so that a run that was stopped goes on where it was. A source
-    whose images are in the lab's list is not read again. `count` limits the images of all videos
-    together, shared by their durations, and also the photographs.
+    Sources are finished one by one; one whose images are in the lab's list is not read again.
+    `count` limits the images of all videos together, shared by their durations, and also the
+    photographs.
     """
     material = LabMaterial(lab=lab)
     run = _Run(material, advance)  # refuses a malformed list before the folder is made
@@ -74,8 +74,7 @@ def take_frames(
         material.frames.mkdir(exist_ok=True)
         for old in material.frames.glob(f"{_CANDIDATES}*"):  # by a run that was killed
             shutil.rmtree(old)
-    errors: list[FileError] = []
-    left = count
+    left, errors = count, run.errors
     try:
         for place, one in enumerate(filmed):
             share = one.seconds / max(1e-9, sum(each.seconds for each in filmed[place:]))
@@ -83,10 +82,7 @@ def take_frames(
                 left -= run.film(one, max(1, round(left * min(1.0, share))))
             except FileError as error:
                 errors.append(error)
-        try:
-            run.photograph(photographs, count)
-        except FileError as error:
-            errors.append(error)
+        run.photograph(photographs, count)
         if errors and not any(one.kept for one in run.summaries):
             raise errors[0] if len(errors) == 1 else InputError("\n".join(map(str, errors)))
         total = len(material.uses())
@@ -110,22 +106,18 @@ class _Run:
         self._listed = material.read_frames()
         self._advance = advance
         self.summaries: list[SourceSummary] = []
+        self.errors: list[FileError] = []
 
     def film(self, filmed: FrameSource, quota: int) -> int:
         """Take images of a video, unless they are there; return their number."""
-        if there := self._there([filmed], filmed.name):
+        if there := self._there([filmed], filmed.path.name):
             return len(there)
 
-        def on_time(time_s: float) -> None:
-            total = max(1, int(filmed.seconds))
-            self._advance(f"seconds of video, {filmed.name}", min(int(time_s), total), total)
-
         with TemporaryDirectory(prefix=_CANDIDATES, dir=self._material.frames) as folder:
-            candidates, read, end_s = frame_sources.watch(filmed, Path(folder), on_time)
-            on_time(filmed.seconds)
+            candidates, read, end_s = frame_sources.watch(filmed, Path(folder), self._advance)
             clear = frame_sources.clear_candidates(candidates, filmed.path)
             summary = SourceSummary(
-                source=filmed.name,
+                source=filmed.path.name,
                 read=read,
                 blurred=len(candidates) - len(clear),
                 notes=(*filmed.images.warnings, *filmed.images.skipped),
@@ -144,16 +136,16 @@ class _Run:
             notes = []
             for number, one in enumerate(unread, start=1):
                 try:
-                    candidates += frame_sources.watch(one, Path(folder), lambda _: None)[0]
+                    candidates += frame_sources.watch(one, Path(folder), silent)[0]
                 except FileError as error:
                     notes.append(str(error))
-                self._advance(f"{_PHOTOGRAPHS}, {one.name}", number, len(unread))
+                self._advance(f"{_PHOTOGRAPHS}, {one.path.name}", number, len(unread))
             clear = [one for one in candidates if not one.look.blank]
             if not clear and not there:
                 where = unread[0].path if len(unread) == 1 else unread[0].path.parent
-                raise FileError(
-                    where, f"no photograph can be used: {'; '.join(notes) or 'all are blank'}"
-                )
+                what = f"no photograph can be used: {'; '.join(notes) or 'all are blank'}"
+                self.errors.append(FileError(where, what))
+                return
             earlier = sum(is_photograph(Path(frame.source)) for frame in self._listed)
             summary = SourceSummary(
                 source=_PHOTOGRAPHS,
@@ -188,8 +180,8 @@ class _Run:
     ) -> int:
         """Move the most different candidates into the lab's folder, and then write the list.
 
-        A file that is there already stays: a run that was killed left it. `use_of` gives the use of
-        a candidate and its number, from 1.
+        A file that is there already stays: a run that was killed left it. `use_of` takes a
+        candidate and its number, from 1.
         """
         order = different_ones([one.look for one in clear])
         if len(order) == 1 < len(clear) and clear[0].source is clear[1].source:
@@ -201,7 +193,7 @@ class _Run:
         added = []
         for number, index in enumerate(sorted(order[:most]), start=1):
             one, source = clear[index], clear[index].source
-            stem = re.sub(r"[^\w.-]+", "-", Path(source.name).stem).strip(".-")[:_LONGEST_NAME]
+            stem = re.sub(r"[^\w.-]+", "-", Path(source.path.name).stem).strip(".-")[:_LONGEST_NAME]
             # The hash, because cameras repeat names on each memory card.
             name = f"{stem or 'video'}-{source.content[:6]}"
             if not is_photograph(source.path):
@@ -213,7 +205,7 @@ class _Run:
             added.append(
                 LabFrame(
                     image=file.name,
-                    source=source.name,
+                    source=source.path.name,
                     time_s=one.time_s,
                     sharpness=one.look.sharpness,
                     use=use_of(one, number),
@@ -237,7 +229,7 @@ class _Run:
 
 
 def use_at(time_s: float, end_s: float) -> Use:
-    """Return the use of a video's image: the fifth and the last tenth of its time are for checks.
+    """Return the use of a video's image: the fifth and the last tenth are for checks.
 
     `end_s` is the time of the video's last image.
     """

@@ -40,9 +40,9 @@ class LabFrame:
     """An image of a lab's folder `frames/`."""
 
     image: Annotated[str, Field(pattern=r"^[^/\\]+$")]  # file name, without a folder
-    source: str = ""  # name of the video or photograph; empty for an image that was copied there
+    source: str = ""  # file name of the video or photograph; empty if copied
     time_s: FiniteFloat = 0.0  # time in the video, seconds; 0 for a photograph
-    sharpness: FiniteFloat = 0.0  # variance of the image's Laplacian at a width of 320 pixels
+    sharpness: FiniteFloat = 0.0  # variance of the Laplacian at a width of 320 pixels
     use: Use  # whether the network learns from the image
     content: str = ""  # `fingerprint` of the source; empty where it is unknown
 
@@ -65,7 +65,7 @@ class LabMaterial:
         self.picks = lab.folder / "picks.csv"
         self.training = lab.folder / "training"  # folder of what training keeps
         self.teacher = self.training / "teacher.safetensors"  # of the picks
-        self.network = lab.folder / NETWORK_FILE  # that training writes; see also `Lab.network`
+        self.network = lab.folder / NETWORK_FILE  # that training writes
 
     def uses(self) -> dict[str, Use]:
         """Return the use of every image in the folder, by file name in the order of names.
@@ -90,7 +90,7 @@ class LabMaterial:
         return {name: listed[name] for name in names}
 
     def keep_uses(self, uses: Mapping[str, Use]) -> None:
-        """Add images without an entry to the list, so that a further image changes no use."""
+        """Add images without an entry to the list, so that they keep their use."""
         frames = self.read_frames()
         missing = uses.keys() - {frame.image for frame in frames}
         if missing:
@@ -98,7 +98,7 @@ class LabMaterial:
             self.write_frames([*frames, *added])
 
     def read_frames(self) -> list[LabFrame]:
-        """Return the entries of the list; FileError, which names the line, if it is malformed."""
+        """Return the entries of the list; FileError with the line if it is malformed."""
         if not self.list_file.exists():
             return []
         with reading(self.list_file):
@@ -134,8 +134,7 @@ def fingerprint(path: Path) -> str:
     """Return a hash of a file's size and both ends."""
     with reading(path), path.open("rb") as file:
         size = path.stat().st_size
-        digest = hashlib.sha256(file.read(_END_BYTES))
+        begin = file.read(_END_BYTES)
         file.seek(max(0, size - _END_BYTES))
-        digest.update(file.read())
-    digest.update(f"{size} ".encode())
-    return digest.hexdigest()[:12]
+        ends = begin + file.read()
+    return hashlib.sha256(ends + f"{size} ".encode()).hexdigest()[:12]

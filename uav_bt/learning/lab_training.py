@@ -1,4 +1,4 @@
-"""Training of a lab's segmentation network: masks, U-Net, 8-bit integers. Needs extra `train`."""
+"""Training of a lab's segmentation network. Needs the extra `train`."""
 
 from __future__ import annotations
 
@@ -90,8 +90,7 @@ def train_lab(
     last, in one step. An interrupted training continues from its masks and its checkpoint.
 
     Returns:
-        The loss, as the mean of the last tenth of the steps that were done now; NaN if a finished
-        training was only exported again.
+        The mean loss of the last tenth of the steps that were done now; NaN without any.
     """
     folder, images = data.material.training, data.images("train")
     data.material.keep_uses(data.uses)
@@ -133,10 +132,7 @@ def train_lab(
 
 
 def _first_network(data: LabData) -> UNet:
-    """Return the network that the training begins with: the lab's last one, else the shipped one.
-
-    A last one of other classes is not used, because the lab has changed since.
-    """
+    """Return the lab's last network, or the shipped one if it has none or of other classes."""
     last = data.material.training / WEIGHTS_FILE
     if last.is_file():
         net, _ = UNET_FILES.load(last)

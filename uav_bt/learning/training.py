@@ -1,4 +1,4 @@
-"""Training and export of the depth network and the control student. Needs the extra `train`."""
+"""Training and export of depth network and control student. Needs the extra `train`."""
 
 from __future__ import annotations
 
@@ -28,8 +28,6 @@ from uav_bt.types.arrays import Image
 
 Network = Literal["depth", "student"]
 Precision = Literal["int8", "fp32"]
-
-NETWORKS: Final[dict[Network, NetworkFiles[Any]]] = {"depth": DEPTH_FILES, "student": STUDENT_FILES}
 
 CALIBRATION_VIEWS: Final = ViewPlan(
     views=50, size_px=(640, 360), lowered=0.25, truth_size_px=(32, 18), seed=5
@@ -110,7 +108,7 @@ def _save(files: NetworkFiles[Any], net: Any, weights: Path, notes: Mapping[str,
 
 
 def first_weights(path: Path) -> Mapping[str, NDArray[np.float32]]:
-    """Return initial weights: of a control student, or of a segmentation U-Net's encoder."""
+    """Return the weights of a control student, or of a segmentation U-Net's encoder."""
     try:
         state = STUDENT_FILES.load(path)[0].state_dict()
     except WeightsError as no_student:
@@ -120,9 +118,6 @@ def first_weights(path: Path) -> Mapping[str, NDArray[np.float32]]:
             raise no_student from None
         state = {name: value for name, value in unet.items() if name.startswith("down.")}
     return {name: value.numpy() for name, value in state.items()}
-
-
-# --- export ---------------------------------------------------------------------------------------
 
 
 def export_network(
@@ -136,7 +131,8 @@ def export_network(
 ) -> None:
     """Write the ONNX file of a network: with floats, or 8-bit integers calibrated on images."""
     calibration = None if precision == "fp32" else _images(views, advance)
-    NETWORKS[network].export(weights, out, calibration=calibration)
+    files: NetworkFiles[Any] = DEPTH_FILES if network == "depth" else STUDENT_FILES
+    files.export(weights, out, calibration=calibration)
 
 
 def _images(views: ViewPlan, advance: Advance) -> Iterator[Image]:

@@ -1,4 +1,4 @@
-"""Images of the twin with ground truth, and the split of scenes for training and testing."""
+"""Images of the twin with ground truth, and scenes for training and testing."""
 
 from __future__ import annotations
 
@@ -29,15 +29,12 @@ TRAINING_SCENES: Final = ("train-a", "train-b", "train-c", "train-d")
 VALIDATION_SCENES: Final = ("val-a", "val-b")  # for selection and tuning
 TESTING_SCENES: Final = ("test-a", "test-b")  # for reports, never for selection
 
-_FACING_MARK: Final = 0.25  # share of images that face the mark, which is rare with a random yaw
+_FACING_MARK: Final = 0.25  # share of images that face the mark
 
 
 def scene_seed(seed: int, scene: Scene) -> int:
     """Return the seed of a scene's images, independent of other scenes in the plan."""
     return (seed << 32) + zlib.crc32(scene.name.encode())
-
-
-# --- class ids ------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,7 +25,6 @@ from uav_bt.app.sources.video_source import VideoSource
 from uav_bt.errors import FileError, InputError
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.shipped import write_lab
-from uav_bt.learning import frame_sources
 from uav_bt.learning.lab_frames import FramesSummary, take_frames, use_at
 from uav_bt.learning.lab_material import LabMaterial
 
@@ -141,15 +140,14 @@ def test_images_of_a_video_are_let_go(hall: Hall) -> None:
 # --- further runs ---------------------------------------------------------------------------------
 
 
-def test_a_further_run_adds_new_videos_only(hall: Hall, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_further_run_adds_new_videos_only(hall: Hall) -> None:
     old = hall.video("old.mp4", walk(5))
     hall.take(old)
-    watched, watch = list[str](), frame_sources.watch
-    monkeypatch.setattr(
-        frame_sources, "watch", lambda one, *rest: watched.append(one.name) or watch(one, *rest)
+    stages = set[str]()
+    summary = hall.take(
+        *(old, hall.video("new.mp4", walk(5, begin=6))), advance=lambda stage, *_: stages.add(stage)
     )
-    summary = hall.take(old, hall.video("new.mp4", walk(5, begin=6)))
-    assert watched == ["new.mp4"]
+    assert stages == {"seconds of video, new.mp4"}
     assert [(one.kept, one.earlier) for one in summary.sources] == [(5, True), (5, False)]
     assert summary.total == len(hall.read_frames()) == 10
     (hall.frames / hall.read_frames()[2].image).unlink()  # it stays deleted
@@ -189,12 +187,12 @@ def test_another_recording_of_the_same_name_is_read(hall: Hall, tmp_path: Path) 
     """Cameras count from 1 on each memory card; the order of the names means nothing."""
     days = [tmp_path / day for day in ("monday", "tuesday")]
     for begin, day in zip((0, 6), days, strict=True):
-        hall.video(f"{day.name}/..Gang: Süd (2)?.mp4", walk(4, begin=begin))
+        hall.video(f"{day.name}/Gang: Süd (2)?.mp4", walk(4, begin=begin))
         write_photograph(day / "IMG_0001.JPG", view(begin + 3))
     for day in days:
         assert not any(one.earlier for one in hall.take(day, day).sources)
     listed = hall.read_frames()
-    assert {one.source for one in listed} == {"..Gang: Süd (2)?.mp4", "IMG_0001.JPG"}
+    assert {one.source for one in listed} == {"Gang: Süd (2)?.mp4", "IMG_0001.JPG"}
     assert {one.image[:8] for one in listed} == {"Gang-Süd", "IMG_0001"}
     assert len({one.content for one in listed}) == 4
     assert all(one.earlier for one in hall.take(*reversed(days)).sources)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -57,51 +56,41 @@ def pictures() -> list[np.ndarray]:
 # --- shipped networks -----------------------------------------------------------------------------
 
 
-def test_the_unet_that_flies_sees_what_the_one_in_floats_sees(
+def test_networks_in_integers_answer_like_those_in_floats(
     floats: Path, pictures: list[np.ndarray]
 ) -> None:
-    flies, exact = shipped_unet(), OnnxSegmenter(floats / "unet.onnx", CLASSES)
-    agreeing = np.array([(flies.ids(rgb) == exact.ids(rgb)).mean() for rgb in pictures])
+    unet, exact = shipped_unet(), OnnxSegmenter(floats / "unet.onnx", CLASSES)
+    agreeing = np.array([(unet.ids(rgb) == exact.ids(rgb)).mean() for rgb in pictures])
     assert agreeing.mean() > 0.999
     assert agreeing.min() > 0.99
-
-
-def test_the_depth_network_that_flies_says_what_the_one_in_floats_says(
-    floats: Path, pictures: list[np.ndarray]
-) -> None:
-    flies, exact = load_depth_estimator("depth"), load_depth_estimator(floats / "depth.onnx")
-    off = np.stack([np.abs(flies.depth(rgb) / exact.depth(rgb) - 1.0) for rgb in pictures])
+    off = depth_errors(SHIPPED_WEIGHTS / "depth.onnx", floats, pictures)
     assert off.mean() < 0.01
     assert np.quantile(off, 0.99) < 0.04
-
-
-def test_the_student_that_flies_decides_as_the_one_in_floats(
-    floats: Path, pictures: list[np.ndarray]
-) -> None:
-    both = [OnnxControlStudent(path / "student.onnx") for path in (SHIPPED_WEIGHTS, floats)]
-    numbers = np.zeros(state_size(both[0].config.views), dtype=np.float32)
     said = []
-    for student in both:
+    for folder in (SHIPPED_WEIGHTS, floats):
+        student = OnnxControlStudent(folder / "student.onnx")
+        numbers = np.zeros(state_size(student.config.views), dtype=np.float32)
         views = [[student.preprocess(rgb)] * student.config.views for rgb in pictures]
-        said.append([student.estimate(one, numbers) for one in views])
-    off = np.array(
-        [[a.advance - b.advance, a.step_m - b.step_m] for a, b in zip(*said, strict=True)]
-    )
-    assert np.abs(off).mean() < 0.03
-    assert np.abs(off).max() < 0.25
+        answers = [student.estimate(one, numbers) for one in views]
+        said.append([(answer.advance, answer.step_m) for answer in answers])
+    off = np.abs(np.array(said[0]) - np.array(said[1]))
+    assert off.mean() < 0.03
+    assert off.max() < 0.25
+
+
+def depth_errors(file: Path, floats: Path, pictures: list[np.ndarray]) -> np.ndarray:
+    """Return relative differences of a depth network and the one in floats."""
+    mine, exact = load_depth_estimator(file), load_depth_estimator(floats / "depth.onnx")
+    return np.stack([np.abs(mine.depth(rgb) / exact.depth(rgb) - 1.0) for rgb in pictures])
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_a_shipped_network_was_made_from_the_shipped_weights(name: str, floats: Path) -> None:
-    models = [onnx.load(folder / f"{name}.onnx") for folder in (SHIPPED_WEIGHTS, floats)]
-    notes = [{each.key: each.value for each in model.metadata_props} for model in models]
-    assert [note.pop("precision") for note in notes] == ["int8", "fp32"]
-    # The shipped student's file has an earlier name of an output in its description.
-    students = [json.loads(note.pop("control", "{}")) for note in notes]
-    assert students[0].get("config") == students[1].get("config")
-    assert notes[0] == notes[1]
+def test_a_shipped_network_was_made_from_the_shipped_weights(name: str) -> None:
+    model = onnx.load(SHIPPED_WEIGHTS / f"{name}.onnx")
+    notes = {each.key: each.value for each in model.metadata_props}
     source = (SHIPPED_WEIGHTS / f"{name}.safetensors").read_bytes()
-    assert notes[0]["weights_sha256"] == hashlib.sha256(source).hexdigest()
+    assert notes["precision"] == "int8"
+    assert notes["weights_sha256"] == hashlib.sha256(source).hexdigest()
 
 
 # --- export ---------------------------------------------------------------------------------------
@@ -124,21 +113,11 @@ def test_a_network_is_calibrated_on_the_pictures_of_the_plan(
         )
     assert told[:4] == [("calibration", done, 4) for done in range(1, 5)]
     assert (tmp_path / "one.onnx").read_bytes() == (tmp_path / "two.onnx").read_bytes()
-    mine = load_depth_estimator(tmp_path / "one.onnx")
-    exact = load_depth_estimator(floats / "depth.onnx")
-    off = [np.abs(mine.depth(rgb) / exact.depth(rgb) - 1.0) for rgb in pictures[:4]]
-    assert np.median(off) < 0.03
-
-
-def test_floats_need_no_pictures(tmp_path: Path, floats: Path) -> None:
-    export_network(
-        "depth",
-        SHIPPED_WEIGHTS / "depth.safetensors",
-        tmp_path / "depth.onnx",
-        precision="fp32",
-        views=replace(CALIBRATION_VIEWS, scenes=("no such scene",)),
-    )
-    assert (tmp_path / "depth.onnx").read_bytes() == (floats / "depth.onnx").read_bytes()
+    assert np.median(depth_errors(tmp_path / "one.onnx", floats, pictures[:4])) < 0.03
+    absent = replace(plan, scenes=("no such scene",))  # floats need no pictures
+    source = SHIPPED_WEIGHTS / "depth.safetensors"
+    export_network("depth", source, tmp_path / "floats.onnx", precision="fp32", views=absent)
+    assert (tmp_path / "floats.onnx").read_bytes() == (floats / "depth.onnx").read_bytes()
 
 
 # --- the command ----------------------------------------------------------------------------------
