@@ -99,7 +99,7 @@ def main() -> None:
     given = parser.parse_args()
     lab = load_lab(given.lab)
     scenes = scenes_of(lab, "*train-*")
-    plan = ViewPlan(scenes=scenes, views=given.views, profile="lab", lowered=0.25, seed=1)
+    plan = ViewPlan(scenes=scenes, views=given.views, lowered=0.25, seed=1)
     check = replace(plan, scenes=scenes_of(lab, "*val-*"), views=CHECK_VIEWS)
     material = copy_lab(lab, given.out)
     write_views(material, {"train": plan, "check": check}, TeacherConfig())

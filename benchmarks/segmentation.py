@@ -24,7 +24,7 @@ from uav_bt.errors import InputError
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import DEFAULT_LAB, load_lab
-from uav_bt.learning.masks import MaskSource
+from uav_bt.learning.lab_data import MaskSource
 from uav_bt.learning.pick_scores import network_of_lab
 from uav_bt.learning.views import ViewPlan, twin_views
 from uav_bt.types.arrays import Image
@@ -74,8 +74,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         scenes=scenes_of(lab, given.scenes),
         views=given.views,
         size_px=(640, 360),
-        profile="lab",
-        lowered=0.0,
         seed=2,
     )
     score = evaluate_segmentation(segmenter(given.model, lab), plan, lab.classes)

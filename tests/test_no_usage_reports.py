@@ -46,9 +46,8 @@ UNET_FILES.export(Path("w.safetensors"), Path("net.onnx"),
 VIEW = """
 import time
 from uav_bt.display.rerun import sinks
-viewer = sinks.Viewer(web=True)
-time.sleep(2.0)
-viewer.close()
+with sinks.shown(web=True, instead=""):
+    time.sleep(2.0)
 """
 
 

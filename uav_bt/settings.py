@@ -26,7 +26,8 @@ def check_numbers(
     a least value must be positive.
     """
     for each in fields(settings):
-        name, optional, _ = str(each.type).partition(" | None")
+        stated = str(each.type).removeprefix("Annotated[").partition(",")[0]
+        name, optional, _ = stated.partition(" | None")
         value = getattr(settings, each.name)
         if name not in _KINDS or (optional and value is None):
             continue

@@ -32,7 +32,7 @@ from perception.networks.training.loop import LoopConfig, Progress, channels_las
 from perception.segmentation.training.run import IGNORED
 from perception.segmentation.training.unet import UNetConfig
 from sim_bridge.twin.scene_file import load_scene
-from uav_bt.learning.exporting import CALIBRATION_VIEWS
+from uav_bt.learning.training import CALIBRATION_VIEWS
 from uav_bt.learning.views import twin_views
 
 SHAPE: Final = UNetConfig(outputs=3, channels=(24, 48, 96, 192), context=True)

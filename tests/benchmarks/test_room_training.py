@@ -18,7 +18,7 @@ from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.runtime import RoomSegmenter
 from perception.segmentation.training.run import IGNORED
 from uav_bt.lab.shipped import load_lab
-from uav_bt.learning.views import DepthViewPlan, depth_views
+from uav_bt.learning.views import ViewPlan, twin_views
 from uav_bt.types import Frame
 
 
@@ -82,7 +82,8 @@ def test_the_shipped_file_was_made_from_the_shipped_weights() -> None:
     size = (net.config.width_px, net.config.height_px)
     flies = RoomSegmenter(file, load_lab("depot").classes)
     same = []
-    for rgb in depth_views(DepthViewPlan(scenes=("depot-val-a",), views=6)).rgb:
+    plan = ViewPlan(scenes=("depot-val-a",), views=6, size_px=(640, 360))
+    for _, rgb, _ in twin_views(plan):
         small = cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
         frame = Frame(image=small, index=1, captured_s=2.5, gimbal_pitch_rad=-0.5)
         roles = role_numbers(flies.segment(frame).roles)

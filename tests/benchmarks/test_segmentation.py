@@ -19,7 +19,7 @@ from tests.paper_lab import CLASSES
 from tests.uav_bt.learning.lab_world import write_colour_network
 from uav_bt.errors import FileError, InputError
 from uav_bt.lab.shipped import load_lab
-from uav_bt.learning.lab_checks import checked_data
+from uav_bt.learning.lab_data import checked_data
 from uav_bt.learning.views import VALIDATION_SCENES, ViewPlan, twin_views
 
 SMALL = TeacherConfig(width_px=320, height_px=180, patch_px=11)

@@ -408,11 +408,11 @@ def test_whole_records_with_wrong_messages_are_read_or_refused(
     path, reader, changed = tmp_path / "damaged.mcap", RecordReader(whole), False
     file = RecordFile(path)
     file.metadata(START, reader.metadata)
-    for message in reader.messages(to_s=2.0):
-        data = message.data
-        if message.topic == topic and data[:1] == b"{" and not changed:
+    for name, time_ns, whole_data in reader.messages(to_s=2.0):
+        data = whole_data
+        if name == topic and data[:1] == b"{" and not changed:
             data, changed = with_wrong_value(data, seed, value), True
-        file.write(CHANNELS[message.topic], message.time_ns, data)
+        file.write(CHANNELS[name], time_ns, data)
     file.finish()
     refused(READERS["record"], path)
 

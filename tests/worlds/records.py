@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -75,6 +76,9 @@ def copy_part(
     metadata: Mapping[str, Mapping[str, str]] | None = None,
     messages: Mapping[str, bytes] | None = None,
     without: str | None = None,
+    order: Callable[[tuple[str, Message]], Any] | None = None,
+    extras_last: bool = False,
+    chunks: bool = True,
 ) -> Path:
     """Copy the intact content of a record, or a part, as `mcap recover` and `mcap filter` do.
 
@@ -86,43 +90,46 @@ def copy_part(
         metadata: entries that replace the record's, by the metadata's name.
         messages: new contents of all messages, by topic.
         without: topic to leave out.
+        order: key by which topics and messages are sorted.
+        extras_last: whether metadata and attachments stand behind the messages.
+        chunks: whether messages stand in chunks.
 
     Returns:
         The path of the written file.
     """
-    topics: dict[int, str] = {}
     timeline = RecordReader(path).timeline
-    ids: dict[tuple[type, int], int] = {}
+    whole = list(RecordScan(path))
+    schemas, ids = {0: 0}, dict[int, int]()
     with out.open("wb") as stream:
-        writer = Writer(stream)
+        writer = Writer(stream, chunk_size=20_000, use_chunking=chunks)
         writer.start()
-        for found in RecordScan(path):
-            if isinstance(found, Metadata):
-                more = (metadata or {}).get(found.name, {})
-                writer.add_metadata(found.name, {**found.metadata, **more})
-            elif isinstance(found, Attachment):
-                writer.add_attachment(
-                    found.create_time, found.log_time, found.name, found.media_type, found.data
+        for _, each in whole:
+            if isinstance(each, Schema):
+                schemas[each.id] = writer.register_schema(each.name, each.encoding, each.data)
+            elif isinstance(each, Channel):
+                ids[each.id] = writer.register_channel(
+                    each.topic, each.message_encoding, schemas[each.schema_id]
                 )
-            elif isinstance(found, Schema):
-                ids[Schema, found.id] = writer.register_schema(
-                    found.name, found.encoding, found.data
-                )
-            elif isinstance(found, Channel):
-                topics[found.id] = found.topic
-                ids[Channel, found.id] = writer.register_channel(
-                    found.topic, found.message_encoding, ids[Schema, found.schema_id]
-                )
-            elif (
-                isinstance(found, Message)
-                and from_s <= timeline.since_start(found.log_time) < to_s
-                and topics[found.channel_id] != without
-            ):
-                writer.add_message(
-                    ids[Channel, found.channel_id],
-                    log_time=found.log_time,
-                    data=(messages or {}).get(topics[found.channel_id], found.data),
-                    publish_time=found.publish_time,
-                )
+        if not extras_last:
+            write_extras(writer, whole, metadata or {})
+        found = [(topic, each) for topic, each in whole if topic is not None and topic != without]
+        for topic, each in sorted(found, key=order or (lambda _: 0)):
+            if from_s <= timeline.since_start(each.log_time) < to_s:
+                data = (messages or {}).get(topic, each.data)
+                writer.add_message(ids[each.channel_id], each.log_time, data, each.publish_time)
+        if extras_last:
+            write_extras(writer, whole, metadata or {})
         writer.finish()
     return out
+
+
+def write_extras(
+    writer: Writer, whole: list[tuple[str | None, Any]], metadata: Mapping[str, Mapping[str, str]]
+) -> None:
+    for _, each in whole:
+        if isinstance(each, Metadata):
+            writer.add_metadata(each.name, {**each.metadata, **metadata.get(each.name, {})})
+        elif isinstance(each, Attachment):
+            writer.add_attachment(
+                each.create_time, each.log_time, each.name, each.media_type, each.data
+            )

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from uav_bt.app.options import FlightOptions
 from uav_bt.app.provenance import files_of
 from uav_bt.board.context import FlightFolder
-from uav_bt.display.flown_path import FlownPath
+from uav_bt.display.shown import FlownPath
 from uav_bt.errors import DroneError, FileError
 from uav_bt.files import check_output, write_whole
 from uav_bt.inputs import refuse_inputs, same_file

@@ -30,7 +30,7 @@ from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import RunnerConfig
 from uav_bt.protocols import Drone
-from uav_bt.record.config import Quality
+from uav_bt.record import Quality
 from uav_bt.record.reader import RecordReader
 from uav_bt.record.record_file import Attachment, RecordFile
 from uav_bt.record.recorder import FlightFacts, FlightRecorder
@@ -66,9 +66,9 @@ def begin_record(path: Path, flight: Flight[Drone]) -> FlightRecorder:
 def end_record(report: FlightReport, *, recorder: FlightRecorder, path: Path) -> None:
     """Close a record with how the flight ended; FileError if it is incomplete."""
     end = {"outcome": report.outcome, "reason": report.reason}
-    losses = recorder.finish({**end, "report": json.dumps(report.to_json())})
-    if losses.failure is not None:
-        raise FileError(path, losses.failure)
+    failure = recorder.finish({**end, "report": json.dumps(report.to_json())})
+    if failure is not None:
+        raise FileError(path, failure)
 
 
 def _flight_facts(flight: Flight[Drone]) -> FlightFacts:

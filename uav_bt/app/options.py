@@ -53,7 +53,7 @@ from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import RunnerConfig
 from uav_bt.option import Option, option_of
 from uav_bt.protocols import Drone, DroneConfig, LeafPolicy
-from uav_bt.record.config import Quality
+from uav_bt.record import Quality
 from uav_bt.tree.loading.lookup import Folders, TreeFolders, TreeId
 from uav_bt.tree.loading.parameter_file import ParameterFile, read_parameters
 from uav_bt.tree.loading.parameters import PARAMS, Parameters, Ports, Variables

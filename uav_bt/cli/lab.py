@@ -25,7 +25,7 @@ from uav_bt.app.place import drawn_places
 from uav_bt.cli.declare import command
 from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.shared import Positive, print_or_write, table
-from uav_bt.display.lab_drawing import draw_lab_with_axes
+from uav_bt.display.lab_map import draw_lab_with_axes
 from uav_bt.errors import FileError
 from uav_bt.files import did_you_mean_file, writing
 from uav_bt.lab.lab_file import lab_schema

@@ -23,9 +23,8 @@ from uav_bt.lab.classes import ROLE_NAMES
 from uav_bt.lab.shipped import load_lab
 from uav_bt.learning import lab_frames
 from uav_bt.learning.flight_geometry import compare_ranges, open_flight
-from uav_bt.learning.lab_checks import picks_of_lab, teacher_of_lab
+from uav_bt.learning.lab_data import MaskSource, picks_of_lab, teacher_of_lab
 from uav_bt.learning.lab_material import LabMaterial
-from uav_bt.learning.masks import MaskSource
 from uav_bt.learning.pick_scores import PickScore, network_of_lab, score_picks, write_sheet
 from uav_bt.option import Option
 from uav_bt.tree.loading.lookup import shipped_trees

@@ -16,7 +16,7 @@ from uav_bt.cli.shared import Count, Device, Steps
 from uav_bt.files import check_output
 from uav_bt.lab.shipped import load_lab
 from uav_bt.learning import lab_training
-from uav_bt.learning.lab_checks import LabData, checked_data
+from uav_bt.learning.lab_data import LabData, checked_data
 from uav_bt.learning.lab_material import LabMaterial
 from uav_bt.learning.pick_scores import network_of_lab, score_picks
 from uav_bt.plugins import need
@@ -58,7 +58,6 @@ def train(
         click.echo(f"warning: {warning}", err=True)
     with progress_bars() as advance:
         source = lab_training.mask_source(data, seed=settings.seed, advance=advance)
-    click.echo(str(lab_training.estimated(data, source, settings, workers=workers)))
     if material.network.exists():
         click.echo(f"{material.network} stays until the new network is finished")
     with progress_bars() as advance:

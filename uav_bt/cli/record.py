@@ -15,7 +15,7 @@ from uav_bt.app.option_values import Policies
 from uav_bt.app.replay import Difference, ReplayOptions, ReplayReport
 from uav_bt.app.replay import replay as replay_record
 from uav_bt.app.replay.differences import LOSSY_NUMBERS, LOSSY_TICKS
-from uav_bt.app.view.recorded import WITHOUT_DISPLAY, RecordedFlight, Span
+from uav_bt.app.view.recorded import WITHOUT_DISPLAY, RecordedFlight
 from uav_bt.cli.declare import command
 from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.shared import TextFormat, table
@@ -86,28 +86,25 @@ def view(
     """
     if from_s is not None and to_s is not None and from_s >= to_s:
         raise click.UsageError(f"--from {from_s:g} must lie before --to {to_s:g}")
-    flight = RecordedFlight(file, Span(from_s=from_s, to_s=to_s))
-    window = not (web or save)
-    if window:
-        sinks.need_display(WITHOUT_DISPLAY)
+    flight = RecordedFlight(file, from_s=from_s, to_s=to_s)
     if save is not None:
         with progress_bars() as advance:
             flight.save(save, advance=advance)
         click.echo(f"view: {save}")
-    if web or window:
+    if web or save is None:
         _show(flight, web=web)
     for damage in flight.damages:
         click.echo(f"{file}: {damage}", err=True)
 
 
 def _show(flight: RecordedFlight, *, web: bool) -> None:
-    with flight.shown(web=web) as viewer:
+    with sinks.shown(web=web, instead=WITHOUT_DISPLAY) as viewer:
         if viewer.url is not None:
             click.echo(f"{viewer.url}\nCtrl-C ends it.")
         with progress_bars() as advance:
             flight.draw(viewer.stream, advance=advance, stopped=lambda: viewer.closed)
         try:
-            viewer.wait()
+            viewer.process.wait()
         except KeyboardInterrupt:
             click.echo("", err=True)
 

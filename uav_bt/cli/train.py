@@ -30,11 +30,11 @@ from uav_bt.cli.shared import (
     Workers,
 )
 from uav_bt.errors import FileError
-from uav_bt.learning import collecting, diary, training
-from uav_bt.learning.dataset import read_advised_flights, read_flights, split_records
-from uav_bt.learning.exporting import CALIBRATION_VIEWS, Network, Precision, export_network
+from uav_bt.learning import collecting, training
+from uav_bt.learning.dataset import read_advised_flights, read_flights, records_of
 from uav_bt.learning.lab_training import UNET_WEIGHTS
-from uav_bt.learning.views import TRAINING_SCENES, DepthViewPlan, depth_views
+from uav_bt.learning.training import CALIBRATION_VIEWS, Network, Precision, export_network
+from uav_bt.learning.views import TRAINING_SCENES
 from uav_bt.option import Option
 from uav_bt.plugins import need
 
@@ -43,7 +43,7 @@ _Weights = Annotated[Path, Option("The weights.", path="written", suffix=".safet
 _Run = Annotated[
     Path,
     Option(
-        "Where checkpoint, scores and what is made of the flights are kept; the same command "
+        "Where the checkpoint and what is made of the flights are kept; the same command "
         "continues a training from there.",
         path="folder",
     ),
@@ -59,7 +59,6 @@ def depth(
     labels: Literal["contact", "none"] = "contact",
     photometric: bool = True,
     start: InputFile = None,
-    validate: bool = True,
     pose: Literal["telemetry", "network"] = "telemetry",
     seed: Seed = 0,
     steps: Steps = 2500,
@@ -74,7 +73,6 @@ def depth(
         labels: Labels beside the frames: depth from masks and geometry, or none.
         photometric: Learn from the photometric loss between neighbouring frames, too.
         start: Weights of a depth network to begin with; random ones if not given.
-        validate: Score the network on the twin's validation scenes as it learns.
         pose: Source of the camera's movement between frames.
     """
     if not photometric and labels == "none":
@@ -84,21 +82,13 @@ def depth(
     )
     with progress_bars() as advance:
         segmenter = shipped_unet() if labels == "contact" else None
-        score = training.train_depth(
+        training.train_depth(
             read_flights(flights, segmenter, run, advance=advance),
             out,
             config=config,
             start=start,
             checkpoint=run / "checkpoint.safetensors",
-            views=depth_views(DepthViewPlan()) if validate else None,
-            diary=diary.Diary(run, training.DEPTH_CURVES) if validate else None,
             advance=advance,
-        )
-    if score is not None:
-        click.echo(
-            f"validation: {score.abs_rel:.4f} relative error after median scaling, obstacles "
-            f"{score.obstacle_error_m:.3f} m and ground {score.ground_error_m:.3f} m off with the "
-            "ground's scale"
         )
     click.echo(f"depth network: {out} and {out.with_suffix('.onnx')}")
 
@@ -109,7 +99,6 @@ def student(
     *,
     out: _Weights = RUNS / "student.safetensors",
     run: _Run = RUNS / "student",
-    held_out: Annotated[tuple[Path, ...], Option(form="--validate RECORDS")] = (),
     views: Annotated[int, Ge(1), Le(5)] = 3,
     start: InputFile = None,
     seed: Seed = 0,
@@ -124,7 +113,6 @@ def student(
     cores 4,500 steps take about 36 minutes; the same command continues what was stopped.
 
     Options:
-        held_out: Records, or a folder of them, that validate and are not learnt from. Repeatable.
         views: Frames in a window: the present one and earlier ones.
         start: Weights to begin with, a student's or a segmentation U-Net's; the shipped U-Net's if
             not given.
@@ -133,24 +121,15 @@ def student(
     # Refuses an absent GPU before records are read.
     loop = ControlTrainingConfig(seed=seed, steps=steps, batch=batch, device=device)
     net = ControlNetConfig(views=views)
-    learnt, others = split_records(records, held_out)
     with progress_bars() as advance:
-        score = training.train_student(
-            read_advised_flights(learnt, net, run / "views", advance=advance),
+        training.train_student(
+            read_advised_flights(records_of(records), net, run / "views", advance=advance),
             out,
             config=loop,
             net_config=net,
             start=start or UNET_WEIGHTS,
             checkpoint=run / "checkpoint.safetensors",
-            held_out=read_advised_flights(others, net, run / "views", advance=advance),
-            diary=diary.Diary(run, training.STUDENT_CURVES),
             advance=advance,
-        )
-    if score is not None:
-        click.echo(
-            f"held-out flights: enters {100 * score.missed:.1f} % of blocked paths, stops before "
-            f"{100 * score.stopped:.1f} % of free ones, begins {100 * score.wrong_side:.1f} % of "
-            f"turns to the other side, steps {score.step_error_m:.3f} m off"
         )
     click.echo(f"control student: {out} and {out.with_suffix('.onnx')}")
 

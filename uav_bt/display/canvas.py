@@ -7,7 +7,7 @@ no other characters.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 import cv2
@@ -35,6 +35,17 @@ _SUBPIXEL_BITS: Final = 4
 def blank(size_px: Size, colour: Colour) -> Image:
     """Return an image of one colour."""
     return np.full((size_px[1], size_px[0], 3), colour, dtype=np.uint8)
+
+
+def empty_pane(words: str, size_px: Size) -> Image:
+    """Return a pane with only a line of text."""
+    image = blank(size_px, PANEL)
+    scale = 0.5
+    while text_width_px(words, scale) > size_px[0] - 16 and scale > 0.3:
+        scale -= 0.05
+    left = (size_px[0] - text_width_px(words, scale)) // 2
+    put(image, words, (left, size_px[1] // 2), scale=scale)
+    return image
 
 
 def circle(x_px: float, y_px: float, radius_px: float) -> list[Point]:
@@ -95,6 +106,17 @@ def tag(
     top = min(max(at_px[1], 0), max(height_px - high, 0))
     image[top : top + high, left : left + wide] //= 4
     put(image, text, (left + 6, top + round(31 * scale)), colour=colour, scale=scale)
+
+
+def draw_legend(
+    image: Image, entries: Iterable[tuple[str, Colour]], at_px: tuple[int, int], scale: float
+) -> None:
+    """Write names behind dashes of their colours in a row."""
+    left, base = at_px
+    for words, colour in entries:
+        line(image, [(left, base - 4), (left + 10, base - 4)], colour, 5)
+        put(image, words, (left + 16, base), scale=scale)
+        left += 16 + text_width_px(words, scale) + 14
 
 
 def line(image: Image, points_px: Sequence[Point], colour: Colour, width_px: int = 1) -> None:

@@ -1,90 +1,61 @@
-"""A lab from above: its objects, and the conversion of metres to pixels."""
+"""A lab from above: its objects, metres as pixels, and the map with axes and names."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final, TypeVar
 
-from uav_bt.display.canvas import Colour, Point, Size, circle
+import cv2
+import numpy as np
+
+from uav_bt.display import canvas
+from uav_bt.display.canvas import BACKDROP, DIM, INK, Colour, Point, Size
 from uav_bt.types import Pose2D
-from uav_bt.types.arrays import Floats
-from uav_bt.types.ground import Block, Ground
+from uav_bt.types.arrays import Floats, Image
+from uav_bt.types.ground import Block, Footprint, Ground
 
 Number = TypeVar("Number", float, Floats)
 
-_UNNAMED: Final[Colour] = (150, 156, 166)  # colour before the first phase
-# Bright and distinct colours, used in the order in which phases appear.
-_PHASE_COLOURS: Final[tuple[Colour, ...]] = (
-    (170, 178, 190),
-    (94, 205, 255),
-    (255, 130, 190),
-    (255, 170, 80),
-    (178, 235, 110),
-    (255, 255, 255),
-    (190, 160, 255),
-)
-
-
-def phase_colours(phases: Sequence[str]) -> dict[str, Colour]:
-    """Return a colour for each phase, in the order of first appearance."""
-    named = [phase for phase in dict.fromkeys(phases) if phase]
-    colours = {p: _PHASE_COLOURS[i % len(_PHASE_COLOURS)] for i, p in enumerate(named)}
-    return {"": _UNNAMED, **colours}
+GROUND_COLOUR: Final[Colour] = (52, 66, 54)
+_GROUND_GRID: Final[Colour] = (63, 79, 65)
+_FLOOR_GRID: Final[Colour] = (30, 33, 40)
+_WHITE: Final[Colour] = (255, 255, 255)
+_PLACE_COLOUR: Final[Colour] = (255, 170, 0)
+HEADER_PX: Final = 32  # height of a map's title and scale
+_SIDE_PX: Final = 64  # beside the ground, for the numbers
+_BELOW_PX: Final = 72  # below the ground, for numbers and legend
+_NAME_PX: Final = 16  # height of a name
+_TEXT: Final = 0.42  # scale of axes and names
+_ARROW_M: Final = 0.5  # length of the arrow of the take-off heading
 
 
 @dataclass(frozen=True, kw_only=True)
-class MapItem(Pose2D):
-    """An object or the mark, seen from above."""
+class MapItem(Footprint):
+    """An object, a mover or the mark, seen from above."""
 
-    size_m: tuple[float, float, float]  # along the object's x and y, and its height
-    yaw_rad: float = 0.0  # counter-clockwise from +x
+    height_m: float
     colour: Colour = (160, 120, 80)  # RGB colour of the sides in class maps
     name: str = ""  # class of the sides, such as box_3
-    round: bool = False  # whether it is a cylinder
-    parts: tuple[Block, ...] = ()  # such as the legs and the top of a table; none: it is solid
+    parts: tuple[Block, ...] = ()  # of a table, say; none: it is solid
+    path_m: tuple[Point, ...] = ()  # of a mover, world metres; a loop ends with its first point
 
     def corners(self) -> list[Point]:
         """Return the corners of the outline in world metres, counter-clockwise."""
-        if self.round:
-            return circle(self.x_m, self.y_m, self.size_m[0] / 2)
-        return self.rectangle(self.size_m[0] / 2, self.size_m[1] / 2)
-
-    def letter(self) -> list[list[Point]]:
-        """Return the strokes of a mark's H in world metres."""
-        a, b = 0.22 * self.size_m[0], 0.28 * self.size_m[1]
-        strokes = (((-a, -b), (-a, b)), ((a, -b), (a, b)), ((-a, 0.0), (a, 0.0)))
-        return [[self.to_world(*end) for end in stroke] for stroke in strokes]
-
-
-@dataclass(frozen=True, kw_only=True)
-class MapMover:
-    """A mover with its path."""
-
-    item: MapItem
-    path_m: tuple[Point, ...]  # world metres; a loop ends with its first point
-
-    def at(self, place_m: Point) -> MapItem:
-        """Return the mover at a place."""
-        return replace(self.item, x_m=place_m[0], y_m=place_m[1])
+        return canvas.circle(self.x_m, self.y_m, self.half_x_m) if self.round else super().corners()
 
 
 @dataclass(frozen=True, kw_only=True)
 class LabMap:
     """Content of a map of the lab; the origin is the middle of the ground."""
 
-    ground_size_m: tuple[float, float]  # along world x and y
+    ground: Ground
     boxes: tuple[MapItem, ...] = ()
     mark: MapItem | None = None
-    movers: tuple[MapMover, ...] = ()
+    movers: tuple[MapItem, ...] = ()  # at the start of their paths
     take_off: Pose2D | None = None  # None: random or unknown
     places: tuple[tuple[str, Point], ...] = ()  # of a mission: text in the tree, and position
-    ground: Ground | None = None  # with the objects' parts; None: the ground with solid boxes
-
-    def outline(self) -> list[Point]:
-        """Return the corners of the ground in world metres."""
-        ground = self.ground or Ground(size_m=self.ground_size_m)
-        return list(ground.corners_m)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,25 +68,19 @@ class MapFrame:
 
     @classmethod
     def around(
-        cls,
-        extent_m: tuple[float, float],
-        size_px: Size,
-        margin_m: float = 0.2,
-        *,
-        header_px: int = 0,
-        footer_px: int = 0,
+        cls, extent_m: Point, size_px: Size, margin_m: float = 0.2, *, above_px: int, below_px: int
     ) -> MapFrame:
         """Return the frame that shows an extent around the origin as large as possible.
 
-        The header above it has the title, the footer below it the legend.
+        The space above it has the title, that below it the legend.
         """
         wide_m, high_m = (side + 2 * margin_m for side in extent_m)
-        scale = min(size_px[0] / wide_m, (size_px[1] - header_px - footer_px) / high_m)
-        centre_m = (0.0, (header_px - footer_px) / 2 / scale)
+        scale = min(size_px[0] / wide_m, (size_px[1] - above_px - below_px) / high_m)
+        centre_m = (0.0, (above_px - below_px) / 2 / scale)
         return cls(size_px=size_px, scale_px_per_m=scale, centre_m=centre_m)
 
     def to_px(self, x_m: Number, y_m: Number) -> tuple[Number, Number]:
-        """Return the position of one or more world points, pixels from the upper left corner."""
+        """Return where world points lie, pixels from the upper left corner."""
         return (
             self.size_px[0] / 2 + (x_m - self.centre_m[0]) * self.scale_px_per_m,
             self.size_px[1] / 2 - (y_m - self.centre_m[1]) * self.scale_px_per_m,
@@ -124,3 +89,126 @@ class MapFrame:
     def all_to_px(self, points_m: Sequence[Point]) -> list[Point]:
         """Return the positions of world points, pixels."""
         return [self.to_px(x, y) for x, y in points_m]
+
+
+def draw_lab(lab_map: LabMap | None, frame: MapFrame) -> Image:
+    """Return the empty lab; a grid of metres if it is unknown."""
+    image = canvas.blank(frame.size_px, BACKDROP)
+    reach_m = math.ceil(max(frame.size_px) / frame.scale_px_per_m / 2 + abs(frame.centre_m[1]))
+    _grid(image, frame, (2.0 * reach_m, 2.0 * reach_m), _FLOOR_GRID)
+    if lab_map is not None:
+        canvas.polygon(image, frame.all_to_px(lab_map.ground.corners_m), GROUND_COLOUR)
+        _grid(image, frame, lab_map.ground.size_m, _GROUND_GRID)
+        if lab_map.mark is not None:
+            _draw_mark(image, frame, lab_map.mark)
+        for mover in lab_map.movers:
+            canvas.line(image, frame.all_to_px(mover.path_m), _mixed(mover.colour, INK, 0.3))
+        for box in lab_map.boxes:
+            edge = _mixed(box.colour, INK, 0.45)
+            canvas.polygon(image, frame.all_to_px(box.corners()), box.colour, edge)
+            scale = min(0.5, max(0.3, frame.scale_px_per_m / 220))
+            x, y = frame.to_px(box.x_m, box.y_m)
+            height = f"{box.height_m:.3g}"
+            canvas.put_centred(image, height, (x, y + 11 * scale), scale=scale, colour=_WHITE)
+    draw_scale(image, frame)
+    return image
+
+
+def _draw_mark(image: Image, frame: MapFrame, mark: MapItem) -> None:
+    face = _mixed(mark.colour, BACKDROP, 0.35)
+    canvas.polygon(image, frame.all_to_px(mark.corners()), face, mark.colour)
+    a, b = 0.44 * mark.half_x_m, 0.56 * mark.half_y_m
+    for stroke in (((-a, -b), (-a, b)), ((a, -b), (a, b)), ((-a, 0.0), (a, 0.0))):  # an H
+        ends_m = [mark.to_world(*end) for end in stroke]
+        stroke_px = max(2, round(0.05 * frame.scale_px_per_m))
+        canvas.line(image, frame.all_to_px(ends_m), _WHITE, stroke_px)
+
+
+def _grid(image: Image, frame: MapFrame, size_m: Point, colour: Colour) -> None:
+    half_x, half_y = size_m[0] / 2, size_m[1] / 2
+    for x in _whole_metres(half_x):
+        canvas.line(image, frame.all_to_px([(x, -half_y), (x, half_y)]), colour)
+    for y in _whole_metres(half_y):
+        canvas.line(image, frame.all_to_px([(-half_x, y), (half_x, y)]), colour)
+
+
+def _whole_metres(half_m: float) -> range:
+    return range(-math.floor(half_m), math.floor(half_m) + 1)
+
+
+def draw_movers(
+    image: Image, frame: MapFrame, lab_map: LabMap, places_m: Sequence[Point] = ()
+) -> None:
+    """Draw the movers at places; by default at the start of their paths."""
+    begins_m = [mover.path_m[0] for mover in lab_map.movers]
+    for mover, (x_m, y_m) in zip(lab_map.movers, places_m or begins_m, strict=True):
+        outline = frame.all_to_px(replace(mover, x_m=x_m, y_m=y_m).corners())
+        canvas.polygon(image, outline, mover.colour, _mixed(mover.colour, INK, 0.7))
+
+
+def draw_scale(image: Image, frame: MapFrame) -> None:
+    """Draw a scale of one metre at the top right."""
+    right, base = frame.size_px[0] - 12, 22  # beside the title, above the map
+    left = right - frame.scale_px_per_m
+    canvas.line(image, [(left, base - 4), (left, base), (right, base), (right, base - 4)], DIM)
+    canvas.put(image, "1 m", (round(left) - 28, base), colour=DIM, scale=0.38)
+
+
+def _mixed(one: Colour, other: Colour, share: float) -> Colour:
+    """Return `one` with a share of `other`."""
+    red, green, blue = (round((1 - share) * a + share * b) for a, b in zip(one, other, strict=True))
+    return red, green, blue
+
+
+def draw_lab_with_axes(lab_map: LabMap, *, size_px: Size = (960, 780), title: str = "") -> Image:
+    """Return a lab with names, take-off pose and metres."""
+    inner_px = (size_px[0] - 2 * _SIDE_PX, size_px[1])
+    margins = {"above_px": HEADER_PX + 24, "below_px": _BELOW_PX}
+    frame = replace(
+        MapFrame.around(lab_map.ground.size_m, inner_px, 0.0, **margins), size_px=size_px
+    )
+    image = draw_lab(lab_map, frame)
+    draw_movers(image, frame, lab_map)
+    _draw_axes(image, frame, lab_map.ground.size_m)
+    legend = "number in a box: height, m"
+    if lab_map.take_off is not None:
+        ends_m = [lab_map.take_off.to_world(ahead_m, 0.0) for ahead_m in (0.0, _ARROW_M)]
+        tail, tip = np.rint(frame.all_to_px(ends_m)).astype(int)
+        cv2.arrowedLine(image, tail, tip, INK, 3, cv2.LINE_AA, tipLength=0.3)
+        legend += "; arrow: take-off heading"
+    for _, (x_m, y_m) in lab_map.places:
+        canvas.polygon(image, canvas.circle(*frame.to_px(x_m, y_m), 5), _PLACE_COLOUR)
+    _write_names(image, frame, lab_map)
+    canvas.put(image, title, (14, 24), scale=0.55)
+    canvas.put(image, legend, (14, size_px[1] - 12), colour=DIM, scale=_TEXT)
+    return image
+
+
+def _draw_axes(image: Image, frame: MapFrame, size_m: Point) -> None:
+    """Write the metres of the grid's lines below and left of the ground."""
+    left, base = frame.to_px(-size_m[0] / 2, -size_m[1] / 2)
+    for x_m in _whole_metres(size_m[0] / 2):
+        canvas.put_centred(image, f"{x_m}", (frame.to_px(x_m, 0.0)[0], base + 18))
+    for y_m in _whole_metres(size_m[1] / 2):
+        canvas.put_centred(image, f"{y_m}", (left - 16, frame.to_px(0.0, y_m)[1] + 5))
+    canvas.put_centred(image, "x, m", (frame.size_px[0] / 2, base + 38))
+    canvas.put_centred(image, "y, m", (left - 40, frame.size_px[1] / 2))
+
+
+def _write_names(image: Image, frame: MapFrame, lab_map: LabMap) -> None:
+    """Write a name below each object, and above those at the ground's lower edge."""
+    lowest = frame.to_px(0.0, -lab_map.ground.size_m[1] / 2)[1]
+    named = [(box.name, box.corners()) for box in lab_map.boxes]
+    for number, mover in enumerate(lab_map.movers, start=1):
+        named.append((f"mover-{number}: {mover.name}, {mover.height_m:.3g} m", mover.corners()))
+    if lab_map.mark is not None:
+        named.append((f"mark, {lab_map.mark.height_m:.3g} m", lab_map.mark.corners()))
+    named += [(text, [at_m]) for text, at_m in lab_map.places]
+    for name, outline_m in named:
+        xs, ys = zip(*frame.all_to_px(outline_m), strict=True)
+        middle, base = (min(xs) + max(xs)) / 2, max(ys) + _NAME_PX
+        if base > lowest:
+            base = min(ys) - 5
+        # A dark edge keeps it readable on a path.
+        canvas.put_centred(image, name, (middle + 1, base + 1), colour=BACKDROP)
+        canvas.put_centred(image, name, (middle, base))

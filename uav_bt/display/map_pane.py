@@ -1,4 +1,4 @@
-"""Map pane of a film: the lab or the mission's site map, the path, the drone and its view."""
+"""Map pane of a film: lab or site map, path, drone and its view."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ import numpy as np
 
 from uav_bt.display import canvas
 from uav_bt.display.canvas import ACCENT, BACKDROP, INK, Colour, Point, Size
-from uav_bt.display.flown_path import FlownPath, Shown
-from uav_bt.display.lab_drawing import HEADER_PX, draw_lab, draw_movers, draw_scale
-from uav_bt.display.lab_map import LabMap, MapFrame, phase_colours
+from uav_bt.display.lab_map import HEADER_PX, LabMap, MapFrame, draw_lab, draw_movers, draw_scale
+from uav_bt.display.shown import FlightFacts, FlownPath, Shown, phase_colours
 from uav_bt.mission.map_check import MapAlignment, MapPlacement
 from uav_bt.types import CameraModel, MarkFix, Pose
-from uav_bt.types.arrays import Floats, Image
+from uav_bt.types.arrays import Image
 from uav_bt.types.projection import pixel_rays
 from uav_bt.types.site_map import SiteMap
 
@@ -43,12 +42,12 @@ _NO_LAB_M: Final = (6.0, 6.0)  # extent around the start if the lab is unknown
 def _draw_site_map(
     site_map: SiteMap, placement: MapPlacement, frame: MapFrame, lab_map: LabMap | None
 ) -> Image:
-    """Return the mission's map in the world, with the outlines of the real objects on top."""
-    image = _cells_in_world(site_map, placement, frame)
+    """Return the mission's map in the world, below the true outlines."""
+    image = _draw_cells(site_map, placement, frame)
     if lab_map is not None:
-        pad = [] if lab_map.mark is None else [lab_map.mark]
-        outlines = (item.corners() for item in (*lab_map.boxes, *pad))
-        for outline in (lab_map.outline(), *outlines):
+        items = (*lab_map.boxes, lab_map.mark)
+        outlines = [lab_map.ground.corners_m, *(item.corners() for item in items if item)]
+        for outline in outlines:
             canvas.polygon(image, frame.all_to_px(outline), None, _TRUE)
     for points_m, colour in ((site_map.edges_m, _EDGES), (site_map.obstacles_m, _BASES)):
         spots = np.zeros(image.shape[:2], dtype=np.uint8)
@@ -58,58 +57,39 @@ def _draw_site_map(
         image[cv2.dilate(spots, _SPOT) > 0] = colour
     for item in site_map.objects:
         places_m = placement.to_world(np.vstack([item.corners_m(), [[item.x_m, item.y_m]]]))
-        *corners, (x, y) = _all_to_px(frame, places_m)
+        *corners, (x, y) = frame.all_to_px(places_m.tolist())
         red, green, blue = site_map.classes.colours[item.class_id].tolist()
         canvas.line(image, [*corners, corners[0]], (red, green, blue), _LINE_PX)
         canvas.put_centred(image, str(item.id), (x, y + 4), scale=0.36)
     for mover in site_map.movers:
-        here, ahead = _all_to_px(frame, placement.to_world(mover.at(np.array([0.0, _AHEAD_S]))))
-        reach_px = max(round(mover.radius_m * frame.scale_px_per_m), 3)
-        at_px = (round(here[0]), round(here[1]))
-        cv2.circle(image, at_px, reach_px, _MOVERS, _LINE_PX, cv2.LINE_AA)
+        course_m = placement.to_world(mover.at(np.array([0.0, _AHEAD_S])))
+        here, ahead = frame.all_to_px(course_m.tolist())
+        reach_px = max(mover.radius_m * frame.scale_px_per_m, 3.0)
+        canvas.line(image, canvas.circle(*here, reach_px), _MOVERS, _LINE_PX)
         canvas.line(image, [here, ahead], _MOVERS, _LINE_PX)
     image[-FOOTER_PX:] = BACKDROP  # the cells below have the colours of the legend
-    left, base = 12, image.shape[0] - 10
-    for words, colour in _LEGEND:
-        canvas.line(image, [(left, base - 4), (left + 10, base - 4)], colour, 5)
-        canvas.put(image, words, (left + 16, base), scale=0.36)
-        left += 16 + canvas.text_width_px(words, 0.36) + 14
+    canvas.draw_legend(image, _LEGEND, (12, image.shape[0] - 10), 0.36)
     draw_scale(image, frame)
     return image
 
 
-def _all_to_px(frame: MapFrame, points_m: Floats) -> list[Point]:
-    return frame.all_to_px([(x_m, y_m) for x_m, y_m in points_m.tolist()])
-
-
-def cells_image(site_map: SiteMap) -> Image:
-    """Return the colours of a map's cells by their state, (rows, columns, 3) uint8 RGB."""
+def _draw_cells(site_map: SiteMap, placement: MapPlacement, frame: MapFrame) -> Image:
+    """Return the map's cells in the world, in colours of their states."""
     rows, columns = site_map.free.shape
-    image = canvas.blank((columns, rows), BACKDROP)
-    for cells, colour in (
-        (site_map.free, FREE),
-        (site_map.ground, SEEN),
-        (site_map.outside, OUTSIDE),
-        (site_map.passed & site_map.ground, PASSED),
-    ):
-        image[cells] = colour
-    return image
-
-
-def _cells_in_world(site_map: SiteMap, placement: MapPlacement, frame: MapFrame) -> Image:
+    cells = canvas.blank((columns, rows), BACKDROP)
+    cells[site_map.free] = FREE
+    cells[site_map.ground] = SEEN
+    cells[site_map.outside] = OUTSIDE
+    cells[site_map.passed & site_map.ground] = PASSED
     # The centres of three cells define the affine transform; OpenCV's x is the column.
     columns_rows = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], dtype=np.float32)
     centres = np.array(site_map.corner_m) + site_map.cell_m * columns_rows[:, ::-1].astype(float)
-    there = np.array(_all_to_px(frame, placement.to_world(centres)), dtype=np.float32)
+    there = np.array(frame.all_to_px(placement.to_world(centres).tolist()), dtype=np.float32)
     turn = cv2.getAffineTransform(columns_rows, there)
-    cells = cv2.warpAffine(
-        cells_image(site_map),
-        turn,
-        frame.size_px,
-        flags=cv2.INTER_NEAREST,
-        borderValue=BACKDROP,
+    drawn = cv2.warpAffine(
+        cells, turn, frame.size_px, flags=cv2.INTER_NEAREST, borderValue=BACKDROP
     )
-    return np.asarray(cells, dtype=np.uint8)
+    return np.asarray(drawn, dtype=np.uint8)
 
 
 def ground_view(
@@ -132,19 +112,14 @@ def ground_view(
 
 
 class MapPane:
-    """Draws the map pane. Each piece of the path is drawn once: the time per tick is constant."""
+    """Draws the map pane, each piece of the path once: the time per tick is constant."""
 
-    def __init__(
-        self, lab_map: LabMap | None, camera: CameraModel, size_px: Size, title: str = ""
-    ) -> None:
-        extent_m = _NO_LAB_M if lab_map is None else lab_map.ground_size_m
-        margins = {"header_px": HEADER_PX, "footer_px": FOOTER_PX}
+    def __init__(self, facts: FlightFacts, size_px: Size) -> None:
+        self._facts = facts
+        extent_m = _NO_LAB_M if facts.lab_map is None else facts.lab_map.ground.size_m
+        margins = {"above_px": HEADER_PX, "below_px": FOOTER_PX}
         self._frame = MapFrame.around(extent_m, size_px, **margins)
-        self._camera = camera
-        self._lab_map = lab_map
-        self._title = title
-        self._ground = draw_lab(lab_map, self._frame)  # all below the path
-        self._write_title()
+        self._ground = draw_lab(facts.lab_map, self._frame)  # all below the path
         self._alignment = MapAlignment()
         self._site_map: SiteMap | None = None
         # The path: its colours on black, and its opacity.
@@ -152,19 +127,19 @@ class MapPane:
         self._opacity = canvas.blank(size_px, (0, 0, 0))
         self._drawn = 1  # number of drawn points of the path
 
-    def _write_title(self) -> None:
-        canvas.put(self._ground, self._title, (12, 22), scale=0.48)
-
     def draw(self, shown: Shown) -> Image:
-        """Return the present map: the lab, or the mission's newest map once there is one."""
+        """Return the present map: the lab, or the mission's newest map."""
         flown, state, fix = shown.flown, shown.record.observation.state, shown.fix.value
-        pose = flown.pose
+        pose, lab_map = flown.pose, self._facts.lab_map
         if pose is not None:
-            self._believe(shown, pose, state.attitude.yaw_rad)
+            reported_rad = state.attitude.yaw_rad
+            self._alignment.add(shown.record.time_s, pose, reported_rad, shown.site_map)
+            self._believe(shown.site_map)
         image = self._with_path(flown)
-        if self._lab_map is not None:
+        canvas.put(image, self._facts.title, (12, 22), scale=0.48)
+        if lab_map is not None:
             places_m = [(mover.pose.x_m, mover.pose.y_m) for mover in flown.movers]
-            draw_movers(image, self._frame, self._lab_map, places_m)
+            draw_movers(image, self._frame, lab_map, places_m)
         if pose is not None:
             height_m = max(state.height_above_ground_m, 0.0)
             self._draw_view(image, pose, state.gimbal_pitch_rad, height_m)
@@ -173,22 +148,20 @@ class MapPane:
             self._draw_drone(image, pose)
         return image
 
-    def _believe(self, shown: Shown, pose: Pose, reported_yaw_rad: float) -> None:
-        site_map = shown.site_map
-        self._alignment.add(shown.record.time_s, pose, reported_yaw_rad, site_map)
+    def _believe(self, site_map: SiteMap | None) -> None:
+        """Draw a new map of the mission in place of the lab."""
         placement = self._alignment.placement
-        if placement is None or site_map is None or site_map is self._site_map:
-            return
-        self._site_map = site_map
-        self._ground = _draw_site_map(site_map, placement, self._frame, self._lab_map)
-        self._write_title()
+        if placement is not None and site_map is not None and site_map is not self._site_map:
+            self._site_map = site_map
+            self._ground = _draw_site_map(site_map, placement, self._frame, self._facts.lab_map)
 
     def _with_path(self, flown: FlownPath) -> Image:
         """Draw the new pieces of the path, and return a copy of the map with all of it."""
         colours, points = phase_colours(flown.phases), flown.points
-        for start, end in zip(points[self._drawn - 1 :], points[self._drawn :], strict=False):
-            ends = self._frame.all_to_px([(start.x_m, start.y_m), (end.x_m, end.y_m)])
-            canvas.line(self._path, ends, colours[end.phase], _LINE_PX)
+        new = zip(points[self._drawn - 1 :], points[self._drawn :], strict=False)
+        for (start_m, _), (end_m, phase) in new:
+            ends = self._frame.all_to_px([start_m, end_m])
+            canvas.line(self._path, ends, colours[phase], _LINE_PX)
             canvas.line(self._opacity, ends, (255, 255, 255), _LINE_PX)
         self._drawn = max(len(points), 1)
         below = cv2.multiply(self._ground, 255 - self._opacity, scale=1.0 / 255.0)
@@ -199,9 +172,9 @@ class MapPane:
         return self._frame.to_px(*pose.to_world(forward_m, -right_m))
 
     def _draw_view(self, image: Image, pose: Pose, pitch_rad: float, height_m: float) -> None:
-        # The hull includes the lens: a wedge if it looks ahead, a rectangle if it looks down.
-        lens = (self._camera.forward_offset_m, 0.0)
-        seen = [lens, *ground_view(self._camera, pitch_rad, height_m)]
+        # The hull includes the lens: a wedge if it looks ahead.
+        camera = self._facts.camera
+        seen = [(camera.forward_offset_m, 0.0), *ground_view(camera, pitch_rad, height_m)]
         around = [self._around(pose, *point) for point in seen]
         hull = cv2.convexHull(np.asarray(around, dtype=np.float32)).reshape(-1, 2)
         layer = image.copy()
@@ -213,9 +186,8 @@ class MapPane:
         arm = 9 if fix.detected else 6
         for dx, dy in ((arm, arm), (arm, -arm)):
             canvas.line(image, [(x - dx, y - dy), (x + dx, y + dy)], ACCENT, 2)
-        canvas.line(
-            image, canvas.circle(x, y, max(fix.std_m * self._frame.scale_px_per_m, 1.0)), ACCENT
-        )
+        doubt_px = max(fix.std_m * self._frame.scale_px_per_m, 1.0)
+        canvas.line(image, canvas.circle(x, y, doubt_px), ACCENT)
 
     def _draw_drone(self, image: Image, pose: Pose) -> None:
         rotor_px = _ROTOR_M * self._frame.scale_px_per_m

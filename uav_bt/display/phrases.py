@@ -1,4 +1,4 @@
-"""Short descriptions of flights, commands and readings, for films, views and the status line."""
+"""Short descriptions of flights, commands and readings."""
 
 from __future__ import annotations
 
@@ -29,6 +29,7 @@ _WHOLE: dict[type[Movement], str] = {
     CutMotors: "cut the motors",
     Release: "released to the pilot",
 }
+_DIRECTIONS = (("forward", "back"), ("right", "left"), ("down", "up"))
 
 
 def describe_flight(tree: str, *, scene: str | None, drone: str, seed: int) -> str:
@@ -38,7 +39,7 @@ def describe_flight(tree: str, *, scene: str | None, drone: str, seed: int) -> s
 
 
 def lands_on_mark(report: FlightReport, mark: LandingMark) -> bool:
-    """Return whether a flight searched or reached a mark; other landings have no landing error."""
+    """Return whether a flight searched or reached the mark."""
     error_m = report.landing_error_m
     on_pad = error_m is not None and error_m <= mark.radius_m
     return on_pad or report.time_to_find_mark_s is not None
@@ -48,38 +49,29 @@ def describe_movement(movement: Movement) -> str:
     """Return a movement in words; small parts are omitted."""
     match movement:
         case MoveBy():
-            steps = _directions(movement.forward_m, movement.right_m, movement.down_m, "m")
-            return _joined("move", steps, movement.yaw_rad, "")
+            verb, unit, turn = "move", "m", "deg"
+            along = (movement.forward_m, movement.right_m, movement.down_m)
+            yaw_rad = movement.yaw_rad
         case Velocity():
-            speeds = _directions(movement.forward_mps, movement.right_mps, movement.down_mps, "m/s")
-            return _joined("fly", speeds, movement.yaw_rate_radps, "/s")
+            verb, unit, turn = "fly", "m/s", "deg/s"
+            along = (movement.forward_mps, movement.right_mps, movement.down_mps)
+            yaw_rad = movement.yaw_rate_radps
         case _:
             return _WHOLE[type(movement)]
-
-
-def _directions(forward: float, right: float, down: float, unit: str) -> list[str]:
-    named = (
-        (forward, "forward", "back"),
-        (right, "right", "left"),
-        (down, "down", "up"),
-    )
-    return [
-        f"{abs(value):.2f} {unit} {positive if value > 0 else negative}"
-        for value, positive, negative in named
+    steps = ", ".join(
+        f"{abs(value):.2f} {unit} {names[value < 0]}"
+        for value, names in zip(along, _DIRECTIONS, strict=True)
         if abs(value) >= _NOTHING
-    ]
-
-
-def _joined(verb: str, parts: list[str], yaw_rad: float, per: str) -> str:
-    words = [f"{verb} {', '.join(parts)}"] if parts else []
+    )
+    words = [f"{verb} {steps}"] if steps else []
     if abs(yaw_rad) >= _NO_TURN_RAD:
         side = "right" if yaw_rad > 0 else "left"
-        words.append(f"turn {abs(math.degrees(yaw_rad)):.0f} deg{per} {side}")
+        words.append(f"turn {abs(math.degrees(yaw_rad)):.0f} {turn} {side}")
     return ", ".join(words) or "hold"
 
 
 def describe_fix(fix: MarkFix | None, age_s: float) -> str:
-    """Return range and direction of a mark fix, and whether it is seen or dead-reckoned."""
+    """Return where a mark is, and whether it is seen or carried."""
     if fix is None:
         return "none" if math.isinf(age_s) else f"none for {age_s:.0f} s"
     bearing_deg = math.degrees(fix.bearing_rad)

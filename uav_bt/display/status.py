@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -14,8 +15,8 @@ from rich.text import Text
 
 from uav_bt.board import ELAPSED, MARK
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.display.flown_path import FlownPath
 from uav_bt.display.phrases import describe_flight, describe_movement, lands_on_mark
+from uav_bt.display.shown import FlownPath
 from uav_bt.mission.flight_report import EXPLORE_S, FlightReport, Percentiles
 from uav_bt.mission.judge import Outcome
 from uav_bt.mission.safety import Override
@@ -69,7 +70,7 @@ class LiveStatus:
         self._flown = FlownPath()
         self._began: tuple[float, float] | None = None  # mission and wall time of the first tick
         self._shown_s = 0.0  # wall time of the last redraw, mission time of the last line
-        self._descent_shown_s: float | None = None  # wall time of the last line about the landing
+        self._descent_shown_s = -math.inf  # wall time of the last line about the landing
         self._live: Live | None = None
         self._override: Override | None = None  # override of the last tick
 
@@ -79,23 +80,25 @@ class LiveStatus:
         now_s = self._wall_clock_s()
         at_once = self._began is None or record.override is not self._override
         self._began = self._began or (record.time_s, now_s)
+        self._override = record.override
         if at_once and record.override in _ACT:
             self._print(f"{record.override.value}: {_ACT[record.override]}", "bold red")
-        self._override = record.override
         for event in record.events:
             if event.kind in _MESSAGES:
                 self._print(str(event), _MESSAGES[event.kind])
-        if not self._console.is_terminal:
-            if at_once or record.time_s - self._shown_s >= _LINE_EVERY_S - 1e-6:
-                self._shown_s = record.time_s
-                self._console.print(self.line(record, now_s), soft_wrap=True)
+        terminal = self._console.is_terminal
+        clock_s, every_s = (now_s, _REDRAW_S) if terminal else (record.time_s, _LINE_EVERY_S)
+        if not at_once and clock_s - self._shown_s < every_s - 1e-6:
+            return
+        self._shown_s = clock_s
+        line = self.line(record, now_s)
+        if not terminal:
+            self._console.print(line, soft_wrap=True)
             return
         if self._live is None:
             self._live = Live(console=self._console, auto_refresh=False, transient=True)
             self._live.start()
-        if at_once or now_s - self._shown_s >= _REDRAW_S:
-            self._shown_s = now_s
-            self._live.update(self.line(record, now_s), refresh=True)
+        self._live.update(line, refresh=True)
 
     def _print(self, words: str, style: str) -> None:
         self._console.print(Text(words, style=style), soft_wrap=True)
@@ -107,9 +110,7 @@ class LiveStatus:
         if self._live is not None:
             text = Text(words, style="bold red", no_wrap=True, overflow="ellipsis")
             self._live.update(text, refresh=True)
-        elif (
-            self._descent_shown_s is None or now_s - self._descent_shown_s >= _DESCENT_LINE_EVERY_S
-        ):
+        elif now_s - self._descent_shown_s >= _DESCENT_LINE_EVERY_S:
             self._descent_shown_s = now_s
             self._print(words, "bold red")
 
@@ -162,9 +163,8 @@ class OrderLines:
         if order != self._last:
             self._last = order
             more = ", then at changing speeds" if isinstance(movement, Velocity) else ""
-            self._write(
-                f"{record.time_s:6.1f} s  would be sent: {describe_movement(movement)}{more}"
-            )
+            words = f"{describe_movement(movement)}{more}"
+            self._write(f"{record.time_s:6.1f} s  would be sent: {words}")
 
 
 def summary(report: FlightReport, mark: LandingMark) -> Table:
@@ -178,13 +178,8 @@ def summary(report: FlightReport, mark: LandingMark) -> Table:
     if report.reason and report.reason != words:
         outcome.append(f"  {report.reason}", style="default not bold")
     table.add_row("outcome", outcome)
-    for name, value in (
-        *_changes(report),
-        *_numbers(report, mark),
-        *_map_facts(report),
-        *_named("photos", [f"{len(report.photos)} stored"] if report.photos else []),
-        *_events(report),
-    ):
+    rows = [*_told(report), *_numbers(report, mark), *_map_facts(report), *_events(report)]
+    for name, value in rows:
         table.add_row(name, Text(value))
     for name, warning in _named("warnings", report.warnings):
         table.add_row(name, Text(warning, style="yellow"))
@@ -200,7 +195,7 @@ def _named(name: str, values: Sequence[object]) -> Iterator[tuple[str, str]]:
         yield "" if index else name, str(value)
 
 
-def _changes(report: FlightReport) -> Iterator[tuple[str, str]]:
+def _told(report: FlightReport) -> Iterator[tuple[str, str]]:
     """Yield the mission, and the room, movers and faults that were given or drawn for it."""
     flight = describe_flight(report.tree, scene=report.scene, drone=report.drone, seed=report.seed)
     yield "mission", flight
@@ -213,20 +208,19 @@ def _changes(report: FlightReport) -> Iterator[tuple[str, str]]:
 
 def _numbers(report: FlightReport, mark: LandingMark) -> Iterator[tuple[str, str]]:
     """Yield the mission's results that are known."""
-    rows = [
-        ("duration", report.duration_s, "s", 1),
-        (f"first {EXPLORE_S:.0f} s", report.explore_distance_m, "m", 2),
-        ("total distance", report.total_distance_m, "m", 2),
-        ("search", report.time_to_find_mark_s, "s until the mark was found", 1),
-        ("landing", report.time_to_land_s, "s from there", 1),
-        ("landing error", report.landing_error_m, "m from the mark's centre", 3),
-        ("least clearance", report.min_clearance_m, "m to an obstacle", 2),
-    ]
-    if (report.duration_s or 0.0) <= EXPLORE_S:
-        del rows[1]  # it equals the total distance
-    for name, value, unit, digits in rows:
-        if value is not None and (name != "landing error" or lands_on_mark(report, mark)):
-            yield name, f"{value:.{digits}f} {unit}"
+    long = (report.duration_s or 0.0) > EXPLORE_S  # else the first part is all of the distance
+    error_m = report.landing_error_m if lands_on_mark(report, mark) else None
+    for name, value, digits, words in (
+        ("duration", report.duration_s, 1, "s"),
+        (f"first {EXPLORE_S:.0f} s", report.explore_distance_m if long else None, 2, "m"),
+        ("total distance", report.total_distance_m, 2, "m"),
+        ("search", report.time_to_find_mark_s, 1, "s until the mark was found"),
+        ("landing", report.time_to_land_s, 1, "s from there"),
+        ("landing error", error_m, 3, "m from the mark's centre"),
+        ("least clearance", report.min_clearance_m, 2, "m to an obstacle"),
+    ):
+        if value is not None:
+            yield name, f"{value:.{digits}f} {words}"
 
 
 def _map_facts(report: FlightReport) -> Iterator[tuple[str, str]]:
@@ -245,6 +239,8 @@ def _map_facts(report: FlightReport) -> Iterator[tuple[str, str]]:
 
 
 def _events(report: FlightReport) -> Iterator[tuple[str, str]]:
+    if report.photos:
+        yield "photos", f"{len(report.photos)} stored"
     events = [event for event in report.events if event.kind in _SUMMED_UP]
     yield from _named("events", events[-_EVENTS:])
     if len(events) > _EVENTS:

@@ -1,4 +1,4 @@
-"""Collection of training flights: the rule or the student flies, and the rule labels each view.
+"""Collection of training flights: rule or student flies, and the rule labels each view.
 
 plan = CollectionPlan(tree="explore_and_land_advised", flights=96)
 collect(plan, Path("runs/collected"))
@@ -10,6 +10,7 @@ import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -19,9 +20,11 @@ from uav_bt import app
 from uav_bt import campaign as campaigns
 from uav_bt.board import ADVICE
 from uav_bt.campaign.runner import Backend, Progress
-from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.errors import InputError
 from uav_bt.learning.views import TRAINING_SCENES
 from uav_bt.tree.loading.attributes import POLICY_PORT
+
+_TIMEOUT_S: Final = 1800.0  # of one flight, wall time
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,14 +41,6 @@ class CollectionPlan:
     seed: int = 0  # random seed of lights, layouts and flights
     policies: Mapping[str, str] = field(default_factory=dict)  # policy by node name
     image_size_px: tuple[int, int] = (640, 360)  # width, height
-    timeout_s: float = 1800.0  # timeout of one flight, wall time
-
-    def __post_init__(self) -> None:
-        if self.flights < 1 or not self.scenes or not self.profiles:
-            raise ValueRangeError(
-                "a collection needs flights, scenes and profiles, got "
-                f"{self.flights}, {self.scenes}, {self.profiles}"
-            )
 
     @property
     def each(self) -> int:
@@ -84,7 +79,7 @@ def collect(
             image_size_px=plan.image_size_px,
             record=True,
             record_quality="small",
-            timeout_s=plan.timeout_s,
+            timeout_s=_TIMEOUT_S,
         )
         home = folder / profile
         result = campaigns.run(flown, home, backend=backend, on_flight=on_flight, on_note=on_note)
@@ -95,7 +90,7 @@ def collect(
 
 
 def nodes_under_policy(tree: str | Path) -> list[str]:
-    """Return the names of a tree's leaves that fly by a leaf policy, not only advise by it."""
+    """Return the names of a tree's leaves that fly by a policy, not only advise by it."""
     return [
         leaf.name
         for leaf in app.check(tree).leaves()
@@ -109,16 +104,14 @@ def _scenes(plan: CollectionPlan, folder: Path) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {profile: [] for profile in plan.profiles}
     for name in plan.scenes:
         scene = load_scene(name)
-        for profile in plan.profiles:
-            for number in range(plan.each):
-                if number == 0:
-                    found[profile].append(name)
-                    continue
+        for profile, scenes in found.items():
+            scenes.append(name)
+            for number in range(1, plan.each):
                 called = f"{scene.name}-{profile}-{plan.seed}-{number}"
                 # Seeded by name, so that a scene does not depend on the others.
                 rng = np.random.default_rng(zlib.crc32(called.encode()))
                 drawn = varied_scene(scene, rng, name=called, layout=plan.layouts)
                 path = folder / f"{called}.yaml"
                 path.write_text(scene_text(drawn), encoding="utf-8")
-                found[profile].append(str(path))
+                scenes.append(str(path))
     return found

@@ -2,34 +2,17 @@
 
 from __future__ import annotations
 
-import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from perception.control.ego_state import ControlNetConfig
 from perception.control.runtime import ControlEstimate, OnnxControlStudent
-from perception.control.training.samples import (
-    Batch,
-    ControlFlight,
-    ControlSamples,
-    ControlScore,
-    advised_flight,
-    read_flight,
-    score_control,
-    write_flight,
-)
+from perception.control.training import samples
+from perception.control.training.samples import ControlFlight, ControlSamples, ControlScore
+from perception.depth.training import labelling
 from perception.depth.training.footage import Flight, gathered, shrink
-from perception.depth.training.labelling import (
-    add_parallax,
-    contact_labels,
-    read_labels,
-    write_labels,
-)
 from perception.networks.onnx_runtime import shrunk
 from uav_bt.errors import FileError, InputError
 from uav_bt.learning.lab_material import fingerprint
@@ -37,19 +20,16 @@ from uav_bt.progress import Advance, silent
 from uav_bt.protocols import Advice, Segmenter
 from uav_bt.record.moment import StoredFrame
 from uav_bt.record.reader import RecordReader, flight_record, footage
-from uav_bt.types import CameraModel, DroneState
+from uav_bt.types import DroneState, Frame
 from uav_bt.types.arrays import Image
 
-_FOOTAGE_EVERY_S: Final = 0.1  # one tick
+_APART_S: Final = 0.075  # least time between frames, which come about every 0.1 s
 # The rule's reason without depth, which depends on the depth network and not on the view.
 _BLIND: Final = "no depth"
 
 
-# --- files ----------------------------------------------------------------------------------------
-
-
 def records_of(paths: Sequence[Path]) -> list[Path]:
-    """Return the records at paths: files, and all files below folders, without duplicates."""
+    """Return the records at paths: files, and all files below folders, each once."""
     found: dict[Path, None] = {}
     for path in paths:
         records = sorted(path.rglob("*.mcap")) if path.is_dir() else [path]
@@ -59,34 +39,7 @@ def records_of(paths: Sequence[Path]) -> list[Path]:
     return list(found)
 
 
-def split_records(paths: Sequence[Path], held_out: Sequence[Path]) -> tuple[list[Path], list[Path]]:
-    """Return the records for training and those for evaluation."""
-    others = records_of(held_out)
-    learnt = [record for record in records_of(paths) if record not in others]
-    if not learnt:
-        raise InputError(
-            f"all training records are held out for evaluation ({len(others)} records): name "
-            "others for training"
-        )
-    return learnt, others
-
-
-# --- frames ---------------------------------------------------------------------------------------
-
-
-def spaced(frames: Iterable[StoredFrame], every_s: float) -> Iterator[StoredFrame]:
-    """Yield frames with a spacing of about `every_s`, without duplicates."""
-    last: StoredFrame | None = None
-    for frame in frames:
-        if last is not None:
-            passed_s = frame.note.captured_s - last.note.captured_s
-            if frame.note.index <= last.note.index or passed_s < 0.75 * every_s:
-                continue
-        last = frame
-        yield frame
-
-
-def image_of(frame: StoredFrame, record: Path) -> NDArray[np.uint8]:
+def _image(frame: StoredFrame, record: Path) -> Image:
     """Decode a frame's image, (H, W, 3) RGB."""
     try:
         return frame.frame().image
@@ -95,30 +48,25 @@ def image_of(frame: StoredFrame, record: Path) -> NDArray[np.uint8]:
 
 
 def footage_of(path: Path) -> Flight:
-    """Read a record's telemetry, and ten frames per second at the size of the depth network."""
+    """Read a record's telemetry, and ten frames a second at the depth network's size."""
     reader = flight_record(path)
     states: list[DroneState] = []
-
-    def frames() -> Iterator[StoredFrame]:
-        for item in footage(reader):
-            if isinstance(item, StoredFrame):
-                yield item
-            elif isinstance(item, DroneState):
-                states.append(item)
-
-    shown = [
-        frame.note.with_image(shrink(image_of(frame, path)))
-        for frame in spaced(frames(), _FOOTAGE_EVERY_S)
-    ]
-    found = gathered(shown, states, reader.camera)
+    frames: list[Frame] = []
+    for item in footage(reader):
+        if isinstance(item, DroneState):
+            states.append(item)
+        elif isinstance(item, StoredFrame):
+            last, note = (frames[-1] if frames else None), item.note
+            if last is None or (
+                note.index > last.index and note.captured_s - last.captured_s >= _APART_S
+            ):
+                frames.append(note.with_image(shrink(_image(item, path))))
+    found = gathered(frames, states, reader.camera)
     if found is None:
         raise FileError(
             path, "the record lacks telemetry, or has no frame with an image to learn from"
         )
     return found
-
-
-# --- depth ----------------------------------------------------------------------------------------
 
 
 def read_flights(
@@ -128,38 +76,21 @@ def read_flights(
     *,
     advance: Advance = silent,
 ) -> list[Flight]:
-    """Read records and, with a segmenter, label them; existing labels are reused."""
+    """Read records and, with a segmenter, label them; labels in the folder are reused."""
     flights = []
     for done, path in enumerate(paths, start=1):
         flight = footage_of(path)
         if segmenter is not None:
-            labels = _kept_labels(path, flight, segmenter, folder, advance)
-            flight = replace(flight, labels=labels)
+            kept = folder / f"labels-{path.stem}-{fingerprint(path)}.npz"
+            if not kept.is_file():
+                labels = labelling.contact_labels(flight, segmenter, advance=advance)
+                folder.mkdir(parents=True, exist_ok=True)
+                parallax = labelling.add_parallax(flight, labels, advance=advance)
+                labelling.write_labels(kept, parallax)
+            flight = replace(flight, labels=labelling.read_labels(kept))
         flights.append(flight)
         advance("flights", done, len(paths))
     return flights
-
-
-def _kept_labels(
-    path: Path, flight: Flight, segmenter: Segmenter, folder: Path, advance: Advance
-) -> NDArray[np.float16]:
-    times_s = np.array([frame.captured_s for frame in flight.frames])
-    about = zlib.crc32(times_s.tobytes() + flight.frames[-1].image.tobytes())
-    file = folder / f"labels-{path.stem}-{about:08x}.npz"
-    if file.is_file():
-        return read_labels(file)
-
-    def report(stage: str, done: int, total: int) -> None:
-        advance(f"{stage}, {path.stem}", done, total)
-
-    labels = contact_labels(flight, segmenter, advance=report)
-    made = add_parallax(flight, labels, advance=report)
-    folder.mkdir(parents=True, exist_ok=True)
-    write_labels(file, made)
-    return made
-
-
-# --- advised views --------------------------------------------------------------------------------
 
 
 def read_advised_flights(
@@ -169,43 +100,32 @@ def read_advised_flights(
     *,
     advance: Advance = silent,
 ) -> list[ControlFlight]:
-    """Read records of advised flights, with a cache."""
+    """Read records of advised flights; views in the folder are reused."""
     flights: list[ControlFlight] = []
-    camera: CameraModel | None = None
+    cameras = []
+    size_px = (net.width_px, net.height_px)
     for done, path in enumerate(records, start=1):
         reader = flight_record(path)
-        camera = camera or reader.camera
-        if reader.camera != camera:
+        cameras.append(reader.camera)
+        if reader.camera != cameras[0]:
             raise FileError(
                 path,
                 f"was flown with another camera than {records[0]} ({reader.camera} against "
-                f"{camera}); train on the flights of one camera",
+                f"{cameras[0]}); train on the flights of one camera",
             )
-        flights.append(_kept(reader, net, folder))
+        kept = folder / f"{path.stem}-{fingerprint(path)}-{size_px[0]}x{size_px[1]}.npz"
+        if not kept.is_file():
+            flight = samples.advised_flight(_advised_views(reader, size_px))
+            if flight is None:
+                raise FileError(
+                    path,
+                    "this flight contains no advice to learn from: fly "
+                    "explore_and_land_advised, or put <Advise/> into the tree",
+                )
+            samples.write_flight(kept, flight)
+        flights.append(samples.read_flight(kept))
         advance("flights", done, len(records))
     return flights
-
-
-def _kept(reader: RecordReader, net: ControlNetConfig, folder: Path) -> ControlFlight:
-    size_px = (net.width_px, net.height_px)
-    state = fingerprint(reader.path, dated=True)
-    file = folder / f"{reader.path.stem}-{state}-{size_px[0]}x{size_px[1]}.npz"
-    if file.is_file():
-        return read_flight(file)
-    made = _read(reader, size_px)
-    write_flight(file, made)
-    return made
-
-
-def _read(reader: RecordReader, size_px: tuple[int, int]) -> ControlFlight:
-    flight = advised_flight(_advised_views(reader, size_px))
-    if flight is None:
-        raise FileError(
-            reader.path,
-            "this flight contains no advice to learn from: fly "
-            "explore_and_land_advised, or put <Advise/> into the tree",
-        )
-    return flight
 
 
 def _advised_views(
@@ -221,17 +141,20 @@ def _advised_views(
             and advice.frame_index == item.note.index
             and advice.answer.reason != _BLIND
         ):
-            yield shrunk(image_of(item, reader.path), size_px), advice
+            yield shrunk(_image(item, reader.path), size_px), advice
 
 
 def evaluate_student(
-    flights: Sequence[ControlFlight], student: OnnxControlStudent, *, max_windows: int = 2000
+    flights: Sequence[ControlFlight],
+    student: OnnxControlStudent,
+    *,
+    max_windows: int = 2000,
 ) -> ControlScore:
     """Score an exported student on windows of advised flights, spread evenly over all."""
 
-    def estimates(batch: Batch) -> list[ControlEstimate]:
-        windows = zip(batch.frames, batch.state, strict=True)
-        return [student.estimate(list(frames), state) for frames, state in windows]
+    def estimates(batch: samples.Batch) -> list[ControlEstimate]:
+        pairs = zip(batch.frames, batch.state, strict=True)
+        return [student.estimate(list(frames), state) for frames, state in pairs]
 
-    samples = ControlSamples(flights, student.config)
-    return score_control(estimates, samples, max_windows=max_windows)
+    windows = ControlSamples(flights, student.config)
+    return samples.score_control(estimates, windows, max_windows=max_windows)

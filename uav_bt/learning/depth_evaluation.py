@@ -1,16 +1,17 @@
 """Metric depth against the twin's exact depth, beside the paper's table (`net evaluate depth`).
 
 The paper (Mocanu et al.) evaluates depth by the dimensions of obstacles: a person picks two points
-on the edges of an obstacle in the image, and their distance in space is compared with a tape
-measure's. Here the exact class map replaces the person: the outline of each visible face (a box's
-sides, a roof), eroded by two pixels as a person clicks on the obstacle, is simplified to a polygon
-whose sides are the edges. Points drawn at random have a distance from the camera.
+on the edges of an obstacle, and their distance in space is compared with a tape measure's. Here the
+exact class map replaces the person: the outline of each visible face (a box's side, a roof) is
+eroded by two pixels and simplified to a polygon, whose sides are the edges. Points drawn at random
+have a distance from the camera.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from typing import Any, Final, Literal
 
 import cv2
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from behaviours.perceive.depth import NETWORK_AHEAD_M
 from perception.camera.ground_plane import ray_lengths
 from perception.depth.metric import LEAST_CONFIDENCE, MAX_DEPTH_M, MetricDepthMaker
-from perception.depth.scale import GroundSample, Scale
+from perception.depth.scale import GroundSample, Scale, ScaleEstimator
 from uav_bt.lab.classes import GROUND, OBSTACLE
 from uav_bt.learning.views import MAP_SIZE_PX, VIDEO, DepthViewPlan, Masks, SampleImage, take_images
 from uav_bt.progress import Advance, silent
@@ -32,15 +33,17 @@ MAP_CAMERA: Final = VIDEO.resized(*MAP_SIZE_PX)
 _RAYS: Final = ray_lengths(MAP_CAMERA)  # (112, 224) metres along the ray for a metre of depth
 _INSET_PX: Final = 2  # from an outline inwards, because the border itself is ambiguous
 _SQUARE: Final = np.ones((2 * _INSET_PX + 1, 2 * _INSET_PX + 1), dtype=np.uint8)
-_SIMPLIFY_PX: Final = 1.5  # largest distance of the polygon from the outline: a pixel, rounded
+_SIMPLIFY_PX: Final = 1.5  # largest distance of the polygon from the outline
 _MIN_AREA_PX: Final = 60  # of a face; smaller ones are hard to click on
 _MIN_CORNERS: Final = 3  # of a face; a line has no edges
 _MIN_LENGTH_PX: Final = 6.0  # of an edge; an error of three pixels is half of this
 _MIN_LENGTH_M: Final = 0.1  # of an edge, in space
-_OCCLUDER_M: Final = 0.15  # a nearer object at a corner hides the face from this difference on
+_OCCLUDER_M: Final = 0.15  # an object so much nearer hides a corner of the face
 _MAX_EDGES: Final = 8  # per image, so that crowded images do not dominate
 _POINTS: Final = 40  # per image on obstacles, and as many on the ground
-_MIN_RANGE_M, _MAX_RANGE_M = 0.3, 5.0  # of points, along the ray; the paper's range of distances
+_MIN_RANGE_M, _MAX_RANGE_M = 0.3, 5.0  # of points, along the ray; the paper's
+
+_FIGURES: Final = ("mean_m", "median_m", "rmse_m", "std_m", "max_m", "correlation")
 
 _Collects = Literal["constant", "least_squares"]
 
@@ -75,38 +78,29 @@ def evaluate_depth(
         edges.append(pick_edges(image.exact, image.depth_m, generator))
         points.append(draw_points(image.exact, image.depth_m, generator))
 
-    def lengths_m(maps: Sequence[Floats32]) -> Floats:
-        return np.concatenate([edge_lengths(*each) for each in zip(maps, edges, strict=True)])
+    def measured(maps: Sequence[Floats32]) -> tuple[Floats, Floats]:
+        lengths_m = [edge_lengths(*each) for each in zip(maps, edges, strict=True)]
+        ranges_m = [(depth * _RAYS)[at] for depth, at in zip(maps, points, strict=True)]
+        return np.concatenate(lengths_m), np.concatenate(ranges_m)
 
-    def ranges_m(maps: Sequence[Floats32]) -> Floats:
-        pairs = zip(maps, points, strict=True)
-        return np.concatenate([(depth * _RAYS)[rows, columns] for depth, (rows, columns) in pairs])
-
-    exact = [image.depth_m for image in images]
+    true_m, true_ranges_m = measured([image.depth_m for image in images])
     roles = [image.exact.roles[at] for image, at in zip(images, points, strict=True)]
-    true_m, true_ranges_m, obstacle = (
-        *(lengths_m(exact), ranges_m(exact)),
-        np.concatenate(roles) == OBSTACLE,
-    )
-    names = [name for name, (source, _) in METHODS.items() if network or source == "contact"]
+    obstacle = np.concatenate(roles) == OBSTACLE
+    names = list(METHODS) if network else ["contact"]
     rows = []
     for done, name in enumerate(names, start=1):
-        maps = list(metric_maps(name, images))
-        measured_m = ranges_m(maps)
+        lengths_m, ranges_m = measured(list(metric_maps(name, images)))
         rows.append(
             {
                 "method": name,
-                "edges": summarise_errors(lengths_m(maps), true_m),
-                "distances": summarise_errors(measured_m, true_ranges_m),
-                "obstacles": summarise_errors(measured_m[obstacle], true_ranges_m[obstacle]),
+                "edges": summarise_errors(lengths_m, true_m),
+                "distances": summarise_errors(ranges_m, true_ranges_m),
+                "obstacles": summarise_errors(ranges_m[obstacle], true_ranges_m[obstacle]),
             }
         )
         advance("methods", done, len(names))
     return {
-        "scenes": list(plan.scenes),
-        "views": plan.views,
-        "seed": plan.seed,
-        "profile": plan.profile,
+        **asdict(plan),
         "masks": masks,
         "images": len(images),
         "edges": len(true_m),
@@ -122,7 +116,7 @@ def metric_maps(name: str, images: Sequence[SampleImage]) -> Iterator[NDArray[np
     maker = MetricDepthMaker(
         _Estimated(images),
         source=source,
-        scale=None if collects is None else CollectedScale(collects),
+        scale=None if collects is None else collected_scale(collects),
         generator=np.random.default_rng(0),
         network_ahead_m=NETWORK_AHEAD_M if flown else MAX_DEPTH_M,
         least_confidence=LEAST_CONFIDENCE if flown else 0.0,
@@ -147,41 +141,31 @@ class _Estimated:
         return self._depths[frame.index]
 
 
-class CollectedScale:
-    """The two constant scales of the paper, from the medians of all frames until now.
+def collected_scale(method: _Collects) -> ScaleEstimator:
+    """Return an estimator of the paper's constant scales, by the medians of all frames so far.
 
     "constant" is the median ratio of known to predicted depth; "least_squares" solves
-    ``scale * predicted + shift = known`` (equation 1).
+    ``scale * predicted + shift = known`` (equation 1). There is none before the first sample.
     """
+    samples: list[tuple[float, float]] = []
 
-    def __init__(self, method: _Collects) -> None:
-        self._method = method
-        self._known: list[float] = []
-        self._predicted: list[float] = []
-
-    def __call__(
-        self,
-        sample: GroundSample | None,
-        captured_s: float,
-        height_m: float | None = None,  # noqa: ARG002  (the protocol's)
-    ) -> Scale | None:
-        """Add a frame and return the scale of all frames; None before the first sample."""
-        del captured_s  # a constant has no age
+    def scale(sample: GroundSample | None, _s: float, _height_m: float | None) -> Scale | None:
         if sample is not None:
-            self._known.append(float(np.median(sample.known_m)))
-            self._predicted.append(float(np.median(sample.predicted)))
-        if not self._known:
+            samples.append((float(np.median(sample.known_m)), float(np.median(sample.predicted))))
+        if not samples:
             return None
-        known, predicted = np.array(self._known), np.array(self._predicted)
+        known, predicted = np.array(samples).T
         # Similar frames cannot separate scale from shift; the plain ratio is used instead.
-        if self._method == "least_squares" and predicted.std() > 1e-3 * predicted.mean():
-            factor, shift_m = (float(part) for part in np.polyfit(predicted, known, 1))
+        if method == "least_squares" and predicted.std() > 1e-3 * predicted.mean():
+            factor, shift_m = np.polyfit(predicted, known, 1).tolist()
             return Scale(factor=factor, shift_m=shift_m) if factor > 0.0 else None
         return Scale(factor=float(np.median(known / predicted)))
 
+    return scale
+
 
 def pick_edges(class_map: ClassMap, depth_m: Floats32, generator: np.random.Generator) -> Indices:
-    """Return edges of one image by exact classes and depth, (N, 2, 2): two ends, column and row."""
+    """Return edges of an image by exact classes and depth, (N, 2, 2): ends, column and row."""
     edges: list[Indices] = []
     for face in _faces(class_map):
         outlines, _ = cv2.findContours(face, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
@@ -232,7 +216,7 @@ def _picked(
 
 
 def edge_lengths(depth_m: Floats32, edges: Indices) -> Floats:
-    """Return the lengths of edges in space by a depth map, (N,) metres; NaN where unknown."""
+    """Return the lengths of edges by a depth map, (N,) metres; NaN where unknown."""
     columns, rows = edges[..., 0], edges[..., 1]
     depth = depth_m[rows, columns].astype(np.float64)
     x = (columns - MAP_CAMERA.cx_px) / MAP_CAMERA.fx_px * depth
@@ -244,7 +228,7 @@ def edge_lengths(depth_m: Floats32, edges: Indices) -> Floats:
 def draw_points(
     class_map: ClassMap, depth_m: Floats32, generator: np.random.Generator
 ) -> tuple[Indices, Indices]:
-    """Return rows and columns of points on obstacles and ground, uniform over the pixels."""
+    """Return rows and columns of random points on obstacles and ground."""
     ids, range_m = class_map.ids, depth_m * _RAYS
     inner = cv2.erode(ids, _SQUARE) == cv2.dilate(ids, _SQUARE)
     inner &= (range_m >= _MIN_RANGE_M) & (range_m <= _MAX_RANGE_M)
@@ -260,24 +244,18 @@ def summarise_errors(estimated_m: Floats, truth_m: Floats) -> dict[str, float | 
     """Summarise estimates of lengths, (N,) metres, NaN without an estimate.
 
     Returns:
-        How many were wanted (`total`) and given (`valid`), and figures about the latter: of the
-        absolute error mean, median, root mean square, standard deviation and maximum, and
-        Pearson's correlation of estimates with the truth.
+        How many were wanted (`total`) and given (`valid`), and figures about the latter: mean,
+        median, root mean square, standard deviation and maximum of the absolute error, and
+        Pearson's correlation.
     """
     known = np.isfinite(estimated_m)
     estimated, truth = estimated_m[known].astype(np.float64), truth_m[known].astype(np.float64)
-    names = ("mean_m", "median_m", "rmse_m", "std_m", "max_m", "correlation")
-    figures = [math.nan] * len(names)
-    if estimated.size:
-        error = np.abs(estimated - truth)
-        a, b = estimated - estimated.mean(), truth - truth.mean()
-        size = math.sqrt(float(a @ a) * float(b @ b))
-        spread = math.sqrt(float(np.mean(error**2))), error.std(), error.max()
-        correlation = float(a @ b) / size if size > 0.0 else math.nan
-        figures = [error.mean(), np.median(error), *spread, correlation]
-    rounded = (None if math.isnan(each) else round(float(each), 5) for each in figures)
-    return {
-        "total": truth_m.size,
-        "valid": estimated.size,
-        **dict(zip(names, rounded, strict=True)),
-    }
+    error = np.abs(estimated - truth)
+    figures: dict[str, float | None] = dict.fromkeys(_FIGURES)
+    if error.size:
+        rmse_m = math.sqrt(float(np.mean(error**2)))
+        spread = (error.mean(), np.median(error), rmse_m, error.std(), error.max())
+        figures |= zip(_FIGURES, (round(float(figure), 5) for figure in spread), strict=False)
+    if error.size and estimated.std() > 0.0 and truth.std() > 0.0:
+        figures["correlation"] = round(float(np.corrcoef(estimated, truth)[0, 1]), 5)
+    return {"total": truth_m.size, "valid": error.size, **figures}

@@ -1,7 +1,7 @@
-"""Geometry of a lab in records of its flights: the range of the mark by its size and by the camera.
+"""Geometry of a lab in records of its flights.
 
-The picks of a lab do not show a wrong height, camera or size of the mark. Here the range of the
-mark is measured by its size, and by height and pitch of the camera.
+Picks do not show a wrong height, camera or size of the mark. Here the range of the mark is measured
+by its size, and by height and pitch of the camera.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ class Geometry:
 
     tolerance: float = 0.1  # relative difference of the two ranges that needs no cause
     frames: int = 0  # that were compared
-    ratios: list[float] = field(default_factory=list)  # range by size to range by height, by frame
+    ratios: list[float] = field(default_factory=list)  # of the ranges, by frame
 
     @property
     def ratio(self) -> float:
-        """Median ratio of the range by the mark's size to that by height and pitch; or NaN."""
+        """Median ratio of the range by size to that by height and pitch; or NaN."""
         return float(np.median(self.ratios)) if self.ratios else math.nan
 
     def to_json(self) -> dict[str, Any]:
@@ -57,7 +57,7 @@ class Geometry:
         return {"frames": self.frames, "marks": len(self.ratios), "size_to_height": ratio}
 
     def lines(self, lab_file: Path) -> Iterator[str]:
-        """Yield the lines that describe the figures, and the likely cause of a difference."""
+        """Yield lines about the figures, and about the likely cause of a difference."""
         yield f"geometry in {self.frames} frames of flights"
         if not self.ratios:
             yield "  mark: in no frame found whole and large enough, as a class of the role mark"
@@ -76,17 +76,12 @@ class Geometry:
 
 
 def open_flight(path: Path, lab: Lab) -> RecordReader:
-    """Open the record of a flight in a lab; FileError if it is of another lab or other classes."""
+    """Open the record of a flight in a lab; FileError if it is of another lab."""
     reader = flight_record(path)
     text = reader.metadata.get("lab", "null")
     flown = DEFAULT_LAB if text == "null" else text
     if flown != lab.name:
         raise FileError(path, f"was flown in the lab '{flown}', not in '{lab.name}'")
-    if reader.classes.names != lab.classes.names:
-        stated, recorded = ", ".join(lab.classes.names), ", ".join(reader.classes.names)
-        raise FileError(
-            path, f"expected the classes of {lab.file} ({stated}), got {recorded}: fly again"
-        )
     return reader
 
 
@@ -108,8 +103,8 @@ def compare_ranges(
             view = MarkView(frame=frame, camera=undistorter.camera, class_map=class_map)
             found.frames += 1
             if mark is not None and finder is not None:
-                ranges_m = mark_ranges(view, mark, finder)
-                found.ratios += [] if ranges_m is None else [ranges_m[0] / ranges_m[1]]
+                by_size_m, by_height_m = mark_ranges(view, mark, finder) or (0.0, 0.0)
+                found.ratios += [by_size_m / by_height_m] if by_height_m else []
             advance(f"frames of {reader.path.name}", done, len(frames))
     return found
 
@@ -122,9 +117,8 @@ def _spread_frames(reader: RecordReader) -> list[StoredFrame]:
         if not isinstance(item, StoredFrame) or item.image is None:
             continue
         note = item.note
-        if not math.isfinite(note.height_above_ground_m + note.gimbal_pitch_rad):
-            continue
-        if found and note.captured_s - found[-1].note.captured_s < apart_s - 1e-9:
+        early = found and note.captured_s - found[-1].note.captured_s < apart_s - 1e-9
+        if early or not math.isfinite(note.height_above_ground_m + note.gimbal_pitch_rad):
             continue
         found.append(item)
         if len(found) > _MOST_FRAMES:

@@ -1,13 +1,14 @@
-"""Videos, flight records and photographs that a lab's images are taken from, and candidates.
+"""Videos, flight records and photographs for a lab's images, and candidates from them.
 
 A candidate is the sharpest image of each short time, kept as a JPEG file.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import Final
 
@@ -20,13 +21,13 @@ from perception.segmentation.training.frame_choice import (
     look_at,
     sharpness_size_px,
 )
-from uav_bt.app.sources.by_name import FolderSource, RecordSource
+from uav_bt.app.sources.by_name import open_source
 from uav_bt.app.sources.shots import ImageSource, Shot
-from uav_bt.app.sources.video_source import VideoSource
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import did_you_mean_file, writing
-from uav_bt.learning.lab_material import LabFrame, fingerprint
-from uav_bt.record.reader import RECORD_SUFFIX, flight_record
+from uav_bt.learning.lab_material import fingerprint
+from uav_bt.progress import Advance
+from uav_bt.record.reader import RECORD_SUFFIX
 
 _VIDEO_SUFFIXES: Final = (
     *(".264", ".265", ".3gp", ".avi", ".h264", ".h265", ".hevc", ".m2ts", ".m4v", ".mkv"),
@@ -34,14 +35,12 @@ _VIDEO_SUFFIXES: Final = (
 )
 _KNOWN: Final = (*_VIDEO_SUFFIXES, *IMAGE_SUFFIXES, *FOREIGN_SUFFIXES, RECORD_SUFFIX)
 _UNKNOWN_DURATION_S: Final = 60.0  # of a video that states none; it shares the images
-_NAMED: Final = 3  # files that a message lists
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FrameSource:
     """A video file, a flight record or a photograph."""
 
-    name: str  # in the list of images, different for each source
     path: Path
     content: str  # hash by which the file is known again, whatever its name
     images: ImageSource
@@ -49,48 +48,34 @@ class FrameSource:
     @property
     def seconds(self) -> float:
         """About how long it is."""
-        stated_s = self.images.duration_s
-        return _UNKNOWN_DURATION_S if stated_s is None else stated_s
-
-    def gave(self, frame: LabFrame) -> bool:
-        """Return whether a listed image was taken from this source."""
-        return frame.content == self.content if frame.content else frame.source == self.name
+        return self.images.duration_s or _UNKNOWN_DURATION_S
 
 
 def find_sources(
-    paths: Sequence[Path], own: Path, listed: Sequence[LabFrame]
+    paths: Sequence[Path], own: Path
 ) -> tuple[list[FrameSource], list[FrameSource], list[str]]:
-    """Find videos and records in the order of their names on the line, and photographs by name.
+    """Find videos and records in the order of the line, and photographs by name.
 
     Returns:
         Videos and records, photographs, and lines about files that are not read.
     """
-    files: dict[str, Path] = {}  # by content: each file is read once
-    foreign: list[Path] = []
-    for path in paths:
-        for file in _files(path, own):
-            if file.suffix.lower() in FOREIGN_SUFFIXES:
-                foreign.append(file)
-            else:
-                files.setdefault(fingerprint(file, dated=False), file)
+    files = [file for path in paths for file in _files(path, own)]
+    foreign = [file for file in files if file.suffix.lower() in FOREIGN_SUFFIXES]
     notes = []
     if foreign:
-        names = ", ".join(map(str, foreign[:_NAMED]))
-        more = f" and {len(foreign) - _NAMED} more" if len(foreign) > _NAMED else ""
+        more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
         advice = "a format that is not read; convert photographs to JPEG or PNG"
-        notes.append(f"{names}{more}: {advice}")
-        if not files:
+        notes.append(f"{foreign[0]}{more}: {advice}")
+        if len(foreign) == len(files):
             raise InputError(notes[0])
-    known = {frame.content: frame.source for frame in listed if frame.content}
-    taken = set(known.values())
-    filmed: list[FrameSource] = []
-    photographs: list[FrameSource] = []
-    for content, file in files.items():
-        name = known.get(content) or next(one for one in _names(file) if one not in taken)
-        taken.add(name)
-        kind = photographs if is_photograph(file) else filmed
-        kind.append(FrameSource(name=name, path=file, content=content, images=_opened(file)))
-    return filmed, sorted(photographs, key=lambda one: one.name), notes
+    found: dict[str, FrameSource] = {}  # by content: each file is read once
+    for file in files:
+        if file not in foreign and (content := fingerprint(file)) not in found:
+            images = open_source(str(file))
+            found[content] = FrameSource(path=file, content=content, images=images)
+    filmed = [one for one in found.values() if not is_photograph(one.path)]
+    photographs = [one for one in found.values() if is_photograph(one.path)]
+    return filmed, sorted(photographs, key=lambda one: one.path.name), notes
 
 
 def is_photograph(path: Path) -> bool:
@@ -120,27 +105,6 @@ def _files(path: Path, own: Path) -> list[Path]:
     return found
 
 
-def _names(file: Path) -> Iterator[str]:
-    """Yield names for a file: the file name, then with the folder, as cameras repeat names."""
-    # Names that are not UTF-8 cannot be written to a list.
-    own, parent = (
-        text.encode("utf-8", "replace").decode() for text in (file.name, file.resolve().parent.name)
-    )
-    yield own
-    yield f"{parent}/{own}"
-    for number in range(2, 1_000_000):
-        yield f"{parent}-{number}/{own}"
-
-
-def _opened(path: Path) -> ImageSource:
-    if is_photograph(path):
-        return FolderSource(path)
-    recorded = path.suffix.lower() == RECORD_SUFFIX
-    return RecordSource(flight_record(path)) if recorded else VideoSource(path)
-
-
-# --- candidates -----------------------------------------------------------------------------------
-
 _WINDOW_S: Final = 0.5  # of which the sharpest image is a candidate
 _MOST_CANDIDATES: Final = 1000  # of one video: their files take 0.3 to 1 MB each
 _LONGEST_PX: Final = 1920
@@ -150,69 +114,62 @@ _JPEG_QUALITY: Final = 95
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Candidate:
-    """An image that may be chosen: its source, time in s, measures, and file unless it is blank."""
+    """An image that may be chosen, with its measures."""
 
     source: FrameSource
     time_s: float
     look: Look
-    file: Path | None
+    file: Path  # not written if the image is blank
 
 
 def watch(
-    filmed: FrameSource, folder: Path, on_time: Callable[[float], None]
+    filmed: FrameSource, folder: Path, advance: Advance
 ) -> tuple[list[Candidate], int, float]:
-    """Read a video and keep the sharpest image of each half second, longer in very long videos.
+    """Keep the sharpest image of each half second of a video, longer in very long ones.
 
     Returns:
-        The candidates in order of time, the number of images that were read, the last one's time.
+        The candidates in order of time, how many images were read, the last one's time.
     """
     window_s = max(_WINDOW_S, filmed.seconds / _MOST_CANDIDATES)
-    candidates: list[Candidate] = []
-    best: tuple[Look, Shot] | None = None
-    read, window, end_s = 0, 0, 0.0
-    with closing(filmed.images.images()) as shots:
+    times_s: list[float] = []
+    total_s = max(1, int(filmed.seconds))
+
+    def measured(shots: Iterable[Shot]) -> Iterator[tuple[Look, Shot]]:
         for shot in shots:
-            if not read:
-                _check_size(filmed.path, shot.size_px)
-            now = int(shot.time_s / window_s)
-            if best is not None and now != window:
-                candidates.append(_candidate(filmed, *best, folder / f"{len(candidates):05d}.jpg"))
-                best = None
-            window, read, end_s = now, read + 1, shot.time_s
-            look = look_at(shot.shrunk(sharpness_size_px(*shot.size_px), colour=False))
+            if max(shot.size_px) < _SMALLEST_PX[0] or min(shot.size_px) < _SMALLEST_PX[1]:
+                raise FileError(
+                    filmed.path,
+                    f"the images must have at least {_SMALLEST_PX[0]}x{_SMALLEST_PX[1]} pixels, "
+                    f"got {shot.size_px[0]}x{shot.size_px[1]}; take the camera's own file, not a "
+                    "preview",
+                )
+            times_s.append(shot.time_s)
+            advance(f"seconds of video, {filmed.path.name}", int(shot.time_s), total_s)
+            yield look_at(shot.shrunk(sharpness_size_px(*shot.size_px), colour=False)), shot
+
+    candidates = []
+    with closing(filmed.images.images()) as shots:
+        windows = groupby(measured(shots), lambda one: int(one[1].time_s / window_s))
+        for _, window in windows:
             # Of a video's images only the present window's best one is kept in memory.
-            if best is None or (look.blank, -look.sharpness) < (best[0].blank, -best[0].sharpness):
-                best = look, shot
-            on_time(end_s)
-    if best is None:
+            look, shot = min(window, key=lambda one: (one[0].blank, -one[0].sharpness))
+            candidates.append(_candidate(filmed, look, shot, folder))
+    if not candidates:
         why = f" ({filmed.images.skipped[0]})" if filmed.images.skipped else ""
         raise FileError(filmed.path, f"holds no image that can be read{why}; film or copy it again")
-    candidates.append(_candidate(filmed, *best, folder / f"{len(candidates):05d}.jpg"))
-    return candidates, read, end_s
+    return candidates, len(times_s), times_s[-1]
 
 
-def _check_size(path: Path, size_px: tuple[int, int]) -> None:
-    """Refuse images that are too small to learn from."""
-    if max(size_px) < _SMALLEST_PX[0] or min(size_px) < _SMALLEST_PX[1]:
-        raise FileError(
-            path,
-            f"the images must have at least {_SMALLEST_PX[0]}x{_SMALLEST_PX[1]} pixels, got "
-            f"{size_px[0]}x{size_px[1]}; take the camera's own file, not a preview",
-        )
-
-
-def _candidate(source: FrameSource, look: Look, shot: Shot, file: Path) -> Candidate:
+def _candidate(source: FrameSource, look: Look, shot: Shot, folder: Path) -> Candidate:
     """Write the file of a candidate unless it is blank."""
-    if look.blank:
-        return Candidate(source=source, time_s=shot.time_s, look=look, file=None)
-    scale = min(1.0, _LONGEST_PX / max(shot.size_px))
-    size_px = (max(1, round(shot.size_px[0] * scale)), max(1, round(shot.size_px[1] * scale)))
-    bgr = cv2.cvtColor(shot.shrunk(size_px, colour=True), cv2.COLOR_RGB2BGR)
-    whole, encoded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
-    if not whole:
-        raise FileError(file, "the image cannot be written as JPEG")
-    with writing(file):
-        file.write_bytes(encoded.tobytes())
+    file = folder / f"{source.content}-{shot.index}.jpg"
+    if not look.blank:
+        scale = min(1.0, _LONGEST_PX / max(shot.size_px))
+        size_px = (max(1, round(shot.size_px[0] * scale)), max(1, round(shot.size_px[1] * scale)))
+        bgr = cv2.cvtColor(shot.shrunk(size_px, colour=True), cv2.COLOR_RGB2BGR)
+        _, encoded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+        with writing(file):
+            file.write_bytes(encoded.tobytes())
     return Candidate(source=source, time_s=shot.time_s, look=look, file=file)
 
 

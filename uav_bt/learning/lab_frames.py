@@ -2,42 +2,33 @@
 
 from __future__ import annotations
 
-import filecmp
 import re
 import shutil
-import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Final
 
 from perception.segmentation.training.frame_choice import different_ones
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import check_output_folder, writing
 from uav_bt.lab.lab import Lab
-from uav_bt.learning.frame_sources import (
-    Candidate,
-    FrameSource,
-    clear_candidates,
-    find_sources,
-    is_photograph,
-    watch,
-)
-from uav_bt.learning.lab_material import LabFrame, LabMaterial, Use
+from uav_bt.learning import frame_sources
+from uav_bt.learning.frame_sources import Candidate, FrameSource, is_photograph
+from uav_bt.learning.lab_material import LabFrame, LabMaterial, Use, nth_use
 from uav_bt.progress import Advance, silent
 
 DEFAULT_COUNT: Final = 300
 FEW: Final = 40
 """Fewer images than this teach a network little."""
 
-_CANDIDATES: Final = ".candidates-"  # folder beside the images while a source is read
+# Folder of a source that is being read; the system's temporary one may be in memory.
+_CANDIDATES: Final = ".candidates-"
 _PARTS: Final = 10  # of a video's time
-_PARTS_A_CHECK: Final = 5  # every fifth part, and every fifth photograph
-_MISSED: Final = 0.9  # a video that ends before this share of its stated duration was cut short
 _PHOTOGRAPHS: Final = "photographs"
 _LONGEST_NAME: Final = 60  # characters
-_TIME: Final = re.compile(r"-\d{5,}\.\d(-\d+)?$")  # at the end of an image's name
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,39 +62,27 @@ def take_frames(
 ) -> FramesSummary:
     """Take images of a lab from videos, flight records and photographs, and folders of them.
 
-    Sources are finished one by one, so that a run that was stopped goes on where it was. A source
-    whose images are in the lab's list is not read again. `count` limits the images of all videos
-    together, shared by their durations, and also the photographs.
+    Sources are finished one by one; one whose images are in the lab's list is not read again.
+    `count` limits the images of all videos together, shared by their durations, and also the
+    photographs.
     """
     material = LabMaterial(lab=lab)
-    listed = material.read_frames()  # refuses a malformed list before the folder is made
-    filmed, photographs, notes = find_sources(paths, material.frames, listed)
+    run = _Run(material, advance)  # refuses a malformed list before the folder is made
+    filmed, photographs, notes = frame_sources.find_sources(paths, material.frames)
     check_output_folder(material.frames)
     with writing(material.frames):
         material.frames.mkdir(exist_ok=True)
         for old in material.frames.glob(f"{_CANDIDATES}*"):  # by a run that was killed
             shutil.rmtree(old)
-    run = _Run(material, listed, count, advance)
-    errors: list[FileError] = []
+    left, errors = count, run.errors
     try:
-        done_s, left = 0.0, count
-        total_s = sum(one.seconds for one in filmed if not run.there(one))
         for place, one in enumerate(filmed):
-            there = run.there(one)
-            if there:
-                left -= run.add_earlier(one.name, there)
-                continue
             share = one.seconds / max(1e-9, sum(each.seconds for each in filmed[place:]))
             try:
-                left -= run.film(one, max(1, round(left * min(1.0, share))), done_s, total_s)
+                left -= run.film(one, max(1, round(left * min(1.0, share))))
             except FileError as error:
                 errors.append(error)
-            done_s += one.seconds
-        if photographs:
-            try:
-                run.photograph(photographs)
-            except FileError as error:
-                errors.append(error)
+        run.photograph(photographs, count)
         if errors and not any(one.kept for one in run.summaries):
             raise errors[0] if len(errors) == 1 else InputError("\n".join(map(str, errors)))
         total = len(material.uses())
@@ -122,206 +101,137 @@ def take_frames(
 class _Run:
     """One run over all sources."""
 
-    def __init__(
-        self, material: LabMaterial, listed: list[LabFrame], count: int, advance: Advance
-    ) -> None:
+    def __init__(self, material: LabMaterial, advance: Advance) -> None:
         self._material = material
-        self._listed = listed
-        self._count = count
+        self._listed = material.read_frames()
         self._advance = advance
         self.summaries: list[SourceSummary] = []
+        self.errors: list[FileError] = []
 
-    def there(self, source: FrameSource) -> list[LabFrame]:
-        """Return the listed images of a source that exist."""
-        folder = self._material.frames
-        return [one for one in self._listed if source.gave(one) and (folder / one.image).is_file()]
+    def film(self, filmed: FrameSource, quota: int) -> int:
+        """Take images of a video, unless they are there; return their number."""
+        if there := self._there([filmed], filmed.path.name):
+            return len(there)
 
-    def add_earlier(self, name: str, there: Sequence[LabFrame]) -> int:
-        """Add the summary of a source whose images are there already; return their number."""
-        checks = sum(frame.use == "check" for frame in there)
-        self.summaries.append(
-            SourceSummary(source=name, kept=len(there), for_check=checks, earlier=True)
-        )
-        return len(there)
-
-    def film(self, filmed: FrameSource, quota: int, done_s: float, total_s: float) -> int:
-        """Take images of a video; return their number."""
-
-        def on_time(time_s: float) -> None:
-            seconds = done_s + min(time_s, filmed.seconds)
-            self._advance(f"seconds of video, {filmed.name}", int(seconds), max(1, int(total_s)))
-
-        with self._candidates() as folder:
-            candidates, read, end_s = watch(filmed, Path(folder), on_time)
-            on_time(filmed.seconds)
-            clear = clear_candidates(candidates, filmed.path)
-            chosen, different = _most_different(clear, quota)
-            if different == 1 and len(clear) > 1:
-                raise FileError(
-                    filmed.path,
-                    f"all its images look alike ({len(clear)} were compared): walk or fly through "
-                    "the place while filming",
-                )
-            stem = self._free_stem(filmed, [])
-            uses = [use_at(one.time_s, end_s) for one in chosen]
-            self._keep(chosen, uses, [f"{stem}-{one.time_s:07.1f}.jpg" for one in chosen])
-        stated_s = filmed.images.duration_s
-        notes = [*filmed.images.warnings, *filmed.images.skipped]
-        if stated_s is not None and end_s < _MISSED * stated_s - 1.0:
-            notes.append(
-                f"the file ends at {end_s:.1f} s of {stated_s:.1f} s, so it was cut short; what "
-                "could be read is used"
+        with TemporaryDirectory(prefix=_CANDIDATES, dir=self._material.frames) as folder:
+            candidates, read, end_s = frame_sources.watch(filmed, Path(folder), self._advance)
+            clear = frame_sources.clear_candidates(candidates, filmed.path)
+            summary = SourceSummary(
+                source=filmed.path.name,
+                read=read,
+                blurred=len(candidates) - len(clear),
+                notes=(*filmed.images.warnings, *filmed.images.skipped),
             )
-        counts = (read, len(candidates), len(clear), different)
-        self._summarise(filmed.name, counts, uses, notes)
-        return len(chosen)
+            return self._keep(summary, clear, quota, lambda one, _: use_at(one.time_s, end_s))
 
-    def photograph(self, photographs: Sequence[FrameSource]) -> None:
-        """Take photographs."""
-        there = [frame for one in photographs for frame in self.there(one)]
-        unread = [one for one in photographs if not self.there(one)]
-        if there:
-            self.add_earlier(_PHOTOGRAPHS, there)
+    def photograph(self, photographs: Sequence[FrameSource], count: int) -> None:
+        """Take the photographs that are not there."""
+        there = self._there(photographs, _PHOTOGRAPHS)
+        taken = {frame.content for frame in there}
+        unread = [one for one in photographs if one.content not in taken]
         if not unread:
             return
-        with self._candidates() as folder:
-            candidates, notes = [], []
+        with TemporaryDirectory(prefix=_CANDIDATES, dir=self._material.frames) as folder:
+            candidates: list[Candidate] = []
+            notes = []
             for number, one in enumerate(unread, start=1):
-                place = Path(folder) / str(number)
-                place.mkdir()
                 try:
-                    candidates += watch(one, place, lambda _: None)[0]
+                    candidates += frame_sources.watch(one, Path(folder), silent)[0]
                 except FileError as error:
                     notes.append(str(error))
-                self._advance(f"{_PHOTOGRAPHS}, {one.name}", number, len(unread))
-            clear = [one for one in candidates if one.file is not None]
-            chosen, different = _most_different(clear, max(0, self._count - len(there)))
-            if not chosen and not there:
+                self._advance(f"{_PHOTOGRAPHS}, {one.path.name}", number, len(unread))
+            clear = [one for one in candidates if not one.look.blank]
+            if not clear and not there:
                 where = unread[0].path if len(unread) == 1 else unread[0].path.parent
-                raise FileError(
-                    where, f"no photograph can be used: {'; '.join(notes) or 'all are blank'}"
-                )
-            earlier = sum(is_photograph(Path(frame.source)) for frame in self._listed) + 1
-            uses = [_nth_use(earlier + place) for place in range(len(chosen))]
-            names: list[str] = []
-            for each in chosen:
-                names.append(f"{self._free_stem(each.source, names)}.jpg")
-            if chosen:
-                self._keep(chosen, uses, names)
-        counts = (len(unread), len(candidates), len(clear), different)
-        self._summarise(_PHOTOGRAPHS, counts, uses, notes)
-
-    def _summarise(
-        self,
-        name: str,
-        counts: tuple[int, int, int, int],
-        uses: Sequence[Use],
-        notes: Sequence[str],
-    ) -> None:
-        read, candidates, clear, different = counts
-        self.summaries.append(
-            SourceSummary(
-                source=name,
-                read=read,
-                blurred=candidates - clear,
-                alike=clear - different,
-                surplus=different - len(uses),
-                kept=len(uses),
-                for_check=uses.count("check"),
+                what = f"no photograph can be used: {'; '.join(notes) or 'all are blank'}"
+                self.errors.append(FileError(where, what))
+                return
+            earlier = sum(is_photograph(Path(frame.source)) for frame in self._listed)
+            summary = SourceSummary(
+                source=_PHOTOGRAPHS,
+                read=len(unread),
+                blurred=len(candidates) - len(clear),
                 notes=tuple(notes),
             )
-        )
+            most = max(0, count - len(there))
+            self._keep(summary, clear, most, lambda _, number: nth_use(earlier + number))
 
-    def _candidates(self) -> tempfile.TemporaryDirectory[str]:
-        # In the lab's folder, because a temporary folder of the system may be in memory.
-        with writing(self._material.frames):
-            return tempfile.TemporaryDirectory(prefix=_CANDIDATES, dir=self._material.frames)
-
-    def _free_stem(self, source: FrameSource, others: Sequence[str]) -> str:
-        """Return the beginning of the image names of a source, which no other source has."""
-        suffix = Path(source.name).suffix
-        cleaned = re.sub(r"[^\w.-]+", "-", source.name.removesuffix(suffix)).strip(".-")
-        images = [*others, *(one.image for one in self._listed if not source.gave(one))]
-        taken = {_TIME.sub("", Path(image).stem).casefold() for image in images}
-        return _first_free(cleaned[:_LONGEST_NAME] or "video", "", taken)
+    def _there(self, sources: Sequence[FrameSource], name: str) -> list[LabFrame]:
+        """Return the images of sources that an earlier run took, and add their summary."""
+        contents = {one.content for one in sources}
+        folder = self._material.frames
+        there = [
+            frame
+            for frame in self._listed
+            if frame.content in contents and (folder / frame.image).is_file()
+        ]
+        if there:
+            checks = sum(frame.use == "check" for frame in there)
+            summary = SourceSummary(source=name, kept=len(there), for_check=checks, earlier=True)
+            self.summaries.append(summary)
+        return there
 
     def _keep(
-        self, chosen: Sequence[Candidate], uses: Sequence[Use], wished: Sequence[str]
-    ) -> None:
-        """Move chosen images into the lab's folder and write the list."""
-        files = [one.file for one in chosen if one.file is not None]
-        with _moved(list(zip(files, wished, strict=True)), self._material.frames) as names:
-            added = [
+        self,
+        summary: SourceSummary,
+        clear: Sequence[Candidate],
+        most: int,
+        use_of: Callable[[Candidate, int], Use],
+    ) -> int:
+        """Move the most different candidates into the lab's folder, and then write the list.
+
+        A file that is there already stays: a run that was killed left it. `use_of` takes a
+        candidate and its number, from 1.
+        """
+        order = different_ones([one.look for one in clear])
+        if len(order) == 1 < len(clear) and clear[0].source is clear[1].source:
+            raise FileError(
+                clear[0].source.path,
+                f"all its images look alike ({len(clear)} were compared): walk or fly through the "
+                "place while filming",
+            )
+        added = []
+        for number, index in enumerate(sorted(order[:most]), start=1):
+            one, source = clear[index], clear[index].source
+            stem = re.sub(r"[^\w.-]+", "-", Path(source.path.name).stem).strip(".-")[:_LONGEST_NAME]
+            # The hash, because cameras repeat names on each memory card.
+            name = f"{stem or 'video'}-{source.content[:6]}"
+            if not is_photograph(source.path):
+                name = f"{name}-{one.time_s:07.1f}"
+            file = self._material.frames / f"{name}.jpg"
+            if not file.exists():
+                with writing(file):
+                    one.file.rename(file)
+            added.append(
                 LabFrame(
-                    image=name,
-                    source=one.source.name,
+                    image=file.name,
+                    source=source.path.name,
                     time_s=one.time_s,
                     sharpness=one.look.sharpness,
-                    use=use,
-                    content=one.source.content,
+                    use=use_of(one, number),
+                    content=source.content,
                 )
-                for name, one, use in zip(names, chosen, uses, strict=True)
-            ]
-            sources = {one.source.content: one.source for one in chosen}.values()
-            others = [row for row in self._listed if not any(one.gave(row) for one in sources)]
-            self._material.write_frames([*others, *added])
+            )
+        sources = {frame.content for frame in added}
+        others = [frame for frame in self._listed if frame.content not in sources]
         self._listed = [*others, *added]
-
-
-def _most_different(clear: Sequence[Candidate], most: int) -> tuple[list[Candidate], int]:
-    """Return the most different candidates in their order, and how many are different at all."""
-    order = different_ones([one.look for one in clear])
-    return [clear[index] for index in sorted(order[:most])], len(order)
+        self._material.write_frames(self._listed)
+        self.summaries.append(
+            replace(
+                summary,
+                alike=len(clear) - len(order),
+                surplus=len(order) - len(added),
+                kept=len(added),
+                for_check=sum(frame.use == "check" for frame in added),
+            )
+        )
+        return len(added)
 
 
 def use_at(time_s: float, end_s: float) -> Use:
-    """Return the use of a video's image: the fifth and the last tenth of its time are for checks.
+    """Return the use of a video's image: the fifth and the last tenth are for checks.
 
     `end_s` is the time of the video's last image.
     """
     part = min(_PARTS - 1, int(_PARTS * time_s / end_s)) if end_s > 0.0 else 0
-    return _nth_use(part + 1)
-
-
-def _nth_use(number: int) -> Use:
-    return "check" if number % _PARTS_A_CHECK == 0 else "train"
-
-
-# --- files ----------------------------------------------------------------------------------------
-
-
-@contextmanager
-def _moved(files: Sequence[tuple[Path, str]], folder: Path) -> Iterator[list[str]]:
-    """Move files with wished names into a folder; remove them again if the block inside fails.
-
-    A file that exists there stays. If its content is the same, as after a run that was killed, it
-    is used; otherwise the new file gets a number. Yields the names that they have.
-    """
-    taken = {path.name.casefold() for path in folder.iterdir()}
-    names: list[str] = []
-    mine: list[Path] = []
-    try:
-        for file, wished in files:
-            name, there = wished, folder / wished
-            same = there.is_file() and filecmp.cmp(file, there, shallow=False)
-            if name in names or not same:
-                name = _first_free(Path(wished).stem, ".jpg", taken)
-                mine.append(folder / name)
-                with writing(folder / name):
-                    file.rename(folder / name)
-            names.append(name)
-            taken.add(name.casefold())
-        yield names
-    except BaseException:
-        for path in mine:
-            path.unlink(missing_ok=True)
-        raise
-
-
-def _first_free(stem: str, suffix: str, taken: set[str]) -> str:
-    # Some file systems do not distinguish capitals.
-    name, number = f"{stem}{suffix}", 1
-    while name.casefold() in taken:
-        number += 1
-        name = f"{stem}-{number}{suffix}"
-    return name
+    return nth_use(part + 1)

@@ -14,11 +14,12 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
-import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal, cast, get_args
+from typing import Annotated, Final, Literal
+
+from pydantic import Field, FiniteFloat, TypeAdapter, ValidationError
 
 from perception.camera.image_files import image_files
 from uav_bt.errors import FileError
@@ -28,10 +29,9 @@ from uav_bt.lab.lab import NETWORK_FILE, Lab
 Use = Literal["train", "check"]
 """`train`: the network learns from the image. `check`: the image only scores the network."""
 
-_COLUMNS: Final = ("image", "source", "time_s", "sharpness", "use")
-_CONTENT: Final = "content"  # a further column, which older lists lack
+_COLUMNS: Final = ("image", "source", "time_s", "sharpness", "use", "content")
 _MAX_BYTES: Final = 10_000_000  # a line takes about 70
-_IMAGES_A_CHECK: Final = 5  # of images without an entry, every fifth by name is for checks
+_IMAGES_A_CHECK: Final = 5  # every fifth is for checks
 _END_BYTES: Final = 64 * 1024  # hashed bytes of both ends, where a record has its index
 
 
@@ -39,12 +39,20 @@ _END_BYTES: Final = 64 * 1024  # hashed bytes of both ends, where a record has i
 class LabFrame:
     """An image of a lab's folder `frames/`."""
 
-    image: str  # file name, without a folder
-    source: str  # name of the video or photograph; empty for an image that was copied there
-    time_s: float  # time in the video, seconds; 0 for a photograph
-    sharpness: float  # variance of the image's Laplacian at a width of 320 pixels
+    image: Annotated[str, Field(pattern=r"^[^/\\]+$")]  # file name, without a folder
+    source: str = ""  # file name of the video or photograph; empty if copied
+    time_s: FiniteFloat = 0.0  # time in the video, seconds; 0 for a photograph
+    sharpness: FiniteFloat = 0.0  # variance of the Laplacian at a width of 320 pixels
     use: Use  # whether the network learns from the image
     content: str = ""  # `fingerprint` of the source; empty where it is unknown
+
+
+_FRAME: Final = TypeAdapter(LabFrame)
+
+
+def nth_use(number: int) -> Use:
+    """Return the use of the n-th image or part of a video, counted from 1."""
+    return "check" if number % _IMAGES_A_CHECK == 0 else "train"
 
 
 class LabMaterial:
@@ -57,7 +65,7 @@ class LabMaterial:
         self.picks = lab.folder / "picks.csv"
         self.training = lab.folder / "training"  # folder of what training keeps
         self.teacher = self.training / "teacher.safetensors"  # of the picks
-        self.network = lab.folder / NETWORK_FILE  # that training writes; see also `Lab.network`
+        self.network = lab.folder / NETWORK_FILE  # that training writes
 
     def uses(self) -> dict[str, Use]:
         """Return the use of every image in the folder, by file name in the order of names.
@@ -78,80 +86,55 @@ class LabMaterial:
         names = [path.name for path in files if not path.name.startswith("._")]
         copied = sum(not frame.source for frame in frames)
         for number, name in enumerate((one for one in names if one not in listed), copied + 1):
-            listed[name] = "check" if number % _IMAGES_A_CHECK == 0 else "train"
+            listed[name] = nth_use(number)
         return {name: listed[name] for name in names}
 
     def keep_uses(self, uses: Mapping[str, Use]) -> None:
-        """Add images without an entry to the list, so that a further image changes no use."""
+        """Add images without an entry to the list, so that they keep their use."""
         frames = self.read_frames()
         missing = uses.keys() - {frame.image for frame in frames}
         if missing:
-            blank = LabFrame(image="", source="", time_s=0.0, sharpness=0.0, use="train")
-            added = [replace(blank, image=one, use=uses[one]) for one in sorted(missing)]
+            added = [LabFrame(image=name, use=uses[name]) for name in sorted(missing)]
             self.write_frames([*frames, *added])
 
     def read_frames(self) -> list[LabFrame]:
-        """Return the entries of the list; FileError, which names the line, if it is malformed."""
+        """Return the entries of the list; FileError with the line if it is malformed."""
         if not self.list_file.exists():
             return []
         with reading(self.list_file):
             text = read_bounded(self.list_file, _MAX_BYTES).decode("utf-8-sig")
         reader = csv.reader(io.StringIO(text))
+        frames = []
         try:
-            return [
-                _parsed(row, self.list_file, reader.line_num)
-                for row in reader
-                if row and tuple(row[: len(_COLUMNS)]) != _COLUMNS
-            ]
+            for row in reader:
+                if row and row[0] != _COLUMNS[0]:
+                    values = dict(zip(_COLUMNS, row, strict=False))
+                    frames.append(_FRAME.validate_python(values))
         except csv.Error as error:
             raise FileError(self.list_file, f"no CSV: {error}", line=reader.line_num) from error
+        except ValidationError as error:
+            wrong = error.errors()[0]
+            what = f"column {wrong['loc'][0]}: {wrong['msg']}, got {wrong['input']!r}"
+            raise FileError(self.list_file, what, line=reader.line_num) from error
+        return frames
 
     def write_frames(self, frames: Iterable[LabFrame]) -> None:
         """Write the list; the file is replaced in one step."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
-        writer.writerow((*_COLUMNS, _CONTENT))
+        writer.writerow(_COLUMNS)
         for frame in frames:
             measured = (f"{frame.time_s:.3f}", f"{frame.sharpness:.1f}")
             writer.writerow([frame.image, frame.source, *measured, frame.use, frame.content])
-        write_whole(self.list_file, text.getvalue())
+        # File names may be no UTF-8.
+        write_whole(self.list_file, text.getvalue().encode("utf-8", "replace"))
 
 
-def _parsed(row: list[str], file: Path, line: int) -> LabFrame:
-    if len(row) not in (len(_COLUMNS), len(_COLUMNS) + 1):
-        expected = ",".join(_COLUMNS)
-        raise FileError(file, f"expected the columns {expected}, got {','.join(row)}", line=line)
-    image, source, time_s, sharpness, use, content = (*row, "")[: len(_COLUMNS) + 1]
-    if not image or Path(image).name != image:
-        raise FileError(file, f"expected a file name without a folder, got '{image}'", line=line)
-    if use not in get_args(Use):
-        raise FileError(file, f"expected the use train or check, got '{use}'", line=line)
-    try:
-        numbers = float(time_s), float(sharpness)
-    except ValueError:
-        numbers = math.nan, math.nan
-    if not all(math.isfinite(number) for number in numbers):
-        raise FileError(
-            file,
-            f"expected numbers for time_s and sharpness, got '{time_s}', '{sharpness}'",
-            line=line,
-        )
-    return LabFrame(
-        image=image,
-        source=source,
-        time_s=numbers[0],
-        sharpness=numbers[1],
-        use=cast("Use", use),
-        content=content,
-    )
-
-
-def fingerprint(path: Path, *, dated: bool) -> str:
-    """Return a hash of a file's size and both ends, and of its change time if `dated`."""
+def fingerprint(path: Path) -> str:
+    """Return a hash of a file's size and both ends."""
     with reading(path), path.open("rb") as file:
-        status = path.stat()
-        digest = hashlib.sha256(file.read(_END_BYTES))
-        file.seek(max(0, status.st_size - _END_BYTES))
-        digest.update(file.read())
-    digest.update(f"{status.st_size} {status.st_mtime_ns if dated else ''}".encode())
-    return digest.hexdigest()[:12]
+        size = path.stat().st_size
+        begin = file.read(_END_BYTES)
+        file.seek(max(0, size - _END_BYTES))
+        ends = begin + file.read()
+    return hashlib.sha256(ends + f"{size} ".encode()).hexdigest()[:12]

@@ -1,13 +1,11 @@
-"""Training of a lab's segmentation network: masks, U-Net, 8-bit integers. Needs extra `train`."""
+"""Training of a lab's segmentation network. Needs the extra `train`."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import shutil
-import time
-from dataclasses import asdict, dataclass, replace
-from pathlib import Path
+from dataclasses import asdict, replace
 from typing import Any, Final
 
 import cv2
@@ -16,43 +14,37 @@ import numpy as np
 from perception.camera.image_files import read_image
 from perception.networks.training.loop import Progress
 from perception.networks.weights_file import SHIPPED_WEIGHTS
+from perception.segmentation.runtime import MAP_PX
 from perception.segmentation.teacher import TeacherConfig, fit_teacher, save_teacher
+from perception.segmentation.training import run
 from perception.segmentation.training.picks import Pick, gather_patches
-from perception.segmentation.training.run import (
-    FLIGHT_AUGMENT,
-    LabelledImages,
-    TrainingConfig,
-    train_unet,
-)
+from perception.segmentation.training.run import TrainingConfig
 from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
-from uav_bt.learning.lab_checks import LabData
-from uav_bt.learning.masks import SIZE_PX, MaskSource, make_masks, mask_files
+from uav_bt.learning.lab_data import LabData, MaskSource, make_masks, mask_files
 from uav_bt.progress import Advance, silent
 from uav_bt.types.arrays import Image
 
 WEIGHTS_FILE: Final = "unet.safetensors"
-UNET_WEIGHTS: Final = SHIPPED_WEIGHTS / "unet.safetensors"
+UNET_WEIGHTS: Final = SHIPPED_WEIGHTS / WEIGHTS_FILE
 """Weights that a lab's first network begins with."""
 
 _CALIBRATION_IMAGES: Final = 200
-_TIMED: Final = 3  # steps; the first one also sets torch up
 
 
-def lab_training_config(**given: Any) -> TrainingConfig:
+def lab_training_config(*, steps: int = 800, **given: Any) -> TrainingConfig:
     """Return the settings of a lab's training.
 
     The learning rate is two thirds of that of a new network, and rare classes are balanced.
     """
-    steps = given.pop("steps", 800)
-    chosen = {
-        "steps": steps,
-        "learning_rate": 2e-3,
-        "warm_up_steps": min(50, steps // 10 + 1),
-        "checkpoint_every": 50,
-        "augment": FLIGHT_AUGMENT,
-        "balanced": True,
-    }
-    return TrainingConfig(**{**chosen, **given})
+    return TrainingConfig(
+        steps=steps,
+        learning_rate=2e-3,
+        warm_up_steps=min(50, steps // 10 + 1),
+        checkpoint_every=50,
+        augment=run.FLIGHT_AUGMENT,
+        balanced=True,
+        **given,
+    )
 
 
 def mask_source(data: LabData, *, seed: int = 0, advance: Advance = silent) -> MaskSource:
@@ -84,67 +76,6 @@ def mask_source(data: LabData, *, seed: int = 0, advance: Advance = silent) -> M
     return MaskSource(file=material.teacher, classes=classes)
 
 
-# --- time -----------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, kw_only=True)
-class Estimate:
-    """Work that is ahead, and the time of its parts."""
-
-    masks: int  # number of masks to make
-    mask_s: float  # time for one mask, seconds
-    steps: int  # number of training steps
-    step_s: float  # time for one step, seconds
-
-    def __str__(self) -> str:
-        masks_s, steps_s = self.masks * self.mask_s, self.steps * self.step_s
-        return (
-            f"{self.masks} masks of {self.mask_s:.2g} s: {_minutes(masks_s)}; {self.steps} steps "
-            f"of {self.step_s:.2g} s: {_minutes(steps_s)}"
-        )
-
-
-def _minutes(seconds: float) -> str:
-    return f"{seconds / 60.0:.0f} min" if seconds >= 90.0 else f"{seconds:.0f} s"
-
-
-def estimated(
-    data: LabData, source: MaskSource, config: TrainingConfig, *, workers: int = 1
-) -> Estimate:
-    """Measure one mask and one step, and return the time that training will take."""
-    images = data.images("train")
-    files = mask_files(images, _mask_folder(data, source)).values()
-    make = source.load()
-    rgb = read_image(images[0], colour=True, as_stored=False)
-    make(rgb)  # the first one also loads libraries
-    began = time.perf_counter()
-    make(rgb)
-    mask_s = time.perf_counter() - began
-    done_at: list[float] = []
-
-    def note(_now: Progress, _net: UNet) -> None:
-        done_at.append(time.perf_counter())
-
-    classes = data.material.lab.classes.names
-    ids = np.zeros((1, *SIZE_PX[::-1]), dtype=np.uint8)
-    blank = LabelledImages(rgb=np.stack([ids] * 3, axis=-1), ids=ids, classes=classes)
-    config_of_one = replace(config, steps=_TIMED)
-    train_unet(blank, config_of_one, UNetConfig(outputs=len(classes)), progress=note)
-    return Estimate(
-        masks=sum(not file.is_file() for file in files),
-        mask_s=mask_s / workers,
-        steps=config.steps,
-        step_s=float(np.diff(done_at).min()),
-    )
-
-
-# --- network --------------------------------------------------------------------------------------
-
-
-def _mask_folder(data: LabData, source: MaskSource) -> Path:
-    return data.material.training / f"masks-{source.fingerprint}"
-
-
 def train_lab(
     data: LabData,
     source: MaskSource,
@@ -159,15 +90,14 @@ def train_lab(
     last, in one step. An interrupted training continues from its masks and its checkpoint.
 
     Returns:
-        The loss, as the mean of the last tenth of the steps that were done now; NaN if a finished
-        training was only exported again.
+        The mean loss of the last tenth of the steps that were done now; NaN without any.
     """
     folder, images = data.material.training, data.images("train")
     data.material.keep_uses(data.uses)
-    masks = _mask_folder(data, source)
+    masks = folder / f"masks-{source.fingerprint}"
     rgb, ids = make_masks(source, images, masks, workers=workers, advance=advance)
     classes = data.material.lab.classes.names
-    width, height = SIZE_PX
+    width, height = MAP_PX
     losses: list[float] = []
 
     def step_done(now: Progress, _net: UNet) -> None:
@@ -178,36 +108,31 @@ def train_lab(
     about = [asdict(config), masks.name, [one.name for one in mask_files(images, masks).values()]]
     digest = hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:12]
     checkpoint = folder / f"checkpoint-{digest}.safetensors"
-    net = train_unet(
-        LabelledImages(rgb=rgb, ids=ids, classes=classes),
+    net = run.train_unet(
+        run.LabelledImages(rgb=rgb, ids=ids, classes=classes),
         config,
         UNetConfig(width_px=width, height_px=height, outputs=len(classes)),
         start=start,
         checkpoint=checkpoint,
         progress=step_done,
     )
+    weights = folder / WEIGHTS_FILE
     notes = {"training": asdict(config), "images": len(rgb), "began_with": list(start.classes)}
-    UNET_FILES.save(folder / WEIGHTS_FILE, net, notes=notes)
-    UNET_FILES.export(folder / WEIGHTS_FILE, folder / "segmentation-fp32.onnx")
+    UNET_FILES.save(weights, net, notes=notes)
+    UNET_FILES.export(weights, folder / "segmentation-fp32.onnx")
     advance("8-bit integers", 0, 1)
     spread = np.linspace(0, len(rgb) - 1, min(len(rgb), _CALIBRATION_IMAGES)).astype(int)
-    UNET_FILES.export(folder / WEIGHTS_FILE, data.material.network, calibration=rgb[spread])
+    UNET_FILES.export(weights, data.material.network, calibration=rgb[spread])
     advance("8-bit integers", 1, 1)
-    for file in folder.glob("checkpoint-*.safetensors"):
-        if file != checkpoint:  # of trainings with other settings, picks or images
-            file.unlink(missing_ok=True)
-    for old in folder.glob("masks-*"):
-        if old != masks:
-            shutil.rmtree(old)
+    for old in {*folder.glob("checkpoint-*"), *folder.glob("masks-*")} - {checkpoint, masks}:
+        # Of trainings with other settings, picks or images.
+        shutil.rmtree(old) if old.is_dir() else old.unlink()
     last = losses[-max(len(losses) // 10, 1) :]
     return float(np.mean(last)) if last else float("nan")
 
 
 def _first_network(data: LabData) -> UNet:
-    """Return the network that the training begins with: the lab's last one, else the shipped one.
-
-    A last one of other classes is not used, because the lab has changed since.
-    """
+    """Return the lab's last network, or the shipped one if it has none or of other classes."""
     last = data.material.training / WEIGHTS_FILE
     if last.is_file():
         net, _ = UNET_FILES.load(last)

@@ -28,6 +28,7 @@ Segment = Callable[[Image], Image]
 
 _PANE_PX: Final = 320  # width of an image of the sheet
 _SHEET_ROWS: Final = 8
+_CONFUSIONS: Final = 5  # that are named
 _LEAST_CONFUSION: Final = 0.02  # share of a class's picks that a line is worth; chosen
 _RIGHT: Final = (255, 255, 255)
 _WRONG: Final = (255, 0, 0)
@@ -70,13 +71,13 @@ class PickScore:
         """Lowest intersection over union of the roles with picks."""
         return float(np.nanmin(self.total.role_iou))
 
-    def confusions(self, most: int = 5) -> list[tuple[str, str, float]]:
-        """Return the largest confusions: class, class it is taken for, share of its picks."""
+    def confusions(self) -> list[tuple[str, str, float]]:
+        """Return the largest confusions: class, taken class, share of its picks."""
         counts, names = self.total.counts, self.total.classes.names
         share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
         np.fill_diagonal(share, 0.0)
-        order = np.argsort(-share, axis=None, kind="stable")[:most]
-        pairs = [divmod(int(at), len(names)) for at in order]
+        largest = np.argsort(-share, axis=None, kind="stable")[:_CONFUSIONS]
+        pairs = zip(*np.unravel_index(largest, share.shape), strict=True)
         return [
             (names[true], names[taken], float(share[true, taken]))
             for true, taken in pairs

@@ -1,18 +1,16 @@
-"""Images of the twin with ground truth, and the split of scenes for training and testing."""
+"""Images of the twin with ground truth, and scenes for training and testing."""
 
 from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.ground_plane import CameraView, ground_depth
-from perception.depth.training.footage import LABEL_SIZE_PX, shrink
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.body import CONTROL_STEP_S, Motion
 from sim_bridge.twin.camera import CameraPose
@@ -21,8 +19,7 @@ from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.sensors import Sensors
-from sim_bridge.twin.views import render_views, sample_flight_poses
-from uav_bt.errors import ValueRangeError
+from sim_bridge.twin.views import View, render_views, sample_flight_poses
 from uav_bt.progress import Advance, silent
 from uav_bt.protocols import DepthEstimator, Segmenter
 from uav_bt.types import ClassMap, DepthMap, Frame
@@ -32,13 +29,12 @@ TRAINING_SCENES: Final = ("train-a", "train-b", "train-c", "train-d")
 VALIDATION_SCENES: Final = ("val-a", "val-b")  # for selection and tuning
 TESTING_SCENES: Final = ("test-a", "test-b")  # for reports, never for selection
 
+_FACING_MARK: Final = 0.25  # share of images that face the mark
+
 
 def scene_seed(seed: int, scene: Scene) -> int:
     """Return the seed of a scene's images, independent of other scenes in the plan."""
     return (seed << 32) + zlib.crc32(scene.name.encode())
-
-
-# --- class ids ------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,19 +45,8 @@ class ViewPlan:
     views: int = 60  # images per scene
     size_px: tuple[int, int] = (1152, 648)  # width and height, those of the teacher
     truth_size_px: tuple[int, int] | None = None  # size of the exact ids; None: as the images
-    profile: str = "lab"  # source of noise, blur and exposure error
-    facing_pad: float = 0.25  # share that faces the mark, which is rare with a random yaw
     lowered: float = 0.0  # share with a lowered camera, as near the ground's edge
     seed: int = 0
-
-    def __post_init__(self) -> None:
-        if not self.scenes or self.views < 1:
-            raise ValueRangeError(
-                f"images need a scene and a positive count, got {self.scenes}, {self.views}"
-            )
-        for name in ("facing_pad", "lowered"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise ValueRangeError(f"{name} must lie within 0 and 1, got {getattr(self, name)}")
 
 
 def twin_views(plan: ViewPlan) -> Iterator[tuple[str, Image, Image]]:
@@ -76,7 +61,7 @@ def twin_views(plan: ViewPlan) -> Iterator[tuple[str, Image, Image]]:
         generator = np.random.default_rng(seed)
         poses = [
             _towards(pose, scene.helipad.position_m, generator)
-            if generator.random() < plan.facing_pad and scene.helipad is not None
+            if generator.random() < _FACING_MARK and scene.helipad is not None
             else pose
             for pose in sample_flight_poses(scene, generator, plan.views, lowered=plan.lowered)
         ]
@@ -85,7 +70,7 @@ def twin_views(plan: ViewPlan) -> Iterator[tuple[str, Image, Image]]:
             poses,
             size_px=plan.size_px,
             truth_size_px=plan.truth_size_px,
-            profile=Profile.named(plan.profile),
+            profile=Profile.named("lab"),
             seed=seed,
         )
         for index, view in enumerate(views):
@@ -95,72 +80,14 @@ def twin_views(plan: ViewPlan) -> Iterator[tuple[str, Image, Image]]:
 def _towards(
     pose: CameraPose, target_m: tuple[float, float], generator: np.random.Generator
 ) -> CameraPose:
+    """Turn a drone about its centre towards a place, with an error of about 0.3 rad."""
     centre_x = pose.x_m - CAMERA_FORWARD_M * math.cos(pose.yaw_rad)
     centre_y = pose.y_m - CAMERA_FORWARD_M * math.sin(pose.yaw_rad)
     straight = math.atan2(target_m[1] - centre_y, target_m[0] - centre_x)
     yaw = straight + generator.normal(0.0, 0.3)
-    return replace(
-        pose,
-        x_m=centre_x + CAMERA_FORWARD_M * math.cos(yaw),
-        y_m=centre_y + CAMERA_FORWARD_M * math.sin(yaw),
-        yaw_rad=yaw,
-    )
-
-
-# --- depth ----------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, kw_only=True)
-class DepthViewPlan:
-    """Plan of images for the measurement of depth."""
-
-    scenes: tuple[str, ...] = VALIDATION_SCENES
-    views: int = 40  # images per scene
-    profile: str = "lab"  # source of noise, blur and exposure error
-    min_pitch_rad: float = -0.8  # steeper images are omitted: landings do not use depth
-    seed: int = 11
-
-    def poses(self, scene: Scene, seed: int) -> list[CameraPose]:
-        """Return the camera poses in a scene."""
-        drawn = sample_flight_poses(scene, np.random.default_rng(seed), 2 * self.views)
-        return [pose for pose in drawn if pose.pitch_rad >= self.min_pitch_rad][: self.views]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class DepthViews:
-    """Images with exact depth, ids and ground plane at the output size of the network."""
-
-    rgb: Image  # (N, 256, 320, 3)
-    depth_m: NDArray[np.float32]  # (N, 128, 160)
-    ids: Image  # (N, 128, 160)
-    ground_m: NDArray[np.float32]  # (N, 128, 160)
-
-
-def depth_views(plan: DepthViewPlan) -> DepthViews:
-    """Render the images of a plan; the same plan gives the same images."""
-    camera = anafi_camera(640, 360).resized(*LABEL_SIZE_PX)
-    images, depths, ids, grounds = [], [], [], []
-    for name in plan.scenes:
-        scene = load_scene(name)
-        seed = scene_seed(plan.seed, scene)
-        for view in render_views(
-            scene,
-            plan.poses(scene, seed),
-            truth_size_px=LABEL_SIZE_PX,
-            profile=Profile.named(plan.profile),
-            seed=seed,
-        ):
-            images.append(shrink(view.image))
-            depths.append(view.depth)
-            ids.append(view.ids)
-            level = CameraView(camera=camera, pitch_rad=view.pose.pitch_rad, height_m=view.pose.z_m)
-            grounds.append(ground_depth(level))
-    return DepthViews(
-        rgb=np.stack(images),
-        depth_m=np.stack(depths),
-        ids=np.stack(ids),
-        ground_m=np.stack(grounds).astype(np.float32),
-    )
+    x_m = centre_x + CAMERA_FORWARD_M * math.cos(yaw)
+    y_m = centre_y + CAMERA_FORWARD_M * math.sin(yaw)
+    return replace(pose, x_m=x_m, y_m=y_m, yaw_rad=yaw)
 
 
 # --- depth as in flight ---------------------------------------------------------------------------
@@ -175,8 +102,24 @@ Masks = Literal["unet", "exact"]
 MAP_SIZE_PX: Final = (224, 112)  # size of class maps, and so of metric depth in flight
 VIDEO: Final = anafi_camera(640, 360)
 
+_MIN_PITCH_RAD: Final = -0.8  # steeper images are omitted: landings do not use depth
 _APART_S: Final = 20.0  # between images: the altimeter's correlation time; no scale is kept
 _TILT_STD_RAD: Final = 0.035  # in flight: 0.34 m/s2 of acceleration, wind and movements
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthViewPlan:
+    """Plan of images for the measurement of depth."""
+
+    scenes: tuple[str, ...] = VALIDATION_SCENES
+    views: int = 40  # images per scene
+    profile: str = "lab"  # source of noise, blur and exposure error
+    seed: int = 11
+
+    def poses(self, scene: Scene, seed: int) -> list[CameraPose]:
+        """Return the camera poses in a scene."""
+        drawn = sample_flight_poses(scene, np.random.default_rng(seed), 2 * self.views)
+        return [pose for pose in drawn if pose.pitch_rad >= _MIN_PITCH_RAD][: self.views]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -204,13 +147,15 @@ def take_images(
     for name in plan.scenes:
         scene = load_scene(name)
         seed = scene_seed(plan.seed, scene)
-        poses = plan.poses(scene, seed)
         start_z_m = max((pad.size_m[2] for pad in scene.pads), default=0.0)
-        telemetry = _telemetry(profile, seed, start_z_m)
+        sensors = Sensors(profile, seed, start_z_m=start_z_m)
+        tilts = np.random.default_rng(child_seed(seed, 31))
+        poses = plan.poses(scene, seed)
         drawn = render_views(scene, poses, truth_size_px=MAP_SIZE_PX, profile=profile, seed=seed)
         for view in drawn:
             done += 1
-            frame = telemetry(view.pose, view.image, done)
+            roll, pitch = tilts.normal(0.0, _TILT_STD_RAD, 2).tolist()
+            frame = _frame(sensors, _motion(view.pose, roll, pitch), view, done)
             seen = segmenter.segment(frame)
             ids = np.ascontiguousarray(view.ids)
             exact = ClassMap(ids=ids, classes=seen.classes, captured_s=frame.captured_s)
@@ -224,40 +169,35 @@ def take_images(
             advance("images", done, total)
 
 
-def _telemetry(
-    profile: Profile, seed: int, start_z_m: float
-) -> Callable[[CameraPose, Image, int], Frame]:
-    """Return a function from pose, image and number to a frame, with one flight's sensors."""
-    sensors = Sensors(profile, seed, start_z_m=start_z_m)
-    tilts = np.random.default_rng(child_seed(seed, 31))
+def _motion(pose: CameraPose, roll_rad: float, pitch_rad: float) -> Motion:
+    """Return the state of a hovering, tilted body whose lens is at a pose."""
+    level_m = CAMERA_FORWARD_M * math.cos(pitch_rad)
+    return Motion(
+        x_m=pose.x_m - level_m * math.cos(pose.yaw_rad),
+        y_m=pose.y_m - level_m * math.sin(pose.yaw_rad),
+        z_m=pose.z_m - CAMERA_FORWARD_M * math.sin(pitch_rad),
+        vx_mps=0.0,
+        vy_mps=0.0,
+        vz_mps=0.0,
+        roll_rad=roll_rad,
+        pitch_rad=pitch_rad,
+        yaw_rad=pose.yaw_rad,
+        yaw_rate_radps=0.0,
+    )
 
-    def frame_of(pose: CameraPose, image: Image, number: int) -> Frame:
-        roll, pitch = (float(tilt) for tilt in tilts.normal(0.0, _TILT_STD_RAD, 2))
-        level_m = CAMERA_FORWARD_M * math.cos(pitch)
-        motion = Motion(
-            x_m=pose.x_m - level_m * math.cos(pose.yaw_rad),
-            y_m=pose.y_m - level_m * math.sin(pose.yaw_rad),
-            z_m=pose.z_m - CAMERA_FORWARD_M * math.sin(pitch),
-            vx_mps=0.0,
-            vy_mps=0.0,
-            vz_mps=0.0,
-            roll_rad=roll,
-            pitch_rad=pitch,
-            yaw_rad=pose.yaw_rad,
-            yaw_rate_radps=0.0,
-        )
-        for _ in range(round(_APART_S / CONTROL_STEP_S)):
-            estimate = sensors.estimate(motion, airborne=True)
-        sensed = sensors.telemetry(motion, estimate, surface_m=0.0)
-        return Frame(
-            image=image,
-            index=number,
-            captured_s=number * _APART_S,
-            gimbal_pitch_rad=pose.pitch_rad,
-            attitude=sensed.attitude,
-            altitude_m=sensed.altitude_m,
-            height_m=sensed.height_m,
-            height_above_ground_m=sensed.height_above_ground_m,
-        )
 
-    return frame_of
+def _frame(sensors: Sensors, motion: Motion, view: View, number: int) -> Frame:
+    """Return a view as a frame with the telemetry of `_APART_S` after the last one."""
+    for _ in range(round(_APART_S / CONTROL_STEP_S)):
+        estimate = sensors.estimate(motion, airborne=True)
+    sensed = sensors.telemetry(motion, estimate, surface_m=0.0)
+    return Frame(
+        image=view.image,
+        index=number,
+        captured_s=number * _APART_S,
+        gimbal_pitch_rad=view.pose.pitch_rad,
+        attitude=sensed.attitude,
+        altitude_m=sensed.altitude_m,
+        height_m=sensed.height_m,
+        height_above_ground_m=sensed.height_above_ground_m,
+    )

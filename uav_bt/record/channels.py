@@ -1,13 +1,9 @@
-"""The content of a record: the notes of a tick, and the channels.
-
-`docs/records.md` lists the channels. New channels and new fields keep the schema version; a
-change of an existing one raises it.
-"""
+"""The notes of a tick, and the channels of a record (docs/records.md)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +13,6 @@ from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Advice
 from uav_bt.record.values import dump, json_schema
-from uav_bt.tree.status import Status
 from uav_bt.types import (
     Attitude,
     Command,
@@ -32,16 +27,8 @@ from uav_bt.types import (
 )
 from uav_bt.types.site_map import SiteMapBase
 
-_STATUSES: Final = frozenset(Status.__members__)
 _MAX_TIME_S: Final = 1e9  # views count nanoseconds in 64 bits
 _SAME: Final = ("index", "time_s", "phase", "active", "compute_s")  # of a tick and its note
-_OVERRIDES: Final = frozenset({None, *(override.value for override in Override)})
-
-
-def _check_statuses(*statuses: str) -> None:
-    unknown = set(statuses) - _STATUSES
-    if unknown:
-        raise ValueRangeError(f"unknown node status '{min(unknown):.40}'")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,13 +42,12 @@ class TickNote:
     active: tuple[str, ...] = ()  # names from the root to the deepest running node
     word: str = ""  # feedback of the deepest running node
     compute_s: float = 0.0  # wall time of the tree, networks included
-    frame_index: int | None = None  # index of the newest frame; None before the first
+    frame_index: int | None = None  # of the newest frame
     slow_leaves: tuple[str, ...] = ()  # leaves that exceeded their time budget
 
     def __post_init__(self) -> None:
         if not (abs(self.time_s) < _MAX_TIME_S and self.index >= 0):
             raise ValueRangeError(f"tick {self.index} at {self.time_s} s is none")
-        _check_statuses(self.tree_status)
 
     @classmethod
     def of(cls, record: TickRecord) -> TickNote:
@@ -78,18 +64,14 @@ class TickNote:
 
 @dataclass(frozen=True, kw_only=True)
 class CommandNote:
-    """Proposal of the leaves, decision of the arbiter and command sent, in one tick."""
+    """What was proposed, decided and sent in one tick."""
 
     proposed: Movement | None = None
     proposed_by: str | None = None  # the leaf's path
     proposed_gimbal: GimbalTo | None = None
     decided: Command
     sent: Command  # command after the drone's limits
-    override: str | None = None  # the safety rule that replaced the proposal
-
-    def __post_init__(self) -> None:
-        if self.override not in _OVERRIDES:
-            raise ValueRangeError(f"unknown safety rule '{self.override:.40}'")
+    override: Override | None = None  # the safety rule that replaced the proposal
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,25 +131,21 @@ class StatusNote:
 
     statuses: tuple[str, ...]
 
-    def __post_init__(self) -> None:
-        _check_statuses(*self.statuses)
 
+# Readers refuse any other version. New channels and fields keep it; a change raises it.
+SCHEMA_VERSION: Final = 3
 
-SCHEMA_VERSION: Final = 3  # version of the whole record; readers refuse any other
-
-# Names of the two metadata records, written at the start and at the end of the flight.
+# Names of the metadata at the start and at the end of the flight.
 START: Final = "uav_bt.flight"
 END: Final = "uav_bt.end"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Channel:
+class Channel(NamedTuple):
     """One channel."""
 
     topic: str
-    # A message type of Foxglove's (protobuf), a dataclass (JSON), or None: JSON of any shape.
+    # A message type of Foxglove's, a dataclass (JSON), or None: any JSON.
     content: str | type[Any] | None
-    image: bool = False  # large: omitted first when the disk is too slow
 
     @property
     def schema_name(self) -> str:
@@ -177,57 +155,46 @@ class Channel:
         name = "Board" if self.content is None else self.content.__name__
         return f"uav_bt.{name.removesuffix('Note')}"
 
-    @property
-    def encoding(self) -> str:
-        """Encoding of the messages."""
-        return "protobuf" if isinstance(self.content, str) else "json"
+    def schema(self) -> tuple[str, str, bytes]:
+        """Return the encodings of messages and schema, and the schema."""
+        if isinstance(self.content, str):
+            from foxglove import messages  # noqa: PLC0415 - an extra
+
+            schema = getattr(messages, self.content).get_schema()
+            return "protobuf", str(schema.encoding), bytes(schema.data)
+        if self.content is None:
+            return "json", "jsonschema", dump({"title": "Board", "type": "object"})
+        return "json", "jsonschema", json_schema(self.content)
 
 
-CAMERA_IMAGE: Final = Channel(topic="/camera/image", content="CompressedImage", image=True)
-CAMERA_FRAME: Final = Channel(topic="/camera/frame", content=FrameNote)
-CALIBRATION: Final = Channel(topic="/camera/calibration", content="CameraCalibration")
-CLASS_MAP: Final = Channel(topic="/perception/class_map", content="RawImage", image=True)
-RELATIVE_DEPTH: Final = Channel(topic="/perception/relative_depth", content="RawImage", image=True)
-METRIC_DEPTH: Final = Channel(topic="/perception/metric_depth", content="RawImage", image=True)
-CORRIDOR: Final = Channel(topic="/perception/corridor", content=Corridor)
-MARK: Final = Channel(topic="/perception/mark", content=MarkFix)
-# `near` of the site map, in every tick.
-NEAR: Final = Channel(topic="/perception/obstacles", content=NearObstacles)
-SITE_MAP: Final = Channel(topic="/perception/site_map", content=SiteMapNote)
-STATE: Final = Channel(topic="/drone/state", content=DroneState)
-POSE: Final = Channel(topic="/drone/pose", content="PoseInFrame")
-TRANSFORM: Final = Channel(topic="/tf", content="FrameTransform")
-TRUTH: Final = Channel(topic="/drone/truth", content=Truth)
-TICK: Final = Channel(topic="/mission/tick", content=TickNote)
-COMMANDS: Final = Channel(topic="/mission/commands", content=CommandNote)
-BOARD: Final = Channel(topic="/mission/board", content=None)
-ADVICE: Final = Channel(topic="/mission/advice", content=Advice)
-TREE: Final = Channel(topic="/tree/nodes", content=TreeNote)
-TREE_STATUS: Final = Channel(topic="/tree/status", content=StatusNote)
-LOG: Final = Channel(topic="/log", content="Log")
-TREE_LOG: Final = Channel(topic="/tree/log", content="Log")
-LAB: Final = Channel(topic="/scene/lab", content="SceneUpdate")
-PERCEIVED: Final = Channel(topic="/scene/perceived", content="SceneUpdate")
-
-CHANNELS: Final[dict[str, Channel]] = {
-    channel.topic: channel
-    for channel in (
-        *(CAMERA_IMAGE, CAMERA_FRAME, CALIBRATION),
-        *(CLASS_MAP, RELATIVE_DEPTH, METRIC_DEPTH, CORRIDOR, MARK, NEAR, SITE_MAP),
-        *(STATE, POSE, TRANSFORM, TRUTH),
-        *(TICK, COMMANDS, BOARD, ADVICE, TREE, TREE_STATUS, LOG),
-        *(TREE_LOG, LAB, PERCEIVED),
-    )
-}
+CHANNELS: Final[dict[str, Channel]] = {}
 
 
-def schema_of(channel: Channel) -> tuple[str, bytes]:
-    """Return a channel's schema: its encoding and its bytes."""
-    if isinstance(channel.content, str):
-        from foxglove import messages  # noqa: PLC0415 - an extra
+def _channel(topic: str, content: str | type[Any] | None) -> Channel:
+    CHANNELS[topic] = Channel(topic, content)
+    return CHANNELS[topic]
 
-        schema = getattr(messages, channel.content).get_schema()
-        return str(schema.encoding), bytes(schema.data)
-    if channel.content is None:
-        return "jsonschema", dump({"title": "Board", "type": "object"})
-    return "jsonschema", json_schema(channel.content)
+
+CAMERA_IMAGE: Final = _channel("/camera/image", "CompressedImage")
+CAMERA_FRAME: Final = _channel("/camera/frame", FrameNote)
+CALIBRATION: Final = _channel("/camera/calibration", "CameraCalibration")
+CLASS_MAP: Final = _channel("/perception/class_map", "RawImage")
+RELATIVE_DEPTH: Final = _channel("/perception/relative_depth", "RawImage")
+METRIC_DEPTH: Final = _channel("/perception/metric_depth", "RawImage")
+CORRIDOR: Final = _channel("/perception/corridor", Corridor)
+MARK: Final = _channel("/perception/mark", MarkFix)
+NEAR: Final = _channel("/perception/obstacles", NearObstacles)  # `near` of the site map
+SITE_MAP: Final = _channel("/perception/site_map", SiteMapNote)
+STATE: Final = _channel("/drone/state", DroneState)
+TRANSFORM: Final = _channel("/tf", "FrameTransform")
+TRUTH: Final = _channel("/drone/truth", Truth)
+TICK: Final = _channel("/mission/tick", TickNote)
+COMMANDS: Final = _channel("/mission/commands", CommandNote)
+BOARD: Final = _channel("/mission/board", None)
+ADVICE: Final = _channel("/mission/advice", Advice)
+TREE: Final = _channel("/tree/nodes", TreeNote)
+TREE_STATUS: Final = _channel("/tree/status", StatusNote)
+LOG: Final = _channel("/log", "Log")
+TREE_LOG: Final = _channel("/tree/log", "Log")
+LAB: Final = _channel("/scene/lab", "SceneUpdate")
+PERCEIVED: Final = _channel("/scene/perceived", "SceneUpdate")

@@ -11,16 +11,14 @@ from uav_bt import board as keys
 from uav_bt.board.blackboard import Key
 from uav_bt.board.plain_values import plain
 from uav_bt.mission.tick import TickRecord
-from uav_bt.record import channels, messages, scenes
+from uav_bt.record import Quality, channels, messages
 from uav_bt.record.channels import Channel, CommandNote, FrameNote, StatusNote, TickNote
-from uav_bt.record.config import Quality
 from uav_bt.record.images import millimetres
 from uav_bt.record.record_file import Timeline
 from uav_bt.record.site_maps import note_of
-from uav_bt.record.values import dump, encode, finite
-from uav_bt.record.worker import Encoded
+from uav_bt.record.values import dump, encode
 from uav_bt.tree.status import Status
-from uav_bt.types import CameraModel, ClassMap, DepthMap, GimbalTo, Movement, NearObstacles
+from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame, NearObstacles
 
 T = TypeVar("T")
 
@@ -37,8 +35,7 @@ _MAPS: Final = {
     keys.RELATIVE_DEPTH.name: channels.RELATIVE_DEPTH,
     keys.METRIC_DEPTH.name: channels.METRIC_DEPTH,
 }
-# Written completely to separate channels, recent views as the frames of their ticks; of all others
-# the board's message has capture times.
+# Written completely to separate channels; of all others the board's message has the times.
 _ELSEWHERE: Final = frozenset(
     key.name for key in (keys.FRAME, keys.STATE, keys.CAMERA, keys.RECENT_VIEWS, keys.ADVICE)
 )
@@ -49,9 +46,11 @@ _LEFT_OUT: Final[dict[Quality, tuple[Channel, ...]]] = {
     "small": tuple(_MAPS.values()),
 }
 
-
 LogLine = tuple[str, str, str]
 """Level ("Info", "Warning" or "Error"), message, and name of the logger."""
+
+Message = tuple[Channel, bytes | None]
+"""An omitted message has no data."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,8 +58,7 @@ class RawMoment:
     """The data of a tick, immutable, as the flight hands it over."""
 
     tick: TickRecord
-    proposed: Movement | None
-    proposed_gimbal: GimbalTo | None
+    commands: CommandNote
     board: dict[str, tuple[Any, float]]  # value and capture time by key
     statuses: tuple[Status, ...]  # statuses of all nodes
     log: tuple[LogLine, ...] = ()
@@ -73,49 +71,61 @@ class MomentEncoder:
         self._timeline = timeline
         self._camera = camera
         self._quality = quality
-        self._frame_index: int | None = None
-        self._last: dict[str, Any] = {}  # the board values written last
+        self._last: dict[str, Any] = {}  # the values written last
         self._statuses: tuple[Status, ...] | None = None
+        self._near: NearObstacles | None = None
+        self._frame_index: int | None = None
+        self._words = ""
         self._map_s = -math.inf  # time of the last site map
-        self._near: NearObstacles | None = None  # the value written last
-        self._words = ""  # the active leaf and its reason, written last
 
-    def encode(self, moment: RawMoment, images: bool) -> Iterator[Encoded]:  # noqa: FBT001 - called by the worker
-        """Yield a moment's messages; without `images` their channels are named without data."""
+    def encode(self, moment: RawMoment, *, images: bool) -> Iterator[Message]:
+        """Yield a moment's messages; without `images` those have no data."""
         now_ns = self._timeline.at(moment.tick.time_s)
-
-        def message(channel: Channel, data: bytes | None) -> Encoded:
-            return Encoded(channel=channel, time_ns=now_ns, data=data)
-
-        yield message(channels.TICK, dump(encode(TickNote.of(moment.tick))))
-        yield message(channels.COMMANDS, dump(encode(_commands(moment))))
-        yield message(channels.STATE, dump(encode(moment.tick.observation.state)))
-        if moment.statuses != self._statuses:
-            self._statuses = moment.statuses
-            statuses = StatusNote(statuses=tuple(status.name for status in moment.statuses))
-            yield message(channels.TREE_STATUS, dump(encode(statuses)))
+        for channel, value in self._values(moment):
+            yield channel, dump(encode(value))
         words = _words(moment.tick)
         if words != self._words:
             self._words = words
-            yield message(channels.TREE_LOG, messages.log_line("Info", words, "tree", now_ns))
-        for channel, data in self._truth(moment, now_ns):
-            yield message(channel, data)
+            yield channels.TREE_LOG, messages.log_line("Info", words, "tree", now_ns)
+        for line in moment.log:
+            yield channels.LOG, messages.log_line(*line, now_ns)
+        yield from self._drawn(moment, now_ns)
+        frame = moment.tick.observation.frame
+        if frame is not None and frame.index != self._frame_index:
+            self._frame_index = frame.index
+            yield channels.CAMERA_FRAME, dump(encode(FrameNote.of(frame)))
+            yield channels.CAMERA_IMAGE, self._image(frame) if images else None
+        for name, channel in _MAPS.items():
+            if self._is_new(name, moment) and channel not in _LEFT_OUT[self._quality]:
+                yield channel, self._image(moment.board[name][0]) if images else None
+
+    def _values(self, moment: RawMoment) -> Iterator[tuple[Channel, object]]:
+        tick, site_map = moment.tick, keys.SITE_MAP.name
+        yield channels.TICK, TickNote.of(tick)
+        yield channels.COMMANDS, moment.commands
+        yield channels.STATE, tick.observation.state
+        if moment.statuses != self._statuses:
+            self._statuses = moment.statuses
+            names = tuple(status.name for status in moment.statuses)
+            yield channels.TREE_STATUS, StatusNote(statuses=names)
+        if tick.truth is not None:
+            yield channels.TRUTH, tick.truth
         board = {
-            name: {"value": finite(plain(value)), "captured_s": finite(captured_s)}
+            name: {"value": plain(value), "captured_s": captured_s}
             for name, (value, captured_s) in moment.board.items()
             if name not in _ELSEWHERE
         }
-        yield message(channels.BOARD, dump(board))
-        for line in moment.log:
-            yield message(channels.LOG, messages.log_line(*line, now_ns))
-        for channel, value in self._values(moment):
-            yield message(channel, dump(encode(value)))
-        for channel, image in self._frame(moment.tick, images=images):
-            yield message(channel, image)
-        for name, channel in _MAPS.items():
-            if self._is_new(name, moment) and channel not in _LEFT_OUT[self._quality]:
-                value = moment.board[name][0]
-                yield message(channel, self._map(value) if images else None)
+        yield channels.BOARD, board
+        for name, channel in _VALUES.items():
+            if self._is_new(name, moment):
+                yield channel, moment.board[name][0]
+        value, _ = moment.board.get(site_map, (None, 0.0))
+        if value is not None and value.near is not self._near:
+            self._near = value.near
+            yield channels.NEAR, value.near
+        if tick.time_s - self._map_s >= _MAP_S - _SLACK_S and self._is_new(site_map, moment):
+            self._map_s = tick.time_s
+            yield channels.SITE_MAP, note_of(value)
 
     def _is_new(self, name: str, moment: RawMoment) -> bool:
         value, _ = moment.board.get(name, (None, 0.0))
@@ -124,61 +134,27 @@ class MomentEncoder:
         self._last[name] = value
         return True
 
-    def _values(self, moment: RawMoment) -> Iterator[tuple[Channel, object]]:
-        for name, channel in _VALUES.items():
-            if self._is_new(name, moment):
-                yield channel, moment.board[name][0]
-        time_s, site_map = moment.tick.time_s, keys.SITE_MAP.name
-        value, _ = moment.board.get(site_map, (None, 0.0))
-        if value is not None and value.near is not self._near:
-            self._near = value.near
-            yield channels.NEAR, value.near
-        if time_s - self._map_s >= _MAP_S - _SLACK_S and self._is_new(site_map, moment):
-            self._map_s = time_s
-            yield channels.SITE_MAP, note_of(moment.board[site_map][0])
-
-    def _truth(self, moment: RawMoment, now_ns: int) -> Iterator[tuple[Channel, bytes]]:
+    def _drawn(self, moment: RawMoment, now_ns: int) -> Iterator[Message]:
+        """Yield what only viewers read: poses and scenes."""
         truth, state = moment.tick.truth, moment.tick.observation.state
         if truth is None:
             return
-        yield channels.TRUTH, dump(encode(truth))
-        yield channels.POSE, messages.pose(truth.pose, state.attitude, now_ns)
         for transform in messages.transforms(
             truth.pose, state.attitude, state.gimbal_pitch_rad, self._camera, now_ns
         ):
             yield channels.TRANSFORM, transform
         corridor, fix = _fresh(moment, keys.CORRIDOR), _fresh(moment, keys.MARK)
         if corridor is not None or fix is not None:
-            scene = scenes.perceived_scene(truth.pose, corridor, fix, now_ns)
+            scene = messages.perceived_scene(truth.pose, corridor, fix, now_ns)
             yield channels.PERCEIVED, scene
 
-    def _frame(self, tick: TickRecord, *, images: bool) -> Iterator[tuple[Channel, bytes | None]]:
-        frame = tick.observation.frame
-        if frame is None or frame.index == self._frame_index:
-            return
-        self._frame_index = frame.index
-        yield channels.CAMERA_FRAME, dump(encode(FrameNote.of(frame)))
-        captured_ns = self._timeline.at(frame.captured_s)
-        image = messages.camera_image(frame.image, captured_ns, self._quality) if images else None
-        yield channels.CAMERA_IMAGE, image
-
-    def _map(self, value: ClassMap | DepthMap) -> bytes:
+    def _image(self, value: Frame | ClassMap | DepthMap) -> bytes:
         captured_ns = self._timeline.at(value.captured_s)
+        if isinstance(value, Frame):
+            return messages.camera_image(value.image, captured_ns, self._quality)
         if isinstance(value, ClassMap):
             return messages.raw(value.ids, captured_ns)
         return messages.raw(millimetres(value.depth) if value.metric else value.depth, captured_ns)
-
-
-def _commands(moment: RawMoment) -> CommandNote:
-    tick = moment.tick
-    return CommandNote(
-        proposed=moment.proposed,
-        proposed_by=tick.proposed_by,
-        proposed_gimbal=moment.proposed_gimbal,
-        decided=tick.decided or tick.command,
-        sent=tick.command,
-        override=None if tick.override is None else tick.override.value,
-    )
 
 
 def _words(tick: TickRecord) -> str:

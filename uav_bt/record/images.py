@@ -1,8 +1,7 @@
 """Frames, class maps and depth maps as images in standard formats, and back.
 
-`foxglove-sdk` writes protobuf messages but cannot read them, and other packages pin the version of
-Python's protobuf. Therefore this module reads the few fields that are needed (protobuf.dev,
-"Encoding").
+`foxglove-sdk` cannot read protobuf messages, and other packages pin the version of Python's
+protobuf. Therefore this module reads the few fields that are needed.
 """
 
 from __future__ import annotations
@@ -14,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.errors import InputError
-from uav_bt.record.config import Quality
+from uav_bt.record import Quality
 
-# Measured on noisy 640x360 frames of the twin: 11 ms and 406 kB; libpng's default, which tries
-# every filter on every row, takes 21 ms for 402 kB. JPEG at 90 takes 3 ms and 49 kB.
+# On noisy 640x360 frames: 11 ms and 406 kB; libpng's default takes 21 ms for 402 kB.
 _HUFFMAN_ONLY: Final = 2
 _HAS_FILTER: Final = hasattr(cv2, "IMWRITE_PNG_FILTER")  # not before OpenCV 4.12
 _PNG: Final = [
@@ -28,25 +26,22 @@ _JPEG: Final = [cv2.IMWRITE_JPEG_QUALITY, 90]
 _SMALL_WIDTH_PX: Final = 320
 
 # foxglove.RawImage's names of our pixel types.
-_DTYPES: Final[dict[str, np.dtype[Any]]] = {
-    name: np.dtype(kind) for name, kind in (("mono8", "<u1"), ("16UC1", "<u2"), ("32FC1", "<f4"))
-}
-_MAX_PIXELS: Final = 50_000_000  # twice a photograph's; a PNG of a few kilobytes can have billions
+ENCODINGS: Final = {"uint8": "mono8", "uint16": "16UC1", "float32": "32FC1"}
+_DTYPES: Final = {"mono8": "<u1", "16UC1": "<u2", "32FC1": "<f4"}
+_MAX_PIXELS: Final = 50_000_000  # twice a photograph's; a small PNG can have billions
 _PNG_HEAD: Final = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR"
 _JPEG_FRAMES: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # markers with a size
 _MAX_MM: Final = 65_535
 # Field numbers of foxglove.CompressedImage and foxglove.RawImage.
 _COMPRESSED_DATA: Final = 2
 _WIDTH, _HEIGHT, _ENCODING, _DATA = 2, 3, 4, 6
-_VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5  # protobuf's wire types
+_VARINT, _BYTES = 0, 2  # protobuf's wire types
+_FIXED_BYTES: Final = {1: 8, 5: 4}  # bytes of a number by wire type
 _MAX_VARINT_BYTES: Final = 10  # 64 bits in groups of seven
 
 
 def encode_image(image: NDArray[np.uint8], quality: Quality) -> tuple[bytes, str]:
-    """Return an image, (H, W, 3) RGB, as a file's bytes, and Foxglove's name of the format.
-
-    "lossless" is PNG; "high" is JPEG at 90; "small" is JPEG at 90, at most 320 pixels wide.
-    """
+    """Return an image, (H, W, 3) RGB, as a file's bytes, and Foxglove's name of the format."""
     if quality == "small" and image.shape[1] > _SMALL_WIDTH_PX:
         height_px = max(1, round(image.shape[0] * _SMALL_WIDTH_PX / image.shape[1]))
         small = cv2.resize(image, (_SMALL_WIDTH_PX, height_px), interpolation=cv2.INTER_AREA)
@@ -59,7 +54,7 @@ def encode_image(image: NDArray[np.uint8], quality: Quality) -> tuple[bytes, str
 
 
 def decode_image(data: bytes | memoryview) -> NDArray[np.uint8]:
-    """Return the image of a PNG or JPEG, (H, W, 3) RGB; InputError if it is none, or too large."""
+    """Return the image of a PNG or JPEG, (H, W, 3) RGB; InputError if it is none."""
     return np.ascontiguousarray(_decoded(data, cv2.IMREAD_COLOR)[..., ::-1])
 
 
@@ -84,7 +79,7 @@ def _decoded(data: bytes | memoryview, how: int) -> NDArray[np.uint8]:
 
 
 def image_size(data: bytes | memoryview) -> tuple[int, int]:
-    """Return width and height from the header of a PNG or JPEG, px; InputError if it is neither."""
+    """Return width and height of a PNG or JPEG, px; InputError if it is neither."""
     view = memoryview(data)
     if bytes(view[:16]).startswith(_PNG_HEAD) and len(view) > 24:
         return int.from_bytes(view[16:20]), int.from_bytes(view[20:24])
@@ -98,70 +93,60 @@ def image_size(data: bytes | memoryview) -> tuple[int, int]:
 
 
 def image_bytes(message: bytes) -> bytes:
-    """Return the image file in a foxglove.CompressedImage; InputError without one."""
-    data = fields(message).get(_COMPRESSED_DATA)
-    if not isinstance(data, memoryview):
+    """Return the image file in a foxglove.CompressedImage."""
+    _, contents = fields(message)
+    if _COMPRESSED_DATA not in contents:
         raise InputError("expected a foxglove.CompressedImage with data, got none")
-    return bytes(data)
-
-
-def encoding_of(array: NDArray[np.generic]) -> str:
-    """Return foxglove.RawImage's name of the pixel type of (H, W) uint8, uint16 or float32."""
-    names = [name for name, dtype in _DTYPES.items() if dtype == array.dtype]
-    if not names or array.ndim != 2:
-        raise InputError(
-            f"expected a HxW image of uint8, uint16 or float32, got {array.dtype} {array.shape}"
-        )
-    return names[0]
+    return bytes(contents[_COMPRESSED_DATA])
 
 
 def raw_image(message: bytes) -> NDArray[Any]:
-    """Return the pixels of a foxglove.RawImage, (H, W); InputError for types records lack."""
-    found = fields(message)
-    data, encoding = found.get(_DATA), found.get(_ENCODING)
-    width, height = found.get(_WIDTH), found.get(_HEIGHT)
-    name = bytes(encoding).decode(errors="replace") if isinstance(encoding, memoryview) else ""
-    if name not in _DTYPES or not isinstance(data, memoryview):
-        raise InputError(f"expected a foxglove.RawImage as records have it, got one of '{name}'")
-    pixels = np.frombuffer(data, dtype=_DTYPES[name])
-    if not isinstance(width, int) or not isinstance(height, int) or pixels.size != width * height:
-        raise InputError(f"a foxglove.RawImage of {width}x{height} has {pixels.size} pixels")
-    return pixels.reshape(height, width).copy()
+    """Return the pixels of a foxglove.RawImage, (H, W)."""
+    numbers, contents = fields(message)
+    try:
+        dtype = _DTYPES[bytes(contents[_ENCODING]).decode()]
+        pixels = np.frombuffer(contents[_DATA], dtype=dtype)
+        return pixels.reshape(numbers[_HEIGHT], numbers[_WIDTH]).copy()
+    except (LookupError, ValueError) as error:
+        raise InputError(f"expected a foxglove.RawImage as records have it: {error}") from error
 
 
 def millimetres(depth_m: NDArray[np.float32]) -> NDArray[np.uint16]:
-    """Return metres, (H, W), as whole millimetres: at most 65.535 m; 0 where not finite."""
+    """Return metres as whole millimetres: at most 65.535 m; 0 where not finite."""
     with np.errstate(invalid="ignore"):
         mm = np.clip(np.rint(depth_m * 1000.0), 0, _MAX_MM)
     return np.where(np.isfinite(depth_m), mm, 0).astype(np.uint16)
 
 
-def fields(message: bytes) -> dict[int, int | memoryview]:
-    """Return a protobuf message's fields by number; of a repeated field the last.
+def fields(message: bytes) -> tuple[dict[int, int], dict[int, memoryview]]:
+    """Return a protobuf message's numbers and contents by field; of repeated ones the last.
 
-    Texts, bytes and inner messages are views on the message; numbers are unsigned integers.
     InputError if it is no message.
     """
-    found: dict[int, int | memoryview] = {}
+    numbers: dict[int, int] = {}
+    contents: dict[int, memoryview] = {}
     view, at = memoryview(message), 0
     while at < len(view):
         tag, at = _varint(view, at)
         number, kind = tag >> 3, tag & 7
         if kind == _VARINT:
-            found[number], at = _varint(view, at)
+            numbers[number], at = _varint(view, at)
             continue
         if kind == _BYTES:
             size, at = _varint(view, at)
-        elif kind in (_FIXED64, _FIXED32):
-            size = 8 if kind == _FIXED64 else 4
+        elif kind in _FIXED_BYTES:
+            size = _FIXED_BYTES[kind]
         else:
             raise InputError(f"expected a protobuf message, got a field of wire type {kind}")
         content = view[at : at + size]
         if len(content) < size:
             raise InputError(f"a protobuf field of {size} bytes is cut after {len(content)}")
-        found[number] = content if kind == _BYTES else int.from_bytes(content, "little")
+        if kind == _BYTES:
+            contents[number] = content
+        else:
+            numbers[number] = int.from_bytes(content, "little")
         at += size
-    return found
+    return numbers, contents
 
 
 def _varint(view: memoryview, at: int) -> tuple[int, int]:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from uav_bt.errors import FileError, InputError
 from uav_bt.files import parse_json
 from uav_bt.record import channels
 from uav_bt.record.channels import CHANNELS
@@ -46,17 +44,21 @@ class RecordInfo:
 
 def record_info(path: Path) -> RecordInfo:
     """Return the summary of a record; reads all of it to find every damage."""
-    reader, start_ns, last_ns = RecordReader(path), None, 0
+    reader = RecordReader(path)
     counts: Counter[str] = Counter()
     sizes: Counter[str] = Counter()
-    for message in reader.messages():
-        counts[message.topic] += 1
-        sizes[message.topic] += len(message.data)
-        start_ns = message.time_ns if start_ns is None else min(start_ns, message.time_ns)
-        last_ns = max(last_ns, message.time_ns)
-    dropped, lost_ticks = _losses(path, reader.end or {})
-    start_ns = reader.timeline.start_ns if start_ns is None else start_ns
-    duration_s = max(0.0, (last_ns - start_ns) / 1e9)
+    times_ns: list[int] = []
+    for topic, time_ns, data in reader.messages():
+        counts[topic] += 1
+        sizes[topic] += len(data)
+        times_ns.append(time_ns)
+    end = reader.end or {}
+    with reader.intact("the end"):
+        lost_ticks = int(end.get("lost_ticks", "0"))
+        left_out = parse_json(end.get("dropped", "{}"))
+        dropped = {topic: int(count) for topic, count in left_out.items()}
+    start_ns = min(times_ns, default=reader.timeline.start_ns)
+    duration_s = (max(times_ns, default=start_ns) - start_ns) / 1e9
     rows = tuple(
         ChannelInfo(
             topic=topic,
@@ -82,15 +84,3 @@ def record_info(path: Path) -> RecordInfo:
         lost_ticks=lost_ticks,
         damages=reader.damages,
     )
-
-
-def _losses(path: Path, end: Mapping[str, str]) -> tuple[dict[str, int], int]:
-    """Return the number of omitted messages by topic, and of lost ticks."""
-    try:
-        dropped, lost_ticks = parse_json(end.get("dropped", "{}")), int(end.get("lost_ticks", "0"))
-    except (InputError, ValueError) as error:
-        raise FileError(path, f"the record's end is damaged: {error}") from error
-    if not isinstance(dropped, dict) or not all(type(n) is int for n in dropped.values()):
-        got = f"{end['dropped']:.80}"
-        raise FileError(path, f"the record's end is damaged: expected numbers by topic, got {got}")
-    return dropped, lost_ticks

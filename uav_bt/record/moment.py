@@ -16,6 +16,7 @@ from uav_bt.record.channels import Channel, CommandNote, FrameNote, TickNote
 from uav_bt.record.images import decode_image, image_bytes, raw_image
 from uav_bt.record.site_maps import site_map_of
 from uav_bt.record.values import decode, decode_float
+from uav_bt.tree.status import Status
 from uav_bt.types import (
     ClassMap,
     Corridor,
@@ -66,7 +67,7 @@ class Moment:
 
 
 def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...], classes: LabClasses) -> Moment:
-    """Return the moment of a tick's messages by topic; InputError if one is damaged or missing.
+    """Return the moment of a tick's messages by topic.
 
     `statuses` are those of the nodes after the previous tick.
     """
@@ -76,28 +77,34 @@ def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...], classes: La
             return None
         return decode(channel.content, parse_json(found[channel.topic]))
 
-    tick, commands, state = (
-        value(channel) for channel in (channels.TICK, channels.COMMANDS, channels.STATE)
-    )
+    tick, commands, state = map(value, (channels.TICK, channels.COMMANDS, channels.STATE))
     if tick is None or commands is None or state is None:
         raise InputError("a tick of the record lacks its commands or its state")
     status, site_map = value(channels.TREE_STATUS), value(channels.SITE_MAP)
+    statuses = statuses if status is None else status.statuses
+    unknown = {tick.tree_status, *statuses} - Status.__members__.keys()
+    if unknown:
+        raise InputError(f"unknown node status '{min(unknown):.40}'")
     note, board = value(channels.CAMERA_FRAME), _board(found)
     image = found.get(channels.CAMERA_IMAGE.topic)
+    class_map = None
+    if channels.CLASS_MAP.topic in found:
+        ids = raw_image(found[channels.CLASS_MAP.topic])
+        class_map = ClassMap(ids=ids, classes=classes, captured_s=board["class_map"]["captured_s"])
     return Moment(
         tick=tick,
         commands=commands,
         state=state,
-        statuses=statuses if status is None else status.statuses,
+        statuses=statuses,
         board=board,
         frame=note and StoredFrame(note=note, image=None if image is None else image_bytes(image)),
-        class_map=_class_map(found, board, classes),
-        relative_depth=_depth(channels.RELATIVE_DEPTH, "relative_depth", found, board),
-        metric_depth=_depth(channels.METRIC_DEPTH, "metric_depth", found, board),
+        class_map=class_map,
+        relative_depth=_depth(found.get(channels.RELATIVE_DEPTH.topic), board, "relative_depth"),
+        metric_depth=_depth(found.get(channels.METRIC_DEPTH.topic), board, "metric_depth"),
         corridor=value(channels.CORRIDOR),
         mark=value(channels.MARK),
         near=value(channels.NEAR),
-        site_map=None if site_map is None else site_map_of(site_map, classes),
+        site_map=site_map and site_map_of(site_map, classes),
         truth=value(channels.TRUTH),
     )
 
@@ -105,46 +112,24 @@ def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...], classes: La
 def _board(found: Mapping[str, bytes]) -> dict[str, Any]:
     """Return the board's entries, each with value and capture time."""
     board = parse_json(found.get(channels.BOARD.topic, b"{}"))
-    if not isinstance(board, dict):
-        raise InputError(f"expected the board's keys, got {board!s:.80}")
-    for key, entry in board.items():
-        if not (isinstance(entry, dict) and "value" in entry):
-            raise InputError(f"expected value and captured_s of board key '{key:.40}'")
-        entry["captured_s"] = decode_float(entry.get("captured_s"))
-    return board
+    try:
+        return {
+            key: {"value": entry["value"], "captured_s": decode_float(entry["captured_s"])}
+            for key, entry in board.items()
+        }
+    except (AttributeError, LookupError, TypeError) as error:
+        raise InputError(f"expected the board's values and times, got {board!s:.80}") from error
 
 
-def _class_map(
-    found: Mapping[str, bytes], board: Mapping[str, Any], classes: LabClasses
-) -> ClassMap | None:
-    message = found.get(channels.CLASS_MAP.topic)
+def _depth(message: bytes | None, board: Mapping[str, Any], key: str) -> DepthMap | None:
     if message is None:
         return None
-    captured_s = _entry(board, "class_map")["captured_s"]
-    return ClassMap(ids=raw_image(message), classes=classes, captured_s=captured_s)
-
-
-def _depth(
-    channel: Channel, key: str, found: Mapping[str, bytes], board: Mapping[str, Any]
-) -> DepthMap | None:
-    message = found.get(channel.topic)
-    if message is None:
-        return None
-    pixels, entry = raw_image(message), _entry(board, key)
-    if not isinstance(entry["value"], dict):
-        raise InputError(f"expected a depth map's confidence, got {entry['value']!s:.80}")
+    pixels, entry = raw_image(message), board[key]
     metric = pixels.dtype == np.uint16
     depth = np.where(pixels > 0, pixels / np.float32(1000.0), np.nan) if metric else pixels
     return DepthMap(
         depth=depth.astype(np.float32),
         metric=metric,
         captured_s=entry["captured_s"],
-        confidence=decode_float(entry["value"].get("confidence")),
+        confidence=decode_float(entry["value"]["confidence"]),
     )
-
-
-def _entry(board: Mapping[str, Any], key: str) -> Mapping[str, Any]:
-    if key not in board:
-        raise InputError(f"a tick of the record has '{key}', its board does not")
-    entry: Mapping[str, Any] = board[key]
-    return entry

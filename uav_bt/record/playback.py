@@ -14,8 +14,6 @@ from typing import Any, Final
 from uav_bt import board as keys
 from uav_bt.board.blackboard import Blackboard, Key
 from uav_bt.clock import ManualClock
-from uav_bt.errors import BoardAccessError, FileError, InputError
-from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
 from uav_bt.record.moment import Moment
 from uav_bt.record.reader import RecordReader
@@ -57,20 +55,15 @@ class Playback:
     ) -> Iterator[TickRecord]:
         """Yield the ticks; the board has the values of a tick until the next one is requested.
 
-        `from_s` and `to_s` (not included) count from the record's start. FileError if the record
-        is damaged, although its checksums are right.
+        `from_s` and `to_s` (not included) count from the record's start.
         """
         for moment in self._reader.moments(from_s=from_s, to_s=to_s):
             self._clock.sleep_until(moment.tick.time_s)
             self._statuses = moment.statuses
-            try:
+            with self._reader.intact(f"tick {moment.tick.index}"):
                 if moment.frame is not None and moment.frame.image is not None:
                     self._frame = moment.frame.frame()
                 self._write_board(moment)
-            except (InputError, BoardAccessError) as error:
-                raise FileError(
-                    self._reader.path, f"tick {moment.tick.index} of the record is damaged: {error}"
-                ) from error
             yield self._tick(moment)
 
     def _tick(self, moment: Moment) -> TickRecord:
@@ -84,7 +77,7 @@ class Playback:
             active=note.active,
             command=commands.sent,
             proposed_by=commands.proposed_by,
-            override=None if commands.override is None else Override(commands.override),
+            override=commands.override,
             compute_s=note.compute_s,
             truth=moment.truth,
             feedback=note.word,

@@ -10,12 +10,12 @@ for item in footage(flight_record(Path("flight.mcap"))):  # for perception and t
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
-from uav_bt.errors import FileError, InputError
+from uav_bt.errors import BoardAccessError, FileError, InputError
 from uav_bt.files import parse_json
 from uav_bt.lab.classes import LabClass, LabClasses
 from uav_bt.plugins import need
@@ -32,20 +32,11 @@ _NS: Final = 1_000_000_000
 _NEEDED: Final = {channels.TICK.topic, channels.STATE.topic, channels.COMMANDS.topic}
 RECORD_SUFFIX: Final = ".mcap"
 
-_DECODED: Final[dict[str, type[Any]]] = {
+_FOOTAGE: Final[dict[str, type[Any]]] = {
     channels.ADVICE.topic: Advice,
     channels.CAMERA_FRAME.topic: FrameNote,
     channels.STATE.topic: DroneState,
 }
-
-
-@dataclass(frozen=True, kw_only=True)
-class StoredMessage:
-    """A message of the file, not decoded."""
-
-    topic: str
-    time_ns: int  # on the record's timeline
-    data: bytes
 
 
 class RecordReader:
@@ -71,116 +62,92 @@ class RecordReader:
 
     def __init__(self, path: str | Path) -> None:
         need("record", "a flight record")
-        from uav_bt.record.scan import RecordScan, is_finished  # noqa: PLC0415 - an extra
+        from uav_bt.record.scan import RecordScan  # noqa: PLC0415 - an extra
 
         self.path = path = Path(path)
         self.metadata: dict[str, str] = {}
         self.attachments: dict[str, Attachment] = {}
         self.tree = TreeNote(nodes=())
-        self.finished = is_finished(path)
         self.end: Mapping[str, str] | None = None
         self._scan = RecordScan(path)
-        try:
+        self.finished = self._scan.finished
+        with self.intact("the metadata"):
             self._read_beginning()
-        except InputError as error:
-            raise self._damaged("metadata", error) from error
-        self._check_version()
-        try:
+            self._check_version()
             self.timeline = Timeline(
                 start_ns=int(self.metadata["start_ns"]), start_s=float(self.metadata["start_s"])
             )
             self.camera = decode(CameraModel, parse_json(self.metadata["camera_model"]))
             stored = parse_json(self.metadata["classes"])
             self.classes = LabClasses(decode(LabClass, each) for each in stored)
-        except (KeyError, ValueError, OverflowError, InputError) as error:
-            raise self._damaged("metadata", error) from error
 
     @property
     def damages(self) -> tuple[str, ...]:
         """The damage that the last pass found, one line each."""
         return tuple(self._scan.damages)
 
+    @contextmanager
+    def intact(self, what: str) -> Iterator[None]:
+        """Raise errors of damaged content as FileError, which names file and part."""
+        try:
+            yield
+        except FileError:
+            raise
+        except (BoardAccessError, InputError) as error:
+            raise FileError(self.path, f"{what} of the record is damaged: {error}") from error
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            raise FileError(self.path, f"{what} of the record is damaged: {error!r}") from error
+
     def _read_beginning(self) -> None:
         from mcap.records import Attachment as Attached  # noqa: PLC0415 - an extra
         from mcap.records import Message, Metadata  # noqa: PLC0415
 
-        self._summary: Any = None
-        indexed: list[Any] = []
-        if self.finished:
-            self._summary, indexed = self._index()
-        all_of_it = self.finished and self._summary is None  # the end stands anywhere
-        first_ns, topics = None, dict[int, str]()
-        for record in chain(indexed, self._scan.records(None, topics)):
+        indexed = self._scan.indexed() if self.finished else []
+        all_of_it = self.finished and not indexed  # the end stands anywhere
+        first_ns = None
+        for topic, record in chain(((None, one) for one in indexed), self._scan):
             if isinstance(record, Metadata) and record.name == START:
                 self.metadata = dict(record.metadata)
             elif isinstance(record, Metadata) and record.name == END and self.finished:
                 self.end = dict(record.metadata)
             elif isinstance(record, Attached):
-                self.attachments[record.name] = Attachment(
-                    name=record.name, media_type=record.media_type, data=record.data
-                )
+                attached = Attachment(record.name, record.media_type, record.data)
+                self.attachments[record.name] = attached
             elif isinstance(record, Message):
                 first_ns = record.log_time if first_ns is None else first_ns
                 if record.log_time > first_ns and not all_of_it:
                     break  # the tree is among the first messages
-                if topics[record.channel_id] == channels.TREE.topic:
+                if topic == channels.TREE.topic:
                     self.tree = decode(TreeNote, parse_json(record.data))
-
-    def _index(self) -> tuple[Any, list[Any]]:
-        """Return the summary, and metadata and attachments, which may stand behind the messages."""
-        from mcap.reader import SeekingReader  # noqa: PLC0415 - an extra
-
-        with self.path.open("rb") as stream:
-            try:
-                reader = SeekingReader(stream, validate_crcs=True)
-                found = [*reader.iter_metadata(), *reader.iter_attachments()]
-                return reader.get_summary(), found
-            except Exception:  # noqa: BLE001 - a damaged index raises anything in the parser
-                return None, []
 
     def _check_version(self) -> None:
         if not self.metadata:
             raise FileError(self.path, "is an MCAP file, but no flight record of uav-bt")
         version = self.metadata.get("schema_version", "")
-        if not version.isdecimal():
-            raise FileError(self.path, f"the record's version is damaged: '{version}'")
-        if int(version) != SCHEMA_VERSION:
+        if version != str(SCHEMA_VERSION):
             raise FileError(
                 self.path,
                 f"has schema version {version}, this version of uav-bt reads {SCHEMA_VERSION}",
             )
 
     def messages(
-        self,
-        topics: Collection[str] | None = None,
-        *,
-        from_s: float | None = None,
-        to_s: float | None = None,
-    ) -> Iterator[StoredMessage]:
-        """Yield messages in the order of time; damaged parts are skipped.
+        self, topics: Collection[str] | None = None, *, to_s: float | None = None
+    ) -> Iterator[tuple[str, int, bytes]]:
+        """Yield topic, time and data of messages in the order of time; skip damaged parts.
 
         Args:
             topics: only these topics.
-            from_s: seconds since the record's start; earlier parts of a finished record are not
-                read.
             to_s: seconds since the record's start; not included.
 
         Raises:
             FileError: the record cannot be read.
         """
-        from mcap.records import Message  # noqa: PLC0415 - an extra
-
-        start_ns = 0 if from_s is None else self.timeline.start_ns + round(from_s * _NS)
-        end_ns = None if to_s is None else self.timeline.start_ns + round(to_s * _NS)
-        chunks: list[Any] | None = None
-        known: dict[int, str] = {}
-        if from_s is not None or to_s is not None:
-            chunks, known = self._chunks(topics, start_ns, end_ns)
+        end_ns = self._time_ns(to_s)
         last_ns = 0
-        for record in self._scan.records(chunks, known):
-            if not isinstance(record, Message):
+        for topic, record in self._scan:
+            if topic is None:
                 continue
-            topic, time_ns = known[record.channel_id], record.log_time
+            time_ns = record.log_time
             if time_ns < last_ns - _NS:  # a second: the writer holds back less
                 raise FileError(
                     self.path,
@@ -188,26 +155,13 @@ class RecordReader:
                     "them in order",
                 )
             last_ns = max(last_ns, time_ns)
-            if topics is not None and topic not in topics:
-                continue
-            if time_ns >= start_ns and (end_ns is None or time_ns < end_ns):
-                yield StoredMessage(topic=topic, time_ns=time_ns, data=record.data)
+            if end_ns is not None and time_ns >= end_ns + _NS:
+                return
+            if (topics is None or topic in topics) and (end_ns is None or time_ns < end_ns):
+                yield topic, time_ns, record.data
 
-    def _chunks(
-        self, topics: Collection[str] | None, start_ns: int, end_ns: int | None
-    ) -> tuple[list[Any] | None, dict[int, str]]:
-        """Return the chunks that may have such messages, and the topics of their channels."""
-        if self._summary is None or not self._summary.chunk_indexes:
-            return None, {}  # the whole file is read
-        known = {number: channel.topic for number, channel in self._summary.channels.items()}
-        chunks = [
-            chunk
-            for chunk in self._summary.chunk_indexes
-            if chunk.message_end_time >= start_ns
-            and (end_ns is None or chunk.message_start_time < end_ns)
-            and (topics is None or {known[one] for one in chunk.message_index_offsets} & {*topics})
-        ]
-        return chunks, known
+    def _time_ns(self, since_s: float | None) -> int | None:
+        return None if since_s is None else self.timeline.start_ns + round(since_s * _NS)
 
     def moments(
         self, *, from_s: float | None = None, to_s: float | None = None
@@ -221,48 +175,33 @@ class RecordReader:
         Raises:
             FileError: a message is damaged, although its checksum is right.
         """
-        # A tick's messages have one time; a tool that sorts by time may change their order.
-        found: dict[str, bytes] = {}
-        time_ns = None
-        statuses = self._statuses_before(from_s)
-        for message in self.messages(from_s=from_s, to_s=to_s):
-            again = message.topic == channels.TICK.topic and message.topic in found
-            if message.time_ns != time_ns or again:
-                if channels.TICK.topic in found:
-                    moment = self._moment(found, statuses)
+        begin_ns = self._time_ns(from_s) or 0
+        statuses = ("IDLE",) * len(self.tree.nodes)
+        for time_ns, found in self._ticks(to_s):
+            with self.intact("a tick"):
+                if time_ns >= begin_ns and channels.TICK.topic in found:
+                    moment = moment_of(found, statuses, self.classes)
                     statuses = moment.statuses
-                    yield moment
-                elif channels.TREE_STATUS.topic in found:  # the statuses at the start of a part
-                    statuses = self._statuses(found[channels.TREE_STATUS.topic])
-                found, time_ns = {}, message.time_ns
-            found[message.topic] = message.data
-        if found.keys() >= _NEEDED:
-            yield self._moment(found, statuses)
+                else:  # statuses are recorded when they change
+                    changed = found.get(channels.TREE_STATUS.topic)
+                    if changed is not None:
+                        statuses = decode(StatusNote, parse_json(changed)).statuses
+                    continue
+            yield moment
 
-    def _statuses_before(self, from_s: float | None) -> tuple[str, ...]:
-        """Return the statuses before a time; statuses are recorded when they change."""
-        last = None
-        if from_s is not None and from_s > 0.0:
-            for last in self.messages([channels.TREE_STATUS.topic], to_s=from_s):  # noqa: B007
-                pass
-        if last is None:
-            return ("IDLE",) * len(self.tree.nodes)
-        return self._statuses(last.data)
-
-    def _moment(self, found: Mapping[str, bytes], statuses: tuple[str, ...]) -> Moment:
-        try:
-            return moment_of(found, statuses, self.classes)
-        except (InputError, ArithmeticError, TypeError, ValueError) as error:
-            raise self._damaged("tick", error) from error
-
-    def _statuses(self, data: bytes) -> tuple[str, ...]:
-        try:
-            return decode(StatusNote, parse_json(data)).statuses
-        except InputError as error:
-            raise self._damaged("tick", error) from error
-
-    def _damaged(self, what: str, error: Exception) -> FileError:
-        return FileError(self.path, f"the record's {what} is damaged: {error}")
+    def _ticks(self, to_s: float | None) -> Iterator[tuple[int, dict[str, bytes]]]:
+        """Yield time and messages by topic of each tick, and of messages without one."""
+        # A tool that sorts by time may change the order of a tick's messages.
+        found: dict[str, bytes] = {}
+        last_ns = 0
+        for topic, time_ns, data in self.messages(to_s=to_s):
+            again = topic == channels.TICK.topic and topic in found
+            if found and (time_ns != last_ns or again):
+                yield last_ns, found
+                found = {}
+            last_ns, found[topic] = time_ns, data
+        if found.keys() >= _NEEDED:  # a file may be cut within its last tick
+            yield last_ns, found
 
 
 def flight_record(path: Path) -> RecordReader:
@@ -279,21 +218,19 @@ def footage(reader: RecordReader) -> Iterator[StoredFrame | DroneState | Advice]
     Images are decoded on access. FileError if the record is damaged.
     """
     note: FrameNote | None = None
-    try:
-        for message in reader.messages((*_DECODED, channels.CAMERA_IMAGE.topic)):
-            if message.topic != channels.CAMERA_IMAGE.topic:
-                found = decode(_DECODED[message.topic], parse_json(message.data))
-                if isinstance(found, FrameNote):
-                    note = found
-                else:
-                    yield found
-            elif note is not None:
-                yield StoredFrame(note=note, image=image_bytes(message.data))
+    for topic, _, data in reader.messages((*_FOOTAGE, channels.CAMERA_IMAGE.topic)):
+        with reader.intact("a message"):
+            if topic in _FOOTAGE:
+                found = decode(_FOOTAGE[topic], parse_json(data))
+            elif note is None:
+                continue
+            else:
+                found = StoredFrame(note=note, image=image_bytes(data))
                 note = None
-    except FileError:
-        raise
-    except InputError as error:
-        raise FileError(reader.path, f"a message of the record is damaged: {error}") from error
+        if isinstance(found, FrameNote):
+            note = found
+        else:
+            yield found
     if reader.damages:
         raise FileError(
             reader.path, f"is damaged ({reader.damages[0]}); `mcap recover` saves the intact part"

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import IO, Any, Final, NamedTuple
 
 from uav_bt import __version__
 from uav_bt.files import writing
 from uav_bt.plugins import need
-from uav_bt.record.channels import Channel, schema_of
+from uav_bt.record.channels import Channel
 
 _NS: Final = 1_000_000_000
-_CHUNK_BYTES: Final = 4 * 1024 * 1024  # `flush` closes chunks; this only bounds a burst's memory
+_CHUNK_BYTES: Final = 4 * 1024 * 1024  # `flush` closes chunks; this bounds memory
 
 
-@dataclass(frozen=True, kw_only=True)
-class Attachment:
+class Attachment(NamedTuple):
     """A file attached to a record."""
 
     name: str
@@ -28,7 +26,7 @@ class Attachment:
 
 @dataclass(frozen=True, kw_only=True)
 class Timeline:
-    """Converts mission seconds to times on a record's timeline, rounded to a nanosecond."""
+    """Converts mission seconds to times on a record's timeline."""
 
     start_ns: int  # wall clock, since 1970
     start_s: float  # the mission clock at that moment
@@ -54,17 +52,12 @@ class RecordFile:
         self._writer: Any = Writer(self._stream, chunk_size=_CHUNK_BYTES)
         self._channel_ids: dict[str, int] = {}
         self._schema_ids: dict[str, int] = {}
-        self._sequences: Counter[str] = Counter()
         self._writer.start(profile="", library=f"uav-bt/{__version__}")
 
     def write(self, channel: Channel, time_ns: int, data: bytes) -> None:
         """Add a message; OSError when the disk is full."""
         channel_id = self._channel_ids.get(channel.topic) or self._register(channel)
-        sequence = self._sequences[channel.topic]
-        self._sequences[channel.topic] += 1
-        self._writer.add_message(
-            channel_id, log_time=time_ns, data=data, publish_time=time_ns, sequence=sequence
-        )
+        self._writer.add_message(channel_id, log_time=time_ns, data=data, publish_time=time_ns)
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Add a metadata record."""
@@ -74,9 +67,7 @@ class RecordFile:
     def attach(self, attachment: Attachment, time_ns: int) -> None:
         """Add a file."""
         self._writer.flush()
-        self._writer.add_attachment(
-            time_ns, time_ns, attachment.name, attachment.media_type, attachment.data
-        )
+        self._writer.add_attachment(time_ns, time_ns, *attachment)
 
     def flush(self) -> None:
         """Close the chunk and hand everything to the system."""
@@ -92,16 +83,16 @@ class RecordFile:
         try:
             self._stream.close()
         except OSError:
-            # Closing flushes again, and the disk is still full. The loss has been reported.
+            # Closing flushes again, and the disk is still full.
             self._stream.close()
 
     def _register(self, channel: Channel) -> int:
+        encoding, schema_encoding, schema = channel.schema()
         name = channel.schema_name
         if name not in self._schema_ids:
-            encoding, data = schema_of(channel)
-            self._schema_ids[name] = self._writer.register_schema(name, encoding, data)
+            self._schema_ids[name] = self._writer.register_schema(name, schema_encoding, schema)
         channel_id: int = self._writer.register_channel(
-            channel.topic, channel.encoding, self._schema_ids[name]
+            channel.topic, encoding, self._schema_ids[name]
         )
         self._channel_ids[channel.topic] = channel_id
         return channel_id

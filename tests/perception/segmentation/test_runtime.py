@@ -12,6 +12,8 @@ from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation import runtime
 from perception.segmentation.runtime import OnnxSegmenter, RoomSegmenter, load_segmenter
 from perception.segmentation.teacher import load_teacher
+from sim_bridge.twin.scene_file import load_scene
+from sim_bridge.twin.views import render_views
 from tests.paper_lab import CLASSES
 from tests.perception.networks.small_networks import IMAGE, halves, save
 from tests.perception.segmentation.patterned import samples
@@ -20,7 +22,7 @@ from uav_bt.errors import AnswerError, FileError, ValueRangeError, WeightsError
 from uav_bt.lab.classes import GROUND, OBSTACLE, OUTSIDE
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.shipped import load_lab
-from uav_bt.learning.views import DepthViewPlan, depth_views
+from uav_bt.learning.views import DepthViewPlan
 from uav_bt.protocols import Segmenter
 
 ANY = SHIPPED_WEIGHTS / "any.onnx"
@@ -161,25 +163,27 @@ def test_a_network_of_a_lab_with_other_classes_is_refused() -> None:
 
 def test_ground_and_depth_of_a_room_without_labels_are_found() -> None:
     """Depth belongs to the frame and is in heights; roles become the first classes of the lab."""
-    depot = depth_views(DepthViewPlan(scenes=("depot-val-a",), views=6))
+    scene = load_scene("depot-val-a")
+    poses = DepthViewPlan(views=6).poses(scene, 11)
+    depot = list(render_views(scene, poses, truth_size_px=(160, 128)))
     classes = load_lab("depot").classes
     segmenter, alone = load_segmenter(ANY, classes), load_depth_estimator("any")
     assert segmenter.relative_depth is None
-    frame = values.frame(depot.rgb[0])
+    frame = values.frame(depot[0].image)
     np.testing.assert_array_equal(segmenter.estimate(frame).depth, alone.estimate(frame).depth)
     first = {classes.of_role(OUTSIDE)[0], classes.ground, classes.of_role(OBSTACLE)[0]}
     found = truth = both = 0
-    for index, (rgb, ids) in enumerate(zip(depot.rgb, depot.ids, strict=True)):
-        class_map = segmenter.segment(values.frame(rgb, captured_s=float(index)))
-        seen, exact = class_map.roles == GROUND, classes.roles(ids) == GROUND
+    for index, view in enumerate(depot):
+        class_map = segmenter.segment(values.frame(view.image, captured_s=float(index)))
+        seen, exact = class_map.roles == GROUND, classes.roles(view.ids) == GROUND
         ground = cv2.resize(exact.astype(np.uint8), segmenter.size_px, interpolation=0) > 0
         found, truth, both = found + seen.sum(), truth + ground.sum(), both + (seen & ground).sum()
         assert set(np.unique(class_map.ids).tolist()) <= first
         depth = segmenter.relative_depth
         assert (depth.captured_s, depth.metric, depth.in_heights) == (index, False, True)
-        np.testing.assert_array_equal(depth.depth, alone.depth(rgb))
-        predicted = cv2.resize(depth.depth, ids.shape[::-1], interpolation=cv2.INTER_LINEAR)
-        ratio = np.median(depot.depth_m[index][exact] / predicted[exact])
+        np.testing.assert_array_equal(depth.depth, alone.depth(view.image))
+        predicted = cv2.resize(depth.depth, view.ids.shape[::-1], interpolation=cv2.INTER_LINEAR)
+        ratio = np.median(view.depth[exact] / predicted[exact])
         assert 0.7 < ratio < 2.2, "the cameras are 0.9 to 1.7 m high"
     assert both / truth > 0.85
     assert both / found > 0.85

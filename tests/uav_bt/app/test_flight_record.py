@@ -84,7 +84,7 @@ def test_a_record_tells_what_was_flown_and_how_it_ended(noted: tuple[Path, Notes
     assert isinstance(moments[0].commands.sent.movement, TakeOff)
     assert moments[0].statuses == ("RUNNING", "RUNNING", "IDLE", "IDLE", "IDLE", "IDLE")
     assert moments[-1].statuses[0] == "SUCCESS"
-    times = [message.time_ns for message in reader.messages()]
+    times = [time_ns for _, time_ns, _ in reader.messages()]
     assert times == sorted(times)
     assert times[0] == reader.timeline.start_ns
     last_s = noted[1].ticks[-1].time_s
@@ -122,9 +122,8 @@ def test_what_the_flight_logs_is_in_the_record(
     handlers = list(logging.getLogger().handlers)
     record, _ = fly_noisy(tmp_path, monkeypatch, drone=Talking())
     assert logging.getLogger().handlers == handlers
-    lines = [message.data for message in RecordReader(record).messages([channels.LOG.topic])]
+    lines = [data for _, _, data in RecordReader(record).messages([channels.LOG.topic])]
     assert any(b"battery is at 42 %" in line for line in lines)
-    assert any(b"sent: TakeOff" in line for line in lines)
     assert any(b"phase: take-off" in line for line in lines)
 
 

@@ -8,19 +8,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.paper_lab import paper_map
+from tests.paper_lab import CLASSES, paper_map
 from tests.worlds import values
 from uav_bt.board import CLASS_MAP, CORRIDOR, ELAPSED, MARK, METRIC_DEPTH, MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.clock import ManualClock
-from uav_bt.display.flown_path import FlownPath, Shown
 from uav_bt.display.lab_map import LabMap, MapItem
+from uav_bt.display.shown import FlightFacts, FlownPath, Shown
+from uav_bt.mission.flight_log import FlightLog
 from uav_bt.mission.flight_report import FlightReport, Percentiles
 from uav_bt.mission.tick import TickRecord
 from uav_bt.testing import blank_frame, pinhole
-from uav_bt.tree import Status
 from uav_bt.types import (
-    HOVER,
     Attitude,
     BodyVelocity,
     DepthMap,
@@ -31,13 +30,28 @@ from uav_bt.types import (
     Pose,
     Truth,
 )
+from uav_bt.types.ground import Ground
 
 CAMERA = pinhole(64, 36)
+
+
+def item(x_m: float, y_m: float, size_m: tuple[float, float, float], **more: Any) -> MapItem:
+    half_x_m, half_y_m = size_m[0] / 2, size_m[1] / 2
+    return MapItem(
+        x_m=x_m, y_m=y_m, half_x_m=half_x_m, half_y_m=half_y_m, height_m=size_m[2], **more
+    )
+
+
 LAB = LabMap(
-    ground_size_m=(5.0, 4.0),
-    boxes=(MapItem(x_m=1.0, y_m=1.0, size_m=(0.4, 0.4, 1.9), colour=(200, 10, 20)),),
-    mark=MapItem(x_m=-1.5, y_m=-1.0, size_m=(0.5, 0.5, 0.4), colour=(255, 196, 0)),
+    ground=Ground(size_m=(5.0, 4.0)),
+    boxes=(item(1.0, 1.0, (0.4, 0.4, 1.9), colour=(200, 10, 20)),),
+    mark=item(-1.5, -1.0, (0.5, 0.5, 0.4), colour=(255, 196, 0)),
 )
+
+
+def facts(**changes: Any) -> FlightFacts:
+    told: dict[str, Any] = {"camera": CAMERA, "classes": CLASSES, "lab_map": LAB, "title": "tour"}
+    return FlightFacts(**{**told, **changes})
 
 
 class World:
@@ -87,24 +101,19 @@ class World:
             gimbal_pitch_rad=-0.5,
         )
         self.board.write(ELAPSED, time_s)
-        image = blank_frame(CAMERA, state) if frame else None
         told: dict[str, Any] = {
             "index": self.index,
-            "time_s": time_s,
-            "observation": Observation(frame=image, state=state),
-            "tree_status": Status.RUNNING,
             "phase": "explore",
             "active": ("mission", "Explore"),
-            "command": HOVER,
-            "proposed_by": None,
-            "override": None,
-            "compute_s": 0.001,
             "truth": None if pose is None else _truth(time_s, pose),
             "feedback": "clear",
+            **changes,
         }
         self.index += 1
         self.clock.advance(after_s)
-        return TickRecord(**{**told, **changes})
+        image = blank_frame(CAMERA, state) if frame else None
+        seen = Observation(frame=image, state=state)
+        return replace(values.tick(state, **told), observation=seen)
 
 
 def shown_of(world: World, record: TickRecord, *poses: Pose) -> Shown:
@@ -112,7 +121,7 @@ def shown_of(world: World, record: TickRecord, *poses: Pose) -> Shown:
     flown = FlownPath()
     for pose in poses:
         flown.add(replace(record, truth=_truth(record.time_s, pose)))
-    return Shown.of(record, flown, world.board)
+    return Shown(record, flown, world.board)
 
 
 def has(image: NDArray[np.uint8], colour: tuple[int, ...]) -> bool:
@@ -126,26 +135,19 @@ def _truth(time_s: float, pose: Pose) -> Truth:
 
 def flight_report(outcome: str = "success", reason: str = "landed") -> FlightReport:
     """Return the report of a flight, by default a successful one."""
-    return FlightReport(
+    return replace(
+        values.report(FlightLog(), outcome=outcome, reason=reason),
         scene="train-a",
         seed=3,
         tree="explore_and_land.xml",
-        policies={},
-        drone="twin",
-        profile="lab",
-        outcome=outcome,
-        reason=reason,
         duration_s=114.5,
         explore_distance_m=9.59,
         total_distance_m=12.96,
-        search_distance_m=0.4,
         time_to_find_mark_s=5.6,
-        time_to_land_s=None,
         landing_error_m=0.0235,
         min_clearance_m=0.734,
         coverage_passed=0.612,
         coverage_seen=0.839,
-        ticks=1146,
         tick_ms=Percentiles(p50=1.5, p99=10.6, max=20.0),
         perception_ms={"segmentation": Percentiles(p50=0.8, p99=6.7, max=9.0)},
     )

@@ -1,98 +1,89 @@
-"""Descriptions of flights, commands and fixes."""
+"""Descriptions of flights, commands, fixes and corridors."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from tests.uav_bt.display.display_world import flight_report
-from tests.worlds.values import corridor
-from uav_bt.display.phrases import (
-    describe_corridor,
-    describe_fix,
-    describe_flight,
-    describe_free,
-    describe_movement,
-    lands_on_mark,
-)
+from tests.worlds import values
+from uav_bt import types
+from uav_bt.display import phrases
 from uav_bt.lab.shipped import default_mark
-from uav_bt.types import (
-    CutMotors,
-    Hover,
-    Land,
-    MarkFix,
-    MoveBy,
-    Movement,
-    Release,
-    TakeOff,
-    Velocity,
-)
+
+WIDE = replace(default_mark(), length_m=1.2, width_m=1.6)  # half its diagonal is 1 m
 
 
 @pytest.mark.parametrize(
-    ("scene", "words"), [("val-a", "land_only in val-a, seed 3"), (None, "land_only with anafi")]
-)
-def test_a_flight_is_called_by_its_mission_and_its_place(scene: str | None, words: str) -> None:
-    assert describe_flight("land_only.xml", scene=scene, drone="anafi", seed=3) == words
-
-
-@pytest.mark.parametrize(
-    ("searched_s", "error_m", "on_it"),
-    [(5.6, 1.2, True), (None, 0.03, True), (None, 1.2, False), (None, None, False)],
-    ids=["beside the pad that it looked for", "down on the pad", "elsewhere", "still flying"],
+    ("searched_s", "error_m", "mark", "on_it"),
+    [
+        (5.6, 1.2, default_mark(), True),
+        (None, 0.03, default_mark(), True),
+        (None, 0.9, default_mark(), False),
+        (None, 0.9, WIDE, True),
+        (None, None, default_mark(), False),
+    ],
+    ids=["beside the pad that it looked for", "on it", "elsewhere", "on a wide one", "flying"],
 )
 def test_a_landing_is_held_against_the_mark_where_the_mission_is_about_it(
-    searched_s: float | None, error_m: float | None, *, on_it: bool
+    searched_s: float | None, error_m: float | None, mark: types.LandingMark, *, on_it: bool
 ) -> None:
     report = replace(flight_report(), time_to_find_mark_s=searched_s, landing_error_m=error_m)
-    assert lands_on_mark(report, default_mark()) == on_it
+    assert phrases.lands_on_mark(report, mark) == on_it
 
 
-def test_a_larger_mark_is_landed_on_further_from_its_middle() -> None:
-    """Half the diagonal of 1.2 x 1.6 m is 1 m."""
-    report = replace(flight_report(), time_to_find_mark_s=None, landing_error_m=0.9)
-    assert lands_on_mark(report, replace(default_mark(), length_m=1.2, width_m=1.6))
-    assert not lands_on_mark(report, default_mark())
+def flight(scene: str | None) -> str:
+    return phrases.describe_flight("land_only.xml", scene=scene, drone="anafi", seed=3)
+
+
+def fix(forward_m: float, right_m: float, *, detected: bool) -> types.MarkFix:
+    place = {"forward_m": forward_m, "right_m": right_m, "height_m": 0.4}
+    return types.MarkFix(captured_s=0.0, detected=detected, **place)
+
+
+BACK = types.Velocity(forward_mps=-0.4, right_mps=0.001, yaw_rate_radps=math.radians(20))
+BLOCKED = values.corridor(1.5, "left", nearest_m=0.62, impact_s=2.04)
 
 
 @pytest.mark.parametrize(
-    ("movement", "words"),
+    ("describe", "given", "words"),
     [
-        (TakeOff(), "take off"),
-        (Land(), "land"),
-        (Hover(), "hover"),
-        (CutMotors(), "cut the motors"),
-        (Release(), "released to the pilot"),
-        (MoveBy(id=1, forward_m=0.3, down_m=-0.1), "move 0.30 m forward, 0.10 m up"),
-        (MoveBy(id=2, yaw_rad=math.radians(-30)), "turn 30 deg left"),
-        (MoveBy(id=3), "hold"),
+        (flight, ["val-a"], "land_only in val-a, seed 3"),
+        (flight, [None], "land_only with anafi"),
+        (phrases.describe_movement, [types.TakeOff()], "take off"),
+        (phrases.describe_movement, [types.Land()], "land"),
+        (phrases.describe_movement, [types.Hover()], "hover"),
+        (phrases.describe_movement, [types.CutMotors()], "cut the motors"),
+        (phrases.describe_movement, [types.Release()], "released to the pilot"),
         (
-            Velocity(forward_mps=-0.4, right_mps=0.001, yaw_rate_radps=math.radians(20)),
-            "fly 0.40 m/s back, turn 20 deg/s right",
+            phrases.describe_movement,
+            [types.MoveBy(id=1, forward_m=0.3, down_m=-0.1)],
+            "move 0.30 m forward, 0.10 m up",
         ),
+        (
+            phrases.describe_movement,
+            [types.MoveBy(id=2, yaw_rad=math.radians(-30))],
+            "turn 30 deg left",
+        ),
+        (phrases.describe_movement, [types.MoveBy(id=3)], "hold"),
+        (phrases.describe_movement, [BACK], "fly 0.40 m/s back, turn 20 deg/s right"),
+        (phrases.describe_fix, [fix(1, -1, detected=True), 0.1], "1.41 m, 45 deg left, seen"),
+        (
+            phrases.describe_fix,
+            [fix(2, 0, detected=False), 1.26],
+            "2.00 m, 0 deg right, carried 1.3 s",
+        ),
+        (phrases.describe_fix, [None, math.inf], "none"),
+        (phrases.describe_fix, [None, 18.2], "none for 18 s"),
+        (phrases.describe_corridor, [values.corridor()], "corridor clear"),
+        (phrases.describe_corridor, [BLOCKED], "intrusion left, 0.62 m"),
+        (phrases.describe_free, [values.corridor()], "nothing ahead"),
+        (phrases.describe_free, [BLOCKED], "free 1.50 m ahead, impact in 2.0 s"),
     ],
 )
-def test_a_movement_in_words(movement: Movement, words: str) -> None:
-    assert describe_movement(movement) == words
-
-
-def test_a_fix_says_where_and_whether_it_is_seen() -> None:
-    seen = MarkFix(captured_s=0.0, forward_m=1.0, right_m=-1.0, height_m=0.4, detected=True)
-    carried = MarkFix(captured_s=0.0, forward_m=2.0, right_m=0.0, height_m=0.4, detected=False)
-    assert describe_fix(seen, 0.1) == "1.41 m, 45 deg left, seen"
-    assert describe_fix(carried, 1.26) == "2.00 m, 0 deg right, carried 1.3 s"
-
-
-def test_no_fix_says_for_how_long() -> None:
-    assert describe_fix(None, math.inf) == "none"
-    assert describe_fix(None, 18.2) == "none for 18 s"
-
-
-def test_a_corridor_says_what_intrudes_and_how_far_the_way_is_free() -> None:
-    clear = corridor()
-    assert (describe_corridor(clear), describe_free(clear)) == ("corridor clear", "nothing ahead")
-    blocked = replace(
-        clear, free_distance_m=1.5, nearest_m=0.62, nearest_side="left", time_to_impact_s=2.04
-    )
-    assert describe_corridor(blocked) == "intrusion left, 0.62 m"
-    assert describe_free(blocked) == "free 1.50 m ahead, impact in 2.0 s"
+def test_what_is_shown_has_words(
+    describe: Callable[..., str], given: list[Any], words: str
+) -> None:
+    assert describe(*given) == words

@@ -12,7 +12,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from perception.segmentation.training.picks import Pick, write_picks
 from uav_bt.lab.shipped import load_lab
-from uav_bt.learning.lab_material import LabFrame, LabMaterial
+from uav_bt.learning.lab_material import LabFrame, LabMaterial, Use
 
 LAB = """\
 version: 1
@@ -46,8 +46,8 @@ def draw_lab(folder: Path, *, train: int = 6, check: int = 2, keys: str = "") ->
         name, left = f"hall-{index:03d}.png", 40 + 12 * index
         rgb = COLOURS[exact_ids(left)] + rng.integers(0, 12, (HEIGHT, WIDTH, 3), dtype=np.uint8)
         cv2.imwrite(str(material.frames / name), rgb[..., ::-1])
-        use = "train" if index < train else "check"
-        frames.append(LabFrame(image=name, source="x.mp4", time_s=0.0, sharpness=1.0, use=use))
+        use: Use = "train" if index < train else "check"
+        frames.append(LabFrame(image=name, source="x.mp4", use=use))
         places = [(20, 20, WALL), (230, 30, WALL), (15, 120, FLOOR), (240, 130, FLOOR)]
         places += [(left + 15, 70, CRATE), (left + 35, 90, CRATE)]
         picks += [Pick(image=name, x=x, y=y, class_id=class_id) for x, y, class_id in places]

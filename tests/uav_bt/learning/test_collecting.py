@@ -13,7 +13,7 @@ from tests.worlds.trees import tree_file
 from uav_bt.campaign.plan import FlightTask
 from uav_bt.campaign.runner import Flown
 from uav_bt.campaign.workers import Fly, fly_task, lost_line
-from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.errors import InputError
 from uav_bt.learning.collecting import CollectionPlan, collect, nodes_under_policy
 from uav_bt.mission.judge import Outcome
 
@@ -55,6 +55,9 @@ def collected(folder: Path, **changed: Any) -> tuple[list[Path], list[FlightTask
     return collect(plan, folder, backend=pretends), pretends.tasks
 
 
+ONE = {"scenes": ("train-a",), "profiles": ("lab",)}
+
+
 def test_flights_are_shared_out_over_scenes_and_profiles(tmp_path: Path) -> None:
     records, tasks = collected(tmp_path, flights=15)
     assert len(records) == len(tasks) == 16  # rounded up
@@ -64,35 +67,27 @@ def test_flights_are_shared_out_over_scenes_and_profiles(tmp_path: Path) -> None
 
 
 def test_every_flight_but_the_first_has_light_and_boxes_of_its_own(tmp_path: Path) -> None:
-    _, tasks = collected(tmp_path, flights=4, scenes=("train-a",), profiles=("lab",))
+    _, tasks = collected(tmp_path / "a", flights=4, **ONE)
     scenes = [load_scene(task.scene_path) for task in tasks]
     shipped = load_scene("train-a")
     assert [scene.lighting == shipped.lighting for scene in scenes] == [True, False, False, False]
     assert [scene.boxes == shipped.boxes for scene in scenes] == [True, False, False, False]
     assert len({scene.name for scene in scenes}) == 4
     assert {scene.helipad for scene in scenes} == {shipped.helipad}
-    kept = {"flights": 2, "scenes": ("train-a",), "profiles": ("lab",), "layouts": False}
-    _, tasks = collected(tmp_path / "kept", **kept)
+    _, others = collected(tmp_path / "b", flights=4, seed=7, **ONE)
+    assert load_scene(others[2].scene_path).boxes != scenes[2].boxes
+    assert (tasks[0].seed, others[0].seed) == (0, 7)
+    _, tasks = collected(tmp_path / "kept", flights=2, layouts=False, **ONE)
     assert {load_scene(task.scene_path).boxes for task in tasks} == {shipped.boxes}
 
 
-def test_another_seed_draws_other_scenes(tmp_path: Path) -> None:
-    _, first = collected(tmp_path / "a", flights=3, scenes=("train-a",), profiles=("lab",))
-    _, other = collected(tmp_path / "b", flights=3, scenes=("train-a",), profiles=("lab",), seed=7)
-    assert load_scene(first[2].scene_path).boxes != load_scene(other[2].scene_path).boxes
-    assert (first[0].seed, other[0].seed) == (0, 7)
-
-
 def test_a_collection_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
-    before, _ = collected(tmp_path, flights=4, scenes=("train-a",), profiles=("lab",))
-    after, flown = collected(tmp_path, flights=4, scenes=("train-a",), profiles=("lab",))
-    assert (after, flown) == (before, [])
+    before, _ = collected(tmp_path, flights=4, **ONE)
+    assert collected(tmp_path, flights=4, **ONE) == (before, [])
 
 
 def test_a_flight_that_broke_is_none_to_learn_from(tmp_path: Path) -> None:
-    records, tasks = collected(
-        tmp_path, flights=2, scenes=("train-a",), profiles=("lab",), broken=("train-a",)
-    )
+    records, tasks = collected(tmp_path, flights=2, broken=("train-a",), **ONE)
     assert (len(tasks), len(records)) == (2, 1)
 
 
@@ -110,8 +105,3 @@ def test_all_leaves_that_fly_by_a_policy_are_found_whatever_they_are_called(tmp_
         <Fallback><Explore name="wander"/><ReturnToBase/></Fallback></ReactiveSequence>""",
     )
     assert nodes_under_policy(tree) == ["wander", "SearchUnderPolicy", "look", "Detour"]
-
-
-def test_no_flights_are_refused() -> None:
-    with pytest.raises(ValueRangeError, match="needs flights, scenes and profiles"):
-        CollectionPlan(tree=ADVISED, flights=0)

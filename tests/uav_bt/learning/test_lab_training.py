@@ -14,26 +14,26 @@ from perception.segmentation.runtime import OnnxSegmenter
 from tests.uav_bt.learning.lab_world import FLOOR, WALL, draw_lab, exact_ids, write_colour_network
 from uav_bt.errors import FileError, InputError
 from uav_bt.lab.shipped import load_lab
-from uav_bt.learning.lab_checks import LabData, checked_data
+from uav_bt.learning.lab_data import LabData, MaskSource, checked_data, make_masks
 from uav_bt.learning.lab_material import LabMaterial
-from uav_bt.learning.lab_training import (
-    estimated,
-    lab_training_config,
-    mask_source,
-    train_lab,
-)
-from uav_bt.learning.masks import MaskSource, make_masks
+from uav_bt.learning.lab_training import lab_training_config, mask_source, train_lab
 
 CONFIG = replace(lab_training_config(steps=3, batch=2), checkpoint_every=1)
 
 
-def with_foreign_teacher(folder: Path, **drawn: int) -> LabData:
+def stated(material: LabMaterial, keys: str) -> LabData:
+    """Add keys to a lab file, and check its training files."""
+    file = material.lab.file
+    file.write_text(f"{file.read_text()}{keys}\n")
+    return checked_data(LabMaterial(lab=load_lab(file)))
+
+
+def with_foreign_teacher(folder: Path) -> tuple[LabData, MaskSource]:
     """Return a lab whose masks a network makes, which takes less time than a teacher."""
-    draw_lab(folder, **drawn)
+    material = draw_lab(folder)
     write_colour_network(folder / "colours.onnx")
-    text = (folder / "lab.yaml").read_text() + "teacher: {model: colours.onnx}\n"
-    (folder / "lab.yaml").write_text(text)
-    return checked_data(LabMaterial(lab=load_lab(folder / "lab.yaml")))
+    data = stated(material, "teacher: {model: colours.onnx}")
+    return data, mask_source(data)
 
 
 # --- masks ----------------------------------------------------------------------------------------
@@ -43,55 +43,44 @@ def test_a_teacher_of_the_picks_makes_the_masks(tmp_path: Path) -> None:
     data = checked_data(draw_lab(tmp_path / "hall", train=4))
     source = mask_source(data)
     assert source.file == tmp_path / "hall" / "training" / "teacher.safetensors"
-
     _, ids = make_masks(source, data.images("train")[:1], tmp_path / "masks")
-
     exact = cv2.resize(exact_ids(40), (224, 112), interpolation=cv2.INTER_NEAREST_EXACT)
     assert ids.shape == (1, 112, 224)
     assert (ids[0] == exact).mean() > 0.97
 
 
-def test_kept_masks_are_not_made_again_and_a_changed_image_is(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    data = with_foreign_teacher(tmp_path / "hall")
-    assert data.source is not None
+def test_kept_masks_are_not_made_again_and_a_changed_image_is(tmp_path: Path) -> None:
+    data, source = with_foreign_teacher(tmp_path / "hall")
     images, folder = data.images("train"), tmp_path / "masks"
     calls: list[tuple[str, int, int]] = []
 
-    rgb, ids = make_masks(data.source, images, folder, advance=lambda *now: calls.append(now))
-    assert calls[0] == ("masks", 0, 6)
-    assert calls[-1] == ("masks", 6, 6)
-    made: list[int] = []
-    real = MaskSource.load
+    def make() -> tuple[np.ndarray, np.ndarray]:
+        calls.clear()
+        return make_masks(source, images, folder, advance=lambda *now: calls.append(now))
 
-    def counted(source: MaskSource) -> object:
-        make = real(source)
-        return lambda image: made.append(1) or make(image)
-
-    monkeypatch.setattr(MaskSource, "load", counted)
-    again = make_masks(data.source, images, folder)
+    rgb, ids = make()
+    assert calls == [("masks", 0, 6), ("masks", 6, 6)]
+    again = make()
+    assert calls == [("masks", 6, 6)]
     np.testing.assert_array_equal(again[0], rgb)
     np.testing.assert_array_equal(again[1], ids)
-    assert not made
     cv2.imwrite(str(images[2]), np.full((144, 256, 3), (0, 200, 0), dtype=np.uint8))
-    _, changed = make_masks(data.source, images, folder)
-    assert len(made) == 1
+    _, changed = make()
+    assert calls == [("masks", 5, 6), ("masks", 6, 6)]
     assert (changed[2] == FLOOR).all()
     first = min(folder.iterdir())
     first.write_bytes(b"half")
     with pytest.raises(FileError, match=f"{first.name}: is damaged .* made again"):
-        make_masks(data.source, images, folder)
+        make()
 
 
 # --- training -------------------------------------------------------------------------------------
 
 
 def test_an_interrupted_training_continues_and_gives_the_same_network(tmp_path: Path) -> None:
-    whole, broken = (with_foreign_teacher(tmp_path / name) for name in ("whole", "broken"))
-    assert whole.source is not None
-    assert broken.source is not None
-    train_lab(whole, whole.source, CONFIG)
+    whole, source = with_foreign_teacher(tmp_path / "whole")
+    train_lab(whole, source, CONFIG)
+    broken, source = with_foreign_teacher(tmp_path / "broken")
     network = broken.material.network
     network.write_bytes(b"the old one")
 
@@ -100,42 +89,21 @@ def test_an_interrupted_training_continues_and_gives_the_same_network(tmp_path: 
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        train_lab(broken, broken.source, CONFIG, advance=interrupt)
+        train_lab(broken, source, CONFIG, advance=interrupt)
     assert network.read_bytes() == b"the old one"
     steps: list[int] = []
-    train_lab(broken, broken.source, CONFIG, advance=lambda _s, done, _t: steps.append(done))
-
+    train_lab(broken, source, CONFIG, advance=lambda _s, done, _t: steps.append(done))
     assert steps[-3:] == [3, 0, 1]  # the last step only, then the 8-bit integers
     ours = load_file(broken.material.training / "unet.safetensors")
     for name, tensor in load_file(whole.material.training / "unet.safetensors").items():
         np.testing.assert_array_equal(ours[name], tensor, err_msg=name)
-    assert network.read_bytes() != b"the old one"
-
-
-def test_the_network_has_the_classes_of_the_lab_and_a_new_training_replaces_it(
-    tmp_path: Path,
-) -> None:
-    data = with_foreign_teacher(tmp_path / "hall")
-    assert data.source is not None
-    train_lab(data, data.source, CONFIG)
-    classes, network = data.material.lab.classes, data.material.network
-    ids = OnnxSegmenter(network, classes).ids(np.zeros((144, 256, 3), dtype=np.uint8))
+    ids = OnnxSegmenter(network, broken.material.lab.classes).ids(np.zeros((9, 16, 3), np.uint8))
     assert ids.shape == (112, 224)
-    before, kept = network.read_bytes(), sorted(data.material.training.glob("checkpoint-*"))
-    train_lab(data, data.source, replace(CONFIG, seed=1))
+    before, kept = network.read_bytes(), sorted(broken.material.training.glob("checkpoint-*"))
+    train_lab(broken, source, replace(CONFIG, seed=1))
     assert network.read_bytes() != before
-    (checkpoint,) = data.material.training.glob("checkpoint-*")
+    (checkpoint,) = broken.material.training.glob("checkpoint-*")
     assert checkpoint not in kept
-
-
-def test_the_estimate_counts_only_masks_that_are_not_there(tmp_path: Path) -> None:
-    data = with_foreign_teacher(tmp_path / "hall", train=5)
-    assert data.source is not None
-    before = estimated(data, data.source, CONFIG)
-    assert (before.masks, before.steps) == (5, 3)
-    assert str(before).startswith("5 masks of ")
-    train_lab(data, data.source, CONFIG)
-    assert estimated(data, data.source, CONFIG).masks == 0
 
 
 # --- refusals -------------------------------------------------------------------------------------
@@ -182,47 +150,40 @@ def test_few_or_unreadable_images_are_a_warning(tmp_path: Path) -> None:
     material = draw_lab(tmp_path / "hall")
     (material.frames / "broken.jpg").write_bytes(b"no image")
     data = checked_data(material)
-    warnings = data.warnings
-    assert "broken.jpg: is not a readable image; it is left out" in warnings[0]
+    assert "broken.jpg: is not a readable image; it is left out" in data.warnings[0]
     assert "broken.jpg" not in data.uses
-    assert "only 6 images for training" in warnings
-    assert any("class 'cart' has no picks" in warning for warning in warnings)
+    assert "only 6 images for training" in data.warnings
+    assert any("class 'cart' has no picks" in warning for warning in data.warnings)
 
 
 @pytest.mark.parametrize(
-    ("keys", "message"),
+    ("teacher", "message"),
     [
-        ("teacher: {model: gone.onnx}", r"lab.yaml:7: teacher.model: there is no file .*gone"),
-        ("teacher: {model: lab.yaml}", "lab.yaml:7: teacher.model: expected an ONNX file"),
-        ("teacher: {model: two.onnx}", "lab.yaml:7: .*scores of the 4 classes of the lab.*gives 2"),
-        ("teacher: {model: two.onnx, classes: many.yaml}", "lab.yaml:7: .*names class 7"),
-        ("teacher: {model: two.onnx, classes: no.yaml}", "lab.yaml:7: .*maps no class to the gro"),
+        ("model: gone.onnx", r"lab.yaml:7: teacher.model: there is no file .*gone"),
+        ("model: lab.yaml", "lab.yaml:7: teacher.model: expected an ONNX file"),
+        ("model: two.onnx", "lab.yaml:7: .*scores of the 4 classes of the lab.*gives 2"),
+        ("model: two.onnx, classes: many.yaml", "lab.yaml:7: .*names class 7"),
+        ("model: two.onnx, classes: no.yaml", "lab.yaml:7: .*maps no class to the gro"),
     ],
 )
 def test_a_foreign_teacher_that_does_not_fit_is_refused_with_the_line(
-    keys: str, message: str, tmp_path: Path
+    teacher: str, message: str, tmp_path: Path
 ) -> None:
     material = draw_lab(tmp_path / "hall")
     folder = material.lab.folder
     write_colour_network(folder / "two.onnx", order=(0, 1))
     (folder / "many.yaml").write_text("classes: {7: ground}\n")
     (folder / "no.yaml").write_text("classes: {0: obstacle}\n")
-    (folder / "lab.yaml").write_text((folder / "lab.yaml").read_text() + keys + "\n")
     with pytest.raises(FileError, match=message):
-        checked_data(LabMaterial(lab=load_lab(folder / "lab.yaml")))
+        stated(material, f"teacher: {{{teacher}}}")
 
 
 def test_a_foreign_teacher_with_a_mapping_needs_no_picks(tmp_path: Path) -> None:
     material = draw_lab(tmp_path / "hall")
-    folder = material.lab.folder
     material.picks.unlink()
-    write_colour_network(folder / "two.onnx", order=(2, 1))
-    (folder / "two.yaml").write_text("classes: {0: outside, 1: ground}\n")
-    keys = "teacher: {model: two.onnx, classes: two.yaml}\n"
-    (folder / "lab.yaml").write_text((folder / "lab.yaml").read_text() + keys)
-    data = checked_data(LabMaterial(lab=load_lab(folder / "lab.yaml")))
-    assert mask_source(data) == data.source
-    assert data.source is not None
-    _, ids = make_masks(data.source, data.images("train")[:1], tmp_path / "masks")
-    assert ids[0, 5, 5] == WALL
-    assert ids[0, 108, 5] == FLOOR
+    write_colour_network(material.lab.folder / "two.onnx", order=(2, 1))
+    mapping = material.lab.folder / "two.yaml"
+    mapping.write_text("classes: {0: outside, 1: ground}\n")
+    data = stated(material, "teacher: {model: two.onnx, classes: two.yaml}")
+    _, ids = make_masks(mask_source(data), data.images("train")[:1], tmp_path / "masks")
+    assert (ids[0, 5, 5], ids[0, 108, 5]) == (WALL, FLOOR)

@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from perception.control.ego_state import ControlNetConfig
 from perception.control.runtime import OnnxControlStudent
+from perception.control.training import samples
 from perception.control.training.network import STUDENT_FILES
 from perception.control.training.run import ControlTrainingConfig
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
 from tests.paper_lab import paper_map
+from tests.worlds.cli import assert_refused, run
 from tests.worlds.trees import tree_file
 from uav_bt import app
-from uav_bt.cli.root import uav_bt
 from uav_bt.errors import FileError
 from uav_bt.learning.dataset import evaluate_student, read_advised_flights
-from uav_bt.learning.diary import Diary
-from uav_bt.learning.training import STUDENT_CURVES, first_weights, train_student
+from uav_bt.learning.training import first_weights, train_student
 from uav_bt.record.reader import RecordReader
 from uav_bt.testing import ScriptedDrone
 
@@ -78,41 +77,34 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_small_record_has_small_pictures_and_the_rules_word_but_no_maps(record: Path) -> None:
-    topics = {message.topic for message in RecordReader(record).messages()}
-    assert "/mission/advice" in topics
-    assert "/camera/image" in topics
+    topics = {topic for topic, _, _ in RecordReader(record).messages()}
+    assert {"/mission/advice", "/camera/image"} <= topics
     assert not topics & {"/perception/class_map", "/perception/metric_depth"}
 
 
-def test_every_advised_view_is_read(record: Path, tmp_path: Path) -> None:
+def test_every_advised_view_is_read_and_kept(
+    record: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (flight,) = read_advised_flights([record], NET, tmp_path)
     assert len(flight.ends) > 20
     assert flight.image(0).shape == (16, 32, 3)
     assert (flight.labels[:, 0, 0] > 0.0).all()  # only ground: the rule advances
     assert np.isnan(flight.labels[:, :, 3]).all()  # without a distance
     assert (np.diff(flight.poses[:, 0]) > 0.0).all()
-
-
-def test_what_was_read_is_kept(
-    record: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (first,) = read_advised_flights([record], NET, tmp_path)
-    monkeypatch.setattr("uav_bt.learning.dataset._read", None)  # it must not be read again
+    monkeypatch.setattr(samples, "advised_flight", None)  # it must not be read again
     (again,) = read_advised_flights([record], NET, tmp_path)
-    assert (again.labels[:, 0] == first.labels[:, 0]).all() or np.isnan(first.labels).any()
-    assert (again.images == first.images).all()
+    np.testing.assert_array_equal(again.labels, flight.labels)
+    np.testing.assert_array_equal(again.images, flight.images)
     monkeypatch.undo()
     read_advised_flights([record], replace(NET, width_px=64, height_px=32), tmp_path)
     assert len(list(tmp_path.glob("*.npz"))) == 2  # the network's size decides
 
 
-def test_a_flight_without_advice_is_refused(tmp_path: Path) -> None:
-    alone = flown(tmp_path, adviser="")
+def test_flights_without_advice_and_of_two_cameras_are_refused(
+    record: Path, tmp_path: Path
+) -> None:
     with pytest.raises(FileError, match=r"this flight contains no advice.*put <Advise/>"):
-        read_advised_flights([alone], NET, tmp_path)
-
-
-def test_records_of_two_cameras_are_refused(record: Path, tmp_path: Path) -> None:
+        read_advised_flights([flown(tmp_path, adviser="")], NET, tmp_path)
     other = ScriptedDrone()
     other.camera = replace(other.camera, forward_offset_m=0.3)
     odd = flown(tmp_path / "other", drone=other)
@@ -123,79 +115,38 @@ def test_records_of_two_cameras_are_refused(record: Path, tmp_path: Path) -> Non
 # --- training -------------------------------------------------------------------------------------
 
 
-def test_training_leaves_weights_that_fly_and_a_diary(record: Path, tmp_path: Path) -> None:
+def test_training_leaves_weights_that_fly_and_goes_on_from_its_checkpoint(
+    record: Path, tmp_path: Path
+) -> None:
     flights = read_advised_flights([record], NET, tmp_path / "views")
-    out, told = tmp_path / "student.safetensors", []
-    score = train_student(
-        flights,
-        out,
-        config=QUICK,
-        net_config=NET,
-        checkpoint=tmp_path / "checkpoint.safetensors",
-        held_out=flights,
-        validate_every=2,
-        diary=Diary(tmp_path / "run", STUDENT_CURVES),
-        advance=lambda stage, done, total: told.append((stage.split(",")[0], done, total)),
-    )
-    assert score is not None
-    assert OnnxControlStudent(out.with_suffix(".onnx")).config == NET
-    assert told == [("training", done, 4) for done in (1, 2, 3, 4)]
-    notes = STUDENT_FILES.load(out)[1]
-    assert (notes["flights"], notes["training"]["steps"]) == (1, 4)
-    lines = Diary(tmp_path / "run", STUDENT_CURVES).lines()
-    assert [line["step"] for line in lines] == [2, 4]
-    assert lines[0]["wrong_side"] is None  # the flight has no turn
-    assert (tmp_path / "run" / "curves.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_a_run_goes_on_from_its_checkpoint(record: Path, tmp_path: Path) -> None:
-    flights = read_advised_flights([record], NET, tmp_path / "views")
-    steps: list[int] = []
+    out, told = tmp_path / "student.safetensors", list[tuple[str, int, int]]()
     for _ in range(2):
         train_student(
             flights,
-            tmp_path / "student.safetensors",
+            out,
             config=QUICK,
             net_config=NET,
             checkpoint=tmp_path / "checkpoint.safetensors",
-            advance=lambda _, done, __: steps.append(done),
+            advance=lambda stage, done, total: told.append((stage.split(",")[0], done, total)),
         )
-    assert steps == [1, 2, 3, 4]
-
-
-def test_what_flies_scores_as_it_did_in_training(record: Path, tmp_path: Path) -> None:
-    flights = read_advised_flights([record], NET, tmp_path / "views")
-    weights = tmp_path / "student.safetensors"
-    trained = train_student(flights, weights, config=QUICK, net_config=NET, held_out=flights)
-    flies = evaluate_student(flights, OnnxControlStudent(weights.with_suffix(".onnx")))
-    assert trained is not None
-    assert astuple(flies) == pytest.approx(astuple(trained), abs=1e-3, nan_ok=True)
-    result = CliRunner().invoke(
-        uav_bt,
-        ["net", "evaluate", "student", str(record), "--model", str(weights.with_suffix(".onnx"))],
-    )
+    assert told == [("training", done, 4) for done in (1, 2, 3, 4)]
+    notes = STUDENT_FILES.load(out)[1]
+    assert (notes["flights"], notes["training"]["steps"]) == (1, 4)
+    student = OnnxControlStudent(out.with_suffix(".onnx"))
+    assert student.config == NET
+    score = evaluate_student(flights, student)
+    result = run("net", "evaluate", "student", record, "--model", out.with_suffix(".onnx"))
     assert result.exit_code == 0, result.output
-    assert f"flights: 1, views scored: {flies.windows}" in result.output
-    other = [
-        "net",
-        "evaluate",
-        "student",
-        str(record),
-        "--model",
-        str(SHIPPED_WEIGHTS / "unet.onnx"),
-    ]
-    result = CliRunner().invoke(uav_bt, other)
-    assert result.exit_code == 2
-    assert "is not a control student" in result.output
+    assert f"flights: 1, views scored: {score.windows}" in result.output
+    unet = SHIPPED_WEIGHTS / "unet.onnx"
+    refused = run("net", "evaluate", "student", record, "--model", unet)
+    assert_refused(refused, "is not a control student")
 
 
 def test_training_may_begin_with_a_segmentation_networks_encoder(tmp_path: Path) -> None:
     path = tmp_path / "unet.safetensors"
-    UNET_FILES.save(
-        path,
-        UNet(UNetConfig(width_px=32, height_px=16, channels=(4, 8), outputs=1), ["box"]),
-        notes={},
-    )
+    config = UNetConfig(width_px=32, height_px=16, channels=(4, 8), outputs=1)
+    UNET_FILES.save(path, UNet(config, ["box"]), notes={})
     start = first_weights(path)
     assert "down.0.0.weight" in start
     assert not any(name.startswith(("up.", "head")) for name in start)

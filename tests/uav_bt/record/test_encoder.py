@@ -12,9 +12,9 @@ import pytest
 from tests.paper_lab import CLASSES, paper_map
 from tests.uav_bt.record.test_site_maps import site_map
 from tests.worlds.leaves import map_with
-from uav_bt.mission.tick import TickRecord
-from uav_bt.record import messages
-from uav_bt.record.config import Quality
+from tests.worlds.values import corridor, fix, tick, truth
+from uav_bt.record import Quality, messages
+from uav_bt.record.channels import CommandNote
 from uav_bt.record.encoder import MomentEncoder, RawMoment
 from uav_bt.record.moment import Moment, moment_of
 from uav_bt.record.record_file import Timeline
@@ -22,51 +22,29 @@ from uav_bt.testing import pinhole
 from uav_bt.tree.status import IDLE, RUNNING
 from uav_bt.types import (
     HOVER,
-    Corridor,
+    Attitude,
     DepthMap,
     DroneState,
     FlyingState,
-    MarkFix,
     MoverState,
     NearObstacles,
-    Observation,
     Pose,
-    Truth,
 )
+from uav_bt.types.ground import Footprint, Ground, Standing
 
 CAPTURED_S = 1.1000000000000003
 DEPTH = np.array([[0.5, np.nan], [1.2345, 80.0]], dtype=np.float32)
-TRUTH = Truth(
-    time_s=1.2,
-    pose=Pose(x_m=1.0, y_m=-2.0, z_m=1.5, yaw_rad=0.3),
-    contacts=("mark",),
-    clearance_m=math.inf,
-    inside_ground=True,
-    on_mark=True,
-    landing_error_m=0.01,
-    motors_on=True,
-    gimbal_pitch_rad=-0.5,
-    movers=(
-        MoverState(
-            name="mover-1",
-            pose=Pose(x_m=0.5, y_m=-1.0, z_m=0.85, yaw_rad=0.0),
-            vx_mps=0.5,
-            vy_mps=0.0,
-        ),
-    ),
+MOVER = MoverState(
+    name="mover-1", pose=Pose(x_m=0.5, y_m=-1.0, z_m=0.85, yaw_rad=0.0), vx_mps=0.5, vy_mps=0.0
 )
+ABOVE = Pose(x_m=1.0, y_m=0.0, z_m=1.5, yaw_rad=math.pi / 2)
+TRUTH = truth(ABOVE, 1.2, contacts=("mark",), clearance_m=math.inf, movers=(MOVER,))
 BOARD: dict[str, Any] = {
     "class_map": paper_map(ids=np.arange(6, dtype=np.uint8).reshape(2, 3), captured_s=CAPTURED_S),
     "relative_depth": DepthMap(depth=DEPTH, metric=False, captured_s=CAPTURED_S),
     "metric_depth": DepthMap(depth=DEPTH, metric=True, captured_s=CAPTURED_S, confidence=0.25),
-    "corridor": Corridor(
-        captured_s=CAPTURED_S,
-        free_distance_m=math.inf,
-        nearest_m=0.7,
-        nearest_side="left",
-        time_to_impact_s=math.inf,
-    ),
-    "mark": MarkFix(captured_s=CAPTURED_S, forward_m=0.1, right_m=0.2, height_m=0.4, detected=True),
+    "corridor": corridor(math.inf, "left", nearest_m=0.7, captured_s=CAPTURED_S),
+    "mark": fix(CAPTURED_S, 0.1, 0.2),
     "site_map": map_with(NearObstacles(captured_s=CAPTURED_S)),
     "phase": "explore",
 }
@@ -74,24 +52,10 @@ BOARD: dict[str, Any] = {
 
 def raw_moment(board: dict[str, Any] | None = None) -> RawMoment:
     state = DroneState(captured_s=1.2, flying=FlyingState.HOVERING)
-    tick = TickRecord(
-        index=12,
-        time_s=1.2,
-        observation=Observation(frame=None, state=state),
-        tree_status=RUNNING,
-        phase="explore",
-        active=("Main",),
-        command=HOVER,
-        proposed_by=None,
-        override=None,
-        compute_s=0.01,
-        truth=TRUTH,
-    )
     values = BOARD if board is None else board
     return RawMoment(
-        tick=tick,
-        proposed=None,
-        proposed_gimbal=None,
+        tick=tick(state, active=("Main",), truth=TRUTH),
+        commands=CommandNote(decided=HOVER, sent=HOVER),
         board={name: (value, CAPTURED_S) for name, value in values.items()},
         statuses=(RUNNING, IDLE),
     )
@@ -101,17 +65,9 @@ def encoder(quality: Quality = "lossless") -> MomentEncoder:
     return MomentEncoder(Timeline(start_ns=10**18, start_s=0.0), pinhole(), quality)
 
 
-def messages_of(made: MomentEncoder, moment: RawMoment) -> dict[str, bytes]:
-    """Return the messages of a tick by topic."""
-    return {
-        message.channel.topic: message.data
-        for message in made.encode(moment, images=True)
-        if message.data is not None
-    }
-
-
 def read(made: MomentEncoder, moment: RawMoment) -> Moment:
-    return moment_of(messages_of(made, moment), ("FAILURE",), CLASSES)
+    found = {channel.topic: data for channel, data in made.encode(moment, images=True) if data}
+    return moment_of(found, ("FAILURE",), CLASSES)
 
 
 def test_what_the_board_knew_comes_back() -> None:
@@ -135,41 +91,31 @@ def test_what_the_board_knew_comes_back() -> None:
     assert moment.board["phase"] == {"value": "explore", "captured_s": CAPTURED_S}
 
 
-def test_unchanged_values_are_not_written_again() -> None:
+def test_unchanged_values_and_relative_depth_of_small_records_are_not_written() -> None:
     made = encoder()
     read(made, raw_moment())
     again = read(made, raw_moment())
     assert again.class_map is None
     assert again.corridor is None
     assert again.statuses == ("FAILURE",)  # the statuses of the last tick are kept
+    high = read(encoder("high"), raw_moment())
+    assert (high.relative_depth, high.metric_depth is None) == (None, False)
     newer = replace(BOARD["corridor"], nearest_m=0.6)
     assert read(made, raw_moment({**BOARD, "corridor": newer})).corridor == newer
 
 
-def test_small_records_go_without_relative_depth() -> None:
-    moment = read(encoder("high"), raw_moment())
-    assert moment.relative_depth is None
-    assert moment.metric_depth is not None
-
-
-def test_a_nose_that_rises_points_up_and_a_right_wing_that_drops_points_down() -> None:
-    pose = Pose(x_m=0.0, y_m=0.0, z_m=1.0, yaw_rad=math.pi / 2)
-    level = messages._body(pose, messages.Attitude())
-    assert level.apply((1.0, 0.0, 0.0)) == pytest.approx([0.0, 1.0, 0.0])
-    nose_up = messages._body(pose, messages.Attitude(pitch_rad=0.2))
-    assert nose_up.apply((1.0, 0.0, 0.0))[2] == pytest.approx(math.sin(0.2))
-    rolled = messages._body(pose, messages.Attitude(roll_rad=0.2))
-    assert rolled.apply((0.0, -1.0, 0.0))[2] == pytest.approx(-math.sin(0.2))
-
-
-def test_a_camera_that_looks_down_sees_downwards() -> None:
-    pose = Pose(x_m=0.0, y_m=0.0, z_m=1.0, yaw_rad=0.0)
-    axis = messages._lens(pose, -math.pi / 2).apply((0.0, 0.0, 1.0))
-    assert axis == pytest.approx([0.0, 0.0, -1.0])
-    level = messages._lens(pose, 0.0)
-    assert level.apply((0.0, 0.0, 1.0)) == pytest.approx([1.0, 0.0, 0.0])
-    assert level.apply((1.0, 0.0, 0.0)) == pytest.approx([0.0, -1.0, 0.0])
-    assert level.apply((0.0, 1.0, 0.0)) == pytest.approx([0.0, 0.0, -1.0])
+def test_the_body_turns_with_the_drone_and_the_lens_with_the_gimbal() -> None:
+    west = Pose(x_m=0.0, y_m=0.0, z_m=1.0, yaw_rad=math.pi / 2)
+    for attitude, axis, seen in (
+        (Attitude(), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+        (Attitude(pitch_rad=0.2), (1.0, 0.0, 0.0), (0.0, math.cos(0.2), math.sin(0.2))),
+        (Attitude(roll_rad=0.2), (0.0, -1.0, 0.0), (math.cos(0.2), 0.0, -math.sin(0.2))),
+    ):
+        assert messages._body(west, attitude).apply(axis) == pytest.approx(seen)
+    down = messages._lens(west, -math.pi / 2)
+    assert down.apply((0.0, 0.0, 1.0)) == pytest.approx((0.0, 0.0, -1.0))
+    level = messages._lens(west, 0.0).apply(np.eye(3))  # of its axes: right, down, ahead
+    assert level == pytest.approx(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]))
 
 
 def test_a_site_map_is_kept_at_most_twice_a_second() -> None:
@@ -189,3 +135,23 @@ def test_what_is_near_is_kept_with_every_new_map() -> None:
     assert read(made, raw_moment({"site_map": map_with(first)})).near is not None
     moment = read(made, raw_moment({"site_map": map_with(then)}))
     assert (moment.site_map, moment.near and moment.near.captured_s) == (None, 1.1)
+
+
+def test_the_lab_has_a_solid_for_each_object_in_the_colour_of_its_class() -> None:
+    outline = Footprint(x_m=1.25, y_m=0.5, half_x_m=0.2, half_y_m=0.2)
+    box = Standing(footprint=outline, height_m=1.5, class_id=5)
+    empty, one = (
+        messages.lab_scene(Ground(size_m=(5.0, 4.0), standing=standing), CLASSES, 0)
+        for standing in ((), (box,))
+    )
+    red = np.float64(CLASSES.colours[5][0] / 255).tobytes()
+    assert red in one
+    assert np.float64(1.25).tobytes() in one
+    assert red not in empty
+
+
+def test_what_is_perceived_stands_where_the_drone_sees_it() -> None:
+    """A mark 1 m ahead of a drone with heading +y lies 1 m up the map."""
+    both = messages.perceived_scene(ABOVE, corridor(1.0, "left", nearest_m=0.6), fix(0.0, 0.75), 0)
+    assert np.float64(0.75).tobytes() in both
+    assert b"mark" not in messages.perceived_scene(ABOVE, corridor(1.0), None, 0)

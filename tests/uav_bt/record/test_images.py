@@ -5,7 +5,6 @@ from __future__ import annotations
 import zlib
 from contextlib import suppress
 
-import cv2
 import numpy as np
 import pytest
 from hypothesis import given
@@ -16,7 +15,6 @@ from uav_bt.record import messages
 from uav_bt.record.images import (
     decode_image,
     encode_image,
-    encoding_of,
     fields,
     image_bytes,
     image_size,
@@ -65,7 +63,6 @@ def test_the_image_stands_in_the_message_as_it_was_encoded() -> None:
     image = noise(20, 30)
     message = messages.camera_image(image, 1_234_567_890_123, "lossless")
     assert np.array_equal(decode_image(image_bytes(message)), image)
-    assert cv2.imdecode(np.frombuffer(image_bytes(message), np.uint8), 1)[0, 0, 2] == image[0, 0, 0]
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
@@ -76,13 +73,6 @@ def test_raw_pixels_come_back_exactly(dtype: type) -> None:
     assert np.array_equal(back, array)
 
 
-def test_other_pixels_are_refused() -> None:
-    with pytest.raises(InputError, match="uint8, uint16 or float32"):
-        encoding_of(np.zeros((2, 2), dtype=np.int64))
-    with pytest.raises(InputError, match="uint8, uint16 or float32"):
-        encoding_of(np.zeros((2, 2, 3), dtype=np.uint8))
-
-
 def test_unknown_depth_is_zero_millimetres_and_far_is_the_most_there_is() -> None:
     depth = np.array([[0.5, np.nan], [np.inf, 100.0]], dtype=np.float32)
     assert millimetres(depth).tolist() == [[500, 0], [0, 65_535]]
@@ -91,7 +81,7 @@ def test_unknown_depth_is_zero_millimetres_and_far_is_the_most_there_is() -> Non
 @given(st.binary(max_size=60))
 def test_bytes_of_any_kind_are_read_or_refused(data: bytes) -> None:
     with suppress(InputError):
-        assert all(number >= 0 for number in fields(data))
+        assert all(number >= 0 for number in fields(data)[0].values())
 
 
 def test_an_image_without_data_is_refused() -> None:

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tracemalloc
 from pathlib import Path
+from typing import Any
 
 import lz4.frame
 import pytest
@@ -13,15 +14,15 @@ import zstandard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
-from mcap.records import Chunk, Message
+from mcap.records import Chunk
 from mcap.writer import Writer
 
 from tests.worlds.records import copy_part, fly_noisy
 from uav_bt.errors import FileError
 from uav_bt.record.info import record_info
 from uav_bt.record.playback import Playback
-from uav_bt.record.reader import RecordReader
-from uav_bt.record.scan import RecordScan, opened
+from uav_bt.record.reader import RecordReader, footage
+from uav_bt.record.scan import opened
 
 HERE = Path(__file__).parents[3]
 
@@ -104,29 +105,6 @@ def test_a_record_cut_at_any_byte_is_read_as_far_as_it_goes(
     assert reader.damages
 
 
-@settings(
-    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
-@given(share=st.floats(0.0, 1.0, exclude_max=True), bit=st.integers(0, 7))
-def test_a_flipped_bit_gives_a_clear_error_or_less_and_never_something_else(
-    share: float, bit: int, whole: Path, tmp_path: Path
-) -> None:
-    data = bytearray(whole.read_bytes())
-    data[int(share * len(data))] ^= 1 << bit
-    damaged = tmp_path / "damaged.mcap"
-    damaged.write_bytes(data)
-    originals = {moment.tick.index: moment for moment in RecordReader(whole).moments()}
-    try:
-        found = list(RecordReader(damaged).moments())
-        part = list(RecordReader(damaged).moments(from_s=0.5, to_s=1.0))
-        assert record_info(damaged).ticks == len(found)
-    except FileError as error:
-        assert str(damaged) in str(error)  # noqa: PT017 - both are valid
-        return
-    for moment in (*found, *part):
-        assert moment.state == originals[moment.tick.index].state
-
-
 def test_a_damaged_chunk_is_skipped_and_reported(whole: Path, tmp_path: Path) -> None:
     with whole.open("rb") as stream:
         summary = make_reader(stream).get_summary()
@@ -163,10 +141,6 @@ def test_other_files_are_refused_by_what_they_are(tmp_path: Path) -> None:
     text.write_text("Once upon a time")
     with pytest.raises(FileError, match="is not a flight record: expected an MCAP file"):
         RecordReader(text)
-    with pytest.raises(FileError, match="no such file"):
-        RecordReader(tmp_path / "absent.mcap")
-    with pytest.raises(FileError, match="cannot be read: Is a directory"):
-        RecordReader(tmp_path)
     foreign = tmp_path / "foreign.mcap"
     with foreign.open("wb") as stream:
         writer = Writer(stream)
@@ -205,32 +179,15 @@ def test_a_chunk_that_grows_to_gigabytes_is_not_opened(compression: str) -> None
         opened(chunk_of(b"", "brotli", 0))
 
 
-def test_many_chunks_that_grow_are_opened_up_to_a_sum(tmp_path: Path) -> None:
-    """A file of some kilobytes does not expand to gigabytes through many chunks."""
-    path = tmp_path / "bomb.mcap"
-    with path.open("wb") as stream:
-        writer = Writer(stream, chunk_size=1)
-        writer.start()
-        channel = writer.register_channel("/a", "json", writer.register_schema("a", "json", b""))
-        for time_ns in range(20):
-            writer.add_message(channel, log_time=time_ns, data=bytes(20_000_000), publish_time=0)
-        writer.finish()
-    scan = RecordScan(path)
-    grown = sum(len(found.data) for found in scan if isinstance(found, Message))
-    assert path.stat().st_size < 100_000
-    assert grown == 20_000_000
-    assert "20000031 bytes, opened, more than" in str(scan.damages[0])
-
-
 @pytest.mark.parametrize(
     ("name", "metadata", "problem"),
     [
-        ("uav_bt.flight", {"start_ns": "1e999"}, "metadata is damaged"),
-        ("uav_bt.flight", {"start_s": "x"}, "metadata is damaged"),
-        ("uav_bt.flight", {"camera_model": "[" * 5000}, "metadata is damaged: no JSON"),
-        ("uav_bt.end", {"dropped": "[]"}, "end is damaged: expected numbers by topic"),
-        ("uav_bt.end", {"dropped": "{"}, "end is damaged: no JSON"),
-        ("uav_bt.end", {"lost_ticks": "many"}, "end is damaged"),
+        ("uav_bt.flight", {"start_ns": "1e999"}, "the metadata of the record is damaged"),
+        ("uav_bt.flight", {"start_s": "x"}, "the metadata of the record is damaged"),
+        ("uav_bt.flight", {"camera_model": "[" * 5000}, "metadata of the record .* no JSON"),
+        ("uav_bt.end", {"dropped": "[]"}, "the end of the record is damaged"),
+        ("uav_bt.end", {"dropped": "{"}, "the end of the record is damaged: no JSON"),
+        ("uav_bt.end", {"lost_ticks": "many"}, "the end of the record is damaged"),
     ],
 )
 def test_damaged_metadata_is_named(
@@ -252,20 +209,6 @@ def test_damaged_metadata_is_named(
         ("/mission/tick", b"\xff"),
         ("/tree/status", b'{"statuses": ["GREEN"]}'),
         ("/drone/state", b'{"captured_s": ' + b"9" * 400 + b"}"),
-    ],
-)
-def test_damaged_messages_are_one_error(
-    whole: Path, tmp_path: Path, topic: str, data: bytes
-) -> None:
-    path = tmp_path / "damaged.mcap"
-    copy_part(whole, path, messages={topic: data})
-    with pytest.raises(FileError, match=f"^{path}: the record's tick is damaged: "):
-        list(RecordReader(path).moments())
-
-
-@pytest.mark.parametrize(
-    ("topic", "data"),
-    [
         ("/mission/board", b'{"phase": {"value": 3, "captured_s": 0.0}}'),
         ("/mission/board", b'{"phase": {"value": "x", "captured_s": "Mission/x"}}'),
         ("/mission/commands", b'{"override": "mutiny"}'),
@@ -273,80 +216,27 @@ def test_damaged_messages_are_one_error(
         ("/camera/image", b"\x12\x04GIF8"),
     ],
 )
-def test_what_cannot_be_played_is_one_error(
+def test_damaged_messages_are_one_error(
     whole: Path, tmp_path: Path, topic: str, data: bytes
 ) -> None:
     path = tmp_path / "damaged.mcap"
     copy_part(whole, path, messages={topic: data})
-    with pytest.raises(
-        FileError, match=f"^{path}: .*tick.* of the record is damaged: |record's tick"
-    ):
+    with pytest.raises(FileError, match=f"^{path}: .*tick.* of the record is damaged: "):
         list(Playback(RecordReader(path)).ticks())
+    if topic == "/drone/state":
+        with pytest.raises(FileError, match=f"^{path}: a message of the record is damaged: "):
+            list(footage(RecordReader(path)))
 
 
-# --- records that other tools rewrote ------------------------------------------------------------
-
-
-def rewritten(
-    source: Path,
-    out: Path,
-    *,
-    chunks: bool = True,
-    last: bool = False,
-    by_topic: bool = False,
-    by_time: bool = False,
-) -> Path:
-    """Write the same messages and metadata in another order that MCAP allows."""
-    with source.open("rb") as old, out.open("wb") as new:
-        reader = make_reader(old)
-        summary = reader.get_summary()
-        assert summary is not None
-        writer = Writer(new, chunk_size=20_000, use_chunking=chunks)
-        writer.start()
-        known = {
-            number: writer.register_schema(schema.name, schema.encoding, schema.data)
-            for number, schema in summary.schemas.items()
-        }
-        known[0] = 0
-        channel_ids = {
-            number: writer.register_channel(
-                channel.topic, channel.message_encoding, known[channel.schema_id]
-            )
-            for number, channel in summary.channels.items()
-        }
-
-        def extras() -> None:
-            for item in reader.iter_metadata():
-                writer.add_metadata(item.name, item.metadata)
-            for item in reader.iter_attachments():
-                writer.add_attachment(
-                    item.create_time, item.log_time, item.name, item.media_type, item.data
-                )
-
-        if not last:
-            extras()
-        messages = [
-            (channel.topic, channel.id, each) for _, channel, each in reader.iter_messages()
-        ]
-        if by_topic:
-            messages.sort(key=lambda item: item[0])
-        if by_time:  # messages of the same time in the order of their topics' names
-            messages.sort(key=lambda item: (item[2].log_time, item[0]))
-        for _, number, each in messages:
-            writer.add_message(
-                channel_ids[number], each.log_time, each.data, each.publish_time, each.sequence
-            )
-        if last:
-            extras()
-        writer.finish()
-    return out
-
-
-@pytest.mark.parametrize("layout", [{"last": True}, {"chunks": False}, {"by_time": True}], ids=str)
+@pytest.mark.parametrize(
+    "layout",
+    [{"extras_last": True}, {"chunks": False}, {"order": lambda item: (item[1].log_time, item[0])}],
+    ids=["extras last", "without chunks", "a time's messages by topic"],
+)
 def test_a_record_in_another_legal_layout_is_the_same_record(
-    whole: Path, tmp_path: Path, layout: dict[str, bool]
+    whole: Path, tmp_path: Path, layout: dict[str, Any]
 ) -> None:
-    other = rewritten(whole, tmp_path / "other.mcap", **layout)
+    other = copy_part(whole, tmp_path / "other.mcap", **layout)
     first, second = RecordReader(whole), RecordReader(other)
     assert second.metadata == first.metadata
     assert second.attachments == first.attachments
@@ -361,6 +251,6 @@ def test_a_record_in_another_legal_layout_is_the_same_record(
 
 
 def test_messages_out_of_order_name_the_remedy(whole: Path, tmp_path: Path) -> None:
-    other = rewritten(whole, tmp_path / "by_topic.mcap", by_topic=True)
+    other = copy_part(whole, tmp_path / "by_topic.mcap", order=lambda item: item[0])
     with pytest.raises(FileError, match=r"not in the order of time.*`mcap sort`"):
         moments_of(other)

@@ -3,44 +3,39 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
 
 import pytest
 
-from uav_bt.record import channels
 from uav_bt.record import worker as worker_module
-from uav_bt.record.channels import Channel
-from uav_bt.record.worker import Encoded, RecordWorker
+from uav_bt.record.worker import RecordWorker
 
 PATIENCE_S = 30.0
 
 
 class Disk:
-    """A sink that a test can block or fill."""
+    """A disk that a test can block or fill."""
 
     def __init__(self, full_after: int | None = None) -> None:
         self.free = threading.Event()
         self.free.set()
         self.busy = threading.Event()
-        self.written: list[tuple[str, int]] = []
+        self.written: list[tuple[int, bool]] = []  # items, and whether with images
         self.flushes = 0
         self.full_after = full_after
 
-    def write(self, channel: Channel, time_ns: int, data: bytes) -> None:
-        del data
+    def write(self, item: int, images: bool) -> None:  # noqa: FBT001 - as the worker calls it
         self.busy.set()
         assert self.free.wait(PATIENCE_S)
         if self.full_after is not None and len(self.written) >= self.full_after:
             raise OSError(28, "No space left on device")
-        self.written.append((channel.topic, time_ns))
+        self.written.append((item, images))
 
     def flush(self) -> None:
         self.flushes += 1
 
 
-def encode(item: int, images: bool) -> Iterator[Encoded]:  # noqa: FBT001 - as the worker calls it
-    yield Encoded(channel=channels.TICK, time_ns=item, data=b"{}")
-    yield Encoded(channel=channels.CAMERA_IMAGE, time_ns=item, data=b"image" if images else None)
+def worker_on(disk: Disk, *, wait: bool) -> RecordWorker[int]:
+    return RecordWorker(disk.write, disk.flush, wait=wait)
 
 
 @pytest.fixture(autouse=True)
@@ -49,23 +44,10 @@ def _limits(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(worker_module, name, limit)
 
 
-def test_everything_is_written_in_order_when_the_disk_keeps_up() -> None:
-    disk = Disk()
-    worker = RecordWorker(disk, encode, wait=True)
-    for index in range(50):
-        worker.put(index, 0.1 * index)
-    worker.close()
-    worker.close()  # twice is fine
-    assert disk.written == [
-        (topic, index) for index in range(50) for topic in ("/mission/tick", "/camera/image")
-    ]
-    assert (worker.dropped, worker.lost_ticks, worker.failure) == ({}, 0, None)
-
-
 def test_a_slow_disk_costs_images_first_and_then_ticks_and_every_loss_is_counted() -> None:
     disk = Disk()
     disk.free.clear()
-    worker = RecordWorker(disk, encode, wait=False)
+    worker = worker_on(disk, wait=False)
     worker.put(0, 0.0)
     assert disk.busy.wait(PATIENCE_S)  # the thread processes item 0, the queue is empty
     for index in range(1, 8):
@@ -73,9 +55,7 @@ def test_a_slow_disk_costs_images_first_and_then_ticks_and_every_loss_is_counted
     disk.free.set()
     worker.close()
     # 0 and 1 have images; at 2 to 4 two items were waiting; at 5 to 7 the queue was full.
-    both = [(topic, index) for index in (0, 1) for topic in ("/mission/tick", "/camera/image")]
-    assert disk.written == [*both, *(("/mission/tick", index) for index in (2, 3, 4))]
-    assert worker.dropped == {"/camera/image": 3}
+    assert disk.written == [(index, index < 2) for index in range(5)]
     assert worker.lost_ticks == 3
 
 
@@ -86,23 +66,20 @@ def test_a_file_that_lags_gets_no_images_until_it_has_caught_up(
         monkeypatch.setattr(worker_module, name, limit)
     disk = Disk()
     disk.free.clear()
-    worker = RecordWorker(disk, encode, wait=False)
+    worker = worker_on(disk, wait=False)
     worker.put(0, 0.0)
     assert disk.busy.wait(PATIENCE_S)
     for index in range(1, 10):
         worker.put(index, index / 10)
     disk.free.set()
     worker.close()
-    images = [index for topic, index in disk.written if topic == "/camera/image"]
-    assert images == [0, 1, 2, 3, 4, 5]
-    assert [index for topic, index in disk.written if topic == "/mission/tick"] == list(range(10))
-    assert worker.dropped == {"/camera/image": 4}
+    assert disk.written == [(index, index < 6) for index in range(10)]
 
 
 def test_a_simulated_flight_waits_for_the_disk_and_loses_nothing() -> None:
     disk = Disk()
     disk.free.clear()
-    worker = RecordWorker(disk, encode, wait=True)
+    worker = worker_on(disk, wait=True)
     handed_over = threading.Event()
 
     def fly() -> None:
@@ -117,24 +94,24 @@ def test_a_simulated_flight_waits_for_the_disk_and_loses_nothing() -> None:
     disk.free.set()
     flight.join(PATIENCE_S)
     worker.close()
-    assert len(disk.written) == 16
-    assert (worker.dropped, worker.lost_ticks) == ({}, 0)
+    assert disk.written == [(index, True) for index in range(8)]
+    assert worker.lost_ticks == 0
 
 
 def test_a_full_disk_ends_the_writing_and_not_the_flight() -> None:
     disk = Disk(full_after=3)
-    worker = RecordWorker(disk, encode, wait=True)
+    worker = worker_on(disk, wait=True)
     for index in range(10):
         worker.put(index, 0.1 * index)
     worker.close()
     assert len(disk.written) == 3
     assert isinstance(worker.failure, OSError)
-    assert worker.lost_ticks == 9  # the second tick's image and all later messages did not fit
+    assert worker.lost_ticks == 7
 
 
 def test_the_file_is_flushed_every_half_second_of_the_mission() -> None:
     disk = Disk()
-    worker = RecordWorker(disk, encode, wait=True)
+    worker = worker_on(disk, wait=True)
     for index in range(21):
         worker.put(index, index / 10)
     worker.close()

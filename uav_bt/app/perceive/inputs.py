@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -35,9 +37,10 @@ from uav_bt.lab.shipped import load_lab
 from uav_bt.option import Option
 from uav_bt.protocols import DepthEstimator, Segmenter
 from uav_bt.record.reader import RECORD_SUFFIX, flight_record
+from uav_bt.settings import check_numbers
 from uav_bt.types import CameraModel
 
-_SQUARE_SLACK: Final = 0.01  # of the ratio of focal lengths: the pixels of a video are square
+_SQUARE_SLACK: Final = 0.01  # of the ratio of focal lengths
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +76,7 @@ class PerceiveOptions:
     threads: Threads = 1
 
     def __post_init__(self) -> None:
+        check_numbers(self, {"gimbal_deg": -90.0}, {"gimbal_deg": 90.0})
         if self.classes is not None and not (self.segmentation or "").lower().endswith(".onnx"):
             raise InputError("a class-mapping file belongs to an ONNX segmentation network")
 
@@ -91,7 +95,7 @@ class PerceiveInput:
                 f"{text} knows its own camera and telemetry; leave the other files away, or give "
                 "the video"
             )
-        flown = Path(text) if recorded else options.telemetry
+        flown = text if recorded else options.telemetry
         self._segmentation = options.segmentation or (ANY if flown is None else SHIPPED_UNET)
         self.camera_words = ""  # whose intrinsics; known once it has begun
         self._recorded_camera: CameraModel | None = None
@@ -107,33 +111,15 @@ class PerceiveInput:
             self.telemetry = Telemetry.of_flight(reader)
             self.telemetry_words = f"of {flown}"
             self._recorded_camera = reader.camera
-            # Images of a folder have no times: they are the flight's frames, one by one.
+            # Images of a folder are the flight's frames, one by one.
             times_s = list(self.telemetry.times_s)
         self.source = open_source(text, times_s=times_s)
         # Images of a folder without order in time stand for themselves.
         apart = options.telemetry is None and not options.sequence
         self.unrelated = apart and isinstance(self.source, FolderSource)
 
-    def begin(self) -> tuple[Pipeline, Shots]:
-        """Return the perception for the images' size, and the images.
-
-        InputError if no image can be read, the camera is not for them, or a network is unusable.
-        """
-        images = self._images()
-        first = next(images, None)
-        if first is None:
-            why = f": {'; '.join(self.source.skipped[:3])}" if self.source.skipped else ""
-            raise InputError(f"{self.source.name} holds no image that can be read{why}")
-        camera, self.camera_words = self._camera(first)
-        options, name = self._options, self._segmentation
-        segmenter = _segmenter(name, options)
-        model = options.model or (ANY if name == ANY else SHIPPED_DEPTHS[0])
-        network = _network(model, segmenter, options)
-        generator = np.random.default_rng(0)  # draws the ground's pixels for the scale
-        return Pipeline(segmenter, network, camera, generator=generator), _all_of(first, images)
-
-    def _images(self) -> Shots:
-        """Yield the images of the time asked for that have the size of the first one."""
+    def images(self) -> Shots:
+        """Yield the images of the time asked for, of the size of the first one."""
         longest_s, size_px = self._options.longest_s, None
         with closing(self.source.images(self._options.every)) as images:
             for image in images:
@@ -148,6 +134,20 @@ class PerceiveInput:
                         f"{image.name}: is {width}x{height}, the first image is "
                         f"{first_width}x{first_height}"
                     )
+
+    def begin(self, images: Shots) -> tuple[Pipeline, Iterator[Shot]]:
+        """Return the perception for the images' size, and all images."""
+        first = next(images, None)
+        if first is None:
+            why = f": {'; '.join(self.source.skipped[:3])}" if self.source.skipped else ""
+            raise InputError(f"{self.source.name} holds no image that can be read{why}")
+        camera, self.camera_words = self._camera(first)
+        options, name = self._options, self._segmentation
+        segmenter = _segmenter(name, options)
+        model = options.model or (ANY if name == ANY else SHIPPED_DEPTHS[0])
+        network = _network(model, segmenter, options)
+        generator = np.random.default_rng(0)
+        return Pipeline(segmenter, network, camera, generator=generator), chain([first], images)
 
     def _camera(self, first: Shot) -> tuple[CameraModel, str]:
         options, (width_px, height_px) = self._options, first.size_px
@@ -174,20 +174,6 @@ class PerceiveInput:
                 "camera with `uav-bt lab calibrate` and name its file with --camera"
             ) from error
         return camera, "the ANAFI's video, 69 deg wide (none given)"
-
-    def progress(self, image: Shot) -> tuple[int, int]:
-        """Return images done and in all; as many as done where the total is unknown."""
-        done = image.index + 1
-        total = self.source.total or done
-        if self._options.longest_s is not None:
-            total = min(total, math.ceil(self._options.longest_s * self.source.rate_per_s))
-        return done, max(done, total)
-
-
-def _all_of(first: Shot, others: Shots) -> Shots:
-    with closing(others):
-        yield first
-        yield from others
 
 
 def _segmenter(name: str, options: PerceiveOptions) -> Segmenter:

@@ -1,7 +1,6 @@
 """All perception of a frame without a tree: class map, depth, corridor and mark.
 
-For videos, benchmarks and evaluations. In a mission each perception leaf does one of these steps,
-so that a tree file shows them.
+In a mission each perception leaf does one of these steps.
 """
 
 from __future__ import annotations
@@ -22,13 +21,13 @@ from perception.depth.corridor import CorridorBuilder
 from perception.depth.metric import MetricDepth, MetricDepthMaker
 from perception.depth.scale import Scale
 from perception.marks.tracker import MarkTracker
-from uav_bt.display.video.perception_video import Seen
+from uav_bt.display.video.panes import Seen
 from uav_bt.errors import AnswerError
 from uav_bt.lab.shipped import default_mark
-from uav_bt.landing_marks import MarkSighting, MarkView
+from uav_bt.landing_marks import MarkView
 from uav_bt.plugins import make_mark_finder
 from uav_bt.protocols import DepthEstimator, Segmenter
-from uav_bt.types import CameraModel, DepthMap, DroneState, Frame, LandingMark
+from uav_bt.types import CameraModel, DroneState, Frame
 
 STAGES: Final = ("segmentation", "relative_depth", "metric_depth", "corridor", "mark")
 
@@ -39,10 +38,8 @@ _CARRIED_S: Final = 12.0  # a mark that was not seen for longer is lost, as in t
 class Perceived(Seen):
     """Perception of one undistorted frame."""
 
-    relative: DepthMap | None  # None without a network, and of a frozen image
     scale: Scale | None  # of the network's depth; None where none went in
     confidences: Mapping[str, Confidence]  # of `ground`, `scale` and `depth`
-    sighting: MarkSighting | None  # the landing mark in this frame
     stage_s: Mapping[str, float]  # wall time by stage; a stage that did not run is not in it
 
 
@@ -54,7 +51,6 @@ class Pipeline:
         network: frame in, relative depth out; None perceives depth by ground contact alone.
         camera: intrinsics at the frames' size; with distortion where the frames are distorted.
         generator: draws the ground's pixels for the scale.
-        mark: landing mark. Default: that of the default lab.
         timer: the wall clock that computing is measured with, seconds.
     """
 
@@ -65,7 +61,6 @@ class Pipeline:
         camera: CameraModel,
         *,
         generator: np.random.Generator,
-        mark: LandingMark | None = None,
         timer: Callable[[], float] = time.perf_counter,
     ) -> None:
         self._segmenter = segmenter
@@ -74,7 +69,7 @@ class Pipeline:
         self._generator = generator
         self._timer = timer
         self._corridors = CorridorBuilder()
-        self._finder = make_mark_finder(mark or default_mark())
+        self._finder = make_mark_finder(default_mark())
         self.restart()
 
     @property
@@ -83,11 +78,7 @@ class Pipeline:
         return self._undistorter.camera
 
     def restart(self) -> None:
-        """Forget all earlier frames.
-
-        The scale, the track of the mark, the telemetry, the image with which a frozen one is
-        compared, and the random numbers start anew. Images are then perceived alike in any order.
-        """
+        """Forget all earlier frames, so that images are perceived alike in any order."""
         self._depth = MetricDepthMaker(
             self._network,
             source="contact" if self._network is None else "fused",
@@ -100,9 +91,8 @@ class Pipeline:
     def perceive(self, frame: Frame, states: Sequence[DroneState] = ()) -> Perceived:
         """Return the perception of the next frame, of the camera's size.
 
-        `states` are the drone's telemetry since the frame before, up to this one's capture. They
-        carry the mark through frames that miss it; without any it is known only in frames that
-        show it.
+        `states`: the drone's telemetry since the frame before. It carries the mark through frames
+        that miss it.
         """
         spent: dict[str, float] = {}
         frame = replace(frame, image=self._undistorter.undistort(frame.image))
@@ -139,14 +129,12 @@ class Pipeline:
         return Perceived(
             frame=frame,
             class_map=class_map,
-            relative=metric.relative,
             depth=metric.depth,
             refusal=metric.refusal,
             scale=metric.scale,
             confidences=metric.confidences,
             corridor=corridor,
             intruding=intruding,
-            sighting=sighting,
             mark=fix,
             stage_s=spent,
         )

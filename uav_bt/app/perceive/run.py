@@ -1,4 +1,4 @@
-"""Perceive every image of a source: a video with overlays, a line a frame, a summary."""
+"""Perceive every image of a source."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,20 +20,28 @@ from uav_bt.app.option_values import as_file
 from uav_bt.app.perceive.inputs import PerceiveInput, PerceiveOptions
 from uav_bt.app.perceive.pipeline import STAGES, Perceived
 from uav_bt.app.sources.shots import Shot
-from uav_bt.display.video.perception_video import PerceptionPanes
+from uav_bt.display.video.panes import PerceptionPanes
 from uav_bt.display.video.video_file import FILM, VideoFile
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import check_empty_folder, write_whole, writing
-from uav_bt.inputs import same_file
+from uav_bt.inputs import refuse_inputs, same_file
 from uav_bt.mission.flight_report import Percentiles
 from uav_bt.progress import Advance, silent
 from uav_bt.record.images import encode_bytes
-from uav_bt.types import CameraModel, ClassMap
+from uav_bt.tree.loading.lookup import shipped_trees
+from uav_bt.types import CameraModel
 
 _MAX_RATE: Final = 60.0  # images a second of a video that is written
-_ALL: Final = "all"  # the stages of a frame together
+_DECIMALS: Final = 6  # of the numbers in the lines
+_CORRIDOR: Final = (
+    *("free_distance_m", "nearest_m", "nearest_side", "nearest_left_m", "nearest_right_m"),
+    *("time_to_impact_s", "unknown_px"),
+)
+_MARK: Final = ("forward_m", "right_m", "detected", "confidence")
 
 _Write = Callable[[Shot, Perceived], None]
+_Row = tuple[Mapping[str, float], str, bool, bool]
+"""Of a frame: time by stage in s, refusal, whether it has depth, and a mark."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +54,7 @@ class PerceiveSummary:
     telemetry: str  # whose pose, in words
     stage_ms: Mapping[str, Percentiles]  # wall time by stage, "all" their sum
     without_depth: Mapping[str, int]  # frames without metric depth, by reason
-    in_part: Mapping[str, int]  # frames whose depth is not all that was asked for, by reason
+    in_part: Mapping[str, int]  # frames with partial depth, by reason
     with_mark: int  # frames that show it
     skipped: tuple[str, ...]  # images that could not be used, and why
     warnings: tuple[str, ...]  # what may be wrong with all images
@@ -78,19 +87,21 @@ def perceive(
     options = options or PerceiveOptions()
     out, lines = as_file("out", out), as_file("lines", lines)
     folder = as_file("masks", masks, "a folder")
-    _check_outputs([path for path in (out, lines) if path is not None], folder, source, options)
-    mask_folder = None if folder is None else _MaskFolder(folder)
+    _check_outputs([path for path in (out, lines) if path is not None], folder, (source, options))
     given = PerceiveInput(str(source), options)
-    pipeline, images = given.begin()
-    counts = _Counts()
+    longest_s, total = options.longest_s, given.source.total or 0
+    if longest_s is not None:
+        total = min(total, math.ceil(longest_s * given.source.rate_per_s))
+    rows: list[_Row] = []
+    interrupted = False
     with ExitStack() as stack:
-        stack.enter_context(closing(images))
+        pipeline, images = given.begin(stack.enter_context(closing(given.images())))
         writers: list[_Write] = []
         if out is not None:
             rate = given.source.rate_per_s / options.every
             writers.append(stack.enter_context(_overlay_video(out, pipeline.camera, rate)))
-        if mask_folder is not None:
-            writers.append(lambda image, seen: mask_folder.write(image, seen.class_map))
+        if folder is not None:
+            writers.append(partial(_write_mask, folder))
         if lines is not None:
             writers.append(stack.enter_context(_json_lines(lines)))
         try:
@@ -99,62 +110,71 @@ def perceive(
                     pipeline.restart()
                 frame = given.telemetry.frame(image.image, image.index, image.time_s)
                 seen = pipeline.perceive(frame, given.telemetry.states(image.time_s))
-                counts.add(seen)
+                has_mark = seen.mark is not None and seen.mark.detected
+                rows.append((seen.stage_s, seen.refusal, seen.depth is not None, has_mark))
                 for write in writers:
                     write(image, seen)
-                advance(f"frames, {image.name}", *given.progress(image))
+                done = image.index + 1
+                advance(f"frames, {image.name}", done, max(done, total))
         except KeyboardInterrupt:
-            counts.interrupted = True
-    return counts.summary(given)
+            interrupted = True
+    return _summary(rows, given, interrupted=interrupted)
 
 
-def _check_outputs(
-    files: list[Path], masks: Path | None, source: str | Path, options: PerceiveOptions
-) -> None:
-    texts = (options.telemetry, options.camera, options.segmentation, options.model)
-    read = [Path(each) for each in (source, *texts, options.classes) if each is not None]
+def _check_outputs(files: list[Path], masks: Path | None, given: tuple[object, ...]) -> None:
     for file in files:
+        refuse_inputs(file, given, shipped_trees())
         if masks is not None and same_file(file.parent, masks):
             raise InputError(f"{file} lies in the folder of the masks; name another place for it")
-        if any(other.exists() and file.exists() and file.samefile(other) for other in read):
-            raise InputError(f"{file} would overwrite an input; name another file")
+    if masks is not None:
+        check_empty_folder(masks, "net perceive --masks")
 
 
-class _MaskFolder:
-    """A new or empty folder with the class map of each frame, and the classes.
+def _summary(rows: list[_Row], given: PerceiveInput, *, interrupted: bool) -> PerceiveSummary:
+    spent = {name: [row[0][name] for row in rows if name in row[0]] for name in STAGES}
+    spent["all"] = [sum(row[0].values()) for row in rows]
+    stages = {name: Percentiles.of_seconds(values) for name, values in spent.items()}
+    without = Counter(why for _, why, has_depth, _ in rows if why and not has_depth)
+    in_part = Counter(why for _, why, has_depth, _ in rows if why and has_depth)
+    return PerceiveSummary(
+        frames=len(rows),
+        unrelated=given.unrelated,
+        camera=given.camera_words,
+        telemetry=given.telemetry_words,
+        stage_ms={name: figures for name, figures in stages.items() if figures is not None},
+        without_depth=dict(without.most_common()),
+        in_part=dict(in_part.most_common()),
+        with_mark=sum(has_mark for *_, has_mark in rows),
+        skipped=tuple(given.source.skipped),
+        warnings=tuple(given.source.warnings),
+        interrupted=interrupted,
+    )
 
-    A class map is a grey PNG of 8 bits, (h, w), whose values are class ids, at the size of the map.
+
+def _write_mask(folder: Path, image: Shot, seen: Perceived) -> None:
+    """Write the class map of an image; the first one makes the folder and lists the classes.
+
+    It is a grey PNG, (h, w), whose values are class ids.
     `IMG_1.jpg` of a folder becomes `IMG_1.png`, frame 12 of a video `000012.png`.
     """
-
-    def __init__(self, folder: Path) -> None:
-        check_empty_folder(folder, "net perceive --masks")
-        self._folder = folder
-
-    def write(self, image: Shot, class_map: ClassMap) -> None:
-        """Write the class map of an image; the first one makes the folder."""
-        classes = self._folder / "classes.json"
-        if not classes.exists():
-            with writing(self._folder):
-                self._folder.mkdir(parents=True, exist_ok=True)
-            rows = [
-                {"id": number, "name": each.name, "role": each.role, "rgb": list(each.colour)}
-                for number, each in enumerate(class_map.classes)
-            ]
-            write_whole(classes, json.dumps({"classes": rows}, indent=2) + "\n")
-        path = self._path(image)
-        with writing(path):
-            if path.exists() or path.is_symlink():
-                raise FileError(path, "exists already, and is not replaced")
-        write_whole(path, encode_bytes(class_map.ids))
-
-    def _path(self, image: Shot) -> Path:
-        name = Path(image.name)
-        if name.suffix.lower() not in IMAGE_SUFFIXES:
-            return self._folder / f"{image.index:06d}.png"
-        path = self._folder / f"{name.stem}.png"
-        # IMG_1.jpg and IMG_1.png of one folder have two masks.
-        return self._folder / f"{name.name}.png" if path.exists() else path
+    classes = folder / "classes.json"
+    if not classes.exists():
+        with writing(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+        rows = [
+            {"id": number, "name": each.name, "role": each.role, "rgb": list(each.colour)}
+            for number, each in enumerate(seen.class_map.classes)
+        ]
+        write_whole(classes, json.dumps({"classes": rows}, indent=2) + "\n")
+    name = Path(image.name)
+    in_folder = name.suffix.lower() in IMAGE_SUFFIXES
+    path = folder / (f"{name.stem}.png" if in_folder else f"{image.index:06d}.png")
+    with writing(path):
+        if in_folder and path.exists():  # IMG_1.jpg and IMG_1.png of one folder have two masks
+            path = folder / f"{name.name}.png"
+        if path.exists() or path.is_symlink():
+            raise FileError(path, "exists already, and is not replaced")
+    write_whole(path, encode_bytes(seen.class_map.ids))
 
 
 @contextmanager
@@ -162,7 +182,7 @@ def _json_lines(path: Path) -> Iterator[_Write]:
     with writing(path), path.open("w", encoding="utf-8") as file:
 
         def write(image: Shot, seen: Perceived) -> None:
-            file.write(json.dumps(_as_json(image, seen), allow_nan=False) + "\n")
+            file.write(json.dumps(_rounded(_values(image, seen)), allow_nan=False) + "\n")
 
         yield write
 
@@ -187,94 +207,43 @@ def _overlay_video(path: Path, camera: CameraModel, rate_per_s: float) -> Iterat
         file.close()
 
 
-@dataclass
-class _Counts:
-    """Sums over the images so far."""
-
-    frames: int = 0
-    stage_s: dict[str, list[float]] = field(default_factory=dict)
-    without_depth: Counter[str] = field(default_factory=Counter)
-    in_part: Counter[str] = field(default_factory=Counter)
-    with_mark: int = 0
-    interrupted: bool = False
-
-    def add(self, seen: Perceived) -> None:
-        self.frames += 1
-        for stage, spent_s in (*seen.stage_s.items(), (_ALL, sum(seen.stage_s.values()))):
-            self.stage_s.setdefault(stage, []).append(spent_s)
-        if seen.refusal:
-            (self.without_depth if seen.depth is None else self.in_part)[seen.refusal] += 1
-        self.with_mark += seen.mark is not None and seen.mark.detected
-
-    def summary(self, given: PerceiveInput) -> PerceiveSummary:
-        names = (*STAGES, _ALL)
-        stages = ((name, Percentiles.of_seconds(self.stage_s.get(name, []))) for name in names)
-        return PerceiveSummary(
-            frames=self.frames,
-            unrelated=given.unrelated,
-            camera=given.camera_words,
-            telemetry=given.telemetry_words,
-            stage_ms={name: figures for name, figures in stages if figures is not None},
-            without_depth=dict(self.without_depth.most_common()),
-            in_part=dict(self.in_part.most_common()),
-            with_mark=self.with_mark,
-            skipped=tuple(given.source.skipped),
-            warnings=tuple(given.source.warnings),
-            interrupted=self.interrupted,
-        )
-
-
-def _as_json(image: Shot, seen: Perceived) -> dict[str, Any]:
-    """Return one frame as a JSON object. Unknown values are null."""
+def _values(image: Shot, seen: Perceived) -> dict[str, Any]:
+    """Return one frame's line of values. Unknown ones are None."""
     depth, scale, corridor, mark = seen.depth, seen.scale, seen.corridor, seen.mark
     return {
         "image": image.name,
         "index": image.index,
-        "time_s": round(image.time_s, 4),
+        "time_s": image.time_s,
         "depth": depth
         and {
-            "confidence": round(depth.confidence, 4),
-            "scale": scale
-            and {"factor": round(scale.factor, 6), "shift_m": round(scale.shift_m, 6)},
-            "known_share": round(float(np.isfinite(depth.depth).mean()), 4),
+            "confidence": depth.confidence,
+            "scale": scale and {"factor": scale.factor, "shift_m": scale.shift_m},
+            "known_share": float(np.isfinite(depth.depth).mean()),
         },
         "confidence": {
             name: {
-                "value": None if each.value is None else round(each.value, 4),
+                "value": each.value,
                 "reason": each.reason or None,
                 **({"measures": _measures(each.measures)} if each.measures else {}),
             }
             for name, each in seen.confidences.items()
         },
         "refusal": seen.refusal or None,
-        "corridor": corridor
-        and {
-            "free_distance_m": _metres(corridor.free_distance_m),
-            "nearest_m": _metres(corridor.nearest_m),
-            "nearest_side": corridor.nearest_side,
-            "nearest_left_m": _metres(corridor.nearest_left_m),
-            "nearest_right_m": _metres(corridor.nearest_right_m),
-            "time_to_impact_s": _metres(corridor.time_to_impact_s),
-            "unknown_px": corridor.unknown_px,
-        },
+        "corridor": corridor and {name: getattr(corridor, name) for name in _CORRIDOR},
         "mark": mark
-        and {
-            "forward_m": _metres(mark.forward_m),
-            "right_m": _metres(mark.right_m),
-            "detected": mark.detected,
-            "confidence": round(mark.confidence, 4),
-            "seen_s": _metres(mark.captured_s),
-        },
-        "ms": {stage: round(1000.0 * spent_s, 3) for stage, spent_s in seen.stage_s.items()},
+        and {**{name: getattr(mark, name) for name in _MARK}, "seen_s": mark.captured_s},
+        "ms": {stage: 1000.0 * spent_s for stage, spent_s in seen.stage_s.items()},
     }
 
 
 def _measures(measures: Mapping[str, tuple[float, str | None]]) -> dict[str, Any]:
-    return {
-        name: {"value": round(value, 4), "reason": reason}
-        for name, (value, reason) in measures.items()
-    }
+    return {name: {"value": value, "reason": reason} for name, (value, reason) in measures.items()}
 
 
-def _metres(value: float) -> float | None:
-    return round(value, 4) if math.isfinite(value) else None  # JSON knows no infinity
+def _rounded(value: Any) -> Any:
+    """Return plain values with rounded numbers; None for infinity."""
+    if isinstance(value, dict):
+        return {name: _rounded(each) for name, each in value.items()}
+    if isinstance(value, float):
+        return round(value, _DECIMALS) if math.isfinite(value) else None
+    return value

@@ -1,13 +1,10 @@
-"""Telemetry of a video's frames: height, gimbal pitch and motion at each frame.
-
-A live flight's frames come with their telemetry. A video file's do not: either the camera was
-fixed at a known height and pitch, or the record of the same flight holds the telemetry.
-"""
+"""Telemetry of a video's frames: of a fixed camera, or of the flight's record."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,34 +15,29 @@ from uav_bt.record.moment import StoredFrame
 from uav_bt.record.reader import RecordReader, footage
 from uav_bt.types import Attitude, DroneState, Frame
 
+_SLACK_S: Final = 0.25  # by which an image may lie beyond the flight's ends
+_NUMBERS: Final = ("gimbal_pitch_rad", "altitude_m", "height_m", "height_above_ground_m")
+_ANGLES: Final = ("roll_rad", "pitch_rad", "yaw_rad")
+
 
 class Telemetry:
     """Poses of frames, interpolated; times are of the video, which begins at 0."""
 
     def __init__(
-        self, notes: Sequence[FrameNote], states: Sequence[DroneState], slack_s: float
+        self, notes: Sequence[FrameNote], states: Sequence[DroneState], slack_s: float = _SLACK_S
     ) -> None:
         begin_s = notes[0].captured_s
         self._states = [state.dated(state.captured_s - begin_s) for state in states]
-        self._next_state = 0
         self._slack_s = slack_s
-        columns = np.array(
-            [
-                (
-                    *(note.captured_s - begin_s, note.gimbal_pitch_rad),
-                    *(note.altitude_m, note.height_m, note.height_above_ground_m),
-                    *(note.attitude.roll_rad, note.attitude.pitch_rad, note.attitude.yaw_rad),
-                )
-                for note in notes
-            ]
-        )
-        columns[:, -3:] = np.unwrap(columns[:, -3:], axis=0)
-        self.times_s: NDArray[np.float64] = columns[:, 0]  # (N,) of the notes, from the first one
-        self._columns = columns[:, 1:].T
+        self.times_s = np.array([note.captured_s - begin_s for note in notes])  # from the first one
+        self._numbers = {name: [getattr(note, name) for note in notes] for name in _NUMBERS}
+        self._angles = {
+            name: np.unwrap([getattr(note.attitude, name) for note in notes]) for name in _ANGLES
+        }
 
     @classmethod
     def fixed(cls, height_m: float, gimbal_pitch_rad: float) -> Telemetry:
-        """Return that of a camera that always looks down from the same height above the ground."""
+        """Return that of a camera with a fixed height above the ground and pitch."""
         note = FrameNote(
             index=0,
             captured_s=0.0,
@@ -59,41 +51,38 @@ class Telemetry:
     @classmethod
     def of_flight(cls, reader: RecordReader) -> Telemetry:
         """Return that of a record; FileError if it is damaged or has no frame."""
-        notes: list[FrameNote] = []
-        states: list[DroneState] = []
-        for item in footage(reader):
-            if isinstance(item, StoredFrame):
-                notes.append(item.note)
-            elif isinstance(item, DroneState):
-                states.append(item)
+        items = [
+            item.note if isinstance(item, StoredFrame) else item  # without the image
+            for item in footage(reader)
+        ]
+        notes = [item for item in items if isinstance(item, FrameNote)]
         if not notes:
             raise FileError(reader.path, "the record has no frame with an image")
-        return cls(notes, states, 0.25)
+        return cls(notes, [item for item in items if isinstance(item, DroneState)])
 
     def frame(self, image: NDArray[np.uint8], index: int, time_s: float) -> Frame:
         """Return an image, (H, W, 3) RGB, as a frame; heights beyond the flight's ends are NaN."""
-        times = self.times_s
-        if times[0] - self._slack_s <= time_s <= times[-1] + self._slack_s:
-            values = [float(np.interp(time_s, times, column)) for column in self._columns]
-        else:
-            values = [math.nan] * len(self._columns)
-        gimbal, altitude_m, height_m, above_ground_m, roll, pitch, yaw = values
+        known = self.times_s[0] - self._slack_s <= time_s <= self.times_s[-1] + self._slack_s
+
+        def at(columns: Mapping[str, Any]) -> dict[str, float]:
+            return {
+                name: float(np.interp(time_s, self.times_s, column)) if known else math.nan
+                for name, column in columns.items()
+            }
+
         return Frame(
             image=image,
             index=index,
             captured_s=time_s,
-            gimbal_pitch_rad=gimbal,
-            attitude=Attitude(roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw),
-            altitude_m=altitude_m,
-            height_m=height_m,
-            height_above_ground_m=above_ground_m,
+            attitude=Attitude(**at(self._angles)),
+            **at(self._numbers),
         )
 
     def states(self, until_s: float) -> list[DroneState]:
         """Return the drone's states since the last call, up to a time of the video."""
-        begin = end = self._next_state
+        count = 0
         # With a tolerance: the video's times are differences.
-        while end < len(self._states) and self._states[end].captured_s <= until_s + 1e-9:
-            end += 1
-        self._next_state = end
-        return self._states[begin:end]
+        while count < len(self._states) and self._states[count].captured_s <= until_s + 1e-9:
+            count += 1
+        past, self._states = self._states[:count], self._states[count:]
+        return past

@@ -33,7 +33,7 @@ from uav_bt.types.area import Area
 Masks = Literal["network", "recorded"]
 
 _OVER: Final = frozenset({"SUCCESS", "FAILURE"})
-_STOPPED: Final = frozenset({Override.ABORT.value, Override.BATTERY.value})
+_STOPPED: Final = frozenset({Override.ABORT, Override.BATTERY})
 _AS_RECORDED: Final = "stopped, as in the recording"
 
 
@@ -217,7 +217,7 @@ class _ReplayRunner(MissionRunner):
         # A stop that the runner does not come to by itself. One between two ticks keeps the tree
         # from being ticked; one within comes after.
         before, now = self._recorded.before, self._recorded.moment
-        stopped = now.commands.override == Override.ABORT.value and (
+        stopped = now.commands.override is Override.ABORT and (
             before is None
             or (before.commands.override not in _STOPPED and before.tick.tree_status not in _OVER)
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,7 +17,7 @@ from perception.camera.image_files import (
     image_files,
     read_image,
 )
-from uav_bt.app.sources.shots import ImageSource, Shot, Shots
+from uav_bt.app.sources.shots import RATE, ImageSource, Shot, Shots
 from uav_bt.app.sources.video_source import VideoSource
 from uav_bt.clock import WallClock
 from uav_bt.errors import FileError, InputError, ShapeError
@@ -26,30 +26,19 @@ from uav_bt.protocols import Clock
 from uav_bt.record.moment import StoredFrame
 from uav_bt.record.reader import RECORD_SUFFIX, RecordReader, flight_record, footage
 
-CAMERA: Final = "camera:"  # before a device's number
-FOLDER_RATE: Final = 10.0  # images a second where it is unknown: a mission's tick
+_CAMERA: Final = "camera:"  # before a device's number
 
 
-def open_source(
-    text: str, *, clock: Clock | None = None, times_s: Sequence[float] | None = None
-) -> ImageSource:
-    """Return the source that a text names; opens nothing that has to be closed.
+def open_source(text: str, *, times_s: Sequence[float] | None = None) -> ImageSource:
+    """Return the source that a text names: a video, a record, a folder, an image or `camera:N`.
 
-    Args:
-        text: a video file, a flight record, a folder of images, an image, or `camera:N`.
-        clock: of a live camera's times; default: the wall clock.
-        times_s: of a folder's images, in their order; default: ten a second.
-
-    Raises:
-        FileError: there is no such file or folder, or it holds no images.
-        InputError: the camera's number is invalid.
-        ShapeError: the folder holds another number of images than there are times.
+    `times_s` are those of a folder's images, in their order; default: ten a second.
     """
-    if text.startswith(CAMERA):
-        number = text.removeprefix(CAMERA)
+    if text.startswith(_CAMERA):
+        number = text.removeprefix(_CAMERA)
         if not re.fullmatch(r"\d{1,3}", number):
             raise InputError(f"expected a camera such as camera:0, got '{text}'")
-        return CameraSource(int(number), clock or WallClock())
+        return CameraSource(int(number), WallClock())
     path = Path(text)
     suffix = path.suffix.lower()
     if path.is_dir() or (path.is_file() and suffix in (*IMAGE_SUFFIXES, *FOREIGN_SUFFIXES)):
@@ -63,21 +52,19 @@ def open_source(
     return RecordSource(flight_record(path)) if suffix == RECORD_SUFFIX else VideoSource(path)
 
 
-class RecordSource:
+class RecordSource(ImageSource):
     """The frames of a flight record."""
 
     def __init__(self, reader: RecordReader) -> None:
-        self._reader = reader
         found = (item for item in footage(reader) if isinstance(item, StoredFrame))
         times_s = np.array([item.note.captured_s for item in found])
-        self._begin_s = float(times_s[0]) if times_s.size else 0.0
-        self.name = str(reader.path)
-        self.total: int | None = len(times_s)
         between_s = float(np.median(np.diff(times_s))) if len(times_s) > 1 else 0.0
-        self.rate_per_s = 1.0 / between_s if between_s > 0.0 else FOLDER_RATE
-        self.duration_s: float | None = float(np.ptp(times_s)) if times_s.size else 0.0
-        self.skipped: list[str] = []
-        self.warnings: list[str] = []
+        super().__init__(
+            str(reader.path), len(times_s), 1.0 / between_s if between_s > 0.0 else RATE
+        )
+        self._reader = reader
+        self._begin_s = float(times_s[0]) if times_s.size else 0.0
+        self.duration_s = float(np.ptp(times_s)) if times_s.size else 0.0
 
     def images(self, every: int = 1) -> Shots:
         """Iterate over every n-th frame."""
@@ -94,8 +81,8 @@ class RecordSource:
             yield Shot.of(image, index=index, time_s=time_s, name=f"frame {index}")
 
 
-class FolderSource:
-    """The images of a folder by name, numbers in them by their value; or a single image.
+class FolderSource(ImageSource):
+    """The images of a folder by name, numbers by their value; or a single image.
 
     `times_s` are those of the images in their order, the unreadable ones included.
     """
@@ -107,12 +94,8 @@ class FolderSource:
             expected = f"{len(times_s)}, as many as the telemetry has entries"
             raise ShapeError(f"images in {path}", expected=expected, actual=[len(self._paths)])
         self._times_s = times_s
-        self.name = str(path)
-        self.total: int | None = len(self._paths)
-        self.rate_per_s = FOLDER_RATE
-        self.duration_s: float | None = len(self._paths) / FOLDER_RATE
-        self.skipped: list[str] = [foreign] if foreign else []
-        self.warnings: list[str] = []
+        super().__init__(str(path), len(self._paths))
+        self.skipped += [foreign] if foreign else []
 
     def images(self, every: int = 1) -> Shots:
         """Iterate over every n-th image."""
@@ -128,9 +111,7 @@ class FolderSource:
             yield Shot.of(
                 orientation.image(stored),
                 index=index,
-                time_s=float(
-                    index / FOLDER_RATE if self._times_s is None else self._times_s[index]
-                ),
+                time_s=index / RATE if self._times_s is None else float(self._times_s[index]),
                 name=path.name,
                 orientation=orientation,
             )
@@ -142,21 +123,13 @@ def _natural(path: Path) -> tuple[list[tuple[int, str]], str]:
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts], path.name
 
 
-class CameraSource:
+class CameraSource(ImageSource):
     """A live camera, read by OpenCV. It never ends."""
 
-    def __init__(
-        self, number: int, clock: Clock, *, capture: Callable[[int], Any] = cv2.VideoCapture
-    ) -> None:
+    def __init__(self, number: int, clock: Clock) -> None:
+        super().__init__(f"{_CAMERA}{number}", None)
         self._number = number
         self._clock = clock
-        self._capture = capture
-        self.name = f"{CAMERA}{number}"
-        self.total: int | None = None
-        self.rate_per_s = FOLDER_RATE
-        self.duration_s: float | None = None
-        self.skipped: list[str] = []
-        self.warnings: list[str] = []
 
     def images(self, every: int = 1) -> Shots:
         """Iterate over every n-th image until it stops; InputError if it sends nothing."""
@@ -184,10 +157,8 @@ class CameraSource:
         # Each back end of OpenCV would write about the number to the error stream.
         level = cv2.utils.logging.getLogLevel()
         cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-        try:
-            device = self._capture(self._number)
-        finally:
-            cv2.utils.logging.setLogLevel(level)
+        device = cv2.VideoCapture(self._number)
+        cv2.utils.logging.setLogLevel(level)
         if not device.isOpened():
             device.release()
             raise InputError(

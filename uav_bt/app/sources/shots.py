@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, Final
 
 import cv2
 import numpy as np
@@ -13,6 +14,8 @@ from numpy.typing import NDArray
 
 from perception.camera.image_files import UPRIGHT, Orientation
 from uav_bt.types.arrays import Image
+
+RATE: Final = 10.0  # images a second where it is unknown: a mission's tick
 
 Size = tuple[int, int]
 """Width and height in pixels."""
@@ -49,19 +52,29 @@ Shots = Generator[Shot, None, None]
 """Images in order of time; closing lets go of the file or the camera."""
 
 
-class ImageSource(Protocol):
-    """Gives images in order of time."""
+class ImageSource(ABC):
+    """Gives images in order of time.
 
-    name: str  # in messages
-    total: int | None  # how many images it has; None where it is unknown
-    rate_per_s: float  # how many images a second, about
-    duration_s: float | None  # None where it is unknown
-    skipped: list[str]  # images that were skipped so far, with the reasons
-    warnings: list[str]  # what may be wrong with all of them
+    Attributes:
+        name: its name in messages.
+        total: how many images it has; None where it is unknown.
+        rate_per_s: how many images a second, about.
+        duration_s: how long it is, about; None where it is unknown.
+        skipped: images that were skipped so far, with the reasons.
+        warnings: what may be wrong with all of them.
+    """
 
+    def __init__(self, name: str, total: int | None, rate_per_s: float = RATE) -> None:
+        self.name = name
+        self.total = total
+        self.rate_per_s = rate_per_s
+        self.duration_s = total / rate_per_s if total else None
+        self.skipped: list[str] = []
+        self.warnings: list[str] = []
+
+    @abstractmethod
     def images(self, every: int = 1) -> Shots:
         """Iterate over every n-th image. Unreadable images are skipped and reported."""
-        ...
 
 
 def _resized(image: Image, size_px: Size | None, colour: bool) -> NDArray[np.uint8]:  # noqa: FBT001

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -14,7 +15,7 @@ from av.video.reformatter import Colorspace, Interpolation
 from numpy.typing import NDArray
 
 from perception.camera.image_files import UPRIGHT, Orientation
-from uav_bt.app.sources.shots import Shot, Shots, Size
+from uav_bt.app.sources.shots import ImageSource, Shot, Shots, Size
 from uav_bt.display.video.video_file import FILM
 from uav_bt.errors import FileError, ValueRangeError
 
@@ -25,40 +26,36 @@ _UNTAGGED: Final = 2  # a matrix that the file does not state
 _HDR: Final = {16: "PQ", 18: "HLG"}  # transfer characteristics
 
 
-class VideoSource:
+class VideoSource(ImageSource):
     """A video file, decoded by FFmpeg.
 
-    Images are turned and widened as players do it, by the orientation and the shape of the pixels
-    in the file. A cover picture is no video stream. Where time stamps start again, as in joined
-    recordings, times go on.
+    Images are turned and widened as players do it. A cover picture is no video stream.
+    Where time stamps start again, as in joined recordings, times go on.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self.name = str(path)
-        self.skipped: list[str] = []
-        self.warnings: list[str] = []
-        with self._opened() as container:
+        with self._opened() as (container, stream):
             if container.metadata.get("comment") == FILM:
                 raise FileError(
                     path,
                     "is a film that uav-bt made, of panes and text; perception wants the camera's "
                     "own video, or the record of a flight (`uav-bt fly --record`)",
                 )
-            stream = self._stream(container)
+            rate_per_s = float(stream.average_rate or _UNKNOWN_RATE)
+            stated_s = container.duration and float(container.duration) / av.time_base
+            guessed = stated_s and max(1, math.ceil(stated_s * rate_per_s))
+            super().__init__(str(path), stream.frames or guessed or None, rate_per_s)
             hdr = _HDR.get(int(stream.codec_context.color_trc))
             if hdr:
                 self.warnings.append(
                     f"the video is HDR ({hdr}), so its colours are pale and dark; switch HDR off "
                     "in the camera and film again"
                 )
-            self.rate_per_s = float(stream.average_rate or _UNKNOWN_RATE)
-            stated_s = container.duration and float(container.duration) / av.time_base
-            guessed = stated_s and max(1, math.ceil(stated_s * self.rate_per_s))
-            self.total: int | None = stream.frames or guessed or None
-            self.duration_s = self.total / self.rate_per_s if self.total else None
 
-    def _opened(self) -> Any:
+    @contextmanager
+    def _opened(self) -> Iterator[tuple[Any, Any]]:
+        """Open the file and its first video stream."""
         try:
             # An absolute path: FFmpeg takes the part before a colon for a protocol.
             container = av.open(str(self._path.absolute()))
@@ -68,23 +65,19 @@ class VideoSource:
                 f"is not a readable video ({_reason(error)}); copy it again from the camera, or "
                 "convert it to MP4 with a video editor",
             ) from error
-        if not container.streams.video:
-            container.close()
-            raise FileError(self._path, "holds no video")
-        return container
-
-    def _stream(self, container: Any) -> Any:
-        for stream in container.streams.video:
-            if not stream.disposition & av.stream.Disposition.attached_pic:
-                return stream
-        raise FileError(self._path, "holds no video, only a cover picture")
+        with container:
+            for stream in container.streams.video:
+                if not stream.disposition & av.stream.Disposition.attached_pic:
+                    yield container, stream
+                    return
+            raise FileError(self._path, "holds no video; a cover picture is none")
 
     def images(self, every: int = 1) -> Shots:
         """Iterate over every n-th image; damaged images are left out and counted."""
         orientation, read_from = UPRIGHT, None
-        with self._opened() as container:
-            wide = float(self._stream(container).sample_aspect_ratio or 1)
-            for index, time_s, decoded in self._timed(container):
+        with self._opened() as (container, stream):
+            wide = float(stream.sample_aspect_ratio or 1)
+            for index, time_s, decoded in self._timed(container.demux(stream)):
                 # Not of each image: PyAV's side data hold their image in a reference cycle, and
                 # hundreds of images would wait for the garbage collector.
                 if read_from != (read_from := (decoded.rotation, decoded.width, decoded.height)):
@@ -111,20 +104,18 @@ class VideoSource:
         except ValueRangeError as error:
             raise FileError(self._path, str(error)) from error
 
-    def _timed(self, container: Any) -> Iterator[tuple[int, float, Any]]:
+    def _timed(self, packets: Iterator[Any]) -> Iterator[tuple[int, float, Any]]:
         """Yield number, time since the first image in s, and each image that is whole."""
-        begin_s, last_s, step_s = None, 0.0, 1.0 / self.rate_per_s
-        for index, decoded in self._decoded(container):
+        begin_s, last_s = None, 0.0
+        for index, decoded in self._decoded(packets):
             shown_s = index / self.rate_per_s if decoded.time is None else float(decoded.time)
             begin_s = shown_s if begin_s is None else begin_s
-            if shown_s - begin_s < last_s:  # another recording is joined to the last one
-                begin_s = shown_s - last_s - step_s
-            step_s = shown_s - begin_s - last_s or step_s
+            if shown_s - begin_s < last_s:  # another recording is joined
+                begin_s = shown_s - last_s - 1.0 / self.rate_per_s
             last_s = shown_s - begin_s
             yield index, last_s, decoded
 
-    def _decoded(self, container: Any) -> Iterator[tuple[int, Any]]:
-        packets = container.demux(self._stream(container))
+    def _decoded(self, packets: Iterator[Any]) -> Iterator[tuple[int, Any]]:
         count = unreadable = damaged = 0
         suspect: set[int | None] = set()  # time stamps of packets that arrived damaged
         index, first = -1, ""
@@ -141,7 +132,7 @@ class VideoSource:
                 except av.FFmpegError as error:
                     unreadable += 1
                     first = first or f"packet {count}, {_reason(error)}"
-                    if unreadable > count:  # no packet could be read at all: the file ends here
+                    if unreadable > count:  # the file ends here
                         break
                     continue
                 for frame in frames:

@@ -1,1 +1,1 @@
-"""Flights viewed in Rerun, composed: while they are flown (`live`), or records (`recorded`)."""
+"""Flights viewed in Rerun."""

@@ -213,7 +213,7 @@ def scene_figure(sets: Sequence[FlightSet], name: str, scene: Scene) -> Figure |
     lab, cells = map_of_scene(scene), GroundCells(scene.ground_plan)
     shown = [flight for _, flown in rows for flight in flown]
     paths_m = np.concatenate([np.asarray(flight["path"])[:, 1:3] for flight in shown])
-    half_m = np.maximum(np.abs(paths_m).max(axis=0), np.asarray(lab.ground_size_m) / 2) + _MARGIN_M
+    half_m = np.maximum(np.abs(paths_m).max(axis=0), np.asarray(lab.ground.size_m) / 2) + _MARGIN_M
     row_in = _PANEL_IN * half_m[1] / half_m[0] + _WORDS_IN
     figure = _new_figure(11.0, row_in * len(rows) + 0.4)
     grid = figure.subplots(len(rows), 2, squeeze=False, sharex=True, sharey=True)
@@ -249,7 +249,7 @@ def _draw_paths(axes: Axes, flown: Flights) -> None:
 
 def _draw_coverage(axes: Axes, flown: Flights, lab: LabMap, cells: GroundCells) -> Any:
     passed = [visited_cells(flight["path"], cells) for flight in flown]
-    half_x, half_y = (side / 2 for side in lab.ground_size_m)
+    half_x, half_y = (side / 2 for side in lab.ground.size_m)
     image = axes.imshow(
         100.0 * np.mean(passed, axis=0),
         origin="lower",
@@ -268,17 +268,17 @@ def _draw_coverage(axes: Axes, flown: Flights, lab: LabMap, cells: GroundCells) 
 
 def _draw_lab(axes: Axes, lab: LabMap) -> None:
     """Draw ground, mark, boxes, movers' paths and take-off, with axes in m."""
-    axes.add_patch(Polygon(lab.outline(), facecolor="none", edgecolor="#adb5bd"))
+    axes.add_patch(Polygon(lab.ground.corners_m, facecolor="none", edgecolor="#adb5bd"))
     if lab.mark is not None:
         axes.add_patch(Polygon(lab.mark.corners(), facecolor="white", edgecolor=_MARK))
         axes.text(lab.mark.x_m, lab.mark.y_m, "H", ha="center", va="center", color=_MARK)
     for box in lab.boxes:
         face = tuple(channel / 255 for channel in box.colour)
         axes.add_patch(Polygon(box.corners(), facecolor=face, edgecolor=_INK, linewidth=0.8))
-        height = f"{box.size_m[2]:.3g}"
+        height = f"{box.height_m:.3g}"
         axes.text(box.x_m, box.y_m, height, fontsize=7, color="white", ha="center", va="center")
     for mover in lab.movers:
-        colour = tuple(channel / 255 for channel in mover.item.colour)
+        colour = tuple(channel / 255 for channel in mover.colour)
         axes.plot(*zip(*mover.path_m, strict=True), color=colour, linewidth=0.8, linestyle=":")
     if lab.take_off is not None:
         arrow = {"arrowstyle": "-|>", "color": _INK, "shrinkA": 0, "shrinkB": 0}

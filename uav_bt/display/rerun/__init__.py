@@ -1,1 +1,1 @@
-"""View of a flight in Rerun: images, the lab in 3D, the tree and plots, on one timeline."""
+"""View of a flight in Rerun."""

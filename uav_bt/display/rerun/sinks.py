@@ -1,6 +1,6 @@
 """Outputs of a Rerun view: a file, Rerun's window, or a browser.
 
-The viewer is a separate process that listens on loopback only; Rerun's default is all interfaces.
+The viewer is a process that listens on loopback only; Rerun's default is all interfaces.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ import socket
 import subprocess
 import sys
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Generic, TypeVar
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from uav_bt.errors import FileError, InputError, MissingDependencyError
 from uav_bt.files import whole_file
@@ -26,7 +26,7 @@ from uav_bt.plugins import need
 if TYPE_CHECKING:
     import rerun as rr
 
-T = TypeVar("T")
+    from uav_bt.display.rerun.flight_view import FlightView
 
 _LOG: Final = logging.getLogger(__name__)
 _APPLICATION: Final = "uav_bt"
@@ -43,19 +43,9 @@ _KEPT: Final = (
 )
 
 
-def need_display(instead: str) -> None:
-    """Refuse to open a window on a machine without a display, with advice."""
-    given = (os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
-    if sys.platform != "darwin" and not any(given):
-        raise InputError(
-            "there is no display to open a window on (DISPLAY and WAYLAND_DISPLAY are not set): "
-            f"{instead}"
-        )
-
-
 @contextmanager
 def saved(path: Path) -> Iterator[rr.RecordingStream]:
-    """Write the drawings of the context into an rrd file, which appears complete or not at all."""
+    """Write what is drawn inside into an rrd file that appears complete or not at all."""
     need("view", "a view")
     import rerun as rr  # noqa: PLC0415 - an extra
     from rerun_bindings import flush_and_cleanup_orphaned_recordings  # noqa: PLC0415
@@ -80,71 +70,69 @@ def saved(path: Path) -> Iterator[rr.RecordingStream]:
             raise FileError(path, "could not be written completely; is the disk full?")
 
 
-class Viewer:
-    """The process of a viewer, in a window or for a browser, and the recording that it shows."""
+class Viewer(NamedTuple):
+    """A viewer's process and the recording that it shows."""
 
-    def __init__(self, *, web: bool) -> None:
-        need("view", "a view")
-        import rerun as rr  # noqa: PLC0415 - an extra
-
-        self.port = _free_port()
-        web_port = _free_port() if web else None
-        address = f"rerun+http://{_LOOPBACK}:{self.port}/proxy"
-        page = f"http://{_LOOPBACK}:{web_port}/?url={address.replace('+', '%2B')}"
-        self.url = page if web else None
-        self._process = subprocess.Popen(  # noqa: S603 - Rerun's own program
-            # A server without a window would keep running if this process were killed.
-            [*(_KEPT if web else ()), *viewer_command(self.port, web_port)],
-            stdin=subprocess.PIPE if web else subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            env={**os.environ, "CI": "true"},  # disables the usage reports of Rerun's viewer
-            start_new_session=True,  # Ctrl-C lands the drone and must not close the window
-        )
-        self.stream = rr.RecordingStream(_APPLICATION)
-        self.stream.connect_grpc(address)
+    process: subprocess.Popen[bytes]
+    stream: rr.RecordingStream
+    url: str | None  # of a browser's view
 
     @property
     def closed(self) -> bool:
         """Whether the viewer has been closed."""
-        return self._process.poll() is not None
-
-    def wait(self) -> None:
-        """Wait until the viewer is closed."""
-        self._process.wait()
-
-    def close(self) -> None:
-        """Send the remaining data, and end a server; a window stays. Safe to call twice."""
-        if not self.closed:
-            with suppress(RuntimeError):  # the window has been closed
-                self.stream.flush(timeout_sec=_FLUSH_S)
-        self.stream.disconnect()
-        if self._process.stdin is not None:
-            self._process.stdin.close()
-            self._process.wait()
+        return self.process.poll() is not None
 
 
 @contextmanager
 def shown(*, web: bool, instead: str) -> Iterator[Viewer]:
-    """Open a viewer; a window needs a display and stays, a browser's view ends here."""
-    if not web:
-        need_display(instead)
-    viewer = Viewer(web=web)
+    """Open a viewer; a window needs a display and stays, a browser's view ends here.
+
+    The error about a missing display says what to do `instead`.
+    """
+    need("view", "a view")
+    import rerun as rr  # noqa: PLC0415 - an extra
+
+    displays = [os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")]
+    if not web and sys.platform != "darwin" and not any(displays):
+        raise InputError(
+            "there is no display to open a window on (DISPLAY and WAYLAND_DISPLAY are not set): "
+            f"{instead}"
+        )
+    port, web_port = _free_port(), _free_port()
+    address = f"rerun+http://{_LOOPBACK}:{port}/proxy"
+    page = f"http://{_LOOPBACK}:{web_port}/?url={address.replace('+', '%2B')}"
+    process = subprocess.Popen(  # noqa: S603 - Rerun's own program
+        # A server without a window would keep running if this process were killed.
+        [*_KEPT, *viewer_command(port, web_port)] if web else viewer_command(port),
+        stdin=subprocess.PIPE if web else subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "CI": "true"},  # disables the usage reports of Rerun's viewer
+        start_new_session=True,  # Ctrl-C lands the drone and must not close the window
+    )
+    stream = rr.RecordingStream(_APPLICATION)
+    stream.connect_grpc(address)
+    viewer = Viewer(process, stream, page if web else None)
     try:
         yield viewer
     finally:
-        viewer.close()
+        if not viewer.closed:
+            with suppress(RuntimeError):  # the window has been closed
+                stream.flush(timeout_sec=_FLUSH_S)
+        stream.disconnect()
+        if process.stdin is not None:
+            process.stdin.close()
+            process.wait()
 
 
-def viewer_command(port: int, web_port: int | None) -> list[str]:
-    """Return the command that starts a viewer on loopback."""
+def viewer_command(port: int, web_port: int | None = None) -> list[str]:
+    """Return the command that starts a viewer; `web_port` is for browsers."""
     found = find_spec("rerun_cli")
-    homes = found.submodule_search_locations if found is not None else None
-    program = Path((homes or ["rerun_cli"])[0]) / "rerun"
-    if not program.is_file():
+    if found is None or found.origin is None:
         raise MissingDependencyError(
-            f"Rerun's viewer is not at {program}: pip install --force-reinstall rerun-sdk"
+            "Rerun's viewer is not installed: pip install --force-reinstall rerun-sdk"
         )
+    program = Path(found.origin).with_name("rerun")
     command = [str(program), "--bind", _LOOPBACK, "--port", str(port)]
     if web_port is None:
         return [*command, "--hide-welcome-screen", "--expect-data-soon"]
@@ -157,16 +145,14 @@ def _free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-class Background(Generic[T]):
-    """A tick listener that draws in another thread; ticks that it cannot keep up with are dropped.
+class Background:
+    """A tick listener that draws a view in another thread, and drops ticks if that is slow.
 
-    `take` returns what is to be drawn of a tick, at once; `draw` draws it later. An error of
-    `draw` is raised in a later tick.
+    An error of the drawing is raised in a later tick.
     """
 
-    def __init__(self, take: Callable[[TickRecord], T], draw: Callable[[T], None]) -> None:
-        self._take = take
-        self._draw = draw
+    def __init__(self, view: FlightView) -> None:
+        self._view = view
         self._drawing = ThreadPoolExecutor(1, "view")
         self._waiting: deque[Future[None]] = deque()
         self.left_out = 0  # number of dropped ticks
@@ -176,7 +162,7 @@ class Background(Generic[T]):
         while self._waiting and self._waiting[0].done():
             self._waiting.popleft().result()
         if len(self._waiting) < WAITING_TICKS:
-            self._waiting.append(self._drawing.submit(self._draw, self._take(record)))
+            self._waiting.append(self._drawing.submit(self._view.draw, self._view.take(record)))
         else:
             self.left_out += 1
 

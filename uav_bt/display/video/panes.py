@@ -1,20 +1,22 @@
-"""Panes of the camera's image and of the readings."""
+"""Panes of films: camera image, readings, class map, depth, corridor."""
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from uav_bt.display import canvas
-from uav_bt.display.canvas import ACCENT, ALARM, DIM, INK, Colour, Point, Size
-from uav_bt.display.flown_path import Shown
-from uav_bt.display.phrases import describe_fix, describe_movement
-from uav_bt.display.video.perception_panes import Row, empty_pane
-from uav_bt.types import CameraModel, Frame, MarkFix
+from uav_bt.display.canvas import ACCENT, ALARM, BACKDROP, DIM, INK, Colour, Point, Size
+from uav_bt.display.phrases import describe_corridor, describe_fix, describe_free, describe_movement
+from uav_bt.display.shown import Shown
+from uav_bt.types import CameraModel, ClassMap, Corridor, DepthMap, Frame, MarkFix
 from uav_bt.types.arrays import Image
 from uav_bt.types.projection import camera_axes
 
@@ -24,6 +26,21 @@ _ROW_PX: Final = 22
 _INDENT_PX: Final = 14  # of the active branch, by level
 _BRANCH_WIDTH_PX: Final = 300
 _MARGIN_PX: Final = 18
+FARTHEST_M: Final = 5.0  # end of the depth's scale: the length of the paper's carpet
+_UNKNOWN: Final[Colour] = (70, 74, 84)  # grey, which is not in the scale
+_BAR_WIDTH_PX: Final = 10
+_OPACITY: Final = 0.6  # opacity of the mark on intruding pixels
+_LEAST_SHARE: Final = 0.001  # of the pixels; smaller ones would flicker in the legend
+_SCALE: Final = 0.4  # of the legend
+_SWATCH_PX: Final = 10
+_LEGEND_PX: Final = 20  # height of a row of the legend
+_EDGE_PX: Final = 10  # free margin around title and legend
+_ROOMY_PX: Final = 400  # panes from this width on show more numbers
+_WIDTH_PX: Final = 1280  # of the video
+_GAP_PX: Final = 2
+_FLATTEST: Final = 4.0  # largest aspect ratio of the video's panes, wide or high
+
+Row = tuple[str, str, Colour]  # name, value and its colour
 
 
 def project_fix(fix: MarkFix, frame: Frame, camera: CameraModel) -> tuple[float, float, float]:
@@ -38,32 +55,18 @@ def project_fix(fix: MarkFix, frame: Frame, camera: CameraModel) -> tuple[float,
     return right_m, down_m, depth_m
 
 
-def pad_circle(
-    fix: MarkFix, frame: Frame, camera: CameraModel
-) -> tuple[float, float, float] | None:
-    """Return column, row and radius, px, of a circle around the mark; None beyond the image."""
-    right_m, down_m, depth_m = project_fix(fix, frame, camera)
-    if depth_m <= _NEAR_M:
-        return None
-    x = camera.cx_px + camera.fx_px * right_m / depth_m
-    y = camera.cy_px + camera.fy_px * down_m / depth_m
-    inside = 0 <= x < camera.width_px and 0 <= y < camera.height_px
-    return (x, y, camera.fx_px * _PAD_RADIUS_M / depth_m) if inside else None
-
-
 def draw_camera(shown: Shown, camera: CameraModel, size_px: Size) -> Image:
     """Return the camera's image with a ring around the mark and the policy's reason."""
     record, frame = shown.record, shown.frame
     if frame is None:
-        return empty_pane("no image yet", size_px)
+        return canvas.empty_pane("no image yet", size_px)
     image = draw_frame(frame, shown.fix.value, camera, size_px)
     age_ms = 1000.0 * (record.time_s - frame.captured_s)
     canvas.tag(image, f"camera  {age_ms:.0f} ms old", (10, 10), colour=DIM)
     if record.feedback:
         leaf = record.active[-1] if record.active else ""
-        canvas.tag(
-            image, f"{leaf}: {record.feedback}", (10, size_px[1] - 36), scale=0.6, colour=ACCENT
-        )
+        words = f"{leaf}: {record.feedback}"
+        canvas.tag(image, words, (10, size_px[1] - 36), scale=0.6, colour=ACCENT)
     return image
 
 
@@ -75,12 +78,14 @@ def draw_frame(frame: Frame, fix: MarkFix | None, camera: CameraModel, size_px: 
     if fix is None or frame.height_above_ground_m < fix.height_m + _NEAR_M:
         return image  # on or just above the pad, it fills the view
     colour, words = ACCENT if fix.detected else INK, f"mark {fix.range_m:.2f} m"
-    ring = pad_circle(fix, frame, camera.resized(*size_px))
-    if ring is None:
-        right_m, down_m, _ = project_fix(fix, frame, camera)
+    right_m, down_m, depth_m = project_fix(fix, frame, camera)
+    lens, ahead_m = camera.resized(*size_px), max(depth_m, _NEAR_M)
+    x = lens.cx_px + lens.fx_px * right_m / ahead_m
+    y = lens.cy_px + lens.fy_px * down_m / ahead_m
+    if depth_m <= _NEAR_M or not (0 <= x < size_px[0] and 0 <= y < size_px[1]):
         _arrow(image, math.atan2(down_m, right_m), words, colour)
         return image
-    x, y, radius_px = *ring[:2], min(max(ring[2], 10.0), 150.0)
+    radius_px = min(max(lens.fx_px * _PAD_RADIUS_M / ahead_m, 10.0), 150.0)
     _reticle(image, (x, y), radius_px, colour)
     half_words_px = (canvas.text_width_px(words, 0.45) + 12) / 2
     canvas.tag(image, words, (round(x - half_words_px), round(y - radius_px) - 32), colour=colour)
@@ -113,7 +118,7 @@ def _reticle(image: Image, at_px: Point, radius_px: float, colour: Colour) -> No
 def draw_readings(shown: Shown, size_px: Size) -> Image:
     """Return the text pane: the active branch on the left, the numbers on the right."""
     record = shown.record
-    image = empty_pane("", size_px)
+    image = canvas.empty_pane("", size_px)
     canvas.put(image, record.phase or "-", (18, 38), scale=0.85, colour=ACCENT, bold=True)
     clock = f"{shown.elapsed_s:.1f} s"
     canvas.put(image, clock, (size_px[0] - 18 - canvas.text_width_px(clock, 0.85), 38), scale=0.85)
@@ -170,3 +175,176 @@ def draw_rows(image: Image, rows: Sequence[Row], at_px: tuple[int, int]) -> None
         canvas.put(image, name, (at_px[0], base), colour=DIM, scale=0.45)
         words = canvas.shortened(value, image.shape[1] - _MARGIN_PX - left, 0.45)
         canvas.put(image, words, (left, base), colour=colour, scale=0.45)
+
+
+def draw_class_map(class_map: ClassMap | None, size_px: Size) -> Image:
+    """Return the class map in the colours of its classes, with a legend."""
+    if class_map is None:
+        return canvas.empty_pane("no class map", size_px)
+    ids = class_map.ids
+    image = canvas.resized(class_map.classes.colourise(ids), size_px)
+    title = "class map"
+    if size_px[0] >= _ROOMY_PX:
+        title += f"  {ids.shape[1]} x {ids.shape[0]}"
+    canvas.tag(image, title, (_EDGE_PX, _EDGE_PX), colour=DIM)
+    _draw_legend(image, class_map, canvas.text_width_px(title, 0.45) + 18)
+    return image
+
+
+def _draw_legend(image: Image, class_map: ClassMap, title_px: int) -> None:
+    """Draw swatches and names of classes beside the title, and in a row below it."""
+    top, left, end = _EDGE_PX, _EDGE_PX + title_px, image.shape[1] - _EDGE_PX
+    for name, colour in legend_of(class_map):
+        wide = _SWATCH_PX + 5 + canvas.text_width_px(name, _SCALE) + 12
+        if left + wide > end:
+            top, left = top + _LEGEND_PX, _EDGE_PX
+        if left + wide > end or top > _EDGE_PX + _LEGEND_PX:
+            return
+        image[top : top + _LEGEND_PX, left : left + wide] //= 4
+        right, low = left + 6 + _SWATCH_PX, top + 5 + _SWATCH_PX
+        corners = [(left + 6, top + 5), (right, top + 5), (right, low), (left + 6, low)]
+        canvas.polygon(image, corners, colour, INK)
+        canvas.put(image, name, (right + 5, top + 14), scale=_SCALE)
+        left += wide
+
+
+def legend_of(class_map: ClassMap) -> list[tuple[str, Colour]]:
+    """Return name and colour of the visible classes, in the order of their ids."""
+    counts = np.bincount(class_map.ids.ravel())
+    found = np.flatnonzero(counts >= _LEAST_SHARE * class_map.ids.size).tolist()
+    listed = list(class_map.classes)
+    return [(listed[each].name.replace("_", " "), listed[each].colour) for each in found]
+
+
+@functools.cache
+def _scale_colours() -> NDArray[np.uint8]:
+    """Return (256, 3) RGB from near (red) to far (blue)."""
+    ramp = np.arange(255, -1, -1, dtype=np.uint8).reshape(-1, 1)
+    return np.asarray(cv2.applyColorMap(ramp, cv2.COLORMAP_TURBO)[:, 0, ::-1], dtype=np.uint8)
+
+
+def draw_depth(depth: DepthMap | None, size_px: Size, *, why_none: str = "") -> Image:
+    """Return depth from near (red) to far (blue), and why it is missing."""
+    if depth is None:
+        return canvas.empty_pane(f"no depth: {why_none}" if why_none else "no depth", size_px)
+    known = np.isfinite(depth.depth)
+    metres = np.where(known, depth.depth, 0.0)
+    colours = _scale_colours()[np.clip(metres * (255.0 / FARTHEST_M), 0.0, 255.0).astype(np.uint8)]
+    colours[~known] = _UNKNOWN
+    image = canvas.resized(colours, size_px)
+    words = "depth  nowhere known"
+    if known.any():
+        near_m, far_m = float(metres[known].min()), float(metres[known].max())
+        words = f"depth  {near_m:.2f} to {far_m:.1f} m"
+    if size_px[0] >= _ROOMY_PX:
+        words += f",  confidence {depth.confidence:.2f}"
+    canvas.tag(image, words, (10, 10), colour=DIM)
+    if why_none:
+        canvas.tag(image, why_none, (10, size_px[1] - 30), colour=ALARM)
+    _draw_bar(image)
+    return image
+
+
+def _draw_bar(image: Image) -> None:
+    height_px, width_px = image.shape[:2]
+    top, bottom = 34, height_px - 14
+    left = width_px - _BAR_WIDTH_PX - 34
+    image[top - 10 : bottom + 10, left - 6 :] //= 4
+    ramp = _scale_colours()[np.linspace(255, 0, bottom - top).astype(np.uint8)]
+    image[top:bottom, left : left + _BAR_WIDTH_PX] = ramp[:, None, :]
+    for metres in range(math.floor(FARTHEST_M) + 1):
+        row = round(bottom - (bottom - top) * metres / FARTHEST_M)
+        right = left + _BAR_WIDTH_PX
+        canvas.line(image, [(right, row), (right + 3, row)], INK)
+        canvas.put(image, f"{metres} m", (right + 5, row + 4), scale=0.32)
+
+
+def draw_corridor(
+    frame: Frame | None,
+    corridor: Corridor | None,
+    intruding: NDArray[np.bool_] | None,
+    size_px: Size,
+) -> Image:
+    """Return the darkened image, in which pixels inside the corridor are marked."""
+    if frame is None or corridor is None:
+        return canvas.empty_pane("no corridor", size_px)
+    # Nearest neighbour takes a tenth of the time, and a darkened image looks the same.
+    image = canvas.resized(frame.image, size_px) // 2
+    if intruding is not None and intruding.any():
+        whole = canvas.resized(intruding.view(np.uint8), size_px) > 0
+        blended = (1.0 - _OPACITY) * image[whole] + _OPACITY * np.array(ALARM)
+        image[whole] = blended.astype(np.uint8)
+    colour = DIM if corridor.nearest_side is None else ALARM
+    canvas.tag(image, describe_corridor(corridor), (10, 10), colour=colour)
+    canvas.tag(image, describe_free(corridor), (10, size_px[1] - 30), colour=ACCENT)
+    if size_px[0] >= _ROOMY_PX:
+        row = size_px[1] // 2 - 10
+        if math.isfinite(corridor.nearest_left_m):
+            canvas.tag(image, f"< {corridor.nearest_left_m:.2f} m", (10, row), colour=ALARM)
+        if math.isfinite(corridor.nearest_right_m):
+            words = f"{corridor.nearest_right_m:.2f} m >"
+            canvas.tag(image, words, (size_px[0], row), colour=ALARM)
+    return image
+
+
+def corridor_rows(shown: Shown) -> list[Row]:
+    """Return what the panes of depth and corridor do not tell, as rows."""
+    depth, corridor = shown.depth.value, shown.corridor
+    if depth is None:
+        return [("depth", "none", ALARM)]
+    words = f"{shown.depth.age_s:.1f} s old, confidence {depth.confidence:.2f}"
+    if corridor is None:
+        return [("depth", words, INK), ("inside", "unknown", ALARM)]
+    return [
+        ("depth", words, INK),
+        ("left", _metres(corridor.nearest_left_m), INK),
+        ("right", _metres(corridor.nearest_right_m), INK),
+        ("unknown", f"{corridor.unknown_px} pixels of objects", INK),
+    ]
+
+
+def _metres(distance_m: float) -> str:
+    return "free" if math.isinf(distance_m) else f"{distance_m:.2f} m"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Seen:
+    """Data of one image of the video."""
+
+    frame: Frame
+    class_map: ClassMap
+    depth: DepthMap | None  # metric depth
+    refusal: str  # reason why depth is missing or reduced
+    corridor: Corridor | None
+    intruding: NDArray[np.bool_] | None  # (H, W) pixels inside the corridor
+    mark: MarkFix | None
+
+
+class PerceptionPanes:
+    """Composes the four panes; the intrinsics give the true aspect of resized images."""
+
+    def __init__(self, camera: CameraModel) -> None:
+        self._camera = camera
+        aspect = (camera.width_px / camera.fx_px) / (camera.height_px / camera.fy_px)
+        aspect = min(max(aspect, 1.0 / _FLATTEST), _FLATTEST)
+        self.size_px = (_WIDTH_PX, round(_WIDTH_PX / aspect / 2) * 2)
+        self._pane_px = ((_WIDTH_PX - _GAP_PX) // 2, (self.size_px[1] - _GAP_PX) // 2)
+
+    def draw(self, seen: Seen) -> Image:
+        """Return one image of the video, (H, W, 3) RGB."""
+        wide, high = size = self._pane_px
+        image = canvas.blank(self.size_px, BACKDROP)
+        image[:high, :wide] = self._draw_frame(seen)
+        image[-high:, :wide] = draw_class_map(seen.class_map, size)
+        image[:high, -wide:] = draw_depth(seen.depth, size, why_none=seen.refusal)
+        image[-high:, -wide:] = draw_corridor(seen.frame, seen.corridor, seen.intruding, size)
+        return image
+
+    def _draw_frame(self, seen: Seen) -> Image:
+        frame, fix = seen.frame, seen.mark
+        image = draw_frame(frame, fix, self._camera, self._pane_px)
+        canvas.tag(image, f"{frame.captured_s:.1f} s", (10, 10), colour=DIM)
+        age_s = math.inf if fix is None else frame.captured_s - fix.captured_s
+        words = f"mark: {describe_fix(fix, age_s)}"
+        canvas.tag(image, words, (10, self._pane_px[1] - 30), colour=DIM if fix is None else ACCENT)
+        return image

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Final
@@ -12,7 +11,7 @@ import numpy as np
 
 from uav_bt.display.canvas import Size
 from uav_bt.errors import FileError, MissingDependencyError
-from uav_bt.files import writing
+from uav_bt.files import check_output, writing
 from uav_bt.types.arrays import Image
 
 _CODEC: Final = "libx264"  # H.264 plays everywhere
@@ -25,30 +24,23 @@ _BT601: Final = 6  # FFmpeg's AVCOL_SPC_SMPTE170M, the result of OpenCV's conver
 _LIMITED_RANGE: Final = 1  # FFmpeg's AVCOL_RANGE_MPEG
 
 
-@functools.cache
-def _pyav() -> Any:
-    """Return PyAV. Its import takes 0.05 s, which a flight without a film need not wait for."""
-    import av  # noqa: PLC0415
-
-    return av
-
-
 class VideoFile:
     """Writes images of one size, width and height even, into an mp4 file.
 
     The images are written to `<name>.part`; closing renames it. A file without images is removed.
-    What cannot be written raises a `FileError`, and the file is removed.
+    What cannot be written raises a `FileError`, again in closing, and the file is removed.
     """
 
     def __init__(
         self, path: Path, *, size_px: Size, frames_per_s: Fraction, comment: str = ""
     ) -> None:
+        import av  # noqa: PLC0415  (0.05 s, which a flight without a film need not wait for)
+
         if path.suffix.lower() != ".mp4":
             raise FileError(path, "a video's name must end in .mp4")
-        if path.is_dir():
-            raise FileError(path, "is a folder; name a file in it")
+        check_output(path)
         try:
-            _pyav().Codec(_CODEC, "w")
+            av.Codec(_CODEC, "w")
         except ValueError as error:
             raise MissingDependencyError(
                 "PyAV has no encoder of H.264 here; its wheel has one: "
@@ -56,33 +48,32 @@ class VideoFile:
             ) from error
         self.path = path
         self._kept = False  # whether there is an image
+        self._failure: FileError | None = None  # the first one
         self._partial = path.with_name(path.name + ".part")
-        self._time_base = 1 / frames_per_s
+        self.frames_per_s = frames_per_s
         self._slot = -1  # of the last image
-        self._failure: FileError | None = None
+        self._new_frame: Any = av.VideoFrame.from_ndarray
         with writing(path):  # FFmpeg's errors are OSErrors, too
-            self._partial.touch()  # the system's error for a bad folder is clearer than FFmpeg's
-            self._container: Any = _pyav().open(
+            self._container: Any = av.open(
                 str(self._partial), "w", format="mp4", options={"movflags": "+faststart"}
             )
         self._container.metadata["comment"] = comment
         stream: Any = self._container.add_stream(_CODEC, rate=frames_per_s, options=_OPTIONS)
-        stream.width, stream.height, stream.pix_fmt = *size_px, "yuv420p"
+        stream.width, stream.height = size_px
+        stream.pix_fmt = "yuv420p"
         stream.codec_context.colorspace = _BT601
         stream.codec_context.color_range = _LIMITED_RANGE
         self._stream = stream
 
     def write(self, image: Image, slot: int | None = None) -> None:
-        """Append an image at a later slot, which counts frames; the image before fills a gap.
-
-        After the first image that could not be written, others are left out.
-        """
+        """Append an image at a later slot, which counts frames."""
         if self._failure is not None:
-            return
+            raise self._failure
         self._slot = self._slot + 1 if slot is None else slot
         planes = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2YUV_I420), dtype=np.uint8)
-        frame: Any = _pyav().VideoFrame.from_ndarray(planes, format="yuv420p")
-        frame.pts, frame.time_base = self._slot, self._time_base
+        frame = self._new_frame(planes, format="yuv420p")
+        frame.pts = self._slot
+        frame.time_base = 1 / self.frames_per_s
         self._encode(frame)
         self._kept = True
 

@@ -25,8 +25,7 @@ from tests.uav_bt.app.perceive.perceive_world import (
 )
 from uav_bt.app import perceive
 from uav_bt.app.perceive import PerceiveOptions, inputs
-from uav_bt.app.perceive.pipeline import Pipeline
-from uav_bt.errors import FileError, InputError, ShapeError, ValueRangeError
+from uav_bt.errors import FileError, InputError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.types import DepthMap, Frame
 from uav_bt.types.arrays import Image
@@ -39,8 +38,18 @@ def images() -> list[Image]:
     return flight()
 
 
-def rows(path: Path) -> list[dict[str, Any]]:
-    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+def look(
+    source: Path, options: PerceiveOptions = CONTACT, **outputs: Any
+) -> tuple[perceive.PerceiveSummary, list[dict[str, Any]]]:
+    """Return the summary, and the values of each frame."""
+    lines = source.parent / "seen.jsonl"
+    summary = perceive.perceive(str(source), options, lines=lines, **outputs)
+    return summary, [json.loads(line) for line in lines.read_text("utf-8").splitlines()]
+
+
+def classes_in(masks: Path) -> list[dict[str, Any]]:
+    content = json.loads((masks / "classes.json").read_text("utf-8"))
+    return list(content["classes"])
 
 
 def facts(path: Path) -> tuple[tuple[int, int], list[float]]:
@@ -51,28 +60,18 @@ def facts(path: Path) -> tuple[tuple[int, int], list[float]]:
 
 
 def test_a_video_becomes_a_film_lines_and_a_summary(tmp_path: Path, images: list[Image]) -> None:
-    source = write_video(tmp_path / "flight.mp4", images)
-    told: list[tuple[int, int]] = []
-    summary = perceive.perceive(
-        str(source),
-        CONTACT,
+    source, told = write_video(tmp_path / "flight.mp4", images), list[tuple[int, int]]()
+    summary, lines = look(
+        source,
         out=tmp_path / "seen.mp4",
-        lines=tmp_path / "seen.jsonl",
         advance=lambda _text, done, total: told.append((done, total)),
     )
     assert (summary.frames, summary.without_depth, summary.interrupted) == (4, {}, False)
     assert "ANAFI" in summary.camera
     assert "assumed for all frames" in summary.telemetry
-    assert set(summary.stage_ms) == {
-        "segmentation",
-        "metric_depth",
-        "corridor",
-        "mark",
-        "all",
-    }
+    assert [*summary.stage_ms] == ["segmentation", "metric_depth", "corridor", "mark", "all"]
     assert facts(tmp_path / "seen.mp4") == ((1280, 720), pytest.approx([0.0, 0.1, 0.2, 0.3]))
     assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
-    lines = rows(tmp_path / "seen.jsonl")
     assert [line["index"] for line in lines] == [0, 1, 2, 3]
     # The box's front is 1.75 m ahead of the lens and 1.9 m ahead of the body; the drone approaches.
     assert lines[0]["corridor"]["free_distance_m"] == pytest.approx(1.90, abs=0.12)
@@ -82,12 +81,9 @@ def test_a_video_becomes_a_film_lines_and_a_summary(tmp_path: Path, images: list
 
 def test_a_record_brings_its_camera_and_its_telemetry(tmp_path: Path, images: list[Image]) -> None:
     source = write_flight(tmp_path / "flight.mcap", images)
-    summary = perceive.perceive(
-        str(source), CONTACT, out=tmp_path / "seen.mp4", lines=tmp_path / "seen.jsonl"
-    )
+    summary, lines = look(source)
     assert summary.camera == summary.telemetry == f"of {source}"
-    assert facts(tmp_path / "seen.mp4")[0] == (1280, 720)
-    first = rows(tmp_path / "seen.jsonl")[0]["corridor"]
+    first = lines[0]["corridor"]
     assert first["free_distance_m"] == pytest.approx(1.90, abs=0.15)
     assert first["time_to_impact_s"] == pytest.approx((first["free_distance_m"] - 0.12) / 0.5, 0.01)
 
@@ -95,47 +91,26 @@ def test_a_record_brings_its_camera_and_its_telemetry(tmp_path: Path, images: li
 def test_a_video_is_looked_at_with_the_telemetry_of_its_flight(
     tmp_path: Path, images: list[Image]
 ) -> None:
-    source = write_video(tmp_path / "flight.mp4", images)
-    flown = write_flight(tmp_path / "flight.mcap", images[:2])
-    options = replace(CONTACT, telemetry=flown, height_m=9.0)
-    summary = perceive.perceive(str(source), options, lines=tmp_path / "seen.jsonl")
-    assert summary.camera == f"of {flown}"
-    first, *_, last = rows(tmp_path / "seen.jsonl")
-    assert first["corridor"]["free_distance_m"] == pytest.approx(1.90, abs=0.15)
-    assert last["index"] == 3
-    assert last["refusal"] is None, "a moment after the last entry still has telemetry"
-
-
-def test_moments_without_telemetry_have_no_depth(tmp_path: Path, images: list[Image]) -> None:
     source = write_video(tmp_path / "flight.mp4", images * 2)
     flown = write_flight(tmp_path / "flight.mcap", images[:2])
-    summary = perceive.perceive(str(source), replace(CONTACT, telemetry=flown))
+    summary, lines = look(source, replace(CONTACT, telemetry=flown, height_m=9.0))
+    assert summary.camera == f"of {flown}"
+    assert lines[0]["corridor"]["free_distance_m"] == pytest.approx(1.90, abs=0.15)
+    assert lines[3]["refusal"] is None, "a moment after the last entry still has telemetry"
     assert summary.without_depth == {"telemetry is not finite": 4}
-
-
-def test_a_folder_needs_as_many_images_as_its_telemetry_has_entries(
-    tmp_path: Path, images: list[Image]
-) -> None:
-    folder = write_images(tmp_path / "views", images)
-    whole = write_flight(tmp_path / "whole.mcap", images)
-    half = write_flight(tmp_path / "half.mcap", images[:2])
-    assert perceive.perceive(str(folder), replace(CONTACT, telemetry=whole)).without_depth == {}
-    with pytest.raises(ShapeError, match="2, as many as the telemetry has entries, got 4"):
-        perceive.perceive(str(folder), replace(CONTACT, telemetry=half))
 
 
 def test_what_cannot_be_seen_is_counted_and_named(tmp_path: Path, images: list[Image]) -> None:
     folder = write_images(tmp_path / "views", [np.zeros_like(images[0]), images[1]])
     (folder / "2.png").write_bytes(b"no image")
     assert cv2.imwrite(str(folder / "3.png"), np.full((32, 18, 3), 90, np.uint8))
-    summary = perceive.perceive(str(folder), CONTACT, lines=tmp_path / "seen.jsonl")
+    summary, (black, seen) = look(folder)
     assert summary.frames == 2
     assert summary.without_depth == {"the frame is black": 1}
     assert summary.skipped == (
         "2.png: is not a readable image",
         "3.png: is 18x32, the first image is 320x180",
     )
-    black, seen = rows(tmp_path / "seen.jsonl")
     nothing = {"value": None, "reason": "the frame is black"}
     assert black["depth"] is None
     assert black["confidence"] == {"ground": nothing, "scale": nothing, "depth": nothing}
@@ -167,8 +142,7 @@ def test_images_of_a_folder_stand_for_themselves_unless_they_are_a_sequence(
         source = write_video(tmp_path / "flight.mp4", images[:3])
     flown = write_flight(tmp_path / "flight.mcap", images[:3]) if related == "telemetry" else None
     options = PerceiveOptions(segmentation="unet", sequence=related == "sequence", telemetry=flown)
-    summary = perceive.perceive(str(source), options, lines=tmp_path / "seen.jsonl")
-    lines = rows(tmp_path / "seen.jsonl")
+    summary, lines = look(source, options)
     factors = [row["depth"]["scale"]["factor"] for row in lines]
     confidence = lines[0]["confidence"]
     assert confidence["scale"]["value"] == confidence["depth"]["value"] > 0.5
@@ -180,77 +154,44 @@ def test_images_of_a_folder_stand_for_themselves_unless_they_are_a_sequence(
 
 
 def test_every_second_frame_of_the_first_moments(tmp_path: Path, images: list[Image]) -> None:
-    source = write_video(tmp_path / "flight.mp4", images * 3)
-    options = replace(CONTACT, every=2, longest_s=0.5)
-    summary = perceive.perceive(str(source), options, out=tmp_path / "seen.mp4")
+    source, out = write_video(tmp_path / "flight.mp4", images * 3), tmp_path / "seen.mp4"
+    summary, _ = look(source, replace(CONTACT, every=2, longest_s=0.5), out=out)
     assert summary.frames == 3
-    assert facts(tmp_path / "seen.mp4")[1] == pytest.approx([0.0, 0.2, 0.4])
-
-
-def test_a_break_keeps_what_was_written(
-    tmp_path: Path, images: list[Image], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    look, calls = Pipeline.perceive, iter(range(10))
-
-    def interrupted(*arguments: Any) -> Any:
-        if next(calls) == 2:
-            raise KeyboardInterrupt
-        return look(*arguments)
-
-    monkeypatch.setattr(Pipeline, "perceive", interrupted)
-    folder = write_images(tmp_path / "views", images)
-    out, lines = tmp_path / "seen.mp4", tmp_path / "seen.jsonl"
-    summary = perceive.perceive(str(folder), CONTACT, out=out, lines=lines)
-    assert (summary.frames, summary.interrupted) == (2, True)
-    assert len(facts(out)[1]) == len(rows(lines)) == 2
-
-
-def test_a_camera_file_is_for_images_of_its_aspect(tmp_path: Path, images: list[Image]) -> None:
-    folder = write_images(tmp_path / "views", images[:1])
-    file = camera_file(tmp_path / "camera.yaml", 640, 360)
-    summary = perceive.perceive(str(folder), replace(CONTACT, camera=file))
-    assert summary.camera == f"of {file}"
-    wrong = camera_file(tmp_path / "wrong.yaml", 640, 480)
-    with pytest.raises(ValueRangeError, match="calibrated at 640x480, the images are 320x180"):
-        perceive.perceive(str(folder), replace(CONTACT, camera=wrong))
+    assert facts(out)[1] == pytest.approx([0.0, 0.2, 0.4])
 
 
 def camera_file(path: Path, width_px: int, height_px: int) -> Path:
     focal = 0.7275 * width_px
     matrix = [[focal, 0.0, width_px / 2], [0.0, focal, height_px / 2], [0.0, 0.0, 1.0]]
-    path.write_text(
-        f"width_px: {width_px}\nheight_px: {height_px}\nK: {matrix}\ndistortion: []\n",
-        encoding="utf-8",
-    )
+    facts = {"width_px": width_px, "height_px": height_px, "K": matrix, "distortion": []}
+    path.write_text(json.dumps(facts), encoding="utf-8")
     return path
 
 
-def test_images_of_another_aspect_need_a_camera_file(tmp_path: Path) -> None:
-    folder = write_images(tmp_path / "views", [np.full((240, 320, 3), 90, np.uint8)])
-    with pytest.raises(ValueRangeError, match=r"320x240 \(aspect 1.333\); without a camera file"):
-        perceive.perceive(str(folder), CONTACT)
-
-
-def test_images_cropped_out_of_the_flight_are_refused(tmp_path: Path, images: list[Image]) -> None:
-    folder = write_images(tmp_path / "views", [image[:, 40:280] for image in images])
-    flown = write_flight(tmp_path / "flight.mcap", images)
-    with pytest.raises(ValueRangeError, match="whole, not cropped"):
-        perceive.perceive(str(folder), replace(CONTACT, telemetry=flown))
-
-
-def test_a_record_and_a_camera_file_contradict_each_other(
-    tmp_path: Path, images: list[Image]
-) -> None:
-    source = write_flight(tmp_path / "flight.mcap", images[:1])
+def test_what_does_not_belong_together_is_refused(tmp_path: Path, images: list[Image]) -> None:
     file = camera_file(tmp_path / "camera.yaml", 640, 360)
-    with pytest.raises(InputError, match="knows its own camera"):
-        perceive.perceive(str(source), replace(CONTACT, camera=file))
-
-
-def test_a_folder_of_unreadable_images_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "a.png").write_bytes(b"no image")
-    with pytest.raises(InputError, match=r"can be read: a\.png: is not a readable"):
-        perceive.perceive(str(tmp_path), CONTACT)
+    whole, half = (
+        write_flight(tmp_path / f"{count}.mcap", images[:count]) for count in (len(images), 2)
+    )
+    folder = write_images(tmp_path / "views", images)
+    assert look(folder, replace(CONTACT, camera=file))[0].camera == f"of {file}"
+    assert look(folder, replace(CONTACT, telemetry=whole))[0].without_depth == {}
+    other = {"camera": camera_file(tmp_path / "other.yaml", 640, 480)}
+    cropped = write_images(tmp_path / "cropped", [image[:, 40:280] for image in images])
+    square = write_images(tmp_path / "square", [np.full((240, 320, 3), 90, np.uint8)])
+    (tmp_path / "broken").mkdir()
+    (tmp_path / "broken" / "a.png").write_bytes(b"no image")
+    cases: list[tuple[Path, dict[str, Path], str]] = [
+        (folder, other, "calibrated at 640x480, the images are 320x180"),
+        (folder, {"telemetry": half}, "2, as many as the telemetry has entries, got 4"),
+        (cropped, {"telemetry": whole}, "whole, not cropped"),
+        (square, {}, r"320x240 \(aspect 1.333\); without a camera file"),
+        (whole, {"camera": file}, "knows its own camera"),
+        (tmp_path / "broken", {}, r"can be read: a\.png: is not a readable"),
+    ]
+    for source, given, problem in cases:
+        with pytest.raises(InputError, match=problem):
+            look(source, replace(CONTACT, **given))  # type: ignore[arg-type]
 
 
 def test_masks_are_class_ids_by_the_names_of_the_images(
@@ -268,8 +209,7 @@ def test_masks_are_class_ids_by_the_names_of_the_images(
         ids = cv2.imread(str(masks / name), cv2.IMREAD_UNCHANGED)
         assert (ids == segmenter.ids(images[index])).all()
         assert (ids.dtype, ids.ndim) == (np.uint8, 2)
-    classes = load_lab().classes
-    listed = json.loads((masks / "classes.json").read_text(encoding="utf-8"))["classes"]
+    classes, listed = load_lab().classes, classes_in(masks)
     assert [one["name"] for one in listed] == list(classes.names)
     assert [one["id"] for one in listed] == list(range(len(classes)))
     assert listed[classes.ground]["role"] == "ground"
@@ -301,13 +241,13 @@ def test_no_output_overwrites_a_network(tmp_path: Path, images: list[Image]) -> 
     folder, network = write_images(tmp_path / "views", images[:1]), tmp_path / "net.onnx"
     network.write_bytes(b"a network")
     options = PerceiveOptions(segmentation=str(network), model="contact")
-    with pytest.raises(InputError, match="would overwrite an input"):
+    with pytest.raises(InputError, match="is an input and would be overwritten"):
         perceive.perceive(str(folder), options, lines=network)
     assert network.read_bytes() == b"a network"
 
 
-def test_a_class_mapping_needs_a_foreign_network() -> None:
-    with pytest.raises(InputError, match="belongs to an ONNX segmentation network"):
+def test_a_class_mapping_belongs_to_a_network() -> None:
+    with pytest.raises(InputError, match="belongs to an ONNX segmentation"):
         PerceiveOptions(classes=Path("classes.yaml"))
 
 
@@ -319,5 +259,4 @@ def test_photographs_are_perceived_by_roles_and_flights_by_the_papers_classes(
     for source, ground in ((folder, "ground"), (flown, "carpet")):
         masks = tmp_path / source.stem
         perceive.perceive(str(source), PerceiveOptions(), masks=masks / "masks")
-        listed = json.loads((masks / "masks" / "classes.json").read_text(encoding="utf-8"))
-        assert ground in [one["name"] for one in listed["classes"]]
+        assert ground in [one["name"] for one in classes_in(masks / "masks")]

@@ -21,10 +21,8 @@ from uav_bt.app.replay.recorded_drone import MovementIds
 from uav_bt.app.replay.replayer import assemble_recorded
 from uav_bt.errors import FileError
 from uav_bt.mission.runner import MissionRunner
-from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import PolicyView
 from uav_bt.record import encoder
-from uav_bt.record.channels import Channel
 from uav_bt.record.reader import RecordReader
 from uav_bt.tree import Status
 from uav_bt.types import (
@@ -176,14 +174,14 @@ def test_a_part_from_the_beginning_replays_and_another_is_refused(
 def test_a_lost_picture_makes_a_replay_inexact(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    frames = encoder.MomentEncoder._frame
+    whole = encoder.MomentEncoder.encode
 
     def blind(
-        self: encoder.MomentEncoder, tick: TickRecord, *, images: bool
-    ) -> Iterator[tuple[Channel, bytes | None]]:
-        return frames(self, tick, images=images and tick.index != 4)
+        self: encoder.MomentEncoder, moment: encoder.RawMoment, *, images: bool
+    ) -> Iterator[encoder.Message]:
+        return whole(self, moment, images=images and moment.tick.index != 4)
 
-    monkeypatch.setattr(encoder.MomentEncoder, "_frame", blind)
+    monkeypatch.setattr(encoder.MomentEncoder, "encode", blind)
     record, _ = fly_noisy(tmp_path, monkeypatch)
     report = replay(record)
     assert (report.missing_images, report.exact) == (1, False)

@@ -32,47 +32,32 @@ def plain(value: Any) -> Any:
             return value
 
 
-def test_the_ticks_are_those_that_were_flown(flown: tuple[Path, Seen], playback: Playback) -> None:
-    seen = flown[1]
-    ticks = list(playback.ticks())
-    assert len(ticks) == len(seen.ticks) > 50
-    for again, live in zip(ticks, seen.ticks, strict=True):
+def test_ticks_board_and_statuses_are_those_that_were_flown(
+    flown: tuple[Path, Seen], playback: Playback
+) -> None:
+    seen, compared, count = flown[1], 0, 0
+    lives = zip(playback.ticks(), seen.ticks, seen.boards, seen.statuses, strict=True)
+    for again, live, board, statuses in lives:
+        count += 1
         for name in ("index", "time_s", "tree_status", "phase", "active", "command", "truth"):
             assert getattr(again, name) == getattr(live, name), (live.index, name)
         assert again.observation.state == live.observation.state
         assert plain(again.observation.frame) == plain(live.observation.frame)
         assert (again.feedback, again.compute_s) == (live.feedback, live.compute_s)
-
-
-def test_board_and_statuses_are_those_after_each_tick(
-    flown: tuple[Path, Seen], playback: Playback
-) -> None:
-    seen = flown[1]
-    names = ("class_map", "mark", "phase", "elapsed_s", "frame")
-    for tick, board, statuses in zip(playback.ticks(), seen.boards, seen.statuses, strict=True):
-        again = playback.board.snapshot()
-        for name in names:
-            live = board.get(name)
-            known = again.get(name)
-            assert (known is None) == (live is None), (tick.index, name)
-            if known is not None and live is not None:
-                assert plain(known[0]) == plain(live[0]), (tick.index, name)
-                assert known[1] == live[1], (tick.index, name)
-        assert dict(playback.statuses()) == statuses, tick.index
-
-
-def test_the_site_map_is_at_most_half_a_second_old(
-    flown: tuple[Path, Seen], playback: Playback
-) -> None:
-    seen, compared = flown[1], 0
-    for _, board in zip(playback.ticks(), seen.boards, strict=True):
-        again, live = (known.get("site_map") for known in (playback.board.snapshot(), board))
-        assert (again is None) == (live is None)
-        if again is not None and live is not None:
-            assert 0.0 <= live[0].captured_s - again[0].captured_s <= 0.6
-            assert again[0].restarts == live[0].restarts
-            assert plain(again[0].near) == plain(live[0].near)  # recorded in every tick
+        assert dict(playback.statuses()) == statuses, live.index
+        kept = playback.board.snapshot()
+        for name in ("class_map", "mark", "phase", "elapsed_s", "frame", "site_map"):
+            assert (name in kept) == (name in board), (live.index, name)
+        for name in {"class_map", "mark", "phase", "elapsed_s", "frame"} & kept.keys():
+            assert plain(kept[name][0]) == plain(board[name][0]), (live.index, name)
+            assert kept[name][1] == board[name][1], (live.index, name)
+        if "site_map" in kept:  # two per second are recorded, obstacles in every tick
+            ours, theirs = kept["site_map"][0], board["site_map"][0]
+            assert 0.0 <= theirs.captured_s - ours.captured_s <= 0.6
+            assert ours.restarts == theirs.restarts
+            assert plain(ours.near) == plain(theirs.near)
             compared += 1
+    assert count > 50
     assert compared > 20
 
 

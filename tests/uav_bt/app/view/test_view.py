@@ -11,10 +11,10 @@ import pytest
 from tests.uav_bt.app.view.recorded_world import Seen, fly
 from uav_bt import app
 from uav_bt.app.view import recorded
-from uav_bt.app.view.live import live_view, saved_view
-from uav_bt.app.view.recorded import RecordedFlight, Span
+from uav_bt.app.view.live import saved_view
+from uav_bt.app.view.recorded import RecordedFlight
 from uav_bt.display.rerun import sinks
-from uav_bt.errors import FileError, InputError, TreeError
+from uav_bt.errors import FileError, TreeError
 
 ENTITIES = (
     *("/world/lab/things", "/world/path", "/world/camera/image"),
@@ -34,9 +34,9 @@ def contents(path: Path) -> str:
 
 def test_a_record_becomes_a_file_that_rerun_reads(flown: tuple[Path, Seen], tmp_path: Path) -> None:
     steps: list[tuple[str, int, int]] = []
-    flight = RecordedFlight(flown[0], Span(from_s=2.0, to_s=4.0))
+    flight = RecordedFlight(flown[0], from_s=2.0, to_s=4.0)
     flight.save(tmp_path / "flight.rrd", advance=lambda *told: steps.append(told))
-    assert flight.title == "mission in val-a, seed 4"
+    assert flight.facts.title == "mission in val-a, seed 4"
     assert flight.damages == ()
     told = contents(tmp_path / "flight.rrd")
     for entity in ENTITIES:
@@ -46,7 +46,7 @@ def test_a_record_becomes_a_file_that_rerun_reads(flown: tuple[Path, Seen], tmp_
 
 
 def test_a_record_becomes_a_film_with_its_outcome(flown: tuple[Path, Seen], tmp_path: Path) -> None:
-    flight = RecordedFlight(flown[0], Span(to_s=1.0))
+    flight = RecordedFlight(flown[0], to_s=1.0)
     flight.film(tmp_path / "flight.mp4")
     with av.open(str(tmp_path / "flight.mp4")) as container:
         pictures = sum(1 for _ in container.decode(video=0))
@@ -55,14 +55,13 @@ def test_a_record_becomes_a_film_with_its_outcome(flown: tuple[Path, Seen], tmp_
 
 def test_a_record_knows_tree_and_lab(flown: tuple[Path, Seen]) -> None:
     flight = RecordedFlight(flown[0])
-    setting = flight.setting()
+    facts = flight.facts
     assert flight.tree is not None
-    assert [path for path, _, _ in setting.tree] == [node.path for node in flight.tree.nodes()]
-    assert [level for _, _, level in setting.tree][:6] == [0, 1, 1, 1, 1, 1]
-    assert setting.camera == flight.reader.camera
-    assert setting.lab_map is not None
-    assert len(setting.lab_map.boxes) > 0
-    assert (setting.makes_depth, setting.corridor_m, setting.intruding) == (False, None, None)
+    assert [path for path, _ in facts.nodes] == [node.path for node in flight.tree.nodes()]
+    assert facts.camera == flight.reader.camera
+    assert facts.lab_map is not None
+    assert len(facts.lab_map.boxes) > 0
+    assert (facts.makes_map, facts.makes_depth, facts.intruding) == (True, False, None)
 
 
 @pytest.mark.parametrize("lost", ["tree", "lab"])
@@ -74,15 +73,15 @@ def test_a_record_is_shown_without_the_nodes_or_the_lab_that_are_not_here(
 
     loader = "load_tree" if lost == "tree" else "load_scene"
     monkeypatch.setattr(recorded, loader, refuse)
-    flight = RecordedFlight(flown[0], Span(to_s=0.5))
+    flight = RecordedFlight(flown[0], to_s=0.5)
     flight.save(tmp_path / "flight.rrd")
     assert (flight.tree is None) == (lost == "tree")
-    assert (flight.lab_map is None) == (lost == "lab")
-    assert len(flight.setting().tree) > 5
+    assert (flight.facts.lab_map is None) == (lost == "lab")
+    assert len(flight.facts.nodes) > 5
 
 
 def test_a_part_without_a_tick_is_refused(flown: tuple[Path, Seen], tmp_path: Path) -> None:
-    flight = RecordedFlight(flown[0], Span(from_s=500.0))
+    flight = RecordedFlight(flown[0], from_s=500.0)
     with pytest.raises(FileError, match="no tick"):
         flight.save(tmp_path / "flight.rrd")
     assert list(tmp_path.iterdir()) == []
@@ -127,11 +126,3 @@ def test_a_flight_is_drawn_while_it_is_flown(
     told = contents(tmp_path / "live.rrd")
     for entity in ENTITIES:
         assert entity in told
-
-
-def test_without_a_display_the_remedy_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    monkeypatch.setattr(sinks.sys, "platform", "linux")
-    with pytest.raises(InputError, match=r"no display.*web"), live_view():
-        pass

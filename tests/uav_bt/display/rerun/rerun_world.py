@@ -1,12 +1,12 @@
-"""A recording stream that stores its calls, and the setting of a small flight."""
+"""A recording stream that stores its calls, and the facts of a small flight."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import Any
 
-from tests.uav_bt.display.display_world import CAMERA, LAB
-from uav_bt.display.rerun.layout import ViewSetting
+from tests.uav_bt.display.display_world import facts
+from uav_bt.display.shown import FlightFacts
 from uav_bt.lab.classes import LabClass, LabClasses
 
 CLASSES = LabClasses(
@@ -17,10 +17,10 @@ CLASSES = LabClasses(
     ]
 )
 NODES = (
-    ("Main/root", "root", 0),
-    ("Main/root/first", "first", 1),
-    ("Main/root/second", "second", 1),
-    ("Main/root/second/leaf", "leaf", 2),
+    ("Main/root", "root"),
+    ("Main/root/first", "first"),
+    ("Main/root/second", "second"),
+    ("Main/root/second/leaf", "leaf"),
 )
 
 
@@ -42,7 +42,12 @@ class NotedStream:
 
     notes: list[Noted] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
+    blueprints: list[Any] = field(default_factory=list)
     time_s: float | None = None
+
+    def __post_init__(self) -> None:
+        self.send_recording_name = self.names.append
+        self.send_blueprint = self.blueprints.append
 
     def log(self, entity: str, *things: Any, static: bool = False) -> None:
         self.notes.append(Noted(entity, things, static, self.time_s))
@@ -54,11 +59,7 @@ class NotedStream:
     def set_log_time_enabled(self, enabled: object) -> None:
         assert not enabled
 
-    def set_log_tick_enabled(self, enabled: object) -> None:
-        assert not enabled
-
-    def send_recording_name(self, name: str) -> None:
-        self.names.append(name)
+    set_log_tick_enabled = set_log_time_enabled
 
     def of(self, entity: str) -> list[Noted]:
         """Return what was drawn at an entity, without what stays."""
@@ -81,14 +82,5 @@ def values(batch: Any) -> list[Any]:
     return plain
 
 
-def setting(**changes: Any) -> ViewSetting:
-    told: dict[str, Any] = {
-        "camera": CAMERA,
-        "classes": CLASSES,
-        "title": "tour",
-        "lab_map": LAB,
-        "tree": NODES,
-        "makes_depth": True,
-        "corridor_m": (0.5, 2.0, 0.8),
-    }
-    return ViewSetting(**{**told, **changes})
+def noted_facts(**changes: Any) -> FlightFacts:
+    return facts(**{"classes": CLASSES, "nodes": NODES, "makes_depth": True, **changes})

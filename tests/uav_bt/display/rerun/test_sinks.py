@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import socket
 import subprocess
@@ -17,6 +16,7 @@ import pytest
 from tests.uav_bt.display.display_world import World
 from uav_bt.display.rerun import sinks
 from uav_bt.errors import FileError, InputError, MissingDependencyError
+from uav_bt.mission.tick import TickRecord
 
 
 def draw(stream: object) -> None:
@@ -84,10 +84,10 @@ def test_files_leave_no_threads_behind(tmp_path: Path) -> None:
 KILLED = """
 import os, signal, sys
 from uav_bt.display.rerun import sinks
-viewer = sinks.Viewer(web=True)
-print(viewer.port, flush=True)
-sys.stdin.readline()
-os.kill(os.getpid(), signal.SIGKILL)
+with sinks.shown(web=True, instead="") as viewer:
+    print(viewer.url, flush=True)
+    sys.stdin.readline()
+    os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
@@ -98,7 +98,7 @@ def test_a_server_ends_with_the_process_that_started_it() -> None:
     ) as process:
         assert process.stdin is not None
         assert process.stdout is not None
-        port = int(process.stdout.readline())
+        port = port_of(process.stdout.readline())
         assert answers(port, True)
         process.stdin.write("\n")
         process.stdin.close()
@@ -116,82 +116,77 @@ def answers(port: int, wanted: object) -> bool:
     return False
 
 
+def port_of(url: str) -> int:
+    """Return the port of a viewer's page."""
+    return int(url.removeprefix("http://127.0.0.1:").partition("/")[0])
+
+
 def test_closing_a_web_view_ends_its_server() -> None:
-    viewer = sinks.Viewer(web=True)
-    assert answers(viewer.port, True)
-    viewer.close()
+    with sinks.shown(web=True, instead="") as viewer:
+        assert viewer.url is not None
+        port = port_of(viewer.url)
+        assert answers(port, True)
     assert viewer.closed
-    assert answers(viewer.port, False)
+    assert answers(port, False)
 
 
-@pytest.mark.parametrize(
-    ("environment", "displays"),
-    [({}, False), ({"DISPLAY": ":0"}, True), ({"WAYLAND_DISPLAY": "wayland-0"}, True)],
-)
-def test_a_display_is_what_the_environment_says(
-    environment: dict[str, str], displays: object, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_display_no_window_is_opened(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sinks.sys, "platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    for name, value in environment.items():
-        monkeypatch.setenv(name, value)
-    refused = contextlib.nullcontext() if displays else pytest.raises(InputError, match="instead")
-    with refused:
-        sinks.need_display("do that instead")
+    with pytest.raises(InputError, match="do that"), sinks.shown(web=False, instead="do that"):
+        pass
 
 
 def test_a_missing_rerun_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(
-        MissingDependencyError, match=r"a view needs rerun; run `pip install .*\[view\]"
-    ):
-        sinks.Viewer(web=True)
+    message = r"a view needs rerun; run `pip install .*\[view\]"
+    with pytest.raises(MissingDependencyError, match=message), sinks.shown(web=True, instead=""):
+        pass
     monkeypatch.setattr(sinks, "find_spec", lambda _: None)
     with pytest.raises(MissingDependencyError, match="rerun-sdk"):
-        sinks.viewer_command(9876, None)
+        sinks.viewer_command(9876)
 
 
-class Bench:
-    """A background drawing of numbers that a test lets go on."""
+class SlowView:
+    """A view that waits until a test lets it draw."""
 
     def __init__(self) -> None:
         self.seen: list[int] = []
-        self.begun, self.may_go_on = threading.Event(), threading.Event()
-        self.background = sinks.Background(lambda record: record.index, self._draw)
-        self._world = World()
+        self.may_go_on = threading.Event()
 
-    def _draw(self, index: int) -> None:
-        self.begun.set()
+    def take(self, record: TickRecord) -> int:
+        return record.index
+
+    def draw(self, index: int) -> None:
         assert self.may_go_on.wait(30.0)
         if index < 0:
             raise ValueError("the window is gone")
         self.seen.append(index)
-
-    def tick(self, **changes: int) -> None:
-        self.background.on_tick(self._world.tick(**changes))
 
 
 def test_ticks_that_take_too_long_are_omitted_and_reported(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(sinks, "WAITING_TICKS", 3)
-    bench = Bench()
+    view, world = SlowView(), World()
+    background = sinks.Background(view)
     for _ in range(5):
-        bench.tick()
-    assert bench.background.left_out == 2
-    bench.may_go_on.set()
+        background.on_tick(world.tick())
+    assert background.left_out == 2
+    view.may_go_on.set()
     with caplog.at_level(logging.WARNING):
-        bench.background.close()
-    bench.background.close()
-    assert bench.seen == [0, 1, 2]
+        background.close()
+    background.close()
+    assert view.seen == [0, 1, 2]
     assert caplog.text.count("dropped 2 ticks") == 1
 
 
 def test_a_view_that_fails_is_an_error_of_a_later_tick() -> None:
-    bench = Bench()
-    bench.may_go_on.set()
-    bench.tick(index=-1)
-    bench.background.close()
+    view, world = SlowView(), World()
+    background = sinks.Background(view)
+    view.may_go_on.set()
+    background.on_tick(world.tick(index=-1))
+    background.close()
     with pytest.raises(ValueError, match="the window is gone"):
-        bench.tick()
+        background.on_tick(world.tick())

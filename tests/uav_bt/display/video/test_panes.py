@@ -1,4 +1,6 @@
-"""The panes of the camera image and of the readings."""
+"""The panes of films: camera image, readings, class map, depth and corridor."""
+
+from __future__ import annotations
 
 import math
 from dataclasses import replace
@@ -6,17 +8,31 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.paper_lab import CLASSES, paper_map
 from tests.uav_bt.display.display_world import CAMERA, World, has, shown_of
-from uav_bt.board import MARK
-from uav_bt.display.canvas import ACCENT, ALARM, shortened, text_width_px
+from tests.worlds import values
+from uav_bt.board import CORRIDOR, MARK
+from uav_bt.display.canvas import ACCENT, ALARM, PANEL, shortened, text_width_px
 from uav_bt.display.phrases import describe_movement
-from uav_bt.display.video.panes import draw_camera, draw_readings, pad_circle, project_fix
-from uav_bt.display.video.perception_panes import draw_class_map
+from uav_bt.display.video.panes import (
+    PerceptionPanes,
+    Seen,
+    corridor_rows,
+    draw_camera,
+    draw_class_map,
+    draw_corridor,
+    draw_depth,
+    draw_readings,
+    legend_of,
+    project_fix,
+)
 from uav_bt.mission.safety import Override
 from uav_bt.testing import blank_frame
-from uav_bt.types import Command, Frame, MarkFix, Velocity
+from uav_bt.types import ClassMap, Command, DepthMap, Frame, MarkFix, Velocity
 
 PANE_PX = (638, 359)
+SMALL_PX = (318, 178)
+DOWN = -math.pi / 2
 
 
 def frame_of(world: World, **changes: float) -> Frame:
@@ -24,68 +40,61 @@ def frame_of(world: World, **changes: float) -> Frame:
     return blank_frame(CAMERA, state)
 
 
-DOWN = -math.pi / 2
+def mark(forward_m: float, right_m: float = 0.0, height_m: float = 0.4) -> MarkFix:
+    place = {"forward_m": forward_m, "right_m": right_m, "height_m": height_m}
+    return MarkFix(captured_s=0.0, detected=True, **place)
+
+
+def accents(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows and columns of the pixels in the colour of the mark."""
+    return np.nonzero((image == np.array(ACCENT, dtype=np.uint8)).all(axis=2))
 
 
 @pytest.mark.parametrize(
-    ("forward_m", "right_m", "mark_height_m", "pitch_rad", "expected"),
+    ("fix", "pitch_rad", "expected"),
     [
-        (0.15, 0.0, 0.4, DOWN, (0.0, 0.0, 1.1)),
-        (0.15, 0.0, 0.05, DOWN, (0.0, 0.0, 1.45)),
-        (2.15, 0.7, 0.4, 0.0, (0.7, 1.1, 2.0)),
+        (mark(0.15), DOWN, (0.0, 0.0, 1.1)),
+        (mark(0.15, height_m=0.05), DOWN, (0.0, 0.0, 1.45)),
+        (mark(2.15, 0.7), 0.0, (0.7, 1.1, 2.0)),
     ],
     ids=["a pad below", "a mat below", "a pad ahead of a level lens"],
 )
 def test_a_mark_lies_in_the_camera_where_position_and_height_say(
-    forward_m: float,
-    right_m: float,
-    mark_height_m: float,
-    pitch_rad: float,
-    expected: tuple[float, float, float],
+    fix: MarkFix, pitch_rad: float, expected: tuple[float, float, float]
 ) -> None:
-    place = {"forward_m": forward_m, "right_m": right_m, "height_m": mark_height_m}
-    fix = MarkFix(captured_s=0.0, detected=True, **place)
     frame = frame_of(World(), gimbal_pitch_rad=pitch_rad, height_above_ground_m=1.5)
     assert project_fix(fix, frame, CAMERA) == pytest.approx(expected)
 
 
-@pytest.mark.parametrize("forward_m", [-2.0, 0.1])
-def test_a_mark_behind_or_below_the_lens_has_no_ring(forward_m: float) -> None:
-    fix = MarkFix(captured_s=0.0, forward_m=forward_m, right_m=0.0, height_m=0.4, detected=True)
-    assert pad_circle(fix, frame_of(World(), gimbal_pitch_rad=0.0), CAMERA) is None
+def seen_with(fix: MarkFix) -> tuple[World, np.ndarray]:
+    world = World()
+    world.board.write(MARK, fix)
+    return world, draw_camera(shown_of(world, world.tick(feedback="")), CAMERA, PANE_PX)
 
 
 def test_a_pad_in_view_is_ringed_where_it_appears() -> None:
-    world = World()
-    fix = MarkFix(captured_s=0.0, forward_m=2.4, right_m=0.4, height_m=0.4, detected=True)
-    world.board.write(MARK, fix)
-    image = draw_camera(shown_of(world, world.tick(feedback="")), CAMERA, PANE_PX)
-    rows, columns = np.nonzero((image == np.array(ACCENT, dtype=np.uint8)).all(axis=2))
+    fix = mark(2.4, 0.4)
+    world, image = seen_with(fix)
+    rows, columns = accents(image)
     right_m, down_m, depth_m = project_fix(fix, frame_of(world), CAMERA)
-    shown = CAMERA.resized(*PANE_PX)
-    assert (columns.min() + columns.max()) / 2 == pytest.approx(
-        shown.cx_px + shown.fx_px * right_m / depth_m, abs=4
-    )
-    assert rows.max() == pytest.approx(shown.cy_px + shown.fy_px * (down_m + 0.3) / depth_m, abs=12)
+    lens = CAMERA.resized(*PANE_PX)
+    middle = lens.cx_px + lens.fx_px * right_m / depth_m
+    low = lens.cy_px + lens.fy_px * (down_m + 0.3) / depth_m
+    assert (columns.min() + columns.max()) / 2 == pytest.approx(middle, abs=4)
+    assert rows.max() == pytest.approx(low, abs=12)
 
 
 @pytest.mark.parametrize(("right_m", "side"), [(3.0, "right"), (-3.0, "left")])
 def test_a_pad_out_of_view_is_pointed_at_from_the_edge(right_m: float, side: str) -> None:
-    world = World()
-    fix = MarkFix(captured_s=0.0, forward_m=-1.0, right_m=right_m, height_m=0.4, detected=True)
-    world.board.write(MARK, fix)
-    image = draw_camera(shown_of(world, world.tick(feedback="")), CAMERA, PANE_PX)
-    columns = np.nonzero((image == np.array(ACCENT, dtype=np.uint8)).all(axis=2))[1]
+    columns = accents(seen_with(mark(-1.0, right_m))[1])[1]
     assert columns.size
     assert (columns > PANE_PX[0] / 2).all() == (side == "right")
 
 
-def test_the_feedback_of_the_running_leaf_is_written_on_the_image() -> None:
-    world = World()
-    silent = draw_camera(shown_of(world, world.tick(feedback="")), CAMERA, PANE_PX)
-    spoken = draw_camera(shown_of(world, world.tick(feedback="obstacle")), CAMERA, PANE_PX)
-    assert not has(silent, ACCENT)
-    assert has(spoken, ACCENT)
+def test_a_pad_below_the_lens_is_pointed_at() -> None:
+    rows, _ = accents(seen_with(mark(0.1))[1])
+    assert rows.size
+    assert rows.min() > PANE_PX[1] / 2
 
 
 def test_before_the_first_frame_the_panes_say_so() -> None:
@@ -104,13 +113,6 @@ def test_an_override_is_written_in_the_colour_of_alarm() -> None:
     assert has(alarmed, ALARM)
 
 
-def test_a_branch_deeper_than_the_pane_shows_its_lower_end() -> None:
-    world = World()
-    deep = tuple(f"node_{depth}" for depth in range(40))
-    image = draw_readings(shown_of(world, world.tick(active=deep)), (638, 279))
-    assert has(image[70:], ACCENT), "the leaf"
-
-
 def test_what_is_longer_than_its_column_is_cut_with_dots() -> None:
     world, size_px = World(), (638, 279)
     long = Velocity(forward_mps=0.6, right_mps=0.25, down_mps=-0.1, yaw_rate_radps=0.5)
@@ -126,3 +128,130 @@ def test_what_is_longer_than_its_column_is_cut_with_dots() -> None:
     assert words.startswith(cut.removesuffix("..."))
     assert 170 < text_width_px(cut, 0.45) <= 200
     assert shortened(words, 2000, 0.45) == words
+
+
+GREY = values.frame(np.full((36, 64, 3), 100, np.uint8), captured_s=0.0)
+
+
+def depth_map(value: float, unknown: slice | None = None) -> DepthMap:
+    depth = np.full((28, 56), value, np.float32)
+    if unknown is not None:
+        depth[:, unknown] = np.nan
+    return DepthMap(depth=depth, metric=True, captured_s=0.0, confidence=0.8)
+
+
+INTRUDED = replace(values.corridor(1.2, "left", nearest_m=0.7), nearest_left_m=0.7)
+
+
+def class_map(*ids: int) -> ClassMap:
+    """Return a map with a vertical stripe of each class."""
+    stripes = np.repeat(np.array(ids, dtype=np.uint8), 8)
+    return paper_map(ids=np.tile(stripes, (28, 1)), captured_s=0.0)
+
+
+def test_the_legend_has_the_classes_that_are_in_view_and_no_others() -> None:
+    assert [name for name, _ in legend_of(class_map(9, 2, 2))] == ["helipad h", "box 6"]
+    ids = np.full((100, 100), 3, dtype=np.uint8)
+    ids[0, :5] = 7  # a few pixels are no entry
+    assert [name for name, _ in legend_of(paper_map(ids))] == ["helipad box"]
+
+
+@pytest.mark.parametrize("size_px", [PANE_PX, SMALL_PX])
+def test_however_many_classes_are_in_view_the_legend_leaves_the_ground_free(
+    size_px: tuple[int, int],
+) -> None:
+    dark = [each for each in range(17) if CLASSES.colours[each].min() < 150]
+    bright = draw_class_map(class_map(*dark), size_px).min(axis=2) > 150
+    assert bright[10:30].sum() > 100
+    assert bright[30:50].sum() > 100
+    assert bright[50:].sum() == 0
+    assert bright[:, -10:].sum() == 0
+
+
+def test_near_is_red_far_is_blue_and_unknown_is_neither() -> None:
+    near = draw_depth(depth_map(0.6), PANE_PX)[200, 100].astype(int)
+    far = draw_depth(depth_map(4.4), PANE_PX)[200, 100].astype(int)
+    unknown = draw_depth(depth_map(0.6, slice(0, 28)), PANE_PX)[200, 100].astype(int)
+    assert near[0] > near[2] + 80
+    assert far[2] > far[0] + 80
+    assert np.ptp(unknown) < 20, "grey"
+    at_end, beyond = (draw_depth(depth_map(metres), PANE_PX)[200, 100] for metres in (5.0, 19.0))
+    assert (at_end == beyond).all()
+
+
+def test_a_pixel_has_the_colour_that_the_bar_shows_at_its_metres() -> None:
+    image = draw_depth(depth_map(2.0), PANE_PX)
+    bottom, top = PANE_PX[1] - 14, 34
+    bar = image[top:bottom, PANE_PX[0] - 40].astype(int)
+    same = np.flatnonzero(np.abs(bar - image[200, 100]).sum(axis=1) < 12)
+    assert same.size
+    assert 5.0 * (1.0 - same.mean() / (bottom - top)) == pytest.approx(2.0, abs=0.1)
+
+
+def test_without_depth_the_pane_says_why_within_its_size() -> None:
+    told = draw_depth(None, SMALL_PX, why_none="the class map is of another frame")
+    assert len(np.unique(told[:, 4:-4])) > 2, "a text"
+    assert (told[:, :4] == PANEL).all()
+    assert (told[:, -4:] == PANEL).all()
+    assert not has(draw_depth(depth_map(2.0, slice(None)), PANE_PX), ALARM), "nothing known"
+    assert has(draw_depth(depth_map(2.0), PANE_PX, why_none="no scale: too little ground"), ALARM)
+
+
+def test_what_intrudes_is_marked_and_nothing_else() -> None:
+    marked = np.zeros((28, 56), dtype=bool)
+    marked[10:20, 30:40] = True
+    image = draw_corridor(GREY, INTRUDED, marked, PANE_PX).astype(int)
+    inside, outside = image[200, 400], image[250, 100]
+    assert inside[0] > inside[2] + 40
+    assert tuple(outside) == (50, 50, 50), "darkened"
+    clear = values.corridor()
+    assert not has(draw_corridor(GREY, clear, None, PANE_PX), ALARM)
+    assert has(draw_corridor(GREY, INTRUDED, None, PANE_PX), ALARM), "the words"
+
+
+def test_rows_tell_the_age_of_depth_and_the_free_way_beside() -> None:
+    world = World()
+
+    def rows() -> dict[str, str]:
+        shown = shown_of(world, world.tick())
+        return {name: value for name, value, _ in corridor_rows(shown)}
+
+    assert rows() == {"depth": "none"}
+    world.see_depth()
+    assert rows() == {
+        "depth": "0.1 s old, confidence 1.00",
+        "left": "free",
+        "right": "free",
+        "unknown": "0 pixels of objects",
+    }
+    world.board.forget(CORRIDOR)
+    assert rows() == {"depth": "0.2 s old, confidence 1.00", "inside": "unknown"}
+
+
+def test_what_was_perceived_of_an_image_makes_a_picture_of_four_panes() -> None:
+    panes, ids = PerceptionPanes(CAMERA), np.full((28, 56), 5, np.uint8)
+    nothing = Seen(
+        frame=GREY,
+        class_map=paper_map(ids=ids, captured_s=0.0),
+        depth=None,
+        refusal="the frame is black",
+        corridor=None,
+        intruding=None,
+        mark=None,
+    )
+    image = panes.draw(nothing)
+    assert panes.size_px == (1280, 720)
+    assert image.shape == (720, 1280, 3)
+    assert tuple(image[100, 300]) == (100, 100, 100), "the image"
+    assert tuple(image[600, 300]) == tuple(CLASSES.colours[5]), "the class map"
+    assert tuple(image[30, 1000]) == PANEL, "no depth"
+    assert tuple(image[700, 1000]) == PANEL, "no corridor"
+    image = panes.draw(replace(nothing, depth=depth_map(1.0), refusal="", mark=mark(2.0)))
+    assert tuple(image[100, 900]) != PANEL
+    assert len(accents(image[:360, :640])[0]) > 100, "a ring"
+
+
+def test_images_are_shown_in_the_aspect_of_the_lens() -> None:
+    assert PerceptionPanes(CAMERA.resized(40, 32)).size_px == (1280, 720), "a resized image"
+    square = replace(CAMERA, width_px=64, height_px=64)
+    assert PerceptionPanes(square).size_px == (1280, 1280)

@@ -1,24 +1,25 @@
 """The video of a flight."""
 
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import av
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from tests.paper_lab import CLASSES
-from tests.uav_bt.display.display_world import CAMERA, LAB, World
+from tests.uav_bt.display.display_world import World, facts, has
 from uav_bt.display.canvas import PANEL
-from uav_bt.display.flown_path import FlownPath
-from uav_bt.display.video.video import FlightVideo, Panes
+from uav_bt.display.shown import phase_colours
+from uav_bt.display.video.video import FlightVideo, open_film
 from uav_bt.errors import FileError, ValueRangeError
-from uav_bt.types import ClassMap, DepthMap, Frame, Pose
+from uav_bt.types import Pose
 
 
-def panes_of(world: World, **changes: Any) -> Panes:
-    return Panes(world.board, CAMERA, lab_map=LAB, title="a flight", **changes)
+def panes_of(world: World, **changes: Any) -> FlightVideo:
+    nowhere: Any = None
+    return FlightVideo(nowhere, world.board, facts(**changes))
 
 
 def fly(video: FlightVideo, world: World, ticks: int, after_s: float = 0.1) -> None:
@@ -28,12 +29,7 @@ def fly(video: FlightVideo, world: World, ticks: int, after_s: float = 0.1) -> N
         video.on_tick(world.tick(pose=pose, after_s=after_s))
 
 
-def fly_and_fail(video: FlightVideo, world: World, ticks: int) -> None:
-    fly(video, world, ticks)
-    raise RuntimeError("a leaf raised")
-
-
-def facts(path: Path) -> tuple[tuple[int, int], list[float]]:
+def decoded(path: Path) -> tuple[tuple[int, int], list[float]]:
     with av.open(str(path)) as container:
         stream = container.streams.video[0]
         size_px = (stream.codec_context.width, stream.codec_context.height)
@@ -54,10 +50,11 @@ def test_images_lie_where_their_ticks_were(
     tmp_path: Path, speed: float, pauses_s: list[float], times_s: list[float]
 ) -> None:
     world = World()
-    with FlightVideo(tmp_path / "flight.mp4", panes_of(world), speed=speed) as video:
+    with closing(open_film(tmp_path / "flight.mp4", speed)) as file:
+        video = FlightVideo(file, world.board, facts())
         for after_s in pauses_s:
             fly(video, world, 1, after_s)
-    size_px, times = facts(tmp_path / "flight.mp4")
+    size_px, times = decoded(tmp_path / "flight.mp4")
     assert size_px == (1280, 720)
     assert times == pytest.approx(times_s)
 
@@ -66,12 +63,12 @@ def test_the_four_panes_show_what_is_on_the_board() -> None:
     world = World()
     world.see()
     panes = panes_of(world)
-    with_map = panes.draw(world.tick(), FlownPath())
+    with_map = panes.draw(world.tick())
     assert with_map.shape == (720, 1280, 3)
     assert (with_map[560:720, :638] == CLASSES.colours[1]).all(), "the class map alone"
     assert len(np.unique(with_map[:438, 642:].reshape(-1, 3), axis=0)) > 10, "the map"
     world.clock.advance(5.0)
-    without = panes.draw(world.tick(), FlownPath())
+    without = panes.draw(world.tick())
     assert tuple(without[700, 300]) != tuple(CLASSES.colours[1]), "stale"
 
 
@@ -81,68 +78,28 @@ def test_depth_and_corridor_share_the_quarter_of_the_class_map(*, asked: bool) -
     panes = panes_of(world, makes_depth=asked)
     if not asked:
         world.see_depth()
-        panes.draw(world.tick(), FlownPath())
+        panes.draw(world.tick())
         world.clock.advance(5.0)  # the panes stay when the depth is stale
     world.see()
-    before = panes.draw(world.tick(), FlownPath())
+    before = panes.draw(world.tick())
     assert tuple(before[530, 100]) == tuple(CLASSES.colours[1]), "class map"
     assert tuple(before[370, 330]) == PANEL, "no depth"
     assert tuple(before[550, 10]) == PANEL, "no corridor"
     world.see_depth()
-    after = panes.draw(world.tick(), FlownPath())
+    after = panes.draw(world.tick())
     assert tuple(after[500, 330]) != PANEL
     assert tuple(after[650, 10]) != PANEL
 
 
-def test_what_intrudes_is_marked_only_in_the_picture_it_was_found_in() -> None:
-    world = World()
-    asked: list[DepthMap] = []
-
-    def everything(frame: Frame, class_map: ClassMap, depth: DepthMap) -> NDArray[np.bool_]:
-        asked.append(depth)
-        return np.ones(class_map.ids.shape, dtype=bool)
-
-    panes = panes_of(world, makes_depth=True, intruding=everything)
-    world.see()
-    world.see_depth()
-    world.clock.advance(0.1)
-    late = panes.draw(world.tick(), FlownPath())
-    assert asked == []
-    world.see()
-    world.see_depth()
-    marked = panes.draw(world.tick(), FlownPath())
-    assert len(asked) == 1
-    red = marked[600, 100].astype(int) - late[600, 100]
-    assert red[0] > red[2] + 20
-
-
 def test_the_outcome_stays_at_the_end(tmp_path: Path) -> None:
     world = World()
-    with FlightVideo(tmp_path / "flight.mp4", panes_of(world)) as video:
+    with closing(open_film(tmp_path / "flight.mp4")) as file:
+        video = FlightVideo(file, world.board, facts())
         fly(video, world, 2)
         video.conclude("success", ["landed"])
-    times = facts(tmp_path / "flight.mp4")[1]
+    times = decoded(tmp_path / "flight.mp4")[1]
     assert len(times) == 2 + 20
     assert times[-1] == pytest.approx(2.1)
-
-
-def test_an_outcome_without_a_flight_writes_nothing(tmp_path: Path) -> None:
-    with FlightVideo(tmp_path / "flight.mp4", panes_of(World())) as video:
-        video.conclude("aborted")
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("full", [False, True], ids=["a leaf raised", "and the disk is full"])
-def test_a_flight_that_fails_leaves_a_whole_video_or_none(tmp_path: Path, *, full: bool) -> None:
-    world = World()
-    with (
-        pytest.raises(RuntimeError, match="a leaf raised") as caught,
-        FlightVideo(tmp_path / "flight.mp4", panes_of(world)) as video,
-    ):
-        fly_and_fail(filled_disk(video) if full else video, world, 3)
-    assert [path.name for path in tmp_path.iterdir()] == ([] if full else ["flight.mp4"])
-    notes = getattr(caught.value, "__notes__", [])
-    assert any("No space left" in note for note in notes) == full
 
 
 class FullDisk:
@@ -153,23 +110,31 @@ class FullDisk:
         raise OSError(28, "No space left on device")
 
 
-def filled_disk(video: FlightVideo) -> FlightVideo:
-    video.file._stream = FullDisk()
-    return video
-
-
-def test_a_full_disk_does_not_stop_the_flight_but_is_reported_at_the_end(tmp_path: Path) -> None:
-    world = World()
-    video = FlightVideo(tmp_path / "flight.mp4", panes_of(world))
+def test_a_full_disk_ends_the_film_and_not_the_flight(tmp_path: Path) -> None:
+    world, file = World(), open_film(tmp_path / "flight.mp4")
+    video = FlightVideo(file, world.board, facts())
     fly(video, world, 1)
-    fly(filled_disk(video), world, 3)
+    file._stream = FullDisk()
+    fly(video, world, 3)
+    video.conclude("success", [])
     with pytest.raises(FileError, match="No space left"):
-        video.file.close()
-    video.file.close()
+        file.close()
+    file.close()
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_speed_that_makes_no_video_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueRangeError):
-        FlightVideo(tmp_path / "flight.mp4", speed=0.0)
+        open_film(tmp_path / "flight.mp4", speed=0.0)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_of_many_phases_the_last_ones_are_named_in_their_colours() -> None:
+    world = World()
+    video = panes_of(world)
+    many = [f"phase {number}" for number in range(9)]
+    for phase in many:
+        video._flown.add(world.tick(phase=phase))
+    image, colours = video.draw(world.tick(phase=many[-1])), phase_colours(many)
+    assert [has(image[664:, 641:], colours[phase]) for phase in many] == [False] * 3 + [True] * 6
+    assert (image[664:, 1270:] == PANEL).all()

@@ -59,8 +59,8 @@ def test_the_name_appears_only_when_the_file_is_whole(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("nowhere/flight.mp4", "No such file or directory"),
-        ("taken/flight.mp4", "Not a directory"),
+        ("nowhere/flight.mp4", "does not exist"),
+        ("taken/flight.mp4", "is a file and no folder"),
         ("flight.avi", "must end in .mp4"),
         ("folder.mp4", "is a folder"),
     ],
