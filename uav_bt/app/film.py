@@ -82,7 +82,7 @@ def facts_of_flight(flight: Flight[Drone], title: str) -> FlightFacts:
         or describe_flight(mission.origin, scene=flight.scene_name, drone=name, seed=seed),
         lab_map=map_of_scene(drone.scene) if isinstance(drone.scene, Scene) else None,
         nodes=tuple((node.path, node.name) for node in mission.nodes()),
-        limit_s=flight.judge_config.limit_s,
+        limit_s=flight.held.judge.limit_s,
     )
 
 
