@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.display.canvas import ACCENT, ALARM, BACKDROP, INK, Colour, resized, tag
 from uav_bt.display.lab_map import GROUND_COLOUR, LabMap, MapItem
+from uav_bt.display.map_pane import MapPane
 from uav_bt.display.phrases import describe_corridor, describe_movement
 from uav_bt.display.shown import FlightFacts, FlownPath, Shown, phase_colours
 from uav_bt.display.video.panes import FARTHEST_M, draw_frame
@@ -35,6 +36,8 @@ _SHOWN_M: Final = 0.35  # distance of the image from the lens in the 3D view
 _NO_IMAGE_M: Final = 1e-3  # the same for depth: so small that its frustum is invisible
 _KEPT_S: Final = 2.0  # history of poses; older frames are not drawn
 _IMAGE_PX: Final = 640  # least width of the camera's image
+_MAP_PX: Final = (640, 520)
+_MAP_S: Final = 0.5  # time between images of the site map, which changes with every view
 _TIMELINE: Final = "flight"  # seconds since the first tick
 _PLOTS: Final = {
     "plots/heading": "Heading, deg",
@@ -71,6 +74,8 @@ class FlightView:
         self._start_s = facts.start_s
         self._flown = FlownPath()
         self._poses = PoseHistory[Pose](_KEPT_S)
+        self._map = MapPane(facts, _MAP_PX)
+        self._map_s = -math.inf  # time of the last image of the site map
         self._last: dict[str, object] = {}  # what was drawn last, by entity; None: nothing
         stream.send_blueprint(layout(facts))
         stream.send_recording_name(facts.title)
@@ -104,6 +109,11 @@ class FlightView:
             self._stream.log("world/path", piece)
         self._draw_frame(shown)
         self._draw_perceived(shown)
+        if self._facts.makes_map:
+            drawn = self._map.draw(shown)  # it needs every tick
+            if shown.site_map is not None and record.time_s - self._map_s >= _MAP_S - 1e-6:
+                self._map_s = record.time_s
+                self._stream.log("site_map", _jpeg(drawn))
         tree, words = self._tree(statuses), _words(record)
         if self._is_new("tree", tree):
             self._stream.log("tree", rr.TextDocument(tree))
@@ -185,20 +195,24 @@ def layout(facts: FlightFacts) -> rrb.Blueprint:
         start=rrb.TimeRangeBoundary.infinite(),
         end=rrb.TimeRangeBoundary.cursor_relative(),
     )
-    lab = rrb.Spatial3DView(
-        origin="world",
-        name=facts.title or "Lab",
-        background=BACKDROP,
-        overrides={"world/path": [so_far]},
-        eye_controls=rrb.EyeControls3D(position=_EYE_M, look_target=[0.0, 0.0, 0.3]),
-    )
-    words = rrb.TextLogView(origin="words", name="Words")
+    tabs: list[rrb.View] = [
+        rrb.Spatial3DView(
+            origin="world",
+            name=facts.title or "Lab",
+            background=BACKDROP,
+            overrides={"world/path": [so_far]},
+            eye_controls=rrb.EyeControls3D(position=_EYE_M, look_target=[0.0, 0.0, 0.3]),
+        )
+    ]
+    if facts.makes_map:
+        tabs.append(rrb.Spatial2DView(origin="site_map", name="Site map"))
+    tabs.append(rrb.TextLogView(origin="words", name="Words"))
     plots = [rrb.TimeSeriesView(origin=origin, name=name) for origin, name in _PLOTS.items()]
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Horizontal(
                 rrb.Vertical(camera, rrb.Horizontal(*left), row_shares=[3, 2]),
-                rrb.Tabs(lab, words),
+                rrb.Tabs(*tabs),
                 rrb.TextDocumentView(origin="tree", name="Tree"),
                 column_shares=[4, 5, 3],
             ),

@@ -98,7 +98,8 @@ def test_the_path_grows_by_a_piece_a_tick() -> None:
     assert pieces == [[[0.0, 0.0, 1.5], [0.5, 0.0, 1.5]], [[0.5, 0.0, 1.5], [1.0, 0.0, 1.5]]]
 
 
-@pytest.mark.parametrize(("yaw_rad", "pitch_rad"), [(0.0, 0.0), (1.0, -0.5), (-2.5, -1.57)])
+@pytest.mark.parametrize("yaw_rad", [0.0, 1.0, -2.5])
+@pytest.mark.parametrize("pitch_rad", [0.0, -0.5, -math.pi / 2])
 def test_the_camera_looks_along_yaw_and_pitch_with_a_level_horizon(
     yaw_rad: float, pitch_rad: float
 ) -> None:
@@ -111,9 +112,10 @@ def test_the_camera_looks_along_yaw_and_pitch_with_a_level_horizon(
     np.testing.assert_allclose(down, np.cross(ahead, right), atol=1e-12)
 
 
-def test_an_image_is_drawn_once() -> None:
+def test_an_image_is_drawn_once_and_none_before_the_first() -> None:
     flight = Flight()
     flight.fly(frame=False)
+    assert flight.stream.of("world/camera/image") == []
     record = flight.fly()
     flight.view.on_tick(replace(record, time_s=record.time_s + 0.1))
     assert len(flight.stream.of("world/camera/image")) == 1
@@ -160,6 +162,29 @@ def test_masks_and_depth_are_drawn_when_new_and_taken_away_when_old() -> None:
     metres = np.frombuffer(bytes(values(image.buffer)[0]), np.float16).reshape(18, 32)
     assert np.isnan(metres[0]).all()
     assert (metres[1:] == 1.5).all()
+
+
+def test_classes_have_our_names_and_colours() -> None:
+    context = Flight().stream.constant("mask").context
+    shown = [entry["class_description"]["info"] for entry in values(context)[0]]
+    assert [info["label"] for info in shown] == list(CLASSES.names)
+    assert [info["color"] >> 8 for info in shown] == [
+        int(red) << 16 | int(green) << 8 | int(blue) for red, green, blue in CLASSES.colours
+    ]
+
+
+def test_the_site_map_is_an_image_twice_a_second() -> None:
+    flight = Flight(makes_map=True)
+    for index in range(12):
+        if index:
+            flight.world.board.write(SITE_MAP, believed())
+        flight.fly()
+    images = flight.stream.of("site_map")
+    assert len(images) == 3, "from the second tick on, every fifth"
+    blob = np.asarray(values(images[-1].thing.blob)[0], dtype=np.uint8)
+    image = cv2.imdecode(blob, cv2.IMREAD_COLOR)
+    assert image.shape == (520, 640, 3)
+    assert image.std() > 5.0, "it shows something"
 
 
 def test_the_lab_is_drawn_once_with_boxes_and_mark() -> None:
@@ -216,10 +241,14 @@ def views(part: object) -> list[str]:
     return [name for below in getattr(part, "contents", None) or () for name in views(below)]
 
 
-@pytest.mark.parametrize("has_depth", [True, False])
-def test_the_layout_has_a_pane_of_depth_where_the_mission_makes_it(*, has_depth: bool) -> None:
-    (blueprint,) = Flight(makes_depth=has_depth).stream.blueprints
+@pytest.mark.parametrize("has_them", [True, False])
+def test_the_layout_has_panes_of_depth_and_map_where_the_mission_makes_them(
+    *, has_them: bool
+) -> None:
+    stream = Flight(makes_depth=has_them, makes_map=has_them).stream
+    (blueprint,) = stream.blueprints
     assert views(blueprint.root_container) == [
-        *("Camera", "Mask", *(["Metric depth"] * has_depth), "tour", "Words", "Tree"),
+        *("Camera", "Mask", *(["Metric depth"] * has_them)),
+        *("tour", *(["Site map"] * has_them), "Words", "Tree"),
         *("Heading, deg", "Height, m", "Free distance, m", "Tick time, ms"),
     ]
