@@ -23,7 +23,7 @@ from behaviours.perceive.depth import BuildCorridor
 from perception.camera.ground_plane import view_of
 from sim_bridge.twin.scene import Scene
 from uav_bt.app.assembly import Flight, Listeners
-from uav_bt.board import METRIC_DEPTH
+from uav_bt.board import METRIC_DEPTH, SITE_MAP
 from uav_bt.display.lab_map import LabMap, MapItem
 from uav_bt.display.phrases import describe_flight, lands_on_mark
 from uav_bt.display.shown import FlightFacts, Intruding
@@ -93,6 +93,7 @@ def facts_of(mission: MissionTree | None, camera: CameraModel, **known: Any) -> 
     builders = [leaf for leaf in leaves if isinstance(leaf, BuildCorridor)]
     return FlightFacts(
         camera=camera,
+        makes_map=SITE_MAP in written,
         makes_depth=METRIC_DEPTH in written,
         intruding=_marker(builders[0], camera) if len(builders) == 1 else None,
         **known,

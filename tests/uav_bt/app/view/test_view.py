@@ -61,7 +61,7 @@ def test_a_record_knows_tree_and_lab(flown: tuple[Path, Seen]) -> None:
     assert facts.camera == flight.reader.camera
     assert facts.lab_map is not None
     assert len(facts.lab_map.boxes) > 0
-    assert (facts.makes_depth, facts.intruding) == (False, None)
+    assert (facts.makes_map, facts.makes_depth, facts.intruding) == (True, False, None)
 
 
 @pytest.mark.parametrize("lost", ["tree", "lab"])
