@@ -11,7 +11,7 @@ from sim_bridge.plain import PlainConfig
 from sim_bridge.twin.scene_file import shipped_scenes
 from tests.worlds.trees import document
 from uav_bt import app
-from uav_bt.app.random_faults import check_phases, drawn, with_faults
+from uav_bt.app.drone_of_flight import check_phases, drawn, with_faults
 from uav_bt.errors import FileError, InputError, UnknownNameError
 from uav_bt.testing import Fault, FaultyDrone, ScriptedDrone
 from uav_bt.tree import Leaf, NodeRegistry
