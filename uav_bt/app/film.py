@@ -23,7 +23,7 @@ from behaviours.perceive.depth import BuildCorridor
 from perception.camera.ground_plane import view_of
 from sim_bridge.twin.scene import Scene
 from uav_bt.app.assembly import Flight, Listeners
-from uav_bt.board import METRIC_DEPTH, SITE_MAP
+from uav_bt.board import METRIC_DEPTH
 from uav_bt.display.lab_map import LabMap, MapItem
 from uav_bt.display.phrases import describe_flight, lands_on_mark
 from uav_bt.display.shown import FlightFacts, Intruding
@@ -82,6 +82,7 @@ def facts_of_flight(flight: Flight[Drone], title: str) -> FlightFacts:
         or describe_flight(mission.origin, scene=flight.scene_name, drone=name, seed=seed),
         lab_map=map_of_scene(drone.scene) if isinstance(drone.scene, Scene) else None,
         nodes=tuple((node.path, node.name) for node in mission.nodes()),
+        limit_s=flight.held.judge.limit_s,
     )
 
 
@@ -93,7 +94,6 @@ def facts_of(mission: MissionTree | None, camera: CameraModel, **known: Any) -> 
     return FlightFacts(
         camera=camera,
         makes_depth=METRIC_DEPTH in written,
-        makes_map=SITE_MAP in written,
         intruding=_marker(builders[0], camera) if len(builders) == 1 else None,
         **known,
     )

@@ -40,11 +40,8 @@ def blank(size_px: Size, colour: Colour) -> Image:
 def empty_pane(words: str, size_px: Size) -> Image:
     """Return a pane with only a line of text."""
     image = blank(size_px, PANEL)
-    scale = 0.5
-    while text_width_px(words, scale) > size_px[0] - 16 and scale > 0.3:
-        scale -= 0.05
-    left = (size_px[0] - text_width_px(words, scale)) // 2
-    put(image, words, (left, size_px[1] // 2), scale=scale)
+    text = shortened(words, size_px[0] - 16, 0.42)
+    put_centred(image, text, (size_px[0] / 2, size_px[1] / 2))
     return image
 
 
@@ -109,14 +106,19 @@ def tag(
 
 
 def draw_legend(
-    image: Image, entries: Iterable[tuple[str, Colour]], at_px: tuple[int, int], scale: float
+    image: Image, entries: Iterable[tuple[str, Colour]], at_px: tuple[int, int], scale: float = 0.4
 ) -> None:
-    """Write names behind dashes of their colours in a row."""
+    """Write names behind dashes of their colours, in at most two rows."""
     left, base = at_px
     for words, colour in entries:
+        wide = 16 + text_width_px(words, scale) + 14
+        if left + wide > image.shape[1]:
+            left, base = at_px[0], base + 18
+        if base > at_px[1] + 18:
+            return
         line(image, [(left, base - 4), (left + 10, base - 4)], colour, 5)
         put(image, words, (left + 16, base), scale=scale)
-        left += 16 + text_width_px(words, scale) + 14
+        left += wide
 
 
 def line(image: Image, points_px: Sequence[Point], colour: Colour, width_px: int = 1) -> None:

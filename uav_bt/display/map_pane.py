@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import cv2
@@ -14,7 +13,7 @@ from uav_bt.display.lab_map import HEADER_PX, LabMap, MapFrame, draw_lab, draw_m
 from uav_bt.display.shown import FlightFacts, FlownPath, Shown, phase_colours
 from uav_bt.mission.map_check import MapAlignment, MapPlacement
 from uav_bt.types import CameraModel, MarkFix, Pose
-from uav_bt.types.arrays import Image
+from uav_bt.types.arrays import Floats, Image
 from uav_bt.types.projection import pixel_rays
 from uav_bt.types.site_map import SiteMap
 
@@ -94,21 +93,18 @@ def _draw_cells(site_map: SiteMap, placement: MapPlacement, frame: MapFrame) -> 
 
 def ground_view(
     camera: CameraModel, pitch_rad: float, height_m: float, reach_m: float = _VIEW_REACH_M
-) -> list[Point]:
+) -> Floats:
     """Return where the corner rays of a camera meet the ground, at most `reach_m` from it.
 
-    The four points (forward, right) in metres from the body's centre go clockwise from the upper
-    left. The lens is taken as free of distortion. The gimbal's pitch is negative down.
+    The points are (4, 2), forward and right in metres from the body's centre, clockwise from the
+    upper left. The lens is taken as free of distortion. The gimbal's pitch is negative down.
     """
-    left, right = -0.5, camera.width_px - 0.5
-    top, bottom = -0.5, camera.height_px - 0.5
-    corners = [(left, top), (right, top), (right, bottom), (left, bottom)]
-    points: list[Point] = []
-    for forward, across, down in pixel_rays(corners, camera, pitch_rad).tolist():
-        longest = reach_m / max(math.hypot(forward, across), 1e-6)
-        length = min(height_m / down, longest) if down > 0.0 else longest
-        points.append((camera.forward_offset_m + forward * length, across * length))
-    return points
+    right, bottom = camera.width_px - 0.5, camera.height_px - 0.5
+    corners = [(-0.5, -0.5), (right, -0.5), (right, bottom), (-0.5, bottom)]
+    rays = pixel_rays(corners, camera, pitch_rad)
+    level, down = np.hypot(rays[:, 0], rays[:, 1]), rays[:, 2]
+    ways = np.minimum(height_m / np.maximum(down, 1e-6), reach_m / np.maximum(level, 1e-6))
+    return np.asarray(rays[:, :2] * ways[:, None] + (camera.forward_offset_m, 0.0))
 
 
 class MapPane:
@@ -174,7 +170,7 @@ class MapPane:
     def _draw_view(self, image: Image, pose: Pose, pitch_rad: float, height_m: float) -> None:
         # The hull includes the lens: a wedge if it looks ahead.
         camera = self._facts.camera
-        seen = [(camera.forward_offset_m, 0.0), *ground_view(camera, pitch_rad, height_m)]
+        seen = [(camera.forward_offset_m, 0.0), *ground_view(camera, pitch_rad, height_m).tolist()]
         around = [self._around(pose, *point) for point in seen]
         hull = cv2.convexHull(np.asarray(around, dtype=np.float32)).reshape(-1, 2)
         layer = image.copy()

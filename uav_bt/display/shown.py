@@ -45,8 +45,8 @@ class FlightFacts:
     title: str = ""  # mission, scene and seed
     lab_map: LabMap | None = None  # None: unknown
     nodes: tuple[tuple[str, str], ...] = ()  # path and name, in the order of the tree file
+    limit_s: float = math.inf  # of the flight's time
     makes_depth: bool = False  # whether the mission makes metric depth
-    makes_map: bool = False  # whether the mission keeps a site map
     start_s: float | None = None  # start of a view's timeline; None: the first tick
     intruding: Intruding | None = None  # None: no pixel is marked
 

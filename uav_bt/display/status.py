@@ -71,7 +71,7 @@ class LiveStatus:
         self._began: tuple[float, float] | None = None  # mission and wall time of the first tick
         self._shown_s = 0.0  # wall time of the last redraw, mission time of the last line
         self._descent_shown_s = -math.inf  # wall time of the last line about the landing
-        self._live: Live | None = None
+        self._live = Live(console=self._console, auto_refresh=False, transient=True)
         self._override: Override | None = None  # override of the last tick
 
     def on_tick(self, record: TickRecord) -> None:
@@ -95,9 +95,7 @@ class LiveStatus:
         if not terminal:
             self._console.print(line, soft_wrap=True)
             return
-        if self._live is None:
-            self._live = Live(console=self._console, auto_refresh=False, transient=True)
-            self._live.start()
+        self._live.start()
         self._live.update(line, refresh=True)
 
     def _print(self, words: str, style: str) -> None:
@@ -107,7 +105,7 @@ class LiveStatus:
         """Show that the drone is being landed, and the reason; the state may be unknown."""
         known = "not heard" if state is None else state.flying.value.replace("_", " ")
         words, now_s = f"landing ({known}): {reason}", self._wall_clock_s()
-        if self._live is not None:
+        if self._live.is_started:
             text = Text(words, style="bold red", no_wrap=True, overflow="ellipsis")
             self._live.update(text, refresh=True)
         elif now_s - self._descent_shown_s >= _DESCENT_LINE_EVERY_S:
@@ -143,10 +141,8 @@ class LiveStatus:
 
     def close(self) -> None:
         """Remove the line; safe to call twice."""
-        live, self._live = self._live, None
-        if live is not None:
-            with suppress(OSError):  # the terminal may be gone
-                live.stop()
+        with suppress(OSError):  # the terminal may be gone
+            self._live.stop()
 
 
 class OrderLines:

@@ -161,10 +161,3 @@ def test_without_one_the_telemetry_is_added_up_from_where_it_looked_first() -> N
     assert (pose.x_m, pose.y_m) == (pytest.approx(0.2 + eighth_m), pytest.approx(-eighth_m))
     assert pose.yaw_rad == pytest.approx(-math.pi / 2)
     assert flown.distance_m == pytest.approx(0.3)
-
-
-def test_phases_get_colours_of_their_own_in_the_order_they_appear() -> None:
-    colours = phase_colours(["", "explore", "explore", "search", "land"])
-    assert list(colours) == ["", "explore", "search", "land"]
-    assert len(set(colours.values())) == 4
-    assert phase_colours(["explore"])["explore"] == colours["explore"]

@@ -87,6 +87,7 @@ class RecordedFlight:
             ),
             lab_map=self._lab_map,
             nodes=tuple((node.path, node.name) for node in reader.tree.nodes),
+            limit_s=options.judge.limit_s,
             start_s=reader.timeline.start_s,
         )
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.display import canvas
-from uav_bt.display.canvas import ACCENT, ALARM, BACKDROP, DIM, INK, Colour, Point, Size
+from uav_bt.display.canvas import ACCENT, ALARM, BACKDROP, DIM, INK, Colour, Size
 from uav_bt.display.phrases import describe_corridor, describe_fix, describe_free, describe_movement
 from uav_bt.display.shown import Shown
 from uav_bt.types import CameraModel, ClassMap, Corridor, DepthMap, Frame, MarkFix
@@ -31,10 +31,6 @@ _UNKNOWN: Final[Colour] = (70, 74, 84)  # grey, which is not in the scale
 _BAR_WIDTH_PX: Final = 10
 _OPACITY: Final = 0.6  # opacity of the mark on intruding pixels
 _LEAST_SHARE: Final = 0.001  # of the pixels; smaller ones would flicker in the legend
-_SCALE: Final = 0.4  # of the legend
-_SWATCH_PX: Final = 10
-_LEGEND_PX: Final = 20  # height of a row of the legend
-_EDGE_PX: Final = 10  # free margin around title and legend
 _ROOMY_PX: Final = 400  # panes from this width on show more numbers
 _WIDTH_PX: Final = 1280  # of the video
 _GAP_PX: Final = 2
@@ -86,7 +82,7 @@ def draw_frame(frame: Frame, fix: MarkFix | None, camera: CameraModel, size_px: 
         _arrow(image, math.atan2(down_m, right_m), words, colour)
         return image
     radius_px = min(max(lens.fx_px * _PAD_RADIUS_M / ahead_m, 10.0), 150.0)
-    _reticle(image, (x, y), radius_px, colour)
+    canvas.line(image, canvas.circle(x, y, radius_px), colour, 2)
     half_words_px = (canvas.text_width_px(words, 0.45) + 12) / 2
     canvas.tag(image, words, (round(x - half_words_px), round(y - radius_px) - 32), colour=colour)
     return image
@@ -104,15 +100,6 @@ def _arrow(image: Image, angle_rad: float, words: str, colour: Colour) -> None:
     wide = canvas.text_width_px(words, 0.45) + 12
     left = x - c * (wide / 2 + 26) - wide / 2
     canvas.tag(image, words, (round(left), round(y - s * 42) - 10), colour=colour)
-
-
-def _reticle(image: Image, at_px: Point, radius_px: float, colour: Colour) -> None:
-    x, y = at_px
-    canvas.line(image, canvas.circle(x, y, radius_px), colour, 2)
-    near, far = radius_px - 6, radius_px + 6
-    for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-        ends = [(x + dx * reach, y + dy * reach) for reach in (near, far)]
-        canvas.line(image, ends, colour, 2)
 
 
 def draw_readings(shown: Shown, size_px: Size) -> Image:
@@ -186,26 +173,11 @@ def draw_class_map(class_map: ClassMap | None, size_px: Size) -> Image:
     title = "class map"
     if size_px[0] >= _ROOMY_PX:
         title += f"  {ids.shape[1]} x {ids.shape[0]}"
-    canvas.tag(image, title, (_EDGE_PX, _EDGE_PX), colour=DIM)
-    _draw_legend(image, class_map, canvas.text_width_px(title, 0.45) + 18)
+    image[:50] //= 4  # a plate for the words
+    canvas.put(image, title, (16, 24), colour=INK, scale=0.45)
+    left = 34 + canvas.text_width_px(title, 0.45)
+    canvas.draw_legend(image, legend_of(class_map), (left, 24))
     return image
-
-
-def _draw_legend(image: Image, class_map: ClassMap, title_px: int) -> None:
-    """Draw swatches and names of classes beside the title, and in a row below it."""
-    top, left, end = _EDGE_PX, _EDGE_PX + title_px, image.shape[1] - _EDGE_PX
-    for name, colour in legend_of(class_map):
-        wide = _SWATCH_PX + 5 + canvas.text_width_px(name, _SCALE) + 12
-        if left + wide > end:
-            top, left = top + _LEGEND_PX, _EDGE_PX
-        if left + wide > end or top > _EDGE_PX + _LEGEND_PX:
-            return
-        image[top : top + _LEGEND_PX, left : left + wide] //= 4
-        right, low = left + 6 + _SWATCH_PX, top + 5 + _SWATCH_PX
-        corners = [(left + 6, top + 5), (right, top + 5), (right, low), (left + 6, low)]
-        canvas.polygon(image, corners, colour, INK)
-        canvas.put(image, name, (right + 5, top + 14), scale=_SCALE)
-        left += wide
 
 
 def legend_of(class_map: ClassMap) -> list[tuple[str, Colour]]:
@@ -277,34 +249,25 @@ def draw_corridor(
     colour = DIM if corridor.nearest_side is None else ALARM
     canvas.tag(image, describe_corridor(corridor), (10, 10), colour=colour)
     canvas.tag(image, describe_free(corridor), (10, size_px[1] - 30), colour=ACCENT)
-    if size_px[0] >= _ROOMY_PX:
-        row = size_px[1] // 2 - 10
-        if math.isfinite(corridor.nearest_left_m):
-            canvas.tag(image, f"< {corridor.nearest_left_m:.2f} m", (10, row), colour=ALARM)
-        if math.isfinite(corridor.nearest_right_m):
-            words = f"{corridor.nearest_right_m:.2f} m >"
-            canvas.tag(image, words, (size_px[0], row), colour=ALARM)
+    row = size_px[1] // 2 - 10
+    if math.isfinite(corridor.nearest_left_m):
+        canvas.tag(image, f"< {corridor.nearest_left_m:.2f} m", (10, row), colour=ALARM)
+    if math.isfinite(corridor.nearest_right_m):
+        words = f"{corridor.nearest_right_m:.2f} m >"
+        canvas.tag(image, words, (size_px[0], row), colour=ALARM)
     return image
 
 
 def corridor_rows(shown: Shown) -> list[Row]:
     """Return what the panes of depth and corridor do not tell, as rows."""
-    depth, corridor = shown.depth.value, shown.corridor
-    if depth is None:
-        return [("depth", "none", ALARM)]
-    words = f"{shown.depth.age_s:.1f} s old, confidence {depth.confidence:.2f}"
-    if corridor is None:
-        return [("depth", words, INK), ("inside", "unknown", ALARM)]
-    return [
-        ("depth", words, INK),
-        ("left", _metres(corridor.nearest_left_m), INK),
-        ("right", _metres(corridor.nearest_right_m), INK),
-        ("unknown", f"{corridor.unknown_px} pixels of objects", INK),
-    ]
-
-
-def _metres(distance_m: float) -> str:
-    return "free" if math.isinf(distance_m) else f"{distance_m:.2f} m"
+    depth, corridor = shown.depth, shown.corridor
+    rows = []
+    if depth.value is not None:
+        words = f"{depth.age_s:.1f} s old, confidence {depth.value.confidence:.2f}"
+        rows.append(("depth", words, INK))
+    if corridor is not None:
+        rows.append(("unknown", f"{corridor.unknown_px} pixels of objects", INK))
+    return rows
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

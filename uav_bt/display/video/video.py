@@ -1,4 +1,4 @@
-"""Video of a flight: camera, class map, map from above, readings and phases."""
+"""Video of a flight: camera, class map, map from above, readings and time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Final
 
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.display import canvas
-from uav_bt.display.canvas import ACCENT, ALARM, BACKDROP, PANEL, Size
+from uav_bt.display.canvas import ACCENT, ALARM, BACKDROP, DIM, PANEL, Size
 from uav_bt.display.map_pane import MapPane
 from uav_bt.display.shown import FlightFacts, FlownPath, Shown, phase_colours
 from uav_bt.display.video.panes import (
@@ -34,10 +34,12 @@ _LARGE: Final[Size] = (639, 359)  # of the camera's image, and of the class map 
 _SMALL: Final[Size] = (318, 178)  # of each of four panes in place of the class map
 _MAP: Final[Size] = (639, 404)
 _READINGS: Final[Size] = (639, 258)
-_PHASES: Final[Size] = (639, 56)
+_TIME: Final[Size] = (639, 56)
 _IMAGES_PER_S: Final = 10  # of mission time: one per tick in simulation
 _HOLD_S: Final = 2.0  # video time of the outcome at the end
 _MOST_PHASES: Final = 6  # of which the last ones have room
+_FIRST_SPAN_S: Final = 30.0  # of the time bar, whose scale doubles with the flight
+_MARGIN_PX: Final = 18  # beside the time bar
 
 
 def open_film(path: Path, speed: float = 1.0) -> VideoFile:
@@ -62,6 +64,7 @@ class FlightVideo:
         self._shows_depth = facts.makes_depth
         self._map = MapPane(facts, _MAP)
         self._flown = FlownPath()
+        self._starts: list[tuple[float, str]] = []  # of the phases, with their names
         self._first_s: float | None = None
         self._slot = -1
         self._last: Image | None = None
@@ -82,14 +85,11 @@ class FlightVideo:
     def draw(self, record: TickRecord) -> Image:
         """Return the image of a tick, (720, 1280, 3) RGB."""
         shown = Shown(record, self._flown, self._board)
-        phases = canvas.blank(_PHASES, PANEL)
-        colours = [*phase_colours(self._flown.phases).items()][1:]  # without that of no phase
-        canvas.draw_legend(phases, colours[-_MOST_PHASES:], (18, 33), 0.42)
         panes = [  # with their left upper corners
             (0, 0, draw_camera(shown, self._facts.camera, _LARGE)),
             (641, 0, self._map.draw(shown)),
             (641, 406, draw_readings(shown, _READINGS)),
-            (641, 664, phases),
+            (641, 664, self._draw_time(shown.elapsed_s, record.phase)),
         ]
         self._shows_depth = self._shows_depth or shown.depth.known
         if self._shows_depth:
@@ -107,6 +107,28 @@ class FlightVideo:
         image = canvas.blank(_SIZE_PX, BACKDROP)
         for left, top, pane in panes:
             image[top : top + pane.shape[0], left : left + pane.shape[1]] = pane
+        return image
+
+    def _draw_time(self, now_s: float, phase: str) -> Image:
+        """Return the phases in their colours over the time since the take-off command."""
+        if not self._starts or self._starts[-1][1] != phase:
+            self._starts.append((now_s, phase))
+        span_s, limit_s = _FIRST_SPAN_S, self._facts.limit_s
+        while span_s < now_s:
+            span_s *= 2.0
+        # A flight is judged one tick late.
+        span_s = max(min(span_s, limit_s), now_s)
+        scale_px_per_s = (_TIME[0] - 2 * _MARGIN_PX) / span_s
+        image, colours = canvas.blank(_TIME, PANEL), phase_colours(self._flown.phases)
+        canvas.draw_legend(image, [*colours.items()][1:][-_MOST_PHASES:], (_MARGIN_PX, 15), 0.42)
+        image[24:34, _MARGIN_PX:-_MARGIN_PX] = BACKDROP
+        for start_s, name in self._starts:  # the next phase is drawn over the end of this one
+            left, right = (_MARGIN_PX + round(t * scale_px_per_s) for t in (start_s, now_s))
+            image[24:34, left:right] = colours[name]
+        words = f"{'limit ' if span_s == limit_s else ''}{span_s:.0f} s"
+        canvas.put(image, "0", (_MARGIN_PX, 50), colour=DIM, scale=0.36)
+        last = _TIME[0] - _MARGIN_PX - canvas.text_width_px(words, 0.36)
+        canvas.put(image, words, (last, 50), colour=DIM, scale=0.36)
         return image
 
     def conclude(self, outcome: str, lines: Sequence[str]) -> None:

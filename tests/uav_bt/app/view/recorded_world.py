@@ -5,12 +5,9 @@ from __future__ import annotations
 import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
-from tests.worlds.trees import tree_file
 from uav_bt import app
-from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.tree import Status
@@ -50,17 +47,6 @@ class Seen:
         return [Follower()]
 
 
-def fly(folder: Path, name: str = "flight.mcap", **changes: Any) -> tuple[Path, Seen, FlightReport]:
-    """Fly the mission and return its record, the follower's ticks and the report."""
-    tree = tree_file(folder, MISSION)
-    told: dict[str, Any] = {
-        "scene": "val-a",
-        "seed": 4,
-        "profile": "ideal",
-        "image_size_px": (160, 90),
-        "exact_masks": True,
-        "record": folder / name,
-    }
-    seen = Seen()
-    report = app.fly(tree, app.FlightOptions(**{**told, **changes}), listeners=[seen.follow])
-    return folder / name, seen, report
+OPTIONS = app.FlightOptions(
+    scene="val-a", seed=4, profile="ideal", image_size_px=(160, 90), exact_masks=True
+)

@@ -8,7 +8,8 @@ from pathlib import Path
 import av
 import pytest
 
-from tests.uav_bt.app.view.recorded_world import Seen, fly
+from tests.uav_bt.app.view.recorded_world import MISSION, OPTIONS, Seen
+from tests.worlds.trees import tree_file
 from uav_bt import app
 from uav_bt.app.view import recorded
 from uav_bt.app.view.live import saved_view
@@ -39,8 +40,7 @@ def test_a_record_becomes_a_file_that_rerun_reads(flown: tuple[Path, Seen], tmp_
     assert flight.facts.title == "mission in val-a, seed 4"
     assert flight.damages == ()
     told = contents(tmp_path / "flight.rrd")
-    for entity in ENTITIES:
-        assert entity in told
+    assert all(entity in told for entity in ENTITIES)
     assert "log_time" not in told  # the mission's time alone
     assert steps[-1] == ("view", 20, 20)
 
@@ -61,7 +61,7 @@ def test_a_record_knows_tree_and_lab(flown: tuple[Path, Seen]) -> None:
     assert facts.camera == flight.reader.camera
     assert facts.lab_map is not None
     assert len(facts.lab_map.boxes) > 0
-    assert (facts.makes_map, facts.makes_depth, facts.intruding) == (True, False, None)
+    assert (facts.makes_depth, facts.intruding) == (False, None)
 
 
 @pytest.mark.parametrize("lost", ["tree", "lab"])
@@ -103,26 +103,16 @@ def test_nobody_draws_for_a_viewer_that_was_closed(flown: tuple[Path, Seen]) -> 
     import rerun as rr  # noqa: PLC0415 - only this draws into memory
 
     steps: list[int] = []
-    stream = rr.RecordingStream("test")
-    flight = RecordedFlight(flown[0])
-    flight.draw(
-        stream, advance=lambda _, done, __: steps.append(done), stopped=lambda: len(steps) == 3
+    RecordedFlight(flown[0]).draw(
+        rr.RecordingStream("test"),
+        advance=lambda _, done, __: steps.append(done),
+        stopped=lambda: len(steps) == 3,
     )
     assert steps == [1, 2, 3]
 
 
-def test_a_flight_is_drawn_while_it_is_flown(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    whole = app.fly
-
-    def fly_with_view(*arguments: object, **named: object) -> object:
-        with saved_view(tmp_path / "live.rrd", title="tour") as view:
-            named["listeners"] = [view]
-            return whole(*arguments, **named)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(app, "fly", fly_with_view)
-    fly(tmp_path, record=None)
+def test_a_flight_is_drawn_while_it_is_flown(tmp_path: Path) -> None:
+    with saved_view(tmp_path / "live.rrd", title="tour") as view:
+        app.fly(tree_file(tmp_path, MISSION), OPTIONS, listeners=[view])
     told = contents(tmp_path / "live.rrd")
-    for entity in ENTITIES:
-        assert entity in told
+    assert all(entity in told for entity in ENTITIES)

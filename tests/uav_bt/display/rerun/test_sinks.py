@@ -10,7 +10,6 @@ import threading
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from tests.uav_bt.display.display_world import World
@@ -19,25 +18,12 @@ from uav_bt.errors import FileError, InputError, MissingDependencyError
 from uav_bt.mission.tick import TickRecord
 
 
-def draw(stream: object) -> None:
-    import rerun as rr  # noqa: PLC0415 - an extra
-
-    stream.log("mask/ids", rr.SegmentationImage(np.zeros((4, 4), np.uint8)))  # type: ignore[attr-defined]
-
-
 def test_a_file_appears_when_it_is_whole(tmp_path: Path) -> None:
     path = tmp_path / "flight.rrd"
-    with sinks.saved(path) as stream:
-        draw(stream)
+    with sinks.saved(path):
         assert not path.exists()
     assert path.read_bytes()[:4] == b"RRF2"
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_what_fails_while_drawing_leaves_no_file(tmp_path: Path) -> None:
-    with pytest.raises(AttributeError), sinks.saved(tmp_path / "flight.rrd"):
-        draw(None)
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_file_that_was_cut_short_is_refused(
@@ -46,9 +32,9 @@ def test_a_file_that_was_cut_short_is_refused(
     monkeypatch.setattr(sinks, "_FOOTER", b"what a whole file would end with")
     with (
         pytest.raises(FileError, match="is the disk full"),
-        sinks.saved(tmp_path / "flight.rrd") as stream,
+        sinks.saved(tmp_path / "flight.rrd"),
     ):
-        draw(stream)
+        pass
     assert list(tmp_path.iterdir()) == []
 
 
@@ -75,34 +61,31 @@ def test_files_leave_no_threads_behind(tmp_path: Path) -> None:
     """Each stream has threads; those of one file may end with the next file."""
     counts = []
     for number in range(6):
-        with sinks.saved(tmp_path / f"{number}.rrd") as stream:
-            draw(stream)
+        with sinks.saved(tmp_path / f"{number}.rrd"):
+            pass
         counts.append(threads())
     assert counts[5] <= counts[1]
 
 
 KILLED = """
-import os, signal, sys
+import os, signal, socket
 from uav_bt.display.rerun import sinks
 with sinks.shown(web=True, instead="") as viewer:
     print(viewer.url, flush=True)
-    sys.stdin.readline()
+    port = int(viewer.url.split("/?")[0].rpartition(":")[2])
+    while True:
+        with socket.socket() as probe:
+            if probe.connect_ex(("127.0.0.1", port)) == 0:
+                break
     os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
 def test_a_server_ends_with_the_process_that_started_it() -> None:
     """SIGKILL leaves the process no time to end the server."""
-    with subprocess.Popen(  # noqa: S603 - this interpreter
-        [sys.executable, "-c", KILLED], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as process:
-        assert process.stdin is not None
-        assert process.stdout is not None
-        port = port_of(process.stdout.readline())
-        assert answers(port, True)
-        process.stdin.write("\n")
-        process.stdin.close()
-    assert answers(port, False)
+    command = [sys.executable, "-c", KILLED]
+    killed = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)  # noqa: S603
+    assert answers(port_of(killed.stdout), False)
 
 
 def answers(port: int, wanted: object) -> bool:
@@ -123,8 +106,7 @@ def port_of(url: str) -> int:
 
 def test_closing_a_web_view_ends_its_server() -> None:
     with sinks.shown(web=True, instead="") as viewer:
-        assert viewer.url is not None
-        port = port_of(viewer.url)
+        port = port_of(str(viewer.url))
         assert answers(port, True)
     assert viewer.closed
     assert answers(port, False)

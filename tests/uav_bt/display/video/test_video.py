@@ -1,5 +1,6 @@
 """The video of a flight."""
 
+import math
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -7,6 +8,7 @@ from typing import Any
 import av
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from tests.paper_lab import CLASSES
 from tests.uav_bt.display.display_world import World, facts, has
@@ -14,12 +16,18 @@ from uav_bt.display.canvas import PANEL
 from uav_bt.display.shown import phase_colours
 from uav_bt.display.video.video import FlightVideo, open_film
 from uav_bt.errors import FileError, ValueRangeError
+from uav_bt.mission.tick import TickRecord
 from uav_bt.types import Pose
 
 
 def panes_of(world: World, **changes: Any) -> FlightVideo:
     nowhere: Any = None
     return FlightVideo(nowhere, world.board, facts(**changes))
+
+
+def drawn(video: FlightVideo, record: TickRecord) -> NDArray[np.uint8]:
+    video._flown.add(record)
+    return video.draw(record)
 
 
 def fly(video: FlightVideo, world: World, ticks: int, after_s: float = 0.1) -> None:
@@ -29,12 +37,9 @@ def fly(video: FlightVideo, world: World, ticks: int, after_s: float = 0.1) -> N
         video.on_tick(world.tick(pose=pose, after_s=after_s))
 
 
-def decoded(path: Path) -> tuple[tuple[int, int], list[float]]:
+def times_of(path: Path) -> list[float]:
     with av.open(str(path)) as container:
-        stream = container.streams.video[0]
-        size_px = (stream.codec_context.width, stream.codec_context.height)
-        times = [float(image.time) for image in container.decode(video=0)]
-    return size_px, times
+        return [float(image.time) for image in container.decode(video=0)]
 
 
 @pytest.mark.parametrize(
@@ -54,21 +59,19 @@ def test_images_lie_where_their_ticks_were(
         video = FlightVideo(file, world.board, facts())
         for after_s in pauses_s:
             fly(video, world, 1, after_s)
-    size_px, times = decoded(tmp_path / "flight.mp4")
-    assert size_px == (1280, 720)
-    assert times == pytest.approx(times_s)
+    assert times_of(tmp_path / "flight.mp4") == pytest.approx(times_s)
 
 
 def test_the_four_panes_show_what_is_on_the_board() -> None:
     world = World()
     world.see()
     panes = panes_of(world)
-    with_map = panes.draw(world.tick())
+    with_map = drawn(panes, world.tick())
     assert with_map.shape == (720, 1280, 3)
     assert (with_map[560:720, :638] == CLASSES.colours[1]).all(), "the class map alone"
     assert len(np.unique(with_map[:438, 642:].reshape(-1, 3), axis=0)) > 10, "the map"
     world.clock.advance(5.0)
-    without = panes.draw(world.tick())
+    without = drawn(panes, world.tick())
     assert tuple(without[700, 300]) != tuple(CLASSES.colours[1]), "stale"
 
 
@@ -78,15 +81,15 @@ def test_depth_and_corridor_share_the_quarter_of_the_class_map(*, asked: bool) -
     panes = panes_of(world, makes_depth=asked)
     if not asked:
         world.see_depth()
-        panes.draw(world.tick())
+        drawn(panes, world.tick())
         world.clock.advance(5.0)  # the panes stay when the depth is stale
     world.see()
-    before = panes.draw(world.tick())
+    before = drawn(panes, world.tick())
     assert tuple(before[530, 100]) == tuple(CLASSES.colours[1]), "class map"
     assert tuple(before[370, 330]) == PANEL, "no depth"
     assert tuple(before[550, 10]) == PANEL, "no corridor"
     world.see_depth()
-    after = panes.draw(world.tick())
+    after = drawn(panes, world.tick())
     assert tuple(after[500, 330]) != PANEL
     assert tuple(after[650, 10]) != PANEL
 
@@ -97,7 +100,7 @@ def test_the_outcome_stays_at_the_end(tmp_path: Path) -> None:
         video = FlightVideo(file, world.board, facts())
         fly(video, world, 2)
         video.conclude("success", ["landed"])
-    times = decoded(tmp_path / "flight.mp4")[1]
+    times = times_of(tmp_path / "flight.mp4")
     assert len(times) == 2 + 20
     assert times[-1] == pytest.approx(2.1)
 
@@ -133,8 +136,33 @@ def test_of_many_phases_the_last_ones_are_named_in_their_colours() -> None:
     world = World()
     video = panes_of(world)
     many = [f"phase {number}" for number in range(9)]
-    for phase in many:
-        video._flown.add(world.tick(phase=phase))
-    image, colours = video.draw(world.tick(phase=many[-1])), phase_colours(many)
-    assert [has(image[664:, 641:], colours[phase]) for phase in many] == [False] * 3 + [True] * 6
+    image, colours = (
+        [drawn(video, world.tick(phase=each)) for each in many][-1],
+        phase_colours(many),
+    )
+    assert [has(image[664:684, 641:], colours[each]) for each in many] == [False] * 3 + [True] * 6
     assert (image[664:, 1270:] == PANEL).all()
+
+
+@pytest.mark.parametrize(
+    ("now_s", "limit_s", "span_s"),
+    [
+        (15.0, 300.0, 30.0),
+        (40.0, 300.0, 60.0),
+        (250.0, 300.0, 300.0),
+        (300.1, 300.0, 300.1),
+        (1000.0, math.inf, 1920.0),
+    ],
+)
+def test_the_time_bar_has_the_phases_on_a_scale_that_doubles_up_to_the_limit(
+    now_s: float, limit_s: float, span_s: float
+) -> None:
+    world, phases = World(), ("take-off", "search")
+    video = panes_of(world, limit_s=limit_s)
+    for time_s, phase in zip((0.0, 6.0, now_s), (*phases, "search"), strict=True):
+        world.clock.advance(time_s - world.clock.now())
+        bar = drawn(video, world.tick(phase=phase, after_s=0.0))[664 + 29, 641:]
+    for phase, (start_s, end_s) in zip(phases, ((0.0, 6.0), (6.0, now_s)), strict=True):
+        columns = np.flatnonzero((bar == phase_colours(phases)[phase]).all(axis=1))
+        ends = [18 + 603 * time_s / span_s for time_s in (start_s, end_s)]
+        assert [columns.min(), columns.max() + 1] == pytest.approx(ends, abs=0.51)
