@@ -44,8 +44,3 @@ __all__ = [
     "make_policy",
     "resolve_tree",
 ]
-
-
-def __dir__() -> list[str]:
-    """Return the public names, without submodules."""
-    return __all__

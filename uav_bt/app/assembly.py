@@ -13,11 +13,10 @@ import numpy as np
 
 from perception.camera.frame_watch import FrameWatch
 from uav_bt import plugins
-from uav_bt.app.drone_of_flight import make_drone
+from uav_bt.app.drone_of_flight import check_phases, make_drone, with_faults
 from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.options import FlightOptions, given_options
 from uav_bt.app.place import Conditions, conditions_of, refuse_foreign_network
-from uav_bt.app.random_faults import check_phases, with_faults
 from uav_bt.app.site import check_clearances
 from uav_bt.board import CAMERA, MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard

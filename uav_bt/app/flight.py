@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from uav_bt.app.assembly import Flight, Listeners, frame_judge, join
+from uav_bt.app.drone_of_flight import drawn
 from uav_bt.app.film import flight_video
 from uav_bt.app.flight_outputs import (
     REPORT_FILE,
@@ -26,7 +27,6 @@ from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.option_values import as_file, expect, refuse
 from uav_bt.app.options import FlightOptions, given_options
 from uav_bt.app.place import check_area
-from uav_bt.app.random_faults import drawn
 from uav_bt.app.reload import TreeReload, reloadable_file
 from uav_bt.app.site import Site
 from uav_bt.board import SITE_MAP

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -139,15 +139,8 @@ def _attachments(flight: Flight[Drone]) -> Iterator[Attachment]:
             yield Attachment(name="lab.yaml", media_type=yaml, data=lab.file.read_bytes())
 
 
-class RecordedFiles(NamedTuple):
-    """Files of a record, written into a folder; None: it has none."""
-
-    tree: Path | None
-    scene: Path | None
-
-
-def recorded_files(reader: RecordReader, folder: Path) -> RecordedFiles:
-    """Write a record's attachments into an empty folder."""
+def recorded_files(reader: RecordReader, folder: Path) -> tuple[Path | None, Path | None]:
+    """Write a record's attachments into an empty folder; return its tree and its scene."""
     root, files = folder.resolve(), dict[str, Path]()
     for name, attachment in reader.attachments.items():
         try:
@@ -162,7 +155,7 @@ def recorded_files(reader: RecordReader, folder: Path) -> RecordedFiles:
                 reader.path, f"its attachment '{name:.80}' cannot be written out: {reason}"
             ) from error
     tree = files.get(f"{_TREE_FOLDER}{reader.metadata.get('tree', '')}")
-    return RecordedFiles(tree=tree, scene=files.get(_SCENE_FILE))
+    return tree, files.get(_SCENE_FILE)
 
 
 @dataclass(frozen=True, kw_only=True)

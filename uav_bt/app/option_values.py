@@ -14,13 +14,12 @@ from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Final, NoReturn
 
-from annotated_types import Ge, Gt, MinLen
+from annotated_types import Ge, MinLen
 from pydantic import AfterValidator, BeforeValidator, Field
 from pydantic_core import CoreSchema, core_schema
 
 from uav_bt.errors import FileError, InputError, ValueRangeError
 from uav_bt.files import reading
-from uav_bt.mission.judge import JudgeConfig
 from uav_bt.option import Option, option_of, pairs
 from uav_bt.protocols import Drone, LeafPolicy
 from uav_bt.testing.faults import RANDOM, Fault
@@ -189,23 +188,6 @@ def _policies_of_texts(texts: Iterable[str]) -> dict[str, str]:
         if not policy:
             raise InputError(f"expected NODE=NAME, such as Explore=segmentation, got '{node}='")
     return found
-
-
-def judge_of(
-    *,
-    judge: Annotated[
-        float | None,
-        Gt(0),
-        Option(
-            "End the flight as a timeout this long after the take-off command. Default: as the "
-            "mission's Rules say, else 300 s.",
-            "--time-limit SECONDS",
-            "Mission",
-        ),
-    ] = None,
-) -> JudgeConfig:
-    """Return the rules of a flight from their option."""
-    return JudgeConfig(time_limit_s=judge)
 
 
 def loaded_by(load: Callable[[str | Path], Any], kind: type) -> Checked:

@@ -36,7 +36,6 @@ from uav_bt.app.option_values import (
     expect,
     fault_texts,
     is_drone_config,
-    judge_of,
     loaded_by,
     port_values,
     refuse,
@@ -93,9 +92,9 @@ class FlightOptions:
         PARAMS,
     ] = None
     policies: Policies = field(default_factory=dict)
-    judge: Annotated[JudgeConfig, Option(group="Mission", parts=judge_of)] = field(
-        default_factory=JudgeConfig
-    )
+    judge: Annotated[
+        JudgeConfig, Option(group="Mission", parts=JudgeConfig, only=("time_limit_s",))
+    ] = field(default_factory=JudgeConfig)
     """When a flight is over, and what counts as a success."""
     record: Annotated[File, Option(group="Outputs", path="written", suffix=".mcap")] = None
     """Keep the flight's record: an MCAP file, for viewers and for replay."""

@@ -5,26 +5,25 @@ A site file is YAML with the keys of `uav_bt.lab.flight_keys`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from perception.networks.weights_file import ANY
 from uav_bt.brief import brief_repr
-from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.errors import InputError
 from uav_bt.lab.flight_keys import FlightKeys, NetworkKeys, mark_of, mark_pose, take_off_pose
 from uav_bt.lab.lab import Lab
-from uav_bt.lab.lab_file import lab_error
+from uav_bt.lab.lab_file import lab_text
 from uav_bt.lab.shipped import default_mark, load_lab
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
 from uav_bt.settings import check_numbers
 from uav_bt.types import Airframe, Clearances, LandingMark, Pose2D
 from uav_bt.types.place import Place, area_corners
-from uav_bt.yaml_file import read_yaml
+from uav_bt.yaml_file import YamlFile, read_yaml
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,25 +68,21 @@ def load_site(path: str | Path) -> Site:
     Raises:
         FileError: it is absent or malformed; the message names the key.
     """
-    file = read_yaml(Path(path), FlightKeys, "site file")
+    file = _site_text(Path(path))
     with file.at("mark"):
         pose, mark = mark_pose(file.value), mark_of(file.value, default_mark())
     site = _site(file.value, file.value.network, file.at)
     return replace(site, mark=mark, mark_pose=pose, file=Path(path))
 
 
+def _site_text(path: Path) -> YamlFile[FlightKeys]:
+    return read_yaml(path, FlightKeys, "site file")
+
+
 def site_of_lab(lab: Lab) -> Site:
     """Return the site of a lab, as of a site file with the same keys."""
-    site = _site(lab.flight, network_of(lab), partial(_at, lab.file))
+    site = _site(lab.flight, network_of(lab), lab_text(lab.file).at)
     return replace(site, mark=lab.mark, mark_pose=lab.mark_pose, file=lab.file, lab=lab.name)
-
-
-@contextmanager
-def _at(lab_file: Path, key: str) -> Iterator[None]:
-    try:
-        yield
-    except ValueRangeError as error:
-        raise lab_error(lab_file, str(error), key) from error
 
 
 def network_of(lab: Lab) -> NetworkKeys:
@@ -140,6 +135,5 @@ def check_clearances(site: Site, airframe: Airframe) -> None:
         )
         if site.file is None:
             raise InputError(f"margins.{name}: {message}; a site file sets it")
-        if site.lab is not None:
-            raise lab_error(site.file, message, "margins", name)
-        raise read_yaml(site.file, FlightKeys, "site file").error(message, "margins", name)
+        file: Any = lab_text(site.file) if site.lab else _site_text(site.file)
+        raise file.error(message, "margins", name)

@@ -12,10 +12,10 @@ from typing import Any
 
 from sim_bridge.twin.scene_file import load_scene, scene_names, shipped_scenes
 from uav_bt.app import provenance
+from uav_bt.app.drone_of_flight import check_faults, check_phases
 from uav_bt.app.loading import is_text, load_mission
 from uav_bt.app.options import FlightOptions, given_options
 from uav_bt.app.place import lab_of, scene_of
-from uav_bt.app.random_faults import check_faults, check_phases
 from uav_bt.campaign.plan import CampaignPlan, PlannedFile
 from uav_bt.campaign.store import read_plan
 from uav_bt.errors import InputError, UnknownNameError

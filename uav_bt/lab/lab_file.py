@@ -10,7 +10,6 @@ from typing import Annotated, Any, Final
 from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema
 
-from uav_bt.errors import FileError
 from uav_bt.lab.classes import Colour, LabClass, LabClasses, RoleName
 from uav_bt.lab.flight_keys import FlightKeys, TeacherKeys, mark_of, mark_pose, take_off_pose
 from uav_bt.lab.lab import LAB_FILE, Lab
@@ -23,7 +22,7 @@ VERSION: Final = 1
 
 def read_lab(path: Path) -> Lab:
     """Read the lab file of a folder, or a lab file."""
-    file = _read(path / LAB_FILE if path.is_dir() else path)
+    file = lab_text(path / LAB_FILE if path.is_dir() else path)
     value, folder = file.value, file.path.parent
     if value.version > VERSION:
         known = f"this program reads versions up to {VERSION}: update uav-bt"
@@ -52,12 +51,8 @@ def read_lab(path: Path) -> Lab:
     )
 
 
-def lab_error(file: Path, message: str, *steps: str | int) -> FileError:
-    """Return an error about the value of a lab file that keys and indices lead to."""
-    return _read(file).error(message, *steps)
-
-
-def _read(path: Path) -> YamlFile[LabFile]:
+def lab_text(path: Path) -> YamlFile[LabFile]:
+    """Return the text of a lab file, whose errors name their line."""
     return read_yaml(path, LabFile, "lab file", remedy="it states version and classes of a place")
 
 

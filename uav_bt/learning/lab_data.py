@@ -29,7 +29,7 @@ from perception.segmentation.training.picks import Pick
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import whole_file
 from uav_bt.lab.classes import GROUND, LabClasses
-from uav_bt.lab.lab_file import lab_error
+from uav_bt.lab.lab_file import lab_text
 from uav_bt.learning.lab_material import LabMaterial, Use
 from uav_bt.progress import Advance, silent
 from uav_bt.types.arrays import Image
@@ -132,13 +132,13 @@ def teacher_of_lab(material: LabMaterial) -> MaskSource | None:
     try:
         source.load()
     except InputError as error:
-        raise lab_error(lab.file, str(error), "teacher", "model") from error
+        raise lab_text(lab.file).error(str(error), "teacher", "model") from error
     if mapping is not None:
         meant = read_mapping(mapping, lab.classes)
         ids = {class_id_of(name, lab.classes) for name in (*meant.classes.values(), meant.default)}
         if not ids.intersection(lab.classes.of_role(GROUND)):
             what = f"{mapping} maps no class to the ground"
-            raise lab_error(lab.file, what, "teacher", "classes")
+            raise lab_text(lab.file).error(what, "teacher", "classes")
     return source
 
 

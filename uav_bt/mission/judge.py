@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Annotated, Final
+
+from annotated_types import Gt
 
 from uav_bt.clock import TIME_LIMIT_S
 from uav_bt.lab.shipped import default_mark
 from uav_bt.mission.tick import TickRecord
+from uav_bt.option import Option
 from uav_bt.settings import check_numbers, member
 from uav_bt.tree import Status
 from uav_bt.types import FlyingState, LandingMark, Pose2D, Truth
@@ -53,7 +56,16 @@ class JudgeConfig:
         UnknownNameError: `land_on` is no member of `LandOn`.
     """
 
-    time_limit_s: float | None = None
+    time_limit_s: Annotated[
+        float | None,
+        Gt(0),
+        Option(
+            "End the flight as a timeout this long after the take-off command. Default: as the "
+            "mission's Rules say, else 300 s.",
+            "--time-limit SECONDS",
+            "Mission",
+        ),
+    ] = None
     land_on: LandOn | None = None
 
     def __post_init__(self) -> None:

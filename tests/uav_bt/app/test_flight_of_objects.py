@@ -161,17 +161,6 @@ def scripted(**options: object) -> app.FlightOptions:
     return app.FlightOptions(drone=ScriptedDrone(), judge=ANYWHERE, **options)  # type: ignore[arg-type]
 
 
-def test_a_composed_tree_flies_and_its_own_leaf_can_be_asked() -> None:
-    tree = composed()
-    report = app.fly(tree, scripted())
-    assert report.outcome == "success"
-    assert report.drone == "uav_bt.testing.drone.ScriptedDrone"
-    assert report.tree == "Hop (composed in Python)"
-    peek = tree.find("peek")
-    assert isinstance(peek, Peek)
-    assert peek.heights_m[-1] == pytest.approx(1.2, abs=0.1)
-
-
 @pytest.mark.parametrize(
     ("given", "message"),
     [

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import logging
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,15 +13,13 @@ import pytest
 from tests.worlds.records import ANYWHERE, FLIGHT, NoisyDrone, fly_noisy
 from tests.worlds.trees import tree_file
 from uav_bt import app
-from uav_bt.app.replay import ReplayOptions
-from uav_bt.app.replay.replayer import assemble_recorded
 from uav_bt.errors import FileError, MissingDependencyError
-from uav_bt.lab.shipped import default_mark, load_lab
+from uav_bt.lab.shipped import load_lab
 from uav_bt.mission.tick import TickRecord
 from uav_bt.record import channels, record_file
 from uav_bt.record.channels import Channel
 from uav_bt.record.reader import RecordReader
-from uav_bt.types import Airframe, Clearances, Command, TakeOff
+from uav_bt.types import Command, TakeOff
 
 
 class Notes:
@@ -167,15 +164,3 @@ def test_without_the_extra_recording_says_what_to_install(
     monkeypatch.setitem(sys.modules, "foxglove", None)
     with pytest.raises(MissingDependencyError, match=r'pip install .* -e "\.\[record\]"'):
         fly_noisy(tmp_path, monkeypatch)
-
-
-def test_a_replay_has_mark_clearances_and_airframe_of_the_record(tmp_path: Path) -> None:
-    """The position hold and the limits depend on the airframe."""
-    drone, record = NoisyDrone(), tmp_path / "flight.mcap"
-    drone.airframe = Airframe(body_size_m=(0.4, 0.4, 0.12), command_delay_s=0.3)
-    mat, place = replace(default_mark(), height_m=0.05), Clearances(obstacle_m=0.5, edge_m=0.4)
-    site = app.Site(mark=mat, clearances=place)
-    app.fly(tree_file(tmp_path, FLIGHT), drone=drone, site=site, record=record)
-    replayed, _ = assemble_recorded(RecordReader(record), ReplayOptions())
-    assert (replayed.context.mark, replayed.context.clearances) == (mat, place)
-    assert replayed.drone.airframe == drone.airframe

@@ -162,8 +162,8 @@ def test_places_of_a_file_are_visited_and_kept_with_record_and_plan(tmp_path: Pa
     assert make_plan([mission], flights=1, scenes=["val-a"]).differences(plan) != []
     (tmp_path / "rounds.csv").unlink()  # the record does not need it
     (tmp_path / "again").mkdir()
-    files = recorded_files(RecordReader(record), tmp_path / "again")
-    assert files.tree is not None
+    tree, _ = recorded_files(RecordReader(record), tmp_path / "again")
+    assert tree is not None
     start = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
-    drawn = drawn_places(load_tree(files.tree), start)
+    drawn = drawn_places(load_tree(tree), start)
     assert [text for text, _ in drawn] == ["start:0.8,0", "start:0.8,0.6"]

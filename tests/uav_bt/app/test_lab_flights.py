@@ -24,7 +24,7 @@ from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.limits import Limits
 from uav_bt.record.reader import RecordReader
 from uav_bt.testing import ScriptedDrone
-from uav_bt.types import Pose2D
+from uav_bt.types import Airframe, Pose2D
 from uav_bt.types.place import LandOn
 
 LAB = """\
@@ -212,15 +212,17 @@ def test_report_and_record_keep_the_lab_and_a_replay_flies_in_it(
         f"{MARK}margins: {{obstacle_m: 0.5}}\ntake_off: {{yaw_deg: 90}}\n"
         "limits: {speed_mps: 0.4}\nground: [wall]\n"
     )
-    record = tmp_path / "flight.mcap"
+    record, drone = tmp_path / "flight.mcap", NoisyDrone()
+    drone.airframe = Airframe(body_size_m=(0.4, 0.4, 0.12), command_delay_s=0.3)
     report = app.fly(
-        tree_file(tmp_path, FLIGHT), drone=NoisyDrone(), lab="hall", record=record, judge=ANYWHERE
+        tree_file(tmp_path, FLIGHT), drone=drone, lab="hall", record=record, judge=ANYWHERE
     )
     reader = RecordReader(record)
     assert (report.lab, reader.metadata["lab"]) == ("hall", "hall")
     assert reader.attachments["lab.yaml"].data == (folder / "lab.yaml").read_bytes()
     replayed, _ = assemble_recorded(reader, ReplayOptions())
     context = replayed.context
+    assert replayed.drone.airframe == drone.airframe
     assert context.classes.names[1] == "floor"
     assert (context.mark.height_m, context.clearances.obstacle_m) == (0.05, 0.5)
     assert (context.ground, context.take_off) == (("wall",), replayed.options.site.take_off_pose)

@@ -177,7 +177,7 @@ def _recorded_mission(
 ) -> MissionTree:
     """Load the recorded tree, with the policies of the options."""
     with TemporaryDirectory(prefix="uav-bt-replay-") as folder:
-        tree = recorded_files(reader, Path(folder)).tree
+        tree = recorded_files(reader, Path(folder))[0]
         if tree is None:
             name = reader.metadata.get("tree", "")
             raise FileError(

@@ -65,13 +65,13 @@ class RecordedFlight:
         self.tree: MissionTree | None = None  # None where it has nodes that are not installed
         self._lab_map: LabMap | None = None  # None where the files of its lab are missing
         with TemporaryDirectory(prefix="uav-bt-record-") as folder:
-            files = recorded_files(self.reader, Path(folder))
-            if files.tree is not None:
+            tree, scene = recorded_files(self.reader, Path(folder))
+            if tree is not None:
                 with suppress(TreeError):
-                    self.tree = load_tree(files.tree, tree_id=self.reader.metadata.get("tree_name"))
-            if files.scene is not None:
+                    self.tree = load_tree(tree, tree_id=self.reader.metadata.get("tree_name"))
+            if scene is not None:
                 with suppress(InputError):
-                    self._lab_map = map_of_scene(load_scene(files.scene))
+                    self._lab_map = map_of_scene(load_scene(scene))
 
     @cached_property
     def facts(self) -> FlightFacts:

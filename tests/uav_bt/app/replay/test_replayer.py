@@ -10,18 +10,15 @@ from typing import Any
 import pytest
 
 from behaviours.fly.land import Land
-from behaviours.policies.segmentation_rule import SegmentationRule
 from tests.worlds.records import FLIGHT, copy_part, fly_noisy
 from tests.worlds.trees import tree_file
 from uav_bt import app
-from uav_bt.answers import Advance, Answer
 from uav_bt.app import flight_record
 from uav_bt.app.replay import ReplayOptions, replay
 from uav_bt.app.replay.recorded_drone import MovementIds
 from uav_bt.app.replay.replayer import assemble_recorded
 from uav_bt.errors import FileError
 from uav_bt.mission.runner import MissionRunner
-from uav_bt.protocols import PolicyView
 from uav_bt.record import encoder
 from uav_bt.record.reader import RecordReader
 from uav_bt.tree import Status
@@ -74,19 +71,6 @@ def test_a_flight_with_networks_replays_without_a_difference(perceived: Path, ma
     assert (report.status_ticks, report.command_ticks) == (0, 0)
     assert (report.exact, report.same, report.masks) == (True, True, masks)
     assert report.ticks > 60
-
-
-def test_another_policy_differs_where_it_decides_otherwise(
-    perceived: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def decide(_self: SegmentationRule, _view: PolicyView) -> Answer:
-        return Advance(forward_m=0.1, reason="always on")
-
-    monkeypatch.setattr(SegmentationRule, "decide", decide)
-    report = replay(perceived)
-    assert not report.same
-    assert report.command_ticks > 0
-    assert "move 0.10 m forward" in str(report.differences[0])
 
 
 def test_a_changed_mission_differs_from_where_it_was_changed(noisy: Path, tmp_path: Path) -> None:
