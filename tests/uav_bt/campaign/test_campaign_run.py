@@ -33,16 +33,6 @@ def test_one_and_two_workers_fly_the_same_flights(tmp_path: Path) -> None:
     assert len({flight["wall_s"] for flight in one.flights}) == 1, "one process flies them all"
 
 
-def test_what_crashes_or_raises_is_an_error_and_the_campaign_goes_on(tmp_path: Path) -> None:
-    """The drone is made in the worker only: the scene of this plan does not exist."""
-    fates = {"1": "crashes", "2": "exits", "3": "raises"}
-    flights = flown(plan(flights=5, policies=fates, faults=["random"]), tmp_path).flights
-    ends = [flight["outcome"] for flight in flights]
-    assert ends == ["success", "error", "error", "error", "success"]
-    assert flights[3]["reason"] == "RuntimeError: out of luck"
-    assert [flight["faults"] for flight in flights[1:4]] == [["random"]] * 3
-
-
 def test_a_stopped_campaign_goes_on_and_flies_nothing_twice(tmp_path: Path) -> None:
     wanted = plan(flights=4)
 
@@ -59,15 +49,6 @@ def test_a_stopped_campaign_goes_on_and_flies_nothing_twice(tmp_path: Path) -> N
     assert sorted(kept_seeds(tmp_path)) == [0, 1, 2, 3]
     more = flown(plan(flights=5), tmp_path)
     assert (more.flown_now, len(more.flights)) == (1, 5)
-
-
-def test_a_half_written_flight_is_flown_again(tmp_path: Path) -> None:
-    flown(plan(flights=2), tmp_path, workers=1)
-    path = tmp_path / "flights.jsonl"
-    path.write_bytes(path.read_bytes()[:-5])
-    notes: list[str] = []
-    assert flown(plan(flights=2), tmp_path, on_note=notes.append).flown_now == 1
-    assert notes[0].startswith("the last line was only half written")
 
 
 def test_a_refused_flight_ends_the_campaign_and_is_not_kept(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ HERE = Path(__file__).parents[3]
 
 
 def task(fate: str) -> FlightTask:
-    return next(plan(policies={"0": fate}).tasks())
+    return next(plan(policies={"0": fate}, faults=["random"]).tasks())
 
 
 @pytest.fixture(scope="module")
@@ -68,6 +68,7 @@ def test_a_flight_that_ends_unusually_is_an_error_and_the_next_one_flies(
     before = flown(worker, "lands")
     lost = flown(worker, fate, 60.0 if fate != "hangs" else 5.0)
     assert (lost["outcome"], lost["tree"], lost["scene"]) == ("error", "one.xml", "lab")
+    assert lost["faults"] == ["random"]
     assert lost["reason"].startswith(reason)
     assert details in lost["details"]
     after = flown(worker, "lands")

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+import matplotlib as mpl
 from jinja2 import Environment, StrictUndefined
 from matplotlib.figure import Figure
 
@@ -19,12 +20,12 @@ from uav_bt.campaign.report.figures import (
     coverage_over_time,
     distributions,
     drawn,
+    fonts_for,
     outcomes,
     scene_figure,
 )
 from uav_bt.campaign.report.paired import paired_table, pairs_of
 from uav_bt.campaign.report.sources import FlightSet, read_sources
-from uav_bt.campaign.report.statistics import paper_success
 from uav_bt.campaign.report.tables import Table, origin_table, tables_of
 from uav_bt.campaign.store import FLIGHTS_FILE
 from uav_bt.errors import InputError
@@ -62,7 +63,7 @@ code { white-space: pre-wrap; }
 <h2>{{ part.title }}</h2>
 <p>{{ part.note }}</p>
 {% if part.figure is defined %}
-<img src="data:image/png;base64,{{ part.figure|png }}" alt="{{ part.title }}: {{ part.note }}">
+<img src="data:image/png;base64,{{ part.name|png }}" alt="{{ part.title }}: {{ part.note }}">
 {% else %}
 <div><table>
 <tr>{% for column in part.columns %}<th>{{ column }}</th>{% endfor %}</tr>
@@ -120,11 +121,20 @@ def write_report(
     tables = tables_of(sets, out)
     tables["pairs"] = paired_table(pairs_of(sets, all_pairs=all_pairs))
     notes = list(dict.fromkeys(one.note for one in sets if one.note))
-    drawings = [*_drawings(sets), *_scenes(sets, notes)]
+    scenes = {flight["scene"] or "" for one in sets for flight in one.flights}
+    families, boxes = fonts_for("".join((*(one.label for one in sets), *scenes)))
+    if boxes:
+        notes.append(
+            f"figures show boxes for {' '.join(boxes)}: no installed font has them; install one, "
+            "such as Debian's fonts-noto-cjk or fonts-noto-core"
+        )
+    with mpl.rc_context({"font.family": families}):
+        drawings = [*_drawings(sets), *_scenes(sets, notes)]
     for note in notes:
         on_note(note)
     today = today or dt.datetime.now(dt.UTC).date()
-    write_whole(out, _page(sets, tables, drawings, notes, today))
+    images = {each.name: drawn(each.figure, "png") for each in drawings}
+    write_whole(out, _page(sets, tables, drawings, images=images, notes=notes, today=today))
     written = WrittenReport(out, [], [])
     for name, table in tables.items():
         written.tables.append(out.with_name(f"{out.stem}-{name}.csv"))
@@ -136,7 +146,9 @@ def write_report(
         for each in drawings:
             name = re.sub(r"[^\w.-]+", "_", each.name)  # a scene may have any name
             written.images.append(folder / f"{name}.{figures}")
-            write_whole(written.images[-1], drawn(each.figure, figures))
+            if figures != "png":
+                images[each.name] = drawn(each.figure, figures)
+            write_whole(written.images[-1], images[each.name])
     return written
 
 
@@ -148,9 +160,8 @@ def _default_page(first: Path) -> Path:
 
 def _drawings(sets: Sequence[FlightSet]) -> Iterator[Drawing]:
     """Yield the figures of all flights, without those that would be empty."""
-    published = paper_success(one.tree for one in sets)
-    about = "Shares of flights; band: the paper."
-    yield Drawing("outcomes", "Successes", published, outcomes(sets))
+    about = "The share of a tree's flights with at most a value."
+    yield Drawing("outcomes", "Successes", "", outcomes(sets))
     if figure := distributions(sets):
         yield Drawing("distributions", "Distributions", about, figure)
     if figure := coverage_over_time(sets):
@@ -179,6 +190,8 @@ def _page(
     sets: Sequence[FlightSet],
     tables: dict[str, Table],
     drawings: Sequence[Drawing],
+    *,
+    images: dict[str, bytes],
     notes: Sequence[str],
     today: dt.date,
 ) -> str:
@@ -198,7 +211,7 @@ def _page(
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, finalize=_finalize
     )
-    environment.filters["png"] = lambda figure: base64.b64encode(drawn(figure, "png")).decode()
+    environment.filters["png"] = lambda name: base64.b64encode(images[name]).decode()
     return environment.from_string(_PAGE).render(
         title="Flights of " + ", ".join(one.label for one in sets),
         lead=f"{lead}, {today.isoformat()}, uav-bt {__version__}",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import warnings
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties, findfont, fontManager, get_font
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from scipy.spatial import cKDTree
@@ -60,12 +62,28 @@ def _new_figure(width_in: float, height_in: float) -> Figure:
     return Figure(figsize=(width_in, height_in), dpi=130, layout="constrained", facecolor="white")
 
 
+def fonts_for(text: str) -> tuple[list[str], str]:
+    """Return the families of fonts that have a text's letters, and the letters that none has."""
+    families, letters = list(mpl.rcParams["font.family"]), {each for each in text if each > " "}
+    for file in (findfont(FontProperties()), *(font.fname for font in fontManager.ttflist)):
+        # Matplotlib's last resort has a box for every letter.
+        if letters and "LastResort" not in file:
+            font = get_font(file)
+            has = set(map(chr, font.get_charmap()))
+            if letters & has:
+                families.append(font.family_name)
+                letters -= has
+    return list(dict.fromkeys(families)), "".join(sorted(letters))
+
+
 @mpl.rc_context(_STYLE)
 def drawn(figure: Figure, form: Form) -> bytes:
     """Return a figure as the content of an image file; equal figures give equal bytes."""
     buffer = io.BytesIO()
     metadata = dict.fromkeys(_NO_METADATA[form])
-    figure.savefig(buffer, format=form, metadata=metadata, dpi="figure")
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")  # a note names them
+        figure.savefig(buffer, format=form, metadata=metadata, dpi="figure")
     return buffer.getvalue()
 
 
@@ -111,22 +129,15 @@ def distributions(sets: Sequence[FlightSet]) -> Figure | None:
     for axes in grid.flat[len(panels) :]:
         axes.set_visible(False)
     for axes, name in zip(grid.flat, panels, strict=False):
-        _panel(axes, sets, name)
+        for index, one in enumerate(sets):
+            if values := stats.values_of(one.flights, name):
+                axes.ecdf(values, color=_colour(index), linewidth=1.8)
+        metric = METRICS[name]
+        axes.set_title(f"{metric.words}, {metric.unit}" if metric.unit else metric.words)
+        axes.set(xlim=(0.0, 100.0) if metric.unit == "%" else (0.0, None), ylim=(0.0, 1.0))
+        axes.set_yticks([0.0, 0.5, 1.0], ["0 %", "50 %", "100 %"])
     _legend(figure, ((one.label, _colour(index)) for index, one in enumerate(sets)))
     return figure
-
-
-def _panel(axes: Axes, sets: Sequence[FlightSet], name: str) -> None:
-    metric, quoted = METRICS[name], stats.paper_figures(name, (one.tree for one in sets))
-    for _, least, most in quoted:
-        axes.axvspan(least, most, color="#ffd43b", alpha=0.5, linewidth=0)
-    for index, one in enumerate(sets):
-        if values := stats.values_of(one.flights, name):
-            axes.ecdf(values, color=_colour(index), linewidth=1.8)
-    title = f"{metric.words}, {metric.unit}" if metric.unit else metric.words
-    axes.set_title("\n".join((title, *(f"paper, {text}" for text, _, _ in quoted))))
-    axes.set(xlim=(0.0, 100.0) if metric.unit == "%" else (0.0, None), ylim=(0.0, 1.0))
-    axes.set_yticks([0.0, 0.5, 1.0], ["0 %", "50 %", "100 %"])
 
 
 _SHARES: Final = ("passed", "seen")  # as the fields of a flight are called

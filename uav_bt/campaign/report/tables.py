@@ -107,16 +107,14 @@ _METRIC_NOTE: Final = (
 
 
 def _metrics(sets: Sequence[FlightSet]) -> Table:
-    quoted = ("paper",) if stats.paper_success(one.tree for one in sets) else ()
     rows: list[Row] = []
     for name, metric in METRICS.items():
         for one in sets:
             if values := stats.values_of(one.flights, name):
                 row: list[Value] = [metric_cell(name), metric.unit or None, one.label, len(values)]
                 row += [stats.rounded(each, name) for each in stats.spread(values).values()]
-                told = "; ".join(text for text, *_ in stats.paper_figures(name, [one.tree]))
-                rows.append([*row, told or None] if quoted else row)
-    columns = ("metric", "unit", "tree", "flights", *stats.spread(()), *quoted)
+                rows.append(row)
+    columns = ("metric", "unit", "tree", "flights", *stats.spread(()))
     return Table("metrics", "Times and distances", columns, rows, _METRIC_NOTE)
 
 

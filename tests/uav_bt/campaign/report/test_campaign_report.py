@@ -12,6 +12,7 @@ from typing import Any
 import cv2
 import pytest
 from markupsafe import escape
+from matplotlib.font_manager import fontManager
 
 from sim_bridge.twin.scene_file import load_scene
 from tests.uav_bt.campaign.campaign_world import jsonl, keep, line, plan
@@ -20,7 +21,7 @@ from uav_bt.campaign import make_plan
 from uav_bt.campaign.plan import PlannedFile
 from uav_bt.campaign.report import campaign_report
 from uav_bt.campaign.report.campaign_report import WrittenReport, write_report
-from uav_bt.campaign.report.figures import distributions, scene_figure
+from uav_bt.campaign.report.figures import distributions, fonts_for, scene_figure
 from uav_bt.campaign.report.sources import FlightSet, read_sources
 from uav_bt.campaign.report.tables import origin_table
 from uav_bt.errors import FileError
@@ -34,7 +35,6 @@ COVERED = {
 }
 PATH = [[0.0, -1.0, -1.0, 0.4], [10.0, 1.0, -1.0, 1.5], [20.0, -1.0, -1.0, 0.4]]
 TIMES = {"p50": 1.0, "p99": 2.0, "max": 30.0}
-DEPTH = "explore_and_land_depth.xml"
 
 
 def flight(seed: int, tree: str = "one.xml", **fields: Any) -> dict[str, Any]:
@@ -236,18 +236,6 @@ def test_metrics_count_the_flights_that_came_so_far(tmp_path: Path) -> None:
     assert set(found) & {"coverage_passed", "landing_error_m"} == set()
 
 
-def test_the_paper_is_quoted_of_its_own_missions(tmp_path: Path) -> None:
-    both = (flight(0, tree=DEPTH), flight(1, tree="one.xml"))
-    said = {
-        (row["tree"], row["metric"]): row["paper"] for row in rows_of(tmp_path, "metrics", *both)
-    }
-    assert said["explore_and_land_depth", "search_distance_m"] == "depth: up to 25 m"
-    assert said["one", "search_distance_m"] == ""
-    assert "30 real flights of explore_and_land_depth." in (tmp_path / "r.html").read_text()
-    assert "paper" not in rows_of(tmp_path, "metrics", flight(0))[0]
-    assert "30 real flights" not in (tmp_path / "r.html").read_text()
-
-
 def panels(*flights: dict[str, Any], at: Path) -> dict[str, Any]:
     figure = distributions(read_sources([jsonl(at / "f.jsonl", *flights)]))
     assert figure is not None
@@ -266,9 +254,21 @@ def test_distributions_have_a_panel_for_each_metric_with_values(tmp_path: Path) 
     (line,) = shown["time to find the landing mark, s"].lines
     assert line.get_xdata().tolist() == [0.0, 0.0, 2.0, 4.0]
     assert line.get_ydata().tolist() == pytest.approx([0.0, 1 / 3, 2 / 3, 1.0])
-    depth = panels(*(flight(seed, DEPTH) for seed in range(3)), at=tmp_path)
-    assert len(depth[f"{search}\npaper, depth: up to 25 m"].patches) == 1
-    assert len(shown["time to find the landing mark, s"].patches) == 0
+
+
+def test_letters_of_names_are_drawn_with_a_font_that_has_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """DejaVu Sans has no circled letters; other fonts of matplotlib have them."""
+    own = [font for font in fontManager.ttflist if not font.fname.startswith("/usr")]
+    monkeypatch.setattr(fontManager, "ttflist", own)
+    families, boxes = fonts_for("a \u24b6\u63a2")
+    assert len(families) == 3
+    assert boxes == "\u63a2"
+    notes: list[str] = []
+    source = jsonl(tmp_path / "f.jsonl", flight(0, tree="\u63a2\u7d22.xml", path=None))
+    write(tmp_path / "r.html", source, figures=None, drawn=True, on_note=notes.append)
+    assert [note.partition(":")[0] for note in notes] == ["figures show boxes for \u63a2 \u7d22"]
 
 
 def test_a_path_that_leaves_the_ground_stays_in_view(tmp_path: Path) -> None:
