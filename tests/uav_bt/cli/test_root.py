@@ -85,6 +85,7 @@ def test_a_full_disk_behind_standard_output_is_one_clear_error(arguments: tuple[
             ["fly", "--help"],
             "av control filterpy matplotlib mujoco onnx openvino scipy sklearn torch",
         ),
+        (["campaign", "--help"], "control jinja2 matplotlib openvino sklearn torch"),
     ],
 )
 def test_what_must_answer_at_once_imports_nothing_heavy(arguments: list[str], heavy: str) -> None:
