@@ -14,8 +14,6 @@ from uav_bt import campaign as campaigns
 from uav_bt.app.options import SHARED, FlightOptions
 from uav_bt.campaign import CampaignResult
 from uav_bt.campaign.plan import CampaignPlan
-from uav_bt.campaign.report.campaign_report import write_report
-from uav_bt.campaign.report.figures import Form
 from uav_bt.campaign.report.paired import losses_of
 from uav_bt.campaign.report.sources import by_tree, fly_command, read_sources
 from uav_bt.campaign.report.statistics import (
@@ -167,7 +165,7 @@ def report(
     sources: Annotated[tuple[Path, ...], Option(form="DIR...")],
     *,
     out: Annotated[Path | None, Option(path="written", suffix=".html")] = None,
-    figures: Literal[Form, "none"] = "png",
+    figures: Literal["png", "svg", "pdf", "none"] = "png",
     all_pairs: bool = False,
     not_worse: bool = False,
 ) -> None:
@@ -188,6 +186,9 @@ def report(
         all_pairs: Compare all trees with each other, not only the first with each other one.
         not_worse: Exit with 1 if a tree is worse than the first on the same flights.
     """
+    # Late: it imports matplotlib, which takes a second.
+    from uav_bt.campaign.report.campaign_report import write_report  # noqa: PLC0415
+
     losses = losses_of(read_sources(sources)) if not_worse else []
     written = write_report(
         sources,

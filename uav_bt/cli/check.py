@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
@@ -15,12 +14,13 @@ from uav_bt.cli.declare import command
 from uav_bt.cli.shared import CheckedLab, ParameterSets, Registry, refuse_in_lab
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import reading
+from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import load_lab
 from uav_bt.option import Option
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.loading.findings import Finding, Rule, errors_of
 from uav_bt.tree.loading.loader import FilesTogether, check_text, findings_of
-from uav_bt.tree.loading.lookup import Folders, Library, Lookup, TreeId
+from uav_bt.tree.loading.lookup import Folders, Library, Lookup, TreeFolders, TreeId
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.source import MAX_BYTES, read_source
 from uav_bt.tree.shipped import resolve_tree, tree_files, write_starter
@@ -62,16 +62,12 @@ def check(
         raise click.UsageError(
             "--set, --var, --params and --lab are for one mission: name one tree file"
         )
-    fits = None
-    if lab is not None:
-        fits = partial(
-            refuse_in_lab, load_lab(lab), registry, tree_id=tree_id, tree_folders=tree_folders
-        )
+    place = None if lab is None else load_lab(lab)
     refused = False
     for tree in trees:
         if one or _is_pipe(tree):
             sets = parameters or [None]
-            found = iter([_single(tree, registry, tree_id, lookup, sets, fits=fits)])
+            found = iter([_single(tree, registry, tree_id, tree_folders, sets, lab=place)])
         else:
             found = _of_files(tree, registry, tree_id, lookup)
         for path, findings in found:
@@ -104,16 +100,13 @@ def _single(
     tree: str,
     registry: NodeRegistry,
     tree_id: str | None,
-    lookup: Lookup,
+    folders: TreeFolders,
     parameters: Sequence[Parameters | None],
     *,
-    fits: Callable[[Path | str, Sequence[Parameters | None]], None] | None,
+    lab: Lab | None,
 ) -> _Report:
-    """Return the name and the findings of one text, which is read once, with each set of values.
-
-    `fits` raises InputError if the mission does not fit a lab.
-    """
-    path = Path(tree)
+    """Return the name and the findings of one text, which is read once, with each set of values."""
+    path, lookup = Path(tree), folders.lookup()
     found: list[Finding] = []
     try:
         path, source = _read(tree)
@@ -121,10 +114,11 @@ def _single(
             found += check_text(
                 source, registry, path=path, tree_id=tree_id, lookup=lookup, parameters=each
             )
-        if fits is not None:
+        if lab is not None:
             found = [one for one in found if one.rule is not Rule.LAB]
-        if fits is not None and not errors_of(found):
-            fits(source.decode() if _is_pipe(tree) else path, parameters)
+        if lab is not None and not errors_of(found):
+            text = source.decode() if _is_pipe(tree) else path
+            refuse_in_lab(lab, registry, text, parameters, tree_id=tree_id, tree_folders=folders)
     except InputError as error:
         found += findings_of(error, path)
     return path, tuple(dict.fromkeys(found))

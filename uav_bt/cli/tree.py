@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import click
 from annotated_types import Gt, Le
@@ -37,12 +37,14 @@ from uav_bt.tree.describe import (
     summary,
 )
 from uav_bt.tree.describe import render as draw
-from uav_bt.tree.dry_run import SimulatedTick, Simulation, read_script
 from uav_bt.tree.loading.lookup import Folders, TreeId
 from uav_bt.tree.loading.schema import schema_xml
 from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.port import Port, port_text
 from uav_bt.tree.shipped import resolve_tree
+
+if TYPE_CHECKING:
+    from uav_bt.tree.dry_run import SimulatedTick
 
 
 @command()
@@ -204,6 +206,8 @@ def simulate(
         tick_s: Seconds between two ticks, for timers.
         format_: json: one object with all ticks.
     """  # noqa: D301  (click needs the backspace)
+    from uav_bt.tree.dry_run import Simulation, read_script  # noqa: PLC0415  (reads YAML)
+
     values, path = single(parameters), resolve_tree(tree)
     if lab is not None:
         place = load_lab(lab)

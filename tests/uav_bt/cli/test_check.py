@@ -78,27 +78,16 @@ def test_json_has_one_object_a_line_and_file(tmp_path: Path) -> None:
     assert (result.exit_code, result.stderr) == (2, "")
     first, second, third = (json.loads(line) for line in result.stdout.splitlines())
     assert first == {"file": str(good), "ok": True, "findings": []}
-    assert (second["file"], second["ok"]) == (str(bad), False)
-    (finding,) = second["findings"]
-    assert finding.pop("message").startswith("unknown attribute 'hight'")
-    assert finding == {
-        "path": str(bad),
-        "line": 5,
-        "column": 3,
-        "node": "Land",
-        "severity": "error",
-        "rule": "attribute",
-    }
-    (finding,) = third["findings"]
-    assert finding.pop("message").startswith("no such tree file")
-    assert finding == {
-        "path": str(tmp_path / "absent.xml"),
-        "line": None,
-        "column": None,
-        "node": "",
-        "severity": "error",
-        "rule": "file",
-    }
+    names = ("path", "line", "column", "node", "severity", "rule")
+    absent = str(tmp_path / "absent.xml")
+    for report, message, values in (
+        (second, "unknown attribute 'hight'", (str(bad), 5, 3, "Land", "error", "attribute")),
+        (third, "no such tree file", (absent, None, None, "", "error", "file")),
+    ):
+        (finding,) = report["findings"]
+        assert finding.pop("message").startswith(message)
+        assert finding == dict(zip(names, values, strict=True))
+        assert (report["file"], report["ok"]) == (values[0], False)
 
 
 @pytest.mark.parametrize(
@@ -327,8 +316,6 @@ def test_standard_input_is_checked(name: str) -> None:
 def test_a_pipe_is_checked(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    writer = threading.Thread(target=pipe.write_text, args=(GOOD,))
-    writer.start()
+    threading.Thread(target=pipe.write_text, args=(GOOD,), daemon=True).start()
     result = run("check", pipe)
-    writer.join()
     assert (result.exit_code, result.stdout) == (0, f"{pipe}: good\n")

@@ -26,13 +26,17 @@ PLAIN = ("--drone", "plain", "--profile", "ideal")
 
 def test_a_mission_that_succeeds_leaves_report_and_video(tmp_path: Path) -> None:
     report, video = tmp_path / "report.json", tmp_path / "flight.mp4"
-    outputs = ("--report", report, "--video", video)
+    log = tmp_path / "flight.btlog"
+    outputs = ("--report", report, "--video", video, "--btlog", log)
     tree = tree_file(tmp_path, HOP)
     result = run("fly", tree, "--scene", "val-a", "--seed", 3, *SMALL, *outputs)
     assert result.exit_code == 0, result.output
     assert "success" in result.stdout
     assert f"report: {report}" in result.stdout
     assert f"video: {video}" in result.stdout
+    assert f"btlog: {log}" in result.stdout
+    ended = [uid for _, uid, status in read_log(log)[2] if status is Status.SUCCESS]
+    assert ended == [2, 3, 1]  # take-off, landing, their sequence
     assert "take-off" in result.stderr  # the live status
     told = json.loads(report.read_text())
     assert (told["outcome"], told["scene"], told["seed"]) == ("success", "val-a", 3)
@@ -42,6 +46,7 @@ def test_a_mission_that_succeeds_leaves_report_and_video(tmp_path: Path) -> None
     assert_refused(run("net", "perceive", video), str(video), "is a film that uav-bt made")
     assert frames >= told["ticks"]
     assert {file.name for file in tmp_path.iterdir()} == {
+        "flight.btlog",
         "flight.mp4",
         "mission.xml",
         "report.json",
@@ -227,17 +232,7 @@ def test_a_drone_left_in_the_air_is_the_last_line(
     assert result.stderr.splitlines()[-1] == app.STILL_IN_THE_AIR
 
 
-# --- logs and Groot2 ------------------------------------------------------------------------------
-
-
-def test_a_flight_leaves_a_log(tmp_path: Path) -> None:
-    path = tmp_path / "flight.btlog"
-    result = run("fly", tree_file(tmp_path, HOP), *PLAIN, "--btlog", path)
-    assert result.exit_code == 0, result.output
-    assert f"btlog: {path}" in result.stdout
-    _, _, transitions = read_log(path)
-    ended = [uid for _, uid, status in transitions if status is Status.SUCCESS]
-    assert ended == [2, 3, 1]  # take-off, landing, their sequence
+# --- Groot2 and --watch ---------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

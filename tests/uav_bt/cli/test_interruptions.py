@@ -101,9 +101,6 @@ CASES = {
     ),
     "pick": Case("lab pick hall", "open http", "next: uav-bt lab train hall", code=0),
     "serve-anafi": Case(f"serve-anafi {PORTS}", "stands in", "stopped", code=0),
-    "serve-anafi, SIGTERM": Case(
-        f"serve-anafi {PORTS}", "stands in", "stopped", code=0, by=(TERM,)
-    ),
     "simulate": Case(
         "simulate long.xml --script script.yaml --ticks 100000000", r"\n +1 ", "stopped by Ctrl-C"
     ),

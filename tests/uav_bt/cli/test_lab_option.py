@@ -23,15 +23,11 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_mission_that_fits_the_lab_is_good(world: Path) -> None:
-    assert world.is_dir()
+@pytest.mark.usefixtures("world")
+def test_a_mission_fits_a_lab_or_is_refused() -> None:
     assert run("check", "mission.xml", "--lab", "paper").stdout == "mission.xml: good\n"
     lower = run("check", "mission.xml", "--lab", "low", "--set", "TakeOff.height_m=0.8")
     assert lower.stdout == "mission.xml: good\n"
-
-
-def test_a_mission_above_the_ceiling_of_the_lab_is_refused(world: Path) -> None:
-    assert world.is_dir()
     assert_refused(run("check", "mission.xml", "--lab", "low"), "above the ceiling of 0.9 m")
     found = json.loads(run("check", "mission.xml", "--lab", "low", "--format", "json").stdout)
     assert "above the ceiling" in found["findings"][0]["message"]

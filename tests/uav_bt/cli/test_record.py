@@ -1,4 +1,4 @@
-"""`uav-bt fly --record`, `uav-bt record` and `uav-bt replay`."""
+"""`uav-bt fly --record`, `uav-bt record`, `replay` and `view`."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.worlds.cli import HOP, run, tree_file
+from tests.worlds.cli import HOP, assert_refused, run, tree_file
 from tests.worlds.records import copy_part
+from uav_bt.display.rerun import sinks
 
 SMALL = ("--image-size", "160x90", "--profile", "ideal")
 
@@ -84,3 +85,50 @@ def test_all_differences_are_there_for_machines(record: Path, tmp_path: Path) ->
     told = json.loads(result.stdout)
     assert told["same"] is False
     assert told["differing_ticks"] == len(told["differences"]) > 0
+
+
+# --- view -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setattr(sinks.sys, "platform", "linux")
+
+
+def test_a_view_is_saved(record: Path, tmp_path: Path) -> None:
+    view = tmp_path / "flight.rrd"
+    result = run("view", record, "--save", view, "--to", 2)
+    assert result.exit_code == 0, result.output
+    assert result.stdout == f"view: {view}\n"
+    assert list(tmp_path.iterdir()) == [view]
+
+
+@pytest.mark.usefixtures("no_display")
+def test_without_a_display_other_ways_are_named(record: Path) -> None:
+    assert_refused(run("view", record), "no display", "--web", "--save")
+
+
+@pytest.mark.usefixtures("no_display")
+def test_a_flight_cannot_be_shown_without_a_display(tmp_path: Path) -> None:
+    report = tmp_path / "report.json"
+    flown = run("fly", tree_file(tmp_path, HOP), *SMALL, "--report", report, "--view")
+    assert_refused(flown, "no display", "--view web")
+    assert not report.exists()
+
+
+@pytest.mark.usefixtures("no_display")
+def test_a_file_is_looked_at_before_the_display(tmp_path: Path) -> None:
+    text = tmp_path / "flight.mcap"
+    text.write_text("no record at all")
+    refused = run("view", text)
+    assert_refused(refused, str(text))
+    assert "display" not in refused.stderr
+
+
+def test_a_record_of_another_version_is_refused(
+    record: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("uav_bt.record.reader.SCHEMA_VERSION", 0)
+    assert_refused(run("view", record, "--save", tmp_path / "x.rrd"), "has schema version 3")

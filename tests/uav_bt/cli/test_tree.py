@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -94,31 +92,3 @@ def test_a_foreign_tree_is_drawn_with_its_palette(tmp_path: Path) -> None:
     assert run("tree", "render", path, "--palette", palette).stdout == "Main\n`-- Dock\n"
     assert 'name="node.Dock"' in run("tree", "schema", "--palette", palette).stdout
     assert_refused(run("tree", "render", path), "unknown node 'Dock'", "mission.xml:3:1")
-
-
-# --- all of them ----------------------------------------------------------------------------------
-
-
-def test_the_tools_need_nothing_that_flies_or_draws_pictures(tmp_path: Path) -> None:
-    """They start fast, and work without a simulator and without a network runtime."""
-    (tmp_path / "script.yaml").write_text("default: S", encoding="utf-8")
-    heavy = ("mujoco", "openvino", "torch", "cv2", "av", "rich", "sklearn", "zmq", "scipy")
-    calls = [
-        ["new", "mine.xml"],
-        ["check", "mine.xml", "--format", "json"],
-        ["tree", "nodes", "--format", "json"],
-        ["tree", "schema"],
-        ["tree", "render", "mine.xml", "--format", "svg"],
-        ["simulate", "mine.xml", "--script", "script.yaml"],
-    ]
-    code = (
-        f"import sys\nfor name in {heavy}: sys.modules[name] = None\n"
-        "from click.testing import CliRunner\nfrom uav_bt.cli.root import uav_bt\n"
-        f"for call in {calls}:\n"
-        "    result = CliRunner().invoke(uav_bt, call)\n"
-        "    assert result.exit_code == 0, (call, result.output)\n"
-    )
-    done = subprocess.run(  # noqa: S603  # our own interpreter and code
-        [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=False
-    )
-    assert done.returncode == 0, done.stderr

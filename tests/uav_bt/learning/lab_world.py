@@ -27,17 +27,10 @@ WALL, FLOOR, CRATE = range(3)
 COLOURS = np.array([(30, 40, 200), (30, 180, 40), (210, 40, 30)], dtype=np.uint8)
 
 
-def draw_lab(folder: Path, *, train: int = 6, check: int = 2, keys: str = "") -> LabMaterial:
-    """Write a lab with images and picks.
-
-    Args:
-        folder: Folder of the lab.
-        train: Number of images for training.
-        check: Number of images for checks.
-        keys: Further lines of the lab file.
-    """
+def draw_lab(folder: Path, *, train: int = 6, check: int = 2) -> LabMaterial:
+    """Write a lab with images for training and for checks, and picks on all of them."""
     folder.mkdir(parents=True)
-    (folder / "lab.yaml").write_text(LAB + keys)
+    (folder / "lab.yaml").write_text(LAB)
     material = LabMaterial(lab=load_lab(folder / "lab.yaml"))
     material.frames.mkdir()
     rng = np.random.default_rng(0)
@@ -65,11 +58,9 @@ def exact_ids(left_px: int) -> NDArray[np.uint8]:
 
 
 def write_colour_network(path: Path, order: tuple[int, ...] = (2, 1, 0, 3)) -> Path:
-    """Write a network that scores each class by one colour of the pixel.
+    """Write an ONNX network that scores each class by one colour of the pixel.
 
-    Args:
-        path: ONNX file.
-        order: For each class its channel, red 0, green 1, blue 2; 3: the class never wins.
+    `order` has a channel for each class, red 0, green 1, blue 2; 3: the class never wins.
     """
     weights = np.zeros((len(order), 3, 1, 1), dtype=np.float32)
     bias = np.zeros(len(order), dtype=np.float32)

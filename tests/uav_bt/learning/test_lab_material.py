@@ -30,9 +30,7 @@ def test_the_list_states_the_use(material: LabMaterial) -> None:
         LabFrame(image="00.png", source="a.mp4", time_s=1.25, sharpness=80.5, use="check"),
         LabFrame(image="01.png", source="a.mp4", time_s=2.5, sharpness=81.5, use="train"),
     ]
-
     material.write_frames(frames)
-
     assert material.read_frames() == frames
     assert material.uses() == {"00.png": "check", "01.png": "train"}
 
