@@ -116,7 +116,6 @@ def _flight_facts(flight: Flight[Drone]) -> FlightFacts:
             for name, value in values.items()
         },
         attachments=[*_attachments(flight)],
-        ground=None if drone.referee is None else drone.referee.ground(),
     )
 
 

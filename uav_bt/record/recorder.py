@@ -21,7 +21,6 @@ from uav_bt.record.worker import RecordWorker
 from uav_bt.tree import MissionTree
 from uav_bt.types import CameraModel
 from uav_bt.types.flight_results import EventKind
-from uav_bt.types.ground import Ground
 
 _LOG: Final = logging.getLogger(__name__)
 _LEVELS: Final = {logging.ERROR: "Error", logging.WARNING: "Warning"}
@@ -36,7 +35,6 @@ class FlightFacts:
 
     values: Mapping[str, str]  # the metadata; structured values as JSON
     attachments: Sequence[Attachment] = ()  # the tree's files, the scene's
-    ground: Ground | None = None  # with its objects; None: unknown
 
 
 class FlightRecorder:
@@ -62,7 +60,7 @@ class FlightRecorder:
         self._nodes = tuple(tree.nodes())
         self._file = file
         self._timeline = Timeline(start_ns=start_ns, start_s=context.clock.now())
-        self._encoder = MomentEncoder(self._timeline, camera, quality)
+        self._encoder = MomentEncoder(self._timeline, quality)
         self._refused: tuple[str, ...] = ()
         self._ended = False
         self._dropped: Counter[str] = Counter()  # omitted messages by topic
@@ -88,9 +86,6 @@ class FlightRecorder:
             self._file.attach(attachment, at_ns)
         self._file.write(channels.TREE, at_ns, dump(encode(self._tree_note())))
         self._file.write(channels.CALIBRATION, at_ns, messages.calibration(camera, at_ns))
-        if facts.ground is not None:
-            lab = messages.lab_scene(facts.ground, self._context.classes, at_ns)
-            self._file.write(channels.LAB, at_ns, lab)
         self._file.flush()
 
     def _tree_note(self) -> TreeNote:
