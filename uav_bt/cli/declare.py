@@ -21,7 +21,7 @@ from typing import Annotated, Any, Final, Literal, Union, get_args, get_origin, 
 import click
 from annotated_types import Ge, Gt, Le
 
-from uav_bt.cli import let_work_clean_up
+from uav_bt.cli.interrupts import let_work_clean_up
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import check_output, check_output_folder
 from uav_bt.inputs import refuse_inputs, same_file

@@ -22,8 +22,8 @@ from uav_bt import app
 from uav_bt.app import film
 from uav_bt.app.options import IN_COMMANDS
 from uav_bt.app.view.live import live_view
-from uav_bt.cli import stopped_by
 from uav_bt.cli.declare import command
+from uav_bt.cli.interrupts import stopped_by
 from uav_bt.display.status import OrderLines, summary
 from uav_bt.errors import FileError, MissionError
 from uav_bt.groot import watched_live

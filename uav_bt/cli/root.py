@@ -18,7 +18,7 @@ import click
 from click.shell_completion import CompletionItem
 
 import uav_bt as package
-from uav_bt.cli import stopped_by
+from uav_bt.cli.interrupts import stopped_by
 from uav_bt.errors import UavBtError, did_you_mean
 from uav_bt.plugins import check_packages, missing_extra
 
