@@ -58,10 +58,10 @@ def bare_ground() -> NDArray[np.uint8]:
     return np.where(exact < 4.0, CARPET, BACKGROUND).astype(np.uint8)
 
 
-def with_box(near_row: int = 80) -> NDArray[np.uint8]:
-    """Class ids of a box in the middle of the image, which meets the ground at a row."""
+def with_box() -> NDArray[np.uint8]:
+    """Class ids of a box in the middle of the image, which meets the ground at row 80."""
     ids = bare_ground()
-    ids[:near_row, 96:128] = BOX
+    ids[:80, 96:128] = BOX
     return ids
 
 
