@@ -44,7 +44,7 @@ _SCENE_FILE: Final = "scene.yaml"
 
 def begin_record(path: Path, flight: Flight[Drone]) -> FlightRecorder:
     """Open the record of a flight whose tree is set up."""
-    file = RecordFile(path)
+    file, referee = RecordFile(path), flight.drone.referee
     try:
         with writing(path):
             return FlightRecorder(
@@ -54,6 +54,7 @@ def begin_record(path: Path, flight: Flight[Drone]) -> FlightRecorder:
                 flight.drone.camera,
                 _flight_facts(flight),
                 attachments=[*_attachments(flight)],
+                ground=None if referee is None else referee.ground(),
                 start_ns=time.time_ns(),
                 quality=flight.options.record_quality,
                 # The clock of a simulation waits for the disk.

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from uav_bt import board as keys
+from uav_bt.board.blackboard import Key
 from uav_bt.board.plain_values import plain
 from uav_bt.mission.tick import TickRecord
 from uav_bt.record import Quality, channels, messages
@@ -17,8 +18,10 @@ from uav_bt.record.record_file import Timeline
 from uav_bt.record.site_maps import note_of
 from uav_bt.record.values import dump, encode
 from uav_bt.tree.status import Status
-from uav_bt.types import ClassMap, DepthMap, Frame, NearObstacles
+from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame, NearObstacles
 from uav_bt.types.camera import FrameNote
+
+T = TypeVar("T")
 
 # Board values with a separate channel, written when they are new.
 _VALUES: Final = {
@@ -65,8 +68,9 @@ class RawMoment:
 class MomentEncoder:
     """Encodes moments in their order; each value only when it is new."""
 
-    def __init__(self, timeline: Timeline, quality: Quality) -> None:
+    def __init__(self, timeline: Timeline, camera: CameraModel, quality: Quality) -> None:
         self._timeline = timeline
+        self._camera = camera
         self._quality = quality
         self._last: dict[str, Any] = {}  # the values written last
         self._statuses: tuple[Status, ...] | None = None
@@ -86,6 +90,7 @@ class MomentEncoder:
             yield channels.TREE_LOG, messages.log_line("Info", words, "tree", now_ns)
         for line in moment.log:
             yield channels.LOG, messages.log_line(*line, now_ns)
+        yield from self._drawn(moment, now_ns)
         frame = moment.tick.observation.frame
         if frame is not None and frame.index != self._frame_index:
             self._frame_index = frame.index
@@ -130,6 +135,20 @@ class MomentEncoder:
         self._last[name] = value
         return True
 
+    def _drawn(self, moment: RawMoment, now_ns: int) -> Iterator[Message]:
+        """Yield what only viewers read: poses and scenes."""
+        truth, state = moment.tick.truth, moment.tick.observation.state
+        if truth is None:
+            return
+        for transform in messages.transforms(
+            truth.pose, state.attitude, state.gimbal_pitch_rad, self._camera, now_ns
+        ):
+            yield channels.TRANSFORM, transform
+        corridor, fix = _fresh(moment, keys.CORRIDOR), _fresh(moment, keys.MARK)
+        if corridor is not None or fix is not None:
+            scene = messages.perceived_scene(truth.pose, corridor, fix, now_ns)
+            yield channels.PERCEIVED, scene
+
     def _image(self, value: Frame | ClassMap | DepthMap) -> bytes:
         captured_ns = self._timeline.at(value.captured_s)
         if isinstance(value, Frame):
@@ -144,3 +163,8 @@ def _words(tick: TickRecord) -> str:
     leaf = tick.active[-1] if tick.active else "idle"
     why = f": {tick.feedback}" if tick.feedback else ""
     return f"{tick.phase or '-'}: {leaf}{why}"
+
+
+def _fresh(moment: RawMoment, key: Key[T]) -> T | None:
+    value, captured_s = moment.board.get(key.name, (None, 0.0))
+    return value if moment.tick.time_s - captured_s <= key.max_age_s else None

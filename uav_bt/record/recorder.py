@@ -20,6 +20,7 @@ from uav_bt.record.worker import RecordWorker
 from uav_bt.tree import MissionTree
 from uav_bt.types import CameraModel
 from uav_bt.types.flight_results import EventKind
+from uav_bt.types.ground import Ground
 
 _LOG: Final = logging.getLogger(__name__)
 _LEVELS: Final = {logging.ERROR: "Error", logging.WARNING: "Warning"}
@@ -32,7 +33,8 @@ class FlightRecorder:
     """Records a flight from now until `finish`, which closes the file.
 
     The tree is set up but not ticked yet. `start_ns` is the wall clock, since 1970.
-    `facts` are metadata, structured values as JSON; `attachments` the tree's and scene's files.
+    `facts` are metadata, structured values as JSON; `attachments` the tree's and scene's files;
+    `ground` has the scene's objects, None if they are unknown.
     With `wait` the flight waits for the disk; otherwise images are omitted.
     """
 
@@ -45,6 +47,7 @@ class FlightRecorder:
         facts: Mapping[str, str],
         *,
         attachments: Sequence[Attachment],
+        ground: Ground | None,
         start_ns: int,
         quality: Quality = "lossless",
         wait: bool = False,
@@ -53,18 +56,22 @@ class FlightRecorder:
         self._nodes = tuple(tree.nodes())
         self._file = file
         self._timeline = Timeline(start_ns=start_ns, start_s=context.clock.now())
-        self._encoder = MomentEncoder(self._timeline, quality)
+        self._encoder = MomentEncoder(self._timeline, camera, quality)
         self._refused: tuple[str, ...] = ()
         self._ended = False
         self._dropped: Counter[str] = Counter()  # omitted messages by topic
-        self._begin(camera, facts, attachments)
+        self._begin(camera, facts, attachments, ground)
         self._lines: list[LogLine] = []
         self._handler = _Lines(self._lines)
         self._worker = RecordWorker(self._write, self._file.flush, wait=wait)
         logging.getLogger().addHandler(self._handler)
 
     def _begin(
-        self, camera: CameraModel, facts: Mapping[str, str], attachments: Sequence[Attachment]
+        self,
+        camera: CameraModel,
+        facts: Mapping[str, str],
+        attachments: Sequence[Attachment],
+        ground: Ground | None,
     ) -> None:
         at_ns = self._timeline.start_ns
         self._file.metadata(
@@ -81,6 +88,9 @@ class FlightRecorder:
             self._file.attach(attachment, at_ns)
         self._file.write(channels.TREE, at_ns, dump(encode(self._tree_note())))
         self._file.write(channels.CALIBRATION, at_ns, messages.calibration(camera, at_ns))
+        if ground is not None:
+            lab = messages.lab_scene(ground, self._context.classes, at_ns)
+            self._file.write(channels.LAB, at_ns, lab)
         self._file.flush()
 
     def _tree_note(self) -> TreeNote:

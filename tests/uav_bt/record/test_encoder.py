@@ -13,14 +13,16 @@ from tests.paper_lab import CLASSES, paper_map
 from tests.uav_bt.record.test_site_maps import site_map
 from tests.worlds.leaves import map_with
 from tests.worlds.values import corridor, fix, tick, truth
-from uav_bt.record import Quality
+from uav_bt.record import Quality, messages
 from uav_bt.record.channels import CommandNote
 from uav_bt.record.encoder import MomentEncoder, RawMoment
 from uav_bt.record.moment import Moment, moment_of
 from uav_bt.record.record_file import Timeline
+from uav_bt.testing import pinhole
 from uav_bt.tree.status import IDLE, RUNNING
 from uav_bt.types import (
     HOVER,
+    Attitude,
     DepthMap,
     DroneState,
     FlyingState,
@@ -28,6 +30,7 @@ from uav_bt.types import (
     NearObstacles,
     Pose,
 )
+from uav_bt.types.ground import Footprint, Ground, Standing
 
 CAPTURED_S = 1.1000000000000003
 DEPTH = np.array([[0.5, np.nan], [1.2345, 80.0]], dtype=np.float32)
@@ -59,7 +62,7 @@ def raw_moment(board: dict[str, Any] | None = None) -> RawMoment:
 
 
 def encoder(quality: Quality = "lossless") -> MomentEncoder:
-    return MomentEncoder(Timeline(start_ns=10**18, start_s=0.0), quality)
+    return MomentEncoder(Timeline(start_ns=10**18, start_s=0.0), pinhole(), quality)
 
 
 def read(made: MomentEncoder, moment: RawMoment) -> Moment:
@@ -101,6 +104,20 @@ def test_unchanged_values_and_relative_depth_of_small_records_are_not_written() 
     assert read(made, raw_moment({**BOARD, "corridor": newer})).corridor == newer
 
 
+def test_the_body_turns_with_the_drone_and_the_lens_with_the_gimbal() -> None:
+    west = Pose(x_m=0.0, y_m=0.0, z_m=1.0, yaw_rad=math.pi / 2)
+    for attitude, axis, seen in (
+        (Attitude(), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+        (Attitude(pitch_rad=0.2), (1.0, 0.0, 0.0), (0.0, math.cos(0.2), math.sin(0.2))),
+        (Attitude(roll_rad=0.2), (0.0, -1.0, 0.0), (math.cos(0.2), 0.0, -math.sin(0.2))),
+    ):
+        assert messages._body(west, attitude).apply(axis) == pytest.approx(seen)
+    down = messages._lens(west, -math.pi / 2)
+    assert down.apply((0.0, 0.0, 1.0)) == pytest.approx((0.0, 0.0, -1.0))
+    level = messages._lens(west, 0.0).apply(np.eye(3))  # of its axes: right, down, ahead
+    assert level == pytest.approx(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]))
+
+
 def test_a_site_map_is_kept_at_most_twice_a_second() -> None:
     made, kept = encoder(), []
     for index in range(12):
@@ -118,3 +135,23 @@ def test_what_is_near_is_kept_with_every_new_map() -> None:
     assert read(made, raw_moment({"site_map": map_with(first)})).near is not None
     moment = read(made, raw_moment({"site_map": map_with(then)}))
     assert (moment.site_map, moment.near and moment.near.captured_s) == (None, 1.1)
+
+
+def test_the_lab_has_a_solid_for_each_object_in_the_colour_of_its_class() -> None:
+    outline = Footprint(x_m=1.25, y_m=0.5, half_x_m=0.2, half_y_m=0.2)
+    box = Standing(footprint=outline, height_m=1.5, class_id=5)
+    empty, one = (
+        messages.lab_scene(Ground(size_m=(5.0, 4.0), standing=standing), CLASSES, 0)
+        for standing in ((), (box,))
+    )
+    red = np.float64(CLASSES.colours[5][0] / 255).tobytes()
+    assert red in one
+    assert np.float64(1.25).tobytes() in one
+    assert red not in empty
+
+
+def test_what_is_perceived_stands_where_the_drone_sees_it() -> None:
+    """A mark 1 m ahead of a drone with heading +y lies 1 m up the map."""
+    both = messages.perceived_scene(ABOVE, corridor(1.0, "left", nearest_m=0.6), fix(0.0, 0.75), 0)
+    assert np.float64(0.75).tobytes() in both
+    assert b"mark" not in messages.perceived_scene(ABOVE, corridor(1.0), None, 0)
