@@ -170,9 +170,9 @@ def record() -> None:
                 line = f"{name}: a tick took {took}"
                 if name != "none":
                     info = record_info(file)
-                    left_out = sum(channel.dropped for channel in info.channels)
-                    line += f", {60e-6 * info.bytes / info.duration_s:.0f} MB a minute, "
-                    line += f"{left_out} messages left out, {info.lost_ticks} lost ticks"
+                    left_out = sum(channel["dropped"] for channel in info["channels"])
+                    line += f", {60e-6 * info['bytes'] / info['duration_s']:.0f} MB a minute, "
+                    line += f"{left_out} messages left out, {info['lost_ticks']} lost ticks"
                 print(line, flush=True)
 
 

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from tests.paper_lab import CLASSES
 from uav_bt.record import channels, messages
-from uav_bt.record.channels import SCHEMA_VERSION, START, FrameNote
+from uav_bt.record.channels import SCHEMA_VERSION, START
 from uav_bt.record.record_file import RecordFile
 from uav_bt.record.values import dump, encode
 from uav_bt.types import Attitude, BodyVelocity, CameraModel, DroneState, FlyingState, Frame
+from uav_bt.types.camera import FrameNote
 
 LAB_CLASSES: Final = dump([encode(each) for each in CLASSES]).decode()
 
@@ -66,7 +67,7 @@ def write_record(
         if isinstance(item, DroneState):
             file.write(channels.STATE, at_ns, dump(encode(item)))
         else:
-            file.write(channels.CAMERA_FRAME, at_ns, dump(encode(FrameNote.of(item))))
+            file.write(channels.CAMERA_FRAME, at_ns, dump(encode(item, FrameNote)))
             image = messages.camera_image(item.image, at_ns, "lossless")
             file.write(channels.CAMERA_IMAGE, at_ns, image)
     file.finish() if finished else file.abandon()

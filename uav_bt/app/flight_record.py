@@ -33,7 +33,7 @@ from uav_bt.protocols import Drone
 from uav_bt.record import Quality
 from uav_bt.record.reader import RecordReader
 from uav_bt.record.record_file import Attachment, RecordFile
-from uav_bt.record.recorder import FlightFacts, FlightRecorder
+from uav_bt.record.recorder import FlightRecorder
 from uav_bt.tree.loading.parameters import Plain
 from uav_bt.types import Airframe
 from uav_bt.types.area import Polygon
@@ -44,7 +44,7 @@ _SCENE_FILE: Final = "scene.yaml"
 
 def begin_record(path: Path, flight: Flight[Drone]) -> FlightRecorder:
     """Open the record of a flight whose tree is set up."""
-    file = RecordFile(path)
+    file, referee = RecordFile(path), flight.drone.referee
     try:
         with writing(path):
             return FlightRecorder(
@@ -53,6 +53,8 @@ def begin_record(path: Path, flight: Flight[Drone]) -> FlightRecorder:
                 flight.context,
                 flight.drone.camera,
                 _flight_facts(flight),
+                attachments=[*_attachments(flight)],
+                ground=None if referee is None else referee.ground(),
                 start_ns=time.time_ns(),
                 quality=flight.options.record_quality,
                 # The clock of a simulation waits for the disk.
@@ -71,7 +73,7 @@ def end_record(report: FlightReport, *, recorder: FlightRecorder, path: Path) ->
         raise FileError(path, failure)
 
 
-def _flight_facts(flight: Flight[Drone]) -> FlightFacts:
+def _flight_facts(flight: Flight[Drone]) -> dict[str, str]:
     """Return the facts of a connected flight that are known before it begins."""
     mission, drone, options, held = flight.mission, flight.drone, flight.options, flight.held
     site = options.place
@@ -110,14 +112,10 @@ def _flight_facts(flight: Flight[Drone]) -> FlightFacts:
         "weights": provenance.weights_of(mission),
     }
     del values["record"], values["params"]
-    return FlightFacts(
-        values={
-            name: value if isinstance(value, str) else json.dumps(value, default=_plain)
-            for name, value in values.items()
-        },
-        attachments=[*_attachments(flight)],
-        ground=None if drone.referee is None else drone.referee.ground(),
-    )
+    return {
+        name: value if isinstance(value, str) else json.dumps(value, default=_plain)
+        for name, value in values.items()
+    }
 
 
 def _plain(value: object) -> object:

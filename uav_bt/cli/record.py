@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import click
 from annotated_types import Ge
@@ -22,7 +21,7 @@ from uav_bt.cli.shared import TextFormat, table
 from uav_bt.display.rerun import sinks
 from uav_bt.errors import MissionError
 from uav_bt.option import Option
-from uav_bt.record.info import RecordInfo, record_info
+from uav_bt.record.info import record_info
 from uav_bt.tree.loading.lookup import Folders, TreeFolders
 from uav_bt.tree.registry import OwnLeaves
 
@@ -40,26 +39,30 @@ _Record = Annotated[Path, Option(path="read")]
 def info(file: _Record, *, format_: TextFormat = "text") -> None:
     """Print the content of a record: duration, rates, losses, and whether it is whole."""
     found = record_info(file)
-    click.echo(json.dumps(asdict(found), indent=2) if format_ == "json" else _text(found))
+    click.echo(json.dumps(found, indent=2) if format_ == "json" else _text(found))
 
 
-def _text(found: RecordInfo) -> str:
-    state = "whole" if found.finished and not found.damages else "NOT WHOLE"
-    lines = [f"{found.path}: {state}, {found.duration_s:.1f} s, {found.bytes / 1e6:.1f} MB"]
-    lines += [f"  {name}: {found.metadata[name]}" for name in _METADATA if name in found.metadata]
-    if not found.finished:
+def _text(found: dict[str, Any]) -> str:
+    state = "whole" if found["finished"] and not found["damages"] else "NOT WHOLE"
+    lines = [
+        f"{found['path']}: {state}, {found['duration_s']:.1f} s, {found['bytes'] / 1e6:.1f} MB"
+    ]
+    lines += [
+        f"  {name}: {found['metadata'][name]}" for name in _METADATA if name in found["metadata"]
+    ]
+    if not found["finished"]:
         lines.append("  unfinished: no index, no summary; `mcap recover` makes it whole")
-    if found.end is not None:
-        lines.append(f"  outcome: {found.end.get('outcome')}, {found.end.get('reason')}")
-    if found.lost_ticks:
-        lines.append(f"  {found.lost_ticks} ticks lost")
-    lines += [f"  attached: {name}, {size} bytes" for name, size in found.attachments.items()]
+    if found["end"] is not None:
+        lines.append(f"  outcome: {found['end'].get('outcome')}, {found['end'].get('reason')}")
+    if found["lost_ticks"]:
+        lines.append(f"  {found['lost_ticks']} ticks lost")
+    lines += [f"  attached: {name}, {size} bytes" for name, size in found["attachments"].items()]
     rows = [("channel", "content", "messages", "Hz", "kB", "left out")]
-    for each in found.channels:
-        size = (f"{each.rate_hz:.1f}", f"{each.bytes / 1e3:.1f}", str(each.dropped))
-        rows.append((each.topic, each.content, str(each.messages), *size))
+    for each in found["channels"]:
+        size = (f"{each['rate_hz']:.1f}", f"{each['bytes'] / 1e3:.1f}", str(each["dropped"]))
+        rows.append((each["topic"], each["content"], str(each["messages"]), *size))
     lines += [f"  {line}" for line in table(rows, left=2)]
-    lines += [f"  damage: {damage}" for damage in found.damages]
+    lines += [f"  damage: {damage}" for damage in found["damages"]]
     return "\n".join(lines)
 
 

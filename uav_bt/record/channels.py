@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from uav_bt.errors import ValueRangeError
 from uav_bt.mission.safety import Override
@@ -14,17 +11,16 @@ from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Advice
 from uav_bt.record.values import dump, json_schema
 from uav_bt.types import (
-    Attitude,
     Command,
     Corridor,
     DroneState,
-    Frame,
     GimbalTo,
     MarkFix,
     Movement,
     NearObstacles,
     Truth,
 )
+from uav_bt.types.camera import FrameNote
 from uav_bt.types.site_map import SiteMapBase
 
 _MAX_TIME_S: Final = 1e9  # views count nanoseconds in 64 bits
@@ -72,28 +68,6 @@ class CommandNote:
     decided: Command
     sent: Command  # command after the drone's limits
     override: Override | None = None  # the safety rule that replaced the proposal
-
-
-@dataclass(frozen=True, kw_only=True)
-class FrameNote:
-    """A camera frame without its image."""
-
-    index: int
-    captured_s: float
-    gimbal_pitch_rad: float
-    attitude: Attitude = field(default_factory=Attitude)
-    altitude_m: float = 0.0  # altitude above the take-off point
-    height_m: float = 0.0  # height above the surface below
-    height_above_ground_m: float = 0.0
-
-    @classmethod
-    def of(cls, frame: Frame) -> FrameNote:
-        """Return the note of a frame."""
-        return cls(**{item.name: getattr(frame, item.name) for item in fields(cls)})
-
-    def with_image(self, image: NDArray[np.uint8]) -> Frame:
-        """Return the frame with its image, (H, W, 3) RGB."""
-        return Frame(image=image, **{item.name: getattr(self, item.name) for item in fields(self)})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

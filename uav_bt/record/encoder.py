@@ -12,13 +12,14 @@ from uav_bt.board.blackboard import Key
 from uav_bt.board.plain_values import plain
 from uav_bt.mission.tick import TickRecord
 from uav_bt.record import Quality, channels, messages
-from uav_bt.record.channels import Channel, CommandNote, FrameNote, StatusNote, TickNote
+from uav_bt.record.channels import Channel, CommandNote, StatusNote, TickNote
 from uav_bt.record.images import millimetres
 from uav_bt.record.record_file import Timeline
 from uav_bt.record.site_maps import note_of
 from uav_bt.record.values import dump, encode
 from uav_bt.tree.status import Status
 from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame, NearObstacles
+from uav_bt.types.camera import FrameNote
 
 T = TypeVar("T")
 
@@ -93,7 +94,7 @@ class MomentEncoder:
         frame = moment.tick.observation.frame
         if frame is not None and frame.index != self._frame_index:
             self._frame_index = frame.index
-            yield channels.CAMERA_FRAME, dump(encode(FrameNote.of(frame)))
+            yield channels.CAMERA_FRAME, dump(encode(frame, FrameNote))
             yield channels.CAMERA_IMAGE, self._image(frame) if images else None
         for name, channel in _MAPS.items():
             if self._is_new(name, moment) and channel not in _LEFT_OUT[self._quality]:

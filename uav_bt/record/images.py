@@ -35,8 +35,8 @@ _MAX_MM: Final = 65_535
 # Field numbers of foxglove.CompressedImage and foxglove.RawImage.
 _COMPRESSED_DATA: Final = 2
 _WIDTH, _HEIGHT, _ENCODING, _DATA = 2, 3, 4, 6
-_VARINT, _BYTES = 0, 2  # protobuf's wire types
-_FIXED_BYTES: Final = {1: 8, 5: 4}  # bytes of a number by wire type
+_BYTES, _FIXED = 2, 5  # protobuf's wire types
+_FIXED_BYTES: Final = 4
 _MAX_VARINT_BYTES: Final = 10  # 64 bits in groups of seven
 
 
@@ -94,7 +94,7 @@ def image_size(data: bytes | memoryview) -> tuple[int, int]:
 
 def image_bytes(message: bytes) -> bytes:
     """Return the image file in a foxglove.CompressedImage."""
-    _, contents = fields(message)
+    contents = fields(message)
     if _COMPRESSED_DATA not in contents:
         raise InputError("expected a foxglove.CompressedImage with data, got none")
     return bytes(contents[_COMPRESSED_DATA])
@@ -102,11 +102,11 @@ def image_bytes(message: bytes) -> bytes:
 
 def raw_image(message: bytes) -> NDArray[Any]:
     """Return the pixels of a foxglove.RawImage, (H, W)."""
-    numbers, contents = fields(message)
+    contents = fields(message)
     try:
         dtype = _DTYPES[bytes(contents[_ENCODING]).decode()]
-        pixels = np.frombuffer(contents[_DATA], dtype=dtype)
-        return pixels.reshape(numbers[_HEIGHT], numbers[_WIDTH]).copy()
+        shape = [int.from_bytes(contents[side], "little") for side in (_HEIGHT, _WIDTH)]
+        return np.frombuffer(contents[_DATA], dtype=dtype).reshape(shape).copy()
     except (LookupError, ValueError) as error:
         raise InputError(f"expected a foxglove.RawImage as records have it: {error}") from error
 
@@ -118,35 +118,24 @@ def millimetres(depth_m: NDArray[np.float32]) -> NDArray[np.uint16]:
     return np.where(np.isfinite(depth_m), mm, 0).astype(np.uint16)
 
 
-def fields(message: bytes) -> tuple[dict[int, int], dict[int, memoryview]]:
-    """Return a protobuf message's numbers and contents by field; of repeated ones the last.
+def fields(message: bytes) -> dict[int, memoryview]:
+    """Return the contents of a protobuf message by field; of repeated ones the last.
 
-    InputError if it is no message.
+    InputError if it is no message of texts, bytes and fixed 32-bit numbers.
     """
-    numbers: dict[int, int] = {}
     contents: dict[int, memoryview] = {}
     view, at = memoryview(message), 0
     while at < len(view):
         tag, at = _varint(view, at)
         number, kind = tag >> 3, tag & 7
-        if kind == _VARINT:
-            numbers[number], at = _varint(view, at)
-            continue
-        if kind == _BYTES:
+        size = _FIXED_BYTES
+        if kind != _FIXED:
             size, at = _varint(view, at)
-        elif kind in _FIXED_BYTES:
-            size = _FIXED_BYTES[kind]
-        else:
-            raise InputError(f"expected a protobuf message, got a field of wire type {kind}")
-        content = view[at : at + size]
-        if len(content) < size:
-            raise InputError(f"a protobuf field of {size} bytes is cut after {len(content)}")
-        if kind == _BYTES:
-            contents[number] = content
-        else:
-            numbers[number] = int.from_bytes(content, "little")
+        contents[number] = view[at : at + size]
+        if kind not in (_FIXED, _BYTES) or len(contents[number]) < size:
+            raise InputError(f"expected a protobuf message, got one that is damaged at byte {at}")
         at += size
-    return numbers, contents
+    return contents
 
 
 def _varint(view: memoryview, at: int) -> tuple[int, int]:

@@ -12,7 +12,7 @@ from uav_bt.errors import InputError
 from uav_bt.files import parse_json
 from uav_bt.lab.classes import LabClasses
 from uav_bt.record import channels
-from uav_bt.record.channels import Channel, CommandNote, FrameNote, TickNote
+from uav_bt.record.channels import Channel, CommandNote, TickNote
 from uav_bt.record.images import decode_image, image_bytes, raw_image
 from uav_bt.record.site_maps import site_map_of
 from uav_bt.record.values import decode, decode_float
@@ -27,6 +27,7 @@ from uav_bt.types import (
     NearObstacles,
     Truth,
 )
+from uav_bt.types.camera import FrameNote
 from uav_bt.types.site_map import SiteMap
 
 
@@ -43,7 +44,7 @@ class StoredFrame:
             raise InputError(
                 f"the record has no image of frame {self.note.index}: the disk was too slow then"
             )
-        return self.note.with_image(decode_image(self.image))
+        return Frame(image=decode_image(self.image), **vars(self.note))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,12 +21,13 @@ from uav_bt.lab.classes import LabClass, LabClasses
 from uav_bt.plugins import need
 from uav_bt.protocols import Advice
 from uav_bt.record import channels
-from uav_bt.record.channels import END, SCHEMA_VERSION, START, FrameNote, StatusNote, TreeNote
+from uav_bt.record.channels import END, SCHEMA_VERSION, START, StatusNote, TreeNote
 from uav_bt.record.images import image_bytes
 from uav_bt.record.moment import Moment, StoredFrame, moment_of
 from uav_bt.record.record_file import Attachment, Timeline
 from uav_bt.record.values import decode
 from uav_bt.types import CameraModel, DroneState
+from uav_bt.types.camera import FrameNote
 
 _NS: Final = 1_000_000_000
 _NEEDED: Final = {channels.TICK.topic, channels.STATE.topic, channels.COMMANDS.topic}

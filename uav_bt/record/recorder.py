@@ -7,7 +7,6 @@ import logging
 import threading
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final, Self
 
 from uav_bt.board.context import MissionContext
@@ -30,19 +29,12 @@ _USUAL: Final = frozenset(
 )  # the log's other events are warnings
 
 
-@dataclass(frozen=True, kw_only=True)
-class FlightFacts:
-    """Facts about a flight before it begins."""
-
-    values: Mapping[str, str]  # the metadata; structured values as JSON
-    attachments: Sequence[Attachment] = ()  # the tree's files, the scene's
-    ground: Ground | None = None  # with its objects; None: unknown
-
-
 class FlightRecorder:
     """Records a flight from now until `finish`, which closes the file.
 
     The tree is set up but not ticked yet. `start_ns` is the wall clock, since 1970.
+    `facts` are metadata, structured values as JSON; `attachments` the tree's and scene's files;
+    `ground` has the scene's objects, None if they are unknown.
     With `wait` the flight waits for the disk; otherwise images are omitted.
     """
 
@@ -52,8 +44,10 @@ class FlightRecorder:
         tree: MissionTree,
         context: MissionContext,
         camera: CameraModel,
-        facts: FlightFacts,
+        facts: Mapping[str, str],
         *,
+        attachments: Sequence[Attachment],
+        ground: Ground | None,
         start_ns: int,
         quality: Quality = "lossless",
         wait: bool = False,
@@ -66,30 +60,36 @@ class FlightRecorder:
         self._refused: tuple[str, ...] = ()
         self._ended = False
         self._dropped: Counter[str] = Counter()  # omitted messages by topic
-        self._begin(camera, facts)
+        self._begin(camera, facts, attachments, ground)
         self._lines: list[LogLine] = []
         self._handler = _Lines(self._lines)
         self._worker = RecordWorker(self._write, self._file.flush, wait=wait)
         logging.getLogger().addHandler(self._handler)
 
-    def _begin(self, camera: CameraModel, facts: FlightFacts) -> None:
+    def _begin(
+        self,
+        camera: CameraModel,
+        facts: Mapping[str, str],
+        attachments: Sequence[Attachment],
+        ground: Ground | None,
+    ) -> None:
         at_ns = self._timeline.start_ns
         self._file.metadata(
             START,
             {
-                **facts.values,
+                **facts,
                 "schema_version": str(SCHEMA_VERSION),
                 "start_ns": str(at_ns),
                 "start_s": repr(float(self._timeline.start_s)),
                 "camera_model": dump(encode(camera)).decode(),
             },
         )
-        for attachment in facts.attachments:
+        for attachment in attachments:
             self._file.attach(attachment, at_ns)
         self._file.write(channels.TREE, at_ns, dump(encode(self._tree_note())))
         self._file.write(channels.CALIBRATION, at_ns, messages.calibration(camera, at_ns))
-        if facts.ground is not None:
-            lab = messages.lab_scene(facts.ground, self._context.classes, at_ns)
+        if ground is not None:
+            lab = messages.lab_scene(ground, self._context.classes, at_ns)
             self._file.write(channels.LAB, at_ns, lab)
         self._file.flush()
 

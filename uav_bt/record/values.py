@@ -32,10 +32,10 @@ _UNIONS: Final = (typing.Union, types.UnionType)
 _TAGGED: Final = frozenset({*typing.get_args(Movement), *typing.get_args(Answer)})
 
 
-def encode(value: Any) -> Any:
-    """Return a value, also of one of our dataclasses, as plain JSON values."""
+def encode(value: Any, kind: Any = None) -> Any:
+    """Return a value as plain JSON; of a dataclass the fields of `kind`, its type or a base."""
     plain = value.item() if isinstance(value, np.generic) else value
-    kind: Any = type(value)
+    kind = kind or type(value)
     if isinstance(plain, float) and not math.isfinite(plain):
         plain = "NaN" if math.isnan(plain) else "Infinity" if plain > 0 else "-Infinity"
     elif isinstance(plain, enum.Enum):

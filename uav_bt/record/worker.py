@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 LAG_S: Final = 0.5  # largest lag of the file; beyond it images are omitted
 QUEUED_IMAGES: Final = 64  # most ticks with images in the queue: 45 MB
-QUEUED_TICKS: Final = 1_024  # most ticks in the queue
+QUEUED_TICKS: Final = 256  # most ticks in the queue: 26 s of a flight; frame and maps: 0.3 GB
 FLUSH_S: Final = 0.3  # mission time, or idle time, until data goes to the system
 
 

@@ -65,10 +65,9 @@ class CameraModel:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Frame:
-    """One camera image with the telemetry of the moment it was captured."""
+class FrameNote:
+    """A camera frame without its image: the telemetry of the moment it was captured."""
 
-    image: NDArray[np.uint8]  # (H, W, 3), RGB
     index: int  # number of the captured frame; identifies repeated frames
     captured_s: float
     gimbal_pitch_rad: float  # 0 level, negative down; stabilised, so relative to the horizon
@@ -76,6 +75,13 @@ class Frame:
     altitude_m: float = 0.0  # above the take-off point
     height_m: float = 0.0  # above the surface below
     height_above_ground_m: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frame(FrameNote):
+    """One camera image with its telemetry."""
+
+    image: NDArray[np.uint8]  # (H, W, 3), RGB
 
     __repr__ = brief_repr
 

@@ -181,8 +181,8 @@ def test_what_is_interrupted_says_so_and_leaves_nothing_half_done(name: str, wor
     if "new.mp4" in case.line:
         assert '"aborted"' in (world / "new.json").read_text()
         info = record_info(world / "new.mcap")
-        assert info.finished
-        assert not info.damages
+        assert info["finished"]
+        assert not info["damages"]
         with av.open(str(world / "new.mp4")) as film:
             assert sum(1 for _ in film.decode(video=0)) > 5
 

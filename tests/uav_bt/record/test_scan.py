@@ -73,14 +73,14 @@ def test_a_killed_flight_leaves_a_record_that_is_read_and_can_be_recovered(
     times = moments_of(record)
     assert times == pytest.approx([0.1 * index for index in range(len(times))])
     info = record_info(record)
-    assert not info.finished
-    assert info.end is None
-    assert info.damages
+    assert not info["finished"]
+    assert info["end"] is None
+    assert info["damages"]
     recovered = tmp_path / "recovered.mcap"
     copy_part(record, recovered)
     assert moments_of(recovered) == times
     again = record_info(recovered)
-    assert (again.finished, again.damages, again.end) == (True, (), None)
+    assert (again["finished"], again["damages"], again["end"]) == (True, (), None)
 
 
 @settings(
@@ -115,15 +115,15 @@ def test_a_damaged_chunk_is_skipped_and_reported(whole: Path, tmp_path: Path) ->
     damaged = tmp_path / "damaged.mcap"
     damaged.write_bytes(data)
     info = record_info(damaged)
-    assert len(info.damages) == 1
-    assert "damaged record" in info.damages[0]
+    assert len(info["damages"]) == 1
+    assert "damaged record" in info["damages"][0]
     everything, left = moments_of(whole), moments_of(damaged)
     assert 0 < len(left) < len(everything)
     assert set(left) < set(everything)
     part = RecordReader(damaged)
     times_s = [moment.tick.time_s for moment in part.moments(from_s=0.05)]
     assert times_s == [time_s for time_s in left if time_s > 0.04]
-    assert part.damages == info.damages
+    assert part.damages == info["damages"]
 
 
 @pytest.mark.parametrize("version", [2, 4])

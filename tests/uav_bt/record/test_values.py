@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from uav_bt.answers import Advance, Answer, Blocked, Done, FollowLeg, Rotate
 from uav_bt.errors import InputError
 from uav_bt.protocols import Advice
-from uav_bt.record.channels import CHANNELS, Channel, CommandNote, FrameNote, TickNote
+from uav_bt.record.channels import CHANNELS, Channel, CommandNote, TickNote
 from uav_bt.record.values import decode, dump, encode, json_schema
 from uav_bt.types import (
     Attitude,
@@ -34,6 +34,7 @@ from uav_bt.types import (
     TakeOff,
     Velocity,
 )
+from uav_bt.types.camera import FrameNote
 
 WHOLE = st.integers(-(2**63) + 1, 2**63 - 1)  # as viewers write them
 ANY = st.floats(allow_nan=False)

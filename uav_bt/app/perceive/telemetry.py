@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.errors import FileError
-from uav_bt.record.channels import FrameNote
 from uav_bt.record.moment import StoredFrame
 from uav_bt.record.reader import RecordReader, footage
 from uav_bt.types import Attitude, DroneState, Frame
+from uav_bt.types.camera import FrameNote
 
 _SLACK_S: Final = 0.25  # by which an image may lie beyond the flight's ends
 _NUMBERS: Final = ("gimbal_pitch_rad", "altitude_m", "height_m", "height_above_ground_m")

@@ -112,7 +112,7 @@ def test_what_cannot_be_seen_is_counted_and_named(tmp_path: Path, images: list[I
         "3.png: is 18x32, the first image is 320x180",
     )
     nothing = {"value": None, "reason": "the frame is black"}
-    assert black["depth"] is None
+    assert black["depth"] is black["corridor"] is None
     assert black["confidence"] == {"ground": nothing, "scale": nothing, "depth": nothing}
     assert seen["confidence"]["depth"]["value"] == seen["depth"]["confidence"] > 0.0
     by_contact = "the depth is by ground contact, without the network"
@@ -155,8 +155,11 @@ def test_images_of_a_folder_stand_for_themselves_unless_they_are_a_sequence(
 
 def test_every_second_frame_of_the_first_moments(tmp_path: Path, images: list[Image]) -> None:
     source, out = write_video(tmp_path / "flight.mp4", images * 3), tmp_path / "seen.mp4"
-    summary, _ = look(source, replace(CONTACT, every=2, longest_s=0.5), out=out)
+    masks = tmp_path / "masks"
+    summary, _ = look(source, replace(CONTACT, every=2, longest_s=0.5), out=out, masks=masks)
     assert summary.frames == 3
+    names = {path.name for path in masks.iterdir()}
+    assert names == {"000000.png", "000002.png", "000004.png", "classes.json"}
     assert facts(out)[1] == pytest.approx([0.0, 0.2, 0.4])
 
 
@@ -214,15 +217,6 @@ def test_masks_are_class_ids_by_the_names_of_the_images(
     assert [one["id"] for one in listed] == list(range(len(classes)))
     assert listed[classes.ground]["role"] == "ground"
     assert listed[classes.ground]["rgb"] == classes.colours[classes.ground].tolist()
-
-
-def test_masks_of_a_video_are_numbered_by_its_frames(tmp_path: Path, images: list[Image]) -> None:
-    source = write_video(tmp_path / "flight.mp4", images)
-    masks = tmp_path / "masks"
-    perceive.perceive(str(source), replace(CONTACT, every=2), masks=masks)
-    assert {path.name for path in masks.iterdir()} == {
-        *("000000.png", "000002.png", "classes.json")
-    }
 
 
 def test_masks_need_a_folder_without_files(tmp_path: Path, images: list[Image]) -> None:

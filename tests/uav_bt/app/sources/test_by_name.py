@@ -119,11 +119,6 @@ def test_twelve_bits_in_a_sixteen_bit_file_are_scaled(tmp_path: Path) -> None:
     assert one.image[0, 0].tolist() == [200, 30, 10]
 
 
-def test_a_folder_without_images_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match=r"holds no images \(bmp, jpeg"):
-        open_source(str(tmp_path))
-
-
 def test_times_belong_to_images_one_by_one(tmp_path: Path) -> None:
     for name in "abc":
         image(tmp_path / f"{name}.png")
