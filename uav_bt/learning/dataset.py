@@ -60,7 +60,7 @@ def footage_of(path: Path) -> Flight:
             if last is None or (
                 note.index > last.index and note.captured_s - last.captured_s >= _APART_S
             ):
-                frames.append(note.with_image(shrink(_image(item, path))))
+                frames.append(Frame(**vars(note), image=shrink(_image(item, path))))
     found = gathered(frames, states, reader.camera)
     if found is None:
         raise FileError(
