@@ -49,7 +49,7 @@ CEILINGS = {
     "uav_bt": 1_702,
     "uav_bt/app": 4_986,
     "uav_bt/board": 571,
-    "uav_bt/campaign": 2_410,
+    "uav_bt/campaign": 2_411,
     "uav_bt/cli": 3_130,
     "uav_bt/display": 2_105,
     "uav_bt/groot": 569,

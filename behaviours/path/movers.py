@@ -56,9 +56,9 @@ def outlines_m(movers: Sequence[MapMover]) -> Floats:
 
 
 def gap_m(movers: Sequence[MapMover], places_m: Floats, body_m: float) -> Floats:
-    """Return the least gap to movers over a prediction, less their uncertainty, (...); or inf.
+    """Return the least gap from body to movers over a prediction, (...) metres; inf without any.
 
-    `places_m`, (..., T, 2), are the drone's at `TIMES_S`; `body_m` is half of its diagonal.
+    Their uncertainty is deducted. `places_m`, (..., T, 2) on the map, are the drone's at `TIMES_S`.
     """
     min_left_m = np.full(places_m.shape[:-2], math.inf)
     for mover in movers:
@@ -75,7 +75,7 @@ def yielding_mps(
 ) -> float:
     """Return the highest speed, up to `speed_mps`, that keeps the gap to movers; 0 to wait.
 
-    The path, (N, 2) in the map's frame, begins at the drone.
+    The path, (N, 2) in the map's frame, begins at the drone. `body_m` is half of the diagonal.
     """
     if not movers or speed_mps <= 0.0:
         return speed_mps

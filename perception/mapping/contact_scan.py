@@ -24,7 +24,7 @@ _BEARING_STEP_RAD: Final = math.radians(1.0)  # about three columns of a 224-wid
 _ELEVATION_STEP_RAD: Final = math.radians(0.5)  # about one row of a 224-wide map
 _MAX_ELEVATION_RAD: Final = math.radians(-8.0)  # ground above this elevation is beyond the lab
 _MIN_RUN: Final = 4  # samples of obstacle or background above a base; fewer are mask noise
-# A tall obstacle is higher than the one, or ends nearer than the other below the camera.
+# An obstacle is tall from this height on, and where it ends this near below the camera. Chosen.
 _TALL_M: Final = 0.9
 _BELOW_M: Final = 0.5
 _HIDDEN_M: Final = 1.0  # assumed range of a base below the image
@@ -127,7 +127,7 @@ def find_bases(scan: GroundScan) -> Bases:
 def _are_tall(
     scan: GroundScan, rows: Indices, from_m: Floats | float, to_m: Floats | float
 ) -> Flags:
-    """Return whether obstacles cover the samples of N bearings between two ranges, (N, 1)."""
+    """Return whether obstacles cover N bearings between two ranges, (N, 1) each or one for all."""
     ranges_m = np.hypot(*np.moveaxis(scan.level_m[rows], -1, 0))
     shown = (ranges_m > from_m) & (ranges_m <= to_m)
     shown &= scan.roles[rows] != NO_ROLE

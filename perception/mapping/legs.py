@@ -49,10 +49,10 @@ class Covered:
 def cover_below(
     level_m: Floats, ids: Ids, roles: Ids, classes: LabClasses, runs: tuple[Indices, Indices, Ids]
 ) -> Covered | None:
-    """Give the samples of the ground below boards, which are returned, to the objects on legs.
+    """Give the samples below boards to the objects on legs; return the ground there, or None.
 
-    The samples of a scan, (B, E, 2) from near to far, have `ids` and `roles`, (B, E), which are
-    changed. The `runs` are the `first_runs` of obstacles. None without an object on legs in view.
+    `level_m`, (B, E, 2), are the samples of a scan from near to far, metres forward and right.
+    Their `ids` and `roles`, (B, E), are changed. `runs` are the `first_runs` of obstacles.
     """
     rows, first, before = runs
     kinds = np.zeros(len(ids), dtype=np.uint8)

@@ -3,7 +3,7 @@
 Bases that appear on ground that was seen free before, away from settled points, have arrived. They
 are clustered in each view, and each cluster is tracked in the map's frame. A cluster is a mover
 after it has moved further than the noise of depth and odometry. It stands after it has stayed at
-one place for some seconds. The numbers were chosen on the twin's people and carts.
+one place for some seconds, or is low. The numbers were chosen on the twin's people and carts.
 
 A point that is seen again is displaced by the map's drift and by the errors of height and pitch. A
 new point near a settled point is therefore that obstacle again. Views fit the map by 0.02 m in the
@@ -37,7 +37,7 @@ WAITS_S: Final = 90.0  # after a movement, what has arrived may be a waiting mov
 
 _APART_M: Final = 0.3  # points further apart belong to two clusters
 _MIN_POINTS: Final = 3  # a cluster with fewer points is ignored
-_TALL_SHARE: Final = 0.5  # a cluster with a smaller share of tall points stands
+_TALL_POINTS: Final = 0.5  # a cluster with a smaller share of tall points stands; chosen
 _MAX_WIDTH_M: Final = 1.2  # a wider cluster is a wall that a displaced view shows
 # A mover's assumed depth. Its base is seen from one side, and its middle lies behind.
 _DEPTH_M: Final = 0.4
@@ -172,7 +172,7 @@ class MoverTracker:
         tall = np.ones(len(points_m), dtype=bool) if tall is None else tall
         for cluster, owner in self._assigned(_clusters(points_m, from_m, cut)):
             place_m, noise, radius_m, rows, whole = cluster
-            if tall[rows].mean() < _TALL_SHARE and not (owner and owner.has_moved):
+            if tall[rows].mean() < _TALL_POINTS and not (owner and owner.has_moved):
                 stands[rows] = True
                 if owner is not None:
                     owner.judge(from_m, moves=False)

@@ -115,8 +115,9 @@ def run(
         left = [task for key, task in wanted.items() if key not in done]
         if store.repaired:
             on_note("the last line was only half written and is flown again")
-        before = [each.get("code") for each in store.runs][-2:][0]
-        if done and left and before != about["code"]:
+        *earlier, now = store.runs
+        before = earlier[-1].get("code") if earlier else now["code"]
+        if done and left and before != now["code"]:
             on_note(
                 f"the code has changed since the last run ({before}, now {about['code']}): "
                 "the folder has flights of both"
