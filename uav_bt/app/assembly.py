@@ -24,12 +24,11 @@ from uav_bt.board.context import FlightFolder, MissionContext
 from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, InputError, NodeFailedError
 from uav_bt.lab.classes import LabClasses
-from uav_bt.lab.lab import Lab
 from uav_bt.mission.judge import Judge
 from uav_bt.mission.runner import MissionRunner, NextTree
 from uav_bt.mission.screening import FrameJudge
 from uav_bt.mission.tick import TickListener
-from uav_bt.protocols import Drone, Imageless, LeafPolicy, Photographing, Referee, Segmenter
+from uav_bt.protocols import Drone, Imageless, LeafPolicy, Photographing, Segmenter
 from uav_bt.testing.faults import find_faulty_drones
 from uav_bt.tree import MissionTree, NodeRegistry
 from uav_bt.types import ClassMap, Frame
@@ -85,13 +84,14 @@ class Flight(Generic[DroneT]):
         """Context of the mission's leaves; the drone must be connected."""
         held, drone = self.held, self.drone
         sight = drone.sight if isinstance(drone, Imageless) else None
+        exact = _ExactSegmenter(drone, held.classes) if self.options.exact_masks else None
         return MissionContext(
             board=Blackboard(self._clock, MISSION_KEYS),
             clock=self._clock,
             policy=self._policy,
             seed=self.options.seed,
             inference_threads=self.options.inference_threads,
-            segmenter=self._segmenter or self._exact_segmenter() or sight,
+            segmenter=self._segmenter or exact or sight,
             sight=sight,
             stills=drone.stills if isinstance(drone, Photographing) else None,
             ground=held.site.ground,
@@ -110,13 +110,6 @@ class Flight(Generic[DroneT]):
             return given
         return plugins.make_policy(name, self.options.own_parts.policies)
 
-    def _exact_segmenter(self) -> Segmenter | None:
-        if not self.options.exact_masks:
-            return None
-        if self.drone.referee is None:
-            raise InputError("exact masks need a simulated drone")
-        return _ExactSegmenter(self.drone.referee, self.held.classes)
-
     @property
     def scene_name(self) -> str | None:
         """The name of a simulated drone's scene; None on a real drone."""
@@ -129,8 +122,7 @@ class Flight(Generic[DroneT]):
         options = self.options
         given = self._segmenter is not None or isinstance(self.drone, Imageless)
         if not given and not options.exact_masks:
-            named = isinstance(options.lab, Lab)
-            refuse_foreign_network(self.mission, self.held.lab, named=named)
+            refuse_foreign_network(self.mission, self.held.lab, named=options.lab is not None)
         try:
             self.drone.connect()
             self.context.board.write(CAMERA, self.drone.camera)
@@ -209,8 +201,10 @@ def frame_judge(drone: Drone) -> FrameJudge:
 class _ExactSegmenter:
     """The twin's exact class ids as a segmenter, for evaluations."""
 
-    def __init__(self, referee: Referee, classes: LabClasses) -> None:
-        self._referee = referee
+    def __init__(self, drone: Drone, classes: LabClasses) -> None:
+        if drone.referee is None:
+            raise InputError("exact masks need a simulated drone")
+        self._referee = drone.referee
         self._classes = classes
 
     def segment(self, frame: Frame) -> ClassMap:

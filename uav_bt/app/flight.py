@@ -9,19 +9,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
+from uav_bt.app import flight_outputs
 from uav_bt.app.assembly import Flight, Listeners, frame_judge, join
 from uav_bt.app.drone_of_flight import drawn
 from uav_bt.app.film import flight_video
-from uav_bt.app.flight_outputs import (
-    REPORT_FILE,
-    FlownMission,
-    PathLog,
-    check_outputs,
-    fetch_photos,
-    flight_folder,
-    objects_of,
-    write_objects,
-)
+from uav_bt.app.flight_outputs import FlownMission, PathLog
 from uav_bt.app.flying_process import landing_on_signals, short_collections
 from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.option_values import as_file, expect, refuse
@@ -129,11 +121,11 @@ def fly(
     options = drawn(given_options(options, how))
     mission = load_mission(tree, options, registry)
     out = as_file("out", out, "a folder")
-    report = as_file("report", report) or (out and out / REPORT_FILE)
+    report = as_file("report", report) or (out and out / flight_outputs.REPORT_FILE)
     video, record = as_file("video", video), as_file("record", options.record)
     outputs = {"report": report, "record": record, "video": video}
-    folder = flight_folder(out, outputs)
-    check_outputs(mission, options, outputs, folder)
+    folder = flight_outputs.flight_folder(out, outputs)
+    flight_outputs.check_outputs(mission, options, outputs, folder)
     flight = join(mission, options, folder)
     watched = None if watch is None else reloadable_file(tree, flight.drone, outputs)
     if record is not None:
@@ -147,7 +139,9 @@ def fly(
         keep: dict[str, Callable[[FlightReport], None]] = {}  # the report last: it names losses
         if folder is not None and flight.context.stills is not None:
             camera = flight.context.stills  # first, while the drone waits on the ground
-            keep["camera photographs"] = partial(fetch_photos, camera=camera, folder=folder)
+            keep["camera photographs"] = partial(
+                flight_outputs.fetch_photos, camera=camera, folder=folder
+            )
         if video is not None:
             film = stack.enter_context(flight_video(video))
             followers.append(film)
@@ -159,7 +153,7 @@ def fly(
             followers.append(lambda _: [recorder])
             keep["record"] = partial(flight_record.end_record, recorder=recorder, path=record)
         if folder is not None:
-            keep["objects"] = partial(write_objects, folder=folder)
+            keep["objects"] = partial(flight_outputs.write_objects, folder=folder)
         if report is not None:
             keep["report"] = partial(write_report, path=report, new_folders=folder is not None)
         next_tree = None
@@ -270,7 +264,7 @@ def _result(
         airborne_at_end=runner.descent.airborne
         or (referee is not None and referee.truth().motors_on),
         lost_outputs=dict(runner.listeners.lost),
-        objects=objects_of(site_map),
+        objects=flight_outputs.objects_of(site_map),
         path=path.array(),
         site_map=site_map,
     )

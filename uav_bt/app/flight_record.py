@@ -22,7 +22,7 @@ from sim_bridge.twin.scene_file import scene_text
 from uav_bt.app import provenance
 from uav_bt.app.assembly import Flight
 from uav_bt.app.site import Site
-from uav_bt.errors import FileError, InputError
+from uav_bt.errors import FileError
 from uav_bt.files import parse_json, reading, writing
 from uav_bt.lab.lab import Lab
 from uav_bt.mission.flight_report import FlightReport
@@ -182,17 +182,15 @@ class RecordedOptions:
 def recorded_options(reader: RecordReader) -> RecordedOptions:
     """Return the options that a recorded flight was flown with."""
     values: dict[str, Any] = {}
-    try:
+    with reader.intact("the metadata"):
         for each in fields(RecordedOptions):
             text = reader.metadata.get(each.name)
             if text is not None:
                 # Texts stand there as they are, everything else as JSON.
                 plain = each.type in {"str", "str | None", "Quality"} and text != "null"
                 values[each.name] = text if plain else parse_json(text)
+    try:
         return TypeAdapter(RecordedOptions).validate_python(values)
-    except InputError as error:
-        why = f"expected JSON, got '{text:.80}'"
-        raise FileError(reader.path, f"the record's metadata is damaged: {why}") from error
     except ValidationError as error:
         first = error.errors()[0]
         why = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"

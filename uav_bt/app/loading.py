@@ -120,16 +120,15 @@ def _check_made(tree: MissionTree, options: FlightOptions) -> None:
 
 def _site_values(site: Site) -> _ByKey:
     """Return the attributes that a site replaces, by the key that their leaves write."""
-    found: dict[Key[Any], dict[str, str]] = {CLASS_MAP: {}, METRIC_DEPTH: {}, FLIGHT_HEIGHT: {}}
-    for key, name, value in (
-        (CLASS_MAP, "model", site.model),
-        (CLASS_MAP, "classes", site.classes),
-        (METRIC_DEPTH, "model", site.depth),
-        (FLIGHT_HEIGHT, _HEIGHT_PORT, site.flight_height_m),
-    ):
-        if value is not None:
-            found[key][name] = f"{value:g}" if isinstance(value, float) else str(value)
-    return {key: values for key, values in found.items() if values}
+    stated: Mapping[Key[Any], Mapping[str, object]] = {
+        CLASS_MAP: {"model": site.model, "classes": site.classes},
+        METRIC_DEPTH: {"model": site.depth},
+        FLIGHT_HEIGHT: {_HEIGHT_PORT: site.flight_height_m},
+    }
+    return {
+        key: {name: str(value) for name, value in values.items() if value is not None}
+        for key, values in stated.items()
+    }
 
 
 def _check_site_reaches(mission: MissionTree, by_key: _ByKey, options: FlightOptions) -> None:

@@ -18,12 +18,12 @@ from annotated_types import Ge, MinLen
 from pydantic import AfterValidator, BeforeValidator, Field
 from pydantic_core import CoreSchema, core_schema
 
-from uav_bt.errors import FileError, InputError, ValueRangeError
+from uav_bt.errors import FileError, InputError
 from uav_bt.files import reading
 from uav_bt.option import Option, option_of, pairs
 from uav_bt.protocols import Drone, LeafPolicy
 from uav_bt.testing.faults import RANDOM, Fault
-from uav_bt.tree.loading.parameters import Plain, split_port
+from uav_bt.tree.loading.parameters import Plain
 from uav_bt.tree.port import port_text
 
 _ABSENT: Final = object()
@@ -50,8 +50,8 @@ def is_drone_config(drone: object) -> bool:
 
 
 def expect(name: str, value: object, kind: type | UnionType, expected: str) -> None:
-    """Refuse a value of another type."""
-    if not isinstance(value, kind):
+    """Refuse a value of another type, and a class in place of an object."""
+    if isinstance(value, type) or not isinstance(value, kind):
         refuse(name, expected, value)
 
 
@@ -72,59 +72,43 @@ def as_file(name: str, value: str | Path | None, expected: str = "a file") -> Pa
 
 def fault_texts(faults: Sequence[str]) -> tuple[str, ...]:
     """Return faults as texts; `@FILE` stands for the lines of a file."""
-    return tuple(text for one in faults for text in _fault_lines(one))
+    found: list[str] = []
+    for text in faults:
+        found += _fault_lines(Path(text[1:])) if text.startswith("@") else [text]
+    return tuple(found)
 
 
-def _fault_lines(text: str) -> Iterator[str]:
-    if not text.startswith("@"):
-        yield text
-        return
-    path = Path(text[1:])
+def _fault_lines(path: Path) -> Iterator[str]:
     with reading(path):
         lines = path.read_text(encoding="utf-8").splitlines()
     for number, line in enumerate(lines, start=1):
         fault = line.strip()
-        if fault and fault != RANDOM:
-            try:
+        try:
+            if fault not in {"", RANDOM}:
                 Fault.parse(fault)
-            except InputError as error:
-                raise FileError(path, str(error), line=number) from error
+        except InputError as error:
+            raise FileError(path, str(error), line=number) from error
         if fault:
             yield fault
 
 
-def port_values(ports: object) -> dict[str, str]:
-    """Return values of nodes' ports, by NODE.PORT, as the texts of a tree file."""
-    expected = "values by node and port, such as {'ExploreFor.min_gain': 0.01}"
-    found = _plain_values("ports", expected, ports)
-    for name in found:
-        try:
-            split_port(name)
-        except ValueRangeError:
-            refuse("ports", expected, name)
-    return {name: port_text(value) for name, value in found.items()}
+def _mapping(
+    what: str,
+    expected: str,
+    kind: type | UnionType,
+    value_expected: str,
+    made: Callable[[Any], Any] = lambda value: value,
+) -> Checked:
+    """Return a check of a mapping from texts to values of a kind; `made` converts these."""
 
+    def checked(given: Any) -> dict[str, Any]:
+        expect(what, given, Mapping, expected)
+        for name, value in given.items():
+            expect(what, name, str, expected)
+            expect(f"{what}['{name}']", value, kind, value_expected)
+        return {name: made(value) for name, value in given.items()}
 
-def variable_values(variables: object) -> dict[str, Plain]:
-    """Return first values of variables, by name."""
-    return _plain_values("variables", "values by variable, such as {'laps': 3}", variables)
-
-
-def _plain_values(what: str, expected: str, values: Any) -> dict[str, Plain]:
-    expect(what, values, Mapping, expected)
-    for name, value in values.items():
-        expect(what, name, str, expected)
-        expect(f"{what}['{name}']", value, Plain, "a text, a number, True or False")
-    return dict(values)
-
-
-def _policies(policies: Any) -> Any:
-    expect("policies", policies, Mapping, "policies by node, such as {'Explore': 'corridor'}")
-    for node, policy in policies.items():
-        expect("policies", node, str, "the name or path of a node")
-        if isinstance(policy, type) or not isinstance(policy, str | LeafPolicy):
-            refuse(f"policies['{node}']", "a policy's name, or an object with `decide`", policy)
-    return policies
+    return Checked(checked)
 
 
 def check_drone(drone: Any) -> Any:
@@ -202,6 +186,11 @@ def loaded_by(load: Callable[[str | Path], Any], kind: type) -> Checked:
     return Checked(loaded)
 
 
+_PLAIN: Final = (Plain, "a text, a number, True or False")
+PORTS: Final = _mapping(
+    "ports", "values by node and port, such as {'Climb.to_m': 1.5}", *_PLAIN, port_text
+)
+VARIABLES: Final = _mapping("variables", "values by variable, such as {'laps': 3}", *_PLAIN)
 Whole = Annotated[int, BeforeValidator(_whole)]
 """Also an integer of NumPy."""
 File = Annotated[
@@ -213,7 +202,12 @@ Seed = Annotated[
 ]
 Policies = Annotated[
     Mapping[str, str | LeafPolicy],
-    Checked(_policies),
+    _mapping(
+        "policies",
+        "policies by node, such as {'Explore': 'corridor'}",
+        str | LeafPolicy,
+        "a policy's name, or an object with `decide`",
+    ),
     Option(
         "Let a node, by name or path, use another leaf policy. Repeatable.",
         "--policy NODE=NAME",

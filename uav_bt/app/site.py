@@ -99,9 +99,7 @@ def has_paper_classes(lab: Lab) -> bool:
 
 
 def _site(
-    keys: FlightKeys,
-    network: NetworkKeys | None,
-    at: Callable[[str], AbstractContextManager[None]],
+    keys: FlightKeys, network: NetworkKeys | None, at: Callable[[str], AbstractContextManager[None]]
 ) -> Site:
     """Return the site of a file; `at` gives errors of a block the line of a key."""
     same = ("flight_height_m", "take_off_surface_m", "camera", "ground", "return_home")

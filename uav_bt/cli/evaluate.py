@@ -189,8 +189,8 @@ def _show(summary: PerceiveSummary) -> None:
         ("camera", summary.camera),
         ("telemetry", summary.telemetry),
         ("metric depth", f"in {summary.frames - none} frames, none in {none}"),
-        *(("", f"none in {count}: {why}") for why, count in summary.without_depth.items()),
-        *(("", f"contact only in {count}: {why}") for why, count in summary.in_part.items()),
+        *(("", f"none in {count}: {why}") for why, count in summary.without_depth.most_common()),
+        *(("", f"contact only in {count}: {why}") for why, count in summary.in_part.most_common()),
         ("mark", f"seen in {summary.with_mark} frames"),
         *(
             (name, f"{spent.p50:.1f} ms median, {spent.p99:.1f} ms 99 %")

@@ -55,7 +55,7 @@ def test_a_value_from_outside_replaces_the_one_of_the_file() -> None:
         ({"TakeOf.height_m": 1}, "no node of that name or path; did you mean 'TakeOff'"),
         ({"HoverFor.seconds": 1}, r"fits 2 nodes: .*'Main/Sequence/HoverFor#2.seconds'"),
         ({"Explore.policy": "coverage"}, "'Explore.policy' is given two values"),
-        ({"seconds": 1}, "ports: expected values by node and port"),
+        ({"seconds": 1}, "expected NODE.PORT, such as TakeOff.height_m, got"),
         ({"TakeOff.height_m": None}, r"ports\['TakeOff.height_m'\]: expected a text, a number"),
         ("laps=3", "ports: expected values by node and port, such as"),
     ],

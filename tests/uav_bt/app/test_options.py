@@ -68,7 +68,7 @@ class NotADrone:
         ({"limits": {"ceiling_m": 2}}, r"limits: expected an instance of Limits, got \{'ceil"),
         ({"sceen": "val-a"}, r"unknown flight option 'sceen'; did you mean 'scene'"),
         ({"policies": "corridor"}, r"policies: expected policies by node, such as .*'corridor'"),
-        ({"policies": {1: "corridor"}}, r"policies: expected the name or path of a node, got 1"),
+        ({"policies": {1: "corridor"}}, r"policies: expected policies by node, such as .*, got 1"),
         (
             {"policies": {"Explore": max}},
             r"policies\['Explore'\]: expected a policy's name, or an object with `decide`, got",

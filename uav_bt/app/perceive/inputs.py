@@ -15,14 +15,8 @@ from annotated_types import Ge, Gt, Le
 
 from perception.camera.camera_file import load_camera
 from perception.depth.runtime import load_depth_estimator
+from perception.networks import weights_file
 from perception.networks.mapping import read_mapping
-from perception.networks.weights_file import (
-    ANY,
-    CONTACT,
-    SHIPPED_DEPTHS,
-    SHIPPED_UNET,
-    segmentation_file,
-)
 from perception.segmentation import runtime
 from perception.segmentation.runtime import RoomSegmenter
 from sim_bridge.anafi import anafi_camera
@@ -96,23 +90,21 @@ class PerceiveInput:
                 "the video"
             )
         flown = text if recorded else options.telemetry
-        self._segmentation = options.segmentation or (ANY if flown is None else SHIPPED_UNET)
+        self._flight = None if flown is None else flight_record(Path(flown))
+        usual = weights_file.ANY if flown is None else weights_file.SHIPPED_UNET
+        self._segmentation = options.segmentation or usual
         self.camera_words = ""  # whose intrinsics; known once it has begun
-        self._recorded_camera: CameraModel | None = None
-        times_s = None
-        if flown is None:
+        if self._flight is None:
             self.telemetry = Telemetry.fixed(options.height_m, math.radians(options.gimbal_deg))
             self.telemetry_words = (
                 f"{options.height_m:g} m above the ground, camera at "
                 f"{options.gimbal_deg:g} deg, assumed for all frames"
             )
         else:
-            reader = flight_record(Path(flown))
-            self.telemetry = Telemetry.of_flight(reader)
+            self.telemetry = Telemetry.of_flight(self._flight)
             self.telemetry_words = f"of {flown}"
-            self._recorded_camera = reader.camera
-            # Images of a folder are the flight's frames, one by one.
-            times_s = list(self.telemetry.times_s)
+        # Images of a folder are the flight's frames, one by one.
+        times_s = None if flown is None else list(self.telemetry.times_s)
         self.source = open_source(text, times_s=times_s)
         # Images of a folder without order in time stand for themselves.
         apart = options.telemetry is None and not options.sequence
@@ -128,12 +120,9 @@ class PerceiveInput:
                 size_px = size_px or image.size_px
                 if image.size_px == size_px:
                     yield image
-                else:
-                    (width, height), (first_width, first_height) = image.size_px, size_px
-                    self.source.skipped.append(
-                        f"{image.name}: is {width}x{height}, the first image is "
-                        f"{first_width}x{first_height}"
-                    )
+                    continue
+                shown, first = (f"{width}x{height}" for width, height in (image.size_px, size_px))
+                self.source.skipped.append(f"{image.name}: is {shown}, the first image is {first}")
 
     def begin(self, images: Shots) -> tuple[Pipeline, Iterator[Shot]]:
         """Return the perception for the images' size, and all images."""
@@ -144,27 +133,27 @@ class PerceiveInput:
         camera, self.camera_words = self._camera(first)
         options, name = self._options, self._segmentation
         segmenter = _segmenter(name, options)
-        model = options.model or (ANY if name == ANY else SHIPPED_DEPTHS[0])
+        by_roles = name == weights_file.ANY
+        model = options.model or (weights_file.ANY if by_roles else weights_file.SHIPPED_DEPTHS[0])
         network = _network(model, segmenter, options)
         generator = np.random.default_rng(0)
         return Pipeline(segmenter, network, camera, generator=generator), chain([first], images)
 
     def _camera(self, first: Shot) -> tuple[CameraModel, str]:
+        """Return the camera of the images, and whose it is."""
         options, (width_px, height_px) = self._options, first.size_px
         if options.camera is not None:
-            camera = load_camera(
-                Path(options.camera), size_px=first.size_px, orientation=first.orientation
-            )
-            return camera, f"of {options.camera}"
-        if self._recorded_camera is not None:
-            camera = self._recorded_camera.resized(width_px, height_px)
+            file, turned = Path(options.camera), first.orientation
+            return load_camera(file, size_px=first.size_px, orientation=turned), f"of {file}"
+        if self._flight is not None:
+            camera = self._flight.camera.resized(width_px, height_px)
             # Only square pixels show that the aspect is the flight's.
             if abs(camera.fx_px / camera.fy_px - 1.0) > _SQUARE_SLACK:
                 raise ValueRangeError(
                     f"{options.telemetry} was filmed with a camera of another aspect than "
                     f"{width_px}x{height_px}; the images must be whole, not cropped"
                 )
-            return camera, f"of {options.telemetry or self.source.name}"
+            return camera, f"of {self._flight.path}"
         try:
             camera = anafi_camera(width_px, height_px)
         except ValueRangeError as error:
@@ -177,8 +166,8 @@ class PerceiveInput:
 
 
 def _segmenter(name: str, options: PerceiveOptions) -> Segmenter:
-    path = segmentation_file(name)
-    classes = LabClasses.by_role() if name == ANY else load_lab().classes
+    path = weights_file.segmentation_file(name)
+    classes = LabClasses.by_role() if name == weights_file.ANY else load_lab().classes
     if path is None:
         return runtime.shipped_teacher(classes)
     mapping = None if options.classes is None else read_mapping(Path(options.classes), classes)
@@ -186,8 +175,8 @@ def _segmenter(name: str, options: PerceiveOptions) -> Segmenter:
 
 
 def _network(model: str, segmenter: Segmenter, options: PerceiveOptions) -> DepthEstimator | None:
-    if model == CONTACT:
+    if model == weights_file.CONTACT:
         return None
-    if model == ANY and isinstance(segmenter, RoomSegmenter):
+    if model == weights_file.ANY and isinstance(segmenter, RoomSegmenter):
         return segmenter
     return load_depth_estimator(model, threads=options.threads)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -27,13 +28,12 @@ class Telemetry:
         self, notes: Sequence[FrameNote], states: Sequence[DroneState], slack_s: float = _SLACK_S
     ) -> None:
         begin_s = notes[0].captured_s
-        self._states = [state.dated(state.captured_s - begin_s) for state in states]
+        self._states = deque(state.dated(state.captured_s - begin_s) for state in states)
         self._slack_s = slack_s
         self.times_s = np.array([note.captured_s - begin_s for note in notes])  # from the first one
         self._numbers = {name: [getattr(note, name) for note in notes] for name in _NUMBERS}
-        self._angles = {
-            name: np.unwrap([getattr(note.attitude, name) for note in notes]) for name in _ANGLES
-        }
+        angles = {name: [getattr(note.attitude, name) for note in notes] for name in _ANGLES}
+        self._angles = {name: np.unwrap(column) for name, column in angles.items()}
 
     @classmethod
     def fixed(cls, height_m: float, gimbal_pitch_rad: float) -> Telemetry:
@@ -51,14 +51,16 @@ class Telemetry:
     @classmethod
     def of_flight(cls, reader: RecordReader) -> Telemetry:
         """Return that of a record; FileError if it is damaged or has no frame."""
-        items = [
-            item.note if isinstance(item, StoredFrame) else item  # without the image
-            for item in footage(reader)
-        ]
-        notes = [item for item in items if isinstance(item, FrameNote)]
+        notes: list[FrameNote] = []
+        states: list[DroneState] = []
+        for item in footage(reader):
+            if isinstance(item, StoredFrame):
+                notes.append(item.note)  # without the image
+            elif isinstance(item, DroneState):
+                states.append(item)
         if not notes:
             raise FileError(reader.path, "the record has no frame with an image")
-        return cls(notes, [item for item in items if isinstance(item, DroneState)])
+        return cls(notes, states)
 
     def frame(self, image: NDArray[np.uint8], index: int, time_s: float) -> Frame:
         """Return an image, (H, W, 3) RGB, as a frame; heights beyond the flight's ends are NaN."""
@@ -80,9 +82,8 @@ class Telemetry:
 
     def states(self, until_s: float) -> list[DroneState]:
         """Return the drone's states since the last call, up to a time of the video."""
-        count = 0
+        past = []
         # With a tolerance: the video's times are differences.
-        while count < len(self._states) and self._states[count].captured_s <= until_s + 1e-9:
-            count += 1
-        past, self._states = self._states[:count], self._states[count:]
+        while self._states and self._states[0].captured_s <= until_s + 1e-9:
+            past.append(self._states.popleft())
         return past

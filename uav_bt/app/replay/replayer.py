@@ -113,8 +113,7 @@ def assemble_recorded(
     if drone.moment.tick.index > 0:
         begins_s = drone.now() - reader.timeline.start_s
         raise FileError(
-            reader.path,
-            f"begins {begins_s:.1f} s into its flight: replay the whole record",
+            reader.path, f"begins {begins_s:.1f} s into its flight: replay the whole record"
         )
     masks = changes.masks or ("recorded" if recorded.exact_masks else "network")
     if masks not in get_args(Masks):
