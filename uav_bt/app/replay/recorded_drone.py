@@ -107,10 +107,8 @@ class RecordedDrone:
         if stored.image is None:
             self.missing_images += 1  # the one before stays, and grows old
             return
-        try:
+        with self._reader.intact(f"frame {stored.note.index}"):
             self._frame = stored.frame()
-        except InputError as error:
-            raise FileError(self._reader.path, f"frame {stored.note.index}: {error}") from error
 
     def connect(self) -> None:
         """Nothing needs to be done."""

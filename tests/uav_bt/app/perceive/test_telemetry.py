@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.worlds.footage import frame, state, write_record
-from uav_bt.app.perceive.telemetry import Telemetry
+from uav_bt.app.perceive.inputs import Telemetry
 from uav_bt.errors import FileError
 from uav_bt.record.reader import RecordReader
 from uav_bt.types import CameraModel
