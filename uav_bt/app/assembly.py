@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final, Generic, TypeVar
 
@@ -40,36 +40,27 @@ _EXACT_PX: Final = (224, 112)  # width and height of exact class maps
 _STILL_S: Final = 2.0  # of a real camera; longer than video needs to repeat a whole image
 
 
+@dataclass(eq=False, kw_only=True)
 class Flight(Generic[DroneT]):
     """A mission with its drone, options and policies; nothing is connected yet.
 
     A replay states what `held`, its own judge and runner, and a source of class maps.
     """
 
-    def __init__(
-        self,
-        mission: MissionTree,
-        drone: DroneT,
-        options: FlightOptions,
-        *,
-        held: Conditions | None = None,
-        judge: Judge | None = None,
-        segmenter: Segmenter | None = None,
-        make_runner: Callable[..., MissionRunner] = MissionRunner,
-        outputs: FlightFolder | None = None,
-    ) -> None:
-        self.mission = mission
-        self.drone = drone
-        self.options = options
-        self.outputs = outputs
-        self._segmenter = segmenter
-        self._make_runner = make_runner
-        self._faulty = find_faulty_drones(drone)
-        check_phases(mission, [one.fault for one in self._faulty])
-        self._clock = TickClock(drone.clock)
-        self.held = held = held or conditions_of(options, mission, drone)
-        plugins.make_mark_finder(held.mark)  # refuses wrong options before the flight
-        self._judge = judge or Judge(held.judge, held.mark, held.area)
+    mission: MissionTree
+    drone: DroneT
+    options: FlightOptions
+    held: Conditions
+    judge: Judge
+    segmenter: Segmenter | None = None
+    make_runner: Callable[..., MissionRunner] = MissionRunner
+    outputs: FlightFolder | None = None
+
+    def __post_init__(self) -> None:
+        self._faulty = find_faulty_drones(self.drone)
+        check_phases(self.mission, [one.fault for one in self._faulty])
+        self._clock = TickClock(self.drone.clock)
+        plugins.make_mark_finder(self.held.mark)  # refuses wrong options before the flight
 
     def missed_faults(self) -> list[str]:
         """Return a warning for each fault of the drone that the flight did not have."""
@@ -91,7 +82,7 @@ class Flight(Generic[DroneT]):
             policy=self._policy,
             seed=self.options.seed,
             inference_threads=self.options.inference_threads,
-            segmenter=self._segmenter or exact or sight,
+            segmenter=self.segmenter or exact or sight,
             sight=sight,
             stills=drone.stills if isinstance(drone, Photographing) else None,
             ground=held.site.ground,
@@ -120,7 +111,7 @@ class Flight(Generic[DroneT]):
     def connected(self) -> Iterator[None]:
         """Connect the drone and set the mission up; undo both at the end."""
         options = self.options
-        given = self._segmenter is not None or isinstance(self.drone, Imageless)
+        given = self.segmenter is not None or isinstance(self.drone, Imageless)
         if not given and not options.exact_masks:
             refuse_foreign_network(self.mission, self.held.lab, named=options.lab is not None)
         try:
@@ -143,11 +134,11 @@ class Flight(Generic[DroneT]):
         """Return the runner; between ticks `next_tree` may replace its tree."""
         config, tick_s = self.options.runner, self.drone.tick_s
         others = [one for one in listeners if one not in self._faulty]
-        return self._make_runner(
+        return self.make_runner(
             self.drone,
             self.mission,
             self.context,
-            self._judge,
+            self.judge,
             limits=self.held.limits,
             config=config if tick_s is None else replace(config, tick_s=tick_s),
             listeners=[*self._faulty, *others],
@@ -188,9 +179,12 @@ def join(
 ) -> Flight[Drone]:
     """Return a flight of a loaded mission, with a new drone."""
     drone = with_faults(make_drone(options), options.faults)
-    flight = Flight(mission, drone, options, outputs=outputs)
-    check_clearances(flight.held.site, drone.airframe)
-    return flight
+    held = conditions_of(options, mission, drone)
+    check_clearances(held.site, drone.airframe)
+    judge = Judge(held.judge, held.mark, held.area)
+    return Flight(
+        mission=mission, drone=drone, options=options, held=held, judge=judge, outputs=outputs
+    )
 
 
 def frame_judge(drone: Drone) -> FrameJudge:

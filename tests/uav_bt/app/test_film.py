@@ -21,6 +21,7 @@ from tests.uav_bt.display.display_world import World
 from tests.worlds import values
 from uav_bt import app
 from uav_bt.app import film
+from uav_bt.protocols import Drone
 from uav_bt.testing import ScriptedDrone
 from uav_bt.tree import load_tree
 from uav_bt.types import DepthMap, Pose2D
@@ -33,10 +34,11 @@ SCENE = Scene(
 )
 
 
-def flight_of(**options: object) -> app.Flight[ScriptedDrone]:
+def flight_of(**options: object) -> app.Flight[Drone]:
     drone = ScriptedDrone()
     drone.scene = SCENE
-    return app.Flight(app.check("land_only"), drone, app.FlightOptions(**options))
+    flight = app.assemble("land_only", drone=drone)
+    return replace(flight, options=app.FlightOptions(**options))
 
 
 def test_a_scene_becomes_a_map_in_the_colours_of_its_classes() -> None:

@@ -141,9 +141,9 @@ def assemble_recorded(
         area=None if recorded.area is None else Area(recorded.area),
     )
     flight = Flight(
-        mission,
-        drone,
-        options,
+        mission=mission,
+        drone=drone,
+        options=options,
         held=held,
         judge=_ReplayJudge(drone, recorded.judge),
         segmenter=drone if masks == "recorded" else None,
