@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -115,18 +115,18 @@ def _marker(leaf: BuildCorridor, camera: CameraModel) -> Intruding:
     return intruding
 
 
+@dataclass(eq=False)
 class VideoListeners:
     """Films a flight; one of the `listeners` of `app.fly`."""
 
-    def __init__(self, file: VideoFile, title: str) -> None:
-        self._file = file
-        self._title = title
-        self._begun: tuple[FlightVideo, LandingMark] | None = None
+    file: VideoFile
+    title: str
+    _begun: tuple[FlightVideo, LandingMark] | None = None
 
     def __call__(self, flight: Flight[Drone]) -> Sequence[TickListener]:
         """Begin the video of a connected drone's flight."""
-        facts = facts_of_flight(flight, self._title)
-        video = FlightVideo(self._file, flight.context.board, facts)
+        facts = facts_of_flight(flight, self.title)
+        video = FlightVideo(self.file, flight.context.board, facts)
         self._begun = video, flight.context.mark
         return [video]
 
@@ -146,7 +146,7 @@ class VideoListeners:
     def finish(self, report: FlightReport) -> None:
         """Show how the flight ended and finish the file."""
         self.conclude(report)
-        self._file.close()
+        self.file.close()
 
 
 @contextmanager

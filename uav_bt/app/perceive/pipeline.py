@@ -43,47 +43,39 @@ class Perceived(Seen):
     stage_s: Mapping[str, float]  # wall time by stage; a stage that did not run is not in it
 
 
+@dataclass(eq=False)
 class Pipeline:
     """Perceives one frame after another.
 
-    Args:
+    Attributes:
         segmenter: frame in, class map out.
         network: frame in, relative depth out; None perceives depth by ground contact alone.
-        camera: intrinsics at the frames' size; with distortion where the frames are distorted.
+        camera: intrinsics at the frames' size; with distortion where the frames are distorted. Then
+            that of the undistorted frames.
         generator: draws the ground's pixels for the scale.
         timer: the wall clock that computing is measured with, seconds.
     """
 
-    def __init__(
-        self,
-        segmenter: Segmenter,
-        network: DepthEstimator | None,
-        camera: CameraModel,
-        *,
-        generator: np.random.Generator,
-        timer: Callable[[], float] = time.perf_counter,
-    ) -> None:
-        self._segmenter = segmenter
-        self._undistorter = Undistorter(camera)
-        self._network = network
-        self._generator = generator
-        self._timer = timer
+    segmenter: Segmenter
+    network: DepthEstimator | None
+    camera: CameraModel
+    generator: np.random.Generator
+    timer: Callable[[], float] = time.perf_counter
+
+    def __post_init__(self) -> None:
+        self._undistorter = Undistorter(self.camera)
+        self.camera = self._undistorter.camera
         self._corridors = CorridorBuilder()
         self._finder = make_mark_finder(default_mark())
         self.restart()
 
-    @property
-    def camera(self) -> CameraModel:
-        """The camera of the undistorted frames."""
-        return self._undistorter.camera
-
     def restart(self) -> None:
         """Forget all earlier frames, so that images are perceived alike in any order."""
         self._depth = MetricDepthMaker(
-            self._network,
-            source="contact" if self._network is None else "fused",
-            generator=copy.deepcopy(self._generator),
-            timer=self._timer,
+            self.network,
+            source="contact" if self.network is None else "fused",
+            generator=copy.deepcopy(self.generator),
+            timer=self.timer,
         )
         self._track = MarkTracker()
         self._state: DroneState | None = None
@@ -100,7 +92,7 @@ class Pipeline:
             self._track.predict(state)
             self._state = state
         with self._timed(spent, "segmentation"):
-            class_map = self._segmenter.segment(frame)
+            class_map = self.segmenter.segment(frame)
         try:
             metric = self._depth.make(
                 frame, class_map, self.camera, state=self._state, spent=spent.__setitem__
@@ -141,6 +133,6 @@ class Pipeline:
 
     @contextmanager
     def _timed(self, spent: dict[str, float], stage: str) -> Iterator[None]:
-        begin_s = self._timer()
+        begin_s = self.timer()
         yield
-        spent[stage] = self._timer() - begin_s
+        spent[stage] = self.timer() - begin_s
