@@ -8,15 +8,15 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from numbers import Integral
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Final, NoReturn
 
 from annotated_types import Ge, MinLen
-from pydantic import AfterValidator, BeforeValidator, Field
-from pydantic_core import CoreSchema, core_schema
+from pydantic import AfterValidator, BeforeValidator, Field, GetPydanticSchema
+from pydantic_core import core_schema
 
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import reading
@@ -29,14 +29,10 @@ from uav_bt.tree.port import port_text
 _ABSENT: Final = object()
 
 
-@dataclass(frozen=True)
-class Checked:
-    """A function checks the value, whatever its type, and returns it."""
-
-    check: Callable[[Any], Any]
-
-    def __get_pydantic_core_schema__(self, *_: object) -> CoreSchema:
-        return core_schema.no_info_plain_validator_function(self.check)
+def checked_by(check: Callable[[Any], Any]) -> GetPydanticSchema:
+    """Let a function check a value, whatever its type, and return it."""
+    schema = core_schema.no_info_plain_validator_function(check)
+    return GetPydanticSchema(lambda *_: schema)
 
 
 def class_name(value: object) -> str:
@@ -98,7 +94,7 @@ def _mapping(
     kind: type | UnionType,
     value_expected: str,
     made: Callable[[Any], Any] = lambda value: value,
-) -> Checked:
+) -> GetPydanticSchema:
     """Return a check of a mapping from texts to values of a kind; `made` converts these."""
 
     def checked(given: Any) -> dict[str, Any]:
@@ -108,7 +104,7 @@ def _mapping(
             expect(f"{what}['{name}']", value, kind, value_expected)
         return {name: made(value) for name, value in given.items()}
 
-    return Checked(checked)
+    return checked_by(checked)
 
 
 def check_drone(drone: Any) -> Any:
@@ -174,7 +170,7 @@ def _policies_of_texts(texts: Iterable[str]) -> dict[str, str]:
     return found
 
 
-def loaded_by(load: Callable[[str | Path], Any], kind: type) -> Checked:
+def loaded_by(load: Callable[[str | Path], Any], kind: type) -> GetPydanticSchema:
     """Return a check that loads the object of a file or a name; objects stay."""
 
     def loaded(given: object) -> object:
@@ -183,7 +179,7 @@ def loaded_by(load: Callable[[str | Path], Any], kind: type) -> Checked:
         expect(kind.__name__, given, kind | None, f"a {kind.__name__}, its file or its name")
         return given
 
-    return Checked(loaded)
+    return checked_by(loaded)
 
 
 _PLAIN: Final = (Plain, "a text, a number, True or False")

@@ -123,7 +123,7 @@ class FlightOptions:
     lab file has all keys of a site file."""
     drone: Annotated[
         str | DroneConfig | Drone,
-        values.Checked(values.check_drone),
+        values.checked_by(values.check_drone),
         Option("", "NAME[:ADDRESS]", "Real drone"),
     ] = "twin"
     """The drone that flies: twin, plain (the twin without images), anafi[:HOST[:PORT]],
