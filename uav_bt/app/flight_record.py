@@ -138,22 +138,18 @@ def _attachments(flight: Flight[Drone]) -> Iterator[Attachment]:
 
 
 def recorded_files(reader: RecordReader, folder: Path) -> tuple[Path | None, Path | None]:
-    """Write a record's attachments into an empty folder; return its tree and its scene."""
-    root, files = folder.resolve(), dict[str, Path]()
-    for name, attachment in reader.attachments.items():
-        try:
-            files[name] = file = (root / name).resolve()
-            if not file.is_relative_to(root):
-                raise FileError(reader.path, f"its attachment '{name:.80}' lies outside its folder")
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_bytes(attachment.data)
-        except (OSError, ValueError) as error:  # no name of a file, or the disk is full
-            reason = getattr(error, "strerror", None) or error
-            raise FileError(
-                reader.path, f"its attachment '{name:.80}' cannot be written out: {reason}"
-            ) from error
-    tree = files.get(f"{_TREE_FOLDER}{reader.metadata.get('tree', '')}")
-    return tree, files.get(_SCENE_FILE)
+    """Write tree and scene of a record into a folder; None for what it does not hold."""
+    tree = f"{_TREE_FOLDER}{reader.metadata.get('tree', '')}"
+    return _written(reader, tree, folder), _written(reader, _SCENE_FILE, folder)
+
+
+def _written(reader: RecordReader, name: str, folder: Path) -> Path | None:
+    file = folder / Path(name).name
+    if (attachment := reader.attachments.get(name)) is None:
+        return None
+    with writing(file):
+        file.write_bytes(attachment.data)
+    return file
 
 
 @dataclass(frozen=True, kw_only=True)

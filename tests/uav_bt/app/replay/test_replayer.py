@@ -180,7 +180,7 @@ def test_attachments_without_the_tree_or_outside_their_folder_are_refused(
             replay(noisy)
         patch.setattr(flight_record, "_TREE_FOLDER", "tree/../../")
         record, _ = fly_noisy(tmp_path, monkeypatch)
-    with pytest.raises(FileError, match="lies outside its folder"):
+    with pytest.raises(FileError, match="lacks its tree file"):
         replay(record)
 
 
