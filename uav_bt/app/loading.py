@@ -159,11 +159,13 @@ def _check_site_reaches(mission: MissionTree, by_key: _ByKey, options: FlightOpt
 
 def _check_ceiling(mission: MissionTree, ceiling_m: float) -> None:
     """Refuse a flight height above the ceiling, if it is known before the flight."""
-    for leaf in mission.leaves():
-        height = next((port for port in leaf.ports if port.name == _HEIGHT_PORT), None)
-        if FLIGHT_HEIGHT not in leaf.writes or height is None:
-            continue
-        height_m = leaf.initial_value(height)
+    values = (
+        (leaf, leaf.initial_value(port))
+        for leaf in mission.leaves()
+        for port in leaf.ports
+        if FLIGHT_HEIGHT in leaf.writes and port.name == _HEIGHT_PORT
+    )
+    for leaf, height_m in values:
         if height_m is not None and height_m > ceiling_m:
             raise InputError(
                 f"node '{leaf.path}' is to fly at {height_m:g} m, above the ceiling of "

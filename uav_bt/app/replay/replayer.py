@@ -32,6 +32,7 @@ from uav_bt.types.area import Area
 
 Masks = Literal["network", "recorded"]
 
+_AS_FLOWN: Final = ("seed", "inference_threads", "record_quality", "site", "limits", "runner")
 _OVER: Final = frozenset({"SUCCESS", "FAILURE"})
 _STOPPED: Final = frozenset({Override.ABORT, Override.BATTERY})
 _AS_RECORDED: Final = "stopped, as in the recording"
@@ -119,12 +120,7 @@ def assemble_recorded(
     if masks not in get_args(Masks):
         refuse("masks", "network or recorded, or None", masks)
     options = FlightOptions(
-        seed=recorded.seed,
-        inference_threads=recorded.inference_threads,
-        record_quality=recorded.record_quality,
-        site=recorded.site,
-        limits=recorded.limits,
-        runner=recorded.runner,
+        **{name: getattr(recorded, name) for name in _AS_FLOWN},
         policies=changes.policies,
         leaves=changes.leaves,
         tree_folders=changes.tree_folders,
