@@ -159,13 +159,9 @@ def _check_site_reaches(mission: MissionTree, by_key: _ByKey, options: FlightOpt
 
 def _check_ceiling(mission: MissionTree, ceiling_m: float) -> None:
     """Refuse a flight height above the ceiling, if it is known before the flight."""
-    values = (
-        (leaf, leaf.initial_value(port))
-        for leaf in mission.leaves()
-        for port in leaf.ports
-        if FLIGHT_HEIGHT in leaf.writes and port.name == _HEIGHT_PORT
-    )
-    for leaf, height_m in values:
+    for leaf in mission.leaves():
+        values = {port.name: leaf.initial_value(port) for port in leaf.ports}
+        height_m = values.get(_HEIGHT_PORT) if FLIGHT_HEIGHT in leaf.writes else None
         if height_m is not None and height_m > ceiling_m:
             raise InputError(
                 f"node '{leaf.path}' is to fly at {height_m:g} m, above the ceiling of "
