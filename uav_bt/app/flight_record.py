@@ -9,12 +9,13 @@ import json
 import platform
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
 from pydantic import TypeAdapter, ValidationError
+from pydantic_core import to_jsonable_python
 
 import uav_bt
 from sim_bridge.twin.scene import Scene
@@ -101,7 +102,7 @@ def _flight_facts(flight: Flight[Drone]) -> dict[str, str]:
         "policies": options.policy_names,
         "drone": options.drone_name,
         "drone_config": repr(options.drone) if is_dataclass(options.drone) else None,
-        "classes": [asdict(each) for each in held.classes],
+        "classes": [*held.classes],
         "airframe": drone.airframe,
         "simulated": drone.referee is not None,
         "imageless": flight.context.sight is not None,
@@ -113,13 +114,9 @@ def _flight_facts(flight: Flight[Drone]) -> dict[str, str]:
     }
     del values["record"], values["params"]
     return {
-        name: value if isinstance(value, str) else json.dumps(value, default=_plain)
+        name: value if isinstance(value, str) else json.dumps(value, default=to_jsonable_python)
         for name, value in values.items()
     }
-
-
-def _plain(value: object) -> object:
-    return str(value) if isinstance(value, Path) else asdict(value)  # type: ignore[call-overload]
 
 
 def _attachments(flight: Flight[Drone]) -> Iterator[Attachment]:
