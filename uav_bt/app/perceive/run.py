@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Final, TextIO
 
 import numpy as np
+from pydantic_core import to_json
 
 from perception.camera.image_files import IMAGE_SUFFIXES
 from perception.depth.confidence import Confidence
@@ -33,7 +34,6 @@ from uav_bt.tree.loading.lookup import shipped_trees
 from uav_bt.types import CameraModel
 
 _MAX_RATE: Final = 60.0  # images a second of a video that is written
-_DECIMALS: Final = 6  # of the numbers in the lines
 _CORRIDOR: Final = (
     *("free_distance_m", "nearest_m", "nearest_side", "nearest_left_m", "nearest_right_m"),
     *("time_to_impact_s", "unknown_px"),
@@ -176,7 +176,7 @@ def _write_mask(folder: Path, image: Shot, seen: Perceived) -> None:
 
 
 def _write_line(file: TextIO, image: Shot, seen: Perceived) -> None:
-    file.write(json.dumps(_rounded(_values(image, seen)), allow_nan=False) + "\n")
+    file.write(to_json(_values(image, seen), inf_nan_mode="null").decode() + "\n")
 
 
 @contextmanager
@@ -227,12 +227,3 @@ def _measures(confidence: Confidence) -> dict[str, Any]:
         for name, (value, reason) in confidence.measures.items()
     }
     return {"measures": measures} if measures else {}
-
-
-def _rounded(value: Any) -> Any:
-    """Return plain values with rounded numbers; None for infinity."""
-    if isinstance(value, dict):
-        return {name: _rounded(each) for name, each in value.items()}
-    if isinstance(value, float):
-        return round(value, _DECIMALS) if math.isfinite(value) else None
-    return value
