@@ -172,9 +172,6 @@ def flight_video(
 def live_status(console: Console | None = None) -> Iterator[Listeners]:
     """Show the flight that is flown inside in one line, on standard error."""
     with ExitStack() as lines:
-
-        def make(flight: Flight[Drone]) -> Sequence[TickListener]:
-            status = LiveStatus(flight.context.board, console=console)
-            return [lines.enter_context(closing(status))]
-
-        yield make
+        yield lambda flight: [
+            lines.enter_context(closing(LiveStatus(flight.context.board, console=console)))
+        ]

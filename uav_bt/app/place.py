@@ -90,11 +90,11 @@ def rules_of(mission: MissionTree) -> MissionRules:
 
 def limits_of(options: FlightOptions) -> Limits:
     """Return the limits of options, site or lab; the stricter where both state them."""
-    site, given = options.place, options.limits
-    if site is None or given is None:
-        return given or (site or Site()).limits
+    given, of_site = options.limits, (options.place or Site()).limits
+    if given is None or of_site is None:
+        return given or of_site or Limits()
     stricter = {
-        name: (max if name in _LARGER else min)(limit, getattr(site.limits, name))
+        name: (max if name in _LARGER else min)(limit, getattr(of_site, name))
         for name, limit in vars(given).items()
     }
     return Limits(**stricter)

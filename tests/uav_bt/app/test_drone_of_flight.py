@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import yaml
 
+from sim_bridge.olympe import AnafiConfig
 from sim_bridge.twin import TwinConfig
 from uav_bt import app
 from uav_bt.app.drone_of_flight import CalibratedDrone, RehearsedDrone
@@ -150,3 +152,9 @@ def test_a_pretended_flight_has_heights_and_ends(stage: Stage) -> None:
     assert (down.flying, down.altitude_m) == (FlyingState.LANDED, 0.0)
     for movement in (Hover(), MoveBy(id=9, forward_m=1.0), Velocity(forward_mps=1.0), Land()):
         assert stage.play(movement, 0.3).flying is FlyingState.LANDED
+
+
+def test_a_site_without_limits_leaves_those_of_the_options_to_the_drone() -> None:
+    config, limits = AnafiConfig(), app.Limits(speed_mps=2.0)
+    drone: Any = app.make_drone(app.FlightOptions(drone=config, site=app.Site(), limits=limits))
+    assert drone._config.speed_limit_mps == 2.0
