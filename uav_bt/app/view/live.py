@@ -60,15 +60,10 @@ def _view(stream: rr.RecordingStream, flight: Flight[Drone], title: str = "") ->
 
 @contextmanager
 def saved_view(path: str | Path, *, title: str = "") -> Iterator[Listeners]:
-    """Write the view of the flight that is flown inside.
+    """Write the view of the flight that is flown inside to an rrd file, which appears at the end.
 
-    Args:
-        path: the rrd file; it appears, whole, at the end.
-        title: the recording's name; the mission, the scene and the seed when empty.
-
-    Raises:
-        FileError: the file cannot be written.
-        MissingDependencyError: Rerun is not installed.
+    FileError if it cannot be written. `title` is the recording's name; default: the mission, the
+    scene and the seed.
     """
     with sinks.saved(Path(path)) as stream:
         yield lambda flight: [_view(stream, flight, title)]
@@ -78,14 +73,10 @@ def saved_view(path: str | Path, *, title: str = "") -> Iterator[Listeners]:
 def live_view(
     *, web: bool = False, on_url: Callable[[str], None] = lambda _url: None
 ) -> Iterator[LiveView]:
-    """Show the flight that is flown inside.
+    """Show the flight that is flown inside; InputError without a display.
 
     A window stays open when all is over; a browser's view ends here, so `wait` for it before.
     `on_url` gets the address of a browser's view before anything flies.
-
-    Raises:
-        InputError: there is no display.
-        MissingDependencyError: Rerun is not installed.
     """
     instead = "--view web shows it in a browser, --record FILE.mcap keeps it for `uav-bt view`"
     with sinks.shown(web=web, instead=instead) as viewer:
