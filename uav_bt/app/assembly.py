@@ -40,7 +40,7 @@ _EXACT_PX: Final = (224, 112)  # width and height of exact class maps
 _STILL_S: Final = 2.0  # of a real camera; longer than video needs to repeat a whole image
 
 
-@dataclass(eq=False, kw_only=True)
+@dataclass(eq=False)
 class Flight(Generic[DroneT]):
     """A mission with its drone, options and policies; nothing is connected yet.
 
@@ -182,9 +182,7 @@ def join(
     held = conditions_of(options, mission, drone)
     check_clearances(held.site, drone.airframe)
     judge = Judge(held.judge, held.mark, held.area)
-    return Flight(
-        mission=mission, drone=drone, options=options, held=held, judge=judge, outputs=outputs
-    )
+    return Flight(mission, drone, options, held, judge, outputs=outputs)
 
 
 def frame_judge(drone: Drone) -> FrameJudge:

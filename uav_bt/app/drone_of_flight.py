@@ -23,15 +23,7 @@ from uav_bt.testing.drone import ScriptedDrone
 from uav_bt.testing.fault_kinds import FAULTS
 from uav_bt.testing.faults import RANDOM, START, Fault, FaultyDrone
 from uav_bt.tree import MissionTree
-from uav_bt.types import (
-    CameraModel,
-    Command,
-    DroneState,
-    Frame,
-    MissionPhase,
-    Observation,
-    Release,
-)
+from uav_bt.types import CameraModel, Command, DroneState, Frame, MissionPhase, Observation, Release
 from uav_bt.types.commands import Phase
 
 _CEILING_SLACK_M: Final = 0.6  # of the drone's own ceiling above the mission's

@@ -13,7 +13,7 @@ from uav_bt.app import flight_outputs
 from uav_bt.app.assembly import Flight, Listeners, frame_judge, join
 from uav_bt.app.drone_of_flight import drawn
 from uav_bt.app.film import flight_video
-from uav_bt.app.flight_outputs import FlownMission, PathLog
+from uav_bt.app.flight_outputs import FlownMission, PathLog, fetch_photos
 from uav_bt.app.flying_process import landing_on_signals, short_collections
 from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.option_values import as_file, expect, refuse
@@ -139,9 +139,7 @@ def fly(
         keep: dict[str, Callable[[FlightReport], None]] = {}  # the report last: it names losses
         if folder is not None and flight.context.stills is not None:
             camera = flight.context.stills  # first, while the drone waits on the ground
-            keep["camera photographs"] = partial(
-                flight_outputs.fetch_photos, camera=camera, folder=folder
-            )
+            keep["camera photographs"] = partial(fetch_photos, camera=camera, folder=folder)
         if video is not None:
             film = stack.enter_context(flight_video(video))
             followers.append(film)

@@ -102,9 +102,7 @@ def read_mission(
 def _check_made(tree: MissionTree, options: FlightOptions) -> None:
     """Refuse a tree that flew, and options that are for tree files."""
     if tree.is_set_up:
-        raise InputError(
-            f"tree '{tree.name}' was flown or set up before: make it anew for each flight"
-        )
+        raise InputError(f"tree '{tree.name}' was flown or set up before: make it anew each time")
     for what, given in (
         ("tree_id", options.tree_id not in {None, tree.name}),
         ("tree_folders", options.tree_folders != TreeFolders()),

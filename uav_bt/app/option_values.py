@@ -88,7 +88,7 @@ def _fault_lines(path: Path) -> Iterator[str]:
             yield fault
 
 
-def _mapping(
+def _mapping_of(
     what: str,
     expected: str,
     kind: type | UnionType,
@@ -183,10 +183,10 @@ def loaded_by(load: Callable[[str | Path], Any], kind: type) -> GetPydanticSchem
 
 
 _PLAIN: Final = (Plain, "a text, a number, True or False")
-PORTS: Final = _mapping(
-    "ports", "values by node and port, such as {'Climb.to_m': 1.5}", *_PLAIN, port_text
+PORTS: Final = _mapping_of(
+    "ports", "values by node and port, such as {'TakeOff.height_m': 1.2}", *_PLAIN, port_text
 )
-VARIABLES: Final = _mapping("variables", "values by variable, such as {'laps': 3}", *_PLAIN)
+VARIABLES: Final = _mapping_of("variables", "values by variable, such as {'laps': 3}", *_PLAIN)
 Whole = Annotated[int, BeforeValidator(_whole)]
 """Also an integer of NumPy."""
 File = Annotated[
@@ -198,7 +198,7 @@ Seed = Annotated[
 ]
 Policies = Annotated[
     Mapping[str, str | LeafPolicy],
-    _mapping(
+    _mapping_of(
         "policies",
         "policies by node, such as {'Explore': 'corridor'}",
         str | LeafPolicy,

@@ -4,21 +4,14 @@ from __future__ import annotations
 
 import inspect
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, fields, replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
 
 from annotated_types import Ge, Le
-from pydantic import (
-    AfterValidator,
-    ConfigDict,
-    ModelWrapValidatorHandler,
-    TypeAdapter,
-    ValidationError,
-    model_validator,
-)
+from pydantic import AfterValidator, ConfigDict, TypeAdapter, ValidationError, model_validator
 from pydantic.dataclasses import dataclass
 
 from sim_bridge.twin.scene import MAX_MOVERS
@@ -149,7 +142,7 @@ class FlightOptions:
 
     @model_validator(mode="wrap")
     @classmethod
-    def _refusing(cls, given: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+    def _refusing(cls, given: Any, handler: Callable[[Any], Self]) -> Self:
         try:
             return handler(given)
         except ValidationError as error:

@@ -50,9 +50,7 @@ class TreeReload:
         try:
             tree = load_mission(self.path, flight.options, self.registry)
             if rules_of(tree) != rules_of(flight.mission):
-                raise InputError(
-                    f"{self.path}: its Rules differ from those that were read before the take-off"
-                )
+                raise InputError(f"{self.path}: its Rules differ from those before the take-off")
             if same := tree.sources == flight.mission.sources:
                 self.note(f"{self.path}: again the tree that flies; it goes on")
             else:
@@ -95,7 +93,5 @@ def reloadable_file(tree: Mission, drone: Drone, outputs: Mapping[str, Path | No
         )
     for what, file in outputs.items():
         if file is not None:
-            raise InputError(
-                f"watch: a {what} shows one tree, and this one may change: leave one of both out"
-            )
+            raise InputError(f"watch: a {what} shows one tree, and this may change: leave one out")
     return Path(tree)

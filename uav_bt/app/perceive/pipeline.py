@@ -111,10 +111,8 @@ class Pipeline:
                 )
             intruding = self._corridors.intruding(metric.depth, view, things=things)
         with self._timed(spent, "mark"):
-            sighting = self._finder.find(
-                MarkView(frame=frame, camera=self.camera, class_map=class_map)
-            )
-            self._track.see(sighting, frame.captured_s)
+            seen = MarkView(frame=frame, camera=self.camera, class_map=class_map)
+            self._track.see(self._finder.find(seen), frame.captured_s)
             fix = self._track.fix()
             if fix and frame.captured_s - fix.captured_s > _CARRIED_S:
                 fix = None

@@ -7,16 +7,8 @@ from dataclasses import replace
 from uav_bt.errors import FileError, InputError
 from uav_bt.record.moment import Moment
 from uav_bt.record.reader import RecordReader
-from uav_bt.types import (
-    Airframe,
-    ClassMap,
-    Command,
-    DroneState,
-    Frame,
-    MoveBy,
-    Movement,
-    Observation,
-)
+from uav_bt.types import Airframe, ClassMap, Command, DroneState, Frame, MoveBy, Observation
+from uav_bt.types.commands import Movement
 
 
 class MovementIds:

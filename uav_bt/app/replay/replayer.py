@@ -112,10 +112,8 @@ def assemble_recorded(
         )
     drone = RecordedDrone(reader, recorded.airframe)
     if drone.moment.tick.index > 0:
-        begins_s = drone.now() - reader.timeline.start_s
-        raise FileError(
-            reader.path, f"begins {begins_s:.1f} s into its flight: replay the whole record"
-        )
+        at_s = drone.now() - reader.timeline.start_s
+        raise FileError(reader.path, f"begins {at_s:.1f} s into its flight: give the whole record")
     masks = changes.masks or ("recorded" if recorded.exact_masks else "network")
     if masks not in get_args(Masks):
         refuse("masks", "network or recorded, or None", masks)
@@ -137,11 +135,11 @@ def assemble_recorded(
         area=None if recorded.area is None else Area(recorded.area),
     )
     flight = Flight(
-        mission=mission,
-        drone=drone,
-        options=options,
-        held=held,
-        judge=_ReplayJudge(drone, recorded.judge),
+        mission,
+        drone,
+        options,
+        held,
+        _ReplayJudge(drone, recorded.judge),
         segmenter=drone if masks == "recorded" else None,
         make_runner=_ReplayRunner,
     )

@@ -147,9 +147,7 @@ class RecordedFlight:
                 return
         advance(stage, done, done)
         if not done:
-            raise FileError(
-                self.reader.path, "the record has no tick in the part that was asked for"
-            )
+            raise FileError(self.reader.path, "it has no tick in the part that was asked for")
 
     def save(self, path: str | Path, *, advance: Advance = silent) -> None:
         """Write the view as an rrd file, which appears whole or not at all.
