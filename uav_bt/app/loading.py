@@ -150,8 +150,7 @@ def _check_site_reaches(mission: MissionTree, by_key: _ByKey, options: FlightOpt
             elif not any(name in leaf.values_taken({key: attributes}) for leaf in writers):
                 raise InputError(
                     f"{setting} reaches no leaf of tree '{mission.name}': '{writers[0].path}' "
-                    f"writes '{key.name}' but has no port '{name}'; give it that port, or fly "
-                    "without this setting"
+                    f"writes '{key.name}' but has no port '{name}'; add it, or drop this setting"
                 )
 
 

@@ -151,8 +151,7 @@ class FlightOptions:
     def __post_init__(self) -> None:
         if self.lab is not None and self.site is not None:
             raise InputError(
-                "--lab and --site (lab and site in Python) both say how the place is flown: give "
-                "one of them"
+                "--lab and --site (lab, site in Python) both say how the place is flown: give one"
             )
         if isinstance(self.record, Path) and self.record.suffix.lower() != ".mcap":
             values.refuse("record", "a file whose name ends in .mcap", str(self.record))

@@ -63,8 +63,7 @@ def conditions_of(
     mark = site.mark if scene is None or scene.mark is None else scene.mark
     if scene is not None and options.lab is None and site.mark not in {None, mark}:
         raise InputError(
-            f"the site's mark ({site.mark}) is not that of scene '{scene.name}' ({mark}): "
-            "remove one of them"
+            f"the site's mark ({site.mark}) is not that of scene '{scene.name}' ({mark}): drop one"
         )
     found = Conditions(
         lab=lab,
@@ -108,8 +107,7 @@ def lab_of(options: FlightOptions, scene: Scene | None) -> Lab | None:
     if scene is not None and of_scene is not None and not _same(lab, of_scene):
         raise InputError(
             f"scene '{scene.name}' belongs to the lab '{of_scene.name}', and the flight is in the "
-            f"lab '{lab.name}': choose one of its scenes ({', '.join(lab.scenes)}), or --lab "
-            f"{of_scene.name}"
+            f"lab '{lab.name}': choose one of its scenes ({', '.join(lab.scenes)}), or that lab"
         )
     return lab
 

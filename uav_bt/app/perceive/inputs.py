@@ -160,8 +160,7 @@ class PerceiveInput:
         recorded = Path(text).suffix.lower() == RECORD_SUFFIX
         if recorded and (options.camera is not None or options.telemetry is not None):
             raise InputError(
-                f"{text} knows its own camera and telemetry; leave the other files away, or give "
-                "the video"
+                f"{text} knows its own camera and telemetry; leave others out, or give the video"
             )
         flown = text if recorded else options.telemetry
         self._flight = None if flown is None else flight_record(Path(flown))

@@ -121,7 +121,6 @@ class RecordedDrone:
         found = self.moment.class_map
         if found is None or found.captured_s != frame.captured_s:
             raise InputError(
-                f"the record has no class map of frame {frame.index}: replay with the network "
-                "(--masks network)"
+                f"the record has no class map of frame {frame.index}: replay with --masks network"
             )
         return found

@@ -107,8 +107,7 @@ def assemble_recorded(
     if recorded.imageless:
         raise FileError(
             reader.path,
-            "was flown without images, so there is nothing to perceive again; fly it again with "
-            "its seed",
+            "was flown without images, and shows nothing to perceive: fly it again with its seed",
         )
     drone = RecordedDrone(reader, recorded.airframe)
     if drone.moment.tick.index > 0:
