@@ -136,18 +136,18 @@ def refuse_unusable(
     drone: str,
     usable: Collection[str],
     *,
-    remedy: str = "leave it out, as this drone has no such setting",
+    cure: str = "leave it out, as this drone has no such setting",
 ) -> None:
     """Refuse the `FlightOptions` that a drone does not support; defaults are never refused.
 
-    The message begins with `drone`, ends with `remedy`, and names the flag of a named drone.
+    The message begins with `drone`, ends with `cure`, and names the flag of a named drone.
     """
     for each in fields(options):
         value, about = getattr(options, each.name), option_of(type(options), each.name)
         if about.of_drone and each.name not in usable and value != each.default:
             is_named = isinstance(options.drone, str)
             name = f"{about.flag_of(each.name)} ({each.name} in Python)" if is_named else each.name
-            raise InputError(f"{drone} takes no {name}, got {value!r}: {remedy}")
+            raise InputError(f"{drone} takes no {name}, got {value!r}: {cure}")
 
 
 def _whole(value: object) -> object:

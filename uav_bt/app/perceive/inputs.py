@@ -98,14 +98,8 @@ class Telemetry:
     @classmethod
     def fixed(cls, height_m: float, gimbal_pitch_rad: float) -> Telemetry:
         """Return that of a camera with a fixed height above the ground and pitch."""
-        note = FrameNote(
-            index=0,
-            captured_s=0.0,
-            gimbal_pitch_rad=gimbal_pitch_rad,
-            altitude_m=height_m,
-            height_m=height_m,
-            height_above_ground_m=height_m,
-        )
+        numbers = {**dict.fromkeys(_NUMBERS, height_m), "gimbal_pitch_rad": gimbal_pitch_rad}
+        note = FrameNote(index=0, captured_s=0.0, attitude=Attitude(), **numbers)
         return cls([note], [], math.inf)
 
     @classmethod
@@ -132,12 +126,9 @@ class Telemetry:
                 for name, column in columns.items()
             }
 
+        attitude = Attitude(**at(self._angles))
         return Frame(
-            image=image,
-            index=index,
-            captured_s=time_s,
-            attitude=Attitude(**at(self._angles)),
-            **at(self._numbers),
+            image=image, index=index, captured_s=time_s, attitude=attitude, **at(self._numbers)
         )
 
     def states(self, until_s: float) -> list[DroneState]:

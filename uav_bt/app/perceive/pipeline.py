@@ -99,17 +99,15 @@ class Pipeline:
             )
         except AnswerError as error:
             metric = MetricDepth.refused(str(error))
-        corridor = intruding = None
-        if metric.depth is not None:
-            height_px, width_px = metric.depth.depth.shape
+        depth, corridor, intruding = metric.depth, None, None
+        if depth is not None:
+            height_px, width_px = depth.depth.shape
             with self._timed(spent, "corridor"):
                 view = view_of(frame, self.camera, (width_px, height_px))
                 things = class_map.is_above_ground
                 velocity = None if self._state is None else self._state.velocity
-                corridor = self._corridors.build(
-                    metric.depth, view, velocity=velocity, things=things
-                )
-            intruding = self._corridors.intruding(metric.depth, view, things=things)
+                corridor = self._corridors.build(depth, view, velocity=velocity, things=things)
+            intruding = self._corridors.intruding(depth, view, things=things)
         with self._timed(spent, "mark"):
             seen = MarkView(frame=frame, camera=self.camera, class_map=class_map)
             self._track.see(self._finder.find(seen), frame.captured_s)
@@ -119,7 +117,7 @@ class Pipeline:
         return Perceived(
             frame=frame,
             class_map=class_map,
-            depth=metric.depth,
+            depth=depth,
             refusal=metric.refusal,
             scale=metric.scale,
             confidences=metric.confidences,

@@ -223,7 +223,6 @@ def _values(image: Shot, seen: Perceived) -> dict[str, Any]:
 
 def _measures(confidence: Confidence) -> dict[str, Any]:
     measures = {
-        name: {"value": value, "reason": reason}
-        for name, (value, reason) in confidence.measures.items()
+        name: {"value": value, "reason": why} for name, (value, why) in confidence.measures.items()
     }
     return {"measures": measures} if measures else {}

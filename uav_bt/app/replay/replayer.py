@@ -123,7 +123,7 @@ def assemble_recorded(
         tree_folders=changes.tree_folders,
     )
     if changes.tree is None:
-        mission = _recorded_mission(reader, recorded, options, changes.registry)
+        mission = _recorded_mission(reader, recorded, options, changes)
     else:
         # Attributes and variables that the recorded mission had may name none of this one.
         mission = read_mission(changes.tree, options, changes.registry)
@@ -156,16 +156,12 @@ def _check_complete(reader: RecordReader, mission: MissionTree, masks: Masks) ->
     ):
         if needed and next(reader.messages([topic]), None) is None:
             raise FileError(
-                reader.path,
-                f"the record has no {what} (no message on {topic}); give it as it was flown",
+                reader.path, f"has no {what} (no message on {topic}); give it as it was flown"
             )
 
 
 def _recorded_mission(
-    reader: RecordReader,
-    recorded: RecordedOptions,
-    options: FlightOptions,
-    registry: NodeRegistry | None,
+    reader: RecordReader, recorded: RecordedOptions, options: FlightOptions, changes: ReplayOptions
 ) -> MissionTree:
     """Load the recorded tree, with the policies of the options."""
     with TemporaryDirectory(prefix="uav-bt-replay-") as folder:
@@ -178,7 +174,7 @@ def _recorded_mission(
                 "ReplayOptions(tree=...)",
             )
         options = replace(options, tree_id=reader.metadata.get("tree_name"))
-        mission = read_mission(tree, options, registry, replaced=recorded.replaced)
+        mission = read_mission(tree, options, changes.registry, replaced=recorded.replaced)
     for name, value in recorded.variables.items():
         mission.variables[name] = value
     return mission

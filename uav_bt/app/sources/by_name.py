@@ -101,12 +101,10 @@ class FolderSource(ImageSource):
             except FileError as error:
                 self.skipped.append(str(error).replace(str(path), path.name, 1))
                 continue
+            image, times_s = orientation.image(stored), self._times_s
+            time_s = index / RATE if times_s is None else float(times_s[index])
             yield Shot.of(
-                orientation.image(stored),
-                index=index,
-                time_s=index / RATE if self._times_s is None else float(self._times_s[index]),
-                name=path.name,
-                orientation=orientation,
+                image, index=index, time_s=time_s, name=path.name, orientation=orientation
             )
 
 

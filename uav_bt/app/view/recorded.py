@@ -78,13 +78,12 @@ class RecordedFlight:
         """What does not change during the flight, as far as it is known here."""
         reader, options = self.reader, recorded_options(self.reader)
         mission = reader.metadata.get("tree", reader.path.name)
+        scene, drone, seed = options.scene, options.drone, options.seed
         return facts_of(
             self.tree,
             reader.camera,
             classes=reader.classes,
-            title=describe_flight(
-                mission, scene=options.scene, drone=options.drone, seed=options.seed
-            ),
+            title=describe_flight(mission, scene=scene, drone=drone, seed=seed),
             lab_map=self._lab_map,
             nodes=tuple((node.path, node.name) for node in reader.tree.nodes),
             limit_s=options.judge.limit_s,
