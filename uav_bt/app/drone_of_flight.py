@@ -201,12 +201,9 @@ class CalibratedDrone(DroneWrapper):
         """Connect the drone and read the camera file."""
         self._drone.connect()
         reported = self._drone.camera
-        calibrated = load_camera(
-            self._file,
-            size_px=(reported.width_px, reported.height_px),
-            # A calibration board does not show where on the drone the lens sits.
-            forward_offset_m=reported.forward_offset_m,
-        )
+        # A calibration board does not show where on the drone the lens sits.
+        size_px, offset_m = (reported.width_px, reported.height_px), reported.forward_offset_m
+        calibrated = load_camera(self._file, size_px=size_px, forward_offset_m=offset_m)
         self._undistorter = Undistorter(calibrated)
 
     def observe(self) -> Observation:

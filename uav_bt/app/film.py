@@ -44,13 +44,8 @@ def map_of_scene(scene: Scene) -> LabMap:
 
     def item(class_id: int, outline: Footprint, height_m: float, **more: Any) -> MapItem:
         red, green, blue = classes.colours[class_id].tolist()
-        return MapItem(
-            **vars(outline),
-            height_m=height_m,
-            colour=(red, green, blue),
-            name=classes.names[class_id],
-            **more,
-        )
+        colour, name = (red, green, blue), classes.names[class_id]
+        return MapItem(**vars(outline), height_m=height_m, colour=colour, name=name, **more)
 
     movers = []
     for mover in scene.movers:

@@ -32,15 +32,12 @@ from uav_bt.tree.loading.parameter_file import ParameterFile, read_parameters
 from uav_bt.tree.loading.parameters import PARAMS, Parameters, Ports, Variables
 from uav_bt.tree.registry import OwnLeaves, OwnParts, parts_of_files
 
-
-@dataclass(
-    frozen=True,
-    kw_only=True,
-    repr=False,
-    config=ConfigDict(
-        strict=True, extra="forbid", arbitrary_types_allowed=True, use_attribute_docstrings=True
-    ),
+_CONFIG: Final = ConfigDict(
+    strict=True, extra="forbid", arbitrary_types_allowed=True, use_attribute_docstrings=True
 )
+
+
+@dataclass(frozen=True, kw_only=True, repr=False, config=_CONFIG)
 class FlightOptions:
     """How a mission is flown; every value is checked here.
 

@@ -71,12 +71,9 @@ class Pipeline:
 
     def restart(self) -> None:
         """Forget all earlier frames, so that images are perceived alike in any order."""
-        self._depth = MetricDepthMaker(
-            self.network,
-            source="contact" if self.network is None else "fused",
-            generator=copy.deepcopy(self.generator),
-            timer=self.timer,
-        )
+        source = "contact" if self.network is None else "fused"
+        rng = copy.deepcopy(self.generator)
+        self._depth = MetricDepthMaker(self.network, source=source, generator=rng, timer=self.timer)
         self._track = MarkTracker()
         self._state: DroneState | None = None
 

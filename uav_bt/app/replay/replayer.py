@@ -77,12 +77,10 @@ def replay(record: str | Path, options: ReplayOptions | None = None) -> ReplayRe
     flight, masks = assemble_recorded(reader, changes)
     drone, lossless = flight.drone, flight.options.record_quality == "lossless"
     is_file = isinstance(changes.tree, str | Path) and not is_text(changes.tree)
+    tree = str(changes.tree) if is_file else flight.mission.origin
+    outcome = (reader.end or {}).get("outcome")
     report = ReplayReport(
-        record=str(record),
-        tree=str(changes.tree) if is_file else flight.mission.origin,
-        outcome=(reader.end or {}).get("outcome"),
-        exact=lossless,
-        masks=masks,
+        record=str(record), tree=tree, outcome=outcome, exact=lossless, masks=masks
     )
     comparison = Comparison(report, reader.tree, flight.mission, drone)
     try:
@@ -116,11 +114,9 @@ def assemble_recorded(
     masks = changes.masks or ("recorded" if recorded.exact_masks else "network")
     if masks not in get_args(Masks):
         refuse("masks", "network or recorded, or None", masks)
+    flown = {name: getattr(recorded, name) for name in _AS_FLOWN}
     options = FlightOptions(
-        **{name: getattr(recorded, name) for name in _AS_FLOWN},
-        policies=changes.policies,
-        leaves=changes.leaves,
-        tree_folders=changes.tree_folders,
+        **flown, policies=changes.policies, leaves=changes.leaves, tree_folders=changes.tree_folders
     )
     if changes.tree is None:
         mission = _recorded_mission(reader, recorded, options, changes)
@@ -128,21 +124,12 @@ def assemble_recorded(
         # Attributes and variables that the recorded mission had may name none of this one.
         mission = read_mission(changes.tree, options, changes.registry)
     _check_complete(reader, mission, masks)
-    held = replace(
-        conditions_of(options, mission, drone, recorded=True),
-        classes=reader.classes,
-        area=None if recorded.area is None else Area(recorded.area),
-    )
-    flight = Flight(
-        mission,
-        drone,
-        options,
-        held,
-        _ReplayJudge(drone, recorded.judge),
-        segmenter=drone if masks == "recorded" else None,
-        make_runner=_ReplayRunner,
-    )
-    return flight, masks
+    area = None if recorded.area is None else Area(recorded.area)
+    held = conditions_of(options, mission, drone, recorded=True)
+    held = replace(held, classes=reader.classes, area=area)
+    segmenter = drone if masks == "recorded" else None
+    judge = _ReplayJudge(drone, recorded.judge)
+    return Flight(mission, drone, options, held, judge, segmenter, _ReplayRunner), masks
 
 
 def _check_complete(reader: RecordReader, mission: MissionTree, masks: Masks) -> None:

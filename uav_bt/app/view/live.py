@@ -49,12 +49,9 @@ class LiveView:
 def _view(stream: rr.RecordingStream, flight: Flight[Drone], title: str = "") -> FlightView:
     from uav_bt.display.rerun.flight_view import FlightView  # noqa: PLC0415  (needs Rerun)
 
-    nodes = tuple(flight.mission.nodes())
+    nodes, facts = tuple(flight.mission.nodes()), facts_of_flight(flight, title)
     return FlightView(
-        stream,
-        facts_of_flight(flight, title),
-        flight.context.board,
-        lambda: {node.path: node.node_status for node in nodes},
+        stream, facts, flight.context.board, lambda: {node.path: node.node_status for node in nodes}
     )
 
 
