@@ -75,7 +75,8 @@ def _named_drone(options: FlightOptions) -> Drone:
     known = _field_names(config)
     if colon and "address" not in known:
         raise InputError(f"drone '{name}' takes no address, got '{address}'")
-    refuse_unusable(options, f"drone '{name}'", known)
+    cure = "leave it out, as this drone has no such setting"
+    refuse_unusable(options, f"drone '{name}'", known, cure)
     settings = {each: getattr(options, each) for each in OF_DRONE} | _place_settings(options)
     settings["address"] = address if colon else None
     if "scene" in known:
@@ -142,16 +143,11 @@ def _drawn_fault(rng: np.random.Generator) -> str:
     kind = kinds[int(rng.integers(len(kinds)))]
     phase = _PHASES[int(rng.integers(len(_PHASES)))]
     times = float(rng.uniform(*_LEVELS))
-    delay_s = float(rng.uniform(0.0, _DELAY_S.get(phase, _OTHER_DELAY_S)))
-    lasts_s = float(rng.uniform(*_LASTS_S))
-    fault = Fault(
-        kind=kind,
-        level=None if kind.level is None else float(f"{times * kind.level:.2g}"),
-        phase=phase,
-        delay_s=round(delay_s, 1),
-        duration_s=np.inf if rng.random() < _STAYS else round(lasts_s, 1),
-    )
-    return str(fault)
+    delay_s = round(float(rng.uniform(0.0, _DELAY_S.get(phase, _OTHER_DELAY_S))), 1)
+    lasts_s = round(float(rng.uniform(*_LASTS_S)), 1)
+    duration_s = np.inf if rng.random() < _STAYS else lasts_s
+    level = None if kind.level is None else float(f"{times * kind.level:.2g}")
+    return str(Fault(kind=kind, level=level, phase=phase, delay_s=delay_s, duration_s=duration_s))
 
 
 def check_faults(texts: Sequence[str]) -> list[Fault]:

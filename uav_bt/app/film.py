@@ -69,12 +69,12 @@ def facts_of_flight(flight: Flight[Drone], title: str) -> FlightFacts:
     """Return the facts of a connected flight."""
     drone, options, mission = flight.drone, flight.options, flight.mission
     name, seed = options.drone_name, options.seed
+    usual = describe_flight(mission.origin, scene=flight.scene_name, drone=name, seed=seed)
     return facts_of(
         mission,
         drone.camera,
         classes=flight.held.classes,
-        title=title
-        or describe_flight(mission.origin, scene=flight.scene_name, drone=name, seed=seed),
+        title=title or usual,
         lab_map=map_of_scene(drone.scene) if isinstance(drone.scene, Scene) else None,
         nodes=tuple((node.path, node.name) for node in mission.nodes()),
         limit_s=flight.held.judge.limit_s,

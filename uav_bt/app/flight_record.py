@@ -80,6 +80,7 @@ def _flight_facts(flight: Flight[Drone]) -> dict[str, str]:
     site = options.place
     if site is not None and site.lab is not None:  # the scene may have another mark than its lab
         site = replace(site, mark=held.mark, mark_pose=held.mark_pose, take_off_pose=held.take_off)
+    first = mission.variables.snapshot().items()  # that have a value before the first tick
     values = {
         **{each.name: getattr(options, each.name) for each in fields(options)},
         "judge": held.judge,
@@ -94,11 +95,7 @@ def _flight_facts(flight: Flight[Drone]) -> dict[str, str]:
         "site": site,
         "replaced": mission.replaced,
         "ports": options.parameters.ports,
-        "variables": {  # that have a value before the first tick
-            name: value
-            for name, value in mission.variables.snapshot().items()
-            if isinstance(value, Plain)
-        },
+        "variables": {name: value for name, value in first if isinstance(value, Plain)},
         "policies": options.policy_names,
         "drone": options.drone_name,
         "drone_config": repr(options.drone) if is_dataclass(options.drone) else None,

@@ -131,13 +131,7 @@ def refuse_incomplete(drone: object, expected: str = "a Drone") -> None:
         )
 
 
-def refuse_unusable(
-    options: Any,
-    drone: str,
-    usable: Collection[str],
-    *,
-    cure: str = "leave it out, as this drone has no such setting",
-) -> None:
+def refuse_unusable(options: Any, drone: str, usable: Collection[str], cure: str) -> None:
     """Refuse the `FlightOptions` that a drone does not support; defaults are never refused.
 
     The message begins with `drone`, ends with `cure`, and names the flag of a named drone.
@@ -182,6 +176,7 @@ def loaded_by(load: Callable[[str | Path], Any], kind: type) -> GetPydanticSchem
     return checked_by(loaded)
 
 
+_POLICY: Final = (str | LeafPolicy, "a policy's name, or an object with `decide`")
 _PLAIN: Final = (Plain, "a text, a number, True or False")
 PORTS: Final = _mapping_of(
     "ports", "values by node and port, such as {'TakeOff.height_m': 1.2}", *_PLAIN, port_text
@@ -198,12 +193,7 @@ Seed = Annotated[
 ]
 Policies = Annotated[
     Mapping[str, str | LeafPolicy],
-    _mapping_of(
-        "policies",
-        "policies by node, such as {'Explore': 'corridor'}",
-        str | LeafPolicy,
-        "a policy's name, or an object with `decide`",
-    ),
+    _mapping_of("policies", "policies by node, such as {'Explore': 'corridor'}", *_POLICY),
     Option(
         "Let a node, by name or path, use another leaf policy. Repeatable.",
         "--policy NODE=NAME",

@@ -155,7 +155,7 @@ class FlightOptions:
         if isinstance(self.drone, str):
             return
         kind = type(self.drone).__name__
-        values.refuse_unusable(self, f"{kind} is flown as it is and", {"seed"}, cure="set it there")
+        values.refuse_unusable(self, f"{kind} is flown as it is and", {"seed"}, "set it there")
         own = getattr(self.drone, "seed", 0) if values.is_drone_config(self.drone) else 0
         if own and self.seed not in {0, own}:
             raise InputError(
