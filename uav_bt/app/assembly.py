@@ -64,11 +64,8 @@ class Flight(Generic[DroneT]):
 
     def missed_faults(self) -> list[str]:
         """Return a warning for each fault of the drone that the flight did not have."""
-        return [
-            f"the fault {one.fault} had no effect: {one.missed}"
-            for one in self._faulty
-            if one.missed is not None
-        ]
+        missed = [one for one in self._faulty if one.missed is not None]
+        return [f"the fault {one.fault} had no effect: {one.missed}" for one in missed]
 
     @cached_property
     def context(self) -> MissionContext:

@@ -234,6 +234,8 @@ def _result(
     options, context, referee = flight.options, flight.context, flight.drone.referee
     simulation = options if isinstance(options.drone, str) else options.drone
     profile = None if referee is None else getattr(simulation, "profile", None)
+    leaves, stages = flight.mission.leaves(), context.stage_times_s.items()
+    choosing = [leaf for leaf in leaves if any(port.name == "policy" for port in leaf.ports)]
     site_map, _ = context.board.snapshot().get(SITE_MAP.name, (None, None))  # of any age
     return FlownMission(
         **vars(changes_of(options)),
@@ -242,16 +244,10 @@ def _result(
         lab=None if flight.held.lab is None else flight.held.lab.name,
         seed=options.seed,
         tree=flight.mission.origin,
-        policies={
-            leaf.path: str(leaf.port_value("policy"))
-            for leaf in flight.mission.leaves()
-            if any(port.name == "policy" for port in leaf.ports)
-        },
+        policies={leaf.path: str(leaf.port_value("policy")) for leaf in choosing},
         drone=options.drone_name,
         profile=profile if isinstance(profile, str) else None,
-        perception_ms={
-            name: Percentiles.of_seconds(times) for name, times in context.stage_times_s.items()
-        },
+        perception_ms={name: Percentiles.of_seconds(times) for name, times in stages},
         photos=list(context.notes.photos),
         events=list(context.notes.events),
         outcome=verdict.outcome.value,

@@ -89,19 +89,15 @@ def _fault_lines(path: Path) -> Iterator[str]:
 
 
 def _mapping_of(
-    what: str,
-    expected: str,
-    kind: type | UnionType,
-    value_expected: str,
-    made: Callable[[Any], Any] = lambda value: value,
+    what: str, expected: str, each: tuple[Any, str], made: Callable[[Any], Any] = lambda one: one
 ) -> GetPydanticSchema:
-    """Return a check of a mapping from texts to values of a kind; `made` converts these."""
+    """Return a check of a mapping; `each` is the type of its values, in words, too."""
 
     def checked(given: Any) -> dict[str, Any]:
         expect(what, given, Mapping, expected)
         for name, value in given.items():
             expect(what, name, str, expected)
-            expect(f"{what}['{name}']", value, kind, value_expected)
+            expect(f"{what}['{name}']", value, *each)
         return {name: made(value) for name, value in given.items()}
 
     return checked_by(checked)
@@ -120,11 +116,8 @@ def check_drone(drone: Any) -> Any:
 def refuse_incomplete(drone: object, expected: str = "a Drone") -> None:
     """Refuse a drone that lacks members of the protocol; the message lists them."""
     # Nothing is read: unconnected drones raise.
-    missing = [
-        name
-        for name in vars(Drone)
-        if not name.startswith("_") and inspect.getattr_static(drone, name, _ABSENT) is _ABSENT
-    ]
+    names = [name for name in vars(Drone) if not name.startswith("_")]
+    missing = [name for name in names if inspect.getattr_static(drone, name, _ABSENT) is _ABSENT]
     if missing:
         raise InputError(
             f"drone: expected {expected}; {class_name(drone)} lacks {', '.join(missing)}"
@@ -179,9 +172,9 @@ def loaded_by(load: Callable[[str | Path], Any], kind: type) -> GetPydanticSchem
 _POLICY: Final = (str | LeafPolicy, "a policy's name, or an object with `decide`")
 _PLAIN: Final = (Plain, "a text, a number, True or False")
 PORTS: Final = _mapping_of(
-    "ports", "values by node and port, such as {'TakeOff.height_m': 1.2}", *_PLAIN, port_text
+    "ports", "values by node and port, such as {'TakeOff.height_m': 1.2}", _PLAIN, port_text
 )
-VARIABLES: Final = _mapping_of("variables", "values by variable, such as {'laps': 3}", *_PLAIN)
+VARIABLES: Final = _mapping_of("variables", "values by variable, such as {'laps': 3}", _PLAIN)
 Whole = Annotated[int, BeforeValidator(_whole)]
 """Also an integer of NumPy."""
 File = Annotated[
@@ -193,7 +186,7 @@ Seed = Annotated[
 ]
 Policies = Annotated[
     Mapping[str, str | LeafPolicy],
-    _mapping_of("policies", "policies by node, such as {'Explore': 'corridor'}", *_POLICY),
+    _mapping_of("policies", "policies by node, such as {'Explore': 'corridor'}", _POLICY),
     Option(
         "Let a node, by name or path, use another leaf policy. Repeatable.",
         "--policy NODE=NAME",

@@ -100,10 +100,8 @@ class Comparison:
         report.command_ticks += bool(command or owners)
         report.differing_ticks += differs
         if differs and len(report.differences) < _KEPT:
-            note = moment.tick
-            report.differences.append(
-                Difference(note.index, note.time_s, statuses, command, owners)
-            )
+            at = moment.tick
+            report.differences.append(Difference(at.index, at.time_s, statuses, command, owners))
 
     def _command(self, recorded: Command, replayed: Command) -> tuple[str, str] | None:
         same_id = self._drone.ids.pair(recorded.movement, replayed.movement)
