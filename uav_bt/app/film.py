@@ -148,16 +148,10 @@ class VideoListeners:
 def flight_video(
     path: str | Path, *, speed: float = 1.0, title: str = ""
 ) -> Iterator[VideoListeners]:
-    """Write the video of the flight that is flown inside.
+    """Write the video of the flight that is flown inside, an mp4 file, also when the flight fails.
 
-    Args:
-        path: the mp4 file; it appears, whole, at the end, also when the flight fails.
-        speed: Speed of the video relative to the mission.
-        title: a line above the map; the mission, the scene and the seed when empty.
-
-    Raises:
-        FileError: the file cannot be written; raised before anything flies.
-        MissingDependencyError: no video encoder works here.
+    FileError or MissingDependencyError, before anything flies, if it cannot be written. `speed` is
+    relative to the mission; `title` is a line above the map; default: mission, scene and seed.
     """
     with closing(open_film(Path(path), speed)) as file:
         yield VideoListeners(file, title)

@@ -137,11 +137,8 @@ def write_objects(report: FlightReport, folder: FlightFolder) -> None:
 
 def fetch_photos(report: FlightReport, camera: StillCamera, folder: FlightFolder) -> None:
     """Write the photographs that are on the memory card of the drone's camera."""
-    taken = {
-        photo.camera_file: photo.camera_media
-        for photo in report.photos
-        if photo.camera_file is not None and photo.camera_media is not None
-    }
+    photos = [(photo.camera_file, photo.camera_media) for photo in report.photos]
+    taken = {file: media for file, media in photos if file is not None and media is not None}
     until_s = time.monotonic() + _FIRST_PHOTO_S + _EACH_PHOTO_S * len(taken)
     missing: list[str] = []
     reason = "the drone is still in the air" if report.airborne_at_end else ""
