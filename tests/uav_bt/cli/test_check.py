@@ -51,7 +51,13 @@ def test_all_findings_of_all_files_are_reported_with_their_places(tmp_path: Path
 
 @pytest.mark.parametrize(("body", "column", "rule", "words"), cases("refusals")["findings"])
 def test_a_finding_has_its_place_its_rule_and_its_cure(
-    body: str, column: int, rule: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    *,
+    body: str,
+    column: int,
+    rule: str,
+    words: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "text.onnx").write_text("no network")
@@ -84,7 +90,9 @@ def test_networks_that_are_there_are_good(leaf: str, tmp_path: Path) -> None:
 
 def test_a_warning_is_no_reason_to_refuse(tmp_path: Path) -> None:
     """A site may have a different ceiling; without a site the flight is refused."""
-    path = tree_file(tmp_path, '<Sequence>\n<TakeOff height_m="15"/>\n<Land _skpIf="1"/></Sequence>')
+    path = tree_file(
+        tmp_path, '<Sequence>\n<TakeOff height_m="15"/>\n<Land _skpIf="1"/></Sequence>'
+    )
     result = run("check", path)
     assert (result.exit_code, result.stdout) == (0, f"{path}: good\n")
     high, skip = sorted(result.stderr.splitlines())

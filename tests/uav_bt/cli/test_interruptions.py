@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
@@ -48,13 +49,12 @@ class Case:
     kept: tuple[str, ...] = ()  # files that stay unchanged
 
 
-# Once the modules are imported, SIGTERM raises the same exception as Ctrl-C. In the air a flight
-# handles SIGTERM and SIGHUP, too: `test_fly.py` sends them.
 PORTS = (
     "--no-video --address 127.0.0.9 --discovery-port 0 --control-port 0 --commands-port 0 "
     "--http-port 0 --rtsp-port 0"
 )
 INT, TERM = signal.SIGINT, signal.SIGTERM
+# Once the modules are imported, SIGTERM raises the same exception as Ctrl-C.
 CASES = {
     "fly, importing": Case(
         "fly hover.xml --report old.json",
@@ -76,6 +76,12 @@ CASES = {
         f"fly hover.xml {SMALL} --report new.json --video new.mp4 --record new.mcap",
         "HoverFor",
         "aborted",
+    ),
+    "fly, in the air, SIGTERM": Case(
+        f"fly hover.xml {SMALL} --report new.json", "HoverFor", "aborted", by=(TERM,)
+    ),
+    "fly, in the air, SIGHUP": Case(
+        f"fly hover.xml {SMALL} --report new.json", "HoverFor", "aborted", by=(signal.SIGHUP,)
     ),
     "fly, twice": Case(
         f"fly hover.xml {SMALL} --realtime --video old.mp4", "HoverFor", "", by=(INT, INT)
@@ -178,8 +184,11 @@ def test_what_is_interrupted_says_so_and_leaves_nothing_half_done(name: str, wor
     assert code == case.code, said
     assert {kept: (world / kept).read_bytes() for kept in case.kept} == before
     assert [file.name for file in world.rglob("*.part")] == []
+    if "new.json" in case.line:
+        told = json.loads((world / "new.json").read_text())
+        assert (told["outcome"], told["duration_s"] < 100.0) == ("aborted", True)
+        assert case.by[0].name in told["reason"]
     if "new.mp4" in case.line:
-        assert '"aborted"' in (world / "new.json").read_text()
         info = record_info(world / "new.mcap")
         assert info["finished"]
         assert not info["damages"]

@@ -128,7 +128,9 @@ def test_every_output_of_every_command_is_in_the_table() -> None:
     for words, command in all_commands():
         assert isinstance(command, Command), words
         head = " ".join(words)
-        tried |= {(head, option) for line, option, _ in OUTPUTS if f"{line} ".startswith(f"{head} ")}
+        tried |= {
+            (head, option) for line, option, _ in OUTPUTS if f"{line} ".startswith(f"{head} ")
+        }
         for param in command.params:
             if command.about[str(param.name)].path in {"written", "folder"}:
                 seen.add((head, param.opts[0]))
