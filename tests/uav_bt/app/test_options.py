@@ -130,6 +130,11 @@ def test_every_number_is_checked_when_it_is_given(make: Callable[..., Any]) -> N
         (app.Site, {"http_port": 70_000}, "must be a positive whole number up to 65535, got 70000"),
         (plan, {"flights": 0}, "must be a positive whole number, got 0"),
         (app.JudgeConfig, {"land_on": "nowhere"}, "unknown land_on 'nowhere' .*ground, mark, none"),
+        (app.TreeFolders, {"trees": "parts"}, "trees: expected a list of folders, got 'parts'"),
+        (app.TreeFolders, {"trees": [3]}, "trees: expected a folder, as str or Path, got 3"),
+        (app.TreeFolders, {"include_root": ""}, "include_root: expected a folder"),
+        (app.TreeFolders, {"packages": ["robot"]}, "expected folders by the name of a ROS package"),
+        (app.TreeFolders, {"packages": {"robot": None}}, r"packages\['robot'\]: expected a folder"),
     ],
 )
 def test_values_of_nested_settings_are_refused(
