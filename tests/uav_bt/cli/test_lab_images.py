@@ -85,9 +85,6 @@ def test_a_folder_that_cannot_be_written_to_is_refused(hall: Path) -> None:
         hall.chmod(0o700)
 
 
-# --- frames ---------------------------------------------------------------------------------------
-
-
 @pytest.fixture
 def filmed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.worlds.cli import assert_refused, run
+from tests.worlds.trees import document
 from uav_bt.app.view.recorded import RecordedFlight
 from uav_bt.campaign.report.sources import read_sources
 from uav_bt.campaign.report.tables import tables_of
@@ -21,11 +22,8 @@ LEAVES = ["TakeOff", "HoverFor", "Land", "AlwaysSuccess"]
 
 def write(path: Path, tree_id: str, body: str, includes: str = "") -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(
-        f'<root BTCPP_format="4" main_tree_to_execute="{tree_id}">{includes}\n'
-        f'<BehaviorTree ID="{tree_id}">\n{body}\n</BehaviorTree>\n</root>\n',
-        encoding="utf-8",
-    )
+    text = document(f"\n{body}\n", tree_id=tree_id)
+    path.write_text(text.replace("<BehaviorTree", f"{includes}\n<BehaviorTree"), encoding="utf-8")
     return path
 
 
@@ -120,9 +118,6 @@ def test_a_tree_in_two_files_and_a_circle_of_includes_are_refused(mission: Missi
     assert_refused(result, f"{up}:1:59: include: the files include each other in a circle")
 
 
-# --- records --------------------------------------------------------------------------------------
-
-
 def test_a_record_replays_without_the_folders_and_another_tree_from_them(
     mission: Mission, tmp_path: Path
 ) -> None:
@@ -162,9 +157,6 @@ def test_a_record_keeps_the_trees_of_the_library_that_it_flew(
     replayed = run("replay", record)
     assert replayed.exit_code == 0, replayed.output
     assert "0 differ in statuses, 0 in commands; the same" in replayed.stdout
-
-
-# --- campaigns ------------------------------------------------------------------------------------
 
 
 def test_a_campaign_keeps_its_folders(

@@ -159,6 +159,7 @@ MISSING = [
     ("torch", ["lab", "train", "paper"], "train"),
     ("onnx", ["net", "export", "depth"], "train"),
     ("pebble", ["campaign", "land_only"], "campaign"),
+    ("control", ["lab", "tune-heading", "x.mcap"], "design"),
 ]
 # Runs each command in a copy of a process that has imported what needs no extra.
 EACH_WITHOUT = f"""
@@ -220,9 +221,6 @@ def test_an_unexpected_exception_is_one_line_and_debug_shows_the_rest(
     assert debugged.exit_code == 1
     assert "Traceback" in debugged.stderr
     assert "uav-bt --debug" not in debugged.stderr
-
-
-# --- packages -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("hides", ["hangar", "hangar/__init__.py", "hangar.py"])

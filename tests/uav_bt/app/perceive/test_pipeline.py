@@ -1,9 +1,10 @@
-"""Complete perception of a frame, without a tree."""
+"""Complete perception of a frame, without a tree, and the telemetry of a video's frames."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,12 @@ from numpy.typing import NDArray
 
 from perception.camera.ground_plane import ground_depth, view_of
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, paper_map
-from tests.worlds import values
-from tests.worlds.footage import state
+from tests.worlds import footage, values
+from tests.worlds.footage import state, write_record
 from uav_bt.app.perceive.pipeline import STAGES, Pipeline
-from uav_bt.errors import AnswerError, ShapeError
+from uav_bt.app.perceive.telemetry import Telemetry
+from uav_bt.errors import AnswerError, FileError, ShapeError
+from uav_bt.record.reader import RecordReader
 from uav_bt.types import CameraModel, ClassMap, DepthMap, DroneState, Frame
 from uav_bt.types.projection import project
 
@@ -166,3 +169,59 @@ def test_frames_of_a_distorting_lens_are_straightened_and_those_of_another_size_
     assert not np.array_equal(straight.perceive(frame()).frame.image, frame().image)
     with pytest.raises(ShapeError, match="36x64, as its camera"):
         straight.perceive(replace(frame(), image=np.zeros((36, 65, 3), np.uint8)))
+
+
+# --- telemetry ------------------------------------------------------------------------------------
+
+IMAGE = np.zeros((36, 64, 3), np.uint8)
+
+
+@pytest.fixture
+def flown(tmp_path: Path) -> Telemetry:
+    """Three frames from 10 s on, during a climb and a turn across yaw = pi."""
+    frames = [
+        footage.frame(
+            IMAGE,
+            place,
+            10.0 + place,
+            gimbal_pitch_rad=-0.5 - 0.1 * place,
+            height_above_ground_m=1.4 + place,
+            yaw_rad=yaw_rad,
+        )
+        for place, yaw_rad in enumerate((3.0, -3.2, -3.1))
+    ]
+    states = [state(*one) for one in ((9.8, 0.1), (10.1, 0.2), (10.9, 0.3), (11.5, 0.4))]
+    path = write_record(tmp_path / "flight.mcap", CAMERA, frames, states)
+    return Telemetry.of_flight(RecordReader(path))
+
+
+def test_a_fixed_camera_has_the_same_pose_in_every_frame_and_no_states() -> None:
+    fixed = Telemetry.fixed(1.2, -0.6)
+    frame = fixed.frame(IMAGE, 7, 3.5)
+    assert (frame.index, frame.captured_s) == (7, 3.5)
+    assert (frame.height_above_ground_m, frame.gimbal_pitch_rad) == (1.2, -0.6)
+    assert fixed.states(10.0) == []
+
+
+def test_a_flights_telemetry_begins_with_its_video_and_is_interpolated(flown: Telemetry) -> None:
+    assert flown.times_s == pytest.approx([0.0, 1.0, 2.0])
+    heights_m = [
+        flown.frame(IMAGE, 0, time_s).height_above_ground_m for time_s in (-0.5, 0.0, 0.5, 2.5)
+    ]
+    assert heights_m == pytest.approx([math.nan, 1.4, 1.9, math.nan], nan_ok=True)
+    between = flown.frame(IMAGE, 0, 0.5)
+    assert between.gimbal_pitch_rad == pytest.approx(-0.55)
+    # From 3.0 to -3.2 the short way across pi is 0.08 rad, the long way 6.2 rad.
+    assert math.cos(between.attitude.yaw_rad) < -0.99
+
+
+def test_states_come_once_and_up_to_the_time_asked_for(flown: Telemetry) -> None:
+    assert [state.captured_s for state in flown.states(0.1)] == pytest.approx([-0.2, 0.1])
+    assert flown.states(0.1) == []
+    assert [state.velocity.forward_mps for state in flown.states(5.0)] == [0.3, 0.4]
+
+
+def test_a_record_without_a_frame_is_refused(tmp_path: Path) -> None:
+    path = write_record(tmp_path / "flight.mcap", CAMERA, [], [state(0.0)])
+    with pytest.raises(FileError, match="no frame with an image"):
+        Telemetry.of_flight(RecordReader(path))
