@@ -22,29 +22,30 @@ from uav_bt.mission.drone_wrapper import DroneWrapper
 from uav_bt.protocols import Still, StillCamera, StillState
 from uav_bt.types.flight_results import EventKind
 
-HOP = '<BehaviorTree ID="Hop"><Sequence><TakeOff/><Land/></Sequence></BehaviorTree>'
+HOP = document("<Sequence><TakeOff/><Land/></Sequence>", tree_id="Hop")
+MAIN = '<root BTCPP_format="4" main_tree_to_execute="Hop"><include path="hop.xml"/></root>'
+FILES = {
+    "hop.xml": HOP,
+    "hop.tree": HOP,
+    "main.xml": MAIN,
+    "main.tree": MAIN.replace("hop.xml", "hop.tree"),
+    "scene.yaml": "helipad: {position_m: [0, 0]}\n",
+    "flight.mcap": "record",
+    "hall.onnx": "\0 network",
+    "hall.txt": "network: {model: hall.onnx}\n",
+}
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    for name, text in {
-        "hop.xml": f'<root BTCPP_format="4">{HOP}</root>',
-        "main.xml": '<root BTCPP_format="4" main_tree_to_execute="Hop"><include path="hop.xml"/>'
-        "</root>",
-        "scene.yaml": "helipad: {position_m: [0, 0]}\n",
-        "flight.mcap": "record",
-    }.items():
+    for name, text in FILES.items():
         Path(name).write_text(text, encoding="utf-8")
     return tmp_path
 
 
 @pytest.mark.usefixtures("folder")
 def test_what_a_flight_reads_is_an_input_whatever_its_suffix() -> None:
-    Path("main.tree").write_text(Path("main.xml").read_text().replace("hop.xml", "hop.tree"))
-    Path("hop.tree").write_text(Path("hop.xml").read_text())
-    Path("hall.onnx").write_bytes(b"\0 network")
-    Path("hall.txt").write_text("network: {model: hall.onnx}\n")
     see = document('<Sequence><Segment model="hall.onnx"/><TakeOff/><Land/></Sequence>')
     loaded = app.check("main.xml")
     for tree, how, name in (

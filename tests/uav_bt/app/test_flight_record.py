@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ import pytest
 from tests.worlds.records import FLIGHT, NoisyDrone, fly_noisy
 from tests.worlds.trees import tree_file
 from uav_bt import app
-from uav_bt.errors import FileError, MissingDependencyError
+from uav_bt.errors import FileError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.record import channels, record_file
 from uav_bt.record.channels import Channel
@@ -117,11 +116,3 @@ def test_a_disk_that_is_full_from_the_start_is_reported_before_the_flight(
     with pytest.raises(FileError, match="cannot be written: No space left"):
         fly_noisy(tmp_path, monkeypatch, drone=drone)
     assert drone.commands == []
-
-
-def test_without_the_extra_recording_says_what_to_install(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "foxglove", None)
-    with pytest.raises(MissingDependencyError, match=r'pip install .* -e "\.\[record\]"'):
-        fly_noisy(tmp_path, monkeypatch)

@@ -243,17 +243,14 @@ GOOD = '<root BTCPP_format="4"><BehaviorTree ID="M"><AlwaysSuccess/></BehaviorTr
 def test_standard_input_is_checked(name: str) -> None:
     called = "<stdin>" if name == "-" else name
     unknown = "1:45: AlwaySuccess: unknown node 'AlwaySuccess'"
-    for text, told in ((GOOD, (0, "good\n")), (GOOD.replace("Always", "Alway"), (2, unknown))):
+    for text, code, told in ((GOOD, 0, " good\n"), (GOOD.replace("Always", "Alway"), 2, unknown)):
+        command = [sys.executable, "-m", "uav_bt", "check", name]
         done = subprocess.run(  # noqa: S603 - our own program
-            [sys.executable, "-m", "uav_bt", "check", name],
-            check=False,
-            input=text,
-            text=True,
-            capture_output=True,
+            command, check=False, input=text, text=True, capture_output=True
         )
-        assert done.returncode == told[0]
-        printed = (done.stdout + done.stderr).removeprefix(f"{called}:").lstrip()
-        assert printed.startswith(told[1])
+        printed = done.stderr if code else done.stdout
+        assert (done.returncode, printed[: len(called) + 1]) == (code, f"{called}:")
+        assert printed[len(called) + 1 :].startswith(told)
 
 
 def test_a_pipe_is_checked(tmp_path: Path) -> None:

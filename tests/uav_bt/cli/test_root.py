@@ -150,6 +150,7 @@ def test_help_fits_a_terminal_and_keeps_the_lines_of_its_examples(words: tuple[s
 
 MISSING = [
     ("foxglove", ["view", "x.mcap", "--save", "x.rrd"], "record"),
+    ("foxglove", ["fly", "land_only", "--record", "x.mcap"], "record"),
     ("mcap", ["replay", "x.mcap"], "record"),
     ("mcap", ["record", "info", "x.mcap"], "record"),
     ("zmq", ["fly", "land_only", "--groot"], "live"),
