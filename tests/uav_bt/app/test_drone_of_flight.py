@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -237,21 +236,6 @@ def test_only_leaves_that_become_the_phase_are_phases_of_faults() -> None:
     for phase in ("TakeOff", "Land", "Nudge"):
         with pytest.raises(UnknownNameError, match=f"'{phase}'"):
             check_phases(mission, [Fault.parse(f"black@{phase}")])
-
-
-@pytest.mark.parametrize(
-    ("faults", "message"),
-    [
-        (["wind=inf"], "'wind=inf': expected a finite level from -10 to 10 m"),
-        (["black@centre"], "fault 'black@centre': 'centre'; did you mean"),
-        (["random=3"], "'random' takes no level and no time"),
-        ([Fault.parse("wind")], "faults: expected a valid string, got"),
-        (["@no-such.txt"], "no-such"),
-    ],
-)
-def test_wrong_faults_are_refused_before_anything_flies(faults: Any, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        app.fly("land_only", drone="plain", faults=faults)
 
 
 def test_a_real_drone_gets_no_faults() -> None:

@@ -217,8 +217,9 @@ def test_a_tree_of_py_trees_flies_the_flight_of_its_nodes() -> None:
         app.fly(root, drone="plain", judge=ANYWHERE, seed=1)
 
 
-def test_a_replay_is_given_the_tree_again(tmp_path: Path) -> None:
-    record = tmp_path / "hop.mcap"
+def test_a_tree_of_py_trees_takes_ports_and_a_replay_is_given_it_again(tmp_path: Path) -> None:
+    tree, record = app.check(hop(), ports={"TakeOff.height_m": 1.7}), tmp_path / "hop.mcap"
+    assert tree.find("hop/hop/TakeOff").literals["height_m"] == 1.7
     app.fly(hop(), scripted(record=record))
     with pytest.raises(FileError, match=r"lacks its tree file \(hop \(composed in Python\)\)"):
         replay(record)
@@ -286,8 +287,3 @@ def test_what_is_no_mission_is_refused(tree: app.Mission, message: str) -> None:
             use(tree)
     with pytest.raises(InputError, match=r"a campaign flies tree files, .*; got <py_trees"):
         make_plan([hop()])  # type: ignore[list-item]
-
-
-def test_a_composed_tree_takes_ports() -> None:
-    tree = app.check(hop(), ports={"TakeOff.height_m": 1.7})
-    assert tree.find("hop/hop/TakeOff").literals["height_m"] == 1.7

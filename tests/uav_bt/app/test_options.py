@@ -25,7 +25,7 @@ from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
 from uav_bt.protocols import PolicyView
-from uav_bt.testing import ScriptedDrone
+from uav_bt.testing import Fault, ScriptedDrone
 from uav_bt.types import Airframe, Clearances
 
 
@@ -51,6 +51,7 @@ class NotADrone:
             r"policies\['Explore'\]: expected a policy's name, or an object with `decide`, got",
         ),
         ({"policies": {"Explore": Ahead}}, r"got the class Ahead: write Ahead\(\.\.\.\)"),
+        ({"faults": [Fault.parse("wind")]}, "faults: expected a valid string, got"),
         ({"drone": TwinConfig}, r"got the class TwinConfig: write TwinConfig\(\.\.\.\)"),
         ({"drone": NotADrone()}, r"NotADrone lacks clock, referee, scene, .*disconnect"),
         (

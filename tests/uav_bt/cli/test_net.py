@@ -94,9 +94,6 @@ def test_a_folder_is_perceived_and_summed_up(views: Path, tmp_path: Path) -> Non
     assert [line["image"] for line in told] == ["1.png", "2.png"]
     assert told[1]["refusal"] == "the frame is black"
     assert {"depth", "corridor", "mark", "ms"} <= told[0].keys()
-
-
-def test_a_sequence_is_not_each_for_itself(views: Path) -> None:
     assert "frames          2\n" in perceive(views, "--sequence").stdout
 
 
