@@ -333,8 +333,6 @@ def test_a_drone_stays_in_its_area(no_pad: Path, tmp_path: Path, area: str) -> N
     assert RecordReader(record).metadata["area"].startswith("[[[-0.5, -0.5]")
 
 
-# --- places in the drawing ------------------------------------------------------------------------
-
 PLACES = """<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence>
   <LoopString queue="start:2,0;lab:0.5,1@90;mark" value="{p}"><GoTo to="{p}"/></LoopString>
   <GoTo to="start:2,0"/><Face at="90"/><GoTo to="body:1,0"/>

@@ -102,13 +102,14 @@ def test_what_is_interrupted_says_so_and_leaves_nothing_half_done(name: str, wor
     case = CASES[name]
     before = {kept: (world / kept).read_bytes() for kept in case.kept}
     stdout, stderr = world / "stdout", world / "stderr"
+    path = os.pathsep.join((str(world), os.environ.get("PYTHONPATH", "")))  # it has a drone
     with stdout.open("wb") as out, stderr.open("wb") as err:
         process = subprocess.Popen(  # noqa: S603  # our own interpreter and arguments
             [sys.executable, "-c", BEGIN, *case.line.split()],
             cwd=world,
             stdout=out,
             stderr=err,
-            env={**os.environ, "PYTHONPATH": str(world), "PYTHONUNBUFFERED": "1"},
+            env={**os.environ, "PYTHONPATH": path, "PYTHONUNBUFFERED": "1"},
         )
         until(case.when, process, (stdout, stderr))
         time.sleep(case.after_s)

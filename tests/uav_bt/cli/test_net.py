@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from click.testing import Result
 
-from tests.worlds.cli import assert_refused, run
+from tests.worlds.cli import run
 from uav_bt.app.perceive.pipeline import Pipeline
 from uav_bt.cli.evaluate import depth_lines
 
@@ -113,9 +113,3 @@ def test_a_break_exits_with_1_and_sums_up(
     assert "frames          1, then interrupted" in result.stdout
     assert (tmp_path / "seen.mp4").stat().st_size > 0
     assert "Traceback" not in result.stderr
-
-
-def test_a_wrong_aspect_is_refused_with_the_cure(tmp_path: Path) -> None:
-    assert cv2.imwrite(str(tmp_path / "square.png"), np.full((90, 90, 3), 99, np.uint8))
-    result = perceive(tmp_path / "square.png")
-    assert_refused(result, "90x90 (aspect 1.000)", "uav-bt lab calibrate", "--camera")

@@ -26,7 +26,7 @@ from tests.worlds.footage import frame, state, write_record
 from uav_bt.app import perceive
 from uav_bt.app.perceive import PerceiveOptions, inputs
 from uav_bt.display.video.video_file import VideoFile
-from uav_bt.errors import InputError
+from uav_bt.errors import FileError, InputError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.types import DepthMap, Frame
 from uav_bt.types.arrays import Image
@@ -236,7 +236,7 @@ def test_what_does_not_belong_together_is_refused(tmp_path: Path, images: list[I
         (folder, other, "calibrated at 640x480, the images are 320x180"),
         (folder, {"telemetry": half}, "2, as many as the telemetry has entries, got 4"),
         (cropped, {"telemetry": whole}, "whole, not cropped"),
-        (square, {}, r"320x240 \(aspect 1.333\); without a camera file"),
+        (square, {}, r"320x240 \(aspect 1.333\).*`uav-bt lab calibrate.*--camera"),
         (whole, {"camera": file}, "knows its own camera"),
         (tmp_path / "broken", {}, r"can be read: a\.png: is not a readable"),
     ]
@@ -267,9 +267,18 @@ def test_masks_are_class_ids_by_the_names_of_the_images(
     assert listed[classes.ground]["rgb"] == classes.colours[classes.ground].tolist()
 
 
-def test_photographs_are_perceived_by_roles_and_flights_by_the_papers_classes(
-    tmp_path: Path, images: list[Image]
-) -> None:
+def test_no_output_overwrites_a_network_or_other_files(tmp_path: Path, images: list[Image]) -> None:
+    folder, network = write_images(tmp_path / "views", images[:1]), tmp_path / "net.onnx"
+    network.write_bytes(b"a network")
+    options = PerceiveOptions(segmentation=str(network), model="contact")
+    with pytest.raises(InputError, match="is an input and would be overwritten"):
+        perceive.perceive(str(folder), options, lines=network)
+    assert network.read_bytes() == b"a network"
+    with pytest.raises(FileError, match="has files"):
+        perceive.perceive(str(folder), CONTACT, masks=tmp_path)
+
+
+def test_only_photographs_are_perceived_by_roles(tmp_path: Path, images: list[Image]) -> None:
     folder = write_images(tmp_path / "views", images[:1])
     flown = write_flight(tmp_path / "flight.mcap", images[:1])
     for source, ground in ((folder, "ground"), (flown, "carpet")):
