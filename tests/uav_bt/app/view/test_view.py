@@ -136,10 +136,10 @@ def test_ticks_board_and_statuses_are_those_that_were_flown(flown: Seen) -> None
 
 
 def test_a_part_begins_and_ends_at_the_given_times(flown: Seen) -> None:
-    playback = Playback(RecordReader(flown.record))
-    times = np.array([tick.time_s for tick in playback.ticks(from_s=2.0, to_s=3.0)])
+    reader = RecordReader(flown.record)
+    times = np.array([tick.time_s for tick in Playback(reader).ticks(from_s=2.0, to_s=3.0)])
     assert len(times) == 10
-    assert times - playback.start_s == pytest.approx(np.arange(2.0, 3.0, 0.1))
+    assert times - reader.timeline.start_s == pytest.approx(np.arange(2.0, 3.0, 0.1))
 
 
 # --- views ----------------------------------------------------------------------------------------
