@@ -83,8 +83,7 @@ def scenes(
         given = "--out" if out is not None else "--tree" if tree is not None else None
         if given is not None:
             raise click.UsageError(f"{given} needs --show SCENE")
-        for line in table([(name, _summary(load_scene(name))) for name in scene_names()], left=2):
-            click.echo(line)
+        click.echo(table([(name, _summary(load_scene(name))) for name in scene_names()], left=2))
         return
     scene = load_scene(shown)
     path = Path(f"{scene.name}.png") if out is None else out
@@ -96,8 +95,8 @@ def scenes(
     with writing(path):
         path.write_bytes(png.tobytes())
     click.echo(f"{scene.name}: {_summary(scene)}")
-    for line in table(_standing(scene), left=2):
-        click.echo(line)
+    if rows := _standing(scene):
+        click.echo(table(rows, left=2))
     click.echo(f"map: {path}")
 
 
@@ -201,8 +200,7 @@ def _print_calibration(found: Calibration) -> None:
         errors = (f"{trial.error_px:.3f}", f"{trial.common_error_px:.3f}")
         kept = "<- kept" if trial is found.best else ""
         rows.append((f"{trial.columns}x{trial.rows}", str(len(trial.images)), *errors, kept))
-    for line in table(rows):
-        click.echo(line)
+    click.echo(table(rows))
     camera = found.best.camera
     click.echo(
         f"{camera.width_px}x{camera.height_px}: focal lengths {camera.fx_px:.2f}, "

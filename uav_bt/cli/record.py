@@ -19,7 +19,6 @@ from uav_bt.cli.declare import command
 from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.shared import TextFormat, table
 from uav_bt.display.rerun import sinks
-from uav_bt.errors import MissionError
 from uav_bt.option import Option
 from uav_bt.record.info import record_info
 from uav_bt.tree.loading.lookup import Folders, TreeFolders
@@ -61,7 +60,7 @@ def _text(found: dict[str, Any]) -> str:
     for each in found["channels"]:
         size = (f"{each['rate_hz']:.1f}", f"{each['bytes'] / 1e3:.1f}", str(each["dropped"]))
         rows.append((each["topic"], each["content"], str(each["messages"]), *size))
-    lines += [f"  {line}" for line in table(rows, left=2)]
+    lines.append(table(rows, left=2, indent="  "))
     lines += [f"  damage: {damage}" for damage in found["damages"]]
     return "\n".join(lines)
 
@@ -122,7 +121,7 @@ def replay(
     policies: Policies = _NO_POLICIES,
     masks: Literal["network", "recorded"] | None = None,
     format_: TextFormat = "text",
-) -> None:
+) -> bool:
     """Feed recorded frames through perception and tree, and print what differs.
 
     New decisions do not change the recorded frames. Exits with 0 when statuses and
@@ -143,10 +142,8 @@ def replay(
     if format_ == "json":
         click.echo(json.dumps(report.to_json(), indent=2))
     else:
-        for line in _report_lines(report):
-            click.echo(line)
-    if not report.same:
-        raise SystemExit(MissionError.exit_code)
+        click.echo("\n".join(_report_lines(report)))
+    return report.same
 
 
 def _report_lines(report: ReplayReport) -> Iterator[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
@@ -132,13 +132,12 @@ def write_scores(scores: Mapping[str, Any], out: Path | None) -> None:
         click.echo(f"scores: {out}")
 
 
-def table(rows: Sequence[Sequence[object]], *, left: int = 1) -> Iterator[str]:
-    """Yield the lines of a table; the first `left` columns are words, the others are numbers."""
+def table(rows: Sequence[Sequence[object]], *, left: int = 1, indent: str = "") -> str:
+    """Return a table as text; the first `left` columns are words, the others are numbers."""
     texts = [[str(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*texts, strict=True)]
+    lines = []
     for row in texts:
-        words = (f"{cell:<{width}}" for cell, width in zip(row[:left], widths, strict=False))
-        numbers = (
-            f"{cell:>{width}}" for cell, width in zip(row[left:], widths[left:], strict=True)
-        )
-        yield "  ".join((*words, *numbers)).rstrip()
+        cells = [f"{cell:{'<' if n < left else '>'}{widths[n]}}" for n, cell in enumerate(row)]
+        lines.append(f"{indent}{'  '.join(cells)}".rstrip())
+    return "\n".join(lines)

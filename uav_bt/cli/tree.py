@@ -22,7 +22,6 @@ from uav_bt.cli.shared import (
     refuse_in_lab,
     single,
 )
-from uav_bt.errors import MissionError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.option import Option
 from uav_bt.tree import Node, NodeRegistry, load_tree
@@ -182,7 +181,7 @@ def simulate(
     tree_folders: Folders,
     parameters: ParameterSets,
     lab: CheckedLab = None,
-) -> None:
+) -> bool:
     """Tick a tree file with leaves that answer by a script.
 
     TREE is a file, or the name of a mission that ships with uav-bt. Nothing flies: this shows which
@@ -233,8 +232,7 @@ def simulate(
         ended = "not ended" if root == "RUNNING" else root
         ticked = "1 tick" if last.tick == 1 else f"{last.tick} ticks"
         click.echo(f"{ended} after {ticked}, {last.time_s:.2f} s")
-    if root != "SUCCESS":
-        raise SystemExit(MissionError.exit_code)
+    return root == "SUCCESS"
 
 
 def _print_table(steps: Iterator[SimulatedTick]) -> SimulatedTick:

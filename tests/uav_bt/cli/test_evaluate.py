@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.worlds.cli import run
-from uav_bt.cli.evaluate import depth_lines
+from uav_bt.cli.evaluate import depth_table
 
 ONE_SCENE = ("--scene", "train-b", "--views", 3)
 
@@ -45,4 +45,4 @@ def test_figures_that_nobody_knows_are_dashes() -> None:
     names = ("mean_m", "median_m", "rmse_m", "std_m", "max_m", "correlation")
     error = dict.fromkeys(names) | {"total": 0, "valid": 0}
     row = {"method": "contact", "edges": error, "distances": error, "obstacles": error}
-    assert list(depth_lines([row]))[-1].split() == ["contact", *"------------"]
+    assert depth_table([row]).splitlines()[-1].split() == ["contact", *"------------"]
