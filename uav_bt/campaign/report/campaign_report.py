@@ -27,7 +27,7 @@ from uav_bt.campaign.report.figures import (
 from uav_bt.campaign.report.paired import paired_table, pairs_of
 from uav_bt.campaign.report.sources import FlightSet, read_sources
 from uav_bt.campaign.report.tables import Table, origin_table, tables_of
-from uav_bt.campaign.store import FLIGHTS_FILE
+from uav_bt.campaign.store import FLIGHTS_FILE, METRICS
 from uav_bt.errors import InputError
 from uav_bt.files import write_whole, writing
 from uav_bt.mission.covered_ground import PASSED_M, SEEN_M
@@ -68,7 +68,11 @@ code { white-space: pre-wrap; }
 <div><table>
 <tr>{% for column in part.columns %}<th>{{ column }}</th>{% endfor %}</tr>
 {% for row in part.rows %}
-<tr>{% for cell in row %}<td>{{ cell }}</td>{% endfor %}</tr>
+<tr>{% for column, cell in zip(part.columns, row) %}<td>
+{%- if column == "record" and cell %}<a href="{{ cell|urlencode }}">record</a>
+{% elif column == "command to repeat" %}<code>{{ cell }}</code>
+{% elif column in ("metric", "measure") and cell in metrics %}{{ metrics[cell].words }}
+{% else %}{{ cell }}{% endif %}</td>{% endfor %}</tr>
 {% endfor %}
 </table></div>
 {% endif %}
@@ -215,6 +219,8 @@ def _page(
     return environment.from_string(_PAGE).render(
         title="Flights of " + ", ".join(one.label for one in sets),
         lead=f"{lead}, {today.isoformat()}, uav-bt {__version__}",
+        metrics=METRICS,
+        zip=zip,
         parts=[part for part in parts if part and (not isinstance(part, Table) or part.rows)],
     )
 

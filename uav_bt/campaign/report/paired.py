@@ -11,7 +11,7 @@ import numpy as np
 
 from uav_bt.campaign.report import statistics as stats
 from uav_bt.campaign.report.sources import FlightSet
-from uav_bt.campaign.report.tables import Row, Table, metric_cell
+from uav_bt.campaign.report.tables import Row, Table
 from uav_bt.campaign.store import METRICS
 from uav_bt.errors import InputError
 from uav_bt.types.arrays import Floats
@@ -95,7 +95,7 @@ def _rows(pairs: Pairs) -> Iterator[Row]:
             numbers = (*np.median(values, axis=1), np.median(change))
             interval = stats.median_interval(change)
             cells = (stats.rounded(each, name) for each in (*numbers, *interval))
-            yield metric_cell(name), METRICS[name].unit, len(change), *cells, None
+            yield name, METRICS[name].unit, len(change), *cells, None
 
 
 def losses_of(sets: Sequence[FlightSet]) -> list[str]:
