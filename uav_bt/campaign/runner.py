@@ -8,10 +8,9 @@ import os
 import platform
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import as_completed
 from contextlib import closing
 from dataclasses import dataclass, replace
-from itertools import islice
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -49,20 +48,10 @@ class LocalBackend:
 
     def run(self, fly: Fly, tasks: Iterable[FlightTask], timeout_s: float) -> Flown:
         """Fly tasks; see `Backend`."""
-        pool = WorkerPool(fly, self.workers)
-        flying: dict[Future[Line], FlightTask] = {}
-        left = iter(tasks)
-        try:
-            while True:
-                # One task waits for each that flies, so that no worker waits for its next.
-                for task in islice(left, 2 * self.workers - len(flying)):
-                    flying[pool.start(task, timeout_s)] = task
-                if not flying:
-                    return
-                for flight in wait(flying, return_when=FIRST_COMPLETED).done:
-                    yield flying.pop(flight), pool.line_of(flight)
-        finally:
-            pool.close()
+        with closing(WorkerPool(fly, self.workers)) as pool:
+            flights = {pool.start(task, timeout_s): task for task in tasks}
+            for flight in as_completed(flights):
+                yield flights[flight], pool.line_of(flight)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,13 +134,14 @@ def _with_outputs(
         name = file_stem(task.key)
         if stems[name] > 1:
             name += "-" + hashlib.sha256(repr(task.key).encode()).hexdigest()[:8]
-        record = str(records / f"{name}.mcap") if plan.record else None
-        yield replace(task, record=record, folder=str(outputs / name))
+        record = records / f"{name}.mcap" if plan.record else None
+        options = replace(task.options, record=record)
+        yield replace(task, options=options, folder=str(outputs / name))
 
 
 def _with_files(line: Line, task: FlightTask, folder: Path) -> Line:
     """Return a flight's line with its files, relative, so that the folder may move."""
-    files = {"record": task.record, "folder": task.folder}
+    files = {"record": task.options.record, "folder": task.folder}
     if task.folder is None or not Path(task.folder).is_dir():
         del files["folder"]
     home = folder.resolve()

@@ -114,11 +114,15 @@ def _read_flight(line: bytes) -> dict[str, Any]:
     try:
         _LINE.model_validate_json(line)
     except ValidationError as error:
-        wrong = error.errors()[0]
-        where = ".".join(map(str, wrong["loc"]))
-        got = f"{wrong['msg']}, got {wrong['input']!r:.60}"
-        raise InputError(f"no flight: '{where}': {got}") from error
+        raise InputError(f"no flight: {_first(error)}") from error
     return {"scene": None, **flight}
+
+
+def _first(error: ValidationError) -> str:
+    """Return the first thing that is wrong: where, what, and the value."""
+    wrong = error.errors()[0]
+    where = ".".join(map(str, wrong["loc"]))
+    return f"'{where}': {wrong['msg']}, got {wrong['input']!r:.60}"
 
 
 def read_plan(folder: Path) -> tuple[CampaignPlan, list[dict[str, Any]]]:
@@ -126,14 +130,15 @@ def read_plan(folder: Path) -> tuple[CampaignPlan, list[dict[str, Any]]]:
     path = folder / PLAN_FILE
     try:
         content = parse_json(read_bounded(path, _MAX_PLAN_BYTES))
-        version, plan, runs = content["format"], content["plan"], content["runs"]
+        version = content["format"]
         if version == _FORMAT:
-            return CampaignPlan.from_json(plan), [dict(run) for run in runs]
+            runs = [dict(run) for run in content["runs"]]
+            return CampaignPlan.from_json(content["plan"]), runs
     except FileError:  # also of a lab file
         raise
-    except (InputError, KeyError, TypeError, ValueError) as error:
-        what = f"{type(error).__name__}: {error}"
-        raise FileError(path, f"expected a campaign's format, plan and runs; {what}") from error
+    except (InputError, KeyError, TypeError, ValueError, OSError) as error:
+        wrong = _first(error) if isinstance(error, ValidationError) else repr(error)
+        raise FileError(path, f"expected a campaign's format, plan and runs; {wrong}") from error
     raise FileError(path, f"has format {version!r:.20}, this version of uav-bt reads {_FORMAT}")
 
 

@@ -29,10 +29,8 @@ def task(tmp_path: Path, body: str) -> FlightTask:
         tree="tree.xml",
         tree_path=str(tree),
         scene="val-a",
-        scene_path="val-a",
-        seed=0,
         folder=str(tmp_path / "flights" / "tree-val-a-0"),
-        options=FlightOptions(drone="plain", profile="ideal").shared_json(),
+        options=FlightOptions(drone="plain", profile="ideal", scene="val-a"),
     )
 
 
@@ -61,10 +59,10 @@ def test_a_mission_that_writes_none_has_no_folder(tmp_path: Path) -> None:
 def write_each(task: FlightTask) -> dict[str, Any]:
     """Write a file for each flight, in a worker's process."""
     assert task.folder is not None
-    assert task.record is not None
+    assert task.options.record is not None
     Path(task.folder).mkdir(parents=True)
-    Path(task.record).write_text(task.scene, encoding="utf-8")
-    return line(task.seed, tree=task.tree, scene=task.scene)
+    Path(task.options.record).write_text(task.scene, encoding="utf-8")
+    return line(task.options.seed, tree=task.tree, scene=task.scene)
 
 
 @pytest.mark.parametrize(

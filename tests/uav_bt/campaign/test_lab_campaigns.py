@@ -53,7 +53,7 @@ def test_the_plan_and_its_flights_keep_the_lab(
     monkeypatch.chdir(tmp_path.parent)  # a worker may have another folder
     again = CampaignPlan.from_json(values)
     assert again.differences(plan) == []
-    lab = next(again.tasks()).flight_options().lab
+    lab = next(again.tasks()).options.lab
     assert isinstance(lab, Lab)
     assert lab.file == hall / "lab.yaml"
 

@@ -128,7 +128,7 @@ def test_ports_leaves_and_time_limit_travel_with_the_plan(tmp_path: Path) -> Non
     assert plan.leaves_sha256 == {str(leaves): hashlib.sha256(leaves.read_bytes()).hexdigest()}
     again = CampaignPlan.from_json(json.loads(json.dumps(plan.to_json())))
     assert not again.differences(plan)
-    how = next(again.tasks()).flight_options()
+    how = next(again.tasks()).options
     assert how.judge == options.judge
     assert how.ports == {"TakeOff.height_m": "1.1"}
     assert [str(each) for each in how.leaves] == [str(leaves)]
@@ -176,7 +176,7 @@ def params(tmp_path: Path) -> Path:
 
 def flown(plan: CampaignPlan) -> dict[str, tuple[object, object]]:
     """Return height and wait of each tree's flights, as their workers get them."""
-    options = {task.tree: task.flight_options() for task in plan.tasks()}
+    options = {task.tree: task.options for task in plan.tasks()}
     return {
         tree: (how.ports.get("TakeOff.height_m"), how.variables.get("wait_s"))
         for tree, how in options.items()
