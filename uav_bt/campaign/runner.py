@@ -104,12 +104,11 @@ def run(
         left = [task for key, task in wanted.items() if key not in done]
         if store.repaired:
             on_note("the last line was only half written and is flown again")
-        *earlier, now = store.runs
-        before = earlier[-1].get("code") if earlier else now["code"]
-        if done and left and before != now["code"]:
+        before, now = store.runs[-2:][0].get("code"), about["code"]
+        if done and left and before != now:
             on_note(
-                f"the code has changed since the last run ({before}, now {about['code']}): "
-                "the folder has flights of both"
+                f"the code has changed since the last run ({before}, now {now}): the folder has "
+                "flights of both"
             )
         for flight in done.values():
             on_flight(flight, False)
@@ -127,7 +126,7 @@ def _with_outputs(
 ) -> Iterator[FlightTask]:
     """Yield the tasks with their records and output folders, each with a name of its own."""
     records, outputs = (folder.resolve() / name for name in ("records", "flights"))
-    if plan.record and tasks:
+    if plan.record:
         records.mkdir(exist_ok=True)
     stems = Counter(file_stem(task.key) for task in plan.tasks())
     for task in tasks:
@@ -141,8 +140,7 @@ def _with_outputs(
 
 def _with_files(line: Line, task: FlightTask, folder: Path) -> Line:
     """Return a flight's line with its files, relative, so that the folder may move."""
-    files = {"record": task.options.record, "folder": task.folder}
-    if task.folder is None or not Path(task.folder).is_dir():
-        del files["folder"]
+    has_folder = task.folder is not None and Path(task.folder).is_dir()
+    files = {"record": task.options.record, "folder": task.folder if has_folder else None}
     home = folder.resolve()
     return {**line, **{key: str(Path(at).relative_to(home)) for key, at in files.items() if at}}

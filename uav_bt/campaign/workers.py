@@ -163,10 +163,9 @@ def _end_with_campaign(folder: str) -> None:
 
 def _fly(fly: Fly, task: FlightTask, output: str) -> Line:
     """Return the line of a task; everything that is printed goes to the file `output`."""
-    descriptor = os.open(output, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-    os.dup2(descriptor, 1)
-    os.dup2(descriptor, 2)
-    os.close(descriptor)
+    with Path(output).open("wb") as file:
+        os.dup2(file.fileno(), 1)
+        os.dup2(file.fileno(), 2)
     faulthandler.enable()
     try:
         return fly(task)

@@ -182,10 +182,13 @@ def _texts(function: Callable[..., Any]) -> tuple[str, dict[str, str]]:
 def _argument(
     name: str, kind: Any, notes: Sequence[Any], about: Option, default: Any
 ) -> click.Argument:
-    more: dict[str, Any] = (
-        {"nargs": -1, "required": default is _NOTHING} if _is_repeated(kind) else {}
+    return click.Argument(
+        [name],
+        metavar=about.metavar,
+        type=_type_of(kind, notes, about),
+        nargs=-1 if _is_repeated(kind) else 1,
+        required=default is _NOTHING,
     )
-    return click.Argument([name], metavar=about.metavar, type=_type_of(kind, notes, about), **more)
 
 
 def _option(

@@ -27,7 +27,7 @@ from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.shared import Positive, print_or_write, table
 from uav_bt.display.lab_map import draw_lab_with_axes
 from uav_bt.errors import FileError
-from uav_bt.files import did_you_mean_file, writing
+from uav_bt.files import did_you_mean_file, write_whole
 from uav_bt.lab.lab_file import lab_schema
 from uav_bt.lab.shipped import write_lab
 from uav_bt.option import Option
@@ -92,8 +92,7 @@ def scenes(
         lab_map = replace(lab_map, places=tuple(drawn_places(check_tree(tree), lab_map.take_off)))
     drawn = draw_lab_with_axes(lab_map, title=scene.name)
     _, png = cv2.imencode(".png", cv2.cvtColor(drawn, cv2.COLOR_RGB2BGR))
-    with writing(path):
-        path.write_bytes(png.tobytes())
+    write_whole(path, png.tobytes())
     click.echo(f"{scene.name}: {_summary(scene)}")
     if rows := _standing(scene):
         click.echo(table(rows, left=2))

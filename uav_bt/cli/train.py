@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final, Literal
@@ -21,16 +22,7 @@ from uav_bt.cli.declare import command
 from uav_bt.cli.evaluate import Drawn
 from uav_bt.cli.lab_images import score_lines
 from uav_bt.cli.progress import campaign_progress, progress_bars
-from uav_bt.cli.shared import (
-    RUNS,
-    Count,
-    Device,
-    InputFile,
-    OutputFolder,
-    Records,
-    Steps,
-    Workers,
-)
+from uav_bt.cli.shared import RUNS, Count, Device, InputFile, OutputFolder, Records, Steps, Workers
 from uav_bt.errors import FileError
 from uav_bt.files import check_output
 from uav_bt.lab.shipped import load_lab
@@ -183,23 +175,23 @@ def lab_network(
     click.echo("\n".join(_result(data, loss)))
 
 
-def _result(data: LabData, loss: float) -> list[str]:
+def _result(data: LabData, loss: float) -> Iterator[str]:
     material, picks = data.material, data.picks_on("check")
-    lines = [] if math.isnan(loss) else [f"loss: {loss:.3f}"]
+    if not math.isnan(loss):
+        yield f"loss: {loss:.3f}"
     if picks:
         segment = network_of_lab(material.lab, material.network).ids
-        score = score_picks(segment, picks, material.frames, material.lab.classes)
-        lines += score_lines(score)
+        yield from score_lines(score_picks(segment, picks, material.frames, material.lab.classes))
     else:
-        lines.append("no picks on images for checks: the network is not scored")
-    lines += [f"network: {material.network}", f"teacher, masks, weights: {material.training}"]
+        yield "no picks on images for checks: the network is not scored"
+    yield f"network: {material.network}\nteacher, masks, weights: {material.training}"
     if material.lab.flight.network is not None:
-        lines.append(
+        yield (
             f"note: {material.lab.file} states another network, with which the lab is flown; "
             "delete the key 'network' for this one"
         )
     where = material.lab.folder
-    return [*lines, f"next: uav-bt lab check {where}, then uav-bt fly MISSION --lab {where}"]
+    yield f"next: uav-bt lab check {where}, then uav-bt fly MISSION --lab {where}"
 
 
 @command()

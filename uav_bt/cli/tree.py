@@ -141,14 +141,8 @@ def render(
         format_: The form of the drawing.
         out: The file to write; the text is printed if not given.
     """
-    lookup = tree_folders.lookup()
-    loaded = load_tree(
-        resolve_tree(tree),
-        registry,
-        tree_id=tree_id,
-        lookup=lookup,
-        parameters=single(parameters),
-    )
+    path, lookup, values = resolve_tree(tree), tree_folders.lookup(), single(parameters)
+    loaded = load_tree(path, registry, tree_id=tree_id, lookup=lookup, parameters=values)
     print_or_write(draw(loaded.root, loaded.name, format_), out)
 
 
@@ -260,9 +254,9 @@ def _tick_line(step: SimulatedTick) -> str:
     parts = [", ".join(f"{leaf} {status.letter}" for leaf, status in step.answers)]
     if step.halted:
         parts.append(f"halted {', '.join(step.halted)}")
-    texts = {n: "none" if v is None else _plain(v) for n, v in step.changed.items()}
-    parts.append(", ".join(f"{name}={text}" for name, text in texts.items()))
-    what = "; ".join(part for part in parts if part)
+    if changed := {n: "none" if v is None else _plain(v) for n, v in step.changed.items()}:
+        parts.append(", ".join(f"{name}={text}" for name, text in changed.items()))
+    what = "; ".join(filter(None, parts))
     return f"{step.tick:>5}  {step.time_s:>7.2f}  {step.status.name:<7}  {what}".rstrip()
 
 

@@ -143,16 +143,16 @@ def write_report(
     for name, table in tables.items():
         written.tables.append(out.with_name(f"{out.stem}-{name}.csv"))
         write_whole(written.tables[-1], table.to_csv())
+    if figures is None:
+        return written
     folder = out.with_name(f"{out.stem}-figures")
-    if figures is not None:
-        with writing(folder):
-            folder.mkdir(exist_ok=True)
-        for each in drawings:
-            name = re.sub(r"[^\w.-]+", "_", each.name)  # a scene may have any name
-            written.images.append(folder / f"{name}.{figures}")
-            if figures != "png":
-                images[each.name] = drawn(each.figure, figures)
-            write_whole(written.images[-1], images[each.name])
+    with writing(folder):
+        folder.mkdir(exist_ok=True)
+    for each in drawings:
+        name = re.sub(r"[^\w.-]+", "_", each.name)  # a scene may have any name
+        written.images.append(folder / f"{name}.{figures}")
+        image = images[each.name] if figures == "png" else drawn(each.figure, figures)
+        write_whole(written.images[-1], image)
     return written
 
 
