@@ -21,7 +21,6 @@ from uav_bt.mission.judge import Outcome
 
 PLAN_FILE: Final = "campaign.json"
 FLIGHTS_FILE: Final = "flights.jsonl"
-_LOCK_FILE: Final = ".lock"
 _MAX_PLAN_BYTES: Final = 50_000_000  # it lists every run, and a cluster starts many
 _FORMAT: Final = 1  # of campaign.json
 _FIRST: Final = f"in the first {EXPLORE_S:.0f} s"
@@ -164,19 +163,16 @@ class CampaignStore:
         """
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
-            lock = (folder / _LOCK_FILE).open("w")
-        with lock:
+            out = (folder / FLIGHTS_FILE).open("a+b", buffering=0)
+        with out:
             try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                fcntl.flock(out, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
                 raise FileError(folder, "another campaign is at work in this folder") from error
             runs = [*_runs_before(folder, plan), dict(run)]
             content = {"format": _FORMAT, "plan": plan.to_json(), "runs": runs}
             write_whole(folder / PLAN_FILE, json.dumps(content, indent=2) + "\n")
-            with writing(folder / FLIGHTS_FILE):
-                out = (folder / FLIGHTS_FILE).open("a+b", buffering=0)
-            with out:
-                yield cls(folder, out, runs)
+            yield cls(folder, out, runs)
 
     def keep(self, flight: Mapping[str, Any]) -> None:
         """Write a flight to the disk, or nothing of it and a FileError."""
@@ -199,14 +195,14 @@ class CampaignStore:
 def _runs_before(folder: Path, plan: CampaignPlan) -> list[dict[str, Any]]:
     """Return the runs of the plan in a folder; refuse another campaign's folder."""
     flights = folder / FLIGHTS_FILE
+    has_flights = flights.stat().st_size > 0
     if not (folder / PLAN_FILE).exists():
-        if flights.exists():
-            without = f"flights without a plan ({PLAN_FILE}); choose another folder"
-            raise FileError(flights, without)
+        if has_flights:
+            raise FileError(flights, f"flights without a plan ({PLAN_FILE}); choose another folder")
         return []
     before, runs = read_plan(folder)
     differences = plan.differences(before)
-    if differences and flights.exists() and flights.stat().st_size:
+    if differences and has_flights:
         raise InputError(
             f"{folder} holds another campaign; choose another folder, or fly what it says:\n  "
             + "\n  ".join(differences)

@@ -14,16 +14,9 @@ from uav_bt import campaign as campaigns
 from uav_bt.app.options import SHARED, FlightOptions
 from uav_bt.campaign import CampaignResult
 from uav_bt.campaign.plan import CampaignPlan
+from uav_bt.campaign.report import statistics as stats
 from uav_bt.campaign.report.paired import losses_of
 from uav_bt.campaign.report.sources import by_tree, fly_command, read_sources
-from uav_bt.campaign.report.statistics import (
-    SUCCESS,
-    spread,
-    success_interval,
-    success_words,
-    successes,
-    values_of,
-)
 from uav_bt.campaign.runner import Backend, LocalBackend
 from uav_bt.campaign.shrinking import FailedFlight, same_cause
 from uav_bt.campaign.shrinking import shrink as shrink_flight
@@ -124,7 +117,7 @@ def campaign(
         )
     _print_result(result)
     click.echo(f"flights: {folder / 'flights.jsonl'}")
-    good = 100.0 * successes(result.flights) / len(result.flights)
+    good = 100.0 * stats.successes(result.flights) / len(result.flights)
     return fail_under is None or good >= fail_under
 
 
@@ -144,15 +137,16 @@ def _only_resume(ctx: click.Context) -> None:
 
 def _print_result(result: CampaignResult) -> None:
     for tree, flights in by_tree(result.flights).items():
-        low, high = success_interval(flights)
-        ends = Counter(flight["outcome"] for flight in flights if flight["outcome"] != SUCCESS)
+        low, high = stats.success_interval(flights)
+        ends = Counter(flight["outcome"] for flight in flights)
+        del ends[stats.SUCCESS]
         failures = "".join(f"; {name} {count}" for name, count in ends.most_common())
-        success = f"success {success_words(flights)}"
+        success = f"success {stats.success_words(flights)}"
         click.echo(f"{tree}: {success} (95 % Wilson interval {low:.1f} to {high:.1f} %){failures}")
         rows = [["", "unit", "n", "mean", "median", "p5", "p95", "least", "most"]]
         for name, metric in METRICS.items():
-            if values := values_of(flights, name):
-                numbers = spread(values).values()
+            if values := stats.values_of(flights, name):
+                numbers = stats.spread(values).values()
                 cells = ("" if each is None else f"{each:.2f}" for each in numbers)
                 rows.append([name, metric.unit, str(len(values)), *cells])
         click.echo(table(rows, indent="  "))
@@ -262,7 +256,7 @@ def _failed(source: Path, wanted: dict[str, str | int]) -> FailedFlight:
     flights = [(one, line) for one in read_sources([source]) for line in one.flights]
     for one, line in flights:
         is_wanted = all(_plain(line[name]) == _plain(value) for name, value in wanted.items())
-        if is_wanted and line["outcome"] != SUCCESS:
+        if is_wanted and line["outcome"] != stats.SUCCESS:
             options = FlightOptions() if one.plan is None else one.plan.options
             scene = one.scene_path(str(line["scene"]))
             return FailedFlight.of(line, one.tree_path(), scene, options)

@@ -40,13 +40,10 @@ class Pairs(NamedTuple):
         known = [pair for pair in both if None not in pair]
         return np.array(known, dtype=np.float64).reshape(-1, 2).T
 
-    def successes(self) -> Counter[tuple[bool, bool]]:
-        """Return how many pairs there are by the success of first and second."""
-        success = stats.SUCCESS
-        return Counter(
-            (first["outcome"] == success, second["outcome"] == success)
-            for first, second in self.flights
-        )
+    def successes(self) -> tuple[int, int, int]:
+        """Return in how many pairs only the first flight succeeded, only the second, and both."""
+        ends = [[flight["outcome"] == stats.SUCCESS for flight in pair] for pair in self.flights]
+        return ends.count([True, False]), ends.count([False, True]), ends.count([True, True])
 
 
 def pairs_of(sets: Sequence[FlightSet], *, all_pairs: bool = False) -> list[Pairs]:
@@ -83,8 +80,7 @@ def paired_table(pairs: Sequence[Pairs]) -> Table:
 
 
 def _rows(pairs: Pairs) -> Iterator[Row]:
-    ends = pairs.successes()
-    gained, lost, both = ends[False, True], ends[True, False], ends[True, True]
+    lost, gained, both = pairs.successes()
     p = float(f"{stats.mcnemar(gained, lost):.3g}")
     counts = (len(pairs.flights), lost + both, gained + both, gained - lost)
     yield "successes", None, *counts, None, None, p
@@ -116,10 +112,9 @@ def losses_of(sets: Sequence[FlightSet]) -> list[str]:
 
 
 def _losses(pairs: Pairs) -> Iterator[str]:
-    ends = pairs.successes()
-    more = ends[True, False] - ends[False, True]
-    if more > _MORE_FAILURES:
-        yield f"{more} more failures"
+    lost, gained, _ = pairs.successes()
+    if lost - gained > _MORE_FAILURES:
+        yield f"{lost - gained} more failures"
     for name, statistic, percentile, allowed in _LESS:
         values, metric = pairs.values(name), METRICS[name]
         if values.size:

@@ -67,7 +67,7 @@ def write(out: Path, *paths: Path, drawn: bool = False, **options: Any) -> Writt
     """Write a report. Drawing takes long: only for tests that look at the pictures."""
     with pytest.MonkeyPatch.context() as patch:
         if not drawn:
-            patch.setattr(campaign_report, "drawn", lambda *_: b"undrawn")
+            patch.setattr(campaign_report.plots, "drawn", lambda *_: b"undrawn")
         return write_report(paths, out, today=dt.date(2026, 1, 2), **options)
 
 
