@@ -42,28 +42,21 @@ def test_a_spread_tells_where_the_values_lie() -> None:
 
 
 @pytest.mark.parametrize(
-    ("successes", "trials", "low", "high"),
+    ("interval", "ends"),
     [
-        (81, 263, 25.53, 36.62),  # Newcombe 1998, table I, method 3
-        (15, 148, 6.24, 16.05),
-        (0, 20, 0.0, 16.11),
-        (1, 29, 0.61, 17.18),
-        (100, 100, 96.30, 100.0),
+        (success_interval(flights(81, 263)), (25.53, 36.62)),  # Newcombe 1998, table I, method 3
+        (success_interval(flights(15, 148)), (6.24, 16.05)),
+        (success_interval(flights(0, 20)), (0.0, 16.11)),
+        (success_interval(flights(100, 100)), (96.30, 100.0)),
+        (rate_interval(0, 1.0), (0.0, 2.996)),  # Garwood 1936
+        (rate_interval(1, 0.01), (2.532, 557.16)),
+        (rate_interval(10, 2.0), (2.398, 9.195)),
     ],
 )
-def test_wilsons_interval_agrees_with_newcombe(
-    successes: int, trials: int, low: float, high: float
+def test_intervals_agree_with_published_ones(
+    interval: tuple[float, float], ends: tuple[float, float]
 ) -> None:
-    ends = success_interval(flights(successes, trials))
-    assert ends == pytest.approx((low, high), abs=5e-3)
-
-
-@pytest.mark.parametrize(
-    ("count", "low", "high"), [(0, 0.0, 2.996), (1, 0.0253, 5.572), (10, 4.795, 18.39)]
-)
-def test_garwoods_interval_of_a_rate(count: int, low: float, high: float) -> None:
-    assert rate_interval(count, 1.0) == pytest.approx((low, high), rel=1e-3)
-    assert rate_interval(count, 2.0) == pytest.approx((low / 2, high / 2), rel=1e-3)
+    assert interval == pytest.approx(ends, abs=5e-3)
 
 
 def test_the_interval_of_a_median() -> None:
@@ -83,19 +76,17 @@ def test_mcnemars_exact_test() -> None:
     assert mcnemar(0, 0) == 1.0
 
 
-def test_a_straight_way_passes_a_band_of_the_ground() -> None:
+def test_a_path_passes_the_cells_around_it() -> None:
+    """Rows go up and columns to the right."""
     ends = np.array([[0.0, -2.5, 0.1, 1.5], [9.0, 2.5, 0.1, 1.5]])
-    passed = visited_cells(np.linspace(*ends, 21), CELLS)
-    rows = np.flatnonzero(passed.all(axis=1))
+    straight = visited_cells(np.linspace(*ends, 21), CELLS)
+    rows = np.flatnonzero(straight.all(axis=1))
     assert CELLS.y_m[rows].min() == pytest.approx(-0.375)
     assert CELLS.y_m[rows].max() == pytest.approx(0.575)
-
-
-def test_rows_go_up_and_columns_go_right() -> None:
-    passed = visited_cells([[0.0, 2.375, 1.875, 1.0]], CELLS)
-    assert bool(passed[-1, -1])
-    assert not passed[0].any()
-    assert not passed[:, 0].any()
+    corner = visited_cells([[0.0, 2.375, 1.875, 1.0]], CELLS)
+    assert bool(corner[-1, -1])
+    assert not corner[0].any()
+    assert not corner[:, 0].any()
 
 
 def covered(*passed: float, duration_s: float) -> dict[str, Any]:
