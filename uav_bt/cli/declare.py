@@ -53,17 +53,23 @@ class Number(click.FloatRange):
 
 
 class Command(click.Command):
-    """A command that checks its outputs first.
+    """A command made of a function; it checks its outputs first.
 
     `about` has the declarations of its arguments and options by their names; `sections` are
     headings of the help, under which the options of these groups stand.
     """
 
     def __init__(
-        self, about: Mapping[str, Option], sections: Sequence[str], **attributes: Any
+        self, function: Callable[..., bool | None], name: str, sections: Sequence[str]
     ) -> None:
-        super().__init__(**attributes)
-        self.about = about
+        call = _Call(function)
+        super().__init__(
+            name or function.__name__.replace("_", "-"),
+            params=call.params,
+            callback=lambda **values: call(values),
+            help=_texts(function)[0],
+        )
+        self.about = call.about
         self._sections = sections
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -122,19 +128,7 @@ def command(
 
     A function that returns False ends the command with exit code 1.
     """
-
-    def decorate(function: Callable[..., bool | None]) -> Command:
-        call = _Call(function)
-        return Command(
-            name=name or function.__name__.replace("_", "-"),
-            params=call.params,
-            callback=lambda **values: call(values),
-            help=_texts(function)[0],
-            about=call.about,
-            sections=sections,
-        )
-
-    return decorate
+    return lambda function: Command(function, name, sections)
 
 
 class _Call:

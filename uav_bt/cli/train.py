@@ -31,7 +31,6 @@ from uav_bt.learning.dataset import read_advised_flights, read_flights, records_
 from uav_bt.learning.lab_data import LabData, checked_data
 from uav_bt.learning.lab_material import LabMaterial
 from uav_bt.learning.pick_scores import network_of_lab, score_picks
-from uav_bt.learning.training import CALIBRATION_VIEWS, Network, Precision, export_network
 from uav_bt.learning.views import TRAINING_SCENES
 from uav_bt.option import Option
 from uav_bt.plugins import need
@@ -271,18 +270,18 @@ class Export:
     """
 
     weights: InputFile = None
-    precision: Precision = "int8"
+    precision: training.Precision = "int8"
     out: Annotated[Path | None, Option(path="written", suffix=".onnx")] = None
     drawn: Annotated[Drawn, Option(parts=Drawn)]
 
-    def write(self, network: Network) -> None:
+    def write(self, network: training.Network) -> None:
         """Make the file, and name it."""
         need("train")
         path = self.out or RUNS / f"{network}-{self.precision}.onnx"
         source = self.weights or SHIPPED_WEIGHTS / f"{network}.safetensors"
-        plan = self.drawn.of(CALIBRATION_VIEWS)
+        plan = self.drawn.of(training.CALIBRATION_VIEWS)
         with progress_bars() as advance:
-            export_network(
+            training.export_network(
                 network, source, path, precision=self.precision, views=plan, advance=advance
             )
         click.echo(f"network in {self.precision}: {path}, {path.stat().st_size / 1e6:.1f} MB")
