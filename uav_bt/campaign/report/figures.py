@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import math
 import warnings
-from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final, Literal
 
@@ -136,7 +135,7 @@ def distributions(sets: Sequence[FlightSet]) -> Figure | None:
     return figure
 
 
-_SHARES: Final = ("passed", "seen")  # as the fields of a flight are called
+_PERCENT: Final = (1.0, 100.0, 100.0)  # of time and two shares
 
 
 def coverage_over_time(sets: Sequence[FlightSet]) -> Figure | None:
@@ -149,44 +148,43 @@ def coverage_over_time(sets: Sequence[FlightSet]) -> Figure | None:
     if not any(flight["coverage_curve"] for _, some, _ in measured for flight in some):
         return None
     figure = Figure(figsize=(9.5, 3.4 + 0.15 * len(sets)))
-    for axes, what in zip(figure.subplots(1, len(_SHARES), sharey=True), _SHARES, strict=True):
+    panels = zip((1, 2), ("covered", "seen"), figure.subplots(1, 2, sharey=True), strict=True)
+    for column, what, axes in panels:
         for _, some, colour in measured:
             alpha = float(np.clip(4.0 / len(some), 0.1, 0.5))
             for flight in some:
-                curve = curve_of(flight, what)
+                curve = curve_of(flight)[:, [0, column]]
                 axes.plot(*curve.T, color=colour, linewidth=0.8, alpha=alpha)
                 axes.plot(*curve[-1:].T, ".", color=colour, markersize=4, alpha=alpha)
-            axes.plot(*mean_curve(some, what).T, color=colour, linewidth=2.0)
+            axes.plot(*mean_curve(some)[:, [0, column]].T, color=colour, linewidth=2.0)
         axes.axvline(EXPLORE_S, color="#adb5bd", linewidth=0.8, linestyle=":")
-        axes.set_title(f"free ground {'covered' if what == 'passed' else what}, %")
+        axes.set_title(f"free ground {what}, %")
         axes.set_xlabel("time from the take-off command, s")
         axes.set(xlim=(0.0, None), ylim=(0.0, 100.0))
     _legend(figure, ((f"{label}, flights: {len(some)}", c) for label, some, c in measured))
     return figure
 
 
-def curve_of(flight: Mapping[str, Any], what: str) -> Floats:
-    """Return a flight's coverage, `passed` or `seen`: time in s, share in %, (N, 2)."""
-    curve = np.array(flight["coverage_curve"], dtype=np.float64).reshape(-1, 1 + len(_SHARES))
-    points = curve[:, [0, 1 + _SHARES.index(what)]]
-    end_s, share = flight.get("duration_s"), flight.get(f"coverage_{what}")
-    if end_s is not None and share is not None and end_s > max(points[:, 0], default=0.0):
-        points = np.vstack([points, (end_s, share)])
-    return points * (1.0, 100.0)
+def curve_of(flight: Mapping[str, Any]) -> Floats:
+    """Return a flight's coverage: time in s, shares passed and seen in %, (N, 3)."""
+    curve = np.array(flight["coverage_curve"], dtype=np.float64).reshape(-1, 3)
+    end = [flight.get(name) for name in ("duration_s", "coverage_passed", "coverage_seen")]
+    if None not in end and end[0] > max(curve[:, 0], default=0.0):
+        curve = np.vstack([curve, end])
+    return curve * _PERCENT
 
 
-def mean_curve(flights: Flights, what: str) -> Floats:
-    """Return the mean coverage at the sample times that half of the flights reached, (N, 2).
+def mean_curve(flights: Flights) -> Floats:
+    """Return the mean coverage at the sample times that half of the flights reached, (N, 3).
 
-    Time in s, share in %. Later the mean would jump whenever a flight ends.
+    Columns as in `curve_of`. Later the mean would jump whenever a flight ends.
     """
-    shares = defaultdict(list)
-    for flight in flights:
-        for point in flight["coverage_curve"]:
-            shares[point[0]].append(100.0 * point[1 + _SHARES.index(what)])
-    half = len(flights) / 2
-    means = [(t, np.mean(some)) for t, some in sorted(shares.items()) if len(some) >= half]
-    return np.array(means).reshape(-1, 2)
+    curves = [point for flight in flights for point in flight["coverage_curve"]]
+    points = np.array(curves, dtype=np.float64).reshape(-1, 3)
+    times_s, counts = np.unique(points[:, 0], return_counts=True)
+    kept_s = times_s[counts >= len(flights) / 2]
+    means = [points[points[:, 0] == time_s].mean(axis=0) for time_s in kept_s]
+    return np.reshape(means, (-1, 3)) * _PERCENT
 
 
 _OUTCOME_COLOURS: Final = {

@@ -99,10 +99,10 @@ def covered(*passed: float, duration_s: float) -> dict[str, Any]:
 
 
 def test_the_curve_of_a_flight_begins_with_its_first_sample_and_ends_with_the_flight() -> None:
+    """Time in s, shares passed and seen in %."""
     flight = covered(0.125, 0.25, 0.375, duration_s=27.5)
-    assert curve_of(flight, "passed").tolist() == [[10.0, 12.5], [20.0, 25.0], [27.5, 37.5]]
-    assert curve_of(flight, "seen").tolist() == [[10.0, 50.0], [20.0, 50.0], [27.5, 75.0]]
-    assert curve_of(covered(0.25, duration_s=8.0), "passed").tolist() == [[8.0, 25.0]]
+    assert curve_of(flight).tolist() == [[10.0, 12.5, 50.0], [20.0, 25.0, 50.0], [27.5, 37.5, 75.0]]
+    assert curve_of(covered(0.25, duration_s=8.0)).tolist() == [[8.0, 25.0, 75.0]]
 
 
 def test_the_mean_curve_ends_when_half_of_the_flights_have_ended() -> None:
@@ -112,9 +112,9 @@ def test_the_mean_curve_ends_when_half_of_the_flights_have_ended() -> None:
         covered(0.5, 0.5, 0.5, 0.5, duration_s=35.0),
         covered(0.625, 0.75, 0.875, 0.875, 0.875, duration_s=45.0),
     ]
-    means = [[10.0, 37.5], [20.0, 50.0], [30.0, 68.75]]
-    assert mean_curve(flights, "passed").tolist() == means
-    assert mean_curve([], "passed").shape == (0, 2)
+    means = [[10.0, 37.5, 50.0], [20.0, 50.0, 50.0], [30.0, 68.75, 50.0]]
+    assert mean_curve(flights).tolist() == means
+    assert mean_curve([]).shape == (0, 3)
 
 
 def test_the_hardware_names_processor_vnni_and_memory(tmp_path: Path) -> None:
