@@ -140,8 +140,9 @@ _PERCENT: Final = (1.0, 100.0, 100.0)  # of time and two shares
 
 def coverage_over_time(sets: Sequence[FlightSet]) -> Figure | None:
     """Draw the coverage of flights over time and each set's mean; None without a curve."""
+    needed = ("coverage_passed", "coverage_curve")
     found = (
-        (one.label, [f for f in one.flights if f.get("coverage_passed") is not None], f"C{row}")
+        (one.label, [f for f in one.flights if None not in map(f.get, needed)], f"C{row}")
         for row, one in enumerate(sets)
     )
     measured = [(label, some, colour) for label, some, colour in found if some]
