@@ -128,17 +128,14 @@ def shrink(flight: FailedFlight, on_try: Callable[[int, str], None]) -> FailedFl
 
 def least(parts: Sequence[T], fails: Callable[[Sequence[T]], bool]) -> list[T]:
     """Return the parts that cannot be left out, one by one, without losing the failure."""
-    kept, groups = list(parts), 2
-    while kept:
-        size = -(-len(kept) // groups)
-        chunks = [kept[start : start + size] for start in range(0, len(kept), size)]
-        for chunk in chunks:
-            rest = [part for part in kept if part not in chunk]
+    kept, size = list(parts), len(parts)
+    while size:
+        before = len(kept)
+        for start in reversed(range(0, len(kept), size)):
+            rest = kept[:start] + kept[start + size :]
             if fails(rest):
-                kept, groups = rest, max(2, groups - 1)
-                break
-        else:
-            if size == 1:
-                break
-            groups = min(len(kept), 2 * groups)
+                kept = rest
+        # Single parts are tried again until none can be left out.
+        if size > 1 or len(kept) == before:
+            size //= 2
     return kept

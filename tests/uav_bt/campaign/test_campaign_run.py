@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from tests.uav_bt.campaign.campaign_world import comparable, fly, line, plan
+from uav_bt.app import provenance
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign import CampaignResult
 from uav_bt.campaign.plan import CampaignPlan, FlightTask
@@ -36,7 +37,9 @@ def test_one_and_two_workers_fly_the_same_flights(tmp_path: Path) -> None:
     assert len({flight["wall_s"] for flight in one.flights}) == 1, "one process flies them all"
 
 
-def test_a_stopped_campaign_goes_on_and_flies_nothing_twice(tmp_path: Path) -> None:
+def test_a_stopped_campaign_goes_on_and_flies_nothing_twice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     wanted = plan(flights=4)
 
     def stop(_flight: Any, _now: bool) -> None:  # noqa: FBT001 - as the campaign calls it
@@ -50,8 +53,13 @@ def test_a_stopped_campaign_goes_on_and_flies_nothing_twice(tmp_path: Path) -> N
     assert told == [False, True, True, True]
     assert result.flown_now == 3
     assert sorted(kept_seeds(tmp_path)) == [0, 1, 2, 3]
-    more = flown(plan(flights=5), tmp_path)
+    notes: list[str] = []
+    monkeypatch.setattr(provenance, "commit", lambda: "another")
+    more = flown(plan(flights=5), tmp_path, on_note=notes.append)
     assert (more.flown_now, len(more.flights)) == (1, 5)
+    assert [note.partition(" (")[0] for note in notes] == [
+        "the code has changed since the last run"
+    ]
 
 
 def test_a_refused_flight_ends_the_campaign_and_is_not_kept(tmp_path: Path) -> None:

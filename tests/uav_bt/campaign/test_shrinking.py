@@ -33,7 +33,7 @@ def test_the_causes_are_left(causes: set[int]) -> None:
         return causes <= set(parts)
 
     assert set(least(range(12), fails)) == causes
-    assert flights <= 60
+    assert flights <= 30
 
 
 FAULTS = ["wind=0.05@take-off", "battery-low=0.06@center+0.3"]
