@@ -75,17 +75,24 @@ from uav_bt.tree import Leaf, Status
 
 class Stop(Leaf):
     def update(self):
-        os.kill(os.getpid(), signal.{})
+        {}
         return Status.RUNNING
 """
 
 
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
-def test_a_signal_to_a_worker_in_flight_is_an_error_of_its_flight(
-    name: str, tmp_path: Path
+@pytest.mark.parametrize(
+    ("code", "reason", "has_path"),
+    [
+        ("os.kill(os.getpid(), signal.SIGTERM)", "its process was ended by SIGTERM", False),
+        ("os.kill(os.getpid(), signal.SIGHUP)", "its process was ended by SIGHUP", False),
+        ("raise ValueError('of a leaf')", "ValueError: of a leaf", True),
+    ],
+)
+def test_what_ends_a_flight_in_a_worker_is_its_error(
+    code: str, reason: str, tmp_path: Path, *, has_path: bool
 ) -> None:
     leaves, tree = tmp_path / "leaves.py", tmp_path / "tree.xml"
-    leaves.write_text(TERMINATED.format(name))
+    leaves.write_text(TERMINATED.format(code))
     tree.write_text(
         '<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence>'
         "<TakeOff/><Stop/><Land/></Sequence></BehaviorTree></root>"
@@ -93,7 +100,8 @@ def test_a_signal_to_a_worker_in_flight_is_an_error_of_its_flight(
     planned = make_plan([tree], scenes=["val-a"], flights=1, drone="plain", leaves=[leaves])
     (flight,) = run(planned, tmp_path / "out").flights
     assert flight["outcome"] == "error"
-    assert flight["reason"] == f"its process was ended by {name}"
+    assert reason in flight["reason"]
+    assert ("path" in flight) == has_path, "a flight that has a report keeps it"
 
 
 def test_closing_stops_what_flies_and_what_waits_and_leaves_no_files(

@@ -36,6 +36,10 @@ def test_the_causes_are_left(causes: set[int]) -> None:
     assert flights <= 30
 
 
+def test_a_part_that_had_to_stay_is_tried_again_without_the_others() -> None:
+    assert least(range(12), lambda left: 5 in left and (11 in left or 3 not in left)) == [5]
+
+
 FAULTS = ["wind=0.05@take-off", "battery-low=0.06@center+0.3"]
 
 

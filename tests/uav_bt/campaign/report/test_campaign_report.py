@@ -197,9 +197,9 @@ def test_a_flight_is_repeated_with_what_was_drawn_and_changed_for_it(
 
 def test_events_are_given_per_hour_of_flight(tmp_path: Path) -> None:
     """Two contacts in 0.5 h: Garwood's interval of 2 is 0.2422 to 7.2247."""
-    ends = ["collision", "collision", "left_area", "aborted", "success"]
+    ends = ["collision", "collision", "left_area", "aborted", "aborted"]
     flights = [
-        flight(n, outcome=end, duration_s=360.0, total_distance_m=20.0, on_mark=False)
+        flight(n, outcome=end, duration_s=360.0, total_distance_m=20.0, on_mark=n == 4)
         for n, end in enumerate(ends)
     ]
     columns = [f"contacts{number}" for number in ("", ", rate", ", from", ", to")]

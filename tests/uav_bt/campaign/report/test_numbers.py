@@ -174,11 +174,13 @@ def test_flights_are_paired_by_scene_and_seed(tmp_path: Path) -> None:
 
 
 def test_successes_are_compared_by_mcnemars_test(tmp_path: Path) -> None:
-    """Of five pairs four were lost and one was gained: p = 2 x (1 + 5) / 2**5 = 0.375."""
-    first = [flight_of(seed, outcome="timeout" if seed == 0 else "success") for seed in range(5)]
-    second = [flight_of(n, "b.xml", outcome="success" if n == 0 else "collision") for n in range(5)]
-    row = rows_of(sets_of(tmp_path, *first, *second))["successes"]
-    assert (row["pairs"], row["first"], row["second"], row["p"]) == (5, 4, 1, 0.375)
+    """Of six pairs four were lost and one was gained: p = 2 x (1 + 5) / 2**5 = 0.375."""
+    first = [flight_of(seed, outcome="timeout" if seed == 0 else "success") for seed in range(6)]
+    second = [flight_of(n, "b.xml", outcome="collision" if n % 5 else "success") for n in range(6)]
+    sets = sets_of(tmp_path, *first, *second)
+    row = rows_of(sets)["successes"]
+    assert (row["pairs"], row["first"], row["second"], row["p"]) == (6, 5, 2, 0.375)
+    assert losses_of(sets) == ["b: 3 more failures"]
 
 
 def test_a_flight_without_a_metric_has_no_difference(tmp_path: Path) -> None:
