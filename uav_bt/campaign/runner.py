@@ -104,7 +104,7 @@ def run(
         left = [task for key, task in wanted.items() if key not in done]
         if store.repaired:
             on_note("the last line was only half written and is flown again")
-        before, now = store.runs[-2:][0].get("code"), about["code"]
+        before, now = store.runs[-2:][0].get("code"), about["code"]  # the same in the first run
         if done and left and before != now:
             on_note(
                 f"the code has changed since the last run ({before}, now {now}): the folder has "

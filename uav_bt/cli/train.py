@@ -183,7 +183,8 @@ def _result(data: LabData, loss: float) -> Iterator[str]:
         yield from score_lines(score_picks(segment, picks, material.frames, material.lab.classes))
     else:
         yield "no picks on images for checks: the network is not scored"
-    yield f"network: {material.network}\nteacher, masks, weights: {material.training}"
+    yield f"network: {material.network}"
+    yield f"teacher, masks, weights: {material.training}"
     if material.lab.flight.network is not None:
         yield (
             f"note: {material.lab.file} states another network, with which the lab is flown; "
