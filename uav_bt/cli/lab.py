@@ -100,7 +100,7 @@ def scenes(
     click.echo(f"map: {path}")
 
 
-def _standing(scene: Scene, shown: Sequence[MapItem]) -> list[tuple[str, ...]]:
+def _standing(scene: Scene, shown: Sequence[MapItem]) -> Sequence[tuple[str, ...]]:
     """Return a row for each box, by its pattern, and each object of a scene and its map."""
     names = [*(str(box.pattern) for box in scene.boxes), *(item.name for item in scene.placed)]
     what = "object" if scene.placed else "pattern"

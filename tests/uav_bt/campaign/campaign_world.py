@@ -16,8 +16,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from uav_bt.app.options import FlightOptions
-from uav_bt.campaign.plan import SHARED, CampaignPlan, FlightTask, PlannedFile
+from uav_bt.app.options import SHARED, FlightOptions
+from uav_bt.campaign.plan import CampaignPlan, FlightTask, PlannedFile
 from uav_bt.campaign.store import CampaignStore
 from uav_bt.errors import InputError
 

@@ -169,7 +169,7 @@ def coverage_over_time(sets: Sequence[FlightSet]) -> Figure | None:
 def curve_of(flight: Mapping[str, Any]) -> Floats:
     """Return a flight's coverage: time in s, shares passed and seen in %, (N, 3)."""
     curve = np.array(flight["coverage_curve"], dtype=np.float64).reshape(-1, 3)
-    end = [flight.get(name) for name in ("duration_s", "coverage_passed", "coverage_seen")]
+    end: list[Any] = [flight.get(f) for f in ("duration_s", "coverage_passed", "coverage_seen")]
     if None not in end and end[0] > max(curve[:, 0], default=0.0):
         curve = np.vstack([curve, end])
     return curve * _PERCENT
