@@ -56,13 +56,12 @@ def frames(
 
 
 def _show(summary: lab_frames.FramesSummary) -> None:
-    rows: list[tuple[str, ...]] = [
-        ("source", "read", "blurred", "alike", "over count", "kept", "for check")
+    heads = ("source", "read", "blurred", "alike", "over count", "kept", "for check")
+    rows = [
+        (one.source, one.read, one.blurred, one.alike, one.surplus, one.kept, one.for_check)
+        for one in summary.sources
     ]
-    for one in summary.sources:
-        counts = (one.read, one.blurred, one.alike, one.surplus, one.kept, one.for_check)
-        rows.append((one.source, *map(str, counts)))
-    click.echo(table(rows))
+    click.echo(table([heads, *rows]))
     for one in summary.sources:
         earlier = ["taken in an earlier run"] if one.earlier else []
         for note in (*earlier, *one.notes):
