@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont, fontManager, get_font
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
+from scipy.spatial import cKDTree
 
 from sim_bridge.twin.scene import Scene
 from uav_bt.app.film import map_of_scene
@@ -302,7 +303,7 @@ def visited_cells(path: Sequence[Sequence[float]], cells: GroundCells) -> Flags:
     `path` has points (t, x, y, z) in s and world metres, connected by straight lines.
     """
     time_s, x_m, y_m, _ = np.asarray(path, dtype=np.float64).T
-    passed = np.zeros_like(cells.free)
-    for at_s in np.linspace(time_s[0], time_s[-1], _POINTS * len(path)):
-        cells.mark_passed(passed, np.interp(at_s, time_s, x_m), np.interp(at_s, time_s, y_m))
-    return passed
+    dense_s = np.linspace(time_s[0], time_s[-1], _POINTS * len(path))
+    points_m = np.column_stack([np.interp(dense_s, time_s, along_m) for along_m in (x_m, y_m)])
+    away_m, _ = cKDTree(points_m).query(cells.middles_m)
+    return np.asarray(away_m <= PASSED_M)

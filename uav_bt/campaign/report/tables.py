@@ -117,7 +117,7 @@ def _rates(sets: Sequence[FlightSet]) -> Table:
         )
         if hours := seconds / 3600.0:
             row = [one.label, round(hours, 2), round(path_m / hours), round(rooms / hours, 1)]
-            for count in map(sum, zip(*map(_events, one.flights), strict=True)):
+            for count in np.sum([_events(flight) for flight in one.flights], axis=0).tolist():
                 rates = (count / hours, *stats.rate_interval(count, hours))
                 row += [count, *(round(_RATE_H * rate, 1) for rate in rates)]
             rows.append(row)
