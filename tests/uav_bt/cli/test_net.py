@@ -13,7 +13,7 @@ from click.testing import Result
 
 from tests.worlds.cli import run
 from uav_bt.app.perceive.pipeline import Pipeline
-from uav_bt.cli.evaluate import depth_lines
+from uav_bt.cli.evaluate import depth_table
 
 ONE_SCENE = ("--scene", "train-b", "--views", 3)
 
@@ -50,7 +50,9 @@ def test_figures_that_nobody_knows_are_dashes() -> None:
     names = ("mean_m", "median_m", "rmse_m", "std_m", "max_m", "correlation")
     error = dict.fromkeys(names) | {"total": 0, "valid": 0}
     row = {"method": "contact", "edges": error, "distances": error, "obstacles": error}
-    assert list(depth_lines([row]))[-1].split() == ["contact", *"------------"]
+    heads, _, contact = depth_table([row]).splitlines()
+    assert contact.split() == ["contact", *"------------"]
+    assert len(heads) == len(contact), "numbers are aligned at the right"
 
 
 def perceive(*arguments: object) -> Result:
