@@ -23,7 +23,8 @@ START_MPS: Final = 0.5  # standard deviation of a new cluster's velocity
 
 EARLY_SIGHTINGS: Final = 3  # sightings after which a fast cluster most likely moves
 EARLY_SURE: Final = 2.0  # a velocity above this many standard deviations of the filter is fast
-SIGHTINGS: Final = 6  # sightings that a line needs
+SIGHTINGS: Final = 6  # sightings that a line needs within `NEAR_M` of the camera
+FAR_SIGHTINGS: Final = 9  # the same further away, where there is time to see more of it
 LINE_S: Final = 1.5  # the line goes through the places of this time
 LINE_STD_M: Final = 0.05  # largest standard deviation of the places beside the line
 LINE_SURE: Final = 9.0  # least ratio of its speed to the standard deviation of the speed
@@ -165,17 +166,17 @@ class MoverTrack:
         against = -float(moved_m @ flown_m) / max(float(flown_m @ flown_m), 1e-6)
         moved_m = moved_m + min(max(against, 0.0), PARALLAX) * flown_m  # not by the camera's
         far = self.is_whole and np.hypot(*moved_m) >= enough_m
-        if far and self._keeps_to_line(LINE_SURE):
+        if far and self._keeps_to_line(LINE_SURE, SIGHTINGS if is_near else FAR_SIGHTINGS):
             self.moves, self.stands, self.has_moved = True, False, True
         if self.moves:
             self.trail.append((self.time_s, float(place_m[0]), float(place_m[1])))
             oldest_s = self.time_s - TRAIL_S
             self.trail = [past for past in self.trail if past[0] >= oldest_s]
 
-    def _keeps_to_line(self, sure: float) -> bool:
+    def _keeps_to_line(self, sure: float, sightings: int = SIGHTINGS) -> bool:
         """Return whether it keeps to a line, at a speed of `sure` standard deviations or more."""
         self._line = [place for place in self._line if place[0] >= self.seen_s - LINE_S]
-        if len(self._line) < SIGHTINGS:
+        if len(self._line) < sightings:
             return False
         times_s, places_m = np.array(self._line)[:, 0], np.array(self._line)[:, 1:]
         times_s, places_m = times_s - times_s.mean(), places_m - places_m.mean(axis=0)

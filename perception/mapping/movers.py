@@ -90,7 +90,7 @@ def find_arrivals(seen: Landmarks, known: Landmarks, on_ground: Flags, owned: Fl
 
 def are_of_known(seen: Landmarks, known: Landmarks, time_s: float) -> Flags:
     """Return which bases of a view are near a point of their class that has long settled, (N,)."""
-    old = known.take((known.settled_s <= time_s - _OWN_S) & (known.missed == 0.0))
+    old = known.take(known.settled_s <= time_s - _OWN_S)
     near = cdist(seen.xy_m, old.xy_m) <= _OWN_M
     return np.asarray((near & (seen.ids[:, None] == old.ids)).any(axis=1))
 

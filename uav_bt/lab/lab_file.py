@@ -57,10 +57,20 @@ def lab_text(path: Path) -> YamlFile[LabFile]:
 
 
 def _classes(file: YamlFile[LabFile]) -> LabClasses:
+    forms, room = file.value.classes, file.value.room
+    built_m = {} if room is None else room.legs_m()
+    sides = {name for name, each in forms.items() if each.role == "obstacle"}
+    sides -= {each.top for each in forms.values()}
     with file.at("classes"):
         return LabClasses(
-            LabClass(**{**vars(each), "name": name, "colour": _colour(each.colour)})
-            for name, each in file.value.classes.items()
+            LabClass(
+                name=name,
+                role=each.role,
+                colour=_colour(each.colour),
+                top=each.top,
+                legs_m=each.legs_m or (built_m.get(name) if name in sides else None),
+            )
+            for name, each in forms.items()
         )
 
 
