@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from contextlib import suppress
 
 import numpy as np
@@ -17,7 +16,6 @@ from uav_bt.record.images import (
     encode_image,
     fields,
     image_bytes,
-    image_size,
     millimetres,
     raw_image,
 )
@@ -42,7 +40,6 @@ def test_a_small_image_is_much_smaller_and_nearly_the_same() -> None:
     assert name == "jpeg"
     assert len(data) < image.nbytes / 10
     assert np.abs(decode_image(data).astype(int) - image).mean() < 2.0  # red stays red
-    assert image_size(data) == image_size(encode_image(image, "lossless")[0]) == (160, 90)
 
 
 @pytest.mark.parametrize(
@@ -89,16 +86,3 @@ def test_an_image_without_data_is_refused() -> None:
         image_bytes(b"")
     with pytest.raises(InputError, match="RawImage"):
         raw_image(b"")
-
-
-def png_of(width_px: int, height_px: int) -> bytes:
-    """Return a small PNG file that claims a size."""
-    data = bytearray(encode_image(np.zeros((4, 4, 3), dtype=np.uint8), "lossless")[0])
-    data[16:24] = width_px.to_bytes(4) + height_px.to_bytes(4)
-    data[29:33] = zlib.crc32(data[12:29]).to_bytes(4)
-    return bytes(data)
-
-
-def test_an_image_of_billions_of_pixels_is_not_decoded() -> None:
-    with pytest.raises(InputError, match="46000x46000 has more than 50000000 pixels"):
-        decode_image(png_of(46_000, 46_000))
