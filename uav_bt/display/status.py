@@ -134,10 +134,8 @@ class LiveStatus:
             word = f": {record.feedback}" if record.feedback else ""
             parts.append((f"{record.active[-1]}{word}", "cyan"))
         parts += [(warning, "yellow") for warning in record.warnings]
-        text = Text(no_wrap=True, overflow="ellipsis")
-        for index, (words, style) in enumerate(parts):
-            text.append("  " if index else "").append(words, style=style)
-        return text
+        space = Text("  ", no_wrap=True, overflow="ellipsis")
+        return space.join(Text(words, style=style) for words, style in parts)
 
     def close(self) -> None:
         """Remove the line; safe to call twice."""

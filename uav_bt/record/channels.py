@@ -5,20 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
+from uav_bt import types
 from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Advice
 from uav_bt.record.values import dump, json_schema
-from uav_bt.types import (
-    Command,
-    Corridor,
-    DroneState,
-    GimbalTo,
-    MarkFix,
-    Movement,
-    NearObstacles,
-    Truth,
-)
 from uav_bt.types.camera import FrameNote
 from uav_bt.types.site_map import SiteMapBase
 
@@ -56,11 +47,11 @@ class TickNote:
 class CommandNote:
     """What was proposed, decided and sent in one tick."""
 
-    proposed: Movement | None = None
+    proposed: types.Movement | None = None
     proposed_by: str | None = None  # the leaf's path
-    proposed_gimbal: GimbalTo | None = None
-    decided: Command
-    sent: Command  # command after the drone's limits
+    proposed_gimbal: types.GimbalTo | None = None
+    decided: types.Command
+    sent: types.Command  # command after the drone's limits
     override: Override | None = None  # the safety rule that replaced the proposal
 
 
@@ -144,13 +135,13 @@ CALIBRATION: Final = _channel("/camera/calibration", "CameraCalibration")
 CLASS_MAP: Final = _channel("/perception/class_map", "RawImage")
 RELATIVE_DEPTH: Final = _channel("/perception/relative_depth", "RawImage")
 METRIC_DEPTH: Final = _channel("/perception/metric_depth", "RawImage")
-CORRIDOR: Final = _channel("/perception/corridor", Corridor)
-MARK: Final = _channel("/perception/mark", MarkFix)
-NEAR: Final = _channel("/perception/obstacles", NearObstacles)  # `near` of the site map
+CORRIDOR: Final = _channel("/perception/corridor", types.Corridor)
+MARK: Final = _channel("/perception/mark", types.MarkFix)
+NEAR: Final = _channel("/perception/obstacles", types.NearObstacles)  # `near` of the site map
 SITE_MAP: Final = _channel("/perception/site_map", SiteMapNote)
-STATE: Final = _channel("/drone/state", DroneState)
+STATE: Final = _channel("/drone/state", types.DroneState)
 TRANSFORM: Final = _channel("/tf", "FrameTransform")
-TRUTH: Final = _channel("/drone/truth", Truth)
+TRUTH: Final = _channel("/drone/truth", types.Truth)
 TICK: Final = _channel("/mission/tick", TickNote)
 COMMANDS: Final = _channel("/mission/commands", CommandNote)
 BOARD: Final = _channel("/mission/board", None)
