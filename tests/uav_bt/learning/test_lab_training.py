@@ -36,9 +36,6 @@ def with_foreign_teacher(folder: Path) -> tuple[LabData, MaskSource]:
     return data, mask_source(data)
 
 
-# --- masks ----------------------------------------------------------------------------------------
-
-
 def test_a_teacher_of_the_picks_makes_the_masks(tmp_path: Path) -> None:
     data = checked_data(draw_lab(tmp_path / "hall", train=4))
     source = mask_source(data)
@@ -74,9 +71,6 @@ def test_kept_masks_are_not_made_again_and_a_changed_image_is(tmp_path: Path) ->
         make()
 
 
-# --- training -------------------------------------------------------------------------------------
-
-
 def test_an_interrupted_training_continues_and_gives_the_same_network(tmp_path: Path) -> None:
     whole, source = with_foreign_teacher(tmp_path / "whole")
     train_lab(whole, source, CONFIG)
@@ -104,9 +98,6 @@ def test_an_interrupted_training_continues_and_gives_the_same_network(tmp_path: 
     assert network.read_bytes() != before
     (checkpoint,) = broken.material.training.glob("checkpoint-*")
     assert checkpoint not in kept
-
-
-# --- refusals -------------------------------------------------------------------------------------
 
 
 def rewritten(material: LabMaterial, old: str, new: str) -> LabMaterial:

@@ -73,9 +73,6 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return flown(tmp_path_factory.mktemp("advised"))
 
 
-# --- records --------------------------------------------------------------------------------------
-
-
 def test_a_small_record_has_small_pictures_and_the_rules_word_but_no_maps(record: Path) -> None:
     topics = {topic for topic, _, _ in RecordReader(record).messages()}
     assert {"/mission/advice", "/camera/image"} <= topics
@@ -110,9 +107,6 @@ def test_flights_without_advice_and_of_two_cameras_are_refused(
     odd = flown(tmp_path / "other", drone=other)
     with pytest.raises(FileError, match="was flown with another camera than"):
         read_advised_flights([record, odd], NET, tmp_path)
-
-
-# --- training -------------------------------------------------------------------------------------
 
 
 def test_training_leaves_weights_that_fly_and_goes_on_from_its_checkpoint(

@@ -53,9 +53,6 @@ def pictures() -> list[np.ndarray]:
     return [rgb for _, rgb, _ in twin_views(plan)]
 
 
-# --- shipped networks -----------------------------------------------------------------------------
-
-
 def test_networks_in_integers_answer_like_those_in_floats(
     floats: Path, pictures: list[np.ndarray]
 ) -> None:
@@ -93,9 +90,6 @@ def test_a_shipped_network_was_made_from_the_shipped_weights(name: str) -> None:
     assert notes["weights_sha256"] == hashlib.sha256(source).hexdigest()
 
 
-# --- export ---------------------------------------------------------------------------------------
-
-
 def test_a_network_is_calibrated_on_the_pictures_of_the_plan(
     tmp_path: Path, floats: Path, pictures: list[np.ndarray]
 ) -> None:
@@ -120,9 +114,6 @@ def test_a_network_is_calibrated_on_the_pictures_of_the_plan(
     assert (tmp_path / "floats.onnx").read_bytes() == (floats / "depth.onnx").read_bytes()
 
 
-# --- the command ----------------------------------------------------------------------------------
-
-
 def test_the_command_writes_a_network(tmp_path: Path) -> None:
     out = tmp_path / "net.onnx"
     result = run("net", "export", "depth", "--out", out, "--scene", "train-a", "--views", 1)
@@ -145,8 +136,6 @@ def test_what_cannot_be_exported_is_refused(
     assert_refused(run("net", "export", "depth", *words), message)
     assert not list(tmp_path.rglob("*.onnx"))
 
-
-# --- training of depth ----------------------------------------------------------------------------
 
 COUNT = 6
 
