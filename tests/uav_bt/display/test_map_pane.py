@@ -24,18 +24,15 @@ FRAME = MapFrame.around(LAB.ground.size_m, SIZE_PX, above_px=HEADER_PX, below_px
 EXPLORE = phase_colours(["explore"])["explore"]
 
 
-def test_a_camera_that_looks_straight_down_sees_a_rectangle_below_the_lens() -> None:
+def test_a_camera_sees_a_rectangle_straight_below_and_no_farther_than_its_reach() -> None:
     corners = ground_view(CAMERA, -math.pi / 2, 1.5, reach_m=9.0)
     forward = [point[0] - CAMERA.forward_offset_m for point in corners]
     right = [point[1] for point in corners]
     half_high, half_wide = (1.5 * n / 2 / CAMERA.fx_px for n in (CAMERA.height_px, CAMERA.width_px))
     assert forward == pytest.approx([half_high, half_high, -half_high, -half_high])
     assert right == pytest.approx([-half_wide, half_wide, half_wide, -half_wide])
-
-
-def test_rays_that_never_come_down_end_at_the_reach() -> None:
-    for forward, right in ground_view(CAMERA, 0.9, 1.5, reach_m=2.0):
-        assert math.hypot(forward - CAMERA.forward_offset_m, right) == pytest.approx(2.0)
+    for ahead_m, right_m in ground_view(CAMERA, 0.9, 1.5, reach_m=2.0):  # it looks up
+        assert math.hypot(ahead_m - CAMERA.forward_offset_m, right_m) == pytest.approx(2.0)
 
 
 class Live:

@@ -24,7 +24,7 @@ from uav_bt.tree.status import IDLE, RUNNING
 from uav_bt.types.ground import Footprint, Ground, Standing
 
 CAPTURED_S = 1.1000000000000003
-DEPTH = np.array([[0.5, np.nan], [1.2345, 80.0]], dtype=np.float32)
+DEPTH = np.array([[0.5, np.nan, np.inf], [1.2345, 80.0, 0.0]], dtype=np.float32)
 MOVER = types.MoverState(
     name="mover-1",
     pose=types.Pose(x_m=0.5, y_m=-1.0, z_m=0.85, yaw_rad=0.0),
@@ -75,7 +75,7 @@ def test_what_the_board_knew_comes_back() -> None:
     assert np.array_equal(moment.relative_depth.depth, DEPTH, equal_nan=True)
     assert moment.metric_depth is not None
     assert moment.metric_depth.depth == pytest.approx(
-        np.array([[0.5, np.nan], [1.234, 65.535]]), abs=1e-3, nan_ok=True
+        np.array([[0.5, np.nan, np.nan], [1.234, 65.535, np.nan]]), abs=1e-3, nan_ok=True
     )
     assert (moment.metric_depth.metric, moment.metric_depth.confidence) == (True, 0.25)
     assert moment.corridor == BOARD["corridor"]
