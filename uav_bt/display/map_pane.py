@@ -130,7 +130,10 @@ class MapPane:
         if pose is not None:
             reported_rad = state.attitude.yaw_rad
             self._alignment.add(shown.record.time_s, pose, reported_rad, shown.site_map)
-            self._believe(shown.site_map)
+        placement, site_map = self._alignment.placement, shown.site_map
+        if placement is not None and site_map is not None and site_map is not self._site_map:
+            self._site_map = site_map
+            self._ground = _draw_site_map(site_map, placement, self._frame, lab_map)
         image = self._with_path(flown)
         canvas.put(image, self._facts.title, (12, 22), scale=0.48)
         if lab_map is not None:
@@ -143,13 +146,6 @@ class MapPane:
                 self._draw_fix(image, pose, fix)
             self._draw_drone(image, pose)
         return image
-
-    def _believe(self, site_map: SiteMap | None) -> None:
-        """Draw a new map of the mission in place of the lab."""
-        placement = self._alignment.placement
-        if placement is not None and site_map is not None and site_map is not self._site_map:
-            self._site_map = site_map
-            self._ground = _draw_site_map(site_map, placement, self._frame, self._facts.lab_map)
 
     def _with_path(self, flown: FlownPath) -> Image:
         """Draw the new pieces of the path, and return a copy of the map with all of it."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import shutil
 from dataclasses import asdict
@@ -18,7 +17,7 @@ from perception.segmentation.training import run
 from perception.segmentation.training.pick_images import PickImages
 from perception.segmentation.training.run import TrainingConfig
 from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
-from uav_bt.learning.lab_data import LabData, MaskSource, make_masks, mask_files
+from uav_bt.learning.lab_data import LabData, MaskSource, digest, make_masks, mask_files
 from uav_bt.progress import Advance, silent
 
 WEIGHTS_FILE: Final = "unet.safetensors"
@@ -88,8 +87,8 @@ def train_lab(
 
     start = _first_network(data)
     about = [asdict(config), masks.name, [one.name for one in mask_files(images, masks).values()]]
-    digest = hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:12]
-    checkpoint = folder / f"checkpoint-{digest}.safetensors"
+    name = f"checkpoint-{digest(json.dumps(about, sort_keys=True).encode())}.safetensors"
+    checkpoint = folder / name
     net = run.train_unet(
         run.LabelledImages(rgb=rgb, ids=ids, classes=classes),
         config,

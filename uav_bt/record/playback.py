@@ -41,11 +41,6 @@ class Playback:
         self._map: SiteMap | None = None  # the last map; a record has two per second
         self.board = Blackboard(self._clock, keys.MISSION_KEYS)
 
-    @property
-    def start_s(self) -> float:
-        """Start of the record, seconds of the mission clock."""
-        return self._reader.timeline.start_s
-
     def statuses(self) -> Mapping[str, Status]:
         """Return the nodes' statuses after the last tick, by path."""
         return {

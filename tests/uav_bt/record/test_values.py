@@ -137,9 +137,9 @@ STATE: dict[str, Any] = {"captured_s": 1.0, "flying": "landed"}
         (types.DroneState, STATE | {"captured_s": "soon"}),
         (types.DroneState, STATE | {"flying": "swimming"}),
         (types.DroneState, STATE | {"pilot_has_control": "yes"}),
-        *(  # other whole numbers fit neither viewers nor arrays
+        *(
             (FrameNote, {"index": index, "captured_s": 0.0})
-            for index in (2**63, -(2**63), True, 0.5, "7", None, [0])
+            for index in (True, 0.5, "7", None, [0])
         ),
         *(
             (FrameNote, {"index": 0, "captured_s": number})

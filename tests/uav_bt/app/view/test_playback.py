@@ -62,7 +62,7 @@ def test_ticks_board_and_statuses_are_those_that_were_flown(
 
 
 def test_a_part_begins_and_ends_at_the_given_times(playback: Playback) -> None:
-    start_s = playback.start_s
+    start_s = playback._reader.timeline.start_s
     times = np.array([tick.time_s for tick in playback.ticks(from_s=2.0, to_s=3.0)])
     assert len(times) == 10
     assert (times - start_s >= 2.0 - 1e-9).all()
