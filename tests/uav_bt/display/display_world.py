@@ -103,9 +103,9 @@ class World:
             "feedback": "clear",
             **changes,
         }
+        image = replace(blank_frame(CAMERA, state), index=self.index) if frame else None
         self.index += 1
         self.clock.advance(after_s)
-        image = blank_frame(CAMERA, state) if frame else None
         seen = types.Observation(frame=image, state=state)
         return replace(values.tick(state, **told), observation=seen)
 
