@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from perception.camera.ground_plane import ground_depth, view_of
 from perception.depth.scale import GroundSample
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, ROOFS, paper_map
+from tests.worlds.footage import SeesGround
 from uav_bt.learning import depth_evaluation as evaluation
 from uav_bt.learning.views import MAP_SIZE_PX, DepthViewPlan, SampleImage, take_images
-from uav_bt.types import ClassMap, DepthMap, Frame
+from uav_bt.types import DepthMap
 from uav_bt.types.arrays import Indices
 
 PLAN = DepthViewPlan(scenes=("train-a", "train-b"), views=5, seed=3)
@@ -23,22 +24,14 @@ SECRET = 0.37  # metres per unit of the relative depth below
 FACE_M = 2.0
 
 
-class Grey:
-    """Replaces a segmentation network: all pixels are ground."""
-
-    def segment(self, frame: Frame) -> ClassMap:
-        ids = np.full(MAP_SIZE_PX[::-1], CARPET, dtype=np.uint8)
-        return paper_map(ids=ids, captured_s=frame.captured_s)
-
-
 @pytest.fixture(scope="module")
 def raw() -> list[SampleImage]:
-    return list(take_images(PLAN, "exact", Grey(), None))
+    return list(take_images(PLAN, "exact", SeesGround(), None))
 
 
 @pytest.fixture(scope="module")
 def ideal() -> list[SampleImage]:
-    return list(take_images(replace(PLAN, profile="ideal"), "exact", Grey(), None))
+    return list(take_images(replace(PLAN, profile="ideal"), "exact", SeesGround(), None))
 
 
 def known(images: list[SampleImage]) -> list[SampleImage]:
@@ -57,7 +50,7 @@ def test_the_same_plan_takes_the_same_images_whichever_scenes_stand_beside(
     assert len(raw) == 10
     assert min(image.frame.gimbal_pitch_rad for image in raw) > math.radians(-46)  # no landings
     alone = replace(PLAN, scenes=("train-b",))
-    for first, second in zip(raw[5:], take_images(alone, "unet", Grey(), None), strict=True):
+    for first, second in zip(raw[5:], take_images(alone, "unet", SeesGround(), None), strict=True):
         np.testing.assert_array_equal(first.exact.ids, second.exact.ids)
         np.testing.assert_array_equal(first.frame.image, second.frame.image)
         assert first.frame.height_above_ground_m == second.frame.height_above_ground_m

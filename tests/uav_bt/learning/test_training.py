@@ -21,14 +21,13 @@ from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.runtime import OnnxSegmenter, shipped_unet
 from perception.segmentation.training.unet import UNET_FILES
 from sim_bridge.anafi import anafi_camera
-from tests.paper_lab import CLASSES, paper_map
+from tests.paper_lab import CLASSES
 from tests.worlds.cli import assert_refused, run
-from tests.worlds.footage import frame, state, write_record
+from tests.worlds.footage import SeesGround, frame, state, write_record
 from uav_bt.learning.dataset import read_flights
 from uav_bt.learning.lab_training import UNET_WEIGHTS
 from uav_bt.learning.training import CALIBRATION_VIEWS, export_network
 from uav_bt.learning.views import TRAINING_SCENES, VALIDATION_SCENES, ViewPlan, twin_views
-from uav_bt.types import ClassMap, Frame
 
 SHIPPED: dict[str, NetworkFiles[Any]] = {
     "unet": UNET_FILES,
@@ -152,21 +151,8 @@ def film(tmp_path: Path) -> Path:
     return write_record(tmp_path / "stripes.mcap", anafi_camera(320, 180), frames, states)
 
 
-class _Ground:
-    """A segmenter that returns ground below the top rows, and counts its calls."""
-
-    def __init__(self) -> None:
-        self.asked = 0
-
-    def segment(self, frame: Frame) -> ClassMap:
-        self.asked += 1
-        ids = np.zeros((112, 224), np.uint8)
-        ids[40:] = 1
-        return paper_map(ids=ids, captured_s=frame.captured_s)
-
-
 def test_labels_are_made_once_and_kept(film: Path, tmp_path: Path) -> None:
-    segmenter = _Ground()
+    segmenter = SeesGround(first_row=40)
     (first,) = read_flights([film], segmenter, tmp_path / "run")
     (again,) = read_flights([film], segmenter, tmp_path / "run")
     assert segmenter.asked == COUNT

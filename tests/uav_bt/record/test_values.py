@@ -31,9 +31,7 @@ states = st.builds(
     attitude=attitudes,
     velocity=st.builds(types.BodyVelocity, forward_mps=ANY, right_mps=ANY, down_mps=ANY),
     altitude_m=ANY,
-    height_m=ANY,
     height_above_ground_m=ANY,
-    gimbal_pitch_rad=ANY,
     battery=ANY,
     movement=st.none()
     | st.builds(types.MovementStatus, id=WHOLE, state=st.sampled_from(types.MovementState)),
