@@ -50,10 +50,10 @@ def mask_source(data: LabData, *, seed: int = 0, advance: Advance = silent) -> M
     """
     if data.source is not None:
         return data.source
-    material, classes, config = data.material, data.material.lab.classes, TeacherConfig()
-    images = PickImages(material.frames, data.uses, config)
+    material, classes = data.material, data.material.lab.classes
+    images = PickImages(material.frames, data.uses, TeacherConfig())
     patches = images.patches(data.picks_on("train"), classes, advance)
-    save_teacher(material.teacher, fit_teacher(patches, config, seed=seed))
+    save_teacher(material.teacher, fit_teacher(patches, images.config, seed=seed))
     return MaskSource(file=material.teacher, classes=classes)
 
 

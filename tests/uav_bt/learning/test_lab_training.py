@@ -11,6 +11,7 @@ import pytest
 from safetensors.numpy import load_file
 
 from perception.segmentation.runtime import OnnxSegmenter
+from perception.segmentation.teacher import TeacherConfig, load_teacher
 from tests.uav_bt.learning.lab_world import FLOOR, WALL, draw_lab, exact_ids, write_colour_network
 from uav_bt.errors import FileError, InputError
 from uav_bt.lab.shipped import load_lab
@@ -40,6 +41,7 @@ def test_a_teacher_of_the_picks_makes_the_masks(tmp_path: Path) -> None:
     data = checked_data(draw_lab(tmp_path / "hall", train=4))
     source = mask_source(data)
     assert source.file == tmp_path / "hall" / "training" / "teacher.safetensors"
+    assert load_teacher(source.file, source.classes).config == TeacherConfig()
     _, ids = make_masks(source, data.images("train")[:1], tmp_path / "masks")
     exact = cv2.resize(exact_ids(40), (224, 112), interpolation=cv2.INTER_NEAREST_EXACT)
     assert ids.shape == (1, 112, 224)
