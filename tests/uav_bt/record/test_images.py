@@ -11,13 +11,7 @@ from hypothesis import strategies as st
 
 from uav_bt.errors import InputError
 from uav_bt.record import messages
-from uav_bt.record.images import (
-    decode_image,
-    encode_image,
-    fields,
-    image_bytes,
-    raw_image,
-)
+from uav_bt.record.images import decode_image, encode_image, fields, image_bytes, raw_image
 
 
 def noise(height: int, width: int, seed: int = 0) -> np.ndarray:

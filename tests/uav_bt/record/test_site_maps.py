@@ -41,10 +41,7 @@ def site_map() -> SiteMap:
         obstacles_m=RANDOM.normal(size=(9, 2)),
         edges_m=RANDOM.normal(size=(5, 2)),
         captured_s=12.5,
-        objects=(
-            BOX,
-            replace(BOX, class_id=4, id=3, points=7, height_m=0.8, height_std_m=0.02),
-        ),
+        objects=(BOX, replace(BOX, class_id=4, id=3, points=7, height_m=0.8, height_std_m=0.02)),
         mark=MapMark(x_m=0.0, y_m=0.1, std_m=0.02, seen_s=3.0),
         movers=(MOVER,),
         contradicted_s=0.5,

@@ -191,10 +191,7 @@ def test_rows_tell_the_age_of_depth_and_what_is_unknown() -> None:
     assert panes.corridor_rows(shown_of(world, world.tick())) == []
     world.see_depth()
     rows = {name: value for name, value, _ in panes.corridor_rows(shown_of(world, world.tick()))}
-    assert rows == {
-        "depth": "0.1 s old, confidence 1.00",
-        "unknown": "0 pixels of objects",
-    }
+    assert rows == {"depth": "0.1 s old, confidence 1.00", "unknown": "0 pixels of objects"}
 
 
 def test_what_was_perceived_of_an_image_makes_a_picture_of_four_panes() -> None:
