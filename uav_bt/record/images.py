@@ -71,7 +71,7 @@ def _decoded(data: bytes | memoryview, how: int) -> NDArray[np.uint8]:
     except cv2.error:  # no bytes, or more pixels than OpenCV decodes
         image = None
     if image is None:
-        raise InputError(f"expected a PNG or JPEG image, got {len(data)} bytes that are none")
+        raise InputError(f"expected a PNG or JPEG image, got {len(data)} bytes that cannot be read")
     return image.astype(np.uint8, copy=False)
 
 
