@@ -82,7 +82,7 @@ def compare_ranges(given: argparse.Namespace, network: Path) -> None:
                 bases[name] = find_bases(scan_ground(seen, frame, LENS.resized(*ids.shape[::-1])))
             exact = bases.pop("exact")
             for name, contacts in bases.items():
-                found[f"bases, {name}"].append(errors_of(contacts.placed_m, exact.placed_m))
+                found[f"bases, {name}"].append(errors_of(contacts.placed.xy_m, exact.placed.xy_m))
                 found[f"edges, {name}"].append(errors_of(contacts.edges_m, exact.edges_m))
     print(f"median and 90 % of the absolute range error in cm between {RANGES_M} m")
     print("\n".join(f"  {name}: {row(found[name])}" for name in sorted(found)))

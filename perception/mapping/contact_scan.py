@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 
@@ -47,15 +47,43 @@ class GroundScan:
     on_legs: Flags = field(default_factory=lambda: np.zeros(256, dtype=bool))
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PointTable:
+    """N points of a level plane; subclasses add columns."""
+
+    xy_m: Floats  # (N, 2)
+
+    def __len__(self) -> int:
+        return len(self.xy_m)
+
+    def take(self, which: Flags | Indices) -> Self:
+        """Return the rows of (N,) flags, or of row numbers."""
+        if which.dtype == np.bool_ and which.all():
+            return self  # callers never write to columns
+        rows = np.flatnonzero(which) if which.dtype == np.bool_ else which
+        columns = vars(self).items()
+        return type(self)(**{name: column.take(rows, axis=0) for name, column in columns})
+
+    def with_rows(self, other: Self) -> Self:
+        """Return this table with another's rows below."""
+        mine, theirs = vars(self), vars(other)
+        return type(self)(**{name: np.concatenate([mine[name], theirs[name]]) for name in mine})
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Placed(PointTable):
+    """Bases of obstacles, forward and right of the point below the camera."""
+
+    ids: Ids  # (N,) classes of the obstacles there
+    heights_m: Floats  # (N,) of their upper edges above the ground; NaN where no roof is in view
+    tall: Flags  # (N,) whether they are tall
+
+
 @dataclass(frozen=True)
 class Bases:
     """Bases of obstacles and edges of the ground, from the point below the camera."""
 
-    placed_m: Floats  # (N, 2) forward, right
-    placed_ids: Ids  # (N,) classes of the obstacles there
-    # (N,) heights of their upper edges above the ground, m; NaN where the roof is not in view
-    placed_heights_m: Floats
-    placed_tall: Flags  # (N,) whether they are tall
+    placed: Placed
     # (M, 2): the nearest sample in view on bearings where it shows an obstacle. The obstacle stands
     # there or nearer, since a vertical edge keeps its bearing.
     hidden_m: Floats
@@ -113,10 +141,12 @@ def find_bases(scan: GroundScan) -> Bases:
     bases_m = np.hypot(*placed_m.T)[:, None]
     hidden_tall = _are_tall(scan, hidden[0], 0.0, _HIDDEN_M * scan.height_m / _BELOW_M)
     return Bases(
-        placed_m=placed_m,
-        placed_ids=scan.ids[placed],
-        placed_heights_m=_upper_edges(scan, *placed),
-        placed_tall=_are_tall(scan, placed[0], bases_m, bases_m * scan.height_m / gap_m),
+        placed=Placed(
+            xy_m=placed_m,
+            ids=scan.ids[placed],
+            heights_m=_upper_edges(scan, *placed),
+            tall=_are_tall(scan, placed[0], bases_m, bases_m * scan.height_m / gap_m),
+        ),
         hidden_m=scan.level_m[hidden],
         hidden_tall=hidden_tall & ~scan.on_legs[scan.ids[hidden]],
         edges_m=_borders_m(scan, edge_rows[ends], edge[ends]),

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
+from perception.mapping.contact_scan import PointTable
 from perception.mapping.view import View
 from uav_bt.types.arrays import Flags, Floats, Ids, Indices
 
@@ -29,29 +30,6 @@ _PROBES_M: Final = 0.05 * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
 _MISSED: Final = 3.0, 10.0
 # A leg is seen again this near to its point: it is narrower than the errors of a view. Chosen.
 _LEG_M: Final = 0.15
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PointTable:
-    """N points of a level plane; subclasses add columns."""
-
-    xy_m: Floats  # (N, 2)
-
-    def __len__(self) -> int:
-        return len(self.xy_m)
-
-    def take(self, which: Flags | Indices) -> Self:
-        """Return the rows of (N,) flags, or of row numbers."""
-        if which.dtype == np.bool_ and which.all():
-            return self  # callers never write to columns
-        rows = np.flatnonzero(which) if which.dtype == np.bool_ else which
-        columns = vars(self).items()
-        return type(self)(**{name: column.take(rows, axis=0) for name, column in columns})
-
-    def with_rows(self, other: Self) -> Self:
-        """Return this table with another's rows below."""
-        mine, theirs = vars(self), vars(other)
-        return type(self)(**{name: np.concatenate([mine[name], theirs[name]]) for name in mine})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -124,7 +102,7 @@ def find_free(known: Landmarks, view: View, on_legs: Flags) -> tuple[Flags, Flag
     free[near] = ground.all(axis=1)
     if on_legs.any():
         legs = np.flatnonzero(free & on_legs[known.ids])
-        seen_m = view.bases_m[on_legs[view.base_ids]]
+        seen_m = view.bases.xy_m[on_legs[view.bases.ids]]
         free[legs] = nearest_circles(local_m[legs], seen_m)[0] > _LEG_M
     return in_view, free
 

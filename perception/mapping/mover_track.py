@@ -23,7 +23,8 @@ START_MPS: Final = 0.5  # standard deviation of a new cluster's velocity
 
 EARLY_SIGHTINGS: Final = 3  # sightings after which a fast cluster most likely moves
 EARLY_SURE: Final = 2.0  # a velocity above this many standard deviations of the filter is fast
-SIGHTINGS: Final = 6  # sightings that a line needs
+SIGHTINGS: Final = 6  # sightings that a line needs within `NEAR_M` of the camera
+FAR_SIGHTINGS: Final = 9  # the same further away, where there is time to see more of it
 LINE_S: Final = 1.5  # the line goes through the places of this time
 LINE_STD_M: Final = 0.05  # largest standard deviation of the places beside the line
 LINE_SURE: Final = 9.0  # least ratio of its speed to the standard deviation of the speed
@@ -33,6 +34,7 @@ MOVED_NEAR_M: Final = 0.2  # the same within `NEAR_M` of the camera
 # A wide thing shows one part after another: more of that distance for each metre of radius.
 WIDTH_RATIO: Final = 2.0
 NEAR_M: Final = 1.2
+LOST_M: Final = 0.05  # distance for one that comes below the view
 LOST_S: Final = 0.2  # a cluster unseen for this time has left the view
 # A standing edge at some height seems to move against the camera: by this ratio at most, which is
 # that of an edge at 0.6 m seen from 1.5 m.
@@ -159,23 +161,26 @@ class MoverTrack:
                 self._begin_m, self._from_m = place_m, from_m
             self.moves, self.stands = False, True
         is_near = math.dist(place_m, from_m) < NEAR_M
-        enough_m = MOVED_NEAR_M if is_near else MOVED_M
-        enough_m += self._wider_m
-        moved_m, flown_m = place_m - self._begin_m, from_m - self._from_m
-        against = -float(moved_m @ flown_m) / max(float(flown_m @ flown_m), 1e-6)
-        moved_m = moved_m + min(max(against, 0.0), PARALLAX) * flown_m  # not by the camera's
-        far = self.is_whole and np.hypot(*moved_m) >= enough_m
-        if far and self._keeps_to_line(LINE_SURE):
+        least, enough_m = (SIGHTINGS, MOVED_NEAR_M) if is_near else (FAR_SIGHTINGS, MOVED_M)
+        far = self._has_come(place_m, from_m, enough_m + self._wider_m)
+        if far and self._keeps_to_line(LINE_SURE, least):
             self.moves, self.stands, self.has_moved = True, False, True
         if self.moves:
             self.trail.append((self.time_s, float(place_m[0]), float(place_m[1])))
             oldest_s = self.time_s - TRAIL_S
             self.trail = [past for past in self.trail if past[0] >= oldest_s]
 
-    def _keeps_to_line(self, sure: float) -> bool:
+    def _has_come(self, place_m: Floats, from_m: Floats, least_m: float) -> bool:
+        """Return whether it has come to a place by more than the camera's own way explains."""
+        moved_m, flown_m = place_m - self._begin_m, from_m - self._from_m
+        against = -float(moved_m @ flown_m) / max(float(flown_m @ flown_m), 1e-6)
+        moved_m = moved_m + min(max(against, 0.0), PARALLAX) * flown_m
+        return bool(self.is_whole and np.hypot(*moved_m) >= least_m)
+
+    def _keeps_to_line(self, sure: float, sightings: int = SIGHTINGS) -> bool:
         """Return whether it keeps to a line, at a speed of `sure` standard deviations or more."""
         self._line = [place for place in self._line if place[0] >= self.seen_s - LINE_S]
-        if len(self._line) < SIGHTINGS:
+        if len(self._line) < sightings:
             return False
         times_s, places_m = np.array(self._line)[:, 0], np.array(self._line)[:, 1:]
         times_s, places_m = times_s - times_s.mean(), places_m - places_m.mean(axis=0)
@@ -193,6 +198,6 @@ class MoverTrack:
     def leave(self, from_m: Floats, time_s: float) -> None:
         """Take a cluster for a mover that has come below the view before it moved far enough."""
         lost, near = time_s - self.seen_s > LOST_S, math.dist(self.seen_m, from_m) < NEAR_M
-        far = self.is_whole and math.dist(self.seen_m, self._begin_m) >= self._wider_m
+        far = self._has_come(self.seen_m, from_m, self._wider_m + LOST_M)
         if lost and near and far and not self.stands and self._keeps_to_line(LOST_SURE):
             self.moves = self.has_moved = True

@@ -19,6 +19,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
 
 from perception.mapping.ground_grid import GroundGrid
 from perception.mapping.landmarks import Landmarks, clusters, nearest_circles
@@ -61,6 +62,11 @@ _BESIDE_MPS: Final = 0.04  # growth from one to the other
 # that the points of a box that a mover passes stay those of the box.
 _SHARED_M: Final = 0.05
 
+# A base this near to a point of its own class that settled so long ago is of that obstacle, seen
+# from another side by a map that has drifted: no mover. A mover's own points are newer. Chosen.
+_OWN_M: Final = 0.3
+_OWN_S: Final = 5.0
+
 STEP_M: Final = 0.1  # between the tested places on a bearing
 HIDDEN_M: Final = 0.9  # assumed distance of a hidden arrival's middle from the body's centre
 HIDDEN_MPS: Final = 0.5  # its assumed speed, towards the drone
@@ -80,6 +86,13 @@ def find_arrivals(seen: Landmarks, known: Landmarks, on_ground: Flags, owned: Fl
     reach_m = np.minimum(_BESIDE_M, _BESIDE_NEW_M + _BESIDE_MPS * lasts_s)
     off_m = nearest_circles(seen.xy_m, known.xy_m[settled], reach_m)[0]
     return np.asarray((on_ground & (off_m > 0.0)) | (owned & (off_m > -_SHARED_M)))
+
+
+def are_of_known(seen: Landmarks, known: Landmarks, time_s: float) -> Flags:
+    """Return which bases of a view are near a point of their class that has long settled, (N,)."""
+    old = known.take(known.settled_s <= time_s - _OWN_S)
+    near = cdist(seen.xy_m, old.xy_m) <= _OWN_M
+    return np.asarray((near & (seen.ids[:, None] == old.ids)).any(axis=1))
 
 
 def hidden_arrival(

@@ -18,7 +18,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.mapping.landmarks import PointTable, first_in_cells
+from perception.mapping.contact_scan import PointTable
+from perception.mapping.landmarks import first_in_cells
 from perception.mapping.view import MAX_RANGE_M, View
 from uav_bt.lab.classes import GROUND, NO_ROLE
 from uav_bt.types import NearObstacles, wrap_angles
@@ -107,8 +108,8 @@ class RecentLayer:
         edges_m = found.edges_m[np.hypot(*found.edges_m.T) <= MAX_RANGE_M]
         # Not the bases without a neighbour: on the vertical edge of an obstacle whose base is
         # hidden they would explain the obstacle, and give it a range that is too long.
-        seen_m = [pose.points_to_world(view.body_m(each)) for each in (view.bases_m, edges_m)]
-        kinds = np.repeat([_Kind.BASE, _Kind.EDGE], [len(view.bases_m), len(edges_m)])
+        seen_m = [pose.points_to_world(view.body_m(each)) for each in (view.bases.xy_m, edges_m)]
+        kinds = np.repeat([_Kind.BASE, _Kind.EDGE], [len(view.bases), len(edges_m)])
         self._add(
             np.vstack(seen_m), now_s + np.where(kinds == _Kind.BASE, _MAX_AGE_S, _EDGE_AGE_S), kinds
         )
@@ -157,16 +158,9 @@ class RecentLayer:
         self._points = self._points.take(~gone)
 
     def _explained(self, view: View, hidden_m: Floats, kind: _Kind, until_s: float) -> Flags:
-        """Return which obstacles of unknown range a known point of a kind explains, (N,).
+        """Return which obstacles of unknown range a point of a kind explains, (N,); it is kept.
 
-        A point that explains an obstacle is kept until `until_s`.
-
-        Args:
-            view: the newest view.
-            hidden_m: (N, 2) the nearest ground in view on bearings where an obstacle hides it,
-                forward and right of the body's centre.
-            kind: kind of the points that may explain them.
-            until_s: new expiry time of explaining points.
+        `hidden_m`, (N, 2), is the nearest ground on their bearings, from the body's centre.
         """
         if not len(hidden_m):
             return np.zeros(0, dtype=bool)

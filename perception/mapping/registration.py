@@ -101,11 +101,11 @@ class Registration:
             The median distance of the view's points from the map's, across lines; None with too
             few matched points.
         """
-        local_m = np.vstack([view.bases_m, view.edges_m])
+        local_m = np.vstack([view.bases.xy_m, view.edges_m])
         if min(len(local_m), len(known_m)) < _MIN_POINTS:
             return None
         seen_m = view.pose.points_to_world(view.body_m(local_m))
-        ids = np.concatenate([view.base_ids, np.full(len(view.edges_m), OUTSIDE, dtype=np.uint8)])
+        ids = np.concatenate([view.bases.ids, np.full(len(view.edges_m), OUTSIDE, dtype=np.uint8)])
         tree = cKDTree(_apart(known_m, known_ids))
         std_m = np.hypot(_POINT_STD_M, _RANGE_STD_RATIO * np.hypot(*local_m.T))
         prior = np.linalg.inv(self._covariance + 1e-8 * np.eye(3))

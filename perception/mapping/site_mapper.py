@@ -23,6 +23,7 @@ from perception.mapping.movers import (
     SETTLES_S,
     STEP_M,
     MoverTracker,
+    are_of_known,
     find_arrivals,
     hidden_arrival,
 )
@@ -215,10 +216,10 @@ class SiteMapper:
 
         The view is placed in the map's frame; `off_m` is its residual against the map.
         """
-        bases = Landmarks.of(view, view.bases_m, view.base_ids)
+        bases = Landmarks.of(view, view.bases.xy_m, view.bases.ids)
         edge_ids = np.full(len(view.edges_m), OUTSIDE, dtype=np.uint8)
         edges = Landmarks.of(view, view.edges_m, edge_ids)
-        self._known_objects.see_edges(bases.xy_m, bases.ids, view.base_heights_m)
+        self._known_objects.see_edges(bases.xy_m, bases.ids, view.bases.heights_m)
         if off_m <= _LOST_M:
             bases = self._standing_bases(view, bases)
             known = self._bases
@@ -248,13 +249,13 @@ class SiteMapper:
         arrived = find_arrivals(bases, self._bases, on_ground, owned)
         # Ground shows around a leg before the leg is near enough for the map.
         arrived &= ~self._on_legs[bases.ids]
-        stands = ~arrived
+        stands, moved = ~arrived, bases.take(arrived)
         stands[arrived] = self._movers.follow(
-            bases.xy_m[arrived],
+            moved.xy_m,
             np.array([view.lens.x_m, view.lens.y_m]),
             view.captured_s,
             cut=view.is_cut(arrived)[arrived],
-            tall=view.base_tall[arrived],
+            tall=view.bases.tall[arrived] & ~are_of_known(moved, self._bases, view.captured_s),
             judges=view.height_m >= _LOW_M,
         )
         settled_s = bases.settled_s + np.where(on_ground, SETTLES_S, 0.0)

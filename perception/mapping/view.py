@@ -12,13 +12,14 @@ from perception.mapping.contact_scan import (
     MIN_HEIGHT_M,
     Bases,
     GroundScan,
+    Placed,
     find_bases,
     ground_pixels,
     scan_ground,
 )
 from uav_bt.lab.classes import GROUND
 from uav_bt.types import CameraModel, ClassMap, Frame, Pose2D
-from uav_bt.types.arrays import Flags, Floats, Ids
+from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.projection import camera_axes, project
 
 # Points further from the camera are not placed. At 1.5 m height and this range one row of the class
@@ -51,11 +52,8 @@ class View:
     height_m: float  # of the camera above the ground
     scan: GroundScan  # the class map along bearings
     contacts: Bases  # the bases and edges of the scan, at any range
-    firm: Flags  # which of the placed bases are `bases_m`
-    bases_m: Floats  # (N, 2) bases near enough for the map, each with another one beside it
-    base_ids: Ids  # (N,) classes of the obstacles there
-    base_heights_m: Floats  # (N,) heights of their upper edges; NaN where the roof is not in view
-    base_tall: Flags  # (N,) whether they are tall
+    firm: Flags  # which of the placed bases are `bases`
+    bases: Placed  # N bases near enough for the map, each with another one beside it
     edges_m: Floats  # (M, 2) edges of the ground near enough for the map
 
     @classmethod
@@ -71,9 +69,9 @@ class View:
             return None
         scan = scan_ground(class_map, frame, camera)
         contacts, height_m = find_bases(scan), frame.height_above_ground_m
-        legs = class_map.classes.legs_m[contacts.placed_ids] > 0.0
-        firm = _are_firm(contacts.placed_m, legs)
-        firm &= np.hypot(*contacts.placed_m.T) <= _reach_m(height_m)
+        placed = contacts.placed
+        legs = class_map.classes.legs_m[placed.ids] > 0.0
+        firm = _are_firm(placed.xy_m, legs) & (np.hypot(*placed.xy_m.T) <= _reach_m(height_m))
         near = np.hypot(*contacts.edges_m.T) <= _reach_m(height_m)
         return cls(
             captured_s=frame.captured_s,
@@ -84,10 +82,7 @@ class View:
             scan=scan,
             contacts=contacts,
             firm=firm,
-            bases_m=contacts.placed_m[firm],
-            base_ids=contacts.placed_ids[firm],
-            base_heights_m=contacts.placed_heights_m[firm],
-            base_tall=contacts.placed_tall[firm],
+            bases=placed.take(firm),
             edges_m=contacts.edges_m[near],
         )
 
@@ -109,24 +104,13 @@ class View:
     def without(self, centre: Pose2D, radius_m: float) -> Self:
         """Return the view without the bases within a circle in the frame of `pose`."""
         centre_m = self.lens.to_body(centre.x_m, centre.y_m)
-        placed, bases = (
-            np.hypot(*(points_m - centre_m).T) > radius_m
-            for points_m in (self.contacts.placed_m, self.bases_m)
-        )
+        tables = self.contacts.placed, self.bases
+        placed, bases = (np.hypot(*(each.xy_m - centre_m).T) > radius_m for each in tables)
         return replace(
             self,
-            contacts=replace(
-                self.contacts,
-                placed_m=self.contacts.placed_m[placed],
-                placed_ids=self.contacts.placed_ids[placed],
-                placed_heights_m=self.contacts.placed_heights_m[placed],
-                placed_tall=self.contacts.placed_tall[placed],
-            ),
+            contacts=replace(self.contacts, placed=self.contacts.placed.take(placed)),
             firm=self.firm[placed],
-            bases_m=self.bases_m[bases],
-            base_ids=self.base_ids[bases],
-            base_heights_m=self.base_heights_m[bases],
-            base_tall=self.base_tall[bases],
+            bases=self.bases.take(bases),
         )
 
     def body_m(self, points_m: Floats) -> Floats:
@@ -150,17 +134,17 @@ class View:
         return inside, shows
 
     def is_cut(self, arrived: Flags) -> Flags:
-        """Return which of `bases_m` may be followed by more of the same obstacle, (N,).
+        """Return which of `bases` may be followed by more of the same obstacle, (N,).
 
         It goes on beyond the end of the image, behind a nearer obstacle, beyond the reach of the
         map, or with bases that have not `arrived`, (N,), on ground that was seen free before.
         """
-        down_m = np.full((len(self.bases_m), 1), self.height_m)
-        columns = project(np.hstack([self.bases_m, down_m]), self.camera, self.pitch_rad)[:, 0]
+        down_m = np.full((len(self.bases.xy_m), 1), self.height_m)
+        columns = project(np.hstack([self.bases.xy_m, down_m]), self.camera, self.pitch_rad)[:, 0]
         margin_px = _CUT_SHARE * self.camera.width_px
         ends = (columns < margin_px) | (columns > self.camera.width_px - margin_px)
-        others_m = np.vstack([self.contacts.placed_m[~self.firm], self.contacts.hidden_m])
-        points_m = np.vstack([self.bases_m, others_m])
+        others_m = np.vstack([self.contacts.placed.xy_m[~self.firm], self.contacts.hidden_m])
+        points_m = np.vstack([self.bases.xy_m, others_m])
         inside = np.concatenate([arrived, np.zeros(len(others_m), dtype=bool)])
         ranges_m, bearings_rad = np.hypot(*points_m.T), np.arctan2(*points_m.T[::-1])
         order = np.argsort(bearings_rad)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final, Generic, TypeVar
 
@@ -24,12 +24,11 @@ from uav_bt.board.context import FlightFolder, MissionContext
 from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, InputError, NodeFailedError
 from uav_bt.lab.classes import LabClasses
-from uav_bt.lab.lab import Lab
 from uav_bt.mission.judge import Judge
 from uav_bt.mission.runner import MissionRunner, NextTree
 from uav_bt.mission.screening import FrameJudge
 from uav_bt.mission.tick import TickListener
-from uav_bt.protocols import Drone, Imageless, LeafPolicy, Photographing, Referee, Segmenter
+from uav_bt.protocols import Drone, Imageless, LeafPolicy, Photographing, Segmenter
 from uav_bt.testing.faults import find_faulty_drones
 from uav_bt.tree import MissionTree, NodeRegistry
 from uav_bt.types import ClassMap, Frame
@@ -41,57 +40,46 @@ _EXACT_PX: Final = (224, 112)  # width and height of exact class maps
 _STILL_S: Final = 2.0  # of a real camera; longer than video needs to repeat a whole image
 
 
+@dataclass(eq=False)
 class Flight(Generic[DroneT]):
     """A mission with its drone, options and policies; nothing is connected yet.
 
     A replay states what `held`, its own judge and runner, and a source of class maps.
     """
 
-    def __init__(
-        self,
-        mission: MissionTree,
-        drone: DroneT,
-        options: FlightOptions,
-        *,
-        held: Conditions | None = None,
-        judge: Judge | None = None,
-        segmenter: Segmenter | None = None,
-        make_runner: Callable[..., MissionRunner] = MissionRunner,
-        outputs: FlightFolder | None = None,
-    ) -> None:
-        self.mission = mission
-        self.drone = drone
-        self.options = options
-        self.outputs = outputs
-        self._segmenter = segmenter
-        self._make_runner = make_runner
-        self._faulty = find_faulty_drones(drone)
-        check_phases(mission, [one.fault for one in self._faulty])
-        self._clock = TickClock(drone.clock)
-        self.held = held = held or conditions_of(options, mission, drone)
-        plugins.make_mark_finder(held.mark)  # refuses wrong options before the flight
-        self._judge = judge or Judge(held.judge, held.mark, held.area)
+    mission: MissionTree
+    drone: DroneT
+    options: FlightOptions
+    held: Conditions
+    judge: Judge
+    segmenter: Segmenter | None = None
+    make_runner: Callable[..., MissionRunner] = MissionRunner
+    outputs: FlightFolder | None = None
+
+    def __post_init__(self) -> None:
+        self._faulty = find_faulty_drones(self.drone)
+        check_phases(self.mission, [one.fault for one in self._faulty])
+        self._clock = TickClock(self.drone.clock)
+        plugins.make_mark_finder(self.held.mark)  # refuses wrong options before the flight
 
     def missed_faults(self) -> list[str]:
         """Return a warning for each fault of the drone that the flight did not have."""
-        return [
-            f"the fault {one.fault} had no effect: {one.missed}"
-            for one in self._faulty
-            if one.missed is not None
-        ]
+        missed = [one for one in self._faulty if one.missed is not None]
+        return [f"the fault {one.fault} had no effect: {one.missed}" for one in missed]
 
     @cached_property
     def context(self) -> MissionContext:
         """Context of the mission's leaves; the drone must be connected."""
         held, drone = self.held, self.drone
         sight = drone.sight if isinstance(drone, Imageless) else None
+        exact = _ExactSegmenter(drone, held.classes) if self.options.exact_masks else None
         return MissionContext(
             board=Blackboard(self._clock, MISSION_KEYS),
             clock=self._clock,
             policy=self._policy,
             seed=self.options.seed,
             inference_threads=self.options.inference_threads,
-            segmenter=self._segmenter or self._exact_segmenter() or sight,
+            segmenter=self.segmenter or exact or sight,
             sight=sight,
             stills=drone.stills if isinstance(drone, Photographing) else None,
             ground=held.site.ground,
@@ -110,13 +98,6 @@ class Flight(Generic[DroneT]):
             return given
         return plugins.make_policy(name, self.options.own_parts.policies)
 
-    def _exact_segmenter(self) -> Segmenter | None:
-        if not self.options.exact_masks:
-            return None
-        if self.drone.referee is None:
-            raise InputError("exact masks need a simulated drone")
-        return _ExactSegmenter(self.drone.referee, self.held.classes)
-
     @property
     def scene_name(self) -> str | None:
         """The name of a simulated drone's scene; None on a real drone."""
@@ -127,10 +108,9 @@ class Flight(Generic[DroneT]):
     def connected(self) -> Iterator[None]:
         """Connect the drone and set the mission up; undo both at the end."""
         options = self.options
-        given = self._segmenter is not None or isinstance(self.drone, Imageless)
+        given = self.segmenter is not None or isinstance(self.drone, Imageless)
         if not given and not options.exact_masks:
-            named = isinstance(options.lab, Lab)
-            refuse_foreign_network(self.mission, self.held.lab, named=named)
+            refuse_foreign_network(self.mission, self.held.lab, named=options.lab is not None)
         try:
             self.drone.connect()
             self.context.board.write(CAMERA, self.drone.camera)
@@ -151,11 +131,11 @@ class Flight(Generic[DroneT]):
         """Return the runner; between ticks `next_tree` may replace its tree."""
         config, tick_s = self.options.runner, self.drone.tick_s
         others = [one for one in listeners if one not in self._faulty]
-        return self._make_runner(
+        return self.make_runner(
             self.drone,
             self.mission,
             self.context,
-            self._judge,
+            self.judge,
             limits=self.held.limits,
             config=config if tick_s is None else replace(config, tick_s=tick_s),
             listeners=[*self._faulty, *others],
@@ -196,9 +176,10 @@ def join(
 ) -> Flight[Drone]:
     """Return a flight of a loaded mission, with a new drone."""
     drone = with_faults(make_drone(options), options.faults)
-    flight = Flight(mission, drone, options, outputs=outputs)
-    check_clearances(flight.held.site, drone.airframe)
-    return flight
+    held = conditions_of(options, mission, drone)
+    check_clearances(held.site, drone.airframe)
+    judge = Judge(held.judge, held.mark, held.area)
+    return Flight(mission, drone, options, held, judge, outputs=outputs)
 
 
 def frame_judge(drone: Drone) -> FrameJudge:
@@ -209,8 +190,10 @@ def frame_judge(drone: Drone) -> FrameJudge:
 class _ExactSegmenter:
     """The twin's exact class ids as a segmenter, for evaluations."""
 
-    def __init__(self, referee: Referee, classes: LabClasses) -> None:
-        self._referee = referee
+    def __init__(self, drone: Drone, classes: LabClasses) -> None:
+        if drone.referee is None:
+            raise InputError("exact masks need a simulated drone")
+        self._referee = drone.referee
         self._classes = classes
 
     def segment(self, frame: Frame) -> ClassMap:

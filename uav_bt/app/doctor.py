@@ -81,13 +81,10 @@ def _extra(extra: str, names: Iterable[str]) -> Check:
     found = ", ".join(f"{name}=={version}" for name, version in versions.items() if version)
     if missing:
         found = f"{missing} (installed: {found})" if found else missing
-    return Check(
-        what=f"extra {extra}" if extra else "needed packages",
-        good=not missing,
-        found="\n  ".join(textwrap.wrap(found, _LINE_WIDTH, break_on_hyphens=False)),
-        remedy=f"run {plugins.install_command(extra)}" if extra else _AGAIN,
-        optional=bool(extra),
-    )
+    what = f"extra {extra}" if extra else "needed packages"
+    told = "\n  ".join(textwrap.wrap(found, _LINE_WIDTH, break_on_hyphens=False))
+    remedy = f"run {plugins.install_command(extra)}" if extra else _AGAIN
+    return Check(what, not missing, told, remedy, optional=bool(extra))
 
 
 def _version(name: str) -> str:
@@ -98,22 +95,16 @@ def _version(name: str) -> str:
 
 
 def _olympe() -> Check:
-    what, version = "Parrot's SDK", _version(_SDK)
-    fits = sys.version_info < _SDK_BEYOND
-    if version:
-        good = fits and importlib.util.find_spec("olympe") is not None
-        remedy = "it runs with Python 3.10 to 3.12 on Linux x86-64"
-        return Check(what, good, f"{_SDK} {version}", remedy)
-    found = f"{_SDK}, which flies ANAFIs{'' if fits else '; it needs Python 3.10 to 3.12'}"
-    remedy = f"run {plugins.install_command('olympe')}" if fits else ""
-    return Check(what, good=False, found=found, remedy=remedy, optional=True)
+    version, fits = _version(_SDK), sys.version_info < _SDK_BEYOND
+    good = bool(version) and fits and importlib.util.find_spec("olympe") is not None
+    found, remedy = f"{_SDK} {version}", "it runs with Python 3.10 to 3.12 on Linux x86-64"
+    if not version:
+        found = f"{_SDK}, which flies ANAFIs{'' if fits else '; it needs Python 3.10 to 3.12'}"
+        remedy = f"run {plugins.install_command('olympe')}" if fits else ""
+    return Check("Parrot's SDK", good, found, remedy, optional=not version)
 
 
 def _contributed(what: str, good: Iterable[str], faults: Iterable[str]) -> Check:
     found, wrong = ", ".join(good), [*faults]
-    return Check(
-        what=what,
-        good=bool(found) and not wrong,
-        found="\n  ".join([found or "none registered", *wrong]),
-        remedy="" if wrong else _AGAIN,
-    )
+    told = "\n  ".join([found or "none registered", *wrong])
+    return Check(what, bool(found) and not wrong, told, "" if wrong else _AGAIN)

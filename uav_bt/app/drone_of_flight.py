@@ -23,15 +23,7 @@ from uav_bt.testing.drone import ScriptedDrone
 from uav_bt.testing.fault_kinds import FAULTS
 from uav_bt.testing.faults import RANDOM, START, Fault, FaultyDrone
 from uav_bt.tree import MissionTree
-from uav_bt.types import (
-    CameraModel,
-    Command,
-    DroneState,
-    Frame,
-    MissionPhase,
-    Observation,
-    Release,
-)
+from uav_bt.types import CameraModel, Command, DroneState, Frame, MissionPhase, Observation, Release
 from uav_bt.types.commands import Phase
 
 _CEILING_SLACK_M: Final = 0.6  # of the drone's own ceiling above the mission's
@@ -83,7 +75,8 @@ def _named_drone(options: FlightOptions) -> Drone:
     known = _field_names(config)
     if colon and "address" not in known:
         raise InputError(f"drone '{name}' takes no address, got '{address}'")
-    refuse_unusable(options, f"drone '{name}'", known)
+    cure = "leave it out, as this drone has no such setting"
+    refuse_unusable(options, f"drone '{name}'", known, cure)
     settings = {each: getattr(options, each) for each in OF_DRONE} | _place_settings(options)
     settings["address"] = address if colon else None
     if "scene" in known:
@@ -150,16 +143,11 @@ def _drawn_fault(rng: np.random.Generator) -> str:
     kind = kinds[int(rng.integers(len(kinds)))]
     phase = _PHASES[int(rng.integers(len(_PHASES)))]
     times = float(rng.uniform(*_LEVELS))
-    delay_s = float(rng.uniform(0.0, _DELAY_S.get(phase, _OTHER_DELAY_S)))
-    lasts_s = float(rng.uniform(*_LASTS_S))
-    fault = Fault(
-        kind=kind,
-        level=None if kind.level is None else float(f"{times * kind.level:.2g}"),
-        phase=phase,
-        delay_s=round(delay_s, 1),
-        duration_s=np.inf if rng.random() < _STAYS else round(lasts_s, 1),
-    )
-    return str(fault)
+    delay_s = round(float(rng.uniform(0.0, _DELAY_S.get(phase, _OTHER_DELAY_S))), 1)
+    lasts_s = round(float(rng.uniform(*_LASTS_S)), 1)
+    duration_s = np.inf if rng.random() < _STAYS else lasts_s
+    level = None if kind.level is None else float(f"{times * kind.level:.2g}")
+    return str(Fault(kind=kind, level=level, phase=phase, delay_s=delay_s, duration_s=duration_s))
 
 
 def check_faults(texts: Sequence[str]) -> list[Fault]:
@@ -209,12 +197,9 @@ class CalibratedDrone(DroneWrapper):
         """Connect the drone and read the camera file."""
         self._drone.connect()
         reported = self._drone.camera
-        calibrated = load_camera(
-            self._file,
-            size_px=(reported.width_px, reported.height_px),
-            # A calibration board does not show where on the drone the lens sits.
-            forward_offset_m=reported.forward_offset_m,
-        )
+        # A calibration board does not show where on the drone the lens sits.
+        size_px, offset_m = (reported.width_px, reported.height_px), reported.forward_offset_m
+        calibrated = load_camera(self._file, size_px=size_px, forward_offset_m=offset_m)
         self._undistorter = Undistorter(calibrated)
 
     def observe(self) -> Observation:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -44,13 +44,8 @@ def map_of_scene(scene: Scene) -> LabMap:
 
     def item(class_id: int, outline: Footprint, height_m: float, **more: Any) -> MapItem:
         red, green, blue = classes.colours[class_id].tolist()
-        return MapItem(
-            **vars(outline),
-            height_m=height_m,
-            colour=(red, green, blue),
-            name=classes.names[class_id],
-            **more,
-        )
+        colour, name = (red, green, blue), classes.names[class_id]
+        return MapItem(**vars(outline), height_m=height_m, colour=colour, name=name, **more)
 
     movers = []
     for mover in scene.movers:
@@ -74,12 +69,12 @@ def facts_of_flight(flight: Flight[Drone], title: str) -> FlightFacts:
     """Return the facts of a connected flight."""
     drone, options, mission = flight.drone, flight.options, flight.mission
     name, seed = options.drone_name, options.seed
+    usual = describe_flight(mission.origin, scene=flight.scene_name, drone=name, seed=seed)
     return facts_of(
         mission,
         drone.camera,
         classes=flight.held.classes,
-        title=title
-        or describe_flight(mission.origin, scene=flight.scene_name, drone=name, seed=seed),
+        title=title or usual,
         lab_map=map_of_scene(drone.scene) if isinstance(drone.scene, Scene) else None,
         nodes=tuple((node.path, node.name) for node in mission.nodes()),
         limit_s=flight.held.judge.limit_s,
@@ -115,18 +110,18 @@ def _marker(leaf: BuildCorridor, camera: CameraModel) -> Intruding:
     return intruding
 
 
+@dataclass(eq=False)
 class VideoListeners:
     """Films a flight; one of the `listeners` of `app.fly`."""
 
-    def __init__(self, file: VideoFile, title: str) -> None:
-        self._file = file
-        self._title = title
-        self._begun: tuple[FlightVideo, LandingMark] | None = None
+    file: VideoFile
+    title: str
+    _begun: tuple[FlightVideo, LandingMark] | None = None
 
     def __call__(self, flight: Flight[Drone]) -> Sequence[TickListener]:
         """Begin the video of a connected drone's flight."""
-        facts = facts_of_flight(flight, self._title)
-        video = FlightVideo(self._file, flight.context.board, facts)
+        facts = facts_of_flight(flight, self.title)
+        video = FlightVideo(self.file, flight.context.board, facts)
         self._begun = video, flight.context.mark
         return [video]
 
@@ -146,23 +141,17 @@ class VideoListeners:
     def finish(self, report: FlightReport) -> None:
         """Show how the flight ended and finish the file."""
         self.conclude(report)
-        self._file.close()
+        self.file.close()
 
 
 @contextmanager
 def flight_video(
     path: str | Path, *, speed: float = 1.0, title: str = ""
 ) -> Iterator[VideoListeners]:
-    """Write the video of the flight that is flown inside.
+    """Write the video of the flight that is flown inside, an mp4 file, also when the flight fails.
 
-    Args:
-        path: the mp4 file; it appears, whole, at the end, also when the flight fails.
-        speed: Speed of the video relative to the mission.
-        title: a line above the map; the mission, the scene and the seed when empty.
-
-    Raises:
-        FileError: the file cannot be written; raised before anything flies.
-        MissingDependencyError: no video encoder works here.
+    FileError or MissingDependencyError, before anything flies, if it cannot be written. `speed` is
+    relative to the mission; `title` is a line above the map; default: mission, scene and seed.
     """
     with closing(open_film(Path(path), speed)) as file:
         yield VideoListeners(file, title)
@@ -172,9 +161,6 @@ def flight_video(
 def live_status(console: Console | None = None) -> Iterator[Listeners]:
     """Show the flight that is flown inside in one line, on standard error."""
     with ExitStack() as lines:
-
-        def make(flight: Flight[Drone]) -> Sequence[TickListener]:
-            status = LiveStatus(flight.context.board, console=console)
-            return [lines.enter_context(closing(status))]
-
-        yield make
+        yield lambda flight: [
+            lines.enter_context(closing(LiveStatus(flight.context.board, console=console)))
+        ]

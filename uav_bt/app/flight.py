@@ -9,19 +9,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
+from uav_bt.app import flight_outputs
 from uav_bt.app.assembly import Flight, Listeners, frame_judge, join
 from uav_bt.app.drone_of_flight import drawn
 from uav_bt.app.film import flight_video
-from uav_bt.app.flight_outputs import (
-    REPORT_FILE,
-    FlownMission,
-    PathLog,
-    check_outputs,
-    fetch_photos,
-    flight_folder,
-    objects_of,
-    write_objects,
-)
+from uav_bt.app.flight_outputs import FlownMission, PathLog, fetch_photos
 from uav_bt.app.flying_process import landing_on_signals, short_collections
 from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.option_values import as_file, expect, refuse
@@ -129,11 +121,11 @@ def fly(
     options = drawn(given_options(options, how))
     mission = load_mission(tree, options, registry)
     out = as_file("out", out, "a folder")
-    report = as_file("report", report) or (out and out / REPORT_FILE)
+    report = as_file("report", report) or (out and out / flight_outputs.REPORT_FILE)
     video, record = as_file("video", video), as_file("record", options.record)
     outputs = {"report": report, "record": record, "video": video}
-    folder = flight_folder(out, outputs)
-    check_outputs(mission, options, outputs, folder)
+    folder = flight_outputs.flight_folder(out, outputs)
+    flight_outputs.check_outputs(mission, options, outputs, folder)
     flight = join(mission, options, folder)
     watched = None if watch is None else reloadable_file(tree, flight.drone, outputs)
     if record is not None:
@@ -159,7 +151,7 @@ def fly(
             followers.append(lambda _: [recorder])
             keep["record"] = partial(flight_record.end_record, recorder=recorder, path=record)
         if folder is not None:
-            keep["objects"] = partial(write_objects, folder=folder)
+            keep["objects"] = partial(flight_outputs.write_objects, folder=folder)
         if report is not None:
             keep["report"] = partial(write_report, path=report, new_folders=folder is not None)
         next_tree = None
@@ -242,6 +234,8 @@ def _result(
     options, context, referee = flight.options, flight.context, flight.drone.referee
     simulation = options if isinstance(options.drone, str) else options.drone
     profile = None if referee is None else getattr(simulation, "profile", None)
+    leaves, stages = flight.mission.leaves(), context.stage_times_s.items()
+    choosing = [leaf for leaf in leaves if any(port.name == "policy" for port in leaf.ports)]
     site_map, _ = context.board.snapshot().get(SITE_MAP.name, (None, None))  # of any age
     return FlownMission(
         **vars(changes_of(options)),
@@ -250,16 +244,10 @@ def _result(
         lab=None if flight.held.lab is None else flight.held.lab.name,
         seed=options.seed,
         tree=flight.mission.origin,
-        policies={
-            leaf.path: str(leaf.port_value("policy"))
-            for leaf in flight.mission.leaves()
-            if any(port.name == "policy" for port in leaf.ports)
-        },
+        policies={leaf.path: str(leaf.port_value("policy")) for leaf in choosing},
         drone=options.drone_name,
         profile=profile if isinstance(profile, str) else None,
-        perception_ms={
-            name: Percentiles.of_seconds(times) for name, times in context.stage_times_s.items()
-        },
+        perception_ms={name: Percentiles.of_seconds(times) for name, times in stages},
         photos=list(context.notes.photos),
         events=list(context.notes.events),
         outcome=verdict.outcome.value,
@@ -270,7 +258,7 @@ def _result(
         airborne_at_end=runner.descent.airborne
         or (referee is not None and referee.truth().motors_on),
         lost_outputs=dict(runner.listeners.lost),
-        objects=objects_of(site_map),
+        objects=flight_outputs.objects_of(site_map),
         path=path.array(),
         site_map=site_map,
     )

@@ -101,9 +101,7 @@ def check_outputs(
     read: list[object] = [*mission.sources, *files_of(mission)]
     read += [getattr(options, one.name) for one in fields(options) if one.name not in _NO_INPUTS]
     if isinstance(lab := options.lab, Lab):
-        named = lab.scenes.get(str(options.scene))
-        read += [lab.file, lab.network, lab.flight.camera, named]
-        read += [] if options.scene else lab.scenes.values()
+        read += [lab.file, lab.network, lab.flight.camera, *lab.scenes.values()]
     files = [(name, file) for name, file in outputs.items() if file is not None]
     for (first, file), (second, other) in combinations(files, 2):
         if same_file(file, other):
@@ -139,18 +137,15 @@ def write_objects(report: FlightReport, folder: FlightFolder) -> None:
 
 def fetch_photos(report: FlightReport, camera: StillCamera, folder: FlightFolder) -> None:
     """Write the photographs that are on the memory card of the drone's camera."""
-    taken = {
-        photo.camera_file: photo.camera_media
-        for photo in report.photos
-        if photo.camera_file is not None and photo.camera_media is not None
-    }
+    photos = [(photo.camera_file, photo.camera_media) for photo in report.photos]
+    taken = {file: media for file, media in photos if file is not None and media is not None}
     until_s = time.monotonic() + _FIRST_PHOTO_S + _EACH_PHOTO_S * len(taken)
     missing: list[str] = []
     reason = "the drone is still in the air" if report.airborne_at_end else ""
     for name, media in taken.items():
-        limit_s = max(0.0, until_s - time.monotonic())
         try:
             if not report.airborne_at_end:
+                limit_s = max(0.0, until_s - time.monotonic())
                 folder.write(name, camera.fetch_still(media, limit_s))
                 continue
         except (DroneError, FileError) as error:

@@ -9,12 +9,13 @@ import json
 import platform
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
 from pydantic import TypeAdapter, ValidationError
+from pydantic_core import to_jsonable_python
 
 import uav_bt
 from sim_bridge.twin.scene import Scene
@@ -22,7 +23,7 @@ from sim_bridge.twin.scene_file import scene_text
 from uav_bt.app import provenance
 from uav_bt.app.assembly import Flight
 from uav_bt.app.site import Site
-from uav_bt.errors import FileError, InputError
+from uav_bt.errors import FileError
 from uav_bt.files import parse_json, reading, writing
 from uav_bt.lab.lab import Lab
 from uav_bt.mission.flight_report import FlightReport
@@ -79,6 +80,7 @@ def _flight_facts(flight: Flight[Drone]) -> dict[str, str]:
     site = options.place
     if site is not None and site.lab is not None:  # the scene may have another mark than its lab
         site = replace(site, mark=held.mark, mark_pose=held.mark_pose, take_off_pose=held.take_off)
+    first = mission.variables.snapshot().items()  # that have a value before the first tick
     values = {
         **{each.name: getattr(options, each.name) for each in fields(options)},
         "judge": held.judge,
@@ -93,15 +95,11 @@ def _flight_facts(flight: Flight[Drone]) -> dict[str, str]:
         "site": site,
         "replaced": mission.replaced,
         "ports": options.parameters.ports,
-        "variables": {  # that have a value before the first tick
-            name: value
-            for name, value in mission.variables.snapshot().items()
-            if isinstance(value, Plain)
-        },
+        "variables": {name: value for name, value in first if isinstance(value, Plain)},
         "policies": options.policy_names,
         "drone": options.drone_name,
         "drone_config": repr(options.drone) if is_dataclass(options.drone) else None,
-        "classes": [asdict(each) for each in held.classes],
+        "classes": [*held.classes],
         "airframe": drone.airframe,
         "simulated": drone.referee is not None,
         "imageless": flight.context.sight is not None,
@@ -113,13 +111,9 @@ def _flight_facts(flight: Flight[Drone]) -> dict[str, str]:
     }
     del values["record"], values["params"]
     return {
-        name: value if isinstance(value, str) else json.dumps(value, default=_plain)
+        name: value if isinstance(value, str) else json.dumps(value, default=to_jsonable_python)
         for name, value in values.items()
     }
-
-
-def _plain(value: object) -> object:
-    return str(value) if isinstance(value, Path) else asdict(value)  # type: ignore[call-overload]
 
 
 def _attachments(flight: Flight[Drone]) -> Iterator[Attachment]:
@@ -138,22 +132,18 @@ def _attachments(flight: Flight[Drone]) -> Iterator[Attachment]:
 
 
 def recorded_files(reader: RecordReader, folder: Path) -> tuple[Path | None, Path | None]:
-    """Write a record's attachments into an empty folder; return its tree and its scene."""
-    root, files = folder.resolve(), dict[str, Path]()
-    for name, attachment in reader.attachments.items():
-        try:
-            files[name] = file = (root / name).resolve()
-            if not file.is_relative_to(root):
-                raise FileError(reader.path, f"its attachment '{name:.80}' lies outside its folder")
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_bytes(attachment.data)
-        except (OSError, ValueError) as error:  # no name of a file, or the disk is full
-            reason = getattr(error, "strerror", None) or error
-            raise FileError(
-                reader.path, f"its attachment '{name:.80}' cannot be written out: {reason}"
-            ) from error
-    tree = files.get(f"{_TREE_FOLDER}{reader.metadata.get('tree', '')}")
-    return tree, files.get(_SCENE_FILE)
+    """Write tree and scene of a record into a folder; None for what it does not hold."""
+    tree = f"{_TREE_FOLDER}{reader.metadata.get('tree', '')}"
+    return _written(reader, tree, folder), _written(reader, _SCENE_FILE, folder)
+
+
+def _written(reader: RecordReader, name: str, folder: Path) -> Path | None:
+    file = folder / Path(name).name
+    if (attachment := reader.attachments.get(name)) is None:
+        return None
+    with writing(file):
+        file.write_bytes(attachment.data)
+    return file
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,17 +172,15 @@ class RecordedOptions:
 def recorded_options(reader: RecordReader) -> RecordedOptions:
     """Return the options that a recorded flight was flown with."""
     values: dict[str, Any] = {}
-    try:
+    with reader.intact("the metadata"):
         for each in fields(RecordedOptions):
             text = reader.metadata.get(each.name)
             if text is not None:
                 # Texts stand there as they are, everything else as JSON.
                 plain = each.type in {"str", "str | None", "Quality"} and text != "null"
                 values[each.name] = text if plain else parse_json(text)
+    try:
         return TypeAdapter(RecordedOptions).validate_python(values)
-    except InputError as error:
-        why = f"expected JSON, got '{text:.80}'"
-        raise FileError(reader.path, f"the record's metadata is damaged: {why}") from error
     except ValidationError as error:
         first = error.errors()[0]
         why = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"

@@ -102,9 +102,7 @@ def read_mission(
 def _check_made(tree: MissionTree, options: FlightOptions) -> None:
     """Refuse a tree that flew, and options that are for tree files."""
     if tree.is_set_up:
-        raise InputError(
-            f"tree '{tree.name}' was flown or set up before: make it anew for each flight"
-        )
+        raise InputError(f"tree '{tree.name}' was flown or set up before: make it anew each time")
     for what, given in (
         ("tree_id", options.tree_id not in {None, tree.name}),
         ("tree_folders", options.tree_folders != TreeFolders()),
@@ -120,16 +118,15 @@ def _check_made(tree: MissionTree, options: FlightOptions) -> None:
 
 def _site_values(site: Site) -> _ByKey:
     """Return the attributes that a site replaces, by the key that their leaves write."""
-    found: dict[Key[Any], dict[str, str]] = {CLASS_MAP: {}, METRIC_DEPTH: {}, FLIGHT_HEIGHT: {}}
-    for key, name, value in (
-        (CLASS_MAP, "model", site.model),
-        (CLASS_MAP, "classes", site.classes),
-        (METRIC_DEPTH, "model", site.depth),
-        (FLIGHT_HEIGHT, _HEIGHT_PORT, site.flight_height_m),
-    ):
-        if value is not None:
-            found[key][name] = f"{value:g}" if isinstance(value, float) else str(value)
-    return {key: values for key, values in found.items() if values}
+    stated: Mapping[Key[Any], Mapping[str, object]] = {
+        CLASS_MAP: {"model": site.model, "classes": site.classes},
+        METRIC_DEPTH: {"model": site.depth},
+        FLIGHT_HEIGHT: {_HEIGHT_PORT: site.flight_height_m},
+    }
+    return {
+        key: {name: str(value) for name, value in values.items() if value is not None}
+        for key, values in stated.items()
+    }
 
 
 def _check_site_reaches(mission: MissionTree, by_key: _ByKey, options: FlightOptions) -> None:
@@ -153,18 +150,15 @@ def _check_site_reaches(mission: MissionTree, by_key: _ByKey, options: FlightOpt
             elif not any(name in leaf.values_taken({key: attributes}) for leaf in writers):
                 raise InputError(
                     f"{setting} reaches no leaf of tree '{mission.name}': '{writers[0].path}' "
-                    f"writes '{key.name}' but has no port '{name}'; give it that port, or fly "
-                    "without this setting"
+                    f"writes '{key.name}' but has no port '{name}'; add it, or drop this setting"
                 )
 
 
 def _check_ceiling(mission: MissionTree, ceiling_m: float) -> None:
     """Refuse a flight height above the ceiling, if it is known before the flight."""
     for leaf in mission.leaves():
-        height = next((port for port in leaf.ports if port.name == _HEIGHT_PORT), None)
-        if FLIGHT_HEIGHT not in leaf.writes or height is None:
-            continue
-        height_m = leaf.initial_value(height)
+        values = {port.name: leaf.initial_value(port) for port in leaf.ports}
+        height_m = values.get(_HEIGHT_PORT) if FLIGHT_HEIGHT in leaf.writes else None
         if height_m is not None and height_m > ceiling_m:
             raise InputError(
                 f"node '{leaf.path}' is to fly at {height_m:g} m, above the ceiling of "

@@ -8,35 +8,31 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from numbers import Integral
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Final, NoReturn
 
 from annotated_types import Ge, MinLen
-from pydantic import AfterValidator, BeforeValidator, Field
-from pydantic_core import CoreSchema, core_schema
+from pydantic import AfterValidator, BeforeValidator, Field, GetPydanticSchema
+from pydantic_core import core_schema
 
-from uav_bt.errors import FileError, InputError, ValueRangeError
+from uav_bt.errors import FileError, InputError
 from uav_bt.files import reading
 from uav_bt.option import Option, option_of, pairs
 from uav_bt.protocols import Drone, LeafPolicy
 from uav_bt.testing.faults import RANDOM, Fault
-from uav_bt.tree.loading.parameters import Plain, split_port
+from uav_bt.tree.loading.parameters import Plain
 from uav_bt.tree.port import port_text
 
 _ABSENT: Final = object()
 
 
-@dataclass(frozen=True)
-class Checked:
-    """A function checks the value, whatever its type, and returns it."""
-
-    check: Callable[[Any], Any]
-
-    def __get_pydantic_core_schema__(self, *_: object) -> CoreSchema:
-        return core_schema.no_info_plain_validator_function(self.check)
+def checked_by(check: Callable[[Any], Any]) -> GetPydanticSchema:
+    """Let a function check a value, whatever its type, and return it."""
+    schema = core_schema.no_info_plain_validator_function(check)
+    return GetPydanticSchema(lambda *_: schema)
 
 
 def class_name(value: object) -> str:
@@ -50,8 +46,8 @@ def is_drone_config(drone: object) -> bool:
 
 
 def expect(name: str, value: object, kind: type | UnionType, expected: str) -> None:
-    """Refuse a value of another type."""
-    if not isinstance(value, kind):
+    """Refuse a value of another type, and a class in place of an object."""
+    if isinstance(value, type) or not isinstance(value, kind):
         refuse(name, expected, value)
 
 
@@ -72,59 +68,39 @@ def as_file(name: str, value: str | Path | None, expected: str = "a file") -> Pa
 
 def fault_texts(faults: Sequence[str]) -> tuple[str, ...]:
     """Return faults as texts; `@FILE` stands for the lines of a file."""
-    return tuple(text for one in faults for text in _fault_lines(one))
+    found: list[str] = []
+    for text in faults:
+        found += _fault_lines(Path(text[1:])) if text.startswith("@") else [text]
+    return tuple(found)
 
 
-def _fault_lines(text: str) -> Iterator[str]:
-    if not text.startswith("@"):
-        yield text
-        return
-    path = Path(text[1:])
+def _fault_lines(path: Path) -> Iterator[str]:
     with reading(path):
         lines = path.read_text(encoding="utf-8").splitlines()
     for number, line in enumerate(lines, start=1):
         fault = line.strip()
-        if fault and fault != RANDOM:
-            try:
+        try:
+            if fault not in {"", RANDOM}:
                 Fault.parse(fault)
-            except InputError as error:
-                raise FileError(path, str(error), line=number) from error
+        except InputError as error:
+            raise FileError(path, str(error), line=number) from error
         if fault:
             yield fault
 
 
-def port_values(ports: object) -> dict[str, str]:
-    """Return values of nodes' ports, by NODE.PORT, as the texts of a tree file."""
-    expected = "values by node and port, such as {'ExploreFor.min_gain': 0.01}"
-    found = _plain_values("ports", expected, ports)
-    for name in found:
-        try:
-            split_port(name)
-        except ValueRangeError:
-            refuse("ports", expected, name)
-    return {name: port_text(value) for name, value in found.items()}
+def _mapping_of(
+    what: str, expected: str, each: tuple[Any, str], made: Callable[[Any], Any] = lambda one: one
+) -> GetPydanticSchema:
+    """Return a check of a mapping; `each` is the type of its values, in words, too."""
 
+    def checked(given: Any) -> dict[str, Any]:
+        expect(what, given, Mapping, expected)
+        for name, value in given.items():
+            expect(what, name, str, expected)
+            expect(f"{what}['{name}']", value, *each)
+        return {name: made(value) for name, value in given.items()}
 
-def variable_values(variables: object) -> dict[str, Plain]:
-    """Return first values of variables, by name."""
-    return _plain_values("variables", "values by variable, such as {'laps': 3}", variables)
-
-
-def _plain_values(what: str, expected: str, values: Any) -> dict[str, Plain]:
-    expect(what, values, Mapping, expected)
-    for name, value in values.items():
-        expect(what, name, str, expected)
-        expect(f"{what}['{name}']", value, Plain, "a text, a number, True or False")
-    return dict(values)
-
-
-def _policies(policies: Any) -> Any:
-    expect("policies", policies, Mapping, "policies by node, such as {'Explore': 'corridor'}")
-    for node, policy in policies.items():
-        expect("policies", node, str, "the name or path of a node")
-        if isinstance(policy, type) or not isinstance(policy, str | LeafPolicy):
-            refuse(f"policies['{node}']", "a policy's name, or an object with `decide`", policy)
-    return policies
+    return checked_by(checked)
 
 
 def check_drone(drone: Any) -> Any:
@@ -140,34 +116,25 @@ def check_drone(drone: Any) -> Any:
 def refuse_incomplete(drone: object, expected: str = "a Drone") -> None:
     """Refuse a drone that lacks members of the protocol; the message lists them."""
     # Nothing is read: unconnected drones raise.
-    missing = [
-        name
-        for name in vars(Drone)
-        if not name.startswith("_") and inspect.getattr_static(drone, name, _ABSENT) is _ABSENT
-    ]
+    names = [name for name in vars(Drone) if not name.startswith("_")]
+    missing = [name for name in names if inspect.getattr_static(drone, name, _ABSENT) is _ABSENT]
     if missing:
         raise InputError(
             f"drone: expected {expected}; {class_name(drone)} lacks {', '.join(missing)}"
         )
 
 
-def refuse_unusable(
-    options: Any,
-    drone: str,
-    usable: Collection[str],
-    *,
-    remedy: str = "leave it out, as this drone has no such setting",
-) -> None:
+def refuse_unusable(options: Any, drone: str, usable: Collection[str], cure: str) -> None:
     """Refuse the `FlightOptions` that a drone does not support; defaults are never refused.
 
-    The message begins with `drone`, ends with `remedy`, and names the flag of a named drone.
+    The message begins with `drone`, ends with `cure`, and names the flag of a named drone.
     """
     for each in fields(options):
         value, about = getattr(options, each.name), option_of(type(options), each.name)
         if about.of_drone and each.name not in usable and value != each.default:
             is_named = isinstance(options.drone, str)
             name = f"{about.flag_of(each.name)} ({each.name} in Python)" if is_named else each.name
-            raise InputError(f"{drone} takes no {name}, got {value!r}: {remedy}")
+            raise InputError(f"{drone} takes no {name}, got {value!r}: {cure}")
 
 
 def _whole(value: object) -> object:
@@ -190,7 +157,7 @@ def _policies_of_texts(texts: Iterable[str]) -> dict[str, str]:
     return found
 
 
-def loaded_by(load: Callable[[str | Path], Any], kind: type) -> Checked:
+def loaded_by(load: Callable[[str | Path], Any], kind: type) -> GetPydanticSchema:
     """Return a check that loads the object of a file or a name; objects stay."""
 
     def loaded(given: object) -> object:
@@ -199,9 +166,15 @@ def loaded_by(load: Callable[[str | Path], Any], kind: type) -> Checked:
         expect(kind.__name__, given, kind | None, f"a {kind.__name__}, its file or its name")
         return given
 
-    return Checked(loaded)
+    return checked_by(loaded)
 
 
+_POLICY: Final = (str | LeafPolicy, "a policy's name, or an object with `decide`")
+_PLAIN: Final = (Plain, "a text, a number, True or False")
+PORTS: Final = _mapping_of(
+    "ports", "values by node and port, such as {'TakeOff.height_m': 1.2}", _PLAIN, port_text
+)
+VARIABLES: Final = _mapping_of("variables", "values by variable, such as {'laps': 3}", _PLAIN)
 Whole = Annotated[int, BeforeValidator(_whole)]
 """Also an integer of NumPy."""
 File = Annotated[
@@ -213,7 +186,7 @@ Seed = Annotated[
 ]
 Policies = Annotated[
     Mapping[str, str | LeafPolicy],
-    Checked(_policies),
+    _mapping_of("policies", "policies by node, such as {'Explore': 'corridor'}", _POLICY),
     Option(
         "Let a node, by name or path, use another leaf policy. Repeatable.",
         "--policy NODE=NAME",

@@ -4,44 +4,18 @@ from __future__ import annotations
 
 import inspect
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, fields, replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
 
 from annotated_types import Ge, Le
-from pydantic import (
-    AfterValidator,
-    ConfigDict,
-    ModelWrapValidatorHandler,
-    TypeAdapter,
-    ValidationError,
-    model_validator,
-)
+from pydantic import AfterValidator, ConfigDict, TypeAdapter, ValidationError, model_validator
 from pydantic.dataclasses import dataclass
 
 from sim_bridge.twin.scene import MAX_MOVERS
-from uav_bt.app.option_values import (
-    Checked,
-    File,
-    ImageSize,
-    Policies,
-    Profile,
-    Seed,
-    Threads,
-    Whole,
-    check_drone,
-    class_name,
-    expect,
-    fault_texts,
-    is_drone_config,
-    loaded_by,
-    port_values,
-    refuse,
-    refuse_unusable,
-    variable_values,
-)
+from uav_bt.app import option_values as values
 from uav_bt.app.site import Site, load_site, site_of_lab
 from uav_bt.brief import brief_repr
 from uav_bt.errors import InputError, UnknownNameError
@@ -58,15 +32,12 @@ from uav_bt.tree.loading.parameter_file import ParameterFile, read_parameters
 from uav_bt.tree.loading.parameters import PARAMS, Parameters, Ports, Variables
 from uav_bt.tree.registry import OwnLeaves, OwnParts, parts_of_files
 
-
-@dataclass(
-    frozen=True,
-    kw_only=True,
-    repr=False,
-    config=ConfigDict(
-        strict=True, extra="forbid", arbitrary_types_allowed=True, use_attribute_docstrings=True
-    ),
+_CONFIG: Final = ConfigDict(
+    strict=True, extra="forbid", arbitrary_types_allowed=True, use_attribute_docstrings=True
 )
+
+
+@dataclass(frozen=True, kw_only=True, repr=False, config=_CONFIG)
 class FlightOptions:
     """How a mission is flown; every value is checked here.
 
@@ -84,33 +55,33 @@ class FlightOptions:
     tree_id: TreeId = None
     tree_folders: Folders = field(default_factory=TreeFolders)
     leaves: Annotated[OwnLeaves, AfterValidator(lambda given: tuple(map(Path, given)))] = ()
-    ports: Annotated[Ports, Checked(port_values)] = field(default_factory=dict)
-    variables: Annotated[Variables, Checked(variable_values)] = field(default_factory=dict)
+    ports: Annotated[Ports, values.PORTS] = field(default_factory=dict)
+    variables: Annotated[Variables, values.VARIABLES] = field(default_factory=dict)
     params: Annotated[
         str | Path | ParameterFile | None,
-        loaded_by(lambda file: read_parameters(Path(file)), ParameterFile),
+        values.loaded_by(lambda file: read_parameters(Path(file)), ParameterFile),
         PARAMS,
     ] = None
-    policies: Policies = field(default_factory=dict)
+    policies: values.Policies = field(default_factory=dict)
     judge: Annotated[
         JudgeConfig, Option(group="Mission", parts=JudgeConfig, only=("time_limit_s",))
     ] = field(default_factory=JudgeConfig)
     """When a flight is over, and what counts as a success."""
-    record: Annotated[File, Option(group="Outputs", path="written", suffix=".mcap")] = None
+    record: Annotated[values.File, Option(group="Outputs", path="written", suffix=".mcap")] = None
     """Keep the flight's record: an MCAP file, for viewers and for replay."""
     record_quality: Annotated[Quality, Option("", "--quality", "Outputs")] = "lossless"
     """Quality of the record's images: lossless, which replays exactly, high or small. At 640x360 a
     minute takes about 240, 35 or 14 MB."""
     scene: Annotated[
-        File,
+        values.File,
         AfterValidator(lambda scene: None if scene is None else str(scene)),
         Option("", "SCENE", "Simulated room", of_drone=True),
     ] = None
     """The twin's lab: a shipped scene or a YAML file."""
-    seed: Seed = 0
-    profile: Profile = "lab"
+    seed: values.Seed = 0
+    profile: values.Profile = "lab"
     movers: Annotated[
-        Whole,
+        values.Whole,
         Ge(0),
         Le(MAX_MOVERS),
         Option(
@@ -125,7 +96,7 @@ class FlightOptions:
     """Place and size the scene's boxes by the seed."""
     faults: Annotated[
         Sequence[str],
-        AfterValidator(fault_texts),
+        AfterValidator(values.fault_texts),
         Option("", "KIND[=LEVEL][@PHASE[+S]][~S]", "Simulated room"),
     ] = ()
     """A fault of the drone, such as video-lost@explore+1~3, or `random`: room, movers and faults
@@ -134,32 +105,30 @@ class FlightOptions:
     """Fly on exact masks instead of a network's."""
     realtime: Annotated[bool, Option(group="Simulated room", of_drone=True)] = False
     """Fly the twin no faster than real time."""
-    image_size_px: ImageSize = (640, 360)
+    image_size_px: values.ImageSize = (640, 360)
     lab: Annotated[
-        str | Path | Lab | None,
-        loaded_by(load_lab, Lab),
-        Option("", "NAME", "Place"),
+        str | Path | Lab | None, values.loaded_by(load_lab, Lab), Option("", "NAME", "Place")
     ] = None
     """The lab that is flown in, real or simulated: a shipped lab, a folder of labs/, or a path. Its
     lab file has all keys of a site file."""
     drone: Annotated[
         str | DroneConfig | Drone,
-        Checked(check_drone),
+        values.checked_by(values.check_drone),
         Option("", "NAME[:ADDRESS]", "Real drone"),
     ] = "twin"
     """The drone that flies: twin, plain (the twin without images), anafi[:HOST[:PORT]],
     sphinx[:HOST[:PORT]], or another that is installed."""
     site: Annotated[
         str | Path | Site | None,
-        loaded_by(load_site, Site),
+        values.loaded_by(load_site, Site),
         Option(group="Real drone", path="read"),
     ] = None
     """A site file: heights, camera, classes and limits of the place."""
-    camera: Annotated[File, Option(group="Real drone", path="read")] = None
+    camera: Annotated[values.File, Option(group="Real drone", path="read")] = None
     """A camera file of `uav-bt lab calibrate`: frames are undistorted with it."""
     rehearse: Annotated[bool, Option(group="Real drone")] = False
     """Motors off: perception and tree see the live video, and show what would be sent."""
-    inference_threads: Threads = 1
+    inference_threads: values.Threads = 1
     limits: Annotated[Limits | None, Option()] = None
     """Limits that no command exceeds; None: those of site or lab. Where both state limits, the
     smaller ones hold."""
@@ -170,7 +139,7 @@ class FlightOptions:
 
     @model_validator(mode="wrap")
     @classmethod
-    def _refusing(cls, given: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+    def _refusing(cls, given: Any, handler: Callable[[Any], Self]) -> Self:
         try:
             return handler(given)
         except ValidationError as error:
@@ -179,16 +148,15 @@ class FlightOptions:
     def __post_init__(self) -> None:
         if self.lab is not None and self.site is not None:
             raise InputError(
-                "--lab and --site (lab and site in Python) both say how the place is flown: give "
-                "one of them"
+                "--lab and --site (lab, site in Python) both say how the place is flown: give one"
             )
         if isinstance(self.record, Path) and self.record.suffix.lower() != ".mcap":
-            refuse("record", "a file whose name ends in .mcap", str(self.record))
+            values.refuse("record", "a file whose name ends in .mcap", str(self.record))
         if isinstance(self.drone, str):
             return
         kind = type(self.drone).__name__
-        refuse_unusable(self, f"{kind} is flown as it is and", {"seed"}, remedy="set it there")
-        own = getattr(self.drone, "seed", 0) if is_drone_config(self.drone) else 0
+        values.refuse_unusable(self, f"{kind} is flown as it is and", {"seed"}, "set it there")
+        own = getattr(self.drone, "seed", 0) if values.is_drone_config(self.drone) else 0
         if own and self.seed not in {0, own}:
             raise InputError(
                 f"seed: expected one seed, got {self.seed} for the flight and {own} in the "
@@ -204,10 +172,10 @@ class FlightOptions:
         return {**plain, "lab": lab, "policies": self.policy_names, "tree_folders": folders}
 
     @classmethod
-    def of_json(cls, values: Mapping[str, Any]) -> FlightOptions:
+    def of_json(cls, stored: Mapping[str, Any]) -> FlightOptions:
         """Return options with the values that `shared_json` wrote."""
-        judge = {each.name: values["judge"][each.name] for each in fields(JudgeConfig)}
-        return _adapter().validate_json(json.dumps({**values, "judge": judge}))
+        judge = {each.name: stored["judge"][each.name] for each in fields(JudgeConfig)}
+        return _adapter().validate_json(json.dumps({**stored, "judge": judge}))
 
     @cached_property
     def place(self) -> Site | None:
@@ -219,7 +187,7 @@ class FlightOptions:
     @property
     def drone_name(self) -> str:
         """Name of the drone in reports and records: its name, or its class."""
-        return self.drone if isinstance(self.drone, str) else class_name(self.drone)
+        return self.drone if isinstance(self.drone, str) else values.class_name(self.drone)
 
     @property
     def parameters(self) -> Parameters:
@@ -241,7 +209,7 @@ class FlightOptions:
         found: dict[str, LeafPolicy] = {}
         for policy in self.policies.values():
             if not isinstance(policy, str) and all(policy is not known for known in found.values()):
-                name = class_name(policy)
+                name = values.class_name(policy)
                 alike = sum(known.partition("#")[0] == name for known in found)
                 found[f"{name}#{alike + 1}" if alike else name] = policy
         return found
@@ -295,5 +263,5 @@ def _adapter() -> TypeAdapter[FlightOptions]:
 
 def given_options(options: FlightOptions | None, how: Mapping[str, Any]) -> FlightOptions:
     """Return the options of an object, some of them replaced by `how`."""
-    expect("options", options, FlightOptions | None, "FlightOptions(...)")
+    values.expect("options", options, FlightOptions | None, "FlightOptions(...)")
     return replace(options, **how) if options else FlightOptions(**how)

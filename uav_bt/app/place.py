@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Final
@@ -23,7 +23,7 @@ from uav_bt.tree.rules import Rules
 from uav_bt.types import LandingMark, Pose2D
 from uav_bt.types.area import Area
 from uav_bt.types.place import LandOn, MissionRules, Place, PlaceFrame, parse_places
-from uav_bt.types.place_frames import lab_to_start, start_to_lab
+from uav_bt.types.place_frames import from_start, start_to_lab
 
 _LARGER: Final = frozenset({"floor_m", "critical_battery"})  # the larger is stricter
 
@@ -63,8 +63,7 @@ def conditions_of(
     mark = site.mark if scene is None or scene.mark is None else scene.mark
     if scene is not None and options.lab is None and site.mark not in {None, mark}:
         raise InputError(
-            f"the site's mark ({site.mark}) is not that of scene '{scene.name}' ({mark}): "
-            "remove one of them"
+            f"the site's mark ({site.mark}) is not that of scene '{scene.name}' ({mark}): drop one"
         )
     found = Conditions(
         lab=lab,
@@ -90,11 +89,11 @@ def rules_of(mission: MissionTree) -> MissionRules:
 
 def limits_of(options: FlightOptions) -> Limits:
     """Return the limits of options, site or lab; the stricter where both state them."""
-    site, given = options.place, options.limits
-    if site is None or given is None:
-        return given or (site or Site()).limits
+    given, of_site = options.limits, (options.place or Site()).limits
+    if given is None or of_site is None:
+        return given or of_site or Limits()
     stricter = {
-        name: (max if name in _LARGER else min)(limit, getattr(site.limits, name))
+        name: (max if name in _LARGER else min)(limit, getattr(of_site, name))
         for name, limit in vars(given).items()
     }
     return Limits(**stricter)
@@ -108,8 +107,7 @@ def lab_of(options: FlightOptions, scene: Scene | None) -> Lab | None:
     if scene is not None and of_scene is not None and not _same(lab, of_scene):
         raise InputError(
             f"scene '{scene.name}' belongs to the lab '{of_scene.name}', and the flight is in the "
-            f"lab '{lab.name}': choose one of its scenes ({', '.join(lab.scenes)}), or --lab "
-            f"{of_scene.name}"
+            f"lab '{lab.name}': choose one of its scenes ({', '.join(lab.scenes)}), or that lab"
         )
     return lab
 
@@ -163,29 +161,18 @@ def _area_of(rules: MissionRules, site: Site, take_off: Pose2D | None) -> Area |
     given = [corners for corners in (rules.area, site.area) if corners is not None]
     if not given:
         return None
-    try:
-        area = Area(tuple(tuple(_corners(corners, take_off)) for corners in given))
-    except ValueRangeError as error:
-        raise InputError(f"area: {error}") from error
+    points = [[from_start(corner, take_off) for corner in corners] for corners in given]
+    if any(None in polygon for polygon in points):
+        raise InputError(
+            "area: the take-off pose in the lab's drawing is unknown: name the corners as start:x,y"
+        )
+    area = Area(tuple(tuple(filter(None, polygon)) for polygon in points))
     if area.margin_m(0.0, 0.0) <= 0.0:
         raise InputError(
             "area: the take-off point, start:0,0, lies outside the area "
             f"{'; '.join(map(str, given[0]))}: the drone could only fly back in"
         )
     return area
-
-
-def _corners(corners: Sequence[Place], take_off: Pose2D | None) -> Iterator[tuple[float, float]]:
-    for corner in corners:
-        place = Pose2D(x_m=corner.x_m, y_m=corner.y_m, yaw_rad=0.0)
-        if corner.frame is PlaceFrame.LAB:
-            if take_off is None:
-                raise InputError(
-                    f"area: '{corner}': the take-off pose in the lab's drawing is unknown: name "
-                    "the corners as start:x,y"
-                )
-            place = lab_to_start(place, take_off)
-        yield place.x_m, place.y_m
 
 
 def refuse_foreign_network(mission: MissionTree, lab: Lab | None, *, named: bool) -> None:

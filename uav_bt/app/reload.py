@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -18,48 +19,40 @@ from uav_bt.tree.loading.findings import Finding
 _POLL_S: Final = 0.5  # wall time between two looks at the files
 
 
+@dataclass(eq=False)
 class TreeReload:
     """Gives a runner the tree of a file that was edited, and calls `note` with what comes of it.
 
     A missing file is awaited: editors may write into the file, or write a new one and rename it.
     """
 
-    def __init__(
-        self,
-        flight: Flight[Drone],
-        path: Path,
-        registry: NodeRegistry | None,
-        note: Callable[[str], None],
-        *,
-        timer: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self._flight = flight
-        self._path = path
-        self._registry = registry
-        self._note = note
-        self._timer = timer
-        self._next_s = timer() + _POLL_S
+    flight: Flight[Drone]
+    path: Path
+    registry: NodeRegistry | None
+    note: Callable[[str], None]
+    timer: Callable[[], float] = time.monotonic
+
+    def __post_init__(self) -> None:
+        self._next_s = self.timer() + _POLL_S
         self._known: dict[Path, bytes] = {}  # the files of the last tree that was tried
-        self._know(flight.mission)
+        self._know(self.flight.mission)
 
     def __call__(self) -> MissionTree | None:
         """Return the tree of the edited file. None: there is no new tree to fly."""
-        if self._timer() < self._next_s:
+        if self.timer() < self._next_s:
             return None
-        self._next_s = self._timer() + _POLL_S
+        self._next_s = self.timer() + _POLL_S
         files = {path: data for path in self._known if (data := _content(path)) is not None}
         if files.items() <= self._known.items():
             return None
         self._known |= files
-        flight = self._flight
+        flight = self.flight
         try:
-            tree = load_mission(self._path, flight.options, self._registry)
+            tree = load_mission(self.path, flight.options, self.registry)
             if rules_of(tree) != rules_of(flight.mission):
-                raise InputError(
-                    f"{self._path}: its Rules differ from those that were read before the take-off"
-                )
+                raise InputError(f"{self.path}: its Rules differ from those before the take-off")
             if same := tree.sources == flight.mission.sources:
-                self._note(f"{self._path}: again the tree that flies; it goes on")
+                self.note(f"{self.path}: again the tree that flies; it goes on")
             else:
                 tree.setup(flight.context)
         except UavBtError as error:  # of the file, its leaves or policies
@@ -67,18 +60,18 @@ class TreeReload:
                 if isinstance(each, Finding):  # an edit of its file may cure it
                     file = Path(each.path).resolve()
                     self._known.setdefault(file, _content(file) or b"")
-            self._note(f"{error}\nThe edited tree is refused; the one before it flies on.")
+            self.note(f"{error}\nThe edited tree is refused; the one before it flies on.")
             return None
         self._know(tree)
         if same:
             return None
         flight.mission = tree
-        self._note(f"{self._path}: the edited tree flies, from its root on")
+        self.note(f"{self.path}: the edited tree flies, from its root on")
         return tree
 
     def _know(self, tree: MissionTree) -> None:
         """Keep the files that a tree was read from, with a link to its file."""
-        self._known = {self._path: next(iter(tree.sources.values())), **tree.sources}
+        self._known = {self.path: next(iter(tree.sources.values())), **tree.sources}
 
 
 def _content(path: Path) -> bytes | None:
@@ -100,7 +93,5 @@ def reloadable_file(tree: Mission, drone: Drone, outputs: Mapping[str, Path | No
         )
     for what, file in outputs.items():
         if file is not None:
-            raise InputError(
-                f"watch: a {what} shows one tree, and this one may change: leave one of both out"
-            )
+            raise InputError(f"watch: a {what} shows one tree, and this may change: leave one out")
     return Path(tree)

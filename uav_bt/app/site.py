@@ -42,7 +42,7 @@ class Site:
     classes: Path | None = None  # class mapping of that network
     depth: str | None = None  # name or file of the depth network; None: as in the tree
     ground: tuple[str, ...] = ()  # classes that the drone may fly over and scale depth by
-    limits: Limits = field(default_factory=Limits)  # of all commands
+    limits: Limits | None = None  # of all commands; None: those of the flight, or the usual ones
     area: tuple[Place, ...] | None = None  # None: no bound
     mark: LandingMark | None = None  # None: that of the scene or of the lab
     mark_pose: Pose2D | None = None  # in the lab's drawing; None: unknown
@@ -99,9 +99,7 @@ def has_paper_classes(lab: Lab) -> bool:
 
 
 def _site(
-    keys: FlightKeys,
-    network: NetworkKeys | None,
-    at: Callable[[str], AbstractContextManager[None]],
+    keys: FlightKeys, network: NetworkKeys | None, at: Callable[[str], AbstractContextManager[None]]
 ) -> Site:
     """Return the site of a file; `at` gives errors of a block the line of a key."""
     same = ("flight_height_m", "take_off_surface_m", "camera", "ground", "return_home")
@@ -117,7 +115,7 @@ def _site(
     with at("take_off"):
         stated["take_off_pose"] = take_off_pose(keys)
     with at("limits"):
-        stated["limits"] = Limits(**limits)
+        stated["limits"] = Limits(**limits) if limits else None
     return Site(
         area=None if keys.area is None else area_corners(keys.area),
         clearances=keys.margins or Clearances(),

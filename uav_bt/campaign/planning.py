@@ -42,7 +42,7 @@ def make_plan(
 
     Args:
         trees: tree files, or names of shipped missions.
-        options: how all are flown, by the fields in `uav_bt.campaign.plan.SHARED`, and
+        options: how all are flown, by the fields in `uav_bt.app.options.SHARED`, and
             `params`, each of whose variants is flown.
         scenes: names of the lab's scenes, files, or patterns (`test-*`) of either. Default:
             all scenes of the lab's folder; without a lab `val-*`.

@@ -8,10 +8,9 @@ import os
 import platform
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import as_completed
 from contextlib import closing
 from dataclasses import dataclass, replace
-from itertools import islice
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -49,20 +48,10 @@ class LocalBackend:
 
     def run(self, fly: Fly, tasks: Iterable[FlightTask], timeout_s: float) -> Flown:
         """Fly tasks; see `Backend`."""
-        pool = WorkerPool(fly, self.workers)
-        flying: dict[Future[Line], FlightTask] = {}
-        left = iter(tasks)
-        try:
-            while True:
-                # One task waits for each that flies, so that no worker waits for its next.
-                for task in islice(left, 2 * self.workers - len(flying)):
-                    flying[pool.start(task, timeout_s)] = task
-                if not flying:
-                    return
-                for flight in wait(flying, return_when=FIRST_COMPLETED).done:
-                    yield flying.pop(flight), pool.line_of(flight)
-        finally:
-            pool.close()
+        with closing(WorkerPool(fly, self.workers)) as pool:
+            flights = {pool.start(task, timeout_s): task for task in tasks}
+            for flight in as_completed(flights):
+                yield flights[flight], pool.line_of(flight)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,12 +104,11 @@ def run(
         left = [task for key, task in wanted.items() if key not in done]
         if store.repaired:
             on_note("the last line was only half written and is flown again")
-        *earlier, now = store.runs
-        before = earlier[-1].get("code") if earlier else now["code"]
-        if done and left and before != now["code"]:
+        before, now = store.runs[-2:][0].get("code"), about["code"]  # the same in the first run
+        if done and left and before != now:
             on_note(
-                f"the code has changed since the last run ({before}, now {about['code']}): "
-                "the folder has flights of both"
+                f"the code has changed since the last run ({before}, now {now}): the folder has "
+                "flights of both"
             )
         for flight in done.values():
             on_flight(flight, False)
@@ -138,21 +126,21 @@ def _with_outputs(
 ) -> Iterator[FlightTask]:
     """Yield the tasks with their records and output folders, each with a name of its own."""
     records, outputs = (folder.resolve() / name for name in ("records", "flights"))
-    if plan.record and tasks:
+    if plan.record:
         records.mkdir(exist_ok=True)
     stems = Counter(file_stem(task.key) for task in plan.tasks())
     for task in tasks:
         name = file_stem(task.key)
         if stems[name] > 1:
             name += "-" + hashlib.sha256(repr(task.key).encode()).hexdigest()[:8]
-        record = str(records / f"{name}.mcap") if plan.record else None
-        yield replace(task, record=record, folder=str(outputs / name))
+        record = records / f"{name}.mcap" if plan.record else None
+        options = replace(task.options, record=record)
+        yield replace(task, options=options, folder=str(outputs / name))
 
 
 def _with_files(line: Line, task: FlightTask, folder: Path) -> Line:
     """Return a flight's line with its files, relative, so that the folder may move."""
-    files = {"record": task.record, "folder": task.folder}
-    if task.folder is None or not Path(task.folder).is_dir():
-        del files["folder"]
+    has_folder = task.folder is not None and Path(task.folder).is_dir()
+    files = {"record": task.options.record, "folder": task.folder if has_folder else None}
     home = folder.resolve()
     return {**line, **{key: str(Path(at).relative_to(home)) for key, at in files.items() if at}}

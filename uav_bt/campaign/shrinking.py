@@ -6,7 +6,6 @@ then single ones, until no part can be left out.
 
 from __future__ import annotations
 
-import json
 import re
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -17,10 +16,10 @@ from typing import Any, Final, TypeVar
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene, scene_text
 from sim_bridge.twin.variation import varied
-from uav_bt import app
 from uav_bt.app.drone_of_flight import is_simulated
 from uav_bt.app.flying_process import interruptible
 from uav_bt.app.options import FlightOptions
+from uav_bt.campaign.workers import reported
 from uav_bt.errors import InputError
 
 T = TypeVar("T")
@@ -35,6 +34,10 @@ _NUMBER: Final = re.compile(r"-?\d+(\.\d+)?")
 def same_cause(one: str, other: str) -> bool:
     """Return whether two endings have the same outcome and reason; numbers may differ."""
     return _NUMBER.sub("#", one) == _NUMBER.sub("#", other)
+
+
+def _ending(line: Mapping[str, Any]) -> str:
+    return f"{line['outcome']}: {line.get('reason') or ''}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +71,7 @@ class FailedFlight:
             tree=tree,
             scene=varied(load_scene(scene), options.seed, room=room, movers=movers),
             options=options,
-            ending=f"{flight['outcome']}: {flight.get('reason') or ''}",
+            ending=_ending(flight),
         )
 
     def things(self) -> dict[str, Sequence[Any]]:
@@ -93,21 +96,13 @@ class FailedFlight:
     def fly(self, drone: str | None = None) -> str:
         """Fly it, with another simulated drone if one is given; return how it ends."""
         with tempfile.TemporaryDirectory(prefix="uav-bt-shrink-") as folder:
-            file, report = Path(folder) / "scene.yaml", Path(folder) / "report.json"
+            file = Path(folder) / "scene.yaml"
             file.write_text(scene_text(self.scene), encoding="utf-8")
-            try:
-                app.fly(
-                    self.tree,
-                    replace(self.options, scene=file, drone=drone or self.options.drone),
-                    out=Path(folder) / "outputs",  # as in the campaign: some leaves need one
-                    report=report,
-                    controls=lambda _: interruptible(),
-                )
-            except Exception:
-                if not report.exists():  # nothing flew
-                    raise
-            line = json.loads(report.read_text(encoding="utf-8"))
-            return f"{line['outcome']}: {line['reason']}"
+            options = replace(self.options, scene=file, drone=drone or self.options.drone)
+            out = Path(folder) / "outputs"  # as in the campaign: some leaves need one
+            return _ending(
+                reported(self.tree, options, out=out, controls=lambda _: interruptible())
+            )
 
 
 def shrink(flight: FailedFlight, on_try: Callable[[int, str], None]) -> FailedFlight:
@@ -133,17 +128,14 @@ def shrink(flight: FailedFlight, on_try: Callable[[int, str], None]) -> FailedFl
 
 def least(parts: Sequence[T], fails: Callable[[Sequence[T]], bool]) -> list[T]:
     """Return the parts that cannot be left out, one by one, without losing the failure."""
-    kept, groups = list(parts), 2
-    while kept:
-        size = -(-len(kept) // groups)
-        chunks = [kept[start : start + size] for start in range(0, len(kept), size)]
-        for chunk in chunks:
-            rest = [part for part in kept if part not in chunk]
+    kept, size = list(parts), len(parts)
+    while size:
+        before = len(kept)
+        for start in reversed(range(0, len(kept), size)):
+            rest = kept[:start] + kept[start + size :]
             if fails(rest):
-                kept, groups = rest, max(2, groups - 1)
-                break
-        else:
-            if size == 1:
-                break
-            groups = min(len(kept), 2 * groups)
+                kept = rest
+        # Single parts are tried again until none can be left out.
+        if size > 1 or len(kept) == before:
+            size //= 2
     return kept

@@ -21,7 +21,6 @@ from uav_bt.mission.judge import Outcome
 
 PLAN_FILE: Final = "campaign.json"
 FLIGHTS_FILE: Final = "flights.jsonl"
-_LOCK_FILE: Final = ".lock"
 _MAX_PLAN_BYTES: Final = 50_000_000  # it lists every run, and a cluster starts many
 _FORMAT: Final = 1  # of campaign.json
 _FIRST: Final = f"in the first {EXPLORE_S:.0f} s"
@@ -114,11 +113,15 @@ def _read_flight(line: bytes) -> dict[str, Any]:
     try:
         _LINE.model_validate_json(line)
     except ValidationError as error:
-        wrong = error.errors()[0]
-        where = ".".join(map(str, wrong["loc"]))
-        got = f"{wrong['msg']}, got {wrong['input']!r:.60}"
-        raise InputError(f"no flight: '{where}': {got}") from error
+        raise InputError(f"no flight: {_first(error)}") from error
     return {"scene": None, **flight}
+
+
+def _first(error: ValidationError) -> str:
+    """Return the first thing that is wrong: where, what, and the value."""
+    wrong = error.errors()[0]
+    where = ".".join(map(str, wrong["loc"]))
+    return f"'{where}': {wrong['msg']}, got {wrong['input']!r:.60}"
 
 
 def read_plan(folder: Path) -> tuple[CampaignPlan, list[dict[str, Any]]]:
@@ -126,14 +129,15 @@ def read_plan(folder: Path) -> tuple[CampaignPlan, list[dict[str, Any]]]:
     path = folder / PLAN_FILE
     try:
         content = parse_json(read_bounded(path, _MAX_PLAN_BYTES))
-        version, plan, runs = content["format"], content["plan"], content["runs"]
+        version = content["format"]
         if version == _FORMAT:
-            return CampaignPlan.from_json(plan), [dict(run) for run in runs]
+            runs = [dict(run) for run in content["runs"]]
+            return CampaignPlan.from_json(content["plan"]), runs
     except FileError:  # also of a lab file
         raise
-    except (InputError, KeyError, TypeError, ValueError) as error:
-        what = f"{type(error).__name__}: {error}"
-        raise FileError(path, f"expected a campaign's format, plan and runs; {what}") from error
+    except (InputError, KeyError, TypeError, ValueError, OSError) as error:
+        wrong = _first(error) if isinstance(error, ValidationError) else repr(error)
+        raise FileError(path, f"expected a campaign's format, plan and runs; {wrong}") from error
     raise FileError(path, f"has format {version!r:.20}, this version of uav-bt reads {_FORMAT}")
 
 
@@ -159,19 +163,16 @@ class CampaignStore:
         """
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
-            lock = (folder / _LOCK_FILE).open("w")
-        with lock:
+            out = (folder / FLIGHTS_FILE).open("a+b", buffering=0)
+        with out:
             try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                fcntl.flock(out, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
                 raise FileError(folder, "another campaign is at work in this folder") from error
             runs = [*_runs_before(folder, plan), dict(run)]
             content = {"format": _FORMAT, "plan": plan.to_json(), "runs": runs}
             write_whole(folder / PLAN_FILE, json.dumps(content, indent=2) + "\n")
-            with writing(folder / FLIGHTS_FILE):
-                out = (folder / FLIGHTS_FILE).open("a+b", buffering=0)
-            with out:
-                yield cls(folder, out, runs)
+            yield cls(folder, out, runs)
 
     def keep(self, flight: Mapping[str, Any]) -> None:
         """Write a flight to the disk, or nothing of it and a FileError."""
@@ -194,14 +195,14 @@ class CampaignStore:
 def _runs_before(folder: Path, plan: CampaignPlan) -> list[dict[str, Any]]:
     """Return the runs of the plan in a folder; refuse another campaign's folder."""
     flights = folder / FLIGHTS_FILE
+    has_flights = flights.stat().st_size > 0
     if not (folder / PLAN_FILE).exists():
-        if flights.exists():
-            without = f"flights without a plan ({PLAN_FILE}); choose another folder"
-            raise FileError(flights, without)
+        if has_flights:
+            raise FileError(flights, f"flights without a plan ({PLAN_FILE}); choose another folder")
         return []
     before, runs = read_plan(folder)
     differences = plan.differences(before)
-    if differences and flights.exists() and flights.stat().st_size:
+    if differences and has_flights:
         raise InputError(
             f"{folder} holds another campaign; choose another folder, or fly what it says:\n  "
             + "\n  ".join(differences)

@@ -31,6 +31,7 @@ from uav_bt import app
 from uav_bt.app.flight import changes_of
 from uav_bt.app.flight_outputs import OBJECTS_FILES
 from uav_bt.app.flying_process import ended_by_signals
+from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.plan import FlightTask
 from uav_bt.errors import InputError, UavBtError
 from uav_bt.mission.judge import Outcome
@@ -52,10 +53,10 @@ def lost_line(task: FlightTask, reason: str, details: str = "") -> Line:
     It has the options as given, `random` among the faults: to draw them takes the drone, which
     may have ended the process.
     """
-    options = task.flight_options()
+    options = task.options
     return {
         "scene": task.scene,
-        "seed": task.seed,
+        "seed": options.seed,
         "tree": task.tree,
         "drone": options.drone_name,
         "profile": options.profile,
@@ -162,10 +163,9 @@ def _end_with_campaign(folder: str) -> None:
 
 def _fly(fly: Fly, task: FlightTask, output: str) -> Line:
     """Return the line of a task; everything that is printed goes to the file `output`."""
-    descriptor = os.open(output, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-    os.dup2(descriptor, 1)
-    os.dup2(descriptor, 2)
-    os.close(descriptor)
+    with Path(output).open("wb") as file:
+        os.dup2(file.fileno(), 1)
+        os.dup2(file.fileno(), 2)
     faulthandler.enable()
     try:
         return fly(task)
@@ -185,37 +185,42 @@ def fly_task(task: FlightTask) -> Line:
 
     An InputError says that the flight was refused before anything flew.
     """
-    options, keeper = task.flight_options(), PathKeeper()
+    keeper = PathKeeper()
     outputs = None if task.folder is None else Path(task.folder)
     if outputs is not None:
         shutil.rmtree(outputs, ignore_errors=True)  # of an interrupted one
 
     began_s = time.perf_counter()
-    with tempfile.TemporaryDirectory(prefix="uav-bt-flight-") as folder:
-        report = Path(folder) / "report.json"
-        try:
-            app.fly(
-                task.tree_path,
-                options,
-                out=outputs,
-                report=report,
-                listeners=[lambda _: [keeper]],
-                controls=lambda _: ended_by_signals(),
-            )
-        except Exception:
-            if not report.exists():  # nothing flew
-                raise
-        flight: Line = json.loads(report.read_text(encoding="utf-8"))
+    flight = reported(
+        task.tree_path,
+        task.options,
+        out=outputs,
+        listeners=[lambda _: [keeper]],
+        controls=lambda _: ended_by_signals(),
+    )
     # The objects of a flight in which no leaf wrote a file are in its line.
     if outputs is not None and outputs.is_dir():
         written = {file.name for file in outputs.iterdir()}
         if written.issubset(OBJECTS_FILES):
             shutil.rmtree(outputs)
     flight |= {"scene": task.scene, "tree": task.tree, "path": keeper.points}
-    if options.exact_masks:
+    if task.options.exact_masks:
         flight["exact_masks"] = True
     flight["wall_s"] = round(time.perf_counter() - began_s, 3)
     return flight
+
+
+def reported(tree: str, options: FlightOptions, **how: Any) -> Line:
+    """Fly a mission as `app.fly` does, and return its report, also if an error ended the flight."""
+    with tempfile.TemporaryDirectory(prefix="uav-bt-flight-") as folder:
+        report = Path(folder) / "report.json"
+        try:
+            app.fly(tree, options, report=report, **how)
+        except Exception:
+            if not report.exists():  # nothing flew
+                raise
+        line: Line = json.loads(report.read_text(encoding="utf-8"))
+        return line
 
 
 class PathKeeper:

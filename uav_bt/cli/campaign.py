@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Final, Literal
 
 import click
 from annotated_types import Ge, Le
@@ -14,16 +14,9 @@ from uav_bt import campaign as campaigns
 from uav_bt.app.options import SHARED, FlightOptions
 from uav_bt.campaign import CampaignResult
 from uav_bt.campaign.plan import CampaignPlan
+from uav_bt.campaign.report import statistics as stats
 from uav_bt.campaign.report.paired import losses_of
 from uav_bt.campaign.report.sources import by_tree, fly_command, read_sources
-from uav_bt.campaign.report.statistics import (
-    SUCCESS,
-    spread,
-    success_interval,
-    success_words,
-    successes,
-    values_of,
-)
 from uav_bt.campaign.runner import Backend, LocalBackend
 from uav_bt.campaign.shrinking import FailedFlight, same_cause
 from uav_bt.campaign.shrinking import shrink as shrink_flight
@@ -31,7 +24,7 @@ from uav_bt.campaign.store import METRICS
 from uav_bt.cli.declare import command
 from uav_bt.cli.progress import campaign_progress
 from uav_bt.cli.shared import RUNS, OutputFolder, Positive, Workers, table
-from uav_bt.errors import InputError, MissionError
+from uav_bt.errors import InputError
 from uav_bt.files import check_empty_folder, write_whole, writing
 from uav_bt.option import Option
 
@@ -78,7 +71,7 @@ def campaign(
     out: OutputFolder = None,
     resume: OutputFolder = None,
     fail_under: Annotated[float | None, Ge(0), Le(100), Option(form="PERCENT")] = None,
-) -> None:
+) -> bool:
     """Fly missions many times and keep every flight.
 
     TREE is a tree file, or the name of a mission that ships with uav-bt; each flies in every scene.
@@ -124,9 +117,8 @@ def campaign(
         )
     _print_result(result)
     click.echo(f"flights: {folder / 'flights.jsonl'}")
-    good = 100.0 * successes(result.flights) / len(result.flights)
-    if fail_under is not None and good < fail_under:
-        raise SystemExit(MissionError.exit_code)
+    good = 100.0 * stats.successes(result.flights) / len(result.flights)
+    return fail_under is None or good >= fail_under
 
 
 def _only_resume(ctx: click.Context) -> None:
@@ -145,19 +137,19 @@ def _only_resume(ctx: click.Context) -> None:
 
 def _print_result(result: CampaignResult) -> None:
     for tree, flights in by_tree(result.flights).items():
-        low, high = success_interval(flights)
-        ends = Counter(flight["outcome"] for flight in flights if flight["outcome"] != SUCCESS)
+        low, high = stats.success_interval(flights)
+        ends = Counter(flight["outcome"] for flight in flights)
+        del ends[stats.SUCCESS]
         failures = "".join(f"; {name} {count}" for name, count in ends.most_common())
-        success = f"success {success_words(flights)}"
+        success = f"success {stats.success_words(flights)}"
         click.echo(f"{tree}: {success} (95 % Wilson interval {low:.1f} to {high:.1f} %){failures}")
         rows = [["", "unit", "n", "mean", "median", "p5", "p95", "least", "most"]]
         for name, metric in METRICS.items():
-            if values := values_of(flights, name):
-                numbers = spread(values).values()
+            if values := stats.values_of(flights, name):
+                numbers = stats.spread(values).values()
                 cells = ("" if each is None else f"{each:.2f}" for each in numbers)
                 rows.append([name, metric.unit, str(len(values)), *cells])
-        for line in table(rows):
-            click.echo(f"  {line}")
+        click.echo(table(rows, indent="  "))
 
 
 @command()
@@ -168,7 +160,7 @@ def report(
     figures: Literal["png", "svg", "pdf", "none"] = "png",
     all_pairs: bool = False,
     not_worse: bool = False,
-) -> None:
+) -> bool:
     """Write the report of campaigns, their trees side by side.
 
     DIR is the folder of a `uav-bt campaign`, or a file with one flight per line. The page is
@@ -199,9 +191,9 @@ def report(
     )
     for file in (written.page, *written.images, *written.tables):
         click.echo(file)
-    if losses:
-        click.echo("\n".join(f"worse: {loss}" for loss in losses), err=True)
-        raise SystemExit(MissionError.exit_code)
+    for loss in losses:
+        click.echo(f"worse: {loss}", err=True)
+    return not losses
 
 
 @command()
@@ -213,7 +205,7 @@ def shrink(
     seed: Annotated[int | None, Ge(0)] = None,
     out: Annotated[Path, Option(path="folder")],
     twin: bool = False,
-) -> None:
+) -> bool:
     """Reduce a failed flight to the fewest causes that still make it fail.
 
     DIR is the folder of a `uav-bt campaign`, or a file with one flight per line. The first flight
@@ -246,45 +238,38 @@ def shrink(
     kept = (f"{kind} {len(some)}" for kind, some in small.things().items())
     click.echo(f"remaining: {', '.join(kept)}; {file}, {faults}")
     options = small.options
-    flown: dict[str, Any] = {
-        "seed": options.seed,
-        "profile": options.profile,
-        "faults": [f"@{faults}"] if small.options.faults else [],
-        "ports": options.ports,
-        "variables": options.variables,
-    }
+    given = [f"@{faults}"] if options.faults else []
     for drone in dict.fromkeys((options.drone_name, _TWIN)):
-        changes = flown | {"drone": drone}
-        repeat = fly_command(small.tree, str(file), changes, options, out=str(out / drone))
+        flown = {**vars(options), "faults": given, "drone": drone}
+        repeat = fly_command(small.tree, str(file), flown, options, out=str(out / drone))
         images = ", with images" if drone == _TWIN else ""
         click.echo(f"command to repeat it, drone {drone}{images}:\n  {repeat}")
-    if twin:
-        ending = small.fly(_TWIN)
-        click.echo(f"in the twin: {ending}")
-        if not same_cause(ending, small.ending):
-            raise SystemExit(MissionError.exit_code)
+    if not twin:
+        return True
+    ending = small.fly(_TWIN)
+    click.echo(f"in the twin: {ending}")
+    return same_cause(ending, small.ending)
 
 
 def _failed(source: Path, wanted: dict[str, str | int]) -> FailedFlight:
     """Return the first failed flight that has the wanted tree, scene and seed."""
-    others: list[str] = []
-    for one in read_sources([source]):
-        for line in one.flights:
-            is_wanted = all(_plain(line[name]) == _plain(value) for name, value in wanted.items())
-            if is_wanted and line["outcome"] != SUCCESS:
-                options = FlightOptions() if one.plan is None else one.plan.options
-                scene = one.scene_path(str(line["scene"]))
-                return FailedFlight.of(line, one.tree_path(), scene, options)
-            if wanted:
-                which = f"{line['tree']} in {line['scene']}, seed {line['seed']}"
-                others.append(f"{which}: {line['outcome']}")
+    flights = [(one, line) for one in read_sources([source]) for line in one.flights]
+    for one, line in flights:
+        is_wanted = all(_plain(line[name]) == _plain(value) for name, value in wanted.items())
+        if is_wanted and line["outcome"] != stats.SUCCESS:
+            options = FlightOptions() if one.plan is None else one.plan.options
+            scene = one.scene_path(str(line["scene"]))
+            return FailedFlight.of(line, one.tree_path(), scene, options)
+    if not wanted:
+        raise InputError(f"{source} has no failed flight")
     asked = ", ".join(f"{name} {value}" for name, value in wanted.items())
-    raise InputError(
-        f"{source} has no failed flight{f' with {asked}' if asked else ''}"
-        + "".join(f"; {each}" for each in others[:_NAMED])
-    )
+    others = [
+        f"; {line['tree']} in {line['scene']}, seed {line['seed']}: {line['outcome']}"
+        for _, line in flights[:_NAMED]
+    ]
+    raise InputError(f"{source} has no failed flight with {asked}{''.join(others)}")
 
 
-def _plain(value: object) -> object:
-    """Return a tree's name without its file's ending, and any other value as it is."""
-    return value.removesuffix(".xml") if isinstance(value, str) else value
+def _plain(value: object) -> str:
+    """Return a value as text, the name of a tree without its file's ending."""
+    return str(value).removesuffix(".xml")

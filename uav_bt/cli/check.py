@@ -67,15 +67,19 @@ def check(
     for tree in trees:
         if one or _is_pipe(tree):
             sets = parameters or [None]
-            found = iter([_single(tree, registry, tree_id, tree_folders, sets, lab=place)])
+            found = _single(tree, registry, tree_id, tree_folders, sets, lab=place)
         else:
             found = _of_files(tree, registry, tree_id, lookup)
         for path, findings in found:
-            refused |= bool(errors_of(findings))
+            errors = errors_of(findings)
+            refused |= bool(errors)
             if format_ == "json":
                 click.echo(_as_json(path, findings))
-            else:
-                _print(path, findings)
+                continue
+            for finding in findings:
+                click.echo(str(finding), err=True)
+            if not errors:
+                click.echo(f"{path}: good")
     if refused:
         raise SystemExit(InputError.exit_code)
 
@@ -104,8 +108,8 @@ def _single(
     parameters: Sequence[Parameters | None],
     *,
     lab: Lab | None,
-) -> _Report:
-    """Return the name and the findings of one text, which is read once, with each set of values."""
+) -> Iterator[_Report]:
+    """Yield the name and the findings of one text, which is read once, with each set of values."""
     path, lookup = Path(tree), folders.lookup()
     found: list[Finding] = []
     try:
@@ -121,7 +125,7 @@ def _single(
             refuse_in_lab(lab, registry, text, parameters, tree_id=tree_id, tree_folders=folders)
     except InputError as error:
         found += findings_of(error, path)
-    return path, tuple(dict.fromkeys(found))
+    yield path, tuple(dict.fromkeys(found))
 
 
 def _is_pipe(tree: str) -> bool:
@@ -135,13 +139,6 @@ def _read(tree: str) -> tuple[Path, bytes]:
         return path, read_source(path)
     with reading(Path(tree)), click.open_file(tree, "rb") as pipe:
         return Path("<stdin>" if tree == _STDIN else tree), pipe.read(MAX_BYTES + 1)
-
-
-def _print(path: Path, findings: tuple[Finding, ...]) -> None:
-    for finding in findings:
-        click.echo(str(finding), err=True)
-    if not errors_of(findings):
-        click.echo(f"{path}: good")
 
 
 def _as_json(path: Path, findings: tuple[Finding, ...]) -> str:

@@ -22,7 +22,7 @@ import click
 from annotated_types import Ge, Gt, Le
 
 from uav_bt.cli.interrupts import let_work_clean_up
-from uav_bt.errors import FileError, InputError
+from uav_bt.errors import InputError, MissionError
 from uav_bt.files import check_output, check_output_folder
 from uav_bt.inputs import refuse_inputs, same_file
 from uav_bt.option import Option, text_below
@@ -53,17 +53,23 @@ class Number(click.FloatRange):
 
 
 class Command(click.Command):
-    """A command that checks its outputs first.
+    """A command made of a function; it checks its outputs first.
 
     `about` has the declarations of its arguments and options by their names; `sections` are
     headings of the help, under which the options of these groups stand.
     """
 
     def __init__(
-        self, about: Mapping[str, Option], sections: Sequence[str], **attributes: Any
+        self, function: Callable[..., bool | None], name: str, sections: Sequence[str]
     ) -> None:
-        super().__init__(**attributes)
-        self.about = about
+        call = _Call(function)
+        super().__init__(
+            name or function.__name__.replace("_", "-"),
+            params=call.params,
+            callback=lambda **values: call(values),
+            help=_texts(function)[0],
+        )
+        self.about = call.about
         self._sections = sections
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -77,7 +83,7 @@ class Command(click.Command):
             with formatter.section(heading):
                 formatter.write_dl(options)
 
-    def invoke(self, ctx: click.Context) -> Any:
+    def invoke(self, ctx: click.Context) -> None:
         """Run the command; refuses an output that cannot be written, or is one of the inputs."""
         inputs = [
             value for name, value in ctx.params.items() if self.about[name].path not in _OUTPUTS
@@ -87,9 +93,11 @@ class Command(click.Command):
             about, path = self.about[str(param.name)], ctx.params[str(param.name)]
             if about.path not in _OUTPUTS or path is None:
                 continue
+            source = ctx.get_parameter_source(str(param.name))
+            is_default = source is click.core.ParameterSource.DEFAULT
             try:
-                _check_output(ctx, param, about, inputs)
-            except FileError as error:
+                _check_output(path, about, inputs, new_folders=is_default)
+            except InputError as error:
                 raise click.BadParameter(str(error), ctx, param) from error
             for other, taken in written.items():
                 if same_file(path, taken):
@@ -97,40 +105,30 @@ class Command(click.Command):
             if about.path == "written":
                 written[param.opts[0]] = path
         let_work_clean_up()
-        return super().invoke(ctx)
+        if super().invoke(ctx) is False:
+            ctx.exit(MissionError.exit_code)
 
 
 def _check_output(
-    ctx: click.Context, param: click.Parameter, about: Option, inputs: Sequence[object]
+    path: Path, about: Option, inputs: Sequence[object], *, new_folders: bool
 ) -> None:
-    path: Path = ctx.params[str(param.name)]
     if about.path == "folder":
         check_output_folder(path)
         return
     if about.suffix and path.suffix.lower() != about.suffix:
-        raise click.BadParameter(f"the name must end in {about.suffix}, got '{path}'", ctx, param)
-    given = ctx.get_parameter_source(str(param.name)) is not click.core.ParameterSource.DEFAULT
-    check_output(path, new_folders=not given)
+        raise InputError(f"the name must end in {about.suffix}, got '{path}'")
+    check_output(path, new_folders=new_folders)
     refuse_inputs(path, inputs, shipped_trees())
 
 
 def command(
     name: str = "", *, sections: Sequence[str] = ()
-) -> Callable[[Callable[..., None]], Command]:
-    """Return a decorator that makes a command of a function, and of its name if none is given."""
+) -> Callable[[Callable[..., bool | None]], Command]:
+    """Return a decorator that makes a command of a function, and of its name if none is given.
 
-    def decorate(function: Callable[..., None]) -> Command:
-        call = _Call(function)
-        return Command(
-            name=name or function.__name__.replace("_", "-"),
-            params=call.params,
-            callback=lambda **values: call(values),
-            help=_texts(function)[0],
-            about=call.about,
-            sections=sections,
-        )
-
-    return decorate
+    A function that returns False ends the command with exit code 1.
+    """
+    return lambda function: Command(function, name, sections)
 
 
 class _Call:
@@ -178,10 +176,13 @@ def _texts(function: Callable[..., Any]) -> tuple[str, dict[str, str]]:
 def _argument(
     name: str, kind: Any, notes: Sequence[Any], about: Option, default: Any
 ) -> click.Argument:
-    more: dict[str, Any] = (
-        {"nargs": -1, "required": default is _NOTHING} if _is_repeated(kind) else {}
+    return click.Argument(
+        [name],
+        metavar=about.metavar,
+        type=_type_of(kind, notes, about),
+        nargs=-1 if _is_repeated(kind) else 1,
+        required=default is _NOTHING,
     )
-    return click.Argument([name], metavar=about.metavar, type=_type_of(kind, notes, about), **more)
 
 
 def _option(

@@ -13,13 +13,12 @@ from uav_bt import app
 from uav_bt.app.assembly import frame_judge
 from uav_bt.app.doctor import examine
 from uav_bt.cli.declare import command
-from uav_bt.errors import UavBtError
 from uav_bt.mission.preflight import Check, check_drone
 from uav_bt.option import Option
 
 
 @command()
-def doctor(*, drone: Annotated[str | None, Option(form="NAME[:ADDRESS]")] = None) -> None:
+def doctor(*, drone: Annotated[str | None, Option(form="NAME[:ADDRESS]")] = None) -> bool:
     """Check the installation.
 
     Exits with 1 when something that uav-bt needs is wrong; extras are a choice.
@@ -28,15 +27,11 @@ def doctor(*, drone: Annotated[str | None, Option(form="NAME[:ADDRESS]")] = None
         drone: Connect to this drone, too, and check it as before a take-off. Without this option
             nothing is sent anywhere.
     """
-    checks = examine(_draws)
-    if drone is not None:
-        checks = chain(checks, _drone_checks(drone))
-    bad = False
-    for check in checks:
+    good = True
+    for check in chain(examine(_draws), () if drone is None else _drone_checks(drone)):
         click.echo(str(check))
-        bad |= not (check.good or check.optional)
-    if bad:
-        raise SystemExit(UavBtError.exit_code)
+        good &= check.good or check.optional
+    return good
 
 
 def _draws() -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, TypeVar
@@ -27,7 +27,6 @@ from uav_bt.cli.shared import (
     table,
     write_scores,
 )
-from uav_bt.errors import MissionError
 from uav_bt.learning.dataset import evaluate_student, read_advised_flights, records_of
 from uav_bt.learning.depth_evaluation import evaluate_depth
 from uav_bt.learning.views import TESTING_SCENES, DepthViewPlan, ViewPlan
@@ -93,20 +92,18 @@ def depth(
         f"Errors in metres of {measured['edges']} edges of obstacles and of {measured['points']} "
         "distances of 0.3 to 5 m; 'known': the share for which a method has an estimate"
     )
-    for line in depth_lines(measured["rows"]):
-        click.echo(line)
+    click.echo(depth_table(measured["rows"]))
     write_scores({"model": model, **measured}, out)
 
 
-def depth_lines(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Yield the lines of a table of errors, the paper's first."""
+def depth_table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return a table of errors, the paper's first."""
     figures = [(what, name) for what, names in _FIGURES.items() for name in names]
-    lines = [["", *(f"{what} {name}" for what, name in figures)]]
-    lines.append(["the paper (adaptive)", *_PAPER])
-    lines += [
+    heads = ["", *(f"{what} {name}" for what, name in figures)]
+    measured = (
         [row["method"], *(_figure(row[what], name) for what, name in figures)] for row in rows
-    ]
-    return table(lines)
+    )
+    return table([heads, ["the paper (adaptive)", *_PAPER], *measured])
 
 
 def _figure(error: Mapping[str, Any], name: str) -> str:
@@ -153,7 +150,7 @@ def perceive(
     json: OutputFile = None,
     masks: OutputFolder = None,
     options: Annotated[PerceiveOptions, Option(parts=PerceiveOptions)],
-) -> None:
+) -> bool:
     """Show what perception makes of a video: masks, depth in metres, corridor, mark.
 
     SOURCE is a video file, a folder of images, an image, a live camera such as camera:0, or a
@@ -175,8 +172,7 @@ def perceive(
     for what, path in (("video", out), ("frames", json), ("masks", masks)):
         if path is not None and path.exists():
             click.echo(f"{what}: {path}")
-    if summary.interrupted:
-        raise SystemExit(MissionError.exit_code)
+    return not summary.interrupted
 
 
 def _show(summary: PerceiveSummary) -> None:
@@ -189,8 +185,8 @@ def _show(summary: PerceiveSummary) -> None:
         ("camera", summary.camera),
         ("telemetry", summary.telemetry),
         ("metric depth", f"in {summary.frames - none} frames, none in {none}"),
-        *(("", f"none in {count}: {why}") for why, count in summary.without_depth.items()),
-        *(("", f"contact only in {count}: {why}") for why, count in summary.in_part.items()),
+        *(("", f"none in {count}: {why}") for why, count in summary.without_depth.most_common()),
+        *(("", f"contact only in {count}: {why}") for why, count in summary.in_part.most_common()),
         ("mark", f"seen in {summary.with_mark} frames"),
         *(
             (name, f"{spent.p50:.1f} ms median, {spent.p99:.1f} ms 99 %")

@@ -55,7 +55,7 @@ def fly(
         int | None, Ge(1), Le(65_534), Option("", "[PORT]", "Watching", alone=_GROOT_PORT)
     ] = None,
     watch: Annotated[bool, Option(group="Watching")] = False,
-) -> None:
+) -> bool:
     """Fly a mission.
 
     TREE is a tree file, or the name of a mission that ships with uav-bt. Ctrl-C lands the drone and
@@ -135,8 +135,7 @@ def fly(
             viewed.wait()
     if flown.airborne_at_end:
         click.secho(app.STILL_IN_THE_AIR, fg="red", bold=True, err=True)
-    if lost or flown.outcome != Outcome.SUCCESS.value:
-        raise SystemExit(MissionError.exit_code)
+    return not lost and flown.outcome == Outcome.SUCCESS.value
 
 
 def _name_files(written: Mapping[str, str | Path | None], lost: Mapping[str, str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -25,9 +26,9 @@ from uav_bt.app.place import drawn_places
 from uav_bt.cli.declare import command
 from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.shared import Positive, print_or_write, table
-from uav_bt.display.lab_map import draw_lab_with_axes
+from uav_bt.display.lab_map import MapItem, draw_lab_with_axes
 from uav_bt.errors import FileError
-from uav_bt.files import did_you_mean_file, writing
+from uav_bt.files import did_you_mean_file, write_whole
 from uav_bt.lab.lab_file import lab_schema
 from uav_bt.lab.shipped import write_lab
 from uav_bt.option import Option
@@ -83,8 +84,7 @@ def scenes(
         given = "--out" if out is not None else "--tree" if tree is not None else None
         if given is not None:
             raise click.UsageError(f"{given} needs --show SCENE")
-        for line in table([(name, _summary(load_scene(name))) for name in scene_names()], left=2):
-            click.echo(line)
+        click.echo(table([(name, _summary(load_scene(name))) for name in scene_names()], left=2))
         return
     scene = load_scene(shown)
     path = Path(f"{scene.name}.png") if out is None else out
@@ -93,38 +93,27 @@ def scenes(
         lab_map = replace(lab_map, places=tuple(drawn_places(check_tree(tree), lab_map.take_off)))
     drawn = draw_lab_with_axes(lab_map, title=scene.name)
     _, png = cv2.imencode(".png", cv2.cvtColor(drawn, cv2.COLOR_RGB2BGR))
-    with writing(path):
-        path.write_bytes(png.tobytes())
+    write_whole(path, png.tobytes())
     click.echo(f"{scene.name}: {_summary(scene)}")
-    for line in table(_standing(scene), left=2):
-        click.echo(line)
+    if lab_map.boxes:
+        click.echo(table(_standing(scene, lab_map.boxes), left=2))
     click.echo(f"map: {path}")
 
 
-def _standing(scene: Scene) -> list[tuple[str, ...]]:
-    """Return a row for each box, by its pattern, and each object of a scene."""
-    names = scene.classes.names
-    found = [
-        (str(box.pattern), scene.class_of(box), box.position_m, box.yaw_deg, box.size_m)
-        for box in scene.boxes
-    ]
-    for item in scene.placed:
-        spec, shape = item.spec, item.shape
-        found.append((item.name, shape.class_id, spec.position_m, spec.yaw_deg, shape.kind.size_m))
+def _standing(scene: Scene, shown: Sequence[MapItem]) -> Sequence[tuple[str, ...]]:
+    """Return a row for each box, by its pattern, and each object of a scene and its map."""
+    names = [*(str(box.pattern) for box in scene.boxes), *(item.name for item in scene.placed)]
     what = "object" if scene.placed else "pattern"
-    rows: list[tuple[str, ...]] = [
-        (what, "class", "x, m", "y, m", "yaw, deg", "size, m", "height, m")
-    ]
-    for name, class_id, (x_m, y_m), yaw_deg, (length_m, width_m, height_m) in found:
-        where = (f"{x_m:.2f}", f"{y_m:.2f}", f"{yaw_deg:.1f}")
-        size = (f"{length_m:.2f} x {width_m:.2f}", f"{height_m:.2f}")
-        rows.append((name, names[class_id], *where, *size))
-    return rows if found else []
+    rows = [(what, "class", "x, m", "y, m", "yaw, deg", "size, m", "height, m")]
+    for name, item in zip(names, shown, strict=True):
+        size = f"{2 * item.half_x_m:.2f} x {2 * item.half_y_m:.2f}"
+        where = (f"{item.x_m:.2f}", f"{item.y_m:.2f}", f"{math.degrees(item.yaw_rad):.1f}")
+        rows.append((name, item.name, *where, size, f"{item.height_m:.2f}"))
+    return rows
 
 
 def _summary(scene: Scene) -> str:
-    heights = [box.size_m[2] for box in scene.boxes]
-    heights += [item.standing.height_m for item in scene.placed]
+    heights = [box.height_m for box in map_of_scene(scene).boxes]
     tall = sum(height_m >= _FLIGHT_HEIGHT_M for height_m in heights)
     what = "boxes" if scene.boxes or not scene.placed else "objects"
     span = f", {min(heights):.2f} to {max(heights):.2f} m high" if heights else ""
@@ -201,8 +190,7 @@ def _print_calibration(found: Calibration) -> None:
         errors = (f"{trial.error_px:.3f}", f"{trial.common_error_px:.3f}")
         kept = "<- kept" if trial is found.best else ""
         rows.append((f"{trial.columns}x{trial.rows}", str(len(trial.images)), *errors, kept))
-    for line in table(rows):
-        click.echo(line)
+    click.echo(table(rows))
     camera = found.best.camera
     click.echo(
         f"{camera.width_px}x{camera.height_px}: focal lengths {camera.fx_px:.2f}, "

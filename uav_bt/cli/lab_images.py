@@ -16,7 +16,7 @@ from perception.segmentation.training.pick_session import PickSession
 from uav_bt.cli.declare import command
 from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.shared import Count, InputFile, OutputFile, table, write_scores
-from uav_bt.errors import InputError, MissionError, WeightsError
+from uav_bt.errors import InputError, WeightsError
 from uav_bt.files import check_output
 from uav_bt.inputs import refuse_inputs
 from uav_bt.lab.classes import ROLE_NAMES
@@ -56,14 +56,12 @@ def frames(
 
 
 def _show(summary: lab_frames.FramesSummary) -> None:
-    rows: list[tuple[str, ...]] = [
-        ("source", "read", "blurred", "alike", "over count", "kept", "for check")
+    heads = ("source", "read", "blurred", "alike", "over count", "kept", "for check")
+    rows = [
+        (one.source, one.read, one.blurred, one.alike, one.surplus, one.kept, one.for_check)
+        for one in summary.sources
     ]
-    for one in summary.sources:
-        counts = (one.read, one.blurred, one.alike, one.surplus, one.kept, one.for_check)
-        rows.append((one.source, *map(str, counts)))
-    for line in table(rows):
-        click.echo(line)
+    click.echo(table([heads, *rows]))
     for one in summary.sources:
         earlier = ["taken in an earlier run"] if one.earlier else []
         for note in (*earlier, *one.notes):
@@ -137,7 +135,7 @@ def check(
     out: OutputFile = None,
     min_role_iou: Annotated[float, Ge(0), Le(1)] = 0.0,
     flights: Annotated[tuple[Path, ...], Option(form="--flight RECORD", path="read")] = (),
-) -> None:
+) -> bool:
     """Score the segmentation network of a lab on its held-out picks.
 
     LAB is a shipped lab, a folder of labs/, or a path. Scored are the picks on images whose use in
@@ -173,14 +171,14 @@ def check(
         network = network_of_lab(material.lab, model)
         with progress_bars() as advance:
             geometry = compare_ranges(readers, material.lab, network, advance=advance)
-        for line in geometry.lines(material.lab.file):
-            click.echo(line)
+        click.echo("\n".join(geometry.lines(material.lab.file)))
         lengths = geometry.to_json()
     write_scores({"lab": material.lab.name, **values, "geometry": lengths}, out)
-    if score is not None and score.min_role_iou < min_role_iou:
-        low = f"the IoU of a role is {score.min_role_iou:.3f}, below {min_role_iou:g}"
-        click.echo(low, err=True)
-        raise SystemExit(MissionError.exit_code)
+    if score is None or score.min_role_iou >= min_role_iou:
+        return True
+    low = f"the IoU of a role is {score.min_role_iou:.3f}, below {min_role_iou:g}"
+    click.echo(low, err=True)
+    return False
 
 
 def _score(material: LabMaterial, model: Path | None) -> tuple[PickScore, dict[str, Any]]:
@@ -199,8 +197,7 @@ def _score(material: LabMaterial, model: Path | None) -> tuple[PickScore, dict[s
                 beside = score_picks(teacher.load(), picks, material.frames, classes)
             except WeightsError as error:  # the score of the network does not depend on it
                 click.echo(f"teacher: not scored ({error})", err=True)
-    for line in score_lines(score):
-        click.echo(line)
+    click.echo("\n".join(score_lines(score)))
     if beside is not None:
         click.echo(
             f"teacher: {beside.total.accuracy:.3f} of the picks right, IoU of the roles "
@@ -222,7 +219,7 @@ def score_lines(score: PickScore) -> Iterator[str]:
         rows = [(what, "picks", "IoU")]
         for (name, count), iou in zip(each.items(), ious, strict=True):
             rows.append((f"  {name}", str(count), f"{iou:.3f}" if count else "-"))
-        yield from table(rows)
+        yield table(rows)
     for true, taken, share in score.confusions():
         yield f"{true} taken for {taken}: {100 * share:.0f} % of its picks"
     if score.unchecked:

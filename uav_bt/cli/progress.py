@@ -9,15 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TaskID,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import MofNCompleteColumn, Progress, TaskID, TimeElapsedColumn
 from rich.text import Text
 
 from uav_bt.errors import MissionError
@@ -47,16 +39,8 @@ class CampaignProgress(Progress):
     """Counts flights and shows them: a bar on a terminal, a line per flight elsewhere."""
 
     def __init__(self, total: int, console: Console) -> None:
-        super().__init__(
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("{task.description}", markup=False),
-            TimeElapsedColumn(),
-            TextColumn("left:"),
-            TimeRemainingColumn(),
-            console=console,
-            disable=not console.is_terminal,
-        )
+        columns = (*self.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
+        super().__init__(*columns, console=console, disable=not console.is_terminal)
         self._total = total
         self._task = self.add_task("", total=total)
         self.outcomes: Counter[str] = Counter()

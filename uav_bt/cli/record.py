@@ -19,7 +19,6 @@ from uav_bt.cli.declare import command
 from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.shared import TextFormat, table
 from uav_bt.display.rerun import sinks
-from uav_bt.errors import MissionError
 from uav_bt.option import Option
 from uav_bt.record.info import record_info
 from uav_bt.tree.loading.lookup import Folders, TreeFolders
@@ -39,31 +38,27 @@ _Record = Annotated[Path, Option(path="read")]
 def info(file: _Record, *, format_: TextFormat = "text") -> None:
     """Print the content of a record: duration, rates, losses, and whether it is whole."""
     found = record_info(file)
-    click.echo(json.dumps(found, indent=2) if format_ == "json" else _text(found))
+    click.echo(json.dumps(found, indent=2) if format_ == "json" else "\n".join(_described(found)))
 
 
-def _text(found: dict[str, Any]) -> str:
+def _described(found: dict[str, Any]) -> Iterator[str]:
     state = "whole" if found["finished"] and not found["damages"] else "NOT WHOLE"
-    lines = [
-        f"{found['path']}: {state}, {found['duration_s']:.1f} s, {found['bytes'] / 1e6:.1f} MB"
-    ]
-    lines += [
-        f"  {name}: {found['metadata'][name]}" for name in _METADATA if name in found["metadata"]
-    ]
+    yield f"{found['path']}: {state}, {found['duration_s']:.1f} s, {found['bytes'] / 1e6:.1f} MB"
+    known = found["metadata"]
+    yield from (f"  {name}: {known[name]}" for name in _METADATA if name in known)
     if not found["finished"]:
-        lines.append("  unfinished: no index, no summary; `mcap recover` makes it whole")
+        yield "  unfinished: no index, no summary; `mcap recover` makes it whole"
     if found["end"] is not None:
-        lines.append(f"  outcome: {found['end'].get('outcome')}, {found['end'].get('reason')}")
+        yield f"  outcome: {found['end'].get('outcome')}, {found['end'].get('reason')}"
     if found["lost_ticks"]:
-        lines.append(f"  {found['lost_ticks']} ticks lost")
-    lines += [f"  attached: {name}, {size} bytes" for name, size in found["attachments"].items()]
+        yield f"  {found['lost_ticks']} ticks lost"
+    yield from (f"  attached: {name}, {size} bytes" for name, size in found["attachments"].items())
     rows = [("channel", "content", "messages", "Hz", "kB", "left out")]
     for each in found["channels"]:
-        size = (f"{each['rate_hz']:.1f}", f"{each['bytes'] / 1e3:.1f}", str(each["dropped"]))
-        rows.append((each["topic"], each["content"], str(each["messages"]), *size))
-    lines += [f"  {line}" for line in table(rows, left=2)]
-    lines += [f"  damage: {damage}" for damage in found["damages"]]
-    return "\n".join(lines)
+        size = (f"{each['rate_hz']:.1f}", f"{each['bytes'] / 1e3:.1f}", each["dropped"])
+        rows.append((each["topic"], each["content"], each["messages"], *size))
+    yield table(rows, left=2, indent="  ")
+    yield from (f"  damage: {damage}" for damage in found["damages"])
 
 
 @command()
@@ -122,7 +117,7 @@ def replay(
     policies: Policies = _NO_POLICIES,
     masks: Literal["network", "recorded"] | None = None,
     format_: TextFormat = "text",
-) -> None:
+) -> bool:
     """Feed recorded frames through perception and tree, and print what differs.
 
     New decisions do not change the recorded frames. Exits with 0 when statuses and
@@ -143,10 +138,8 @@ def replay(
     if format_ == "json":
         click.echo(json.dumps(report.to_json(), indent=2))
     else:
-        for line in _report_lines(report):
-            click.echo(line)
-    if not report.same:
-        raise SystemExit(MissionError.exit_code)
+        click.echo("\n".join(_report_lines(report)))
+    return report.same
 
 
 def _report_lines(report: ReplayReport) -> Iterator[str]:

@@ -53,7 +53,7 @@ COMMANDS: Final = {
     "lab new": ("lab:new", "Write a commented lab file to begin with."),
     "lab frames": ("lab_images:frames", "Take images of a lab from videos."),
     "lab pick": ("lab_images:pick", "Pick classes on the images of a lab."),
-    "lab train": ("lab_train:train", "Train the segmentation network of a lab."),
+    "lab train": ("train:lab_network", "Train the segmentation network of a lab."),
     "lab check": ("lab_images:check", "Score the network of a lab on held-out picks."),
     "lab scenes": ("lab:scenes", "List the shipped scenes, or draw the map of one."),
     "lab schema": ("lab:schema", "Write a JSON schema of lab files."),
@@ -87,7 +87,7 @@ class LazyGroup(click.Group):
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of commands and groups in the order of the help."""
         del ctx
-        return [name for name, _ in (*self._lines(_LINES), *self._lines(_GROUPS))]
+        return [*self._lines({**_LINES, **_GROUPS})]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command:
         """Import a command; if there is none of that name, the message names the nearest."""
@@ -106,25 +106,23 @@ class LazyGroup(click.Group):
         for title, table in (("Commands", _LINES), ("Groups of commands", _GROUPS)):
             if rows := self._lines(table):
                 with formatter.section(title):
-                    formatter.write_dl(rows)
+                    formatter.write_dl([*rows.items()])
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         """Return the commands, groups or options that begin so; imports no command."""
-        found = [
-            CompletionItem(name, help=line)
-            for name, line in (*self._lines(_LINES), *self._lines(_GROUPS))
-            if name.startswith(incomplete)
-        ]
+        lines = self._lines({**_LINES, **_GROUPS})
+        begun = [name for name in lines if name.startswith(incomplete)]
+        found = [CompletionItem(name, help=lines[name]) for name in begun]
         return found or super().shell_complete(ctx, incomplete)
 
-    def _lines(self, table: Mapping[str, str]) -> list[tuple[str, str]]:
-        """Return names and lines of the help of what stands directly in this group."""
-        inside = (
-            (words.removeprefix(self._words), line)
+    def _lines(self, table: Mapping[str, str]) -> dict[str, str]:
+        """Return the lines of the help, by name, of what stands directly in this group."""
+        inside = {
+            words.removeprefix(self._words): line
             for words, line in table.items()
             if words.startswith(self._words)
-        )
-        return [(name, line) for name, line in inside if " " not in name]
+        }
+        return {name: line for name, line in inside.items() if " " not in name}
 
     def _hint(self, name: str) -> str:
         """Return where a command of this name is, or the nearest name."""
@@ -132,7 +130,7 @@ class LazyGroup(click.Group):
         places = [f"'uav-bt {words}'" for words in known if words.rpartition(" ")[2] == name]
         if places:
             return f"; '{name}' is {' or '.join(places)}"
-        here = [known for known, _ in (*self._lines(_LINES), *self._lines(_GROUPS))]
+        here = [*self._lines({**_LINES, **_GROUPS})]
         # 'flight' is 0.44 similar to 'fly'. At that ratio most unlike names match, so the first two
         # letters must be equal.
         alike = [known for known in here if known[:2] == name[:2]]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import signal
+from collections.abc import Iterator
+from contextlib import suppress
 from typing import Annotated, Literal
 
 import click
@@ -105,10 +107,9 @@ async def _serve(setup: DroneSetup) -> None:
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, served.cancel)
         click.echo(_greeting(setup, drone))
-        try:
+        with suppress(asyncio.CancelledError):
             await served
-        except asyncio.CancelledError:
-            click.echo(_farewell(drone))
+        click.echo("\n".join(_farewell(drone)))
     finally:
         await drone.close()
 
@@ -128,16 +129,15 @@ def _greeting(setup: DroneSetup, drone: LoopbackDrone) -> str:
     )
 
 
-def _farewell(drone: LoopbackDrone) -> str:
-    lines = []
+def _farewell(drone: LoopbackDrone) -> Iterator[str]:
     stats = drone.video_stats()
     if stats is not None:
-        lines.append(
+        yield (
             f"video: {stats.frames_encoded} frames made, {stats.rate_hz:.1f} a second lately, "
             f"{stats.frames_late} slots missed; drawing and encoding took "
             "{:.1f} ms a frame (95 %: {:.1f}), and it was sent {:.1f} ms ({:.1f}) after its "
             "capture".format(*stats.encode_ms, *stats.age_ms)
         )
     if (lost_s := drone.world.lost_s) > 0.0:
-        lines.append(f"the machine was too slow: {lost_s:.1f} s of flight were left out")
-    return "\n".join([*lines, "stopped"])
+        yield f"the machine was too slow: {lost_s:.1f} s of flight were left out"
+    yield "stopped"

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
 import click
 from annotated_types import Ge, Gt
 
-from uav_bt.files import writing
+from uav_bt.files import write_whole
 from uav_bt.lab.lab import Lab
 from uav_bt.option import Option
 from uav_bt.tree import NodeRegistry
@@ -110,8 +110,7 @@ def refuse_in_lab(
 
     for each in parameters:
         given = each or Parameters()
-        values = {"ports": given.ports, "variables": given.variables}
-        check(tree, registry, lab=lab, **lookup, **values)
+        check(tree, registry, lab=lab, ports=given.ports, variables=given.variables, **lookup)
 
 
 def print_or_write(text: str, out: Path | None) -> None:
@@ -119,26 +118,23 @@ def print_or_write(text: str, out: Path | None) -> None:
     if out is None:
         click.echo(text, nl=False)
         return
-    with writing(out):
-        out.write_text(text, encoding="utf-8")
+    write_whole(out, text)
     click.echo(f"written: {out}")
 
 
 def write_scores(scores: Mapping[str, Any], out: Path | None) -> None:
     """Write scores as JSON, if there is a file for them."""
     if out is not None:
-        with writing(out):
-            out.write_text(json.dumps(scores, indent=2) + "\n", encoding="utf-8")
+        write_whole(out, json.dumps(scores, indent=2) + "\n")
         click.echo(f"scores: {out}")
 
 
-def table(rows: Sequence[Sequence[object]], *, left: int = 1) -> Iterator[str]:
-    """Yield the lines of a table; the first `left` columns are words, the others are numbers."""
+def table(rows: Sequence[Sequence[object]], *, left: int = 1, indent: str = "") -> str:
+    """Return a table as text; the first `left` columns are words, the others are numbers."""
     texts = [[str(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*texts, strict=True)]
+    lines = []
     for row in texts:
-        words = (f"{cell:<{width}}" for cell, width in zip(row[:left], widths, strict=False))
-        numbers = (
-            f"{cell:>{width}}" for cell, width in zip(row[left:], widths[left:], strict=True)
-        )
-        yield "  ".join((*words, *numbers)).rstrip()
+        cells = [f"{cell:{'<' if n < left else '>'}{widths[n]}}" for n, cell in enumerate(row)]
+        lines.append(f"{indent}{'  '.join(cells)}".rstrip())
+    return "\n".join(lines)

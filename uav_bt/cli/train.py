@@ -1,7 +1,9 @@
-"""`uav-bt net train`, `export` and `collect`: networks, and flights to learn from."""
+"""`uav-bt net train`, `export`, `collect` and `lab train`: networks, flights to learn from."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final, Literal
@@ -18,22 +20,17 @@ from uav_bt.app.option_values import ImageSize, Policies, Seed
 from uav_bt.campaign.runner import LocalBackend
 from uav_bt.cli.declare import command
 from uav_bt.cli.evaluate import Drawn
+from uav_bt.cli.lab_images import score_lines
 from uav_bt.cli.progress import campaign_progress, progress_bars
-from uav_bt.cli.shared import (
-    RUNS,
-    Count,
-    Device,
-    InputFile,
-    OutputFolder,
-    Records,
-    Steps,
-    Workers,
-)
+from uav_bt.cli.shared import RUNS, Count, Device, InputFile, OutputFolder, Records, Steps, Workers
 from uav_bt.errors import FileError
-from uav_bt.learning import collecting, training
+from uav_bt.files import check_output
+from uav_bt.lab.shipped import load_lab
+from uav_bt.learning import collecting, lab_training, training
 from uav_bt.learning.dataset import read_advised_flights, read_flights, records_of
-from uav_bt.learning.lab_training import UNET_WEIGHTS
-from uav_bt.learning.training import CALIBRATION_VIEWS, Network, Precision, export_network
+from uav_bt.learning.lab_data import LabData, checked_data
+from uav_bt.learning.lab_material import LabMaterial
+from uav_bt.learning.pick_scores import network_of_lab, score_picks
 from uav_bt.learning.views import TRAINING_SCENES
 from uav_bt.option import Option
 from uav_bt.plugins import need
@@ -127,11 +124,74 @@ def student(
             out,
             config=loop,
             net_config=net,
-            start=start or UNET_WEIGHTS,
+            start=start or lab_training.UNET_WEIGHTS,
             checkpoint=run / "checkpoint.safetensors",
             advance=advance,
         )
     click.echo(f"control student: {out} and {out.with_suffix('.onnx')}")
+
+
+@command("train")
+def lab_network(
+    lab: str,
+    *,
+    steps: Steps = 800,
+    batch: Annotated[int, Ge(2)] = 12,
+    device: Device = "cpu",
+    seed: Seed = 0,
+    workers: Count = 1,
+) -> None:
+    """Train the segmentation network of a lab.
+
+    LAB is a shipped lab, a folder of labs/, or a path, with images in frames/ and picks in
+    picks.csv. A teacher learns from the picks and makes a class map of every image for training;
+    from these learns the network. It begins with the lab's last network, the first time and
+    after a change of the classes with the shipped U-Net. If the lab file names another network as
+    `teacher`, that one makes the class maps.
+
+    Writes LAB/segmentation.onnx, with which the lab is flown unless its file states a network. An
+    existing one is replaced when the training has finished. LAB/training keeps teacher, masks and
+    checkpoint: the same command continues an interrupted training.
+
+    Options:
+        batch: Images in a step.
+        workers: Processes that make the masks.
+    """
+    need("train")
+    # Refuses an absent GPU now.
+    settings = lab_training.lab_training_config(steps=steps, batch=batch, device=device, seed=seed)
+    material = LabMaterial(lab=load_lab(lab))
+    data = checked_data(material)
+    check_output(material.network)
+    for warning in data.warnings:
+        click.echo(f"warning: {warning}", err=True)
+    with progress_bars() as advance:
+        source = lab_training.mask_source(data, seed=settings.seed, advance=advance)
+    if material.network.exists():
+        click.echo(f"{material.network} stays until the new network is finished")
+    with progress_bars() as advance:
+        loss = lab_training.train_lab(data, source, settings, workers=workers, advance=advance)
+    click.echo("\n".join(_result(data, loss)))
+
+
+def _result(data: LabData, loss: float) -> Iterator[str]:
+    material, picks = data.material, data.picks_on("check")
+    if not math.isnan(loss):
+        yield f"loss: {loss:.3f}"
+    if picks:
+        segment = network_of_lab(material.lab, material.network).ids
+        yield from score_lines(score_picks(segment, picks, material.frames, material.lab.classes))
+    else:
+        yield "no picks on images for checks: the network is not scored"
+    yield f"network: {material.network}"
+    yield f"teacher, masks, weights: {material.training}"
+    if material.lab.flight.network is not None:
+        yield (
+            f"note: {material.lab.file} states another network, with which the lab is flown; "
+            "delete the key 'network' for this one"
+        )
+    where = material.lab.folder
+    yield f"next: uav-bt lab check {where}, then uav-bt fly MISSION --lab {where}"
 
 
 @command()
@@ -211,18 +271,18 @@ class Export:
     """
 
     weights: InputFile = None
-    precision: Precision = "int8"
+    precision: training.Precision = "int8"
     out: Annotated[Path | None, Option(path="written", suffix=".onnx")] = None
     drawn: Annotated[Drawn, Option(parts=Drawn)]
 
-    def write(self, network: Network) -> None:
+    def write(self, network: training.Network) -> None:
         """Make the file, and name it."""
         need("train")
         path = self.out or RUNS / f"{network}-{self.precision}.onnx"
         source = self.weights or SHIPPED_WEIGHTS / f"{network}.safetensors"
-        plan = self.drawn.of(CALIBRATION_VIEWS)
+        plan = self.drawn.of(training.CALIBRATION_VIEWS)
         with progress_bars() as advance:
-            export_network(
+            training.export_network(
                 network, source, path, precision=self.precision, views=plan, advance=advance
             )
         click.echo(f"network in {self.precision}: {path}, {path.stat().st_size / 1e6:.1f} MB")

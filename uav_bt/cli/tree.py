@@ -22,21 +22,9 @@ from uav_bt.cli.shared import (
     refuse_in_lab,
     single,
 )
-from uav_bt.errors import MissionError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.option import Option
-from uav_bt.tree import Node, NodeRegistry, load_tree
-from uav_bt.tree.describe import (
-    ABILITIES,
-    declared,
-    default_text,
-    in_order,
-    node_page,
-    origin,
-    palette_xml,
-    summary,
-)
-from uav_bt.tree.describe import render as draw
+from uav_bt.tree import Node, NodeRegistry, describe, load_tree
 from uav_bt.tree.loading.lookup import Folders, TreeId
 from uav_bt.tree.loading.schema import schema_xml
 from uav_bt.tree.nodes import BUILTIN_NODES
@@ -70,9 +58,11 @@ def nodes(
     """
     if format_ in {"xml", "markdown"}:
         chosen = NodeRegistry(registry[name] for name in names) if names else registry
-        click.echo((palette_xml if format_ == "xml" else node_page)(chosen), nl=False)
+        click.echo(
+            (describe.palette_xml if format_ == "xml" else describe.node_page)(chosen), nl=False
+        )
         return
-    listed = [registry[name] for name in names] or in_order(registry)
+    listed = [registry[name] for name in names] or describe.in_order(registry)
     if format_ == "json":
         click.echo(json.dumps([_as_json(node) for node in listed], indent=2))
         return
@@ -80,12 +70,12 @@ def nodes(
 
 
 def _described(node: type[Node]) -> str:
-    found = declared(node)
-    of = "of the format" if node in BUILTIN_NODES else origin(node)
-    lines = [f"{node.node_id}  ({node.kind.value.lower()}, {of})", summary(node)]
+    found = describe.declared(node)
+    of = "of the format" if node in BUILTIN_NODES else describe.origin(node)
+    lines = [f"{node.node_id}  ({node.kind.value.lower()}, {of})", describe.summary(node)]
     lines += [_attribute(port) for port in node.ports]
     lines.append(f"answers {', '.join(found.answers)}" if found.answers else "")
-    lines += [ABILITIES[name] for name in found.abilities]
+    lines += [describe.ABILITIES[name] for name in found.abilities]
     lines.append(f"reads {', '.join(found.reads)}" if found.reads else "")
     lines.append(f"writes {', '.join(found.writes)}" if found.writes else "")
     return "\n    ".join(line for line in lines if line)
@@ -97,7 +87,7 @@ def _as_json(node: type[Node]) -> dict[str, Any]:
         {
             **{name: getattr(port, name) for name in plain},
             "type": port.type.__name__,
-            "default": default_text(port),
+            "default": describe.default_text(port),
             "choices": [*map(port_text, port.choices)],
         }
         for port in node.ports
@@ -105,16 +95,16 @@ def _as_json(node: type[Node]) -> dict[str, Any]:
     return {
         "node_id": node.node_id,
         "kind": node.kind.value,
-        "doc": summary(node),
+        "doc": describe.summary(node),
         "ports": ports,
-        **declared(node)._asdict(),
+        **describe.declared(node)._asdict(),
         "builtin": node in BUILTIN_NODES,
-        "origin": origin(node),
+        "origin": describe.origin(node),
     }
 
 
 def _attribute(port: Port[Any]) -> str:
-    default = default_text(port)
+    default = describe.default_text(port)
     given = port.name if default is None else f'{port.name}="{default}"'
     kind = " or ".join(map(port_text, port.choices)) or port.type.__name__
     kind += f", {port.range}" if port.range else ""
@@ -142,15 +132,9 @@ def render(
         format_: The form of the drawing.
         out: The file to write; the text is printed if not given.
     """
-    lookup = tree_folders.lookup()
-    loaded = load_tree(
-        resolve_tree(tree),
-        registry,
-        tree_id=tree_id,
-        lookup=lookup,
-        parameters=single(parameters),
-    )
-    print_or_write(draw(loaded.root, loaded.name, format_), out)
+    path, lookup, values = resolve_tree(tree), tree_folders.lookup(), single(parameters)
+    loaded = load_tree(path, registry, tree_id=tree_id, lookup=lookup, parameters=values)
+    print_or_write(describe.render(loaded.root, loaded.name, format_), out)
 
 
 @command()
@@ -182,7 +166,7 @@ def simulate(
     tree_folders: Folders,
     parameters: ParameterSets,
     lab: CheckedLab = None,
-) -> None:
+) -> bool:
     """Tick a tree file with leaves that answer by a script.
 
     TREE is a file, or the name of a mission that ships with uav-bt. Nothing flies: this shows which
@@ -233,8 +217,7 @@ def simulate(
         ended = "not ended" if root == "RUNNING" else root
         ticked = "1 tick" if last.tick == 1 else f"{last.tick} ticks"
         click.echo(f"{ended} after {ticked}, {last.time_s:.2f} s")
-    if root != "SUCCESS":
-        raise SystemExit(MissionError.exit_code)
+    return root == "SUCCESS"
 
 
 def _print_table(steps: Iterator[SimulatedTick]) -> SimulatedTick:
@@ -262,9 +245,9 @@ def _tick_line(step: SimulatedTick) -> str:
     parts = [", ".join(f"{leaf} {status.letter}" for leaf, status in step.answers)]
     if step.halted:
         parts.append(f"halted {', '.join(step.halted)}")
-    texts = {n: "none" if v is None else _plain(v) for n, v in step.changed.items()}
-    parts.append(", ".join(f"{name}={text}" for name, text in texts.items()))
-    what = "; ".join(part for part in parts if part)
+    if changed := {n: "none" if v is None else _plain(v) for n, v in step.changed.items()}:
+        parts.append(", ".join(f"{name}={text}" for name, text in changed.items()))
+    what = "; ".join(filter(None, parts))
     return f"{step.tick:>5}  {step.time_s:>7.2f}  {step.status.name:<7}  {what}".rstrip()
 
 

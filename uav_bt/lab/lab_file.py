@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -15,6 +15,7 @@ from uav_bt.lab.flight_keys import FlightKeys, TeacherKeys, mark_of, mark_pose, 
 from uav_bt.lab.lab import LAB_FILE, Lab
 from uav_bt.lab.room import ColourText, RoomSection, check_name, read_room
 from uav_bt.types.place_frames import area_problem
+from uav_bt.types.sizes import Clearances
 from uav_bt.yaml_file import YamlFile, read_yaml
 
 VERSION: Final = 1
@@ -45,10 +46,18 @@ def read_lab(path: Path) -> Lab:
         classes=classes,
         mark=mark,
         mark_pose=pose,
-        flight=value,
+        flight=_beside_walls(value),
         teacher=value.teacher,
         room=None if value.room is None else read_room(file, value.room, folder, classes),
     )
+
+
+def _beside_walls(value: LabFile) -> LabFile:
+    """Return keys with margins: walls at the edge of the ground count as obstacles do."""
+    walls = None if value.room is None else value.room.walls
+    if value.margins is not None or walls is None or walls.beside_m > 0.0:
+        return value
+    return replace(value, margins=Clearances(edge_m=Clearances.obstacle_m))
 
 
 def lab_text(path: Path) -> YamlFile[LabFile]:
@@ -57,10 +66,20 @@ def lab_text(path: Path) -> YamlFile[LabFile]:
 
 
 def _classes(file: YamlFile[LabFile]) -> LabClasses:
+    forms, room = file.value.classes, file.value.room
+    built_m = {} if room is None else room.legs_m()
+    sides = {name for name, each in forms.items() if each.role == "obstacle"}
+    sides -= {each.top for each in forms.values()}
     with file.at("classes"):
         return LabClasses(
-            LabClass(**{**vars(each), "name": name, "colour": _colour(each.colour)})
-            for name, each in file.value.classes.items()
+            LabClass(
+                name=name,
+                role=each.role,
+                colour=_colour(each.colour),
+                top=each.top,
+                legs_m=each.legs_m or (built_m.get(name) if name in sides else None),
+            )
+            for name, each in forms.items()
         )
 
 

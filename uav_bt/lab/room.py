@@ -5,6 +5,7 @@ A real flight does not need it. Lengths are metres; the origin is the middle of 
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -28,6 +29,7 @@ ColourText = Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$")]
 GROUND_SIDES_M: Final = (2.0, 40.0)
 MAX_CORNERS: Final = 64
 MAX_LAMPS: Final = 7  # OpenGL has eight lights
+ON_LEGS: Final = "table", "rack"  # shapes
 # Names in contacts and messages that kinds of objects cannot have.
 _TAKEN: Final = {"box", "mover", "mark", "drone", "floor", "ceiling", "wall", "ground", "take_off"}
 
@@ -198,11 +200,11 @@ class ObjectKind:
             raise ValueRangeError("a mesh needs 'file', an OBJ file; other shapes have none")
         if self.shape == "mesh" and self.top is not None:
             raise ValueRangeError("a mesh has one surface: remove 'top'")
-        if self.frame is not None and self.shape not in ("table", "rack"):
+        if self.frame is not None and self.shape not in ON_LEGS:
             raise ValueRangeError(f"a {self.shape} has no legs or posts: remove 'frame'")
         if any(each is not None and each.lines for each in (self.surface, self.top, self.frame)):
             raise ValueRangeError("only the ground has painted lines")
-        if self.shape not in ("table", "rack"):
+        if self.shape not in ON_LEGS:
             return
         if self.post_m > min(self.size_m[:2]) / 3:
             raise ValueRangeError(f"post_m: at most a third of the width, got {self.post_m:g}")
@@ -224,6 +226,16 @@ class RoomSection:
     """The light of scenes without `lighting`."""
     objects: Mapping[_KindName, ObjectKind] = field(default_factory=dict)
     """Kinds of objects by name."""
+
+    def legs_m(self) -> dict[str, float]:
+        """Return the largest distance between legs by class, where all its kinds stand on legs."""
+        kinds, found_m = self.objects.values(), dict[str, float]()
+        other = {kind.class_name for kind in kinds if kind.shape not in ON_LEGS or kind.moves}
+        for kind in kinds:
+            if kind.class_name not in other:
+                apart_m = math.hypot(*kind.size_m[:2])
+                found_m[kind.class_name] = max(apart_m, found_m.get(kind.class_name, 0.0))
+        return found_m
 
 
 @dataclass(frozen=True, kw_only=True)

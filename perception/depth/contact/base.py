@@ -96,15 +96,9 @@ def find_base(
     height_m: float,
     remembered: Remembered | None,
 ) -> Base:
-    """Find the base of the pixels of one class.
+    """Find the base of the pixels of class `thing` on class `ground`.
 
-    Args:
-        panorama: panorama of the class map.
-        runs: runs of that panorama.
-        thing: the class id.
-        ground: the class id of the ground.
-        height_m: height of the lens above the ground.
-        remembered: bases seen earlier, used where the base is out of view.
+    The lens is at `height_m` above the ground. Bases `remembered` serve where it is out of view.
     """
     columns = np.flatnonzero(runs[0][thing] >= 0)
     first = runs[0][thing, columns].astype(np.intp)

@@ -67,8 +67,8 @@ def test_no_sample_lies_behind_the_camera(half_view_deg: int) -> None:
 @pytest.mark.parametrize(
     ("roles", "kind", "at_m"),  # roles: 0 outside, 1 ground, 3 obstacle
     [
-        pytest.param([1, 3, 1, 3, 3, 0], "placed_m", 2.5, id="a speck, then an obstacle"),
-        pytest.param([1, 3, 3, 0, 0, 0], "placed_m", 0.5, id="no edge behind an obstacle"),
+        pytest.param([1, 3, 1, 3, 3, 0], "placed", 2.5, id="a speck, then an obstacle"),
+        pytest.param([1, 3, 3, 0, 0, 0], "placed", 0.5, id="no edge behind an obstacle"),
         pytest.param([NO_ROLE, 3, 3, 1, 1, 1], "hidden_m", 1.0, id="a base below the image"),
         pytest.param([1, 1, 0, 0, 3, 3], "edges_m", 1.5, id="the ground ends before an obstacle"),
         pytest.param([0, 0, 0, 1, 1, 1], "hidden_edges_m", 0.0, id="the ground ended before"),
@@ -80,8 +80,9 @@ def test_the_nearest_long_run_of_a_role_counts(roles: list[int], kind: str, at_m
     """Runs have two samples at least."""
     ids = np.array([roles], dtype=np.uint8)
     bases = find_bases(GroundScan(along(6, 1), ids, ids, ids, CLASSES.top_of, 1.5, min_run=2))
-    for each in ("placed_m", "hidden_m", "edges_m", "hidden_edges_m"):
-        assert getattr(bases, each)[:, 0].tolist() == [at_m] * (each == kind)
+    found = {**vars(bases), "placed": bases.placed.xy_m}
+    for each in ("placed", "hidden_m", "edges_m", "hidden_edges_m"):
+        assert found[each][:, 0].tolist() == [at_m] * (each == kind)
 
 
 def test_a_side_is_as_high_as_the_border_to_its_roof() -> None:
@@ -96,10 +97,10 @@ def test_a_side_is_as_high_as_the_border_to_its_roof() -> None:
     ids = np.array([[CARPET, CARPET, side, side, *top] for top in tops], dtype=np.uint8)
     roles = CLASSES.roles(ids)
     bases = find_bases(GroundScan(along(7), ids, roles, roles, CLASSES.top_of, 1.5, min_run=2))
-    assert bases.placed_m[:, 0].tolist() == [1.5] * 4
+    assert bases.placed.xy_m[:, 0].tolist() == [1.5] * 4
     edge_m = 1.5 * (1.0 - 1.5 * (1 / 4 + 1 / 5) / 2)
-    assert bases.placed_heights_m[0] == pytest.approx(edge_m)
-    assert np.isnan(bases.placed_heights_m[1:]).all()
+    assert bases.placed.heights_m[0] == pytest.approx(edge_m)
+    assert np.isnan(bases.placed.heights_m[1:]).all()
 
 
 @pytest.mark.parametrize(("height_m", "last"), [(1.4, 4), (1.2, 3), (2.0, 2)])
@@ -107,7 +108,7 @@ def test_an_obstacle_is_tall_up_to_a_height_or_to_the_drone(height_m: float, las
     """From 1.5 m on it covers up to 0.9 m of height, or up to 0.5 m below the camera."""
     roles = np.array([[1, 1] + [3] * (end - 1) + [1] * (9 - end) for end in range(2, 10)], np.uint8)
     scan = GroundScan(along(10, 8), roles, roles, roles, CLASSES.top_of, height_m, min_run=1)
-    assert find_bases(scan).placed_tall.tolist() == [end >= last for end in range(2, 10)]
+    assert find_bases(scan).placed.tall.tolist() == [end >= last for end in range(2, 10)]
 
 
 def test_a_point_of_the_ground_has_the_role_of_the_nearest_pixel() -> None:

@@ -86,12 +86,12 @@ def beyond_m(points_m: Floats, table: Pose2D) -> Floats:
 def test_bases_of_a_table_lie_between_its_legs(yaw_deg: int) -> None:
     table = Pose2D(x_m=2.0, y_m=0.1, yaw_rad=math.radians(yaw_deg))
     found = view(table)
-    assert len(found.bases_m) > 12
-    assert beyond_m(found.bases_m, table).max() < 0.12
-    assert (found.base_ids == TABLE).all()
-    assert np.nanmedian(found.base_heights_m) == pytest.approx(BOARD_M, abs=0.06)
+    assert len(found.bases.xy_m) > 12
+    assert beyond_m(found.bases.xy_m, table).max() < 0.12
+    assert (found.bases.ids == TABLE).all()
+    assert np.nanmedian(found.bases.heights_m) == pytest.approx(BOARD_M, abs=0.06)
     # Without legs the board's lower edge makes bases behind the table.
-    assert beyond_m(view(table, legs_m=None).contacts.placed_m, table).max() > 0.3
+    assert beyond_m(view(table, legs_m=None).contacts.placed.xy_m, table).max() > 0.3
 
 
 def test_ground_below_a_table_is_seen_and_belongs_to_it() -> None:
@@ -115,7 +115,7 @@ def test_a_leg_as_narrow_as_one_bearing_is_a_base() -> None:
     found = view(table, board_m=1.6)
     legs = np.array(table.rectangle(HALF_M[0] - 0.1, HALF_M[1] - 0.1))
     front = legs[legs[:, 0] < 2.2]
-    apart_m = np.hypot(*np.moveaxis(front[:, None] - found.bases_m, -1, 0))
+    apart_m = np.hypot(*np.moveaxis(front[:, None] - found.bases.xy_m, -1, 0))
     assert (apart_m.min(axis=1) < 0.08).all()
 
 
@@ -147,7 +147,7 @@ def test_no_route_leads_between_the_legs_of_a_table_at_flight_height() -> None:
 def test_a_displaced_leg_stays_on_the_map() -> None:
     table = Pose2D(x_m=2.2, y_m=0.0, yaw_rad=math.pi / 2)
     found = view(table, board_m=1.6)
-    known = Landmarks.of(found, found.bases_m, found.base_ids)
+    known = Landmarks.of(found, found.bases.xy_m, found.bases.ids)
     known = known.take(np.argsort(known.xy_m[:, 0])[:2])
     known.xy_m[:] = [known.xy_m[0] - np.array([0.12, 0.0]), (1.3, 0.0)]
     on_legs = lab(1.3).legs_m > 0.0

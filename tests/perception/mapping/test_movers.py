@@ -9,16 +9,11 @@ import pytest
 from numpy.typing import NDArray
 
 from perception.mapping.mover_track import STAYS_S
-from perception.mapping.movers import LIFE_S, TURNED_RATIO, WAITS_S, MoverTracker
+from perception.mapping.movers import LIFE_S, TURNED_RATIO, WAITS_S, MoverTracker, are_of_known
 from perception.mapping.site_mapper import SiteMapper
 from tests.paper_lab import BOXES, CARPET, CLASSES
-from tests.perception.mapping.test_site_mapper import (
-    AT_START,
-    CAMERA,
-    HEIGHT_M,
-    PITCH_RAD,
-    look,
-)
+from tests.perception.mapping.test_landmarks import points
+from tests.perception.mapping.test_site_mapper import AT_START, CAMERA, HEIGHT_M, PITCH_RAD, look
 from uav_bt.types.arrays import Floats
 from uav_bt.types.projection import pixel_rays
 from uav_bt.types.site_map import MapMover, SiteMap
@@ -137,6 +132,13 @@ def test_what_is_low_stands_unless_it_moved_before() -> None:
     tracker, time_s, mover = crossed()
     points_m = face((mover.x_m, mover.y_m), np.random.default_rng(0), 0.01)
     assert not tracker.follow(points_m, HERE_M, time_s + STEP_S, tall=low).any()
+
+
+def test_what_shows_near_an_old_point_of_its_class_is_of_that_obstacle() -> None:
+    known, seen = points((0.0, 0.0)), points((0.25, 0.0), (0.35, 0.0))
+    assert are_of_known(seen, known, 6.0).tolist() == [True, False]
+    assert not are_of_known(seen, known, 4.0).any()
+    assert not are_of_known(replace(seen, ids=seen.ids + 1), known, 6.0).any()
 
 
 @pytest.mark.parametrize("speed_mps", [0.2, 0.5, 1.0])

@@ -2,7 +2,6 @@
 
 import io
 import math
-import re
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -19,10 +18,12 @@ from sim_bridge.twin.scene_file import load_scene
 from tests.paper_lab import CLASSES, paper_map
 from tests.uav_bt.display.display_world import World
 from tests.worlds import values
+from tests.worlds.trees import document
 from uav_bt import app
 from uav_bt.app import film
+from uav_bt.protocols import Drone
 from uav_bt.testing import ScriptedDrone
-from uav_bt.tree import load_tree
+from uav_bt.tree import parse_tree
 from uav_bt.types import DepthMap, Pose2D
 
 SCENE = Scene(
@@ -33,10 +34,11 @@ SCENE = Scene(
 )
 
 
-def flight_of(**options: object) -> app.Flight[ScriptedDrone]:
+def flight_of(**options: object) -> app.Flight[Drone]:
     drone = ScriptedDrone()
     drone.scene = SCENE
-    return app.Flight(app.check("land_only"), drone, app.FlightOptions(**options))
+    flight = app.assemble("land_only", drone=drone)
+    return replace(flight, options=app.FlightOptions(**options))
 
 
 def test_a_scene_becomes_a_map_in_the_colours_of_its_classes() -> None:
@@ -51,6 +53,14 @@ def test_a_scene_becomes_a_map_in_the_colours_of_its_classes() -> None:
     assert mover.path_m == ((0.0, -1.0), (0.0, 1.0), (-1.0, 1.0), (0.0, -1.0))
     assert mover.colour == tuple(CLASSES.colours[CLASSES.id_of("box_8")])
     assert (box.name, mover.name) == ("box_3", "box_8")
+    assert start_of(TakeOffSpec(yaw_deg=90.0)) == Pose2D(x_m=-1.5, y_m=-1.0, yaw_rad=math.pi / 2)
+    assert start_of(TakeOffSpec(position_m=(1.0, 1.5))) == Pose2D(x_m=1.0, y_m=1.5, yaw_rad=0.0)
+    assert start_of(TakeOffSpec(random=True)) is None
+
+
+def start_of(take_off: TakeOffSpec) -> Pose2D | None:
+    """Return where the drone starts, by the map of the scene."""
+    return film.map_of_scene(replace(SCENE, movers=(), take_off=take_off)).take_off
 
 
 def test_the_map_of_a_lab_with_kinds_has_their_outlines_and_parts() -> None:
@@ -61,19 +71,6 @@ def test_the_map_of_a_lab_with_kinds_has_their_outlines_and_parts() -> None:
     assert len(by_name["table"].parts) == 5
     assert by_name["crate"].parts == ()
     assert lab.ground.corners_m[0] == (4.0, 3.0)
-
-
-@pytest.mark.parametrize(
-    ("take_off", "expected"),
-    [
-        (TakeOffSpec(yaw_deg=90.0), Pose2D(x_m=-1.5, y_m=-1.0, yaw_rad=math.pi / 2)),
-        (TakeOffSpec(position_m=(1.0, 1.5)), Pose2D(x_m=1.0, y_m=1.5, yaw_rad=0.0)),
-        (TakeOffSpec(random=True), None),
-    ],
-)
-def test_a_map_knows_where_the_drone_starts(take_off: TakeOffSpec, expected: Pose2D | None) -> None:
-    scene = replace(SCENE, movers=(), take_off=take_off)
-    assert film.map_of_scene(scene).take_off == expected
 
 
 def first_image(path: Path, title: str = "", **options: object) -> np.ndarray:
@@ -110,23 +107,24 @@ def test_a_flight_that_fails_leaves_a_whole_video_and_its_status(tmp_path: Path)
     assert out.getvalue().startswith("explore")
 
 
-SECOND_LEVEL = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>
-<Segment/><EstimateDepth model="contact"/><BuildCorridor side_m="0.4"/><Land/>
-</Sequence></BehaviorTree></root>"""
+SECOND_LEVEL = document(
+    '<Sequence><Segment/><EstimateDepth model="contact"/><BuildCorridor side_m="0.4"/><Land/>'
+    "</Sequence>"
+)
 
 
-def test_the_film_shows_the_depth_and_the_corridor_that_the_tree_asks_for(tmp_path: Path) -> None:
-    path, camera = tmp_path / "mission.xml", ScriptedDrone().camera
+def test_the_film_shows_the_depth_and_the_corridor_that_the_tree_asks_for() -> None:
+    camera = ScriptedDrone().camera
     frame = values.frame((36, 64), 0.0)
     depth = DepthMap(depth=np.full((28, 56), 1.0, np.float32), metric=True, captured_s=0.0)
     ids = paper_map(ids=np.full((28, 56), CLASSES.id_of("box_1"), np.uint8), captured_s=0.0)
     marked = {}
     for side_m in ("0.4", "0.2"):
-        path.write_text(SECOND_LEVEL.replace("0.4", side_m), encoding="utf-8")
-        facts = film.facts_of(load_tree(path), camera, classes=CLASSES)
+        tree = parse_tree(SECOND_LEVEL.replace("0.4", side_m))
+        facts = film.facts_of(tree, camera, classes=CLASSES)
         assert facts.makes_depth
         marked[side_m] = int(facts.intruding(frame, ids, depth).sum())
     assert 0 < marked["0.2"] < marked["0.4"]
-    path.write_text(re.sub("<EstimateDepth.*/>", "", SECOND_LEVEL), encoding="utf-8")
-    facts = film.facts_of(load_tree(path), camera, classes=CLASSES)
+    tree = parse_tree(document("<Sequence><Segment/><Land/></Sequence>"))
+    facts = film.facts_of(tree, camera, classes=CLASSES)
     assert (facts.makes_depth, facts.intruding) == (False, None)

@@ -9,7 +9,7 @@ import shutil
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +18,10 @@ import pytest
 
 from sim_bridge.plain import PlainConfig
 from sim_bridge.twin import TwinConfig
-from tests.worlds.trees import tree_file
+from tests.worlds.records import ANYWHERE
+from tests.worlds.trees import document
 from uav_bt import app, plugins
-from uav_bt.errors import (
-    DroneError,
-    FileError,
-    InputError,
-)
+from uav_bt.errors import DroneError, FileError, InputError
 from uav_bt.mission.drone_wrapper import DroneWrapper
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.limits import Limits
@@ -36,46 +33,13 @@ from uav_bt.tree import Leaf, NodeRegistry, Status
 from uav_bt.types import Command, FlyingState, Land, Observation
 
 TREES = Path(app.__file__).parents[2] / "trees"
-HOP = '<Sequence><TakeOff height_m="1.0"/><Land/></Sequence>'
-STAY = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="250"/><Land/></Sequence>'
-
-
-class Hangar:
-    """Provides a drone under the name `scripted` and stores its configurations."""
-
-    def __init__(self) -> None:
-        self.drone = ScriptedDrone()
-        self.asked: list[ScriptedConfig] = []
-
-
-@dataclass(frozen=True, kw_only=True)
-class ScriptedConfig:
-    """A drone configuration as of an installed package; its fields declare its options."""
-
-    address: str | None = None
-    scene: str = "none"
-    seed: int = 0
-    speed_limit_mps: float = 0.0
+HOP = document('<Sequence><TakeOff height_m="1.0"/><Land/></Sequence>')
+STAY = HOP.replace("<Land/>", '<HoverFor seconds="250"/><Land/>')
 
 
 @pytest.fixture
-def hangar(monkeypatch: pytest.MonkeyPatch) -> Hangar:
-    hangar, load = Hangar(), plugins.load
-
-    class Config(ScriptedConfig):
-        def create(self) -> ScriptedDrone:
-            hangar.asked.append(self)
-            return hangar.drone
-
-    def load_scripted(group: str, name: str) -> Any:
-        return Config if (group, name) == (plugins.DRONES, "scripted") else load(group, name)
-
-    monkeypatch.setattr(plugins, "load", load_scripted)
-    return hangar
-
-
-ELSEWHERE = app.JudgeConfig(land_on=app.LandOn.ANY)  # no referee, and nobody looks for a mark
-SCRIPTED = app.FlightOptions(drone="scripted", judge=ELSEWHERE)
+def drone() -> ScriptedDrone:
+    return ScriptedDrone()
 
 
 def doing(action: Callable[[int], object]) -> app.Listeners:
@@ -88,7 +52,13 @@ def doing(action: Callable[[int], object]) -> app.Listeners:
     return lambda _flight: [Doing()]
 
 
-# --- trees ----------------------------------------------------------------------------------------
+def fly(drone: Drone, *actions: Callable[[int], object], tree: str = HOP, **how: Any) -> Any:
+    """Fly where nobody looks for a mark, with actions at each tick."""
+    listeners = [doing(action) for action in actions]
+    return app.fly(tree, drone=drone, judge=ANYWHERE, listeners=listeners, **how)
+
+
+# --- names ----------------------------------------------------------------------------------------
 
 
 def test_a_name_with_a_suffix_or_a_folder_is_a_file_and_never_a_shipped_mission(
@@ -104,27 +74,21 @@ def test_a_name_with_a_suffix_or_a_folder_is_a_file_and_never_a_shipped_mission(
     assert app.resolve_tree("land_only.xml").read_text(encoding="utf-8") == "mine"
 
 
-# --- policies, drones, masks ----------------------------------------------------------------------
-
-
 def test_what_cannot_decide_is_no_policy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plugins, "load", lambda _group, _name: object)
     with pytest.raises(InputError, match="policy 'dumb' has no method `decide"):
         app.make_policy("dumb")
 
 
-def test_a_drone_gets_its_address_and_what_it_may_need(hangar: Hangar) -> None:
+def test_a_named_drone_gets_its_address_and_what_it_may_need() -> None:
     """Everything after the first colon is the address."""
-    options = app.FlightOptions(
-        drone="scripted:10.0.0.1:44444", scene="val-a", seed=5, limits=Limits(speed_mps=0.4)
-    )
-    assert app.make_drone(options) is hangar.drone
-    app.make_drone(SCRIPTED)
-    first, second = hangar.asked
-    assert (first.address, first.scene) == ("10.0.0.1:44444", "val-a")
-    assert (first.seed, first.speed_limit_mps) == (5, 0.4)
-    assert (second.address, second.scene) == (None, "none")
-    assert not hangar.drone.connected
+    limits = Limits(speed_mps=0.4)
+    real: Any = app.make_drone(app.FlightOptions(drone="anafi:10.0.0.1:44444", limits=limits))
+    assert (real._config.address, real._config.speed_limit_mps) == ("10.0.0.1:44444", 0.4)
+    twin: Any = app.make_drone(app.FlightOptions(scene="val-a", profile="harsh"))
+    assert (twin.scene.name, twin.profile.video_latency_s) == ("val-a", 0.28)
+    with pytest.raises(InputError, match="drone 'twin' takes no address, got 'here'"):
+        app.make_drone(app.FlightOptions(drone="twin:here"))
 
 
 @pytest.mark.parametrize(
@@ -135,13 +99,11 @@ def test_a_drone_gets_its_address_and_what_it_may_need(hangar: Hangar) -> None:
         ("anafi:127.0.0.1:1", "--profile", "profile", "harsh"),
         ("anafi", "--seed", "seed", 9),
         ("sphinx", "--realtime", "realtime", True),
-        ("scripted", "--image-size", "image_size_px", (320, 180)),
         ("plain", "--image-size", "image_size_px", (320, 180)),
-        ("scripted", "--profile", "profile", "ideal"),
     ],
 )
 def test_an_option_that_a_drone_cannot_use_is_refused(
-    hangar: Hangar, drone: str, flag: str, option: str, value: Any
+    drone: str, flag: str, option: str, value: Any
 ) -> None:
     words = (
         f"drone '{drone.partition(':')[0]}' takes no {flag} ({option} in Python), got {value!r}: "
@@ -149,44 +111,27 @@ def test_an_option_that_a_drone_cannot_use_is_refused(
     )
     with pytest.raises(InputError, match=re.escape(words)):
         app.make_drone(app.FlightOptions(drone=drone, **{option: value}))
-    assert hangar.asked == []
-    with pytest.raises(InputError, match="drone 'twin' takes no address, got 'here'"):
-        app.make_drone(app.FlightOptions(drone="twin:here"))
-
-
-def test_exact_masks_need_a_referee(hangar: Hangar, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="exact masks need a simulated drone"):
-        app.fly(tree_file(tmp_path, HOP), drone="scripted", exact_masks=True)
-    assert not hangar.drone.connected
-    assert hangar.drone.commands == []
 
 
 # --- flights without a world ----------------------------------------------------------------------
 
 
-def test_a_flight_is_described_in_its_report(
-    hangar: Hangar, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_exact_masks_need_a_referee(drone: ScriptedDrone) -> None:
+    with pytest.raises(InputError, match="exact masks need a simulated drone"):
+        fly(drone, exact_masks=True)
+    assert not drone.connected
+    assert drone.commands == []
+
+
+def test_a_flight_is_described_in_its_report_and_a_listener_that_breaks_is_named(
+    drone: ScriptedDrone, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("behaviours.fly.land.Land.budget_s", -1.0)  # any duration exceeds it
-    path = tmp_path / "report.json"
-    report = app.fly(tree_file(tmp_path, HOP), SCRIPTED, report=path)
-    assert (report.outcome, report.tree, report.drone) == ("success", "mission.xml", "scripted")
-    assert (report.seed, report.scene) == (0, None)
-    assert report.profile is None  # a drone without a referee has no profile
-    assert list(report.slow_leaves) == ["Main/Sequence/Land"]
-    assert report.site_map is None
-    assert json.loads(path.read_text(encoding="utf-8")) == report.to_json()
-    assert not hangar.drone.connected
-
-
-def test_listeners_get_the_connected_drone_and_one_that_breaks_is_named(
-    hangar: Hangar, tmp_path: Path
-) -> None:
-    ticks: list[int] = []
+    path, ticks = tmp_path / "report.json", list[int]()
 
     def follow(flight: app.Flight[Drone]) -> Sequence[TickListener]:
-        assert flight.drone is hangar.drone
-        assert hangar.drone.connected
+        assert flight.drone is drone
+        assert drone.connected
         assert flight.context.clock.now() == flight.drone.clock.now()
         assert flight.context.seed == 11
         return doing(ticks.append)(flight)
@@ -195,32 +140,37 @@ def test_listeners_get_the_connected_drone_and_one_that_breaks_is_named(
         if index == 10:
             raise OSError("disk full")
 
-    options = replace(SCRIPTED, seed=11)
-    report = app.fly(tree_file(tmp_path, HOP), options, listeners=[follow, doing(fail)])
-    assert report.outcome == "success"
+    options = app.FlightOptions(drone=drone, judge=ANYWHERE, seed=11)
+    report = app.fly(HOP, options, report=path, listeners=[follow, doing(fail)])
+    assert (report.outcome, report.tree, report.seed) == ("success", "<text>", 11)
+    assert (report.scene, report.profile) == (None, None)  # the drone has no referee
+    assert list(report.slow_leaves) == ["Main/Sequence/Land"]
+    assert report.site_map is None
     assert ticks == list(range(report.ticks))
     assert list(report.lost_outputs.values()) == ["OSError: disk full"]
     assert not report.airborne_at_end
+    assert json.loads(path.read_text(encoding="utf-8")) == report.to_json()
+    assert not drone.connected
 
 
 def test_a_lost_drone_leaves_a_report_and_a_word_about_where_it_is(
-    hangar: Hangar, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    drone: ScriptedDrone, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def lost(_: Command) -> Command:
         raise DroneError("no answer")
 
     def lose(index: int) -> None:
         if index == 10:
-            monkeypatch.setattr(hangar.drone, "send", lost)
+            monkeypatch.setattr(drone, "send", lost)
 
     path = tmp_path / "report.json"
     with pytest.raises(DroneError, match="no answer") as caught:
-        app.fly(tree_file(tmp_path, STAY), SCRIPTED, report=path, listeners=[doing(lose)])
+        fly(drone, lose, tree=STAY, report=path)
     assert app.STILL_IN_THE_AIR in caught.value.__notes__
     report = json.loads(path.read_text(encoding="utf-8"))
     assert (report["outcome"], report["reason"]) == ("error", "no answer")
     assert report["airborne_at_end"] is True
-    assert not hangar.drone.connected
+    assert not drone.connected
 
 
 def test_a_simulated_drone_that_nobody_landed_is_reported(
@@ -231,7 +181,7 @@ def test_a_simulated_drone_that_nobody_landed_is_reported(
     path = tmp_path / "report.json"
     options = app.FlightOptions(scene="train-a", drone="plain", faults=("observe-raises@take-off",))
     with pytest.raises(InjectedError) as caught:
-        app.fly(tree_file(tmp_path, STAY), options, report=path)
+        app.fly(STAY, options, report=path)
     assert app.STILL_IN_THE_AIR in caught.value.__notes__
     assert json.loads(path.read_text(encoding="utf-8"))["airborne_at_end"] is True
 
@@ -240,33 +190,54 @@ def test_a_simulated_drone_that_nobody_landed_is_reported(
     ("what", "file"), [("video", "flight.mp4"), ("report", "report.json: cannot be written")]
 )
 def test_an_output_that_cannot_be_finished_is_lost_and_hides_no_result(
-    hangar: Hangar, tmp_path: Path, what: str, file: str
+    drone: ScriptedDrone, tmp_path: Path, what: str, file: str
 ) -> None:
     gone, path = tmp_path / "gone", tmp_path / "report.json"
     gone.mkdir()
-    lose = doing(lambda index: shutil.rmtree(gone) if index == 3 else None)
     outputs = {"report": path, what: gone / file.partition(":")[0]}
-    report = app.fly(tree_file(tmp_path, HOP), SCRIPTED, **outputs, listeners=[lose])
+    report = fly(drone, lambda index: shutil.rmtree(gone) if index == 3 else None, **outputs)
     assert report.outcome == "success"
     assert file in report.lost_outputs[what]
     if what == "video":
         assert json.loads(path.read_text())["lost_outputs"] == report.lost_outputs
 
 
+def test_leaves_close_what_they_opened_when_the_flight_is_over(
+    drone: ScriptedDrone, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A device or a drone that fails at the end changes no result."""
+
+    class Device(Leaf):
+        def update(self) -> Status:
+            return Status.SUCCESS
+
+        def on_shutdown(self) -> None:
+            raise OSError("the device is gone")
+
+    def fail() -> None:
+        raise DroneError("already gone")
+
+    monkeypatch.setattr(drone, "disconnect", fail)
+    registry = NodeRegistry.installed().with_nodes(Device)
+    report = fly(drone, tree=HOP.replace("<Land/>", "<Device/><Land/>"), registry=registry)
+    assert report.outcome == "success"
+    assert "Device' failed: OSError: the device is gone" in caplog.text
+
+
 # --- interrupts -----------------------------------------------------------------------------------
 
 
-def interrupt_at(*indices: int, number: signal.Signals = signal.SIGINT) -> app.Listeners:
-    """Return a factory of a listener that sends a signal, by default Ctrl-C's, at these ticks."""
+def press(*indices: int, number: signal.Signals = signal.SIGINT) -> Callable[[int], None]:
+    """Return an action that sends a signal, by default Ctrl-C's, at these ticks."""
 
-    def press(index: int) -> None:
+    def send(index: int) -> None:
         for _ in range(indices.count(index)):
             # Call the handler like the interpreter: a real signal might reach the test runner.
             handler = signal.getsignal(number)
             assert callable(handler)
             handler(number, None)
 
-    return doing(press)
+    return send
 
 
 @pytest.fixture(autouse=True)
@@ -284,82 +255,51 @@ def handlers() -> tuple[object, ...]:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("ticks", [(20,), (20, 21)])
 def test_the_first_signal_lands_and_the_second_does_not_wait(
-    hangar: Hangar, tmp_path: Path, ticks: tuple[int, ...], number: signal.Signals
+    drone: ScriptedDrone, tmp_path: Path, ticks: tuple[int, ...], number: signal.Signals
 ) -> None:
     """A closed terminal is one of them; each one still gives a report."""
     before, path = handlers(), tmp_path / "report.json"
-    press = interrupt_at(*ticks, number=number)
-    report = app.fly(tree_file(tmp_path, STAY), SCRIPTED, report=path, listeners=[press])
+    report = fly(drone, press(*ticks, number=number), tree=STAY, report=path)
     assert (report.outcome, report.reason) == ("aborted", f"stopped by {number.name}")
     flies = len(ticks) > 1
     assert report.airborne_at_end == flies
     assert json.loads(path.read_text(encoding="utf-8"))["airborne_at_end"] == flies
     assert 20 < report.ticks < (24 if flies else 40)
-    assert Command(movement=Land()) in hangar.drone.commands
-    assert (hangar.drone.state.flying is FlyingState.LANDED) != flies
+    assert Command(movement=Land()) in drone.commands
+    assert (drone.state.flying is FlyingState.LANDED) != flies
     assert handlers() == before
 
 
-def test_the_third_signal_ends_a_program_that_hangs(hangar: Hangar, tmp_path: Path) -> None:
+def test_the_third_signal_ends_a_program_that_hangs(drone: ScriptedDrone) -> None:
     before = handlers()
     with pytest.raises(KeyboardInterrupt):
-        app.fly(tree_file(tmp_path, STAY), SCRIPTED, listeners=[interrupt_at(20, 20, 20)])
-    assert not hangar.drone.connected
+        fly(drone, press(20, 20, 20), tree=STAY)
+    assert not drone.connected
     assert handlers() == before
 
 
-def test_ignored_signals_stay_so_and_another_thread_takes_no_handlers(
-    hangar: Hangar, tmp_path: Path
-) -> None:
+def test_ignored_signals_stay_so_and_another_thread_takes_no_handlers() -> None:
     """With nohup a mission continues after its terminal was closed."""
-    tree = tree_file(tmp_path, HOP)
-    before, within, reports = signal.signal(signal.SIGHUP, signal.SIG_IGN), [], []
+    within, reports = list[tuple[object, ...]](), list[FlightReport]()
 
-    def fly() -> None:
-        look = doing(lambda _: within.append(handlers()))
-        reports.append(app.fly(tree, SCRIPTED, listeners=[look]))
+    def fly_once() -> None:
+        reports.append(fly(ScriptedDrone(), lambda _: within.append(handlers())))
 
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
-        fly()
+        fly_once()
         assert {one[2] for one in within} == {signal.SIG_IGN}
     finally:
         signal.signal(signal.SIGHUP, before)
     within.clear()
-    thread = threading.Thread(target=fly)
+    thread = threading.Thread(target=fly_once)
     thread.start()
     thread.join(timeout=60.0)
     assert [report.outcome for report in reports] == ["success"] * 2
     assert set(within) == {handlers()}
 
 
-def test_leaves_close_what_they_opened_when_the_flight_is_over(
-    hangar: Hangar,
-    tmp_path: Path,
-    caplog: pytest.LogCaptureFixture,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """A device or a drone that fails at the end changes no result."""
-
-    class Device(Leaf):
-        def update(self) -> Status:
-            return Status.SUCCESS
-
-        def on_shutdown(self) -> None:
-            raise OSError("the device is gone")
-
-    def fail() -> None:
-        raise DroneError("already gone")
-
-    tree = tree_file(tmp_path, f"<Sequence><Device/>{HOP}</Sequence>")
-    monkeypatch.setattr(hangar.drone, "disconnect", fail)
-    report = app.fly(tree, SCRIPTED, registry=NodeRegistry.installed().with_nodes(Device))
-    assert report.outcome == "success"
-    assert "Device' failed: OSError: the device is gone" in caplog.text
-
-
-# --- flights of the twin --------------------------------------------------------------------------
-
-SMALL = app.FlightOptions(scene="test-a", seed=3, exact_masks=True, image_size_px=(320, 180))
+# --- flights of the twin, and live drones ---------------------------------------------------------
 
 
 def measured(report: FlightReport) -> dict[str, Any]:
@@ -368,25 +308,21 @@ def measured(report: FlightReport) -> dict[str, Any]:
     return {name: value for name, value in report.to_json().items() if name not in timed}
 
 
-def test_the_twin_hovers_looks_around_and_lands_on_its_pad_the_same_with_each_seed(
-    tmp_path: Path,
-) -> None:
-    path = tmp_path / "report.json"
-    report = app.fly("hover_and_look", SMALL, report=path)
+def test_the_twin_hovers_looks_around_and_lands_on_its_pad_the_same_with_each_seed() -> None:
+    small = app.FlightOptions(scene="test-a", seed=3, exact_masks=True, image_size_px=(320, 180))
+    report = app.fly("hover_and_look", small)
     assert (report.outcome, report.reason) == ("success", "landed")
     assert (report.scene, report.profile, report.tree) == ("test-a", "lab", "hover_and_look.xml")
     assert (report.landing_error_m or 1.0) < 0.25  # half the pad's side
     assert (report.min_clearance_m or 0.0) > 0.3
     assert report.duration_s == pytest.approx(0.1 * report.ticks, abs=0.2)
     assert report.search_distance_m is None  # this mission neither explores nor searches
-    assert json.loads(path.read_text(encoding="utf-8")) == report.to_json()
     assert set(report.perception_ms) == {"segmentation", "mark"}
     for summary in (report.tick_ms, *report.perception_ms.values()):
         assert summary is not None
         assert 0.0 < summary.p50 <= summary.p99 <= summary.max
-    assert measured(app.fly("hover_and_look", SMALL)) == measured(report)
-    hop = tree_file(tmp_path, HOP)
-    one, other = (app.fly(hop, drone="plain", seed=seed).landing_error_m for seed in (1, 2))
+    assert measured(app.fly("hover_and_look", small)) == measured(report)
+    one, other = (app.fly(HOP, drone="plain", seed=seed).landing_error_m for seed in (1, 2))
     assert one != other
 
 
@@ -411,30 +347,22 @@ class Live(DroneWrapper):
         return super().send(command)
 
 
-@pytest.mark.parametrize("rehearse", [False, True])
-def test_a_live_drone_whose_images_show_nothing_does_not_take_off(
-    tmp_path: Path,
-    rehearse: bool,  # noqa: FBT001
-) -> None:
+def test_a_live_drone_whose_images_show_nothing_does_not_take_off() -> None:
     """A rehearsal shows the problems; it has no take-off."""
     drone = Live(TwinConfig(image_size_px=(160, 90)).create())
     drone.dark = True
     checks: list[str] = []
-
-    def fly() -> None:
-        options = app.FlightOptions(drone=drone, rehearse=rehearse)
-        app.fly(tree_file(tmp_path, HOP), options, on_check=lambda each: checks.append(str(each)))
-
-    if rehearse:
-        fly()
-    else:
-        with pytest.raises(DroneError, match=r"nothing was flown\n  video: NOT READY, .*is dark"):
-            fly()
-    assert any("the image is dark" in check for check in checks)
+    words = r"nothing was flown\n  video: NOT READY, .*is dark"
+    with pytest.raises(DroneError, match=words):
+        app.fly(HOP, drone=drone, on_check=lambda each: checks.append(str(each)))
+    told = len(checks)
+    app.fly(HOP, drone=drone, rehearse=True, on_check=lambda each: checks.append(str(each)))
+    for part in (checks[:told], checks[told:]):
+        assert any("the image is dark" in check for check in part)
 
 
-def test_a_live_mission_is_not_stopped_to_collect_what_was_loaded_before_it(tmp_path: Path) -> None:
+def test_a_live_mission_is_not_stopped_to_collect_what_was_loaded_before_it() -> None:
     drone = Live(PlainConfig().create())
-    app.fly(tree_file(tmp_path, HOP), drone=drone)
+    app.fly(HOP, drone=drone)
     assert min(drone.frozen) > 10_000
     assert gc.get_freeze_count() == 0

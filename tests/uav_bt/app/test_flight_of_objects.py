@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ from behaviours.fly.look import HoverFor
 from behaviours.fly.take_off import TakeOff
 from behaviours.policies.segmentation_rule import SegmentationRule
 from sim_bridge.twin import TwinConfig
+from tests.worlds.records import ANYWHERE
+from tests.worlds.trees import document
 from uav_bt import app
 from uav_bt.answers import Advance, Answer
 from uav_bt.app.replay import ReplayOptions, replay
@@ -31,29 +34,19 @@ from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, load_tree
 from uav_bt.tree.nodes import Sequence
 from uav_bt.types import Hover
 
-# --- definitions of a notebook --------------------------------------------------------------------
-
-
-ANYWHERE = app.JudgeConfig(land_on=app.LandOn.ANY)
-
 
 class Peek(Leaf):
-    """Hover for some ticks and record the height."""
+    """Hover for some ticks."""
 
     ports = (Port("ticks", int, default=3, doc="how many ticks"),)
-    reads = (STATE,)
 
     def initialise(self) -> None:
-        self.heights_m: list[float] = []
+        self._left = self.port_value("ticks")
 
     def update(self) -> Status:
-        state = self.read(STATE).value
-        if state is not None:
-            self.heights_m.append(state.height_above_ground_m)
-        if len(self.heights_m) > self.port_value("ticks"):
-            return Status.SUCCESS
+        self._left -= 1
         self.propose(Hover())
-        return Status.RUNNING
+        return Status.RUNNING if self._left > 0 else Status.SUCCESS
 
 
 class Careful:
@@ -148,48 +141,6 @@ def test_a_leaf_that_raises_is_named_with_its_line_in_the_report(tmp_path: Path)
     assert json.loads(report.read_text(encoding="utf-8"))["reason"] == str(caught.value)
 
 
-# --- trees ----------------------------------------------------------------------------------------
-
-
-def composed() -> MissionTree:
-    return MissionTree(
-        Sequence("body", [TakeOff("up", height_m=1.2), Peek("peek"), Land()]), name="Hop"
-    )
-
-
-def scripted(**options: object) -> app.FlightOptions:
-    return app.FlightOptions(drone=ScriptedDrone(), judge=ANYWHERE, **options)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"options": {"scene": "val-a"}}, r"options: expected FlightOptions\(\.\.\.\), got \{'sc"),
-        ({"registry": [Peek]}, r"registry: expected NodeRegistry.installed.*, got \[<class"),
-        ({"listeners": [3]}, r"listeners: expected a list of functions, .*, got 3"),
-        ({"listeners": print}, r"listeners: expected a list of functions, .*, got <built-in"),
-    ],
-)
-def test_arguments_of_another_type_are_refused(given: dict[str, Any], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        app.fly("land_only", **given)
-
-
-def test_what_does_not_fit_a_composed_tree_is_refused_before_the_flight() -> None:
-    drone, low = ScriptedDrone(), app.Limits(ceiling_m=1.0)
-    ceiling = r"/up' is to fly at 1\.2 m, above the ceiling of 1 m: lower the flight height"
-    for how, message in (
-        ({"listeners": [print]}, r"listeners: .* that return a list, .*, got None"),
-        ({"policies": {"pek": "corridor"}}, "no node of that name or path; did you mean 'peek'"),
-        ({"policies": {"peek": "corridor"}}, "override of 'peek': unknown attribute 'policy'"),
-        ({"site": app.Site(limits=low)}, ceiling),
-        ({"limits": low}, ceiling),
-    ):
-        with pytest.raises(InputError, match=message):
-            app.fly(composed(), drone=drone, **how)  # type: ignore[arg-type]
-    assert not drone.commands
-
-
 def test_options_and_site_replace_attributes_of_a_tree_object() -> None:
     tree = app.check("explore_and_land_segmentation")
     policy = Careful()
@@ -205,33 +156,19 @@ def test_options_and_site_replace_attributes_of_a_tree_object() -> None:
     assert tree.replaced[values["Explore"].path] == {"policy": f"{__name__}.Careful"}
 
 
+def scripted(**options: object) -> app.FlightOptions:
+    return app.FlightOptions(drone=ScriptedDrone(), judge=ANYWHERE, **options)  # type: ignore[arg-type]
+
+
 def test_what_was_replaced_in_a_loaded_tree_is_replayed(tmp_path: Path) -> None:
     """The file alone would give a different flight."""
     file, record = tmp_path / "hop.xml", tmp_path / "flight.mcap"
-    file.write_text(
-        '<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence><TakeOff height_m="1.0"/>'
-        '<HoverFor seconds="0.3"/><Land/></Sequence></BehaviorTree></root>',
-        encoding="utf-8",
-    )
+    body = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="0.3"/><Land/></Sequence>'
+    file.write_text(document(body), encoding="utf-8")
     tree = load_tree(file, overrides={"TakeOff": {"height_m": "1.9"}, "HoverFor": {"seconds": "1"}})
     app.fly(tree, scripted(record=record))
     assert replay(record).same
     assert not replay(record, ReplayOptions(tree=file)).same
-
-
-@pytest.mark.parametrize(
-    ("tree", "message"),
-    [
-        (3, "tree: expected a mission's name, a tree file, its text, or a tree, got 3"),
-        (Land, r"tree: expected .*, got the class Land: write Land\(\.\.\.\)"),
-        ("<root", "<text>.*not well-formed"),
-        ("hoover", "no such tree file"),
-    ],
-)
-def test_what_is_no_mission_is_refused(tree: app.Mission, message: str) -> None:
-    for use in (app.check, app.assemble, app.fly):
-        with pytest.raises(InputError, match=message):
-            use(tree)
 
 
 # --- roots of trees -------------------------------------------------------------------------------
@@ -280,8 +217,9 @@ def test_a_tree_of_py_trees_flies_the_flight_of_its_nodes() -> None:
         app.fly(root, drone="plain", judge=ANYWHERE, seed=1)
 
 
-def test_a_replay_is_given_the_tree_again(tmp_path: Path) -> None:
-    record = tmp_path / "hop.mcap"
+def test_a_tree_of_py_trees_takes_ports_and_a_replay_is_given_it_again(tmp_path: Path) -> None:
+    tree, record = app.check(hop(), ports={"TakeOff.height_m": 1.7}), tmp_path / "hop.mcap"
+    assert tree.find("hop/hop/TakeOff").literals["height_m"] == 1.7
     app.fly(hop(), scripted(record=record))
     with pytest.raises(FileError, match=r"lacks its tree file \(hop \(composed in Python\)\)"):
         replay(record)
@@ -290,17 +228,62 @@ def test_a_replay_is_given_the_tree_again(tmp_path: Path) -> None:
     assert again.tree == "hop (composed in Python)"
 
 
-def test_what_needs_a_file_is_refused(tmp_path: Path) -> None:
-    for refused, words in (
-        (lambda: app.fly(hop(), drone="plain", watch=print), "watch: expected a tree file"),
-        (lambda: make_plan([hop()]), r"a campaign flies tree files, .*; got <py_trees"),  # type: ignore[list-item]
-        (lambda: app.check(hop(), variables={"laps": 3}), "variables: for tree files only; 'hop'"),
+# --- refusals -------------------------------------------------------------------------------------
+
+
+def composed() -> MissionTree:
+    return MissionTree(
+        Sequence("body", [TakeOff("up", height_m=1.2), Peek("peek"), Land()]), name="Hop"
+    )
+
+
+LOW = app.Limits(ceiling_m=1.0)
+CEILING = r"/up' is to fly at 1\.2 m, above the ceiling of 1 m: lower the flight height"
+
+
+@pytest.mark.parametrize(
+    ("make", "how", "message"),
+    [
         (
-            lambda: app.check(hop(), tree_folders=app.TreeFolders(trees=[tmp_path])),
-            "tree_folders: for tree files only",
+            str,
+            {"options": {"scene": "val-a"}},
+            r"options: expected FlightOptions\(\.\.\.\), got \{'",
         ),
-    ):
-        with pytest.raises(InputError, match=words):
-            refused()
-    tree = app.check(hop(), ports={"TakeOff.height_m": 1.7})
-    assert tree.find("hop/hop/TakeOff").literals["height_m"] == 1.7
+        (str, {"registry": [Peek]}, r"registry: expected NodeRegistry.installed.*, got \[<class"),
+        (str, {"listeners": [3]}, r"listeners: expected a list of functions, .*, got 3"),
+        (str, {"listeners": print}, r"listeners: expected a list of functions, .*, got <built-in"),
+        (composed, {"listeners": [print]}, r"listeners: .* that return a list, .*, got None"),
+        (composed, {"policies": {"pek": "corridor"}}, "node of that .*; did you mean 'peek'"),
+        (composed, {"policies": {"peek": "corridor"}}, "of 'peek': unknown attribute 'policy'"),
+        (composed, {"site": app.Site(limits=LOW)}, CEILING),
+        (composed, {"limits": LOW}, CEILING),
+        (hop, {"watch": print}, "watch: expected a tree file"),
+        (hop, {"variables": {"laps": 3}}, "variables: for tree files only; 'hop'"),
+        (hop, {"tree_folders": app.TreeFolders(trees=["."])}, "tree_folders: for tree files only"),
+    ],
+)
+def test_what_does_not_fit_is_refused_before_the_flight(
+    make: Callable[[], Any], how: dict[str, Any], message: str
+) -> None:
+    drone = ScriptedDrone()
+    given = {} if "options" in how else {"drone": drone}
+    with pytest.raises(InputError, match=message):
+        app.fly(make() or "land_only", **given, **how)
+    assert not drone.commands
+
+
+@pytest.mark.parametrize(
+    ("tree", "message"),
+    [
+        (3, "tree: expected a mission's name, a tree file, its text, or a tree, got 3"),
+        (Land, r"tree: expected .*, got the class Land: write Land\(\.\.\.\)"),
+        ("<root", "<text>.*not well-formed"),
+        ("hoover", "no such tree file"),
+    ],
+)
+def test_what_is_no_mission_is_refused(tree: app.Mission, message: str) -> None:
+    for use in (app.check, app.assemble, app.fly):
+        with pytest.raises(InputError, match=message):
+            use(tree)
+    with pytest.raises(InputError, match=r"a campaign flies tree files, .*; got <py_trees"):
+        make_plan([hop()])  # type: ignore[list-item]

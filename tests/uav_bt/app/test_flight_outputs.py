@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,45 +22,42 @@ from uav_bt.mission.drone_wrapper import DroneWrapper
 from uav_bt.protocols import Still, StillCamera, StillState
 from uav_bt.types.flight_results import EventKind
 
-HOP = '<BehaviorTree ID="Hop"><Sequence><TakeOff/><Land/></Sequence></BehaviorTree>'
+HOP = document("<Sequence><TakeOff/><Land/></Sequence>", tree_id="Hop")
+MAIN = '<root BTCPP_format="4" main_tree_to_execute="Hop"><include path="hop.xml"/></root>'
+FILES = {
+    "hop.xml": HOP,
+    "hop.tree": HOP,
+    "main.xml": MAIN,
+    "main.tree": MAIN.replace("hop.xml", "hop.tree"),
+    "scene.yaml": "helipad: {position_m: [0, 0]}\n",
+    "flight.mcap": "record",
+    "hall.onnx": "\0 network",
+    "hall.txt": "network: {model: hall.onnx}\n",
+}
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    for name, text in {
-        "hop.xml": f'<root BTCPP_format="4">{HOP}</root>',
-        "main.xml": '<root BTCPP_format="4" main_tree_to_execute="Hop"><include path="hop.xml"/>'
-        "</root>",
-        "scene.yaml": "helipad: {position_m: [0, 0]}\n",
-        "flight.mcap": "record",
-    }.items():
+    for name, text in FILES.items():
         Path(name).write_text(text, encoding="utf-8")
     return tmp_path
 
 
 @pytest.mark.usefixtures("folder")
-def test_the_files_of_a_loaded_tree_and_of_a_drone_are_inputs() -> None:
-    tree = app.check("main.xml")
-    for name in ("main.xml", "hop.xml"):
-        with pytest.raises(FileError, match=f"^{name}: is an input"):
-            app.fly(tree, report=name)
-    with pytest.raises(FileError, match=r"^scene\.yaml: is an input"):
-        app.fly("hop.xml", drone=TwinConfig(scene="scene.yaml"), report="scene.yaml")
-
-
-@pytest.mark.usefixtures("folder")
-def test_files_that_files_of_any_suffix_name_are_inputs() -> None:
-    Path("hop.xml").rename("hop.tree")
-    Path("main.tree").write_text(Path("main.xml").read_text().replace("hop.xml", "hop.tree"))
-    Path("hall.onnx").write_bytes(b"\0 network")
-    Path("hall.txt").write_text("network: {model: hall.onnx}\n")
+def test_what_a_flight_reads_is_an_input_whatever_its_suffix() -> None:
     see = document('<Sequence><Segment model="hall.onnx"/><TakeOff/><Land/></Sequence>')
-    for tree, site in (("main.tree", "hall.txt"), (see, None)):
-        with pytest.raises(FileError, match=r"^hall\.onnx: is an input"):
-            app.fly(tree, site=site, drone="plain", report="hall.onnx")
-    with pytest.raises(FileError, match=r"^hop\.tree: is an input"):
-        app.fly("main.tree", drone="plain", report="hop.tree")
+    loaded = app.check("main.xml")
+    for tree, how, name in (
+        (loaded, {}, "main.xml"),
+        (loaded, {}, "hop.xml"),
+        ("hop.xml", {"drone": TwinConfig(scene="scene.yaml")}, "scene.yaml"),
+        ("main.tree", {"drone": "plain"}, "hop.tree"),
+        ("main.tree", {"drone": "plain", "site": "hall.txt"}, "hall.onnx"),
+        (see, {"drone": "plain"}, "hall.onnx"),
+    ):
+        with pytest.raises(FileError, match=f"^{re.escape(name)}: is an input"):
+            app.fly(tree, app.FlightOptions(**how), report=name)
 
 
 @pytest.mark.usefixtures("folder")
@@ -109,14 +107,11 @@ def test_a_flight_writes_its_results_to_its_folder(folder: Path) -> None:
     assert len(table) == 1 + len(flown.objects)
 
 
-def test_a_folder_with_files_is_refused_before_anything_flies(folder: Path) -> None:
+def test_a_report_may_lie_elsewhere_and_a_folder_with_files_is_refused(folder: Path) -> None:
     before = {file: file.read_bytes() for file in folder.iterdir()}
     with pytest.raises(FileError, match="has files, and a flight writes to an empty"):
         app.fly("hop.xml", PLAIN, out=folder)
     assert {file: file.read_bytes() for file in folder.iterdir()} == before
-
-
-def test_a_report_may_lie_elsewhere(folder: Path) -> None:
     flown = app.fly("hop.xml", PLAIN, out="results", report="told.json")
     assert flown.outcome == "success"
     assert flown.objects is None
@@ -168,17 +163,12 @@ class Camera:
 class PhotographingDrone(DroneWrapper):
     """The plain drone with a camera for photographs."""
 
-    camera_of_photos: Camera
-
-    @property
-    def stills(self) -> StillCamera | None:
-        return self.camera_of_photos
+    stills: StillCamera | None = None
 
 
 def fly(camera: Camera, out: Path) -> app.FlownMission:
     drone = PhotographingDrone(PlainConfig(profile="ideal", scene="val-a").create())
-    drone.camera_of_photos = camera
-    assert drone.stills is camera
+    drone.stills = camera
     assert RehearsedDrone(drone).stills is None
     return app.fly(TWO_PHOTOS, drone=drone, out=out)
 

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from perception.control.runtime import SHIPPED_STUDENT
-from sim_bridge.plain import PlainConfig
+from sim_bridge.twin.referee import TwinReferee
 from sim_bridge.twin.scene_file import load_scene
 from tests.paper_lab import BACKGROUND
 from uav_bt import app
@@ -20,37 +20,24 @@ from uav_bt.app.place import drawn_places
 from uav_bt.app.view.recorded import RecordedFlight
 from uav_bt.board import SITE_MAP
 from uav_bt.campaign import make_plan
-from uav_bt.mission.drone_wrapper import DroneWrapper
 from uav_bt.mission.tick import TickRecord
-from uav_bt.protocols import Drone, Referee
+from uav_bt.protocols import Drone
 from uav_bt.record.reader import RecordReader
 from uav_bt.tree import load_tree
 from uav_bt.tree.shipped import resolve_tree
-from uav_bt.types import Frame, Pose2D
+from uav_bt.types import Pose2D
 
 pytestmark = pytest.mark.flight
 
-# --- surveys --------------------------------------------------------------------------------------
 
+def test_a_survey_without_ground_lands_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The floor is not ground in any mask."""
 
-class GroundlessDrone(DroneWrapper):
-    """A drone over a floor that is not ground in any mask."""
+    def background(_: object, _frame: object, width_px: int, height_px: int) -> NDArray[np.uint8]:
+        return np.full((height_px, width_px), BACKGROUND, dtype=np.uint8)
 
-    @property
-    def referee(self) -> Referee | None:
-        referee = self._drone.referee
-        if referee is not None:
-            referee.class_ids = background  # type: ignore[method-assign]
-        return referee
-
-
-def background(_: Frame, width_px: int, height_px: int) -> NDArray[np.uint8]:
-    return np.full((height_px, width_px), BACKGROUND, dtype=np.uint8)
-
-
-def test_a_survey_without_ground_lands_where_it_is() -> None:
-    drone = GroundlessDrone(PlainConfig(seed=1).create())
-    report = app.fly("survey_and_land", drone=drone, seed=1, exact_masks=True)
+    monkeypatch.setattr(TwinReferee, "class_ids", background)
+    report = app.fly("survey_and_land", drone="plain", seed=1, exact_masks=True)
     assert report.outcome == "aborted"
     assert report.reason.startswith("no ground in view for 30 s")
     assert any("no ground in view" in warning for warning in report.warnings)
@@ -117,9 +104,6 @@ def test_a_flight_and_its_record_have_the_same_path_and_map(tmp_path: Path) -> N
     times, maps = zip(*recorded.maps(), strict=True)
     assert np.diff(times) == pytest.approx(0.5, abs=0.11)
     assert maps[-1].ground.sum() == pytest.approx(flown.site_map.ground.sum(), rel=0.1)
-
-
-# --- a network, places of a file ------------------------------------------------------------------
 
 
 def test_a_network_without_an_answer_lets_the_drone_hover(tmp_path: Path) -> None:

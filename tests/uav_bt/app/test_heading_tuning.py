@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from behaviours.fly.heading_control import HeadingGains
-from tests.worlds.cli import HOP, assert_refused, run
+from tests.worlds.cli import HOP, run
+from tests.worlds.trees import document
 from uav_bt import app
 from uav_bt.app.heading_tuning import (
     YawResponse,
@@ -157,21 +157,17 @@ class Swing(Leaf):
         return Status.RUNNING
 
 
-def swing_record(folder: Path, profile: str, seed: int = 9) -> Path:
-    path = folder / f"{profile}-{seed}.mcap"
-    text = HOP.replace("<Land/>", '<HoverFor seconds="1"/><Swing/><Land/>')
-    tree = f'<root BTCPP_format="4"><BehaviorTree ID="Main">{text}</BehaviorTree></root>'
-    options = app.FlightOptions(drone="plain", profile=profile, seed=seed, record=path)
-    app.fly(tree, options, registry=NodeRegistry.installed().with_nodes(Swing))
-    return path
-
-
 def test_shipped_gains_keep_their_margins_on_the_twin(tmp_path: Path) -> None:
     """6 dB and 45 degrees or more on the response of two flights.
 
     The flights differ in the age of the telemetry at the ticks.
     """
-    records = [swing_record(tmp_path, "harsh", seed) for seed in (9, 10)]
+    text = document(HOP.replace("<Land/>", '<HoverFor seconds="1"/><Swing/><Land/>'))
+    registry, records = NodeRegistry.installed().with_nodes(Swing), list[Path]()
+    for seed in (9, 10):
+        records.append(tmp_path / f"{seed}.mcap")
+        options = app.FlightOptions(drone="plain", profile="harsh", seed=seed, record=records[-1])
+        app.fly(text, options, registry=registry)
     response, _ = identify([one for record in records for one in yaw_series(record)])
     assert 0.15 < response.delay_s + response.lag_s < 0.6
     assert response.gain == pytest.approx(1.1, abs=0.15)
@@ -185,11 +181,3 @@ def test_shipped_gains_keep_their_margins_on_the_twin(tmp_path: Path) -> None:
     assert "shipped gains: P 1.20 1/s" in result.stdout
     assert "suggested gains: P" in result.stdout
     assert out.read_bytes().startswith(b"\x89PNG")
-
-
-def test_a_missing_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delitem(sys.modules, "uav_bt.app.heading_tuning", raising=False)
-    monkeypatch.delattr(app, "heading_tuning", raising=False)
-    monkeypatch.setitem(sys.modules, "control", None)
-    result = run("lab", "tune-heading", tmp_path / "any.mcap")
-    assert_refused(result, 'pip install -c constraints.txt -e ".[design]"')

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -9,8 +11,9 @@ from typing import Any
 
 import pytest
 
-from tests.worlds.trees import check, document
+from tests.worlds.trees import check, document, subtree, tree_file
 from uav_bt import app
+from uav_bt.app import provenance
 from uav_bt.app.assembly import assemble
 from uav_bt.app.loading import load_mission
 from uav_bt.app.options import FlightOptions
@@ -18,16 +21,19 @@ from uav_bt.errors import InputError
 from uav_bt.tree import NodeRegistry, parse_tree
 from uav_bt.tree.registry import with_leaves
 
+UP = subtree("Up", '<TakeOff height_m="{to_m}"/>')
+
 
 @pytest.mark.parametrize(
     ("body", "message"),
     [
         ('<HoverFor seconds="{t}"/>', "nothing sets variable 't' of tree 'Main'"),
         ('<Parallel><HoverFor/><Turn degrees="90"/></Parallel>', "ask for a movement in the same"),
+        ('<SubTree ID="Up" to_m="2.6"/>', r"node 'Main/Sequence/Up/TakeOff' is to fly at 2\.6 m"),
     ],
 )
 def test_what_fails_in_the_air_is_refused_on_the_ground(body: str, message: str) -> None:
-    text = document(f"<Sequence>{body}<Land/></Sequence>")
+    text = document(f"<Sequence>{body}<Land/></Sequence>", UP)
     for refused in (partial(load_mission, options=FlightOptions()), app.check, app.assemble):
         with pytest.raises(InputError, match=message):
             refused(text)
@@ -36,17 +42,12 @@ def test_what_fails_in_the_air_is_refused_on_the_ground(body: str, message: str)
 # --- values of ports from outside -----------------------------------------------------------------
 
 
-def heights(body: str, ports: dict[str, object]) -> list[float]:
-    """Return the heights of the take-offs of a mission that is loaded with these values."""
-    text = document(f"<Sequence>{body}<Land/></Sequence>")
-    loaded = load_mission(text, FlightOptions(ports=ports))  # type: ignore[arg-type]
-    return [leaf.port_value("height_m") for leaf in loaded.leaves() if leaf.name != "Land"]
-
-
 def test_a_value_from_outside_replaces_the_one_of_the_file() -> None:
-    assert heights('<TakeOff height_m="1"/>', {"TakeOff.height_m": 1.2}) == [1.2]
-    two = '<TakeOff name="a"/><TakeOff name="b.c"/>'
-    assert heights(two, {"Main/Sequence/a.height_m": "0.9", "b.c.height_m": 1.1}) == [0.9, 1.1]
+    body = '<Sequence><TakeOff name="a"/><TakeOff name="b.c"/><TakeOff/><Land/></Sequence>'
+    ports = {"Main/Sequence/a.height_m": "0.9", "b.c.height_m": 1.1, "TakeOff.height_m": 1.2}
+    loaded = load_mission(document(body), FlightOptions(ports=ports))
+    heights_m = [leaf.port_value("height_m") for leaf in [*loaded.leaves()][:3]]
+    assert heights_m == [0.9, 1.1, 1.2]
 
 
 @pytest.mark.parametrize(
@@ -55,7 +56,7 @@ def test_a_value_from_outside_replaces_the_one_of_the_file() -> None:
         ({"TakeOf.height_m": 1}, "no node of that name or path; did you mean 'TakeOff'"),
         ({"HoverFor.seconds": 1}, r"fits 2 nodes: .*'Main/Sequence/HoverFor#2.seconds'"),
         ({"Explore.policy": "coverage"}, "'Explore.policy' is given two values"),
-        ({"seconds": 1}, "ports: expected values by node and port"),
+        ({"seconds": 1}, "expected NODE.PORT, such as TakeOff.height_m, got"),
         ({"TakeOff.height_m": None}, r"ports\['TakeOff.height_m'\]: expected a text, a number"),
         ("laps=3", "ports: expected values by node and port, such as"),
     ],
@@ -173,3 +174,45 @@ def test_policies_and_drones_of_a_python_file(tmp_path: Path) -> None:
         assemble("land_only", drone="Slow")
     registry = with_leaves(NodeRegistry.installed(), [file])
     assert check(text, registry) == ()
+
+
+# --- provenance -----------------------------------------------------------------------------------
+
+
+def test_the_networks_that_a_mission_loads_are_named_with_their_checksums() -> None:
+    weights = provenance.weights_of(app.check("explore_and_land_segmentation"))
+    assert list(weights) == ["unet.onnx"]
+    assert len(weights["unet.onnx"]) == 64
+
+
+def test_a_mission_s_text_decides_over_its_checksum(tmp_path: Path) -> None:
+    """The included file counts like the mission's own."""
+    part = tree_file(tmp_path, "<AlwaysSuccess/>", "down.xml")
+    text = '<root BTCPP_format="4" main_tree_to_execute="Main"><include path="down.xml"/></root>'
+    (tmp_path / "mission.xml").write_text(text)
+    one = provenance.sha256_of(app.check(tmp_path / "mission.xml"))
+    part.write_text(document("<AlwaysFailure/>"))
+    assert provenance.sha256_of(app.check(tmp_path / "mission.xml")) != one
+
+
+def test_git_is_not_needed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    assert provenance.commit(tmp_path) is None  # no checkout
+    monkeypatch.setattr(provenance.shutil, "which", lambda _: None)
+    provenance.commit.cache_clear()
+    assert provenance.commit() is None
+    provenance.commit.cache_clear()
+
+
+def test_looking_at_a_checkout_changes_nothing_in_it(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.write_text("one")
+    git = ["git", "-C", str(tmp_path), "-c", "user.name=a", "-c", "user.email=a@b"]
+    for words in (["init", "-q"], ["add", "file"], ["commit", "-q", "-m", "one"]):
+        subprocess.run([*git, *words], check=True)  # noqa: S603 - git itself
+    os.utime(file, (1.0, 1.0))  # git would check the file again and update its index
+    index = tmp_path / ".git" / "index"
+    before = index.read_bytes()
+    head = provenance.commit(tmp_path)
+    assert head is not None
+    assert not head.endswith("+changes")
+    assert index.read_bytes() == before

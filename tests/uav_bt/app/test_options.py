@@ -18,13 +18,14 @@ from sim_bridge.olympe.config import OlympeConfig
 from sim_bridge.plain import PlainConfig
 from sim_bridge.twin import TwinConfig
 from tests.uav_bt.campaign.campaign_world import plan
+from tests.worlds.tables import cases
 from uav_bt import app
 from uav_bt.answers import Advance, Answer
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
 from uav_bt.protocols import PolicyView
-from uav_bt.testing import ScriptedDrone
+from uav_bt.testing import Fault, ScriptedDrone
 from uav_bt.types import Airframe, Clearances
 
 
@@ -44,37 +45,13 @@ class NotADrone:
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"seed": -1}, r"seed: expected a number greater than or equal to 0, got -1"),
-        ({"seed": 1.5}, r"seed: expected a valid integer, got 1\.5"),
-        ({"seed": True}, r"seed: expected a valid integer, got True"),
-        ({"movers": 9}, r"movers: expected a number less than or equal to 8, got 9"),
-        ({"inference_threads": 0}, r"inference_threads: expected .* equal to 1, got 0"),
-        ({"image_size_px": 640}, r"image_size_px: expected a valid tuple, got 640"),
-        ({"image_size_px": (640, 360, 3)}, r"image_size_px: Tuple should have at most 2 items"),
-        ({"image_size_px": (640, -360)}, r"image_size_px: expected .* equal to 1, got -360"),
-        ({"profile": 3}, r"profile: expected a valid string, got 3"),
-        ({"scene": 3}, r"scene: expected a valid string, got 3"),
-        ({"record": ""}, r"record: String should have at least 1 character, got ''"),
-        ({"record": "flight.mp4"}, r"record: expected a file whose name ends in \.mcap"),
-        ({"site": 3}, r"Site: expected a Site, its file or its name, got 3"),
-        ({"faults": "wind"}, r"faults: 'str' instances are not allowed .*, got 'wind'"),
-        ({"leaves": [3]}, r"leaves: expected a valid string, got 3"),
-        ({"variables": {"laps": None}}, r"variables\['laps'\]: expected a text, a number, True or"),
-        ({"variables": {3: 1}}, "variables: expected values by variable, such as .*, got 3"),
-        ({"site": "nowhere.yaml"}, r"nowhere\.yaml"),
-        ({"record_quality": "low"}, r"record_quality: expected 'lossless', .*, got 'low'"),
-        ({"realtime": "no"}, r"realtime: expected a valid boolean, got 'no'"),
-        ({"judge": 600.0}, r"judge: expected an instance of JudgeConfig, got 600\.0"),
-        ({"limits": {"ceiling_m": 2}}, r"limits: expected an instance of Limits, got \{'ceil"),
-        ({"sceen": "val-a"}, r"unknown flight option 'sceen'; did you mean 'scene'"),
-        ({"policies": "corridor"}, r"policies: expected policies by node, such as .*'corridor'"),
-        ({"policies": {1: "corridor"}}, r"policies: expected the name or path of a node, got 1"),
+        *cases("refusals")["options"],
         (
             {"policies": {"Explore": max}},
             r"policies\['Explore'\]: expected a policy's name, or an object with `decide`, got",
         ),
         ({"policies": {"Explore": Ahead}}, r"got the class Ahead: write Ahead\(\.\.\.\)"),
-        ({"drone": ""}, r"drone: expected a drone's name, a configuration .*got ''"),
+        ({"faults": [Fault.parse("wind")]}, "faults: expected a valid string, got"),
         ({"drone": TwinConfig}, r"got the class TwinConfig: write TwinConfig\(\.\.\.\)"),
         ({"drone": NotADrone()}, r"NotADrone lacks clock, referee, scene, .*disconnect"),
         (
@@ -130,6 +107,11 @@ def test_every_number_is_checked_when_it_is_given(make: Callable[..., Any]) -> N
         (app.Site, {"http_port": 70_000}, "must be a positive whole number up to 65535, got 70000"),
         (plan, {"flights": 0}, "must be a positive whole number, got 0"),
         (app.JudgeConfig, {"land_on": "nowhere"}, "unknown land_on 'nowhere' .*ground, mark, none"),
+        (app.TreeFolders, {"trees": "parts"}, "trees: expected a list of folders, got 'parts'"),
+        (app.TreeFolders, {"trees": [3]}, "trees: expected a folder, as str or Path, got 3"),
+        (app.TreeFolders, {"include_root": ""}, "include_root: expected a folder"),
+        (app.TreeFolders, {"packages": ["robot"]}, "expected folders by the name of a ROS package"),
+        (app.TreeFolders, {"packages": {"robot": None}}, r"packages\['robot'\]: expected a folder"),
     ],
 )
 def test_values_of_nested_settings_are_refused(
@@ -191,9 +173,6 @@ def test_keywords_replace_values_of_options_that_several_flights_share() -> None
     assert shared.seed == 0
 
 
-# --- drones ---------------------------------------------------------------------------------------
-
-
 def test_objects_and_configurations_fly_as_they_are_but_for_the_place() -> None:
     """A drone with propeller guards; a site replaces what a configuration says of the place."""
     drone = ScriptedDrone()
@@ -212,9 +191,6 @@ def test_objects_and_configurations_fly_as_they_are_but_for_the_place() -> None:
     config: AnafiConfig = placed._config
     assert (config.address, config.http_port, config.rtsp_port) == ("127.0.0.1", 8080, 8554)
     assert (config.take_off_surface_m, config.speed_limit_mps) == (0.4, 0.5)
-
-
-# --- help -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from tests.worlds.records import ANYWHERE
 from uav_bt import app
 from uav_bt.app.assembly import Flight, assemble
 from uav_bt.app.reload import TreeReload
@@ -35,19 +36,15 @@ def path(tmp_path: Path) -> Path:
     return path
 
 
-# --- trees ----------------------------------------------------------------------------------------
-
-
 class World:
     """A flight of a scripted drone whose tree file is watched."""
 
-    def __init__(self, path: Path, options: app.FlightOptions | None = None) -> None:
+    def __init__(self, path: Path) -> None:
         self.clock = ManualClock()
         self.notes: list[str] = []
         drone = ScriptedDrone()
         drone.connect()
-        options = options or app.FlightOptions(drone=drone)
-        self.flight: Flight[Drone] = assemble(path, options)
+        self.flight: Flight[Drone] = assemble(path, drone=drone)
         self.flight.mission.setup(self.flight.context)
         self.reload = TreeReload(self.flight, path, None, self.notes.append, timer=self.clock.now)
 
@@ -128,7 +125,7 @@ def test_included_files_are_watched_those_of_a_refused_edit_too(path: Path) -> N
     body = '<Sequence><SubTree ID="Part"/></Sequence>'
 
     def write_part(wait: str) -> None:
-        content = text(HIGH + wait).replace("Main", "Part").replace(HIGH + wait, wait)
+        content = text(wait).replace("Main", "Part")
         part.write_text(content.replace(' main_tree_to_execute="Part"', ""), encoding="utf-8")
 
     world = World(path)
@@ -143,16 +140,12 @@ def test_included_files_are_watched_those_of_a_refused_edit_too(path: Path) -> N
     assert world.flight.mission.sources[part.resolve()] == part.read_bytes()
 
 
-# --- flights --------------------------------------------------------------------------------------
-
-
 def test_a_flight_goes_on_with_the_edited_tree(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Clock and board continue; halted leaves propose no more movements."""
     monkeypatch.setattr("uav_bt.app.reload._POLL_S", 0.0)
     land = '<Sequence><TakeOff height_m="1.2"/><HoverFor name="low" seconds="1"/><Land/></Sequence>'
     edits = {60: "<root", 80: text(land)}
-    notes: list[str] = []
-    ticks: list[TickRecord] = []
+    notes, ticks = list[str](), list[TickRecord]()
 
     class Edits:
         def on_tick(self, record: TickRecord) -> None:
@@ -160,12 +153,8 @@ def test_a_flight_goes_on_with_the_edited_tree(path: Path, monkeypatch: pytest.M
             if record.index in edits:
                 path.write_text(edits[record.index], encoding="utf-8")
 
-    report = app.fly(
-        path,
-        app.FlightOptions(drone=ScriptedDrone(), judge=app.JudgeConfig(land_on=app.LandOn.ANY)),
-        listeners=[lambda _: [Edits()]],
-        watch=notes.append,
-    )
+    options = app.FlightOptions(drone=ScriptedDrone(), judge=ANYWHERE)
+    report = app.fly(path, options, listeners=[lambda _: [Edits()]], watch=notes.append)
     assert report.outcome == "success", report.reason
     assert "The edited tree is refused; the one before it flies on." in notes[0]
     assert notes[1].endswith("the edited tree flies, from its root on")
@@ -179,10 +168,8 @@ def test_a_flight_goes_on_with_the_edited_tree(path: Path, monkeypatch: pytest.M
     assert report.ticks == len(ticks)
 
 
-class LiveDrone(ScriptedDrone):
-    def __init__(self) -> None:
-        super().__init__()
-        self.live = True
+LIVE = ScriptedDrone()
+LIVE.live = True
 
 
 @pytest.mark.parametrize(
@@ -191,7 +178,7 @@ class LiveDrone(ScriptedDrone):
         ("land_only", {}, "tree file"),
         (text(HIGH), {}, "tree file"),
         ("mission.xml", {"report": "report.json"}, "a report shows one tree"),
-        ("mission.xml", {"drone": LiveDrone()}, "simulated drones only"),
+        ("mission.xml", {"drone": LIVE}, "simulated drones only"),
     ],
 )
 def test_what_cannot_be_watched_is_refused(

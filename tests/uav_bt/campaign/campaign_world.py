@@ -16,8 +16,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from uav_bt.app.options import FlightOptions
-from uav_bt.campaign.plan import SHARED, CampaignPlan, FlightTask, PlannedFile
+from uav_bt.app.options import SHARED, FlightOptions
+from uav_bt.campaign.plan import CampaignPlan, FlightTask, PlannedFile
 from uav_bt.campaign.store import CampaignStore
 from uav_bt.errors import InputError
 
@@ -78,7 +78,8 @@ def comparable(flight: dict[str, Any]) -> dict[str, Any]:
 
 def fly(task: FlightTask) -> dict[str, Any]:
     """End with the fate of this seed; `wall_s` of the result is the process id."""
-    fate = task.options["policies"].get(str(task.seed), "lands")
+    seed = task.options.seed
+    fate = task.options.policy_names.get(str(seed), "lands")
     tempfile.mkdtemp()  # a file that its process leaves
     if fate in ("crashes", "exits"):
         select.select([], [], [], 0.3)  # the first moments of a flight
@@ -92,7 +93,7 @@ def fly(task: FlightTask) -> dict[str, Any]:
     if fate == "calls sys.exit":
         sys.exit(3)
     if fate == "has an answer that cannot be sent":
-        return line(task.seed, wall_s=sys.stderr)
+        return line(seed, wall_s=sys.stderr)
     if fate == "raises":
         raise RuntimeError("out of luck")
     if fate == "is refused":
@@ -102,4 +103,4 @@ def fly(task: FlightTask) -> dict[str, Any]:
     if fate.startswith("leaves a cycle to "):
         collected = Path(fate.removeprefix("leaves a cycle to "))
         weakref.finalize(type("Cyclic", (), {}), collected.touch)  # a reference cycle
-    return line(task.seed, tree=task.tree, scene=task.scene, wall_s=os.getpid())
+    return line(seed, tree=task.tree, scene=task.scene, wall_s=os.getpid())

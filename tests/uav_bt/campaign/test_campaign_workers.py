@@ -16,7 +16,6 @@ from tests.uav_bt.campaign.campaign_world import fly, plan
 from uav_bt.campaign import make_plan, run
 from uav_bt.campaign.plan import FlightTask
 from uav_bt.campaign.workers import WorkerPool
-from uav_bt.errors import InputError
 
 HERE = Path(__file__).parents[3]
 
@@ -34,12 +33,6 @@ def worker() -> Iterator[WorkerPool]:
 
 def flown(pool: WorkerPool, fate: str, timeout_s: float = 60.0) -> dict[str, Any]:
     return pool.line_of(pool.start(task(fate), timeout_s))
-
-
-def test_a_worker_flies_one_task_after_the_other_in_one_process(worker: WorkerPool) -> None:
-    first, second = flown(worker, "lands"), flown(worker, "is chatty")
-    assert first == second
-    assert first["outcome"] == "success"
 
 
 def test_what_a_flight_leaves_behind_is_gone_before_the_next(
@@ -65,19 +58,15 @@ def test_what_a_flight_leaves_behind_is_gone_before_the_next(
 def test_a_flight_that_ends_unusually_is_an_error_and_the_next_one_flies(
     worker: WorkerPool, fate: str, reason: str, details: str, processes: int
 ) -> None:
-    before = flown(worker, "lands")
+    before = flown(worker, "is chatty")
     lost = flown(worker, fate, 60.0 if fate != "hangs" else 5.0)
     assert (lost["outcome"], lost["tree"], lost["scene"]) == ("error", "one.xml", "lab")
     assert lost["faults"] == ["random"]
     assert lost["reason"].startswith(reason)
     assert details in lost["details"]
     after = flown(worker, "lands")
+    assert before["outcome"] == after["outcome"] == "success"
     assert len({flight["wall_s"] for flight in (before, after)}) == processes
-
-
-def test_refused_input_is_no_failed_flight(worker: WorkerPool) -> None:
-    with pytest.raises(InputError, match="no such weights"):
-        flown(worker, "is refused")
 
 
 TERMINATED = """
@@ -86,17 +75,24 @@ from uav_bt.tree import Leaf, Status
 
 class Stop(Leaf):
     def update(self):
-        os.kill(os.getpid(), signal.{})
+        {}
         return Status.RUNNING
 """
 
 
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
-def test_a_signal_to_a_worker_in_flight_is_an_error_of_its_flight(
-    name: str, tmp_path: Path
+@pytest.mark.parametrize(
+    ("code", "reason", "has_path"),
+    [
+        ("os.kill(os.getpid(), signal.SIGTERM)", "its process was ended by SIGTERM", False),
+        ("os.kill(os.getpid(), signal.SIGHUP)", "its process was ended by SIGHUP", False),
+        ("raise ValueError('of a leaf')", "ValueError: of a leaf", True),
+    ],
+)
+def test_what_ends_a_flight_in_a_worker_is_its_error(
+    code: str, reason: str, tmp_path: Path, *, has_path: bool
 ) -> None:
     leaves, tree = tmp_path / "leaves.py", tmp_path / "tree.xml"
-    leaves.write_text(TERMINATED.format(name))
+    leaves.write_text(TERMINATED.format(code))
     tree.write_text(
         '<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence>'
         "<TakeOff/><Stop/><Land/></Sequence></BehaviorTree></root>"
@@ -104,7 +100,8 @@ def test_a_signal_to_a_worker_in_flight_is_an_error_of_its_flight(
     planned = make_plan([tree], scenes=["val-a"], flights=1, drone="plain", leaves=[leaves])
     (flight,) = run(planned, tmp_path / "out").flights
     assert flight["outcome"] == "error"
-    assert flight["reason"] == f"its process was ended by {name}"
+    assert reason in flight["reason"]
+    assert ("path" in flight) == has_path, "a flight that has a report keeps it"
 
 
 def test_closing_stops_what_flies_and_what_waits_and_leaves_no_files(

@@ -11,7 +11,6 @@ from distributed import LocalCluster
 
 import uav_bt
 from tests.uav_bt.campaign.campaign_world import comparable, fly, plan
-from uav_bt.campaign import cluster as module
 from uav_bt.campaign.cluster import DaskBackend
 from uav_bt.campaign.runner import LocalBackend, run
 from uav_bt.errors import InputError
@@ -26,11 +25,14 @@ def cluster() -> Iterator[LocalCluster]:
 
 
 def test_a_cluster_flies_the_same_flights(cluster: LocalCluster, tmp_path: Path) -> None:
-    wanted = plan(flights=3, policies={"1": "exits"})
-    there = run(wanted, tmp_path / "there", backend=DaskBackend(cluster.scheduler_address), fly=fly)
+    dask, wanted = DaskBackend(cluster.scheduler_address), plan(flights=3, policies={"1": "exits"})
+    there = run(wanted, tmp_path / "there", backend=dask, fly=fly)
     here = run(wanted, tmp_path / "here", backend=LocalBackend(2), fly=fly)
     assert [comparable(one) for one in there.flights] == [comparable(one) for one in here.flights]
     assert [one["outcome"] for one in there.flights] == ["success", "error", "success"]
+    both = [run(plan(flights=6), tmp_path / name, backend=dask, fly=fly) for name in "ab"]
+    first, second = ({one["wall_s"] for one in each.flights} for each in both)
+    assert not first & second, "each campaign ends its processes"
 
 
 def test_workers_with_another_version_are_refused(
@@ -57,13 +59,3 @@ def test_what_does_not_answer_is_refused_in_time(address: str) -> None:
         asked = silent if address == "a silent one" else address
         with pytest.raises(InputError, match=f"no Dask scheduler answers at {asked} within 0.2 s"):
             next(DaskBackend(asked, connect_s=0.2).run(fly, plan().tasks(), 60.0))
-
-
-def test_a_worker_lets_go_of_its_pools() -> None:
-    task = next(plan().tasks())
-    first = module._fly(fly, task, 60.0)["wall_s"]
-    assert module._fly(fly, task, 60.0)["wall_s"] == first
-    module._close_pools(fly)
-    second = module._fly(fly, task, 60.0)["wall_s"]
-    module._close_pools(fly)
-    assert second != first

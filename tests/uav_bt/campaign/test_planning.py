@@ -14,11 +14,13 @@ import pytest
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from sim_bridge.twin import scene_file
 from tests.sim_bridge.twin.room_world import write_lab
+from tests.uav_bt.app.test_lab_flights import LAB, MARK, SCENE
 from tests.uav_bt.campaign.campaign_world import keep
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign import make_plan, plan_of
 from uav_bt.campaign.plan import CampaignPlan
-from uav_bt.errors import InputError, SceneError, TreeError
+from uav_bt.errors import FileError, InputError, SceneError, TreeError
+from uav_bt.lab.lab import Lab
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.tree.loading.lookup import shipped_trees
 
@@ -49,13 +51,8 @@ def test_shipped_missions_and_scenes_are_named_so_that_every_machine_finds_them(
     parts = ("land_only.xml", "lib/return_to_base.xml")
     texts = [(shipped_trees() / name).read_bytes() for name in parts]
     assert plan.trees[0].sha256 == hashlib.sha256(b"\0".join(texts)).hexdigest()
-
-
-def test_weights_that_the_tree_flies_with_are_in_the_plan(tmp_path: Path) -> None:
-    plan = make_plan(["land_only"], flights=1)
-    flown = (SHIPPED_WEIGHTS / "unet.onnx").read_bytes()
-    assert plan.weights == {"unet.onnx": hashlib.sha256(flown).hexdigest()}
-    assert make_plan([tree(tmp_path / "hop.xml")], flights=1).weights == {}
+    weights = (SHIPPED_WEIGHTS / "unet.onnx").read_bytes()
+    assert plan.weights == {"unet.onnx": hashlib.sha256(weights).hexdigest()}
 
 
 def test_files_are_found_by_pattern_too(tmp_path: Path) -> None:
@@ -67,6 +64,7 @@ def test_files_are_found_by_pattern_too(tmp_path: Path) -> None:
     assert [file.name for file in plan.scenes] == ["one", "two"]
     assert plan.scenes[0].path == str(tmp_path / "one.yaml")
     assert plan.trees[0].path == str(tmp_path / "hop.xml")
+    assert plan.weights == {}, "its leaves need none"
 
 
 def test_a_changed_include_changes_the_plan_of_the_folder(tmp_path: Path) -> None:
@@ -128,7 +126,7 @@ def test_ports_leaves_and_time_limit_travel_with_the_plan(tmp_path: Path) -> Non
     assert plan.leaves_sha256 == {str(leaves): hashlib.sha256(leaves.read_bytes()).hexdigest()}
     again = CampaignPlan.from_json(json.loads(json.dumps(plan.to_json())))
     assert not again.differences(plan)
-    how = next(again.tasks()).flight_options()
+    how = next(again.tasks()).options
     assert how.judge == options.judge
     assert how.ports == {"TakeOff.height_m": "1.1"}
     assert [str(each) for each in how.leaves] == [str(leaves)]
@@ -150,7 +148,7 @@ def test_a_mesh_of_the_lab_is_part_of_the_plan(tmp_path: Path) -> None:
     assert difference.startswith("lab_sha256 hall/cone.obj has changed")
 
 
-# --- variants of the parameters -------------------------------------------------------------------
+# --- variants of the parameters -----------------------------------------------------------------
 
 BODY = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="{wait_s}"/><Land/></Sequence>'
 VARIANTS = """
@@ -176,7 +174,7 @@ def params(tmp_path: Path) -> Path:
 
 def flown(plan: CampaignPlan) -> dict[str, tuple[object, object]]:
     """Return height and wait of each tree's flights, as their workers get them."""
-    options = {task.tree: task.flight_options() for task in plan.tasks()}
+    options = {task.tree: task.options for task in plan.tasks()}
     return {
         tree: (how.ports.get("TakeOff.height_m"), how.variables.get("wait_s"))
         for tree, how in options.items()
@@ -208,3 +206,84 @@ def test_a_wrong_value_of_a_variant_is_refused_by_its_line(hop: Path, params: Pa
     params.write_text(VARIANTS.replace("wait_s: 2", "wait: 2"))
     with pytest.raises(InputError, match=r"params.yaml:6:1: no node uses a variable 'wait'"):
         make_plan([hop], params=params, flights=1)
+
+
+# --- campaigns in a lab --------------------------------------------------------------------------
+
+
+@pytest.fixture
+def hall(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A lab with two scenes in `labs/` of the working directory."""
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "labs" / "hall"
+    (folder / "scenes").mkdir(parents=True)
+    (folder / "camera.yaml").touch()
+    (folder / "lab.yaml").write_text(f"{LAB}{MARK}camera: camera.yaml\n")
+    for name in ("east", "west"):
+        (folder / "scenes" / f"{name}.yaml").write_text(SCENE)
+    tree(tmp_path / "hop.xml")
+    return folder
+
+
+def test_all_scenes_of_the_lab_are_flown_unless_some_are_named(hall: Path) -> None:
+    plan = make_plan(["hop.xml"], flights=1, lab="hall")
+    assert [scene.name for scene in plan.scenes] == ["east", "west"]
+    assert plan.scenes[0].path == str(hall / "scenes" / "east.yaml")
+    for words in (["we*"], ["west"]):
+        named = make_plan(["hop.xml"], scenes=words, flights=1, lab="hall")
+        assert [scene.name for scene in named.scenes] == ["west"]
+    with pytest.raises(InputError, match="'val-a' belongs to the lab 'paper'"):
+        make_plan(["hop.xml"], scenes=["val-a"], flights=1, lab="hall")
+    paper = make_plan(["hop.xml"], flights=1, lab="paper")
+    assert [scene.name for scene in paper.scenes] == ["val-a", "val-b"]
+
+
+def test_the_plan_and_its_flights_keep_the_lab(
+    hall: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = make_plan(["hop.xml"], flights=1, lab="hall")
+    values = json.loads(json.dumps(plan.to_json()))
+    assert values["lab"] == str(hall / "lab.yaml")
+    assert set(values["lab_sha256"]) == {"hall/lab.yaml", "hall/camera.yaml"}
+    monkeypatch.chdir(tmp_path.parent)  # a worker may have another folder
+    again = CampaignPlan.from_json(values)
+    assert again.differences(plan) == []
+    lab = next(again.tasks()).options.lab
+    assert isinstance(lab, Lab)
+    assert lab.file == hall / "lab.yaml"
+
+
+@pytest.mark.parametrize(
+    ("name", "by_lab"), [("lab.yaml", True), ("lab.yaml", False), ("camera.yaml", True)]
+)
+def test_a_changed_lab_is_not_resumed(
+    hall: Path, tmp_path: Path, name: str, *, by_lab: bool
+) -> None:
+    """Without --lab, too: the classes are of the scene's lab."""
+    how = {"lab": "hall"} if by_lab else {"scenes": [str(hall / "scenes" / "east.yaml")]}
+    before = make_plan(["hop.xml"], flights=1, **how)
+    keep(tmp_path / "out", of=before)
+    assert plan_of(tmp_path / "out").differences(before) == []
+    (hall / name).write_text(f"{(hall / name).read_text()}# moved\n")
+    (hall / "segmentation.onnx").write_bytes(b"\x08a network")
+    differences = plan_of(tmp_path / "out").differences(before)
+    assert [each.partition(":")[0][:40] for each in differences] == [
+        f"lab_sha256 hall/{name} has changed (SHA-256 "[:40],
+        "lab_sha256 hall/segmentation.onnx",
+    ]
+
+
+def test_another_lab_is_another_campaign(hall: Path) -> None:
+    assert hall.is_dir()
+    before = make_plan(["land_only"], scenes=["val-a"], flights=1)
+    paper = make_plan(["land_only"], scenes=["val-a"], flights=1, lab="paper")
+    assert paper.to_json()["lab"] == "paper"
+    (difference,) = paper.differences(before)
+    assert difference.startswith("lab_sha256 paper/lab.yaml: was none, now ")
+
+
+def test_a_campaign_whose_lab_is_gone_says_so(hall: Path, tmp_path: Path) -> None:
+    keep(tmp_path / "out", of=make_plan(["hop.xml"], flights=1, lab="hall"))
+    (hall / "lab.yaml").unlink()
+    with pytest.raises(FileError, match=r"labs/hall/lab.yaml: there is no such lab file"):
+        plan_of(tmp_path / "out")

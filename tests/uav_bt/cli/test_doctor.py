@@ -1,4 +1,4 @@
-"""`uav-bt doctor` and the options of `uav-bt fly` for real drones."""
+"""`uav-bt doctor`, `serve-anafi`, and the options of `uav-bt fly` for real drones."""
 
 from __future__ import annotations
 
@@ -9,14 +9,17 @@ from pathlib import Path
 
 import pytest
 
-from tests.worlds.cli import HOP, run, tree_file
+from tests.worlds.cli import HOP, assert_refused, run, tree_file
 from uav_bt.app.doctor import examine
 from uav_bt.errors import MissingDependencyError
 
-SMALL = ("--image-size", "160x90", "--profile", "ideal")
 
+def test_the_doctor_tells_what_works_and_sends_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        pytest.fail("a packet was sent")
 
-def test_the_doctor_tells_what_is_installed_and_what_works() -> None:
+    for name in ("connect", "sendto"):
+        monkeypatch.setattr(socket.socket, name, refuse)
     result = run("doctor")
     assert result.exit_code == 0, result.output
     whole = result.stdout.replace("\n  ", " ").splitlines()
@@ -51,15 +54,6 @@ def test_a_missing_extra_is_named_with_its_pip_line_and_is_no_fault(
     assert "extra view: optional, not installed: rerun-sdk; run `pip " in result.stdout
 
 
-def test_the_doctor_sends_nothing_anywhere(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object) -> None:
-        pytest.fail("a packet was sent")
-
-    for name in ("connect", "sendto"):
-        monkeypatch.setattr(socket.socket, name, refuse)
-    assert run("doctor").exit_code == 0
-
-
 def test_a_failed_drawing_is_reported_and_counts() -> None:
     def draws() -> str:
         raise MissingDependencyError("no OpenGL: install uav-bt[osmesa]")
@@ -78,9 +72,20 @@ def test_the_doctor_looks_at_a_drone_when_asked() -> None:
 
 def test_a_rehearsal_succeeds_without_leaving_the_ground(tmp_path: Path) -> None:
     report = tmp_path / "report.json"
-    result = run("fly", tree_file(tmp_path, HOP), *SMALL, "--rehearse", "--report", report)
+    drone = ("--image-size", "160x90", "--profile", "ideal", "--rehearse")
+    result = run("fly", tree_file(tmp_path, HOP), *drone, "--report", report)
     assert result.exit_code == 0, result.output
     orders = [line for line in result.stdout.splitlines() if "would be sent: " in line]
     assert [line.partition("sent: ")[2] for line in orders[:1]] == ["take off"]
     assert any(line.endswith("land") for line in orders)
     assert "success" in result.stdout
+
+
+def test_a_taken_port_exits_with_2_and_says_what_to_do() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = str(taken.getsockname()[1])
+        free = [f"--{name}-port=0" for name in ("discovery", "commands", "http", "rtsp")]
+        result = run("serve-anafi", "--no-video", *free, "--control-port", port)
+    assert_refused(result, f"the control port {port} of 127.0.0.1 is taken", "choose another port")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import subprocess
 import sys
 from dataclasses import replace
@@ -144,48 +143,6 @@ def test_without_opengl_it_says_what_to_install(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_an_interrupt_lands_the_drone_and_writes_the_report(
-    number: signal.Signals, tmp_path: Path
-) -> None:
-    body = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="250"/><Land/></Sequence>'
-    report = tmp_path / "report.json"
-    arguments = ["fly", str(tree_file(tmp_path, body)), *SMALL, "--report", str(report)]
-    with subprocess.Popen(  # noqa: S603  # our own interpreter and arguments
-        [sys.executable, "-m", "uav_bt", *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as flight:
-        for line in flight.stderr:
-            if "HoverFor" in line:
-                flight.send_signal(number)
-                break
-        stdout, stderr = flight.communicate(timeout=60)
-    assert flight.returncode == 1
-    assert "aborted" in stdout
-    assert "Traceback" not in stderr
-    told = json.loads(report.read_text())
-    assert told["outcome"] == "aborted"
-    assert number.name in told["reason"]
-    assert told["duration_s"] < 100.0
-
-
-def fly_in_a_process(
-    tmp_path: Path, *options: object, limit_bytes: int, drone: tuple[str, ...] = PLAIN
-) -> Any:
-    """Fly with a limit of the file size, as on a full disk."""
-    tree = tree_file(tmp_path, HOP)
-    code = (
-        "import resource, sys; from uav_bt.cli import main; "
-        f"resource.setrlimit(resource.RLIMIT_FSIZE, ({limit_bytes}, {limit_bytes})); main()"
-    )
-    arguments = ["fly", str(tree), *drone, *map(str, options)]
-    return subprocess.run(  # noqa: S603  # our own interpreter and arguments
-        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False
-    )
-
-
 @pytest.mark.parametrize(
     ("option", "name", "limit_bytes", "drone", "words"),
     [
@@ -198,15 +155,24 @@ def fly_in_a_process(
 def test_a_disk_that_fills_up_hides_no_result(
     tmp_path: Path, *, option: str, name: str, limit_bytes: int, drone: tuple[str, ...], words: str
 ) -> None:
+    """A limit of the file size does what a full disk does."""
     path, report = tmp_path / name, tmp_path / "report.json"
-    reported = () if limit_bytes == 100 else ("--report", report)
-    done = fly_in_a_process(tmp_path, option, path, *reported, limit_bytes=limit_bytes, drone=drone)
+    code = (
+        "import resource, sys; from uav_bt.cli import main; "
+        f"resource.setrlimit(resource.RLIMIT_FSIZE, ({limit_bytes}, {limit_bytes})); main()"
+    )
+    arguments = ["fly", str(tree_file(tmp_path, HOP)), *drone, option, str(path)]
+    if limit_bytes > 100:
+        arguments += ["--report", str(report)]
+    done = subprocess.run(  # noqa: S603  # our own interpreter and arguments
+        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 1, done.stderr
     assert "success" in done.stdout
     assert words in done.stderr
     assert name in done.stderr
     assert "Traceback" not in done.stderr
-    if reported:
+    if limit_bytes > 100:
         told = json.loads(report.read_text())
         assert (told["outcome"], *told["lost_outputs"]) == ("success", option.removeprefix("--"))
     if option in {"--video", "--report"}:
@@ -232,9 +198,6 @@ def test_a_drone_left_in_the_air_is_the_last_line(
     assert result.stderr.splitlines()[-1] == app.STILL_IN_THE_AIR
 
 
-# --- Groot2 and --watch ---------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("arguments", "port"),
     [(("land_only", "--groot"), 1667), (("--groot", 2000, "land_only"), 2000)],
@@ -247,22 +210,3 @@ def test_groot2_is_served_on_its_port_or_another(
 
     monkeypatch.setattr("uav_bt.cli.fly.watched_live", refuse)
     assert_refused(run("fly", *arguments), f"enough: {{'btlog': None, 'groot': {port}}}")
-
-
-@pytest.mark.parametrize(
-    ("tree", "extra", "words"),
-    [
-        ("land_only", (), "expected a tree file, which can be edited"),
-        ("mission.xml", ("--report", "report.json"), "a report shows one tree"),
-        ("mission.xml", ("--btlog", "flight.btlog"), "--btlog"),
-        ("mission.xml", ("--view", "web"), "--view"),
-        ("mission.xml", ("--groot",), "--groot"),
-    ],
-)
-def test_watch_refuses_what_a_changing_tree_does_not_go_with(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, tree: str, extra: tuple[str, ...], words: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    tree_file(tmp_path, HOP)
-    assert_refused(run("fly", tree, "--watch", *extra), "watch", words)
-    assert [file.name for file in tmp_path.iterdir()] == ["mission.xml"]

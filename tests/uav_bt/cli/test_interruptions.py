@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +18,7 @@ import pytest
 
 from tests.uav_bt.learning.lab_world import draw_lab
 from tests.worlds.cli import run, tree_file
+from tests.worlds.tables import cases
 from uav_bt.record.info import record_info
 
 HOVER = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="250"/><Land/></Sequence>'
@@ -35,84 +37,27 @@ class Slow:
 OLD = b"what was there before"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Case:
-    """An interrupted command."""
+    """An interrupted command, as tests/data/interruptions.yaml describes it."""
 
-    line: str  # arguments of `uav-bt`
-    when: str  # pattern of the output, or file, that the interruption waits for
-    words: str  # pattern of the final output
-    by: tuple[signal.Signals, ...] = (signal.SIGINT,)
+    line: str
+    when: str
+    words: str
+    by: Sequence[str] = ("SIGINT",)
     code: int = 1
-    after_s: float = 0.0  # delay after `when`
-    kept: tuple[str, ...] = ()  # files that stay unchanged
+    after_s: float = 0.0
+    kept: Sequence[str] = ()
 
 
-# Once the modules are imported, SIGTERM raises the same exception as Ctrl-C. In the air a flight
-# handles SIGTERM and SIGHUP, too: `test_fly.py` sends them.
-PORTS = (
-    "--no-video --address 127.0.0.9 --discovery-port 0 --control-port 0 --commands-port 0 "
-    "--http-port 0 --rtsp-port 0"
-)
-INT, TERM = signal.SIGINT, signal.SIGTERM
-CASES = {
-    "fly, importing": Case(
-        "fly hover.xml --report old.json",
-        "begun",
-        "Error: stopped by Ctrl-C",
-        after_s=0.1,
-        kept=("old.json",),
-    ),
-    "fly, importing, SIGTERM": Case(
-        "fly hover.xml", "begun", "Error: stopped by SIGTERM", by=(TERM,), after_s=0.1
-    ),
-    "fly, before take-off": Case(
-        "fly hover.xml --drone slow --report old.json",
-        "creating",
-        "stopped by Ctrl-C before take-off: nothing flew",
-        kept=("old.json",),
-    ),
-    "fly, in the air": Case(
-        f"fly hover.xml {SMALL} --report new.json --video new.mp4 --record new.mcap",
-        "HoverFor",
-        "aborted",
-    ),
-    "fly, twice": Case(
-        f"fly hover.xml {SMALL} --realtime --video old.mp4", "HoverFor", "", by=(INT, INT)
-    ),
-    "campaign": Case(
-        f"campaign hover.xml --scenes val-a --flights 3 --workers 1 --out c {SMALL}",
-        "c/campaign.json",
-        "stopped; [0-3] of 3 flights are kept in c",
-        after_s=1.0,
-    ),
-    "view, saving": Case(
-        "view flight.mcap --save old.rrd",
-        "old.rrd.*.part",
-        "stopped by Ctrl-C",
-        after_s=0.2,
-        kept=("old.rrd", "flight.mcap"),
-    ),
-    "train, at work": Case(
-        "lab train hall --steps 100000",
-        "labs/hall/training/masks-*/*.npz",
-        "stopped by Ctrl-C",
-        kept=("labs/hall/segmentation.onnx",),
-    ),
-    "pick": Case("lab pick hall", "open http", "next: uav-bt lab train hall", code=0),
-    "serve-anafi": Case(f"serve-anafi {PORTS}", "stands in", "stopped", code=0),
-    "simulate": Case(
-        "simulate long.xml --script script.yaml --ticks 100000000", r"\n +1 ", "stopped by Ctrl-C"
-    ),
-}
+CASES = {name: Case(**case) for name, case in cases("interruptions").items()}
 
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A record of a flight."""
     folder = tmp_path_factory.mktemp("flown")
-    body = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="60"/><Land/></Sequence>'
-    tree = tree_file(folder, body)
+    tree = tree_file(folder, HOVER.replace("250", "60"))
     record = folder / "flight.mcap"
     result = run("fly", tree, "--record", record, "--quality", "high", *SMALL.split())
     assert record.is_file(), result.output
@@ -157,18 +102,19 @@ def test_what_is_interrupted_says_so_and_leaves_nothing_half_done(name: str, wor
     case = CASES[name]
     before = {kept: (world / kept).read_bytes() for kept in case.kept}
     stdout, stderr = world / "stdout", world / "stderr"
+    path = os.pathsep.join((str(world), os.environ.get("PYTHONPATH", "")))  # it has a drone
     with stdout.open("wb") as out, stderr.open("wb") as err:
         process = subprocess.Popen(  # noqa: S603  # our own interpreter and arguments
             [sys.executable, "-c", BEGIN, *case.line.split()],
             cwd=world,
             stdout=out,
             stderr=err,
-            env={**os.environ, "PYTHONPATH": str(world), "PYTHONUNBUFFERED": "1"},
+            env={**os.environ, "PYTHONPATH": path, "PYTHONUNBUFFERED": "1"},
         )
         until(case.when, process, (stdout, stderr))
         time.sleep(case.after_s)
-        for number in case.by:
-            process.send_signal(number)
+        for each in case.by:
+            process.send_signal(signal.Signals[each])
             time.sleep(0.3)
         code = process.wait(timeout=60)
     said = stdout.read_text() + stderr.read_text()
@@ -178,8 +124,11 @@ def test_what_is_interrupted_says_so_and_leaves_nothing_half_done(name: str, wor
     assert code == case.code, said
     assert {kept: (world / kept).read_bytes() for kept in case.kept} == before
     assert [file.name for file in world.rglob("*.part")] == []
+    if "new.json" in case.line:
+        told = json.loads((world / "new.json").read_text())
+        assert (told["outcome"], told["duration_s"] < 100.0) == ("aborted", True)
+        assert case.by[0] in told["reason"]
     if "new.mp4" in case.line:
-        assert '"aborted"' in (world / "new.json").read_text()
         info = record_info(world / "new.mcap")
         assert info["finished"]
         assert not info["damages"]

@@ -1,7 +1,8 @@
-"""`uav-bt lab`: scenes listed and drawn, a camera calibrated."""
+"""`uav-bt lab`: scenes, camera files, new labs and their schema; `--lab` of other commands."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import cv2
@@ -11,7 +12,9 @@ from PIL import Image
 
 from perception.camera.camera_file import load_camera
 from sim_bridge.twin.scene_file import scene_names
-from tests.worlds.cli import run
+from tests.uav_bt.app.test_lab_flights import LAB, MARK
+from tests.worlds.cli import HOP, assert_refused, run, tree_file
+from uav_bt.lab.lab_file import lab_schema, read_lab
 
 # The board is drawn by warping, with this focal length: fast, and accurate enough here.
 FOCAL_PX, SIZE = 600.0, (640, 360)
@@ -88,42 +91,29 @@ def test_scenes_has_a_line_for_each() -> None:
     assert "take-off from the landing mark, yaw -20 deg" in result.stdout
 
 
-def test_a_scene_is_drawn(tmp_path: Path) -> None:
-    out = tmp_path / "map.png"
-    result = run("lab", "scenes", "--show", "val-b", "--out", out)
-    assert result.exit_code == 0
-    assert f"map: {out}" in result.stdout
-    picture = cv2.imread(str(out))
-    assert picture.shape[:2] == (780, 960)
-    assert picture.std() > 10.0
-
-
 @pytest.mark.parametrize(
     ("scene", "summary", "head", "count", "row"),
     [
         (
             "depot-train-a",
             "14 objects, 0.50 to 2.00 m high (5 reach 1.5 m)",
-            ["object", "class", "x,"],
+            "object class x,",
             14,
-            ["table-1", "table", "0.40", "-1.70", "15.0", "1.20", "x", "0.70", "0.75"],
+            "table-1 table 0.40 -1.70 15.0 1.20 x 0.70 0.75",
         ),
-        (
-            "train-a",
-            "8 boxes",
-            ["pattern", "class", "x,"],
-            8,
-            ["4", "box_4", "-1.50", "1.10", "5.0", "0.50", "x", "0.40", "0.80"],
-        ),
+        ("train-a", "8 boxes", "pattern class x,", 8, "4 box_4 -1.50 1.10 5.0 0.50 x 0.40 0.80"),
     ],
 )
-def test_what_stands_in_a_drawn_scene_is_listed(
-    tmp_path: Path, *, scene: str, summary: str, head: list[str], count: int, row: list[str]
+def test_a_scene_is_drawn_and_what_stands_in_it_is_listed(
+    tmp_path: Path, *, scene: str, summary: str, head: str, count: int, row: str
 ) -> None:
-    result = run("lab", "scenes", "--show", scene, "--out", tmp_path / "map.png")
+    out = tmp_path / "map.png"
+    result = run("lab", "scenes", "--show", scene, "--out", out)
     assert summary in result.stdout
-    header, *rows = [line.split() for line in result.stdout.splitlines()[1:-1]]
-    assert (header[:3], len(rows), rows[3]) == (head, count, row)
+    header, *rows, last = [line.split() for line in result.stdout.splitlines()[1:]]
+    assert (header[:3], len(rows), rows[3]) == (head.split(), count, row.split())
+    assert last == ["map:", str(out)]
+    assert cv2.imread(str(out)).std() > 10.0
 
 
 def test_a_scene_without_boxes_has_no_table(tmp_path: Path) -> None:
@@ -132,3 +122,47 @@ def test_a_scene_without_boxes_has_no_table(tmp_path: Path) -> None:
     result = run("lab", "scenes", "--show", scene, "--out", tmp_path / "map.png")
     assert result.exit_code == 0, result.output
     assert len(result.stdout.splitlines()) == 2
+
+
+# --- labs -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A mission, a script, and a lab with a ceiling of 0.9 m."""
+    monkeypatch.chdir(tmp_path)
+    tree_file(tmp_path, HOP)
+    (tmp_path / "script.yaml").write_text("default: S\n")
+    (tmp_path / "labs" / "low").mkdir(parents=True)
+    (tmp_path / "labs" / "low" / "lab.yaml").write_text(f"{LAB}{MARK}limits: {{ceiling_m: 0.9}}\n")
+    return tmp_path
+
+
+@pytest.mark.usefixtures("world")
+def test_a_mission_fits_a_lab_or_is_refused() -> None:
+    assert run("check", "mission.xml", "--lab", "paper").stdout == "mission.xml: good\n"
+    lower = run("check", "mission.xml", "--lab", "low", "--set", "TakeOff.height_m=0.8")
+    assert lower.stdout == "mission.xml: good\n"
+    assert_refused(run("check", "mission.xml", "--lab", "low"), "above the ceiling of 0.9 m")
+    found = json.loads(run("check", "mission.xml", "--lab", "low", "--format", "json").stdout)
+    assert "above the ceiling" in found["findings"][0]["message"]
+    simulated = run("simulate", "mission.xml", "--script", "script.yaml", "--lab", "low")
+    assert_refused(simulated, "above the ceiling of 0.9 m")
+    simulated = run("simulate", "mission.xml", "--script", "script.yaml", "--lab", "paper")
+    assert simulated.exit_code == 0
+
+
+def test_the_schema_is_printed_or_written(world: Path) -> None:
+    assert run("lab", "schema").stdout == lab_schema()
+    written = run("lab", "schema", "--out", "lab.schema.json")
+    assert written.stdout == "written: lab.schema.json\n"
+    assert (world / "lab.schema.json").read_text() == lab_schema()
+
+
+def test_a_new_lab_can_be_flown_at_once(world: Path) -> None:
+    result = run("lab", "new", "hall")
+    assert result.stdout.startswith("written: labs/hall/lab.yaml")
+    lab = read_lab(world / "labs" / "hall")
+    assert lab.mark is not None
+    assert lab.mark.kind == "apriltag"
+    assert run("check", "mission.xml", "--lab", "hall").stdout == "mission.xml: good\n"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import socket
 from http.server import HTTPServer
 from pathlib import Path
@@ -85,16 +86,8 @@ def test_a_folder_that_cannot_be_written_to_is_refused(hall: Path) -> None:
         hall.chmod(0o700)
 
 
-# --- frames ---------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def filmed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return write_lab("hall", Path("labs")).parent
-
-
-def test_the_summary_counts_images_by_source(filmed: Path) -> None:
+def test_the_summary_counts_images_by_source(hall: Path) -> None:
+    shutil.rmtree(hall / "frames")
     write_video(Path("walk.mp4"), walk(10))
     result = run("lab", "frames", "hall", "walk.mp4", "--count", 8)
     assert result.exit_code == 0, result.output
@@ -103,20 +96,19 @@ def test_the_summary_counts_images_by_source(filmed: Path) -> None:
     assert line.split() == ["walk.mp4", "10", "0", "0", "2", "8", "2"]
     assert last == "images: 8 in labs/hall/frames"
     assert "Warning: 8 images are few for a network, 40 are the least" in result.stderr
-    assert len(list((filmed / "frames").glob("*.jpg"))) == 8
+    assert len(list((hall / "frames").glob("*.jpg"))) == 8
 
     again = run("lab", "frames", "hall", "walk.mp4")
     assert "taken in an earlier run" in again.stdout
     assert "images: 8" in again.stdout
 
 
-def test_a_source_without_images_is_refused_after_the_others(filmed: Path) -> None:
+def test_a_source_without_images_is_refused_after_the_others(hall: Path) -> None:
+    shutil.rmtree(hall / "frames")
     write_video(Path("walk.mp4"), walk(4))
     write_video(Path("still.mp4"), [view(0)] * 4)
-    result = run("lab", "frames", filmed, "still.mp4", "walk.mp4")
+    result = run("lab", "frames", hall, "still.mp4", "walk.mp4")
     assert result.exit_code == 2
     assert "images: 4" in result.stdout
     assert "Error: still.mp4: all its images look alike" in result.stderr
-    assert_refused(
-        run("lab", "frames", filmed, "still.mp4"), "still.mp4: all its images look alike"
-    )
+    assert_refused(run("lab", "frames", hall, "still.mp4"), "still.mp4: all its images look alike")

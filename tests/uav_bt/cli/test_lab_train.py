@@ -55,7 +55,9 @@ def test_a_gpu_that_is_not_there_is_refused_before_anything_is_made(
     assert not material.training.exists()
 
 
-def test_a_check_prints_scores_and_writes_sheet_and_json(tmp_path: Path) -> None:
+def test_a_check_prints_scores_beside_the_teachers_and_writes_sheet_and_json(
+    tmp_path: Path,
+) -> None:
     material = draw_lab(tmp_path / "hall")
     write_colour_network(material.network, order=(2, 1, 3, 0))
     out, folder = tmp_path / "scores.json", material.lab.folder
@@ -74,23 +76,18 @@ def test_a_check_prints_scores_and_writes_sheet_and_json(tmp_path: Path) -> None
     assert scores["confusions"] == [["crate", "cart", 1.0]]
     assert scores["teacher"] is None
 
+    write_colour_network(folder / "teacher.onnx")
+    with (folder / "lab.yaml").open("a") as keys:
+        keys.write("teacher: {model: teacher.onnx}\n")
+    result = run("lab", "check", folder)
+    assert result.exit_code == 0, result.output
+    assert "12 held-out picks on 2 images: 0.667 right" in result.stdout
+    assert "teacher: 1.000 of the picks right, IoU of the roles 1.000" in result.stdout
+
     write_colour_network(tmp_path / "bad.onnx", order=(1, 2, 0, 3))
     bad = run("lab", "check", folder, "--model", tmp_path / "bad.onnx", "--min-role-iou", 0.9)
     assert bad.exit_code == 1, bad.output
     assert "the IoU of a role is 0.000, below 0.9" in bad.stderr
-
-
-def test_the_teacher_is_scored_beside_the_network(tmp_path: Path) -> None:
-    material = draw_lab(tmp_path / "hall")
-    folder = material.lab.folder
-    write_colour_network(material.network)
-    write_colour_network(folder / "teacher.onnx", order=(2, 1, 3, 0))
-    keys = (folder / "lab.yaml").read_text() + "teacher: {model: teacher.onnx}\n"
-    (folder / "lab.yaml").write_text(keys)
-    result = run("lab", "check", folder)
-    assert result.exit_code == 0, result.output
-    assert "12 held-out picks on 2 images: 1.000 right" in result.stdout
-    assert "teacher: 0.667 of the picks right, IoU of the roles 1.000" in result.stdout
 
 
 def test_flights_are_checked_with_or_without_picks(tmp_path: Path) -> None:

@@ -10,11 +10,10 @@ from pathlib import Path
 import pytest
 
 from tests.worlds.cli import assert_refused, run
-from uav_bt import app
+from tests.worlds.trees import document
 from uav_bt.app.view.recorded import RecordedFlight
 from uav_bt.campaign.report.sources import read_sources
 from uav_bt.campaign.report.tables import tables_of
-from uav_bt.errors import InputError
 from uav_bt.record.reader import RecordReader
 
 SMALL = ("--image-size", "160x90", "--profile", "ideal")
@@ -23,11 +22,8 @@ LEAVES = ["TakeOff", "HoverFor", "Land", "AlwaysSuccess"]
 
 def write(path: Path, tree_id: str, body: str, includes: str = "") -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(
-        f'<root BTCPP_format="4" main_tree_to_execute="{tree_id}">{includes}\n'
-        f'<BehaviorTree ID="{tree_id}">\n{body}\n</BehaviorTree>\n</root>\n',
-        encoding="utf-8",
-    )
+    text = document(f"\n{body}\n", tree_id=tree_id)
+    path.write_text(text.replace("<BehaviorTree", f"{includes}\n<BehaviorTree"), encoding="utf-8")
     return path
 
 
@@ -105,7 +101,6 @@ def test_every_command_refuses_what_is_missing_or_no_folder(
             (("--trees", none), "none: no such folder"),
             (("--include-root", none), "none: no such folder"),
             (("--ros-pkg", f"robot={none}"), "none: no such folder"),
-            (("--ros-pkg", "robot"), "expected NAME=DIR"),
             (twice, "package 'robot' is given two values"),
         ):
             assert_refused(run(*command, *given), words)
@@ -123,17 +118,23 @@ def test_a_tree_in_two_files_and_a_circle_of_includes_are_refused(mission: Missi
     assert_refused(result, f"{up}:1:59: include: the files include each other in a circle")
 
 
-# --- records --------------------------------------------------------------------------------------
-
-
-def test_a_record_replays_without_the_folders(mission: Mission, tmp_path: Path) -> None:
-    """It contains all used files, including links, and no others."""
+def test_a_record_replays_without_the_folders_and_another_tree_from_them(
+    mission: Mission, tmp_path: Path
+) -> None:
+    """It contains all used files, including links, and no others. A report replaces none."""
     record = tmp_path / "flight.mcap"
-    flown = run("fly", mission.path, *SMALL, *mission.options, "--record", record)
+    flight = ("fly", mission.path, *SMALL, *mission.options)
+    for file in (mission.down, mission.folder / "src" / "robot" / "trees" / "wait.xml"):
+        words = "is an input and would be overwritten"
+        assert_refused(run(*flight, "--report", file), words)
+    flown = run(*flight, "--record", record)
     assert flown.exit_code == 0, flown.output
+    again = ("replay", record, "--tree", mission.path)
+    assert "0 in commands; the same" in run(*again, *mission.options).stdout
+    assert_refused(run(*again), "allow it with --include-root DIR")
+    assert_refused(run("replay", record, *mission.options), "folders are for another --tree")
     shutil.rmtree(mission.folder)
-    reader = RecordReader(record)
-    assert set(reader.attachments) == {"tree/hop.xml", "scene.yaml"}
+    assert set(RecordReader(record).attachments) == {"tree/hop.xml", "scene.yaml"}
     replayed = run("replay", record)
     assert replayed.exit_code == 0, replayed.output
     assert "0 differ in statuses, 0 in commands; the same" in replayed.stdout
@@ -156,26 +157,6 @@ def test_a_record_keeps_the_trees_of_the_library_that_it_flew(
     replayed = run("replay", record)
     assert replayed.exit_code == 0, replayed.output
     assert "0 differ in statuses, 0 in commands; the same" in replayed.stdout
-
-
-def test_another_tree_is_replayed_from_its_folders(mission: Mission, tmp_path: Path) -> None:
-    record = tmp_path / "flight.mcap"
-    assert run("fly", mission.path, *SMALL, *mission.options, "--record", record).exit_code == 0
-    again = ("replay", record, "--tree", mission.path)
-    assert "0 in commands; the same" in run(*again, *mission.options).stdout
-    assert_refused(run(*again), "allow it with --include-root DIR")
-    assert_refused(run("replay", record, *mission.options), "folders are for another --tree")
-
-
-def test_a_report_does_not_replace_a_tree_file(mission: Mission) -> None:
-    for file in (mission.down, mission.folder / "src" / "robot" / "trees" / "wait.xml"):
-        before = file.read_bytes()
-        result = run("fly", mission.path, *SMALL, *mission.options, "--report", file)
-        assert_refused(result, "is an input and would be overwritten")
-        assert file.read_bytes() == before
-
-
-# --- campaigns ------------------------------------------------------------------------------------
 
 
 def test_a_campaign_keeps_its_folders(
@@ -225,24 +206,6 @@ def test_a_failure_is_flown_again_with_its_folders(
     second = json.loads((tmp_path / "again.json").read_text())
     assert second["reason"] == first["reason"]
     assert second["ticks"] == first["ticks"]
-
-
-# --- from Python ----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"trees": "parts"}, "trees: expected a list of folders, got 'parts'"),
-        ({"trees": [3]}, "trees: expected a folder, as str or Path, got 3"),
-        ({"include_root": ""}, "include_root: expected a folder"),
-        ({"packages": ["robot"]}, "packages: expected folders by the name of a ROS package"),
-        ({"packages": {"robot": None}}, r"packages\['robot'\]: expected a folder"),
-    ],
-)
-def test_what_names_no_folder_is_refused(values: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        app.TreeFolders(**values)  # type: ignore[arg-type]
 
 
 def test_leaves_of_a_python_file_are_known_to_every_command(tmp_path: Path) -> None:

@@ -26,19 +26,14 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_info_tells_what_is_in_a_record(record: Path) -> None:
+def test_info_tells_what_is_in_a_record_to_people_and_machines(record: Path) -> None:
     result = run("record", "info", record)
     assert result.exit_code == 0, result.output
-    head = result.stdout.splitlines()[0]
-    assert head.startswith(f"{record}: whole, ")
+    assert result.stdout.startswith(f"{record}: whole, ")
     for words in ("scene: val-a", "seed: 3", "outcome: success, landed", "/camera/image"):
         assert words in result.stdout
-
-
-def test_info_is_for_machines_too(record: Path) -> None:
     told = json.loads(run("record", "info", record, "--format", "json").stdout)
-    assert told["finished"] is True
-    assert told["damages"] == []
+    assert (told["finished"], told["damages"]) == (True, [])
     rates = {channel["topic"]: channel["rate_hz"] for channel in told["channels"]}
     assert rates["/mission/tick"] == pytest.approx(10.0, abs=0.5)
     assert {channel["dropped"] for channel in told["channels"]} == {0}
@@ -50,10 +45,8 @@ def test_an_unfinished_record_says_so_and_can_be_recovered(record: Path, tmp_pat
     cut.write_bytes(data[: len(data) * 2 // 3])
     result = run("record", "info", cut)
     assert result.exit_code == 0, result.output
-    assert "NOT WHOLE" in result.stdout
-    assert "damage: byte " in result.stdout
-    assert "cut within a record" in result.stdout
-    assert "mcap recover" in result.stdout
+    for words in ("NOT WHOLE", "damage: byte ", "cut within a record", "mcap recover"):
+        assert words in result.stdout
     recovered = tmp_path / "recovered.mcap"
     copy_part(cut, recovered)
     assert ": whole, " in run("record", "info", recovered).stdout
@@ -62,39 +55,24 @@ def test_an_unfinished_record_says_so_and_can_be_recovered(record: Path, tmp_pat
 def test_a_replay_of_the_same_is_the_same_and_exits_with_0(record: Path) -> None:
     result = run("replay", record)
     assert result.exit_code == 0, result.output
-    assert result.stdout.splitlines()[-1].endswith(
-        "ticks: 0 differ in statuses, 0 in commands; the same"
-    )
+    assert result.stdout.endswith("ticks: 0 differ in statuses, 0 in commands; the same\n")
 
 
 def test_a_replay_of_something_else_tells_where_it_differs_and_exits_with_1(
     record: Path, tmp_path: Path
 ) -> None:
     other = HOP.replace('height_m="1.0"', 'height_m="1.4"').replace("<Land/>", "<EmergencyLand/>")
-    result = run("replay", record, "--tree", tree_file(tmp_path, other))
+    again = ("replay", record, "--tree", tree_file(tmp_path, other))
+    result = run(*again)
     assert result.exit_code == 1, result.output
     assert "only in the recording: Main/Sequence/Land" in result.stdout
     assert "only in the replay: Main/Sequence/EmergencyLand" in result.stdout
     assert "different" in result.stdout.splitlines()[-1]
-
-
-def test_all_differences_are_there_for_machines(record: Path, tmp_path: Path) -> None:
-    other = HOP.replace('height_m="1.0"', 'height_m="1.4"')
-    result = run("replay", record, "--tree", tree_file(tmp_path, other), "--format", "json")
+    result = run(*again, "--format", "json")
     assert result.exit_code == 1, result.output
     told = json.loads(result.stdout)
     assert told["same"] is False
     assert told["differing_ticks"] == len(told["differences"]) > 0
-
-
-# --- view -----------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    monkeypatch.setattr(sinks.sys, "platform", "linux")
 
 
 def test_a_view_is_saved(record: Path, tmp_path: Path) -> None:
@@ -105,26 +83,22 @@ def test_a_view_is_saved(record: Path, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [view]
 
 
-@pytest.mark.usefixtures("no_display")
-def test_without_a_display_other_ways_are_named(record: Path) -> None:
+def test_where_nothing_can_be_shown_other_ways_are_named(
+    record: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file is looked at before the display, and the display before the flight."""
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setattr(sinks.sys, "platform", "linux")
     assert_refused(run("view", record), "no display", "--web", "--save")
-
-
-@pytest.mark.usefixtures("no_display")
-def test_a_flight_cannot_be_shown_without_a_display(tmp_path: Path) -> None:
-    report = tmp_path / "report.json"
-    flown = run("fly", tree_file(tmp_path, HOP), *SMALL, "--report", report, "--view")
-    assert_refused(flown, "no display", "--view web")
-    assert not report.exists()
-
-
-@pytest.mark.usefixtures("no_display")
-def test_a_file_is_looked_at_before_the_display(tmp_path: Path) -> None:
-    text = tmp_path / "flight.mcap"
+    text, report = tmp_path / "flight.mcap", tmp_path / "report.json"
     text.write_text("no record at all")
     refused = run("view", text)
     assert_refused(refused, str(text))
     assert "display" not in refused.stderr
+    flown = run("fly", tree_file(tmp_path, HOP), *SMALL, "--report", report, "--view")
+    assert_refused(flown, "no display", "--view web")
+    assert not report.exists()
 
 
 def test_a_record_of_another_version_is_refused(

@@ -1,4 +1,4 @@
-"""`uav-bt simulate`: the table, the JSON, the exit codes."""
+"""`uav-bt simulate`: table, JSON, exit codes; values given to commands that do not fly."""
 
 from __future__ import annotations
 
@@ -6,8 +6,11 @@ import json
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
-from tests.worlds.cli import HOP, run, tree_file
+from tests.worlds.cli import HOP, assert_refused, run, tree_file
+from tests.worlds.trees import document, subtree
+from uav_bt.cli.root import uav_bt
 
 
 @pytest.fixture
@@ -90,17 +93,13 @@ def test_a_node_that_raises_ends_it_with_a_message(tmp_path: Path) -> None:
 
 def test_all_unset_variables_are_named_at_once(tmp_path: Path) -> None:
     body = (
-        "<Sequence>"
-        '<Script code="set := 1; twice := set * given"/>'
-        '<ScriptCondition code="charge &gt; least"/>'
-        '<SubTree ID="Inner" _autoremap="true"/>'
+        '<Sequence><Script code="set := 1; twice := set * given"/>'
+        '<ScriptCondition code="charge &gt; least"/><SubTree ID="Inner" _autoremap="true"/>'
         "</Sequence>"
     )
-    tree = tree_file(tmp_path, body)
-    inner = '<BehaviorTree ID="Inner"><AlwaysSuccess _skipIf="mode == 2"/></BehaviorTree></root>'
-    tree.write_text(tree.read_text().replace("</root>", inner).replace("<root ", MAIN))
-    script = tmp_path / "answers.yaml"
-    script.write_text("default: S\nvariables: {given: 2}\n")
+    tree = tmp_path / "mission.xml"
+    tree.write_text(document(body, subtree("Inner", '<AlwaysSuccess _skipIf="mode == 2"/>')))
+    script = script_file(tmp_path, "default: S\nvariables: {given: 2}\n")
     result = run("simulate", tree, "--script", script)
     assert result.exit_code == 1
     assert "nothing in the tree file sets charge, least, mode" in result.stderr
@@ -113,4 +112,48 @@ def test_all_unset_variables_are_named_at_once(tmp_path: Path) -> None:
     assert "nothing in the tree file sets" not in failed.stderr
 
 
-MAIN = '<root main_tree_to_execute="Main" '
+# --- values ---------------------------------------------------------------------------------------
+
+BODY = (
+    '<Sequence><TakeOff/><Repeat num_cycles="{laps}"><HoverFor/></Repeat>'
+    '<ScriptCondition code="laps &gt; 1"/><Land/></Sequence>'
+)
+
+
+@pytest.fixture
+def mission(tmp_path: Path) -> Path:
+    return tree_file(tmp_path, BODY)
+
+
+def test_check_takes_values_from_the_command_line_and_from_a_file(
+    mission: Path, tmp_path: Path
+) -> None:
+    params = tmp_path / "params.yaml"
+    params.write_text("set: {HoverFor.seconds: 2}\nvar: {laps: 2}", encoding="utf-8")
+    for given in (
+        ("--var", "laps=2"),
+        ("--params", params),
+        ("--params", params, "--var", "laps=3"),
+    ):
+        assert run("check", "--tree", "Main", mission, *given).stdout == f"{mission}: good\n"
+    assert run("check", "--tree", "Main", mission).exit_code == 2
+    wrong = run("check", mission, "--params", params, "--var", "laps=x")
+    assert_refused(wrong, f"{mission}:1:1: variable 'laps': expected an integer, got 'x'")
+
+
+def test_check_reads_a_pipe_once_for_all_variants(mission: Path, tmp_path: Path) -> None:
+    params = tmp_path / "params.yaml"
+    params.write_text("variants: {one: {var: {laps: 1}}, two: {var: {laps: y}}}")
+    command = ["check", "-", "--params", str(params)]
+    done = CliRunner().invoke(uav_bt, command, input=mission.read_bytes())
+    assert_refused(done, f"{params}:1:1: variable 'laps': expected an integer, got 'y'")
+
+
+def test_the_command_line_counts_before_the_script_of_a_dry_run(
+    mission: Path, tmp_path: Path
+) -> None:
+    script = script_file(tmp_path, "{default: S, variables: {laps: 1}}")
+    assert run("simulate", mission, "--script", script).exit_code == 1  # of `laps > 1`
+    assert run("simulate", mission, "--script", script, "--var", "laps=2").exit_code == 0
+    drawn = run("tree", "render", mission, "--set", "HoverFor.seconds=7", "--var", "laps=2")
+    assert "HoverFor seconds=7" in drawn.stdout

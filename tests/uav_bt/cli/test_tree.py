@@ -10,8 +10,6 @@ from tests.worlds.cli import assert_refused, run, tree_file
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.loading.schema import schema_xml
 
-# --- nodes ----------------------------------------------------------------------------------------
-
 
 def test_nodes_lists_every_node_with_its_attributes_and_keys() -> None:
     result = run("tree", "nodes")
@@ -59,9 +57,6 @@ def test_nodes_as_json_has_an_object_for_each() -> None:
     }
 
 
-# --- schema ---------------------------------------------------------------------------------------
-
-
 def test_the_schema_of_all_installed_nodes_is_printed_or_written(tmp_path: Path) -> None:
     expected = schema_xml(NodeRegistry.installed())
     assert run("tree", "schema").stdout == expected
@@ -69,9 +64,6 @@ def test_the_schema_of_all_installed_nodes_is_printed_or_written(tmp_path: Path)
     result = run("tree", "schema", "--out", out)
     assert (result.exit_code, result.stdout) == (0, f"written: {out}\n")
     assert out.read_text(encoding="utf-8") == expected
-
-
-# --- render ---------------------------------------------------------------------------------------
 
 
 def test_a_tree_is_drawn_in_ascii_by_default(tmp_path: Path) -> None:

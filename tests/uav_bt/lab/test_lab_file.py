@@ -40,6 +40,39 @@ def test_a_lab_file_gives_names_roles_colours_and_tops(tmp_path: Path) -> None:
     assert not lab.classes.legs_m.any()
 
 
+@pytest.mark.parametrize(
+    ("kinds", "apart_m"),
+    [
+        (["class: drum, shape: table", "class: drum, shape: rack"], 1.5),
+        (["class: drum, shape: table", "class: drum, shape: box"], 0.0),
+        (["class: drum, shape: table, moves: true"], 0.0),
+        (["class: lid, shape: table"], 0.0),
+    ],
+)
+def test_tables_and_racks_of_the_room_stand_on_legs(
+    tmp_path: Path, kinds: list[str], apart_m: float
+) -> None:
+    look = "size_m: [0.9, 1.2, 0.8], surface: {colour: '#404040'}"
+    objects = "".join(f"    kind_{row}: {{{kind}, {look}}}\n" for row, kind in enumerate(kinds))
+    lab = read_lab(lab_folder(tmp_path, f"{GOOD}room:\n  objects:\n{objects}"))
+    assert lab.classes.legs_m.tolist() == [0.0, 0.0, pytest.approx(apart_m), 0.0]
+
+
+@pytest.mark.parametrize(
+    ("text", "edge_m"),
+    [
+        ("room: {walls: {beside_m: 0}}", 0.4),
+        ("room: {walls: {beside_m: 0.5}}", None),
+        ("room: {walls: {beside_m: 0}}\nmargins: {edge_m: 0.35}", 0.35),
+    ],
+)
+def test_walls_at_the_edge_of_the_ground_count_as_obstacles(
+    tmp_path: Path, text: str, edge_m: float | None
+) -> None:
+    margins = read_lab(lab_folder(tmp_path, GOOD + text)).flight.margins
+    assert (margins and margins.edge_m) == edge_m
+
+
 @pytest.mark.parametrize(("old", "new", "message"), CASES["refused_classes"])
 def test_a_mistake_is_reported_with_its_line(
     tmp_path: Path, old: str, new: str, message: str

@@ -32,10 +32,10 @@ class Pretends:
         assert timeout_s > 300.0
         for task in tasks:
             self.tasks.append(task)
-            assert task.record is not None
+            assert task.options.record is not None
             failed = task.scene in self._broken
             if not failed:
-                Path(task.record).write_bytes(b"")
+                Path(task.options.record).write_bytes(b"")
             yield task, lost_line(task, "it broke") if failed else _line(task)
 
 
@@ -43,7 +43,7 @@ def _line(task: FlightTask) -> dict[str, Any]:
     return {
         "tree": task.tree,
         "scene": task.scene,
-        "seed": task.seed,
+        "seed": task.options.seed,
         "outcome": Outcome.SUCCESS.value,
         "reason": "",
     }
@@ -61,24 +61,24 @@ ONE = {"scenes": ("train-a",), "profiles": ("lab",)}
 def test_flights_are_shared_out_over_scenes_and_profiles(tmp_path: Path) -> None:
     records, tasks = collected(tmp_path, flights=15)
     assert len(records) == len(tasks) == 16  # rounded up
-    assert sorted({task.options["profile"] for task in tasks}) == ["harsh", "lab"]
+    assert sorted({task.options.profile for task in tasks}) == ["harsh", "lab"]
     assert {task.scene[:7] for task in tasks} == {"train-a", "train-b", "train-c", "train-d"}
-    assert all(task.options["record_quality"] == "small" for task in tasks)
+    assert all(task.options.record_quality == "small" for task in tasks)
 
 
 def test_every_flight_but_the_first_has_light_and_boxes_of_its_own(tmp_path: Path) -> None:
     _, tasks = collected(tmp_path / "a", flights=4, **ONE)
-    scenes = [load_scene(task.scene_path) for task in tasks]
+    scenes = [load_scene(str(task.options.scene)) for task in tasks]
     shipped = load_scene("train-a")
     assert [scene.lighting == shipped.lighting for scene in scenes] == [True, False, False, False]
     assert [scene.boxes == shipped.boxes for scene in scenes] == [True, False, False, False]
     assert len({scene.name for scene in scenes}) == 4
     assert {scene.helipad for scene in scenes} == {shipped.helipad}
     _, others = collected(tmp_path / "b", flights=4, seed=7, **ONE)
-    assert load_scene(others[2].scene_path).boxes != scenes[2].boxes
-    assert (tasks[0].seed, others[0].seed) == (0, 7)
+    assert load_scene(str(others[2].options.scene)).boxes != scenes[2].boxes
+    assert (tasks[0].options.seed, others[0].options.seed) == (0, 7)
     _, tasks = collected(tmp_path / "kept", flights=2, layouts=False, **ONE)
-    assert {load_scene(task.scene_path).boxes for task in tasks} == {shipped.boxes}
+    assert {load_scene(str(task.options.scene)).boxes for task in tasks} == {shipped.boxes}
 
 
 def test_a_collection_goes_on_where_it_was_stopped(tmp_path: Path) -> None:

@@ -43,48 +43,37 @@ class Perceived(Seen):
     stage_s: Mapping[str, float]  # wall time by stage; a stage that did not run is not in it
 
 
+@dataclass(eq=False)
 class Pipeline:
     """Perceives one frame after another.
 
-    Args:
+    Attributes:
         segmenter: frame in, class map out.
         network: frame in, relative depth out; None perceives depth by ground contact alone.
-        camera: intrinsics at the frames' size; with distortion where the frames are distorted.
+        camera: intrinsics at the frames' size; with distortion where the frames are distorted. Then
+            that of the undistorted frames.
         generator: draws the ground's pixels for the scale.
         timer: the wall clock that computing is measured with, seconds.
     """
 
-    def __init__(
-        self,
-        segmenter: Segmenter,
-        network: DepthEstimator | None,
-        camera: CameraModel,
-        *,
-        generator: np.random.Generator,
-        timer: Callable[[], float] = time.perf_counter,
-    ) -> None:
-        self._segmenter = segmenter
-        self._undistorter = Undistorter(camera)
-        self._network = network
-        self._generator = generator
-        self._timer = timer
+    segmenter: Segmenter
+    network: DepthEstimator | None
+    camera: CameraModel
+    generator: np.random.Generator
+    timer: Callable[[], float] = time.perf_counter
+
+    def __post_init__(self) -> None:
+        self._undistorter = Undistorter(self.camera)
+        self.camera = self._undistorter.camera
         self._corridors = CorridorBuilder()
         self._finder = make_mark_finder(default_mark())
         self.restart()
 
-    @property
-    def camera(self) -> CameraModel:
-        """The camera of the undistorted frames."""
-        return self._undistorter.camera
-
     def restart(self) -> None:
         """Forget all earlier frames, so that images are perceived alike in any order."""
-        self._depth = MetricDepthMaker(
-            self._network,
-            source="contact" if self._network is None else "fused",
-            generator=copy.deepcopy(self._generator),
-            timer=self._timer,
-        )
+        source = "contact" if self.network is None else "fused"
+        rng = copy.deepcopy(self.generator)
+        self._depth = MetricDepthMaker(self.network, source=source, generator=rng, timer=self.timer)
         self._track = MarkTracker()
         self._state: DroneState | None = None
 
@@ -100,36 +89,32 @@ class Pipeline:
             self._track.predict(state)
             self._state = state
         with self._timed(spent, "segmentation"):
-            class_map = self._segmenter.segment(frame)
+            class_map = self.segmenter.segment(frame)
         try:
             metric = self._depth.make(
                 frame, class_map, self.camera, state=self._state, spent=spent.__setitem__
             )
         except AnswerError as error:
             metric = MetricDepth.refused(str(error))
-        corridor = intruding = None
-        if metric.depth is not None:
-            height_px, width_px = metric.depth.depth.shape
+        depth, corridor, intruding = metric.depth, None, None
+        if depth is not None:
+            height_px, width_px = depth.depth.shape
             with self._timed(spent, "corridor"):
                 view = view_of(frame, self.camera, (width_px, height_px))
                 things = class_map.is_above_ground
                 velocity = None if self._state is None else self._state.velocity
-                corridor = self._corridors.build(
-                    metric.depth, view, velocity=velocity, things=things
-                )
-            intruding = self._corridors.intruding(metric.depth, view, things=things)
+                corridor = self._corridors.build(depth, view, velocity=velocity, things=things)
+            intruding = self._corridors.intruding(depth, view, things=things)
         with self._timed(spent, "mark"):
-            sighting = self._finder.find(
-                MarkView(frame=frame, camera=self.camera, class_map=class_map)
-            )
-            self._track.see(sighting, frame.captured_s)
+            seen = MarkView(frame=frame, camera=self.camera, class_map=class_map)
+            self._track.see(self._finder.find(seen), frame.captured_s)
             fix = self._track.fix()
             if fix and frame.captured_s - fix.captured_s > _CARRIED_S:
                 fix = None
         return Perceived(
             frame=frame,
             class_map=class_map,
-            depth=metric.depth,
+            depth=depth,
             refusal=metric.refusal,
             scale=metric.scale,
             confidences=metric.confidences,
@@ -141,6 +126,6 @@ class Pipeline:
 
     @contextmanager
     def _timed(self, spent: dict[str, float], stage: str) -> Iterator[None]:
-        begin_s = self._timer()
+        begin_s = self.timer()
         yield
-        spent[stage] = self._timer() - begin_s
+        spent[stage] = self.timer() - begin_s

@@ -5,17 +5,19 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TextIO
 
 import numpy as np
+from pydantic_core import to_json
 
 from perception.camera.image_files import IMAGE_SUFFIXES
+from perception.depth.confidence import Confidence
 from uav_bt.app.option_values import as_file
 from uav_bt.app.perceive.inputs import PerceiveInput, PerceiveOptions
 from uav_bt.app.perceive.pipeline import STAGES, Perceived
@@ -32,33 +34,49 @@ from uav_bt.tree.loading.lookup import shipped_trees
 from uav_bt.types import CameraModel
 
 _MAX_RATE: Final = 60.0  # images a second of a video that is written
-_DECIMALS: Final = 6  # of the numbers in the lines
 _CORRIDOR: Final = (
     *("free_distance_m", "nearest_m", "nearest_side", "nearest_left_m", "nearest_right_m"),
     *("time_to_impact_s", "unknown_px"),
 )
 _MARK: Final = ("forward_m", "right_m", "detected", "confidence")
+_ALL: Final = "all"  # stages together
 
 _Write = Callable[[Shot, Perceived], None]
-_Row = tuple[Mapping[str, float], str, bool, bool]
-"""Of a frame: time by stage in s, refusal, whether it has depth, and a mark."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True)
 class PerceiveSummary:
     """Result of a run of perception."""
 
-    frames: int
-    unrelated: bool  # whether each image was perceived without the others
     camera: str  # whose intrinsics, in words
     telemetry: str  # whose pose, in words
-    stage_ms: Mapping[str, Percentiles]  # wall time by stage, "all" their sum
-    without_depth: Mapping[str, int]  # frames without metric depth, by reason
-    in_part: Mapping[str, int]  # frames with partial depth, by reason
-    with_mark: int  # frames that show it
-    skipped: tuple[str, ...]  # images that could not be used, and why
-    warnings: tuple[str, ...]  # what may be wrong with all images
-    interrupted: bool
+    unrelated: bool  # whether each image was perceived without the others
+    frames: int = 0
+    # Frames without metric depth, and those with partial depth, by reason.
+    without_depth: Counter[str] = field(default_factory=Counter)
+    in_part: Counter[str] = field(default_factory=Counter)
+    with_mark: int = 0  # frames that show it
+    skipped: Sequence[str] = ()  # images that could not be used, and why
+    warnings: Sequence[str] = ()  # what may be wrong with all images
+    interrupted: bool = False
+    stage_s: dict[str, list[float]] = field(
+        default_factory=lambda: {stage: [] for stage in (*STAGES, _ALL)}
+    )  # wall time of the frames
+
+    def add(self, seen: Perceived) -> None:
+        """Count a frame."""
+        self.frames += 1
+        if seen.refusal:
+            (self.without_depth if seen.depth is None else self.in_part)[seen.refusal] += 1
+        self.with_mark += seen.mark is not None and seen.mark.detected
+        for stage, spent_s in {**seen.stage_s, _ALL: sum(seen.stage_s.values())}.items():
+            self.stage_s[stage].append(spent_s)
+
+    @property
+    def stage_ms(self) -> dict[str, Percentiles]:
+        """Wall time by stage, "all" their sum."""
+        found = {stage: Percentiles.of_seconds(spent) for stage, spent in self.stage_s.items()}
+        return {stage: figures for stage, figures in found.items() if figures is not None}
 
 
 def perceive(
@@ -92,10 +110,11 @@ def perceive(
     longest_s, total = options.longest_s, given.source.total or 0
     if longest_s is not None:
         total = min(total, math.ceil(longest_s * given.source.rate_per_s))
-    rows: list[_Row] = []
-    interrupted = False
     with ExitStack() as stack:
         pipeline, images = given.begin(stack.enter_context(closing(given.images())))
+        summary = PerceiveSummary(
+            camera=given.camera_words, telemetry=given.telemetry_words, unrelated=given.unrelated
+        )
         writers: list[_Write] = []
         if out is not None:
             rate = given.source.rate_per_s / options.every
@@ -103,22 +122,24 @@ def perceive(
         if folder is not None:
             writers.append(partial(_write_mask, folder))
         if lines is not None:
-            writers.append(stack.enter_context(_json_lines(lines)))
+            stack.enter_context(writing(lines))
+            file = stack.enter_context(lines.open("w", encoding="utf-8"))
+            writers.append(partial(_write_line, file))
         try:
             for image in images:
                 if given.unrelated:
                     pipeline.restart()
                 frame = given.telemetry.frame(image.image, image.index, image.time_s)
                 seen = pipeline.perceive(frame, given.telemetry.states(image.time_s))
-                has_mark = seen.mark is not None and seen.mark.detected
-                rows.append((seen.stage_s, seen.refusal, seen.depth is not None, has_mark))
+                summary.add(seen)
                 for write in writers:
                     write(image, seen)
                 done = image.index + 1
                 advance(f"frames, {image.name}", done, max(done, total))
         except KeyboardInterrupt:
-            interrupted = True
-    return _summary(rows, given, interrupted=interrupted)
+            summary.interrupted = True
+    skipped, warnings = tuple(given.source.skipped), tuple(given.source.warnings)
+    return replace(summary, skipped=skipped, warnings=warnings)
 
 
 def _check_outputs(files: list[Path], masks: Path | None, given: tuple[object, ...]) -> None:
@@ -130,61 +151,32 @@ def _check_outputs(files: list[Path], masks: Path | None, given: tuple[object, .
         check_empty_folder(masks, "net perceive --masks")
 
 
-def _summary(rows: list[_Row], given: PerceiveInput, *, interrupted: bool) -> PerceiveSummary:
-    spent = {name: [row[0][name] for row in rows if name in row[0]] for name in STAGES}
-    spent["all"] = [sum(row[0].values()) for row in rows]
-    stages = {name: Percentiles.of_seconds(values) for name, values in spent.items()}
-    without = Counter(why for _, why, has_depth, _ in rows if why and not has_depth)
-    in_part = Counter(why for _, why, has_depth, _ in rows if why and has_depth)
-    return PerceiveSummary(
-        frames=len(rows),
-        unrelated=given.unrelated,
-        camera=given.camera_words,
-        telemetry=given.telemetry_words,
-        stage_ms={name: figures for name, figures in stages.items() if figures is not None},
-        without_depth=dict(without.most_common()),
-        in_part=dict(in_part.most_common()),
-        with_mark=sum(has_mark for *_, has_mark in rows),
-        skipped=tuple(given.source.skipped),
-        warnings=tuple(given.source.warnings),
-        interrupted=interrupted,
-    )
-
-
 def _write_mask(folder: Path, image: Shot, seen: Perceived) -> None:
-    """Write the class map of an image; the first one makes the folder and lists the classes.
+    """Write the class map of an image, and once the folder and the list of classes.
 
     It is a grey PNG, (h, w), whose values are class ids.
     `IMG_1.jpg` of a folder becomes `IMG_1.png`, frame 12 of a video `000012.png`.
     """
-    classes = folder / "classes.json"
+    name, classes = Path(image.name), folder / "classes.json"
+    in_folder = name.suffix.lower() in IMAGE_SUFFIXES
+    path = folder / (f"{name.stem}.png" if in_folder else f"{image.index:06d}.png")
+    with writing(path):
+        folder.mkdir(parents=True, exist_ok=True)
+        if in_folder and path.exists():  # IMG_1.jpg and IMG_1.png of one folder have two masks
+            path = folder / f"{name.name}.png"
+        if path.exists():
+            raise FileError(path, "exists already, and is not replaced")
+    write_whole(path, encode_bytes(seen.class_map.ids))
     if not classes.exists():
-        with writing(folder):
-            folder.mkdir(parents=True, exist_ok=True)
         rows = [
             {"id": number, "name": each.name, "role": each.role, "rgb": list(each.colour)}
             for number, each in enumerate(seen.class_map.classes)
         ]
         write_whole(classes, json.dumps({"classes": rows}, indent=2) + "\n")
-    name = Path(image.name)
-    in_folder = name.suffix.lower() in IMAGE_SUFFIXES
-    path = folder / (f"{name.stem}.png" if in_folder else f"{image.index:06d}.png")
-    with writing(path):
-        if in_folder and path.exists():  # IMG_1.jpg and IMG_1.png of one folder have two masks
-            path = folder / f"{name.name}.png"
-        if path.exists() or path.is_symlink():
-            raise FileError(path, "exists already, and is not replaced")
-    write_whole(path, encode_bytes(seen.class_map.ids))
 
 
-@contextmanager
-def _json_lines(path: Path) -> Iterator[_Write]:
-    with writing(path), path.open("w", encoding="utf-8") as file:
-
-        def write(image: Shot, seen: Perceived) -> None:
-            file.write(json.dumps(_rounded(_values(image, seen)), allow_nan=False) + "\n")
-
-        yield write
+def _write_line(file: TextIO, image: Shot, seen: Perceived) -> None:
+    file.write(to_json(_values(image, seen), inf_nan_mode="null").decode() + "\n")
 
 
 @contextmanager
@@ -193,18 +185,15 @@ def _overlay_video(path: Path, camera: CameraModel, rate_per_s: float) -> Iterat
     panes = PerceptionPanes(camera)
     rate = Fraction(min(rate_per_s, _MAX_RATE)).limit_denominator(1001)
     file = VideoFile(path, size_px=panes.size_px, frames_per_s=rate, comment=FILM)
-    begin_s, slot = math.nan, -1
+    slot = -1
 
-    def write(_: Shot, seen: Perceived) -> None:
-        nonlocal begin_s, slot
-        begin_s = seen.frame.captured_s if math.isnan(begin_s) else begin_s
-        slot = max(slot + 1, round((seen.frame.captured_s - begin_s) * float(rate)))
+    def write(image: Shot, seen: Perceived) -> None:
+        nonlocal slot
+        slot = max(slot + 1, round(image.time_s * float(rate)))
         file.write(panes.draw(seen), slot)
 
-    try:
+    with closing(file):
         yield write
-    finally:
-        file.close()
 
 
 def _values(image: Shot, seen: Perceived) -> dict[str, Any]:
@@ -221,11 +210,7 @@ def _values(image: Shot, seen: Perceived) -> dict[str, Any]:
             "known_share": float(np.isfinite(depth.depth).mean()),
         },
         "confidence": {
-            name: {
-                "value": each.value,
-                "reason": each.reason or None,
-                **({"measures": _measures(each.measures)} if each.measures else {}),
-            }
+            name: {"value": each.value, "reason": each.reason or None, **_measures(each)}
             for name, each in seen.confidences.items()
         },
         "refusal": seen.refusal or None,
@@ -236,14 +221,8 @@ def _values(image: Shot, seen: Perceived) -> dict[str, Any]:
     }
 
 
-def _measures(measures: Mapping[str, tuple[float, str | None]]) -> dict[str, Any]:
-    return {name: {"value": value, "reason": reason} for name, (value, reason) in measures.items()}
-
-
-def _rounded(value: Any) -> Any:
-    """Return plain values with rounded numbers; None for infinity."""
-    if isinstance(value, dict):
-        return {name: _rounded(each) for name, each in value.items()}
-    if isinstance(value, float):
-        return round(value, _DECIMALS) if math.isfinite(value) else None
-    return value
+def _measures(confidence: Confidence) -> dict[str, Any]:
+    measures = {
+        name: {"value": value, "reason": why} for name, (value, why) in confidence.measures.items()
+    }
+    return {"measures": measures} if measures else {}

@@ -20,7 +20,7 @@ LOSSY_TICKS: Final = 0.05
 _KEPT: Final = 1_000  # differing ticks that are kept one by one
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Difference:
     """A tick in which replay and recording differ; each pair is recorded, replayed."""
 
@@ -90,25 +90,18 @@ class Comparison:
             if place < len(moment.statuses) and moment.statuses[place] != node.node_status.name
         }
         command = self._command(moment.commands.decided, record.decided or record.command)
-        owners = (moment.commands.proposed_by, record.proposed_by)
-        proposed_by = owners if owners[0] != owners[1] else None
-        differs = bool(statuses or command or proposed_by)
+        pair = (moment.commands.proposed_by, record.proposed_by)
+        owners = pair if pair[0] != pair[1] else None
+        differs = bool(statuses or command or owners)
         self._nodes.update(statuses.keys())
         report.nodes = dict(self._nodes.most_common())
         report.ticks += 1
         report.status_ticks += bool(statuses)
-        report.command_ticks += bool(command or proposed_by)
+        report.command_ticks += bool(command or owners)
         report.differing_ticks += differs
         if differs and len(report.differences) < _KEPT:
-            report.differences.append(
-                Difference(
-                    tick=moment.tick.index,
-                    time_s=moment.tick.time_s,
-                    statuses=statuses,
-                    command=command,
-                    proposed_by=proposed_by,
-                )
-            )
+            at = moment.tick
+            report.differences.append(Difference(at.index, at.time_s, statuses, command, owners))
 
     def _command(self, recorded: Command, replayed: Command) -> tuple[str, str] | None:
         same_id = self._drone.ids.pair(recorded.movement, replayed.movement)

@@ -7,16 +7,8 @@ from dataclasses import replace
 from uav_bt.errors import FileError, InputError
 from uav_bt.record.moment import Moment
 from uav_bt.record.reader import RecordReader
-from uav_bt.types import (
-    Airframe,
-    ClassMap,
-    Command,
-    DroneState,
-    Frame,
-    MoveBy,
-    Movement,
-    Observation,
-)
+from uav_bt.types import Airframe, ClassMap, Command, DroneState, Frame, MoveBy, Observation
+from uav_bt.types.commands import Movement
 
 
 class MovementIds:
@@ -107,10 +99,8 @@ class RecordedDrone:
         if stored.image is None:
             self.missing_images += 1  # the one before stays, and grows old
             return
-        try:
+        with self._reader.intact(f"frame {stored.note.index}"):
             self._frame = stored.frame()
-        except InputError as error:
-            raise FileError(self._reader.path, f"frame {stored.note.index}: {error}") from error
 
     def connect(self) -> None:
         """Nothing needs to be done."""
@@ -131,7 +121,6 @@ class RecordedDrone:
         found = self.moment.class_map
         if found is None or found.captured_s != frame.captured_s:
             raise InputError(
-                f"the record has no class map of frame {frame.index}: replay with the network "
-                "(--masks network)"
+                f"the record has no class map of frame {frame.index}: replay with --masks network"
             )
         return found

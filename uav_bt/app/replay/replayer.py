@@ -32,6 +32,7 @@ from uav_bt.types.area import Area
 
 Masks = Literal["network", "recorded"]
 
+_AS_FLOWN: Final = ("seed", "inference_threads", "record_quality", "site", "limits", "runner")
 _OVER: Final = frozenset({"SUCCESS", "FAILURE"})
 _STOPPED: Final = frozenset({Override.ABORT, Override.BATTERY})
 _AS_RECORDED: Final = "stopped, as in the recording"
@@ -76,12 +77,10 @@ def replay(record: str | Path, options: ReplayOptions | None = None) -> ReplayRe
     flight, masks = assemble_recorded(reader, changes)
     drone, lossless = flight.drone, flight.options.record_quality == "lossless"
     is_file = isinstance(changes.tree, str | Path) and not is_text(changes.tree)
+    tree = str(changes.tree) if is_file else flight.mission.origin
+    outcome = (reader.end or {}).get("outcome")
     report = ReplayReport(
-        record=str(record),
-        tree=str(changes.tree) if is_file else flight.mission.origin,
-        outcome=(reader.end or {}).get("outcome"),
-        exact=lossless,
-        masks=masks,
+        record=str(record), tree=tree, outcome=outcome, exact=lossless, masks=masks
     )
     comparison = Comparison(report, reader.tree, flight.mission, drone)
     try:
@@ -106,51 +105,31 @@ def assemble_recorded(
     if recorded.imageless:
         raise FileError(
             reader.path,
-            "was flown without images, so there is nothing to perceive again; fly it again with "
-            "its seed",
+            "was flown without images, and shows nothing to perceive: fly it again with its seed",
         )
     drone = RecordedDrone(reader, recorded.airframe)
     if drone.moment.tick.index > 0:
-        begins_s = drone.now() - reader.timeline.start_s
-        raise FileError(
-            reader.path,
-            f"begins {begins_s:.1f} s into its flight: replay the whole record",
-        )
+        at_s = drone.now() - reader.timeline.start_s
+        raise FileError(reader.path, f"begins {at_s:.1f} s into its flight: give the whole record")
     masks = changes.masks or ("recorded" if recorded.exact_masks else "network")
     if masks not in get_args(Masks):
         refuse("masks", "network or recorded, or None", masks)
+    flown = {name: getattr(recorded, name) for name in _AS_FLOWN}
     options = FlightOptions(
-        seed=recorded.seed,
-        inference_threads=recorded.inference_threads,
-        record_quality=recorded.record_quality,
-        site=recorded.site,
-        limits=recorded.limits,
-        runner=recorded.runner,
-        policies=changes.policies,
-        leaves=changes.leaves,
-        tree_folders=changes.tree_folders,
+        **flown, policies=changes.policies, leaves=changes.leaves, tree_folders=changes.tree_folders
     )
     if changes.tree is None:
-        mission = _recorded_mission(reader, recorded, options, changes.registry)
+        mission = _recorded_mission(reader, recorded, options, changes)
     else:
         # Attributes and variables that the recorded mission had may name none of this one.
         mission = read_mission(changes.tree, options, changes.registry)
     _check_complete(reader, mission, masks)
-    held = replace(
-        conditions_of(options, mission, drone, recorded=True),
-        classes=reader.classes,
-        area=None if recorded.area is None else Area(recorded.area),
-    )
-    flight = Flight(
-        mission,
-        drone,
-        options,
-        held=held,
-        judge=_ReplayJudge(drone, recorded.judge),
-        segmenter=drone if masks == "recorded" else None,
-        make_runner=_ReplayRunner,
-    )
-    return flight, masks
+    area = None if recorded.area is None else Area(recorded.area)
+    held = conditions_of(options, mission, drone, recorded=True)
+    held = replace(held, classes=reader.classes, area=area)
+    segmenter = drone if masks == "recorded" else None
+    judge = _ReplayJudge(drone, recorded.judge)
+    return Flight(mission, drone, options, held, judge, segmenter, _ReplayRunner), masks
 
 
 def _check_complete(reader: RecordReader, mission: MissionTree, masks: Masks) -> None:
@@ -164,16 +143,12 @@ def _check_complete(reader: RecordReader, mission: MissionTree, masks: Masks) ->
     ):
         if needed and next(reader.messages([topic]), None) is None:
             raise FileError(
-                reader.path,
-                f"the record has no {what} (no message on {topic}); give it as it was flown",
+                reader.path, f"has no {what} (no message on {topic}); give it as it was flown"
             )
 
 
 def _recorded_mission(
-    reader: RecordReader,
-    recorded: RecordedOptions,
-    options: FlightOptions,
-    registry: NodeRegistry | None,
+    reader: RecordReader, recorded: RecordedOptions, options: FlightOptions, changes: ReplayOptions
 ) -> MissionTree:
     """Load the recorded tree, with the policies of the options."""
     with TemporaryDirectory(prefix="uav-bt-replay-") as folder:
@@ -186,7 +161,7 @@ def _recorded_mission(
                 "ReplayOptions(tree=...)",
             )
         options = replace(options, tree_id=reader.metadata.get("tree_name"))
-        mission = read_mission(tree, options, registry, replaced=recorded.replaced)
+        mission = read_mission(tree, options, changes.registry, replaced=recorded.replaced)
     for name, value in recorded.variables.items():
         mission.variables[name] = value
     return mission

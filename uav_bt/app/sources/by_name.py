@@ -10,13 +10,7 @@ from typing import Any, Final
 import cv2
 import numpy as np
 
-from perception.camera.image_files import (
-    FOREIGN_SUFFIXES,
-    IMAGE_SUFFIXES,
-    exif_orientation,
-    image_files,
-    read_image,
-)
+from perception.camera import image_files
 from uav_bt.app.sources.shots import RATE, ImageSource, Shot, Shots
 from uav_bt.app.sources.video_source import VideoSource
 from uav_bt.clock import WallClock
@@ -26,6 +20,7 @@ from uav_bt.protocols import Clock
 from uav_bt.record.moment import StoredFrame
 from uav_bt.record.reader import RECORD_SUFFIX, RecordReader, flight_record, footage
 
+_IMAGES: Final = (*image_files.IMAGE_SUFFIXES, *image_files.FOREIGN_SUFFIXES)
 _CAMERA: Final = "camera:"  # before a device's number
 
 
@@ -41,7 +36,7 @@ def open_source(text: str, *, times_s: Sequence[float] | None = None) -> ImageSo
         return CameraSource(int(number), WallClock())
     path = Path(text)
     suffix = path.suffix.lower()
-    if path.is_dir() or (path.is_file() and suffix in (*IMAGE_SUFFIXES, *FOREIGN_SUFFIXES)):
+    if path.is_dir() or (path.is_file() and suffix in _IMAGES):
         return FolderSource(path, times_s=times_s)
     if not path.is_file():
         raise FileError(
@@ -58,10 +53,8 @@ class RecordSource(ImageSource):
     def __init__(self, reader: RecordReader) -> None:
         found = (item for item in footage(reader) if isinstance(item, StoredFrame))
         times_s = np.array([item.note.captured_s for item in found])
-        between_s = float(np.median(np.diff(times_s))) if len(times_s) > 1 else 0.0
-        super().__init__(
-            str(reader.path), len(times_s), 1.0 / between_s if between_s > 0.0 else RATE
-        )
+        apart_s = float(np.median(np.diff(times_s))) if len(times_s) > 1 else 0.0
+        super().__init__(str(reader.path), len(times_s), 1.0 / apart_s if apart_s > 0.0 else RATE)
         self._reader = reader
         self._begin_s = float(times_s[0]) if times_s.size else 0.0
         self.duration_s = float(np.ptp(times_s)) if times_s.size else 0.0
@@ -88,7 +81,7 @@ class FolderSource(ImageSource):
     """
 
     def __init__(self, path: Path, *, times_s: Sequence[float] | None = None) -> None:
-        self._paths, foreign = ([path], "") if path.is_file() else image_files(path)
+        self._paths, foreign = ([path], "") if path.is_file() else image_files.image_files(path)
         self._paths.sort(key=_natural)
         if times_s is not None and len(times_s) != len(self._paths):
             expected = f"{len(times_s)}, as many as the telemetry has entries"
@@ -103,17 +96,15 @@ class FolderSource(ImageSource):
             path = self._paths[index]
             try:
                 # Turned here and not by OpenCV, so that image and camera are turned alike.
-                stored = read_image(path, colour=True, as_stored=True)
-                orientation = exif_orientation(path)
+                stored = image_files.read_image(path, colour=True, as_stored=True)
+                orientation = image_files.exif_orientation(path)
             except FileError as error:
                 self.skipped.append(str(error).replace(str(path), path.name, 1))
                 continue
+            image, times_s = orientation.image(stored), self._times_s
+            time_s = index / RATE if times_s is None else float(times_s[index])
             yield Shot.of(
-                orientation.image(stored),
-                index=index,
-                time_s=index / RATE if self._times_s is None else float(self._times_s[index]),
-                name=path.name,
-                orientation=orientation,
+                image, index=index, time_s=time_s, name=path.name, orientation=orientation
             )
 
 

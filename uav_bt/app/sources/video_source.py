@@ -120,20 +120,15 @@ class VideoSource(ImageSource):
         suspect: set[int | None] = set()  # time stamps of packets that arrived damaged
         index, first = -1, ""
         try:
-            while True:
+            for packet in packets:
+                count += 1
+                if packet.is_corrupt:
+                    suspect.add(packet.pts)
                 try:
-                    packet = next(packets, None)
-                    if packet is None:
-                        break
-                    count += 1
-                    if packet.is_corrupt:
-                        suspect.add(packet.pts)
                     frames = packet.decode()
                 except av.FFmpegError as error:
                     unreadable += 1
                     first = first or f"packet {count}, {_reason(error)}"
-                    if unreadable > count:  # the file ends here
-                        break
                     continue
                 for frame in frames:
                     index += 1
@@ -143,6 +138,8 @@ class VideoSource(ImageSource):
                         first = first or f"image {index}"
                     else:
                         yield index, frame
+        except av.FFmpegError as error:
+            self.skipped.append(f"what follows packet {count} cannot be read: {_reason(error)}")
         finally:
             if damaged or unreadable:
                 self.skipped.append(

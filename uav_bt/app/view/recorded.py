@@ -78,13 +78,12 @@ class RecordedFlight:
         """What does not change during the flight, as far as it is known here."""
         reader, options = self.reader, recorded_options(self.reader)
         mission = reader.metadata.get("tree", reader.path.name)
+        scene, drone, seed = options.scene, options.drone, options.seed
         return facts_of(
             self.tree,
             reader.camera,
             classes=reader.classes,
-            title=describe_flight(
-                mission, scene=options.scene, drone=options.drone, seed=options.seed
-            ),
+            title=describe_flight(mission, scene=scene, drone=drone, seed=seed),
             lab_map=self._lab_map,
             nodes=tuple((node.path, node.name) for node in reader.tree.nodes),
             limit_s=options.judge.limit_s,
@@ -118,11 +117,7 @@ class RecordedFlight:
         advance: Advance = silent,
         stopped: Callable[[], bool] = lambda: False,
     ) -> None:
-        """Draw the flight into an open Rerun recording, until the viewer was closed.
-
-        Raises:
-            FileError: the record has no tick there, or one that cannot be read.
-        """
+        """Draw the flight into an open Rerun recording, until the viewer was closed."""
         from uav_bt.display.rerun.flight_view import FlightView  # noqa: PLC0415  (needs Rerun)
 
         playback = Playback(self.reader)
@@ -151,35 +146,21 @@ class RecordedFlight:
                 return
         advance(stage, done, done)
         if not done:
-            raise FileError(
-                self.reader.path, "the record has no tick in the part that was asked for"
-            )
+            raise FileError(self.reader.path, "it has no tick in the part that was asked for")
 
     def save(self, path: str | Path, *, advance: Advance = silent) -> None:
         """Write the view as an rrd file, which appears whole or not at all.
 
-        Args:
-            path: the file.
-            advance: called with the number of ticks drawn.
-
-        Raises:
-            FileError: it cannot be written, or the record not be read.
-            MissingDependencyError: Rerun is not installed.
+        FileError if it cannot be written, or the record not be read. `advance` gets the ticks.
         """
         with sinks.saved(Path(path)) as stream:
             self.draw(stream, advance=advance)
 
     def film(self, path: str | Path, *, speed: float = 1.0, advance: Advance = silent) -> None:
-        """Write the flight as a video: camera, mask, depth, map and the active branch.
+        """Write the flight as an mp4 file: camera, mask, depth, map and the active branch.
 
-        Args:
-            path: the mp4 file.
-            speed: Speed of the video relative to the mission.
-            advance: called with the number of ticks drawn.
-
-        Raises:
-            FileError: the video cannot be written, or the record not be read.
-            MissingDependencyError: no video encoder works here.
+        FileError if it cannot be written, or the record not be read. `speed` is relative to the
+        mission; `advance` gets the ticks.
         """
         playback, end = Playback(self.reader), self.reader.end or {}
         with closing(open_film(Path(path), speed)) as file:

@@ -15,19 +15,11 @@ from matplotlib.figure import Figure
 
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt import __version__
-from uav_bt.campaign.report.figures import (
-    Form,
-    coverage_over_time,
-    distributions,
-    drawn,
-    fonts_for,
-    outcomes,
-    scene_figure,
-)
+from uav_bt.campaign.report import figures as plots
 from uav_bt.campaign.report.paired import paired_table, pairs_of
 from uav_bt.campaign.report.sources import FlightSet, read_sources
 from uav_bt.campaign.report.tables import Table, origin_table, tables_of
-from uav_bt.campaign.store import FLIGHTS_FILE
+from uav_bt.campaign.store import FLIGHTS_FILE, METRICS
 from uav_bt.errors import InputError
 from uav_bt.files import write_whole, writing
 from uav_bt.mission.covered_ground import PASSED_M, SEEN_M
@@ -68,7 +60,11 @@ code { white-space: pre-wrap; }
 <div><table>
 <tr>{% for column in part.columns %}<th>{{ column }}</th>{% endfor %}</tr>
 {% for row in part.rows %}
-<tr>{% for cell in row %}<td>{{ cell }}</td>{% endfor %}</tr>
+<tr>{% for column, cell in zip(part.columns, row) %}<td>
+{%- if column == "record" and cell %}<a href="{{ cell|urlencode }}">record</a>
+{% elif column == "command to repeat" %}<code>{{ cell }}</code>
+{% elif column in ("metric", "measure") and cell in metrics %}{{ metrics[cell].words }}
+{% else %}{{ cell }}{% endif %}</td>{% endfor %}</tr>
 {% endfor %}
 </table></div>
 {% endif %}
@@ -98,7 +94,7 @@ def write_report(
     paths: Sequence[Path],
     out: Path | None = None,
     *,
-    figures: Form | None = "png",
+    figures: plots.Form | None = "png",
     all_pairs: bool = False,
     today: dt.date | None = None,
     on_note: Callable[[str], None] = lambda _: None,
@@ -122,33 +118,35 @@ def write_report(
     tables["pairs"] = paired_table(pairs_of(sets, all_pairs=all_pairs))
     notes = list(dict.fromkeys(one.note for one in sets if one.note))
     scenes = {flight["scene"] or "" for one in sets for flight in one.flights}
-    families, boxes = fonts_for("".join((*(one.label for one in sets), *scenes)))
+    families, boxes = plots.fonts_for("".join((*(one.label for one in sets), *scenes)))
     if boxes:
         notes.append(
             f"figures show boxes for {' '.join(boxes)}: no installed font has them; install one, "
             "such as Debian's fonts-noto-cjk or fonts-noto-core"
         )
-    with mpl.rc_context({"font.family": families}):
+    with mpl.rc_context({**plots.STYLE, "font.family": families}):
         drawings = [*_drawings(sets), *_scenes(sets, notes)]
+        images = {each.name: plots.drawn(each.figure, "png") for each in drawings}
+        saved, form = images, figures or "png"
+        if form != "png":
+            saved = {each.name: plots.drawn(each.figure, form) for each in drawings}
     for note in notes:
         on_note(note)
     today = today or dt.datetime.now(dt.UTC).date()
-    images = {each.name: drawn(each.figure, "png") for each in drawings}
     write_whole(out, _page(sets, tables, drawings, images=images, notes=notes, today=today))
     written = WrittenReport(out, [], [])
     for name, table in tables.items():
         written.tables.append(out.with_name(f"{out.stem}-{name}.csv"))
         write_whole(written.tables[-1], table.to_csv())
+    if figures is None:
+        return written
     folder = out.with_name(f"{out.stem}-figures")
-    if figures is not None:
-        with writing(folder):
-            folder.mkdir(exist_ok=True)
-        for each in drawings:
-            name = re.sub(r"[^\w.-]+", "_", each.name)  # a scene may have any name
-            written.images.append(folder / f"{name}.{figures}")
-            if figures != "png":
-                images[each.name] = drawn(each.figure, figures)
-            write_whole(written.images[-1], images[each.name])
+    with writing(folder):
+        folder.mkdir(exist_ok=True)
+    for name, image in saved.items():
+        stem = re.sub(r"[^\w.-]+", "_", name)  # a scene may have any name
+        written.images.append(folder / f"{stem}.{form}")
+        write_whole(written.images[-1], image)
     return written
 
 
@@ -161,10 +159,10 @@ def _default_page(first: Path) -> Path:
 def _drawings(sets: Sequence[FlightSet]) -> Iterator[Drawing]:
     """Yield the figures of all flights, without those that would be empty."""
     about = "The share of a tree's flights with at most a value."
-    yield Drawing("outcomes", "Successes", "", outcomes(sets))
-    if figure := distributions(sets):
+    yield Drawing("outcomes", "Successes", "", plots.outcomes(sets))
+    if figure := plots.distributions(sets):
         yield Drawing("distributions", "Distributions", about, figure)
-    if figure := coverage_over_time(sets):
+    if figure := plots.coverage_over_time(sets):
         yield Drawing("coverage", "Coverage over time", _ABOUT_COVERAGE, figure)
 
 
@@ -178,7 +176,7 @@ def _scenes(sets: Sequence[FlightSet], notes: list[str]) -> Iterator[Drawing]:
     }
     for name, file in sorted(files.items()):
         try:
-            figure = scene_figure(sets, name, load_scene(file))
+            figure = plots.scene_figure(sets, name, load_scene(file))
         except InputError as error:
             notes.append(f"no map of scene '{name}': {error}")
         else:
@@ -215,6 +213,8 @@ def _page(
     return environment.from_string(_PAGE).render(
         title="Flights of " + ", ".join(one.label for one in sets),
         lead=f"{lead}, {today.isoformat()}, uav-bt {__version__}",
+        metrics=METRICS,
+        zip=zip,
         parts=[part for part in parts if part and (not isinstance(part, Table) or part.rows)],
     )
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import io
 import math
 import warnings
-from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import matplotlib as mpl
 import numpy as np
+from cycler import cycler
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont, fontManager, get_font
 from matplotlib.lines import Line2D
@@ -30,9 +30,14 @@ from uav_bt.types.arrays import Flags, Floats
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Okabe and Ito: for people with colour-blindness, too. Dark colours first, on white.
-_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#555555")
-_STYLE: Final[Any] = {
+STYLE: Final[Any] = {
+    # Okabe and Ito: for people with colour-blindness, too. Dark colours first, on white.
+    "axes.prop_cycle": cycler(
+        color=("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#555555")
+    ),
+    "figure.constrained_layout.use": True,
+    "figure.dpi": 130,
+    "figure.facecolor": "white",
     "font.size": 9.0,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -57,11 +62,6 @@ _NO_METADATA: Final[dict[Form, tuple[str, ...]]] = {
 }
 
 
-def _new_figure(width_in: float, height_in: float) -> Figure:
-    """Return an empty figure."""
-    return Figure(figsize=(width_in, height_in), dpi=130, layout="constrained", facecolor="white")
-
-
 def fonts_for(text: str) -> tuple[list[str], str]:
     """Return the families of fonts that have a text's letters, and the letters that none has."""
     families, letters = list(mpl.rcParams["font.family"]), {each for each in text if each > " "}
@@ -76,9 +76,11 @@ def fonts_for(text: str) -> tuple[list[str], str]:
     return list(dict.fromkeys(families)), "".join(sorted(letters))
 
 
-@mpl.rc_context(_STYLE)
 def drawn(figure: Figure, form: Form) -> bytes:
-    """Return a figure as the content of an image file; equal figures give equal bytes."""
+    """Return a figure as the content of an image file; equal figures give equal bytes.
+
+    It has the colours of `STYLE` if that is in force.
+    """
     buffer = io.BytesIO()
     metadata = dict.fromkeys(_NO_METADATA[form])
     with warnings.catch_warnings():
@@ -93,20 +95,15 @@ def _legend(figure: Figure, labels: Iterable[tuple[str, str]], columns: int = 2)
     figure.legend(handles=lines, loc="outside upper left", ncols=columns)
 
 
-def _colour(index: int) -> str:
-    return _COLOURS[index % len(_COLOURS)]
-
-
-@mpl.rc_context(_STYLE)
 def outcomes(sets: Sequence[FlightSet]) -> Figure:
     """Draw the share of successes of each set, with its 95 % Wilson interval."""
-    figure = _new_figure(8.0, 0.8 + 0.4 * len(sets))
+    figure = Figure(figsize=(8.0, 0.8 + 0.4 * len(sets)))
     axes = figure.add_subplot()
     for row, one in enumerate(sets):
         share = 100.0 * stats.successes(one.flights) / len(one.flights)
         ends = stats.success_interval(one.flights)
-        axes.plot(ends, (row, row), color=_colour(row), linewidth=6, alpha=0.3)
-        axes.plot(share, row, "o", color=_colour(row), markersize=7, clip_on=False)
+        axes.plot(ends, (row, row), color=f"C{row}", linewidth=6, alpha=0.3)
+        axes.plot(share, row, "o", color=f"C{row}", markersize=7, clip_on=False)
     labels = [f"{one.label}: {stats.success_words(one.flights)}" for one in sets]
     axes.set_yticks(range(len(sets)), labels)
     axes.set(xlim=(0.0, 100.0), ylim=(len(sets) - 0.5, -0.5))
@@ -114,7 +111,6 @@ def outcomes(sets: Sequence[FlightSet]) -> Figure:
     return figure
 
 
-@mpl.rc_context(_STYLE)
 def distributions(sets: Sequence[FlightSet]) -> Figure | None:
     """Draw the cumulative distribution of each metric; None when no flight has a metric."""
     # Where all values are 0, no flight has that phase.
@@ -124,74 +120,73 @@ def distributions(sets: Sequence[FlightSet]) -> Figure | None:
     if not panels:
         return None
     rows = math.ceil(len(panels) / 2)
-    figure = _new_figure(9.5, 0.3 + 0.15 * len(sets) + 2.1 * rows)
+    figure = Figure(figsize=(9.5, 0.3 + 0.15 * len(sets) + 2.1 * rows))
     grid = figure.subplots(rows, 2, squeeze=False)
     for axes in grid.flat[len(panels) :]:
         axes.set_visible(False)
     for axes, name in zip(grid.flat, panels, strict=False):
         for index, one in enumerate(sets):
             if values := stats.values_of(one.flights, name):
-                axes.ecdf(values, color=_colour(index), linewidth=1.8)
+                axes.ecdf(values, color=f"C{index}", linewidth=1.8)
         metric = METRICS[name]
         axes.set_title(f"{metric.words}, {metric.unit}" if metric.unit else metric.words)
         axes.set(xlim=(0.0, 100.0) if metric.unit == "%" else (0.0, None), ylim=(0.0, 1.0))
         axes.set_yticks([0.0, 0.5, 1.0], ["0 %", "50 %", "100 %"])
-    _legend(figure, ((one.label, _colour(index)) for index, one in enumerate(sets)))
+    _legend(figure, ((one.label, f"C{index}") for index, one in enumerate(sets)))
     return figure
 
 
-_SHARES: Final = ("passed", "seen")  # as the fields of a flight are called
+_PERCENT: Final = (1.0, 100.0, 100.0)  # of time and two shares
 
 
-@mpl.rc_context(_STYLE)
 def coverage_over_time(sets: Sequence[FlightSet]) -> Figure | None:
     """Draw the coverage of flights over time and each set's mean; None without a curve."""
+    needed = ("coverage_passed", "coverage_curve")
     found = (
-        (one.label, [f for f in one.flights if f.get("coverage_passed") is not None], _colour(row))
+        (one.label, [f for f in one.flights if None not in map(f.get, needed)], f"C{row}")
         for row, one in enumerate(sets)
     )
     measured = [(label, some, colour) for label, some, colour in found if some]
     if not any(flight["coverage_curve"] for _, some, _ in measured for flight in some):
         return None
-    figure = _new_figure(9.5, 3.4 + 0.15 * len(sets))
-    for axes, what in zip(figure.subplots(1, len(_SHARES), sharey=True), _SHARES, strict=True):
+    figure = Figure(figsize=(9.5, 3.4 + 0.15 * len(sets)))
+    panels = zip((1, 2), ("covered", "seen"), figure.subplots(1, 2, sharey=True), strict=True)
+    for column, what, axes in panels:
         for _, some, colour in measured:
             alpha = float(np.clip(4.0 / len(some), 0.1, 0.5))
             for flight in some:
-                curve = curve_of(flight, what)
+                curve = curve_of(flight)[:, [0, column]]
                 axes.plot(*curve.T, color=colour, linewidth=0.8, alpha=alpha)
                 axes.plot(*curve[-1:].T, ".", color=colour, markersize=4, alpha=alpha)
-            axes.plot(*mean_curve(some, what).T, color=colour, linewidth=2.0)
+            axes.plot(*mean_curve(some)[:, [0, column]].T, color=colour, linewidth=2.0)
         axes.axvline(EXPLORE_S, color="#adb5bd", linewidth=0.8, linestyle=":")
-        axes.set_title(f"free ground {'covered' if what == 'passed' else what}, %")
+        axes.set_title(f"free ground {what}, %")
         axes.set_xlabel("time from the take-off command, s")
         axes.set(xlim=(0.0, None), ylim=(0.0, 100.0))
     _legend(figure, ((f"{label}, flights: {len(some)}", c) for label, some, c in measured))
     return figure
 
 
-def curve_of(flight: Mapping[str, Any], what: str) -> Floats:
-    """Return a flight's coverage, `passed` or `seen`: time in s, share in %, (N, 2)."""
-    curve = np.array(flight["coverage_curve"], dtype=np.float64).reshape(-1, 1 + len(_SHARES))
-    points = curve[:, [0, 1 + _SHARES.index(what)]]
-    end_s, share = flight.get("duration_s"), flight.get(f"coverage_{what}")
-    if end_s is not None and share is not None and end_s > max(points[:, 0], default=0.0):
-        points = np.vstack([points, (end_s, share)])
-    return points * (1.0, 100.0)
+def curve_of(flight: Mapping[str, Any]) -> Floats:
+    """Return a flight's coverage: time in s, shares passed and seen in %, (N, 3)."""
+    curve = np.array(flight["coverage_curve"], dtype=np.float64).reshape(-1, 3)
+    end: list[Any] = [flight.get(f) for f in ("duration_s", "coverage_passed", "coverage_seen")]
+    if None not in end and end[0] > max(curve[:, 0], default=0.0):
+        curve = np.vstack([curve, end])
+    return curve * _PERCENT
 
 
-def mean_curve(flights: Flights, what: str) -> Floats:
-    """Return the mean coverage at the sample times that half of the flights reached, (N, 2).
+def mean_curve(flights: Flights) -> Floats:
+    """Return the mean coverage at the sample times that half of the flights reached, (N, 3).
 
-    Time in s, share in %. Later the mean would jump whenever a flight ends.
+    Columns as in `curve_of`. Later the mean would jump whenever a flight ends.
     """
-    shares = defaultdict(list)
-    for flight in flights:
-        for point in flight["coverage_curve"]:
-            shares[point[0]].append(100.0 * point[1 + _SHARES.index(what)])
-    half = len(flights) / 2
-    means = [(t, np.mean(some)) for t, some in sorted(shares.items()) if len(some) >= half]
-    return np.array(means).reshape(-1, 2)
+    curves = [point for flight in flights for point in flight["coverage_curve"]]
+    points = np.array(curves, dtype=np.float64).reshape(-1, 3)
+    times_s, counts = np.unique(points[:, 0], return_counts=True)
+    kept_s = times_s[counts >= len(flights) / 2]
+    means = [points[points[:, 0] == time_s].mean(axis=0) for time_s in kept_s]
+    return np.reshape(means, (-1, 3)) * _PERCENT
 
 
 _OUTCOME_COLOURS: Final = {
@@ -211,7 +206,6 @@ _PANEL_IN: Final = 4.7  # width of a panel's axes
 _WORDS_IN: Final = 0.9  # height of the title, the ticks and their label
 
 
-@mpl.rc_context(_STYLE)
 def scene_figure(sets: Sequence[FlightSet], name: str, scene: Scene) -> Figure | None:
     """Draw paths (left) and coverage (right) in a scene, a row for each set; None without paths."""
     found = (
@@ -226,7 +220,7 @@ def scene_figure(sets: Sequence[FlightSet], name: str, scene: Scene) -> Figure |
     paths_m = np.concatenate([np.asarray(flight["path"])[:, 1:3] for flight in shown])
     half_m = np.maximum(np.abs(paths_m).max(axis=0), np.asarray(lab.ground.size_m) / 2) + _MARGIN_M
     row_in = _PANEL_IN * half_m[1] / half_m[0] + _WORDS_IN
-    figure = _new_figure(11.0, row_in * len(rows) + 0.4)
+    figure = Figure(figsize=(11.0, row_in * len(rows) + 0.4))
     grid = figure.subplots(len(rows), 2, squeeze=False, sharex=True, sharey=True)
     grid[0, 0].set(xlim=(-half_m[0], half_m[0]), ylim=(-half_m[1], half_m[1]))
     for (left, right), (label, flown) in zip(grid, rows, strict=True):

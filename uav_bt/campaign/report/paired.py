@@ -11,7 +11,7 @@ import numpy as np
 
 from uav_bt.campaign.report import statistics as stats
 from uav_bt.campaign.report.sources import FlightSet
-from uav_bt.campaign.report.tables import Row, Table, metric_cell
+from uav_bt.campaign.report.tables import Row, Table
 from uav_bt.campaign.store import METRICS
 from uav_bt.errors import InputError
 from uav_bt.types.arrays import Floats
@@ -40,13 +40,10 @@ class Pairs(NamedTuple):
         known = [pair for pair in both if None not in pair]
         return np.array(known, dtype=np.float64).reshape(-1, 2).T
 
-    def successes(self) -> Counter[tuple[bool, bool]]:
-        """Return how many pairs there are by the success of first and second."""
-        success = stats.SUCCESS
-        return Counter(
-            (first["outcome"] == success, second["outcome"] == success)
-            for first, second in self.flights
-        )
+    def successes(self) -> tuple[int, int, int]:
+        """Return in how many pairs only the first flight succeeded, only the second, and both."""
+        ends = [[flight["outcome"] == stats.SUCCESS for flight in pair] for pair in self.flights]
+        return ends.count([True, False]), ends.count([False, True]), ends.count([True, True])
 
 
 def pairs_of(sets: Sequence[FlightSet], *, all_pairs: bool = False) -> list[Pairs]:
@@ -83,8 +80,7 @@ def paired_table(pairs: Sequence[Pairs]) -> Table:
 
 
 def _rows(pairs: Pairs) -> Iterator[Row]:
-    ends = pairs.successes()
-    gained, lost, both = ends[False, True], ends[True, False], ends[True, True]
+    lost, gained, both = pairs.successes()
     p = float(f"{stats.mcnemar(gained, lost):.3g}")
     counts = (len(pairs.flights), lost + both, gained + both, gained - lost)
     yield "successes", None, *counts, None, None, p
@@ -95,7 +91,7 @@ def _rows(pairs: Pairs) -> Iterator[Row]:
             numbers = (*np.median(values, axis=1), np.median(change))
             interval = stats.median_interval(change)
             cells = (stats.rounded(each, name) for each in (*numbers, *interval))
-            yield metric_cell(name), METRICS[name].unit, len(change), *cells, None
+            yield name, METRICS[name].unit, len(change), *cells, None
 
 
 def losses_of(sets: Sequence[FlightSet]) -> list[str]:
@@ -116,10 +112,9 @@ def losses_of(sets: Sequence[FlightSet]) -> list[str]:
 
 
 def _losses(pairs: Pairs) -> Iterator[str]:
-    ends = pairs.successes()
-    more = ends[True, False] - ends[False, True]
-    if more > _MORE_FAILURES:
-        yield f"{more} more failures"
+    lost, gained, _ = pairs.successes()
+    if lost - gained > _MORE_FAILURES:
+        yield f"{lost - gained} more failures"
     for name, statistic, percentile, allowed in _LESS:
         values, metric = pairs.values(name), METRICS[name]
         if values.size:

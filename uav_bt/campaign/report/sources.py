@@ -75,24 +75,22 @@ def by_tree(flights: Iterable[Mapping[str, Any]]) -> dict[str, Flights]:
 
 
 def _read(path: Path) -> Iterator[FlightSet]:
-    file, source = path, FlightSet(label="", tree="", flights=(), path=path)
-    remedy, note = "expected lines that `uav-bt campaign` wrote", ""
-    if path.is_dir():
-        file = path / FLIGHTS_FILE
-        if not file.is_file():
-            kept = f"`uav-bt campaign` keeps them in {FLIGHTS_FILE}"
-            raise FileError(path, f"no flights in this folder; {kept}")
-    flights = read_flights(file)
+    file = path / FLIGHTS_FILE if path.is_dir() else path
+    if path.is_dir() and not file.is_file():
+        kept = f"`uav-bt campaign` keeps them in {FLIGHTS_FILE}"
+        raise FileError(path, f"no flights in this folder; {kept}")
+    flights, about = read_flights(file), dict[str, Any]()
+    remedy = "expected lines that `uav-bt campaign` wrote"
     if path.is_dir() and (path / PLAN_FILE).exists():
-        plan, runs = read_plan(path)
+        about["plan"], about["runs"] = read_plan(path)
+        planned = len(about["plan"])
         remedy = f"`uav-bt campaign --resume {shlex.quote(str(path))}` flies them"
-        if len(flights) < len(plan):
-            note = f"{path}: {len(flights)} of {len(plan)} planned flights were flown"
-        source = replace(source, plan=plan, runs=runs, note=note)
+        if len(flights) < planned:
+            about["note"] = f"{path}: {len(flights)} of {planned} planned flights were flown"
     if not flights:
         raise FileError(file, f"no flights; {remedy}")
     for tree, some in by_tree(flights).items():
-        yield replace(source, label=Path(tree).stem, tree=tree, flights=some)
+        yield FlightSet(label=Path(tree).stem, tree=tree, flights=some, path=path, **about)
 
 
 def fly_command(

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
-from scipy.stats import binomtest, bootstrap, chi2
+import scipy  # imports `scipy.stats`, which takes a second, when it is used
 
 from uav_bt.campaign.report.sources import Flights
 from uav_bt.campaign.store import METRICS
@@ -74,13 +74,14 @@ def success_words(flights: Flights) -> str:
 
 def success_interval(flights: Flights) -> tuple[float, float]:
     """Return the 95 % Wilson score interval (1927) of the share of successes, %."""
-    ends = binomtest(successes(flights), len(flights)).proportion_ci(method="wilson")
+    ends = scipy.stats.binomtest(successes(flights), len(flights)).proportion_ci(method="wilson")
     return 100.0 * float(ends.low), 100.0 * float(ends.high)
 
 
 def rate_interval(count: int, hours: float) -> tuple[float, float]:
     """Return the exact 95 % interval of a Poisson rate, events per hour (Garwood, 1936)."""
     # Without an event the interval has one end only.
+    chi2 = scipy.stats.chi2
     low = 0.0 if count == 0 else float(chi2.ppf(0.025, 2 * count)) / 2.0
     high = float(chi2.ppf(0.95 if count == 0 else 0.975, 2 * (count + 1))) / 2.0
     return low / hours, high / hours
@@ -91,7 +92,9 @@ def median_interval(values: Floats) -> tuple[float, float] | tuple[None, None]:
     if values.size < PERCENTILE_FLIGHTS:
         return None, None
     rng = np.random.default_rng(0)
-    found = bootstrap((values,), np.median, n_resamples=_RESAMPLES, method="percentile", rng=rng)
+    found = scipy.stats.bootstrap(
+        (values,), np.median, n_resamples=_RESAMPLES, method="percentile", rng=rng
+    )
     low, high = found.confidence_interval
     return float(low), float(high)
 
@@ -101,4 +104,5 @@ def mcnemar(gained: int, lost: int) -> float:
 
     `gained` counts the pairs in which only the second flight succeeded, `lost` the opposite.
     """
-    return float(binomtest(gained, gained + lost).pvalue) if gained + lost else 1.0
+    trials = gained + lost
+    return float(scipy.stats.binomtest(gained, trials).pvalue) if trials else 1.0

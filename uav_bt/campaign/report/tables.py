@@ -5,13 +5,11 @@ from __future__ import annotations
 import csv
 import io
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
-from urllib.parse import quote
 
 import numpy as np
-from markupsafe import Markup
 
 from uav_bt.campaign.plan import flattened
 from uav_bt.campaign.report import statistics as stats
@@ -22,27 +20,11 @@ from uav_bt.mission.flight_report import EXPLORE_S
 from uav_bt.mission.judge import Outcome
 from uav_bt.mission.map_check import FOUND_M
 
-
-class Cell(NamedTuple):
-    """A cell that is not the same on the page and in the CSV file."""
-
-    text: str  # in the CSV file
-    html: Markup  # on the page
-
-    def __str__(self) -> str:
-        return self.text
-
-    def __html__(self) -> str:
-        """Return what Jinja writes."""
-        return self.html
-
-
-Value = str | int | float | Cell | None
-Row = Sequence[Value]
+Row = Sequence[str | int | float | None]
 
 
 class Table(NamedTuple):
-    """A table of the report; one without rows is not on the page."""
+    """A table of the report, as in its CSV file; one without rows is not on the page."""
 
     name: str  # of its CSV file, without the report's stem and the suffix
     title: str
@@ -62,11 +44,6 @@ def tables_of(sets: Sequence[FlightSet], page: Path) -> dict[str, Table]:
     makers = (_outcomes, _scenes, _metrics, _rates, _timings, _flights, _maps)
     tables = [*(make(sets) for make in makers), _failures(sets, page)]
     return {table.name: table for table in tables}
-
-
-def metric_cell(name: str) -> Cell:
-    """Return the cell of a metric: its field in the CSV file, its words on the page."""
-    return Cell(name, Markup.escape(METRICS[name].words))
 
 
 _SUCCESS: Final = ("flights", "successes", "success, %", "from, %", "to, %")
@@ -111,24 +88,23 @@ def _metrics(sets: Sequence[FlightSet]) -> Table:
     for name, metric in METRICS.items():
         for one in sets:
             if values := stats.values_of(one.flights, name):
-                row: list[Value] = [metric_cell(name), metric.unit or None, one.label, len(values)]
-                row += [stats.rounded(each, name) for each in stats.spread(values).values()]
-                rows.append(row)
+                numbers = (stats.rounded(each, name) for each in stats.spread(values).values())
+                rows.append([name, metric.unit or None, one.label, len(values), *numbers])
     columns = ("metric", "unit", "tree", "flights", *stats.spread(()))
     return Table("metrics", "Times and distances", columns, rows, _METRIC_NOTE)
 
 
-def _landed_elsewhere(flight: Mapping[str, Any]) -> bool:
-    ended = flight["outcome"] in {Outcome.ABORTED.value, Outcome.TIMEOUT.value}
-    return ended and flight.get("on_mark") is False
+_EVENTS: Final = ("contacts", "exits", "landings elsewhere")
 
 
-# The first violation ends a flight, so it counts once at most.
-_EVENTS: Final[Mapping[str, Callable[[Mapping[str, Any]], bool]]] = {
-    "contacts": lambda flight: flight["outcome"] == Outcome.COLLISION.value,
-    "exits": lambda flight: flight["outcome"] == Outcome.LEFT_AREA.value,
-    "landings elsewhere": _landed_elsewhere,
-}
+def _events(flight: Mapping[str, Any]) -> tuple[bool, ...]:
+    """Return which of `_EVENTS` a flight had; the first violation ends it."""
+    outcome = Outcome(flight["outcome"])
+    stopped = outcome in {Outcome.ABORTED, Outcome.TIMEOUT}
+    elsewhere = stopped and flight.get("on_mark") is False
+    return outcome is Outcome.COLLISION, outcome is Outcome.LEFT_AREA, elsewhere
+
+
 _RATE_H: Final = 100.0  # hours that rates are given for
 
 
@@ -141,8 +117,7 @@ def _rates(sets: Sequence[FlightSet]) -> Table:
         )
         if hours := seconds / 3600.0:
             row = [one.label, round(hours, 2), round(path_m / hours), round(rooms / hours, 1)]
-            for has in _EVENTS.values():
-                count = sum(map(has, one.flights))
+            for count in np.sum([_events(flight) for flight in one.flights], axis=0).tolist():
                 rates = (count / hours, *stats.rate_interval(count, hours))
                 row += [count, *(round(_RATE_H * rate, 1) for rate in rates)]
             rows.append(row)
@@ -166,19 +141,16 @@ def _failures(sets: Sequence[FlightSet], page: Path) -> Table:
         for flight in (each for each in _sorted(one) if each["outcome"] != stats.SUCCESS):
             outcome, command = flight["outcome"].replace("_", " "), one.repeat_command(flight)
             row = [one.label, flight["scene"], flight["seed"], outcome, flight.get("reason")]
-            row += [flight.get("duration_s"), _record(one, flight, page)]
-            rows.append([*row, Cell(command, Markup("<code>{}</code>").format(command))])
+            rows.append([*row, flight.get("duration_s"), _record(one, flight, page), command])
     columns = ("tree", "scene", "seed", "outcome", "reason", "after, s", "record")
     return Table("failures", "Every failure", (*columns, "command to repeat"), rows)
 
 
-def _record(one: FlightSet, flight: Mapping[str, Any], page: Path) -> Cell | None:
+def _record(one: FlightSet, flight: Mapping[str, Any], page: Path) -> str | None:
+    """Return the path of a flight's record from the page's folder, None without a record."""
     folder = one.path if one.path.is_dir() else one.path.parent
     file = folder / (flight.get("record") or "")
-    if not file.is_file():
-        return None
-    path = Path(os.path.relpath(file.resolve(), page.resolve().parent)).as_posix()
-    return Cell(path, Markup('<a href="{}">record</a>').format(quote(path)))
+    return os.path.relpath(file.resolve(), page.resolve().parent) if file.is_file() else None
 
 
 def _timings(sets: Sequence[FlightSet]) -> Table:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -15,27 +17,73 @@ import pytest
 from perception.camera.ground_plane import ground_depth, view_of
 from perception.depth.confidence import COEFFICIENTS
 from perception.segmentation.runtime import shipped_unet
-from tests.uav_bt.app.perceive.perceive_world import (
-    SIZE,
-    camera,
-    flight,
-    write_flight,
-    write_images,
-    write_video,
-)
+from sim_bridge.anafi import anafi_camera
+from sim_bridge.twin.camera import CameraPose
+from sim_bridge.twin.objects import BoxSpec, Helipad
+from sim_bridge.twin.scene import Scene
+from sim_bridge.twin.views import render_views
+from tests.worlds.footage import frame, state, write_record
 from uav_bt.app import perceive
 from uav_bt.app.perceive import PerceiveOptions, inputs
+from uav_bt.display.video.video_file import VideoFile
 from uav_bt.errors import FileError, InputError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.types import DepthMap, Frame
 from uav_bt.types.arrays import Image
 
+SIZE = (320, 180)
+PITCH_RAD = math.radians(-30.0)
+SPEED_MPS = 0.5
+RATE = 10
+CAMERA = anafi_camera(*SIZE)
 CONTACT = PerceiveOptions(model="contact", segmentation="unet")
 
 
 @pytest.fixture(scope="module")
 def images() -> list[Image]:
-    return flight()
+    """Four images of a flight towards a box at half a metre a second, 1.5 m above the ground."""
+    scene = Scene(
+        name="small",
+        helipad=Helipad(position_m=(0.3, -0.9)),
+        boxes=(BoxSpec(pattern=5, position_m=(1.0, 0.1), size_m=(0.5, 0.5, 1.9)),),
+    )
+    poses = [
+        CameraPose(
+            x_m=-1.0 + SPEED_MPS * index / RATE,
+            y_m=0.0,
+            z_m=1.5,
+            yaw_rad=0.0,
+            pitch_rad=PITCH_RAD,
+        )
+        for index in range(4)
+    ]
+    return [view.image for view in render_views(scene, poses, size_px=SIZE)]
+
+
+def write_images(folder: Path, images: list[Image]) -> Path:
+    folder.mkdir()
+    for index, image in enumerate(images):
+        assert cv2.imwrite(str(folder / f"{index}.png"), image[..., ::-1])
+    return folder
+
+
+def write_video(path: Path, images: list[Image]) -> Path:
+    height_px, width_px = images[0].shape[:2]
+    film = VideoFile(path, size_px=(width_px, height_px), frames_per_s=Fraction(RATE))
+    for image in images:
+        film.write(image)
+    film.close()
+    return path
+
+
+def write_flight(path: Path, images: list[Image]) -> Path:
+    """Write the flight's record, which begins at second 5."""
+    frames = [
+        frame(image, index, 5.0 + index / RATE, gimbal_pitch_rad=PITCH_RAD)
+        for index, image in enumerate(images)
+    ]
+    states = [state(one.captured_s, SPEED_MPS) for one in frames]
+    return write_record(path, CAMERA, frames, states)
 
 
 def look(
@@ -127,7 +175,7 @@ class Growing:
 
     def estimate(self, frame: Frame) -> DepthMap:
         self.unit_m *= 2.0
-        exact = ground_depth(view_of(frame, camera(), SIZE))
+        exact = ground_depth(view_of(frame, CAMERA, SIZE))
         depth = np.where(np.isfinite(exact), exact, 9.0).astype(np.float32) / self.unit_m
         return DepthMap(depth=depth, metric=False, captured_s=frame.captured_s)
 
@@ -188,7 +236,7 @@ def test_what_does_not_belong_together_is_refused(tmp_path: Path, images: list[I
         (folder, other, "calibrated at 640x480, the images are 320x180"),
         (folder, {"telemetry": half}, "2, as many as the telemetry has entries, got 4"),
         (cropped, {"telemetry": whole}, "whole, not cropped"),
-        (square, {}, r"320x240 \(aspect 1.333\); without a camera file"),
+        (square, {}, r"320x240 \(aspect 1.333\).*`uav-bt lab calibrate.*--camera"),
         (whole, {"camera": file}, "knows its own camera"),
         (tmp_path / "broken", {}, r"can be read: a\.png: is not a readable"),
     ]
@@ -219,35 +267,18 @@ def test_masks_are_class_ids_by_the_names_of_the_images(
     assert listed[classes.ground]["rgb"] == classes.colours[classes.ground].tolist()
 
 
-def test_masks_need_a_folder_without_files(tmp_path: Path, images: list[Image]) -> None:
-    folder = write_images(tmp_path / "views", images[:1])
-    before = (folder / "0.png").read_bytes()
-    with pytest.raises(FileError, match="has files"):
-        perceive.perceive(str(folder), CONTACT, masks=folder)
-    assert (folder / "0.png").read_bytes() == before
-    (tmp_path / "masks").mkdir()
-    lines = tmp_path / "masks" / "classes.json"
-    with pytest.raises(InputError, match="lies in the folder of the masks"):
-        perceive.perceive(str(folder), CONTACT, masks=tmp_path / "masks", lines=lines)
-
-
-def test_no_output_overwrites_a_network(tmp_path: Path, images: list[Image]) -> None:
+def test_no_output_overwrites_a_network_or_other_files(tmp_path: Path, images: list[Image]) -> None:
     folder, network = write_images(tmp_path / "views", images[:1]), tmp_path / "net.onnx"
     network.write_bytes(b"a network")
     options = PerceiveOptions(segmentation=str(network), model="contact")
     with pytest.raises(InputError, match="is an input and would be overwritten"):
         perceive.perceive(str(folder), options, lines=network)
     assert network.read_bytes() == b"a network"
+    with pytest.raises(FileError, match="has files"):
+        perceive.perceive(str(folder), CONTACT, masks=tmp_path)
 
 
-def test_a_class_mapping_belongs_to_a_network() -> None:
-    with pytest.raises(InputError, match="belongs to an ONNX segmentation"):
-        PerceiveOptions(classes=Path("classes.yaml"))
-
-
-def test_photographs_are_perceived_by_roles_and_flights_by_the_papers_classes(
-    tmp_path: Path, images: list[Image]
-) -> None:
+def test_only_photographs_are_perceived_by_roles(tmp_path: Path, images: list[Image]) -> None:
     folder = write_images(tmp_path / "views", images[:1])
     flown = write_flight(tmp_path / "flight.mcap", images[:1])
     for source, ground in ((folder, "ground"), (flown, "carpet")):

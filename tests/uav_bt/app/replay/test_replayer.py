@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import pytest
 
 from behaviours.fly.land import Land
 from tests.worlds.records import FLIGHT, copy_part, fly_noisy
-from tests.worlds.trees import tree_file
+from tests.worlds.trees import document, tree_file
 from uav_bt import app
 from uav_bt.app import flight_record
 from uav_bt.app.replay import ReplayOptions, replay
@@ -60,9 +59,11 @@ def perceived(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return record
 
 
-@pytest.fixture
-def noisy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    return fly_noisy(tmp_path, monkeypatch)[0]
+@pytest.fixture(scope="module")
+def noisy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the record of a flight without perception."""
+    with pytest.MonkeyPatch.context() as patch:
+        return fly_noisy(tmp_path_factory.mktemp("noisy"), patch)[0]
 
 
 @pytest.mark.parametrize("masks", ["network", "recorded"])
@@ -73,31 +74,28 @@ def test_a_flight_with_networks_replays_without_a_difference(perceived: Path, ma
     assert report.ticks > 60
 
 
-def test_a_changed_mission_differs_from_where_it_was_changed(noisy: Path, tmp_path: Path) -> None:
+def test_a_changed_mission_differs_from_where_it_was_changed(noisy: Path) -> None:
     unchanged = replay(noisy)
     assert (unchanged.same, unchanged.differences, unchanged.outcome) == (True, [], "success")
-    changed = FLIGHT.replace('degrees="-90"', 'degrees="-60"')
-    tree = tree_file(tmp_path, changed, "changed.xml")
-    report = replay(noisy, ReplayOptions(tree=tree))
-    assert not report.same
-    assert report.tree == str(tree)
-    first = report.differences[0]
+    changed = replay(noisy, ReplayOptions(tree=document(FLIGHT.replace('"-90"', '"-60"'))))
+    assert not changed.same
+    first = changed.differences[0]
     assert first.command is not None
     assert "90 deg left" in first.command[0]
     assert "60 deg left" in first.command[1]
     assert first.statuses == {}  # equal until then
     # Otherwise its movement is equal: it ends when the recorded one ended.
-    assert report.status_ticks == 0
+    assert changed.status_ticks == 0
 
 
 def test_trees_of_other_nodes_and_ends_are_compared(noisy: Path, tmp_path: Path) -> None:
-    changed = FLIGHT.replace('name="back"', 'name="home"')
-    report = replay(noisy, ReplayOptions(tree=tree_file(tmp_path, changed, "changed.xml")))
+    tree = tree_file(tmp_path, FLIGHT.replace('name="back"', 'name="home"'), "changed.xml")
+    report = replay(noisy, ReplayOptions(tree=tree))
+    assert report.tree == str(tree)
     assert report.only_recorded == ("Main/Sequence/back",)
     assert report.only_replayed == ("Main/Sequence/home",)
     assert not report.same
-    tree = tree_file(tmp_path, '<Sequence><TakeOff height_m="1.5"/></Sequence>', "short.xml")
-    short = replay(noisy, ReplayOptions(tree=tree))
+    short = replay(noisy, ReplayOptions(tree=document('<TakeOff height_m="1.5"/>')))
     assert short.ticks == report.ticks  # a tree that ends early ends nothing else
     assert not short.same
 
@@ -160,14 +158,11 @@ def test_a_lost_picture_makes_a_replay_inexact(
 ) -> None:
     whole = encoder.MomentEncoder.encode
 
-    def blind(
-        self: encoder.MomentEncoder, moment: encoder.RawMoment, *, images: bool
-    ) -> Iterator[encoder.Message]:
+    def blind(self: encoder.MomentEncoder, moment: encoder.RawMoment, *, images: bool) -> Any:
         return whole(self, moment, images=images and moment.tick.index != 4)
 
     monkeypatch.setattr(encoder.MomentEncoder, "encode", blind)
-    record, _ = fly_noisy(tmp_path, monkeypatch)
-    report = replay(record)
+    report = replay(fly_noisy(tmp_path, monkeypatch)[0])
     assert (report.missing_images, report.exact) == (1, False)
 
 
@@ -180,7 +175,7 @@ def test_attachments_without_the_tree_or_outside_their_folder_are_refused(
             replay(noisy)
         patch.setattr(flight_record, "_TREE_FOLDER", "tree/../../")
         record, _ = fly_noisy(tmp_path, monkeypatch)
-    with pytest.raises(FileError, match="lies outside its folder"):
+    with pytest.raises(FileError, match="lacks its tree file"):
         replay(record)
 
 
@@ -254,10 +249,8 @@ def test_a_leaf_that_writes_files_answers_as_in_the_flight(
 def test_a_replay_has_the_variables_and_ports_that_the_flight_was_given(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    body = (
-        '<Sequence><TakeOff height_m="1.5"/><Repeat num_cycles="{laps}">'
-        '<Turn degrees="{turn_deg}"/></Repeat><Land/></Sequence>'
-    )
+    turns = '<Repeat num_cycles="{laps}"><Turn degrees="{turn_deg}"/></Repeat>'
+    body = f'<Sequence><TakeOff height_m="1.5"/>{turns}<Land/></Sequence>'
     params = tmp_path / "params.yaml"
     params.write_text("{set: {TakeOff.height_m: 1.2}, var: {laps: 2, turn_deg: 30}}")
     options = app.FlightOptions(params=params, variables={"turn_deg": 45})

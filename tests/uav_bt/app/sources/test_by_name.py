@@ -62,26 +62,25 @@ def noise(count: int) -> list[NDArray[np.uint8]]:
     return list(np.random.default_rng(0).integers(0, 255, (count, 36, 64, 3), dtype=np.uint8))
 
 
-# --- folders --------------------------------------------------------------------------------------
-
-
-def test_a_folders_images_come_by_name_with_numbers_by_value(tmp_path: Path) -> None:
-    for name in ("view_10.png", "view_9.png", "b.jpg", "notes.txt"):
-        path = tmp_path / name
-        image(path) if path.suffix != ".txt" else path.write_text("no image")
+def test_a_folders_images_come_by_name_and_ten_a_second_with_numbers_by_value(
+    tmp_path: Path,
+) -> None:
+    for name in ("view_10.png", "view_9.png", "1\u00b23.png", "b.jpg"):  # no number: 1\u00b23
+        image(tmp_path / name)
+    (tmp_path / "notes.txt").write_text("no image")
     source = open_source(str(tmp_path))
-    assert [one.name for one in source.images()] == ["b.jpg", "view_9.png", "view_10.png"]
-    assert source.total == 3
-    assert list(source.skipped) == []
-
-
-def test_images_are_rgb_and_ten_a_second_and_one_is_a_source(tmp_path: Path) -> None:
-    image(tmp_path / "a.png")
-    image(tmp_path / "1\u00b23.png")  # a superscript digit is no number
-    both, (first,) = (FolderSource(path).images() for path in (tmp_path, tmp_path / "a.png"))
+    names = ["1\u00b23.png", "b.jpg", "view_9.png", "view_10.png"]
+    assert [(one.name, one.time_s) for one in source.images()] == [
+        (name, pytest.approx(0.1 * place)) for place, name in enumerate(names)
+    ]
+    assert (source.total, list(source.skipped)) == (4, [])
+    timed = open_source(str(tmp_path), times_s=[0.0, 0.3, 0.9, 1.0])
+    assert [one.time_s for one in timed.images(every=2)] == [0.0, 0.9]
+    with pytest.raises(ShapeError, match="2, as many as the telemetry has entries, got 4"):
+        open_source(str(tmp_path), times_s=[0.0, 0.3])
+    (first,) = FolderSource(tmp_path / "view_9.png").images()
     assert tuple(first.image[0, 0]) == RED
     assert first.image.shape == (18, 32, 3)
-    assert [one.time_s for one in both] == [0.0, 0.1]
 
 
 def test_unreadable_images_are_named_and_left_out(tmp_path: Path) -> None:
@@ -117,15 +116,6 @@ def test_twelve_bits_in_a_sixteen_bit_file_are_scaled(tmp_path: Path) -> None:
     assert cv2.imwrite(str(tmp_path / "deep.png"), deep)
     (one,) = FolderSource(tmp_path).images()
     assert one.image[0, 0].tolist() == [200, 30, 10]
-
-
-def test_times_belong_to_images_one_by_one(tmp_path: Path) -> None:
-    for name in "abc":
-        image(tmp_path / f"{name}.png")
-    source = open_source(str(tmp_path), times_s=[0.0, 0.3, 0.9])
-    assert [one.time_s for one in source.images(every=2)] == [0.0, 0.9]
-    with pytest.raises(ShapeError, match="2, as many as the telemetry has entries, got 3"):
-        open_source(str(tmp_path), times_s=[0.0, 0.3])
 
 
 # --- video files ----------------------------------------------------------------------------------
@@ -251,23 +241,24 @@ def coloured(
 
 def test_untagged_colours_of_high_definition_are_those_of_bt_709(tmp_path: Path) -> None:
     for name, tag in (("tagged.mp4", 1), ("untagged.mp4", 2)):
-        first = next(VideoSource(coloured(tmp_path / name, colorspace=tag)).images())
+        source = VideoSource(coloured(tmp_path / name, colorspace=tag))
+        first = next(source.images())
         assert first.image[300, 300] == pytest.approx(RED, abs=4), name
         assert first.shrunk((64, 36), colour=True)[9, 9] == pytest.approx(RED, abs=4), name
+        assert not source.warnings
 
 
-def test_pixels_that_are_not_square_are_widened(tmp_path: Path) -> None:
-    path = coloured(tmp_path / "wide.mp4", size=(120, 90), aspect=Fraction(4, 3))
-    first = next(VideoSource(path).images())
-    assert first.size_px == (160, 90)
-    assert first.image.shape == (90, 160, 3)
-
-
-@pytest.mark.parametrize(("transfer", "name"), [(16, "PQ"), (18, "HLG")])
-def test_a_video_in_hdr_has_a_warning(tmp_path: Path, transfer: int, name: str) -> None:
-    (line,) = VideoSource(coloured(tmp_path / "hdr.mp4", color_trc=transfer)).warnings
-    assert f"the video is HDR ({name})" in line
-    assert not VideoSource(coloured(tmp_path / "sdr.mp4", color_trc=1)).warnings
+def test_a_video_in_hdr_has_a_warning_and_pixels_that_are_not_square_are_widened(
+    tmp_path: Path,
+) -> None:
+    for transfer, name in ((16, "PQ"), (18, "HLG")):
+        path = tmp_path / f"{name}.mp4"
+        wide = {"size": (120, 90), "aspect": Fraction(4, 3)}
+        source = VideoSource(coloured(path, color_trc=transfer, **wide))
+        (line,) = source.warnings
+        assert f"the video is HDR ({name})" in line
+        first = next(source.images())
+        assert (first.size_px, first.image.shape) == ((160, 90), (90, 160, 3))
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.jpg"])
@@ -278,9 +269,6 @@ def test_exif_data_turn_image_and_camera(tmp_path: Path, name: str) -> None:
     (one,) = FolderSource(tmp_path / name).images()
     assert np.abs(one.image.astype(int) - np.rot90(marked(), -1)).mean() < 12.0
     assert one.orientation.transpose
-
-
-# --- records --------------------------------------------------------------------------------------
 
 
 def test_a_records_frames_keep_their_times(tmp_path: Path) -> None:
@@ -323,7 +311,7 @@ def camera(device: Device, monkeypatch: pytest.MonkeyPatch) -> CameraSource:
     return CameraSource(0, device.clock)
 
 
-def test_a_cameras_images_come_with_the_clocks_times_until_it_stops(
+def test_a_cameras_images_come_with_the_clocks_times_until_it_stops_or_nobody_looks(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     device = Device([True, False, True])
@@ -333,35 +321,22 @@ def test_a_cameras_images_come_with_the_clocks_times_until_it_stops(
     assert tuple(images[0].image[0, 0]) == RED
     assert source.skipped == ["image 1: did not arrive whole", "the camera stopped after 3 images"]
     assert device.released
-
-
-def test_a_camera_is_let_go_when_nobody_looks_any_more(monkeypatch: pytest.MonkeyPatch) -> None:
     device = Device([True] * 5)
-    images = camera(device, monkeypatch).images()
-    next(images)
-    images.close()
+    more = camera(device, monkeypatch).images()
+    next(more)
+    more.close()
     assert device.released
 
 
-@pytest.mark.parametrize(
-    ("opens", "problem"),
-    [
-        (False, "camera 0 does not open; is it plugged in, and free"),
-        (True, "camera 0 opens, but sends no images"),
-    ],
-)
-def test_a_camera_without_images_is_refused(
-    opens: bool,  # noqa: FBT001 - a case
-    problem: str,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    device = Device([], opens=opens)
-    with pytest.raises(InputError, match=problem):
-        next(camera(device, monkeypatch).images())
-    assert device.released
-
-
-def test_a_camera_is_named_by_its_number() -> None:
+def test_a_camera_is_named_by_its_number_and_sends_images(monkeypatch: pytest.MonkeyPatch) -> None:
     assert open_source("camera:2").name == "camera:2"
     with pytest.raises(InputError, match="expected a camera such as camera:0, got 'camera:front'"):
         open_source("camera:front")
+    for opens, words in (
+        (False, "camera 0 does not open; is it plugged in, and free"),
+        (True, "camera 0 opens, but sends no images"),
+    ):
+        device = Device([], opens=opens)
+        with pytest.raises(InputError, match=words):
+            next(camera(device, monkeypatch).images())
+        assert device.released

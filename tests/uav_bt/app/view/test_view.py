@@ -1,14 +1,18 @@
-"""Views of flights: live, from records, in files and films; bad records are refused."""
+"""Views of flights: live, from records, in files and films; playback equals the flight."""
 
 from __future__ import annotations
 
+import copy
 import subprocess
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import av
+import numpy as np
 import pytest
 
-from tests.uav_bt.app.view.recorded_world import MISSION, OPTIONS, Seen
 from tests.worlds.trees import tree_file
 from uav_bt import app
 from uav_bt.app.view import recorded
@@ -16,11 +20,63 @@ from uav_bt.app.view.live import saved_view
 from uav_bt.app.view.recorded import RecordedFlight
 from uav_bt.display.rerun import sinks
 from uav_bt.errors import FileError, TreeError
+from uav_bt.mission.tick import TickListener, TickRecord
+from uav_bt.protocols import Drone
+from uav_bt.record.playback import Playback
+from uav_bt.record.reader import RecordReader
+from uav_bt.tree import Status
+from uav_bt.types import ClassMap, Frame, NearObstacles
 
+MISSION = """
+<ReactiveSequence name="mission">
+  <Segment model="unet"/>
+  <FindMark/>
+  <TrackMotion/>
+  <MapSite/>
+  <Sequence name="hop">
+    <TakeOff height_m="1.0" gimbal_deg="-30"/>
+    <Turn name="round" degrees="40"/>
+    <Land/>
+  </Sequence>
+</ReactiveSequence>
+"""
+OPTIONS = app.FlightOptions(
+    scene="val-a", seed=4, profile="ideal", image_size_px=(160, 90), exact_masks=True
+)
 ENTITIES = (
     *("/world/lab/things", "/world/path", "/world/camera/image"),
     *("/mask/ids", "/tree", "/words", "/plots/height/telemetry", "/plots/tick_time/compute"),
 )
+
+
+@dataclass
+class Seen:
+    """The record of a flight, and the ticks, boards and statuses that a live follower saw."""
+
+    record: Path
+    ticks: list[TickRecord] = field(default_factory=list)
+    boards: list[dict[str, tuple[Any, float]]] = field(default_factory=list)
+    statuses: list[dict[str, Status]] = field(default_factory=list)
+
+    def follow(self, flight: app.Flight[Drone]) -> Sequence[TickListener]:
+        self._flight = flight
+        return [self]
+
+    def on_tick(self, record: TickRecord) -> None:
+        tree, board = self._flight.mission, self._flight.context.board
+        self.ticks.append(record)
+        self.boards.append(copy.copy(board.snapshot()))
+        self.statuses.append({node.path: node.node_status for node in tree.nodes()})
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Seen:
+    """A short flight of the twin."""
+    folder = tmp_path_factory.mktemp("flown")
+    seen = Seen(folder / "flight.mcap")
+    options = replace(OPTIONS, record=seen.record)
+    app.fly(tree_file(folder, MISSION), options, listeners=[seen.follow])
+    return seen
 
 
 def contents(path: Path) -> str:
@@ -33,29 +89,73 @@ def contents(path: Path) -> str:
     return told.stdout
 
 
-def test_a_record_becomes_a_file_that_rerun_reads(flown: tuple[Path, Seen], tmp_path: Path) -> None:
+# --- playback -------------------------------------------------------------------------------------
+
+NOTED = (
+    *("index", "time_s", "tree_status", "phase", "active", "command", "decided", "proposed_by"),
+    *("override", "truth", "feedback", "compute_s"),
+)
+
+
+def plain(value: Any) -> Any:
+    """Return a value that can be compared: arrays as lists."""
+    match value:
+        case Frame():
+            return (value.index, value.captured_s, value.attitude, value.image.tobytes())
+        case ClassMap():
+            return (value.captured_s, value.ids.tobytes())
+        case NearObstacles():
+            return (value.captured_s, value.points_m.tolist(), value.unplaced_rad.tolist())
+        case _:
+            return value
+
+
+def test_ticks_board_and_statuses_are_those_that_were_flown(flown: Seen) -> None:
+    playback, compared = Playback(RecordReader(flown.record)), 0
+    lives = zip(playback.ticks(), flown.ticks, flown.boards, flown.statuses, strict=True)
+    for again, live, board, statuses in lives:
+        for name in NOTED:
+            assert getattr(again, name) == getattr(live, name), (live.index, name)
+        assert again.observation.state == live.observation.state
+        assert plain(again.observation.frame) == plain(live.observation.frame)
+        assert dict(playback.statuses()) == statuses, live.index
+        kept = playback.board.snapshot()
+        for name in ("class_map", "mark", "phase", "elapsed_s", "frame", "site_map"):
+            assert (name in kept) == (name in board), (live.index, name)
+        for name in {"class_map", "mark", "phase", "elapsed_s", "frame"} & kept.keys():
+            assert plain(kept[name][0]) == plain(board[name][0]), (live.index, name)
+            assert kept[name][1] == board[name][1], (live.index, name)
+        if "site_map" in kept:  # two per second are recorded, obstacles in every tick
+            ours, theirs = kept["site_map"][0], board["site_map"][0]
+            assert 0.0 <= theirs.captured_s - ours.captured_s <= 0.6
+            assert ours.restarts == theirs.restarts
+            assert plain(ours.near) == plain(theirs.near)
+            compared += 1
+    assert len(flown.ticks) > 50
+    assert compared > 20
+
+
+def test_a_part_begins_and_ends_at_the_given_times(flown: Seen) -> None:
+    reader = RecordReader(flown.record)
+    times = np.array([tick.time_s for tick in Playback(reader).ticks(from_s=2.0, to_s=3.0)])
+    assert len(times) == 10
+    assert times - reader.timeline.start_s == pytest.approx(np.arange(2.0, 3.0, 0.1))
+
+
+# --- views ----------------------------------------------------------------------------------------
+
+
+def test_a_record_becomes_a_file_that_rerun_reads(flown: Seen, tmp_path: Path) -> None:
     steps: list[tuple[str, int, int]] = []
-    flight = RecordedFlight(flown[0], from_s=2.0, to_s=4.0)
+    flight = RecordedFlight(flown.record, from_s=2.0, to_s=4.0)
     flight.save(tmp_path / "flight.rrd", advance=lambda *told: steps.append(told))
-    assert flight.facts.title == "mission in val-a, seed 4"
+    facts = flight.facts
+    assert facts.title == "mission in val-a, seed 4"
     assert flight.damages == ()
     told = contents(tmp_path / "flight.rrd")
     assert all(entity in told for entity in ENTITIES)
     assert "log_time" not in told  # the mission's time alone
     assert steps[-1] == ("view", 20, 20)
-
-
-def test_a_record_becomes_a_film_with_its_outcome(flown: tuple[Path, Seen], tmp_path: Path) -> None:
-    flight = RecordedFlight(flown[0], to_s=1.0)
-    flight.film(tmp_path / "flight.mp4")
-    with av.open(str(tmp_path / "flight.mp4")) as container:
-        pictures = sum(1 for _ in container.decode(video=0))
-    assert pictures >= 10 + 20  # the ticks, and the outcome for two seconds
-
-
-def test_a_record_knows_tree_and_lab(flown: tuple[Path, Seen]) -> None:
-    flight = RecordedFlight(flown[0])
-    facts = flight.facts
     assert flight.tree is not None
     assert [path for path, _ in facts.nodes] == [node.path for node in flight.tree.nodes()]
     assert facts.camera == flight.reader.camera
@@ -64,34 +164,35 @@ def test_a_record_knows_tree_and_lab(flown: tuple[Path, Seen]) -> None:
     assert (facts.makes_map, facts.makes_depth, facts.intruding) == (True, False, None)
 
 
+def test_a_record_becomes_a_film_with_its_outcome(flown: Seen, tmp_path: Path) -> None:
+    RecordedFlight(flown.record, to_s=1.0).film(tmp_path / "flight.mp4")
+    with av.open(str(tmp_path / "flight.mp4")) as container:
+        pictures = sum(1 for _ in container.decode(video=0))
+    assert pictures >= 10 + 20  # the ticks, and the outcome for two seconds
+
+
 @pytest.mark.parametrize("lost", ["tree", "lab"])
 def test_a_record_is_shown_without_the_nodes_or_the_lab_that_are_not_here(
-    lost: str, flown: tuple[Path, Seen], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    lost: str, flown: Seen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise TreeError("x.xml", ["no such node"]) if lost == "tree" else FileError("x", "no file")
 
-    loader = "load_tree" if lost == "tree" else "load_scene"
-    monkeypatch.setattr(recorded, loader, refuse)
-    flight = RecordedFlight(flown[0], to_s=0.5)
+    monkeypatch.setattr(recorded, "load_tree" if lost == "tree" else "load_scene", refuse)
+    flight = RecordedFlight(flown.record, to_s=0.5)
     flight.save(tmp_path / "flight.rrd")
     assert (flight.tree is None) == (lost == "tree")
     assert (flight.facts.lab_map is None) == (lost == "lab")
     assert len(flight.facts.nodes) > 5
 
 
-def test_a_part_without_a_tick_is_refused(flown: tuple[Path, Seen], tmp_path: Path) -> None:
-    flight = RecordedFlight(flown[0], from_s=500.0)
-    with pytest.raises(FileError, match="no tick"):
-        flight.save(tmp_path / "flight.rrd")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_record_that_was_cut_short_is_shown_as_far_as_it_goes(
-    flown: tuple[Path, Seen], tmp_path: Path
+def test_a_part_without_a_tick_is_refused_and_a_cut_record_is_shown_as_far_as_it_goes(
+    flown: Seen, tmp_path: Path
 ) -> None:
-    whole = flown[0].read_bytes()
-    cut = tmp_path / "cut.mcap"
+    with pytest.raises(FileError, match="no tick"):
+        RecordedFlight(flown.record, from_s=500.0).save(tmp_path / "flight.rrd")
+    assert list(tmp_path.iterdir()) == []
+    whole, cut = flown.record.read_bytes(), tmp_path / "cut.mcap"
     cut.write_bytes(whole[: len(whole) // 2])
     flight = RecordedFlight(cut)
     flight.save(tmp_path / "cut.rrd")
@@ -99,11 +200,11 @@ def test_a_record_that_was_cut_short_is_shown_as_far_as_it_goes(
     assert "/world/path" in contents(tmp_path / "cut.rrd")
 
 
-def test_nobody_draws_for_a_viewer_that_was_closed(flown: tuple[Path, Seen]) -> None:
+def test_nobody_draws_for_a_viewer_that_was_closed(flown: Seen) -> None:
     import rerun as rr  # noqa: PLC0415 - only this draws into memory
 
     steps: list[int] = []
-    RecordedFlight(flown[0]).draw(
+    RecordedFlight(flown.record).draw(
         rr.RecordingStream("test"),
         advance=lambda _, done, __: steps.append(done),
         stopped=lambda: len(steps) == 3,

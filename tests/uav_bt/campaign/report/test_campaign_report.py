@@ -19,9 +19,8 @@ from tests.uav_bt.campaign.campaign_world import jsonl, keep, line, plan
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign import make_plan
 from uav_bt.campaign.plan import PlannedFile
-from uav_bt.campaign.report import campaign_report
+from uav_bt.campaign.report import figures as plots
 from uav_bt.campaign.report.campaign_report import WrittenReport, write_report
-from uav_bt.campaign.report.figures import distributions, fonts_for, scene_figure
 from uav_bt.campaign.report.sources import FlightSet, read_sources
 from uav_bt.campaign.report.tables import origin_table
 from uav_bt.errors import FileError
@@ -67,7 +66,7 @@ def write(out: Path, *paths: Path, drawn: bool = False, **options: Any) -> Writt
     """Write a report. Drawing takes long: only for tests that look at the pictures."""
     with pytest.MonkeyPatch.context() as patch:
         if not drawn:
-            patch.setattr(campaign_report, "drawn", lambda *_: b"undrawn")
+            patch.setattr(plots, "drawn", lambda *_: b"undrawn")
         return write_report(paths, out, today=dt.date(2026, 1, 2), **options)
 
 
@@ -198,9 +197,9 @@ def test_a_flight_is_repeated_with_what_was_drawn_and_changed_for_it(
 
 def test_events_are_given_per_hour_of_flight(tmp_path: Path) -> None:
     """Two contacts in 0.5 h: Garwood's interval of 2 is 0.2422 to 7.2247."""
-    ends = ["collision", "collision", "left_area", "aborted", "success"]
+    ends = ["collision", "collision", "left_area", "aborted", "aborted"]
     flights = [
-        flight(n, outcome=end, duration_s=360.0, total_distance_m=20.0, on_mark=False)
+        flight(n, outcome=end, duration_s=360.0, total_distance_m=20.0, on_mark=n == 4)
         for n, end in enumerate(ends)
     ]
     columns = [f"contacts{number}" for number in ("", ", rate", ", from", ", to")]
@@ -224,22 +223,26 @@ def test_sources_stand_side_by_side_also_under_one_name(tmp_path: Path) -> None:
 
 
 def test_metrics_count_the_flights_that_came_so_far(tmp_path: Path) -> None:
-    """The first 90 s are those of flights that lasted so long."""
-    flights = [
-        flight(seed, time_to_land_s=None if seed else 20.0, duration_s=22.0 if seed else 95.0)
-        for seed in range(3)
-    ]
-    found = {row["metric"]: row for row in rows_of(tmp_path, "metrics", *flights)}
+    """The first 90 s are those of flights that lasted so long; coverage is in percent."""
+    long = flight(0, time_to_land_s=20.0, duration_s=95.0, coverage_passed=0.5)
+    short = {"time_to_land_s": None, "duration_s": 22.0}
+    flights = [long, *(flight(n, **short, coverage_passed=0.5 + n / 10) for n in (1, 2))]
+    written = write(tmp_path / "r.html", jsonl(tmp_path / "f.jsonl", *flights))
+    found = {row["metric"]: row for row in rows(written, "metrics")}
     landed = [found["time_to_land_s"][name] for name in ("flights", "mean", "5 %", "most")]
     assert landed == ["1", "20.0", "", "20.0"]
     assert (found["explore_distance_m"]["flights"], found["duration_s"]["5 %"]) == ("1", "22.0")
-    assert set(found) & {"coverage_passed", "landing_error_m"} == set()
+    covered = [found["coverage_passed"][name] for name in ("unit", "mean", "least", "most")]
+    assert covered == ["%", "60.0", "50.0", "70.0"]
+    assert rows(written, "flights")[0]["coverage_passed"] == "0.5", "as in the line"
+    assert set(found) & {"coverage_seen", "landing_error_m"} == set()
+    assert "<td>time from there to motors off" in written.page.read_text()
 
 
 def panels(*flights: dict[str, Any], at: Path) -> dict[str, Any]:
-    figure = distributions(read_sources([jsonl(at / "f.jsonl", *flights)]))
+    figure = plots.distributions(read_sources([jsonl(at / "f.jsonl", *flights)]))
     assert figure is not None
-    return {axes.get_title(loc="left"): axes for axes in figure.axes if axes.get_visible()}
+    return {axes.get_title(): axes for axes in figure.axes if axes.get_visible()}
 
 
 def test_distributions_have_a_panel_for_each_metric_with_values(tmp_path: Path) -> None:
@@ -262,7 +265,7 @@ def test_letters_of_names_are_drawn_with_a_font_that_has_them(
     """DejaVu Sans has no circled letters; other fonts of matplotlib have them."""
     own = [font for font in fontManager.ttflist if not font.fname.startswith("/usr")]
     monkeypatch.setattr(fontManager, "ttflist", own)
-    families, boxes = fonts_for("a \u24b6\u63a2")
+    families, boxes = plots.fonts_for("a \u24b6\u63a2")
     assert len(families) == 3
     assert boxes == "\u63a2"
     notes: list[str] = []
@@ -275,20 +278,11 @@ def test_a_path_that_leaves_the_ground_stays_in_view(tmp_path: Path) -> None:
     """The ground is 5 m x 4 m; one flight ends at x = 3.4 m."""
     away = [[0.0, 0.0, 0.0, 1.0], [1.0, 3.4, 0.0, 1.0]]
     sets = read_sources([jsonl(tmp_path / "f.jsonl", flight(0), flight(1, path=away))])
-    figure = scene_figure(sets, "val-a", load_scene("val-a"))
+    figure = plots.scene_figure(sets, "val-a", load_scene("val-a"))
     assert figure is not None
     for axes in figure.axes[:2]:
         assert axes.get_xlim() == pytest.approx((-3.5, 3.5))
-    assert scene_figure(sets, "val-b", load_scene("val-b")) is None
-
-
-def test_coverage_is_in_percent(tmp_path: Path) -> None:
-    flights = [flight(n, **COVERED | {"coverage_passed": 0.5 + n / 10}) for n in range(3)]
-    found = {row["metric"]: row for row in rows_of(tmp_path, "metrics", *flights)}
-    shown = [found["coverage_passed"][name] for name in ("unit", "mean", "least", "most")]
-    assert shown == ["%", "60.0", "50.0", "70.0"]
-    as_flown = rows_of(tmp_path, "flights", *flights)[0]
-    assert as_flown["coverage_passed"] == "0.5", "as in the line"
+    assert plots.scene_figure(sets, "val-b", load_scene("val-b")) is None
 
 
 def test_maps_and_timings_stand_in_tables_of_their_own(tmp_path: Path) -> None:

@@ -1,0 +1,139 @@
+"""Refused calls: one message, exit code 2, and every file as before; outputs overwrite no input."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+import click
+import cv2
+import numpy as np
+import pytest
+
+from tests.worlds.cli import HOP, all_commands, assert_refused, run, tree_file
+from tests.worlds.tables import cases
+from uav_bt.cli.declare import Command
+
+CASES = cases("refusals")
+REFUSED = {line: words for part in CASES["refused"].values() for line, words in part.items()}
+OUTPUTS = [
+    (command, option, place)
+    for command, options in CASES["written"].items()
+    for option, place in re.findall(r"(--\S+) (\S+)", options)
+]
+TREES = {
+    "mission.xml": HOP,
+    "sub/parts.xml": HOP,
+    "unknown.xml": "<Sequence><TakeOff/><Lnd/></Sequence>",
+    "laps.xml": '<Sequence><TakeOff/><Repeat num_cycles="{laps}"><HoverFor/></Repeat><Land/>'
+    "</Sequence>",
+}
+JUNK = b"\x7fELF" + bytes(range(255, -1, -1)) * 40
+FILES = {
+    "including.xml": '<root BTCPP_format="4"><include path="sub/parts.xml"/></root>',
+    "named.xml": '<x model="net.onnx" policy="student:pilot.onnx"/>',
+    "unclosed.xml": '<root BTCPP_format="4">\n<BehaviorTree ID="x"',
+    "palette.xml": '<root BTCPP_format="4"><TreeNodesModel/></root>',
+    "scene.yaml": "helipad: {position_m: [0, 0]}\n",
+    "site.yaml": "camera: camera.yaml\n",
+    "broken.yaml": "boxes: [",
+    "keys.yaml": "flight_hight_m: 1.2\n",
+    "margins.yaml": "margins: {obstacle_m: 0.25}\n",
+    "script.yaml": "default: S\n",
+    "variants.yaml": "variants: {one: {var: {laps: 2}},\n two: {var: {laps: x}}}",
+    "labs/hall/lab.yaml": """\
+version: 1
+classes:
+  wall: {role: outside, colour: "#000000"}
+  floor: {role: ground, colour: "#808080"}
+camera: camera.yaml
+""",
+    **dict.fromkeys(("empty.xml", "empty.yaml", "empty.jsonl", "empty.mcap"), ""),
+    **dict.fromkeys(("camera.yaml", "labs/hall/camera.yaml", "net.onnx", "pilot.onnx"), "other"),
+    **dict.fromkeys(("flight.mp4", "old.mcap", "flights.jsonl", "w.safetensors"), "other"),
+    **dict.fromkeys(("photos/board.png", "campaign/campaign.json"), "other"),
+    **dict.fromkeys(("binary.bin", "binary.xml", "record.mcap"), JUNK),
+    "weights.safetensors": b"\x02\0\0\0\0\0\0\0{}",
+}
+
+
+@pytest.fixture
+def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with good and bad files of all kinds."""
+    monkeypatch.chdir(tmp_path)
+    for folder in ("sub", "photos", "empty", "campaign", "labs/hall"):
+        Path(folder).mkdir(parents=True)
+    for name, body in TREES.items():
+        tree_file(tmp_path, body, name)
+    for name, content in FILES.items():
+        Path(name).write_bytes(content if isinstance(content, bytes) else content.encode())
+    cv2.imwrite("photos/a.png", np.full((36, 64, 3), 90, dtype=np.uint8))
+    Path("link.xml").symlink_to("mission.xml")
+    os.link("mission.xml", "hard.xml")
+    return tmp_path
+
+
+def contents(folder: Path) -> dict[Path, bytes | None]:
+    return {path: path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
+
+
+def assert_changes_nothing(line: str, words: str, folder: Path) -> None:
+    """Assert that a call is refused with a message of this pattern, and changes no file."""
+    before = contents(folder)
+    result = run(*line.split())
+    assert result.exit_code == 2, result.output
+    assert result.stdout == "" or line.startswith("doctor")
+    assert "Traceback" not in result.stderr
+    assert "unexpected" not in result.stderr.replace("unexpected extra", "")
+    assert re.search(words, re.sub(r"\s*\n\s*", " ", result.stderr)), result.stderr
+    assert contents(folder) == before
+    assert Path("/dev/null").is_char_device()
+
+
+@pytest.mark.parametrize("line", REFUSED)
+def test_a_wrong_call_is_answered_and_changes_no_file(line: str, world: Path) -> None:
+    assert_changes_nothing(line, REFUSED[line], world)
+
+
+@pytest.mark.parametrize(("command", "option", "path"), OUTPUTS)
+def test_an_output_is_checked_before_the_work(
+    command: str, option: str, path: str, world: Path
+) -> None:
+    for place, words in (("/proc/x", "cannot be written"), ("mission.xml/x", "is a file")):
+        assert_changes_nothing(f"{command} {option} {path.format(place)}", words, world)
+    if "." in path:
+        taken = path.format("taken")
+        (world / taken).mkdir()
+        words = f"'{taken}' is a directory"
+        assert_changes_nothing(f"{command} {option} {taken}", words, world)
+
+
+def test_an_output_that_is_no_input_is_replaced(world: Path) -> None:
+    (world / "tree.svg").write_text("old")
+    result = run("tree", "render", "mission.xml", "--format", "svg", "--out", "tree.svg")
+    assert result.exit_code == 0, result.output
+    assert "<svg" in (world / "tree.svg").read_text()
+
+
+def test_a_shipped_mission_is_an_input_when_it_is_named() -> None:
+    shipped = Path(__file__).parents[3] / "trees" / "land_only.xml"
+    before = shipped.read_bytes()
+    assert_refused(run("fly", "land_only", "--report", shipped), "is an input and would be over")
+    assert shipped.read_bytes() == before
+
+
+def test_every_output_of_every_command_is_in_the_table() -> None:
+    seen, tried = set(), set()
+    for words, command in all_commands():
+        assert isinstance(command, Command), words
+        head = " ".join(words)
+        tried |= {
+            (head, option) for line, option, _ in OUTPUTS if f"{line} ".startswith(f"{head} ")
+        }
+        for param in command.params:
+            if command.about[str(param.name)].path in {"written", "folder"}:
+                seen.add((head, param.opts[0]))
+            elif isinstance(param, click.Option) and isinstance(param.type, click.Path):
+                assert "written" not in str(param.help).lower()
+    assert seen - tried == {("campaign", "--resume"), ("net train student", "--run")}
