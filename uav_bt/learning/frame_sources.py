@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import compress, groupby
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import cv2
 
@@ -26,7 +26,7 @@ from uav_bt.app.sources.shots import ImageSource, Shot
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import did_you_mean_file, writing
 from uav_bt.learning.lab_material import fingerprint
-from uav_bt.progress import Advance
+from uav_bt.progress import Advance, silent
 from uav_bt.record.reader import RECORD_SUFFIX
 
 _VIDEO_SUFFIXES: Final = (
@@ -122,42 +122,78 @@ class Candidate:
     file: Path  # not written if the image is blank
 
 
-def watch(
-    filmed: FrameSource, folder: Path, advance: Advance
-) -> tuple[list[Candidate], int, float]:
-    """Keep the sharpest image of each half second of a video, longer in very long ones.
+class Watched(NamedTuple):
+    """Images of a video or of photographs, and how many were left out."""
 
-    Returns:
-        The candidates in order of time, how many images were read, the last one's time.
+    clear: list[Candidate]  # in the order of time, or of the photographs
+    blurred: int  # candidates that were blurred or blank
+    times_s: list[float]  # of all images that were read
+    notes: list[str]
+
+
+def watch(sources: Sequence[FrameSource], folder: Path, advance: Advance) -> Watched:
+    """Keep the sharpest image of each half second of a video, or photographs that show something.
+
+    FileError without any. One of several photographs that cannot be read is noted.
     """
-    window_s = max(_WINDOW_S, filmed.seconds / _MOST_CANDIDATES)
+    candidates: list[Candidate] = []
     times_s: list[float] = []
-    total_s = max(1, int(filmed.seconds))
+    notes: list[str] = []
+    stills = is_photograph(sources[0].path)
+    for number, source in enumerate(sources, start=1):
+        try:
+            candidates += _candidates(source, folder, times_s, silent if stills else advance)
+            notes += [*source.images.warnings, *source.images.skipped]
+        except FileError as error:
+            if len(sources) == 1:
+                raise
+            notes.append(str(error))
+        if stills:
+            advance(f"photographs, {source.path.name}", number, len(sources))
+    looks = [one.look for one in candidates]
+    good = [not look.blank for look in looks] if stills else clear_ones(looks)
+    clear = list(compress(candidates, good))
+    if not clear:
+        blank = sum(look.blank for look in looks)
+        raise FileError(
+            sources[0].path if len(sources) == 1 else sources[0].path.parent,
+            f"none of its images can be used: {blank} are dark or of one colour, "
+            f"{len(looks) - blank} are blurred; film slowly, in good light, with a clean lens",
+        )
+    return Watched(clear, len(candidates) - len(clear), times_s, notes)
+
+
+def _candidates(
+    source: FrameSource, folder: Path, times_s: list[float], advance: Advance
+) -> list[Candidate]:
+    """Return the candidates of a source in the order of time; add the times of all its images."""
+    window_s = max(_WINDOW_S, source.seconds / _MOST_CANDIDATES)
+    total_s = max(1, int(source.seconds))
 
     def measured(shots: Iterable[Shot]) -> Iterator[tuple[Look, Shot]]:
         for shot in shots:
             if max(shot.size_px) < _SMALLEST_PX[0] or min(shot.size_px) < _SMALLEST_PX[1]:
                 raise FileError(
-                    filmed.path,
+                    source.path,
                     f"the images must have at least {_SMALLEST_PX[0]}x{_SMALLEST_PX[1]} pixels, "
                     f"got {shot.size_px[0]}x{shot.size_px[1]}; take the camera's own file, not a "
                     "preview",
                 )
             times_s.append(shot.time_s)
-            advance(f"seconds of video, {filmed.path.name}", int(shot.time_s), total_s)
+            advance(f"seconds of video, {source.path.name}", int(shot.time_s), total_s)
             yield look_at(shot.shrunk(sharpness_size_px(*shot.size_px), colour=False)), shot
 
     candidates = []
-    with closing(filmed.images.images()) as shots:
+    with closing(source.images.images()) as shots:
         windows = groupby(measured(shots), lambda one: int(one[1].time_s / window_s))
         for _, window in windows:
             # Of a video's images only the present window's best one is kept in memory.
             look, shot = min(window, key=lambda one: (one[0].blank, -one[0].sharpness))
-            candidates.append(_candidate(filmed, look, shot, folder))
+            candidates.append(_candidate(source, look, shot, folder))
     if not candidates:
-        why = f" ({filmed.images.skipped[0]})" if filmed.images.skipped else ""
-        raise FileError(filmed.path, f"holds no image that can be read{why}; film or copy it again")
-    return candidates, len(times_s), times_s[-1]
+        why = f" ({source.images.skipped[0]})" if source.images.skipped else ""
+        raise FileError(source.path, f"holds no image that can be read{why}; film or copy it again")
+    return candidates
 
 
 def _candidate(source: FrameSource, look: Look, shot: Shot, folder: Path) -> Candidate:
@@ -171,17 +207,3 @@ def _candidate(source: FrameSource, look: Look, shot: Shot, folder: Path) -> Can
         with writing(file):
             file.write_bytes(encoded.tobytes())
     return Candidate(source=source, time_s=shot.time_s, look=look, file=file)
-
-
-def clear_candidates(candidates: Sequence[Candidate], path: Path) -> list[Candidate]:
-    """Return the candidates that are neither blank nor blurred; FileError without any."""
-    looks = [one.look for one in candidates]
-    clear = [one for one, good in zip(candidates, clear_ones(looks), strict=True) if good]
-    if not clear:
-        blank = sum(look.blank for look in looks)
-        raise FileError(
-            path,
-            f"none of its images can be used: {blank} are dark or of one colour, "
-            f"{len(looks) - blank} are blurred; film slowly, in good light, with a clean lens",
-        )
-    return clear

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Final
+from typing import Any, Final
 
 from perception.segmentation.training.frame_choice import different_ones
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import check_output_folder, writing
 from uav_bt.lab.lab import Lab
-from uav_bt.learning import frame_sources
-from uav_bt.learning.frame_sources import Candidate, FrameSource, is_photograph
+from uav_bt.learning.frame_sources import Candidate, FrameSource, find_sources, is_photograph, watch
 from uav_bt.learning.lab_material import LabFrame, LabMaterial, Use, nth_use
 from uav_bt.progress import Advance, silent
 
@@ -68,21 +67,20 @@ def take_frames(
     """
     material = LabMaterial(lab=lab)
     run = _Run(material, advance)  # refuses a malformed list before the folder is made
-    filmed, photographs, notes = frame_sources.find_sources(paths, material.frames)
+    filmed, photographs, notes = find_sources(paths, material.frames)
     check_output_folder(material.frames)
     with writing(material.frames):
         material.frames.mkdir(exist_ok=True)
         for old in material.frames.glob(f"{_CANDIDATES}*"):  # by a run that was killed
             shutil.rmtree(old)
-    left, errors = count, run.errors
+    left = count
     try:
         for place, one in enumerate(filmed):
             share = one.seconds / max(1e-9, sum(each.seconds for each in filmed[place:]))
-            try:
-                left -= run.film(one, max(1, round(left * min(1.0, share))))
-            except FileError as error:
-                errors.append(error)
-        run.photograph(photographs, count)
+            left -= run.take([one], max(1, round(left * min(1.0, share))))
+        if photographs:
+            run.take(photographs, count)
+        errors = run.errors
         if errors and not any(one.kept for one in run.summaries):
             raise errors[0] if len(errors) == 1 else InputError("\n".join(map(str, errors)))
         total = len(material.uses())
@@ -108,124 +106,90 @@ class _Run:
         self.summaries: list[SourceSummary] = []
         self.errors: list[FileError] = []
 
-    def film(self, filmed: FrameSource, quota: int) -> int:
-        """Take images of a video, unless they are there; return their number."""
-        if there := self._there([filmed], filmed.path.name):
-            return len(there)
-
-        with TemporaryDirectory(prefix=_CANDIDATES, dir=self._material.frames) as folder:
-            candidates, read, end_s = frame_sources.watch(filmed, Path(folder), self._advance)
-            clear = frame_sources.clear_candidates(candidates, filmed.path)
-            summary = SourceSummary(
-                source=filmed.path.name,
-                read=read,
-                blurred=len(candidates) - len(clear),
-                notes=(*filmed.images.warnings, *filmed.images.skipped),
-            )
-            return self._keep(summary, clear, quota, lambda one, _: use_at(one.time_s, end_s))
-
-    def photograph(self, photographs: Sequence[FrameSource], count: int) -> None:
-        """Take the photographs that are not there."""
-        there = self._there(photographs, _PHOTOGRAPHS)
-        taken = {frame.content for frame in there}
-        unread = [one for one in photographs if one.content not in taken]
-        if not unread:
-            return
-        with TemporaryDirectory(prefix=_CANDIDATES, dir=self._material.frames) as folder:
-            candidates: list[Candidate] = []
-            notes = []
-            for number, one in enumerate(unread, start=1):
-                try:
-                    candidates += frame_sources.watch(one, Path(folder), silent)[0]
-                except FileError as error:
-                    notes.append(str(error))
-                self._advance(f"{_PHOTOGRAPHS}, {one.path.name}", number, len(unread))
-            clear = [one for one in candidates if not one.look.blank]
-            if not clear and not there:
-                where = unread[0].path if len(unread) == 1 else unread[0].path.parent
-                what = f"no photograph can be used: {'; '.join(notes) or 'all are blank'}"
-                self.errors.append(FileError(where, what))
-                return
-            earlier = sum(is_photograph(Path(frame.source)) for frame in self._listed)
-            summary = SourceSummary(
-                source=_PHOTOGRAPHS,
-                read=len(unread),
-                blurred=len(candidates) - len(clear),
-                notes=tuple(notes),
-            )
-            most = max(0, count - len(there))
-            self._keep(summary, clear, most, lambda _, number: nth_use(earlier + number))
-
-    def _there(self, sources: Sequence[FrameSource], name: str) -> list[LabFrame]:
-        """Return the images of sources that an earlier run took, and add their summary."""
-        contents = {one.content for one in sources}
-        folder = self._material.frames
+    def take(self, sources: Sequence[FrameSource], most: int) -> int:
+        """Take images of a video or of photographs, unless they are there; return their number."""
+        folder, contents = self._material.frames, {one.content for one in sources}
         there = [
             frame
             for frame in self._listed
             if frame.content in contents and (folder / frame.image).is_file()
         ]
         if there:
-            checks = sum(frame.use == "check" for frame in there)
-            summary = SourceSummary(source=name, kept=len(there), for_check=checks, earlier=True)
-            self.summaries.append(summary)
-        return there
+            self._sum_up(sources, there, earlier=True)
+        taken = {frame.content for frame in there}
+        unread = [one for one in sources if one.content not in taken]
+        if not unread:
+            return len(there)
+        with TemporaryDirectory(prefix=_CANDIDATES, dir=folder) as scratch:
+            try:
+                return self._choose(unread, Path(scratch), max(0, most - len(there)))
+            except FileError as error:
+                self.errors.append(error)
+                return 0
 
-    def _keep(
-        self,
-        summary: SourceSummary,
-        clear: Sequence[Candidate],
-        most: int,
-        use_of: Callable[[Candidate, int], Use],
-    ) -> int:
-        """Move the most different candidates into the lab's folder, and then write the list.
-
-        A file that is there already stays: a run that was killed left it. `use_of` takes a
-        candidate and its number, from 1.
-        """
+    def _choose(self, sources: Sequence[FrameSource], scratch: Path, most: int) -> int:
+        """Add the most different of the clear images to the lab; return their number."""
+        clear, blurred, times_s, notes = watch(sources, scratch, self._advance)
         order = different_ones([one.look for one in clear])
-        if len(order) == 1 < len(clear) and clear[0].source is clear[1].source:
+        if len(sources) == 1 and len(order) == 1 < len(clear):
             raise FileError(
-                clear[0].source.path,
+                sources[0].path,
                 f"all its images look alike ({len(clear)} were compared): walk or fly through the "
                 "place while filming",
             )
-        added = []
-        for number, index in enumerate(sorted(order[:most]), start=1):
-            one, source = clear[index], clear[index].source
-            stem = re.sub(r"[^\w.-]+", "-", Path(source.path.name).stem).strip(".-")[:_LONGEST_NAME]
-            # The hash, because cameras repeat names on each memory card.
-            name = f"{stem or 'video'}-{source.content[:6]}"
-            if not is_photograph(source.path):
-                name = f"{name}-{one.time_s:07.1f}"
-            file = self._material.frames / f"{name}.jpg"
-            if not file.exists():
-                with writing(file):
-                    one.file.rename(file)
-            added.append(
-                LabFrame(
-                    image=file.name,
-                    source=source.path.name,
-                    time_s=one.time_s,
-                    sharpness=one.look.sharpness,
-                    use=use_of(one, number),
-                    content=source.content,
-                )
-            )
-        sources = {frame.content for frame in added}
-        others = [frame for frame in self._listed if frame.content not in sources]
+        stills = sum(is_photograph(Path(frame.source)) for frame in self._listed)
+        added = [
+            self._keep(clear[index], number, times_s[-1])
+            for number, index in enumerate(sorted(order[:most]), start=stills + 1)
+        ]
+        renewed = {frame.content for frame in added}
+        others = [frame for frame in self._listed if frame.content not in renewed]
         self._listed = [*others, *added]
         self._material.write_frames(self._listed)
-        self.summaries.append(
-            replace(
-                summary,
-                alike=len(clear) - len(order),
-                surplus=len(order) - len(added),
-                kept=len(added),
-                for_check=sum(frame.use == "check" for frame in added),
-            )
+        self._sum_up(
+            sources,
+            added,
+            read=len(times_s),
+            blurred=blurred,
+            alike=len(clear) - len(order),
+            surplus=len(order) - len(added),
+            notes=tuple(notes),
         )
         return len(added)
+
+    def _keep(self, one: Candidate, number: int, end_s: float) -> LabFrame:
+        """Move a candidate into the lab's folder, unless a killed run left it there.
+
+        `number` counts the lab's photographs, and `end_s` is the time of a video's last image.
+        """
+        source = one.source
+        stem = re.sub(r"[^\w.-]+", "-", Path(source.path.name).stem).strip(".-")[:_LONGEST_NAME]
+        # The hash, because cameras repeat names on each memory card.
+        name = f"{stem or 'video'}-{source.content[:6]}"
+        use = nth_use(number)
+        if not is_photograph(source.path):
+            name, use = f"{name}-{one.time_s:07.1f}", use_at(one.time_s, end_s)
+        file = self._material.frames / f"{name}.jpg"
+        if not file.exists():
+            with writing(file):
+                one.file.rename(file)
+        return LabFrame(
+            image=file.name,
+            source=source.path.name,
+            time_s=one.time_s,
+            sharpness=one.look.sharpness,
+            use=use,
+            content=source.content,
+        )
+
+    def _sum_up(
+        self, sources: Sequence[FrameSource], frames: Sequence[LabFrame], **about: Any
+    ) -> None:
+        path, checks = sources[0].path, sum(frame.use == "check" for frame in frames)
+        name = _PHOTOGRAPHS if is_photograph(path) else path.name
+        self.summaries.append(
+            SourceSummary(source=name, kept=len(frames), for_check=checks, **about)
+        )
 
 
 def use_at(time_s: float, end_s: float) -> Use:
