@@ -12,8 +12,13 @@ import click
 from annotated_types import Ge, Le
 
 from perception.control.ego_state import ControlNetConfig
-from perception.control.training.run import ControlTrainingConfig
-from perception.depth.training.run import DepthTrainingConfig
+from perception.control.training.network import STUDENT_FILES
+from perception.control.training.run import ControlTrainingConfig, train_control
+from perception.control.training.samples import ControlSamples
+from perception.depth.training.clips import ClipSource
+from perception.depth.training.network import DEPTH_FILES, DepthNetConfig
+from perception.depth.training.run import DepthTrainingConfig, train_depth
+from perception.networks.training.network_files import parameter_count
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.runtime import shipped_unet
 from uav_bt.app.option_values import ImageSize, Policies, Seed
@@ -79,14 +84,17 @@ def depth(
     )
     with progress_bars() as advance:
         segmenter = shipped_unet() if labels == "contact" else None
-        training.train_depth(
-            read_flights(flights, segmenter, run, advance=advance),
-            out,
-            config=config,
+        clips = ClipSource(read_flights(flights, segmenter, run, advance=advance))
+        net = train_depth(
+            clips,
+            config,
+            DepthNetConfig(),
             start=start,
             checkpoint=run / "checkpoint.safetensors",
-            advance=advance,
+            progress=training.shown(advance),
         )
+    about = {"start": start and start.name, "frames": clips.frame_count}
+    training.save_trained(DEPTH_FILES, net, out, config, about)
     click.echo(f"depth network: {out} and {out.with_suffix('.onnx')}")
 
 
@@ -117,17 +125,28 @@ def student(
     """
     # Refuses an absent GPU before records are read.
     loop = ControlTrainingConfig(seed=seed, steps=steps, batch=batch, device=device)
-    net = ControlNetConfig(views=views)
+    net_config = ControlNetConfig(views=views)
+    begin = start or lab_training.UNET_WEIGHTS
     with progress_bars() as advance:
-        training.train_student(
-            read_advised_flights(records_of(records), net, run / "views", advance=advance),
-            out,
-            config=loop,
-            net_config=net,
-            start=start or lab_training.UNET_WEIGHTS,
+        paths = records_of(records)
+        advised = read_advised_flights(paths, net_config, run / "views", advance=advance)
+        samples = ControlSamples(advised, net_config, loop.near_weight)
+        net = train_control(
+            samples,
+            loop,
+            net_config,
+            start=training.first_weights(begin),
             checkpoint=run / "checkpoint.safetensors",
-            advance=advance,
+            progress=training.shown(advance),
         )
+    about = {
+        "start": begin.name,
+        "flights": len(advised),
+        "windows": len(samples),
+        "near_share": round(samples.near_share, 4),
+        "parameters": parameter_count(net),
+    }
+    training.save_trained(STUDENT_FILES, net, out, loop, about)
     click.echo(f"control student: {out} and {out.with_suffix('.onnx')}")
 
 

@@ -14,7 +14,7 @@ from perception.control.training.samples import ControlFlight, ControlSamples, C
 from perception.depth.training import labelling
 from perception.depth.training.footage import Flight, gathered, shrink
 from perception.networks.onnx_runtime import shrunk
-from uav_bt.errors import FileError, InputError
+from uav_bt.errors import FileError
 from uav_bt.learning.lab_material import fingerprint
 from uav_bt.progress import Advance, silent
 from uav_bt.protocols import Advice, Segmenter
@@ -39,12 +39,10 @@ def records_of(paths: Sequence[Path]) -> list[Path]:
     return list(found)
 
 
-def _image(frame: StoredFrame, record: Path) -> Image:
-    """Decode a frame's image, (H, W, 3) RGB."""
-    try:
+def _image(frame: StoredFrame, reader: RecordReader) -> Image:
+    """Return a frame's image, (H, W, 3) RGB; FileError if it is damaged."""
+    with reader.intact(f"frame {frame.note.index}"):
         return frame.frame().image
-    except InputError as error:
-        raise FileError(record, f"frame {frame.note.index} is damaged: {error}") from error
 
 
 def footage_of(path: Path) -> Flight:
@@ -60,7 +58,7 @@ def footage_of(path: Path) -> Flight:
             if last is None or (
                 note.index > last.index and note.captured_s - last.captured_s >= _APART_S
             ):
-                frames.append(Frame(**vars(note), image=shrink(_image(item, path))))
+                frames.append(Frame(**vars(note), image=shrink(_image(item, reader))))
     found = gathered(frames, states, reader.camera)
     if found is None:
         raise FileError(
@@ -133,7 +131,7 @@ def _advised_views(
             and advice.frame_index == item.note.index
             and advice.answer.reason != _BLIND
         ):
-            yield shrunk(_image(item, reader.path), size_px), advice
+            yield shrunk(_image(item, reader), size_px), advice
 
 
 def evaluate_student(

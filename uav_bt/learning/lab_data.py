@@ -176,7 +176,11 @@ def make_masks(
         for made in (map if workers == 1 else pool.map)(_make, repeat(source), parts):
             done += made
             advance("masks", done, len(files))
-    rgb, ids = zip(*(_kept(file) for file in files.values()), strict=True)
+    kept = []
+    for file in files.values():
+        with np.load(file) as arrays:
+            kept.append((arrays["rgb"], arrays["ids"]))
+    rgb, ids = zip(*kept, strict=True)
     return np.stack(rgb), np.stack(ids)
 
 
@@ -193,11 +197,3 @@ def _make(source: MaskSource, todo: Sequence[tuple[Path, Path]]) -> int:
         with whole_file(file) as partial, partial.open("wb") as out:
             np.savez_compressed(out, rgb=shrunk(rgb, MAP_PX), ids=ids)
     return len(todo)
-
-
-def _kept(file: Path) -> tuple[Image, Image]:
-    try:
-        with np.load(file, allow_pickle=False) as kept:
-            return kept["rgb"], kept["ids"]
-    except Exception as error:  # numpy raises various errors of zip, zlib and its parser
-        raise FileError(file, f"is damaged ({error}); delete it, and it is made again") from error

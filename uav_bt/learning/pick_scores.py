@@ -41,11 +41,7 @@ class ImageScore:
     image: str  # file name
     picks: Sequence[Pick]  # its picks
     answers: Image  # class ids at the picks, (N,) uint8
-
-    @property
-    def wrong(self) -> int:
-        """Number of picks with another class."""
-        return sum(p.class_id != int(a) for p, a in zip(self.picks, self.answers, strict=True))
+    wrong: int  # number of picks with another class
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,7 +131,8 @@ def score_picks(
         answers = ids[rows, [pick.x * width // across for pick in mine]].astype(np.uint8)
         exact = np.array([pick.class_id for pick in mine], dtype=np.uint8)
         counts += confusion(answers, exact, len(classes))
-        scores.append(ImageScore(image=name, picks=mine, answers=answers))
+        wrong = int((answers != exact).sum())
+        scores.append(ImageScore(image=name, picks=mine, answers=answers, wrong=wrong))
         advance("check", done, len(by_image))
     scores.sort(key=lambda each: (-each.wrong, each.image))
     total = SegmentationScore(counts=counts, images=len(scores), classes=classes)

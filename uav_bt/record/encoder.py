@@ -18,7 +18,7 @@ from uav_bt.record.record_file import Timeline
 from uav_bt.record.site_maps import note_of
 from uav_bt.record.values import dump, encode
 from uav_bt.tree.status import Status
-from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame, NearObstacles
+from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
 from uav_bt.types.camera import FrameNote
 
 T = TypeVar("T")
@@ -64,6 +64,10 @@ class RawMoment:
     statuses: tuple[Status, ...]  # statuses of all nodes
     log: tuple[LogLine, ...] = ()
 
+    def value(self, key: str) -> Any:
+        """Return a value of the board; None without one."""
+        return self.board.get(key, (None, 0.0))[0]
+
 
 class MomentEncoder:
     """Encodes moments in their order; each value only when it is new."""
@@ -72,11 +76,7 @@ class MomentEncoder:
         self._timeline = timeline
         self._camera = camera
         self._quality = quality
-        self._last: dict[str, Any] = {}  # the values written last
-        self._statuses: tuple[Status, ...] | None = None
-        self._near: NearObstacles | None = None
-        self._frame_index: int | None = None
-        self._words = ""
+        self._last: dict[str, object] = {}  # the values written last
         self._map_s = -math.inf  # time of the last site map
 
     def encode(self, moment: RawMoment, *, images: bool) -> Iterator[Message]:
@@ -85,28 +85,26 @@ class MomentEncoder:
         for channel, value in self._values(moment):
             yield channel, dump(encode(value))
         words = _words(moment.tick)
-        if words != self._words:
-            self._words = words
+        if self._is_new("words", words):
             yield channels.TREE_LOG, messages.log_line("Info", words, "tree", now_ns)
         for line in moment.log:
             yield channels.LOG, messages.log_line(*line, now_ns)
         yield from self._drawn(moment, now_ns)
         frame = moment.tick.observation.frame
-        if frame is not None and frame.index != self._frame_index:
-            self._frame_index = frame.index
+        if frame is not None and self._is_new(keys.FRAME.name, frame.index):
             yield channels.CAMERA_FRAME, dump(encode(frame, FrameNote))
             yield channels.CAMERA_IMAGE, self._image(frame) if images else None
         for name, channel in _MAPS.items():
-            if self._is_new(name, moment) and channel not in _LEFT_OUT[self._quality]:
-                yield channel, self._image(moment.board[name][0]) if images else None
+            value = moment.value(name)
+            if self._is_new(name, value) and channel not in _LEFT_OUT[self._quality]:
+                yield channel, self._image(value) if images else None
 
     def _values(self, moment: RawMoment) -> Iterator[tuple[Channel, object]]:
-        tick, site_map = moment.tick, keys.SITE_MAP.name
+        tick, site_map = moment.tick, moment.value(keys.SITE_MAP.name)
         yield channels.TICK, TickNote.of(tick)
         yield channels.COMMANDS, moment.commands
         yield channels.STATE, tick.observation.state
-        if moment.statuses != self._statuses:
-            self._statuses = moment.statuses
+        if self._is_new("statuses", moment.statuses):
             names = tuple(status.name for status in moment.statuses)
             yield channels.TREE_STATUS, StatusNote(statuses=names)
         if tick.truth is not None:
@@ -118,19 +116,22 @@ class MomentEncoder:
         }
         yield channels.BOARD, board
         for name, channel in _VALUES.items():
-            if self._is_new(name, moment):
-                yield channel, moment.board[name][0]
-        value, _ = moment.board.get(site_map, (None, 0.0))
-        if value is not None and value.near is not self._near:
-            self._near = value.near
-            yield channels.NEAR, value.near
-        if tick.time_s - self._map_s >= _MAP_S - _SLACK_S and self._is_new(site_map, moment):
+            value = moment.value(name)
+            if self._is_new(name, value):
+                yield channel, value
+        if site_map is None:
+            return
+        if self._is_new("near", site_map.near):
+            yield channels.NEAR, site_map.near
+        if tick.time_s - self._map_s >= _MAP_S - _SLACK_S and self._is_new("site_map", site_map):
             self._map_s = tick.time_s
-            yield channels.SITE_MAP, note_of(value)
+            yield channels.SITE_MAP, note_of(site_map)
 
-    def _is_new(self, name: str, moment: RawMoment) -> bool:
-        value, _ = moment.board.get(name, (None, 0.0))
-        if value is None or value is self._last.get(name):
+    def _is_new(self, name: str, value: object) -> bool:
+        """Return whether there is a value, another than the last one of this name."""
+        last = self._last.get(name)
+        plain = isinstance(value, int | str | tuple)  # of others the arrays are not compared
+        if value is None or value is last or (plain and value == last):
             return False
         self._last[name] = value
         return True

@@ -44,9 +44,7 @@ def encode_image(image: NDArray[np.uint8], quality: Quality) -> tuple[bytes, str
         small = cv2.resize(image, (_SMALL_WIDTH_PX, height_px), interpolation=cv2.INTER_AREA)
         image = np.asarray(small, dtype=np.uint8)
     suffix, options = (".png", _PNG) if quality == "lossless" else (".jpg", _JPEG)
-    good, data = cv2.imencode(suffix, cv2.cvtColor(image, cv2.COLOR_RGB2BGR), options)
-    if not good:
-        raise InputError(f"an image of {image.shape} cannot be encoded as {suffix}")
+    _, data = cv2.imencode(suffix, cv2.cvtColor(image, cv2.COLOR_RGB2BGR), options)
     return data.tobytes(), "png" if quality == "lossless" else "jpeg"
 
 

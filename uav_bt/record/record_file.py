@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Final, NamedTuple
@@ -80,10 +81,7 @@ class RecordFile:
 
     def abandon(self) -> None:
         """Close without index and summary; data that the disk did not take is lost."""
-        try:
-            self._stream.close()
-        except OSError:
-            # Closing flushes again, and the disk is still full.
+        with suppress(OSError):  # closing flushes again, and the disk is still full
             self._stream.close()
 
     def _register(self, channel: Channel) -> int:

@@ -6,6 +6,7 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
+import cv2
 import pytest
 import torch
 
@@ -60,20 +61,25 @@ def test_a_check_prints_scores_beside_the_teachers_and_writes_sheet_and_json(
 ) -> None:
     material = draw_lab(tmp_path / "hall")
     write_colour_network(material.network, order=(2, 1, 3, 0))
+    picks = material.picks.read_text()
+    material.picks.write_text(picks.replace("hall-007.png,20,20", "hall-007.png,20,120"))
     out, folder = tmp_path / "scores.json", material.lab.folder
     refused = run("lab", "check", folder, "--out", material.picks)
     assert_refused(refused, "is an input and would be overwritten")
-    result = run("lab", "check", folder, "--out", out, "--min-role-iou", 0.9)
+    result = run("lab", "check", folder, "--out", out, "--min-role-iou", 0.7)
     assert result.exit_code == 0, result.output
     lines = [line.split() for line in result.stdout.splitlines()]
-    assert ["floor", "4", "1.000"] in lines
+    assert ["floor", "4", "0.800"] in lines
     assert ["cart", "0", "-"] in lines
     assert "crate taken for cart: 100 % of its picks" in result.stdout
-    assert "most wrong picks: hall-006.png (2 of 6), hall-007.png (2 of 6)" in result.stdout
-    assert (material.training / "check.png").is_file()
+    assert "most wrong picks: hall-007.png (3 of 6), hall-006.png (2 of 6)" in result.stdout
+    sheet = cv2.imread(str(material.training / "check.png"))
+    assert sheet is not None
+    assert sheet.shape == (2 * 180, 3 * 320, 3)
+    assert sheet[10, 320 + 5].tolist() == [0x40, 0x20, 0x20]  # BGR of the wall in the class map
     scores = json.loads(out.read_text())
-    assert scores["role_iou"] == {"outside": 1.0, "ground": 1.0, "mark": None, "obstacle": 1.0}
-    assert scores["confusions"] == [["crate", "cart", 1.0]]
+    assert scores["role_iou"] == {"outside": 0.75, "ground": 0.8, "mark": None, "obstacle": 1.0}
+    assert scores["confusions"] == [["crate", "cart", 1.0], ["wall", "floor", 0.25]]
     assert scores["teacher"] is None
 
     write_colour_network(folder / "teacher.onnx")
@@ -81,8 +87,8 @@ def test_a_check_prints_scores_beside_the_teachers_and_writes_sheet_and_json(
         keys.write("teacher: {model: teacher.onnx}\n")
     result = run("lab", "check", folder)
     assert result.exit_code == 0, result.output
-    assert "12 held-out picks on 2 images: 0.667 right" in result.stdout
-    assert "teacher: 1.000 of the picks right, IoU of the roles 1.000" in result.stdout
+    assert "12 held-out picks on 2 images: 0.583 right" in result.stdout
+    assert "teacher: 0.917 of the picks right, IoU of the roles 0.850" in result.stdout
 
     write_colour_network(tmp_path / "bad.onnx", order=(1, 2, 0, 3))
     bad = run("lab", "check", folder, "--model", tmp_path / "bad.onnx", "--min-role-iou", 0.9)
@@ -127,6 +133,9 @@ def test_a_lab_without_images_or_network_is_refused(tmp_path: Path) -> None:
     material = draw_lab(tmp_path / "hall")
     folder = material.lab.folder
     assert_refused(run("lab", "check", folder), "has no network: `uav-bt lab train")
+    unchecked = draw_lab(tmp_path / "unchecked", check=0)
+    write_colour_network(unchecked.network)
+    assert_refused(run("lab", "check", unchecked.lab.folder), "no picks on images for checks")
     for image in material.frames.iterdir():
         image.unlink()
     material.frames.rmdir()

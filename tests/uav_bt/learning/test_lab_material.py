@@ -10,7 +10,7 @@ from perception.segmentation.training.picks import read_picks
 from uav_bt.errors import FileError
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.shipped import write_lab
-from uav_bt.learning.lab_material import LabFrame, LabMaterial
+from uav_bt.learning.lab_material import LabMaterial
 
 
 @pytest.fixture
@@ -22,17 +22,6 @@ def _add_images(material: LabMaterial, count: int) -> None:
     material.frames.mkdir(exist_ok=True)
     for number in range(count):
         cv2.imwrite(str(material.frames / f"{number:02d}.png"), np.zeros((4, 6, 3), np.uint8))
-
-
-def test_the_list_states_the_use(material: LabMaterial) -> None:
-    _add_images(material, 2)
-    frames = [
-        LabFrame(image="00.png", source="a.mp4", time_s=1.25, sharpness=80.5, use="check"),
-        LabFrame(image="01.png", source="a.mp4", time_s=2.5, sharpness=81.5, use="train"),
-    ]
-    material.write_frames(frames)
-    assert material.read_frames() == frames
-    assert material.uses() == {"00.png": "check", "01.png": "train"}
 
 
 def test_images_that_were_copied_keep_their_use(material: LabMaterial) -> None:

@@ -12,7 +12,7 @@ from perception.control.ego_state import ControlNetConfig
 from perception.control.runtime import OnnxControlStudent
 from perception.control.training import samples
 from perception.control.training.network import STUDENT_FILES
-from perception.control.training.run import ControlTrainingConfig
+from perception.control.training.run import ControlTrainingConfig, train_control
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
 from tests.worlds.cli import assert_refused, run
@@ -21,7 +21,7 @@ from tests.worlds.trees import tree_file
 from uav_bt import app
 from uav_bt.errors import FileError
 from uav_bt.learning.dataset import evaluate_student, read_advised_flights
-from uav_bt.learning.training import first_weights, train_student
+from uav_bt.learning.training import first_weights, save_trained, shown
 from uav_bt.record.reader import RecordReader
 from uav_bt.testing import ScriptedDrone
 
@@ -103,17 +103,18 @@ def test_training_leaves_weights_that_fly_and_goes_on_from_its_checkpoint(
     record: Path, tmp_path: Path
 ) -> None:
     flights = read_advised_flights([record], NET, tmp_path / "views")
+    windows = samples.ControlSamples(flights, NET, QUICK.near_weight)
     out, told = tmp_path / "student.safetensors", list[tuple[str, int, int]]()
     for _ in range(2):
-        train_student(
-            flights,
-            out,
-            config=QUICK,
-            net_config=NET,
+        net = train_control(
+            windows,
+            QUICK,
+            NET,
             checkpoint=tmp_path / "checkpoint.safetensors",
-            advance=lambda stage, done, total: told.append((stage.split(",")[0], done, total)),
+            progress=shown(lambda *now: told.append(now)),
         )
-    assert told == [("training", done, 4) for done in (1, 2, 3, 4)]
+        save_trained(STUDENT_FILES, net, out, QUICK, {"flights": 1})
+    assert [now[1:] for now in told] == [(done, 4) for done in (1, 2, 3, 4)]
     notes = STUDENT_FILES.load(out)[1]
     assert (notes["flights"], notes["training"]["steps"]) == (1, 4)
     student = OnnxControlStudent(out.with_suffix(".onnx"))

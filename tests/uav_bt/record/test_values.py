@@ -50,23 +50,16 @@ commands = st.builds(
     gimbal=st.none() | st.builds(types.GimbalTo, pitch_rad=st.floats(-1.5, 1.5)),
 )
 frames = st.builds(FrameNote, index=WHOLE, captured_s=ANY, gimbal_pitch_rad=ANY, attitude=attitudes)
+notes = st.builds(CommandNote, decided=commands, sent=commands, proposed=movements | st.none())
 
 
 def there_and_back(value: Any) -> Any:
     return decode(type(value), json.loads(dump(encode(value))))
 
 
-@given(states | frames)
-def test_telemetry_comes_back_to_the_last_bit(value: types.DroneState | FrameNote) -> None:
+@given(states | frames | notes)
+def test_telemetry_and_commands_come_back_to_the_last_bit(value: object) -> None:
     assert there_and_back(value) == value
-
-
-@given(commands, commands, movements | st.none())
-def test_commands_come_back_as_what_they_were(
-    decided: types.Command, sent: types.Command, proposed: types.Movement | None
-) -> None:
-    note = CommandNote(decided=decided, sent=sent, proposed=proposed, proposed_by="Main/Land")
-    assert there_and_back(note) == note
 
 
 @pytest.mark.parametrize(
