@@ -45,8 +45,7 @@ class Orientation:
         Column x and row y are shown at column a x + c y and row b x + d y. ValueRangeError if the
         angle is not a multiple of 90 degrees.
         """
-        largest = float(np.abs(matrix).max())
-        kept = np.where(np.abs(matrix) > _SLACK * largest, matrix, 0.0)
+        kept = np.where(np.abs(matrix) > _SLACK * np.abs(matrix).max(), matrix, 0.0)
         (a, b), (c, d) = kept.tolist()
         if a and d and not b and not c:
             return Orientation(flip_columns=a < 0, flip_rows=d < 0)
@@ -104,7 +103,7 @@ def image_files(folder: Path) -> tuple[list[Path], str]:
     inside = sorted(folder.iterdir())
     found = [path for path in inside if path.suffix.lower() in IMAGE_SUFFIXES]
     foreign = [path for path in inside if path.suffix.lower() in FOREIGN_SUFFIXES]
-    line = _conversion(foreign) if foreign else ""
+    line = conversion_advice(foreign) if foreign else ""
     if not found:
         known = ", ".join(suffix.removeprefix(".") for suffix in IMAGE_SUFFIXES)
         other = f"; it holds {line}" if line else ""
@@ -112,7 +111,8 @@ def image_files(folder: Path) -> tuple[list[Path], str]:
     return found, line
 
 
-def _conversion(foreign: list[Path]) -> str:
+def conversion_advice(foreign: list[Path]) -> str:
+    """Return a line about files of formats that are not read."""
     names = ", ".join(path.name for path in foreign[:_NAMED])
     more = f" and {len(foreign) - _NAMED} more" if len(foreign) > _NAMED else ""
     formats = ", ".join(sorted({path.suffix.lower().removeprefix(".") for path in foreign}))
@@ -129,7 +129,7 @@ def read_image(path: Path, *, colour: bool, as_stored: bool) -> Image:
     by the bits that they use, for example 12 in a 16-bit file.
     """
     if path.suffix.lower() in FOREIGN_SUFFIXES:
-        raise FileError(path, _conversion([path]))
+        raise FileError(path, conversion_advice([path]))
     with reading(path):
         encoded = np.fromfile(path, dtype=np.uint8)
     flags = cv2.IMREAD_ANYDEPTH | (cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE)

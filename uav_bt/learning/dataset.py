@@ -92,16 +92,16 @@ def read_advised_flights(
 ) -> list[ControlFlight]:
     """Read records of advised flights; views in the folder are reused."""
     flights: list[ControlFlight] = []
-    cameras = []
+    camera = None
     size_px = (net.width_px, net.height_px)
     for done, path in enumerate(records, start=1):
         reader = flight_record(path)
-        cameras.append(reader.camera)
-        if reader.camera != cameras[0]:
+        camera = camera or reader.camera
+        if reader.camera != camera:
             raise FileError(
                 path,
                 f"was flown with another camera than {records[0]} ({reader.camera} against "
-                f"{cameras[0]}); train on the flights of one camera",
+                f"{camera}); train on the flights of one camera",
             )
         kept = folder / f"{path.stem}-{fingerprint(path)}-{size_px[0]}x{size_px[1]}.npz"
         if not kept.is_file():

@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 
 import cv2
 
-from perception.camera.image_files import FOREIGN_SUFFIXES, IMAGE_SUFFIXES
+from perception.camera.image_files import FOREIGN_SUFFIXES, IMAGE_SUFFIXES, conversion_advice
 from perception.segmentation.training.frame_choice import (
     Look,
     clear_ones,
@@ -61,13 +61,9 @@ def find_sources(
     """
     files = [file for path in paths for file in _files(path, own)]
     foreign = [file for file in files if file.suffix.lower() in FOREIGN_SUFFIXES]
-    notes = []
-    if foreign:
-        more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
-        advice = "a format that is not read; convert photographs to JPEG or PNG"
-        notes.append(f"{foreign[0]}{more}: {advice}")
-        if len(foreign) == len(files):
-            raise InputError(notes[0])
+    notes = [conversion_advice(foreign)] if foreign else []
+    if foreign and foreign == files:
+        raise InputError(notes[0])
     found: dict[str, FrameSource] = {}  # by content: each file is read once
     for file in files:
         if file not in foreign and (content := fingerprint(file)) not in found:

@@ -15,7 +15,8 @@ from perception.segmentation.training.frame_choice import different_ones
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import check_output_folder, writing
 from uav_bt.lab.lab import Lab
-from uav_bt.learning.frame_sources import Candidate, FrameSource, find_sources, is_photograph, watch
+from uav_bt.learning import frame_sources
+from uav_bt.learning.frame_sources import Candidate, FrameSource, is_photograph
 from uav_bt.learning.lab_material import LabFrame, LabMaterial, Use, nth_use
 from uav_bt.progress import Advance, silent
 
@@ -67,7 +68,7 @@ def take_frames(
     """
     material = LabMaterial(lab=lab)
     run = _Run(material, advance)  # refuses a malformed list before the folder is made
-    filmed, photographs, notes = find_sources(paths, material.frames)
+    filmed, photographs, notes = frame_sources.find_sources(paths, material.frames)
     check_output_folder(material.frames)
     with writing(material.frames):
         material.frames.mkdir(exist_ok=True)
@@ -76,8 +77,8 @@ def take_frames(
     left = count
     try:
         for place, one in enumerate(filmed):
-            share = one.seconds / max(1e-9, sum(each.seconds for each in filmed[place:]))
-            left -= run.take([one], max(1, round(left * min(1.0, share))))
+            share = one.seconds / sum(each.seconds for each in filmed[place:])
+            left -= run.take([one], max(1, round(left * share)))
         if photographs:
             run.take(photographs, count)
         errors = run.errors
@@ -129,7 +130,7 @@ class _Run:
 
     def _choose(self, sources: Sequence[FrameSource], scratch: Path, most: int) -> int:
         """Add the most different of the clear images to the lab; return their number."""
-        clear, blurred, times_s, notes = watch(sources, scratch, self._advance)
+        clear, blurred, times_s, notes = frame_sources.watch(sources, scratch, self._advance)
         order = different_ones([one.look for one in clear])
         if len(sources) == 1 and len(order) == 1 < len(clear):
             raise FileError(

@@ -22,7 +22,6 @@ _BODY: Final = "drone"  # x forward, y left, z up: the convention of viewers
 _CAMERA: Final = "camera"  # OpenCV's: x right, y down, z forward
 
 _OPTICAL: Final = (-0.5, 0.5, -0.5, 0.5)  # from OpenCV's axes to forward, left, up
-_LEVEL: Final = Attitude()
 _NS: Final = 1_000_000_000
 
 _SHOWN_NS: Final = 300_000_000  # an entity that is not repeated goes: three ticks
@@ -165,7 +164,7 @@ def _solid(block: Block, colour: Colour) -> dict[str, Any]:
 def _placed(where: Pose) -> foxglove.Pose:
     return foxglove.Pose(
         position=foxglove.Vector3(x=where.x_m, y=where.y_m, z=where.z_m),
-        orientation=_quaternion(_body(where, _LEVEL)),
+        orientation=_quaternion(_body(where, Attitude())),
     )
 
 

@@ -113,7 +113,7 @@ def test_photographs_of_a_folder(hall: Hall, tmp_path: Path) -> None:
     assert [note.partition(":")[0] for note in found.notes] == [
         str(card / name) for name in ("broken.jpg", "small.png")
     ]
-    assert "x.heic: a format that is not read" in summary.notes[0]
+    assert "1 of a format that is not read (heic): x.heic; convert" in summary.notes[0]
     (written,) = hall.frames.glob("9-*.jpg")
     reduced = cv2.imread(str(written))
     assert reduced is not None
@@ -226,5 +226,5 @@ def test_the_labs_own_images_and_foreign_formats_are_no_source(hall: Hall, tmp_p
     with pytest.raises(FileError, match="is in the folder of the lab's images"):
         hall.take(hall.frames)
     (tmp_path / "a.heic").touch()
-    with pytest.raises(InputError, match=r"a\.heic: a format that is not read; convert"):
+    with pytest.raises(InputError, match=r"a format that is not read \(heic\): a\.heic; convert"):
         hall.take(tmp_path / "a.heic")

@@ -22,7 +22,6 @@ from uav_bt import app
 from uav_bt.errors import FileError
 from uav_bt.learning.dataset import evaluate_student, read_advised_flights
 from uav_bt.learning.training import first_weights, save_trained, shown
-from uav_bt.record.reader import RecordReader
 from uav_bt.testing import ScriptedDrone
 
 NET = ControlNetConfig(
@@ -61,12 +60,6 @@ def flown(folder: Path, *, adviser: str = ADVISER, drone: ScriptedDrone | None =
 @pytest.fixture(scope="module")
 def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return flown(tmp_path_factory.mktemp("advised"))
-
-
-def test_a_small_record_has_small_pictures_and_the_rules_word_but_no_maps(record: Path) -> None:
-    topics = {topic for topic, _, _ in RecordReader(record).messages()}
-    assert {"/mission/advice", "/camera/image"} <= topics
-    assert not topics & {"/perception/class_map", "/perception/metric_depth"}
 
 
 def test_every_advised_view_is_read_and_kept(

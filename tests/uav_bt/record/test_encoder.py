@@ -96,6 +96,8 @@ def test_unchanged_values_and_relative_depth_of_small_records_are_not_written() 
     assert again.statuses == ("FAILURE",)  # the statuses of the last tick are kept
     high = read(encoder("high"), raw_moment())
     assert (high.relative_depth, high.metric_depth is None) == (None, False)
+    small = read(encoder("small"), raw_moment())
+    assert small.class_map is small.metric_depth is small.relative_depth is None
     newer = replace(BOARD["corridor"], nearest_m=0.6)
     assert read(made, raw_moment({**BOARD, "corridor": newer})).corridor == newer
 

@@ -167,9 +167,8 @@ class FlightView:
         time_s = None if depth is None else depth.captured_s
         if self._is_new("world/depth/metres", time_s) and depth is not None:
             height_px, width_px = depth.depth.shape
-            if self._is_new("world/depth", (width_px, height_px)):
-                lens = self._facts.camera.resized(width_px, height_px)
-                self._stream.log("world/depth", _pinhole(lens, _NO_IMAGE_M))
+            lens = self._facts.camera.resized(width_px, height_px)
+            self._stream.log("world/depth", _pinhole(lens, _NO_IMAGE_M))
             # Half precision resolves 2 mm at 4 m and halves the size.
             metres = np.where(np.isfinite(depth.depth), depth.depth, np.nan).astype(np.float16)
             look: dict[str, Any] = {"colormap": "turbo", "depth_range": [0.0, FARTHEST_M]}
