@@ -154,7 +154,8 @@ def watch(sources: Sequence[FrameSource], folder: Path, advance: Advance) -> Wat
         raise FileError(
             sources[0].path if len(sources) == 1 else sources[0].path.parent,
             f"none of its images can be used: {blank} are dark or of one colour, "
-            f"{len(looks) - blank} are blurred; film slowly, in good light, with a clean lens",
+            f"{len(looks) - blank} are blurred; film slowly, in good light, with a clean lens"
+            + "".join(f"; {note}" for note in notes),
         )
     return Watched(clear, len(candidates) - len(clear), times_s, notes)
 

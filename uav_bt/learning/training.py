@@ -30,7 +30,7 @@ CALIBRATION_VIEWS: Final = ViewPlan(
 
 
 def shown(advance: Advance) -> Callable[[Progress, object], None]:
-    """Return the progress of a training as that of a command."""
+    """Return a function that shows the progress of a training."""
     return lambda now, _net: advance(f"training, loss {now.loss:.3f}", now.step, now.steps)
 
 

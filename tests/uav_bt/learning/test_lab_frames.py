@@ -225,6 +225,10 @@ def test_the_labs_own_images_and_foreign_formats_are_no_source(hall: Hall, tmp_p
     hall.take(hall.video("a.mp4", walk(2)))
     with pytest.raises(FileError, match="is in the folder of the lab's images"):
         hall.take(hall.frames)
+    for name in "ab":
+        (tmp_path / f"{name}.png").write_text(f"no image {name}")
+    with pytest.raises(FileError, match=r"none of its images can be used.*a\.png.*b\.png"):
+        hall.take(tmp_path / "a.png", tmp_path / "b.png")
     (tmp_path / "a.heic").touch()
     with pytest.raises(InputError, match=r"a format that is not read \(heic\): a\.heic; convert"):
         hall.take(tmp_path / "a.heic")
