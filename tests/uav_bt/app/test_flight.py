@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import av
 import numpy as np
 import pytest
 
@@ -153,7 +154,7 @@ def test_a_flight_is_described_in_its_report_and_a_listener_that_breaks_is_named
     assert not drone.connected
 
 
-def test_a_lost_drone_leaves_a_report_and_a_word_about_where_it_is(
+def test_a_lost_drone_leaves_a_report_a_film_and_a_word_about_where_it_is(
     drone: ScriptedDrone, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def lost(_: Command) -> Command:
@@ -165,7 +166,9 @@ def test_a_lost_drone_leaves_a_report_and_a_word_about_where_it_is(
 
     path = tmp_path / "report.json"
     with pytest.raises(DroneError, match="no answer") as caught:
-        fly(drone, lose, tree=STAY, report=path)
+        fly(drone, lose, tree=STAY, report=path, video=tmp_path / "flight.mp4")
+    with av.open(str(tmp_path / "flight.mp4")) as container:
+        assert sum(1 for _ in container.decode(video=0)) > 10
     assert app.STILL_IN_THE_AIR in caught.value.__notes__
     report = json.loads(path.read_text(encoding="utf-8"))
     assert (report["outcome"], report["reason"]) == ("error", "no answer")
