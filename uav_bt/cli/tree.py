@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import click
 from annotated_types import Gt, Le
+from rich.console import Console
+from rich.markdown import Markdown
 
 from uav_bt.cli.declare import command
 from uav_bt.cli.shared import (
@@ -28,7 +30,7 @@ from uav_bt.tree import Node, NodeRegistry, describe, load_tree
 from uav_bt.tree.loading.lookup import Folders, TreeId
 from uav_bt.tree.loading.schema import schema_xml
 from uav_bt.tree.nodes import BUILTIN_NODES
-from uav_bt.tree.port import Port, port_text
+from uav_bt.tree.port import port_text
 from uav_bt.tree.shipped import resolve_tree
 
 if TYPE_CHECKING:
@@ -66,19 +68,8 @@ def nodes(
     if format_ == "json":
         click.echo(json.dumps([_as_json(node) for node in listed], indent=2))
         return
-    click.echo("\n\n".join(_described(node) for node in listed))
-
-
-def _described(node: type[Node]) -> str:
-    found = describe.declared(node)
-    of = "of the format" if node in BUILTIN_NODES else describe.origin(node)
-    lines = [f"{node.node_id}  ({node.kind.value.lower()}, {of})", describe.summary(node)]
-    lines += [_attribute(port) for port in node.ports]
-    lines.append(f"answers {', '.join(found.answers)}" if found.answers else "")
-    lines += [describe.ABILITIES[name] for name in found.abilities]
-    lines.append(f"reads {', '.join(found.reads)}" if found.reads else "")
-    lines.append(f"writes {', '.join(found.writes)}" if found.writes else "")
-    return "\n    ".join(line for line in lines if line)
+    sections = "\n\n".join(text for node in listed for text in describe.section(node))
+    Console().print(Markdown(sections))
 
 
 def _as_json(node: type[Node]) -> dict[str, Any]:
@@ -101,15 +92,6 @@ def _as_json(node: type[Node]) -> dict[str, Any]:
         "builtin": node in BUILTIN_NODES,
         "origin": describe.origin(node),
     }
-
-
-def _attribute(port: Port[Any]) -> str:
-    default = describe.default_text(port)
-    given = port.name if default is None else f'{port.name}="{default}"'
-    kind = " or ".join(map(port_text, port.choices)) or port.type.__name__
-    kind += f", {port.range}" if port.range else ""
-    direction = "" if port.direction == "input" else f", {port.direction}"
-    return f"{given}  {kind}{direction}" + (f": {port.doc}" if port.doc else "")
 
 
 @command()
