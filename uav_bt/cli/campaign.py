@@ -249,9 +249,7 @@ def shrink(
     return same_cause(ending, small.ending)
 
 
-def _failed(
-    source: Path, tree: str | None, scene: str | None, seed: int | None
-) -> FailedFlight:
+def _failed(source: Path, tree: str | None, scene: str | None, seed: int | None) -> FailedFlight:
     """Return the first failed flight of this tree, scene and seed; None: of any."""
     for one in read_sources([source]):
         for line in one.flights:

@@ -153,7 +153,8 @@ def simulate(
 
     TREE is a file, or the name of a mission that ships with uav-bt. Nothing flies: this shows which
     leaves run when, which are halted, and the values of the variables. Exits with 0 when the root
-    succeeds, with 1 when it fails, is skipped or does not end.
+    succeeds, with 1 when it fails, is skipped or does not end. Ticks that repeat the one before are
+    left out of the table.
 
     \b
     The script is a YAML file, such as this answers.yaml:
@@ -203,24 +204,16 @@ def simulate(
 
 
 def _print_table(steps: Iterator[SimulatedTick]) -> SimulatedTick:
-    """Print a line for each tick, and one for all those that repeat the tick before."""
+    """Print a line for each tick that does not repeat the one before; return the last tick."""
     click.echo(" tick     time  root     leaves")
-    shown = last = next(steps)
-    click.echo(_tick_line(shown))
+    last = next(steps)
+    click.echo(_tick_line(last))
     for step in steps:
-        same = (step.status, step.answers) == (shown.status, shown.answers)
+        same = (step.status, step.answers) == (last.status, last.answers)
         if not same or step.halted or step.changed:
-            _print_repeats(shown, last)
             click.echo(_tick_line(step))
-            shown = step
         last = step
-    _print_repeats(shown, last)
     return last
-
-
-def _print_repeats(shown: SimulatedTick, last: SimulatedTick) -> None:
-    if last.tick > shown.tick:
-        click.echo(f"{'...':>5}  {last.time_s:>7.2f}  the same until tick {last.tick}")
 
 
 def _tick_line(step: SimulatedTick) -> str:
