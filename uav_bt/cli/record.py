@@ -25,7 +25,7 @@ _METADATA: Final = (
     *("tree", "lab", "scene", "seed", "drone", "profile", "record_quality", "started"),
     *("uav_bt", "git"),
 )
-_IN_REPLAY: Final = ("tree", "tree_folders", "leaves", "policies", "masks")  # not for Python only
+_IN_REPLAY: Final = ("tree", "tree_folders", "leaves", "policies", "masks")  # no registry
 _MAX_PRINTED: Final = 20  # differing ticks, and nodes that differ
 
 _Record = Annotated[Path, Option(path="read")]
