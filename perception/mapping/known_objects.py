@@ -75,10 +75,8 @@ class KnownObjects:
     def see_edges(self, xy_m: Floats, ids: Ids, heights_m: Floats) -> None:
         """Add the upper edges in a view; they count from the next call of `named` on.
 
-        Args:
-            xy_m: (N, 2) points where the sides below them meet the ground, in the map's frame.
-            ids: (N,) classes of the sides.
-            heights_m: (N,) heights of the edges above the ground; NaN where unknown.
+        `xy_m`, (N, 2), is where the sides below them meet the ground, in the map's frame; unknown
+        heights are NaN.
         """
         self._edges.append((xy_m, ids, heights_m))
 

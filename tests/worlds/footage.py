@@ -9,15 +9,28 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.paper_lab import CLASSES
+from tests.paper_lab import CARPET, CLASSES, paper_map
 from uav_bt.record import channels, messages
 from uav_bt.record.channels import SCHEMA_VERSION, START
 from uav_bt.record.record_file import RecordFile
 from uav_bt.record.values import dump, encode
 from uav_bt.types import Attitude, BodyVelocity, CameraModel, DroneState, FlyingState, Frame
-from uav_bt.types.camera import FrameNote
+from uav_bt.types.camera import ClassMap, FrameNote
 
 LAB_CLASSES: Final = dump([encode(each) for each in CLASSES]).decode()
+
+
+class SeesGround:
+    """A segmenter for which all below some rows is ground; counts its frames."""
+
+    def __init__(self, first_row: int = 0) -> None:
+        self.first_row, self.asked = first_row, 0
+
+    def segment(self, frame: Frame) -> ClassMap:
+        self.asked += 1
+        ids = np.zeros((112, 224), np.uint8)
+        ids[self.first_row :] = CARPET
+        return paper_map(ids, frame.captured_s)
 
 
 def frame(image: NDArray[np.uint8], index: int, captured_s: float, **changes: float) -> Frame:

@@ -7,12 +7,12 @@ no other characters.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from uav_bt.types.arrays import Image
 
@@ -45,13 +45,14 @@ def empty_pane(words: str, size_px: Size) -> Image:
     return image
 
 
-def circle(x_px: float, y_px: float, radius_px: float) -> list[Point]:
+def circle(centre: Iterable[float], radius: float) -> list[Point]:
     """Return a circle as a closed polyline."""
+    x, y = centre
     angles = np.linspace(0.0, 2.0 * math.pi, 32)
-    return [(x_px + radius_px * math.cos(a), y_px + radius_px * math.sin(a)) for a in angles]
+    return [(x + radius * math.cos(a), y + radius * math.sin(a)) for a in angles]
 
 
-def _subpixel(points_px: Sequence[Point]) -> NDArray[np.int32]:
+def _subpixel(points_px: ArrayLike) -> NDArray[np.int32]:
     places = np.asarray(points_px, dtype=np.float64) * (1 << _SUBPIXEL_BITS)
     return np.rint(places).astype(np.int32)
 
@@ -121,16 +122,16 @@ def draw_legend(
         left += wide
 
 
-def line(image: Image, points_px: Sequence[Point], colour: Colour, width_px: int = 1) -> None:
-    """Draw an open polyline, anti-aliased."""
+def line(image: Image, points_px: ArrayLike, colour: Colour, width_px: int = 1) -> None:
+    """Draw an open polyline, (N, 2) pixels, anti-aliased."""
     points = _subpixel(points_px)
     cv2.polylines(image, [points], False, colour, width_px, cv2.LINE_AA, _SUBPIXEL_BITS)
 
 
 def polygon(
-    image: Image, points_px: Sequence[Point], fill: Colour | None, edge: Colour | None = None
+    image: Image, points_px: ArrayLike, fill: Colour | None, edge: Colour | None = None
 ) -> None:
-    """Draw a filled polygon, an outline, or both; anti-aliased."""
+    """Draw a filled polygon, (N, 2) pixels, an outline, or both; anti-aliased."""
     points = _subpixel(points_px)
     if fill is not None:
         cv2.fillPoly(image, [points], fill, cv2.LINE_AA, _SUBPIXEL_BITS)

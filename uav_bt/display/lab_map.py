@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final, TypeVar
+from typing import Final
 
 import cv2
 import numpy as np
+from numpy.typing import ArrayLike
 
 from uav_bt.display import canvas
 from uav_bt.display.canvas import BACKDROP, DIM, INK, Colour, Point, Size
 from uav_bt.types import Pose2D
 from uav_bt.types.arrays import Floats, Image
 from uav_bt.types.ground import Block, Footprint, Ground
-
-Number = TypeVar("Number", float, Floats)
 
 GROUND_COLOUR: Final[Colour] = (52, 66, 54)
 _GROUND_GRID: Final[Colour] = (63, 79, 65)
@@ -43,7 +42,9 @@ class MapItem(Footprint):
 
     def corners(self) -> list[Point]:
         """Return the corners of the outline in world metres, counter-clockwise."""
-        return canvas.circle(self.x_m, self.y_m, self.half_x_m) if self.round else super().corners()
+        if self.round:
+            return canvas.circle((self.x_m, self.y_m), self.half_x_m)
+        return super().corners()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,16 +80,10 @@ class MapFrame:
         centre_m = (0.0, (above_px - below_px) / 2 / scale)
         return cls(size_px=size_px, scale_px_per_m=scale, centre_m=centre_m)
 
-    def to_px(self, x_m: Number, y_m: Number) -> tuple[Number, Number]:
-        """Return where world points lie, pixels from the upper left corner."""
-        return (
-            self.size_px[0] / 2 + (x_m - self.centre_m[0]) * self.scale_px_per_m,
-            self.size_px[1] / 2 - (y_m - self.centre_m[1]) * self.scale_px_per_m,
-        )
-
-    def all_to_px(self, points_m: Sequence[Point]) -> list[Point]:
-        """Return the positions of world points, pixels."""
-        return [self.to_px(x, y) for x, y in points_m]
+    def to_px(self, points_m: ArrayLike) -> Floats:
+        """Return where world points, (..., 2), lie: pixels from the upper left corner."""
+        off_px = (np.asarray(points_m) - self.centre_m) * self.scale_px_per_m
+        return np.asarray(np.array(self.size_px) / 2 + off_px * (1, -1))
 
 
 def draw_lab(lab_map: LabMap | None, frame: MapFrame) -> Image:
@@ -97,17 +92,17 @@ def draw_lab(lab_map: LabMap | None, frame: MapFrame) -> Image:
     reach_m = math.ceil(max(frame.size_px) / frame.scale_px_per_m / 2 + abs(frame.centre_m[1]))
     _grid(image, frame, (2.0 * reach_m, 2.0 * reach_m), _FLOOR_GRID)
     if lab_map is not None:
-        canvas.polygon(image, frame.all_to_px(lab_map.ground.corners_m), GROUND_COLOUR)
+        canvas.polygon(image, frame.to_px(lab_map.ground.corners_m), GROUND_COLOUR)
         _grid(image, frame, lab_map.ground.size_m, _GROUND_GRID)
         if lab_map.mark is not None:
             _draw_mark(image, frame, lab_map.mark)
         for mover in lab_map.movers:
-            canvas.line(image, frame.all_to_px(mover.path_m), _mixed(mover.colour, INK, 0.3))
+            canvas.line(image, frame.to_px(mover.path_m), _mixed(mover.colour, INK, 0.3))
         for box in lab_map.boxes:
             edge = _mixed(box.colour, INK, 0.45)
-            canvas.polygon(image, frame.all_to_px(box.corners()), box.colour, edge)
+            canvas.polygon(image, frame.to_px(box.corners()), box.colour, edge)
             scale = min(0.5, max(0.3, frame.scale_px_per_m / 220))
-            x, y = frame.to_px(box.x_m, box.y_m)
+            x, y = frame.to_px((box.x_m, box.y_m))
             height = f"{box.height_m:.3g}"
             canvas.put_centred(image, height, (x, y + 11 * scale), scale=scale, colour=_WHITE)
     draw_scale(image, frame)
@@ -116,20 +111,20 @@ def draw_lab(lab_map: LabMap | None, frame: MapFrame) -> Image:
 
 def _draw_mark(image: Image, frame: MapFrame, mark: MapItem) -> None:
     face = _mixed(mark.colour, BACKDROP, 0.35)
-    canvas.polygon(image, frame.all_to_px(mark.corners()), face, mark.colour)
+    canvas.polygon(image, frame.to_px(mark.corners()), face, mark.colour)
     a, b = 0.44 * mark.half_x_m, 0.56 * mark.half_y_m
     for stroke in (((-a, -b), (-a, b)), ((a, -b), (a, b)), ((-a, 0.0), (a, 0.0))):  # an H
         ends_m = [mark.to_world(*end) for end in stroke]
         stroke_px = max(2, round(0.05 * frame.scale_px_per_m))
-        canvas.line(image, frame.all_to_px(ends_m), _WHITE, stroke_px)
+        canvas.line(image, frame.to_px(ends_m), _WHITE, stroke_px)
 
 
 def _grid(image: Image, frame: MapFrame, size_m: Point, colour: Colour) -> None:
     half_x, half_y = size_m[0] / 2, size_m[1] / 2
     for x in _whole_metres(half_x):
-        canvas.line(image, frame.all_to_px([(x, -half_y), (x, half_y)]), colour)
+        canvas.line(image, frame.to_px([(x, -half_y), (x, half_y)]), colour)
     for y in _whole_metres(half_y):
-        canvas.line(image, frame.all_to_px([(-half_x, y), (half_x, y)]), colour)
+        canvas.line(image, frame.to_px([(-half_x, y), (half_x, y)]), colour)
 
 
 def _whole_metres(half_m: float) -> range:
@@ -142,7 +137,7 @@ def draw_movers(
     """Draw the movers at places; by default at the start of their paths."""
     begins_m = [mover.path_m[0] for mover in lab_map.movers]
     for mover, (x_m, y_m) in zip(lab_map.movers, places_m or begins_m, strict=True):
-        outline = frame.all_to_px(replace(mover, x_m=x_m, y_m=y_m).corners())
+        outline = frame.to_px(replace(mover, x_m=x_m, y_m=y_m).corners())
         canvas.polygon(image, outline, mover.colour, _mixed(mover.colour, INK, 0.7))
 
 
@@ -173,11 +168,11 @@ def draw_lab_with_axes(lab_map: LabMap, *, size_px: Size = (960, 780), title: st
     legend = "number in a box: height, m"
     if lab_map.take_off is not None:
         ends_m = [lab_map.take_off.to_world(ahead_m, 0.0) for ahead_m in (0.0, _ARROW_M)]
-        tail, tip = np.rint(frame.all_to_px(ends_m)).astype(int)
+        tail, tip = np.rint(frame.to_px(ends_m)).astype(int)
         cv2.arrowedLine(image, tail, tip, INK, 3, cv2.LINE_AA, tipLength=0.3)
         legend += "; arrow: take-off heading"
-    for _, (x_m, y_m) in lab_map.places:
-        canvas.polygon(image, canvas.circle(*frame.to_px(x_m, y_m), 5), _PLACE_COLOUR)
+    for _, at_m in lab_map.places:
+        canvas.polygon(image, canvas.circle(frame.to_px(at_m), 5), _PLACE_COLOUR)
     _write_names(image, frame, lab_map)
     canvas.put(image, title, (14, 24), scale=0.55)
     canvas.put(image, legend, (14, size_px[1] - 12), colour=DIM, scale=_TEXT)
@@ -186,18 +181,18 @@ def draw_lab_with_axes(lab_map: LabMap, *, size_px: Size = (960, 780), title: st
 
 def _draw_axes(image: Image, frame: MapFrame, size_m: Point) -> None:
     """Write the metres of the grid's lines below and left of the ground."""
-    left, base = frame.to_px(-size_m[0] / 2, -size_m[1] / 2)
+    left, base = frame.to_px((-size_m[0] / 2, -size_m[1] / 2))
     for x_m in _whole_metres(size_m[0] / 2):
-        canvas.put_centred(image, f"{x_m}", (frame.to_px(x_m, 0.0)[0], base + 18))
+        canvas.put_centred(image, f"{x_m}", (frame.to_px((x_m, 0.0))[0], base + 18))
     for y_m in _whole_metres(size_m[1] / 2):
-        canvas.put_centred(image, f"{y_m}", (left - 16, frame.to_px(0.0, y_m)[1] + 5))
+        canvas.put_centred(image, f"{y_m}", (left - 16, frame.to_px((0.0, y_m))[1] + 5))
     canvas.put_centred(image, "x, m", (frame.size_px[0] / 2, base + 38))
     canvas.put_centred(image, "y, m", (left - 40, frame.size_px[1] / 2))
 
 
 def _write_names(image: Image, frame: MapFrame, lab_map: LabMap) -> None:
     """Write a name below each object, and above those at the ground's lower edge."""
-    lowest = frame.to_px(0.0, -lab_map.ground.size_m[1] / 2)[1]
+    lowest = frame.to_px((0.0, -lab_map.ground.size_m[1] / 2))[1]
     named = [(box.name, box.corners()) for box in lab_map.boxes]
     for number, mover in enumerate(lab_map.movers, start=1):
         named.append((f"mover-{number}: {mover.name}, {mover.height_m:.3g} m", mover.corners()))
@@ -205,10 +200,11 @@ def _write_names(image: Image, frame: MapFrame, lab_map: LabMap) -> None:
         named.append((f"mark, {lab_map.mark.height_m:.3g} m", lab_map.mark.corners()))
     named += [(text, [at_m]) for text, at_m in lab_map.places]
     for name, outline_m in named:
-        xs, ys = zip(*frame.all_to_px(outline_m), strict=True)
-        middle, base = (min(xs) + max(xs)) / 2, max(ys) + _NAME_PX
+        outline_px = frame.to_px(outline_m)
+        (left, top), (right, bottom) = outline_px.min(axis=0), outline_px.max(axis=0)
+        middle, base = (left + right) / 2, bottom + _NAME_PX
         if base > lowest:
-            base = min(ys) - 5
+            base = top - 5
         # A dark edge keeps it readable on a path.
         canvas.put_centred(image, name, (middle + 1, base + 1), colour=BACKDROP)
         canvas.put_centred(image, name, (middle, base))

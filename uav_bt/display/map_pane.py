@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from uav_bt.display import canvas
-from uav_bt.display.canvas import ACCENT, BACKDROP, INK, Colour, Point, Size
+from uav_bt.display.canvas import ACCENT, BACKDROP, INK, Colour, Size
 from uav_bt.display.lab_map import HEADER_PX, LabMap, MapFrame, draw_lab, draw_movers, draw_scale
 from uav_bt.display.shown import FlightFacts, FlownPath, Shown, phase_colours
 from uav_bt.mission.map_check import MapAlignment, MapPlacement
@@ -47,24 +47,23 @@ def _draw_site_map(
         items = (*lab_map.boxes, lab_map.mark)
         outlines = [lab_map.ground.corners_m, *(item.corners() for item in items if item)]
         for outline in outlines:
-            canvas.polygon(image, frame.all_to_px(outline), None, _TRUE)
+            canvas.polygon(image, frame.to_px(outline), None, _TRUE)
     for points_m, colour in ((site_map.edges_m, _EDGES), (site_map.obstacles_m, _BASES)):
         spots = np.zeros(image.shape[:2], dtype=np.uint8)
-        x, y = (np.rint(axis).astype(int) for axis in frame.to_px(*placement.to_world(points_m).T))
+        x, y = np.rint(frame.to_px(placement.to_world(points_m))).astype(int).T
         shown = (x >= 0) & (x < frame.size_px[0]) & (y >= 0) & (y < frame.size_px[1])
         spots[y[shown], x[shown]] = 1
         image[cv2.dilate(spots, _SPOT) > 0] = colour
     for item in site_map.objects:
         places_m = placement.to_world(np.vstack([item.corners_m(), [[item.x_m, item.y_m]]]))
-        *corners, (x, y) = frame.all_to_px(places_m.tolist())
+        *corners, (x, y) = frame.to_px(places_m)
         red, green, blue = site_map.classes.colours[item.class_id].tolist()
         canvas.line(image, [*corners, corners[0]], (red, green, blue), _LINE_PX)
         canvas.put_centred(image, str(item.id), (x, y + 4), scale=0.36)
     for mover in site_map.movers:
-        course_m = placement.to_world(mover.at(np.array([0.0, _AHEAD_S])))
-        here, ahead = frame.all_to_px(course_m.tolist())
+        here, ahead = frame.to_px(placement.to_world(mover.at(np.array([0.0, _AHEAD_S]))))
         reach_px = max(mover.radius_m * frame.scale_px_per_m, 3.0)
-        canvas.line(image, canvas.circle(*here, reach_px), _MOVERS, _LINE_PX)
+        canvas.line(image, canvas.circle(here, reach_px), _MOVERS, _LINE_PX)
         canvas.line(image, [here, ahead], _MOVERS, _LINE_PX)
     image[-FOOTER_PX:] = BACKDROP  # the cells below have the colours of the legend
     canvas.draw_legend(image, _LEGEND, (12, image.shape[0] - 10), 0.36)
@@ -83,7 +82,7 @@ def _draw_cells(site_map: SiteMap, placement: MapPlacement, frame: MapFrame) -> 
     # The centres of three cells define the affine transform; OpenCV's x is the column.
     columns_rows = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], dtype=np.float32)
     centres = np.array(site_map.corner_m) + site_map.cell_m * columns_rows[:, ::-1].astype(float)
-    there = np.array(frame.all_to_px(placement.to_world(centres).tolist()), dtype=np.float32)
+    there = frame.to_px(placement.to_world(centres)).astype(np.float32)
     turn = cv2.getAffineTransform(columns_rows, there)
     drawn = cv2.warpAffine(
         cells, turn, frame.size_px, flags=cv2.INTER_NEAREST, borderValue=BACKDROP
@@ -130,7 +129,10 @@ class MapPane:
         if pose is not None:
             reported_rad = state.attitude.yaw_rad
             self._alignment.add(shown.record.time_s, pose, reported_rad, shown.site_map)
-            self._believe(shown.site_map)
+        placement, site_map = self._alignment.placement, shown.site_map
+        if placement is not None and site_map is not None and site_map is not self._site_map:
+            self._site_map = site_map
+            self._ground = _draw_site_map(site_map, placement, self._frame, lab_map)
         image = self._with_path(flown)
         canvas.put(image, self._facts.title, (12, 22), scale=0.48)
         if lab_map is not None:
@@ -144,28 +146,21 @@ class MapPane:
             self._draw_drone(image, pose)
         return image
 
-    def _believe(self, site_map: SiteMap | None) -> None:
-        """Draw a new map of the mission in place of the lab."""
-        placement = self._alignment.placement
-        if placement is not None and site_map is not None and site_map is not self._site_map:
-            self._site_map = site_map
-            self._ground = _draw_site_map(site_map, placement, self._frame, self._facts.lab_map)
-
     def _with_path(self, flown: FlownPath) -> Image:
         """Draw the new pieces of the path, and return a copy of the map with all of it."""
         colours, points = phase_colours(flown.phases), flown.points
         new = zip(points[self._drawn - 1 :], points[self._drawn :], strict=False)
         for (start_m, _), (end_m, phase) in new:
-            ends = self._frame.all_to_px([start_m, end_m])
+            ends = self._frame.to_px([start_m, end_m])
             canvas.line(self._path, ends, colours[phase], _LINE_PX)
             canvas.line(self._opacity, ends, (255, 255, 255), _LINE_PX)
         self._drawn = max(len(points), 1)
         below = cv2.multiply(self._ground, 255 - self._opacity, scale=1.0 / 255.0)
         return np.asarray(cv2.add(below, self._path), dtype=np.uint8)
 
-    def _around(self, pose: Pose, forward_m: float, right_m: float) -> Point:
+    def _around(self, pose: Pose, forward_m: float, right_m: float) -> Floats:
         """Return the pixel position of a point given relative to the body's centre."""
-        return self._frame.to_px(*pose.to_world(forward_m, -right_m))
+        return self._frame.to_px(pose.to_world(forward_m, -right_m))
 
     def _draw_view(self, image: Image, pose: Pose, pitch_rad: float, height_m: float) -> None:
         # The hull includes the lens: a wedge if it looks ahead.
@@ -174,7 +169,7 @@ class MapPane:
         around = [self._around(pose, *point) for point in seen]
         hull = cv2.convexHull(np.asarray(around, dtype=np.float32)).reshape(-1, 2)
         layer = image.copy()
-        canvas.polygon(layer, [(x, y) for x, y in hull.tolist()], _VIEW)
+        canvas.polygon(layer, hull, _VIEW)
         cv2.addWeighted(layer, _VIEW_OPACITY, image, 1.0 - _VIEW_OPACITY, 0.0, dst=image)
 
     def _draw_fix(self, image: Image, pose: Pose, fix: MarkFix) -> None:
@@ -183,13 +178,13 @@ class MapPane:
         for dx, dy in ((arm, arm), (arm, -arm)):
             canvas.line(image, [(x - dx, y - dy), (x + dx, y + dy)], ACCENT, 2)
         doubt_px = max(fix.std_m * self._frame.scale_px_per_m, 1.0)
-        canvas.line(image, canvas.circle(x, y, doubt_px), ACCENT)
+        canvas.line(image, canvas.circle((x, y), doubt_px), ACCENT)
 
     def _draw_drone(self, image: Image, pose: Pose) -> None:
         rotor_px = _ROTOR_M * self._frame.scale_px_per_m
         for forward, right in ((1, 1), (1, -1), (-1, -1), (-1, 1)):
             hub = self._around(pose, forward * _ARM_M, right * _ARM_M)
             canvas.line(image, [self._around(pose, 0.0, 0.0), hub], INK, 2)
-            canvas.polygon(image, canvas.circle(*hub, rotor_px), None, INK)
+            canvas.polygon(image, canvas.circle(hub, rotor_px), None, INK)
         nose = [(0.26, 0.0), (0.08, 0.07), (-0.1, 0.06), (-0.1, -0.06), (0.08, -0.07)]
         canvas.polygon(image, [self._around(pose, *point) for point in nose], INK, BACKDROP)

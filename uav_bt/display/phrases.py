@@ -5,29 +5,17 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from uav_bt import types
 from uav_bt.mission.flight_report import FlightReport
-from uav_bt.types import (
-    Corridor,
-    CutMotors,
-    Hover,
-    Land,
-    LandingMark,
-    MarkFix,
-    MoveBy,
-    Movement,
-    Release,
-    TakeOff,
-    Velocity,
-)
 
 _NOTHING = 5e-3  # m and m/s; smaller parts are not shown
 _NO_TURN_RAD = math.radians(0.5)
-_WHOLE: dict[type[Movement], str] = {
-    TakeOff: "take off",
-    Land: "land",
-    Hover: "hover",
-    CutMotors: "cut the motors",
-    Release: "released to the pilot",
+_WHOLE: dict[type[types.Movement], str] = {
+    types.TakeOff: "take off",
+    types.Land: "land",
+    types.Hover: "hover",
+    types.CutMotors: "cut the motors",
+    types.Release: "released to the pilot",
 }
 _DIRECTIONS = (("forward", "back"), ("right", "left"), ("down", "up"))
 
@@ -38,21 +26,21 @@ def describe_flight(tree: str, *, scene: str | None, drone: str, seed: int) -> s
     return f"{mission} with {drone}" if scene is None else f"{mission} in {scene}, seed {seed}"
 
 
-def lands_on_mark(report: FlightReport, mark: LandingMark) -> bool:
+def lands_on_mark(report: FlightReport, mark: types.LandingMark) -> bool:
     """Return whether a flight searched or reached the mark."""
     error_m = report.landing_error_m
     on_pad = error_m is not None and error_m <= mark.radius_m
     return on_pad or report.time_to_find_mark_s is not None
 
 
-def describe_movement(movement: Movement) -> str:
+def describe_movement(movement: types.Movement) -> str:
     """Return a movement in words; small parts are omitted."""
     match movement:
-        case MoveBy():
+        case types.MoveBy():
             verb, unit, turn = "move", "m", "deg"
             along = (movement.forward_m, movement.right_m, movement.down_m)
             yaw_rad = movement.yaw_rad
-        case Velocity():
+        case types.Velocity():
             verb, unit, turn = "fly", "m/s", "deg/s"
             along = (movement.forward_mps, movement.right_mps, movement.down_mps)
             yaw_rad = movement.yaw_rate_radps
@@ -70,7 +58,7 @@ def describe_movement(movement: Movement) -> str:
     return ", ".join(words) or "hold"
 
 
-def describe_fix(fix: MarkFix | None, age_s: float) -> str:
+def describe_fix(fix: types.MarkFix | None, age_s: float) -> str:
     """Return where a mark is, and whether it is seen or carried."""
     if fix is None:
         return "none" if math.isinf(age_s) else f"none for {age_s:.0f} s"
@@ -80,14 +68,14 @@ def describe_fix(fix: MarkFix | None, age_s: float) -> str:
     return f"{fix.range_m:.2f} m, {abs(bearing_deg):.0f} deg {side}, {source}"
 
 
-def describe_corridor(corridor: Corridor) -> str:
+def describe_corridor(corridor: types.Corridor) -> str:
     """Return the side and the distance of the nearest intrusion into the corridor."""
     if corridor.nearest_side is None:
         return "corridor clear"
     return f"intrusion {corridor.nearest_side}, {corridor.nearest_m:.2f} m"
 
 
-def describe_free(corridor: Corridor) -> str:
+def describe_free(corridor: types.Corridor) -> str:
     """Return the free distance ahead."""
     if math.isinf(corridor.free_distance_m):
         return "nothing ahead"

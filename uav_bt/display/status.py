@@ -134,10 +134,8 @@ class LiveStatus:
             word = f": {record.feedback}" if record.feedback else ""
             parts.append((f"{record.active[-1]}{word}", "cyan"))
         parts += [(warning, "yellow") for warning in record.warnings]
-        text = Text(no_wrap=True, overflow="ellipsis")
-        for index, (words, style) in enumerate(parts):
-            text.append("  " if index else "").append(words, style=style)
-        return text
+        space = Text("  ", no_wrap=True, overflow="ellipsis")
+        return space.join(Text(words, style=style) for words, style in parts)
 
     def close(self) -> None:
         """Remove the line; safe to call twice."""
@@ -174,8 +172,7 @@ def summary(report: FlightReport, mark: LandingMark) -> Table:
     if report.reason and report.reason != words:
         outcome.append(f"  {report.reason}", style="default not bold")
     table.add_row("outcome", outcome)
-    rows = [*_told(report), *_numbers(report, mark), *_map_facts(report), *_events(report)]
-    for name, value in rows:
+    for name, value in _rows(report, mark):
         table.add_row(name, Text(value))
     for name, warning in _named("warnings", report.warnings):
         table.add_row(name, Text(warning, style="yellow"))
@@ -191,8 +188,8 @@ def _named(name: str, values: Sequence[object]) -> Iterator[tuple[str, str]]:
         yield "" if index else name, str(value)
 
 
-def _told(report: FlightReport) -> Iterator[tuple[str, str]]:
-    """Yield the mission, and the room, movers and faults that were given or drawn for it."""
+def _rows(report: FlightReport, mark: LandingMark) -> Iterator[tuple[str, str]]:
+    """Yield the mission, what was given or drawn for it, its results and its last events."""
     flight = describe_flight(report.tree, scene=report.scene, drone=report.drone, seed=report.seed)
     yield "mission", flight
     if report.vary_room:
@@ -200,6 +197,14 @@ def _told(report: FlightReport) -> Iterator[tuple[str, str]]:
     if report.movers:
         yield "movers", f"{report.movers} added to those of the scene"
     yield from _named("faults", report.faults)
+    yield from _numbers(report, mark)
+    yield from _map_facts(report)
+    if report.photos:
+        yield "photos", f"{len(report.photos)} stored"
+    events = [event for event in report.events if event.kind in _SUMMED_UP]
+    yield from _named("events", events[-_EVENTS:])
+    if len(events) > _EVENTS:
+        yield "", f"and {len(events) - _EVENTS} before, in the report"
 
 
 def _numbers(report: FlightReport, mark: LandingMark) -> Iterator[tuple[str, str]]:
@@ -232,15 +237,6 @@ def _map_facts(report: FlightReport) -> Iterator[tuple[str, str]]:
         early = "" if early_m is None else f"{early_m:.2f} m after 90 s, "
         anew = f", begun anew {report.map_restarts} times" if report.map_restarts else ""
         yield "map drift", f"{early}{report.map_drift_m:.2f} m at the end{anew}"
-
-
-def _events(report: FlightReport) -> Iterator[tuple[str, str]]:
-    if report.photos:
-        yield "photos", f"{len(report.photos)} stored"
-    events = [event for event in report.events if event.kind in _SUMMED_UP]
-    yield from _named("events", events[-_EVENTS:])
-    if len(events) > _EVENTS:
-        yield "", f"and {len(events) - _EVENTS} before, in the report"
 
 
 def _milliseconds(times: Percentiles | None) -> str:

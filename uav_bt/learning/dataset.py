@@ -70,11 +70,7 @@ def footage_of(path: Path) -> Flight:
 
 
 def read_flights(
-    paths: Sequence[Path],
-    segmenter: Segmenter | None,
-    folder: Path,
-    *,
-    advance: Advance = silent,
+    paths: Sequence[Path], segmenter: Segmenter | None, folder: Path, *, advance: Advance = silent
 ) -> list[Flight]:
     """Read records and, with a segmenter, label them; labels in the folder are reused."""
     flights = []
@@ -94,11 +90,7 @@ def read_flights(
 
 
 def read_advised_flights(
-    records: Sequence[Path],
-    net: ControlNetConfig,
-    folder: Path,
-    *,
-    advance: Advance = silent,
+    records: Sequence[Path], net: ControlNetConfig, folder: Path, *, advance: Advance = silent
 ) -> list[ControlFlight]:
     """Read records of advised flights; views in the folder are reused."""
     flights: list[ControlFlight] = []
@@ -145,10 +137,7 @@ def _advised_views(
 
 
 def evaluate_student(
-    flights: Sequence[ControlFlight],
-    student: OnnxControlStudent,
-    *,
-    max_windows: int = 2000,
+    flights: Sequence[ControlFlight], student: OnnxControlStudent, *, max_windows: int = 2000
 ) -> ControlScore:
     """Score an exported student on windows of advised flights, spread evenly over all."""
 

@@ -62,12 +62,12 @@ class MaskSource:
         text = json.dumps(about, sort_keys=True).encode()
         if self.file.suffix.lower() == ".onnx":
             files = [self.file] if self.mapping is None else [self.file, self.mapping]
-            return _digest(text, *(file.read_bytes() for file in files))
+            return digest(text, *(file.read_bytes() for file in files))
         # Of its numbers, because the same weights may be written in another order.
         teacher = load_teacher(self.file, self.classes)
         tensors = (teacher.weights, teacher.bias, teacher.palette)
         config = json.dumps(asdict(teacher.config), sort_keys=True).encode()
-        return _digest(text, config, *(each.tobytes() for each in tensors))
+        return digest(text, config, *(each.tobytes() for each in tensors))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,13 +142,14 @@ def teacher_of_lab(material: LabMaterial) -> MaskSource | None:
     return source
 
 
-def _digest(*parts: bytes) -> str:
+def digest(*parts: bytes) -> str:
+    """Return a short hash of contents."""
     return hashlib.sha256(b"\0".join(parts)).hexdigest()[:12]
 
 
 def mask_files(images: Sequence[Path], folder: Path) -> dict[Path, Path]:
     """Return the file of each image's mask: a changed image has another one."""
-    return {each: folder / f"{each.stem}-{_digest(each.read_bytes())}.npz" for each in images}
+    return {each: folder / f"{each.stem}-{digest(each.read_bytes())}.npz" for each in images}
 
 
 def make_masks(

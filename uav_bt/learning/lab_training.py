@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import shutil
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import Any, Final
 
-import cv2
 import numpy as np
 
-from perception.camera.image_files import read_image
 from perception.networks.training.loop import Progress
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.runtime import MAP_PX
 from perception.segmentation.teacher import TeacherConfig, fit_teacher, save_teacher
 from perception.segmentation.training import run
-from perception.segmentation.training.picks import Pick, gather_patches
+from perception.segmentation.training.pick_images import PickImages
 from perception.segmentation.training.run import TrainingConfig
 from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
-from uav_bt.learning.lab_data import LabData, MaskSource, make_masks, mask_files
+from uav_bt.learning.lab_data import LabData, MaskSource, digest, make_masks, mask_files
 from uav_bt.progress import Advance, silent
-from uav_bt.types.arrays import Image
 
 WEIGHTS_FILE: Final = "unet.safetensors"
 UNET_WEIGHTS: Final = SHIPPED_WEIGHTS / WEIGHTS_FILE
@@ -54,25 +50,10 @@ def mask_source(data: LabData, *, seed: int = 0, advance: Advance = silent) -> M
     """
     if data.source is not None:
         return data.source
-    material, classes, config = data.material, data.material.lab.classes, TeacherConfig()
-    scaled: list[Pick] = []
-    images: dict[str, Image] = {}
-    size = (config.width_px, config.height_px)
-    picks = data.picks_on("train")
-    names = list(dict.fromkeys(pick.image for pick in picks))
-    for done, name in enumerate(names, start=1):
-        rgb = read_image(material.frames / name, colour=True, as_stored=False)
-        small = cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
-        images[name] = np.asarray(small, dtype=np.uint8)
-        height, width = rgb.shape[:2]
-        scaled.extend(
-            replace(pick, x=pick.x * size[0] // width, y=pick.y * size[1] // height)
-            for pick in picks
-            if pick.image == name
-        )
-        advance("patches", done, len(names))
-    patches = gather_patches(scaled, images.items(), config.patch_px, classes)
-    save_teacher(material.teacher, fit_teacher(patches, config, seed=seed))
+    material, classes = data.material, data.material.lab.classes
+    images = PickImages(material.frames, data.uses, TeacherConfig())
+    patches = images.patches(data.picks_on("train"), classes, advance)
+    save_teacher(material.teacher, fit_teacher(patches, images.config, seed=seed))
     return MaskSource(file=material.teacher, classes=classes)
 
 
@@ -106,8 +87,8 @@ def train_lab(
 
     start = _first_network(data)
     about = [asdict(config), masks.name, [one.name for one in mask_files(images, masks).values()]]
-    digest = hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:12]
-    checkpoint = folder / f"checkpoint-{digest}.safetensors"
+    name = f"checkpoint-{digest(json.dumps(about, sort_keys=True).encode())}.safetensors"
+    checkpoint = folder / name
     net = run.train_unet(
         run.LabelledImages(rgb=rgb, ids=ids, classes=classes),
         config,

@@ -104,6 +104,7 @@ VIDEO: Final = anafi_camera(640, 360)
 
 _MIN_PITCH_RAD: Final = -0.8  # steeper images are omitted: landings do not use depth
 _APART_S: Final = 20.0  # between images: the altimeter's correlation time; no scale is kept
+_AT_REST: Final = {"vx_mps": 0.0, "vy_mps": 0.0, "vz_mps": 0.0, "yaw_rate_radps": 0.0}
 _TILT_STD_RAD: Final = 0.035  # in flight: 0.34 m/s2 of acceleration, wind and movements
 
 
@@ -176,13 +177,10 @@ def _motion(pose: CameraPose, roll_rad: float, pitch_rad: float) -> Motion:
         x_m=pose.x_m - level_m * math.cos(pose.yaw_rad),
         y_m=pose.y_m - level_m * math.sin(pose.yaw_rad),
         z_m=pose.z_m - CAMERA_FORWARD_M * math.sin(pitch_rad),
-        vx_mps=0.0,
-        vy_mps=0.0,
-        vz_mps=0.0,
         roll_rad=roll_rad,
         pitch_rad=pitch_rad,
         yaw_rad=pose.yaw_rad,
-        yaw_rate_radps=0.0,
+        **_AT_REST,
     )
 
 

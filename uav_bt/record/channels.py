@@ -5,25 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
-from uav_bt.errors import ValueRangeError
+from uav_bt import types
 from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Advice
 from uav_bt.record.values import dump, json_schema
-from uav_bt.types import (
-    Command,
-    Corridor,
-    DroneState,
-    GimbalTo,
-    MarkFix,
-    Movement,
-    NearObstacles,
-    Truth,
-)
 from uav_bt.types.camera import FrameNote
 from uav_bt.types.site_map import SiteMapBase
 
-_MAX_TIME_S: Final = 1e9  # views count nanoseconds in 64 bits
 _SAME: Final = ("index", "time_s", "phase", "active", "compute_s")  # of a tick and its note
 
 
@@ -40,10 +29,6 @@ class TickNote:
     compute_s: float = 0.0  # wall time of the tree, networks included
     frame_index: int | None = None  # of the newest frame
     slow_leaves: tuple[str, ...] = ()  # leaves that exceeded their time budget
-
-    def __post_init__(self) -> None:
-        if not (abs(self.time_s) < _MAX_TIME_S and self.index >= 0):
-            raise ValueRangeError(f"tick {self.index} at {self.time_s} s is none")
 
     @classmethod
     def of(cls, record: TickRecord) -> TickNote:
@@ -62,11 +47,11 @@ class TickNote:
 class CommandNote:
     """What was proposed, decided and sent in one tick."""
 
-    proposed: Movement | None = None
+    proposed: types.Movement | None = None
     proposed_by: str | None = None  # the leaf's path
-    proposed_gimbal: GimbalTo | None = None
-    decided: Command
-    sent: Command  # command after the drone's limits
+    proposed_gimbal: types.GimbalTo | None = None
+    decided: types.Command
+    sent: types.Command  # command after the drone's limits
     override: Override | None = None  # the safety rule that replaced the proposal
 
 
@@ -92,11 +77,6 @@ class TreeNote:
     """The tree's nodes, parents first, in the order of the file."""
 
     nodes: tuple[NodeNote, ...]
-
-    def __post_init__(self) -> None:
-        for place, node in enumerate(self.nodes):
-            if node.parent is not None and not 0 <= node.parent < place:
-                raise ValueRangeError(f"node {place} must come after its parent, {node.parent}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,13 +135,13 @@ CALIBRATION: Final = _channel("/camera/calibration", "CameraCalibration")
 CLASS_MAP: Final = _channel("/perception/class_map", "RawImage")
 RELATIVE_DEPTH: Final = _channel("/perception/relative_depth", "RawImage")
 METRIC_DEPTH: Final = _channel("/perception/metric_depth", "RawImage")
-CORRIDOR: Final = _channel("/perception/corridor", Corridor)
-MARK: Final = _channel("/perception/mark", MarkFix)
-NEAR: Final = _channel("/perception/obstacles", NearObstacles)  # `near` of the site map
+CORRIDOR: Final = _channel("/perception/corridor", types.Corridor)
+MARK: Final = _channel("/perception/mark", types.MarkFix)
+NEAR: Final = _channel("/perception/obstacles", types.NearObstacles)  # `near` of the site map
 SITE_MAP: Final = _channel("/perception/site_map", SiteMapNote)
-STATE: Final = _channel("/drone/state", DroneState)
+STATE: Final = _channel("/drone/state", types.DroneState)
 TRANSFORM: Final = _channel("/tf", "FrameTransform")
-TRUTH: Final = _channel("/drone/truth", Truth)
+TRUTH: Final = _channel("/drone/truth", types.Truth)
 TICK: Final = _channel("/mission/tick", TickNote)
 COMMANDS: Final = _channel("/mission/commands", CommandNote)
 BOARD: Final = _channel("/mission/board", None)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from uav_bt import types
 from uav_bt.errors import InputError
 from uav_bt.files import parse_json
 from uav_bt.lab.classes import LabClasses
@@ -17,16 +18,6 @@ from uav_bt.record.images import decode_image, image_bytes, raw_image
 from uav_bt.record.site_maps import site_map_of
 from uav_bt.record.values import decode, decode_float
 from uav_bt.tree.status import Status
-from uav_bt.types import (
-    ClassMap,
-    Corridor,
-    DepthMap,
-    DroneState,
-    Frame,
-    MarkFix,
-    NearObstacles,
-    Truth,
-)
 from uav_bt.types.camera import FrameNote
 from uav_bt.types.site_map import SiteMap
 
@@ -38,13 +29,13 @@ class StoredFrame:
     note: FrameNote
     image: bytes | None  # a PNG or a JPEG; None if it was omitted
 
-    def frame(self) -> Frame:
+    def frame(self) -> types.Frame:
         """Return the frame as the drone sent it; InputError if its image is none."""
         if self.image is None:
             raise InputError(
                 f"the record has no image of frame {self.note.index}: the disk was too slow then"
             )
-        return Frame(image=decode_image(self.image), **vars(self.note))
+        return types.Frame(image=decode_image(self.image), **vars(self.note))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,18 +44,18 @@ class Moment:
 
     tick: TickNote
     commands: CommandNote
-    state: DroneState
+    state: types.DroneState
     statuses: tuple[str, ...]  # statuses of all nodes, in the order of `RecordReader.tree`
     board: Mapping[str, Any] = field(default_factory=dict)  # {key: {"value", "captured_s"}}
     frame: StoredFrame | None = None
-    class_map: ClassMap | None = None
-    relative_depth: DepthMap | None = None
-    metric_depth: DepthMap | None = None  # whole millimetres; NaN where unknown
-    corridor: Corridor | None = None
-    mark: MarkFix | None = None
-    near: NearObstacles | None = None  # near obstacles of the site map
+    class_map: types.ClassMap | None = None
+    relative_depth: types.DepthMap | None = None
+    metric_depth: types.DepthMap | None = None  # whole millimetres; NaN where unknown
+    corridor: types.Corridor | None = None
+    mark: types.MarkFix | None = None
+    near: types.NearObstacles | None = None  # near obstacles of the site map
     site_map: SiteMap | None = None  # kept at most twice a second
-    truth: Truth | None = None
+    truth: types.Truth | None = None
 
 
 def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...], classes: LabClasses) -> Moment:
@@ -91,7 +82,9 @@ def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...], classes: La
     class_map = None
     if channels.CLASS_MAP.topic in found:
         ids = raw_image(found[channels.CLASS_MAP.topic])
-        class_map = ClassMap(ids=ids, classes=classes, captured_s=board["class_map"]["captured_s"])
+        class_map = types.ClassMap(
+            ids=ids, classes=classes, captured_s=board["class_map"]["captured_s"]
+        )
     return Moment(
         tick=tick,
         commands=commands,
@@ -122,13 +115,13 @@ def _board(found: Mapping[str, bytes]) -> dict[str, Any]:
         raise InputError(f"expected the board's values and times, got {board!s:.80}") from error
 
 
-def _depth(message: bytes | None, board: Mapping[str, Any], key: str) -> DepthMap | None:
+def _depth(message: bytes | None, board: Mapping[str, Any], key: str) -> types.DepthMap | None:
     if message is None:
         return None
     pixels, entry = raw_image(message), board[key]
     metric = pixels.dtype == np.uint16
     depth = np.where(pixels > 0, pixels / np.float32(1000.0), np.nan) if metric else pixels
-    return DepthMap(
+    return types.DepthMap(
         depth=depth.astype(np.float32),
         metric=metric,
         captured_s=entry["captured_s"],

@@ -25,6 +25,8 @@ from uav_bt.types.site_map import SiteMap
 _VALUES: Final[tuple[Key[Any], ...]] = (
     *(keys.CLASS_MAP, keys.RELATIVE_DEPTH, keys.METRIC_DEPTH, keys.CORRIDOR, keys.MARK),
 )
+# Values that the board's message has.
+_PLAIN: Final[tuple[Key[Any], ...]] = (keys.ELAPSED, keys.PHASE)
 
 
 class Playback:
@@ -38,11 +40,6 @@ class Playback:
         self._frame: Frame | None = None
         self._map: SiteMap | None = None  # the last map; a record has two per second
         self.board = Blackboard(self._clock, keys.MISSION_KEYS)
-
-    @property
-    def start_s(self) -> float:
-        """Start of the record, seconds of the mission clock."""
-        return self._reader.timeline.start_s
 
     def statuses(self) -> Mapping[str, Status]:
         """Return the nodes' statuses after the last tick, by path."""
@@ -86,24 +83,19 @@ class Playback:
 
     def _write_board(self, moment: Moment) -> None:
         board = self.board
-        for key in _VALUES:
+        self._map = moment.site_map or self._map
+        if self._map is not None and moment.near is not None:
+            self._map = replace(self._map, near=moment.near)
+        values = {key: getattr(moment, key.name) for key in _VALUES}
+        values |= {key: moment.board.get(key.name, {}).get("value") for key in _PLAIN}
+        is_new = moment.site_map is not None or moment.near is not None
+        values[keys.SITE_MAP] = self._map if is_new else None
+        for key, value in values.items():
             entry = moment.board.get(key.name)
-            value = getattr(moment, key.name)
             if entry is None or entry["value"] is None:
                 board.forget(key)
             elif value is not None:
                 board.write(key, value, captured_s=entry["captured_s"])
-        entry = moment.board.get(keys.SITE_MAP.name)
-        self._map = moment.site_map or self._map
-        if entry is None or entry["value"] is None:
-            board.forget(keys.SITE_MAP)
-        elif self._map is not None and (moment.site_map is not None or moment.near is not None):
-            self._map = replace(self._map, near=moment.near or self._map.near)
-            board.write(keys.SITE_MAP, self._map, captured_s=entry["captured_s"])
-        for plain in (keys.ELAPSED, keys.PHASE):
-            entry = moment.board.get(plain.name)
-            if entry is not None:
-                board.write(plain, entry["value"], captured_s=entry["captured_s"])
         board.write(keys.STATE, moment.state, captured_s=moment.state.captured_s)
         board.write(keys.HEIGHT, moment.state.height_above_ground_m)
         board.write(keys.CAMERA, self._reader.camera)

@@ -60,38 +60,25 @@ class FlightRecorder:
         self._refused: tuple[str, ...] = ()
         self._ended = False
         self._dropped: Counter[str] = Counter()  # omitted messages by topic
-        self._begin(camera, facts, attachments, ground)
+        start = {
+            "schema_version": str(SCHEMA_VERSION),
+            "start_ns": str(start_ns),
+            "start_s": repr(float(self._timeline.start_s)),
+            "camera_model": dump(encode(camera)).decode(),
+        }
+        file.metadata(START, {**facts, **start})
+        for attachment in attachments:
+            file.attach(attachment, start_ns)
+        file.write(channels.TREE, start_ns, dump(encode(self._tree_note())))
+        file.write(channels.CALIBRATION, start_ns, messages.calibration(camera, start_ns))
+        if ground is not None:
+            lab = messages.lab_scene(ground, context.classes, start_ns)
+            file.write(channels.LAB, start_ns, lab)
+        file.flush()
         self._lines: list[LogLine] = []
         self._handler = _Lines(self._lines)
-        self._worker = RecordWorker(self._write, self._file.flush, wait=wait)
+        self._worker = RecordWorker(self._write, file.flush, wait=wait)
         logging.getLogger().addHandler(self._handler)
-
-    def _begin(
-        self,
-        camera: CameraModel,
-        facts: Mapping[str, str],
-        attachments: Sequence[Attachment],
-        ground: Ground | None,
-    ) -> None:
-        at_ns = self._timeline.start_ns
-        self._file.metadata(
-            START,
-            {
-                **facts,
-                "schema_version": str(SCHEMA_VERSION),
-                "start_ns": str(at_ns),
-                "start_s": repr(float(self._timeline.start_s)),
-                "camera_model": dump(encode(camera)).decode(),
-            },
-        )
-        for attachment in attachments:
-            self._file.attach(attachment, at_ns)
-        self._file.write(channels.TREE, at_ns, dump(encode(self._tree_note())))
-        self._file.write(channels.CALIBRATION, at_ns, messages.calibration(camera, at_ns))
-        if ground is not None:
-            lab = messages.lab_scene(ground, self._context.classes, at_ns)
-            self._file.write(channels.LAB, at_ns, lab)
-        self._file.flush()
 
     def _tree_note(self) -> TreeNote:
         parents: dict[str, int] = {}

@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import base64
 from dataclasses import fields
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from uav_bt.errors import InputError
 from uav_bt.lab.classes import LabClasses
 from uav_bt.record.channels import SiteMapNote
 from uav_bt.record.images import decode_bytes, encode_bytes
@@ -19,9 +18,6 @@ from uav_bt.types.site_map import SiteMap, SiteMapBase
 
 _GROUND, _FREE, _OUTSIDE, _PASSED = 1, 2, 4, 8  # bits of a cell
 _DECIMALS: Final = 3  # decimal places of points in metres
-_FAR_M: Final = 1e4  # largest coordinate that is accepted, m
-_OBJECT_SIZES: Final = ("size_m", "width_m", "height_m", "height_std_m", "id")
-_MOVER_SIZES: Final = ("speed_mps", "std_m", "std_mps", "radius_m")
 
 
 def note_of(site_map: SiteMap) -> SiteMapNote:
@@ -39,30 +35,11 @@ def note_of(site_map: SiteMap) -> SiteMapNote:
 
 
 def site_map_of(note: SiteMapNote, classes: LabClasses) -> SiteMap:
-    """Return the map of a note; InputError or ValueError if it cannot be drawn.
+    """Return the map of a note; InputError or ValueError if its grids are no image.
 
     All its ground gets the capture time of the newest frame.
     """
     cells = decode_bytes(base64.b64decode(note.cells_png, validate=True))
-    objects, movers = note.objects, note.movers
-    things: list[Any] = [
-        note.pose,
-        note.start,
-        *objects,
-        *movers,
-        *([note.mark] if note.mark else []),
-    ]
-    places_m = [[note.corner_m], *([(thing.x_m, thing.y_m)] for thing in things)]
-    points_m = np.vstack([*places_m, note.obstacles_m, note.edges_m, note.lanes_m])
-    sizes = [note.cell_m, *(getattr(each, name) for name in _OBJECT_SIZES for each in objects)]
-    sizes += [getattr(each, name) for name in _MOVER_SIZES for each in movers]
-    if not (
-        (np.abs(points_m) < _FAR_M).all()
-        and all(size is None or 0.0 <= size < _FAR_M for size in sizes)
-        and note.cell_m > 0.0
-        and all(0 <= each.class_id < len(classes) for each in objects)
-    ):
-        raise InputError("expected places and sizes of less than 10 km and known classes in a map")
     return SiteMap(
         classes=classes,
         seen_s=np.where(cells & _GROUND, note.captured_s, -np.inf),

@@ -126,12 +126,8 @@ def _believed(
 ) -> tuple[BaseLine | None, Floats, Flags]:
     """Return the fitted line, the slope of the base, NaN where unknown, and where it is fitted.
 
-    Args:
-        azimuth: (N,) of the columns that show the class.
-        seen: (N,) slope of the border with the ground; NaN without ground below.
-        lowest: (N,) slope at the lowest pixel of the class.
-        outside: (N,) whether the image's edge cuts off the lower end.
-        pixel_rad: depression of one pixel.
+    For N columns that show the class: `seen`, the slope of the border with the ground, NaN without
+    ground below; `lowest`, that at its lowest pixel; `outside`, whether the image's edge cuts it.
     """
     stands = np.isfinite(seen)
     count = np.count_nonzero(stands)
@@ -202,15 +198,10 @@ def _distance(places: Floats, seen: Floats) -> Floats:
 
 
 def fit_base(azimuth_rad: Floats, slope: Floats, pixel_rad: float) -> BaseLine | None:
-    """Fit one or two faces.
+    """Fit one or two faces; return the line, or None for too few bearings.
 
-    Args:
-        azimuth_rad: (N,) azimuths in increasing order.
-        slope: (N,) tangent of the depression of the base at these azimuths.
-        pixel_rad: depression of one pixel; residuals are weighted in pixels.
-
-    Returns:
-        The line; None for too few bearings.
+    `slope`, (N,), is the tangent of the depression of the base at N increasing azimuths; residuals
+    are weighted in pixels, whose depression is `pixel_rad`.
     """
     fitted = _fit(azimuth_rad, slope, pixel_rad)
     if fitted is None:
@@ -244,10 +235,9 @@ def _fit(azimuth_rad: Floats, slope: Floats, pixel_rad: float) -> BaseLine | Non
 
 @compiled("UniTuple(float64, 3)(float64[::1])")
 def _solved(sums: Floats) -> tuple[float, float, float]:
-    """Solve 2x2 normal equations: both factors and the squared residuals.
+    """Solve 2x2 normal equations from sums (6,) of cc, cd, dd, cs, ds, ss: cosine, sine, slope.
 
-    Args:
-        sums: (6,) sums of cc, cd, dd, cs, ds, ss: cosine, sine and slope.
+    Return both factors and the squared residuals.
     """
     cc, cd, dd, cs, ds, ss = sums[0], sums[1], sums[2], sums[3], sums[4], sums[5]
     determinant = max(cc * dd - cd * cd, 1e-12)

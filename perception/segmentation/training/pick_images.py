@@ -30,6 +30,7 @@ from perception.segmentation.training.picks import (
 )
 from uav_bt.errors import FileError, ValueRangeError, did_you_mean
 from uav_bt.lab.classes import GROUND, LabClasses
+from uav_bt.progress import Advance, silent
 from uav_bt.types.arrays import Image
 
 # The teacher at half of its size: a person waits for it.
@@ -40,7 +41,7 @@ MAX_WIDTH_PX: Final = 1152  # wider images are shrunk to it
 _SIDE_SHARE: Final = 40.0 / MAX_WIDTH_PX  # side of a region in widths of the image
 _MIN_SIDE_PX: Final = 4
 _BLUR_PX: Final = 1.5  # standard deviation at the full width; noise makes ragged borders
-_MOST_SMALL: Final = 128  # shrunk images in memory, 0.6 MB each
+_MOST_SMALL: Final = 128  # shrunk images in memory, at half size 0.6 MB each
 _MOST_DIVIDED: Final = 8  # divided ones, 3 MB each
 FEW_PICKS: Final = 20  # a class with fewer is named
 _FOLDS: Final = 5
@@ -71,10 +72,15 @@ class SuperPixels(NamedTuple):
 
 
 class PickImages:
-    """The images of a folder, with the use of each (`TRAIN` or `CHECK`) by file name, in order."""
+    """The images of a folder, with the use of each (`TRAIN` or `CHECK`) by file name, in order.
 
-    def __init__(self, folder: Path, uses: Mapping[str, str]) -> None:
-        self.folder, self.uses = folder, dict(uses)
+    `config` has the size of the shrunk ones and of patches on them.
+    """
+
+    def __init__(
+        self, folder: Path, uses: Mapping[str, str], config: TeacherConfig = HALF_SIZE
+    ) -> None:
+        self.folder, self.uses, self.config = folder, dict(uses), config
         self._sizes_px: dict[str, tuple[int, int]] = {}
         self.small = lru_cache(_MOST_SMALL)(self._shrunk)
         self.super_pixels = lru_cache(_MOST_DIVIDED)(
@@ -93,18 +99,26 @@ class PickImages:
             self._read(name)
         return self._sizes_px[name]
 
-    def patches(self, picks: Iterable[Pick], classes: LabClasses) -> PickedPatches:
-        """Return features and colours around picks on listed images, at `HALF_SIZE`."""
-        scaled = []
+    def patches(
+        self, picks: Iterable[Pick], classes: LabClasses, advance: Advance = silent
+    ) -> PickedPatches:
+        """Return features and colours around picks on listed images."""
+        scaled, config = [], self.config
         for pick in picks:
             width, height = self.size_px(pick.image)
-            x, y = pick.x * HALF_SIZE.width_px // width, pick.y * HALF_SIZE.height_px // height
+            x, y = pick.x * config.width_px // width, pick.y * config.height_px // height
             scaled.append(replace(pick, x=x, y=y))
-        images = ((name, self.small(name)) for name in dict.fromkeys(p.image for p in scaled))
-        return gather_patches(scaled, images, HALF_SIZE.patch_px, classes)
+        names = dict.fromkeys(pick.image for pick in scaled)
+
+        def images() -> Iterator[tuple[str, Image]]:
+            for done, name in enumerate(names, start=1):
+                yield name, self.small(name)
+                advance("patches", done, len(names))
+
+        return gather_patches(scaled, images(), config.patch_px, classes)
 
     def _shrunk(self, name: str) -> Image:
-        size = (HALF_SIZE.width_px, HALF_SIZE.height_px)
+        size = (self.config.width_px, self.config.height_px)
         resized = cv2.resize(self._read(name), size, interpolation=cv2.INTER_AREA)
         return np.asarray(resized, dtype=np.uint8)
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tests.paper_lab import CLASSES, paper_map
 from tests.worlds import values
+from uav_bt import types
 from uav_bt.board import CLASS_MAP, CORRIDOR, ELAPSED, MARK, METRIC_DEPTH, MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.clock import ManualClock
@@ -19,17 +20,6 @@ from uav_bt.mission.flight_log import FlightLog
 from uav_bt.mission.flight_report import FlightReport, Percentiles
 from uav_bt.mission.tick import TickRecord
 from uav_bt.testing import blank_frame, pinhole
-from uav_bt.types import (
-    Attitude,
-    BodyVelocity,
-    DepthMap,
-    DroneState,
-    FlyingState,
-    MarkFix,
-    Observation,
-    Pose,
-    Truth,
-)
 from uav_bt.types.ground import Ground
 
 CAMERA = pinhole(64, 36)
@@ -69,13 +59,17 @@ class World:
         ids[14:] = 1
         self.board.write(CLASS_MAP, paper_map(ids=ids, captured_s=now_s), captured_s=now_s)
         if mark:
-            fix = MarkFix(captured_s=now_s, forward_m=1.2, right_m=0.3, height_m=0.4, detected=True)
+            fix = types.MarkFix(
+                captured_s=now_s, forward_m=1.2, right_m=0.3, height_m=0.4, detected=True
+            )
             self.board.write(MARK, fix, captured_s=now_s)
 
     def see_depth(self) -> None:
         """Put metric depth and a corridor on the board."""
         now_s = self.clock.now()
-        depth = DepthMap(depth=np.full((28, 56), 1.5, np.float32), metric=True, captured_s=now_s)
+        depth = types.DepthMap(
+            depth=np.full((28, 56), 1.5, np.float32), metric=True, captured_s=now_s
+        )
         corridor = values.corridor(1.5, "left", nearest_m=0.6, captured_s=now_s)
         self.board.write(METRIC_DEPTH, depth, captured_s=now_s)
         self.board.write(CORRIDOR, corridor, captured_s=now_s)
@@ -83,7 +77,7 @@ class World:
     def tick(
         self,
         *,
-        pose: Pose | None = None,
+        pose: types.Pose | None = None,
         yaw_rad: float = 0.0,
         forward_mps: float = 0.0,
         frame: bool = True,
@@ -92,11 +86,11 @@ class World:
     ) -> TickRecord:
         """Return the next tick; a pose adds the truth of a referee."""
         time_s = self.clock.now()
-        state = DroneState(
+        state = types.DroneState(
             captured_s=time_s,
-            flying=FlyingState.FLYING,
-            attitude=Attitude(yaw_rad=yaw_rad),
-            velocity=BodyVelocity(forward_mps=forward_mps),
+            flying=types.FlyingState.FLYING,
+            attitude=types.Attitude(yaw_rad=yaw_rad),
+            velocity=types.BodyVelocity(forward_mps=forward_mps),
             height_above_ground_m=1.5,
             gimbal_pitch_rad=-0.5,
         )
@@ -109,14 +103,14 @@ class World:
             "feedback": "clear",
             **changes,
         }
+        image = replace(blank_frame(CAMERA, state), index=self.index) if frame else None
         self.index += 1
         self.clock.advance(after_s)
-        image = blank_frame(CAMERA, state) if frame else None
-        seen = Observation(frame=image, state=state)
+        seen = types.Observation(frame=image, state=state)
         return replace(values.tick(state, **told), observation=seen)
 
 
-def shown_of(world: World, record: TickRecord, *poses: Pose) -> Shown:
+def shown_of(world: World, record: TickRecord, *poses: types.Pose) -> Shown:
     """Return what is shown of a tick after a path of poses."""
     flown = FlownPath()
     for pose in poses:
@@ -129,7 +123,7 @@ def has(image: NDArray[np.uint8], colour: tuple[int, ...]) -> bool:
     return bool((image == np.array(colour, dtype=np.uint8)).all(axis=2).any())
 
 
-def _truth(time_s: float, pose: Pose) -> Truth:
+def _truth(time_s: float, pose: types.Pose) -> types.Truth:
     return values.truth(pose, time_s, clearance_m=0.8, landing_error_m=2.0)
 
 

@@ -72,7 +72,7 @@ def test_x_goes_right_y_goes_up_and_the_ground_fills_the_narrower_side(
     frame = MapFrame.around((5.0, 4.0), size_px, margin_m=0.5, above_px=0, below_px=0)
     middle_x, middle_y = size_px[0] / 2, size_px[1] / 2
     assert frame.scale_px_per_m == pytest.approx(100.0)
-    assert frame.to_px(1.0, 1.5) == pytest.approx((middle_x + 100.0, middle_y - 150.0))
+    assert frame.to_px((1.0, 1.5)) == pytest.approx((middle_x + 100.0, middle_y - 150.0))
 
 
 def test_a_turned_box_has_its_corners_turned_counter_clockwise_and_a_round_one_a_circle() -> None:
@@ -88,7 +88,7 @@ def test_boxes_and_the_mark_stand_where_the_world_has_them() -> None:
     box, pad = FULL_LAB.boxes[0], FULL_LAB.mark
     assert pad is not None
     for y_m, there in ((box.y_m, True), (-box.y_m, False)):  # mirrored
-        x, y = (round(v) for v in frame.to_px(box.x_m - 0.15, y_m + 0.15))
+        x, y = (round(v) for v in frame.to_px((box.x_m - 0.15, y_m + 0.15)))
         assert (tuple(image[y, x]) == box.colour) == there
-    x, y = (round(v) for v in frame.to_px(pad.x_m, pad.y_m))
+    x, y = (round(v) for v in frame.to_px((pad.x_m, pad.y_m)))
     assert tuple(image[y, x]) == (255, 255, 255), "the bar of the H"

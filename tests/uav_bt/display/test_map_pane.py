@@ -17,25 +17,22 @@ from uav_bt.display.lab_map import HEADER_PX, LabMap, MapFrame
 from uav_bt.display.map_pane import FOOTER_PX, OUTSIDE, PASSED, SEEN, MapPane, ground_view
 from uav_bt.display.shown import FlownPath, Shown, phase_colours
 from uav_bt.types import MarkFix, MoverState, Pose, Pose2D
-from uav_bt.types.site_map import MapObject, SiteMap
+from uav_bt.types.site_map import MapMover, MapObject, SiteMap
 
 SIZE_PX = (638, 439)
 FRAME = MapFrame.around(LAB.ground.size_m, SIZE_PX, above_px=HEADER_PX, below_px=FOOTER_PX)
 EXPLORE = phase_colours(["explore"])["explore"]
 
 
-def test_a_camera_that_looks_straight_down_sees_a_rectangle_below_the_lens() -> None:
+def test_a_camera_sees_a_rectangle_straight_below_and_no_farther_than_its_reach() -> None:
     corners = ground_view(CAMERA, -math.pi / 2, 1.5, reach_m=9.0)
     forward = [point[0] - CAMERA.forward_offset_m for point in corners]
     right = [point[1] for point in corners]
     half_high, half_wide = (1.5 * n / 2 / CAMERA.fx_px for n in (CAMERA.height_px, CAMERA.width_px))
     assert forward == pytest.approx([half_high, half_high, -half_high, -half_high])
     assert right == pytest.approx([-half_wide, half_wide, half_wide, -half_wide])
-
-
-def test_rays_that_never_come_down_end_at_the_reach() -> None:
-    for forward, right in ground_view(CAMERA, 0.9, 1.5, reach_m=2.0):
-        assert math.hypot(forward - CAMERA.forward_offset_m, right) == pytest.approx(2.0)
+    for ahead_m, right_m in ground_view(CAMERA, 0.9, 1.5, reach_m=2.0):  # it looks up
+        assert math.hypot(ahead_m - CAMERA.forward_offset_m, right_m) == pytest.approx(2.0)
 
 
 class Live:
@@ -54,7 +51,7 @@ class Live:
 
 
 def at(image: np.ndarray, x_m: float, y_m: float) -> tuple[int, ...]:
-    column, row = (round(v) for v in FRAME.to_px(x_m, y_m))
+    column, row = (round(v) for v in FRAME.to_px((x_m, y_m)))
     return tuple(image[row, column])
 
 
@@ -136,12 +133,23 @@ def test_the_missions_map_lies_where_the_drone_saw_it() -> None:
         return live.fly(0.5, y_m, math.pi / 2, state=down)
 
     assert at(shown(0.0, None), 1.2, 0.7) not in {SEEN, PASSED, OUTSIDE}
-    image = shown(0.0, believed(objects=(box_2,), obstacles_m=np.array([[0.8, -0.3]])))
+    still = {
+        "x_mps": 0.0,
+        "y_mps": 0.0,
+        "std_m": 0.1,
+        "std_mps": 0.1,
+        "first_s": 0.0,
+        "seen_s": 1.0,
+    }
+    cart = MapMover(id=1, x_m=0.7, y_m=-0.6, radius_m=0.25, **still)
+    points_m = np.array([[0.8, -0.3]])
+    image = shown(0.0, believed(objects=(box_2,), movers=(cart,), obstacles_m=points_m))
     assert at(image, 1.3, 0.8) == SEEN
     assert at(image, -0.2, 0.8) == PASSED
     assert at(image, 1.3, -0.8) == OUTSIDE
     assert at(image, 1.0 - 0.15, 0.5) == tuple(CLASSES.colours[5]), "an object's side in its colour"
     assert at(image, 0.2, 0.8) == (255, 110, 90), "an obstacle ahead and to the left"
+    assert at(image, -0.1 + 0.25, 0.7) == (255, 200, 40), "the circle around a mover"
     assert at(image, 0.8, 1.1)[2] > 180, "the side of the real box"
     live.world.board.forget(SITE_MAP)
     assert np.array_equal(shown(0.0, None), image), "the last map stays"

@@ -47,34 +47,28 @@ BACK = types.Velocity(forward_mps=-0.4, right_mps=0.001, yaw_rate_radps=math.rad
 BLOCKED = values.corridor(1.5, "left", nearest_m=0.62, impact_s=2.04)
 
 
+MOVES = {
+    types.TakeOff(): "take off",
+    types.Land(): "land",
+    types.Hover(): "hover",
+    types.CutMotors(): "cut the motors",
+    types.Release(): "released to the pilot",
+    types.MoveBy(id=1, forward_m=0.3, down_m=-0.1): "move 0.30 m forward, 0.10 m up",
+    types.MoveBy(id=2, yaw_rad=math.radians(-30)): "turn 30 deg left",
+    types.MoveBy(id=3): "hold",
+    BACK: "fly 0.40 m/s back, turn 20 deg/s right",
+}
+CARRIED = "2.00 m, 0 deg right, carried 1.3 s"
+
+
 @pytest.mark.parametrize(
     ("describe", "given", "words"),
     [
         (flight, ["val-a"], "land_only in val-a, seed 3"),
         (flight, [None], "land_only with anafi"),
-        (phrases.describe_movement, [types.TakeOff()], "take off"),
-        (phrases.describe_movement, [types.Land()], "land"),
-        (phrases.describe_movement, [types.Hover()], "hover"),
-        (phrases.describe_movement, [types.CutMotors()], "cut the motors"),
-        (phrases.describe_movement, [types.Release()], "released to the pilot"),
-        (
-            phrases.describe_movement,
-            [types.MoveBy(id=1, forward_m=0.3, down_m=-0.1)],
-            "move 0.30 m forward, 0.10 m up",
-        ),
-        (
-            phrases.describe_movement,
-            [types.MoveBy(id=2, yaw_rad=math.radians(-30))],
-            "turn 30 deg left",
-        ),
-        (phrases.describe_movement, [types.MoveBy(id=3)], "hold"),
-        (phrases.describe_movement, [BACK], "fly 0.40 m/s back, turn 20 deg/s right"),
+        *((phrases.describe_movement, [move], words) for move, words in MOVES.items()),
         (phrases.describe_fix, [fix(1, -1, detected=True), 0.1], "1.41 m, 45 deg left, seen"),
-        (
-            phrases.describe_fix,
-            [fix(2, 0, detected=False), 1.26],
-            "2.00 m, 0 deg right, carried 1.3 s",
-        ),
+        (phrases.describe_fix, [fix(2, 0, detected=False), 1.26], CARRIED),
         (phrases.describe_fix, [None, math.inf], "none"),
         (phrases.describe_fix, [None, 18.2], "none for 18 s"),
         (phrases.describe_corridor, [values.corridor()], "corridor clear"),

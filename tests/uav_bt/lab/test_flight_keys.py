@@ -14,6 +14,7 @@ from uav_bt.app.site import Site, load_site, site_of_lab
 from uav_bt.errors import FileError
 from uav_bt.lab.lab_file import lab_schema, read_lab
 from uav_bt.lab.shipped import load_lab
+from uav_bt.mission.limits import Limits
 from uav_bt.types import Pose2D
 
 CASES = cases("labs")
@@ -74,7 +75,7 @@ def test_what_is_wrong_is_named_with_its_line(tmp_path: Path, keys: str, message
 
 def test_the_papers_lab_states_the_defaults() -> None:
     """Its sections are examples and change no flight; a real drone takes off from its box."""
-    stated, usual = site_of_lab(load_lab("paper")), Site()
+    stated, usual = site_of_lab(load_lab("paper")), Site(limits=Limits())
     assert stated.take_off_surface_m == 0.4
     for name in ("limits", "clearances", "preflight", "video_latency_s", "area", "ground"):
         assert getattr(stated, name) == getattr(usual, name)

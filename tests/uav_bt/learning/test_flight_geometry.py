@@ -18,12 +18,7 @@ from tests.worlds.footage import frame, state, write_record
 from uav_bt.errors import FileError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.landing_marks import MarkSighting, MarkView
-from uav_bt.learning.flight_geometry import (
-    Geometry,
-    compare_ranges,
-    mark_ranges,
-    open_flight,
-)
+from uav_bt.learning.flight_geometry import Geometry, compare_ranges, mark_ranges, open_flight
 from uav_bt.types import ClassMap, Frame, LandingMark
 
 SIZE = (224, 112)
@@ -107,10 +102,7 @@ class Tagged:
 
 def test_the_range_of_tags_is_that_of_their_size() -> None:
     view = MarkView(frame=shot(0), camera=CAMERA, class_map=Painted().segment(shot(0)))
-    assert mark_ranges(view, MARK, Tagged()) == (
-        pytest.approx(2.0),
-        pytest.approx(1.6, abs=0.02),
-    )
+    assert mark_ranges(view, MARK, Tagged()) == (pytest.approx(2.0), pytest.approx(1.6, abs=0.02))
 
 
 def test_records_of_other_labs_or_without_frames_are_refused(tmp_path: Path) -> None:

@@ -51,9 +51,6 @@ def hall(tmp_path: Path) -> Hall:
     return Hall(tmp_path)
 
 
-# --- chosen images --------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("codec", "suffix"), [("libx264", ".mp4"), ("libx265", ".mkv")])
 def test_the_sharpest_image_of_each_half_second_is_taken(
     hall: Hall, codec: str, suffix: str
@@ -137,9 +134,6 @@ def test_images_of_a_video_are_let_go(hall: Hall) -> None:
     assert 1 <= most < 8
 
 
-# --- further runs ---------------------------------------------------------------------------------
-
-
 def test_a_further_run_adds_new_videos_only(hall: Hall) -> None:
     old = hall.video("old.mp4", walk(5))
     hall.take(old)
@@ -197,9 +191,6 @@ def test_another_recording_of_the_same_name_is_read(hall: Hall, tmp_path: Path) 
     assert len({one.content for one in listed}) == 4
     assert all(one.earlier for one in hall.take(*reversed(days)).sources)
     assert hall.read_frames() == listed
-
-
-# --- bad input ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,7 @@ def test_confusions_and_worst_images_are_named_and_drawn(tmp_path: Path) -> None
 def test_without_network_or_picks_the_command_is_named(tmp_path: Path) -> None:
     material = draw_lab(tmp_path / "hall", check=0)
     with pytest.raises(InputError, match="has no network: `uav-bt lab train"):
-        scored(material)
+        network_of_lab(material.lab)
     write_colour_network(material.network)
     with pytest.raises(InputError, match="no picks on images for checks"):
         scored(material)

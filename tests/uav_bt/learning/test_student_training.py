@@ -15,8 +15,8 @@ from perception.control.training.network import STUDENT_FILES
 from perception.control.training.run import ControlTrainingConfig
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
-from tests.paper_lab import paper_map
 from tests.worlds.cli import assert_refused, run
+from tests.worlds.footage import SeesGround
 from tests.worlds.trees import tree_file
 from uav_bt import app
 from uav_bt.errors import FileError
@@ -46,24 +46,14 @@ MISSION = """
 ADVISER = '<Advise policy="segmentation"/>'
 
 
-class Grey:
-    """A segmenter that sees ground everywhere."""
-
-    def segment(self, frame: object) -> object:
-
-        ids = np.ones((18, 32), dtype=np.uint8)
-        return paper_map(ids=ids, captured_s=frame.captured_s)  # type: ignore[attr-defined]
-
-
 def flown(folder: Path, *, adviser: str = ADVISER, drone: ScriptedDrone | None = None) -> Path:
     """Fly a scripted drone under the rule's advice and return the record."""
     folder.mkdir(parents=True, exist_ok=True)
     tree = tree_file(folder, MISSION.format(adviser=adviser))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("uav_bt.app.assembly.make_drone", lambda _: drone or ScriptedDrone())
-        patch.setattr(
-            "behaviours.perceive.class_map.Segment._load", lambda *_: Grey()
-        )  # no network: only its place in the tree matters
+        # No network: only its place in the tree matters.
+        patch.setattr("behaviours.perceive.class_map.Segment._load", lambda *_: SeesGround())
         app.fly(tree, app.FlightOptions(record=folder / "flight.mcap", record_quality="small"))
     return folder / "flight.mcap"
 
@@ -71,9 +61,6 @@ def flown(folder: Path, *, adviser: str = ADVISER, drone: ScriptedDrone | None =
 @pytest.fixture(scope="module")
 def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return flown(tmp_path_factory.mktemp("advised"))
-
-
-# --- records --------------------------------------------------------------------------------------
 
 
 def test_a_small_record_has_small_pictures_and_the_rules_word_but_no_maps(record: Path) -> None:
@@ -110,9 +97,6 @@ def test_flights_without_advice_and_of_two_cameras_are_refused(
     odd = flown(tmp_path / "other", drone=other)
     with pytest.raises(FileError, match="was flown with another camera than"):
         read_advised_flights([record, odd], NET, tmp_path)
-
-
-# --- training -------------------------------------------------------------------------------------
 
 
 def test_training_leaves_weights_that_fly_and_goes_on_from_its_checkpoint(

@@ -21,14 +21,13 @@ from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.runtime import OnnxSegmenter, shipped_unet
 from perception.segmentation.training.unet import UNET_FILES
 from sim_bridge.anafi import anafi_camera
-from tests.paper_lab import CLASSES, paper_map
+from tests.paper_lab import CLASSES
 from tests.worlds.cli import assert_refused, run
-from tests.worlds.footage import frame, state, write_record
+from tests.worlds.footage import SeesGround, frame, state, write_record
 from uav_bt.learning.dataset import read_flights
 from uav_bt.learning.lab_training import UNET_WEIGHTS
 from uav_bt.learning.training import CALIBRATION_VIEWS, export_network
 from uav_bt.learning.views import TRAINING_SCENES, VALIDATION_SCENES, ViewPlan, twin_views
-from uav_bt.types import ClassMap, Frame
 
 SHIPPED: dict[str, NetworkFiles[Any]] = {
     "unet": UNET_FILES,
@@ -51,9 +50,6 @@ def pictures() -> list[np.ndarray]:
     """Return images that were not used for training or calibration."""
     plan = ViewPlan(scenes=VALIDATION_SCENES, views=8, size_px=(640, 360), truth_size_px=(32, 18))
     return [rgb for _, rgb, _ in twin_views(plan)]
-
-
-# --- shipped networks -----------------------------------------------------------------------------
 
 
 def test_networks_in_integers_answer_like_those_in_floats(
@@ -93,9 +89,6 @@ def test_a_shipped_network_was_made_from_the_shipped_weights(name: str) -> None:
     assert notes["weights_sha256"] == hashlib.sha256(source).hexdigest()
 
 
-# --- export ---------------------------------------------------------------------------------------
-
-
 def test_a_network_is_calibrated_on_the_pictures_of_the_plan(
     tmp_path: Path, floats: Path, pictures: list[np.ndarray]
 ) -> None:
@@ -120,33 +113,17 @@ def test_a_network_is_calibrated_on_the_pictures_of_the_plan(
     assert (tmp_path / "floats.onnx").read_bytes() == (floats / "depth.onnx").read_bytes()
 
 
-# --- the command ----------------------------------------------------------------------------------
-
-
-def test_the_command_writes_a_network(tmp_path: Path) -> None:
+def test_the_command_writes_a_network_from_weights_of_its_kind(tmp_path: Path) -> None:
     out = tmp_path / "net.onnx"
-    result = run("net", "export", "depth", "--out", out, "--scene", "train-a", "--views", 1)
+    words = ("net", "export", "depth", "--out", out, "--scene", "train-a", "--views", 1)
+    refused = run(*words, "--weights", UNET_WEIGHTS)
+    assert_refused(refused, "expected weights of kind 'depth-network'")
+    assert not out.exists()
+    result = run(*words)
     assert result.exit_code == 0, result.output
     assert f"network in int8: {out}, 1.1 MB" in result.output
     assert load_depth_estimator(out).size_px == (320, 256)
 
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--precision", "int4"), "'int4' is not one of"),
-        (("--weights", UNET_WEIGHTS), "expected weights of kind 'depth-network'"),
-    ],
-)
-def test_what_cannot_be_exported_is_refused(
-    words: tuple[str, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert_refused(run("net", "export", "depth", *words), message)
-    assert not list(tmp_path.rglob("*.onnx"))
-
-
-# --- training of depth ----------------------------------------------------------------------------
 
 COUNT = 6
 
@@ -163,21 +140,8 @@ def film(tmp_path: Path) -> Path:
     return write_record(tmp_path / "stripes.mcap", anafi_camera(320, 180), frames, states)
 
 
-class _Ground:
-    """A segmenter that returns ground below the top rows, and counts its calls."""
-
-    def __init__(self) -> None:
-        self.asked = 0
-
-    def segment(self, frame: Frame) -> ClassMap:
-        self.asked += 1
-        ids = np.zeros((112, 224), np.uint8)
-        ids[40:] = 1
-        return paper_map(ids=ids, captured_s=frame.captured_s)
-
-
 def test_labels_are_made_once_and_kept(film: Path, tmp_path: Path) -> None:
-    segmenter = _Ground()
+    segmenter = SeesGround(first_row=40)
     (first,) = read_flights([film], segmenter, tmp_path / "run")
     (again,) = read_flights([film], segmenter, tmp_path / "run")
     assert segmenter.asked == COUNT

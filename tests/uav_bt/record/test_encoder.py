@@ -13,6 +13,7 @@ from tests.paper_lab import CLASSES, paper_map
 from tests.uav_bt.record.test_site_maps import site_map
 from tests.worlds.leaves import map_with
 from tests.worlds.values import corridor, fix, tick, truth
+from uav_bt import types
 from uav_bt.record import Quality, messages
 from uav_bt.record.channels import CommandNote
 from uav_bt.record.encoder import MomentEncoder, RawMoment
@@ -20,42 +21,37 @@ from uav_bt.record.moment import Moment, moment_of
 from uav_bt.record.record_file import Timeline
 from uav_bt.testing import pinhole
 from uav_bt.tree.status import IDLE, RUNNING
-from uav_bt.types import (
-    HOVER,
-    Attitude,
-    DepthMap,
-    DroneState,
-    FlyingState,
-    MoverState,
-    NearObstacles,
-    Pose,
-)
 from uav_bt.types.ground import Footprint, Ground, Standing
 
 CAPTURED_S = 1.1000000000000003
-DEPTH = np.array([[0.5, np.nan], [1.2345, 80.0]], dtype=np.float32)
-MOVER = MoverState(
-    name="mover-1", pose=Pose(x_m=0.5, y_m=-1.0, z_m=0.85, yaw_rad=0.0), vx_mps=0.5, vy_mps=0.0
+DEPTH = np.array([[0.5, np.nan, np.inf], [1.2345, 80.0, 0.0]], dtype=np.float32)
+MOVER = types.MoverState(
+    name="mover-1",
+    pose=types.Pose(x_m=0.5, y_m=-1.0, z_m=0.85, yaw_rad=0.0),
+    vx_mps=0.5,
+    vy_mps=0.0,
 )
-ABOVE = Pose(x_m=1.0, y_m=0.0, z_m=1.5, yaw_rad=math.pi / 2)
+ABOVE = types.Pose(x_m=1.0, y_m=0.0, z_m=1.5, yaw_rad=math.pi / 2)
 TRUTH = truth(ABOVE, 1.2, contacts=("mark",), clearance_m=math.inf, movers=(MOVER,))
 BOARD: dict[str, Any] = {
     "class_map": paper_map(ids=np.arange(6, dtype=np.uint8).reshape(2, 3), captured_s=CAPTURED_S),
-    "relative_depth": DepthMap(depth=DEPTH, metric=False, captured_s=CAPTURED_S),
-    "metric_depth": DepthMap(depth=DEPTH, metric=True, captured_s=CAPTURED_S, confidence=0.25),
+    "relative_depth": types.DepthMap(depth=DEPTH, metric=False, captured_s=CAPTURED_S),
+    "metric_depth": types.DepthMap(
+        depth=DEPTH, metric=True, captured_s=CAPTURED_S, confidence=0.25
+    ),
     "corridor": corridor(math.inf, "left", nearest_m=0.7, captured_s=CAPTURED_S),
     "mark": fix(CAPTURED_S, 0.1, 0.2),
-    "site_map": map_with(NearObstacles(captured_s=CAPTURED_S)),
+    "site_map": map_with(types.NearObstacles(captured_s=CAPTURED_S)),
     "phase": "explore",
 }
 
 
 def raw_moment(board: dict[str, Any] | None = None) -> RawMoment:
-    state = DroneState(captured_s=1.2, flying=FlyingState.HOVERING)
+    state = types.DroneState(captured_s=1.2, flying=types.FlyingState.HOVERING)
     values = BOARD if board is None else board
     return RawMoment(
         tick=tick(state, active=("Main",), truth=TRUTH),
-        commands=CommandNote(decided=HOVER, sent=HOVER),
+        commands=CommandNote(decided=types.HOVER, sent=types.HOVER),
         board={name: (value, CAPTURED_S) for name, value in values.items()},
         statuses=(RUNNING, IDLE),
     )
@@ -79,7 +75,7 @@ def test_what_the_board_knew_comes_back() -> None:
     assert np.array_equal(moment.relative_depth.depth, DEPTH, equal_nan=True)
     assert moment.metric_depth is not None
     assert moment.metric_depth.depth == pytest.approx(
-        np.array([[0.5, np.nan], [1.234, 65.535]]), abs=1e-3, nan_ok=True
+        np.array([[0.5, np.nan, np.nan], [1.234, 65.535, np.nan]]), abs=1e-3, nan_ok=True
     )
     assert (moment.metric_depth.metric, moment.metric_depth.confidence) == (True, 0.25)
     assert moment.corridor == BOARD["corridor"]
@@ -105,11 +101,11 @@ def test_unchanged_values_and_relative_depth_of_small_records_are_not_written() 
 
 
 def test_the_body_turns_with_the_drone_and_the_lens_with_the_gimbal() -> None:
-    west = Pose(x_m=0.0, y_m=0.0, z_m=1.0, yaw_rad=math.pi / 2)
+    west = types.Pose(x_m=0.0, y_m=0.0, z_m=1.0, yaw_rad=math.pi / 2)
     for attitude, axis, seen in (
-        (Attitude(), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
-        (Attitude(pitch_rad=0.2), (1.0, 0.0, 0.0), (0.0, math.cos(0.2), math.sin(0.2))),
-        (Attitude(roll_rad=0.2), (0.0, -1.0, 0.0), (math.cos(0.2), 0.0, -math.sin(0.2))),
+        (types.Attitude(), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+        (types.Attitude(pitch_rad=0.2), (1.0, 0.0, 0.0), (0.0, math.cos(0.2), math.sin(0.2))),
+        (types.Attitude(roll_rad=0.2), (0.0, -1.0, 0.0), (math.cos(0.2), 0.0, -math.sin(0.2))),
     ):
         assert messages._body(west, attitude).apply(axis) == pytest.approx(seen)
     down = messages._lens(west, -math.pi / 2)
@@ -130,8 +126,8 @@ def test_a_site_map_is_kept_at_most_twice_a_second() -> None:
 
 def test_what_is_near_is_kept_with_every_new_map() -> None:
     """Maps are recorded twice a second, near obstacles in every tick."""
-    made, first = encoder(), NearObstacles(captured_s=1.0)
-    then = NearObstacles(captured_s=1.1)
+    made, first = encoder(), types.NearObstacles(captured_s=1.0)
+    then = types.NearObstacles(captured_s=1.1)
     assert read(made, raw_moment({"site_map": map_with(first)})).near is not None
     moment = read(made, raw_moment({"site_map": map_with(then)}))
     assert (moment.site_map, moment.near and moment.near.captured_s) == (None, 1.1)

@@ -11,61 +11,43 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from uav_bt import types
 from uav_bt.answers import Advance, Answer, Blocked, Done, FollowLeg, Rotate
 from uav_bt.errors import InputError
 from uav_bt.protocols import Advice
 from uav_bt.record.channels import CHANNELS, Channel, CommandNote, TickNote
 from uav_bt.record.values import decode, dump, encode, json_schema
-from uav_bt.types import (
-    Attitude,
-    BodyVelocity,
-    Command,
-    Corridor,
-    DroneState,
-    FlyingState,
-    GimbalTo,
-    Hover,
-    Land,
-    MoveBy,
-    Movement,
-    MovementState,
-    MovementStatus,
-    NearObstacles,
-    TakeOff,
-    Velocity,
-)
 from uav_bt.types.camera import FrameNote
 
 WHOLE = st.integers(-(2**63) + 1, 2**63 - 1)  # as viewers write them
 ANY = st.floats(allow_nan=False)
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 
-attitudes = st.builds(Attitude, roll_rad=ANY, pitch_rad=ANY, yaw_rad=ANY)
+attitudes = st.builds(types.Attitude, roll_rad=ANY, pitch_rad=ANY, yaw_rad=ANY)
 states = st.builds(
-    DroneState,
+    types.DroneState,
     captured_s=ANY,
-    flying=st.sampled_from(FlyingState),
+    flying=st.sampled_from(types.FlyingState),
     attitude=attitudes,
-    velocity=st.builds(BodyVelocity, forward_mps=ANY, right_mps=ANY, down_mps=ANY),
+    velocity=st.builds(types.BodyVelocity, forward_mps=ANY, right_mps=ANY, down_mps=ANY),
     altitude_m=ANY,
-    height_m=ANY,
     height_above_ground_m=ANY,
-    gimbal_pitch_rad=ANY,
     battery=ANY,
-    movement=st.none() | st.builds(MovementStatus, id=WHOLE, state=st.sampled_from(MovementState)),
+    movement=st.none()
+    | st.builds(types.MovementStatus, id=WHOLE, state=st.sampled_from(types.MovementState)),
     pilot_has_control=st.booleans(),
 )
 movements = st.one_of(
-    st.builds(TakeOff),
-    st.builds(Hover),
-    st.builds(Land),
-    st.builds(MoveBy, id=WHOLE, forward_m=FINITE, yaw_rad=FINITE),
-    st.builds(Velocity, forward_mps=FINITE, yaw_rate_radps=FINITE),
+    st.builds(types.TakeOff),
+    st.builds(types.Hover),
+    st.builds(types.Land),
+    st.builds(types.MoveBy, id=WHOLE, forward_m=FINITE, yaw_rad=FINITE),
+    st.builds(types.Velocity, forward_mps=FINITE, yaw_rate_radps=FINITE),
 )
 commands = st.builds(
-    Command,
+    types.Command,
     movement=movements,
-    gimbal=st.none() | st.builds(GimbalTo, pitch_rad=st.floats(-1.5, 1.5)),
+    gimbal=st.none() | st.builds(types.GimbalTo, pitch_rad=st.floats(-1.5, 1.5)),
 )
 frames = st.builds(FrameNote, index=WHOLE, captured_s=ANY, gimbal_pitch_rad=ANY, attitude=attitudes)
 
@@ -75,13 +57,13 @@ def there_and_back(value: Any) -> Any:
 
 
 @given(states | frames)
-def test_telemetry_comes_back_to_the_last_bit(value: DroneState | FrameNote) -> None:
+def test_telemetry_comes_back_to_the_last_bit(value: types.DroneState | FrameNote) -> None:
     assert there_and_back(value) == value
 
 
 @given(commands, commands, movements | st.none())
 def test_commands_come_back_as_what_they_were(
-    decided: Command, sent: Command, proposed: Movement | None
+    decided: types.Command, sent: types.Command, proposed: types.Movement | None
 ) -> None:
     note = CommandNote(decided=decided, sent=sent, proposed=proposed, proposed_by="Main/Land")
     assert there_and_back(note) == note
@@ -115,7 +97,7 @@ def test_every_answer_comes_back(answer: Answer) -> None:
 
 
 def test_what_json_has_no_number_for_comes_back() -> None:
-    corridor = Corridor(
+    corridor = types.Corridor(
         captured_s=1.0,
         free_distance_m=math.inf,
         nearest_m=-math.inf,
@@ -131,7 +113,7 @@ def test_what_json_has_no_number_for_comes_back() -> None:
 @pytest.mark.parametrize("count", [0, 3])
 def test_points_keep_their_shape_even_when_there_are_none(count: int) -> None:
     points = np.random.default_rng(1).normal(size=(count, 2))
-    back = there_and_back(NearObstacles(points_m=points, captured_s=2.5))
+    back = there_and_back(types.NearObstacles(points_m=points, captured_s=2.5))
     assert back.points_m.shape == (count, 2)
     assert np.array_equal(back.points_m, points)
     assert back.assumed_m.shape == (0, 2)
@@ -149,19 +131,19 @@ STATE: dict[str, Any] = {"captured_s": 1.0, "flying": "landed"}
 @pytest.mark.parametrize(
     ("kind", "damaged"),
     [
-        *((DroneState, damaged) for damaged in ({}, [], None)),
-        (DroneState, STATE | {"captured_s": "soon"}),
-        (DroneState, STATE | {"flying": "swimming"}),
-        (DroneState, STATE | {"pilot_has_control": "yes"}),
-        *(  # other whole numbers fit neither viewers nor arrays
+        *((types.DroneState, damaged) for damaged in ({}, [], None)),
+        (types.DroneState, STATE | {"captured_s": "soon"}),
+        (types.DroneState, STATE | {"flying": "swimming"}),
+        (types.DroneState, STATE | {"pilot_has_control": "yes"}),
+        *(
             (FrameNote, {"index": index, "captured_s": 0.0})
-            for index in (2**63, -(2**63), True, 0.5, "7", None, [0])
+            for index in (True, 0.5, "7", None, [0])
         ),
         *(
             (FrameNote, {"index": 0, "captured_s": number})
             for number in ("Infinite", "1.5", True, None, [1.0], {})
         ),
-        (Command, {"movement": {"type": "Somersault"}}),
+        (types.Command, {"movement": {"type": "Somersault"}}),
         (CommandNote, {"sent": {}, "decided": {}, "override": "mutiny"}),
     ],
     ids=str,

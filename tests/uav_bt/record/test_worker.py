@@ -38,45 +38,40 @@ def worker_on(disk: Disk, *, wait: bool) -> RecordWorker[int]:
     return RecordWorker(disk.write, disk.flush, wait=wait)
 
 
-@pytest.fixture(autouse=True)
-def _limits(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, limit in (("QUEUED_IMAGES", 2), ("QUEUED_TICKS", 4), ("LAG_S", 10.0)):
+@pytest.mark.parametrize(
+    ("limits", "count", "written", "lost"),
+    [
+        # 0 and 1 have images; at 2 to 4 two items were waiting; at 5 to 7 the queue was full.
+        ((2, 4, 10.0), 8, [(index, index < 2) for index in range(5)], 3),
+        ((64, 64, 0.5), 10, [(index, index < 6) for index in range(10)], 0),
+    ],
+    ids=["a slow disk", "a file that lags"],
+)
+def test_images_are_omitted_first_and_then_ticks_and_every_loss_is_counted(
+    limits: tuple[int, int, float],
+    count: int,
+    written: list[tuple[int, bool]],
+    lost: int,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for name, limit in zip(("QUEUED_IMAGES", "QUEUED_TICKS", "LAG_S"), limits, strict=True):
         monkeypatch.setattr(worker_module, name, limit)
-
-
-def test_a_slow_disk_costs_images_first_and_then_ticks_and_every_loss_is_counted() -> None:
     disk = Disk()
     disk.free.clear()
     worker = worker_on(disk, wait=False)
     worker.put(0, 0.0)
     assert disk.busy.wait(PATIENCE_S)  # the thread processes item 0, the queue is empty
-    for index in range(1, 8):
+    for index in range(1, count):
         worker.put(index, 0.1 * index)
     disk.free.set()
     worker.close()
-    # 0 and 1 have images; at 2 to 4 two items were waiting; at 5 to 7 the queue was full.
-    assert disk.written == [(index, index < 2) for index in range(5)]
-    assert worker.lost_ticks == 3
+    assert (disk.written, worker.lost_ticks) == (written, lost)
 
 
-def test_a_file_that_lags_gets_no_images_until_it_has_caught_up(
+def test_a_simulated_flight_waits_for_the_disk_and_loses_nothing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    for name, limit in (("QUEUED_IMAGES", 64), ("QUEUED_TICKS", 64), ("LAG_S", 0.5)):
-        monkeypatch.setattr(worker_module, name, limit)
-    disk = Disk()
-    disk.free.clear()
-    worker = worker_on(disk, wait=False)
-    worker.put(0, 0.0)
-    assert disk.busy.wait(PATIENCE_S)
-    for index in range(1, 10):
-        worker.put(index, index / 10)
-    disk.free.set()
-    worker.close()
-    assert disk.written == [(index, index < 6) for index in range(10)]
-
-
-def test_a_simulated_flight_waits_for_the_disk_and_loses_nothing() -> None:
+    monkeypatch.setattr(worker_module, "QUEUED_IMAGES", 2)
     disk = Disk()
     disk.free.clear()
     worker = worker_on(disk, wait=True)

@@ -82,7 +82,7 @@ def draw_frame(frame: Frame, fix: MarkFix | None, camera: CameraModel, size_px: 
         _arrow(image, math.atan2(down_m, right_m), words, colour)
         return image
     radius_px = min(max(lens.fx_px * _PAD_RADIUS_M / ahead_m, 10.0), 150.0)
-    canvas.line(image, canvas.circle(x, y, radius_px), colour, 2)
+    canvas.line(image, canvas.circle((x, y), radius_px), colour, 2)
     half_words_px = (canvas.text_width_px(words, 0.45) + 12) / 2
     canvas.tag(image, words, (round(x - half_words_px), round(y - radius_px) - 32), colour=colour)
     return image

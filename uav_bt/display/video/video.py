@@ -14,15 +14,7 @@ from uav_bt.display import canvas
 from uav_bt.display.canvas import ACCENT, ALARM, BACKDROP, DIM, PANEL, Size
 from uav_bt.display.map_pane import MapPane
 from uav_bt.display.shown import FlightFacts, FlownPath, Shown, phase_colours
-from uav_bt.display.video.panes import (
-    corridor_rows,
-    draw_camera,
-    draw_class_map,
-    draw_corridor,
-    draw_depth,
-    draw_readings,
-    draw_rows,
-)
+from uav_bt.display.video import panes
 from uav_bt.display.video.video_file import FILM, VideoFile
 from uav_bt.errors import FileError, ValueRangeError
 from uav_bt.mission.judge import Outcome
@@ -85,27 +77,27 @@ class FlightVideo:
     def draw(self, record: TickRecord) -> Image:
         """Return the image of a tick, (720, 1280, 3) RGB."""
         shown = Shown(record, self._flown, self._board)
-        panes = [  # with their left upper corners
-            (0, 0, draw_camera(shown, self._facts.camera, _LARGE)),
+        placed = [  # with their left upper corners
+            (0, 0, panes.draw_camera(shown, self._facts.camera, _LARGE)),
             (641, 0, self._map.draw(shown)),
-            (641, 406, draw_readings(shown, _READINGS)),
+            (641, 406, panes.draw_readings(shown, _READINGS)),
             (641, 664, self._draw_time(shown.elapsed_s, record.phase)),
         ]
         self._shows_depth = self._shows_depth or shown.depth.known
         if self._shows_depth:
             inside = shown.intruding_pixels(self._facts)
             rows = canvas.blank(_SMALL, PANEL)
-            draw_rows(rows, corridor_rows(shown), (10, 28))
-            panes += [
-                (0, 361, draw_class_map(shown.class_map, _SMALL)),
-                (321, 361, draw_depth(shown.depth.value, _SMALL)),
-                (0, 542, draw_corridor(shown.frame, shown.corridor, inside, _SMALL)),
+            panes.draw_rows(rows, panes.corridor_rows(shown), (10, 28))
+            placed += [
+                (0, 361, panes.draw_class_map(shown.class_map, _SMALL)),
+                (321, 361, panes.draw_depth(shown.depth.value, _SMALL)),
+                (0, 542, panes.draw_corridor(shown.frame, shown.corridor, inside, _SMALL)),
                 (321, 542, rows),
             ]
         else:
-            panes.append((0, 361, draw_class_map(shown.class_map, _LARGE)))
+            placed.append((0, 361, panes.draw_class_map(shown.class_map, _LARGE)))
         image = canvas.blank(_SIZE_PX, BACKDROP)
-        for left, top, pane in panes:
+        for left, top, pane in placed:
             image[top : top + pane.shape[0], left : left + pane.shape[1]] = pane
         return image
 

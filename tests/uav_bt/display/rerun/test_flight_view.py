@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 import pytest
 from rerun.blueprint import View
 
-from tests.uav_bt.display.display_world import World
-from tests.uav_bt.display.rerun.rerun_world import CLASSES, NotedStream, noted_facts, values
+from tests.paper_lab import BOXES, CARPET, CLASSES, paper_map
+from tests.uav_bt.display.display_world import World, facts
 from tests.uav_bt.display.test_map_pane import believed
 from tests.worlds.values import corridor
 from uav_bt.board import CLASS_MAP, CORRIDOR, MARK, METRIC_DEPTH, SITE_MAP
@@ -22,7 +22,58 @@ from uav_bt.mission.tick import TickRecord
 from uav_bt.tree import Status
 from uav_bt.types import ClassMap, DepthMap, MarkFix, NearObstacles, Pose
 
+NODES = (
+    ("Main/root", "root"),
+    ("Main/root/first", "first"),
+    ("Main/root/second", "second"),
+    ("Main/root/second/leaf", "leaf"),
+)
 AHEAD = MarkFix(captured_s=0.0, forward_m=1.0, right_m=1.0, height_m=0.4, detected=True)
+
+
+class Noted(NamedTuple):
+    entity: str
+    thing: Any
+    static: bool
+    time_s: float | None
+
+
+class NotedStream:
+    """Replaces a `rerun.RecordingStream`."""
+
+    def __init__(self) -> None:
+        self.notes, self.names, self.blueprints = list[Noted](), list[str](), list[Any]()
+        self.time_s: float | None = None
+        self.send_recording_name = self.names.append
+        self.send_blueprint = self.blueprints.append
+
+    def log(self, entity: str, thing: Any, *, static: bool = False) -> None:
+        self.notes.append(Noted(entity, thing, static, self.time_s))
+
+    def set_time(self, timeline: str, *, duration: float) -> None:
+        assert timeline == "flight"
+        self.time_s = duration
+
+    def set_log_time_enabled(self, enabled: object) -> None:
+        assert not enabled
+
+    set_log_tick_enabled = set_log_time_enabled
+
+    def of(self, entity: str, *, static: bool = False) -> list[Noted]:
+        """Return what was drawn at an entity, or what stays there."""
+        return [note for note in self.notes if note.entity == entity and note.static is static]
+
+    def last(self, entity: str, *, static: bool = False) -> Any:
+        return self.of(entity, static=static)[-1].thing
+
+    def kinds(self, entity: str) -> list[str]:
+        return [type(note.thing).__name__ for note in self.of(entity)]
+
+
+def values(batch: Any) -> list[Any]:
+    """Return the values of a component of an archetype."""
+    plain: list[Any] = batch.as_arrow_array().to_pylist()
+    return plain
 
 
 def pose(x_m: float = 0.0, yaw_rad: float = 0.0) -> Pose:
@@ -36,23 +87,19 @@ class Flight:
         self.stream, self.world = NotedStream(), World(start_s=40.0)
         self.statuses = {"Main/root": Status.RUNNING, "Main/root/first": Status.FAILURE}
         stream: Any = self.stream
-        board, told = self.world.board, noted_facts(**changes)
-        self.view = FlightView(stream, told, board, lambda: self.statuses)
+        told = facts(**{"nodes": NODES, "makes_depth": True, **changes})
+        self.view = FlightView(stream, told, self.world.board, lambda: self.statuses)
 
     def fly(self, at: Pose | None = None, **changes: Any) -> TickRecord:
         record = self.world.tick(pose=at or pose(), **changes)
-        seen = record.observation
-        if seen.frame is not None:
-            frame = replace(seen.frame, index=record.index)
-            record = replace(record, observation=replace(seen, frame=frame))
         self.view.on_tick(record)
         return record
 
     def class_map(self) -> ClassMap:
         ids = np.zeros((18, 32), dtype=np.uint8)
-        ids[9:] = 1
-        ids[4:12, 10:20] = 2
-        return ClassMap(ids=ids, classes=CLASSES, captured_s=self.world.clock.now())
+        ids[9:] = CARPET
+        ids[4:12, 10:20] = BOXES[0]
+        return paper_map(ids, self.world.clock.now())
 
     def depth(self) -> DepthMap:
         metres = np.full((18, 32), 1.5, np.float32)
@@ -98,8 +145,7 @@ def test_the_path_grows_by_a_piece_a_tick() -> None:
     assert pieces == [[[0.0, 0.0, 1.5], [0.5, 0.0, 1.5]], [[0.5, 0.0, 1.5], [1.0, 0.0, 1.5]]]
 
 
-@pytest.mark.parametrize("yaw_rad", [0.0, 1.0, -2.5])
-@pytest.mark.parametrize("pitch_rad", [0.0, -0.5, -math.pi / 2])
+@pytest.mark.parametrize(("yaw_rad", "pitch_rad"), [(0.0, 0.0), (1.0, -0.5), (-2.5, -math.pi / 2)])
 def test_the_camera_looks_along_yaw_and_pitch_with_a_level_horizon(
     yaw_rad: float, pitch_rad: float
 ) -> None:
@@ -115,10 +161,10 @@ def test_the_camera_looks_along_yaw_and_pitch_with_a_level_horizon(
 def test_an_image_is_drawn_once_and_none_before_the_first() -> None:
     flight = Flight()
     flight.fly(frame=False)
-    assert flight.stream.of("world/camera/image") == []
     record = flight.fly()
     flight.view.on_tick(replace(record, time_s=record.time_s + 0.1))
-    assert len(flight.stream.of("world/camera/image")) == 1
+    (image,) = flight.stream.of("world/camera/image")
+    assert image.time_s == pytest.approx(0.1)
 
 
 def marked(*_: object) -> np.ndarray:
@@ -140,7 +186,7 @@ def test_classes_are_outlined_and_what_is_inside_the_corridor_in_its_own_frame()
         flight.fly()
         red = (flight.image() - plain)[100:180, 50:70]  # its left edge
         assert ((red[..., 0] - red[..., 2]).max() > 60) == (late_s == 0.0)
-        edge = (flight.image() - plain)[150:230, 196:205]  # of the drum
+        edge = (flight.image() - plain)[150:230, 196:205]  # of the box
         assert np.abs(edge).max() > 60
 
 
@@ -164,13 +210,18 @@ def test_masks_and_depth_are_drawn_when_new_and_taken_away_when_old() -> None:
     assert (metres[1:] == 1.5).all()
 
 
-def test_classes_have_our_names_and_colours() -> None:
-    context = Flight().stream.constant("mask").context
+def test_classes_and_the_lab_are_drawn_once() -> None:
+    stream = Flight().stream
+    context = stream.last("mask", static=True).context
     shown = [entry["class_description"]["info"] for entry in values(context)[0]]
     assert [info["label"] for info in shown] == list(CLASSES.names)
     assert [info["color"] >> 8 for info in shown] == [
         int(red) << 16 | int(green) << 8 | int(blue) for red, green, blue in CLASSES.colours
     ]
+    things = values(stream.last("world/lab/things", static=True).centers)
+    np.testing.assert_allclose(things, [[1.0, 1.0, 0.95], [-1.5, -1.0, 0.2]], atol=1e-6)
+    unknown = Flight(lab_map=None).stream
+    assert not [note for note in unknown.notes if note.entity.startswith("world/lab")]
 
 
 def test_the_site_map_is_an_image_twice_a_second() -> None:
@@ -185,15 +236,6 @@ def test_the_site_map_is_an_image_twice_a_second() -> None:
     image = cv2.imdecode(blob, cv2.IMREAD_COLOR)
     assert image.shape == (520, 640, 3)
     assert image.std() > 5.0, "it shows something"
-
-
-def test_the_lab_is_drawn_once_with_boxes_and_mark() -> None:
-    things = Flight().stream.constant("world/lab/things")
-    np.testing.assert_allclose(
-        values(things.centers), [[1.0, 1.0, 0.95], [-1.5, -1.0, 0.2]], atol=1e-6
-    )
-    unknown = Flight(lab_map=None).stream
-    assert not [note for note in unknown.notes if note.entity.startswith("world/lab")]
 
 
 def test_each_curve_has_a_point_a_tick_and_a_gap_where_it_is_unknown() -> None:

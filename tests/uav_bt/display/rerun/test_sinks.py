@@ -18,24 +18,17 @@ from uav_bt.errors import FileError, InputError, MissingDependencyError
 from uav_bt.mission.tick import TickRecord
 
 
-def test_a_file_appears_when_it_is_whole(tmp_path: Path) -> None:
+def test_a_file_appears_when_it_is_whole_and_only_then(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "flight.rrd"
     with sinks.saved(path):
         assert not path.exists()
     assert path.read_bytes()[:4] == b"RRF2"
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_a_file_that_was_cut_short_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
     monkeypatch.setattr(sinks, "_FOOTER", b"what a whole file would end with")
-    with (
-        pytest.raises(FileError, match="is the disk full"),
-        sinks.saved(tmp_path / "flight.rrd"),
-    ):
+    with pytest.raises(FileError, match="is the disk full"), sinks.saved(tmp_path / "cut.rrd"):
         pass
-    assert list(tmp_path.iterdir()) == []
+    assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize(("name", "words"), [("flight.mcap", ".rrd"), ("no/flight.rrd", "written")])
@@ -53,17 +46,13 @@ def test_viewers_listen_on_loopback_only(web_port: int | None) -> None:
     assert Path(command[0]).is_file()
 
 
-def threads() -> int:
-    return len(list(Path("/proc/self/task").iterdir()))
-
-
 def test_files_leave_no_threads_behind(tmp_path: Path) -> None:
     """Each stream has threads; those of one file may end with the next file."""
     counts = []
     for number in range(6):
         with sinks.saved(tmp_path / f"{number}.rrd"):
             pass
-        counts.append(threads())
+        counts.append(len(list(Path("/proc/self/task").iterdir())))
     assert counts[5] <= counts[1]
 
 
@@ -112,15 +101,12 @@ def test_closing_a_web_view_ends_its_server() -> None:
     assert answers(port, False)
 
 
-def test_without_a_display_no_window_is_opened(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_a_view_lacks_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sinks.sys, "platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     with pytest.raises(InputError, match="do that"), sinks.shown(web=False, instead="do that"):
         pass
-
-
-def test_a_missing_rerun_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "rerun", None)
     message = r"a view needs rerun; run `pip install .*\[view\]"
     with pytest.raises(MissingDependencyError, match=message), sinks.shown(web=True, instead=""):
@@ -166,8 +152,8 @@ def test_ticks_that_take_too_long_are_omitted_and_reported(
 
 def test_a_view_that_fails_is_an_error_of_a_later_tick() -> None:
     view, world = SlowView(), World()
-    background = sinks.Background(view)
     view.may_go_on.set()
+    background = sinks.Background(view)
     background.on_tick(world.tick(index=-1))
     background.close()
     with pytest.raises(ValueError, match="the window is gone"):

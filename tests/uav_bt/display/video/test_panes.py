@@ -14,18 +14,7 @@ from tests.worlds import values
 from uav_bt.board import MARK
 from uav_bt.display.canvas import ACCENT, ALARM, PANEL, shortened, text_width_px
 from uav_bt.display.phrases import describe_movement
-from uav_bt.display.video.panes import (
-    PerceptionPanes,
-    Seen,
-    corridor_rows,
-    draw_camera,
-    draw_class_map,
-    draw_corridor,
-    draw_depth,
-    draw_readings,
-    legend_of,
-    project_fix,
-)
+from uav_bt.display.video import panes
 from uav_bt.mission.safety import Override
 from uav_bt.testing import blank_frame
 from uav_bt.types import ClassMap, Command, DepthMap, Frame, MarkFix, Velocity
@@ -63,20 +52,20 @@ def test_a_mark_lies_in_the_camera_where_position_and_height_say(
     fix: MarkFix, pitch_rad: float, expected: tuple[float, float, float]
 ) -> None:
     frame = frame_of(World(), gimbal_pitch_rad=pitch_rad, height_above_ground_m=1.5)
-    assert project_fix(fix, frame, CAMERA) == pytest.approx(expected)
+    assert panes.project_fix(fix, frame, CAMERA) == pytest.approx(expected)
 
 
 def seen_with(fix: MarkFix) -> tuple[World, np.ndarray]:
     world = World()
     world.board.write(MARK, fix)
-    return world, draw_camera(shown_of(world, world.tick(feedback="")), CAMERA, PANE_PX)
+    return world, panes.draw_camera(shown_of(world, world.tick(feedback="")), CAMERA, PANE_PX)
 
 
 def test_a_pad_in_view_is_ringed_where_it_appears() -> None:
     fix = mark(2.4, 0.4)
     world, image = seen_with(fix)
     rows, columns = accents(image)
-    right_m, down_m, depth_m = project_fix(fix, frame_of(world), CAMERA)
+    right_m, down_m, depth_m = panes.project_fix(fix, frame_of(world), CAMERA)
     lens = CAMERA.resized(*PANE_PX)
     middle = lens.cx_px + lens.fx_px * right_m / depth_m
     low = lens.cy_px + lens.fy_px * (down_m + 0.3) / depth_m
@@ -97,20 +86,11 @@ def test_a_pad_out_of_view_is_pointed_at_from_the_edge(
     assert (places > PANE_PX[1 - axis] / 2).all() == is_beyond
 
 
-def test_before_the_first_frame_the_panes_say_so() -> None:
+@pytest.mark.parametrize("override", [None, Override.BATTERY])
+def test_an_override_is_written_in_the_colour_of_alarm(override: Override | None) -> None:
     world = World()
-    now = shown_of(world, world.tick(frame=False))
-    for image in (draw_camera(now, CAMERA, PANE_PX), draw_class_map(None, PANE_PX)):
-        assert image.shape == (359, 638, 3)
-        assert len(np.unique(image.reshape(-1, 3), axis=0)) > 1, "a text"
-
-
-def test_an_override_is_written_in_the_colour_of_alarm() -> None:
-    world = World()
-    calm = draw_readings(shown_of(world, world.tick()), (638, 279))
-    alarmed = draw_readings(shown_of(world, world.tick(override=Override.BATTERY)), (638, 279))
-    assert not has(calm, ALARM)
-    assert has(alarmed, ALARM)
+    image = panes.draw_readings(shown_of(world, world.tick(override=override)), (638, 279))
+    assert has(image, ALARM) == (override is not None)
 
 
 def test_what_is_longer_than_its_column_is_cut_with_dots() -> None:
@@ -118,7 +98,7 @@ def test_what_is_longer_than_its_column_is_cut_with_dots() -> None:
     long = Velocity(forward_mps=0.6, right_mps=0.25, down_mps=-0.1, yaw_rate_radps=0.5)
     record = world.tick(active=("Sequence", "A leaf " * 12))
     record = replace(record, command=Command(movement=long))
-    image = draw_readings(shown_of(world, record), size_px)
+    image = panes.draw_readings(shown_of(world, record), size_px)
     panel = image[270, 5]
     assert (image[60:, -17:] == panel).all()  # the right margin
     assert (image[60:, 301:307] == panel).all()  # between the columns
@@ -150,10 +130,10 @@ def class_map(*ids: int) -> ClassMap:
 
 
 def test_the_legend_has_the_classes_that_are_in_view_and_no_others() -> None:
-    assert [name for name, _ in legend_of(class_map(9, 2, 2))] == ["helipad h", "box 6"]
+    assert [name for name, _ in panes.legend_of(class_map(9, 2, 2))] == ["helipad h", "box 6"]
     ids = np.full((100, 100), 3, dtype=np.uint8)
     ids[0, :5] = 7  # a few pixels are no entry
-    assert [name for name, _ in legend_of(paper_map(ids))] == ["helipad box"]
+    assert [name for name, _ in panes.legend_of(paper_map(ids))] == ["helipad box"]
 
 
 @pytest.mark.parametrize("size_px", [PANE_PX, SMALL_PX])
@@ -161,67 +141,62 @@ def test_however_many_classes_are_in_view_the_legend_leaves_the_ground_free(
     size_px: tuple[int, int],
 ) -> None:
     dark = [each for each in range(17) if CLASSES.colours[each].min() < 150]
-    bright = draw_class_map(class_map(*dark), size_px).min(axis=2) > 150
+    bright = panes.draw_class_map(class_map(*dark), size_px).min(axis=2) > 150
     assert bright[10:30].sum() > 100
     assert bright[30:50].sum() > 100
     assert bright[50:].sum() == 0
 
 
-def test_near_is_red_far_is_blue_and_unknown_is_neither() -> None:
-    near = draw_depth(depth_map(0.6), PANE_PX)[200, 100].astype(int)
-    far = draw_depth(depth_map(4.4), PANE_PX)[200, 100].astype(int)
-    unknown = draw_depth(depth_map(0.6, slice(0, 28)), PANE_PX)[200, 100].astype(int)
+def test_near_is_red_far_is_blue_as_on_the_bar_and_unknown_is_grey() -> None:
+    def shown(metres: float, unknown: slice | None = None) -> np.ndarray:
+        return panes.draw_depth(depth_map(metres, unknown), PANE_PX).astype(int)
+
+    near, far, at_end, beyond = (shown(metres)[200, 100] for metres in (0.6, 4.4, 5.0, 19.0))
     assert near[0] > near[2] + 80
     assert far[2] > far[0] + 80
-    assert np.ptp(unknown) < 20, "grey"
-    at_end, beyond = (draw_depth(depth_map(metres), PANE_PX)[200, 100] for metres in (5.0, 19.0))
+    assert np.ptp(shown(0.6, slice(0, 28))[200, 100]) < 20
     assert (at_end == beyond).all()
-
-
-def test_a_pixel_has_the_colour_that_the_bar_shows_at_its_metres() -> None:
-    image = draw_depth(depth_map(2.0), PANE_PX)
-    bottom, top = PANE_PX[1] - 14, 34
-    bar = image[top:bottom, PANE_PX[0] - 40].astype(int)
+    image, bottom, top = shown(2.0), PANE_PX[1] - 14, 34
+    bar = image[top:bottom, PANE_PX[0] - 40]
     same = np.flatnonzero(np.abs(bar - image[200, 100]).sum(axis=1) < 12)
     assert same.size
     assert 5.0 * (1.0 - same.mean() / (bottom - top)) == pytest.approx(2.0, abs=0.1)
 
 
 def test_without_depth_the_pane_says_why_within_its_size() -> None:
-    told = draw_depth(None, SMALL_PX, why_none="the class map is of another frame")
+    told = panes.draw_depth(None, SMALL_PX, why_none="the class map is of another frame")
     assert len(np.unique(told[:, 4:-4])) > 2, "a text"
     assert (told[:, :4] == PANEL).all()
     assert (told[:, -4:] == PANEL).all()
-    assert not has(draw_depth(depth_map(2.0, slice(None)), PANE_PX), ALARM), "nothing known"
-    assert has(draw_depth(depth_map(2.0), PANE_PX, why_none="no scale: too little ground"), ALARM)
+    assert not has(panes.draw_depth(depth_map(2.0, slice(None)), PANE_PX), ALARM), "nothing known"
+    assert has(
+        panes.draw_depth(depth_map(2.0), PANE_PX, why_none="no scale: too little ground"), ALARM
+    )
 
 
 def test_what_intrudes_is_marked_and_nothing_else() -> None:
     marked = np.zeros((28, 56), dtype=bool)
     marked[10:20, 30:40] = True
-    image = draw_corridor(GREY, INTRUDED, marked, PANE_PX).astype(int)
+    image = panes.draw_corridor(GREY, INTRUDED, marked, PANE_PX).astype(int)
     inside, outside = image[200, 400], image[250, 100]
     assert inside[0] > inside[2] + 40
     assert tuple(outside) == (50, 50, 50), "darkened"
     clear = values.corridor()
-    assert not has(draw_corridor(GREY, clear, None, PANE_PX), ALARM)
-    assert has(draw_corridor(GREY, INTRUDED, None, PANE_PX), ALARM), "the words"
+    assert not has(panes.draw_corridor(GREY, clear, None, PANE_PX), ALARM)
+    assert has(panes.draw_corridor(GREY, INTRUDED, None, PANE_PX), ALARM), "the words"
 
 
 def test_rows_tell_the_age_of_depth_and_what_is_unknown() -> None:
     world = World()
-    assert corridor_rows(shown_of(world, world.tick())) == []
+    assert panes.corridor_rows(shown_of(world, world.tick())) == []
     world.see_depth()
-    rows = {name: value for name, value, _ in corridor_rows(shown_of(world, world.tick()))}
-    assert rows == {
-        "depth": "0.1 s old, confidence 1.00",
-        "unknown": "0 pixels of objects",
-    }
+    rows = {name: value for name, value, _ in panes.corridor_rows(shown_of(world, world.tick()))}
+    assert rows == {"depth": "0.1 s old, confidence 1.00", "unknown": "0 pixels of objects"}
 
 
 def test_what_was_perceived_of_an_image_makes_a_picture_of_four_panes() -> None:
-    panes, ids = PerceptionPanes(CAMERA), np.full((28, 56), 5, np.uint8)
-    nothing = Seen(
+    drawn, ids = panes.PerceptionPanes(CAMERA), np.full((28, 56), 5, np.uint8)
+    nothing = panes.Seen(
         frame=GREY,
         class_map=paper_map(ids=ids, captured_s=0.0),
         depth=None,
@@ -230,19 +205,15 @@ def test_what_was_perceived_of_an_image_makes_a_picture_of_four_panes() -> None:
         intruding=None,
         mark=None,
     )
-    image = panes.draw(nothing)
-    assert panes.size_px == (1280, 720)
+    image = drawn.draw(nothing)
+    assert drawn.size_px == (1280, 720)
     assert image.shape == (720, 1280, 3)
     assert tuple(image[100, 300]) == (100, 100, 100), "the image"
     assert tuple(image[600, 300]) == tuple(CLASSES.colours[5]), "the class map"
     assert tuple(image[30, 1000]) == PANEL, "no depth"
     assert tuple(image[700, 1000]) == PANEL, "no corridor"
-    image = panes.draw(replace(nothing, depth=depth_map(1.0), refusal="", mark=mark(2.0)))
+    image = drawn.draw(replace(nothing, depth=depth_map(1.0), refusal="", mark=mark(2.0)))
     assert tuple(image[100, 900]) != PANEL
     assert len(accents(image[:360, :640])[0]) > 100, "a ring"
-
-
-def test_images_are_shown_in_the_aspect_of_the_lens() -> None:
-    assert PerceptionPanes(CAMERA.resized(40, 32)).size_px == (1280, 720), "a resized image"
     square = replace(CAMERA, width_px=64, height_px=64)
-    assert PerceptionPanes(square).size_px == (1280, 1280)
+    assert panes.PerceptionPanes(square).size_px == (1280, 1280), "the aspect of the lens"
