@@ -58,18 +58,17 @@ def nodes(
         format_: xml: a node model (TreeNodesModel) that graphical tree editors load; markdown: a
             page with a section for each node.
     """
-    if format_ in {"xml", "markdown"}:
-        chosen = NodeRegistry(registry[name] for name in names) if names else registry
-        click.echo(
-            (describe.palette_xml if format_ == "xml" else describe.node_page)(chosen), nl=False
-        )
-        return
-    listed = [registry[name] for name in names] or describe.in_order(registry)
-    if format_ == "json":
+    chosen = NodeRegistry(registry[name] for name in names) if names else registry
+    listed = describe.in_order(chosen)
+    if format_ == "xml":
+        click.echo(describe.palette_xml(chosen), nl=False)
+    elif format_ == "markdown":
+        click.echo(describe.node_page(chosen), nl=False)
+    elif format_ == "json":
         click.echo(json.dumps([_as_json(node) for node in listed], indent=2))
-        return
-    sections = "\n\n".join(text for node in listed for text in describe.section(node))
-    Console().print(Markdown(sections))
+    else:
+        sections = "\n\n".join(text for node in listed for text in describe.section(node))
+        Console().print(Markdown(sections))
 
 
 def _as_json(node: type[Node]) -> dict[str, Any]:
