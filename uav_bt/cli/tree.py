@@ -59,7 +59,7 @@ def nodes(
             page with a section for each node.
     """
     chosen = NodeRegistry(registry[name] for name in names) if names else registry
-    listed = describe.in_order(chosen)
+    listed = [registry[name] for name in names] or describe.in_order(registry)
     if format_ == "xml":
         click.echo(describe.palette_xml(chosen), nl=False)
     elif format_ == "markdown":
