@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import click
 from annotated_types import Gt, Le
-from rich.console import Console
-from rich.markdown import Markdown
 
 from uav_bt.cli.declare import command
 from uav_bt.cli.shared import (
@@ -67,6 +65,9 @@ def nodes(
     elif format_ == "json":
         click.echo(json.dumps([_as_json(node) for node in listed], indent=2))
     else:
+        from rich.console import Console  # noqa: PLC0415  (only here, and slow to import)
+        from rich.markdown import Markdown  # noqa: PLC0415
+
         sections = "\n\n".join(text for node in listed for text in describe.section(node))
         Console().print(Markdown(sections))
 
