@@ -137,7 +137,6 @@ def pipeline() -> None:
         shipped_unet(threads=1),
         load_depth_estimator("depth", threads=1),
         anafi_camera(640, 360),
-        generator=np.random.default_rng(0),
         timer=time.process_time,
     )
     taken: dict[str, list[float]] = {stage: [] for stage in (*STAGES, "whole")}

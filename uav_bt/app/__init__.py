@@ -14,13 +14,11 @@ from uav_bt.app.flight import STILL_IN_THE_AIR, check, fly
 from uav_bt.app.flight_outputs import FlownMission
 from uav_bt.app.loading import Mission
 from uav_bt.app.options import FlightOptions
-from uav_bt.app.site import Site, load_site
+from uav_bt.app.site import Site
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import RunnerConfig
-from uav_bt.plugins import make_policy
 from uav_bt.tree.loading.lookup import TreeFolders
-from uav_bt.tree.shipped import resolve_tree
 from uav_bt.types.place import LandOn
 
 __all__ = [
@@ -39,8 +37,5 @@ __all__ = [
     "assemble",
     "check",
     "fly",
-    "load_site",
     "make_drone",
-    "make_policy",
-    "resolve_tree",
 ]

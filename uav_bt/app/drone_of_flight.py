@@ -16,7 +16,7 @@ from uav_bt.app.options import OF_DRONE, FlightOptions
 from uav_bt.app.place import limits_of, scene_of
 from uav_bt.app.site import Site
 from uav_bt.board import PHASE
-from uav_bt.errors import DroneError, InputError, UnknownNameError
+from uav_bt.errors import InputError, UnknownNameError
 from uav_bt.mission.drone_wrapper import DroneWrapper
 from uav_bt.protocols import Drone, DroneConfig
 from uav_bt.testing.drone import ScriptedDrone
@@ -185,13 +185,13 @@ class CalibratedDrone(DroneWrapper):
     def __init__(self, drone: Drone, camera_file: Path) -> None:
         super().__init__(drone)
         self._file = camera_file
-        self._undistorter: Undistorter | None = None
+        self._undistorter: Undistorter  # since it was connected
         self._last: tuple[Frame, Frame] | None = None  # as sent, and undistorted
 
     @property
     def camera(self) -> CameraModel:
         """The calibrated intrinsics at the frames' size, of undistorted frames."""
-        return self._ready().camera
+        return self._undistorter.camera
 
     def connect(self) -> None:
         """Connect the drone and read the camera file."""
@@ -204,18 +204,13 @@ class CalibratedDrone(DroneWrapper):
 
     def observe(self) -> Observation:
         """Return the newest state, and the newest frame undistorted."""
-        undistorter, seen = self._ready(), self._drone.observe()
+        seen = self._drone.observe()
         if seen.frame is None:
             return seen
         if self._last is None or self._last[0] is not seen.frame:
-            straight = replace(seen.frame, image=undistorter.undistort(seen.frame.image))
+            straight = replace(seen.frame, image=self._undistorter.undistort(seen.frame.image))
             self._last = seen.frame, straight
         return replace(seen, frame=self._last[1])
-
-    def _ready(self) -> Undistorter:
-        if self._undistorter is None:
-            raise DroneError("the calibrated drone is not connected: call connect() first")
-        return self._undistorter
 
 
 class RehearsedDrone(DroneWrapper):

@@ -1,18 +1,10 @@
-"""Films and the status line of a flight, with the values of its lab.
-
-`app.fly(tree, video="flight.mp4")` films; with options of the film, or beside another one:
-
-with film.flight_video(Path("flight.mp4"), speed=2.0) as video:
-    report = app.fly("survey_and_land", listeners=[video])
-    video.conclude(report)
-"""
+"""Films and the status line of a flight, with the values of its lab."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -28,10 +20,9 @@ from uav_bt.display.lab_map import LabMap, MapItem
 from uav_bt.display.phrases import describe_flight, lands_on_mark
 from uav_bt.display.shown import FlightFacts, Intruding
 from uav_bt.display.status import LiveStatus
-from uav_bt.display.video.video import FlightVideo, open_film
+from uav_bt.display.video.video import FlightVideo
 from uav_bt.display.video.video_file import VideoFile
 from uav_bt.mission.flight_report import FlightReport
-from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree
 from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame, LandingMark
@@ -65,8 +56,8 @@ def map_of_scene(scene: Scene) -> LabMap:
     )
 
 
-def facts_of_flight(flight: Flight[Drone], title: str) -> FlightFacts:
-    """Return the facts of a connected flight."""
+def facts_of_flight(flight: Flight[Drone], title: str = "") -> FlightFacts:
+    """Return the facts of a connected flight; default title: mission, scene and seed."""
     drone, options, mission = flight.drone, flight.options, flight.mission
     name, seed = options.drone_name, options.seed
     usual = describe_flight(mission.origin, scene=flight.scene_name, drone=name, seed=seed)
@@ -110,51 +101,17 @@ def _marker(leaf: BuildCorridor, camera: CameraModel) -> Intruding:
     return intruding
 
 
-@dataclass(eq=False)
-class VideoListeners:
-    """Films a flight; one of the `listeners` of `app.fly`."""
-
-    file: VideoFile
-    title: str
-    _begun: tuple[FlightVideo, LandingMark] | None = None
-
-    def __call__(self, flight: Flight[Drone]) -> Sequence[TickListener]:
-        """Begin the video of a connected drone's flight."""
-        facts = facts_of_flight(flight, self.title)
-        video = FlightVideo(self.file, flight.context.board, facts)
-        self._begun = video, flight.context.mark
-        return [video]
-
-    def conclude(self, report: FlightReport) -> None:
-        """Show how the flight ended for a moment."""
-        # A video that failed while it was drawn has no place for an end.
-        if self._begun is None or FlightVideo.__name__ in report.lost_outputs:
-            return
-        video, mark = self._begun
-        lines, error_m = [report.reason], report.landing_error_m
-        if report.duration_s is not None:
-            lines.append(f"{report.duration_s:.0f} s, {report.total_distance_m or 0.0:.1f} m flown")
-        if error_m is not None and lands_on_mark(report, mark):
-            lines.append(f"{100 * error_m:.0f} cm from the mark's centre")
-        video.conclude(report.outcome, lines)
-
-    def finish(self, report: FlightReport) -> None:
-        """Show how the flight ended and finish the file."""
-        self.conclude(report)
-        self.file.close()
-
-
-@contextmanager
-def flight_video(
-    path: str | Path, *, speed: float = 1.0, title: str = ""
-) -> Iterator[VideoListeners]:
-    """Write the video of the flight that is flown inside, an mp4 file, also when the flight fails.
-
-    FileError or MissingDependencyError, before anything flies, if it cannot be written. `speed` is
-    relative to the mission; `title` is a line above the map; default: mission, scene and seed.
-    """
-    with closing(open_film(Path(path), speed)) as file:
-        yield VideoListeners(file, title)
+def end_film(
+    report: FlightReport, *, film: FlightVideo, file: VideoFile, mark: LandingMark
+) -> None:
+    """Show how the flight ended for a moment, and finish the file."""
+    lines, error_m = [report.reason], report.landing_error_m
+    if report.duration_s is not None:
+        lines.append(f"{report.duration_s:.0f} s, {report.total_distance_m or 0.0:.1f} m flown")
+    if error_m is not None and lands_on_mark(report, mark):
+        lines.append(f"{100 * error_m:.0f} cm from the mark's centre")
+    film.conclude(report.outcome, lines)
+    file.close()
 
 
 @contextmanager

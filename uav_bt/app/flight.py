@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import Any, Final
 from uav_bt.app import flight_outputs
 from uav_bt.app.assembly import Flight, Listeners, frame_judge, join
 from uav_bt.app.drone_of_flight import drawn
-from uav_bt.app.film import flight_video
+from uav_bt.app.film import end_film, facts_of_flight
 from uav_bt.app.flight_outputs import FlownMission, PathLog, fetch_photos
 from uav_bt.app.flying_process import landing_on_signals, short_collections
 from uav_bt.app.loading import Mission, load_mission
@@ -22,6 +22,7 @@ from uav_bt.app.place import check_area
 from uav_bt.app.reload import TreeReload, reloadable_file
 from uav_bt.app.site import Site
 from uav_bt.board import SITE_MAP
+from uav_bt.display.video.video import FlightVideo, open_film
 from uav_bt.errors import TreeError, UavBtError
 from uav_bt.lab.lab import Lab
 from uav_bt.mission.covered_ground import CoveredGround
@@ -101,7 +102,7 @@ def fly(
             that leaves such as `TakePhoto` write.
         report: where to write the report as JSON, also of a mission that fails. Default:
             `report.json` in `out`.
-        video: where to write a film of the flight, an mp4 file. `film.flight_video` has options.
+        video: where to write a film of the flight, an mp4 file.
         listeners: Functions that make tick listeners of the flight (displays, logs).
         on_check: called with each line of the check before take-off.
         controls: Controls of a person while the mission flies, such as a keyboard.
@@ -117,7 +118,8 @@ def fly(
             the drone raises. A listener or a file that fails ends no flight: the report's
             `lost_outputs` name it.
     """
-    _check_listeners(listeners)
+    if not isinstance(listeners, Sequence) or not all(map(callable, listeners)):
+        refuse("listeners", "a list of functions, such as [lambda flight: [notes]]", listeners)
     options = drawn(given_options(options, how))
     mission = load_mission(tree, options, registry)
     out = as_file("out", out, "a folder")
@@ -127,7 +129,10 @@ def fly(
     folder = flight_outputs.flight_folder(out, outputs)
     flight_outputs.check_outputs(mission, options, outputs, folder)
     flight = join(mission, options, folder)
-    watched = None if watch is None else reloadable_file(tree, flight.drone, outputs)
+    next_tree = None
+    if watch is not None:
+        watched = reloadable_file(tree, flight.drone, outputs)
+        next_tree = TreeReload(flight, watched, registry, watch)
     if record is not None:
         need("record", "a flight record")
     with ExitStack() as stack:
@@ -141,9 +146,10 @@ def fly(
             camera = flight.context.stills  # first, while the drone waits on the ground
             keep["camera photographs"] = partial(fetch_photos, camera=camera, folder=folder)
         if video is not None:
-            film = stack.enter_context(flight_video(video))
-            followers.append(film)
-            keep["video"] = film.finish
+            file = stack.enter_context(closing(open_film(video)))
+            film = FlightVideo(file, flight.context.board, facts_of_flight(flight))
+            followers.append(lambda _: [film])
+            keep["video"] = partial(end_film, film=film, file=file, mark=flight.held.mark)
         if record is not None:
             from uav_bt.app import flight_record  # noqa: PLC0415  (an extra)
 
@@ -154,9 +160,6 @@ def fly(
             keep["objects"] = partial(flight_outputs.write_objects, folder=folder)
         if report is not None:
             keep["report"] = partial(write_report, path=report, new_folders=folder is not None)
-        next_tree = None
-        if watched is not None and watch is not None:
-            next_tree = TreeReload(flight, watched, registry, watch)
         return _run(flight, [*followers, *listeners], keep, controls, next_tree)
 
 
@@ -170,12 +173,6 @@ def changes_of(options: FlightOptions) -> FlightChanges:
         vary_room=options.vary_room,
         faults=list(options.faults),
     )
-
-
-def _check_listeners(listeners: object) -> None:
-    for make in listeners if isinstance(listeners, Sequence) else [listeners]:
-        if make is listeners or not callable(make):
-            refuse("listeners", "a list of functions, such as [lambda flight: [notes]]", make)
 
 
 def _check_before_take_off(flight: Flight[Drone], on_check: Callable[[Check], None]) -> None:

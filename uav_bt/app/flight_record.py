@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import json
-import platform
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass, replace
@@ -40,7 +39,7 @@ from uav_bt.types import Airframe
 from uav_bt.types.area import Polygon
 
 _TREE_FOLDER: Final = "tree/"
-_SCENE_FILE: Final = "scene.yaml"
+SCENE_FILE: Final = "scene.yaml"
 
 
 def begin_record(path: Path, flight: Flight[Drone]) -> FlightRecorder:
@@ -105,7 +104,7 @@ def _flight_facts(flight: Flight[Drone]) -> dict[str, str]:
         "imageless": flight.context.sight is not None,
         "outputs": flight.outputs is not None,
         "versions": provenance.package_versions(),
-        "platform": f"{platform.platform()}, Python {platform.python_version()}",
+        "platform": provenance.hardware(),
         "git": provenance.commit(),
         "weights": provenance.weights_of(mission),
     }
@@ -125,25 +124,16 @@ def _attachments(flight: Flight[Drone]) -> Iterator[Attachment]:
         yield Attachment(name=name, media_type=xml, data=mission.whole())
     if isinstance(scene, Scene):
         text = scene_text(scene)
-        yield Attachment(name=_SCENE_FILE, media_type=yaml, data=text.encode())
+        yield Attachment(name=SCENE_FILE, media_type=yaml, data=text.encode())
     if isinstance(lab, Lab):
         with reading(lab.file):
             yield Attachment(name="lab.yaml", media_type=yaml, data=lab.file.read_bytes())
 
 
-def recorded_files(reader: RecordReader, folder: Path) -> tuple[Path | None, Path | None]:
-    """Write tree and scene of a record into a folder; None for what it does not hold."""
-    tree = f"{_TREE_FOLDER}{reader.metadata.get('tree', '')}"
-    return _written(reader, tree, folder), _written(reader, _SCENE_FILE, folder)
-
-
-def _written(reader: RecordReader, name: str, folder: Path) -> Path | None:
-    file = folder / Path(name).name
-    if (attachment := reader.attachments.get(name)) is None:
-        return None
-    with writing(file):
-        file.write_bytes(attachment.data)
-    return file
+def recorded_tree(reader: RecordReader) -> str | None:
+    """Return the text of a record's tree with all that it includes; None without one."""
+    file = reader.attachments.get(f"{_TREE_FOLDER}{reader.metadata.get('tree', '')}")
+    return None if file is None else file.data.decode("utf-8-sig", errors="replace")
 
 
 @dataclass(frozen=True, kw_only=True)

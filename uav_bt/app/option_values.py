@@ -150,11 +150,7 @@ def _size_of_text(text: str) -> tuple[int, int]:
 
 def _policies_of_texts(texts: Iterable[str]) -> dict[str, str]:
     # The last sign counts: a path of a tree may hold others.
-    found = pairs(texts, "node", "NODE=NAME, such as Explore=segmentation", last=True)
-    for node, policy in found.items():
-        if not policy:
-            raise InputError(f"expected NODE=NAME, such as Explore=segmentation, got '{node}='")
-    return found
+    return pairs(texts, "node", "NODE=NAME, such as Explore=segmentation", last=True)
 
 
 def loaded_by(load: Callable[[str | Path], Any], kind: type) -> GetPydanticSchema:

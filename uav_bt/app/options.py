@@ -174,8 +174,7 @@ class FlightOptions:
     @classmethod
     def of_json(cls, stored: Mapping[str, Any]) -> FlightOptions:
         """Return options with the values that `shared_json` wrote."""
-        judge = {each.name: stored["judge"][each.name] for each in fields(JudgeConfig)}
-        return _adapter().validate_json(json.dumps({**stored, "judge": judge}))
+        return _adapter().validate_json(json.dumps(stored))
 
     @cached_property
     def place(self) -> Site | None:

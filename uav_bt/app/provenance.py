@@ -6,7 +6,6 @@ import hashlib
 import importlib.metadata
 import os
 import platform
-import shutil
 import subprocess
 from collections.abc import Iterator
 from contextlib import suppress
@@ -29,16 +28,13 @@ _GIT_LIMIT_S: Final = 5.0
 @lru_cache(maxsize=8)
 def commit(folder: Path = Path(uav_bt.__file__).parent) -> str | None:
     """Return the commit of a checkout, with ``+changes`` if its files differ; None without one."""
-    git = shutil.which("git")
-    if git is None:
-        return None
     # `status` renews the index, and when stopped leaves a lock that keeps people from committing.
-    command = [git, "--no-optional-locks", "-C", str(folder), "status"]
+    command = ["git", "--no-optional-locks", "-C", str(folder), "status"]
     command += ["--porcelain=v2", "--branch", "--untracked-files=no"]
     with suppress(OSError, subprocess.SubprocessError):  # better no commit than no flight
-        found = subprocess.run(  # noqa: S603 - git itself, with arguments of our own
-            command, capture_output=True, text=True, check=True, timeout=_GIT_LIMIT_S
-        ).stdout.splitlines()
+        found = subprocess.check_output(  # noqa: S603 - git itself, with arguments of our own
+            command, stderr=subprocess.DEVNULL, text=True, timeout=_GIT_LIMIT_S
+        ).splitlines()
         changes = "" if all(line.startswith("#") for line in found) else "+changes"
         return found[0].removeprefix("# branch.oid ") + changes
     return None
@@ -63,11 +59,15 @@ def hardware(cpu_info: Path = Path("/proc/cpuinfo")) -> str:
 
 def package_versions() -> dict[str, str]:
     """Return the versions of Python and of the packages that a flight depends on."""
-    versions = {"python": platform.python_version(), **dict.fromkeys(_PACKAGES, "none")}
-    for package in _PACKAGES:
-        with suppress(importlib.metadata.PackageNotFoundError):
-            versions[package] = importlib.metadata.version(package)
-    return versions
+    versions = {package: version_of(package) or "none" for package in _PACKAGES}
+    return {"python": platform.python_version(), **versions}
+
+
+def version_of(package: str) -> str:
+    """Return the version of an installed package; an empty text where it is not installed."""
+    with suppress(importlib.metadata.PackageNotFoundError):
+        return importlib.metadata.version(package)
+    return ""
 
 
 def weights_of(*missions: MissionTree) -> dict[str, str]:

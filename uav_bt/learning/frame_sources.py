@@ -48,7 +48,7 @@ class FrameSource:
     @property
     def seconds(self) -> float:
         """About how long it is."""
-        return self.images.duration_s or _UNKNOWN_DURATION_S
+        return (self.images.total or 0) / self.images.rate_per_s or _UNKNOWN_DURATION_S
 
 
 def find_sources(
@@ -145,7 +145,7 @@ def watch(
                 )
             times_s.append(shot.time_s)
             advance(f"seconds of video, {filmed.path.name}", int(shot.time_s), total_s)
-            yield look_at(shot.shrunk(sharpness_size_px(*shot.size_px), colour=False)), shot
+            yield look_at(shot.pixels(sharpness_size_px(*shot.size_px), colour=False)), shot
 
     candidates = []
     with closing(filmed.images.images()) as shots:
@@ -166,7 +166,7 @@ def _candidate(source: FrameSource, look: Look, shot: Shot, folder: Path) -> Can
     if not look.blank:
         scale = min(1.0, _LONGEST_PX / max(shot.size_px))
         size_px = (max(1, round(shot.size_px[0] * scale)), max(1, round(shot.size_px[1] * scale)))
-        bgr = cv2.cvtColor(shot.shrunk(size_px, colour=True), cv2.COLOR_RGB2BGR)
+        bgr = cv2.cvtColor(shot.pixels(size_px), cv2.COLOR_RGB2BGR)
         _, encoded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
         with writing(file):
             file.write_bytes(encoded.tobytes())

@@ -17,8 +17,8 @@ from perception.control.training.network import STUDENT_FILES, ControlNet
 from tests.behaviours.policies import cast_world
 from tests.worlds import values
 from uav_bt.answers import Advance, Blocked
-from uav_bt.app import make_policy
 from uav_bt.errors import InputError, MissionError, WeightsError
+from uav_bt.plugins import make_policy
 from uav_bt.protocols import PolicyView
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status

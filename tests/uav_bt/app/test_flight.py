@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import av
 import numpy as np
 import pytest
 
@@ -30,6 +31,7 @@ from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.testing import InjectedError, ScriptedDrone
 from uav_bt.tree import Leaf, NodeRegistry, Status
+from uav_bt.tree.shipped import resolve_tree
 from uav_bt.types import Command, FlyingState, Land, Observation
 
 TREES = Path(app.__file__).parents[2] / "trees"
@@ -66,18 +68,18 @@ def test_a_name_with_a_suffix_or_a_folder_is_a_file_and_never_a_shipped_mission(
 ) -> None:
     """Otherwise a different mission than the intended one would fly."""
     monkeypatch.chdir(tmp_path)
-    assert app.resolve_tree("land_only").samefile(TREES / "land_only.xml")
+    assert resolve_tree("land_only").samefile(TREES / "land_only.xml")
     for name in ("land_only.xml", "trees/land_only.xml", "trees/land_only"):
         with pytest.raises(FileError, match="mission has no suffix; did you mean 'land_only'"):
-            app.resolve_tree(name)
+            resolve_tree(name)
     Path("land_only.xml").write_text("mine", encoding="utf-8")
-    assert app.resolve_tree("land_only.xml").read_text(encoding="utf-8") == "mine"
+    assert resolve_tree("land_only.xml").read_text(encoding="utf-8") == "mine"
 
 
 def test_what_cannot_decide_is_no_policy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plugins, "load", lambda _group, _name: object)
     with pytest.raises(InputError, match="policy 'dumb' has no method `decide"):
-        app.make_policy("dumb")
+        plugins.make_policy("dumb")
 
 
 def test_a_named_drone_gets_its_address_and_what_it_may_need() -> None:
@@ -153,7 +155,7 @@ def test_a_flight_is_described_in_its_report_and_a_listener_that_breaks_is_named
     assert not drone.connected
 
 
-def test_a_lost_drone_leaves_a_report_and_a_word_about_where_it_is(
+def test_a_lost_drone_leaves_a_report_a_film_and_a_word_about_where_it_is(
     drone: ScriptedDrone, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def lost(_: Command) -> Command:
@@ -165,7 +167,9 @@ def test_a_lost_drone_leaves_a_report_and_a_word_about_where_it_is(
 
     path = tmp_path / "report.json"
     with pytest.raises(DroneError, match="no answer") as caught:
-        fly(drone, lose, tree=STAY, report=path)
+        fly(drone, lose, tree=STAY, report=path, video=tmp_path / "flight.mp4")
+    with av.open(str(tmp_path / "flight.mp4")) as container:
+        assert sum(1 for _ in container.decode(video=0)) > 10
     assert app.STILL_IN_THE_AIR in caught.value.__notes__
     report = json.loads(path.read_text(encoding="utf-8"))
     assert (report["outcome"], report["reason"]) == ("error", "no answer")

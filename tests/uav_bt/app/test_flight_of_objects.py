@@ -250,7 +250,7 @@ CEILING = r"/up' is to fly at 1\.2 m, above the ceiling of 1 m: lower the flight
             r"options: expected FlightOptions\(\.\.\.\), got \{'",
         ),
         (str, {"registry": [Peek]}, r"registry: expected NodeRegistry.installed.*, got \[<class"),
-        (str, {"listeners": [3]}, r"listeners: expected a list of functions, .*, got 3"),
+        (str, {"listeners": [3]}, r"listeners: expected a list of functions, .*, got \[3\]"),
         (str, {"listeners": print}, r"listeners: expected a list of functions, .*, got <built-in"),
         (composed, {"listeners": [print]}, r"listeners: .* that return a list, .*, got None"),
         (composed, {"policies": {"pek": "corridor"}}, "node of that .*; did you mean 'peek'"),

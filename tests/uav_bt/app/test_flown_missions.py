@@ -15,7 +15,7 @@ from sim_bridge.twin.referee import TwinReferee
 from sim_bridge.twin.scene_file import load_scene
 from tests.paper_lab import BACKGROUND
 from uav_bt import app
-from uav_bt.app.flight_record import recorded_files
+from uav_bt.app.flight_record import recorded_tree
 from uav_bt.app.place import drawn_places
 from uav_bt.app.view.recorded import RecordedFlight
 from uav_bt.board import SITE_MAP
@@ -23,7 +23,7 @@ from uav_bt.campaign import make_plan
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.record.reader import RecordReader
-from uav_bt.tree import load_tree
+from uav_bt.tree import parse_tree
 from uav_bt.tree.shipped import resolve_tree
 from uav_bt.types import Pose2D
 
@@ -145,9 +145,8 @@ def test_places_of_a_file_are_visited_and_kept_with_record_and_plan(tmp_path: Pa
     (tmp_path / "rounds.csv").write_text("frame,x,y\nstart,0.8,0.1\n")
     assert make_plan([mission], flights=1, scenes=["val-a"]).differences(plan) != []
     (tmp_path / "rounds.csv").unlink()  # the record does not need it
-    (tmp_path / "again").mkdir()
-    tree, _ = recorded_files(RecordReader(record), tmp_path / "again")
+    tree = recorded_tree(RecordReader(record))
     assert tree is not None
     start = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
-    drawn = drawn_places(load_tree(tree), start)
+    drawn = drawn_places(parse_tree(tree), start)
     assert [text for text, _ in drawn] == ["start:0.8,0", "start:0.8,0.6"]

@@ -197,7 +197,7 @@ def test_a_mission_s_text_decides_over_its_checksum(tmp_path: Path) -> None:
 
 def test_git_is_not_needed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     assert provenance.commit(tmp_path) is None  # no checkout
-    monkeypatch.setattr(provenance.shutil, "which", lambda _: None)
+    monkeypatch.setenv("PATH", "")
     provenance.commit.cache_clear()
     assert provenance.commit() is None
     provenance.commit.cache_clear()

@@ -6,11 +6,12 @@ import importlib.metadata
 import re
 import socket
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
 
+from sim_bridge.twin import TwinConfig
 from tests.worlds.cli import HOP, assert_refused, run, tree_file
-from uav_bt.app.doctor import examine
 from uav_bt.errors import MissingDependencyError
 
 
@@ -54,11 +55,14 @@ def test_a_missing_extra_is_named_with_its_pip_line_and_is_no_fault(
     assert "extra view: optional, not installed: rerun-sdk; run `pip " in result.stdout
 
 
-def test_a_failed_drawing_is_reported_and_counts() -> None:
-    def draws() -> str:
+def test_a_failed_drawing_is_reported_and_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    def create(_: TwinConfig) -> NoReturn:
         raise MissingDependencyError("no OpenGL: install uav-bt[osmesa]")
 
-    faults = [str(check) for check in examine(draws) if not (check.good or check.optional)]
+    monkeypatch.setattr(TwinConfig, "create", create)
+    result = run("doctor")
+    assert result.exit_code == 1
+    faults = [line for line in result.stdout.splitlines() if "NOT READY" in line]
     assert faults == ["drawing the lab: NOT READY, no OpenGL: install uav-bt[osmesa]"]
 
 

@@ -200,8 +200,7 @@ class PerceiveInput:
         by_roles = name == weights_file.ANY
         model = options.model or (weights_file.ANY if by_roles else weights_file.SHIPPED_DEPTHS[0])
         network = _network(model, segmenter, options)
-        generator = np.random.default_rng(0)
-        return Pipeline(segmenter, network, camera, generator=generator), chain([first], images)
+        return Pipeline(segmenter, network, camera), chain([first], images)
 
     def _camera(self, first: Shot) -> tuple[CameraModel, str]:
         """Return the camera of the images, and whose it is."""

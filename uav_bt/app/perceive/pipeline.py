@@ -5,7 +5,6 @@ In a mission each perception leaf does one of these steps.
 
 from __future__ import annotations
 
-import copy
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -52,14 +51,12 @@ class Pipeline:
         network: frame in, relative depth out; None perceives depth by ground contact alone.
         camera: intrinsics at the frames' size; with distortion where the frames are distorted. Then
             that of the undistorted frames.
-        generator: draws the ground's pixels for the scale.
         timer: the wall clock that computing is measured with, seconds.
     """
 
     segmenter: Segmenter
     network: DepthEstimator | None
     camera: CameraModel
-    generator: np.random.Generator
     timer: Callable[[], float] = time.perf_counter
 
     def __post_init__(self) -> None:
@@ -72,7 +69,7 @@ class Pipeline:
     def restart(self) -> None:
         """Forget all earlier frames, so that images are perceived alike in any order."""
         source = "contact" if self.network is None else "fused"
-        rng = copy.deepcopy(self.generator)
+        rng = np.random.default_rng(0)  # draws the ground's pixels for the scale
         self._depth = MetricDepthMaker(self.network, source=source, generator=rng, timer=self.timer)
         self._track = MarkTracker()
         self._state: DroneState | None = None

@@ -129,7 +129,7 @@ def perceive(
             for image in images:
                 if given.unrelated:
                     pipeline.restart()
-                frame = given.telemetry.frame(image.image, image.index, image.time_s)
+                frame = given.telemetry.frame(image.pixels(), image.index, image.time_s)
                 seen = pipeline.perceive(frame, given.telemetry.states(image.time_s))
                 summary.add(seen)
                 for write in writers:

@@ -54,6 +54,7 @@ class RecordedDrone:
 
     def __init__(self, reader: RecordReader, airframe: Airframe) -> None:
         self._reader = reader
+        self.clock = self
         self.airframe = airframe
         self.camera = reader.camera
         self.ids = MovementIds()
@@ -68,11 +69,6 @@ class RecordedDrone:
         self.moment = first
         self._next = next(self._moments, None)
         self._take_frame()
-
-    @property
-    def clock(self) -> RecordedDrone:
-        """The drone itself."""
-        return self
 
     @property
     def at_end(self) -> bool:

@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 from typing import Annotated, Any, Final, Literal, get_args
 
 from uav_bt.app.assembly import Flight
-from uav_bt.app.flight_record import RecordedOptions, recorded_files, recorded_options
+from uav_bt.app.flight_record import RecordedOptions, recorded_options, recorded_tree
 from uav_bt.app.loading import Mission, is_text, read_mission
 from uav_bt.app.option_values import Policies, refuse
 from uav_bt.app.options import FlightOptions
@@ -81,8 +81,10 @@ def replay(record: str | Path, options: ReplayOptions | None = None) -> ReplayRe
     reader = RecordReader(record)
     flight, masks = assemble_recorded(reader, changes)
     drone, lossless = flight.drone, flight.options.record_quality == "lossless"
-    is_file = isinstance(changes.tree, str | Path) and not is_text(changes.tree)
-    tree = str(changes.tree) if is_file else flight.mission.origin
+    tree = reader.metadata.get("tree", "")
+    if changes.tree is not None:
+        named = isinstance(changes.tree, str | Path) and not is_text(changes.tree)
+        tree = str(changes.tree) if named else flight.mission.origin
     outcome = (reader.end or {}).get("outcome")
     report = ReplayReport(
         record=str(record), tree=tree, outcome=outcome, exact=lossless, masks=masks
@@ -156,17 +158,16 @@ def _recorded_mission(
     reader: RecordReader, recorded: RecordedOptions, options: FlightOptions, changes: ReplayOptions
 ) -> MissionTree:
     """Load the recorded tree, with the policies of the options."""
-    with TemporaryDirectory(prefix="uav-bt-replay-") as folder:
-        tree = recorded_files(reader, Path(folder))[0]
-        if tree is None:
-            name = reader.metadata.get("tree", "")
-            raise FileError(
-                reader.path,
-                f"the record lacks its tree file ({name}); give the tree with --tree, or with "
-                "ReplayOptions(tree=...)",
-            )
-        options = replace(options, tree_id=reader.metadata.get("tree_name"))
-        mission = read_mission(tree, options, changes.registry, replaced=recorded.replaced)
+    tree = recorded_tree(reader)
+    if tree is None:
+        name = reader.metadata.get("tree", "")
+        raise FileError(
+            reader.path,
+            f"the record lacks its tree file ({name}); give the tree with --tree, or with "
+            "ReplayOptions(tree=...)",
+        )
+    options = replace(options, tree_id=reader.metadata.get("tree_name"))
+    mission = read_mission(tree, options, changes.registry, replaced=recorded.replaced)
     for name, value in recorded.variables.items():
         mission.variables[name] = value
     return mission

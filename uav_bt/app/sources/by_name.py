@@ -57,7 +57,6 @@ class RecordSource(ImageSource):
         super().__init__(str(reader.path), len(times_s), 1.0 / apart_s if apart_s > 0.0 else RATE)
         self._reader = reader
         self._begin_s = float(times_s[0]) if times_s.size else 0.0
-        self.duration_s = float(np.ptp(times_s)) if times_s.size else 0.0
 
     def images(self, every: int = 1) -> Shots:
         """Iterate over every n-th frame."""

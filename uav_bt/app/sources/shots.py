@@ -30,22 +30,17 @@ class Shot:
     name: str  # for messages
     size_px: Size  # as it is shown
     orientation: Orientation = UPRIGHT  # from the stored image to the shown one
-    convert: Callable[[Size | None, bool], NDArray[np.uint8]]  # to a size (None: whole), in colour
+    pixels: Callable[..., NDArray[np.uint8]]
+    """Returns the image as it is shown, (H, W, 3) uint8 RGB.
+
+    Arguments: `size_px`, None for the whole image, and `colour`; without it (H, W) uint8 grey.
+    """
 
     @classmethod
     def of(cls, image: Image, **about: Any) -> Shot:
         """Return the shot of an image that is an array already, (H, W, 3) RGB."""
         size_px = (image.shape[1], image.shape[0])
-        return cls(size_px=size_px, convert=partial(_resized, image), **about)
-
-    @property
-    def image(self) -> Image:
-        """The image as it is shown, (H, W, 3) uint8 RGB."""
-        return self.convert(None, True)
-
-    def shrunk(self, size_px: Size, *, colour: bool) -> NDArray[np.uint8]:
-        """Return the image at another size, (H, W, 3) uint8 RGB or (H, W) uint8."""
-        return self.convert(size_px, colour)
+        return cls(size_px=size_px, pixels=partial(_resized, image), **about)
 
 
 Shots = Generator[Shot, None, None]
@@ -59,7 +54,6 @@ class ImageSource(ABC):
         name: its name in messages.
         total: how many images it has; None where it is unknown.
         rate_per_s: how many images a second, about.
-        duration_s: how long it is, about; None where it is unknown.
         skipped: images that were skipped so far, with the reasons.
         warnings: what may be wrong with all of them.
     """
@@ -68,7 +62,6 @@ class ImageSource(ABC):
         self.name = name
         self.total = total
         self.rate_per_s = rate_per_s
-        self.duration_s = total / rate_per_s if total else None
         self.skipped: list[str] = []
         self.warnings: list[str] = []
 
@@ -77,7 +70,9 @@ class ImageSource(ABC):
         """Iterate over every n-th image. Unreadable images are skipped and reported."""
 
 
-def _resized(image: Image, size_px: Size | None, colour: bool) -> NDArray[np.uint8]:  # noqa: FBT001
+def _resized(
+    image: Image, size_px: Size | None = None, *, colour: bool = True
+) -> NDArray[np.uint8]:
     array = image if colour else cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
     if size_px is None:
         return np.asarray(array, dtype=np.uint8)

@@ -91,7 +91,7 @@ class VideoSource(ImageSource):
                     name=f"image {index}",
                     size_px=stored_px[::-1] if orientation.transpose else stored_px,
                     orientation=orientation,
-                    convert=partial(_converted, decoded, orientation, stored_px),
+                    pixels=partial(_converted, decoded, orientation, stored_px),
                 )
 
     def _orientation(self, decoded: Any) -> Orientation:
@@ -152,8 +152,9 @@ def _converted(
     decoded: Any,
     orientation: Orientation,
     stored_px: Size,
-    size_px: Size | None,
-    colour: bool,  # noqa: FBT001 - as `Shot.convert`
+    size_px: Size | None = None,
+    *,
+    colour: bool = True,
 ) -> NDArray[np.uint8]:
     options: dict[str, Any] = {}
     if size_px is not None or stored_px[0] != decoded.width:

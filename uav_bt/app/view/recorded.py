@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.app.film import facts_of, map_of_scene
 from uav_bt.app.flight_outputs import PathLog
-from uav_bt.app.flight_record import recorded_files, recorded_options
+from uav_bt.app.flight_record import SCENE_FILE, recorded_options, recorded_tree
 from uav_bt.board import SITE_MAP
 from uav_bt.display.lab_map import LabMap
 from uav_bt.display.phrases import describe_flight
@@ -28,7 +28,7 @@ from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.progress import Advance, silent
 from uav_bt.record.playback import Playback
 from uav_bt.record.reader import RecordReader
-from uav_bt.tree import MissionTree, load_tree
+from uav_bt.tree import MissionTree, parse_tree
 
 if TYPE_CHECKING:
     import numpy as np
@@ -64,14 +64,14 @@ class RecordedFlight:
         self._to_s = to_s
         self.tree: MissionTree | None = None  # None where it has nodes that are not installed
         self._lab_map: LabMap | None = None  # None where the files of its lab are missing
-        with TemporaryDirectory(prefix="uav-bt-record-") as folder:
-            tree, scene = recorded_files(self.reader, Path(folder))
-            if tree is not None:
-                with suppress(TreeError):
-                    self.tree = load_tree(tree, tree_id=self.reader.metadata.get("tree_name"))
-            if scene is not None:
-                with suppress(InputError):
-                    self._lab_map = map_of_scene(load_scene(scene))
+        if (tree := recorded_tree(self.reader)) is not None:
+            with suppress(TreeError):
+                self.tree = parse_tree(tree, tree_id=self.reader.metadata.get("tree_name"))
+        if (scene := self.reader.attachments.get(SCENE_FILE)) is not None:
+            with TemporaryDirectory(prefix="uav-bt-record-") as folder, suppress(InputError):
+                file = Path(folder, SCENE_FILE)
+                file.write_bytes(scene.data)
+                self._lab_map = map_of_scene(load_scene(file))
 
     @cached_property
     def facts(self) -> FlightFacts:
@@ -135,9 +135,8 @@ class RecordedFlight:
         advance: Advance,
         stopped: Callable[[], bool] = lambda: False,
     ) -> None:
-        done, total = 0, 1  # the whole flight's, for a progress bar
-        with suppress(InputError, KeyError, TypeError, ValueError, OverflowError):
-            total = int(parse_json((self.reader.end or {})["report"])["ticks"])
+        report = parse_json((self.reader.end or {}).get("report", "{}"))
+        done, total = 0, int(report.get("ticks", 1))  # the whole flight's, for a progress bar
         for record in self._ticks(playback):
             listener.on_tick(record)
             done += 1

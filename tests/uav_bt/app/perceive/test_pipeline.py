@@ -79,7 +79,7 @@ def pipeline(
 ) -> tuple[Pipeline, Painted]:
     """Return a pipeline and its segmenter."""
     painted = Painted(ids)
-    made = Pipeline(painted, network, camera, generator=np.random.default_rng(0), **more)
+    made = Pipeline(painted, network, camera, **more)
     return made, painted
 
 

@@ -178,7 +178,7 @@ def test_a_record_is_shown_without_the_nodes_or_the_lab_that_are_not_here(
     def refuse(*_: object, **__: object) -> None:
         raise TreeError("x.xml", ["no such node"]) if lost == "tree" else FileError("x", "no file")
 
-    monkeypatch.setattr(recorded, "load_tree" if lost == "tree" else "load_scene", refuse)
+    monkeypatch.setattr(recorded, "parse_tree" if lost == "tree" else "load_scene", refuse)
     flight = RecordedFlight(flown.record, to_s=0.5)
     flight.save(tmp_path / "flight.rrd")
     assert (flight.tree is None) == (lost == "tree")
