@@ -11,25 +11,39 @@ import asyncio
 import errno
 import json
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Annotated, Any, Final
+
+from annotated_types import Ge, Le
 
 from sim_bridge.loopback.codec import WireError
 from uav_bt.errors import InputError
+from uav_bt.option import Option
 
 
 class PortTakenError(InputError):
     """A port of the drone is taken, or may not be used."""
 
 
+_Port = Annotated[int, Ge(0), Le(65_535)]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Ports:
-    """Ports on which the drone listens; 0 selects a free port."""
+    """Ports on which the drone listens.
 
-    discovery: int = 44445  # TCP
-    control: int = 44444  # TCP: requests for a link
-    commands: int = 2233  # UDP
-    http: int = 80  # TCP
-    rtsp: int = 554  # TCP: the video
+    Options:
+        discovery: TCP, where clients find it; 0 takes a free one.
+        control: TCP, where clients ask for a link; 0 takes a free one.
+        commands: UDP, where commands go; 0 takes a free one.
+        http: TCP, its web server; 0 takes a free one.
+        rtsp: TCP, its video; 0 takes a free one.
+    """
+
+    discovery: Annotated[_Port, Option(form="--discovery-port")] = 44445
+    control: Annotated[_Port, Option(form="--control-port")] = 44444
+    commands: Annotated[_Port, Option(form="--commands-port")] = 2233
+    http: Annotated[_Port, Option(form="--http-port")] = 80
+    rtsp: Annotated[_Port, Option(form="--rtsp-port")] = 554
 
 
 def port_error(error: OSError, address: str, port: int, service: str) -> PortTakenError:

@@ -123,8 +123,8 @@ class CampaignPlan:
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> CampaignPlan:
-        """Return the plan that `to_json` wrote; a KeyError or a ValueError refuses others."""
-        options = FlightOptions.of_json({name: values[name] for name in SHARED})
+        """Return the plan that `to_json` wrote, by default options where it states none."""
+        options = FlightOptions.of_json({name: values[name] for name in SHARED if name in values})
         others = {name: value for name, value in values.items() if name not in SHARED}
         return _PLAN.validate_python({**others, "options": options})
 

@@ -30,7 +30,6 @@ from uav_bt.option import Option
 
 _OPTIONS: Final = (*(name for name in SHARED if name != "record_quality"), "params")
 _RESUMED: Final = {"resume", "workers", "backend", "address", "fail_under"}  # may go together
-_NAMED: Final = 5  # flights that an error names, at most
 _TWIN: Final = "twin"
 
 
@@ -225,8 +224,7 @@ def shrink(
         twin: Fly the result in the twin, too; exit with 1 if it does not fail.
     """
     check_empty_folder(out, "shrink")
-    wanted = {"tree": tree_name, "scene": scene, "seed": seed}
-    flight = _failed(source, {name: value for name, value in wanted.items() if value is not None})
+    flight = _failed(source, tree_name, scene, seed)
     click.echo(f"{flight.ending}; {len(flight.parts())} parts: boxes, objects, movers and faults")
     click.echo("  parts  end of the flight")
     small = shrink_flight(flight, lambda count, ending: click.echo(f"  {count:>5}  {ending}"))
@@ -251,25 +249,19 @@ def shrink(
     return same_cause(ending, small.ending)
 
 
-def _failed(source: Path, wanted: dict[str, str | int]) -> FailedFlight:
-    """Return the first failed flight that has the wanted tree, scene and seed."""
-    flights = [(one, line) for one in read_sources([source]) for line in one.flights]
-    for one, line in flights:
-        is_wanted = all(_plain(line[name]) == _plain(value) for name, value in wanted.items())
-        if is_wanted and line["outcome"] != stats.SUCCESS:
-            options = FlightOptions() if one.plan is None else one.plan.options
-            scene = one.scene_path(str(line["scene"]))
-            return FailedFlight.of(line, one.tree_path(), scene, options)
-    if not wanted:
-        raise InputError(f"{source} has no failed flight")
-    asked = ", ".join(f"{name} {value}" for name, value in wanted.items())
-    others = [
-        f"; {line['tree']} in {line['scene']}, seed {line['seed']}: {line['outcome']}"
-        for _, line in flights[:_NAMED]
-    ]
-    raise InputError(f"{source} has no failed flight with {asked}{''.join(others)}")
-
-
-def _plain(value: object) -> str:
-    """Return a value as text, the name of a tree without its file's ending."""
-    return str(value).removesuffix(".xml")
+def _failed(source: Path, tree: str | None, scene: str | None, seed: int | None) -> FailedFlight:
+    """Return the first failed flight of this tree, scene and seed; None: of any."""
+    for one in read_sources([source]):
+        for line in one.flights:
+            is_wanted = (
+                tree in {None, one.tree, Path(one.tree).stem}
+                and scene in {None, line["scene"]}
+                and seed in {None, line["seed"]}
+            )
+            if is_wanted and line["outcome"] != stats.SUCCESS:
+                path = one.scene_path(str(line["scene"]))
+                return FailedFlight.of(line, one.tree_path(), path, one.options)
+    raise InputError(
+        f"{source} has no failed flight of this tree, scene and seed; `uav-bt report` lists those "
+        "that failed"
+    )

@@ -194,7 +194,7 @@ def _option(
         return click.Option([flag, name], default=default, is_flag=True, help=about.help)
     repeated = _is_repeated(kind)
     more: dict[str, Any] = {"required": default is _NOTHING}
-    if not (default is _NOTHING or repeated):
+    if default is not _NOTHING and (not repeated or isinstance(default, tuple)):
         more["default"] = default if about.write is None else about.write(default)
     if about.alone is not None:
         more |= {"is_flag": False, "flag_value": about.alone}

@@ -36,6 +36,7 @@ from uav_bt.protocols import Drone
 KEYS_HELP: Final = (
     "keys: m takes over and hands back, l lands, X (shift) cuts the motors in flight, Ctrl-C lands"
 )
+_WAIT_S: Final = 0.1  # for a key, at most, so that the end of a flight is noticed
 _GROOT_PORT: Final = "1667"  # the default of Groot2; notifications have the next one
 
 
@@ -167,25 +168,21 @@ def pilot_keys(runner: MissionRunner) -> Iterator[None]:
     click.echo(KEYS_HELP, err=True)
     terminal = sys.stdin.fileno()
     before = termios.tcgetattr(terminal)
-    stop_read, stop_write = os.pipe()
-    reader = threading.Thread(
-        target=_read, args=(terminal, stop_read, runner), name="keys", daemon=True
-    )
+    stop = threading.Event()
+    reader = threading.Thread(target=_read, args=(terminal, stop, runner), name="keys", daemon=True)
     try:
         tty.setcbreak(terminal)  # keys without Enter; Ctrl-C still is a signal
         reader.start()
         yield
     finally:
-        os.write(stop_write, b".")
+        stop.set()
         reader.join()
         termios.tcsetattr(terminal, termios.TCSADRAIN, before)
-        os.close(stop_read)
-        os.close(stop_write)
 
 
-def _read(terminal: int, stop: int, runner: MissionRunner) -> None:
-    while stop not in (ready := select.select([terminal, stop], [], [])[0]):
-        if terminal in ready:
+def _read(terminal: int, stop: threading.Event, runner: MissionRunner) -> None:
+    while not stop.is_set():
+        if select.select([terminal], [], [], _WAIT_S)[0]:
             pressed = os.read(terminal, 1)
             if not pressed:  # the terminal went away
                 return

@@ -105,26 +105,11 @@ def pick(lab: str, *, port: Annotated[int, Ge(0), Le(65535)] = 0) -> None:
         click.echo(f"open http://127.0.0.1:{server.server_port}/ and pick; Ctrl-C when done")
         with contextlib.suppress(KeyboardInterrupt):
             server.serve_forever()
-    _print_summary(session)
-    click.echo(f"next: uav-bt lab train {lab}")
-
-
-def _print_summary(session: PickSession) -> None:
-    counts = session.counts()
-    each = ", ".join(f"{name} {count}" for name, count in counts.items() if count)
-    click.echo(f"{len(session.picks)} picks: {session.path}{f' ({each})' if each else ''}")
+    each = ", ".join(f"{name} {count}" for name, count in session.counts().items())
+    click.echo(f"{len(session.picks)} picks: {session.path} ({each})")
     picked = session.picked_images()
     click.echo(f"images with picks: {picked[TRAIN]} for training, {picked[CHECK]} for the check")
-    missing = [name for name, count in counts.items() if not count]
-    if missing:
-        click.echo(
-            f"warning: no picks of {', '.join(missing)}: the network never predicts these classes",
-            err=True,
-        )
-    if session.picks and not picked[CHECK]:
-        click.echo(
-            "warning: no picks on images for the check: the network cannot be scored", err=True
-        )
+    click.echo(f"next: uav-bt lab train {lab}")
 
 
 @command()

@@ -41,7 +41,6 @@ class CampaignProgress(Progress):
     def __init__(self, total: int, console: Console) -> None:
         columns = (*self.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
         super().__init__(*columns, console=console, disable=not console.is_terminal)
-        self._total = total
         self._task = self.add_task("", total=total)
         self.outcomes: Counter[str] = Counter()
 
@@ -50,14 +49,13 @@ class CampaignProgress(Progress):
         self.outcomes[flight["outcome"]] += 1
         done = self.outcomes.total()
         counts = "  ".join(f"{name} {count}" for name, count in sorted(self.outcomes.items()))
-        if now:
-            self.update(self._task, advance=1, description=counts)
-        else:
+        self.update(self._task, completed=done, description=counts)
+        if not now:
             # Earlier flights took no time now: they must not shorten the estimate for the rest.
-            self.reset(self._task, completed=done, description=counts)
+            self.reset(self._task, completed=done)
         if flight["outcome"] != "success" or (now and not self.console.is_terminal):
             self.note(
-                f"{done}/{self._total} {flight['tree']} {flight['scene']} seed "
+                f"{done}/{self.tasks[0].total} {flight['tree']} {flight['scene']} seed "
                 f"{flight['seed']}: {flight['outcome']}, {flight.get('reason', '')}"
             )
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final
 
 import click
 from annotated_types import Ge
 
-from uav_bt.app.option_values import Policies
 from uav_bt.app.replay import Difference, ReplayOptions, ReplayReport
 from uav_bt.app.replay import replay as replay_record
 from uav_bt.app.replay.differences import LOSSY_NUMBERS, LOSSY_TICKS
@@ -21,14 +20,12 @@ from uav_bt.cli.shared import TextFormat, table
 from uav_bt.display.rerun import sinks
 from uav_bt.option import Option
 from uav_bt.record.info import record_info
-from uav_bt.tree.loading.lookup import Folders, TreeFolders
-from uav_bt.tree.registry import OwnLeaves
 
 _METADATA: Final = (
     *("tree", "lab", "scene", "seed", "drone", "profile", "record_quality", "started"),
     *("uav_bt", "git"),
 )
-_NO_POLICIES: Final[dict[str, str]] = {}
+_IN_REPLAY: Final = ("tree", "tree_folders", "leaves", "policies", "masks")  # no registry
 _MAX_PRINTED: Final = 20  # differing ticks, and nodes that differ
 
 _Record = Annotated[Path, Option(path="read")]
@@ -111,11 +108,7 @@ def _show(flight: RecordedFlight, *, web: bool) -> None:
 def replay(
     file: _Record,
     *,
-    tree: Annotated[str | None, Option(form="TREE")] = None,
-    tree_folders: Folders,
-    leaves: OwnLeaves = (),
-    policies: Policies = _NO_POLICIES,
-    masks: Literal["network", "recorded"] | None = None,
+    changes: Annotated[ReplayOptions, Option(parts=ReplayOptions, only=_IN_REPLAY)],
     format_: TextFormat = "text",
 ) -> bool:
     """Feed recorded frames through perception and tree, and print what differs.
@@ -123,17 +116,7 @@ def replay(
     New decisions do not change the recorded frames. Exits with 0 when statuses and
     commands are the recorded ones (of a lossy record: within the tolerance that is printed), 1 when
     they differ, and 2 when the record or an option is refused.
-
-    Options:
-        tree: Replay this mission, not the recorded one.
-        masks: Where class maps come from; default: the tree's network, or the record if the flight
-            flew on exact masks.
     """
-    if tree is None and tree_folders != TreeFolders():
-        raise click.UsageError("a record has its own tree files: folders are for another --tree")
-    changes = ReplayOptions(
-        tree=tree, tree_folders=tree_folders, leaves=leaves, policies=policies, masks=masks
-    )
     report = replay_record(file, changes)
     if format_ == "json":
         click.echo(json.dumps(report.to_json(), indent=2))

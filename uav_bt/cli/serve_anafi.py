@@ -22,8 +22,6 @@ from uav_bt.app.option_values import ImageSize, Profile, Seed
 from uav_bt.cli.declare import command
 from uav_bt.option import Option
 
-_Port = Annotated[int, Ge(0), Le(65_535)]
-
 
 @command()
 def serve_anafi(
@@ -39,11 +37,7 @@ def serve_anafi(
     address: str = "127.0.0.1",
     battery_percent: Annotated[int, Ge(0), Le(100), Option(form="--battery")] = 100,
     card: Literal["ready", "full", "absent"] = "ready",
-    discovery_port: _Port = Ports.discovery,
-    control_port: _Port = Ports.control,
-    commands_port: _Port = Ports.commands,
-    http_port: _Port = Ports.http,
-    rtsp_port: _Port = Ports.rtsp,
+    ports: Annotated[Ports, Option(parts=Ports)],
 ) -> None:
     """Serve a loopback ANAFI until Ctrl-C.
 
@@ -64,19 +58,7 @@ def serve_anafi(
             other than 127.x.x.x, everybody who can reach it can fly the drone.
         battery_percent: The battery's charge at first, per cent.
         card: Its memory card. With a full or an absent one, photographs fail.
-        discovery_port: TCP, where clients find it; 0 takes a free one.
-        control_port: TCP, where clients ask for a link; 0 takes a free one.
-        commands_port: UDP, where commands go; 0 takes a free one.
-        http_port: TCP, its web server; 0 takes a free one.
-        rtsp_port: TCP, its video; 0 takes a free one.
     """
-    ports = Ports(
-        discovery=discovery_port,
-        control=control_port,
-        commands=commands_port,
-        http=http_port,
-        rtsp=rtsp_port,
-    )
     setup = DroneSetup(
         server=ServerOptions(address=address, ports=ports),
         battery=BatteryOptions(charge=battery_percent / 100.0),

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Annotated, Literal
 
 import click
 from annotated_types import Ge, Le
@@ -21,7 +21,7 @@ from perception.depth.training.run import DepthTrainingConfig, train_depth
 from perception.networks.training.network_files import parameter_count
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.runtime import shipped_unet
-from uav_bt.app.option_values import ImageSize, Policies, Seed
+from uav_bt.app.option_values import Seed
 from uav_bt.campaign.runner import LocalBackend
 from uav_bt.cli.declare import command
 from uav_bt.cli.evaluate import Drawn
@@ -36,11 +36,9 @@ from uav_bt.learning.dataset import read_advised_flights, read_flights, records_
 from uav_bt.learning.lab_data import LabData, checked_data
 from uav_bt.learning.lab_material import LabMaterial
 from uav_bt.learning.pick_scores import network_of_lab, score_picks
-from uav_bt.learning.views import TRAINING_SCENES
 from uav_bt.option import Option
 from uav_bt.plugins import need
 
-_NO_POLICIES: Final[dict[str, str]] = {}
 _Weights = Annotated[Path, Option("The weights.", path="written", suffix=".safetensors")]
 _Run = Annotated[
     Path,
@@ -215,19 +213,9 @@ def _result(data: LabData, loss: float) -> Iterator[str]:
 
 @command()
 def collect(
-    tree: str,
     *,
-    flights: Count = 96,
-    scenes: Annotated[tuple[str, ...], Option(form="--scene SCENE")] = (),
-    profiles: Annotated[
-        tuple[Literal["ideal", "lab", "harsh", "lab-instant", "harsh-instant"], ...],
-        Option(form="--profile"),
-    ] = (),
-    layouts: bool = True,
-    seed: Seed = 0,
-    image_size_px: ImageSize = (640, 360),
+    plan: Annotated[collecting.CollectionPlan, Option(parts=collecting.CollectionPlan)],
     student: InputFile = None,
-    policies: Policies = _NO_POLICIES,
     workers: Workers = None,
     out: OutputFolder = None,
 ) -> None:
@@ -239,33 +227,18 @@ def collect(
     a collection that was stopped. A flight takes about 45 s of a core.
 
     Options:
-        flights: Minimum in all, shared evenly over scenes and profiles.
-        scenes: Scene to begin with, by name or file. Repeatable; default: all training scenes.
-        profiles: How imperfect the twin is. Repeatable; default: lab and harsh.
-        layouts: Vary the boxes, too, in all flights but the first of each scene; light always
-            varies.
         student: Let this control student (ONNX) fly in place of every policy of the tree.
         out: Where flights and records are kept; default: runs/collected-TREE.
     """
     need("record")
-    names = {node: str(policy) for node, policy in policies.items()}
     if student is not None:
         if not student.is_file():
             raise FileError(student, "there is no such control student")
         # Absolute: workers have another working directory.
-        flying = collecting.nodes_under_policy(tree)
-        names = {**dict.fromkeys(flying, f"student:{student.resolve()}"), **names}
-    plan = collecting.CollectionPlan(
-        tree=tree,
-        policies=names,
-        flights=flights,
-        scenes=scenes or TRAINING_SCENES,
-        profiles=profiles or ("lab", "harsh"),
-        layouts=layouts,
-        seed=seed,
-        image_size_px=image_size_px,
-    )
-    folder = out or RUNS / f"collected-{Path(tree).stem}"
+        flying = collecting.nodes_under_policy(plan.tree)
+        by_student = dict.fromkeys(flying, f"student:{student.resolve()}")
+        plan = replace(plan, policies={**by_student, **plan.policies})
+    folder = out or RUNS / f"collected-{Path(plan.tree).stem}"
     with campaign_progress(len(plan), folder) as progress:
         records = collecting.collect(
             plan,

@@ -28,7 +28,7 @@ from uav_bt.tree import Node, NodeRegistry, describe, load_tree
 from uav_bt.tree.loading.lookup import Folders, TreeId
 from uav_bt.tree.loading.schema import schema_xml
 from uav_bt.tree.nodes import BUILTIN_NODES
-from uav_bt.tree.port import Port, port_text
+from uav_bt.tree.port import port_text
 from uav_bt.tree.shipped import resolve_tree
 
 if TYPE_CHECKING:
@@ -56,29 +56,20 @@ def nodes(
         format_: xml: a node model (TreeNodesModel) that graphical tree editors load; markdown: a
             page with a section for each node.
     """
-    if format_ in {"xml", "markdown"}:
-        chosen = NodeRegistry(registry[name] for name in names) if names else registry
-        click.echo(
-            (describe.palette_xml if format_ == "xml" else describe.node_page)(chosen), nl=False
-        )
-        return
+    chosen = NodeRegistry(registry[name] for name in names) if names else registry
     listed = [registry[name] for name in names] or describe.in_order(registry)
-    if format_ == "json":
+    if format_ == "xml":
+        click.echo(describe.palette_xml(chosen), nl=False)
+    elif format_ == "markdown":
+        click.echo(describe.node_page(chosen), nl=False)
+    elif format_ == "json":
         click.echo(json.dumps([_as_json(node) for node in listed], indent=2))
-        return
-    click.echo("\n\n".join(_described(node) for node in listed))
+    else:
+        from rich.console import Console  # noqa: PLC0415  (only here, and slow to import)
+        from rich.markdown import Markdown  # noqa: PLC0415
 
-
-def _described(node: type[Node]) -> str:
-    found = describe.declared(node)
-    of = "of the format" if node in BUILTIN_NODES else describe.origin(node)
-    lines = [f"{node.node_id}  ({node.kind.value.lower()}, {of})", describe.summary(node)]
-    lines += [_attribute(port) for port in node.ports]
-    lines.append(f"answers {', '.join(found.answers)}" if found.answers else "")
-    lines += [describe.ABILITIES[name] for name in found.abilities]
-    lines.append(f"reads {', '.join(found.reads)}" if found.reads else "")
-    lines.append(f"writes {', '.join(found.writes)}" if found.writes else "")
-    return "\n    ".join(line for line in lines if line)
+        sections = "\n\n".join(text for node in listed for text in describe.section(node))
+        Console().print(Markdown(sections))
 
 
 def _as_json(node: type[Node]) -> dict[str, Any]:
@@ -101,15 +92,6 @@ def _as_json(node: type[Node]) -> dict[str, Any]:
         "builtin": node in BUILTIN_NODES,
         "origin": describe.origin(node),
     }
-
-
-def _attribute(port: Port[Any]) -> str:
-    default = describe.default_text(port)
-    given = port.name if default is None else f'{port.name}="{default}"'
-    kind = " or ".join(map(port_text, port.choices)) or port.type.__name__
-    kind += f", {port.range}" if port.range else ""
-    direction = "" if port.direction == "input" else f", {port.direction}"
-    return f"{given}  {kind}{direction}" + (f": {port.doc}" if port.doc else "")
 
 
 @command()
@@ -171,7 +153,8 @@ def simulate(
 
     TREE is a file, or the name of a mission that ships with uav-bt. Nothing flies: this shows which
     leaves run when, which are halted, and the values of the variables. Exits with 0 when the root
-    succeeds, with 1 when it fails, is skipped or does not end.
+    succeeds, with 1 when it fails, is skipped or does not end. Ticks that repeat the one before are
+    left out of the table.
 
     \b
     The script is a YAML file, such as this answers.yaml:
@@ -221,24 +204,16 @@ def simulate(
 
 
 def _print_table(steps: Iterator[SimulatedTick]) -> SimulatedTick:
-    """Print a line for each tick, and one for all those that repeat the tick before."""
+    """Print a line for each tick that does not repeat the one before; return the last tick."""
     click.echo(" tick     time  root     leaves")
-    shown = last = next(steps)
-    click.echo(_tick_line(shown))
+    last = next(steps)
+    click.echo(_tick_line(last))
     for step in steps:
-        same = (step.status, step.answers) == (shown.status, shown.answers)
+        same = (step.status, step.answers) == (last.status, last.answers)
         if not same or step.halted or step.changed:
-            _print_repeats(shown, last)
             click.echo(_tick_line(step))
-            shown = step
         last = step
-    _print_repeats(shown, last)
     return last
-
-
-def _print_repeats(shown: SimulatedTick, last: SimulatedTick) -> None:
-    if last.tick > shown.tick:
-        click.echo(f"{'...':>5}  {last.time_s:>7.2f}  the same until tick {last.tick}")
 
 
 def _tick_line(step: SimulatedTick) -> str:

@@ -1,46 +1,57 @@
 """Collection of training flights: rule or student flies, and the rule labels each view.
 
-plan = CollectionPlan(tree="explore_and_land_advised", flights=96)
+plan = CollectionPlan("explore_and_land_advised", flights=96)
 collect(plan, Path("runs/collected"))
 """
 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final, Literal
 
 import numpy as np
+from annotated_types import Ge
 
 from sim_bridge.twin.scene_file import load_scene, scene_text
 from sim_bridge.twin.variation import varied_scene
 from uav_bt import app
 from uav_bt import campaign as campaigns
+from uav_bt.app.option_values import ImageSize, Policies, Seed
 from uav_bt.board import ADVICE
 from uav_bt.campaign.runner import Backend, Progress
 from uav_bt.errors import InputError
 from uav_bt.learning.views import TRAINING_SCENES
+from uav_bt.option import Option
 from uav_bt.tree.loading.attributes import POLICY_PORT
 
+_Profile = Literal["ideal", "lab", "harsh", "lab-instant", "harsh-instant"]
 _TIMEOUT_S: Final = 1800.0  # of one flight, wall time
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class CollectionPlan:
-    """Plan of a collection; the flights are distributed evenly over scenes and profiles."""
+    """Plan of a collection; the flights are distributed evenly over scenes and profiles.
 
-    tree: str | Path
-    flights: int = 96  # least total number of flights
-    scenes: tuple[str, ...] = TRAINING_SCENES
-    profiles: tuple[str, ...] = ("lab", "harsh")
-    # True: only the first flight in each scene uses the original scene. The others have random
-    # light and boxes, so that the network does not memorise a few layouts.
-    layouts: bool = True
-    seed: int = 0  # random seed of lights, layouts and flights
-    policies: Mapping[str, str] = field(default_factory=dict)  # policy by node name
-    image_size_px: tuple[int, int] = (640, 360)  # width, height
+    Options:
+        flights: Minimum in all, shared evenly over scenes and profiles.
+        scenes: Scene to begin with, by name or file. Repeatable.
+        profiles: How imperfect the twin is. Repeatable.
+        layouts: Vary the boxes, too, in all flights but the first of each scene; light always
+            varies.
+    """
+
+    tree: str
+    _: KW_ONLY
+    flights: Annotated[int, Ge(1)] = 96
+    scenes: Annotated[tuple[str, ...], Option(form="--scene SCENE")] = TRAINING_SCENES
+    profiles: Annotated[tuple[_Profile, ...], Option(form="--profile")] = ("lab", "harsh")
+    layouts: bool = True  # so that the network does not memorise a few layouts
+    seed: Seed = 0
+    image_size_px: ImageSize = (640, 360)
+    policies: Policies = field(default_factory=dict)
 
     @property
     def each(self) -> int:
@@ -89,7 +100,7 @@ def collect(
     return [record for record in records if record.is_file()]
 
 
-def nodes_under_policy(tree: str | Path) -> list[str]:
+def nodes_under_policy(tree: str) -> list[str]:
     """Return the names of a tree's leaves that fly by a policy, not only advise by it."""
     return [
         leaf.name

@@ -93,7 +93,7 @@ def answer_without(heavy: str, *arguments: str, **environment: str) -> list[str]
         ("net train --help", f"{HEAVY} numpy py_trees uav_bt.app"),
         ("check trees/land_only.xml", HEAVY),
         ("check trees/explore_and_land_depth.xml", HEAVY),
-        ("tree nodes", HEAVY),
+        ("tree nodes --format json", HEAVY),
         ("tree schema", TOOLS_NEED_NO),
         ("tree render trees/land_only.xml --format svg", TOOLS_NEED_NO),
         ("fly --help", "av control filterpy matplotlib mujoco onnx openvino scipy sklearn torch"),

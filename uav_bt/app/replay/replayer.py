@@ -2,32 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final, Literal, get_args
+from typing import Annotated, Any, Final, Literal, get_args
 
 from uav_bt.app.assembly import Flight
 from uav_bt.app.flight_record import RecordedOptions, recorded_options, recorded_tree
 from uav_bt.app.loading import Mission, is_text, read_mission
-from uav_bt.app.option_values import refuse
+from uav_bt.app.option_values import Policies, refuse
 from uav_bt.app.options import FlightOptions
 from uav_bt.app.place import conditions_of
 from uav_bt.app.replay.differences import Comparison, ReplayReport
 from uav_bt.app.replay.recorded_drone import RecordedDrone
 from uav_bt.board import CLASS_MAP, FRAME
 from uav_bt.board.context import FlightFolder
-from uav_bt.errors import FileError, NodeFailedError
+from uav_bt.errors import FileError, InputError, NodeFailedError
 from uav_bt.mission.judge import Judge, JudgeConfig, Outcome, Verdict
 from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
-from uav_bt.protocols import LeafPolicy
+from uav_bt.option import Option
 from uav_bt.record import channels
 from uav_bt.record.reader import RecordReader
 from uav_bt.tree import MissionTree, NodeRegistry, Status
-from uav_bt.tree.loading.lookup import TreeFolders
+from uav_bt.tree.loading.lookup import Folders, TreeFolders
+from uav_bt.tree.registry import OwnLeaves
 from uav_bt.types.area import Area
 
 Masks = Literal["network", "recorded"]
@@ -42,22 +42,27 @@ _AS_RECORDED: Final = "stopped, as in the recording"
 class ReplayOptions:
     """Changes of a replay, and values that are not in the record.
 
-    Attributes:
-        tree: another mission, or the one that was composed in Python; None: the recorded one.
-        tree_folders: where else trees and included files are that this mission does not hold.
-        policies: leaf policies by the node's name or path: names, or objects with `decide`.
-        masks: whose class maps the tree gets: network or recorded; None: a network's, unless the
-            flight flew on exact masks.
-        registry: the nodes that may occur; None: all installed.
-        leaves: Python files with leaves and policies that the trees may use.
+    In Python `tree` may also be a mission that was composed there, and a policy an object with
+    `decide`. `registry` has the nodes that may occur; None: all installed.
+
+    Options:
+        tree: Replay this mission, not the recorded one.
+        masks: Where class maps come from; default: the tree's network, or the record if the flight
+            flew on exact masks.
     """
 
-    tree: Mission | None = None
-    tree_folders: TreeFolders = field(default_factory=TreeFolders)
-    policies: Mapping[str, str | LeafPolicy] = field(default_factory=dict)
+    tree: Annotated[Mission | None, Option(form="TREE")] = None
+    tree_folders: Folders = field(default_factory=TreeFolders)
+    leaves: OwnLeaves = ()
+    policies: Policies = field(default_factory=dict)
     masks: Masks | None = None
     registry: NodeRegistry | None = None
-    leaves: Sequence[str | Path] = ()
+
+    def __post_init__(self) -> None:
+        if self.tree is None and self.tree_folders != TreeFolders():
+            raise InputError(
+                "a record has its own tree files: folders are for another --tree (tree in Python)"
+            )
 
 
 def replay(record: str | Path, options: ReplayOptions | None = None) -> ReplayReport:

@@ -19,12 +19,13 @@ from uav_bt.campaign.report import figures as plots
 from uav_bt.campaign.report.paired import paired_table, pairs_of
 from uav_bt.campaign.report.sources import FlightSet, read_sources
 from uav_bt.campaign.report.tables import Table, origin_table, tables_of
-from uav_bt.campaign.store import FLIGHTS_FILE, METRICS
+from uav_bt.campaign.store import METRICS
 from uav_bt.errors import InputError
 from uav_bt.files import write_whole, writing
 from uav_bt.mission.covered_ground import PASSED_M, SEEN_M
 from uav_bt.mission.flight_report import EXPLORE_S
 
+_ABOUT_DISTRIBUTIONS: Final = "The share of a tree's flights with at most a value."
 _ABOUT_COVERAGE: Final = (
     f"Covered: the free ground within {PASSED_M:g} m of the path. Seen: in view, not hidden, "
     f"within {SEEN_M:g} m of the lens. A thin line is a flight, its end a dot. A thick line is "
@@ -54,8 +55,8 @@ code { white-space: pre-wrap; }
 {% for part in parts %}
 <h2>{{ part.title }}</h2>
 <p>{{ part.note }}</p>
-{% if part.figure is defined %}
-<img src="data:image/png;base64,{{ part.name|png }}" alt="{{ part.title }}: {{ part.note }}">
+{% if part.png is defined %}
+<img src="data:image/png;base64,{{ part.png }}" alt="{{ part.title }}: {{ part.note }}">
 {% else %}
 <div><table>
 <tr>{% for column in part.columns %}<th>{{ column }}</th>{% endfor %}</tr>
@@ -79,7 +80,8 @@ class Drawing(NamedTuple):
     name: str  # of its file, without the suffix
     title: str
     note: str
-    figure: Figure
+    png: str  # for the page, in base 64
+    image: bytes  # content of its file
 
 
 class WrittenReport(NamedTuple):
@@ -96,24 +98,24 @@ def write_report(
     *,
     figures: plots.Form | None = "png",
     all_pairs: bool = False,
-    today: dt.date | None = None,
     on_note: Callable[[str], None] = lambda _: None,
 ) -> WrittenReport:
     """Write the report of campaigns.
 
     Args:
         paths: Folders of campaigns, or files with one flight per line.
-        out: The page. None: `report.html` in the first folder, or beside the first file.
+        out: The page. None: `report.html` in the first folder, or beside the first file, with its
+            name.
         figures: Form of the figures' files. None: no files. The page has PNGs in any case.
         all_pairs: Compare all trees with each other, not only with the first.
-        today: Date of the report. None: today, UTC.
         on_note: Called with each note on the flights.
 
     Raises:
         FileError: There are no flights, or a file cannot be read or written.
     """
     sets = read_sources(paths)
-    out = out or _default_page(paths[0])
+    first = paths[0]
+    out = out or (first / "report.html" if first.is_dir() else first.with_suffix(".html"))
     tables = tables_of(sets, out)
     tables["pairs"] = paired_table(pairs_of(sets, all_pairs=all_pairs))
     notes = list(dict.fromkeys(one.note for one in sets if one.note))
@@ -125,15 +127,10 @@ def write_report(
             "such as Debian's fonts-noto-cjk or fonts-noto-core"
         )
     with mpl.rc_context({**plots.STYLE, "font.family": families}):
-        drawings = [*_drawings(sets), *_scenes(sets, notes)]
-        images = {each.name: plots.drawn(each.figure, "png") for each in drawings}
-        saved, form = images, figures or "png"
-        if form != "png":
-            saved = {each.name: plots.drawn(each.figure, form) for each in drawings}
+        drawings = list(_drawings(sets, notes, figures or "png"))
     for note in notes:
         on_note(note)
-    today = today or dt.datetime.now(dt.UTC).date()
-    write_whole(out, _page(sets, tables, drawings, images=images, notes=notes, today=today))
+    write_whole(out, _page(sets, tables, drawings, notes))
     written = WrittenReport(out, [], [])
     for name, table in tables.items():
         written.tables.append(out.with_name(f"{out.stem}-{name}.csv"))
@@ -143,31 +140,19 @@ def write_report(
     folder = out.with_name(f"{out.stem}-figures")
     with writing(folder):
         folder.mkdir(exist_ok=True)
-    for name, image in saved.items():
-        stem = re.sub(r"[^\w.-]+", "_", name)  # a scene may have any name
-        written.images.append(folder / f"{stem}.{form}")
-        write_whole(written.images[-1], image)
+    for each in drawings:
+        stem = re.sub(r"[^\w.-]+", "_", each.name)  # a scene may have any name
+        written.images.append(folder / f"{stem}.{figures}")
+        write_whole(written.images[-1], each.image)
     return written
 
 
-def _default_page(first: Path) -> Path:
-    if first.is_dir():
-        return first / "report.html"
-    return first.with_name("report.html" if first.name == FLIGHTS_FILE else f"{first.stem}.html")
-
-
-def _drawings(sets: Sequence[FlightSet]) -> Iterator[Drawing]:
-    """Yield the figures of all flights, without those that would be empty."""
-    about = "The share of a tree's flights with at most a value."
-    yield Drawing("outcomes", "Successes", "", plots.outcomes(sets))
-    if figure := plots.distributions(sets):
-        yield Drawing("distributions", "Distributions", about, figure)
-    if figure := plots.coverage_over_time(sets):
-        yield Drawing("coverage", "Coverage over time", _ABOUT_COVERAGE, figure)
-
-
-def _scenes(sets: Sequence[FlightSet], notes: list[str]) -> Iterator[Drawing]:
-    """Yield the figures of the scenes that can still be read, and note the others."""
+def _drawings(sets: Sequence[FlightSet], notes: list[str], form: plots.Form) -> Iterator[Drawing]:
+    """Yield the figures that are not empty, and note the scenes that cannot be read any more."""
+    found: list[tuple[str, str, str, Figure | None]] = [
+        ("distributions", "Distributions", _ABOUT_DISTRIBUTIONS, plots.distributions(sets)),
+        ("coverage", "Coverage over time", _ABOUT_COVERAGE, plots.coverage_over_time(sets)),
+    ]
     files = {
         flight["scene"]: one.scene_path(flight["scene"])
         for one in reversed(sets)
@@ -180,25 +165,26 @@ def _scenes(sets: Sequence[FlightSet], notes: list[str]) -> Iterator[Drawing]:
         except InputError as error:
             notes.append(f"no map of scene '{name}': {error}")
         else:
-            if figure is not None:
-                yield Drawing(f"scene-{name}", f"Scene {name}", _ABOUT_SCENES, figure)
+            found.append((f"scene-{name}", f"Scene {name}", _ABOUT_SCENES, figure))
+    for name, title, note, drawn in found:
+        if drawn is not None:
+            png = plots.drawn(drawn, "png")
+            image = png if form == "png" else plots.drawn(drawn, form)
+            yield Drawing(name, title, note, base64.b64encode(png).decode(), image)
 
 
 def _page(
     sets: Sequence[FlightSet],
     tables: dict[str, Table],
     drawings: Sequence[Drawing],
-    *,
-    images: dict[str, bytes],
     notes: Sequence[str],
-    today: dt.date,
 ) -> str:
     """Return the page: notes first, each figure before the tables of its values."""
     drawn_as = {each.name: each for each in drawings}
     scenes = [each for each in drawings if each.name.startswith("scene-")]
     parts: list[Any] = [
         Table("notes", "Please note", ("note",), [(note,) for note in notes]),
-        *(drawn_as["outcomes"], tables["outcomes"], tables["scenes"], tables["pairs"]),
+        *(tables["outcomes"], tables["scenes"], tables["pairs"]),
         *(drawn_as.get("distributions"), tables["metrics"], tables["rates"]),
         *(drawn_as.get("coverage"), tables["map"], *scenes, tables["failures"], tables["timings"]),
         *map(origin_table, {one.path: one for one in sets}.values()),
@@ -209,10 +195,9 @@ def _page(
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, finalize=_finalize
     )
-    environment.filters["png"] = lambda name: base64.b64encode(images[name]).decode()
     return environment.from_string(_PAGE).render(
         title="Flights of " + ", ".join(one.label for one in sets),
-        lead=f"{lead}, {today.isoformat()}, uav-bt {__version__}",
+        lead=f"{lead}, {dt.datetime.now(dt.UTC):%F}, uav-bt {__version__}",
         metrics=METRICS,
         zip=zip,
         parts=[part for part in parts if part and (not isinstance(part, Table) or part.rows)],

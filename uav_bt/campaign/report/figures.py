@@ -1,4 +1,4 @@
-"""The report's figures: outcomes, distributions, coverage, and paths in the scenes."""
+"""The report's figures: distributions, coverage, and paths in the scenes."""
 
 from __future__ import annotations
 
@@ -93,22 +93,6 @@ def _legend(figure: Figure, labels: Iterable[tuple[str, str]], columns: int = 2)
     """Add a legend of labels with their colours above a figure."""
     lines = [Line2D([], [], color=colour, label=label) for label, colour in labels]
     figure.legend(handles=lines, loc="outside upper left", ncols=columns)
-
-
-def outcomes(sets: Sequence[FlightSet]) -> Figure:
-    """Draw the share of successes of each set, with its 95 % Wilson interval."""
-    figure = Figure(figsize=(8.0, 0.8 + 0.4 * len(sets)))
-    axes = figure.add_subplot()
-    for row, one in enumerate(sets):
-        share = 100.0 * stats.successes(one.flights) / len(one.flights)
-        ends = stats.success_interval(one.flights)
-        axes.plot(ends, (row, row), color=f"C{row}", linewidth=6, alpha=0.3)
-        axes.plot(share, row, "o", color=f"C{row}", markersize=7, clip_on=False)
-    labels = [f"{one.label}: {stats.success_words(one.flights)}" for one in sets]
-    axes.set_yticks(range(len(sets)), labels)
-    axes.set(xlim=(0.0, 100.0), ylim=(len(sets) - 0.5, -0.5))
-    axes.set_xlabel("successful flights, %, with the 95 % Wilson interval")
-    return figure
 
 
 def distributions(sets: Sequence[FlightSet]) -> Figure | None:

@@ -38,6 +38,11 @@ class FlightSet:
     runs: Sequence[Mapping[str, Any]] = ()  # each with its time, machine and commit
     note: str = ""  # on planned flights of the source that are missing
 
+    @property
+    def options(self) -> FlightOptions:
+        """How the flights of the plan are flown."""
+        return FlightOptions() if self.plan is None else self.plan.options
+
     def scene_path(self, scene: str) -> str:
         """Return the file of a scene of these flights, or the name of a shipped scene."""
         planned = self.plan.scenes if self.plan else ()
@@ -51,9 +56,8 @@ class FlightSet:
     def repeat_command(self, flight: Mapping[str, Any]) -> str:
         """Return the command that flies one of the flights again."""
         scene = None if flight["scene"] is None else self.scene_path(flight["scene"])
-        options = FlightOptions() if self.plan is None else self.plan.options
         out = PurePosixPath(flight.get("folder") or file_stem(key_of(flight))).name
-        return fly_command(self.tree_path(), scene, flight, options, out=out)
+        return fly_command(self.tree_path(), scene, flight, self.options, out=out)
 
 
 def read_sources(paths: Sequence[Path]) -> tuple[FlightSet, ...]:
