@@ -178,8 +178,12 @@ def make_masks(
             advance("masks", done, len(files))
     kept = []
     for file in files.values():
-        with np.load(file) as arrays:
-            kept.append((arrays["rgb"], arrays["ids"]))
+        try:
+            with np.load(file, allow_pickle=False) as arrays:
+                kept.append((arrays["rgb"], arrays["ids"]))
+        except Exception as error:  # numpy raises various errors of zip, zlib and its parser
+            remedy = "delete it, and it is made again"
+            raise FileError(file, f"is damaged ({error}); {remedy}") from error
     rgb, ids = zip(*kept, strict=True)
     return np.stack(rgb), np.stack(ids)
 

@@ -67,6 +67,10 @@ def test_kept_masks_are_not_made_again_and_a_changed_image_is(tmp_path: Path) ->
     _, changed = make()
     assert calls == [("masks", 5, 6), ("masks", 6, 6)]
     assert (changed[2] == FLOOR).all()
+    first = min(folder.iterdir())
+    first.write_bytes(b"half")
+    with pytest.raises(FileError, match=f"{first.name}: is damaged .* made again"):
+        make()
 
 
 def test_an_interrupted_training_continues_and_gives_the_same_network(tmp_path: Path) -> None:
