@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.uav_bt.lab.test_flight_keys import KEYS, filled
+from tests.worlds.tables import cases
 from tests.worlds.trees import document
 from uav_bt import app
 from uav_bt.app.assembly import Flight, assemble
@@ -32,22 +34,6 @@ pytestmark = pytest.mark.flight
 
 # --- site files -----------------------------------------------------------------------------------
 
-FULL = """
-flight_height_m: 1.2
-take_off_surface_m: 0.4
-camera: camera.yaml
-network: {model: hall.onnx, classes: classes.yaml}
-ground: [carpet, background]
-limits: {speed_mps: 0.6, climb_mps: 0.5, yaw_rate_radps: 1.2, ceiling_m: 2}
-mark: {size_m: [0.6, 0.4], height_m: 0.05}
-margins: {obstacle_m: 0.5, edge_m: 0.4, unknown_m: 0.3, lane_m: 0.8}
-battery: {take_off: 0.4, critical: 0.15}
-link: {take_off: 0.6}
-video: {latency_s: 0.2}
-ports: {http: 8080, rtsp: 8554}
-return_home: off
-"""
-
 
 def site_file(folder: Path, text: str) -> Path:
     path = folder / "site.yaml"
@@ -56,20 +42,19 @@ def site_file(folder: Path, text: str) -> Path:
 
 
 def test_all_keys_of_a_site_file(tmp_path: Path) -> None:
-    for name in ("camera.yaml", "hall.onnx", "classes.yaml"):
-        (tmp_path / name).touch()
-    assert load_site(site_file(tmp_path, FULL)) == Site(
+    assert load_site(site_file(filled(tmp_path), KEYS)) == Site(
         flight_height_m=1.2,
         take_off_surface_m=0.4,
         camera=tmp_path / "camera.yaml",
         model=str(tmp_path / "hall.onnx"),
         classes=tmp_path / "classes.yaml",
-        ground=("carpet", "background"),
-        limits=Limits(
-            speed_mps=0.6, climb_mps=0.5, yaw_rate_radps=1.2, ceiling_m=2.0, critical_battery=0.15
-        ),
+        ground=("floor", "wall"),
+        limits=Limits(speed_mps=0.6, ceiling_m=2.0, critical_battery=0.15),
+        take_off_pose=Pose2D(x_m=-1.0, y_m=0.5, yaw_rad=math.pi / 2),
+        area=area_corners("lab:-2,-2; lab:2,-2; lab:2,2; lab:-2,2"),
         mark=LandingMark(length_m=0.6, width_m=0.4, height_m=0.05),
-        clearances=Clearances(obstacle_m=0.5, edge_m=0.4, unknown_m=0.3, lane_m=0.8),
+        mark_pose=Pose2D(x_m=1.0, y_m=-1.0, yaw_rad=math.pi),
+        clearances=Clearances(obstacle_m=0.5),
         preflight=PreflightConfig(battery=0.4, link=0.6),
         video_latency_s=0.2,
         http_port=8080,
@@ -86,19 +71,7 @@ def test_an_empty_file_and_half_a_mark_keep_what_they_do_not_state(tmp_path: Pat
     assert large.mark == replace(default_mark(), length_m=1.0, width_m=1.5)
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("hight: 1", r"site.yaml:1: hight: unknown key \(known: flight_height_m,"),
-        ("mark: {size_m: [0.5]}", "site.yaml:1: mark.size_m"),
-        ("camera: \nlimits: {speed_mps: 0}", "yaml:2: limits: speed_mps must be a positive number"),
-        ("camera: nowhere.yaml", r"camera: there is no file .*nowhere\.yaml"),
-        ("\nmark: {kind: april}", r"2: mark: unknown landing mark 'april'"),
-        ("\nmark: {kind: apriltag}", r"2: mark: landing mark 'apriltag' needs the option id"),
-        ("mark: {kind: aruco, options: {id: 70, size_m: 0.3}}", "4x4_50 has the tags 0 to 49"),
-        ("mark: {options: {id: 7}}", "landing mark 'helipad' has no option 'id'"),
-    ],
-)
+@pytest.mark.parametrize(("text", "message"), cases("labs")["refused_sites"])
 def test_what_is_wrong_is_named(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(FileError, match=message):
         load_site(site_file(tmp_path, text))
