@@ -24,7 +24,7 @@ CEILINGS = {
     "perception/camera": 1_016,
     "perception/control": 717,
     "perception/depth": 2_832,
-    "perception/mapping": 2_606,
+    "perception/mapping": 2_604,
     "perception/marks": 1_162,
     "perception/networks": 1_007,
     "perception/odometry": 636,

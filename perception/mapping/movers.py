@@ -50,8 +50,7 @@ _SAME_M: Final = 0.45  # a cluster this near to a track starts no other
 _OWNED_M: Final = 0.15  # points this near to the circle of a mover belong to it
 _DOUBT_S: Final = 0.6  # a cluster that has not moved is forgotten after this time unseen
 _FREE_S: Final = 0.3  # a track is forgotten when its place is seen free for this long
-# A point of the map belongs to a mover that was there within this time of its first sighting.
-_PASSED_S: Final = 1.0
+_PASSED_S: Final = 1.0  # a mover was at points of the map that were first seen within this time
 _FAR: Final = 1e6  # cost of a pair that must not be assigned
 
 SETTLES_S: Final = 2.0  # a point on ground that was seen before settles after this time
@@ -62,8 +61,7 @@ _BESIDE_MPS: Final = 0.04  # growth from one to the other
 # that the points of a box that a mover passes stay those of the box.
 _SHARED_M: Final = 0.05
 
-# A base this near to a point of its own class that settled so long ago is of that obstacle, seen
-# from another side by a map that has drifted: no mover. A mover's own points are newer. Chosen.
+# A base this near to a point of its class, settled so long ago, is of that obstacle. Chosen.
 _OWN_M: Final = 0.3
 _OWN_S: Final = 5.0
 
@@ -89,7 +87,7 @@ def find_arrivals(seen: Landmarks, known: Landmarks, on_ground: Flags, owned: Fl
 
 
 def are_of_known(seen: Landmarks, known: Landmarks, time_s: float) -> Flags:
-    """Return which bases of a view are near a point of their class that has long settled, (N,)."""
+    """Return which bases are of an old obstacle, seen from another side by a drifted map, (N,)."""
     old = known.take(known.settled_s <= time_s - _OWN_S)
     near = cdist(seen.xy_m, old.xy_m) <= _OWN_M
     return np.asarray((near & (seen.ids[:, None] == old.ids)).any(axis=1))
