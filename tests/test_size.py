@@ -49,7 +49,7 @@ CEILINGS = {
     "uav_bt": 1_702,
     "uav_bt/app": 4_459,
     "uav_bt/board": 571,
-    "uav_bt/campaign": 2_309,
+    "uav_bt/campaign": 2_310,
     "uav_bt/cli": 3_003,
     "uav_bt/display": 2_072,
     "uav_bt/groot": 569,

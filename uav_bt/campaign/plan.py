@@ -124,8 +124,9 @@ class CampaignPlan:
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> CampaignPlan:
         """Return the plan that `to_json` wrote, by default options where it states none."""
-        options = FlightOptions.of_json({name: values[name] for name in SHARED if name in values})
-        others = {name: value for name, value in values.items() if name not in SHARED}
+        others = dict(values)
+        shared = {name: others.pop(name) for name in SHARED if name in others}
+        options = FlightOptions.of_json(shared)
         return _PLAN.validate_python({**others, "options": options})
 
 
