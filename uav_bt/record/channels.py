@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 from uav_bt import types
+from uav_bt.errors import ValueRangeError
 from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Advice
@@ -13,6 +14,7 @@ from uav_bt.record.values import dump, json_schema
 from uav_bt.types.camera import FrameNote
 from uav_bt.types.site_map import SiteMapBase
 
+_MAX_TIME_S: Final = 1e9  # views count nanoseconds in 64 bits
 _SAME: Final = ("index", "time_s", "phase", "active", "compute_s")  # of a tick and its note
 
 
@@ -29,6 +31,10 @@ class TickNote:
     compute_s: float = 0.0  # wall time of the tree, networks included
     frame_index: int | None = None  # of the newest frame
     slow_leaves: tuple[str, ...] = ()  # leaves that exceeded their time budget
+
+    def __post_init__(self) -> None:
+        if not (abs(self.time_s) < _MAX_TIME_S and self.index >= 0):
+            raise ValueRangeError(f"tick {self.index} at {self.time_s} s is none")
 
     @classmethod
     def of(cls, record: TickRecord) -> TickNote:
@@ -77,6 +83,11 @@ class TreeNote:
     """The tree's nodes, parents first, in the order of the file."""
 
     nodes: tuple[NodeNote, ...]
+
+    def __post_init__(self) -> None:
+        for place, node in enumerate(self.nodes):
+            if node.parent is not None and not 0 <= node.parent < place:
+                raise ValueRangeError(f"node {place} must come after its parent, {node.parent}")
 
 
 @dataclass(frozen=True, kw_only=True)

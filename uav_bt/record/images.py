@@ -28,6 +28,9 @@ _SMALL_WIDTH_PX: Final = 320
 # foxglove.RawImage's names of our pixel types.
 ENCODINGS: Final = {"uint8": "mono8", "uint16": "16UC1", "float32": "32FC1"}
 _DTYPES: Final = {"mono8": "<u1", "16UC1": "<u2", "32FC1": "<f4"}
+_MAX_PIXELS: Final = 50_000_000  # twice a photograph's; a small PNG can have billions
+_PNG_HEAD: Final = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR"
+_JPEG_FRAMES: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # markers with a size
 _MAX_MM: Final = 65_535
 # Field numbers of foxglove.CompressedImage and foxglove.RawImage.
 _COMPRESSED_DATA: Final = 2
@@ -64,13 +67,27 @@ def decode_bytes(data: bytes) -> NDArray[np.uint8]:
 
 
 def _decoded(data: bytes | memoryview, how: int) -> NDArray[np.uint8]:
-    try:
-        image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), how)
-    except cv2.error:  # no bytes, or more pixels than OpenCV decodes
-        image = None
+    width_px, height_px = image_size(data)
+    if width_px * height_px > _MAX_PIXELS:
+        raise InputError(f"an image of {width_px}x{height_px} has more than {_MAX_PIXELS} pixels")
+    image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), how)
     if image is None:
-        raise InputError(f"expected a PNG or JPEG image, got {len(data)} bytes that cannot be read")
+        raise InputError(f"a PNG or JPEG image of {len(data)} bytes is damaged")
     return image.astype(np.uint8, copy=False)
+
+
+def image_size(data: bytes | memoryview) -> tuple[int, int]:
+    """Return width and height of a PNG or JPEG, px; InputError if it is neither."""
+    view = memoryview(data)
+    if bytes(view[:16]).startswith(_PNG_HEAD) and len(view) > 24:
+        return int.from_bytes(view[16:20]), int.from_bytes(view[20:24])
+    at = 2 if bytes(view[:2]) == b"\xff\xd8" else len(view)
+    while at + 9 <= len(view) and view[at] == 0xFF:
+        if view[at + 1] in _JPEG_FRAMES:
+            return int.from_bytes(view[at + 7 : at + 9]), int.from_bytes(view[at + 5 : at + 7])
+        # Fill bytes 0xFF may stand between two segments.
+        at += 1 if view[at + 1] == 0xFF else 2 + int.from_bytes(view[at + 2 : at + 4])
+    raise InputError(f"expected a PNG or JPEG image, got {len(view)} bytes of neither")
 
 
 def image_bytes(message: bytes) -> bytes:

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any, Final
 
+from lz4.frame import LZ4FrameDecompressor
 from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
 from mcap.records import Attachment, Channel, Chunk, DataEnd, McapRecord, Message, Metadata
 from mcap.stream_reader import StreamReader, breakup_chunk
+from zstandard import ZstdDecompressor
 
 from uav_bt.errors import FileError
 from uav_bt.files import reading
 
 _MAGIC: Final = bytes((0x89, 0x4D, 0x43, 0x41, 0x50, 0x30, 0x0D, 0x0A))
 _FOOTER_BYTES: Final = 29  # opcode, length and content, by the MCAP specification
+# Our chunks have 4 MiB and the rest of a burst; chosen eight times as large.
+_MAX_CHUNK_BYTES: Final = 32 * 1024 * 1024
 
 
 class RecordScan:
@@ -49,7 +54,7 @@ class RecordScan:
                 inside = [record]
                 if isinstance(record, Chunk):
                     try:
-                        inside = breakup_chunk(record, validate_crc=True)
+                        inside = opened(record)
                     except Exception as error:  # noqa: BLE001 - a damaged chunk raises anything
                         self._note(offset, f"a damaged record ({type(error).__name__}: {error})")
                         continue
@@ -95,3 +100,21 @@ class RecordScan:
                 return [*reader.iter_metadata(), *reader.iter_attachments()]
             except Exception:  # noqa: BLE001 - a damaged index raises anything
                 return []
+
+
+def opened(chunk: Chunk) -> list[McapRecord]:
+    """Return a chunk's records; ValueError if it is too large or not of the size that it says."""
+    size = chunk.uncompressed_size
+    if size > _MAX_CHUNK_BYTES:
+        raise ValueError(f"a chunk of {size} bytes, opened, more than {_MAX_CHUNK_BYTES}")
+    if chunk.compression == "zstd":
+        data = ZstdDecompressor().stream_reader(chunk.data).read(size + 1)
+    elif chunk.compression == "lz4":
+        data = LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+    elif chunk.compression:
+        raise ValueError(f"a chunk compressed by '{chunk.compression:.20}'")
+    else:
+        data = chunk.data
+    if len(data) != size:
+        raise ValueError(f"a chunk of {size} bytes has {len(data)} or more")
+    return breakup_chunk(replace(chunk, compression="", data=data), validate_crc=True)

@@ -22,6 +22,7 @@ from uav_bt.types import Movement
 
 T = TypeVar("T")
 
+_MAX_INTEGER: Final = 2**63 - 1
 _ODD: Final = {"Infinity": math.inf, "-Infinity": -math.inf, "NaN": math.nan}
 _NUMBER: Final = {"anyOf": [{"type": "number"}, {"enum": list(_ODD)}]}
 _MISFITS: Final = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError)
@@ -106,6 +107,8 @@ def _decoded(hint: Any, data: Any) -> Any:
         value = hint(data)
     elif data not in arguments if origin is Literal else type(data) is not hint:
         raise TypeError(f"{data!r:.40} is no {hint}")
+    elif hint is int and abs(data) > _MAX_INTEGER:
+        raise TypeError(f"{data!r:.40} has more than 64 bits")
     return value
 
 
