@@ -47,7 +47,7 @@ CEILINGS = {
     "tools": 168,
     "trees": 1,
     "uav_bt": 1_702,
-    "uav_bt/app": 4_459,
+    "uav_bt/app": 4_460,
     "uav_bt/board": 571,
     "uav_bt/campaign": 2_310,
     "uav_bt/cli": 3_003,

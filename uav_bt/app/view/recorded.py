@@ -135,8 +135,9 @@ class RecordedFlight:
         advance: Advance,
         stopped: Callable[[], bool] = lambda: False,
     ) -> None:
-        report = parse_json((self.reader.end or {}).get("report", "{}"))
-        done, total = 0, int(report.get("ticks", 1))  # the whole flight's, for a progress bar
+        done, total = 0, 1  # the whole flight's, for a progress bar
+        with suppress(InputError, KeyError, TypeError, ValueError, OverflowError):
+            total = int(parse_json((self.reader.end or {})["report"])["ticks"])
         for record in self._ticks(playback):
             listener.on_tick(record)
             done += 1
