@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.uav_bt.lab.test_flight_keys import KEYS, filled
+from tests.uav_bt.lab.test_lab_file import KEYS, filled
 from tests.worlds.tables import cases
 from tests.worlds.trees import document
 from uav_bt import app

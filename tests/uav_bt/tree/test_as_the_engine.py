@@ -5,22 +5,24 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import yaml
 
 from tests.uav_bt.tree.test_loader import REGISTRY, warnings_of
 from tests.worlds.tables import cases
 from tests.worlds.trees import document
 from uav_bt.errors import FileError, TreeError
-from uav_bt.tree import load_tree, parse_tree
-from uav_bt.tree.loading.findings import ERROR, Findings
+from uav_bt.tree import NodeRegistry, load_tree, parse_tree
+from uav_bt.tree.loading.findings import ERROR, Findings, errors_of
 from uav_bt.tree.loading.loader import check_file, check_text
 from uav_bt.tree.loading.lookup import Library, Lookup, files_in, shipped_trees
 from uav_bt.tree.loading.models import with_palette
+from uav_bt.tree.loading.source import Element, parse_source, walk
 
-CASES = cases("warnings")
+WARNINGS = cases("warnings")
 SPARE = '<BehaviorTree ID="B">{}</BehaviorTree>'
 
 
-@pytest.mark.parametrize(("text", "message"), CASES)
+@pytest.mark.parametrize(("text", "message"), WARNINGS)
 def test_what_the_engine_takes_is_a_warning(text: str, message: str) -> None:
     (found,) = warnings_of(text)
     assert message in found
@@ -180,3 +182,96 @@ def test_an_odd_port_does_not_cost_a_palette(tmp_path: Path) -> None:
     text = document('<Keep><Cut far="2.5"/><Count n="3"/></Keep>')
     assert check_text(text, registry, path=Path("m.xml")) == ()
     assert check_text(text.replace("2.5", "far"), registry, path=Path("m.xml"))
+
+
+# --- text that is no XML, but that the engine's reader takes --------------------------------------
+
+CASES = cases("loading")
+
+DASHES = "'--' in a comment is not XML: write something else"
+
+
+def read(text: str) -> list[Element]:
+    root = parse_source(text.encode(), Path("m.xml"))
+    return [root, *walk(root)]
+
+
+@pytest.mark.parametrize(("text", "mended"), CASES["mended"])
+def test_what_the_engine_reads_is_mended(text: str, mended: list[list[str]]) -> None:
+    assert [[str(at), why] for at, why in read(text)[0].mended] == mended
+
+
+def test_what_is_mended_keeps_its_text_and_moves_nothing() -> None:
+    text = "\n<?xml version='1.0'?>\n<a>\n<!-- -- --><b x='&&' y='é &nbsp; <'\n z='1'>t & u</b></a>"
+    _, inner = read(text)
+    assert inner.attributes == {"x": "&&", "y": "é &nbsp; <", "z": "1"}
+    assert inner.text == "t & u"
+    assert str(inner.position) == "4:12"
+    places = {name: str(at) for name, at in inner.attribute_positions.items()}
+    assert places == {"x": "4:15", "y": "4:22", "z": "5:2"}
+
+
+@pytest.mark.parametrize(("text", "words"), CASES["refused_texts"])
+def test_other_faults_are_refused_where_they_stand(text: str, words: str) -> None:
+    with pytest.raises(TreeError) as caught:
+        read(text)
+    assert words in caught.value.findings[0]
+
+
+@pytest.mark.parametrize("part", ["<a'\"", "<!--", "<a x='&'>", "<?x ", "&"])
+def test_hostile_text_is_refused_in_linear_time(part: str) -> None:
+    with pytest.raises(TreeError):
+        read(part * (1_000_000 // len(part)))
+
+
+def test_each_is_one_warning_of_the_file() -> None:
+    text = '<root BTCPP_format="4">\n<!-- -- -->\n</root>'
+    found = [str(one) for one in check_text(text, path=Path("m.xml"))]
+    assert f"m.xml:2:6: warning: {DASHES}" in found
+
+
+# --- files in the style of public projects: their findings equal verdicts.yaml --------------------
+
+FILES = Path(__file__).parents[2] / "data" / "tree_files"
+VERDICTS = yaml.safe_load((FILES / "verdicts.yaml").read_text(encoding="utf-8"))
+PALETTE = with_palette(NodeRegistry(), FILES / "palette.xml")
+WORKSPACE = Lookup(Library(path for path in files_in(FILES / "workspace") if path.suffix == ".xml"))
+
+
+@pytest.mark.parametrize("name", VERDICTS)
+def test_verdict(name: str) -> None:
+    verdict = VERDICTS[name]
+    found = check_file(FILES / name, PALETTE, lookup=WORKSPACE)
+    got = "refused" if errors_of(found) else "warned" if found else "taken"
+    assert got == verdict["here"], found
+    assert verdict.get("words", "") in "\n".join(map(str, found))
+    # We accept exactly the files that the engine accepts, except for texts in double quotes, which
+    # all releases before 4.9 accept.
+    if name != "double_quotes.xml":
+        assert (got == "refused") == (verdict["engine"] != "taken")
+
+
+def test_every_file_has_a_verdict() -> None:
+    assert {str(path.relative_to(FILES)) for path in files_in(FILES)} == {*VERDICTS, "palette.xml"}
+
+
+# --- projects: each has a project.yaml, with its palette and words of its warnings ----------------
+
+PROJECTS = Path(__file__).parents[2] / "data" / "tree_projects"
+PROJECT_FILES = [
+    pytest.param(project.parent, path, id=f"{project.parent.name}/{path.name}")
+    for project in sorted(PROJECTS.glob("*/project.yaml"))
+    for path in files_in(project.parent)
+]
+
+
+@pytest.mark.parametrize(("project", "path"), PROJECT_FILES)
+def test_findings_of_a_file(project: Path, path: Path) -> None:
+    asked = yaml.safe_load((project / "project.yaml").read_text(encoding="utf-8"))
+    known = with_palette(NodeRegistry(), project / asked["palette"])
+    found = check_file(path, known, lookup=Lookup(Library(sorted(project.rglob("*.xml")))))
+    words = asked["warned"].get(str(path.relative_to(project)), [])
+    assert not errors_of(found)
+    assert bool(found) == bool(words), found
+    for each in words:
+        assert each in "\n".join(map(str, found))

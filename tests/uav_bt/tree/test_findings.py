@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,8 +12,10 @@ from tests.worlds.tables import cases
 from tests.worlds.trees import check, document, subtree
 from uav_bt.board import HEIGHT, MARK, ODOMETRY, PHASE
 from uav_bt.board.blackboard import Key
-from uav_bt.errors import TreeError
+from uav_bt.errors import FileError, InputError, TreeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, parse_tree
+from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Position
+from uav_bt.tree.loading.loader import check_file, findings_of
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.types import MarkFix
 
@@ -146,3 +149,22 @@ def test_a_part_is_refused_for_what_fails_in_every_mission() -> None:
     text = f'<root BTCPP_format="4"><BehaviorTree ID="Part">{body}</BehaviorTree></root>'
     (found,) = check(text, REGISTRY)
     assert "may ask for a movement in the same tick" in found.message
+
+
+# --- findings without a place in the file ---------------------------------------------------------
+
+
+def test_a_file_that_is_not_there_is_a_finding_about_the_whole_file(tmp_path: Path) -> None:
+    path = tmp_path / "absent.xml"
+    assert check_file(path) == (Finding(str(path), WHOLE_FILE, "no such file"),)
+    assert str(check_file(path)[0]) == f"{path}: no such file"
+
+
+def test_other_errors_become_findings_too() -> None:
+    path = Path("m.xml")
+    assert findings_of(FileError("x.yaml", "broken", 7), path) == (
+        Finding("x.yaml", Position(7, 1), "broken"),
+    )
+    assert findings_of(InputError("two packages"), path) == (
+        Finding("m.xml", WHOLE_FILE, "two packages"),
+    )

@@ -1,4 +1,4 @@
-"""What a mission's file alone shows before its flight: places, take-off, landing, keys, names."""
+"""What a mission's file alone shows before its flight: its rules, places, keys and units."""
 
 from __future__ import annotations
 
@@ -8,13 +8,18 @@ from pathlib import Path
 import pytest
 
 from tests.worlds.tables import cases
-from tests.worlds.trees import document
+from tests.worlds.trees import check, document, subtree
 from uav_bt import app
-from uav_bt.errors import TreeError
+from uav_bt.board import FLIGHT_HEIGHT, ODOMETRY
+from uav_bt.errors import InputError, TreeError
 from uav_bt.lab.shipped import load_lab
-from uav_bt.tree import NodeRegistry
+from uav_bt.mission.judge import JudgeConfig
+from uav_bt.tree import Leaf, MissionTree, NodeRegistry, parse_tree
+from uav_bt.tree.loading.findings import Finding, Rule, errors_of
 from uav_bt.tree.loading.loader import check_file, check_text
 from uav_bt.tree.loading.lookup import Library, Lookup, files_in
+from uav_bt.tree.rules import Rules
+from uav_bt.types.place import LandOn, MissionRules
 
 CASES = cases("missions")
 
@@ -75,3 +80,123 @@ def test_what_a_lab_lacks_is_refused_there_and_a_warning_for_the_default_lab(
     mission = document(f"<Sequence>{''.join(body)}</Sequence>")
     with pytest.raises(TreeError, match=re.escape(message)):
         app.check(mission, lab=load_lab())
+
+
+# --- rules of a mission ---------------------------------------------------------------------------
+
+
+class Up(Leaf):
+    """Takes off."""
+
+    moves = True
+    writes = (FLIGHT_HEIGHT,)
+
+
+class Track(Leaf):
+    """Keeps the odometry."""
+
+    writes = (ODOMETRY,)
+
+
+RULES = NodeRegistry([Rules, Up, Track])
+SQUARE = "start:-1,-1; start:3,-1; lab:3,1; start:-1,1"
+
+
+def messages(body: str, inner: str = "<AlwaysSuccess/>") -> list[str]:
+    text = document(body, subtree("Inner", inner))
+    return [each.message for each in check(text, RULES)]
+
+
+def stated(body: str, inner: str = "<AlwaysSuccess/>") -> MissionRules:
+    tree: MissionTree = parse_tree(document(body, subtree("Inner", inner)), RULES)
+    (leaf,) = (leaf for leaf in tree.leaves() if isinstance(leaf, Rules))
+    return leaf.stated()
+
+
+def test_rules_are_read_from_the_file() -> None:
+    assert stated("<Rules/>") == MissionRules(land_on=LandOn.MARK)
+    rules = stated(f'<Rules time_limit_s="90" land_on="any" area="{SQUARE}"/>')
+    assert (rules.time_limit_s, rules.land_on) == (90.0, LandOn.ANY)
+    assert [str(corner) for corner in rules.area or ()] == SQUARE.split("; ")
+
+
+def test_an_entry_of_a_subtree_is_known_before_the_take_off() -> None:
+    body, inner = '<SubTree ID="Inner" limit="45"/>', '<Rules time_limit_s="{limit}"/>'
+    assert messages(body, inner) == []
+    assert stated(body, inner).time_limit_s == 45.0
+
+
+@pytest.mark.parametrize(("body", "words"), CASES["refused_rules"])
+def test_rules_that_cannot_be_kept_are_refused(body: str, words: str) -> None:
+    (message,) = messages(body)
+    assert words in message
+
+
+def test_rules_that_can_be_kept_are_good() -> None:
+    assert messages(f'<Sequence><Rules area="{SQUARE}"/><Track/><Up/></Sequence>') == []
+    assert messages('<Sequence><Rules land_on="none"/><Track/></Sequence>') == []
+
+
+def test_python_gets_the_same_error() -> None:
+    with pytest.raises(InputError, match="expected one of mark, ground, any, none"):
+        Rules(land_on="box")
+
+
+# --- values that were probably written in another unit --------------------------------------------
+
+
+def checked(body: str) -> tuple[Finding, ...]:
+    return check(document(body))
+
+
+def doubt(body: str) -> str:
+    (found,) = checked(body)
+    assert errors_of((found,)) == ()
+    assert found.rule is Rule.UNIT
+    return found.message
+
+
+@pytest.mark.parametrize(
+    ("written", "meant"),
+    [("-1.047", "-60"), ("1.57", "90"), ("0.79", "45"), ("3.14159", "180"), ("6.283", "360")],
+)
+def test_a_fraction_of_pi_in_degrees_looks_like_radians(written: str, meant: str) -> None:
+    message = doubt(f'<Turn degrees="{written}"/>')
+    assert message.startswith("attribute 'degrees': ")
+    assert message.endswith(f"looks like radians; for {meant} degrees write {meant}")
+
+
+def test_a_port_that_ends_in_deg_is_in_degrees() -> None:
+    assert "for -30 degrees write -30" in doubt('<TakeOff gimbal_deg="-0.5236"/>')
+
+
+@pytest.mark.parametrize("written", ["0", "-60", "3", "1.5", "-0.5", "0.3", "0.7", "15.71", "1.6"])
+def test_other_angles_are_degrees(written: str) -> None:
+    """Zero, whole and half degrees, more than 1 % from a multiple of 15 degrees, or over 2 pi."""
+    assert checked(f'<Turn degrees="{written}"/>') == ()
+
+
+def test_a_time_beyond_the_time_limit_of_a_mission_is_doubted() -> None:
+    assert JudgeConfig().limit_s == 300.0
+    assert checked('<HoverFor seconds="300"/>') == ()
+    message = doubt('<HoverFor seconds="1000"/>')
+    assert "1000 s is longer than a mission, whose time limit is 300 s" in message
+    assert "attribute 'give_up_s': 400 s" in doubt('<TakeOff give_up_s="400"/>')
+
+
+def test_milliseconds_below_ten_look_like_seconds() -> None:
+    limited = '<Timeout msec="{}"><AlwaysSuccess/></Timeout>'
+    assert "5 ms is shorter than a tick; for 5 s write 5000" in doubt(limited.format(5))
+    assert checked(limited.format(0)) == ()  # no limit
+    assert checked(limited.format(10)) == ()
+    late = '<Delay delay_msec="2"><AlwaysSuccess/></Delay>'
+    assert "attribute 'delay_msec': 2 ms" in doubt(late)
+
+
+def test_defaults_and_references_are_not_doubted() -> None:
+    script = '<Script code="angle := 1.047"/>'
+    assert checked(f'<Sequence>{script}<Turn degrees="{{angle}}"/></Sequence>') == ()
+
+
+def test_the_time_limit_of_a_missions_rules_is_a_limit_itself() -> None:
+    assert checked('<Rules time_limit_s="1000"/>') == ()

@@ -1,22 +1,76 @@
-"""Conversion between the frames of places."""
+"""Places as tree files write them, the frames that they are in, and areas."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.worlds.tables import cases
+from uav_bt.errors import ValueRangeError
 from uav_bt.testing.world import drawn_map
 from uav_bt.types import Pose2D
-from uav_bt.types.place import Place
+from uav_bt.types.area import Area
+from uav_bt.types.place import Place, PlaceFrame, parse_places
 from uav_bt.types.place_frames import Goal, Unresolved, lab_to_start, resolve, start_place
 from uav_bt.types.site_map import MapMark, MapObject, SiteMap
 
 CASES = cases("values")
+
+
+@pytest.mark.parametrize(("text", "given"), CASES["places"])
+def test_a_place_of_a_text(text: str, given: dict[str, Any]) -> None:
+    frame = PlaceFrame(given["frame"])
+    assert Place.parse(text) == Place(**{**given, "frame": frame})
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        *CASES["refused_places"],
+        *((text, "such as start:2,0 ") for text in ("object:3,1", "object:" + 5000 * "9")),
+        ("start:1,0@" + 400 * "9", "a heading in degrees"),
+    ],
+)
+def test_other_texts_are_refused_with_an_example(text: str, words: str) -> None:
+    with pytest.raises(ValueRangeError, match=words):
+        Place.parse(text)
+
+
+def test_a_list_keeps_its_order() -> None:
+    places = parse_places("start:1,0; mark ;lab:0.5,0.5@180;")
+    assert [place.frame.value for place in places] == ["start", "mark", "lab"]
+    with pytest.raises(ValueRangeError, match="empty list"):
+        parse_places(" ; ")
+
+
+@given(
+    frame=st.sampled_from(["start", "body", "lab"]),
+    x_cm=st.integers(-99_999, 99_999),
+    y_cm=st.integers(-99_999, 99_999),
+    heading_deg=st.none() | st.integers(-179, 179),
+)
+def test_a_place_is_read_as_it_is_written(
+    frame: str, x_cm: int, y_cm: int, heading_deg: int | None
+) -> None:
+    place = Place(
+        frame=PlaceFrame(frame),
+        x_m=x_cm / 100,
+        y_m=y_cm / 100,
+        heading_rad=None if heading_deg is None else math.radians(heading_deg),
+    )
+    again = Place.parse(str(place))
+    assert (again.x_m, again.y_m) == pytest.approx((place.x_m, place.y_m))
+    assert (again.heading_rad is None) == (place.heading_rad is None)
+    if again.heading_rad is not None and place.heading_rad is not None:
+        assert again.heading_rad == pytest.approx(place.heading_rad)
+
+
+# --- frames ---------------------------------------------------------------------------------------
 
 START = Pose2D(x_m=0.5, y_m=-0.25, yaw_rad=math.radians(90))  # faces the map's y
 
@@ -107,3 +161,38 @@ def test_a_place_of_the_map_is_found_again_by_its_text(start: Pose2D, pose: Pose
     place = start_place(site_map, pose.x_m, pose.y_m)
     goal = goal_of(str(place), site_map)
     assert (goal.x_m, goal.y_m) == pytest.approx((pose.x_m, pose.y_m), abs=0.01)
+
+
+# --- areas: distance to the boundary, intersections, and polygons that are none -------------------
+
+SQUARE = ((-1.0, -2.0), (3.0, -2.0), (3.0, 2.0), (-1.0, 2.0))
+CORNER = ((0.0, 0.0), (4.0, 0.0), (4.0, 1.0), (1.0, 1.0), (1.0, 4.0), (0.0, 4.0))  # an L
+
+
+@pytest.mark.parametrize(("at_m", "margin_m"), CASES["margins"])
+def test_the_margin_is_the_distance_to_the_boundary(
+    at_m: tuple[float, float], margin_m: float
+) -> None:
+    assert Area((SQUARE,)).margin_m(*at_m) == pytest.approx(margin_m)
+    assert Area((SQUARE[::-1],)).margin_m(*at_m) == pytest.approx(margin_m)
+
+
+def test_a_concave_area_has_its_notch_outside() -> None:
+    area = Area((CORNER,))
+    assert area.margin_m(2.0, 2.0) == pytest.approx(-1.0)
+    assert area.margin_m(0.5, 3.0) == pytest.approx(0.5)
+
+
+def test_of_two_areas_both_hold() -> None:
+    area = Area((SQUARE, CORNER))
+    assert area.margin_m(-0.5, 0.0) < 0.0
+    assert area.margin_m(3.5, 0.5) < 0.0
+    assert area.margin_m(2.0, 0.5) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(("polygons", "words"), CASES["refused_areas"])
+def test_what_is_no_polygon_is_refused(
+    polygons: tuple[tuple[tuple[float, float], ...], ...], words: str
+) -> None:
+    with pytest.raises(ValueRangeError, match=words):
+        Area(polygons)

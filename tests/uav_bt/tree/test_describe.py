@@ -1,0 +1,213 @@
+"""Drawings of trees, and the pages that describe nodes."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from behaviours.nodes import NODES
+from tests.conformance import Scripted, read_traces
+from tests.worlds.trees import World, document
+from uav_bt.board import STATE
+from uav_bt.errors import TreeError
+from uav_bt.tree import Leaf, MissionTree, Node, NodeRegistry, Port, Status, load_tree, parse_tree
+from uav_bt.tree.describe import (
+    FORMATS,
+    Box,
+    ascii_art,
+    default_text,
+    example,
+    in_order,
+    node_page,
+    render,
+    sketch,
+    summary,
+)
+from uav_bt.tree.nodes import BUILTIN_NODES, AlwaysSuccess, Sequence
+from uav_bt.tree.port import CONDITION_ATTRIBUTES
+
+TREES = Path(__file__).parents[3] / "trees"
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+class Measure(Leaf):
+    """Measures <something>."""
+
+    ports = (
+        Port("speed_mps", float, default=0.5, doc="m/s"),
+        Port("title", str, default="", doc="any"),
+        Port("height_m", float, default="{@height_above_ground_m}", doc="m"),
+        Port("result", float, direction="output", doc="m"),
+    )
+    reads = (STATE,)
+    writes = (STATE,)
+
+
+REGISTRY = NodeRegistry([Scripted, Measure])
+
+
+def tree_of(body: str, *more: str) -> MissionTree:
+    return parse_tree(document(body, *more), REGISTRY)
+
+
+def box_of(body: str, *more: str) -> Box:
+    return sketch(tree_of(body, *more).root)
+
+
+# --- text of a box -------------------------------------------------------------------------------
+
+
+def test_a_box_shows_values_and_references_but_no_empty_or_usual_ones() -> None:
+    box = box_of('<Measure name="probe" result="{depth}" _skipIf="a == 1"/>')
+    assert (box.tag, box.name, box.path) == ("Measure", "probe", "Main/probe")
+    assert box.attributes == ("speed_mps=0.5", "result={depth}", "_skipIf=a == 1")
+    assert box.keys == ("reads state", "writes state")
+    assert box_of('<Measure height_m="{h}"/>').attributes == ("speed_mps=0.5", "height_m={h}")
+
+
+# --- formats --------------------------------------------------------------------------------------
+
+
+def test_ascii_has_a_line_for_each_node() -> None:
+    body = (
+        '<Sequence name="all"><Inverter><Measure title="x"/></Inverter><AlwaysSuccess/></Sequence>'
+    )
+    assert ascii_art(sketch(tree_of(body).root), "Main") == (
+        "Main\n"
+        "`-- Sequence 'all'\n"
+        "    |-- Inverter\n"
+        "    |   `-- Measure speed_mps=0.5 title=x\n"
+        "    `-- AlwaysSuccess\n"
+    )
+
+
+NASTY = 'a"b\\<c>&amp;&quot;]]#;`d'
+
+
+def nasty_tree() -> MissionTree:
+    return MissionTree(Sequence(NASTY, [AlwaysSuccess(), Measure(None, title='"<&')]), name=NASTY)
+
+
+def test_svg_escapes_all_texts() -> None:
+    root = ET.fromstring(render(nasty_tree().root, NASTY, "svg"))  # noqa: S314  # our own text
+    title, first, _, measure = ("".join(line.itertext()) for line in root.iter(f"{SVG}text"))
+    assert title == NASTY
+    assert first.endswith(f"`-- Sequence '{NASTY}'")
+    assert 'title="<&' in measure
+
+
+@pytest.mark.parametrize("format_", FORMATS)
+@pytest.mark.parametrize("path", sorted(TREES.glob("*.xml")), ids=lambda path: path.stem)
+def test_every_shipped_tree_is_drawn_with_all_its_nodes(path: Path, format_: str) -> None:
+    tree = load_tree(path)
+    text = render(tree.root, tree.name, format_)
+    for tag in {type(node).node_id for node in tree.nodes()}:
+        drawn = sum(node.node_id == tag for node in tree.nodes())
+        assert len(re.findall(rf"\b{tag}\b", text)) >= drawn
+
+
+# --- docs/nodes.md --------------------------------------------------------------------------------
+
+LEAVES = NodeRegistry(NODES)
+NODES_PAGE = Path(__file__).parents[3] / "docs" / "nodes.md"
+
+
+def test_the_page_of_the_docs_is_that_of_the_source() -> None:
+    assert NODES_PAGE.read_text(encoding="utf-8") == node_page(LEAVES), (
+        "run: uav-bt tree nodes --format markdown > docs/nodes.md"
+    )
+
+
+@pytest.mark.parametrize("node", NODES, ids=lambda node: node.node_id)
+def test_an_example_loads(node: type[Node]) -> None:
+    tree = f'<BehaviorTree ID="T">{example(node)}</BehaviorTree>'
+    assert parse_tree(f'<root BTCPP_format="4">{tree}</root>', registry=LEAVES)
+
+
+def test_every_number_of_a_shipped_leaf_has_a_range() -> None:
+    numbers = [
+        (node.node_id, port.name, port.least, port.most)
+        for node in in_order(NodeRegistry.installed())
+        if node not in BUILTIN_NODES
+        for port in node.ports
+        if port.type in (int, float) and port.direction == "input"
+    ]
+    assert len(numbers) > 20
+    assert [number for number in numbers if None in number] == []
+
+
+def test_every_node_of_the_format_describes_itself() -> None:
+    for node in BUILTIN_NODES:
+        assert summary(node).endswith("."), node.node_id
+        assert all(port.doc for port in node.ports), node.node_id
+
+
+# --- docs/tree-files.md: its examples run, and its table agrees with the registry -----------------
+
+ROOT = Path(__file__).parents[3]
+PAGE = (ROOT / "docs" / "tree-files.md").read_text(encoding="utf-8")
+XML = re.findall(r"```xml\n(.*?)```", PAGE, re.DOTALL)
+ROWS = {
+    cells[0].strip("`"): cells
+    for line in PAGE.splitlines()
+    if len(cells := [cell.strip() for cell in line.strip("|").split("|")]) == 5
+    and re.fullmatch(r"`\w+`", cells[0])
+}
+
+
+def test_the_table_has_every_node_of_the_format() -> None:
+    assert set(ROWS) == {node.node_id for node in BUILTIN_NODES}
+
+
+@pytest.mark.parametrize("node", BUILTIN_NODES, ids=lambda node: node.node_id)
+def test_a_row_says_what_the_node_is(node: type[Node]) -> None:
+    _, kind, ports, doc, _ = ROWS[node.node_id]
+    assert (kind, doc) == (node.kind.value, summary(node))
+    if node.node_id.startswith("Switch"):
+        assert ports == f"`variable`, `case_1` to `case_{len(node.ports) - 1}`"
+    elif node.node_id != "SubTree":
+        written = [
+            port.name
+            + ("" if default_text(port) is None else f"={default_text(port)}")
+            + ("" if port.direction == "input" else " (out)")
+            for port in node.ports
+        ]
+        assert ports == ", ".join(f"`{port}`" for port in written)
+
+
+def test_proven_is_what_the_traces_contain() -> None:
+    recorded: set[str] = set()
+    for trace in read_traces():
+        recorded |= set(re.findall(r"<(\w+)", trace["xml"]))
+    for node_id, cells in ROWS.items():
+        assert cells[4] == ("traces" if node_id in recorded else "documentation"), node_id
+
+
+def test_all_conditions_are_listed() -> None:
+    assert all(f"`{name}`" in PAGE for name in CONDITION_ATTRIBUTES)
+
+
+def test_the_first_example_flies(world: World) -> None:
+    tree = parse_tree(XML[0], NodeRegistry())
+    tree.setup(world.context)
+    answers = []
+    for _ in range(8):
+        answers.append(tree.tick())
+        if answers[-1] is not Status.RUNNING:
+            break
+        world.clock.advance(0.5)
+    assert answers[-1] is Status.SUCCESS
+    assert tree.variables["rounds"] == 2
+
+
+def test_a_misspelt_entry_is_refused_as_the_page_says() -> None:
+    with pytest.raises(TreeError) as error:
+        parse_tree(XML[0].replace(' count="', ' cuont="'), NodeRegistry(), path="mission.xml")
+    message = (
+        "SubTree 'Round': entry 'cuont' is used by no node of tree 'Round'; did you mean 'count'?"
+    )
+    assert message in " ".join(PAGE.split())
+    assert any(message in finding for finding in error.value.findings)
