@@ -1,4 +1,4 @@
-"""`uav-bt tree`: nodes listed, trees drawn, schemas written."""
+"""`uav-bt tree` and `simulate`: nodes, drawings, schemas, dry runs; values given to commands that do not fly."""
 
 from __future__ import annotations
 
@@ -6,7 +6,12 @@ import json
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from tests.worlds.cli import assert_refused, run, tree_file
+import pytest
+from click.testing import CliRunner
+
+from tests.worlds.cli import HOP, assert_refused, run, tree_file
+from tests.worlds.trees import document, subtree
+from uav_bt.cli.root import uav_bt
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.loading.schema import schema_xml
 
@@ -83,3 +88,153 @@ def test_a_foreign_tree_is_drawn_with_its_palette(tmp_path: Path) -> None:
     assert run("tree", "render", path, "--palette", palette).stdout == "Main\n`-- Dock\n"
     assert 'name="node.Dock"' in run("tree", "schema", "--palette", palette).stdout
     assert_refused(run("tree", "render", path), "unknown node 'Dock'", "mission.xml:3:1")
+
+
+# --- dry runs -------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def hop(tmp_path: Path) -> Path:
+    return tree_file(tmp_path, HOP)
+
+
+def script_file(folder: Path, text: str) -> Path:
+    path = folder / "script.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_the_table_has_a_line_for_each_tick_that_does_not_repeat_the_one_before(
+    hop: Path, tmp_path: Path
+) -> None:
+    script = script_file(tmp_path, "leaves: {TakeOff: RRRS, Land: RS}")
+    result = run("simulate", hop, "--script", script)
+    assert result.exit_code == 0
+    assert result.stdout.splitlines() == [
+        " tick     time  root     leaves",
+        "    1     0.00  RUNNING  TakeOff R",
+        "    4     0.30  RUNNING  TakeOff S, Land R",
+        "    5     0.40  SUCCESS  Land S",
+        "SUCCESS after 5 ticks, 0.40 s",
+    ]
+
+
+def test_halts_and_changes_stand_in_the_line_of_their_tick(tmp_path: Path) -> None:
+    body = '<Timeout msec="200" _onFailure="late := true"><Land/></Timeout>'
+    result = run(
+        "simulate", tree_file(tmp_path, body), "--script", script_file(tmp_path, "default: R")
+    )
+    assert result.exit_code == 1
+    assert result.stdout.splitlines()[-2:] == [
+        "    3     0.20  FAILURE  halted Land; late=1.0",
+        "FAILURE after 3 ticks, 0.20 s",
+    ]
+
+
+def test_a_tree_that_does_not_end_fails(hop: Path, tmp_path: Path) -> None:
+    script = script_file(tmp_path, "default: R")
+    result = run("simulate", hop, "--script", script, "--ticks", 7, "--tick-s", 2)
+    assert result.exit_code == 1
+    assert result.stdout.splitlines()[-1] == "not ended after 7 ticks, 12.00 s"
+
+
+def test_json_has_all_ticks(hop: Path, tmp_path: Path) -> None:
+    script = script_file(tmp_path, "leaves: {TakeOff: RF, Land: S}")
+    result = run("simulate", hop, "--script", script, "--format", "json")
+    assert result.exit_code == 1
+    report = json.loads(result.stdout)
+    assert (report["tree"], report["status"]) == (str(hop), "FAILURE")
+    first, second = report["ticks"]
+    assert first == {
+        "tick": 1,
+        "time_s": 0.0,
+        "status": "RUNNING",
+        "leaves": [{"leaf": "TakeOff", "status": "RUNNING"}],
+        "halted": [],
+        "changed": {},
+    }
+    assert [one["status"] for one in second["leaves"]] == ["FAILURE"]
+
+
+def test_a_leaf_does_not_answer_what_it_never_does(hop: Path, tmp_path: Path) -> None:
+    script = script_file(tmp_path, "leaves: {TakeOff: RS, Land: F}")
+    result = run("simulate", hop, "--script", script)
+    assert result.exit_code == 2
+    assert "Land never answers FAILURE, only SUCCESS or RUNNING; got 'F'" in result.stderr
+
+
+def test_a_node_that_raises_ends_it_with_a_message(tmp_path: Path) -> None:
+    path = tree_file(tmp_path, '<Sequence><Land/><Script code="a := b"/></Sequence>')
+    result = run("simulate", path, "--script", script_file(tmp_path, "leaves: {Land: RS}"))
+    assert result.exit_code == 1
+    assert "    1     0.00  RUNNING  Land R" in result.stdout
+    assert "Error: node 'Main/Sequence/Script' failed" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+def test_all_unset_variables_are_named_at_once(tmp_path: Path) -> None:
+    body = (
+        '<Sequence><Script code="set := 1; twice := set * given"/>'
+        '<ScriptCondition code="charge &gt; least"/><SubTree ID="Inner" _autoremap="true"/>'
+        "</Sequence>"
+    )
+    tree = tmp_path / "mission.xml"
+    tree.write_text(document(body, subtree("Inner", '<AlwaysSuccess _skipIf="mode == 2"/>')))
+    script = script_file(tmp_path, "default: S\nvariables: {given: 2}\n")
+    result = run("simulate", tree, "--script", script)
+    assert result.exit_code == 1
+    assert "nothing in the tree file sets charge, least, mode" in result.stderr
+    assert "variables: {charge: 0, least: 0, mode: 0}" in result.stderr
+    script.write_text("default: S\nvariables: {given: 2, charge: 3, least: 1, mode: 2}\n")
+    assert run("simulate", tree, "--script", script).exit_code == 0
+    script.write_text("default: S\nvariables: {given: a, charge: 3, least: 1, mode: 2}\n")
+    failed = run("simulate", tree, "--script", script)
+    assert failed.exit_code == 1
+    assert "nothing in the tree file sets" not in failed.stderr
+
+
+# --- values ---------------------------------------------------------------------------------------
+
+BODY = (
+    '<Sequence><TakeOff/><Repeat num_cycles="{laps}"><HoverFor/></Repeat>'
+    '<ScriptCondition code="laps &gt; 1"/><Land/></Sequence>'
+)
+
+
+@pytest.fixture
+def mission(tmp_path: Path) -> Path:
+    return tree_file(tmp_path, BODY)
+
+
+def test_check_takes_values_from_the_command_line_and_from_a_file(
+    mission: Path, tmp_path: Path
+) -> None:
+    params = tmp_path / "params.yaml"
+    params.write_text("set: {HoverFor.seconds: 2}\nvar: {laps: 2}", encoding="utf-8")
+    for given in (
+        ("--var", "laps=2"),
+        ("--params", params),
+        ("--params", params, "--var", "laps=3"),
+    ):
+        assert run("check", "--tree", "Main", mission, *given).stdout == f"{mission}: good\n"
+    assert run("check", "--tree", "Main", mission).exit_code == 2
+    wrong = run("check", mission, "--params", params, "--var", "laps=x")
+    assert_refused(wrong, f"{mission}:1:1: variable 'laps': expected an integer, got 'x'")
+
+
+def test_check_reads_a_pipe_once_for_all_variants(mission: Path, tmp_path: Path) -> None:
+    params = tmp_path / "params.yaml"
+    params.write_text("variants: {one: {var: {laps: 1}}, two: {var: {laps: y}}}")
+    command = ["check", "-", "--params", str(params)]
+    done = CliRunner().invoke(uav_bt, command, input=mission.read_bytes())
+    assert_refused(done, f"{params}:1:1: variable 'laps': expected an integer, got 'y'")
+
+
+def test_the_command_line_counts_before_the_script_of_a_dry_run(
+    mission: Path, tmp_path: Path
+) -> None:
+    script = script_file(tmp_path, "{default: S, variables: {laps: 1}}")
+    assert run("simulate", mission, "--script", script).exit_code == 1  # of `laps > 1`
+    assert run("simulate", mission, "--script", script, "--var", "laps=2").exit_code == 0
+    drawn = run("tree", "render", mission, "--set", "HoverFor.seconds=7", "--var", "laps=2")
+    assert "HoverFor seconds=7" in drawn.stdout
