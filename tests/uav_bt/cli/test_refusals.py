@@ -222,14 +222,14 @@ def test_a_shipped_mission_is_an_input_when_it_is_named() -> None:
 
 def test_every_output_of_every_command_is_in_the_table() -> None:
     seen, tried = set(), set()
-    for words, command in all_commands():
-        assert isinstance(command, Command), words
+    for words, each in all_commands():
+        assert isinstance(each, Command), words
         head = " ".join(words)
         tried |= {
             (head, option) for line, option, _ in OUTPUTS if f"{line} ".startswith(f"{head} ")
         }
-        for param in command.params:
-            if command.about[str(param.name)].path in {"written", "folder"}:
+        for param in each.params:
+            if each.about[str(param.name)].path in {"written", "folder"}:
                 seen.add((head, param.opts[0]))
             elif isinstance(param, click.Option) and isinstance(param.type, click.Path):
                 assert "written" not in str(param.help).lower()

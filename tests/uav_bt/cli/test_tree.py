@@ -1,4 +1,4 @@
-"""`uav-bt tree` and `simulate`: nodes, drawings, schemas, dry runs; values given to commands that do not fly."""
+"""`uav-bt tree` and `simulate`: nodes, drawings, schemas, dry runs, and given values."""
 
 from __future__ import annotations
 

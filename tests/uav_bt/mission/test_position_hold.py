@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
-from uav_bt.mission.hold_model import GroundWatch, HeldLanding
+from uav_bt.mission.hold_model import GroundWatch
 from uav_bt.mission.position_hold import PositionHold
 from uav_bt.types import Hover, Land, MoveBy, Movement, MovementStatus, TakeOff, Velocity, rotate
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
@@ -105,10 +105,7 @@ def _blend(old: tuple[float, float], new: tuple[float, float], share: float) -> 
     return old[0] + share * (new[0] - old[0]), old[1] + share * (new[1] - old[1])
 
 
-ON_THE_SPOT = pytest.mark.parametrize("proposed", [Hover(), Velocity(yaw_rate_radps=0.6)], ids=str)
-
-
-@ON_THE_SPOT
+@pytest.mark.parametrize("proposed", [Hover(), Velocity(yaw_rate_radps=0.6)], ids=str)
 @pytest.mark.parametrize(
     ("drift_mps", "bias_mps", "most_m", "end_m"),
     [
@@ -234,18 +231,6 @@ def test_where_dead_reckoning_leaps_the_drone_stays(proposed: Movement, leap_m: 
         body.bias_mps, body.mps, body.error_mps = 0.0, (0.0, 0.0), (0.0, 0.0)
 
     assert body.fly(proposed, 2.0) < 0.05
-
-
-def test_the_speed_of_a_landing_follows_the_height_until_it_does_not_sink() -> None:
-    """0.6 per second: 0.45 m/s from 0.75 m up, 0.3 m/s at 0.5 m, 0.2 m/s from 0.33 m down."""
-    landing = HeldLanding(2.0)
-    speeds = [landing.order(height_m, 0.0) for height_m in (2.0, 0.75, 0.5, 0.3, 0.2)]
-    assert speeds == [0.45, pytest.approx(0.45), pytest.approx(0.3), 0.2, None]
-    for begin_m, after_s in ((1.5, 5.0), (3.0, 10.0)):  # 1.5 times the height at 0.45 m/s
-        landing, ticks = HeldLanding(begin_m), 0
-        while landing.order(begin_m, TICK_S) is not None:
-            ticks += 1
-        assert ticks * TICK_S == pytest.approx(after_s, abs=2 * TICK_S)
 
 
 ALL: tuple[Movement, ...] = (

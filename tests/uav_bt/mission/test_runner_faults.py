@@ -22,6 +22,7 @@ from tests.uav_bt.mission.runner_world import (
     stop,
 )
 from uav_bt.errors import DroneError, NodeFailedError
+from uav_bt.mission.hold_model import HeldLanding
 from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.safety import Override
 from uav_bt.testing import ScriptedDrone
@@ -260,3 +261,15 @@ def test_a_landing_goes_on_as_the_drone_s_own_where_data_are_old(old: str, heigh
     assert len(flight.records) < since + 40
     wanted = Override.LINK if old == "state" else Override.STALE_FRAME
     assert wanted in {record.override for record in flight.records}
+
+
+def test_the_speed_of_a_landing_follows_the_height_until_it_does_not_sink() -> None:
+    """0.6 per second: 0.45 m/s from 0.75 m up, 0.3 m/s at 0.5 m, 0.2 m/s from 0.33 m down."""
+    landing = HeldLanding(2.0)
+    speeds = [landing.order(height_m, 0.0) for height_m in (2.0, 0.75, 0.5, 0.3, 0.2)]
+    assert speeds == [0.45, pytest.approx(0.45), pytest.approx(0.3), 0.2, None]
+    for begin_m, after_s in ((1.5, 5.0), (3.0, 10.0)):  # 1.5 times the height at 0.45 m/s
+        landing, ticks = HeldLanding(begin_m), 0
+        while landing.order(begin_m, TICK_S) is not None:
+            ticks += 1
+        assert ticks * TICK_S == pytest.approx(after_s, abs=2 * TICK_S)

@@ -1,9 +1,12 @@
-"""Our values to JSON and back without loss; foreign values are refused."""
+"""Values, images and site maps in records come back; foreign ones are refused."""
 
 from __future__ import annotations
 
+import base64
 import json
 import math
+from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,13 +14,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.paper_lab import CLASSES
 from uav_bt import types
 from uav_bt.answers import Advance, Answer, Blocked, Done, FollowLeg, Rotate
 from uav_bt.errors import InputError
+from uav_bt.files import parse_json
 from uav_bt.protocols import Advice
-from uav_bt.record.channels import CHANNELS, Channel, CommandNote, TickNote
+from uav_bt.record import messages
+from uav_bt.record.channels import CHANNELS, Channel, CommandNote, SiteMapNote, TickNote
+from uav_bt.record.images import decode_image, encode_image, fields, image_bytes, raw_image
+from uav_bt.record.site_maps import note_of, site_map_of
 from uav_bt.record.values import decode, dump, encode, json_schema
+from uav_bt.types import Pose2D
 from uav_bt.types.camera import FrameNote
+from uav_bt.types.site_map import MapMark, MapMover, MapObject, SiteMap
 
 WHOLE = st.integers(-(2**63) + 1, 2**63 - 1)  # as viewers write them
 ANY = st.floats(allow_nan=False)
@@ -161,3 +171,123 @@ def test_every_channel_has_a_schema_that_viewers_can_read(channel: Channel) -> N
     movement = schema["properties"]["sent"]["properties"]["movement"]
     assert "MoveBy" in movement["properties"]["type"]["enum"]
     assert "forward_m" in movement["properties"]
+
+
+# --- images ---------------------------------------------------------------------------------------
+
+
+def noise(height: int, width: int, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).integers(0, 256, (height, width, 3), dtype=np.uint8)
+
+
+@given(st.integers(1, 40), st.integers(1, 40), st.integers(0, 1000))
+def test_a_lossless_image_comes_back_bit_for_bit(height: int, width: int, seed: int) -> None:
+    image = noise(height, width, seed)
+    message = messages.camera_image(image, 1_234_567_890_123, "lossless")
+    assert np.array_equal(decode_image(image_bytes(message)), image)
+
+
+def test_a_small_image_is_much_smaller_and_nearly_the_same() -> None:
+    rows, columns = np.mgrid[0:90, 0:160]
+    image = np.stack([rows * 2, columns, rows + columns], axis=-1).astype(np.uint8)
+    data, name = encode_image(image, "high")
+    assert name == "jpeg"
+    assert len(data) < image.nbytes / 10
+    assert np.abs(decode_image(data).astype(int) - image).mean() < 2.0  # red stays red
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"no image at all",
+        b"\xff\xd8\xff\xff\xff\xff",
+        encode_image(noise(9, 9), "high")[0][:20],
+    ],
+)
+def test_what_is_no_image_is_refused(data: bytes) -> None:
+    with pytest.raises(InputError, match="expected a PNG or JPEG image"):
+        decode_image(data)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def test_raw_pixels_come_back_exactly(dtype: type) -> None:
+    array = (np.random.default_rng(3).random((7, 5)) * 200).astype(dtype)
+    back = raw_image(messages.raw(array, 5))
+    assert back.dtype == dtype
+    assert np.array_equal(back, array)
+
+
+@given(st.binary(max_size=60))
+def test_bytes_of_any_kind_are_read_or_refused(data: bytes) -> None:
+    with suppress(InputError):
+        assert all(number >= 0 for number in fields(data))
+
+
+def test_an_image_without_data_is_refused() -> None:
+    with pytest.raises(InputError, match="CompressedImage with data"):
+        image_bytes(b"")
+    with pytest.raises(InputError, match="RawImage"):
+        raw_image(b"")
+
+
+# --- site maps ------------------------------------------------------------------------------------
+
+RANDOM = np.random.default_rng(0)
+SHAPE = (31, 42)
+PLACE = {"x_m": 1.0, "y_m": -0.5, "x_mps": 0.2, "y_mps": -0.4, "std_m": 0.05, "std_mps": 0.1}
+MOVER = MapMover(**PLACE, id=3, radius_m=0.25, first_s=9.0, seen_s=12.4)
+BOX = MapObject(class_id=5, x_m=1.5, y_m=2.0, size_m=0.4, std_m=0.1, seen_s=12.0)
+
+
+def site_map() -> SiteMap:
+    def some() -> np.ndarray:
+        return RANDOM.random(SHAPE) < 0.3
+
+    return SiteMap(
+        classes=CLASSES,
+        pose=Pose2D(x_m=0.1, y_m=1 / 3, yaw_rad=-2.0),
+        corner_m=(-1.5, 0.7),
+        cell_m=0.1,
+        seen_s=np.where(some(), 7.0, -np.inf),
+        free=some(),
+        outside=some(),
+        passed=some(),
+        obstacles_m=RANDOM.normal(size=(9, 2)),
+        edges_m=RANDOM.normal(size=(5, 2)),
+        captured_s=12.5,
+        objects=(BOX, replace(BOX, class_id=4, id=3, points=7, height_m=0.8, height_std_m=0.02)),
+        mark=MapMark(x_m=0.0, y_m=0.1, std_m=0.02, seen_s=3.0),
+        movers=(MOVER,),
+        contradicted_s=0.5,
+        restarts=2,
+        full=True,
+        untracked_s=math.inf,  # the ground was never tracked
+    )
+
+
+def test_a_map_comes_back() -> None:
+    kept = site_map()
+    plain = parse_json(dump(encode(note_of(kept))))
+    back = site_map_of(decode(SiteMapNote, plain), CLASSES)
+    for grid in ("ground", "free", "outside", "passed"):
+        assert np.array_equal(getattr(back, grid), getattr(kept, grid)), grid
+    for points in ("obstacles_m", "edges_m"):
+        assert getattr(back, points) == pytest.approx(getattr(kept, points), abs=6e-4), points
+    names = ("pose", "corner_m", "cell_m", "captured_s", "objects", "mark", "movers", "correction")
+    for name in (*names, "contradicted_s", "restarts", "full", "untracked_s"):
+        assert getattr(back, name) == getattr(kept, name), name
+
+
+def test_a_map_is_small() -> None:
+    blank = np.zeros((120, 120), dtype=np.bool_)
+    blank[20:90, 20:90] = True
+    seen_s = np.where(blank, 1.0, -np.inf)
+    large = replace(site_map(), seen_s=seen_s, free=blank, outside=~blank, passed=blank)
+    assert len(dump(encode(note_of(large)))) < 4_000
+
+
+@pytest.mark.parametrize("cells_png", ["no image", base64.b64encode(b"no PNG").decode()])
+def test_cells_that_are_no_image_are_refused(cells_png: str) -> None:
+    with pytest.raises((InputError, ValueError)):
+        site_map_of(replace(note_of(site_map()), cells_png=cells_png), CLASSES)

@@ -13,7 +13,7 @@ from rerun.blueprint import View
 
 from tests.paper_lab import BOXES, CARPET, CLASSES, paper_map
 from tests.uav_bt.display.display_world import World, facts
-from tests.uav_bt.display.test_map_pane import believed
+from tests.uav_bt.display.test_maps import believed
 from tests.worlds.values import corridor
 from uav_bt.board import CLASS_MAP, CORRIDOR, MARK, METRIC_DEPTH, SITE_MAP
 from uav_bt.display.rerun.flight_view import FlightView, camera_axes

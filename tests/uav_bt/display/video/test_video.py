@@ -1,7 +1,8 @@
-"""The video of a flight."""
+"""The film of a flight, and the mp4 writer."""
 
 import math
 from contextlib import closing
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,10 @@ from tests.paper_lab import CLASSES
 from tests.uav_bt.display.display_world import World, facts, has
 from uav_bt.display.canvas import PANEL
 from uav_bt.display.shown import phase_colours
+from uav_bt.display.video import video_file
 from uav_bt.display.video.video import FlightVideo, open_film
-from uav_bt.errors import FileError, ValueRangeError
+from uav_bt.display.video.video_file import VideoFile
+from uav_bt.errors import FileError, MissingDependencyError, ValueRangeError
 from uav_bt.mission.tick import TickRecord
 from uav_bt.types import Pose
 
@@ -37,9 +40,16 @@ def fly(video: FlightVideo, world: World, ticks: int, after_s: float = 0.1) -> N
         video.on_tick(world.tick(pose=pose, after_s=after_s))
 
 
-def times_of(path: Path) -> list[float]:
+def decoded(path: Path) -> list[tuple[float, NDArray[np.uint8]]]:
     with av.open(str(path)) as container:
-        return [float(image.time) for image in container.decode(video=0)]
+        return [
+            (float(image.time), image.to_ndarray(format="rgb24"))
+            for image in container.decode(video=0)
+        ]
+
+
+def times_of(path: Path) -> list[float]:
+    return [time_s for time_s, _ in decoded(path)]
 
 
 @pytest.mark.parametrize(
@@ -162,3 +172,69 @@ def test_the_time_bar_has_the_phases_on_a_scale_that_doubles_up_to_the_limit(
         columns = np.flatnonzero((bar == phase_colours(phases)[phase]).all(axis=1))
         ends = [18 + 603 * time_s / span_s for time_s in (start_s, end_s)]
         assert [columns.min(), columns.max() + 1] == pytest.approx(ends, abs=0.51)
+
+
+# --- the writer: its files are readable, and complete or absent -----------------------------------
+
+SIZE_PX = (64, 48)
+
+
+def open_file(path: Path, **changes: Any) -> VideoFile:
+    return VideoFile(path, **{"size_px": SIZE_PX, "frames_per_s": Fraction(20), **changes})
+
+
+def plain(colour: int | tuple[int, int, int]) -> NDArray[np.uint8]:
+    return np.full((48, 64, 3), colour, dtype=np.uint8)
+
+
+def test_pictures_come_back_with_their_times_and_colours(tmp_path: Path) -> None:
+    file = open_file(tmp_path / "flight.mp4")
+    colours = [(200, 30, 30), (30, 200, 30), (30, 30, 200)]
+    for colour, slot in zip(colours, (None, None, 10), strict=True):
+        file.write(plain(colour), slot)
+    file.close()
+    images = decoded(file.path)
+    assert [time for time, _ in images] == pytest.approx([0.0, 0.05, 0.5])
+    for (_, image), colour in zip(images, colours, strict=True):
+        assert np.abs(image.reshape(-1, 3).mean(axis=0) - colour).max() < 8
+
+
+def test_the_name_appears_only_when_the_file_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / "flight.mp4"
+    path.write_bytes(b"the one before")
+    file = open_file(path)
+    file.write(plain(10))
+    assert path.read_bytes() == b"the one before"
+    file.close()
+    file.close()
+    assert len(decoded(path)) == 1
+    assert list(tmp_path.iterdir()) == [path], "nothing else is left"
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("nowhere/flight.mp4", "does not exist"),
+        ("taken/flight.mp4", "is a file and no folder"),
+        ("flight.avi", "must end in .mp4"),
+        ("folder.mp4", "is a folder"),
+    ],
+)
+def test_a_file_that_cannot_be_written_is_refused_and_nothing_is_left(
+    tmp_path: Path, name: str, message: str
+) -> None:
+    (tmp_path / "taken").write_text("a file")
+    (tmp_path / "folder.mp4").mkdir()
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(FileError, match=message):
+        open_file(tmp_path / name)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_without_an_encoder_the_message_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(video_file, "_CODEC", "no_such_encoder")
+    with pytest.raises(MissingDependencyError, match="pip install"):
+        open_file(tmp_path / "flight.mp4")
+    assert list(tmp_path.iterdir()) == []
