@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import socket
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,14 +13,13 @@ from distributed import LocalCluster
 
 import uav_bt
 from tests.uav_bt.campaign.campaign_world import comparable, fly, plan
+from tests.worlds.processes import ROOT, python
 from uav_bt.campaign import make_plan, run
 from uav_bt.campaign.cluster import DaskBackend
 from uav_bt.campaign.plan import FlightTask
 from uav_bt.campaign.runner import LocalBackend
 from uav_bt.campaign.workers import WorkerPool
 from uav_bt.errors import InputError
-
-HERE = Path(__file__).parents[3]
 
 
 def task(fate: str) -> FlightTask:
@@ -139,13 +135,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 
 def test_workers_whose_campaign_was_killed_end_and_tidy_up(tmp_path: Path) -> None:
-    killed = subprocess.run(  # noqa: S603
-        [sys.executable, "-c", KILLED],
-        env={**os.environ, "TMPDIR": str(tmp_path)},
-        timeout=90,
-        check=False,
-    )
-    assert killed.returncode == -9
+    assert python("-c", KILLED, environment={"TMPDIR": str(tmp_path)}).returncode == -9
     deadline_s = time.monotonic() + 20.0
     while list(tmp_path.glob("uav-bt-workers-*")) and time.monotonic() < deadline_s:
         time.sleep(0.05)
@@ -160,14 +150,7 @@ def test_a_script_without_a_main_guard_gets_the_remedy(tmp_path: Path) -> None:
         "from pathlib import Path\n"
         f"run(plan(), Path({str(tmp_path / 'out')!r}), fly=fly)\n"
     )
-    done = subprocess.run(  # noqa: S603
-        [sys.executable, str(script)],
-        env={**os.environ, "PYTHONPATH": str(HERE)},
-        capture_output=True,
-        text=True,
-        timeout=90,
-        check=False,
-    )
+    done = python(script, environment={"PYTHONPATH": str(ROOT)})
     assert done.returncode == 1
     assert 'must call it below `if __name__ == "__main__":`' in done.stderr
     assert (tmp_path / "out" / "flights.jsonl").read_text() == ""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 import threading
 from pathlib import Path
 
@@ -13,6 +11,7 @@ import pytest
 
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from tests.worlds.cli import HOP, assert_refused, run, tree_file
+from tests.worlds.processes import python
 from tests.worlds.tables import cases
 from uav_bt.tree.shipped import shipped_missions
 
@@ -238,10 +237,7 @@ def test_standard_input_is_checked(name: str) -> None:
     called = "<stdin>" if name == "-" else name
     unknown = "1:45: AlwaySuccess: unknown node 'AlwaySuccess'"
     for text, code, told in ((GOOD, 0, " good\n"), (GOOD.replace("Always", "Alway"), 2, unknown)):
-        command = [sys.executable, "-m", "uav_bt", "check", name]
-        done = subprocess.run(  # noqa: S603 - our own program
-            command, check=False, input=text, text=True, capture_output=True
-        )
+        done = python("-m", "uav_bt", "check", name, input=text)
         printed = done.stderr if code else done.stdout
         assert (done.returncode, printed[: len(called) + 1]) == (code, f"{called}:")
         assert printed[len(called) + 1 :].startswith(told)

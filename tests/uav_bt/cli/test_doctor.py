@@ -12,8 +12,8 @@ from typing import NoReturn
 import pytest
 
 from sim_bridge.twin import TwinConfig
-from tests.uav_bt.cli.test_root import python
 from tests.worlds.cli import HOP, assert_refused, run, tree_file
+from tests.worlds.processes import python
 from uav_bt.errors import MissingDependencyError
 
 
@@ -158,10 +158,11 @@ def test_flights_on_its_drone_or_policy_are_refused_and_others_fly_with_one_warn
         refused = run("fly", "land_only", *arguments)
         assert_refused(refused, kind, "cannot be imported", place, "'broken_raises'")
     done = python(
+        "-c",
         f"import sys\nsys.path.insert(0, {str(tmp_path)!r})\n"
         "from uav_bt.cli import main\n"
         f"sys.argv[1:] = ['fly', {str(tree_file(tmp_path, HOP))!r}, '--drone', 'plain']\n"
-        "main()"
+        "main()",
     )
     assert done.returncode == 0, done.stderr
     (warning,) = [line for line in done.stderr.splitlines() if "Warning" in line]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import pty
-import subprocess
 import sys
 import termios
 import threading
@@ -18,6 +17,7 @@ import pytest
 
 from tests.uav_bt.groot.groot_world import read_log
 from tests.worlds.cli import HOP, assert_refused, run, tree_file
+from tests.worlds.processes import python
 from uav_bt import app
 from uav_bt.cli.fly import KEYS_HELP, obey, pilot_keys
 from uav_bt.errors import InputError
@@ -135,13 +135,8 @@ def test_options_reach_the_flight(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_without_opengl_it_says_what_to_install(tmp_path: Path) -> None:
     """OpenGL is chosen once per process, so a second process runs without it."""
-    done = subprocess.run(  # noqa: S603  # our own interpreter and arguments
-        [sys.executable, "-m", "uav_bt", "fly", str(tree_file(tmp_path, HOP))],
-        env={**os.environ, "MUJOCO_GL": "off"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = ("-m", "uav_bt", "fly", tree_file(tmp_path, HOP))
+    done = python(*command, environment={"MUJOCO_GL": "off"})
     assert done.returncode == 2
     assert "MUJOCO_GL=off turns drawing off" in done.stderr
     assert "Traceback" not in done.stderr
@@ -165,12 +160,8 @@ def test_a_disk_that_fills_up_hides_no_result(
         "import resource, sys; from uav_bt.cli import main; "
         f"resource.setrlimit(resource.RLIMIT_FSIZE, ({limit_bytes}, {limit_bytes})); main()"
     )
-    arguments = ["fly", str(tree_file(tmp_path, HOP)), *drone, option, str(path)]
-    if limit_bytes > 100:
-        arguments += ["--report", str(report)]
-    done = subprocess.run(  # noqa: S603  # our own interpreter and arguments
-        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False
-    )
+    reported = ("--report", report) if limit_bytes > 100 else ()
+    done = python("-c", code, "fly", tree_file(tmp_path, HOP), *drone, option, path, *reported)
     assert done.returncode == 1, done.stderr
     assert "success" in done.stdout
     assert words in done.stderr

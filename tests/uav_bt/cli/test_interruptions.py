@@ -18,6 +18,7 @@ import pytest
 
 from tests.uav_bt.learning.lab_world import draw_lab
 from tests.worlds.cli import run, tree_file
+from tests.worlds.processes import python
 from tests.worlds.tables import cases
 from uav_bt.record.info import record_info
 
@@ -155,14 +156,7 @@ def closed() -> Iterator[int]:
 )
 def test_a_closed_pipe_ends_a_command_quietly(line: str, world: Path, closed: int) -> None:
     tree_file(world, '<Sequence><TakeOff height_m="1.0"/><Land/></Sequence>', "hop.xml")
-    done = subprocess.run(  # noqa: S603  # our own interpreter and arguments
-        [sys.executable, "-m", "uav_bt", *line.split()],
-        cwd=world,
-        stdout=closed,
-        stderr=subprocess.PIPE,
-        text=True,
-        check=False,
-    )
+    done = python("-m", "uav_bt", *line.split(), folder=world, stdout=closed)
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
     assert "Error" not in done.stderr

@@ -4,29 +4,21 @@ from __future__ import annotations
 
 import inspect
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import click
 import pytest
 
 from tests.worlds.cli import all_commands, run
+from tests.worlds.processes import python
 from uav_bt import __version__
 from uav_bt.cli.declare import Number, WholeNumber
 from uav_bt.errors import InputError
 from uav_bt.plugins import check_packages
 from uav_bt.tree import shipped
 
-ROOT = Path(__file__).parents[3]
 HEAVY = "av control cv2 filterpy matplotlib mujoco onnx openvino rich scipy sklearn torch yaml"
 TOOLS_NEED_NO = "av cv2 mujoco openvino rich scipy sklearn torch zmq"
-
-
-def python(code: str, folder: Path = ROOT) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(  # noqa: S603  # our own interpreter and code
-        [sys.executable, "-c", code], capture_output=True, text=True, cwd=folder, check=False
-    )
 
 
 def without(*modules: str) -> str:
@@ -48,10 +40,11 @@ def test_flying_needs_no_extra() -> None:
         *("control", "torch", "onnx", "onnxruntime", "nncf", "olympe"),
     )
     done = python(
+        "-c",
         f"{without(*extras)}"
         "from uav_bt.cli import check, doctor, fly, lab, tree\n"
         "from uav_bt import app\n"
-        "app.make_drone(app.FlightOptions())\n"
+        "app.make_drone(app.FlightOptions())\n",
     )
     assert done.returncode == 0, done.stderr
 
@@ -59,13 +52,7 @@ def test_flying_needs_no_extra() -> None:
 @pytest.mark.parametrize("arguments", [("tree", "nodes"), ("--version",)], ids=" ".join)
 def test_a_full_disk_behind_standard_output_is_one_clear_error(arguments: tuple[str, ...]) -> None:
     with Path("/dev/full").open("w") as full:
-        done = subprocess.run(  # noqa: S603  # our own interpreter and arguments
-            [sys.executable, "-m", "uav_bt", *arguments],
-            stdout=full,
-            stderr=subprocess.PIPE,
-            text=True,
-            check=False,
-        )
+        done = python("-m", "uav_bt", *arguments, stdout=full)
     words = "Error: standard output cannot be written: No space left on device\n"
     assert (done.returncode, done.stderr) == (1, words)
 
@@ -73,13 +60,14 @@ def test_a_full_disk_behind_standard_output_is_one_clear_error(arguments: tuple[
 def answer_without(heavy: str, *arguments: str, **environment: str) -> list[str]:
     """Run `uav-bt`, assert that it imports none of these modules, and return its lines."""
     done = python(
+        "-c",
         "import atexit, os, sys\n"
         f"heavy = {heavy.split()!r}\n"
         "atexit.register(lambda: print('>', *[m for m in heavy if m in sys.modules]))\n"
         f"os.environ.update({environment!r})\n"
         f"sys.argv = {['uav-bt', *arguments]!r}\n"
         "from uav_bt.cli import main\n"
-        "main()"
+        "main()",
     )
     *lines, imported = done.stdout.splitlines()
     assert (imported, done.stderr) == (">", "")
@@ -186,7 +174,7 @@ for absent, arguments in {[(without(module), words) for module, words, _ in MISS
 @pytest.fixture(scope="module")
 def answers() -> list[list[object]]:
     """Return the exit code and the errors of each command without its package."""
-    done = python(EACH_WITHOUT)
+    done = python("-c", EACH_WITHOUT)
     assert done.returncode == 0, done.stderr
     return [json.loads(line) for line in done.stdout.splitlines()]
 
@@ -261,9 +249,7 @@ def test_a_folder_that_hides_a_package_is_named(
     (tmp_path / shadow).mkdir()
     (tmp_path / shadow / "__init__.py").touch()
     (tmp_path / "mine.py").write_text("from uav_bt import app\n", encoding="utf-8")
-    done = subprocess.run(  # noqa: S603  # our own interpreter and arguments
-        [sys.executable, *command], capture_output=True, text=True, cwd=tmp_path, check=False
-    )
+    done = python(*command, folder=tmp_path)
     assert done.returncode == code
     last = done.stderr.splitlines()[-1]
     assert f"Python finds '{tmp_path / shadow}' where uav-bt needs its own" in last

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +11,12 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
+from tests.worlds.processes import ROOT, python
 from tests.worlds.records import copy_part, fly_noisy
 from uav_bt.errors import FileError
 from uav_bt.record.info import record_info
 from uav_bt.record.playback import Playback
 from uav_bt.record.reader import RecordReader, footage
-
-HERE = Path(__file__).parents[3]
 
 # A flight that kills its process in a tick, like `kill -9`, without closing or flushing files.
 KILLED = """
@@ -57,8 +54,8 @@ def moments_of(path: Path) -> list[float]:
 
 
 def test_a_killed_flight_leaves_a_record_that_is_read_and_can_be_recovered(tmp_path: Path) -> None:
-    code = KILLED.format(here=str(HERE), folder=str(tmp_path))
-    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True)  # noqa: S603
+    code = KILLED.format(here=str(ROOT), folder=str(tmp_path))
+    done = python("-c", code)
     assert done.returncode == -9, done.stderr
     record = tmp_path / "flight.mcap"
     times = moments_of(record)

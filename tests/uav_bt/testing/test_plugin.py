@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from tests.worlds.processes import python
 from tests.worlds.tables import cases
 from uav_bt.testing import load_tree
 from uav_bt.tree import NodeRegistry, Status
@@ -105,6 +106,13 @@ def test_fixtures(pytester: pytest.Pytester) -> None:
         """
     )
     run(pytester).assert_outcomes(passed=3)
+
+
+def test_the_plug_in_loads_nothing_heavy() -> None:
+    """It is loaded whenever somebody runs pytest."""
+    heavy = "cv2 torch mujoco openvino sklearn matplotlib av rich onnx filterpy control"
+    loaded = f"[name for name in {heavy.split()} if name in sys.modules]"
+    assert python("-c", f"import sys, uav_bt.testing.plugin; print({loaded})").stdout == "[]\n"
 
 
 # --- shipped missions: their reactions to leaves that succeed, fail or keep running ---------------

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import socket
-import subprocess
 import sys
 import threading
 import time
@@ -13,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.uav_bt.display.display_world import World
+from tests.worlds.processes import python
 from uav_bt.display.rerun import sinks
 from uav_bt.errors import FileError, InputError, MissingDependencyError
 from uav_bt.mission.tick import TickRecord
@@ -72,9 +72,7 @@ with sinks.shown(web=True, instead="") as viewer:
 
 def test_a_server_ends_with_the_process_that_started_it() -> None:
     """SIGKILL leaves the process no time to end the server."""
-    command = [sys.executable, "-c", KILLED]
-    killed = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)  # noqa: S603
-    assert answers(port_of(killed.stdout), False)
+    assert answers(port_of(python("-c", KILLED).stdout), False)
 
 
 def answers(port: int, wanted: object) -> bool:
