@@ -166,6 +166,12 @@ def test_everything_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) ->
     )
 
 
+def test_what_cannot_decide_is_no_policy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plugins, "load", lambda _group, _name: object)
+    with pytest.raises(InputError, match="policy 'dumb' has no method `decide"):
+        plugins.make_policy("dumb")
+
+
 # --- landing marks --------------------------------------------------------------------------------
 
 MARK = LandingMark(kind="beacon", length_m=0.5, width_m=0.5, height_m=0.1)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import json
-import re
 import shutil
 import signal
 import threading
@@ -21,20 +20,17 @@ from sim_bridge.plain import PlainConfig
 from sim_bridge.twin import TwinConfig
 from tests.worlds.records import ANYWHERE
 from tests.worlds.trees import document
-from uav_bt import app, plugins
-from uav_bt.errors import DroneError, FileError, InputError
+from uav_bt import app
+from uav_bt.errors import DroneError, InputError
 from uav_bt.mission.drone_wrapper import DroneWrapper
 from uav_bt.mission.flight_report import FlightReport
-from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.testing import InjectedError, ScriptedDrone
 from uav_bt.tree import Leaf, NodeRegistry, Status
-from uav_bt.tree.shipped import resolve_tree
 from uav_bt.types import Command, FlyingState, Land, Observation
 
-TREES = Path(app.__file__).parents[2] / "trees"
 HOP = document('<Sequence><TakeOff height_m="1.0"/><Land/></Sequence>')
 STAY = HOP.replace("<Land/>", '<HoverFor seconds="250"/><Land/>')
 
@@ -58,61 +54,6 @@ def fly(drone: Drone, *actions: Callable[[int], object], tree: str = HOP, **how:
     """Fly where nobody looks for a mark, with actions at each tick."""
     listeners = [doing(action) for action in actions]
     return app.fly(tree, drone=drone, judge=ANYWHERE, listeners=listeners, **how)
-
-
-# --- names ----------------------------------------------------------------------------------------
-
-
-def test_a_name_with_a_suffix_or_a_folder_is_a_file_and_never_a_shipped_mission(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Otherwise a different mission than the intended one would fly."""
-    monkeypatch.chdir(tmp_path)
-    assert resolve_tree("land_only").samefile(TREES / "land_only.xml")
-    for name in ("land_only.xml", "trees/land_only.xml", "trees/land_only"):
-        with pytest.raises(FileError, match="mission has no suffix; did you mean 'land_only'"):
-            resolve_tree(name)
-    Path("land_only.xml").write_text("mine", encoding="utf-8")
-    assert resolve_tree("land_only.xml").read_text(encoding="utf-8") == "mine"
-
-
-def test_what_cannot_decide_is_no_policy(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plugins, "load", lambda _group, _name: object)
-    with pytest.raises(InputError, match="policy 'dumb' has no method `decide"):
-        plugins.make_policy("dumb")
-
-
-def test_a_named_drone_gets_its_address_and_what_it_may_need() -> None:
-    """Everything after the first colon is the address."""
-    limits = Limits(speed_mps=0.4)
-    real: Any = app.make_drone(app.FlightOptions(drone="anafi:10.0.0.1:44444", limits=limits))
-    assert (real._config.address, real._config.speed_limit_mps) == ("10.0.0.1:44444", 0.4)
-    twin: Any = app.make_drone(app.FlightOptions(scene="val-a", profile="harsh"))
-    assert (twin.scene.name, twin.profile.video_latency_s) == ("val-a", 0.28)
-    with pytest.raises(InputError, match="drone 'twin' takes no address, got 'here'"):
-        app.make_drone(app.FlightOptions(drone="twin:here"))
-
-
-@pytest.mark.parametrize(
-    ("drone", "flag", "option", "value"),
-    [
-        ("anafi", "--scene", "scene", "val-a"),
-        ("anafi", "--movers", "movers", 2),
-        ("anafi:127.0.0.1:1", "--profile", "profile", "harsh"),
-        ("anafi", "--seed", "seed", 9),
-        ("sphinx", "--realtime", "realtime", True),
-        ("plain", "--image-size", "image_size_px", (320, 180)),
-    ],
-)
-def test_an_option_that_a_drone_cannot_use_is_refused(
-    drone: str, flag: str, option: str, value: Any
-) -> None:
-    words = (
-        f"drone '{drone.partition(':')[0]}' takes no {flag} ({option} in Python), got {value!r}: "
-        "leave it out, as this drone has no such setting"
-    )
-    with pytest.raises(InputError, match=re.escape(words)):
-        app.make_drone(app.FlightOptions(drone=drone, **{option: value}))
 
 
 # --- flights without a world ----------------------------------------------------------------------

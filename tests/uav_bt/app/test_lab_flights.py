@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.uav_bt.learning.lab_world import write_colour_network
+from tests.worlds.labs import HALL, MARK, SCENE, lab_folder
 from tests.worlds.records import ANYWHERE, FLIGHT, NoisyDrone
 from tests.worlds.trees import document
 from uav_bt import app
@@ -25,19 +26,6 @@ from uav_bt.record.reader import RecordReader
 from uav_bt.testing import ScriptedDrone
 from uav_bt.types import Airframe, Pose2D
 
-LAB = """\
-version: 1
-classes:
-  wall: {role: outside, colour: "#000000"}
-  floor: {role: ground, colour: "#0a0b0c"}
-  pad: {role: mark, colour: "#ffffff"}
-  side: {role: mark, colour: "#ff00ff", top: pad}
-  drum: {role: obstacle, colour: "#ff0000", top: lid}
-  lid: {role: obstacle, colour: "#800000"}
-"""
-MARK = "mark: {size_m: [0.6, 0.6], height_m: 0.05, position_m: [1, 0.5]}\n"
-SCENE = "helipad: {position_m: [1, 0.5], size_m: [0.6, 0.6, 0.05]}\n"
-
 MakeLab = Callable[..., Path]
 
 
@@ -47,12 +35,7 @@ def make_lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> MakeLab:
     monkeypatch.chdir(tmp_path)
 
     def make(keys: str = MARK, *, name: str = "hall", scenes: tuple[str, ...] = ()) -> Path:
-        folder = Path("labs") / name
-        (folder / "scenes").mkdir(parents=True, exist_ok=True)
-        (folder / "lab.yaml").write_text(LAB + keys)
-        for scene in scenes:
-            (folder / "scenes" / f"{scene}.yaml").write_text(SCENE)
-        return folder
+        return lab_folder(Path("labs") / name, HALL + keys, scenes=scenes)
 
     return make
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pydoc
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from itertools import product
@@ -119,6 +120,39 @@ def test_values_of_nested_settings_are_refused(
 ) -> None:
     with pytest.raises(InputError, match=message):
         make(**given)
+
+
+def test_a_named_drone_gets_its_address_and_what_it_may_need() -> None:
+    """Everything after the first colon is the address."""
+    limits = Limits(speed_mps=0.4)
+    real: Any = app.make_drone(app.FlightOptions(drone="anafi:10.0.0.1:44444", limits=limits))
+    assert (real._config.address, real._config.speed_limit_mps) == ("10.0.0.1:44444", 0.4)
+    twin: Any = app.make_drone(app.FlightOptions(scene="val-a", profile="harsh"))
+    assert (twin.scene.name, twin.profile.video_latency_s) == ("val-a", 0.28)
+    with pytest.raises(InputError, match="drone 'twin' takes no address, got 'here'"):
+        app.make_drone(app.FlightOptions(drone="twin:here"))
+
+
+@pytest.mark.parametrize(
+    ("drone", "flag", "option", "value"),
+    [
+        ("anafi", "--scene", "scene", "val-a"),
+        ("anafi", "--movers", "movers", 2),
+        ("anafi:127.0.0.1:1", "--profile", "profile", "harsh"),
+        ("anafi", "--seed", "seed", 9),
+        ("sphinx", "--realtime", "realtime", True),
+        ("plain", "--image-size", "image_size_px", (320, 180)),
+    ],
+)
+def test_an_option_that_a_drone_cannot_use_is_refused(
+    drone: str, flag: str, option: str, value: Any
+) -> None:
+    words = (
+        f"drone '{drone.partition(':')[0]}' takes no {flag} ({option} in Python), got {value!r}: "
+        "leave it out, as this drone has no such setting"
+    )
+    with pytest.raises(InputError, match=re.escape(words)):
+        app.make_drone(app.FlightOptions(drone=drone, **{option: value}))
 
 
 @pytest.mark.parametrize(("own", "seed"), [(6, 0), (0, 6), (6, 6)])

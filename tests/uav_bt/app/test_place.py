@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.uav_bt.lab.test_lab_file import KEYS, filled
+from tests.worlds.labs import SITE, with_files_of_site
 from tests.worlds.tables import cases
 from tests.worlds.trees import document
 from uav_bt import app
@@ -42,7 +42,7 @@ def site_file(folder: Path, text: str) -> Path:
 
 
 def test_all_keys_of_a_site_file(tmp_path: Path) -> None:
-    assert load_site(site_file(filled(tmp_path), KEYS)) == Site(
+    assert load_site(site_file(with_files_of_site(tmp_path), SITE)) == Site(
         flight_height_m=1.2,
         take_off_surface_m=0.4,
         camera=tmp_path / "camera.yaml",

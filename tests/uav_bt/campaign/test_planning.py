@@ -14,8 +14,8 @@ import pytest
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from sim_bridge.twin import scene_file
 from tests.sim_bridge.twin.room_world import write_lab
-from tests.uav_bt.app.test_lab_flights import LAB, MARK, SCENE
 from tests.uav_bt.campaign.campaign_world import keep
+from tests.worlds.labs import HALL, MARK, lab_folder
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign import make_plan, plan_of
 from uav_bt.campaign.plan import CampaignPlan
@@ -215,12 +215,9 @@ def test_a_wrong_value_of_a_variant_is_refused_by_its_line(hop: Path, params: Pa
 def hall(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A lab with two scenes in `labs/` of the working directory."""
     monkeypatch.chdir(tmp_path)
-    folder = tmp_path / "labs" / "hall"
-    (folder / "scenes").mkdir(parents=True)
+    text = f"{HALL}{MARK}camera: camera.yaml\n"
+    folder = lab_folder(tmp_path / "labs" / "hall", text, scenes=("east", "west"))
     (folder / "camera.yaml").touch()
-    (folder / "lab.yaml").write_text(f"{LAB}{MARK}camera: camera.yaml\n")
-    for name in ("east", "west"):
-        (folder / "scenes" / f"{name}.yaml").write_text(SCENE)
     tree(tmp_path / "hop.xml")
     return folder
 

@@ -16,9 +16,9 @@ from PIL import Image
 
 from perception.camera.camera_file import load_camera
 from sim_bridge.twin.scene_file import scene_names
-from tests.uav_bt.app.test_lab_flights import LAB, MARK
 from tests.uav_bt.learning.frames_world import view, walk, write_video
 from tests.worlds.cli import HOP, assert_refused, run, tree_file
+from tests.worlds.labs import HALL, MARK, lab_folder
 from uav_bt.lab.lab_file import lab_schema, read_lab
 from uav_bt.lab.shipped import write_lab
 
@@ -139,8 +139,7 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     tree_file(tmp_path, HOP)
     (tmp_path / "script.yaml").write_text("default: S\n")
-    (tmp_path / "labs" / "low").mkdir(parents=True)
-    (tmp_path / "labs" / "low" / "lab.yaml").write_text(f"{LAB}{MARK}limits: {{ceiling_m: 0.9}}\n")
+    lab_folder(tmp_path / "labs" / "low", f"{HALL}{MARK}limits: {{ceiling_m: 0.9}}\n")
     return tmp_path
 
 

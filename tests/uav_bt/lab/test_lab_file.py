@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.worlds.labs import LAB, SITE, lab_folder, with_files_of_site
 from tests.worlds.tables import cases
 from uav_bt.app.site import Site, load_site, site_of_lab
 from uav_bt.errors import FileError, InputError, UnknownNameError, ValueRangeError
@@ -93,21 +94,6 @@ def test_classes_that_make_no_lab_are_refused(classes: list[LabClass], message: 
 # --- lab files ------------------------------------------------------------------------------------
 
 CASES = cases("labs")
-
-LAB = """\
-version: 1
-classes:
-  wall: {role: outside, colour: "#000000"}
-  floor: {role: ground, colour: "#0a0b0c"}
-  drum: {role: obstacle, colour: "#ff0000", top: lid}
-  lid: {role: obstacle, colour: "#800000"}
-"""
-
-
-def lab_folder(folder: Path, text: str = LAB) -> Path:
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "lab.yaml").write_text(text)
-    return folder
 
 
 def test_a_lab_file_gives_names_roles_colours_and_tops(tmp_path: Path) -> None:
@@ -212,37 +198,11 @@ def test_a_folder_with_the_name_of_a_shipped_lab_needs_a_path(
 
 # --- how a place is flown -------------------------------------------------------------------------
 
-KEYS = """
-flight_height_m: 1.2
-take_off_surface_m: 0.4
-camera: camera.yaml
-network: {model: hall.onnx, classes: classes.yaml}
-ground: [floor, wall]
-limits: {speed_mps: 0.6, ceiling_m: 2}
-take_off: {position_m: [-1, 0.5], yaw_deg: 90}
-area: "lab:-2,-2; lab:2,-2; lab:2,2; lab:-2,2"
-mark: {size_m: [0.6, 0.4], height_m: 0.05, position_m: [1, -1], yaw_deg: 180}
-margins: {obstacle_m: 0.5}
-battery: {take_off: 0.4, critical: 0.15}
-link: {take_off: 0.6}
-video: {latency_s: 0.2}
-ports: {http: 8080, rtsp: 8554}
-return_home: off
-"""
-
-
-def filled(folder: Path) -> Path:
-    """Make the files that the keys name."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name in ("camera.yaml", "hall.onnx", "classes.yaml"):
-        (folder / name).touch()
-    return folder
-
 
 def test_a_lab_file_has_the_keys_of_a_site_file(tmp_path: Path) -> None:
     """The same text gives the same site."""
-    folder = lab_folder(filled(tmp_path / "hall"), LAB + KEYS)
-    (folder / "site.yaml").write_text(KEYS)
+    folder = lab_folder(with_files_of_site(tmp_path / "hall"), LAB + SITE)
+    (folder / "site.yaml").write_text(SITE)
     site = site_of_lab(read_lab(folder))
 
     assert replace(site, depth=None) == load_site(folder / "site.yaml")

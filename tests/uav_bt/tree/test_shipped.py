@@ -27,6 +27,19 @@ def test_a_file_stands_for_itself_and_a_name_for_a_shipped_mission(tmp_path: Pat
     assert resolve_tree("land_only").parent == shipped_trees()
 
 
+def test_a_name_with_a_suffix_or_a_folder_is_a_file_and_never_a_shipped_mission(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Otherwise a different mission than the intended one would fly."""
+    monkeypatch.chdir(tmp_path)
+    assert resolve_tree("land_only").samefile(shipped_trees() / "land_only.xml")
+    for name in ("land_only.xml", "trees/land_only.xml", "trees/land_only"):
+        with pytest.raises(FileError, match="mission has no suffix; did you mean 'land_only'"):
+            resolve_tree(name)
+    Path("land_only.xml").write_text("mine", encoding="utf-8")
+    assert resolve_tree("land_only.xml").read_text(encoding="utf-8") == "mine"
+
+
 def test_a_folder_stands_for_its_xml_files_in_order_without_hidden_ones(tmp_path: Path) -> None:
     for name in ("b.xml", "a.xml", "deep/er/c.xml", ".git/d.xml", ".e.xml", "f.yaml"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
