@@ -285,7 +285,7 @@ def registered_names() -> set[str]:
     with (ROOT / "pyproject.toml").open("rb") as file:
         groups = tomllib.load(file)["project"]["entry-points"]
     names = {name for group in ("uav_bt.policies", "uav_bt.drones") for name in groups[group]}
-    from behaviours.nodes import NODES  # noqa: PLC0415 - only this test needs one of our packages
+    from behaviours.nodes import NODES  # only this test needs one of our packages
 
     return names | {node.node_id for node in NODES}
 

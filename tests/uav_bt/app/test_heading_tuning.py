@@ -12,13 +12,6 @@ from behaviours.fly.heading_control import HeadingGains
 from tests.worlds.cli import HOP, run
 from tests.worlds.trees import document
 from uav_bt import app
-from uav_bt.app.heading_tuning import (
-    YawResponse,
-    heading_loop,
-    identify,
-    suggested_loop,
-    yaw_series,
-)
 from uav_bt.board import STATE
 from uav_bt.errors import InputError
 from uav_bt.tree import Leaf, NodeRegistry, Status
@@ -49,6 +42,8 @@ def test_the_response_of_a_series_is_found(
     delay_s: float, lag_s: float, gain: float, noise_rad: float
 ) -> None:
     """Also in the noise of a compass, that of the twin's harsh profile."""
+    from uav_bt.app.heading_tuning import identify
+
     noise = np.random.default_rng(5).normal(0.0, noise_rad, TIMES_S.size)
     yaws_rad = 3.0 + exact_yaws(delay_s, lag_s, gain) + noise
     found, residual_rad = identify([np.stack([TIMES_S, SQUARE_RADPS, yaws_rad])])
@@ -62,6 +57,8 @@ def test_the_response_of_a_series_is_found(
 
 def test_a_series_that_shows_no_response_is_refused() -> None:
     """It turns the other way, or too little: three seconds at 0.4 rad/s are 69 degrees of 90."""
+    from uav_bt.app.heading_tuning import identify
+
     yaws_rad = exact_yaws(0.1, 0.1, 1.0)
     with pytest.raises(InputError, match="expected a heading that follows the commands"):
         identify([np.stack([TIMES_S, SQUARE_RADPS, -yaws_rad])])
@@ -80,6 +77,8 @@ def test_margins_of_a_delayed_integrator(delay_ticks: int, gain: float) -> None:
     L(z) = k z^-d / (z - 1) with k = gain * tick: at z = exp(i w) its modulus is k / (2 sin(w / 2))
     and its phase -(pi / 2 + w / 2 + d w).
     """
+    from uav_bt.app.heading_tuning import YawResponse, heading_loop
+
     k = gain * TICK_S
     crossover = 2 * math.asin(k / 2)
     phase_margin = math.pi / 2 - crossover * (0.5 + delay_ticks)
@@ -99,6 +98,8 @@ def test_margins_of_a_delayed_integrator(delay_ticks: int, gain: float) -> None:
 
 def test_margins_of_a_fast_loop_approach_the_continuous_ones() -> None:
     """At a tick of 1 ms, delay, lag and PID give the margins of the continuous loop."""
+    from uav_bt.app.heading_tuning import YawResponse, heading_loop
+
     gains = HeadingGains(proportional=2.0, integral=0.3, derivative=0.2)
     omega = np.geomspace(0.1, 50.0, 200_000)
     s = 1j * omega
@@ -115,6 +116,8 @@ def test_margins_of_a_fast_loop_approach_the_continuous_ones() -> None:
 
 def test_suggested_gains_are_the_fastest_with_margins() -> None:
     """A tenth more would lose 6 dB or 45 degrees, and the gains keep their proportions."""
+    from uav_bt.app.heading_tuning import YawResponse, heading_loop, suggested_loop
+
     response = YawResponse(delay_s=0.3, lag_s=0.1, gain=1.0)
     found = suggested_loop(response, TICK_S)
     gains, shipped = found.gains, HeadingGains()
@@ -162,6 +165,8 @@ def test_shipped_gains_keep_their_margins_on_the_twin(tmp_path: Path) -> None:
 
     The flights differ in the age of the telemetry at the ticks.
     """
+    from uav_bt.app.heading_tuning import heading_loop, identify, yaw_series
+
     text = document(HOP.replace("<Land/>", '<HoverFor seconds="1"/><Swing/><Land/>'))
     registry, records = NodeRegistry.installed().with_nodes(Swing), list[Path]()
     for seed in (9, 10):

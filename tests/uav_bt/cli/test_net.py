@@ -10,7 +10,6 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-import torch
 from click.testing import Result
 
 from sim_bridge.anafi import anafi_camera
@@ -158,7 +157,7 @@ def test_training_writes_the_network_that_the_lab_is_flown_with(
 def test_a_gpu_that_is_not_there_is_refused_before_anything_is_made(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
     material = draw_lab(tmp_path / "hall")
     result = run("lab", "train", material.lab.folder, "--device", "cuda")
     assert_refused(result, "'cuda' needs a GPU", "train on 'cpu'")

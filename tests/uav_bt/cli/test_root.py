@@ -13,6 +13,7 @@ from tests.worlds.cli import all_commands, run
 from tests.worlds.processes import python
 from uav_bt import __version__
 from uav_bt.cli.declare import Number, WholeNumber
+from uav_bt.cli.root import COMMANDS
 from uav_bt.errors import InputError
 from uav_bt.plugins import check_packages
 from uav_bt.tree import shipped
@@ -117,16 +118,16 @@ def test_help_has_a_line_for_each_command_and_then_for_each_group() -> None:
     assert heads == ["tree", "record", "net", "lab"]
 
 
-@pytest.mark.parametrize("words", [words for words, _ in all_commands()], ids=" ".join)
-def test_help_fits_a_terminal_and_keeps_the_lines_of_its_examples(words: tuple[str, ...]) -> None:
-    command = dict(all_commands())[words]
-    done = run(*words, "--help")
+@pytest.mark.parametrize("line", COMMANDS)
+def test_help_fits_a_terminal_and_keeps_the_lines_of_its_examples(line: str) -> None:
+    command = dict(all_commands())[tuple(line.split())]
+    done = run(*line.split(), "--help")
     assert done.exit_code == 0
     lines = done.stdout.splitlines()
     assert max(map(len, lines)) <= 80, done.stdout
-    for line in inspect.cleandoc(str(command.help)).splitlines():
+    for text in inspect.cleandoc(str(command.help)).splitlines():
         # Indented text in the source is an example, a table or a file.
-        assert not line.startswith("  ") or f"  {line.rstrip()}" in lines, line
+        assert not text.startswith("  ") or f"  {text.rstrip()}" in lines, text
     assert "RANGE" not in done.stdout
     for option in command.params:
         if isinstance(option, click.Option):

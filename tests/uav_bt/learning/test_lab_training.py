@@ -17,9 +17,6 @@ from uav_bt.errors import FileError, InputError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.learning.lab_data import LabData, MaskSource, checked_data, make_masks
 from uav_bt.learning.lab_material import LabMaterial
-from uav_bt.learning.lab_training import lab_training_config, mask_source, train_lab
-
-CONFIG = replace(lab_training_config(steps=3, batch=2), checkpoint_every=1)
 
 
 def stated(material: LabMaterial, keys: str) -> LabData:
@@ -27,6 +24,12 @@ def stated(material: LabMaterial, keys: str) -> LabData:
     file = material.lab.file
     file.write_text(f"{file.read_text()}{keys}\n")
     return checked_data(LabMaterial(lab=load_lab(file)))
+
+
+def mask_source(data: LabData) -> MaskSource:
+    from uav_bt.learning.lab_training import mask_source  # it imports torch
+
+    return mask_source(data)
 
 
 def with_foreign_teacher(folder: Path) -> tuple[LabData, MaskSource]:
@@ -74,8 +77,11 @@ def test_kept_masks_are_not_made_again_and_a_changed_image_is(tmp_path: Path) ->
 
 
 def test_an_interrupted_training_continues_and_gives_the_same_network(tmp_path: Path) -> None:
+    from uav_bt.learning.lab_training import lab_training_config, train_lab
+
+    config = replace(lab_training_config(steps=3, batch=2), checkpoint_every=1)
     whole, source = with_foreign_teacher(tmp_path / "whole")
-    train_lab(whole, source, CONFIG)
+    train_lab(whole, source, config)
     broken, source = with_foreign_teacher(tmp_path / "broken")
     network = broken.material.network
     network.write_bytes(b"the old one")
@@ -85,10 +91,10 @@ def test_an_interrupted_training_continues_and_gives_the_same_network(tmp_path: 
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        train_lab(broken, source, CONFIG, advance=interrupt)
+        train_lab(broken, source, config, advance=interrupt)
     assert network.read_bytes() == b"the old one"
     steps: list[int] = []
-    train_lab(broken, source, CONFIG, advance=lambda _s, done, _t: steps.append(done))
+    train_lab(broken, source, config, advance=lambda _s, done, _t: steps.append(done))
     assert steps[-3:] == [3, 0, 1]  # the last step only, then the 8-bit integers
     ours = load_file(broken.material.training / "unet.safetensors")
     for name, tensor in load_file(whole.material.training / "unet.safetensors").items():
@@ -96,7 +102,7 @@ def test_an_interrupted_training_continues_and_gives_the_same_network(tmp_path: 
     ids = OnnxSegmenter(network, broken.material.lab.classes).ids(np.zeros((9, 16, 3), np.uint8))
     assert ids.shape == (112, 224)
     before, kept = network.read_bytes(), sorted(broken.material.training.glob("checkpoint-*"))
-    train_lab(broken, source, replace(CONFIG, seed=1))
+    train_lab(broken, source, replace(config, seed=1))
     assert network.read_bytes() != before
     (checkpoint,) = broken.material.training.glob("checkpoint-*")
     assert checkpoint not in kept

@@ -12,11 +12,8 @@ import pytest
 from perception.control.ego_state import ControlNetConfig
 from perception.control.runtime import OnnxControlStudent
 from perception.control.training import samples
-from perception.control.training.network import STUDENT_FILES
-from perception.control.training.run import ControlTrainingConfig, train_control
 from perception.depth.training.footage import shrink
 from perception.networks.weights_file import SHIPPED_WEIGHTS
-from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
 from sim_bridge.anafi import anafi_camera
 from tests.worlds.cli import assert_refused, run
 from tests.worlds.footage import SeesGround, frame, state, write_record
@@ -25,7 +22,6 @@ from uav_bt import app
 from uav_bt.errors import FileError
 from uav_bt.learning.dataset import evaluate_student, footage_of, read_advised_flights, records_of
 from uav_bt.learning.lab_material import fingerprint
-from uav_bt.learning.training import first_weights, save_trained, shown
 from uav_bt.testing import ScriptedDrone
 from uav_bt.types import Frame
 
@@ -101,7 +97,6 @@ def test_a_copy_has_the_same_fingerprint(tmp_path: Path) -> None:
 NET = ControlNetConfig(
     width_px=32, height_px=16, channels=(4, 8), bottleneck=4, embedding=8, hidden=8
 )
-QUICK = ControlTrainingConfig(steps=4, batch=8, warm_up_steps=2, checkpoint_every=2)
 
 # In a class map of noise the path is blocked, so the rule of the first level gives advice.
 MISSION = """
@@ -169,18 +164,23 @@ def test_flights_without_advice_and_of_two_cameras_are_refused(
 def test_training_leaves_weights_that_fly_and_goes_on_from_its_checkpoint(
     record: Path, tmp_path: Path
 ) -> None:
+    from perception.control.training.network import STUDENT_FILES
+    from perception.control.training.run import ControlTrainingConfig, train_control
+    from uav_bt.learning.training import save_trained, shown
+
+    quick = ControlTrainingConfig(steps=4, batch=8, warm_up_steps=2, checkpoint_every=2)
     flights = read_advised_flights([record], NET, tmp_path / "views")
-    windows = samples.ControlSamples(flights, NET, QUICK.near_weight)
+    windows = samples.ControlSamples(flights, NET, quick.near_weight)
     out, told = tmp_path / "student.safetensors", list[tuple[str, int, int]]()
     for _ in range(2):
         net = train_control(
             windows,
-            QUICK,
+            quick,
             NET,
             checkpoint=tmp_path / "checkpoint.safetensors",
             progress=shown(lambda *now: told.append(now)),
         )
-        save_trained(STUDENT_FILES, net, out, QUICK, {"flights": 1})
+        save_trained(STUDENT_FILES, net, out, quick, {"flights": 1})
     assert [now[1:] for now in told] == [(done, 4) for done in (1, 2, 3, 4)]
     notes = STUDENT_FILES.load(out)[1]
     assert (notes["flights"], notes["training"]["steps"]) == (1, 4)
@@ -196,6 +196,9 @@ def test_training_leaves_weights_that_fly_and_goes_on_from_its_checkpoint(
 
 
 def test_training_may_begin_with_a_segmentation_networks_encoder(tmp_path: Path) -> None:
+    from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
+    from uav_bt.learning.training import first_weights
+
     path = tmp_path / "unet.safetensors"
     config = UNetConfig(width_px=32, height_px=16, channels=(4, 8), outputs=1)
     UNET_FILES.save(path, UNet(config, ["box"]), notes={})

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import onnx
@@ -13,34 +12,26 @@ import pytest
 
 from perception.control.ego_state import state_size
 from perception.control.runtime import OnnxControlStudent
-from perception.control.training.network import STUDENT_FILES
 from perception.depth.runtime import load_depth_estimator
-from perception.depth.training.network import DEPTH_FILES
-from perception.networks.training.network_files import NetworkFiles
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.runtime import OnnxSegmenter, shipped_unet
-from perception.segmentation.training.unet import UNET_FILES
 from sim_bridge.anafi import anafi_camera
 from tests.paper_lab import CLASSES
 from tests.worlds.cli import assert_refused, run
 from tests.worlds.footage import SeesGround, frame, state, write_record
 from uav_bt.learning.dataset import read_flights
-from uav_bt.learning.lab_training import UNET_WEIGHTS
-from uav_bt.learning.training import CALIBRATION_VIEWS, export_network
 from uav_bt.learning.views import TRAINING_SCENES, VALIDATION_SCENES, ViewPlan, twin_views
-
-SHIPPED: dict[str, NetworkFiles[Any]] = {
-    "unet": UNET_FILES,
-    "depth": DEPTH_FILES,
-    "student": STUDENT_FILES,
-}
 
 
 @pytest.fixture(scope="module")
 def floats(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Export the shipped weights in floats; return the folder."""
+    from perception.control.training.network import STUDENT_FILES
+    from perception.depth.training.network import DEPTH_FILES
+    from perception.segmentation.training.unet import UNET_FILES
+
     folder = tmp_path_factory.mktemp("floats")
-    for name, files in SHIPPED.items():
+    for name, files in (("unet", UNET_FILES), ("depth", DEPTH_FILES), ("student", STUDENT_FILES)):
         files.export(SHIPPED_WEIGHTS / f"{name}.safetensors", folder / f"{name}.onnx")
     return folder
 
@@ -80,7 +71,7 @@ def depth_errors(file: Path, floats: Path, pictures: list[np.ndarray]) -> np.nda
     return np.stack([np.abs(mine.depth(rgb) / exact.depth(rgb) - 1.0) for rgb in pictures])
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("name", ["unet", "depth", "student"])
 def test_a_shipped_network_was_made_from_the_shipped_weights(name: str) -> None:
     model = onnx.load(SHIPPED_WEIGHTS / f"{name}.onnx")
     notes = {each.key: each.value for each in model.metadata_props}
@@ -93,6 +84,8 @@ def test_a_network_is_calibrated_on_the_pictures_of_the_plan(
     tmp_path: Path, floats: Path, pictures: list[np.ndarray]
 ) -> None:
     """A few images of one scene suffice, and the same images always give the same file."""
+    from uav_bt.learning.training import CALIBRATION_VIEWS, export_network
+
     assert set(CALIBRATION_VIEWS.scenes) == set(TRAINING_SCENES)
     plan = replace(CALIBRATION_VIEWS, scenes=("train-a",), views=4)
     told: list[tuple[str, int, int]] = []
@@ -116,7 +109,7 @@ def test_a_network_is_calibrated_on_the_pictures_of_the_plan(
 def test_the_command_writes_a_network_from_weights_of_its_kind(tmp_path: Path) -> None:
     out = tmp_path / "net.onnx"
     words = ("net", "export", "depth", "--out", out, "--scene", "train-a", "--views", 1)
-    refused = run(*words, "--weights", UNET_WEIGHTS)
+    refused = run(*words, "--weights", SHIPPED_WEIGHTS / "unet.safetensors")
     assert_refused(refused, "expected weights of kind 'depth-network'")
     assert not out.exists()
     result = run(*words)

@@ -214,7 +214,7 @@ def test_a_part_without_a_tick_is_refused_and_a_cut_record_is_shown_as_far_as_it
 
 
 def test_nobody_draws_for_a_viewer_that_was_closed(flown: Seen) -> None:
-    import rerun as rr  # noqa: PLC0415 - only this draws into memory
+    import rerun as rr
 
     steps: list[int] = []
     RecordedFlight(flown.record).draw(

@@ -9,14 +9,12 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 import pytest
-from rerun.blueprint import View
 
 from tests.paper_lab import BOXES, CARPET, CLASSES, paper_map
 from tests.uav_bt.display.display_world import World, facts
 from tests.uav_bt.display.test_maps import believed
 from tests.worlds.values import corridor
 from uav_bt.board import CLASS_MAP, CORRIDOR, MARK, METRIC_DEPTH, SITE_MAP
-from uav_bt.display.rerun.flight_view import FlightView, camera_axes
 from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
 from uav_bt.tree import Status
@@ -84,6 +82,8 @@ class Flight:
     """A view of a flight."""
 
     def __init__(self, **changes: Any) -> None:
+        from uav_bt.display.rerun.flight_view import FlightView
+
         self.stream, self.world = NotedStream(), World(start_s=40.0)
         self.statuses = {"Main/root": Status.RUNNING, "Main/root/first": Status.FAILURE}
         stream: Any = self.stream
@@ -149,6 +149,8 @@ def test_the_path_grows_by_a_piece_a_tick() -> None:
 def test_the_camera_looks_along_yaw_and_pitch_with_a_level_horizon(
     yaw_rad: float, pitch_rad: float
 ) -> None:
+    from uav_bt.display.rerun.flight_view import camera_axes
+
     right, down, ahead = camera_axes(yaw_rad, pitch_rad).T
     level = np.array([math.cos(yaw_rad), math.sin(yaw_rad), 0.0])
     up = np.array([0.0, 0.0, 1.0])
@@ -278,6 +280,8 @@ def test_the_tree_has_the_signs_of_its_statuses_and_is_drawn_when_one_changes() 
 
 def views(part: object) -> list[str]:
     """Return the names of the views of a layout."""
+    from rerun.blueprint import View
+
     if isinstance(part, View):
         return [str(part.name)]
     return [name for below in getattr(part, "contents", None) or () for name in views(below)]
