@@ -66,7 +66,6 @@ def test_a_survey_maps_each_object_once_under_one_id() -> None:
     judge = app.JudgeConfig(time_limit_s=60.0)
     options = app.FlightOptions(scene="train-a", drone="plain", judge=judge)
     flown = app.fly("survey_and_land", options, listeners=[ids.follow])
-
     assert (flown.objects_found, flown.false_objects) == (8, 0)
     assert max(flown.object_errors_m or ()) < 0.15
     assert flown.site_map is not None

@@ -84,13 +84,11 @@ def test_margins_of_a_delayed_integrator(delay_ticks: int, gain: float) -> None:
     phase_margin = math.pi / 2 - crossover * (0.5 + delay_ticks)
     turning_point = math.pi / (1 + 2 * delay_ticks)
     gain_margin = 2 * math.sin(turning_point / 2) / k
-
     found = heading_loop(
         HeadingGains(proportional=gain, integral=0.0, derivative=0.0),
         YawResponse(delay_s=delay_ticks * TICK_S, lag_s=0.0, gain=1.0),
         TICK_S,
     )
-
     assert found.crossover_radps == pytest.approx(crossover / TICK_S, rel=1e-3)
     assert found.phase_margin_deg == pytest.approx(math.degrees(phase_margin), abs=0.06)
     assert found.gain_margin_db == pytest.approx(20 * math.log10(gain_margin), abs=0.02)
@@ -106,9 +104,7 @@ def test_margins_of_a_fast_loop_approach_the_continuous_ones() -> None:
     loop = (2.0 + 0.3 / s + 0.2 * s) * 1.1 * np.exp(-0.123 * s) / (s * (0.2 * s + 1.0))
     modulus, phase = np.abs(loop), np.unwrap(np.angle(loop))
     crossing, reversal = int(np.argmax(modulus < 1.0)), int(np.argmax(phase < -math.pi))
-
     found = heading_loop(gains, YawResponse(delay_s=0.123, lag_s=0.2, gain=1.1), 0.001)
-
     assert found.crossover_radps == pytest.approx(omega[crossing], rel=0.01)
     assert found.phase_margin_deg == pytest.approx(180 + math.degrees(phase[crossing]), abs=0.6)
     assert found.gain_margin_db == pytest.approx(-20 * math.log10(modulus[reversal]), abs=0.1)
@@ -128,7 +124,6 @@ def test_suggested_gains_are_the_fastest_with_margins() -> None:
         derivative=shipped.derivative * share,
     )
     faster = heading_loop(more, response, TICK_S)
-
     assert found.gain_margin_db >= 6.0
     assert found.phase_margin_deg >= 45.0
     assert faster.gain_margin_db < 6.0 or faster.phase_margin_deg < 45.0

@@ -130,7 +130,6 @@ def test_ports_leaves_and_time_limit_travel_with_the_plan(tmp_path: Path) -> Non
     assert how.judge == options.judge
     assert how.ports == {"TakeOff.height_m": "1.1"}
     assert [str(each) for each in how.leaves] == [str(leaves)]
-
     slower = make_plan([file], replace(options, ports={"TakeOff.height_m": 1.2}), flights=1)
     assert slower.differences(plan) == ["ports TakeOff.height_m: was 1.1, now 1.2"]
     leaves.write_text(leaves.read_text() + "\n")

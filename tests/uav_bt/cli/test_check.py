@@ -32,7 +32,6 @@ def test_all_findings_of_all_files_are_reported_with_their_places(tmp_path: Path
     places = (f"{bad}:4:1: TakOff: unknown", f"{bad}:6:3: Land: unknown attribute", f"{absent}: no")
     assert [line[: len(at)] for line, at in zip(lines, places, strict=True)] == [*places]
     assert "did you mean 'TakeOff'" in lines[0]
-
     result = run("check", good, bad, absent, "--format", "json")
     assert (result.exit_code, result.stderr) == (2, "")
     first, second, third = (json.loads(line) for line in result.stdout.splitlines())

@@ -68,7 +68,6 @@ def test_a_folder_of_pictures_becomes_a_camera_file(pictures: Path, tmp_path: Pa
     for name in ("IMG_0001.HEIC", "IMG_0002.HEIC", "raw.dng"):
         (pictures / name).write_bytes(b"\0\0\0\x18ftypheic")
     result = run("lab", "calibrate", pictures, "--square-mm", 20, "--out", out)
-
     assert result.exit_code == 0, result.output
     camera = load_camera(out)
     assert (camera.width_px, camera.height_px) == SIZE
@@ -255,7 +254,6 @@ def test_the_summary_counts_images_by_source(hall: Path) -> None:
     assert last == "images: 8 in labs/hall/frames"
     assert "Warning: 8 images are few for a network, 40 are the least" in result.stderr
     assert len(list((hall / "frames").glob("*.jpg"))) == 8
-
     again = run("lab", "frames", "hall", "walk.mp4")
     assert "taken in an earlier run" in again.stdout
     assert "images: 8" in again.stdout

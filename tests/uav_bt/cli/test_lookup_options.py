@@ -175,7 +175,6 @@ def test_a_campaign_keeps_its_folders(
     resumed = run("campaign", "--resume", out, "--workers", 1)
     assert resumed.exit_code == 0, resumed.output
     assert_refused(run("campaign", "--resume", out, *mission.options), "leave out --trees")
-
     text = mission.down.read_text()
     mission.down.write_text(text.replace("<Land/>", "<ForceSuccess><Land/></ForceSuccess>"))
     words = ("holds another campaign", "trees hop.xml sha256 has changed")

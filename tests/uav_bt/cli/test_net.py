@@ -147,7 +147,6 @@ def test_training_writes_the_network_that_the_lab_is_flown_with(
     options = app.FlightOptions(lab="hall")
     assert options.place is not None
     assert options.place.model == str(material.network)
-
     again = run(*command)
     assert again.exit_code == 0, again.output
     assert f"{material.network} stays until the new network is finished" in again.stdout
@@ -189,7 +188,6 @@ def test_a_check_prints_scores_beside_the_teachers_and_writes_sheet_and_json(
     assert scores["role_iou"] == {"outside": 0.75, "ground": 0.8, "mark": None, "obstacle": 1.0}
     assert scores["confusions"] == [["crate", "cart", 1.0], ["wall", "floor", 0.25]]
     assert scores["teacher"] is None
-
     write_colour_network(folder / "teacher.onnx")
     with (folder / "lab.yaml").open("a") as keys:
         keys.write("teacher: {model: teacher.onnx}\n")
@@ -197,7 +195,6 @@ def test_a_check_prints_scores_beside_the_teachers_and_writes_sheet_and_json(
     assert result.exit_code == 0, result.output
     assert "12 held-out picks on 2 images: 0.583 right" in result.stdout
     assert "teacher: 0.917 of the picks right, IoU of the roles 0.850" in result.stdout
-
     write_colour_network(tmp_path / "bad.onnx", order=(1, 2, 0, 3))
     bad = run("lab", "check", folder, "--model", tmp_path / "bad.onnx", "--min-role-iou", 0.9)
     assert bad.exit_code == 1, bad.output
@@ -223,7 +220,6 @@ def test_flights_are_checked_with_or_without_picks(tmp_path: Path) -> None:
     assert "mark: in no frame found" in result.stdout
     scores = json.loads(out.read_text())
     assert (scores["geometry"]["frames"], scores["geometry"]["size_to_height"]) == (3, None)
-
     material.picks.unlink()
     alone = run("lab", "check", folder, "--flight", flight)
     assert alone.exit_code == 0, alone.output
@@ -231,7 +227,6 @@ def test_flights_are_checked_with_or_without_picks(tmp_path: Path) -> None:
     assert "geometry in 3 frames of flights" in alone.stdout
     refused = run("lab", "check", folder, "--flight", flight, "--min-role-iou", 0.5)
     assert_refused(refused, "there are no picks")
-
     other = write_record(tmp_path / "other.mcap", camera, frames, [])
     refused = run("lab", "check", folder, "--flight", other)
     assert_refused(refused, "was flown in the lab 'paper', not in 'hall'")

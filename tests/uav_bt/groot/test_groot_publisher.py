@@ -279,7 +279,6 @@ def test_groot2_sees_the_flight_while_it_goes_on(hop: Path) -> None:
     """A client between ticks gets one running branch, and the board of a drone in the air."""
     seen: list[dict[int, int]] = []
     heights: list[float] = []
-
     port = free_ports()
     with watched_live(groot=port) as watch, GrootClient(port) as client:
 

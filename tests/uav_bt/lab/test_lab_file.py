@@ -98,7 +98,6 @@ CASES = cases("labs")
 
 def test_a_lab_file_gives_names_roles_colours_and_tops(tmp_path: Path) -> None:
     lab = read_lab(lab_folder(tmp_path / "hall"))
-
     assert (lab.name, lab.folder) == ("hall", tmp_path / "hall")
     assert lab.classes.names == ("wall", "floor", "drum", "lid")
     assert lab.classes.colours[1].tolist() == [10, 11, 12]
@@ -144,7 +143,6 @@ def test_a_mistake_is_reported_with_its_line(
     tmp_path: Path, old: str, new: str, message: str
 ) -> None:
     folder = lab_folder(tmp_path, LAB.replace(old, new))
-
     with pytest.raises(FileError, match=message):
         read_lab(folder)
 
@@ -177,7 +175,6 @@ def test_a_lab_of_the_user_is_found_by_name_and_by_path(
     monkeypatch.chdir(tmp_path)
     lab_folder(tmp_path / "labs" / "hall")
     lab_folder(tmp_path / "yard")
-
     assert load_lab("hall").folder == Path("labs/hall")
     assert load_lab("yard").name == "yard"
     assert load_lab(tmp_path / "yard" / "lab.yaml").name == "yard"
@@ -190,7 +187,6 @@ def test_a_folder_with_the_name_of_a_shipped_lab_needs_a_path(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     lab_folder(tmp_path / "labs" / "paper")
-
     with pytest.raises(InputError, match=r"give the path \./labs/paper for yours"):
         load_lab("paper")
     assert load_lab("labs/paper").classes.names[0] == "wall"
@@ -204,7 +200,6 @@ def test_a_lab_file_has_the_keys_of_a_site_file(tmp_path: Path) -> None:
     folder = lab_folder(with_files_of_site(tmp_path / "hall"), LAB + SITE)
     (folder / "site.yaml").write_text(SITE)
     site = site_of_lab(read_lab(folder))
-
     assert replace(site, depth=None) == load_site(folder / "site.yaml")
     assert (site.lab, site.file) == ("hall", folder / "lab.yaml")
     assert (site.flight_height_m, site.camera) == (1.2, folder / "camera.yaml")

@@ -286,8 +286,6 @@ def test_a_byte_order_mark_and_empty_lines_are_no_fault(material: LabMaterial) -
 def test_a_malformed_list_names_the_line(material: LabMaterial, line: str, words: str) -> None:
     _add_images(material, 1)
     material.list_file.write_text(f"image,source,time_s,sharpness,use\n{line}\n")
-
     with pytest.raises(FileError, match=words) as caught:
         material.uses()
-
     assert str(caught.value).startswith(f"{material.list_file}:2")

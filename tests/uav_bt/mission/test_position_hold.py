@@ -137,7 +137,6 @@ def test_a_velocity_flight_goes_where_it_is_ordered_to() -> None:
     body.fly(Velocity(forward_mps=0.4), 3.0)
     begun_m = body.y_m
     body.fly(Velocity(forward_mps=0.4), 5.0)
-
     assert begun_m < 0.2
     assert body.y_m - begun_m < 0.03
     assert body.x_m == pytest.approx(0.4 * 8.0, abs=0.2)
@@ -156,7 +155,6 @@ def test_a_movement_is_aimed_for_the_drift_once_and_its_goal_is_kept() -> None:
     assert aimed.forward_m == pytest.approx(0.3 - 0.1 * 1.6, abs=0.05)
     assert (aimed.id, aimed.right_m, aimed.down_m) == (7, pytest.approx(0.0, abs=0.01), 0.1)
     assert body.tick(move) == aimed
-
     goal_m = body.x_m + 0.3 - 0.02
     body.movement = MovementStatus(id=7, state=MovementState.DONE)
     body.x_m += 0.2  # the movement ended before its goal
@@ -170,7 +168,6 @@ def test_a_movement_goes_on_as_it_was_sent_after_a_moment_without_ground() -> No
     body.hold.rest()
     body.x_m += 1.0
     assert body.tick(move) == aimed
-
     body.movement = MovementStatus(id=7, state=MovementState.DONE)
     body.x_m += 1.0
     x_m = body.x_m
@@ -229,7 +226,6 @@ def test_where_dead_reckoning_leaps_the_drone_stays(proposed: Movement, leap_m: 
         body.bias_mps = leap_m / TICK_S
         body.tick(proposed)
         body.bias_mps, body.mps, body.error_mps = 0.0, (0.0, 0.0), (0.0, 0.0)
-
     assert body.fly(proposed, 2.0) < 0.05
 
 
@@ -271,7 +267,6 @@ def test_a_hover_without_frames_or_telemetry_is_held_against_the_drift_for_a_tim
     since_s = body.now_s
     assert_held(body.hold.against_drift(Hover(), body.state(), since_s + 19.0), -0.1)
     assert body.hold.against_drift(Hover(), body.state(), since_s + 21.0) == Hover()
-
     turned = replace(body.state(), attitude=Attitude(yaw_rad=math.pi))
     assert_held(body.hold.against_drift(Hover(), turned, since_s), 0.1)
     body.flying = FlyingState.LANDED
@@ -283,7 +278,6 @@ def test_a_disturbance_of_the_last_moment_does_not_count_without_frames() -> Non
     body = drifting()
     body.drift_mps = (0.1, -0.3)
     body.fly(Hover(), 1.5)
-
     assert_held(body.hold.against_drift(Hover(), body.state(), body.now_s), -0.1)
 
 
@@ -299,7 +293,6 @@ def test_without_ground_the_known_drift_is_held_and_no_place_is_kept() -> None:
     body = drifting()
     body.untracked_s = 6.0
     began_m = body.x_m
-
     assert body.fly(Hover(), 10.0) < 0.2 + abs(began_m)
     body.x_m += 0.5
     assert_held(body.tick(Hover()), -0.1)
@@ -308,7 +301,6 @@ def test_without_ground_the_known_drift_is_held_and_no_place_is_kept() -> None:
 def test_the_correction_is_limited_and_what_cannot_be_held_is_named() -> None:
     body = Body(drift_mps=(0.8, 0.0))
     body.fly(Hover(), 10.0)
-
     assert body.hold.trouble is not None
     assert "drifts" in body.hold.trouble
     speeds = [math.hypot(s.forward_mps, s.right_mps) for s in body.sent if isinstance(s, Velocity)]

@@ -289,7 +289,6 @@ def test_the_last_failure_is_kept_unless_the_tree_fails_with_a_reason() -> None:
     watch.update(**QUIET | {"ends": BranchEnds(failed=(lost,))})
     watch.update(**QUIET | {"ends": BranchEnds(ended=landing)})
     assert watch.failure == "lost: no way"
-
     landing.feedback_message = "no ground"
     watch.update(**QUIET | {"ends": BranchEnds(ended=landing)})
     assert watch.failure == "landing: no ground"

@@ -21,7 +21,6 @@ from uav_bt.types.projection import elevation_to_row, ground_points, ground_rang
 def test_heading_east_ahead_is_y() -> None:
     """Yaw is clockwise and y to the right: at a quarter turn, ahead is +y and right is -x."""
     pose = Pose2D(x_m=1.0, y_m=2.0, yaw_rad=math.pi / 2)
-
     assert pose.to_world(3.0, 0.0) == pytest.approx((1.0, 5.0))
     assert pose.to_world(0.0, 3.0) == pytest.approx((-2.0, 2.0))
 
@@ -55,7 +54,6 @@ def test_ground_points_known_values(
 ) -> None:
     """Hand-computed points at a height of 2 m."""
     point = ground_points(pixel, CAMERA, math.radians(pitch_deg), 2.0)
-
     assert point == pytest.approx(expected, abs=1e-9)
 
 
@@ -86,7 +84,6 @@ def test_pixel_to_ground_and_back(
     if np.isnan(point).any() or np.abs(point).max() > 1e4:
         return  # near the horizon ground points are inaccurate
     back = project((*point, height_m), CAMERA, pitch_rad)
-
     assert back == pytest.approx((column, row), abs=1e-5)
 
 
@@ -96,7 +93,6 @@ def test_row_of_a_range_sees_that_range(pitch_rad: float, range_m: float, height
     """`ground_range_to_row` undoes `ground_points` in the central column."""
     row = ground_range_to_row(range_m, CAMERA, pitch_rad, height_m)
     point = ground_points((CAMERA.cx_px, row), CAMERA, pitch_rad, height_m)
-
     assert point == pytest.approx((range_m, 0.0), rel=1e-4, abs=1e-6)
 
 
@@ -104,9 +100,7 @@ def test_row_of_a_range_sees_that_range(pitch_rad: float, range_m: float, height
 def test_elevation_behind_the_image_plane_is_far_outside(pitch_deg: float, side: int) -> None:
     """Straight down from a raised camera is far below the image, above the horizon far above it."""
     elevation_rad = -side * math.pi / 2 if side > 0 else 0.3
-
     row = elevation_to_row(elevation_rad, CAMERA, math.radians(pitch_deg))
-
     assert side * row > 1e6
     assert round(row) != 0  # finite, because callers round it
 

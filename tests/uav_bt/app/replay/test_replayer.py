@@ -189,7 +189,6 @@ def test_a_flight_in_a_site_on_exact_masks_replays_as_it_was_flown(tmp_path: Pat
     record = tmp_path / "flight.mcap"
     options = replace(SMALL, site=site, record=record, exact_masks=True)
     app.fly(tree_file(tmp_path, PERCEIVING), options)
-
     flight, _ = assemble_recorded(RecordReader(record), ReplayOptions())
     assert flight.options.site == site
     assert flight.context.ground == site.ground
