@@ -52,9 +52,7 @@ def test_what_cannot_be_written_raises_and_nothing_is_left(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(("missing", "hint"), CASES["hints"])
-def test_a_missing_file_is_compared_with_the_files_beside_it(
-    missing: str, hint: str, tmp_path: Path
-) -> None:
+def test_a_missing_file_is_compared_with_others(missing: str, hint: str, tmp_path: Path) -> None:
     (tmp_path / "peek.xml").touch()
     (tmp_path / "runs").mkdir()
     assert did_you_mean_file(tmp_path / missing) == hint

@@ -46,9 +46,7 @@ def test_a_turn_in_degrees_is_refused(turn: Callable[[float], Answer], yaw_rad: 
 
 
 @pytest.mark.parametrize(("kind", "given", "why"), CASES["refused_answers"])
-def test_an_answer_of_other_values_is_refused(
-    kind: str, given: dict[str, object], why: str
-) -> None:
+def test_answers_of_other_values_are_refused(kind: str, given: dict[str, object], why: str) -> None:
     with pytest.raises(ValueRangeError, match=why):
         KINDS[kind](**given)
     numpys: dict[str, Any] = {"yaw_rad": np.float32(0.3), "ground_ends": np.bool_(True)}
@@ -65,9 +63,7 @@ def test_numbers_of_a_network_are_compared_in_full() -> None:
 # --- clocks: one of the wall, and one that is constant within a tick ------------------------------
 
 
-def test_a_wall_clock_sleeps_what_is_left_and_not_at_all_when_it_is_late(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_wall_clock_sleeps_what_is_left_if_any(monkeypatch: pytest.MonkeyPatch) -> None:
     slept: list[float] = []
     monkeypatch.setattr(time, "monotonic", lambda: 1000.0)
     monkeypatch.setattr(time, "sleep", slept.append)

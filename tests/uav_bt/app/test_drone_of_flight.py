@@ -167,9 +167,7 @@ def options(seed: int, scene: str | None = "val-a") -> app.FlightOptions:
     return drawn(app.FlightOptions(drone="plain", seed=seed, scene=scene, faults=["random"]))
 
 
-def test_room_movers_and_faults_come_from_seed_and_scene(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_seed_and_scene_draw_the_flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """They do not depend on how the scene's file is named, and leave the drone a chance."""
     many = [options(seed) for seed in range(200)]
     assert options(1) == many[1] != options(1, "val-b")
@@ -197,9 +195,7 @@ def test_the_draws_of_shipped_scenes_stay() -> None:
     )
 
 
-def test_a_file_holds_one_fault_per_line_and_a_mistake_is_named_with_its_line(
-    tmp_path: Path,
-) -> None:
+def test_a_file_holds_a_fault_per_line_and_a_mistake_has_its_line(tmp_path: Path) -> None:
     file = tmp_path / "faults.txt"
     file.write_text("wind=0.1@explore\n\nblack@start\n")
     assert app.FlightOptions(faults=[f"@{file}"]).faults == ("wind=0.1@explore", "black@start")

@@ -118,9 +118,7 @@ def test_a_lost_drone_leaves_a_report_a_film_and_a_word_about_where_it_is(
     assert not drone.connected
 
 
-def test_a_simulated_drone_that_nobody_landed_is_reported(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_drone_nobody_landed_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The report does not depend on the code that lands the drone: it asks the simulation."""
     monkeypatch.setattr(MissionRunner, "_stop_and_land", lambda _runner, _reason: None)
     path = tmp_path / "report.json"

@@ -211,9 +211,7 @@ def test_a_photograph_that_is_not_fetched_is_named_in_the_report(tmp_path: Path)
 # --- records: correct and complete, also after faults ---------------------------------------------
 
 
-def test_a_record_tells_what_was_flown_and_how_it_ended(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_record_tells_what_was_flown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     record, report = fly_noisy(tmp_path, monkeypatch)
     reader = RecordReader(record)
     assert reader.finished
@@ -259,9 +257,7 @@ def test_a_fault_in_flight_is_the_records_end(tmp_path: Path) -> None:
     assert len(list(reader.moments())) == 4
 
 
-def test_what_the_flight_logs_is_in_the_record(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_logged_is_in_the_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class Talking(NoisyDrone):
         def send(self, command: Command) -> Command:
             logging.getLogger("mine").warning("battery is at %d %%", 42)

@@ -171,9 +171,7 @@ SEES = FLIGHT.replace("<TakeOff", "<Segment/><TakeOff", 1)
 """A flight with the lab's network."""
 
 
-def test_report_and_record_keep_the_lab_and_a_replay_flies_in_it(
-    make_lab: MakeLab, tmp_path: Path
-) -> None:
+def test_report_record_and_replay_keep_the_lab(make_lab: MakeLab, tmp_path: Path) -> None:
     folder = make_lab(
         f"{MARK}margins: {{obstacle_m: 0.5}}\ntake_off: {{yaw_deg: 90}}\n"
         "limits: {speed_mps: 0.4}\nground: [wall]\n"

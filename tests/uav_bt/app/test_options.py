@@ -73,9 +73,7 @@ class NotADrone:
         ),
     ],
 )
-def test_a_value_that_cannot_be_used_is_refused_when_it_is_given(
-    given: dict[str, Any], message: str
-) -> None:
+def test_a_value_that_cannot_be_used_is_refused(given: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message) as caught:
         app.FlightOptions(**given)
     assert "\n" not in str(caught.value)
@@ -144,9 +142,7 @@ def test_a_named_drone_gets_its_address_and_what_it_may_need() -> None:
         ("plain", "--image-size", "image_size_px", (320, 180)),
     ],
 )
-def test_an_option_that_a_drone_cannot_use_is_refused(
-    drone: str, flag: str, option: str, value: Any
-) -> None:
+def test_foreign_options_are_refused(drone: str, flag: str, option: str, value: Any) -> None:
     words = (
         f"drone '{drone.partition(':')[0]}' takes no {flag} ({option} in Python), got {value!r}: "
         "leave it out, as this drone has no such setting"

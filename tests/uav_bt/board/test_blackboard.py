@@ -33,9 +33,7 @@ def board(manual_clock: ManualClock) -> Blackboard:
     return Blackboard(manual_clock, (SPEED, NAME, COUNT))
 
 
-def test_a_value_reads_as_none_once_it_is_too_old(
-    board: Blackboard, manual_clock: ManualClock
-) -> None:
+def test_a_value_too_old_reads_as_none(board: Blackboard, manual_clock: ManualClock) -> None:
     """Age counts from the capture. What was forgotten was never written."""
     assert not board.read(SPEED).known
     manual_clock.advance(2.0)

@@ -37,9 +37,7 @@ def test_one_and_two_workers_fly_the_same_flights(tmp_path: Path) -> None:
     assert len({flight["wall_s"] for flight in one.flights}) == 1, "one process flies them all"
 
 
-def test_a_stopped_campaign_goes_on_and_flies_nothing_twice(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_stopped_campaign_flies_the_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     wanted = plan(flights=4)
 
     def stop(_flight: Any, _now: bool) -> None:  # noqa: FBT001 - as the campaign calls it

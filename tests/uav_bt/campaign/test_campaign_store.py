@@ -120,9 +120,7 @@ def test_a_line_cut_anywhere_is_taken_away_and_the_rest_stays(tmp_path: Path, cu
     assert path.read_bytes() == whole
 
 
-def test_a_full_disk_leaves_nothing_of_the_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_leaves_no_half_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(_file: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -191,9 +189,7 @@ def test_what_is_no_campaigns_folder_is_left_alone(tmp_path: Path) -> None:
         (json.dumps(line(vary_room="yes")), "'vary_room': Input should be a valid boolean"),
     ],
 )
-def test_what_is_no_flight_is_refused_with_its_line_and_the_reason(
-    text: str, why: str, tmp_path: Path
-) -> None:
+def test_what_is_no_flight_is_refused_with_its_line(text: str, why: str, tmp_path: Path) -> None:
     path = jsonl(tmp_path / "f.jsonl", line())
     path.write_text(f"{path.read_text()}\n{text}\n")
     with pytest.raises(FileError) as refused:

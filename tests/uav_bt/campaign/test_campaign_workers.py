@@ -35,9 +35,7 @@ def flown(pool: WorkerPool, fate: str, timeout_s: float = 60.0) -> dict[str, Any
     return pool.line_of(pool.start(task(fate), timeout_s))
 
 
-def test_what_a_flight_leaves_behind_is_gone_before_the_next(
-    worker: WorkerPool, tmp_path: Path
-) -> None:
+def test_what_a_flight_leaves_is_gone_before_the_next(worker: WorkerPool, tmp_path: Path) -> None:
     collected = tmp_path / "collected"
     for fate in (f"leaves a cycle to {collected}", "lands"):
         flown(worker, fate)
@@ -184,9 +182,7 @@ def test_a_cluster_flies_the_same_flights(cluster: Any, tmp_path: Path) -> None:
     assert not first & second, "each campaign ends its processes"
 
 
-def test_workers_with_another_version_are_refused(
-    cluster: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_other_versions_are_refused(cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(uav_bt, "__version__", "99.0")
     backend = dask(cluster.scheduler_address)
     with pytest.raises(InputError, match=r"workers need uav-bt 99\.0, and there are \{'"):

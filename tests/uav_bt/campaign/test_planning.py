@@ -252,9 +252,7 @@ def test_the_plan_and_its_flights_keep_the_lab(
 @pytest.mark.parametrize(
     ("name", "by_lab"), [("lab.yaml", True), ("lab.yaml", False), ("camera.yaml", True)]
 )
-def test_a_changed_lab_is_not_resumed(
-    hall: Path, tmp_path: Path, name: str, *, by_lab: bool
-) -> None:
+def test_a_changed_lab_is_refused(hall: Path, tmp_path: Path, name: str, *, by_lab: bool) -> None:
     """Without --lab, too: the classes are of the scene's lab."""
     how = {"lab": "hall"} if by_lab else {"scenes": [str(hall / "scenes" / "east.yaml")]}
     before = make_plan(["hop.xml"], flights=1, **how)

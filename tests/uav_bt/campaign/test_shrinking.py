@@ -104,9 +104,7 @@ def test_a_signal_stops_shrinking_and_nothing_is_written(tmp_path: Path, number:
         ({"drone": "anafi"}, "got drone 'anafi': critical battery"),
     ],
 )
-def test_a_flight_that_cannot_be_flown_again_is_refused(
-    changes: dict[str, object], expected: str
-) -> None:
+def test_what_cannot_be_flown_again_is_refused(changes: dict[str, object], expected: str) -> None:
     with pytest.raises(InputError, match=expected):
         FailedFlight.of(flight(**changes), "land_only", "val-a", FlightOptions())
 

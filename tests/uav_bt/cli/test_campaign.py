@@ -91,9 +91,7 @@ def test_a_scene_that_is_gone_is_reported_and_left_out(folder: Path) -> None:
     assert "no map of scene 'gone'" in done.stderr
 
 
-def test_a_resumed_campaign_flies_nothing_again_and_successes_under_the_limit_fail(
-    folder: Path,
-) -> None:
+def test_a_resumed_campaign_flies_nothing_again_and_fails_under_a_limit(folder: Path) -> None:
     before = (folder / "flights.jsonl").read_text()
     assert run("campaign", "--resume", folder, "--fail-under", 100).exit_code == 0
     assert (folder / "flights.jsonl").read_text() == before
@@ -102,9 +100,7 @@ def test_a_resumed_campaign_flies_nothing_again_and_successes_under_the_limit_fa
     assert run("campaign", "--resume", folder, "--fail-under", 51).exit_code == 1
 
 
-def test_a_stopped_campaign_says_how_it_goes_on(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_stopped_campaign_can_be_resumed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     def stopped(*_: Any, on_flight: Any, **__: Any) -> None:
         on_flight({"outcome": "success", "tree": "t", "scene": "s", "seed": 0}, True)
         raise KeyboardInterrupt

@@ -36,9 +36,7 @@ def test_the_doctor_tells_what_works_and_sends_nothing(monkeypatch: pytest.Monke
     assert "extra dev" not in lines
 
 
-def test_a_missing_extra_is_named_with_its_pip_line_and_is_no_fault(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_missing_extra_is_named_and_is_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
     version = importlib.metadata.version
 
     def absent(name: str) -> str:

@@ -67,9 +67,7 @@ def test_a_mission_that_fails_exits_with_1_and_still_reports(tmp_path: Path) -> 
     assert told["scene"] == "train-a"  # the twin's default
 
 
-def test_a_fault_in_a_leaf_is_printed_in_a_line_and_reported(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_fault_in_a_leaf_is_one_message(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def break_down(_: object) -> None:
         raise KeyError("gimbal")
 
@@ -175,9 +173,7 @@ def test_a_disk_that_fills_up_hides_no_result(
         assert f"{option.removeprefix('--')}:" not in done.stdout
 
 
-def test_a_drone_left_in_the_air_is_the_last_line(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_flying_drone_is_the_last_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     report = app.fly(tree_file(tmp_path, HOP), app.FlightOptions(drone="plain"))
     left = replace(report, outcome="aborted", airborne_at_end=True)
 
@@ -249,9 +245,7 @@ def readers() -> list[threading.Thread]:
         ("xq \n\x1b", False, []),
     ],
 )
-def test_each_key_has_its_action_and_others_do_nothing(
-    keys: str, asked: list[str], *, manual: bool
-) -> None:
+def test_each_key_has_its_own_action(keys: str, asked: list[str], *, manual: bool) -> None:
     noted = Noted()
     for key in keys:
         obey(key, noted)  # type: ignore[arg-type]

@@ -88,9 +88,7 @@ def test_every_command_finds_the_trees_of_other_folders(mission: Mission, tmp_pa
     assert ticked == LEAVES
 
 
-def test_every_command_refuses_what_is_missing_or_no_folder(
-    mission: Mission, tmp_path: Path
-) -> None:
+def test_every_command_refuses_what_is_no_folder(mission: Mission, tmp_path: Path) -> None:
     trees, root, package = (mission.options[at : at + 2] for at in (0, 2, 4))
     none, twice = tmp_path / "none", ("--ros-pkg", f"robot={tmp_path}") * 2
     for command in commands(mission.path, tmp_path):
@@ -118,9 +116,7 @@ def test_a_tree_in_two_files_and_a_circle_of_includes_are_refused(mission: Missi
     assert_refused(result, f"{up}:1:59: include: the files include each other in a circle")
 
 
-def test_a_record_replays_without_the_folders_and_another_tree_from_them(
-    mission: Mission, tmp_path: Path
-) -> None:
+def test_a_record_replays_without_the_folders(mission: Mission, tmp_path: Path) -> None:
     """It contains all used files, including links, and no others. A report replaces none."""
     record = tmp_path / "flight.mcap"
     flight = ("fly", mission.path, *SMALL, *mission.options)

@@ -111,9 +111,7 @@ def test_a_folder_is_perceived_and_summed_up(views: Path, tmp_path: Path) -> Non
     assert "frames          2\n" in perceive(views, "--sequence").stdout
 
 
-def test_a_break_exits_with_1_and_sums_up(
-    views: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_break_is_summed_up(views: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     look = Pipeline.perceive
 
     def interrupted(pipeline: Pipeline, frame: Any, states: Any) -> Any:
@@ -163,9 +161,7 @@ def test_a_gpu_that_is_not_there_is_refused_before_anything_is_made(
     assert not material.training.exists()
 
 
-def test_a_check_prints_scores_beside_the_teachers_and_writes_sheet_and_json(
-    tmp_path: Path,
-) -> None:
+def test_a_check_prints_scores_beside_the_teachers_and_writes_files(tmp_path: Path) -> None:
     material = draw_lab(tmp_path / "hall")
     write_colour_network(material.network, order=(2, 1, 3, 0))
     picks = material.picks.read_text()

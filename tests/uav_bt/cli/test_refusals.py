@@ -194,9 +194,7 @@ def test_a_wrong_call_is_answered_and_changes_no_file(line: str, world: Path) ->
 
 
 @pytest.mark.parametrize(("command", "option", "path"), OUTPUTS)
-def test_an_output_is_checked_before_the_work(
-    command: str, option: str, path: str, world: Path
-) -> None:
+def test_outputs_are_checked_before_work(command: str, option: str, path: str, world: Path) -> None:
     for place, words in (("/proc/x", "cannot be written"), ("mission.xml/x", "is a file")):
         assert_changes_nothing(f"{command} {option} {path.format(place)}", words, world)
     if "." in path:

@@ -104,9 +104,7 @@ def script_file(folder: Path, text: str) -> Path:
     return path
 
 
-def test_the_table_has_a_line_for_each_tick_that_does_not_repeat_the_one_before(
-    hop: Path, tmp_path: Path
-) -> None:
+def test_the_table_leaves_out_ticks_that_repeat_others(hop: Path, tmp_path: Path) -> None:
     script = script_file(tmp_path, "leaves: {TakeOff: RRRS, Land: RS}")
     result = run("simulate", hop, "--script", script)
     assert result.exit_code == 0
@@ -206,9 +204,7 @@ def mission(tmp_path: Path) -> Path:
     return tree_file(tmp_path, BODY)
 
 
-def test_check_takes_values_from_the_command_line_and_from_a_file(
-    mission: Path, tmp_path: Path
-) -> None:
+def test_check_takes_values_from_command_line_and_file(mission: Path, tmp_path: Path) -> None:
     params = tmp_path / "params.yaml"
     params.write_text("set: {HoverFor.seconds: 2}\nvar: {laps: 2}", encoding="utf-8")
     for given in (
@@ -230,9 +226,7 @@ def test_check_reads_a_pipe_once_for_all_variants(mission: Path, tmp_path: Path)
     assert_refused(done, f"{params}:1:1: variable 'laps': expected an integer, got 'y'")
 
 
-def test_the_command_line_counts_before_the_script_of_a_dry_run(
-    mission: Path, tmp_path: Path
-) -> None:
+def test_the_command_line_counts_before_a_script(mission: Path, tmp_path: Path) -> None:
     script = script_file(tmp_path, "{default: S, variables: {laps: 1}}")
     assert run("simulate", mission, "--script", script).exit_code == 1  # of `laps > 1`
     assert run("simulate", mission, "--script", script, "--var", "laps=2").exit_code == 0

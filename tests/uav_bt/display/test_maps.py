@@ -60,9 +60,7 @@ def test_the_arrow_points_along_the_take_off_heading_if_it_is_known() -> None:
 
 
 @pytest.mark.parametrize(("y_m", "is_below"), [(0.5, True), (-1.75, False)])
-def test_a_name_is_written_below_its_box_and_above_it_at_the_edge(
-    y_m: float, *, is_below: bool
-) -> None:
+def test_a_name_stands_below_its_box_or_above_it_at_the_edge(y_m: float, *, is_below: bool) -> None:
     box = item(1.5, y_m, (0.4, 0.4, 1.9))
     without, named = (
         draw_lab_with_axes(replace(BARE, boxes=(replace(box, name=name),)), size_px=SIZE_PX)
@@ -81,9 +79,7 @@ def test_places_of_a_mission_are_dots() -> None:
 
 
 @pytest.mark.parametrize("size_px", [(600, 1000), (1000, 500)])
-def test_x_goes_right_y_goes_up_and_the_ground_fills_the_narrower_side(
-    size_px: tuple[int, int],
-) -> None:
+def test_x_goes_right_y_goes_up_and_the_ground_fills_a_side(size_px: tuple[int, int]) -> None:
     frame = MapFrame.around((5.0, 4.0), size_px, margin_m=0.5, above_px=0, below_px=0)
     middle_x, middle_y = size_px[0] / 2, size_px[1] / 2
     assert frame.scale_px_per_m == pytest.approx(100.0)

@@ -87,9 +87,7 @@ CARRIED = "2.00 m, 0 deg right, carried 1.3 s"
         (phrases.describe_free, [BLOCKED], "free 1.50 m ahead, impact in 2.0 s"),
     ],
 )
-def test_what_is_shown_has_words(
-    describe: Callable[..., str], given: list[Any], words: str
-) -> None:
+def test_what_is_shown_is_named(describe: Callable[..., str], given: list[Any], words: str) -> None:
     assert describe(*given) == words
 
 
@@ -158,9 +156,7 @@ def test_messages_of_leaves_are_shown_at_once_and_other_events_are_not() -> None
         (Override.CUT, ["motors cut: keep clear, then take the remote control"]),
     ],
 )
-def test_an_override_and_what_a_person_must_do_are_shown_at_once(
-    override: Override, act: list[str]
-) -> None:
+def test_an_override_is_shown_at_once_with_what_to_do(override: Override, act: list[str]) -> None:
     world, status, out, _ = watch()
     for each in (None, None, override, override, None, None):
         status.on_tick(world.tick(override=each))
@@ -246,9 +242,7 @@ SHORT = {"duration_s": 22.0, "time_to_find_mark_s": None, "landing_error_m": 1.2
         ({}, "segmentation", "0.8 ms median, 6.7 ms 99 %, 9.0 ms at most"),
     ],
 )
-def test_the_summary_tells_what_is_known(
-    changes: dict[str, Any], name: str, words: str | None
-) -> None:
+def test_known_values_are_summed_up(changes: dict[str, Any], name: str, words: str | None) -> None:
     lines = shown(replace(flight_report(), **changes)).splitlines()
     rows = {line[:17].strip(): line[17:].strip() for line in lines}
     assert rows.get(name) == words

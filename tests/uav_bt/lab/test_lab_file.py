@@ -131,9 +131,7 @@ def test_tables_and_racks_of_the_room_stand_on_legs(
         ("room: {walls: {beside_m: 0}}\nmargins: {edge_m: 0.35}", 0.35),
     ],
 )
-def test_walls_at_the_edge_of_the_ground_count_as_obstacles(
-    tmp_path: Path, text: str, edge_m: float | None
-) -> None:
+def test_walls_at_the_edge_are_obstacles(tmp_path: Path, text: str, edge_m: float | None) -> None:
     margins = read_lab(lab_folder(tmp_path, LAB + text)).flight.margins
     assert (margins and margins.edge_m) == edge_m
 
@@ -169,9 +167,7 @@ def test_the_paper_ships_and_is_the_default() -> None:
     assert load_lab() is load_lab("paper")
 
 
-def test_a_lab_of_the_user_is_found_by_name_and_by_path(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_lab_is_found_by_name_and_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     lab_folder(tmp_path / "labs" / "hall")
     lab_folder(tmp_path / "yard")

@@ -52,9 +52,7 @@ def known(images: list[SampleImage]) -> list[SampleImage]:
     return found
 
 
-def test_the_same_plan_takes_the_same_images_whichever_scenes_stand_beside(
-    raw: list[SampleImage],
-) -> None:
+def test_a_plan_takes_the_same_images_whichever_scenes_stand_beside(raw: list[SampleImage]) -> None:
     assert len(raw) == 10
     assert min(image.frame.gimbal_pitch_rad for image in raw) > math.radians(-46)  # no landings
     alone = replace(PLAN, scenes=("train-b",))
@@ -138,9 +136,7 @@ UPPER, TALL, WIDE = np.s_[:81], np.s_[20:81], np.s_[80:141]
         (Scenery().paint(BOXES[2], np.s_[20:25], WIDE), set()),  # shrinks to a line
     ],
 )
-def test_corners_of_obstacles_are_picked_where_they_are_theirs(
-    scenery: Scenery, kept: set[tuple[int, int]]
-) -> None:
+def test_visible_corners_are_picked(scenery: Scenery, kept: set[tuple[int, int]]) -> None:
     assert {tuple(corner) for corner in scenery.pick().reshape(-1, 2).tolist()} == kept
 
 

@@ -53,9 +53,7 @@ def hall(tmp_path: Path) -> Hall:
 
 
 @pytest.mark.parametrize(("codec", "suffix"), [("libx264", ".mp4"), ("libx265", ".mkv")])
-def test_the_sharpest_image_of_each_half_second_is_taken(
-    hall: Hall, codec: str, suffix: str
-) -> None:
+def test_the_sharpest_image_of_half_a_second_is_taken(hall: Hall, codec: str, suffix: str) -> None:
     images = [blurred(view(place / 5), 2.0) for place in range(20)]  # ten a second
     for sharp in (3, 5, 12, 19):
         images[sharp] = view(sharp / 5)

@@ -149,9 +149,7 @@ def test_every_advised_view_is_read_and_kept(
     assert len(list(tmp_path.glob("*.npz"))) == 2  # the network's size decides
 
 
-def test_flights_without_advice_and_of_two_cameras_are_refused(
-    record: Path, tmp_path: Path
-) -> None:
+def test_flights_without_advice_or_of_two_cameras_are_refused(record: Path, tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"this flight contains no advice.*put <Advise/>"):
         read_advised_flights([flown(tmp_path, adviser="")], NET, tmp_path)
     other = ScriptedDrone()
@@ -161,9 +159,7 @@ def test_flights_without_advice_and_of_two_cameras_are_refused(
         read_advised_flights([record, odd], NET, tmp_path)
 
 
-def test_training_leaves_weights_that_fly_and_goes_on_from_its_checkpoint(
-    record: Path, tmp_path: Path
-) -> None:
+def test_training_leaves_weights_that_fly_and_goes_on(record: Path, tmp_path: Path) -> None:
     from perception.control.training.network import STUDENT_FILES
     from perception.control.training.run import ControlTrainingConfig, train_control
     from uav_bt.learning.training import save_trained, shown

@@ -43,9 +43,7 @@ def pictures() -> list[np.ndarray]:
     return [rgb for _, rgb, _ in twin_views(plan)]
 
 
-def test_networks_in_integers_answer_like_those_in_floats(
-    floats: Path, pictures: list[np.ndarray]
-) -> None:
+def test_networks_in_integers_answer_as_in_floats(floats: Path, pictures: list[np.ndarray]) -> None:
     unet, exact = shipped_unet(), OnnxSegmenter(floats / "unet.onnx", CLASSES)
     agreeing = np.array([(unet.ids(rgb) == exact.ids(rgb)).mean() for rgb in pictures])
     assert agreeing.mean() > 0.999

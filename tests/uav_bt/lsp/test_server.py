@@ -142,9 +142,7 @@ def test_trees_of_other_files_are_looked_up_as_saved(editor: Editor, folder: Pat
     part.unlink()
 
 
-def test_a_file_outside_the_folder_stands_alone(
-    editor: Editor, folder: Path, tmp_path: Path
-) -> None:
+def test_a_file_outside_a_folder_is_alone(editor: Editor, folder: Path, tmp_path: Path) -> None:
     (folder / "part.xml").write_text(PART, encoding="utf-8")
     user = Document(editor, tmp_path / "user.xml", USER)
     assert "there is no tree 'Part'" in user.found[0].message
@@ -194,9 +192,7 @@ def test_elements_are_completed(typed: Document) -> None:
     assert typed.complete("<Expl") == {}
 
 
-def test_attributes_are_completed_but_those_that_are_there(
-    mission: Document, typed: Document
-) -> None:
+def test_attributes_that_are_not_there_are_completed(mission: Document, typed: Document) -> None:
     items = mission.complete("<Explore ")
     assert {"flowing", "_skipIf", "name"} <= set(items)
     assert "policy" not in items

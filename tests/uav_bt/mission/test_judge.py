@@ -94,9 +94,7 @@ def test_a_tree_that_never_flew_is_no_success() -> None:
 
 @pytest.mark.parametrize("flying", FlyingState)
 @pytest.mark.parametrize("name", ["mark", "ground"])
-def test_the_landing_surface_may_be_touched_only_while_taking_off_or_landing(
-    flying: FlyingState, name: str
-) -> None:
+def test_the_pad_is_touched_at_take_off_and_landing_only(flying: FlyingState, name: str) -> None:
     """What else is touched is named, even if an allowed surface is touched, too."""
     low = flying in {LANDED, FlyingState.TAKING_OFF, LANDING, EMERGENCY}
     fell = "aborted: the drone cut its motors" if flying is EMERGENCY else ""
@@ -145,9 +143,7 @@ def test_without_a_referee_a_drone_that_believes_to_be_far_outside_has_left_its_
     ("x_m", "y_m", "verdict"),
     [(1.0, 3.2, ""), (1.0, 3.4, OUTSIDE), (0.3, 0.0, ""), (0.1, 0.0, OUTSIDE), (2.9, 0.0, "")],
 )
-def test_where_there_is_a_referee_the_true_place_counts(
-    x_m: float, y_m: float, verdict: str
-) -> None:
+def test_with_a_referee_the_true_place_counts(x_m: float, y_m: float, verdict: str) -> None:
     """It takes off at (1, 0) m, along y of the world: the area's right is the world's x."""
     judge = Judge(area=AHEAD)
     start = values.truth(Pose(x_m=1.0, y_m=0.0, z_m=0.0, yaw_rad=math.pi / 2))

@@ -96,9 +96,7 @@ def charge(now_s: float, charge: float | None, *, flies: bool = True) -> DroneSt
 
 @pytest.mark.parametrize("step", [0.0, 0.01])
 @pytest.mark.parametrize("seconds", [19, 25, 60, 400])
-def test_the_use_of_the_battery_is_overestimated_by_a_step_at_most(
-    seconds: int, step: float
-) -> None:
+def test_battery_use_is_overestimated_by_a_step_at_most(seconds: int, step: float) -> None:
     """It is known after 20 s; the battery reports in steps."""
     world, use = World(), -1.0
     for now_s in range(seconds + 1):

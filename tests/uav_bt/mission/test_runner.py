@@ -183,9 +183,7 @@ def test_a_tick_observes_then_thinks_then_sends_then_tells_then_waits() -> None:
 
 
 @pytest.mark.parametrize("lost", [Override.STALE_FRAME, Override.LINK])
-def test_a_hover_without_frames_or_telemetry_is_held_against_the_known_drift(
-    lost: Override,
-) -> None:
+def test_a_hover_without_frames_or_telemetry_is_held_against_drift(lost: Override) -> None:
     old = between(10.0, math.inf, captured_s=10.0) if lost is Override.LINK else of_frame(10.0)
     body = f"<ReactiveSequence><Track/>{WAIT}</ReactiveSequence>"
     flight = Flight(body, Told(old), time_limit_s=15.0)

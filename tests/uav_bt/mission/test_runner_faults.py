@@ -200,9 +200,7 @@ def test_an_abort_halts_the_tree_once() -> None:
         (False, "nothing heard from the drone for 10 s", 12),
     ],
 )
-def test_only_a_connection_that_may_come_back_is_waited_for(
-    *, lost: bool, words: str, until_s: float
-) -> None:
+def test_only_what_may_come_back_is_waited_for(*, lost: bool, words: str, until_s: float) -> None:
     """When it is broken for good, the landing is commanded once: further ones cannot arrive."""
     flight = Flight(
         FOR_EVER, Told(between(2.0, math.inf, captured_s=2.0, connected=False, lost=lost))

@@ -100,9 +100,7 @@ AT_THE_LIMITS = {"battery": LIMITS.critical_battery, "frame_age_s": FRAME.max_ag
 
 
 @pytest.mark.parametrize(("changes", "override"), [*CASES["matters"], (AT_THE_LIMITS, None)])
-def test_what_is_wrong_matters_where_it_matters(
-    changes: dict[str, Any], override: Override | None
-) -> None:
+def test_causes_count_where_they_matter(changes: dict[str, Any], override: Override | None) -> None:
     """Limits are reached only beyond them."""
     arbiter = Arbiter(LIMITS)
     arbiter.decide(proposing(), now(**changes))

@@ -32,9 +32,7 @@ def observed(state: DroneState, *, index: int = 0, **changes: Any) -> Observatio
 
 
 @pytest.mark.parametrize(("changes", "why"), CASES)
-def test_telemetry_that_cannot_be_is_the_last_good_one_growing_old(
-    changes: dict[str, Any], why: str
-) -> None:
+def test_impossible_telemetry_is_the_last_good_one(changes: dict[str, Any], why: str) -> None:
     screening = Screening(CAMERA)
     screening.usable(observed(STATE), 1.0)
     bad = replace(STATE, **{"captured_s": 1.2, "flying": FlyingState.LANDED, **changes})
@@ -193,9 +191,7 @@ def noisy(now_s: float) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize("dark_from_s", [0.0, 2.0])
-def test_images_that_cannot_be_flown_by_are_refused_by_the_judge_of_the_flight(
-    dark_from_s: float,
-) -> None:
+def test_images_that_cannot_be_flown_by_are_refused_by_their_judge(dark_from_s: float) -> None:
     drone = Parked(lambda now_s: noisy(now_s) * (now_s < dark_from_s))
     judged = check_drone(drone, judge_frame=frame_judge(drone))
     (video,) = (check for check in judged if not check.good)

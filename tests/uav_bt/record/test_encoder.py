@@ -219,9 +219,7 @@ def test_images_are_omitted_first_and_then_ticks_and_every_loss_is_counted(
     assert (disk.written, worker.lost_ticks) == (written, lost)
 
 
-def test_a_simulated_flight_waits_for_the_disk_and_loses_nothing(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_simulated_flight_waits_for_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(worker_module, "QUEUED_IMAGES", 2)
     disk = Disk()
     disk.free.clear()

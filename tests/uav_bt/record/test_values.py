@@ -151,9 +151,7 @@ STATE: dict[str, Any] = {"captured_s": 1.0, "flying": "landed"}
     ],
     ids=str,
 )
-def test_what_does_not_fit_is_refused_with_what_was_expected(
-    kind: type[Any], damaged: object
-) -> None:
+def test_what_does_not_fit_is_refused(kind: type[Any], damaged: object) -> None:
     with pytest.raises(InputError, match=f"expected the fields of {kind.__name__}"):
         decode(kind, damaged)
 

@@ -120,9 +120,7 @@ def test_a_tree_in_a_file_that_cannot_be_read_is_missed_with_the_reason(
     assert reason in finding.message
 
 
-def test_a_folder_with_too_many_files_or_bytes_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_folder_with_too_much_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("a.xml", "b.xml"):
         (tmp_path / name).write_text(tree("A", "<Safe/>"))
     limits = {"LIBRARY_FILES": "1 tree files", "FOLDER_FILES": "1 files"}

@@ -114,9 +114,7 @@ def test_an_exception_after_an_exception_is_noted(world: World) -> None:
         (Narrow, "F", r"update\(\) of Narrow must return SUCCESS or RUNNING, got "),
     ],
 )
-def test_wrong_answers_are_refused(
-    world: World, kind: type[Probe], answers: str, message: str
-) -> None:
+def test_wrong_answers_raise(world: World, kind: type[Probe], answers: str, message: str) -> None:
     with pytest.raises(NodeFailedError, match=message):
         ready(world, kind("p", answers=answers)).tick()
 

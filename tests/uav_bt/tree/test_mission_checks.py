@@ -61,18 +61,14 @@ def test_a_main_tree_may_stand_in_another_file_of_the_folder(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(("first", "later", "warns"), CASES["begins_anew"])
-def test_a_leaf_that_begins_anew_and_halts_the_next_is_a_warning(
-    first: str, later: str, *, warns: bool
-) -> None:
+def test_a_leaf_that_halts_the_next_is_a_warning(first: str, later: str, *, warns: bool) -> None:
     texts = found(MAP, f"<ReactiveSequence>{first}{later}</ReactiveSequence>", DOWN)
     told = [one for one in texts if "begins anew in every tick and halts" in one]
     assert ["warning: " in one for one in told] == [True] * warns
 
 
 @pytest.mark.parametrize(("leaf", "message"), CASES["lacking_labs"])
-def test_what_a_lab_lacks_is_refused_there_and_a_warning_for_the_default_lab(
-    leaf: str, message: str
-) -> None:
+def test_what_a_lab_lacks_is_refused_there_and_elsewhere_a_warning(leaf: str, message: str) -> None:
     body = (MAP, UP, leaf, DOWN)
     (text,) = found(*body)
     assert "warning: " in text

@@ -44,9 +44,7 @@ def test_timers_follow_the_missions_clock(world: World) -> None:
 
 
 @pytest.mark.parametrize(("before", "parallel"), CASES["parallels"])
-def test_a_parallel_counts_no_more_children_than_it_has(
-    world: World, before: str, parallel: str
-) -> None:
+def test_a_parallel_counts_only_its_children(world: World, before: str, parallel: str) -> None:
     body = f"<Sequence>{before}<{parallel}>{A}{B}</{parallel.split(maxsplit=1)[0]}></Sequence>"
     if "n + 2" not in before:
         with pytest.raises(TreeError, match="expected at most its 2 children, got 3"):

@@ -261,9 +261,7 @@ def test_a_file_stands_for_its_places(
     assert tree.sources[rounds] == rounds.read_bytes()
 
 
-def test_the_entry_of_a_subtree_its_default_and_a_variable_are_lists_too(
-    rounds: Path, tmp_path: Path
-) -> None:
+def test_entries_of_subtrees_and_variables_are_lists_too(rounds: Path, tmp_path: Path) -> None:
     for body, default in ((SHARED, "mark"), ('<SubTree ID="Visit"/>', "file:rounds.txt")):
         tree = load_tree(tree_file(tmp_path, body, VISIT.format(default)))
         assert tree.root.attributes["places"] == "start:2,0;mark"  # type: ignore[attr-defined]

@@ -42,9 +42,7 @@ def test_mistyped_values_are_refused(kind: str, given: object, expected: str) ->
 
 
 @pytest.mark.parametrize(("kind", "value", "read"), PORTS["read"])
-def test_variables_are_read_as_the_engine_reads_them(
-    kind: str, value: object, read: object
-) -> None:
+def test_variables_are_read_as_by_the_engine(kind: str, value: object, read: object) -> None:
     """A script's `true` is valid for a port of booleans, its number for a port of texts."""
     port = Port("p", KINDS[kind])
     if read is None:

@@ -164,9 +164,7 @@ def test_its_life_is_the_one_that_py_trees_promises(world: World) -> None:
 
 
 @pytest.mark.parametrize(("node", "message"), CASES["wrong_answers"])
-def test_a_wrong_answer_stops_the_mission_and_is_not_passed_over(
-    world: World, node: str, message: str
-) -> None:
+def test_a_wrong_answer_stops_the_mission(world: World, node: str, message: str) -> None:
     tree = load(f"<Sequence><{node}/><Blink/></Sequence>", world)
     with pytest.raises(NodeFailedError, match=message):
         tree.tick()

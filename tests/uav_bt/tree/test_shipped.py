@@ -50,9 +50,7 @@ def test_a_folder_stands_for_its_xml_files_in_order_without_hidden_ones(tmp_path
 
 
 @pytest.mark.parametrize("start", STARTERS)
-def test_a_starter_is_good_and_is_the_shipped_mission_with_a_comment(
-    tmp_path: Path, start: str
-) -> None:
+def test_a_starter_is_the_shipped_mission_with_a_comment(tmp_path: Path, start: str) -> None:
     path = tmp_path / "mine.xml"
     write_starter(path, start)
     assert check_file(path) == ()

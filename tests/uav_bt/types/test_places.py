@@ -54,9 +54,7 @@ def test_a_list_keeps_its_order() -> None:
     y_cm=st.integers(-99_999, 99_999),
     heading_deg=st.none() | st.integers(-179, 179),
 )
-def test_a_place_is_read_as_it_is_written(
-    frame: str, x_cm: int, y_cm: int, heading_deg: int | None
-) -> None:
+def test_places_survive_as_text(frame: str, x_cm: int, y_cm: int, heading_deg: int | None) -> None:
     place = Place(
         frame=PlaceFrame(frame),
         x_m=x_cm / 100,
@@ -113,9 +111,7 @@ def test_places_in_the_frame_of_the_map(text: str, goal: tuple[float, float, flo
         ("lab:1,0", Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0), "mark and its heading were not seen"),
     ],
 )
-def test_what_the_map_does_not_know_is_unresolved(
-    text: str, mark: Pose2D | None, reason: str
-) -> None:
+def test_what_is_not_on_the_map_is_unresolved(text: str, mark: Pose2D | None, reason: str) -> None:
     found = resolve(Place.parse(text), the_map(), None, mark)
     assert isinstance(found, Unresolved)
     assert reason in found.reason
@@ -170,9 +166,7 @@ CORNER = ((0.0, 0.0), (4.0, 0.0), (4.0, 1.0), (1.0, 1.0), (1.0, 4.0), (0.0, 4.0)
 
 
 @pytest.mark.parametrize(("at_m", "margin_m"), CASES["margins"])
-def test_the_margin_is_the_distance_to_the_boundary(
-    at_m: tuple[float, float], margin_m: float
-) -> None:
+def test_the_margin_is_the_distance_to_the_edge(at_m: tuple[float, float], margin_m: float) -> None:
     assert Area((SQUARE,)).margin_m(*at_m) == pytest.approx(margin_m)
     assert Area((SQUARE[::-1],)).margin_m(*at_m) == pytest.approx(margin_m)
 

@@ -117,9 +117,7 @@ def test_full_turns_are_counted_when_they_are_complete(turned_deg: float, turns:
 
 
 @pytest.mark.parametrize(("point_m", "free"), CASES["ways"])
-def test_a_way_of_two_metres_keeps_half_a_metre_from_a_point(
-    point_m: tuple[float, float], *, free: bool
-) -> None:
+def test_a_way_keeps_half_a_metre_from_a_point(point_m: tuple[float, float], *, free: bool) -> None:
     """In any direction, and for assumed points unless they are not to count."""
     assert obstacles(point_m).allows(2.0, margin_m=0.5) is free
     aside = obstacles((5.0, 5.0), (-point_m[1], point_m[0]), (-3.0, 0.0))

@@ -110,9 +110,7 @@ def test_a_frame_without_an_answer_of_the_network_has_no_depth() -> None:
     ("states", "refusal"),
     [([state(0.0)], "the image is frozen"), ([], ""), ([state(0.0, forward_mps=0.0)], "")],
 )
-def test_a_picture_that_stands_still_while_the_drone_flies_is_frozen(
-    states: list[DroneState], refusal: str
-) -> None:
+def test_a_still_picture_of_a_flight_is_frozen(states: list[DroneState], refusal: str) -> None:
     """Where nothing moves, the same picture is no fault."""
     (flying, _), first = pipeline(bare_ground(), Halves()), frame()
     assert flying.perceive(first, states).refusal == ""

@@ -136,9 +136,7 @@ def test_a_record_brings_its_camera_and_its_telemetry(tmp_path: Path, images: li
     assert first["time_to_impact_s"] == pytest.approx((first["free_distance_m"] - 0.12) / 0.5, 0.01)
 
 
-def test_a_video_is_looked_at_with_the_telemetry_of_its_flight(
-    tmp_path: Path, images: list[Image]
-) -> None:
+def test_a_video_is_seen_with_its_flights_telemetry(tmp_path: Path, images: list[Image]) -> None:
     source = write_video(tmp_path / "flight.mp4", images * 2)
     flown = write_flight(tmp_path / "flight.mcap", images[:2])
     summary, lines = look(source, replace(CONTACT, telemetry=flown, height_m=9.0))
@@ -245,9 +243,7 @@ def test_what_does_not_belong_together_is_refused(tmp_path: Path, images: list[I
             look(source, replace(CONTACT, **given))  # type: ignore[arg-type]
 
 
-def test_masks_are_class_ids_by_the_names_of_the_images(
-    tmp_path: Path, images: list[Image]
-) -> None:
+def test_masks_are_class_ids_by_the_names_of_images(tmp_path: Path, images: list[Image]) -> None:
     folder = write_images(tmp_path / "views", images[:2])
     (folder / "0.png").rename(folder / "a b.png")
     assert cv2.imwrite(str(folder / "a b.jpg"), images[0][..., ::-1])

@@ -62,9 +62,7 @@ def noise(count: int) -> list[NDArray[np.uint8]]:
     return list(np.random.default_rng(0).integers(0, 255, (count, 36, 64, 3), dtype=np.uint8))
 
 
-def test_a_folders_images_come_by_name_and_ten_a_second_with_numbers_by_value(
-    tmp_path: Path,
-) -> None:
+def test_a_folders_images_come_ten_a_second_by_name_and_number(tmp_path: Path) -> None:
     for name in ("view_10.png", "view_9.png", "1\u00b23.png", "b.jpg"):  # no number: 1\u00b23
         image(tmp_path / name)
     (tmp_path / "notes.txt").write_text("no image")
@@ -248,9 +246,7 @@ def test_untagged_colours_of_high_definition_are_those_of_bt_709(tmp_path: Path)
         assert not source.warnings
 
 
-def test_a_video_in_hdr_has_a_warning_and_pixels_that_are_not_square_are_widened(
-    tmp_path: Path,
-) -> None:
+def test_a_video_in_hdr_has_a_warning_and_wide_pixels_are_widened(tmp_path: Path) -> None:
     for transfer, name in ((16, "PQ"), (18, "HLG")):
         path = tmp_path / f"{name}.mp4"
         wide = {"size": (120, 90), "aspect": Fraction(4, 3)}
@@ -311,9 +307,7 @@ def camera(device: Device, monkeypatch: pytest.MonkeyPatch) -> CameraSource:
     return CameraSource(0, device.clock)
 
 
-def test_a_cameras_images_come_with_the_clocks_times_until_it_stops_or_nobody_looks(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_camera_sends_until_it_stops_or_nobody_looks(monkeypatch: pytest.MonkeyPatch) -> None:
     device = Device([True, False, True])
     source = camera(device, monkeypatch)
     images = list(source.images())

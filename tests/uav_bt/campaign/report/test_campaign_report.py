@@ -319,9 +319,7 @@ def test_flights_that_ended_before_anything_make_a_report_too(tmp_path: Path) ->
         ("", "no flights; expected lines that `uav-bt campaign` wrote"),
     ],
 )
-def test_a_folder_without_flights_is_refused(
-    tmp_path: Path, content: str | None, message: str
-) -> None:
+def test_an_empty_folder_is_refused(tmp_path: Path, content: str | None, message: str) -> None:
     if content is not None:
         (tmp_path / "flights.jsonl").write_text(content)
     with pytest.raises(FileError, match=message):

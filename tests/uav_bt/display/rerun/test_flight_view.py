@@ -116,9 +116,7 @@ class Flight:
 
 
 @pytest.mark.parametrize(("start_s", "first_s"), [(None, 0.0), (30.0, 10.0)])
-def test_time_begins_with_the_first_tick_or_at_the_given_time(
-    start_s: float | None, first_s: float
-) -> None:
+def test_time_begins_with_the_first_tick_or_as_given(start_s: float | None, first_s: float) -> None:
     flight = Flight(start_s=start_s)
     for _ in range(2):
         flight.fly()
@@ -146,9 +144,7 @@ def test_the_path_grows_by_a_piece_a_tick() -> None:
 
 
 @pytest.mark.parametrize(("yaw_rad", "pitch_rad"), [(0.0, 0.0), (1.0, -0.5), (-2.5, -math.pi / 2)])
-def test_the_camera_looks_along_yaw_and_pitch_with_a_level_horizon(
-    yaw_rad: float, pitch_rad: float
-) -> None:
+def test_the_camera_looks_level_along_yaw_and_pitch(yaw_rad: float, pitch_rad: float) -> None:
     from uav_bt.display.rerun.flight_view import camera_axes
 
     right, down, ahead = camera_axes(yaw_rad, pitch_rad).T
@@ -288,9 +284,7 @@ def views(part: object) -> list[str]:
 
 
 @pytest.mark.parametrize("has_them", [True, False])
-def test_the_layout_has_panes_of_depth_and_map_where_the_mission_makes_them(
-    *, has_them: bool
-) -> None:
+def test_the_layout_has_panes_of_what_the_mission_makes(*, has_them: bool) -> None:
     stream = Flight(makes_depth=has_them, makes_map=has_them).stream
     (blueprint,) = stream.blueprints
     assert views(blueprint.root_container) == [

@@ -18,9 +18,7 @@ from uav_bt.errors import FileError, InputError, MissingDependencyError
 from uav_bt.mission.tick import TickRecord
 
 
-def test_a_file_appears_when_it_is_whole_and_only_then(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_appears_when_it_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "flight.rrd"
     with sinks.saved(path):
         assert not path.exists()

@@ -78,9 +78,7 @@ def test_a_pad_in_view_is_ringed_where_it_appears() -> None:
     [(mark(-1.0, 3.0), 1, True), (mark(-1.0, -3.0), 1, False), (mark(0.1), 0, True)],
     ids=["right", "left", "below the lens"],
 )
-def test_a_pad_out_of_view_is_pointed_at_from_the_edge(
-    fix: MarkFix, axis: int, *, is_beyond: bool
-) -> None:
+def test_a_pad_out_of_view_is_pointed_at(fix: MarkFix, axis: int, *, is_beyond: bool) -> None:
     places = accents(seen_with(fix)[1])[axis]
     assert places.size
     assert (places > PANE_PX[1 - axis] / 2).all() == is_beyond
@@ -137,9 +135,7 @@ def test_the_legend_has_the_classes_that_are_in_view_and_no_others() -> None:
 
 
 @pytest.mark.parametrize("size_px", [PANE_PX, SMALL_PX])
-def test_however_many_classes_are_in_view_the_legend_leaves_the_ground_free(
-    size_px: tuple[int, int],
-) -> None:
+def test_a_legend_of_many_classes_leaves_the_ground_free(size_px: tuple[int, int]) -> None:
     dark = [each for each in range(17) if CLASSES.colours[each].min() < 150]
     bright = panes.draw_class_map(class_map(*dark), size_px).min(axis=2) > 150
     assert bright[10:30].sum() > 100

@@ -231,9 +231,7 @@ def test_a_file_that_cannot_be_written_is_refused_and_nothing_is_left(
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_without_an_encoder_the_message_says_what_to_install(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_encoder_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(video_file, "_CODEC", "no_such_encoder")
     with pytest.raises(MissingDependencyError, match="pip install"):
         open_file(tmp_path / "flight.mp4")
