@@ -85,3 +85,11 @@ def write_record(
             file.write(channels.CAMERA_IMAGE, at_ns, image)
     file.finish() if finished else file.abandon()
     return path
+
+
+def camera_file(path: Path, camera: CameraModel) -> Path:
+    """Write a camera file by hand, as a calibration would, and return its path."""
+    size = f"width_px: {camera.width_px}\nheight_px: {camera.height_px}\n"
+    lens = f"K: {camera.matrix.tolist()}\ndistortion: {list(camera.distortion)}\n"
+    path.write_text(size + lens, encoding="utf-8")
+    return path

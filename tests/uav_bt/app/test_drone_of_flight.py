@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 from sim_bridge.olympe import AnafiConfig
 from sim_bridge.plain import PlainConfig
 from sim_bridge.twin import TwinConfig
 from sim_bridge.twin.scene_file import shipped_scenes
+from tests.worlds.footage import camera_file
 from tests.worlds.trees import document
 from uav_bt import app
 from uav_bt.app.drone_of_flight import (
@@ -28,6 +29,7 @@ from uav_bt.protocols import Drone
 from uav_bt.testing import Fault, FaultyDrone, ScriptedDrone
 from uav_bt.tree import Leaf, NodeRegistry
 from uav_bt.types import (
+    CameraModel,
     Command,
     CutMotors,
     DroneState,
@@ -46,25 +48,23 @@ from uav_bt.types import (
 # --- a camera file --------------------------------------------------------------------------------
 
 TWIN = TwinConfig(profile="ideal", image_size_px=(160, 90))
-
-
-def camera_file(folder: Path, *, height_px: int = 720) -> Path:
-    path = folder / "camera.yaml"
-    content = {
-        "width_px": 1280,
-        "height_px": height_px,
-        "K": [[900.0, 0.0, 630.0], [0.0, 905.0, 350.0], [0.0, 0.0, 1.0]],
-        "distortion": [-0.1, 0.0, 0.0, 0.0, 0.0],
-    }
-    path.write_text(yaml.safe_dump(content), encoding="utf-8")
-    return path
+LENS = CameraModel(
+    width_px=1280,
+    height_px=720,
+    fx_px=900.0,
+    fy_px=905.0,
+    cx_px=630.0,
+    cy_px=350.0,
+    distortion=(-0.1, 0.0, 0.0, 0.0, 0.0),
+)
 
 
 def test_a_camera_file_is_scaled_to_the_frames_and_straightens_each_once(tmp_path: Path) -> None:
     """It has no distortion, since the frames are rectified; the lens position is the drone's."""
     bent = TWIN.create()
+    file = camera_file(tmp_path / "camera.yaml", LENS)
     straight = app.make_drone(
-        app.FlightOptions(camera=camera_file(tmp_path), image_size_px=(160, 90), profile="ideal")
+        app.FlightOptions(camera=file, image_size_px=(160, 90), profile="ideal")
     )
     assert isinstance(straight, CalibratedDrone)
     bent.connect()
@@ -91,7 +91,8 @@ def test_a_camera_file_is_scaled_to_the_frames_and_straightens_each_once(tmp_pat
 
 
 def test_a_camera_of_another_aspect_flies_nothing(tmp_path: Path) -> None:
-    drone = CalibratedDrone(TWIN.create(), camera_file(tmp_path, height_px=960))
+    square = camera_file(tmp_path / "camera.yaml", replace(LENS, height_px=960))
+    drone = CalibratedDrone(TWIN.create(), square)
     with pytest.raises(ValueRangeError, match="1280x960"):
         drone.connect()
     with pytest.raises(FileError, match="no such camera file"):

@@ -7,7 +7,7 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import pytest
-from click.testing import CliRunner
+from click.testing import CliRunner, Result
 
 from tests.worlds.cli import HOP, assert_refused, run, tree_file
 from tests.worlds.trees import document, subtree
@@ -98,15 +98,15 @@ def hop(tmp_path: Path) -> Path:
     return tree_file(tmp_path, HOP)
 
 
-def script_file(folder: Path, text: str) -> Path:
-    path = folder / "script.yaml"
-    path.write_text(text, encoding="utf-8")
-    return path
+def simulate(folder: Path, tree: Path, answers: str, *more: object) -> Result:
+    """Run a tree in a dry run, with a script of this text."""
+    script = folder / "script.yaml"
+    script.write_text(answers, encoding="utf-8")
+    return run("simulate", tree, "--script", script, *more)
 
 
 def test_the_table_leaves_out_ticks_that_repeat_others(hop: Path, tmp_path: Path) -> None:
-    script = script_file(tmp_path, "leaves: {TakeOff: RRRS, Land: RS}")
-    result = run("simulate", hop, "--script", script)
+    result = simulate(tmp_path, hop, "leaves: {TakeOff: RRRS, Land: RS}")
     assert result.exit_code == 0
     assert result.stdout.splitlines() == [
         " tick     time  root     leaves",
@@ -119,9 +119,7 @@ def test_the_table_leaves_out_ticks_that_repeat_others(hop: Path, tmp_path: Path
 
 def test_halts_and_changes_stand_in_the_line_of_their_tick(tmp_path: Path) -> None:
     body = '<Timeout msec="200" _onFailure="late := true"><Land/></Timeout>'
-    result = run(
-        "simulate", tree_file(tmp_path, body), "--script", script_file(tmp_path, "default: R")
-    )
+    result = simulate(tmp_path, tree_file(tmp_path, body), "default: R")
     assert result.exit_code == 1
     assert result.stdout.splitlines()[-2:] == [
         "    3     0.20  FAILURE  halted Land; late=1.0",
@@ -130,15 +128,13 @@ def test_halts_and_changes_stand_in_the_line_of_their_tick(tmp_path: Path) -> No
 
 
 def test_a_tree_that_does_not_end_fails(hop: Path, tmp_path: Path) -> None:
-    script = script_file(tmp_path, "default: R")
-    result = run("simulate", hop, "--script", script, "--ticks", 7, "--tick-s", 2)
+    result = simulate(tmp_path, hop, "default: R", "--ticks", 7, "--tick-s", 2)
     assert result.exit_code == 1
     assert result.stdout.splitlines()[-1] == "not ended after 7 ticks, 12.00 s"
 
 
 def test_json_has_all_ticks(hop: Path, tmp_path: Path) -> None:
-    script = script_file(tmp_path, "leaves: {TakeOff: RF, Land: S}")
-    result = run("simulate", hop, "--script", script, "--format", "json")
+    result = simulate(tmp_path, hop, "leaves: {TakeOff: RF, Land: S}", "--format", "json")
     assert result.exit_code == 1
     report = json.loads(result.stdout)
     assert (report["tree"], report["status"]) == (str(hop), "FAILURE")
@@ -155,15 +151,14 @@ def test_json_has_all_ticks(hop: Path, tmp_path: Path) -> None:
 
 
 def test_a_leaf_does_not_answer_what_it_never_does(hop: Path, tmp_path: Path) -> None:
-    script = script_file(tmp_path, "leaves: {TakeOff: RS, Land: F}")
-    result = run("simulate", hop, "--script", script)
+    result = simulate(tmp_path, hop, "leaves: {TakeOff: RS, Land: F}")
     assert result.exit_code == 2
     assert "Land never answers FAILURE, only SUCCESS or RUNNING; got 'F'" in result.stderr
 
 
 def test_a_node_that_raises_ends_it_with_a_message(tmp_path: Path) -> None:
     path = tree_file(tmp_path, '<Sequence><Land/><Script code="a := b"/></Sequence>')
-    result = run("simulate", path, "--script", script_file(tmp_path, "leaves: {Land: RS}"))
+    result = simulate(tmp_path, path, "leaves: {Land: RS}")
     assert result.exit_code == 1
     assert "    1     0.00  RUNNING  Land R" in result.stdout
     assert "Error: node 'Main/Sequence/Script' failed" in result.stderr
@@ -178,15 +173,13 @@ def test_all_unset_variables_are_named_at_once(tmp_path: Path) -> None:
     )
     tree = tmp_path / "mission.xml"
     tree.write_text(document(body, subtree("Inner", '<AlwaysSuccess _skipIf="mode == 2"/>')))
-    script = script_file(tmp_path, "default: S\nvariables: {given: 2}\n")
-    result = run("simulate", tree, "--script", script)
+    result = simulate(tmp_path, tree, "default: S\nvariables: {given: 2}\n")
     assert result.exit_code == 1
     assert "nothing in the tree file sets charge, least, mode" in result.stderr
     assert "variables: {charge: 0, least: 0, mode: 0}" in result.stderr
-    script.write_text("default: S\nvariables: {given: 2, charge: 3, least: 1, mode: 2}\n")
-    assert run("simulate", tree, "--script", script).exit_code == 0
-    script.write_text("default: S\nvariables: {given: a, charge: 3, least: 1, mode: 2}\n")
-    failed = run("simulate", tree, "--script", script)
+    answers = "default: S\nvariables: {given: 2, charge: 3, least: 1, mode: 2}\n"
+    assert simulate(tmp_path, tree, answers).exit_code == 0
+    failed = simulate(tmp_path, tree, answers.replace("given: 2", "given: a"))
     assert failed.exit_code == 1
     assert "nothing in the tree file sets" not in failed.stderr
 
@@ -227,8 +220,8 @@ def test_check_reads_a_pipe_once_for_all_variants(mission: Path, tmp_path: Path)
 
 
 def test_the_command_line_counts_before_a_script(mission: Path, tmp_path: Path) -> None:
-    script = script_file(tmp_path, "{default: S, variables: {laps: 1}}")
-    assert run("simulate", mission, "--script", script).exit_code == 1  # of `laps > 1`
-    assert run("simulate", mission, "--script", script, "--var", "laps=2").exit_code == 0
+    answers = "{default: S, variables: {laps: 1}}"
+    assert simulate(tmp_path, mission, answers).exit_code == 1  # of `laps > 1`
+    assert simulate(tmp_path, mission, answers, "--var", "laps=2").exit_code == 0
     drawn = run("tree", "render", mission, "--set", "HoverFor.seconds=7", "--var", "laps=2")
     assert "HoverFor seconds=7" in drawn.stdout

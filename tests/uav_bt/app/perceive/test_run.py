@@ -22,7 +22,7 @@ from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.objects import BoxSpec, Helipad
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
-from tests.worlds.footage import frame, state, write_record
+from tests.worlds.footage import camera_file, frame, state, write_record
 from uav_bt.app import perceive
 from uav_bt.app.perceive import PerceiveOptions, inputs
 from uav_bt.display.video.video_file import VideoFile
@@ -209,23 +209,19 @@ def test_every_second_frame_of_the_first_moments(tmp_path: Path, images: list[Im
     assert facts(out)[1] == pytest.approx([0.0, 0.2, 0.4])
 
 
-def camera_file(path: Path, width_px: int, height_px: int) -> Path:
-    focal = 0.7275 * width_px
-    matrix = [[focal, 0.0, width_px / 2], [0.0, focal, height_px / 2], [0.0, 0.0, 1.0]]
-    facts = {"width_px": width_px, "height_px": height_px, "K": matrix, "distortion": []}
-    path.write_text(json.dumps(facts), encoding="utf-8")
-    return path
-
-
 def test_what_does_not_belong_together_is_refused(tmp_path: Path, images: list[Image]) -> None:
-    file = camera_file(tmp_path / "camera.yaml", 640, 360)
+    file = camera_file(tmp_path / "camera.yaml", anafi_camera(640, 360))
     whole, half = (
         write_flight(tmp_path / f"{count}.mcap", images[:count]) for count in (len(images), 2)
     )
     folder = write_images(tmp_path / "views", images)
     assert look(folder, replace(CONTACT, camera=file))[0].camera == f"of {file}"
     assert look(folder, replace(CONTACT, telemetry=whole))[0].without_depth == {}
-    other = {"camera": camera_file(tmp_path / "other.yaml", 640, 480)}
+    other = {
+        "camera": camera_file(
+            tmp_path / "other.yaml", replace(anafi_camera(640, 360), height_px=480)
+        )
+    }
     cropped = write_images(tmp_path / "cropped", [image[:, 40:280] for image in images])
     square = write_images(tmp_path / "square", [np.full((240, 320, 3), 90, np.uint8)])
     (tmp_path / "broken").mkdir()
