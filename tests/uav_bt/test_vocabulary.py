@@ -24,7 +24,7 @@ from uav_bt.landing_marks import MarkSighting, MarkView
 from uav_bt.plugins import need
 from uav_bt.types import LandingMark
 
-# --- answers of leaf policies check their values --------------------------------------------------
+# --- answers --------------------------------------------------------------------------------------
 
 CASES = cases("values")
 
@@ -60,7 +60,7 @@ def test_numbers_of_a_network_are_compared_in_full() -> None:
             Advance(forward_m=bad)
 
 
-# --- clocks: one of the wall, and one that is constant within a tick ------------------------------
+# --- clocks ---------------------------------------------------------------------------------------
 
 
 def test_a_wall_clock_sleeps_what_is_left_if_any(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -88,7 +88,7 @@ def test_a_tick_clock_stands_still_until_the_next_tick() -> None:
     assert clock.begin_tick() == clock.now() == 2.0
 
 
-# --- kernels: compiled for one signature, at import, and kept where that is possible --------------
+# --- kernels --------------------------------------------------------------------------------------
 
 
 def total(values: np.ndarray, divisor: float) -> float:

@@ -126,6 +126,9 @@ def test_a_leaf_has_access_to_what_it_declared(board: Blackboard) -> None:
         view.write(NAME, wrong)
 
 
+# --- a mission's context --------------------------------------------------------------------------
+
+
 def draw(seed: int, owner: str) -> float:
     return float(MissionContext(seed=seed).rng(owner).random())
 
@@ -168,7 +171,10 @@ def test_a_flight_of_endless_messages_keeps_the_first_ones() -> None:
     assert notes.take() == ()
 
 
-def test_it_is_made_with_the_first_file(tmp_path: Path) -> None:
+# --- the folder of a flight -----------------------------------------------------------------------
+
+
+def test_the_folder_is_made_with_its_first_file(tmp_path: Path) -> None:
     folder = FlightFolder(tmp_path / "new" / "flight")
     assert not folder.folder.exists()
     folder.write("notes.txt", "read")

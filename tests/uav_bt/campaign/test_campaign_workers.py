@@ -152,7 +152,7 @@ def test_a_script_without_a_main_guard_gets_the_remedy(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "flights.jsonl").read_text() == ""
 
 
-# --- Dask: the same flights as on this machine, and a clear error without a cluster ---------------
+# --- Dask -----------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")

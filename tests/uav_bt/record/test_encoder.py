@@ -158,7 +158,7 @@ def test_what_is_perceived_stands_where_the_drone_sees_it() -> None:
     assert b"mark" not in messages.perceived_scene(ABOVE, corridor(1.0), None, 0)
 
 
-# --- the writing thread: it keeps the order, never blocks a flight, and counts omissions ----------
+# --- the writing thread ---------------------------------------------------------------------------
 
 PATIENCE_S = 30.0
 

@@ -83,8 +83,6 @@ def test_on_the_ground_movements_are_rejected_and_frames_are_of_now() -> None:
     assert frame.captured_s == pytest.approx(0.1)
 
 
-# --- faults: their start and end, and the effect of each kind -------------------------------------
-
 CASES = cases("faults")
 
 
@@ -123,7 +121,7 @@ def last(text: str) -> Observation:
     return ticks(drone, world, TakeOff(), Hover(), Hover(), Hover())[-1]
 
 
-# --- text and time --------------------------------------------------------------------------------
+# --- faults: text and time ------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("text", "error", "said"), CASES["refused"])
@@ -151,7 +149,7 @@ def test_a_fault_waits_for_its_phase_and_lasts_from_its_first_tick_on(written: s
     assert drone.missed is None
 
 
-# --- observations ---------------------------------------------------------------------------------
+# --- faults: observations -------------------------------------------------------------------------
 
 
 def test_a_jump_of_the_position_happens_in_the_tick_after_its_phase_began() -> None:
@@ -189,7 +187,7 @@ def test_observations_change(kind: str, what: str, expected: Any) -> None:
         )
 
 
-# --- commands -------------------------------------------------------------------------------------
+# --- faults: commands -----------------------------------------------------------------------------
 
 TURN = MoveBy(id=7, forward_m=0.2, yaw_rad=0.5)
 
@@ -224,7 +222,7 @@ def test_movements_do_not_end_as_they_should(kind: str, state: MovementState) ->
     assert (moving.id, moving.state) == (TURN.id, state)
 
 
-# --- exceptions -----------------------------------------------------------------------------------
+# --- faults: exceptions ---------------------------------------------------------------------------
 
 
 def test_drones_and_listeners_raise() -> None:
@@ -242,7 +240,7 @@ def test_an_error_of_a_fault_names_it() -> None:
     assert notes == ["the injected fault observe-raises@start~3 raised this error"]
 
 
-# --- with the twin --------------------------------------------------------------------------------
+# --- faults: with the twin ------------------------------------------------------------------------
 
 
 def test_faults_of_the_air_need_a_drone_that_is_in_it() -> None:
@@ -302,7 +300,7 @@ def test_exact_masks_are_of_what_a_frame_shows() -> None:
     assert not np.array_equal(masks[1], true)
 
 
-# --- the page -------------------------------------------------------------------------------------
+# --- faults: the page -----------------------------------------------------------------------------
 
 PAGE = Path(__file__).parents[3] / "docs" / "faults.md"
 

@@ -115,7 +115,7 @@ def test_the_plug_in_loads_nothing_heavy() -> None:
     assert python("-c", f"import sys, uav_bt.testing.plugin; print({loaded})").stdout == "[]\n"
 
 
-# --- shipped missions: their reactions to leaves that succeed, fail or keep running ---------------
+# --- shipped missions -----------------------------------------------------------------------------
 
 TREES = Path(__file__).parents[3] / "trees"
 CASES = cases("shipped_missions")

@@ -12,7 +12,7 @@ from tests.worlds.tables import cases
 from tests.worlds.trees import document
 from uav_bt.errors import FileError, TreeError
 from uav_bt.tree import NodeRegistry, load_tree, parse_tree
-from uav_bt.tree.loading.findings import ERROR, Findings, errors_of
+from uav_bt.tree.loading.findings import ERROR, errors_of
 from uav_bt.tree.loading.loader import check_file, check_text
 from uav_bt.tree.loading.lookup import Library, Lookup, files_in, shipped_trees
 from uav_bt.tree.loading.models import with_palette
@@ -157,29 +157,6 @@ def test_files_above_are_included_when_allowed(tmp_path: Path) -> None:
     assert any("add --ros-pkg robot=DIR" in message for message in found)
     lookup = Lookup(include_root=tmp_path, packages={"robot": tmp_path / "package"})
     assert check_file(main, REGISTRY, lookup=lookup) == ()
-
-
-# --- palettes -------------------------------------------------------------------------------------
-
-
-def test_an_odd_port_does_not_cost_a_palette(tmp_path: Path) -> None:
-    """These lines of the palettes of Nav2 and other projects were once refused."""
-    path = tmp_path / "palette.xml"
-    path.write_text(
-        '<root BTCPP_format="4"><TreeNodesModel>'
-        '<Action ID="Cut"><input_port name="far" type="double" '
-        'default="std::numeric_limits&lt;double&gt;::infinity()"/></Action>'
-        '<Control ID="Keep"><bidirectional_port name="at"/></Control>'
-        '<Action ID="Count"><input_port name="n" type="unsigned" default="1u"/>'
-        '<output_port name="o" default="door"/><input_port name="n"/></Action>'
-        "</TreeNodesModel></root>"
-    )
-    odd = Findings()
-    registry = with_palette(REGISTRY, path, odd)
-    assert len([*odd]) == 5
-    text = document('<Keep><Cut far="2.5"/><Count n="3"/></Keep>')
-    assert check_text(text, registry, path=Path("m.xml")) == ()
-    assert check_text(text.replace("2.5", "far"), registry, path=Path("m.xml"))
 
 
 # --- text that is no XML, but that the engine's reader takes --------------------------------------

@@ -40,7 +40,7 @@ def test_a_false_trace_is_noticed(part: str) -> None:
     assert reason.startswith("tick 3")
 
 
-# --- activations: terminate is called once for each, and exceptions leave no node running ---------
+# --- activations: one `terminate` for each, and exceptions leave no node running ------------------
 
 ANSWERS = {
     "S": Status.SUCCESS,
@@ -164,9 +164,7 @@ def test_any_tree_any_script(body: str, steps: list[str]) -> None:
             assert {node.node_status for node in tree.nodes()} == {Status.IDLE}
 
 
-# --- watchers -------------------------------------------------------------------------------------
-
-# --- leaves that block ----------------------------------------------------------------------------
+# --- watchers: leaves that block ------------------------------------------------------------------
 
 
 class Blocks(Leaf):
@@ -246,7 +244,7 @@ def test_a_leaf_that_blocks_and_raises_is_named_for_both(world: World, wall: Man
     assert watch.worst_s == {"Mission/s/b": 1.0}
 
 
-# --- branches that fail ---------------------------------------------------------------------------
+# --- watchers: branches that fail -----------------------------------------------------------------
 
 ROOT = '<root BTCPP_format="4"><BehaviorTree ID="M">{}</BehaviorTree></root>'
 BRANCHES = cases("branches")

@@ -91,8 +91,7 @@ def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
         "Mission/fly/Home/Steer",
     ]
     steer = tree.find("explore")
-    assert steer.port_value("height_m") == 1.25
-    assert steer.port_value("policy") == "segmentation"
+    assert [steer.port_value(name) for name in ("height_m", "policy")] == [1.25, "segmentation"]
 
 
 @pytest.mark.parametrize(("body", "message"), CASES["refused_nodes"])

@@ -15,6 +15,7 @@ from uav_bt.board import STATE
 from uav_bt.errors import NodeFailedError, TreeError
 from uav_bt.tree import Leaf, NodeKind, NodeRegistry, Port, load_tree, parse_tree
 from uav_bt.tree.describe import palette_xml
+from uav_bt.tree.loading.findings import Findings
 from uav_bt.tree.loading.loader import check_text
 from uav_bt.tree.loading.models import PaletteNode, with_palette
 from uav_bt.tree.loading.schema import schema_xml
@@ -130,6 +131,26 @@ def test_a_palette_that_makes_no_sense_is_refused(tmp_path: Path, text: str, mes
         with_palette(NodeRegistry(), written(tmp_path, text))
     assert message in error.value.findings[0]
     assert error.value.findings[0].startswith(f"{tmp_path / 'palette.xml'}:1:")
+
+
+def test_an_odd_port_does_not_cost_a_palette(tmp_path: Path) -> None:
+    """These lines of the palettes of Nav2 and other projects were once refused."""
+    path = tmp_path / "palette.xml"
+    path.write_text(
+        '<root BTCPP_format="4"><TreeNodesModel>'
+        '<Action ID="Cut"><input_port name="far" type="double" '
+        'default="std::numeric_limits&lt;double&gt;::infinity()"/></Action>'
+        '<Control ID="Keep"><bidirectional_port name="at"/></Control>'
+        '<Action ID="Count"><input_port name="n" type="unsigned" default="1u"/>'
+        '<output_port name="o" default="door"/><input_port name="n"/></Action>'
+        "</TreeNodesModel></root>"
+    )
+    odd = Findings()
+    registry = with_palette(NodeRegistry(), path, odd)
+    assert len([*odd]) == 5
+    text = document('<Keep><Cut far="2.5"/><Count n="3"/></Keep>')
+    assert check_text(text, registry, path=Path("m.xml")) == ()
+    assert check_text(text.replace("2.5", "far"), registry, path=Path("m.xml"))
 
 
 def test_enumerations_of_a_palette_are_known_to_scripts(tmp_path: Path) -> None:

@@ -204,7 +204,7 @@ def queue_of(tree: MissionTree) -> str:
     return str(loop.literals["queue"])
 
 
-# --- the file -------------------------------------------------------------------------------------
+# --- files of places ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("suffix", "text", "places"), CASES["lists_of_places"])
@@ -231,7 +231,7 @@ def test_what_is_no_text_and_what_is_too_long_is_refused() -> None:
     assert long == [(MAX_PLACES + 1, f"more than {MAX_PLACES} places")]
 
 
-# --- the tree -------------------------------------------------------------------------------------
+# --- trees that name them -------------------------------------------------------------------------
 
 
 @pytest.fixture

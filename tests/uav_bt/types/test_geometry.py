@@ -45,9 +45,6 @@ CENTRE = (100.0, 50.0)
 pitches = st.floats(-math.pi / 2, 0.3)
 
 
-# --- known values ---------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("pixel", "pitch_deg", "expected"), CASES["ground_points"])
 def test_ground_points_known_values(
     pixel: tuple[float, float], pitch_deg: float, expected: tuple[float, float]
@@ -64,9 +61,6 @@ def test_what_is_not_seen_has_no_place() -> None:
     pixels = project([(-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (2.0, 0.0, 0.0)], CAMERA, 0.0)
     assert np.isnan(pixels[:2]).all()
     assert pixels[2] == pytest.approx(CENTRE)
-
-
-# --- round trips ----------------------------------------------------------------------------------
 
 
 @settings(deadline=None)
@@ -103,9 +97,6 @@ def test_elevation_behind_the_image_plane_is_far_outside(pitch_deg: float, side:
     row = elevation_to_row(elevation_rad, CAMERA, math.radians(pitch_deg))
     assert side * row > 1e6
     assert round(row) != 0  # finite, because callers round it
-
-
-# --- refusals -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("height_m", [0.0, -0.4, math.nan])
@@ -151,9 +142,6 @@ def test_odometry_passes_over_useless_samples(bad: DroneState) -> None:
     odometry.update(bad)
     pose = odometry.update(state(1.2))
     assert (pose.x_m, pose.y_m, pose.yaw_rad) == (0.0, 0.0, 0.0)
-
-
-# --- quantities with different times --------------------------------------------------------------
 
 
 def reported(

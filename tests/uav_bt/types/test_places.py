@@ -159,7 +159,7 @@ def test_a_place_of_the_map_is_found_again_by_its_text(start: Pose2D, pose: Pose
     assert (goal.x_m, goal.y_m) == pytest.approx((pose.x_m, pose.y_m), abs=0.01)
 
 
-# --- areas: distance to the boundary, intersections, and polygons that are none -------------------
+# --- areas ----------------------------------------------------------------------------------------
 
 SQUARE = ((-1.0, -2.0), (3.0, -2.0), (3.0, 2.0), (-1.0, 2.0))
 CORNER = ((0.0, 0.0), (4.0, 0.0), (4.0, 1.0), (1.0, 1.0), (1.0, 4.0), (0.0, 4.0))  # an L

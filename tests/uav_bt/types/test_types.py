@@ -47,9 +47,6 @@ def obstacles(*points_m: tuple[float, float], **more: NDArray[np.float64]) -> Ne
     return NearObstacles(points_m=points, captured_s=0.0, **more)
 
 
-# --- angles ---------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("value", "bounded"), [(2.0, 1.5), (-2.0, -1.5), (0.3, 0.3)])
 def test_numbers_and_vectors_are_bounded(value: float, bounded: float) -> None:
     assert clamp(value, 1.5) == bounded
