@@ -71,10 +71,10 @@ def subtree(tree_id: str, body: str) -> str:
     return f'<BehaviorTree ID="{tree_id}">{body}</BehaviorTree>'
 
 
-def tree_file(folder: Path, body: str, name: str = "mission.xml") -> Path:
-    """Write a tree file with a main tree of that body."""
+def tree_file(folder: Path, body: str, name: str = "mission.xml", *more: str) -> Path:
+    """Write a tree file with a main tree of that body; `more` are further elements."""
     path = folder / name
-    path.write_text(document(body), encoding="utf-8")
+    path.write_text(document(body, *more), encoding="utf-8")
     return path
 
 

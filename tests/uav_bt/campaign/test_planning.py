@@ -15,7 +15,9 @@ from perception.networks.weights_file import SHIPPED_WEIGHTS
 from sim_bridge.twin import scene_file
 from tests.sim_bridge.twin.room_world import write_lab
 from tests.uav_bt.campaign.campaign_world import keep
+from tests.worlds.cli import HOP
 from tests.worlds.labs import HALL, MARK, lab_folder
+from tests.worlds.trees import tree_file
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign import make_plan, plan_of
 from uav_bt.campaign.plan import CampaignPlan
@@ -25,7 +27,6 @@ from uav_bt.mission.judge import JudgeConfig
 from uav_bt.tree.loading.lookup import shipped_trees
 
 SCENES = Path(scene_file.__file__).parent / "scenes"
-HOP = '<Sequence><TakeOff height_m="1.0"/><Land/></Sequence>'
 
 
 class Mine:
@@ -33,14 +34,6 @@ class Mine:
 
     def decide(self, view: object) -> None:
         """Decide nothing."""
-
-
-def tree(path: Path, body: str = HOP, extra: str = "") -> Path:
-    path.write_text(
-        f'<root BTCPP_format="4" main_tree_to_execute="Main">{extra}'
-        f'<BehaviorTree ID="Main">{body}</BehaviorTree></root>'
-    )
-    return path
 
 
 def test_shipped_missions_and_scenes_are_named_so_that_every_machine_finds_them() -> None:
@@ -60,7 +53,9 @@ def test_files_are_found_by_pattern_too(tmp_path: Path) -> None:
         shutil.copy(SCENES / "val-a.yaml", tmp_path / f"{name}.yaml")
         scene = (tmp_path / f"{name}.yaml").read_text().replace("val-a", name)
         (tmp_path / f"{name}.yaml").write_text(scene)
-    plan = make_plan([tree(tmp_path / "hop.xml")], scenes=[f"{tmp_path}/*.yaml"], flights=1)
+    plan = make_plan(
+        [tree_file(tmp_path, HOP, "hop.xml")], scenes=[f"{tmp_path}/*.yaml"], flights=1
+    )
     assert [file.name for file in plan.scenes] == ["one", "two"]
     assert plan.scenes[0].path == str(tmp_path / "one.yaml")
     assert plan.trees[0].path == str(tmp_path / "hop.xml")
@@ -71,7 +66,7 @@ def test_a_changed_include_changes_the_plan_of_the_folder(tmp_path: Path) -> Non
     part = tmp_path / "part.xml"
     text = '<root BTCPP_format="4"><BehaviorTree ID="Part">{}</BehaviorTree></root>'
     part.write_text(text.format(HOP))
-    main = tree(tmp_path / "main.xml", '<SubTree ID="Part"/>', '<include path="part.xml"/>')
+    main = tree_file(tmp_path, '<SubTree ID="Part"/>', "main.xml", '<include path="part.xml"/>')
     before = make_plan([main], scenes=["val-a"], flights=2, profile="ideal", seed_from=3)
     keep(tmp_path / "out", of=before)
     assert plan_of(tmp_path / "out") == before
@@ -105,7 +100,7 @@ def test_what_cannot_be_flown_is_refused(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("bad.yaml").write_text("boxes: []\n")
-    tree(Path("bad.xml"), "<Nonsense/>")
+    tree_file(tmp_path, "<Nonsense/>", "bad.xml")
     with pytest.raises(error, match=message):
         make_plan(**{"trees": ["land_only"], **how})
 
@@ -118,7 +113,7 @@ def test_ports_leaves_and_time_limit_travel_with_the_plan(tmp_path: Path) -> Non
         "    def update(self):\n"
         "        return Status.SUCCESS\n"
     )
-    file = tree(tmp_path / "wait.xml", "<Sequence><TakeOff/><Wait/><Land/></Sequence>")
+    file = tree_file(tmp_path, "<Sequence><TakeOff/><Wait/><Land/></Sequence>", "wait.xml")
     options = FlightOptions(
         ports={"TakeOff.height_m": 1.1}, leaves=[leaves], judge=JudgeConfig(time_limit_s=50.0)
     )
@@ -161,7 +156,7 @@ variants:
 
 @pytest.fixture
 def hop(tmp_path: Path) -> Path:
-    return tree(tmp_path / "hop.xml", BODY)
+    return tree_file(tmp_path, BODY, "hop.xml")
 
 
 @pytest.fixture
@@ -217,7 +212,7 @@ def hall(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     text = f"{HALL}{MARK}camera: camera.yaml\n"
     folder = lab_folder(tmp_path / "labs" / "hall", text, scenes=("east", "west"))
     (folder / "camera.yaml").touch()
-    tree(tmp_path / "hop.xml")
+    tree_file(tmp_path, HOP, "hop.xml")
     return folder
 
 

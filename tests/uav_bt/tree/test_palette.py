@@ -135,15 +135,15 @@ def test_a_palette_that_makes_no_sense_is_refused(tmp_path: Path, text: str, mes
 
 def test_an_odd_port_does_not_cost_a_palette(tmp_path: Path) -> None:
     """These lines of the palettes of Nav2 and other projects were once refused."""
-    path = tmp_path / "palette.xml"
-    path.write_text(
+    path = written(
+        tmp_path,
         '<root BTCPP_format="4"><TreeNodesModel>'
         '<Action ID="Cut"><input_port name="far" type="double" '
         'default="std::numeric_limits&lt;double&gt;::infinity()"/></Action>'
         '<Control ID="Keep"><bidirectional_port name="at"/></Control>'
         '<Action ID="Count"><input_port name="n" type="unsigned" default="1u"/>'
         '<output_port name="o" default="door"/><input_port name="n"/></Action>'
-        "</TreeNodesModel></root>"
+        "</TreeNodesModel></root>",
     )
     odd = Findings()
     registry = with_palette(NodeRegistry(), path, odd)
