@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from behaviours.policies import segmentation_rule as rule
-from behaviours.policies.corridor_rule import EDGE_MARGIN_M, CorridorRule, ground_reach
+from behaviours.policies.corridor_rule import GROUND_END_M, CorridorRule, ground_reach
 from behaviours.policies.segmentation_rule import TURN_RAD, SegmentationRule
 from tests.behaviours.policies.cast_world import CAMERA, Box, cast, view
 from tests.paper_lab import BACKGROUND, BOXES, HELIPAD_BOX
@@ -226,7 +226,7 @@ def test_the_step_ends_the_edges_margin_before_the_end_of_the_ground() -> None:
     """From the body's centre, 0.15 m behind the lens."""
     decision = decide(ids=cast(ground_m=1.3))
     assert isinstance(decision, Advance)
-    assert decision.forward_m == pytest.approx(1.3 + 0.15 - EDGE_MARGIN_M, abs=0.06)
+    assert decision.forward_m == pytest.approx(1.3 + 0.15 - GROUND_END_M, abs=0.06)
 
 
 def test_remembered_obstacles_shorten_or_forbid_the_step() -> None:
