@@ -10,12 +10,10 @@ import torch
 from perception.depth.runtime import load_depth_estimator
 from perception.depth.training import losses, network, run
 from perception.depth.training.clips import ClipSource
-from perception.depth.training.footage import Flight, shrink
 from perception.depth.training.losses import invert_motion, photometric_error, pixel_rays, warp
 from perception.depth.training.network import DEPTH_FILES, motion_matrix
-from perception.networks.training.loop import Progress
 from perception.networks.weights_file import SHIPPED_WEIGHTS
-from tests.perception.depth.depth_flight import known_flight
+from tests.perception.depth.depth_flight import known_flight, small_flight
 from uav_bt.errors import WeightsError
 
 SMALL = torch.tensor([[20.0, 18.0, 7.5, 5.5]], dtype=torch.float64)  # of 16x12 pixels
@@ -224,32 +222,19 @@ def test_the_shipped_network_returns_the_same_in_flight_and_in_training(tmp_path
     np.testing.assert_allclose(flies.depth(picture), trained, rtol=1e-5)
 
 
-SIZE_PX = (64, 64)
 NET = network.DepthNetConfig(width_px=64, height_px=64, channels=(8, 12, 16))
 SHORT = run.DepthTrainingConfig(steps=4, batch=1, checkpoint_every=2, warm_up_steps=2)
 LABELS_ONLY = replace(SHORT, photometric=False)
 
 
 @pytest.fixture(scope="module")
-def flight() -> Flight:
-    known = known_flight(8)
-    small = [replace(frame, image=shrink(frame.image, SIZE_PX)) for frame in known.footage.frames]
-    return Flight(
-        frames=tuple(small),
-        states=known.footage.states,
-        camera=known.footage.camera.resized(*SIZE_PX),
-        labels=known.labels()[:, :, 2::4, 2::5],
-    )
+def source() -> ClipSource:
+    return ClipSource([small_flight()])
 
 
 @pytest.fixture(scope="module")
-def source(flight: Flight) -> ClipSource:
-    return ClipSource([flight])
-
-
-@pytest.fixture(scope="module")
-def bare(flight: Flight) -> ClipSource:
-    return ClipSource([replace(flight, labels=None)])
+def bare() -> ClipSource:
+    return ClipSource([replace(small_flight(), labels=None)])
 
 
 def test_labels_teach_depth(source: ClipSource) -> None:
@@ -269,28 +254,6 @@ def test_neighbouring_frames_teach_without_labels(bare: ClipSource) -> None:
     assert set(terms[0]) == {"photometric", "geometry", "smoothness"}
     total = [sum(term.values()) for term in terms]
     assert np.mean(total[-6:]) < np.mean(total[:6])
-
-
-def test_with_a_pose_network_beside_it_a_resumed_run_ends_where_an_unbroken_one_does(
-    source: ClipSource, tmp_path: Path
-) -> None:
-    config = replace(SHORT, pose="network")
-    unbroken = run.train_depth(source, config, NET)
-    assert not unbroken.training
-
-    def stop(now: Progress, _net: network.DepthNet) -> None:
-        if now.step == 3:
-            raise KeyboardInterrupt
-
-    path = tmp_path / "checkpoint.safetensors"
-    with pytest.raises(KeyboardInterrupt):
-        run.train_depth(source, config, NET, checkpoint=path, progress=stop)
-    steps: list[int] = []
-    told = {"progress": lambda now, _net: steps.append(now.step)}
-    resumed = run.train_depth(source, config, NET, checkpoint=path, **told)
-    assert steps == [3, 4]
-    for name, value in unbroken.state_dict().items():
-        assert torch.equal(value, resumed.state_dict()[name]), name
 
 
 def test_a_run_may_begin_with_weights_of_its_shape(source: ClipSource, tmp_path: Path) -> None:

@@ -6,8 +6,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from sklearn.multiclass import OneVsRestClassifier
-from sklearn.svm import LinearSVC
 
 from perception.networks.weights_file import read_weights, write_weights
 from perception.segmentation import features
@@ -69,6 +67,9 @@ def test_a_palette_is_a_distribution_over_colours() -> None:
 
 def test_dense_scores_equal_scikit_learns_decision_function() -> None:
     """To 1e-9 relative, at random pixels, the border's among them."""
+    from sklearn.multiclass import OneVsRestClassifier  # noqa: PLC0415 - takes half a second
+    from sklearn.svm import LinearSVC  # noqa: PLC0415
+
     model = OneVsRestClassifier(
         LinearSVC(C=CONFIG.cost, max_iter=CONFIG.max_iterations, random_state=0)
     ).fit(patches().features, patches().labels)

@@ -70,29 +70,6 @@ def test_a_few_steps_teach_the_patterns(pictures: run.LabelledImages) -> None:
     assert set(np.unique(predicted)) <= set(PATTERNED)
 
 
-def test_a_resumed_run_ends_as_a_whole_one(pictures: run.LabelledImages, tmp_path: Path) -> None:
-    whole = _state(run.train_unet(pictures, SHORT, NET))
-
-    def stop(now: Progress, _net: unet.UNet) -> None:
-        if now.step == 4:  # the checkpoint of step 3 is the newest
-            raise KeyboardInterrupt
-
-    path = tmp_path / "run.safetensors"
-    with pytest.raises(KeyboardInterrupt):
-        run.train_unet(pictures, SHORT, NET, checkpoint=path, progress=stop)
-    with pytest.raises(WeightsError, match="other settings or data; delete the file"):
-        run.train_unet(pictures, replace(SHORT, seed=1), NET, checkpoint=path)
-    told: list[int] = []
-    progress = {"progress": lambda now, _: told.append(now.step)}
-    resumed = run.train_unet(pictures, SHORT, NET, checkpoint=path, **progress)
-    assert told == [4, 5, 6]
-    for name, value in _state(resumed).items():
-        np.testing.assert_array_equal(value, whole[name])
-    path.write_bytes(path.read_bytes()[:1000])
-    with pytest.raises(WeightsError, match="damaged"):
-        run.train_unet(pictures, SHORT, NET, checkpoint=path)
-
-
 def test_weights_with_nan_or_of_another_network_are_refused(tmp_path: Path) -> None:
     net = unet.UNet(NET, CLASSES.names)
     with torch.no_grad():
