@@ -101,6 +101,9 @@ def test_a_drawn_lab_can_be_trained(tmp_path: Path) -> None:
         copy_lab(shipped, tmp_path / "depot")
 
 
+# --- the fit of the confidence of a scale ---------------------------------------------------------
+
+
 def judged(count: int = 400) -> list[JudgedScale]:
     """Return scales that are right where `slope` is high; the other measures are noise."""
     rng = np.random.default_rng(0)

@@ -110,6 +110,9 @@ def test_surfaces_repeat_without_a_seam(assets: Assets) -> None:
         assert image.dtype == np.uint8
 
 
+# --- bad rooms ------------------------------------------------------------------------------------
+
+
 def test_every_bad_room_is_another_lab_that_flies_with_any(tmp_path: Path) -> None:
     found = set()
     for number, case in enumerate(CASES):
@@ -143,6 +146,9 @@ def test_shares_of_frames() -> None:
     assert set(watch.shares().values()) == {None}
     watch.trusted_wrong, watch.followed = [False, True, False, False], [True, False]
     assert watch.shares() == {"trusted_wrong": 0.25, "followed": 0.5}
+
+
+# --- tests for the training of the network for any room -------------------------------------------
 
 
 def striped(count: int) -> RoomImages:

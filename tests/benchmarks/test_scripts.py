@@ -58,6 +58,8 @@ def test_each_named_script_exists() -> None:
     assert missing == []
 
 
+# --- generated parts of the pages of missions -----------------------------------------------------
+
 FLOWN = {"scene": "val-a", "seed": 7, "outcome": "success", "reason": "landed", "profile": "harsh"}
 FOUND = {"objects_found": 6, "objects_total": 8, "false_objects": 1, "photos": [{}, {}]}
 FIGURES = {"min_clearance_m": 0.318, "landing_error_m": 0.0414, "total_distance_m": 7.77}
@@ -117,6 +119,9 @@ def test_a_page_without_the_part_is_refused(text: str, tmp_path: Path) -> None:
         with_part(page, "flight", "new\n")
 
 
+# --- the referee ----------------------------------------------------------------------------------
+
+
 def write(folder: Path, **answers: object) -> Path:
     folder.mkdir()
     lines = [json.dumps([name, value]) + "\n" for name, value in answers.items()]
@@ -154,6 +159,9 @@ def test_wall_times_and_words_are_left_out() -> None:
     found = answer("check a/b.xml", 2, line)
     assert found["printed"] == {"a/b.xml": {"file": "b.xml", "findings": [{"line": 3}]}}
     assert plain({"wall_s": 3.0, "node": "Mission/mission/Land"}) == {"node": "Land"}
+
+
+# --- the measurement of landing marks -------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", landing_marks.MARKS.split(","))

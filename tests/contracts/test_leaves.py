@@ -47,6 +47,8 @@ from uav_bt.types import (
 )
 from uav_bt.types.dead_reckoning import OdometryPose
 
+# --- what shipped leaves declare about themselves agrees with their code --------------------------
+
 LEAVES: Final = [node for node in NODES if issubclass(node, Leaf)]
 PORTS: Final[dict[str, dict[str, object]]] = {
     "EstimateDepth": {"model": "contact"},

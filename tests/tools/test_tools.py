@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+# --- kernels --------------------------------------------------------------------------------------
+
 ROOT = Path(__file__).parents[2]
 
 

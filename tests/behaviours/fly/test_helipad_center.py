@@ -210,6 +210,8 @@ def test_centres_again_above_the_mark_as_high_as_it_is(mark_m: float, low_m: flo
     assert step(bench).down_m == pytest.approx(1.7 - low_m)
 
 
+# --- the heading controller -----------------------------------------------------------------------
+
 TICK_S = 0.1
 
 

@@ -118,6 +118,8 @@ def test_the_sides_of_an_object_that_were_never_seen_push_too() -> None:
     assert push_away_mps(near)[1] < -0.05  # away from the box's near side, 0.3 m to the right
 
 
+# --- leaves give way ------------------------------------------------------------------------------
+
 LEAVES = [Explore, Avoid, RETURN_TO_BASE]
 COMES = mover(1.6, 0.0, -0.6)
 CROSSES = mover(0.9, -0.9, 0.0, 0.5)

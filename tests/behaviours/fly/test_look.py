@@ -111,6 +111,8 @@ def test_say_refuses_a_bad_text(text: str) -> None:
         Say(None, text=text)
 
 
+# --- TakeOff --------------------------------------------------------------------------------------
+
 AHEAD = GimbalTo(pitch_rad=math.radians(-30))
 
 
@@ -155,6 +157,9 @@ def test_too_long_is_a_failure() -> None:
     assert live(bench, seconds=0.2, flying=FlyingState.LANDED) is Status.FAILURE
     assert (bench.proposed, bench.pointed) == (None, None)
     assert "landed" in bench.feedback
+
+
+# --- CanReturn ------------------------------------------------------------------------------------
 
 
 def bench_with(charge: float, per_min: float = 0.06, home_m: float = 4.0) -> LeafBench:

@@ -92,6 +92,8 @@ def test_the_unknown_is_kept_away_from_on_all_sides_alike() -> None:
     assert found.clear_m[30, 31] > Margins.wide_m
 
 
+# --- fastest paths against SciPy's search ---------------------------------------------------------
+
 RADIUS = 5.0
 SHAPE = (40, 30)
 START = (20, 15)
@@ -166,6 +168,9 @@ def test_a_path_covers_the_union_of_the_discs_along_it() -> None:
     assert covered[20, 29] == pytest.approx(union(paths.to((20, 29)), worth))  # straight
     assert covered[START] == pytest.approx(union([START], worth))
     assert covered[11, 10] == 0.0
+
+
+# --- recent obstacles that the map lacks ----------------------------------------------------------
 
 
 @pytest.mark.parametrize("least", [1, 3])

@@ -114,6 +114,8 @@ def test_it_creeps_past_what_the_map_has_and_stops_before_what_it_lacks(
     assert (way.speed_mps if isinstance(way, FollowLeg) else way) == speed_mps
 
 
+# --- where the camera looks -----------------------------------------------------------------------
+
 FLIGHT_RAD = math.radians(-30)
 LOWEST_RAD = math.radians(-50)
 

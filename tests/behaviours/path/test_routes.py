@@ -125,6 +125,9 @@ def test_a_leg_ends_where_there_is_room() -> None:
     assert out_of_it.clear_m[-1] >= MARGINS.touch_m
 
 
+# --- margins of a place and of its passages -------------------------------------------------------
+
+
 @pytest.mark.parametrize(
     ("passage", "where", "distances_m", "slow_mps"),
     [

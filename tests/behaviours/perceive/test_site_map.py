@@ -78,6 +78,9 @@ def test_the_frame_of_the_poses_is_kept_when_another_tree_takes_over() -> None:
     assert bench.board[ODOMETRY].pose.x_m == pytest.approx(flown_m + 0.05)
 
 
+# --- MapSite --------------------------------------------------------------------------------------
+
+
 def box_map() -> np.ndarray:
     ids = np.full((112, 224), CARPET, dtype=np.uint8)
     ids[:70, 100:130] = BOXES[0]
@@ -184,6 +187,9 @@ def test_events_tell_of_the_climb_for_a_mover_and_of_its_end() -> None:
     assert higher.startswith("a mover at start:")
     assert higher.endswith("leaves that give way fly 0.5 m higher")
     assert back == "no mover for 60 s: leaves that give way return to the flight height"
+
+
+# --- RememberViews and Advise ---------------------------------------------------------------------
 
 
 def remembering(seconds: float, **attributes: object) -> LeafBench:

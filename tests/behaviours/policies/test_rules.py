@@ -201,6 +201,9 @@ def test_a_map_with_an_unknown_class_is_refused() -> None:
         RULE.decide(view(ids))
 
 
+# --- the corridor rule on ray-cast class maps and corridors of known reach ------------------------
+
+
 def decide(found: Corridor | None = None, ids: Any = None, **seen: Any) -> Advance | Blocked:
     shown = cast() if ids is None else ids
     return CorridorRule().decide(view(shown, corridor=found or corridor(), **seen))

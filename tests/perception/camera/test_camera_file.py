@@ -175,6 +175,8 @@ def test_a_bent_line_is_straightened() -> None:
         assert Undistorter(replace(BENT, distortion=none)).undistort(picture) is picture
 
 
+# --- the ground plane in the image ----------------------------------------------------------------
+
 SMALL = replace(pinhole(41, 21), fx_px=20.0, fy_px=16.0, forward_offset_m=0.2)
 
 

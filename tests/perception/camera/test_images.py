@@ -89,6 +89,8 @@ def test_a_photograph_without_an_orientation_is_upright(tmp_path: Path) -> None:
     assert exif_orientation(tmp_path / "cut.jpg") == UPRIGHT
 
 
+# --- frames that arrive in time and show nothing --------------------------------------------------
+
 FROZEN = "the video is frozen"
 STATE = DroneState(captured_s=0.0, flying=FlyingState.HOVERING)
 TILES = np.random.default_rng(1).integers(40, 200, (9, 16, 3), dtype=np.uint8)

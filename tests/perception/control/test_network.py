@@ -123,6 +123,8 @@ def test_numbers_that_are_none_are_errors(weights: Path, tmp_path: Path) -> None
         OnnxControlStudent(path).estimate(PICTURES, np.full_like(NUMBERS, np.nan))
 
 
+# --- training of the control student --------------------------------------------------------------
+
 QUICK = ControlTrainingConfig(
     steps=200, batch=8, warm_up_steps=10, learning_rate=1e-2, average=0.9, dropout=0.0
 )

@@ -107,6 +107,8 @@ def test_other_light_changes_pictures_a_little() -> None:
     assert 1.0 < np.abs(lit.astype(int) - frames).mean() < 60.0
 
 
+# --- the control student's inputs besides the pixels ----------------------------------------------
+
 NOW = OdometryPose(time_s=10.0, x_m=2.0, y_m=1.0, yaw_rad=math.pi / 2)  # it looks along y
 THEN = OdometryPose(time_s=9.5, x_m=1.9, y_m=0.7, yaw_rad=math.pi / 2 - 0.2)
 

@@ -81,10 +81,12 @@ def test_without_texture_nothing_is_measured(flight: KnownFlight) -> None:
     assert CameraTrack(replace(flight.footage, frames=frames)).measured_motion(2, 6) is None
 
 
+# --- clips ----------------------------------------------------------------------------------------
+
+
 @pytest.fixture(scope="module")
-def labelled() -> Flight:
-    known = known_flight()
-    return replace(known.footage, labels=known.labels())
+def labelled(flight: KnownFlight) -> Flight:
+    return replace(flight.footage, labels=flight.labels())
 
 
 @pytest.fixture(scope="module")
@@ -174,9 +176,7 @@ def test_a_flight_that_stays_on_the_ground_is_refused(labelled: Flight) -> None:
         ClipSource([replace(labelled, frames=tuple(low))])
 
 
-@pytest.fixture(scope="module")
-def known() -> KnownFlight:
-    return known_flight()
+# --- labels without truth -------------------------------------------------------------------------
 
 
 class _Exact:
@@ -205,55 +205,55 @@ def _from_flow(known: KnownFlight, others: list[tuple[int, np.ndarray]]) -> np.n
 # --- parallax -------------------------------------------------------------------------------------
 
 
-def test_flow_between_known_places_gives_depth(known: KnownFlight) -> None:
+def test_flow_between_known_places_gives_depth(flight: KnownFlight) -> None:
     error = _relative_error(
-        _from_flow(known, [(j, known.motion(5, j)) for j in (1, 3, 8, 10)]), known, 5
+        _from_flow(flight, [(j, flight.motion(5, j)) for j in (1, 3, 8, 10)]), flight, 5
     )
     assert error.size > 5000
     assert np.median(error) < 0.04
 
 
-def test_one_other_frame_or_none_that_moved_says_nothing(known: KnownFlight) -> None:
-    for others in ([(9, known.motion(5, 9))], [(5, np.eye(3, 4))] * 3, []):
-        assert np.isnan(_from_flow(known, others)).all()
+def test_one_other_frame_or_none_that_moved_says_nothing(flight: KnownFlight) -> None:
+    for others in ([(9, flight.motion(5, 9))], [(5, np.eye(3, 4))] * 3, []):
+        assert np.isnan(_from_flow(flight, others)).all()
 
 
-def test_frames_that_do_not_fit_their_movements_say_little(known: KnownFlight) -> None:
-    right = [(j, known.motion(5, j)) for j in (1, 3, 8, 10)]
-    wrong = [(j, known.motion(5, 11 - j)) for j in (1, 3, 8, 10)]
-    believed, doubted = (np.isfinite(_from_flow(known, others)).sum() for others in (right, wrong))
+def test_frames_that_do_not_fit_their_movements_say_little(flight: KnownFlight) -> None:
+    right = [(j, flight.motion(5, j)) for j in (1, 3, 8, 10)]
+    wrong = [(j, flight.motion(5, 11 - j)) for j in (1, 3, 8, 10)]
+    believed, doubted = (np.isfinite(_from_flow(flight, others)).sum() for others in (right, wrong))
     assert doubted < 0.2 * believed
 
 
 # --- labels ---------------------------------------------------------------------------------------
 
 
-def test_ground_contacts_label_ground_and_boxes(known: KnownFlight) -> None:
-    labels = labelling.contact_labels(known.footage, _Exact(known))
+def test_ground_contacts_label_ground_and_boxes(flight: KnownFlight) -> None:
+    labels = labelling.contact_labels(flight.footage, _Exact(flight))
     assert labels.shape == (12, 2, 128, 160)
     assert np.isnan(labels[4, 0]).all()  # not one of every three
     assert np.isinf(labels[4, 1]).all()
     for place in (0, 6):
         depth = labels[place, 0].astype(np.float32)
         big = cv2.resize(depth, (320, 256), interpolation=cv2.INTER_NEAREST)
-        error = _relative_error(big, known, place)
+        error = _relative_error(big, flight, place)
         assert error.size > 20000
         assert np.median(error) < 0.03
 
 
-def test_low_frames_get_no_labels(known: KnownFlight) -> None:
-    low = [replace(frame, height_above_ground_m=0.7) for frame in known.footage.frames]
-    flight = replace(known.footage, frames=tuple(low))
-    labels = labelling.contact_labels(flight, _Exact(known))
-    assert np.isnan(labelling.add_parallax(flight, labels)[:, 0]).all()
+def test_low_frames_get_no_labels(flight: KnownFlight) -> None:
+    low = [replace(frame, height_above_ground_m=0.7) for frame in flight.footage.frames]
+    low_flight = replace(flight.footage, frames=tuple(low))
+    labels = labelling.contact_labels(low_flight, _Exact(flight))
+    assert np.isnan(labelling.add_parallax(low_flight, labels)[:, 0]).all()
 
 
-def test_parallax_fills_gaps_below_the_bound_and_leaves_labels_alone(known: KnownFlight) -> None:
+def test_parallax_fills_gaps_below_the_bound_and_leaves_labels_alone(flight: KnownFlight) -> None:
     labels = np.full((12, 2, 128, 160), np.nan, np.float16)
     labels[:, 1] = np.inf
     labels[:, 0, :20] = 7.0
     labels[:, 1, :, 80:] = 0.1
-    filled = labelling.add_parallax(known.footage, labels)
+    filled = labelling.add_parallax(flight.footage, labels)
     assert (filled[:, 0, :20] == 7.0).all()
     assert np.isfinite(filled[6, 0, 20:, :80]).sum() > 1000
     assert np.isnan(filled[6, 0, 20:, 80:]).all()

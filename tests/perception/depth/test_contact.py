@@ -235,6 +235,8 @@ def test_a_base_in_view_comes_before_the_network_and_what_is_remembered() -> Non
     np.testing.assert_array_equal(misled[known], plain[known])
 
 
+# --- lines of bases -------------------------------------------------------------------------------
+
 PIXEL_RAD = 1 / 145
 HEIGHT_M = 1.5
 
@@ -293,6 +295,8 @@ def test_the_fit_has_the_least_squares_in_pixels(*, corner: bool) -> None:
         apart = slope_of(azimuth, faces[0]) - slope_of(azimuth, faces[1])
         assert line.corner_rad == pytest.approx(azimuth[np.abs(apart).argmin()], abs=0.02)
 
+
+# --- the panorama of a class map ------------------------------------------------------------------
 
 SMALL = pinhole(64, 36)
 BOX = 5

@@ -161,6 +161,8 @@ def test_a_restart_with_an_old_sample_does_not_turn_time_back() -> None:
     assert smooth.at(10.9) == restarted
 
 
+# --- depth in heights against the plane of the ground ---------------------------------------------
+
 CAMERA = pinhole(640, 360)
 SIZE = (224, 112)
 HEIGHT_M = 1.5
@@ -220,6 +222,8 @@ def test_what_is_wrong_shows(least: float, most: float, how: dict[str, Any]) -> 
 def test_some_views_say_nothing(how: dict[str, Any]) -> None:
     assert agreement(**how) is None
 
+
+# --- confidence of a scale ------------------------------------------------------------------------
 
 RANGES_M = np.linspace(1.2, 4.0, 50).astype(np.float32)
 

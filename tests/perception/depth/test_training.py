@@ -172,6 +172,8 @@ def test_a_bound_pulls_only_what_exceeds_it_and_has_no_label() -> None:
     assert pulled.nonzero().flatten().tolist() == [5, 6, 7, 8, 9]
 
 
+# --- the networks ---------------------------------------------------------------------------------
+
 WIDE = network.DepthNetConfig(width_px=64, height_px=32, channels=(8, 12, 16))
 
 
@@ -221,6 +223,8 @@ def test_the_shipped_network_returns_the_same_in_flight_and_in_training(tmp_path
     flies = load_depth_estimator(tmp_path / "depth.onnx")
     np.testing.assert_allclose(flies.depth(picture), trained, rtol=1e-5)
 
+
+# --- training the depth network -------------------------------------------------------------------
 
 NET = network.DepthNetConfig(width_px=64, height_px=64, channels=(8, 12, 16))
 SHORT = run.DepthTrainingConfig(steps=4, batch=1, checkpoint_every=2, warm_up_steps=2)

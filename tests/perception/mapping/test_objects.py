@@ -115,6 +115,9 @@ def test_a_table_with_displaced_points_is_one_object() -> None:
     assert sorted(round(each.x_m, 1) for each in two) == [2.0, 3.4]
 
 
+# --- ids of objects through a mission -------------------------------------------------------------
+
+
 def box(x_m: float, y_m: float = 0.0, class_id: int = 4) -> MapObject:
     return MapObject(
         class_id=class_id, x_m=x_m, y_m=y_m, size_m=0.4, width_m=0.4, std_m=0.1, seen_s=1.0

@@ -198,6 +198,9 @@ def test_a_shorter_life_makes_nothing_older() -> None:
     assert not len(flight.near(at(2.7)).points_m)
 
 
+# --- the map's points -----------------------------------------------------------------------------
+
+
 @pytest.mark.parametrize(
     ("known", "seen", "x_m", "weight"),
     [

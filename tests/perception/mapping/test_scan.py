@@ -146,6 +146,9 @@ def test_a_camera_that_looks_up_shows_no_ground() -> None:
     assert not np.isfinite(grid.seen_s).any()
 
 
+# --- the least squares of one round of matching ---------------------------------------------------
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_each_place_is_matched_across_the_line_of_its_neighbours(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -182,6 +185,8 @@ def test_each_place_is_matched_across_the_line_of_its_neighbours(seed: int) -> N
     assert hessian == pytest.approx(slope.T @ (weight[:, None] * slope), rel=1e-9, abs=1e-7)
     assert gradient == pytest.approx(slope.T @ (weight * expected_m), rel=1e-9, abs=1e-7)
 
+
+# --- tables in a view -----------------------------------------------------------------------------
 
 LENS = replace(pinhole(224, 126), forward_offset_m=0.0)
 PITCH_RAD, HEIGHT_M = math.radians(-38), 1.5

@@ -96,6 +96,8 @@ def test_the_class_is_one_of_the_lab_with_the_role_mark() -> None:
         RegionFinder(mark(options={"size_m": 0.3}))
 
 
+# --- the take-off spot ----------------------------------------------------------------------------
+
 MARK = LandingMark(kind="spot", length_m=0.5, width_m=0.5, height_m=0.0)
 AWAY = Pose2D(x_m=2.0, y_m=0.0, yaw_rad=0.0)
 GROUND, PLAIN = texture(), np.full((SIDE_PX, SIDE_PX), 120, dtype=np.uint8)

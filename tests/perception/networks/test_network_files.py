@@ -107,6 +107,9 @@ def test_convolutions_overflow_on_no_processor(unets: tuple[Path, Path]) -> None
             assert arrays[node.input[2]].dtype == np.uint8
 
 
+# --- weights files --------------------------------------------------------------------------------
+
+
 @pytest.mark.parametrize("details", ["{", "[" * 100_000, "1e999", "9" * 5000])
 def test_damaged_details_are_refused(tmp_path: Path, details: str) -> None:
     path = tmp_path / "net.safetensors"
@@ -123,6 +126,9 @@ def test_the_same_weights_are_the_same_bytes(tmp_path: Path) -> None:
     tensors, details = read_weights(files[0], kind="u-net", remedy="")
     assert list(tensors["w"]) == [0.0, 1.0, 2.0]
     assert details == {"steps": 2}
+
+
+# --- mappings from a foreign network's classes to ours --------------------------------------------
 
 
 def _read(tmp_path: Path, text: str) -> ClassMapping:

@@ -112,6 +112,8 @@ def test_a_smaller_image_has_the_means_of_what_it_covers(size: tuple[int, int]) 
     assert (larger == 77).all()
 
 
+# --- compiled networks in the cache folder --------------------------------------------------------
+
 FRAME = np.random.default_rng(5).integers(0, 256, (360, 640, 3)).astype(np.uint8)
 PIXELS = np.full((8, 16, 3), 51, dtype=np.uint8)
 
@@ -226,6 +228,8 @@ def test_the_oldest_files_are_deleted(path: Path, folder: Path) -> None:
     assert "old-22.blob" in kept
     assert "old-23.blob" not in kept
 
+
+# --- the processor's instructions that inference leaves out ---------------------------------------
 
 WITH_TILES = "flags\t\t: fpu avx2 avx512_vnni amx_bf16 amx_tile amx_int8\n"
 

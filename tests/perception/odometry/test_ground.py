@@ -27,6 +27,8 @@ CAMERA = anafi_camera(*SIZE_PX)
 PITCH_RAD = math.radians(-30)
 HEIGHT_M = 1.5
 STEP_S = 0.1
+# --- the motion of the ground between two images --------------------------------------------------
+
 STILL = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 LAB = Scene(name="empty", helipad=Helipad(position_m=(-2.2, -1.7)), boxes=())
 BLACK = np.zeros((9, 16, 3), np.uint8)

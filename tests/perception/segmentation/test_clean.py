@@ -77,6 +77,8 @@ def test_sharpening_brings_the_map_closer_to_the_exact_one_and_invents_no_class(
     assert set(np.unique(clean.sharpened(ids, pictures[0][0], trained.palette))) <= {0, 1}
 
 
+# --- confusion counts and intersection over union -------------------------------------------------
+
 PAIRS = [([0, 1], [0, 1]), ([1, 1], [0, 0])]  # predicted and exact
 
 

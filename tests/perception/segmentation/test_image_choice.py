@@ -66,6 +66,8 @@ def test_nearly_the_same_images_are_taken_once() -> None:
     assert different_ones([look_at(image) for image in images]) == [1, 2, 0]
 
 
+# --- the next image -------------------------------------------------------------------------------
+
 BROWN = (125, 105, 50)  # between floor and crate
 
 

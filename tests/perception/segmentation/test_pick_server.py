@@ -129,6 +129,8 @@ def test_earlier_picks_are_gone_on_with(session: PickSession, tmp_path: Path) ->
     assert [pick.x for pick in again.picks] == [500]
 
 
+# --- the page for picks ---------------------------------------------------------------------------
+
 USES = {"a.png": "train", "b.jpg": "train", "d.tif": "check"}
 CLICK = {"image": "a.png", "x": 3, "y": 4, "class": "carpet"}
 

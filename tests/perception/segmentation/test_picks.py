@@ -81,6 +81,9 @@ def test_patches_count_every_pixel_of_their_class() -> None:
         picks.gather_patches([pick, replace(pick, image="gone.jpg")], [(name, rgb)], 8, CLASSES)
 
 
+# --- super-pixels follow edges --------------------------------------------------------------------
+
+
 def _scene(width: int, height: int) -> NDArray[np.uint8]:
     """A noisy image of two colours with a slanted edge."""
     rgb = np.full((height, width, 3), 60, dtype=np.uint8)
@@ -124,6 +127,8 @@ def test_a_large_image_is_shrunk_and_its_pixels_are_found_again(width: int) -> N
         assert found.at(x, y) == region
     assert found.at(width - 1, width // 2 - 1) == found.ids[-1, -1]
 
+
+# --- mistakes in a picks file are found before a teacher is trained -------------------------------
 
 USES = {"a.png": "train", "b.png": "train", "c.png": "check"}
 THIRDS = {"floor": (5, 45), "crate": (60, 100), "pad": (115, 155)}  # columns

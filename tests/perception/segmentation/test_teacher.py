@@ -65,6 +65,9 @@ def test_a_palette_is_a_distribution_over_colours() -> None:
     assert features.colour_codes(rgb).tolist() == [[31 << 10, 1 << 5, 31]]
 
 
+# --- the SVM teacher ------------------------------------------------------------------------------
+
+
 def test_dense_scores_equal_scikit_learns_decision_function() -> None:
     """To 1e-9 relative, at random pixels, the border's among them."""
     from sklearn.multiclass import OneVsRestClassifier  # noqa: PLC0415 - takes half a second
