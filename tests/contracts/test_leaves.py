@@ -1,7 +1,8 @@
-"""What every leaf keeps to when it is halted, sees nothing, is not obeyed, or a person flies."""
+"""What every leaf keeps to, and what it declares about itself."""
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any, Final
 
 import pytest
 
+from behaviours.fly.explore import Explore
 from behaviours.fly.moving_leaf import MovingLeaf
 from behaviours.nodes import NODES
 from tests.paper_lab import paper_map
@@ -27,9 +29,11 @@ from uav_bt.board import (
 )
 from uav_bt.board.blackboard import Key
 from uav_bt.board.context import FlightFolder
+from uav_bt.errors import NodeFailedError
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import Says, drawn_map, ground, show
-from uav_bt.tree import Leaf, Status
+from uav_bt.tree import Leaf, Port, Status
+from uav_bt.tree.loading.attributes import POLICY_PORT
 from uav_bt.tree.status import FAILURE, SUCCESS
 from uav_bt.types import (
     ClassMap,
@@ -42,6 +46,8 @@ from uav_bt.types import (
     MovementStatus,
 )
 from uav_bt.types.dead_reckoning import OdometryPose
+
+# --- what shipped leaves declare about themselves agrees with their code --------------------------
 
 LEAVES: Final = [node for node in NODES if issubclass(node, Leaf)]
 PORTS: Final[dict[str, dict[str, object]]] = {
@@ -262,3 +268,63 @@ def test_not_obeyed_it_tries_again_and_says_so_when_it_fails(
     assert len(flight.ids) != 1
     if issubclass(leaf, MovingLeaf) and leaf.resumes and trace[-1][0] == "FAILURE" and flight.ids:
         assert word.value in flight.bench.feedback
+
+
+WORDS = {"SUCCESS": Status.SUCCESS, "FAILURE": Status.FAILURE}
+
+
+@every_leaf
+def test_the_description_names_declared_answers_only(leaf: type[Leaf]) -> None:
+    first = inspect.cleandoc(leaf.__doc__ or "").partition("Args:")[0]
+    for word, status in WORDS.items():
+        assert word not in first or status in leaf.answers, (leaf.__name__, word)
+
+
+@every_leaf
+def test_the_code_returns_declared_answers_only(leaf: type[Leaf]) -> None:
+    """Of the statuses that the class's own module returns, none is undeclared."""
+    shared = {MovingLeaf.fails, MovingLeaf.moved}  # return FAILURE for the leaves that call them
+    source = "".join(
+        inspect.getsource(method)
+        for base in leaf.__mro__
+        if base.__module__.startswith("behaviours.")
+        for method in vars(base).values()
+        if inspect.isfunction(method) and method not in shared
+    )
+    for status in (Status.FAILURE, Status.RUNNING):
+        if f"return Status.{status.name}" in source:
+            assert status in leaf.answers
+    if "self.fails(" in source or "self.moved(" in source:
+        assert Status.FAILURE in leaf.answers
+
+
+@every_leaf
+def test_a_leaf_that_turns_the_camera_points(leaf: type[Leaf]) -> None:
+    if issubclass(leaf, MovingLeaf):
+        overrides = leaf.gimbal_pitch_rad is not MovingLeaf.gimbal_pitch_rad
+        assert leaf.points is overrides
+        assert leaf.moves
+
+
+def test_explore_points_the_camera_where_it_looks_down() -> None:
+    assert not Explore(None, policy="segmentation").may_point()
+    assert Explore(None, policy="segmentation", looks_down="true").may_point()
+    assert Explore(None, policy="segmentation", looks_down="{far}").may_point()
+
+
+@pytest.mark.parametrize(
+    ("leaf", "port"),
+    [(leaf, port) for leaf in LEAVES for port in leaf.ports if port.direction == "input"],
+    ids=lambda value: value.name if isinstance(value, Port) else value.__name__,
+)
+def test_ports_that_are_read_at_the_setup_are_declared(
+    leaf: type[Leaf], port: Port[object]
+) -> None:
+    """Without a value of their variable the setup raises."""
+    given = {one.name: one.sample or "1" for one in leaf.ports if one.required}
+    bench = LeafBench(leaf, **{**given, port.name: "{nothing}"})
+    if port.at_setup or port.name == POLICY_PORT:
+        with pytest.raises(NodeFailedError, match=r"\{nothing\} holds nothing"):
+            bench.setup()
+    else:
+        bench.setup()

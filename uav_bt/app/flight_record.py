@@ -62,6 +62,7 @@ def begin_record(path: Path, flight: Flight[Drone]) -> FlightRecorder:
             )
     except FileError:
         file.abandon()
+        path.unlink(missing_ok=True)
         raise
 
 

@@ -27,7 +27,7 @@ from scipy.signal import lfilter
 
 from behaviours.fly.heading_control import HeadingGains
 from uav_bt.errors import InputError
-from uav_bt.files import writing
+from uav_bt.files import whole_file
 from uav_bt.record.reader import RecordReader
 from uav_bt.types import FlyingState, Hover, Velocity
 
@@ -184,5 +184,5 @@ def draw(
     step.set(xlabel="time since a small step, s", ylabel="share of the step")
     heading.legend()
     step.legend()
-    with writing(path):
-        figure.savefig(path)
+    with whole_file(path) as partial:
+        figure.savefig(partial, format="png")

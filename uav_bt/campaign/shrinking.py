@@ -21,6 +21,7 @@ from uav_bt.app.flying_process import interruptible
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.workers import reported
 from uav_bt.errors import InputError
+from uav_bt.files import write_whole
 
 T = TypeVar("T")
 Part = tuple[str, int]
@@ -97,7 +98,7 @@ class FailedFlight:
         """Fly it, with another simulated drone if one is given; return how it ends."""
         with tempfile.TemporaryDirectory(prefix="uav-bt-shrink-") as folder:
             file = Path(folder) / "scene.yaml"
-            file.write_text(scene_text(self.scene), encoding="utf-8")
+            write_whole(file, scene_text(self.scene))
             options = replace(self.options, scene=file, drone=drone or self.options.drone)
             out = Path(folder) / "outputs"  # as in the campaign: some leaves need one
             return _ending(

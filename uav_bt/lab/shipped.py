@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Final
 
 from uav_bt.errors import FileError, InputError, UnknownNameError
-from uav_bt.files import writing
+from uav_bt.files import write_whole, writing
 from uav_bt.lab.lab import LAB_FILE, Lab, check_lab_name
 from uav_bt.types.sizes import LandingMark
 
@@ -71,7 +70,11 @@ def write_lab(name: str, folder: Path) -> Path:
         raise FileError(path.parent, "exists: choose another name, or edit its lab.yaml")
     with writing(path):
         path.parent.mkdir(parents=True)
-        shutil.copyfile(_LABS / "starter.yaml", path)
+    try:
+        write_whole(path, (_LABS / "starter.yaml").read_bytes())
+    except FileError:
+        path.parent.rmdir()  # so that the name is free for another try
+        raise
     return path
 
 

@@ -23,6 +23,7 @@ from uav_bt.app.option_values import ImageSize, Policies, Seed
 from uav_bt.board import ADVICE
 from uav_bt.campaign.runner import Backend, Progress
 from uav_bt.errors import InputError
+from uav_bt.files import write_whole
 from uav_bt.learning.views import TRAINING_SCENES
 from uav_bt.option import Option
 from uav_bt.tree.loading.attributes import POLICY_PORT
@@ -123,6 +124,6 @@ def _scenes(plan: CollectionPlan, folder: Path) -> dict[str, list[str]]:
                 rng = np.random.default_rng(zlib.crc32(called.encode()))
                 drawn = varied_scene(scene, rng, name=called, layout=plan.layouts)
                 path = folder / f"{called}.yaml"
-                path.write_text(scene_text(drawn), encoding="utf-8")
+                write_whole(path, scene_text(drawn))
                 scenes.append(str(path))
     return found

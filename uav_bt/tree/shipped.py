@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from uav_bt.errors import FileError, UnknownNameError, did_you_mean
-from uav_bt.files import did_you_mean_file, writing
+from uav_bt.files import did_you_mean_file, write_whole
 from uav_bt.tree.loading.lookup import files_in, shipped_trees
 
 
@@ -105,10 +105,7 @@ def write_starter(path: Path, start: str = "hover") -> None:
     name = STARTERS[start]
     text = (shipped_trees() / f"{name}.xml").read_text(encoding="utf-8")
     text = _ROOT_TAG.sub(lambda tag: tag[0] + _COMMENT.format(name=name), text, count=1)
-    with writing(path):
-        try:
-            with path.open("x", encoding="utf-8") as file:
-                file.write(text)
-        except FileExistsError as error:
-            message = "there is such a file, and it is not overwritten; choose another name"
-            raise FileError(path, message) from error
+    if path.exists():
+        message = "there is such a file, and it is not overwritten; choose another name"
+        raise FileError(path, message)
+    write_whole(path, text)

@@ -1,4 +1,4 @@
-"""Whole missions that are interrupted: by a person, a stalled video, a link that comes back."""
+"""Whole missions that are interrupted: by a person, by faults, by the drone."""
 
 import math
 from dataclasses import replace
@@ -8,6 +8,7 @@ import pytest
 
 from tests.paper_lab import paper_map
 from tests.worlds.leaves import ADVANCE, TURN_RIGHT
+from tests.worlds.trees import document
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.mission.judge import Judge, JudgeConfig, Outcome, Verdict
@@ -36,7 +37,6 @@ MISSION = """
     <Land/>
   </Sequence>
 </ReactiveSequence>"""
-
 GROUND = ground()
 NEAREST_AHEAD_M = 1.0  # nearer ground is below the view ahead
 
@@ -95,13 +95,10 @@ class World:
         }
         context = MissionContext(clock=self.inner.clock, policy=policies.__getitem__)
         registry = NodeRegistry.installed().with_nodes(sense(self.inner))
-        tree = parse_tree(
-            f'<root BTCPP_format="4"><BehaviorTree ID="M">{body}</BehaviorTree></root>', registry
-        )
-        tree.setup(context)
-        self.tree = tree
+        self.tree = parse_tree(document(body), registry)
+        self.tree.setup(context)
         judge = Judge(JudgeConfig(land_on=LandOn.ANY))
-        self.runner = MissionRunner(self.drone, tree, context, judge, listeners=listeners)
+        self.runner = MissionRunner(self.drone, self.tree, context, judge, listeners=listeners)
         self.records: list[TickRecord] = []
         self.takes_over = place if fault == BY_HAND else None  # PHASE+SECONDS
         self._took_over_s: float | None = None

@@ -1,4 +1,4 @@
-"""A movement, resumed when the drone ends it too early, and the own time of a leaf."""
+"""The step in hand of a leaf that moves: ends, rests, refusals, pauses."""
 
 import math
 

@@ -10,8 +10,8 @@ from behaviours.fly.go_to import GoTo
 from behaviours.fly.look import MoveBy
 from behaviours.fly.places import Face
 from behaviours.fly.take_off import ClimbTo
-from tests.behaviours.path.test_movers import mover
-from tests.perception.marks.tag_views import tag_mark
+from tests.behaviours.path.drawn_maps import mover
+from tests.perception.marks.mark_views import tag_mark
 from tests.worlds.leaves import ended, step, velocity
 from tests.worlds.values import corridor, fix
 from uav_bt.board import CORRIDOR, FLIGHT_HEIGHT, MARK, PHASE

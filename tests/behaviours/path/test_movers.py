@@ -13,21 +13,12 @@ from behaviours.path.clearance import ClearanceMap
 from behaviours.path.movers import SPARE_M, TIMES_S, gap_m, outlines_m, runs_into, yielding_mps
 from behaviours.path.nearby import RecentObstacles
 from behaviours.path.survey import best_route
-from tests.behaviours.path.test_survey import RING, where
+from tests.behaviours.path.drawn_maps import RING, mover, where, with_movers
 from uav_bt.testing.world import drawn_map
 from uav_bt.types.site_map import MapMover, SiteMap
 
 BODY_M = 0.2
 AHEAD = np.array([[0.1 * step, 0.0] for step in range(20)])
-
-
-def mover(x_m: float, y_m: float, x_mps: float = 0.0, y_mps: float = 0.0) -> MapMover:
-    place = {"x_m": x_m, "y_m": y_m, "x_mps": x_mps, "y_mps": y_mps, "radius_m": 0.25}
-    return MapMover(id=1, std_m=0.04, std_mps=0.1, first_s=0.0, seen_s=1.0, **place)
-
-
-def with_movers(*movers: MapMover, **drawn: object) -> SiteMap:
-    return replace(drawn_map(**drawn), movers=movers)  # type: ignore[arg-type]
 
 
 def escape(site_map: SiteMap, before: WayOut | None = None) -> WayOut:

@@ -14,7 +14,7 @@ from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import RecentObstacles
 from behaviours.path.passages import ClearanceMaps
 from behaviours.path.view_points import SIGHT_M, view_points
-from tests.behaviours.path.test_passages import MARK, corner
+from tests.behaviours.path.drawn_maps import MARK, corner
 from uav_bt.testing.world import drawn_map
 from uav_bt.types import Pose2D
 from uav_bt.types.site_map import MapObject, SiteMap

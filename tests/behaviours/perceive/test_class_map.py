@@ -9,11 +9,14 @@ import pytest
 
 from behaviours.perceive.class_map import FindMark, Segment
 from tests.paper_lab import HELIPAD_BOX, HELIPAD_H, paper_map
-from tests.perception.marks.ground_views import CAMERA as GROUND_CAMERA
-from tests.perception.marks.ground_views import texture
-from tests.perception.marks.ground_views import view as view_of_ground
-from tests.perception.marks.tag_views import CAMERA as TAG_CAMERA
-from tests.perception.marks.tag_views import tag_mark, view_of
+from tests.perception.marks.mark_views import (
+    GROUND_CAMERA,
+    TAG_CAMERA,
+    ground_view,
+    tag_mark,
+    texture,
+    view_of,
+)
 from tests.worlds.leaves import replace_tree
 from tests.worlds.values import motion
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, ODOMETRY, SITE_MAP, STATE
@@ -122,7 +125,7 @@ def test_the_take_off_spot_is_found_by_its_ground_where_the_map_is_wrong(mark: s
         if x_m == 2.0 or SITE_MAP in bench.board:
             start = Pose2D(x_m=0.3, y_m=0.0, yaw_rad=0.0)
             bench.board[SITE_MAP] = replace(drawn_map(), pose=pose, start=start, captured_s=now_s)
-        bench.board[FRAME] = view_of_ground(floor, pose, at_s=now_s).frame
+        bench.board[FRAME] = ground_view(floor, pose, at_s=now_s).frame
         bench.tick()
 
     if mark == "place":

@@ -215,11 +215,6 @@ def test_a_refused_frame_writes_none_and_says_why(estimating: LeafBench) -> None
     assert estimating.feedback == ""
 
 
-def test_a_misspelt_source_is_refused_at_setup() -> None:
-    with pytest.raises(InputError, match="did you mean 'fused'"):
-        LeafBench(Loaded, source="fusd")
-
-
 # BuildCorridor.
 
 BOX_AHEAD = [(10, 80, 100, 124, BOXES[3])]

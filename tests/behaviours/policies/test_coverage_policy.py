@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from behaviours.policies.coverage_policy import CoveragePolicy
-from tests.behaviours.path.test_passages import corner
-from tests.behaviours.path.test_survey import where
+from tests.behaviours.path.drawn_maps import corner, where
 from tests.behaviours.policies.cast_world import cast, view
 from tests.worlds.values import corridor
 from uav_bt.answers import Answer, Blocked, Done, FollowLeg, Rotate

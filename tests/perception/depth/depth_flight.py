@@ -1,7 +1,8 @@
 """A short flight along a known path in the twin, as footage with exact or noisy telemetry."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 
 import cv2
 import numpy as np
@@ -103,4 +104,17 @@ def known_flight(count: int = 12, *, yaw_noise_rad: float = 0.0, seed: int = 0) 
         depth_m=np.stack([view.depth for view in views]),
         ids=np.stack([view.ids for view in views]),
         poses=poses,
+    )
+
+
+@cache
+def small_flight() -> Flight:
+    """Return footage of 8 frames of 64x64 pixels, with its true labels."""
+    known, size_px = known_flight(8), (64, 64)
+    frames = [replace(one, image=shrink(one.image, size_px)) for one in known.footage.frames]
+    return Flight(
+        frames=tuple(frames),
+        states=known.footage.states,
+        camera=known.footage.camera.resized(*size_px),
+        labels=known.labels()[:, :, 2::4, 2::5],
     )

@@ -9,7 +9,7 @@ from onnx import helper
 
 from perception.depth import runtime
 from tests.perception.networks.small_networks import IMAGE, save
-from uav_bt.errors import AnswerError, UnknownNameError, WeightsError
+from uav_bt.errors import AnswerError, WeightsError
 from uav_bt.protocols import DepthEstimator
 from uav_bt.types import Frame
 
@@ -105,11 +105,6 @@ def test_an_output_that_is_no_depth_map_is_refused(
     path = _save(tmp_path / "n.onnx", nodes, given=given)
     with pytest.raises(WeightsError, match=message):
         runtime.OnnxDepthEstimator(path)
-
-
-def test_a_name_that_nobody_knows_gets_a_suggestion() -> None:
-    with pytest.raises(UnknownNameError, match="unknown depth model 'dept'; did you mean 'depth'"):
-        runtime.load_depth_estimator("dept")
 
 
 def test_a_network_without_a_mapping_may_give_depth_or_disparity_and_is_refused(

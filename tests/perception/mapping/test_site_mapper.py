@@ -13,27 +13,23 @@ from perception.mapping.ground_grid import PASSED_M
 from perception.mapping.mark_place import MOVED_VIEWS
 from perception.mapping.registration import Contradiction
 from perception.mapping.site_mapper import SiteMapper
-from perception.mapping.view import View
-from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
+from sim_bridge.anafi import CAMERA_FORWARD_M
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.objects import BoxSpec, Helipad
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
-from tests.paper_lab import BOXES, CARPET, CLASSES, paper_map
+from tests.paper_lab import BOXES, CARPET, CLASSES
+from tests.perception.mapping.mapping_world import AT_START, HEIGHT_M, PITCH_RAD, look
 from tests.worlds import values
 from uav_bt.types import Pose2D
 from uav_bt.types.dead_reckoning import OdometryPose
 from uav_bt.types.site_map import MapMark, SiteMap
 
-CAMERA = anafi_camera(640, 360).resized(224, 112)
-PITCH_RAD = math.radians(-42)
-HEIGHT_M = 1.5
 PAD = Helipad(position_m=(-1.9, 1.4))
 BOX = BoxSpec(pattern=3, position_m=(1.0, 0.4), yaw_deg=20, size_m=(0.4, 0.4, 1.9))
 LOW = BoxSpec(pattern=5, position_m=(-1.2, -1.0), yaw_deg=60, size_m=(0.5, 0.4, 0.8))
 SCENE = Scene(name="two", helipad=PAD, boxes=(BOX, LOW))
 STEP_S = 0.2
-AT_START = OdometryPose(time_s=0.0, x_m=0.0, y_m=0.0, yaw_rad=0.0)
 
 Drift = Callable[[float], tuple[float, float, float]]  # seconds: metres x, y and radians of yaw
 
@@ -75,20 +71,6 @@ def fly(
         )
         maps.append(look(mapper, ids, pose))
     return maps
-
-
-def look(
-    mapper: SiteMapper,
-    ids: NDArray[np.uint8],
-    pose: OdometryPose,
-    pitch_rad: float = PITCH_RAD,
-    height_m: float = HEIGHT_M,
-) -> SiteMap:
-    """Let the mapper take in a frame that was captured at a dead-reckoned pose."""
-    frame = values.frame((4, 8), pitch_rad, height_m, captured_s=pose.time_s)
-    mapper.follow(values.motion(pose))
-    mapper.add(View.of(paper_map(ids=ids, captured_s=pose.time_s), frame, CAMERA, pose))
-    return mapper.map(values.motion(pose))
 
 
 def test_a_map_has_everything_where_it_stands() -> None:

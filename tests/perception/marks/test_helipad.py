@@ -15,7 +15,7 @@ from sim_bridge.twin.objects import Helipad
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
 from tests.paper_lab import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, paper_map
-from tests.perception.marks.tag_views import view_of_classes
+from tests.perception.marks.mark_views import view_of_classes
 from uav_bt.lab.shipped import default_mark
 from uav_bt.landing_marks import MarkSighting
 from uav_bt.types import LandingMark

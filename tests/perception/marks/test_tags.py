@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from perception.marks.tag_pose import level_pose, placed_corners
 from perception.marks.tags import AprilTagFinder, ArucoFinder, TagFinder
-from tests.perception.marks.tag_views import CAMERA, floor_view, tag_mark, view_of
+from tests.perception.marks.mark_views import TAG_CAMERA, floor_view, tag_mark, view_of
 from tests.worlds.tables import cases
 from uav_bt.errors import InputError
 from uav_bt.landing_marks import MarkSighting, MarkView
 from uav_bt.types import LandingMark
 from uav_bt.types.projection import project
 
-OFFSET_M = CAMERA.forward_offset_m
+OFFSET_M = TAG_CAMERA.forward_offset_m
 CORNERS_M = [[-0.12, 0.12], [0.12, 0.12], [0.12, -0.12], [-0.12, -0.12]]
 BOARD: Final[dict[str, Any]] = {
     "family": "36h11",
@@ -28,7 +28,7 @@ BOARD: Final[dict[str, Any]] = {
 
 def seen(finder: TagFinder, mark: LandingMark, **place: float) -> MarkSighting | None:
     frame = view_of(finder.picture(), mark, **place)
-    return finder.find(MarkView(frame=frame, camera=CAMERA))
+    return finder.find(MarkView(frame=frame, camera=TAG_CAMERA))
 
 
 @pytest.mark.parametrize("finder", [AprilTagFinder, ArucoFinder])
@@ -81,7 +81,7 @@ def test_of_two_prints_the_one_that_more_tags_show_counts(
     frame = replace(floor_view(prints), height_above_ground_m=above_m)
     if found_at == "by height":
         found_at = (0.1, 0.3) if above_m == 1.5 else None
-    found = AprilTagFinder(mark).find(MarkView(frame=frame, camera=CAMERA))
+    found = AprilTagFinder(mark).find(MarkView(frame=frame, camera=TAG_CAMERA))
     assert (found is None) == (found_at is None)
     if found_at:
         assert (found.forward_m - OFFSET_M, found.right_m) == pytest.approx(found_at, abs=0.01)
@@ -101,9 +101,9 @@ def test_the_pose_of_exact_and_noisy_corners(
     corners_m = np.concatenate([square + np.array(centre) for centre in centres])
     true = np.array(place) + np.array([ahead_m, 0.0, 0.0, 0.0])
     pitch_rad = math.radians(pitch_deg)
-    pixels = project(placed_corners(corners_m, true), CAMERA, pitch_rad)
+    pixels = project(placed_corners(corners_m, true), TAG_CAMERA, pitch_rad)
     pixels += noise_px * np.random.default_rng(1).normal(size=pixels.shape)
-    pose = level_pose(corners_m, pixels, CAMERA, pitch_rad)
+    pose = level_pose(corners_m, pixels, TAG_CAMERA, pitch_rad)
     within = 0.01 if noise_px else 1e-7
     assert pose[:4] == pytest.approx(tuple(true), abs=within)
     assert pose.error_px == pytest.approx(noise_px * math.sqrt(2.0), abs=noise_px / 2.0 + 1e-7)
@@ -113,17 +113,17 @@ def test_other_tags_and_sizes_and_an_empty_view_are_not_the_mark() -> None:
     other = tag_mark(options={"id": 8, "size_m": 0.36})
     for picture in (AprilTagFinder(other).picture(), np.full((64, 64, 3), 255, np.uint8)):
         frame = view_of(picture, other, forward_m=1.0)
-        assert AprilTagFinder(tag_mark()).find(MarkView(frame=frame, camera=CAMERA)) is None
+        assert AprilTagFinder(tag_mark()).find(MarkView(frame=frame, camera=TAG_CAMERA)) is None
     # The lab says 0.36 m, and the tag that lies there has 0.2 m: it looks farther away.
     small = tag_mark(options={"id": 7, "size_m": 0.2})
     frame = view_of(AprilTagFinder(small).picture(), small, forward_m=0.0, pitch_deg=-90.0)
-    view = MarkView(frame=frame, camera=CAMERA)
+    view = MarkView(frame=frame, camera=TAG_CAMERA)
     assert AprilTagFinder(small).find(view).confidence == 1.0
     assert AprilTagFinder(tag_mark()).find(view).confidence < 0.5
     # Corners above the horizon are no level board.
     corners_m = np.array([(-1.0, 1, 0), (1, 1, 0), (1, -1, 0), (-1, -1, 0)])
     pixels = np.array([(300.0, 150), (340, 150), (340, 190), (300, 190)])
-    assert level_pose(corners_m, pixels, CAMERA, 0.0) is None
+    assert level_pose(corners_m, pixels, TAG_CAMERA, 0.0) is None
 
 
 def test_prints_of_opencv_are_turned_by_half_a_turn() -> None:
@@ -211,7 +211,7 @@ def test_the_upper_edge_is_that_of_the_mark(family: str, on_print: Any, of_mark:
     for heading_deg, forward_m, pitch_deg in VIEWS:
         view = {"forward_m": forward_m, "heading_deg": heading_deg, "pitch_deg": pitch_deg}
         frame = view_of(top, mark, **view)
-        found = finder.find(MarkView(frame=frame, camera=CAMERA))
+        found = finder.find(MarkView(frame=frame, camera=TAG_CAMERA))
         assert abs(math.remainder(found.heading_deg - heading_deg, 360.0)) < 2.0
-        place = (found.forward_m - CAMERA.forward_offset_m, found.right_m)
+        place = (found.forward_m - TAG_CAMERA.forward_offset_m, found.right_m)
         assert place == pytest.approx((forward_m, 0.0), abs=0.02)

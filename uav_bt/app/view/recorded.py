@@ -23,7 +23,7 @@ from uav_bt.display.rerun import sinks
 from uav_bt.display.shown import FlightFacts
 from uav_bt.display.video.video import FlightVideo, open_film
 from uav_bt.errors import FileError, InputError, TreeError
-from uav_bt.files import parse_json
+from uav_bt.files import parse_json, write_whole
 from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.progress import Advance, silent
 from uav_bt.record.playback import Playback
@@ -70,7 +70,7 @@ class RecordedFlight:
         if (scene := self.reader.attachments.get(SCENE_FILE)) is not None:
             with TemporaryDirectory(prefix="uav-bt-record-") as folder, suppress(InputError):
                 file = Path(folder, SCENE_FILE)
-                file.write_bytes(scene.data)
+                write_whole(file, scene.data)
                 self._lab_map = map_of_scene(load_scene(file))
 
     @cached_property

@@ -55,7 +55,8 @@ def saved(path: Path) -> Iterator[rr.RecordingStream]:
     # Rerun ends the threads of an earlier file only in this call.
     flush_and_cleanup_orphaned_recordings()
     with whole_file(path) as partial:
-        partial.touch()  # the system's error for a bad folder is clearer than Rerun's
+        # Rerun hangs on a disk that takes nothing, and the system's errors are clearer.
+        partial.write_bytes(bytes(4096))
         stream = rr.RecordingStream(_APPLICATION)
         stream.save(partial)
         yield stream

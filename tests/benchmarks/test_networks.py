@@ -1,0 +1,145 @@
+"""Measurements of networks: segmentation and confidence."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.confidence import JudgedScale, fitted, table
+from benchmarks.lab_views import copy_lab, draw_twin_picks, write_views
+from benchmarks.segmentation import evaluate_segmentation, main, scenes_of
+from perception.camera.image_files import read_image
+from perception.depth.confidence import COEFFICIENTS
+from perception.networks.weights_file import SHIPPED_WEIGHTS
+from perception.segmentation.runtime import shipped_unet
+from perception.segmentation.teacher import TeacherConfig, fit_teacher, load_teacher
+from perception.segmentation.training.picks import gather_patches
+from tests.paper_lab import CLASSES
+from tests.uav_bt.learning.lab_world import write_colour_network
+from uav_bt.errors import FileError, InputError
+from uav_bt.lab.shipped import load_lab
+from uav_bt.learning.lab_data import checked_data
+from uav_bt.learning.views import VALIDATION_SCENES, ViewPlan, twin_views
+
+SMALL = TeacherConfig(width_px=320, height_px=180, patch_px=11)
+PLAN = ViewPlan(scenes=("train-a", "train-b"), views=14, size_px=(320, 180))
+
+
+def test_a_teacher_learns_the_twins_patterns_by_picks_in_every_scene() -> None:
+    picks = draw_twin_picks(PLAN, SMALL, 1200)
+    assert 1000 < len(picks) < 1600
+    assert {pick.image[:7] for pick in picks} == {"train-a", "train-b"}
+    assert {pick.origin for pick in picks} == {"simulated"}
+    images = ((name, rgb) for name, rgb, _ in twin_views(PLAN))
+    teacher = fit_teacher(gather_patches(picks, images, SMALL.patch_px, CLASSES), SMALL)
+    plan = replace(PLAN, scenes=("val-a",), views=10)
+    score = evaluate_segmentation(teacher.window_ids, plan, CLASSES)
+    assert score.images == 10
+    assert score.role_miou > 0.8
+
+
+def test_the_shipped_unet_sees_the_validation_scenes_well() -> None:
+    plan = ViewPlan(
+        scenes=VALIDATION_SCENES, views=15, size_px=(640, 360), truth_size_px=(224, 112), seed=5
+    )
+    assert evaluate_segmentation(shipped_unet().ids, plan, CLASSES).role_miou >= 0.96
+
+
+def test_the_shipped_teacher_knows_all_classes() -> None:
+    assert load_teacher(SHIPPED_WEIGHTS / "teacher.safetensors", CLASSES).known == tuple(range(17))
+
+
+def test_scenes_are_those_of_the_lab() -> None:
+    assert scenes_of(load_lab(), "test-*") == ("test-a", "test-b")
+    (depot,) = scenes_of(load_lab("depot"), "*val*")
+    assert Path(depot).name == "depot-val-a.yaml"
+    with pytest.raises(InputError, match="no scene of the lab 'depot' matches 'val': depot-test-a"):
+        scenes_of(load_lab("depot"), "val")
+
+
+def test_the_command_scores_a_network_in_another_lab(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    count = len(load_lab("depot").classes)
+    network = write_colour_network(tmp_path / "net.onnx", (0, 1, *[3] * (count - 2)))
+    main(f"--lab depot --scenes depot-val-a --views 2 --model {network}".split())
+    scores = json.loads(capsys.readouterr().out)
+    assert (scores["images"], scores["lab"]) == (2, "depot")
+    assert scores["class_iou"]["person"] is None
+    assert 0.0 < scores["role_iou"]["ground"] < 1.0
+
+
+def test_a_drawn_lab_can_be_trained(tmp_path: Path) -> None:
+    """The picks lie on the classes that they name, and the shipped lab stays as it is."""
+    shipped = load_lab("depot")
+    before = sorted(shipped.folder.rglob("*"))
+    material = copy_lab(shipped, tmp_path / "depot")
+    plan = ViewPlan(scenes=scenes_of(shipped, "depot-train-a"), views=4)
+    check = replace(plan, scenes=scenes_of(shipped, "depot-val-a"), views=1)
+    write_views(material, {"train": plan, "check": check}, SMALL, 100)
+    assert sorted(shipped.folder.rglob("*")) == before
+
+    data = checked_data(material)
+    assert (len(data.images("train")), len(data.images("check"))) == (4, 1)
+    assert 50 < len(data.picks_on("train")) < 250
+    assert data.picks_on("check")
+    names = load_lab(material.lab.folder).scenes
+    assert "lab:" not in names["depot-train-a"].read_text()
+    rgb = read_image(data.images("train")[0], colour=True, as_stored=False)
+    assert rgb.shape == (180, 320, 3)
+    views = twin_views(replace(plan, size_px=(320, 180)))
+    exact = {f"{Path(name).stem}.jpg": ids for name, _, ids in views}
+    for pick in data.picks_on("train"):
+        assert exact[pick.image][pick.y, pick.x] == pick.class_id
+    with pytest.raises(FileError, match="exists: give --out a new folder"):
+        copy_lab(shipped, tmp_path / "depot")
+
+
+# --- the fit of the confidence of a scale ---------------------------------------------------------
+
+
+def judged(count: int = 400) -> list[JudgedScale]:
+    """Return scales that are right where `slope` is high; the other measures are noise."""
+    rng = np.random.default_rng(0)
+    found = []
+    for _ in range(count):
+        measures = dict(zip(COEFFICIENTS, rng.random(len(COEFFICIENTS)).tolist(), strict=True))
+        right = rng.random() < 1.0 / (1.0 + math.exp(-12.0 * (measures["slope"] - 0.5)))
+        found.append(JudgedScale("paper, own network", right, measures["slope"], measures))
+    return found
+
+
+def in_the_middle(of: dict[str, float]) -> float:
+    """Return the logit where each measure is a half."""
+    return of["intercept"] + 0.5 * sum(of[name] for name in COEFFICIENTS)
+
+
+def test_the_fit_finds_the_measure_that_tells() -> None:
+    found = fitted(judged(), wrong_weight=1.0)
+    assert list(found) == ["intercept", *COEFFICIENTS]
+    others = [found[name] for name in COEFFICIENTS if name != "slope"]
+    assert found["slope"] > 3.0 * max(others)
+    assert min(others) >= 0.0
+    assert in_the_middle(found) == pytest.approx(0.0, abs=0.5)
+    strict = fitted(judged(), wrong_weight=10.0)
+    assert in_the_middle(strict) < in_the_middle(found) - 1.0
+
+
+def test_the_table_counts_by_condition_and_over_a_half() -> None:
+    scales = judged()
+    counts = Counter((each.right, each.confidence > 0.5) for each in scales)
+    lines = dict(line.split(": ", 1) for line in table(scales).splitlines())
+    assert (
+        lines["paper, own network"]
+        == lines["all"]
+        == (
+            f"{counts[True, True]} right scales trusted, {counts[True, False]} doubted; "
+            f"{counts[False, True]} wrong, {counts[False, False]}"
+        )
+    )
