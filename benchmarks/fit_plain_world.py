@@ -25,7 +25,7 @@ from perception.networks.weights_file import SHIPPED_UNET, segmentation_file
 from perception.segmentation.runtime import load_segmenter
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.plain.caster import Caster
-from sim_bridge.plain.sight import SIZE_PX, SightErrors
+from sim_bridge.plain.sight import JITTER_PX, SIZE_PX
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import render_views, sample_flight_poses
@@ -91,7 +91,7 @@ def compare_ranges(given: argparse.Namespace, network: Path) -> None:
 def main() -> None:
     """Print the errors."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--jitter", type=float, nargs="*", default=[SightErrors.jitter_px])
+    parser.add_argument("--jitter", type=float, nargs="*", default=[JITTER_PX])
     parser.add_argument("--profile", default="lab")
     parser.add_argument("--views", type=int, default=60, help="in each scene")
     parser.add_argument("--scenes", nargs="+", default=VALIDATION_SCENES)

@@ -20,13 +20,7 @@ __all__ = ["PlainConfig"]
 class PlainConfig:
     """Settings of a flight without images; the entry point `plain` registers this class.
 
-    Attributes:
-        scene: name of a shipped scene, path of a scene file, or a `Scene`.
-        seed: random seed of the whole flight, 0 or more.
-        profile: name of the limits and imperfections, as of the twin.
-        realtime: run at wall-clock speed instead of as fast as possible.
-        movers: number of random people and carts to add to the movers of the scene.
-        vary_room: whether the boxes' places and sizes, and the light, are random.
+    They are those of `TwinConfig`; the scene may also be a `Scene`.
     """
 
     scene: str | Scene = "train-a"
@@ -48,6 +42,6 @@ class PlainConfig:
         if isinstance(scene, str):
             scene = scene_file.load_scene(scene)
         scene = variation.varied(scene, self.seed, room=self.vary_room, movers=self.movers)
-        from sim_bridge.plain.drone import PlainDrone  # noqa: PLC0415  (heavy imports)
+        from sim_bridge.plain.drone import PlainDrone  # noqa: PLC0415  (imports MuJoCo)
 
         return PlainDrone(scene, profile=limits, seed=self.seed, realtime=self.realtime)

@@ -23,8 +23,7 @@ class TwinConfig:
     Attributes:
         scene: name of a shipped scene, or path of a scene file.
         seed: random seed of the whole flight, 0 or more.
-        profile: name of the limits and imperfections: ideal, lab, harsh, lab-instant or
-            harsh-instant.
+        profile: name of the limits and imperfections: ideal, lab or harsh.
         image_size_px: width and height of the video, pixels, 16:9.
         realtime: run at wall-clock speed instead of as fast as possible.
         movers: number of random people and carts to add to the movers of the scene.
@@ -47,11 +46,12 @@ class TwinConfig:
         """
         from sim_bridge.twin import profile, scene_file, variation  # noqa: PLC0415  (heavy imports)
 
-        scene, limits = scene_file.load_scene(self.scene), profile.Profile.named(self.profile)
+        limits, scene = profile.Profile.named(self.profile), scene_file.load_scene(self.scene)
         scene = variation.varied(scene, self.seed, room=self.vary_room, movers=self.movers)
-        from sim_bridge.twin.drone import TwinDrone  # noqa: PLC0415  (imports MuJoCo)
+        from sim_bridge.twin import drone, gl  # noqa: PLC0415  (import MuJoCo)
 
-        return TwinDrone(
+        gl.choose_gl()
+        return drone.TwinDrone(
             scene,
             profile=limits,
             seed=self.seed,
