@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -29,7 +26,7 @@ from tests.paper_lab import CARPET
 from tests.worlds import values
 from uav_bt import app
 from uav_bt.app.replay import replay
-from uav_bt.errors import DroneError, FileError, InputError
+from uav_bt.errors import FileError, InputError
 from uav_bt.landing_marks import MarkSighting, MarkView
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.plugins import make_mark_finder
@@ -61,16 +58,11 @@ def sight_of(drone: PlainDrone) -> Sight:
     return drone.sight
 
 
-def test_it_keeps_the_protocols() -> None:
-    drone = PlainConfig().create()
-    drone.connect()
+def test_it_keeps_the_protocols(flown: Flown) -> None:
+    drone, _ = flown
     assert isinstance(drone, Drone)
     assert isinstance(drone, Imageless)
     assert isinstance(drone.sight, Sight)
-    drone.disconnect()
-    drone.disconnect()
-    with pytest.raises(DroneError, match="connect"):
-        drone.observe()
 
 
 def report(tree: str, seed: int = 3, **options: Any) -> dict[str, Any]:
@@ -216,20 +208,3 @@ def test_its_record_cannot_be_replayed(tmp_path: Path) -> None:
     app.fly("land_only", drone="plain", scene="val-a", seed=3, record=record)
     with pytest.raises(FileError, match=r"flight\.mcap: was flown without images"):
         replay(record)
-
-
-def test_it_needs_no_opengl() -> None:
-    """MuJoCo is imported without drawing where no OpenGL works."""
-    code = (
-        "import sys; from uav_bt import app; "
-        "print(app.fly('land_only', drone='plain', scene='depot-train-c', seed=3).outcome); "
-        "print({'OpenGL', 'glfw'} & {name.split('.')[0] for name in sys.modules})"
-    )
-    done = subprocess.run(  # noqa: S603  (code of this test)
-        [sys.executable, "-c", code],
-        env={**os.environ, "MUJOCO_GL": "disable"},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert done.stdout == "success\nset()\n"

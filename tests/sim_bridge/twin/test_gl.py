@@ -108,14 +108,16 @@ def test_the_llvm_of_triton_is_loaded_before_that_of_mesa(
     assert str(library) in mapped[0]
 
 
-def test_the_package_is_light_and_a_twin_draws_where_physics_were_used_without_opengl() -> None:
-    """Drawing is only turned off while MuJoCo is imported."""
+@pytest.mark.flight
+def test_a_plain_drone_flies_without_opengl_and_a_twin_draws_afterwards() -> None:
+    """MuJoCo is imported without drawing where no OpenGL works; the package imports none of it."""
     code = """
 import os, sys, sim_bridge.twin
 print([name for name in ("mujoco", "cv2", "yaml", "OpenGL") if name in sys.modules])
-from sim_bridge.twin import TwinConfig, flying_body
+from uav_bt import app
+print(app.fly("land_only", drone="plain", scene="depot-train-c", seed=3).outcome)
 print(sorted({"OpenGL", "glfw"} & set(sys.modules)), os.environ.pop("MUJOCO_GL"))
-drone = TwinConfig(profile="ideal", image_size_px=(64, 36)).create()
+drone = sim_bridge.twin.TwinConfig(profile="ideal", image_size_px=(64, 36)).create()
 drone.connect()
 print(drone.observe().frame.image.std() > 1)
 drone.disconnect()
@@ -127,4 +129,4 @@ drone.disconnect()
         check=True,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "MUJOCO_GL": "disable"},
     )
-    assert done.stdout == "[]\n[] disable\nTrue\n"
+    assert done.stdout == "[]\nsuccess\n[] disable\nTrue\n"
