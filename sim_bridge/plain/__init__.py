@@ -42,6 +42,12 @@ class PlainConfig:
         if isinstance(scene, str):
             scene = scene_file.load_scene(scene)
         scene = variation.varied(scene, self.seed, room=self.vary_room, movers=self.movers)
-        from sim_bridge.plain.drone import PlainDrone  # noqa: PLC0415  (imports MuJoCo)
+        from sim_bridge.plain import drone  # noqa: PLC0415  (imports MuJoCo)
 
-        return PlainDrone(scene, profile=limits, seed=self.seed, realtime=self.realtime)
+        return drone.PlainDrone(
+            scene,
+            profile=limits,
+            seed=self.seed,
+            image_size_px=drone.SIZE_PX,
+            realtime=self.realtime,
+        )

@@ -16,7 +16,7 @@ from sim_bridge.twin.objects import Helipad
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.simulation import Simulation
 from uav_bt.landing_marks import MarkSighting
-from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame, Pose2D
+from uav_bt.types import ClassMap, DepthMap, Frame, Pose2D
 from uav_bt.types.projection import camera_axes, project
 
 SIZE_PX: Final = (112, 56)
@@ -45,6 +45,7 @@ _SAMPLES: Final = 1 << 16  # of the noise, of which each frame reads a window
 # five frames in a row do not overlap.
 _WINDOW_STEP: Final = 40503
 _VIDEO: Final = anafi_camera(640, 360)
+_LENS: Final = _VIDEO.resized(*SIZE_PX)
 _SAME: Final = 0.9  # least share of the expected depth at which nothing is in between. Chosen.
 _TOP_SHARE: Final = 0.6  # side of a mark without a stated size over the side of the top. Chosen.
 
@@ -76,10 +77,10 @@ class PlainSight:
 
     def mark(self, frame: Frame) -> MarkSighting | None:
         """Return the landing mark in a frame as a finder in images does; None without a view."""
-        camera, pad = self._simulation.capture_of(frame.index).camera, self._scene.helipad
-        if pad is None or is_covered(pad, camera, self._cast(frame)[1], self._caster.camera):
+        if self._scene.helipad is None:
             return None
-        return see_mark(pad, camera, self._random(17, frame))
+        camera, depth_m = self._simulation.capture_of(frame.index).camera, self._cast(frame)[1]
+        return see_mark(self._scene.helipad, camera, depth_m, self._random(17, frame))
 
     def motion(self, first: Frame, second: Frame) -> Pose2D | None:
         """Return the pose of the second lens in the level frame of the first, with errors."""
@@ -117,10 +118,22 @@ class PlainSight:
 
 
 def see_mark(
-    pad: Helipad, camera: CameraPose, generator: np.random.Generator
+    pad: Helipad,
+    camera: CameraPose,
+    depth_m: NDArray[np.float32],
+    generator: np.random.Generator,
 ) -> MarkSighting | None:
-    """Return the landing mark in a view, with errors; None if it is too small or not in view."""
+    """Return the landing mark in a view of known depth, with errors; None if it is not found.
+
+    It is too small, not in view, or something nearer hides its middle.
+    """
     middle, corners = _in_level_frame(pad, camera)
+    column, row = project(middle, _LENS, camera.pitch_rad)
+    if not (0.0 <= column <= _LENS.width_px - 1 and 0.0 <= row <= _LENS.height_px - 1):
+        return None
+    expected_m = float((middle @ camera_axes(camera.pitch_rad))[2])
+    if depth_m[round(row), round(column)] < _SAME * expected_m:
+        return None
     pixels = project(corners, _VIDEO, camera.pitch_rad)
     inside = (pixels > -0.5) & (pixels < (_VIDEO.width_px - 0.5, _VIDEO.height_px - 0.5))
     if not inside.all():  # NaN, behind the lens, is outside
@@ -141,25 +154,6 @@ def see_mark(
         confidence=confidence,
         heading_deg=math.remainder(heading_deg, 360.0),
     )
-
-
-def is_covered(
-    pad: Helipad, camera: CameraPose, depth_m: NDArray[np.float32], lens: CameraModel
-) -> bool:
-    """Return whether something nearer hides the middle of the mark, or the view does not have it.
-
-    Args:
-        pad: the landing mark in the scene.
-        camera: pose of the lens.
-        depth_m: (H, W) depth of the view along the optical axis, metres.
-        lens: intrinsics at that size.
-    """
-    middle, _ = _in_level_frame(pad, camera)
-    column, row = project(middle, lens, camera.pitch_rad)
-    if not (0.0 <= column <= lens.width_px - 1 and 0.0 <= row <= lens.height_px - 1):
-        return True
-    expected_m = float((middle @ camera_axes(camera.pitch_rad))[2])
-    return bool(depth_m[round(row), round(column)] < _SAME * expected_m)
 
 
 def _sides_m(pad: Helipad) -> NDArray[np.float64]:

@@ -115,12 +115,9 @@ class Autopilot:
         return _REPORTED[self._mode]
 
     def obey(self, movement: Movement, estimate: Motion, pace: Pace | None = None) -> None:
-        """Execute a command that has arrived.
+        """Execute a command that has arrived; one that is being executed does not start again.
 
-        Args:
-            movement: the command; a command that is already being executed does not start again.
-            estimate: the drone's estimate of its pose and velocity.
-            pace: speed limits of a `MoveBy`; None uses the limits of the profile.
+        A pace limits a `MoveBy`; by default the profile does.
         """
         mode = self._mode
         match movement:
@@ -168,12 +165,7 @@ class Autopilot:
     def update(
         self, estimate: Motion, *, height_m: float, touching: bool
     ) -> tuple[tuple[float, float, float], float] | None:
-        """Advance by one control step.
-
-        Args:
-            estimate: the drone's estimate of its pose and velocity.
-            height_m: height above the surface below.
-            touching: whether the hull touches anything.
+        """Advance by one control step, at a height above the surface below.
 
         Returns:
             The acceleration to produce, m/s2, world axes, without gravity, and the yaw

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sim_bridge.twin.builder import LabModel
 from sim_bridge.twin.camera import Optics
 from sim_bridge.twin.render import Renderer
-from sim_bridge.twin.simulated_drone import SimulatedDrone
+from sim_bridge.twin.simulated_drone import ExactView, SimulatedDrone
 from sim_bridge.twin.simulation import Capture, Simulation
 
 
@@ -26,7 +26,7 @@ class TwinDrone(SimulatedDrone):
 
 
 class _DrawnEyes:
-    """Draws images in a thread while the mission computes.
+    """Draws images in a thread while the mission computes; implements `Eyes`.
 
     An OpenGL context belongs to one thread, so the renderer is made, used and freed in this one.
     The GL calls release the interpreter lock.
@@ -43,11 +43,9 @@ class _DrawnEyes:
         self._next: tuple[Capture, Future[NDArray[np.uint8]]] | None = None
 
     def image(self, capture: Capture) -> NDArray[np.uint8]:
-        """Return the image of a capture; see `Eyes`."""
         return self._started(capture).result()
 
     def expect(self, capture: Capture) -> None:
-        """Start to draw the image of a capture."""
         self._started(capture)
 
     def _started(self, capture: Capture) -> Future[NDArray[np.uint8]]:
@@ -59,10 +57,7 @@ class _DrawnEyes:
         clean = self._renderer.rgb(capture.camera, *self._size_px, capture.movers)
         return self._optics.degrade(clean, capture.index, capture.exposure)
 
-    def exact(
-        self, capture: Capture, width_px: int, height_px: int
-    ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-        """Return exact class ids and depth; see `Eyes`."""
+    def exact(self, capture: Capture, width_px: int, height_px: int) -> ExactView:
         view = capture.camera, width_px, height_px, capture.movers
         return self._thread.submit(self._renderer.ids_and_depth, *view).result()
 

@@ -42,11 +42,8 @@ def choose_gl() -> str:
     """Select the OpenGL backend of this process, and return MuJoCo's name of it.
 
     ``MUJOCO_GL`` is respected if set. Otherwise the first that works is used: EGL, the OSMesa of
-    the ``lavavu-osmesa`` wheel, the system's OSMesa. macOS and Windows use MuJoCo's default.
-
-    Raises:
-        MissingDependencyError: no backend works; the message names the remedy.
-        UnknownNameError: ``MUJOCO_GL`` is not the name of a backend.
+    the ``lavavu-osmesa`` wheel, the system's OSMesa. macOS and Windows use MuJoCo's default. Where
+    none works, or ``MUJOCO_GL`` is none, the error names the remedy.
     """
     asked = os.environ.get("MUJOCO_GL", "").lower().strip()
     if asked in _OFF:
@@ -69,12 +66,7 @@ def choose_gl() -> str:
 
 
 def open_context(width_px: int, height_px: int) -> Any:
-    """Return a new GL context of MuJoCo's selected backend.
-
-    Raises:
-        MissingDependencyError: OpenGL does not work.
-        InputError: this process was forked from one that has drawn.
-    """
+    """Return a new GL context of MuJoCo's selected backend."""
     # The threads of a driver do not survive a fork; its first call there would never return.
     if _drawn_in and os.getpid() not in _drawn_in:
         raise InputError(
@@ -103,16 +95,18 @@ def no_gl(error: Exception) -> MissingDependencyError:
 
 def _import_mujoco() -> Any:
     """Import MuJoCo; where no OpenGL works it computes, and `open_context` says what is missing."""
-    if importlib.util.find_spec("mujoco") is None:
-        raise MissingDependencyError("the twin needs MuJoCo; install it with `pip install mujoco`")
     asked = os.environ.get("MUJOCO_GL")
     try:
         choose_gl()
         return importlib.import_module("mujoco")
-    except (InputError, AttributeError, OSError, RuntimeError):
+    except (InputError, AttributeError, ImportError, OSError, RuntimeError):
         os.environ["MUJOCO_GL"] = "disable"
     try:
         return importlib.import_module("mujoco")
+    except ImportError as error:
+        raise MissingDependencyError(
+            f"the twin needs MuJoCo; install it with `pip install mujoco` ({error})"
+        ) from error
     finally:
         if asked is None:
             del os.environ["MUJOCO_GL"]

@@ -85,11 +85,7 @@ class Profile:
 
     @staticmethod
     def named(name: str) -> Profile:
-        """Return a shipped profile: ``ideal`` (limits, but no delay and no error), lab or harsh.
-
-        Raises:
-            UnknownNameError: the profile does not exist.
-        """
+        """Return a shipped profile: ``ideal`` (limits, but no delay and no error), lab or harsh."""
         try:
             return _NAMED[name]
         except KeyError:

@@ -26,11 +26,8 @@ _ASPECT = 9.0 / 16.0
 class Renderer:
     """Renders images of one compiled lab.
 
-    Use it in the thread that made it, and close it when done.
-
-    Raises:
-        MissingDependencyError: OpenGL does not work here; the message names the remedy.
-        InputError: this process was forked from one that has drawn.
+    Use it in the thread that made it, and close it when done. Where OpenGL does not work, the error
+    names the remedy.
     """
 
     def __init__(self, lab: LabModel) -> None:
@@ -93,12 +90,7 @@ class Renderer:
     def ids_and_depth(
         self, pose: CameraPose, width_px: int, height_px: int, movers: Sequence[MoverState] = ()
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-        """Return the exact class ids and the exact depth of one view.
-
-        Returns:
-            Ids (height_px, width_px) uint8, and depth (height_px, width_px) float32, metres along
-            the optical axis.
-        """
+        """Return exact class ids, and depth along the optical axis in metres, uint8 and float32."""
         colours = np.empty((height_px, width_px, 3), np.uint8)
         buffer = np.empty((height_px, width_px), np.float32)
         rect = self._draw(pose, width_px, height_px, movers, segments=True)

@@ -157,18 +157,12 @@ class Downlink:
         self._gimbal = _Stream[float](profile.gimbal, phase)
         self._events = _Stream[Events](Report(0.0, profile.event_latency_s), phase)
 
-    def take(
-        self,
-        measured: Telemetry,
-        gimbal_pitch_rad: float,
-        events: Events,
-        now_s: float,
-    ) -> None:
+    def take(self, measured: Telemetry, gimbal_rad: float, events: Events, now_s: float) -> None:
         """Send what one control step has measured, and receive what is due."""
         self._attitude.take(measured.attitude, now_s)
         self._velocity.take(measured.velocity, now_s)
         self._heights.take(measured, now_s)
-        self._gimbal.take(gimbal_pitch_rad, now_s)
+        self._gimbal.take(gimbal_rad, now_s)
         self._events.take(events, now_s)
 
     def state(self, battery: float) -> DroneState:

@@ -23,6 +23,9 @@ from uav_bt.errors import DroneError, ValueRangeError
 from uav_bt.types import Command, Frame, Observation, Pose, Truth, Velocity, clamp, limit_length
 from uav_bt.types.ground import Ground
 
+ExactView = tuple[NDArray[np.uint8], NDArray[np.float32]]
+"""Class ids, and depth along the optical axis in metres, of one view, each (height, width)."""
+
 
 class Eyes(Protocol):
     """Images for the mission, and exact views for the referee."""
@@ -33,10 +36,8 @@ class Eyes(Protocol):
     def expect(self, capture: Capture) -> None:
         """Start on the image of a capture that will probably be asked for next."""
 
-    def exact(
-        self, capture: Capture, width_px: int, height_px: int
-    ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-        """Return class ids and depth along the optical axis, metres, each (height_px, width_px)."""
+    def exact(self, capture: Capture, width_px: int, height_px: int) -> ExactView:
+        """Return what a perfect network would see of a capture."""
 
     def close(self) -> None:
         """Free what the images need."""
@@ -232,9 +233,7 @@ class SimulatedReferee:
         """Return the exact depth of a delivered frame's view, metres along the optical axis."""
         return self._exact(frame, width_px, height_px)[1]
 
-    def _exact(
-        self, frame: Frame, width_px: int, height_px: int
-    ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    def _exact(self, frame: Frame, width_px: int, height_px: int) -> ExactView:
         capture = self._simulation.capture_of(frame.index)
         if capture.time_s != frame.captured_s:
             raise ValueRangeError(

@@ -95,9 +95,7 @@ class Simulation:
     def enqueue(self, command: Command, pace: Pace | None = None) -> None:
         """Send a command; it takes effect after the computing and transmission delays.
 
-        Args:
-            command: the command.
-            pace: speed limits of a `MoveBy`; None uses the limits of the profile.
+        A pace limits a `MoveBy`; by default the profile does.
         """
         delay_s = self._profile.compute_latency_s + self._profile.command_latency_s
         self._queue.append((self.now_s + delay_s, command, pace))
@@ -118,11 +116,7 @@ class Simulation:
         return tuple(sorted(name for name, at_s in self._touched_s.items() if at_s >= since_s))
 
     def capture_of(self, index: int) -> Capture:
-        """Return the capture of a frame by its number.
-
-        Raises:
-            ValueRangeError: the frame is older than 30 s, or was not captured yet.
-        """
+        """Return the capture of a frame of the last 30 s by its number."""
         first = self.frames[0].index
         if 0 <= index - first < len(self.frames):
             return self.frames[index - first]

@@ -16,7 +16,7 @@ from sim_bridge.anafi import anafi_camera
 from sim_bridge.plain import PlainConfig
 from sim_bridge.plain.caster import Caster
 from sim_bridge.plain.drone import PlainDrone
-from sim_bridge.plain.sight import MOTION_STD, SIZE_PX, is_covered, see_mark
+from sim_bridge.plain.sight import MOTION_STD, SIZE_PX, see_mark
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.objects import BoxSpec, Helipad
 from sim_bridge.twin.scene import Scene
@@ -153,10 +153,8 @@ def lens(x_m: float, y_m: float, z_m: float, yaw_deg: float, pitch_deg: float) -
 
 
 def sighted(camera: CameraPose, seed: int = 0) -> MarkSighting | None:
-    caster = Caster(ROOM, SIZE_PX)
-    if is_covered(TAG, camera, caster.cast(camera)[1], caster.camera):
-        return None
-    return see_mark(TAG, camera, np.random.default_rng(seed))
+    _, depth_m = Caster(ROOM, SIZE_PX).cast(camera)
+    return see_mark(TAG, camera, depth_m, np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize(
