@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, replace
-from typing import Generic, TypeVar
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,21 +20,6 @@ from uav_bt.types import (
     rotate,
     wrap_angle,
 )
-
-Value = TypeVar("Value")
-Events = tuple[FlyingState, MovementStatus | None]
-"""Flying state and status of the latest movement: what is sent when it changes."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Telemetry:
-    """Measurements at one time, in Parrot's conventions."""
-
-    attitude: Attitude
-    velocity: BodyVelocity
-    altitude_m: float
-    height_m: float
-    height_above_ground_m: float
 
 
 class Sensors:
@@ -91,13 +75,25 @@ class Sensors:
             yaw_rate_radps=motion.yaw_rate_radps + yaw_rate_error,
         )
 
-    def telemetry(self, motion: Motion, estimate: Motion, surface_m: float) -> Telemetry:
+    def telemetry(
+        self,
+        motion: Motion,
+        estimate: Motion,
+        *,
+        surface_m: float,
+        captured_s: float,
+        flying: FlyingState,
+        gimbal_pitch_rad: float,
+        movement: MovementStatus | None = None,
+    ) -> DroneState:
         """Return the noisy measurements of this step above a surface of a height."""
         profile, draw = self._profile, self._white.draw
-        altitude = estimate.z_m - self._start_z_m + profile.altimeter_noise_std_m * draw()
+        altitude_m = estimate.z_m - self._start_z_m + profile.altimeter_noise_std_m * draw()
         forward_mps, left_mps = rotate(estimate.vx_mps, estimate.vy_mps, -estimate.yaw_rad)
         shake, tilt = profile.velocity_noise_std_mps, profile.attitude_noise_std_rad
-        return Telemetry(
+        return DroneState(
+            captured_s=captured_s,
+            flying=flying,
             attitude=Attitude(
                 roll_rad=motion.roll_rad + tilt * draw(),
                 pitch_rad=motion.pitch_rad + tilt * draw(),
@@ -108,87 +104,80 @@ class Sensors:
                 right_mps=-left_mps + shake * draw(),
                 down_mps=-estimate.vz_mps + shake * draw(),
             ),
-            altitude_m=altitude,
+            altitude_m=altitude_m,
             height_m=max(0.0, motion.z_m - surface_m + profile.height_noise_std_m * draw()),
-            height_above_ground_m=altitude + self._start_z_m,
+            height_above_ground_m=altitude_m + self._start_z_m,
+            gimbal_pitch_rad=gimbal_pitch_rad,
+            battery=max(0.0, 1.0 - captured_s / profile.battery_life_s),
+            movement=movement,
         )
 
 
-class _Stream(Generic[Value]):
-    """Transmission of one quantity.
+class _Stream:
+    """Transmission of one quantity of the states.
 
-    The first measurement arrives at once, because a drone reports its whole state on connecting.
-    The second is sent after a share of a period, `phase`.
+    The first arrives at once, because a drone reports its whole state on connecting. The second is
+    sent after a share of a period, `phase`.
     """
 
     def __init__(self, report: Report, phase: float) -> None:
         self._report = report
         self._due_s = phase * report.period_s
-        self._sent: deque[tuple[float, Value]] = deque()  # from the newest that has arrived on
+        self._sent: deque[DroneState] = deque()  # from the newest that has arrived on
 
-    def take(self, value: Value, now_s: float) -> None:
-        """Send a measurement if one is due, and receive those whose delay has passed."""
-        sent = self._sent
+    def take(self, state: DroneState) -> None:
+        """Send a state if one is due, and receive those whose delay has passed."""
+        sent, now_s = self._sent, state.captured_s + TIME_SLACK_S
         if not sent:
-            sent.append((now_s, value))
-        if now_s >= self._due_s - TIME_SLACK_S:
+            sent.append(state)
+        if now_s >= self._due_s:
             self._due_s += self._report.period_s
-            sent.append((now_s, value))
-        while len(sent) > 1 and sent[1][0] + self._report.latency_s <= now_s + TIME_SLACK_S:
+            sent.append(state)
+        while len(sent) > 1 and sent[1].captured_s + self._report.latency_s <= now_s:
             sent.popleft()
 
     @property
-    def heard(self) -> tuple[float, Value]:
-        """Time and value of the newest measurement that has arrived."""
+    def heard(self) -> DroneState:
+        """The newest state that has arrived."""
         return self._sent[0]
 
 
 class Downlink:
     """Radio link from the drone to the mission: each quantity has a rate and a delay.
 
-    The seed of the flight sets the phase at which measurements are sent.
+    The seed of the flight sets the phase at which states are sent.
     """
 
     def __init__(self, profile: Profile, seed: int) -> None:
         phase = float(np.random.default_rng(child_seed(seed, 11)).random())
-        self._attitude = _Stream[Attitude](profile.attitude, phase)
-        self._velocity = _Stream[BodyVelocity](profile.velocity, phase)
-        self._heights = _Stream[Telemetry](profile.altitude, phase)
-        self._gimbal = _Stream[float](profile.gimbal, phase)
-        self._events = _Stream[Events](Report(0.0, profile.event_latency_s), phase)
+        events = Report(0.0, profile.event_latency_s)
+        reports = (profile.attitude, profile.velocity, profile.altitude, profile.gimbal, events)
+        self._streams = [_Stream(report, phase) for report in reports]
 
-    def take(self, measured: Telemetry, gimbal_rad: float, events: Events, now_s: float) -> None:
-        """Send what one control step has measured, and receive what is due."""
-        self._attitude.take(measured.attitude, now_s)
-        self._velocity.take(measured.velocity, now_s)
-        self._heights.take(measured, now_s)
-        self._gimbal.take(gimbal_rad, now_s)
-        self._events.take(events, now_s)
+    def take(self, state: DroneState) -> None:
+        """Send the state of one control step, and receive what is due."""
+        self._newest = state
+        for stream in self._streams:
+            stream.take(state)
 
-    def state(self, battery: float) -> DroneState:
-        """Return the telemetry that has arrived; the charge, 0 to 1, arrives at once."""
-        attitude_s, attitude = self._attitude.heard
-        velocity_s, velocity = self._velocity.heard
-        heights_s, heights = self._heights.heard
-        gimbal_s, gimbal_pitch_rad = self._gimbal.heard
-        flying, movement = self._events.heard[1]
+    def state(self) -> DroneState:
+        """Return what has arrived; the charge of the battery arrives at once."""
+        attitude, velocity, altitude, gimbal, events = (each.heard for each in self._streams)
         times = MeasurementTimes(
-            attitude_s=attitude_s,
-            velocity_s=velocity_s,
-            altitude_s=heights_s,
-            height_s=heights_s,
-            gimbal_s=gimbal_s,
+            attitude_s=attitude.captured_s,
+            velocity_s=velocity.captured_s,
+            altitude_s=altitude.captured_s,
+            height_s=altitude.captured_s,
+            gimbal_s=gimbal.captured_s,
         )
-        return DroneState(
+        return replace(
+            altitude,
             captured_s=times.oldest_s,
-            flying=flying,
-            attitude=attitude,
-            velocity=velocity,
-            altitude_m=heights.altitude_m,
-            height_m=heights.height_m,
-            height_above_ground_m=heights.height_above_ground_m,
-            gimbal_pitch_rad=gimbal_pitch_rad,
-            battery=battery,
-            movement=movement,
+            flying=events.flying,
+            attitude=attitude.attitude,
+            velocity=velocity.velocity,
+            gimbal_pitch_rad=gimbal.gimbal_pitch_rad,
+            battery=self._newest.battery,
+            movement=events.movement,
             measured=times,
         )

@@ -17,7 +17,7 @@ from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.reference import Pace
 from sim_bridge.twin.routes import Traffic
 from sim_bridge.twin.scene import Scene
-from sim_bridge.twin.sensors import Downlink, Sensors, Telemetry
+from sim_bridge.twin.sensors import Downlink, Sensors
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Command, DroneState, MoverState, Pose
 from uav_bt.types.pose import clamp
@@ -35,7 +35,7 @@ class Capture:
     camera: CameraPose
     movers: tuple[MoverState, ...]
     exposure: float  # relative brightness
-    telemetry: Telemetry
+    telemetry: DroneState
 
 
 class Simulation:
@@ -107,8 +107,7 @@ class Simulation:
 
     def state(self) -> DroneState:
         """Return the telemetry that has arrived."""
-        battery = max(0.0, 1.0 - self.now_s / self._profile.battery_life_s)
-        return self._downlink.state(battery)
+        return self._downlink.state()
 
     def contacts(self) -> tuple[str, ...]:
         """Return the names of the geoms that the hull touched in the last 0.1 s with motors on."""
@@ -164,13 +163,20 @@ class Simulation:
             self._scene.surface_m(motion.x_m, motion.y_m, motion.z_m),
             self._traffic.top_m(self.movers, motion.x_m, motion.y_m),
         )
-        telemetry = self._sensors.telemetry(motion, self._estimate, self._surface_m)
-        events = self._autopilot.flying_state, self._autopilot.movement
-        self._downlink.take(telemetry, self.gimbal_pitch_rad, events, self.now_s)
+        telemetry = self._sensors.telemetry(
+            motion,
+            self._estimate,
+            surface_m=self._surface_m,
+            captured_s=self.now_s,
+            flying=self._autopilot.flying_state,
+            gimbal_pitch_rad=self.gimbal_pitch_rad,
+            movement=self._autopilot.movement,
+        )
+        self._downlink.take(telemetry)
         if self.now_s >= self._frame_count / self._profile.video_rate_hz - TIME_SLACK_S:
             self._capture(telemetry)
 
-    def _capture(self, telemetry: Telemetry) -> None:
+    def _capture(self, telemetry: DroneState) -> None:
         motion = self.motion
         # The lens is ahead of the centre, so it moves with the body's tilt; the view does not tilt.
         x_m, y_m = motion.to_world(CAMERA_FORWARD_M * math.cos(motion.pitch_rad), 0.0)

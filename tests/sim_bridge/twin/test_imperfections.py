@@ -11,7 +11,7 @@ from sim_bridge.twin.body import Motion
 from sim_bridge.twin.camera import Optics
 from sim_bridge.twin.noise import NormalStream, OrnsteinUhlenbeck, child_seed
 from sim_bridge.twin.profile import Profile, Report
-from sim_bridge.twin.sensors import Downlink, Sensors, Telemetry
+from sim_bridge.twin.sensors import Downlink, Sensors
 from uav_bt.types import Attitude, BodyVelocity, DroneState, FlyingState
 
 IDEAL, LAB, HARSH = (Profile.named(name) for name in ("ideal", "lab", "harsh"))
@@ -72,16 +72,17 @@ def heard_by_step(profile: Profile, steps: int, lands_at: int = -1) -> list[Dron
     """Return what arrives at each step, of which the measurements have the number."""
     downlink, states = Downlink(profile, seed=0), []
     for step in range(steps):
-        measured = Telemetry(
+        measured = DroneState(
+            captured_s=step * STEP_S,
+            flying=FlyingState.LANDED if 0 <= lands_at <= step else FlyingState.HOVERING,
             attitude=Attitude(yaw_rad=step),
             velocity=BodyVelocity(forward_mps=step),
             altitude_m=step,
             height_m=step,
-            height_above_ground_m=step,
+            gimbal_pitch_rad=-step,
         )
-        flying = FlyingState.LANDED if 0 <= lands_at <= step else FlyingState.HOVERING
-        downlink.take(measured, -step, (flying, None), step * STEP_S)
-        states.append(downlink.state(0.5))
+        downlink.take(measured)
+        states.append(downlink.state())
     return states
 
 
