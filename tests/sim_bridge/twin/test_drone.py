@@ -272,6 +272,23 @@ def test_ideal_telemetry_is_of_now_and_the_seed_sets_when_reports_come(make_twin
     assert first == same != other
 
 
+@pytest.mark.parametrize(
+    ("disturbance", "shift_m"),
+    [({"wind_mps2": (0.2, -0.4)}, (0.05, -0.1)), ({"drift_mps": (0.05, 0.02)}, (0.4, 0.16))],
+)
+def test_a_steady_wind_pushes_and_a_drift_that_is_not_measured_carries_away(
+    make_twin: MakeTwin,
+    disturbance: dict[str, tuple[float, float]],
+    shift_m: tuple[float, float],
+) -> None:
+    drone = make_twin(airborne=True)
+    before = truth(drone).pose
+    drone.disturb(**disturbance)
+    fly(drone, Hover(), 8.0)
+    after = truth(drone).pose
+    assert (after.x_m - before.x_m, after.y_m - before.y_m) == pytest.approx(shift_m, abs=0.02)
+
+
 @pytest.mark.parametrize(("profile", "reach_m"), [("lab", 0.35), ("harsh", 0.9)])
 def test_a_hover_wanders_but_not_away(make_twin: MakeTwin, profile: str, reach_m: float) -> None:
     """A hover of 30 s drifts within limits, and the telemetry is noisy but close."""

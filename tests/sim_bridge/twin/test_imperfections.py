@@ -7,11 +7,10 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from sim_bridge.twin.body import Motion
 from sim_bridge.twin.camera import Optics
 from sim_bridge.twin.noise import NormalStream, OrnsteinUhlenbeck, child_seed
 from sim_bridge.twin.profile import Profile, Report
-from sim_bridge.twin.sensors import Downlink, Sensors
+from sim_bridge.twin.sensors import Downlink
 from uav_bt.types import Attitude, BodyVelocity, DroneState, FlyingState
 
 IDEAL, LAB, HARSH = (Profile.named(name) for name in ("ideal", "lab", "harsh"))
@@ -56,16 +55,6 @@ def test_purposes_and_seeds_have_independent_random_numbers() -> None:
     draws = [NormalStream(child_seed(*path)).draw() for path in paths]
     assert len(set(draws)) == 3
     assert draws[0] == draws[3]
-
-
-def test_a_drift_that_is_not_measured_is_missing_from_velocity_and_place() -> None:
-    still = dict.fromkeys([item.name for item in fields(Motion)], 0.0)
-    sensors = Sensors(IDEAL, 0, start_z_m=0.0)
-    sensors.drift_mps = (0.1, -0.2)
-    for _ in range(100):
-        seen = sensors.estimate(Motion(**still), airborne=True)
-    assert (seen.vx_mps, seen.vy_mps) == pytest.approx((-0.1, 0.2))
-    assert (seen.x_m, seen.y_m) == pytest.approx((-0.1, 0.2))
 
 
 def heard_by_step(profile: Profile, steps: int, lands_at: int = -1) -> list[DroneState]:
