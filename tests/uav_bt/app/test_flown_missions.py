@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from perception.control.runtime import SHIPPED_STUDENT
-from sim_bridge.twin.simulated_drone import SimulatedReferee
 from sim_bridge.twin.scene_file import load_scene
+from sim_bridge.twin.simulated_drone import SimulatedReferee
 from tests.paper_lab import BACKGROUND
 from uav_bt import app
 from uav_bt.app.flight_record import recorded_tree
