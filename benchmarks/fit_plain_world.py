@@ -22,7 +22,7 @@ from perception.mapping.contact_scan import find_bases, scan_ground
 from perception.networks.weights_file import SHIPPED_UNET
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.plain.caster import Caster
-from sim_bridge.plain.sight import SIZE_PX, SightErrors
+from sim_bridge.plain.sight import JITTER_PX, SIZE_PX
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import render_views, sample_flight_poses
@@ -62,7 +62,7 @@ def row(pairs: list[Compared]) -> str:
 def main() -> None:
     """Print the errors of the twin's ranges, and of those without images by jitter."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--jitter", type=float, nargs="*", default=[SightErrors.jitter_px])
+    parser.add_argument("--jitter", type=float, nargs="*", default=[JITTER_PX])
     parser.add_argument("--views", type=int, default=60, help="in each scene")
     parser.add_argument("--scenes", nargs="+", default=VALIDATION_SCENES)
     parser.add_argument("--network", default=SHIPPED_UNET, help="any, unet, or an ONNX file")

@@ -17,24 +17,19 @@ import numpy as np
 
 from sim_bridge.loopback.world import WorldLimits, WorldState
 from sim_bridge.twin.body import CONTROL_STEP_S
-from sim_bridge.twin.gl import load_mujoco
+from sim_bridge.twin.builder import LabModel
+from sim_bridge.twin.flying_body import FlyingBody
+from sim_bridge.twin.gl import mujoco
+from sim_bridge.twin.model import build_model
 from sim_bridge.twin.objects import Helipad
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.reference import Pace
 from sim_bridge.twin.scene import ROOM_SIZE_M, Scene, TakeOffSpec
+from sim_bridge.twin.simulation import Capture, Simulation
 from sim_bridge.twin.variation import start_pose
 from uav_bt.errors import DroneError
 from uav_bt.protocols import Clock
 from uav_bt.types import Command, FlyingState, GimbalTo, Hover, Movement, Pose
-
-load_mujoco()  # before the modules below: MuJoCo selects its OpenGL backend when imported
-
-import mujoco  # noqa: E402  (after load_mujoco)
-
-from sim_bridge.twin.builder import LabModel  # noqa: E402  (after load_mujoco)
-from sim_bridge.twin.flying_body import FlyingBody  # noqa: E402  (after load_mujoco)
-from sim_bridge.twin.model import build_model  # noqa: E402  (after load_mujoco)
-from sim_bridge.twin.simulation import Capture, Simulation  # noqa: E402  (after load_mujoco)
 
 _PERIOD_S: Final = 0.02  # s between two updates: two control steps of the twin
 _MAX_LAG_S: Final = 0.25  # largest lag of the physics, s; beyond it the lost time is skipped

@@ -9,32 +9,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from sim_bridge.twin import SimulatedConfig
+
 if TYPE_CHECKING:
     from sim_bridge.plain.drone import PlainDrone
-    from sim_bridge.twin.scene import Scene
 
 __all__ = ["PlainConfig"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlainConfig:
-    """Settings of a flight without images; the entry point `plain` registers this class.
-
-    Attributes:
-        scene: name of a shipped scene, path of a scene file, or a `Scene`.
-        seed: random seed of the whole flight, 0 or more.
-        profile: name of the limits and imperfections, as of the twin.
-        realtime: run at wall-clock speed instead of as fast as possible.
-        movers: number of random people and carts to add to the movers of the scene.
-        vary_room: whether the boxes' places and sizes, and the light, are random.
-    """
-
-    scene: str | Scene = "train-a"
-    seed: int = 0
-    profile: str = "lab"
-    realtime: bool = False
-    movers: int = 0
-    vary_room: bool = False
+class PlainConfig(SimulatedConfig):
+    """Settings of a flight without images; the entry point `plain` registers this class."""
 
     def create(self) -> PlainDrone:
         """Return a drone. Its `connect` builds the scene.
@@ -42,12 +27,6 @@ class PlainConfig:
         Raises:
             InputError: the scene or the profile is unusable.
         """
-        from sim_bridge.twin import profile, scene_file, variation  # noqa: PLC0415  (heavy imports)
+        from sim_bridge.plain import drone  # noqa: PLC0415  (imports MuJoCo)
 
-        limits, scene = profile.Profile.named(self.profile), self.scene
-        if isinstance(scene, str):
-            scene = scene_file.load_scene(scene)
-        scene = variation.varied(scene, self.seed, room=self.vary_room, movers=self.movers)
-        from sim_bridge.plain.drone import PlainDrone  # noqa: PLC0415  (heavy imports)
-
-        return PlainDrone(scene, profile=limits, seed=self.seed, realtime=self.realtime)
+        return self.make(drone.PlainDrone, drone.SIZE_PX)

@@ -1,20 +1,17 @@
 """Flight controller of the twin: turns movement commands into accelerations, as the ANAFI does.
 
-This module holds the modes and their transitions. Each mode moves a reference point (`reference`);
-the control law (`control_law`) makes the drone follow that point.
+Each mode moves a reference point (`reference`); PD control makes the drone follow that point.
 """
 
 from __future__ import annotations
 
 import enum
 import math
-from dataclasses import dataclass
+from typing import Final
 
-from sim_bridge.twin.body import CONTROL_STEP_S
-from sim_bridge.twin.control_law import Demand, demand
+from sim_bridge.twin.body import CONTROL_STEP_S, Motion
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.reference import Pace, Reference
-from sim_bridge.twin.sensors import Estimate
 from uav_bt.types import (
     CutMotors,
     FlyingState,
@@ -24,30 +21,33 @@ from uav_bt.types import (
     Movement,
     MovementState,
     MovementStatus,
+    Release,
     TakeOff,
     Velocity,
     rotate,
 )
+from uav_bt.types.pose import clamp, limit_length
 
+# Gains of the position loop: critically damped at 2 rad/s, far below the bandwidth of the thrust.
+_POSITION_GAIN: Final = 4.0  # 1/s2
+_VELOCITY_GAIN: Final = 4.0  # 1/s
+_YAW_GAIN: Final = 36.0  # 1/s2, critically damped at 6 rad/s
+_YAW_RATE_GAIN: Final = 12.0  # 1/s
 
-@dataclass(frozen=True, kw_only=True)
-class AutopilotConfig:
-    """Thresholds at which a mode ends, and speeds of a landing."""
-
-    reach_m: float = 0.5  # largest distance of the reference from the drone, each axis
-    settle_s: float = 0.2  # a movement is done after this time at its goal
-    max_settle_s: float = 3.0  # longest time from the reference's arrival to the end of a movement
-    settled_m: float = 0.08  # distance from the goal that counts as at the goal
-    settled_mps: float = 0.12
-    settled_rad: float = 0.035
-    hover_mps: float = 0.05  # reference speed below which the drone reports hovering
-    descent_mps: float = 0.5  # landing speed
-    touch_down_mps: float = 0.25  # landing speed near the ground
-    near_ground_m: float = 0.5
-    standing_s: float = 0.3  # the motors stop after this time of ground contact
-    standing_mps: float = 0.15  # largest vertical speed of a drone on the ground
-    # Largest estimated horizontal speed on the ground; the estimate of a standing drone drifts.
-    standing_flat_mps: float = 0.5
+_REACH_M: Final = 0.5  # largest distance of the reference from the drone, each axis
+_SETTLE_S: Final = 0.2  # a movement is done after this time at its goal
+_MAX_SETTLE_S: Final = 3.0  # longest time from the reference's arrival to the end of a movement
+_SETTLED_M: Final = 0.08  # distance from the goal that counts as at the goal
+_SETTLED_MPS: Final = 0.12
+_SETTLED_RAD: Final = 0.035
+_HOVER_MPS: Final = 0.05  # reference speed below which the drone reports hovering
+_DESCENT_MPS: Final = 0.5  # landing speed
+_TOUCH_DOWN_MPS: Final = 0.25  # landing speed near the ground
+_NEAR_GROUND_M: Final = 0.5
+_STANDING_S: Final = 0.3  # the motors stop after this time of ground contact
+_STANDING_MPS: Final = 0.15  # largest vertical speed of a drone on the ground
+# Largest estimated horizontal speed on the ground; the estimate of a standing drone drifts.
+_STANDING_FLAT_MPS: Final = 0.5
 
 
 class Mode(enum.Enum):
@@ -63,21 +63,25 @@ class Mode(enum.Enum):
     FALL = "fall"
 
 
-_FLYING = (Mode.HOLD, Mode.MOVE, Mode.VELOCITY)
+_FLYING: Final = (Mode.HOLD, Mode.MOVE, Mode.VELOCITY)
+_REPORTED: Final = {
+    Mode.OFF: FlyingState.LANDED,
+    Mode.SPIN_UP: FlyingState.TAKING_OFF,
+    Mode.CLIMB: FlyingState.TAKING_OFF,
+    Mode.HOLD: FlyingState.HOVERING,  # flying until the reference is slow
+    Mode.MOVE: FlyingState.FLYING,
+    Mode.VELOCITY: FlyingState.FLYING,
+    Mode.DESCEND: FlyingState.LANDING,
+    Mode.FALL: FlyingState.EMERGENCY,
+}
 
 
 class Autopilot:
-    """Executes one movement command at a time.
+    """Executes one movement command at a time, within the limits of a profile."""
 
-    Args:
-        profile: the drone's limits.
-        config: thresholds.
-    """
-
-    def __init__(self, profile: Profile, config: AutopilotConfig | None = None) -> None:
+    def __init__(self, profile: Profile) -> None:
         self._profile = profile
-        self._config = config or AutopilotConfig()
-        self._reference = Reference(profile, CONTROL_STEP_S)
+        self._reference = Reference(profile)
         self._full_pace = self._pace = Pace(
             speed_mps=profile.max_speed_mps,
             climb_mps=profile.max_climb_mps,
@@ -105,78 +109,44 @@ class Autopilot:
     @property
     def flying_state(self) -> FlyingState:
         """The flying state, as the ANAFI reports it."""
-        if self._mode in _FLYING:
-            if self._mode is not Mode.HOLD:
-                return FlyingState.FLYING
-            slow = max(map(abs, self._reference.velocity)) < self._config.hover_mps
-            return FlyingState.HOVERING if slow else FlyingState.FLYING
-        return {
-            Mode.OFF: FlyingState.LANDED,
-            Mode.SPIN_UP: FlyingState.TAKING_OFF,
-            Mode.CLIMB: FlyingState.TAKING_OFF,
-            Mode.DESCEND: FlyingState.LANDING,
-            Mode.FALL: FlyingState.EMERGENCY,
-        }[self._mode]
+        slow = max(map(abs, self._reference.velocity)) < _HOVER_MPS
+        if self._mode is Mode.HOLD and not slow:
+            return FlyingState.FLYING
+        return _REPORTED[self._mode]
 
-    def obey(self, movement: Movement, estimate: Estimate, pace: Pace | None = None) -> None:
-        """Execute a command that has arrived.
+    def obey(self, movement: Movement, estimate: Motion, pace: Pace | None = None) -> None:
+        """Execute a command that has arrived; one that is being executed does not start again.
 
-        Args:
-            movement: the command; a command that is already being executed does not start again.
-            estimate: the drone's estimate of its pose and velocity.
-            pace: speed limits of a `MoveBy`; None uses the limits of the profile.
+        A pace limits a `MoveBy`; by default the profile does.
         """
-        if isinstance(movement, MoveBy):
-            self._start_move(movement, estimate, pace or self._full_pace)
-        elif isinstance(movement, Velocity):
-            self._steer(movement)
-        elif isinstance(movement, TakeOff):
-            self._take_off(estimate)
-        elif isinstance(movement, Land):
-            self._land()
-        elif isinstance(movement, CutMotors):
-            if self._mode not in (Mode.OFF, Mode.FALL):
-                self._enter(Mode.FALL)
-        elif self._mode is Mode.VELOCITY or (
-            self._mode is Mode.MOVE and isinstance(movement, Hover)
-        ):
-            # Without stick positions the drone treats the sticks as centred.
-            self._enter(Mode.HOLD)
-
-    def _take_off(self, estimate: Estimate) -> None:
-        if self._mode is Mode.OFF:
-            self._reference.reset(estimate.x_m, estimate.y_m, estimate.z_m, estimate.yaw_rad)
-            self._enter(Mode.SPIN_UP)
-        elif self._mode is Mode.DESCEND:
-            self._enter(Mode.HOLD)
-
-    def _land(self) -> None:
-        if self._mode is Mode.SPIN_UP:
-            self._enter(Mode.OFF)
-        elif self.lifting and self._mode is not Mode.DESCEND:
-            self._enter(Mode.DESCEND)
-
-    def _steer(self, order: Velocity) -> None:
-        if self._mode in _FLYING:
-            self._velocity = order
-            if self._mode is not Mode.VELOCITY:
+        mode = self._mode
+        match movement:
+            case MoveBy():
+                self._start_move(movement, estimate, pace or self._full_pace)
+            case Velocity() if mode in _FLYING:
+                self._velocity = movement
                 self._enter(Mode.VELOCITY)
+            case TakeOff() if mode is Mode.OFF:
+                self._enter(Mode.SPIN_UP)
+            case TakeOff() if mode is Mode.DESCEND:
+                self._enter(Mode.HOLD)
+            case Land() if mode is Mode.SPIN_UP:
+                self._enter(Mode.OFF)
+            case Land() if self.lifting and mode is not Mode.DESCEND:
+                self._enter(Mode.DESCEND)
+            case CutMotors() if self.motors_on:
+                self._enter(Mode.FALL)
+            case Hover() if mode in (Mode.MOVE, Mode.VELOCITY):
+                self._enter(Mode.HOLD)
+            case Release() if mode is Mode.VELOCITY:
+                # Without stick positions the drone treats the sticks as centred.
+                self._enter(Mode.HOLD)
 
-    def take_over(self) -> None:
-        """Replace the present command by the centred sticks of a pilot."""
-        if self._mode in (Mode.MOVE, Mode.VELOCITY):
-            self._enter(Mode.HOLD)
-
-    def refuse(self, move: MoveBy) -> None:
-        """Report a movement as rejected; one that was reported before keeps its state."""
-        if self.movement is None or self.movement.id != move.id:
-            self.movement = MovementStatus(id=move.id, state=MovementState.REJECTED)
-
-    def _start_move(self, move: MoveBy, estimate: Estimate, pace: Pace) -> None:
+    def _start_move(self, move: MoveBy, estimate: Motion, pace: Pace) -> None:
         if self.movement is not None and self.movement.id == move.id:
             return
         if self._mode not in _FLYING:
-            self.refuse(move)
+            self.movement = MovementStatus(id=move.id, state=MovementState.REJECTED)
             return
         self._enter(Mode.MOVE)
         self._pace = pace
@@ -187,86 +157,98 @@ class Autopilot:
         self.movement = MovementStatus(id=move.id, state=MovementState.RUNNING)
 
     def _enter(self, mode: Mode) -> None:
-        running = self.movement is not None and self.movement.state is MovementState.RUNNING
-        if self.movement is not None and running:
+        if self.movement is not None and self.movement.state is MovementState.RUNNING:
             self.movement = MovementStatus(id=self.movement.id, state=MovementState.INTERRUPTED)
         self._mode = mode
         self._elapsed_s = self._settled_s = self._arrived_s = 0.0
 
-    def update(self, estimate: Estimate, *, height_m: float, touching: bool) -> Demand | None:
-        """Advance by one control step.
-
-        Args:
-            estimate: the drone's estimate of its pose and velocity.
-            height_m: height above the surface below.
-            touching: whether the hull touches anything.
+    def update(
+        self, estimate: Motion, *, height_m: float, touching: bool
+    ) -> tuple[tuple[float, float, float], float] | None:
+        """Advance by one control step, at a height above the surface below.
 
         Returns:
-            The accelerations to produce; None while the rotors do not carry the drone.
+            The acceleration to produce, m/s2, world axes, without gravity, and the yaw
+            acceleration, rad/s2; None while the rotors do not carry the drone.
         """
         self._elapsed_s += CONTROL_STEP_S
-        self._follow(estimate, height_m)
+        if self.lifting:
+            self._move_reference(estimate, height_m)
         self._finish(estimate, touching=touching)
-        if not self.lifting:
-            return None
-        return demand(self._reference, estimate, self._profile)
+        return self._demand(estimate) if self.lifting else None
 
-    def _follow(self, estimate: Estimate, height_m: float) -> None:
-        """Move the reference according to the mode."""
-        reference, profile, cfg = self._reference, self._profile, self._config
+    def _move_reference(self, estimate: Motion, height_m: float) -> None:
+        reference, arrived = self._reference, False
         if self._mode is Mode.CLIMB:
-            there = reference.go_to(self._goal_m, self._full_pace, CONTROL_STEP_S)
-            self._arrived_s += CONTROL_STEP_S if there else 0.0
-        elif self._mode is Mode.HOLD:
-            reference.steer(0.0, 0.0, 0.0, CONTROL_STEP_S)
-            reference.spin(0.0, CONTROL_STEP_S)
+            arrived = reference.go_to(self._goal_m, self._full_pace)
         elif self._mode is Mode.MOVE:
-            there = reference.go_to(self._goal_m, self._pace, CONTROL_STEP_S)
-            turned = reference.turn_to(self._goal_yaw_rad, self._pace, CONTROL_STEP_S)
-            self._arrived_s += CONTROL_STEP_S if there and turned else 0.0
+            there = reference.go_to(self._goal_m, self._pace)
+            arrived = reference.turn_to(self._goal_yaw_rad, self._pace) and there
         elif self._mode is Mode.VELOCITY:
             order = self._velocity
             vx_mps, vy_mps = rotate(order.forward_mps, -order.right_mps, estimate.yaw_rad)
-            reference.steer(vx_mps, vy_mps, -order.down_mps, CONTROL_STEP_S)
-            reference.spin(-order.yaw_rate_radps, CONTROL_STEP_S)
+            reference.steer(vx_mps, vy_mps, -order.down_mps)
+            reference.spin(-order.yaw_rate_radps)
         elif self._mode is Mode.DESCEND:
-            speed = cfg.descent_mps if height_m > cfg.near_ground_m else cfg.touch_down_mps
-            reference.steer(0.0, 0.0, -min(speed, profile.max_climb_mps), CONTROL_STEP_S)
-            reference.spin(0.0, CONTROL_STEP_S)
-        if self._mode is not Mode.SPIN_UP:
-            reference.trail()
-            reference.keep_near(estimate.x_m, estimate.y_m, estimate.z_m, self._config.reach_m)
+            down_mps = _DESCENT_MPS if height_m > _NEAR_GROUND_M else _TOUCH_DOWN_MPS
+            reference.steer(0.0, 0.0, -min(down_mps, self._profile.max_climb_mps))
+            reference.spin(0.0)
+        else:
+            reference.steer(0.0, 0.0, 0.0)
+            reference.spin(0.0)
+        if arrived:
+            self._arrived_s += CONTROL_STEP_S
+        reference.trail()
+        reference.keep_near(estimate, _REACH_M)
 
-    def _finish(self, estimate: Estimate, *, touching: bool) -> None:
+    def _finish(self, estimate: Motion, *, touching: bool) -> None:
         """Change the mode if the present one has ended."""
         if self._mode is Mode.SPIN_UP and self._elapsed_s >= self._profile.spin_up_s:
             top_m = estimate.z_m + self._profile.take_off_height_m
             self._goal_m = (estimate.x_m, estimate.y_m, top_m)
-            self._reference.reset(estimate.x_m, estimate.y_m, estimate.z_m, estimate.yaw_rad)
+            self._reference.reset(estimate)
             self._enter(Mode.CLIMB)
         elif self._mode in (Mode.CLIMB, Mode.MOVE):
             self._settle(estimate)
         elif self._mode in (Mode.DESCEND, Mode.FALL):
             flat_mps = max(abs(estimate.vx_mps), abs(estimate.vy_mps))
-            still = abs(estimate.vz_mps) < self._config.standing_mps
-            standing = touching and still and flat_mps < self._config.standing_flat_mps
-            self._settled_s = self._settled_s + CONTROL_STEP_S if standing else 0.0
-            if self._settled_s >= self._config.standing_s:
+            still = abs(estimate.vz_mps) < _STANDING_MPS and flat_mps < _STANDING_FLAT_MPS
+            self._settled_s = self._settled_s + CONTROL_STEP_S if touching and still else 0.0
+            if self._settled_s >= _STANDING_S:
                 self._enter(Mode.OFF)
 
-    def _settle(self, estimate: Estimate) -> None:
-        cfg = self._config
-        away = math.dist(self._goal_m, (estimate.x_m, estimate.y_m, estimate.z_m))
-        speed = math.hypot(estimate.vx_mps, estimate.vy_mps, estimate.vz_mps)
-        settled = away < cfg.settled_m and speed < cfg.settled_mps
+    def _settle(self, estimate: Motion) -> None:
+        """End a climb or a movement whose goal is reached."""
+        away_m = math.dist(self._goal_m, (estimate.x_m, estimate.y_m, estimate.z_m))
+        speed_mps = math.hypot(estimate.vx_mps, estimate.vy_mps, estimate.vz_mps)
+        settled = away_m < _SETTLED_M and speed_mps < _SETTLED_MPS
         if self._mode is Mode.MOVE:
             turning = abs(self._goal_yaw_rad - self._reference.yaw_rad)
             lagging = abs(self._reference.yaw_error(estimate.yaw_rad))
-            settled = settled and turning + lagging < cfg.settled_rad
+            settled = settled and turning + lagging < _SETTLED_RAD
         self._settled_s = self._settled_s + CONTROL_STEP_S if settled else 0.0
-        if self._settled_s < cfg.settle_s and self._arrived_s < cfg.max_settle_s:
+        if self._settled_s < _SETTLE_S and self._arrived_s < _MAX_SETTLE_S:
             return
         self._reference.settle(self._goal_m)
         if self._mode is Mode.MOVE and self.movement is not None:
             self.movement = MovementStatus(id=self.movement.id, state=MovementState.DONE)
         self._enter(Mode.HOLD)
+
+    def _demand(self, estimate: Motion) -> tuple[tuple[float, float, float], float]:
+        """Return the accelerations that make the drone follow its reference, as `update` does."""
+        reference, profile = self._reference, self._profile
+        here = (estimate.x_m, estimate.y_m, estimate.z_m)
+        speed = (estimate.vx_mps, estimate.vy_mps, estimate.vz_mps)
+        x_mps2, y_mps2, z_mps2 = (
+            reference.acceleration[axis]
+            + _VELOCITY_GAIN * (reference.trailing_velocity[axis] - speed[axis])
+            + _POSITION_GAIN * (reference.trailing[axis] - here[axis])
+            for axis in range(3)
+        )
+        # Corrections may exceed the limits of the reference, but the tilt stays bounded.
+        flat = limit_length(x_mps2, y_mps2, 2.0 * profile.max_acceleration_mps2)
+        rise = clamp(z_mps2, 2.0 * profile.max_climb_acceleration_mps2)
+        turn = _YAW_GAIN * reference.yaw_error(estimate.yaw_rad) + _YAW_RATE_GAIN * (
+            reference.yaw_rate_radps - estimate.yaw_rate_radps
+        )
+        return (*flat, rise), turn

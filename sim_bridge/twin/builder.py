@@ -11,11 +11,11 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.twin.body import CONTROL_STEP_S, HULL_HALF_M
+from sim_bridge.twin.gl import mujoco
 from sim_bridge.twin.solids import Mesh, Solid, yaw_quaternion
 from uav_bt.errors import InputError
 

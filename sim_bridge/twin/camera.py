@@ -36,12 +36,6 @@ class Optics:
 
     The noise is generated once. Each frame uses it from a different offset, which takes a tenth of
     the time of new noise.
-
-    Args:
-        profile: strength of the errors.
-        width_px: image width, pixels.
-        height_px: image height, pixels.
-        seed: random seed of the noise.
     """
 
     def __init__(self, profile: Profile, width_px: int, height_px: int, seed: int) -> None:

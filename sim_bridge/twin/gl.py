@@ -1,8 +1,8 @@
-"""Choice of an OpenGL backend without a display, before MuJoCo is imported.
+"""MuJoCo with an OpenGL backend that works without a display.
 
-MuJoCo reads ``MUJOCO_GL`` once, when it is imported. It calls OpenGL through PyOpenGL, which
-searches for plain library names and cannot change its backend within a process. So this module
-first tests a backend by opening a context through ctypes.
+Modules that use MuJoCo import it from here: it reads ``MUJOCO_GL`` once, when it is imported. It
+calls OpenGL through PyOpenGL, which searches for plain library names and cannot change its backend
+within a process. So this module first tests a backend by opening a context through ctypes.
 """
 
 from __future__ import annotations
@@ -39,17 +39,11 @@ _EGL_OFFSCREEN_OPENGL = (0x3033, 0x0001, 0x3040, 0x0008, 0x3038)  # pbuffer, Ope
 
 @cache
 def choose_gl() -> str:
-    """Select the OpenGL backend of this process; call before MuJoCo is imported.
+    """Select the OpenGL backend of this process, and return MuJoCo's name of it.
 
     ``MUJOCO_GL`` is respected if set. Otherwise the first that works is used: EGL, the OSMesa of
-    the ``lavavu-osmesa`` wheel, the system's OSMesa. macOS and Windows use MuJoCo's default.
-
-    Returns:
-        MuJoCo's name of the backend: ``egl``, ``osmesa``, ``glfw``, ...
-
-    Raises:
-        MissingDependencyError: no backend works; the message names the remedy.
-        UnknownNameError: ``MUJOCO_GL`` is not the name of a backend.
+    the ``lavavu-osmesa`` wheel, the system's OSMesa. macOS and Windows use MuJoCo's default. Where
+    none works, or ``MUJOCO_GL`` is none, the error names the remedy.
     """
     asked = os.environ.get("MUJOCO_GL", "").lower().strip()
     if asked in _OFF:
@@ -61,52 +55,18 @@ def choose_gl() -> str:
     if asked and asked not in _KINDS:
         raise UnknownNameError("MUJOCO_GL", asked, _KINDS)
     _load_triton_first()
-    kind = asked or _what_works()
+    kind = asked or ("egl" if _egl_works() else "osmesa")
     if kind == "osmesa" and not (_preload_wheel() or _loads("libOSMesa.so", "libOSMesa.so.8")):
-        raise MissingDependencyError(f"MUJOCO_GL=osmesa, but no OSMesa was found: {_ADVICE}")
+        was_asked = "MUJOCO_GL=osmesa, but no OSMesa was found: " if asked else ""
+        raise MissingDependencyError(was_asked + _ADVICE)
     os.environ["MUJOCO_GL"] = kind
     if kind in ("egl", "osmesa"):
         os.environ["PYOPENGL_PLATFORM"] = kind
     return kind
 
 
-def load_mujoco() -> None:
-    """Import MuJoCo with the backend of `choose_gl`; call before any ``import mujoco``.
-
-    Raises:
-        MissingDependencyError: MuJoCo is not installed, or OpenGL does not work.
-    """
-    _import_for(choose_gl(), "mujoco")
-
-
-def load_physics() -> None:
-    """Import MuJoCo for a drone without images; it also works where OpenGL does not.
-
-    Drawing is turned off only there, so that a twin of the same process can draw elsewhere.
-
-    Raises:
-        MissingDependencyError: MuJoCo is not installed.
-    """
-    try:
-        load_mujoco()
-    except (MissingDependencyError, UnknownNameError):
-        asked = os.environ.pop("MUJOCO_GL", None)
-        os.environ["MUJOCO_GL"] = "disable"
-        try:
-            _import_for("disable", "mujoco")
-        finally:
-            del os.environ["MUJOCO_GL"]
-            if asked is not None:
-                os.environ["MUJOCO_GL"] = asked
-
-
 def open_context(width_px: int, height_px: int) -> Any:
-    """Return a new GL context of MuJoCo's selected backend.
-
-    Raises:
-        MissingDependencyError: OpenGL does not work.
-        InputError: this process was forked from one that has drawn.
-    """
+    """Return a new GL context of MuJoCo's selected backend."""
     # The threads of a driver do not survive a fork; its first call there would never return.
     if _drawn_in and os.getpid() not in _drawn_in:
         raise InputError(
@@ -114,11 +74,12 @@ def open_context(width_px: int, height_px: int) -> Any:
             "processes with multiprocessing's 'spawn', or fly many missions by `uav-bt campaign`"
         )
     kind = choose_gl()
-    module = {"egl": "egl", "osmesa": "osmesa", "cgl": "cgl"}.get(kind, "glfw")
-    make = _import_for(kind, f"mujoco.{module}").GLContext
+    module = kind if kind in ("egl", "osmesa", "cgl") else "glfw"
     try:
-        context = make(width_px, height_px)
-    except ValueError as error:  # a device variable without a number
+        # PyOpenGL raises AttributeError if a library is missing; a device variable without a
+        # number is a ValueError.
+        context = importlib.import_module(f"mujoco.{module}").GLContext(width_px, height_px)
+    except (ImportError, AttributeError, OSError, RuntimeError, ValueError) as error:
         raise no_gl(error) from error
     _drawn_in.add(os.getpid())
     return context
@@ -126,34 +87,31 @@ def open_context(width_px: int, height_px: int) -> Any:
 
 def no_gl(error: Exception) -> MissingDependencyError:
     """Return the error for a failure inside OpenGL; its message names the remedy."""
-    return MissingDependencyError(f"OpenGL by {choose_gl()} failed ({error}): {_remedy(error)}")
-
-
-def _remedy(error: Exception) -> str:
-    device = os.environ.get(_DEVICE)
+    device, remedy = os.environ.get(_DEVICE), _ADVICE
     if device is not None and (isinstance(error, ValueError) or _DEVICE in str(error)):
-        return f"{_DEVICE}={device} names a device that this machine does not have; unset it"
-    return _ADVICE
+        remedy = f"{_DEVICE}={device} names a device that this machine does not have; unset it"
+    return MissingDependencyError(f"OpenGL by {choose_gl()} failed ({error}): {remedy}")
 
 
-def _import_for(kind: str, module: str) -> Any:
-    if importlib.util.find_spec("mujoco") is None:
-        raise MissingDependencyError("the twin needs MuJoCo; install it with `pip install mujoco`")
+def _import_mujoco() -> Any:
+    """Import MuJoCo; where no OpenGL works it computes, and `open_context` says what is missing."""
+    asked = os.environ.get("MUJOCO_GL")
     try:
-        return importlib.import_module(module)
-    except (ImportError, AttributeError, OSError, RuntimeError, ValueError) as error:
-        # PyOpenGL raises AttributeError if a library is missing.
+        choose_gl()
+        return importlib.import_module("mujoco")
+    except (InputError, AttributeError, ImportError, OSError, RuntimeError):
+        os.environ["MUJOCO_GL"] = "disable"
+    try:
+        return importlib.import_module("mujoco")
+    except ImportError as error:
         raise MissingDependencyError(
-            f"OpenGL by {kind} failed ({error}): {_remedy(error)}"
+            f"the twin needs MuJoCo; install it with `pip install mujoco` ({error})"
         ) from error
-
-
-def _what_works() -> str:
-    if _egl_works():
-        return "egl"
-    if _wheel_folder() is not None or _loads("libOSMesa.so", "libOSMesa.so.8"):
-        return "osmesa"
-    raise MissingDependencyError(_ADVICE)
+    finally:
+        if asked is None:
+            del os.environ["MUJOCO_GL"]
+        else:
+            os.environ["MUJOCO_GL"] = asked
 
 
 def _load_triton_first() -> None:
@@ -179,13 +137,9 @@ def _loads(*names: str, mode: int = ctypes.RTLD_GLOBAL) -> bool:
 
 def _egl_works() -> bool:
     """Open and close a context on the first EGL device, as MuJoCo does."""
-    if not _loads("libGL.so.1", "libGL.so"):
+    if not (_loads("libGL.so.1", "libGL.so") and _loads("libEGL.so.1")):
         return False
-    try:
-        egl = ctypes.CDLL("libEGL.so.1", ctypes.RTLD_GLOBAL)
-    except OSError:
-        return False
-    pointer = ctypes.c_void_p
+    egl, pointer = ctypes.CDLL("libEGL.so.1", ctypes.RTLD_GLOBAL), ctypes.c_void_p
     egl.eglGetProcAddress.restype = pointer
     query = egl.eglGetProcAddress(b"eglQueryDevicesEXT")
     get_display = egl.eglGetProcAddress(b"eglGetPlatformDisplayEXT")
@@ -222,38 +176,29 @@ def _display_works(egl: ctypes.CDLL, display: int) -> bool:
         egl.eglTerminate(shown)
 
 
-def _wheel_folder() -> Path | None:
-    for entry in sys.path:
-        folder = Path(entry or ".") / "lavavu_osmesa.libs"
-        if folder.is_dir() and any(folder.glob("libOSMesa-*")):
-            return folder
-    return None
-
-
 def _preload_wheel() -> bool:
-    """Load the wheel's libraries by path and give PyOpenGL the path of its OSMesa.
+    """Load the libraries of ``lavavu-osmesa`` by path, and give PyOpenGL the path of its OSMesa.
 
     The wheel's libraries contain no search path, so each must be loaded before those that need it.
     PyOpenGL would still search for plain ``libOSMesa.so``.
     """
-    folder = _wheel_folder()
+    folders = [Path(entry or ".") / "lavavu_osmesa.libs" for entry in sys.path]
+    folder = next((each for each in folders if any(each.glob("libOSMesa-*"))), None)
     if folder is None:
         return False
-    osmesa: Path | None = None
-    for stem in _WHEEL_LIBRARIES:
-        for path in sorted(folder.glob(f"{stem}-*")):
-            try:
-                ctypes.CDLL(str(path), ctypes.RTLD_GLOBAL)
-            except OSError as error:
-                raise MissingDependencyError(
-                    f"{path.name} of lavavu-osmesa cannot be loaded ({error}): {_ADVICE}"
-                ) from error
-            osmesa = path
-    _show_pyopengl(osmesa)
+    libraries = [path for stem in _WHEEL_LIBRARIES for path in sorted(folder.glob(f"{stem}-*"))]
+    for path in libraries:
+        try:
+            ctypes.CDLL(str(path), ctypes.RTLD_GLOBAL)
+        except OSError as error:
+            raise MissingDependencyError(
+                f"{path.name} of lavavu-osmesa cannot be loaded ({error}): {_ADVICE}"
+            ) from error
+    _show_pyopengl(libraries[-1])
     return True
 
 
-def _show_pyopengl(osmesa: Path | None) -> None:
+def _show_pyopengl(osmesa: Path) -> None:
     """Make PyOpenGL's loader return the wheel's library for OSMesa.
 
     PyOpenGL loads its libraries while `OpenGL.platform` is imported, so the loader module is
@@ -283,3 +228,6 @@ def _show_pyopengl(osmesa: Path | None) -> None:
 
     loader.loadLibrary = load_library
     sys.modules[name] = loader
+
+
+mujoco: Any = _import_mujoco()

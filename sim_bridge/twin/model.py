@@ -7,10 +7,9 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-import mujoco
-
 from sim_bridge.twin import textures
 from sim_bridge.twin.builder import Builder, LabModel
+from sim_bridge.twin.gl import mujoco
 from sim_bridge.twin.model_room import add_ground, add_lamps, add_object, add_shape, add_walls
 from sim_bridge.twin.movers import MoverSpec, mover_names, roof_of
 from sim_bridge.twin.objects import MAT_M, BoxSpec, Helipad, Vector2, Vector3, box_names

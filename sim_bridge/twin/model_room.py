@@ -8,10 +8,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-import mujoco
-
 from sim_bridge.twin import textures
 from sim_bridge.twin.builder import Builder
+from sim_bridge.twin.gl import mujoco
 from sim_bridge.twin.meshes import (
     finer,
     merged,

@@ -10,12 +10,7 @@ _BLOCK = 4096
 
 
 def child_seed(seed: int, *path: int) -> np.random.SeedSequence:
-    """Return an independent seed for one purpose within a flight.
-
-    Args:
-        seed: seed of the flight, 0 or more.
-        path: numbers that identify the purpose.
-    """
+    """Return an independent seed for one purpose within a flight, identified by numbers."""
     return np.random.SeedSequence(seed, spawn_key=path)
 
 
@@ -36,16 +31,11 @@ class NormalStream:
 class OrnsteinUhlenbeck:
     """Ornstein-Uhlenbeck process: a random value around zero with a correlation time.
 
-    The discrete step is exact: the standard deviation is `std` for every step length.
-
-    Args:
-        std: standard deviation in the long run; 0 keeps the value at 0.
-        time_s: correlation time.
-        step_s: time between two calls of `step`.
-        stream: source of the random numbers.
+    The discrete step is exact: the standard deviation is `std` for every step length; 0 keeps the
+    value at 0.
     """
 
-    def __init__(self, *, std: float, time_s: float, step_s: float, stream: NormalStream) -> None:
+    def __init__(self, stream: NormalStream, std: float, time_s: float, step_s: float) -> None:
         self._keep = math.exp(-step_s / time_s)
         self._kick = std * math.sqrt(1.0 - self._keep**2)
         self._stream = stream

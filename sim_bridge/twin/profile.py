@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, fields, replace
+from typing import Any, NamedTuple
 
-from uav_bt.errors import UnknownNameError, ValueRangeError
+from uav_bt.errors import UnknownNameError
+
+
+class Report(NamedTuple):
+    """Transmission of one quantity of the telemetry."""
+
+    period_s: float  # between two measurements that are sent; 0: every control step
+    latency_s: float  # from measurement to arrival
+
+
+# Parrot's firmware sends every state 5 times a second (AutonomyLab/bebop_autonomy, issues 22 and
+# 73; the SDK's documentation says "regularly"). The delay is that of a command over the same radio.
+_RADIO = Report(period_s=0.2, latency_s=0.06)
+_WEAK_RADIO = Report(period_s=0.2, latency_s=0.12)
+_AT_ONCE = Report(period_s=0.0, latency_s=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -14,9 +28,6 @@ class Profile:
 
     The limits are those of an ANAFI configured for indoor flight. The imperfections are estimates
     for a lab. None was fitted to a real drone, so each is a field.
-
-    Raises:
-        ValueRangeError: a field is negative, not finite, or a limit is zero.
     """
 
     # Motion.
@@ -38,17 +49,11 @@ class Profile:
     video_latency_s: float = 0.15  # s from capture to delivery
     video_rate_hz: float = 30.0  # frames a second
 
-    # Rate and delay of telemetry; a period of 0 reports every control step. Parrot's firmware sends
-    # every state 5 times a second (AutonomyLab/bebop_autonomy, issues 22 and 73; the SDK's
-    # documentation says "regularly"). The delay is chosen: that of a command over the same radio.
-    attitude_period_s: float = 0.2  # s between two reports of the attitude
-    attitude_latency_s: float = 0.06  # s from measurement to arrival
-    velocity_period_s: float = 0.2  # s between two reports of the velocity
-    velocity_latency_s: float = 0.06  # s from measurement to arrival
-    altitude_period_s: float = 0.2  # s between two reports of altitude and height
-    altitude_latency_s: float = 0.06  # s from measurement to arrival
-    gimbal_period_s: float = 0.2  # s between two reports of the camera's pitch
-    gimbal_latency_s: float = 0.06  # s from measurement to arrival
+    # Rate and delay of telemetry.
+    attitude: Report = _RADIO
+    velocity: Report = _RADIO
+    altitude: Report = _RADIO  # altitude and height
+    gimbal: Report = _RADIO
     event_latency_s: float = 0.06  # s until a changed flying state or movement arrives
 
     # Disturbances of the motion.
@@ -78,80 +83,46 @@ class Profile:
     exposure_std: float = 0.03  # relative brightness error of the automatic exposure
     exposure_time_s: float = 3.0  # s, correlation time of the exposure error
 
-    def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
-            positive = item.name.startswith("max_") or item.name in _POSITIVE
-            if not math.isfinite(value) or value < 0.0 or (positive and value == 0.0):
-                need = "a positive number" if positive else "zero or a positive number"
-                raise ValueRangeError(f"profile field {item.name} must be {need}, got {value}")
-
     @staticmethod
     def named(name: str) -> Profile:
-        """Return a shipped profile.
-
-        Args:
-            name: ``ideal`` (limits, but no delay and no error), ``lab``, ``harsh``, and
-                ``lab-instant`` or ``harsh-instant``, whose telemetry has no delay.
-
-        Raises:
-            UnknownNameError: the profile does not exist.
-        """
+        """Return a shipped profile: ``ideal`` (limits, but no delay and no error), lab or harsh."""
         try:
             return _NAMED[name]
         except KeyError:
             raise UnknownNameError("profile", name, _NAMED) from None
 
-    @staticmethod
-    def names() -> tuple[str, ...]:
-        """Return the names that `named` takes."""
-        return tuple(_NAMED)
-
     def with_instant_telemetry(self) -> Profile:
-        """Return the profile with telemetry at every control step and without delay.
+        """Return the profile with telemetry at every control step, without delay.
 
-        The estimates of vertical speed and yaw rate then have no error. The twin flew this way
-        before its telemetry had rates and delays; the profile exists for comparisons.
+        The estimates of vertical speed and yaw rate then have no error.
         """
         return replace(
             self,
-            **{
-                item.name: 0.0
-                for item in fields(self)
-                if item.name.startswith(_TELEMETRY)
-                and item.name.endswith(("period_s", "latency_s"))
-            },
+            attitude=_AT_ONCE,
+            velocity=_AT_ONCE,
+            altitude=_AT_ONCE,
+            gimbal=_AT_ONCE,
+            event_latency_s=0.0,
             climb_error_std_mps=0.0,
             yaw_rate_noise_std_radps=0.0,
         )
 
 
-_TELEMETRY = ("attitude_", "velocity_", "altitude_", "gimbal_", "event_")
-_POSITIVE = frozenset(
-    {
-        "take_off_height_m",
-        "gimbal_rate_radps",
-        "video_rate_hz",
-        "wind_time_s",
-        "drift_time_s",
-        "yaw_drift_time_s",
-        "climb_error_time_s",
-        "altimeter_bias_time_s",
-        "exposure_time_s",
-        "battery_life_s",
-    }
-)
-
-_LAB = Profile()
+_NO_DELAY_OR_ERROR: dict[str, Any] = {
+    item.name: 0.0
+    for item in fields(Profile)
+    if item.name.endswith("latency_s") or "_std" in item.name or item.name == "blur_sigma_px"
+}
+_IDEAL = replace(Profile().with_instant_telemetry(), **_NO_DELAY_OR_ERROR)
 _HARSH = replace(
-    _LAB,
+    Profile(),
     compute_latency_s=0.05,
     command_latency_s=0.12,
     video_latency_s=0.28,
-    attitude_latency_s=0.12,
-    velocity_latency_s=0.12,
-    altitude_latency_s=0.12,
-    gimbal_latency_s=0.12,
+    attitude=_WEAK_RADIO,
+    velocity=_WEAK_RADIO,
+    altitude=_WEAK_RADIO,
+    gimbal=_WEAK_RADIO,
     event_latency_s=0.12,
     wind_std_mps2=0.2,
     drift_std_mps=0.02,
@@ -168,27 +139,4 @@ _HARSH = replace(
     blur_sigma_px=1.0,
     exposure_std=0.08,
 )
-_NAMED = {
-    "ideal": replace(
-        _LAB.with_instant_telemetry(),
-        compute_latency_s=0.0,
-        command_latency_s=0.0,
-        video_latency_s=0.0,
-        wind_std_mps2=0.0,
-        drift_std_mps=0.0,
-        yaw_drift_std_rad=0.0,
-        altimeter_bias_std_m=0.0,
-        altimeter_noise_std_m=0.0,
-        height_noise_std_m=0.0,
-        velocity_noise_std_mps=0.0,
-        attitude_noise_std_rad=0.0,
-        yaw_noise_std_rad=0.0,
-        image_noise_std=0.0,
-        blur_sigma_px=0.0,
-        exposure_std=0.0,
-    ),
-    "lab": _LAB,
-    "harsh": _HARSH,
-    "lab-instant": _LAB.with_instant_telemetry(),
-    "harsh-instant": _HARSH.with_instant_telemetry(),
-}
+_NAMED = {"ideal": _IDEAL, "lab": Profile(), "harsh": _HARSH}

@@ -8,17 +8,15 @@ camera's gives the same view resized, never cropped.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import TracebackType
 from typing import Any, Self
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.anafi import FOCAL_SHARE
 from sim_bridge.twin.builder import LabModel
 from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.gl import no_gl, open_context
+from sim_bridge.twin.gl import mujoco, no_gl, open_context
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import MoverState
 
@@ -26,21 +24,16 @@ _ASPECT = 9.0 / 16.0
 
 
 class Renderer:
-    """Renders images of one lab. Use it in the thread that made it, and close it when done.
+    """Renders images of one compiled lab.
 
-    Args:
-        lab: the compiled scene.
-        samples: anti-aliasing samples per pixel. The default is 0: without a GPU four samples
-            double the time of an image, and the lens blur softens the edges.
-
-    Raises:
-        MissingDependencyError: OpenGL does not work here; the message names the remedy.
-        InputError: this process was forked from one that has drawn.
+    Use it in the thread that made it, and close it when done. Where OpenGL does not work, the error
+    names the remedy.
     """
 
-    def __init__(self, lab: LabModel, *, samples: int = 0) -> None:
+    def __init__(self, lab: LabModel) -> None:
         model = lab.model
-        model.vis.quality.offsamples = samples
+        # Without a GPU four samples double the time of an image, and the lens blur softens edges.
+        model.vis.quality.offsamples = 0
         self._size = (model.vis.global_.offwidth, model.vis.global_.offheight)
         self._near = float(model.vis.map.znear * model.stat.extent)
         self._far = float(model.vis.map.zfar * model.stat.extent)
@@ -54,29 +47,23 @@ class Renderer:
         self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
         self._model, self._data = model, mujoco.MjData(model)
         self._starts_m = np.array(self._data.mocap_pos)
-        self.scene = self._static_scene(model)
-        self._moving = [  # movers only change their position; they do not turn
-            geom
-            for geom in self.scene.geoms[: self.scene.ngeom]
-            if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM
-            and model.body_mocapid[model.geom_bodyid[geom.objid]] >= 0
-        ]
-        self._class_of_segment = self._segment_table(lab)
+        self.scene = self._static_scene()
+        self._class_of_segment = np.zeros(self.scene.ngeom + 1, np.uint8)
+        self._moving = []  # movers only change their position; they do not turn
+        for geom in self.scene.geoms[: self.scene.ngeom]:
+            if geom.objtype != mujoco.mjtObj.mjOBJ_GEOM:
+                continue
+            if geom.segid >= 0:
+                self._class_of_segment[geom.segid + 1] = lab.class_of_geom[geom.objid]
+            if model.body_mocapid[model.geom_bodyid[geom.objid]] >= 0:
+                self._moving.append(geom)
 
-    def _static_scene(self, model: Any) -> Any:
-        data = self._data
+    def _static_scene(self) -> Any:
+        model, data = self._model, self._data
         mujoco.mj_forward(model, data)
         scene = mujoco.MjvScene(model, maxgeom=model.ngeom + 16)
-        option = mujoco.MjvOption()
-        mujoco.mjv_updateScene(
-            model,
-            data,
-            option,
-            None,
-            mujoco.MjvCamera(),
-            mujoco.mjtCatBit.mjCAT_ALL.value,
-            scene,
-        )
+        every, camera = mujoco.mjtCatBit.mjCAT_ALL.value, mujoco.MjvCamera()
+        mujoco.mjv_updateScene(model, data, mujoco.MjvOption(), None, camera, every, scene)
         scene.stereo = mujoco.mjtStereo.mjSTEREO_NONE
         half_width = self._near / (2.0 * FOCAL_SHARE)
         for camera in scene.camera:
@@ -88,70 +75,41 @@ class Renderer:
             camera.orthographic = 0
         return scene
 
-    def _segment_table(self, lab: LabModel) -> NDArray[np.uint8]:
-        table = np.zeros(self.scene.ngeom + 1, np.uint8)
-        for geom in self.scene.geoms[: self.scene.ngeom]:
-            if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and geom.segid >= 0:
-                table[geom.segid + 1] = lab.class_of_geom[geom.objid]
-        return table
-
     def rgb(
         self, pose: CameraPose, width_px: int, height_px: int, movers: Sequence[MoverState] = ()
     ) -> NDArray[np.uint8]:
-        """Return the image, (height_px, width_px, 3) uint8 RGB.
+        """Return the image of a camera, (height_px, width_px, 3) uint8 RGB.
 
-        Args:
-            pose: pose of the camera.
-            width_px: image width, pixels.
-            height_px: image height, pixels.
-            movers: states of the scene's movers; by default they are at the start of their paths.
+        Without states of the scene's movers they are at the start of their paths.
         """
         image = np.empty((height_px, width_px, 3), np.uint8)
-        self._place(movers)
-        self._draw(pose, width_px, height_px, segments=False)
-        mujoco.mjr_readPixels(image, None, self._rect, self._context)
+        rect = self._draw(pose, width_px, height_px, movers, segments=False)
+        mujoco.mjr_readPixels(image, None, rect, self._context)
         return np.ascontiguousarray(image[::-1])
 
     def ids_and_depth(
         self, pose: CameraPose, width_px: int, height_px: int, movers: Sequence[MoverState] = ()
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-        """Return the exact class ids and the exact depth of one view.
-
-        Returns:
-            Ids (height_px, width_px) uint8, and depth (height_px, width_px) float32, metres along
-            the optical axis.
-        """
+        """Return exact class ids, and depth along the optical axis in metres, uint8 and float32."""
         colours = np.empty((height_px, width_px, 3), np.uint8)
         buffer = np.empty((height_px, width_px), np.float32)
-        self._place(movers)
-        self._draw(pose, width_px, height_px, segments=True)
-        mujoco.mjr_readPixels(colours, buffer, self._rect, self._context)
-        ids = self._classes_at(colours)
+        rect = self._draw(pose, width_px, height_px, movers, segments=True)
+        mujoco.mjr_readPixels(colours, buffer, rect, self._context)
+        numbers: NDArray[Any] = colours[::-1, :, 0]
+        if len(self._class_of_segment) > 256:  # the first channel holds fewer numbers
+            numbers = numbers + 256 * colours[::-1, :, 1].astype(np.int32)
         near, far = np.float32(self._near), np.float32(self._far)
         depth = near * far / (near + buffer[::-1] * (far - near))
-        return ids, np.ascontiguousarray(depth, np.float32)
+        return self._class_of_segment[numbers], np.ascontiguousarray(depth, np.float32)
 
     def class_ids(
         self, pose: CameraPose, width_px: int, height_px: int, movers: Sequence[MoverState] = ()
     ) -> NDArray[np.uint8]:
         """Return the exact class ids, (height_px, width_px) uint8."""
-        colours = np.empty((height_px, width_px, 3), np.uint8)
-        self._place(movers)
-        self._draw(pose, width_px, height_px, segments=True)
-        mujoco.mjr_readPixels(colours, None, self._rect, self._context)
-        return self._classes_at(colours)
-
-    def _classes_at(self, colours: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Return the class ids of numbered colours, the rows reversed."""
-        numbers: NDArray[Any] = colours[::-1, :, 0]
-        if len(self._class_of_segment) > 256:  # the first channel holds fewer numbers
-            numbers = numbers + 256 * colours[::-1, :, 1].astype(np.int32)
-        return np.asarray(self._class_of_segment[numbers], np.uint8)
+        return self.ids_and_depth(pose, width_px, height_px, movers)[0]
 
     def _place(self, movers: Sequence[MoverState]) -> None:
         """Set the positions of the movers in the list of geoms."""
-        if not self._moving:
-            return
         data = self._data
         data.mocap_pos[:] = self._starts_m
         for row, mover in enumerate(movers):
@@ -160,11 +118,26 @@ class Renderer:
         for drawn in self._moving:
             drawn.pos[:] = data.geom_xpos[drawn.objid]
 
-    def _draw(self, pose: CameraPose, width_px: int, height_px: int, *, segments: bool) -> None:
+    def _draw(
+        self,
+        pose: CameraPose,
+        width_px: int,
+        height_px: int,
+        movers: Sequence[MoverState],
+        *,
+        segments: bool,
+    ) -> Any:
+        """Draw colours or numbered segments; return the rectangle to read."""
         if self._context is None:
             raise ValueRangeError("this renderer is closed; make another one")
+        if width_px < 1 or height_px < 1:
+            raise ValueRangeError(f"image size must be positive, got {width_px}x{height_px}")
         self._gl.make_current()
-        self._fit(width_px, height_px)
+        if width_px > self._size[0] or height_px > self._size[1]:
+            self._size = max(width_px, self._size[0]), max(height_px, self._size[1])
+            mujoco.mjr_resizeOffscreen(*self._size, self._context)
+        if self._moving:
+            self._place(movers)
         axis, up = pose.axes()
         for camera in self.scene.camera:
             camera.pos[:] = (pose.x_m, pose.y_m, pose.z_m)
@@ -173,15 +146,9 @@ class Renderer:
         flags = self.scene.flags
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = segments
         flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = segments
-        self._rect = mujoco.MjrRect(0, 0, width_px, height_px)
-        mujoco.mjr_render(self._rect, self.scene, self._context)
-
-    def _fit(self, width_px: int, height_px: int) -> None:
-        if width_px < 1 or height_px < 1:
-            raise ValueRangeError(f"image size must be positive, got {width_px}x{height_px}")
-        if width_px > self._size[0] or height_px > self._size[1]:
-            self._size = max(width_px, self._size[0]), max(height_px, self._size[1])
-            mujoco.mjr_resizeOffscreen(*self._size, self._context)
+        rect = mujoco.MjrRect(0, 0, width_px, height_px)
+        mujoco.mjr_render(rect, self.scene, self._context)
+        return rect
 
     def close(self) -> None:
         """Free the GL context; safe to call twice."""
@@ -194,10 +161,5 @@ class Renderer:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()

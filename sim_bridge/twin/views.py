@@ -12,17 +12,13 @@ from numpy.typing import NDArray
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.body import HULL_HALF_M
 from sim_bridge.twin.camera import CameraPose, Optics
-from sim_bridge.twin.gl import load_mujoco
+from sim_bridge.twin.model import build_model
 from sim_bridge.twin.noise import child_seed
 from sim_bridge.twin.profile import Profile
+from sim_bridge.twin.render import Renderer
 from sim_bridge.twin.scene import Scene
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Pose2D
-
-load_mujoco()  # before the modules below: MuJoCo selects its OpenGL backend when imported
-
-from sim_bridge.twin.model import build_model  # noqa: E402  (after load_mujoco)
-from sim_bridge.twin.render import Renderer  # noqa: E402  (after load_mujoco)
 
 _HULL_RADIUS_M = math.hypot(HULL_HALF_M[0], HULL_HALF_M[1])
 _MARGIN_M = 0.15  # from the hull to boxes, and from the body's centre to the ground's edge

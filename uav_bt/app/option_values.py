@@ -193,8 +193,7 @@ Policies = Annotated[
 Profile = Annotated[
     str,
     Option(
-        "How imperfect the twin is: ideal, lab or harsh; lab-instant and harsh-instant have "
-        "telemetry without delay.",
+        "How imperfect the twin is: ideal, lab or harsh.",
         "NAME",
         "Simulated room",
         of_drone=True,

@@ -28,7 +28,7 @@ from uav_bt.learning.views import TRAINING_SCENES
 from uav_bt.option import Option
 from uav_bt.tree.loading.attributes import POLICY_PORT
 
-_Profile = Literal["ideal", "lab", "harsh", "lab-instant", "harsh-instant"]
+_Profile = Literal["ideal", "lab", "harsh"]
 _TIMEOUT_S: Final = 1800.0  # of one flight, wall time
 
 

@@ -22,7 +22,7 @@ from sim_bridge.twin.sensors import Sensors
 from sim_bridge.twin.views import View, render_views, sample_flight_poses
 from uav_bt.progress import Advance, silent
 from uav_bt.protocols import DepthEstimator, Segmenter
-from uav_bt.types import ClassMap, DepthMap, Frame
+from uav_bt.types import ClassMap, DepthMap, FlyingState, Frame
 from uav_bt.types.arrays import Image
 
 TRAINING_SCENES: Final = ("train-a", "train-b", "train-c", "train-d")
@@ -188,12 +188,19 @@ def _frame(sensors: Sensors, motion: Motion, view: View, number: int) -> Frame:
     """Return a view as a frame with the telemetry of `_APART_S` after the last one."""
     for _ in range(round(_APART_S / CONTROL_STEP_S)):
         estimate = sensors.estimate(motion, airborne=True)
-    sensed = sensors.telemetry(motion, estimate, surface_m=0.0)
+    sensed = sensors.telemetry(
+        motion,
+        estimate,
+        surface_m=0.0,
+        captured_s=number * _APART_S,
+        flying=FlyingState.HOVERING,
+        gimbal_pitch_rad=view.pose.pitch_rad,
+    )
     return Frame(
         image=view.image,
         index=number,
-        captured_s=number * _APART_S,
-        gimbal_pitch_rad=view.pose.pitch_rad,
+        captured_s=sensed.captured_s,
+        gimbal_pitch_rad=sensed.gimbal_pitch_rad,
         attitude=sensed.attitude,
         altitude_m=sensed.altitude_m,
         height_m=sensed.height_m,

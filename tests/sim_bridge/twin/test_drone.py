@@ -1,27 +1,36 @@
-"""Reactions of the twin to commands, as of an ANAFI."""
+"""Reactions of the twin to commands, as of an ANAFI, and the truth of its referee."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import astuple, replace
+from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sim_bridge.twin import TwinConfig
 from sim_bridge.twin.drone import TwinDrone
+from sim_bridge.twin.model import build_model
+from sim_bridge.twin.render import Renderer
 from tests.sim_bridge.twin.lab_world import fly
 from uav_bt.errors import DroneError, UnknownNameError, ValueRangeError
 from uav_bt.protocols import Clock, Drone, Referee
 from uav_bt.types import (
     Command,
     CutMotors,
+    DroneState,
     FlyingState,
     GimbalTo,
     Hover,
     Land,
+    MeasurementTimes,
     MoveBy,
+    Movement,
     MovementState,
+    MovementStatus,
     Release,
     TakeOff,
     Truth,
@@ -29,6 +38,20 @@ from uav_bt.types import (
 )
 
 MakeTwin = Callable[..., TwinDrone]
+WALL = """
+helipad: {position_m: [-1.5, -1.0]}
+boxes:
+  - {pattern: 1, position_m: [2.0, 1.5], size_m: [0.4, 0.4, 1]}
+  - {pattern: 1, position_m: [0.5, -1.0], size_m: [0.4, 1.0, 2.2]}
+take_off: {from: helipad, yaw_deg: 0}
+"""
+
+
+@pytest.fixture
+def wall_scene(tmp_path: Path) -> str:
+    path = tmp_path / "wall.yaml"
+    path.write_text(WALL, encoding="utf-8")
+    return str(path)
 
 
 def truth(drone: TwinDrone) -> Truth:
@@ -36,140 +59,132 @@ def truth(drone: TwinDrone) -> Truth:
     return drone.referee.truth()
 
 
-def test_it_keeps_the_protocols(make_twin: MakeTwin) -> None:
-    """Drone, clock and referee implement the protocols of the framework."""
-    drone = make_twin()
+def status(drone: TwinDrone, movement: Movement, duration_s: float) -> MovementStatus | None:
+    return fly(drone, movement, duration_s).state.movement
+
+
+def states(drone: TwinDrone, last_s: float) -> list[tuple[float, DroneState]]:
+    """Return time and state of each control step."""
+    found = []
+    while drone.clock.now() < last_s:
+        drone.clock.sleep_until(drone.clock.now() + 0.01)
+        found.append((drone.clock.now(), drone.observe().state))
+    return found
+
+
+def test_it_keeps_the_protocols_and_each_connection_starts_a_new_flight(
+    make_twin: MakeTwin,
+) -> None:
+    drone = make_twin(airborne=True)
     assert isinstance(drone, Drone)
     assert isinstance(drone.clock, Clock)
     assert isinstance(drone.referee, Referee)
-
-
-def test_nothing_works_before_connecting_and_disconnecting_twice_is_fine() -> None:
-    """An unconnected twin has no referee, and its error gives a remedy; disconnecting is safe."""
-    drone = TwinConfig().create()
+    drone.disconnect()
+    drone.disconnect()
     assert drone.referee is None
     for use in (drone.observe, drone.clock.now, lambda: drone.send(Command(movement=Hover()))):
         with pytest.raises(DroneError, match="connect"):
             use()
-    drone.disconnect()
-    drone.disconnect()
-
-
-def test_a_second_connection_starts_the_flight_anew(make_twin: MakeTwin) -> None:
-    """After a disconnection the drone is at its start again, at time 0."""
-    drone = make_twin(airborne=True)
-    drone.disconnect()
     drone.connect()
     assert drone.clock.now() == 0.0
     assert drone.observe().state.flying is FlyingState.LANDED
 
 
-def test_take_off_climbs_to_a_metre_and_hovers(make_twin: MakeTwin) -> None:
-    """From the pad at 0.4 m: spin-up, climb to 1.0 m above the start, hover within 4.5 s."""
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"scene": "trian-a"}, UnknownNameError, "did you mean 'train-a'"),
+        ({"profile": "harsch"}, UnknownNameError, "did you mean 'harsh'"),
+        ({"seed": -1}, ValueRangeError, "-1"),
+        ({"image_size_px": (640, 480)}, ValueRangeError, "640x360"),
+    ],
+)
+def test_bad_options_are_refused_before_anything_is_built(
+    options: dict[str, object], error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        TwinConfig(**options).create()
+
+
+def test_a_flight_from_the_pad_and_back(make_twin: MakeTwin) -> None:
+    """From the pad at 0.4 m: spin-up, climb to 1.0 m above the start, hover, landing."""
     drone = make_twin()
-    assert drone.observe().state.height_above_ground_m == pytest.approx(0.45, abs=0.01)
-    fly(drone, TakeOff(), 0.5)
-    assert drone.observe().state.flying is FlyingState.TAKING_OFF
+    fly(drone, Hover(), 0.2)
+    assert truth(drone).contacts == ()
+    state = fly(drone, TakeOff(), 0.5).state
+    assert (state.flying, truth(drone).contacts) == (FlyingState.TAKING_OFF, ("mark",))
+    assert state.height_above_ground_m == pytest.approx(0.45, abs=0.01)
     state = fly(drone, TakeOff(), 4.0).state
     assert state.flying is FlyingState.HOVERING
     assert state.altitude_m == pytest.approx(1.0, abs=0.03)
     assert state.height_m == pytest.approx(1.05, abs=0.03)
     assert state.height_above_ground_m == pytest.approx(1.45, abs=0.03)
 
+    assert fly(drone, Land(), 0.5).state.flying is FlyingState.LANDING
+    assert fly(drone, Hover(), 0.3).state.flying is FlyingState.LANDING
+    assert fly(drone, TakeOff(), 2.0).state.flying is FlyingState.HOVERING  # takes it back
+    assert fly(drone, Land(), 6.0).state.flying is FlyingState.LANDED
+    end = truth(drone)
+    assert (end.motors_on, end.on_mark) == (False, True)
+    assert end.landing_error_m < 0.03
+    assert end.pose.z_m == pytest.approx(0.45, abs=0.01)
+
 
 @pytest.mark.parametrize(
     ("move", "shift", "turn"),
     [
-        (MoveBy(id=1, forward_m=0.8), (0.8, 0.0, 0.0), 0.0),
-        (MoveBy(id=1, right_m=0.4), (0.0, -0.4, 0.0), 0.0),
-        (MoveBy(id=1, down_m=-0.5), (0.0, 0.0, 0.5), 0.0),
-        (MoveBy(id=1, yaw_rad=1.2), (0.0, 0.0, 0.0), -1.2),
+        (MoveBy(id=1, forward_m=1.8), (1.8, 0.0, 0.0), 0.0),
+        (MoveBy(id=1, right_m=0.4, down_m=-0.5), (0.0, -0.4, 0.5), 0.0),
         (MoveBy(id=1, forward_m=0.5, down_m=0.3, yaw_rad=-2.5), (0.5, 0.0, -0.3), 2.5),
         (MoveBy(id=1, yaw_rad=4.0), (0.0, 0.0, 0.0), -4.0),
     ],
 )
-def test_a_movement_arrives_where_it_was_sent(
+def test_a_movement_arrives_once_where_it_was_sent(
     make_twin: MakeTwin, move: MoveBy, shift: tuple[float, float, float], turn: float
 ) -> None:
-    """Forward, right, down and clockwise are measured in the body frame of the start."""
-    drone = make_twin(airborne=True)
-    before = truth(drone).pose
-    state = fly(drone, move, 5.0).state
-    assert state.movement is not None
-    assert (state.movement.id, state.movement.state) == (1, MovementState.DONE)
-    after = truth(drone).pose
-    c, s = math.cos(before.yaw_rad), math.sin(before.yaw_rad)
-    dx, dy = after.x_m - before.x_m, after.y_m - before.y_m
-    moved = (c * dx + s * dy, c * dy - s * dx, after.z_m - before.z_m)
-    assert moved == pytest.approx(shift, abs=0.03)
-    off = math.remainder(after.yaw_rad - before.yaw_rad - turn, math.tau)
-    assert off == pytest.approx(0.0, abs=0.03)
+    """Forward, right, down and clockwise, in the body frame of the start; the world's yaw is not.
 
-
-def test_a_movement_keeps_the_limits(make_twin: MakeTwin) -> None:
-    """A movement of 2 m keeps 1.0 m/s and the configured acceleration, within 5 %."""
+    The movement is sent at each tick and after its end. It keeps the limits within 5 %.
+    """
     drone = make_twin(airborne=True)
-    speeds = []
+    before, told, speeds = truth(drone).pose, drone.observe().state.attitude.yaw_rad, []
     for _ in range(60):
-        drone.send(Command(movement=MoveBy(id=1, forward_m=2.0)))
-        drone.clock.sleep_until(drone.clock.now() + 0.05)
-        speeds.append(drone.observe().state.velocity.forward_mps)
-    assert 0.9 < max(speeds) < 1.05
-    assert np.abs(np.diff(speeds)).max() / 0.05 < 1.2 * 1.3
+        state = fly(drone, move, 0.1).state
+        speeds.append(state.velocity.forward_mps)
+    assert max(speeds) < 1.05
+    assert np.abs(np.diff(speeds)).max() / 0.1 < 1.2 * 1.3
+    if move.forward_m > 1.0:
+        assert max(speeds) > 0.9
+    assert state.movement == MovementStatus(id=1, state=MovementState.DONE)
+    after = truth(drone).pose
+    forward_m, left_m = before.to_body(after.x_m, after.y_m)
+    assert (forward_m, left_m, after.z_m - before.z_m) == pytest.approx(shift, abs=0.03)
+    for off in (after.yaw_rad - before.yaw_rad - turn, state.attitude.yaw_rad - told + turn):
+        assert math.remainder(off, math.tau) == pytest.approx(0.0, abs=0.03)
 
 
-def test_a_turn_is_clockwise_in_the_telemetry_and_counter_clockwise_in_the_world(
+def test_a_movement_is_rejected_on_the_ground_and_interrupted_by_the_next_order(
     make_twin: MakeTwin,
 ) -> None:
-    """Parrot's yaw and the world's have opposite signs."""
-    drone = make_twin(airborne=True)
-    told, real = drone.observe().state.attitude.yaw_rad, truth(drone).pose.yaw_rad
-    state = fly(drone, MoveBy(id=1, yaw_rad=0.5), 3.0).state
-    assert state.attitude.yaw_rad - told == pytest.approx(0.5, abs=0.03)
-    assert truth(drone).pose.yaw_rad - real == pytest.approx(-0.5, abs=0.03)
-
-
-def test_a_new_movement_interrupts_the_one_in_progress(make_twin: MakeTwin) -> None:
-    """A hover interrupts a movement; a new id replaces it at once."""
-    drone = make_twin(airborne=True)
-    fly(drone, MoveBy(id=1, forward_m=1.5), 0.5)
-    state = fly(drone, Hover(), 0.2).state
-    assert state.movement is not None
-    assert state.movement.state is MovementState.INTERRUPTED
-    state = fly(drone, MoveBy(id=2, yaw_rad=0.3), 0.2).state
-    assert state.movement is not None
-    assert (state.movement.id, state.movement.state) == (2, MovementState.RUNNING)
-
-
-def test_a_repeated_movement_is_not_begun_again(make_twin: MakeTwin) -> None:
-    """The same id, sent at each tick and after its end, is flown once."""
-    drone = make_twin(airborne=True)
-    before = truth(drone).pose
-    fly(drone, MoveBy(id=7, forward_m=0.5), 6.0)
-    after = truth(drone).pose
-    assert math.hypot(after.x_m - before.x_m, after.y_m - before.y_m) == pytest.approx(
-        0.5, abs=0.03
-    )
-
-
-def test_a_movement_on_the_ground_is_rejected(make_twin: MakeTwin) -> None:
-    """Before take-off a movement is REJECTED, and the drone does not move."""
     drone = make_twin()
-    state = fly(drone, MoveBy(id=3, forward_m=1.0), 0.5).state
-    assert state.movement is not None
-    assert (state.movement.id, state.movement.state) == (3, MovementState.REJECTED)
+    rejected = status(drone, MoveBy(id=3, forward_m=1.0), 0.5)
+    assert rejected == MovementStatus(id=3, state=MovementState.REJECTED)
     assert not truth(drone).motors_on
+    fly(drone, TakeOff(), 4.5)
+    fly(drone, MoveBy(id=1, forward_m=1.5), 0.5)
+    interrupted = MovementStatus(id=1, state=MovementState.INTERRUPTED)
+    assert status(drone, Hover(), 0.2) == interrupted
+    running = MovementStatus(id=2, state=MovementState.RUNNING)
+    assert status(drone, MoveBy(id=2, yaw_rad=0.3), 0.2) == running
 
 
 def test_velocity_piloting_is_limited_and_ends_with_a_release(make_twin: MakeTwin) -> None:
     """The returned velocity is flown; after a release the drone stops."""
     drone = make_twin(airborne=True)
-    order = Command(movement=Velocity(forward_mps=3.0, right_mps=4.0, yaw_rate_radps=9.0))
-    sent = drone.send(order).movement
+    order = Velocity(forward_mps=3.0, right_mps=4.0, down_mps=-2.0, yaw_rate_radps=9.0)
+    sent = drone.send(Command(movement=order)).movement
     assert isinstance(sent, Velocity)
-    assert math.hypot(sent.forward_mps, sent.right_mps) == pytest.approx(1.0)
-    assert sent.forward_mps / sent.right_mps == pytest.approx(0.75)
-    assert sent.yaw_rate_radps == pytest.approx(1.4)
+    assert astuple(sent) == pytest.approx((0.6, 0.8, -0.6, 1.4))
     state = fly(drone, Velocity(forward_mps=0.4), 1.5).state
     assert state.velocity.forward_mps == pytest.approx(0.4, abs=0.03)
     state = fly(drone, Release(), 2.0).state
@@ -177,125 +192,123 @@ def test_velocity_piloting_is_limited_and_ends_with_a_release(make_twin: MakeTwi
     assert state.flying is FlyingState.HOVERING
 
 
-def test_landing_stops_the_motors_on_the_pad(make_twin: MakeTwin) -> None:
-    """From the hover above the pad it descends, touches, and is LANDED with the motors off."""
-    drone = make_twin(airborne=True)
-    fly(drone, Land(), 0.5)
-    assert drone.observe().state.flying is FlyingState.LANDING
-    state = fly(drone, Land(), 5.0).state
-    assert state.flying is FlyingState.LANDED
-    now = truth(drone)
-    assert not now.motors_on
-    assert now.on_mark
-    assert now.landing_error_m < 0.03
-    assert now.pose.z_m == pytest.approx(0.45, abs=0.01)
-
-
-def test_landing_is_taken_back_by_a_take_off(make_twin: MakeTwin) -> None:
-    """As on the ANAFI, a take-off during the descent holds the height; a hover does not."""
-    drone = make_twin(airborne=True)
-    fly(drone, Land(), 0.5)
-    assert fly(drone, Hover(), 0.3).state.flying is FlyingState.LANDING
-    assert fly(drone, TakeOff(), 2.0).state.flying is FlyingState.HOVERING
-
-
 def test_cut_motors_let_it_fall(make_twin: MakeTwin) -> None:
     """The motors stop at once; it drops and ends LANDED."""
     drone = make_twin(airborne=True)
-    drone.send(Command(movement=CutMotors()))
-    drone.clock.sleep_until(drone.clock.now() + 0.2)
-    assert drone.observe().state.flying is FlyingState.EMERGENCY
+    assert fly(drone, CutMotors(), 0.2).state.flying is FlyingState.EMERGENCY
     assert not truth(drone).motors_on
     assert fly(drone, CutMotors(), 3.0).state.flying is FlyingState.LANDED
     assert truth(drone).pose.z_m < 0.6
 
 
-def test_the_gimbal_is_a_channel_of_its_own(make_twin: MakeTwin) -> None:
-    """It turns at its limited rate during any movement, and keeps its pitch without a command."""
+def test_the_gimbal_turns_at_its_rate_and_the_drone_does_not_see_itself(
+    make_twin: MakeTwin,
+) -> None:
+    """The camera's pitch is a channel of its own, kept without a command."""
     drone = make_twin()
-    drone.send(Command(movement=TakeOff(), gimbal=GimbalTo(pitch_rad=-math.pi / 2)))
+    drone.send(Command(movement=Hover(), gimbal=GimbalTo(pitch_rad=-math.pi / 2)))
     drone.clock.sleep_until(0.5)
     assert -0.85 < drone.observe().state.gimbal_pitch_rad < -0.6
-    state = fly(drone, Hover(), 1.0).state
-    assert state.gimbal_pitch_rad == pytest.approx(-math.pi / 2, abs=0.01)
+    seen = fly(drone, Hover(), 1.5)
+    assert seen.state.gimbal_pitch_rad == pytest.approx(-math.pi / 2, abs=0.01)
+    assert seen.frame is not None
+    assert drone.referee is not None
+    assert set(np.unique(drone.referee.class_ids(seen.frame, 160, 90))) <= {1, 2, 3}
 
 
 def test_commands_take_effect_after_computing_and_transmission(make_twin: MakeTwin) -> None:
     """In the lab profile a take-off sent at 0 is executed at 0.09 s, not before."""
-    drone = make_twin(profile="lab-instant")
+    drone = make_twin(profile="lab")
     drone.send(Command(movement=TakeOff()))
-    drone.clock.sleep_until(0.08)
-    assert drone.observe().state.flying is FlyingState.LANDED
-    drone.clock.sleep_until(0.11)
-    assert drone.observe().state.flying is FlyingState.TAKING_OFF
+    drone.clock.sleep_until(0.09)
+    assert not truth(drone).motors_on
+    drone.clock.sleep_until(0.1)
+    assert truth(drone).motors_on
 
 
-def test_frames_come_late_and_on_the_video_rate(make_twin: MakeTwin) -> None:
+def test_frames_come_late_at_the_video_rate_with_the_telemetry_of_their_capture(
+    make_twin: MakeTwin,
+) -> None:
     """The age of the newest frame is between the latency and one video period more."""
     drone = make_twin(profile="lab")
     assert drone.observe().frame is None
-    for tick in range(2, 20):
-        drone.clock.sleep_until(0.1 * tick)
-        frame = drone.observe().frame
-        assert frame is not None
-        age = drone.clock.now() - frame.captured_s
-        assert 0.15 - 1e-6 <= age <= 0.15 + 1 / 30 + 0.01
-        assert frame.index == pytest.approx(frame.captured_s * 30, abs=0.35)
-
-
-def test_a_frame_is_drawn_once_and_carries_the_telemetry_of_its_capture(
-    make_twin: MakeTwin,
-) -> None:
-    """Two observations give the same object; gimbal and height are those of the capture."""
-    drone = make_twin(profile="lab")
     drone.send(Command(movement=TakeOff(), gimbal=GimbalTo(pitch_rad=-1.0)))
-    drone.clock.sleep_until(0.5)
-    seen = drone.observe()
-    assert drone.observe().frame is seen.frame
-    assert seen.frame is not None
-    assert seen.frame.gimbal_pitch_rad > seen.state.gimbal_pitch_rad + 0.1
-    fly(drone, TakeOff(), 1.7)
-    seen = drone.observe()
-    assert seen.frame is not None
+    for tick in range(2, 23):
+        drone.clock.sleep_until(0.1 * tick)
+        seen = drone.observe()
+        assert seen.frame is not None
+        assert drone.observe().frame is seen.frame
+        age_s = drone.clock.now() - seen.frame.captured_s
+        assert 0.15 - 1e-6 <= age_s <= 0.15 + 1 / 30 + 0.01
+        assert seen.frame.index == pytest.approx(seen.frame.captured_s * 30, abs=0.35)
+        if tick == 5:
+            assert seen.frame.gimbal_pitch_rad > seen.state.gimbal_pitch_rad + 0.1
     assert seen.frame.height_above_ground_m < seen.state.height_above_ground_m
 
 
-def test_a_pilot_interrupts_and_is_not_interfered_with(make_twin: MakeTwin) -> None:
-    """When a pilot takes control the movement ends, and further commands are ignored."""
+@pytest.mark.parametrize(("profile", "delay_s"), [("lab", 0.06), ("harsh", 0.12)])
+def test_a_new_state_comes_five_times_a_second_and_late(
+    make_twin: MakeTwin, profile: str, delay_s: float
+) -> None:
+    flown = states(make_twin(profile=profile), 3.0)
+    arrived = [
+        (now_s, state)
+        for (_, before), (now_s, state) in pairwise(flown)
+        if state.times != before.times
+    ]
+    assert len(arrived) == pytest.approx(15, abs=1)
+    for now_s, state in arrived:
+        ages_s = [now_s - time_s for time_s in astuple(state.times)]
+        assert ages_s == pytest.approx([delay_s] * 5)
+    for name in ("attitude", "velocity", "altitude_m"):  # only a report changes them
+        assert len({getattr(state, name) for _, state in flown}) <= 16
+
+
+def test_ideal_telemetry_is_of_now_and_the_seed_sets_when_reports_come(make_twin: MakeTwin) -> None:
+    for now_s, state in states(make_twin(), 0.3):
+        assert state.times == MeasurementTimes.all_at(pytest.approx(now_s))
+    flown = [states(make_twin(profile="lab", seed=seed), 1.0) for seed in (3, 3, 4)]
+    first, same, other = ([state.captured_s for _, state in each] for each in flown)
+    assert first == same != other
+
+
+@pytest.mark.parametrize(
+    ("disturbance", "shift_m"),
+    [({"wind_mps2": (0.2, -0.4)}, (0.05, -0.1)), ({"drift_mps": (0.05, 0.02)}, (0.4, 0.16))],
+)
+def test_a_steady_wind_pushes_and_a_drift_that_is_not_measured_carries_away(
+    make_twin: MakeTwin,
+    disturbance: dict[str, tuple[float, float]],
+    shift_m: tuple[float, float],
+) -> None:
     drone = make_twin(airborne=True)
-    fly(drone, MoveBy(id=1, forward_m=1.5), 0.5)
-    drone.pilot_has_control = True
-    state = fly(drone, MoveBy(id=2, forward_m=1.0), 0.3).state
-    assert state.pilot_has_control
-    assert state.movement is not None
-    assert (state.movement.id, state.movement.state) == (2, MovementState.REJECTED)
-    assert fly(drone, Land(), 1.0).state.flying is FlyingState.HOVERING
+    before = truth(drone).pose
+    drone.disturb(**disturbance)
+    fly(drone, Hover(), 8.0)
+    after = truth(drone).pose
+    assert (after.x_m - before.x_m, after.y_m - before.y_m) == pytest.approx(shift_m, abs=0.02)
 
 
-def test_the_drone_never_sees_itself(make_twin: MakeTwin) -> None:
-    """On the pad with the camera straight down, all pixels show the lab."""
-    drone = make_twin()
-    drone.send(Command(movement=Hover(), gimbal=GimbalTo(pitch_rad=-math.pi / 2)))
-    drone.clock.sleep_until(2.0)
-    frame = drone.observe().frame
-    assert frame is not None
-    assert drone.referee is not None
-    ids = drone.referee.class_ids(frame, 160, 90)
-    assert set(np.unique(ids)) <= {1, 2, 3}
+@pytest.mark.parametrize(("profile", "reach_m"), [("lab", 0.35), ("harsh", 0.9)])
+def test_a_hover_wanders_but_not_away(make_twin: MakeTwin, profile: str, reach_m: float) -> None:
+    """A hover of 30 s drifts within limits, and the telemetry is noisy but close."""
+    drone = make_twin(profile=profile, airborne=True)
+    start = truth(drone).pose
+    far_m, altitude_errors = 0.0, []
+    for _ in range(30):
+        state = fly(drone, Hover(), 1.0).state
+        now = truth(drone).pose
+        far_m = max(far_m, math.hypot(now.x_m - start.x_m, now.y_m - start.y_m))
+        altitude_errors.append(state.height_above_ground_m - now.z_m)
+    assert 0.01 < far_m < reach_m
+    assert 0.003 < np.std(altitude_errors) < 0.1
+    assert np.abs(altitude_errors).max() < 0.25
 
 
-def test_sleeping_into_the_past_changes_nothing(make_twin: MakeTwin) -> None:
-    """The clock only advances."""
-    drone = make_twin()
-    drone.clock.sleep_until(0.5)
-    drone.clock.sleep_until(0.2)
-    assert drone.clock.now() == pytest.approx(0.5)
-
-
-def test_real_time_keeps_pace_with_the_wall(
+def test_the_clock_only_advances_and_keeps_pace_with_the_wall_in_real_time(
     make_twin: MakeTwin, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In real time the clock waits for the rest of each step after computing."""
+    """In real time it waits for the rest of each step after computing."""
     wall, slept = [100.0], []
 
     def sleep(duration_s: float) -> None:
@@ -305,38 +318,76 @@ def test_real_time_keeps_pace_with_the_wall(
     monkeypatch.setattr("time.monotonic", lambda: wall[0])
     monkeypatch.setattr("time.sleep", sleep)
     drone = make_twin(realtime=True)
-    drone.clock.sleep_until(0.1)
-    wall[0] += 0.04
-    drone.clock.sleep_until(0.2)
-    wall[0] += 1.0
-    drone.clock.sleep_until(0.3)
-    assert slept == pytest.approx([0.1, 0.06, 0.0], abs=1e-9)
+    for target_s, computing_s in ((0.1, 0.04), (0.2, 1.0), (0.3, 0.0), (0.15, 0.0)):
+        drone.clock.sleep_until(target_s)
+        wall[0] += computing_s
+    assert slept == pytest.approx([0.1, 0.06, 0.0, 0.0], abs=1e-9)
+    assert drone.clock.now() == pytest.approx(0.3)
 
 
-def test_bad_options_are_refused_before_anything_is_built() -> None:
-    """The errors of unknown names suggest a name; that of a negative seed has its value."""
-    with pytest.raises(UnknownNameError, match="did you mean 'train-a'"):
-        TwinConfig(scene="trian-a").create()
-    with pytest.raises(UnknownNameError, match="did you mean 'harsh'"):
-        TwinConfig(profile="harsch").create()
-    with pytest.raises(ValueRangeError, match="-1"):
-        TwinConfig(seed=-1).create()
-    with pytest.raises(ValueRangeError, match="16:9"):
-        TwinConfig(image_size_px=(640, 480)).create()
+def test_flying_into_a_box_is_a_contact_with_its_name(make_twin: MakeTwin, wall_scene: str) -> None:
+    """The second box of a pattern, 1.68 m ahead; a short contact within a tick is not missed."""
+    drone = make_twin(scene=wall_scene)
+    assert truth(drone).clearance_m == pytest.approx(1.68, abs=1e-3)
+    fly(drone, TakeOff(), 4.5)
+    assert truth(drone).contacts == ()
+    seen: set[str] = set()
+    touched: set[str] = set()
+    nearest_m = math.inf
+    for step in range(600):
+        drone.send(Command(movement=Velocity(forward_mps=0.8 if step < 320 else -0.8)))
+        drone.clock.sleep_until(drone.clock.now() + 0.01)
+        touched |= set(drone.simulation.body.contacts())
+        if step % 10 == 0:
+            now = truth(drone)
+            seen |= set(now.contacts)
+            nearest_m = min(nearest_m, now.clearance_m)
+    assert touched == seen == {"box-1-2"}
+    assert nearest_m < 0.005
+    assert truth(drone).contacts == ()
 
 
-@pytest.mark.parametrize(("profile", "reach_m"), [("lab", 0.35), ("harsh", 0.9)])
-def test_a_hover_wanders_but_not_away(make_twin: MakeTwin, profile: str, reach_m: float) -> None:
-    """A hover of 30 s drifts within limits, and the telemetry is noisy but close."""
-    drone = make_twin(profile=profile, airborne=True)
-    start = truth(drone).pose
-    far = 0.0
-    altitude_errors = []
-    for _ in range(30):
-        state = fly(drone, Hover(), 1.0).state
-        now = truth(drone).pose
-        far = max(far, math.hypot(now.x_m - start.x_m, now.y_m - start.y_m))
-        altitude_errors.append(state.height_above_ground_m - now.z_m)
-    assert 0.01 < far < reach_m
-    assert 0.003 < np.std(altitude_errors) < 0.1
-    assert np.abs(altitude_errors).max() < 0.25
+def test_landing_beside_the_pad_is_measured_and_leaving_the_ground_is_seen(
+    make_twin: MakeTwin, wall_scene: str
+) -> None:
+    drone = make_twin(scene=wall_scene, airborne=True)
+    fly(drone, MoveBy(id=1, forward_m=-1.3), 4.0)
+    assert not truth(drone).inside_ground
+    fly(drone, MoveBy(id=2, forward_m=2.3), 5.0)
+    fly(drone, Land(), 6.0)
+    end = truth(drone)
+    assert (end.motors_on, end.on_mark, end.inside_ground) == (False, False, True)
+    assert end.landing_error_m == pytest.approx(1.0, abs=0.05)
+    assert end.pose.z_m == pytest.approx(0.05, abs=0.01)
+
+
+def test_a_larger_ground_ends_later_and_without_boxes_the_clearance_is_infinite(
+    make_twin: MakeTwin, tmp_path: Path
+) -> None:
+    path = tmp_path / "wide.yaml"
+    path.write_text("ground: {size_m: [8, 4]}\nhelipad: {position_m: [3.2, 0]}\n", encoding="utf-8")
+    drone = make_twin(scene=str(path))
+    assert truth(drone).inside_ground
+    assert truth(drone).clearance_m == math.inf
+    assert drone.referee is not None
+    assert drone.referee.ground().size_m == (8.0, 4.0)
+
+
+def test_masks_and_depth_show_the_frame_s_own_view_for_thirty_seconds(make_twin: MakeTwin) -> None:
+    """Ids and depth of an old frame are those of its capture; the referee knows its own frames."""
+    drone = make_twin(profile="lab", airborne=True)
+    frame, referee = drone.observe().frame, drone.referee
+    assert frame is not None
+    assert referee is not None
+    fly(drone, MoveBy(id=1, yaw_rad=2.0), 3.0)
+    ids, depth = referee.class_ids(frame, 320, 180), referee.depth(frame, 320, 180)
+    camera = drone.simulation.capture_of(frame.index).camera
+    with Renderer(build_model(drone.scene)) as renderer:
+        want_ids, want_depth = renderer.ids_and_depth(camera, 320, 180)
+    assert np.array_equal(ids, want_ids)
+    assert np.array_equal(depth, want_depth)
+    with pytest.raises(ValueRangeError, match="not of this flight"):
+        referee.class_ids(replace(frame, captured_s=0.123), 64, 36)
+    fly(drone, Hover(), 31.0)
+    with pytest.raises(ValueRangeError, match="30 s"):
+        referee.depth(frame, 64, 36)

@@ -18,6 +18,7 @@ from uav_bt.errors import InputError, MissingDependencyError, UnknownNameError
 @pytest.fixture(autouse=True)
 def _fresh(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("MUJOCO_GL", raising=False)
+    monkeypatch.setenv("PYOPENGL_PLATFORM", "")
     monkeypatch.setattr(gl.sys, "platform", "linux")
 
 
@@ -26,89 +27,66 @@ def choose() -> str:
     return gl.choose_gl.__wrapped__()
 
 
-def test_egl_is_taken_where_it_works(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("egl", "kind"), [(True, "egl"), (False, "osmesa")])
+def test_egl_is_taken_where_it_works_and_osmesa_elsewhere(
+    monkeypatch: pytest.MonkeyPatch, kind: str, *, egl: bool
+) -> None:
     """MuJoCo and PyOpenGL are configured for it."""
-    monkeypatch.setenv("PYOPENGL_PLATFORM", "")
-    monkeypatch.setattr(gl, "_egl_works", lambda: True)
-    assert choose() == "egl"
-    assert os.environ["MUJOCO_GL"] == os.environ["PYOPENGL_PLATFORM"] == "egl"
-
-
-def test_without_egl_osmesa_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The wheel's library is preloaded."""
-    monkeypatch.setenv("PYOPENGL_PLATFORM", "")
-    monkeypatch.setattr(gl, "_egl_works", lambda: False)
-    monkeypatch.setattr(gl, "_loads", lambda *_, **__: True)
+    monkeypatch.setattr(gl, "_egl_works", lambda: egl)
     monkeypatch.setattr(gl, "_preload_wheel", lambda: True)
-    assert choose() == "osmesa"
-    assert os.environ["MUJOCO_GL"] == "osmesa"
-
-
-def test_with_nothing_the_message_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The message names both remedies: pip and apt."""
-    monkeypatch.setattr(gl, "_loads", lambda *_, **__: False)
-    monkeypatch.setattr(gl, "_wheel_folder", lambda: None)
-    with pytest.raises(MissingDependencyError, match="pip install --no-deps lavavu-osmesa") as seen:
-        choose()
-    assert "apt install libegl1 libgl1" in str(seen.value)
-    assert "MUJOCO_GL" not in os.environ
-
-
-def test_asking_for_osmesa_without_it_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A requested backend is not replaced by another."""
-    monkeypatch.setenv("MUJOCO_GL", "osmesa")
-    monkeypatch.setattr(gl, "_loads", lambda *_, **__: False)
-    monkeypatch.setattr(gl, "_wheel_folder", lambda: None)
-    with pytest.raises(MissingDependencyError, match="no OSMesa was found"):
-        choose()
-
-
-def test_drawing_turned_off_and_unknown_ways_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """`MUJOCO_GL=off` and a misspelt value have different errors."""
-    monkeypatch.setenv("MUJOCO_GL", "off")
-    with pytest.raises(MissingDependencyError, match="unset it"):
-        choose()
-    monkeypatch.setenv("MUJOCO_GL", "eggl")
-    with pytest.raises(UnknownNameError, match="did you mean 'egl'"):
-        choose()
-
-
-def test_a_failure_inside_opengl_is_translated(monkeypatch: pytest.MonkeyPatch) -> None:
-    """PyOpenGL's AttributeError without libraries becomes an error with a remedy."""
-
-    def broken(_: str) -> None:
-        raise AttributeError("'NoneType' object has no attribute 'eglQueryString'")
-
-    monkeypatch.setattr(gl, "choose_gl", lambda: "egl")
-    monkeypatch.setattr(gl.importlib, "import_module", broken)
-    for use in (gl.load_mujoco, lambda: gl.open_context(64, 64)):
-        with pytest.raises(MissingDependencyError, match=r"eglQueryString.*Install one of"):
-            use()
+    assert choose() == kind
+    assert os.environ["MUJOCO_GL"] == os.environ["PYOPENGL_PLATFORM"] == kind
 
 
 @pytest.mark.parametrize(
-    "error",
+    ("asked", "error", "message"),
     [
-        RuntimeError("The MUJOCO_EGL_DEVICE_ID environment variable must be an integer between"),
-        ValueError("invalid literal for int() with base 10: 'gpu'"),
+        ("", MissingDependencyError, "pip install --no-deps lavavu-osmesa.*apt install libegl1"),
+        ("osmesa", MissingDependencyError, "no OSMesa was found"),
+        ("off", MissingDependencyError, "unset it"),
+        ("eggl", UnknownNameError, "did you mean 'egl'"),
     ],
 )
-def test_a_device_of_another_machine_names_its_variable(
-    monkeypatch: pytest.MonkeyPatch, error: Exception
+def test_what_does_not_work_or_is_not_meant_is_refused(
+    monkeypatch: pytest.MonkeyPatch, asked: str, error: type[Exception], message: str
 ) -> None:
-    """EGL works: nothing is to be installed."""
+    """A requested backend is not replaced by another."""
+    monkeypatch.setenv("MUJOCO_GL", asked)
+    monkeypatch.setattr(gl, "_loads", lambda *_, **__: False)
+    monkeypatch.setattr(gl, "_preload_wheel", lambda: False)
+    with pytest.raises(error, match=message):
+        choose()
+    assert os.environ["MUJOCO_GL"] == asked
+
+
+@pytest.mark.parametrize(
+    ("error", "remedy"),
+    [
+        (AttributeError("'NoneType' has no attribute 'eglQueryString'"), "Install one of"),
+        (RuntimeError("MUJOCO_EGL_DEVICE_ID must be an integer between"), "=7 names a device"),
+        (ValueError("invalid literal for int() with base 10: 'gpu'"), "=7 names a device"),
+    ],
+)
+def test_a_failure_inside_opengl_names_its_remedy(
+    monkeypatch: pytest.MonkeyPatch, error: Exception, remedy: str
+) -> None:
+    """If the device is one of another machine, nothing is to be installed."""
+
+    def broken(_: str) -> None:
+        raise error
+
     monkeypatch.setenv("MUJOCO_EGL_DEVICE_ID", "7")
     monkeypatch.setattr(gl, "choose_gl", lambda: "egl")
-    message = str(gl.no_gl(error))
-    assert "MUJOCO_EGL_DEVICE_ID=7 names a device that this machine does not have" in message
-    assert "Install" not in message
-    assert "Install" in str(gl.no_gl(RuntimeError("no display")))
+    monkeypatch.setattr(gl.importlib, "import_module", broken)
+    with pytest.raises(MissingDependencyError) as seen:
+        gl.open_context(64, 64)
+    assert remedy in str(seen.value)
+    assert ("Install" in str(seen.value)) == ("Install" in remedy)
 
 
 def test_a_fork_of_a_process_that_has_drawn_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """It would wait for ever for the driver's threads."""
-    parent = os.getpid() + 1
-    monkeypatch.setattr(gl, "_drawn_in", {parent})
+    monkeypatch.setattr(gl, "_drawn_in", {os.getpid() + 1})
     with pytest.raises(InputError, match=r"before this process was forked.*'spawn'"):
         gl.open_context(64, 64)
 
@@ -122,7 +100,6 @@ def test_the_llvm_of_triton_is_loaded_before_that_of_mesa(
     (tmp_path / "triton" / "__init__.py").touch()
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.delitem(sys.modules, "triton", raising=False)  # the real one of PyTorch
-    monkeypatch.setenv("PYOPENGL_PLATFORM", "")
     mapped = []
     monkeypatch.setattr(
         gl, "_egl_works", lambda: mapped.append(Path("/proc/self/maps").read_text()) or True
@@ -131,17 +108,25 @@ def test_the_llvm_of_triton_is_loaded_before_that_of_mesa(
     assert str(library) in mapped[0]
 
 
-def test_importing_the_package_is_light() -> None:
-    """The package imports neither MuJoCo nor OpenCV nor YAML."""
-    code = (
-        "import sys, sim_bridge.twin; "
-        "print([m for m in ('mujoco', 'cv2', 'yaml', 'OpenGL') if m in sys.modules])"
-    )
+@pytest.mark.flight
+def test_a_plain_drone_flies_without_opengl_and_a_twin_draws_afterwards() -> None:
+    """MuJoCo is imported without drawing where no OpenGL works; the package imports none of it."""
+    code = """
+import os, sys, sim_bridge.twin
+print([name for name in ("mujoco", "cv2", "yaml", "OpenGL") if name in sys.modules])
+from uav_bt import app
+print(app.fly("land_only", drone="plain", scene="depot-train-c", seed=3).outcome)
+print(sorted({"OpenGL", "glfw"} & set(sys.modules)), os.environ.pop("MUJOCO_GL"))
+drone = sim_bridge.twin.TwinConfig(profile="ideal", image_size_px=(64, 36)).create()
+drone.connect()
+print(drone.observe().frame.image.std() > 1)
+drone.disconnect()
+"""
     done = subprocess.run(  # noqa: S603  (code of this test)
         [sys.executable, "-c", code],
         capture_output=True,
         text=True,
         check=True,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "MUJOCO_GL": "disable"},
     )
-    assert done.stdout.strip() == "[]"
+    assert done.stdout == "[]\nsuccess\n[] disable\nTrue\n"

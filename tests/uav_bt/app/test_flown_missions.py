@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from perception.control.runtime import SHIPPED_STUDENT
-from sim_bridge.twin.referee import TwinReferee
 from sim_bridge.twin.scene_file import load_scene
+from sim_bridge.twin.simulated_drone import SimulatedReferee
 from tests.paper_lab import BACKGROUND
 from uav_bt import app
 from uav_bt.app.flight_record import recorded_tree
@@ -36,7 +36,7 @@ def test_a_survey_without_ground_lands_where_it_is(monkeypatch: pytest.MonkeyPat
     def background(_: object, _frame: object, width_px: int, height_px: int) -> NDArray[np.uint8]:
         return np.full((height_px, width_px), BACKGROUND, dtype=np.uint8)
 
-    monkeypatch.setattr(TwinReferee, "class_ids", background)
+    monkeypatch.setattr(SimulatedReferee, "class_ids", background)
     report = app.fly("survey_and_land", drone="plain", seed=1, exact_masks=True)
     assert report.outcome == "aborted"
     assert report.reason.startswith("no ground in view for 30 s")
