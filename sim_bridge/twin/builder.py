@@ -7,6 +7,7 @@ The name of a contact is the part of its geom's name before the slash.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any
@@ -16,8 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.twin.body import CONTROL_STEP_S, HULL_HALF_M
-from sim_bridge.twin.solids import Mesh, Solid, yaw_quaternion
+from sim_bridge.twin.meshes import Mesh, finer
+from sim_bridge.twin.shapes import Vector2
+from sim_bridge.twin.surfaces import Paint
 from uav_bt.errors import InputError
+from uav_bt.types import Pose2D
+from uav_bt.types.ground import Block
 
 HULL_MASS_KG = 0.32  # mass of the ANAFI
 STEPS_PER_CONTROL = 2
@@ -26,6 +31,8 @@ HIT_GROUP = 3  # geom group that MuJoCo does not draw by default
 
 _SEEN_GROUP = 0
 _DRONE_GROUP = 4  # not drawn by default either: the camera never sees the drone
+_LIT_M = 0.5  # longest edge where lamps shine: light is computed at corners; chosen
+_ORIGIN = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,10 +61,11 @@ class Builder:
     Args:
         drawn: whether a camera looks at it; if not, textures and visible surfaces are left out.
         far_m: largest distance that the camera sees.
+        lamps: whether lamps light it.
     """
 
-    def __init__(self, *, drawn: bool, far_m: float) -> None:
-        self.drawn = drawn
+    def __init__(self, *, drawn: bool, far_m: float, lamps: bool) -> None:
+        self._drawn, self._lamps = drawn, lamps
         self.spec = mujoco.MjSpec()
         self.spec.option.timestep = PHYSICS_STEP_S
         self.spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
@@ -70,13 +78,23 @@ class Builder:
         self.spec.visual.quality.shadowsize = 2048
         self.spec.visual.headlight.active = 0
         self._classes: dict[str, int] = {}
-        self._drone()
+        body = self.spec.worldbody.add_body(name="drone")
+        body.add_freejoint(name="drone")
+        body.add_geom(
+            name="drone",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=HULL_HALF_M,
+            mass=HULL_MASS_KG,
+            group=_DRONE_GROUP,
+            rgba=(0.25, 0.26, 0.28, 1.0),
+            friction=(0.8, 0.01, 0.001),
+        )
 
     def done(self, obstacles: Collection[str]) -> LabModel:
         """Compile the model.
 
         Args:
-            obstacles: names in contacts of boxes, objects and movers.
+            obstacles: names in contacts of objects and movers.
 
         Raises:
             InputError: MuJoCo cannot build a mesh.
@@ -97,26 +115,21 @@ class Builder:
             obstacle_geoms=tuple(geom for geom in hit if _contact_name(model, geom) in obstacles),
         )
 
-    def _drone(self) -> None:
-        body = self.spec.worldbody.add_body(name="drone")
-        body.add_freejoint(name="drone")
-        body.add_geom(
-            name="drone",
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=HULL_HALF_M,
-            mass=HULL_MASS_KG,
-            group=_DRONE_GROUP,
-            rgba=(0.25, 0.26, 0.28, 1.0),
-            friction=(0.8, 0.01, 0.001),
-        )
+    def light(self, name: str, kind: mujoco.mjtLightType, *, ambient: float, diffuse: float) -> Any:
+        """Add a light without shadows and highlights, and return it."""
+        light = self.spec.worldbody.add_light(name=name)
+        light.type, light.castshadow = kind, False
+        light.ambient, light.diffuse = (ambient,) * 3, (diffuse,) * 3
+        light.specular = (0.0, 0.0, 0.0)
+        return light
 
-    def texture(self, name: str, make: Callable[[], NDArray[np.uint8]]) -> None:
-        """Add a material with a texture, unless there is one of that name."""
-        if not self.drawn or self.spec.material(name) is not None:
-            return  # another object uses the same texture
-        image = make()
+    def _texture(self, paint: Paint) -> None:
+        """Add the material of a paint, unless it is there."""
+        if self.spec.material(paint.name) is not None:
+            return
+        image = paint.make()
         texture = self.spec.add_texture(
-            name=name,
+            name=paint.name,
             type=mujoco.mjtTexture.mjTEXTURE_2D,
             width=image.shape[1],
             height=image.shape[0],
@@ -124,87 +137,69 @@ class Builder:
         )
         # MuJoCo's v axis points up in the image, ours points down.
         texture.data = np.ascontiguousarray(image[::-1]).tobytes()
-        material = self.spec.add_material(name=name, specular=0.0, shininess=0.0)
-        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
+        material = self.spec.add_material(name=paint.name, specular=0.0, shininess=0.0)
+        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = paint.name
 
     def show(
         self,
         name: str,
-        solid: Solid,
-        *,
-        material: str,
+        make: Callable[[Vector2], Mesh],
+        paint: Paint,
         class_id: int,
-        tile_m: tuple[float, float],
-        body: Any = None,
-    ) -> None:
-        """Add a visible solid without contacts to a body or to the world."""
-        self.show_mesh(
-            name,
-            lambda: solid.mesh(tile_m),
-            centre_m=solid.centre_m,
-            yaw_rad=solid.yaw_rad,
-            material=material,
-            class_id=class_id,
-            body=body,
-        )
-
-    def show_mesh(
-        self,
-        name: str,
-        make: Callable[[], Mesh],
         *,
-        centre_m: tuple[float, float, float],
-        yaw_rad: float,
-        material: str,
-        class_id: int,
+        at: Pose2D = _ORIGIN,
         body: Any = None,
         shared: str | None = None,
+        curved: bool = False,
     ) -> None:
         """Add a visible mesh without contacts.
 
         Args:
             name: of the geom.
-            make: returns the mesh.
-            centre_m: place of its origin.
-            yaw_rad: its yaw, counter-clockwise.
-            material: name of its texture.
+            make: returns the mesh for the width and height of a tile.
+            paint: its texture.
             class_id: its class.
+            at: its place.
             body: what carries it; default: the world.
             shared: name of the mesh, if several geoms show it.
+            curved: whether its faces are small already.
         """
-        if not self.drawn:
+        if not self._drawn:
             return
+        self._texture(paint)
         asset = shared or name
         if self.spec.mesh(asset) is None:
-            vertices, faces, coordinates = make()
+            made = make(paint.tile_m)
+            vertices, faces, places = finer(made, _LIT_M) if self._lamps and not curved else made
             mesh = self.spec.add_mesh(name=asset)
             mesh.uservert = vertices.ravel()
             mesh.userface = faces.ravel()
-            mesh.usertexcoord = coordinates.ravel()
+            mesh.usertexcoord = places.ravel()
             mesh.userfacetexcoord = faces.ravel()
         (body or self.spec.worldbody).add_geom(
             name=name,
             type=mujoco.mjtGeom.mjGEOM_MESH,
             meshname=asset,
-            pos=centre_m,
-            quat=yaw_quaternion(yaw_rad),
-            material=material,
+            pos=(at.x_m, at.y_m, 0.0),
+            quat=_quaternion(at),
+            material=paint.name,
             group=_SEEN_GROUP,
             contype=0,
             conaffinity=0,
         )
         self._classes[name] = class_id
 
-    def hit(self, name: str, solid: Solid, body: Any = None) -> None:
+    def hit(self, name: str, block: Block, body: Any = None) -> None:
         """Add an invisible geom with contacts to a body or to the world."""
-        radius, _, half_height = solid.half_m
+        outline, half_z_m = block.footprint, (block.top_m - block.base_m) / 2
         kinds = mujoco.mjtGeom
+        size_m = (outline.half_x_m, outline.half_y_m, half_z_m)
         (body or self.spec.worldbody).add_geom(
             name=name,
-            type=kinds.mjGEOM_CYLINDER if solid.round else kinds.mjGEOM_BOX,
-            size=(radius, half_height, 0.0) if solid.round else solid.half_m,
-            pos=solid.centre_m,
-            quat=yaw_quaternion(solid.yaw_rad),
+            type=kinds.mjGEOM_CYLINDER if outline.round else kinds.mjGEOM_BOX,
+            size=(outline.half_x_m, half_z_m, 0.0) if outline.round else size_m,
+            pos=(outline.x_m, outline.y_m, (block.base_m + block.top_m) / 2),
+            quat=_quaternion(outline),
             group=HIT_GROUP,
         )
 
@@ -214,8 +209,7 @@ class Builder:
         vertices: NDArray[np.float64],
         *,
         shared: str,
-        centre_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
-        yaw_rad: float = 0.0,
+        at: Pose2D = _ORIGIN,
         body: Any = None,
     ) -> None:
         """Add an invisible geom with contacts: the convex hull of vertices, (N, 3)."""
@@ -225,7 +219,12 @@ class Builder:
             name=name,
             type=mujoco.mjtGeom.mjGEOM_MESH,
             meshname=shared,
-            pos=centre_m,
-            quat=yaw_quaternion(yaw_rad),
+            pos=(at.x_m, at.y_m, 0.0),
+            quat=_quaternion(at),
             group=HIT_GROUP,
         )
+
+
+def _quaternion(pose: Pose2D) -> tuple[float, float, float, float]:
+    """Return the quaternion (w, x, y, z) of a yaw angle."""
+    return math.cos(pose.yaw_rad / 2), 0.0, 0.0, math.sin(pose.yaw_rad / 2)

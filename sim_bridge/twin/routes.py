@@ -77,7 +77,6 @@ class Traffic:
     """
 
     def __init__(self, movers: Sequence[MoverSpec], seed: int) -> None:
-        self._movers = movers
         self._routes = [
             Route(spec, name, seed, number)
             for number, (spec, name) in enumerate(zip(movers, mover_names(movers), strict=True))
@@ -86,16 +85,3 @@ class Traffic:
     def at(self, time_s: float) -> tuple[MoverState, ...]:
         """Return the states of all movers at a time since the start of the simulation, s."""
         return tuple(route.at(time_s) for route in self._routes)
-
-    def top_m(self, states: Sequence[MoverState], x_m: float, y_m: float) -> float:
-        """Return the height of the highest mover at a world point; 0 without one."""
-        if not states:
-            return 0.0  # most scenes have no movers, and this is asked in every control step
-        return max(
-            (
-                mover.size_m[2]
-                for mover, state in zip(self._movers, states, strict=True)
-                if mover.covers((state.pose.x_m, state.pose.y_m), (x_m, y_m))
-            ),
-            default=0.0,
-        )

@@ -233,8 +233,7 @@ class Simulation:
 
     def _surface_at(self, body: Pose) -> float:
         """Return the height of the surface below the body, movers included."""
-        standing_m = self._scene.surface_m(body.x_m, body.y_m, body.z_m)
-        return max(standing_m, self._traffic.top_m(self.movers, body.x_m, body.y_m))
+        return self._scene.surface_m(body.x_m, body.y_m, body.z_m, self.movers)
 
     def _capture(self) -> None:
         motion = self.motion

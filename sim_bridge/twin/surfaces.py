@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.twin import textures
-from sim_bridge.twin.movers import Point
 from uav_bt.errors import FileError
 from uav_bt.files import read_bounded
 from uav_bt.lab.room import MAX_BYTES, PaintedLine, Surface
+from uav_bt.types.area import Point
 from uav_bt.types.arrays import Image
 
 _PX_PER_M: Final = 192.0  # of generated surfaces
@@ -31,15 +31,11 @@ _WOOD_TILE_M: Final = (1.2, 0.6)
 
 @dataclass(frozen=True, kw_only=True)
 class Paint:
-    """A texture that is made when it is needed.
+    """A texture that is made when it is needed."""
 
-    Attributes:
-        make: Returns (H, W, 3) uint8 RGB, its first row at the top.
-        tile_m: Width and height of one repetition.
-    """
-
-    make: Callable[[], Image]
-    tile_m: Point
+    name: str
+    make: Callable[[], Image]  # (H, W, 3) uint8 RGB, its first row at the top
+    tile_m: Point  # width and height of one repetition
 
 
 def paint_of(surface: Surface, folder: Path, whole_m: Point | None = None) -> Paint:
@@ -51,31 +47,35 @@ def paint_of(surface: Surface, folder: Path, whole_m: Point | None = None) -> Pa
         whole_m: Width and height of a ground; carpet, concrete, lines, and a picture without
             `tile_m` cover it once.
     """
+    name = f"{_seed(surface):08x}"
     once = surface.lines or surface.generator in ("carpet", "concrete")
-    if whole_m is None or not (once or (surface.image is not None and surface.tile_m is None)):
-        return _tile_of(surface, folder)
-    return Paint(make=partial(_ground, surface, folder, whole_m), tile_m=whole_m)
+    if whole_m is not None and (once or (surface.image is not None and surface.tile_m is None)):
+        whole = partial(_ground, surface, folder, whole_m)
+        return Paint(name=f"{name}-ground", make=whole, tile_m=whole_m)
+    make, tile_m = _tile_of(surface, folder)
+    return Paint(name=name, make=make, tile_m=tile_m)
 
 
 def _seed(surface: Surface) -> int:
     return zlib.crc32(repr(surface).encode())
 
 
-def _tile_of(surface: Surface, folder: Path) -> Paint:
-    """Return a texture that repeats."""
-    seed = _seed(surface)
+def _tile_of(surface: Surface, folder: Path) -> tuple[Callable[[], Image], Point]:
+    """Return a maker of a texture that repeats, and its width and height."""
+    colour, seed = surface.colour, _seed(surface)
     if surface.image is not None:
-        path = folder / surface.image
-        return Paint(make=partial(_picture, path), tile_m=surface.tile_m or _TILE_M)
-    if surface.generator == "carpet":
-        return Paint(make=partial(textures.carpet, _LARGE_TILE_M), tile_m=_LARGE_TILE_M)
-    if surface.generator == "concrete":
-        make = partial(_concrete_tile, surface.colour or _GREY, seed)
-        return Paint(make=make, tile_m=_LARGE_TILE_M)
-    if surface.generator == "wood":
-        make = partial(_wood, surface.colour or _BROWN, seed)
-        return Paint(make=make, tile_m=_WOOD_TILE_M)
-    return Paint(make=partial(_plain, surface.colour or _GREY, seed), tile_m=_TILE_M)
+        return partial(_picture, folder / surface.image), surface.tile_m or _TILE_M
+    match surface.generator:
+        case None | "paint":
+            return partial(_plain, colour or _GREY, seed), _TILE_M
+        case "carpet":
+            return partial(textures.carpet, _LARGE_TILE_M), _LARGE_TILE_M
+        case "concrete":
+            return partial(_concrete_tile, colour or _GREY, seed), _LARGE_TILE_M
+        case "wood":
+            return partial(_wood, colour or _BROWN, seed), _WOOD_TILE_M
+        case paper:
+            return partial(textures.paper, paper), (textures.PAPER_TILE_M, textures.PAPER_TILE_M)
 
 
 def _ground(surface: Surface, folder: Path, whole_m: Point) -> Image:
@@ -85,9 +85,9 @@ def _ground(surface: Surface, folder: Path, whole_m: Point) -> Image:
     elif surface.generator == "concrete":
         image = _concrete(whole_m, surface.colour or _GREY, _seed(surface))
     else:
-        tile = _tile_of(surface, folder)
+        make, tile_m = _tile_of(surface, folder)
         stretched = surface.image is not None and surface.tile_m is None
-        image = _laid(tile.make(), whole_m if stretched else tile.tile_m, whole_m)
+        image = _laid(make(), whole_m if stretched else tile_m, whole_m)
     return _marked(image, surface, whole_m)
 
 

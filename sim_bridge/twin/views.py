@@ -158,8 +158,8 @@ def _sample_pose(scene: Scene, generator: np.random.Generator, *, landing: bool)
         yaw = generator.uniform(-math.pi, math.pi)
         lens = Pose2D(x_m=x, y_m=y, yaw_rad=yaw).to_world(CAMERA_FORWARD_M, 0.0)
         inside = abs(x) <= half_x and abs(y) <= half_y
-        if scene.ground.plan.outline_m:
-            inside = scene.ground.plan.margin_m(x, y) >= edge_m
+        if scene.ground.outline_m:
+            inside = scene.ground.margin_m(x, y) >= edge_m
         if inside and _is_free(scene, ((x, y), lens), z):
             return CameraPose(
                 x_m=float(lens[0]),
@@ -185,17 +185,13 @@ def _from_edge_m(scene: Scene) -> float:
 
 def _is_free(scene: Scene, points: Sequence[tuple[float, float]], z_m: float) -> bool:
     reach = _HULL_RADIUS_M + _MARGIN_M
-    things = [(box.footprint, 0.0, box.size_m[2]) for box in scene.boxes]
-    things += [(pad.footprint, 0.0, pad.size_m[2]) for pad in scene.pads]
-    things += [
-        (block.footprint, block.base_m, block.top_m)
-        for item in scene.placed
-        for block in item.standing.blocks
-    ]
     (centre, lens) = points
     return all(
-        z_m > top + reach
-        or z_m < base - reach
-        or (footprint.distance_m(*centre) > reach and footprint.distance_m(*lens) > 0.05)
-        for footprint, base, top in things
+        z_m > block.top_m + reach
+        or z_m < block.base_m - reach
+        or (
+            block.footprint.distance_m(*centre) > reach and block.footprint.distance_m(*lens) > 0.05
+        )
+        for item in scene.standing.values()
+        for block in item.blocks
     )

@@ -11,7 +11,7 @@ from sim_bridge.anafi import CAMERA_FORWARD_M
 from sim_bridge.plain.caster import Caster
 from sim_bridge.plain.mark_sight import MarkErrors, is_covered, see_mark
 from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.objects import BoxSpec, Helipad
+from sim_bridge.twin.objects import Helipad, ObjectSpec
 from sim_bridge.twin.scene import Scene
 from uav_bt.landing_marks import MarkSighting
 
@@ -62,11 +62,11 @@ def test_out_of_view_or_too_small_it_is_not_seen(camera: CameraPose) -> None:
 
 
 def test_a_box_in_between_covers_it() -> None:
-    box = BoxSpec(pattern=1, position_m=(0.0, 0.5), size_m=(0.3, 0.4, 1.4))
+    box = ObjectSpec(kind="box-1", position_m=(0.0, 0.5), size_m=(0.3, 0.4, 1.4))
     camera = lens(-1.0, 0.5, 0.0, -30.0)
     covered = []
     for boxes in ((), (box,)):
-        caster = Caster(Scene(name="mark", helipad=TAG, boxes=boxes), (112, 56))
+        caster = Caster(Scene(name="mark", helipad=TAG, objects=boxes), (112, 56))
         _, depth_m = caster.cast(camera)
         covered.append(is_covered(TAG, camera, depth_m, caster.camera))
 

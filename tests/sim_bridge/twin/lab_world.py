@@ -58,7 +58,10 @@ def _cast(scene: Scene, origin: NDArray[np.float64], ray: NDArray[np.float64]) -
         if scene.ground_plan.contains(x, y) and t < best:
             best, found = t, 1
     pad = scene.helipad
-    things = [(box.footprint, box.size_m[2], 3 + box.pattern, 11 + box.roof) for box in scene.boxes]
+    things = [
+        (each.footprint, each.standing.height_m, each.shape.class_id, each.shape.top_class)
+        for each in scene.placed
+    ]
     things.append((pad.footprint, pad.size_m[2], 3, 2))
     for footprint, height, side_id, top_id in things:
         t, local = _enter_box(footprint, height, origin, ray)

@@ -9,11 +9,10 @@ import pytest
 
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin import textures
-from sim_bridge.twin.layout import CARPET_SIZE_M
 from sim_bridge.twin.model import build_model
 from sim_bridge.twin.objects import Helipad
 from sim_bridge.twin.render import Renderer
-from sim_bridge.twin.scene import Scene
+from sim_bridge.twin.scene import CARPET_SIZE_M, Scene
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import CameraPose, sample_flight_poses
 from tests.sim_bridge.twin.lab_world import cast_rays
