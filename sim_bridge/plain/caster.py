@@ -29,12 +29,7 @@ Bodies = tuple[NDArray[np.float64], tuple[NDArray[np.float64], NDArray[np.uint8]
 
 
 class Caster:
-    """Casts the rays of one scene.
-
-    Args:
-        scene: the lab.
-        size_px: width and height of class maps and depth maps; any aspect gives the same view.
-    """
+    """Casts the rays of one scene; a class map of any aspect gives the same view."""
 
     def __init__(self, scene: Scene, size_px: tuple[int, int]) -> None:
         self.size_px = size_px
@@ -58,7 +53,7 @@ class Caster:
             for pad in scene.pads
         ]
         rows += [solid_row(wall, OUTSIDE, OUTSIDE) for wall in wall_blocks(scene).values()]
-        self._standing = _bodies([(item.shape, item.pose) for item in scene.placed], rows)
+        self._standing = _bodies([(item.shape, item.spec.pose) for item in scene.placed], rows)
         self._movers = [scene.shape_of(mover) for mover in scene.movers]
 
     def cast(
@@ -67,15 +62,9 @@ class Caster:
         movers: Sequence[MoverState] = (),
         rays: NDArray[np.float64] | None = None,
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-        """Return the view of a camera.
+        """Return class ids, (H, W) uint8, and depth along the optical axis, (H, W) float32, m.
 
-        Args:
-            pose: pose of the camera.
-            movers: states of the scene's movers, in its order.
-            rays: (H, W, 2) where the pixels look, right and down at unit depth; default: `rays`.
-
-        Returns:
-            Class ids, (H, W) uint8, and depth along the optical axis, (H, W) float32, metres.
+        `rays` are (H, W, 2), where the pixels look, right and down at unit depth.
         """
         width_px, height_px = self.size_px
         ids = np.empty((height_px, width_px), dtype=np.uint8)

@@ -25,7 +25,7 @@ _EDGE: Final = 1e-9  # share of a triangle by which a ray may miss it, so that n
 # Columns of the table of solids: place and half sizes, base and top, yaw, classes of the sides and
 # of the middle of the top, side of that middle over the side of the top, and whether it is round.
 X, Y, HALF_X, HALF_Y, BASE, TOP, COS, SIN, SIDE_ID, TOP_ID, SHARE, ROUND = range(12)
-COLUMNS: Final = 12
+COLUMNS: Final = ROUND + 1
 
 
 def solid_row(block: Block, side_id: int, top_id: int, share: float = 1.0) -> list[float]:
@@ -64,13 +64,8 @@ def cast_ground(
 ) -> None:
     """Fill a view with the ground, and with what lies outside.
 
-    Args:
-        place: (4, 3) of the lens.
-        rays: (H, W, 2) of the pixels.
-        ground: (2,) half sizes of the ground along x and y, (E, 4) sides of its polygon (none: it
-            is a rectangle), its class id, and the depth of what lies farther, m.
-        ids: (H, W) filled with class ids.
-        depth_m: (H, W) filled with depth.
+    The ground has half sizes along x and y, (2,); the sides of its polygon, (E, 4), none of a
+    rectangle; its class id; and the depth of what lies farther, m.
     """
     half_m, edges, ground_id, far_m = ground
     for row in range(ids.shape[0]):
@@ -158,10 +153,7 @@ def _met(
 ) -> tuple[float, bool]:
     """Return the depth at which a ray enters a solid, inf without a hit, and if by its top.
 
-    Args:
-        solid: row of the table of solids.
-        origin_m: (3,) the lens in the solid's own axes, from the middle of its outline.
-        ray: (3,) of unit depth, in the same axes.
+    The lens, (3,), and the ray, (3,) of unit depth, are in the solid's own axes.
     """
     half_m = solid[HALF_X : HALF_Y + 1]
     enter, leave = 0.0, np.inf

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mujoco
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from sim_bridge.twin.body import CONTROL_STEP_S, HULL_HALF_M
 from sim_bridge.twin.meshes import Mesh, finer
-from sim_bridge.twin.shapes import Vector2
+from sim_bridge.twin.shapes import ORIGIN, Vector2
 from sim_bridge.twin.surfaces import Paint
 from uav_bt.errors import InputError
 from uav_bt.types import Pose2D
@@ -32,7 +32,6 @@ HIT_GROUP = 3  # geom group that MuJoCo does not draw by default
 _SEEN_GROUP = 0
 _DRONE_GROUP = 4  # not drawn by default either: the camera never sees the drone
 _LIT_M = 0.5  # longest edge where lamps shine: light is computed at corners; chosen
-_ORIGIN = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,26 +42,16 @@ class LabModel:
     class_of_geom: NDArray[np.uint8]  # (number of geoms,): class id of each geom
     hull_geom: int
     hull_body: int
-    obstacle_geoms: tuple[int, ...]  # contact geoms of obstacles
+    obstacle_geoms: tuple[int, ...] = ()  # contact geoms of obstacles
 
     def contact_name(self, geom: int) -> str:
         """Return the name in contacts of a geom: that of its object."""
-        return _contact_name(self.model, geom)
-
-
-def _contact_name(model: Any, geom: int) -> str:
-    name: str = model.geom(geom).name
-    return name.split("/", maxsplit=1)[0]
+        name: str = self.model.geom(geom).name
+        return name.split("/", maxsplit=1)[0]
 
 
 class Builder:
-    """Builds a model with the drone.
-
-    Args:
-        drawn: whether a camera looks at it; if not, textures and visible surfaces are left out.
-        far_m: largest distance that the camera sees.
-        lamps: whether lamps light it.
-    """
+    """Builds a model with the drone; textures and visible surfaces only where it is `drawn`."""
 
     def __init__(self, *, drawn: bool, far_m: float, lamps: bool) -> None:
         self._drawn, self._lamps = drawn, lamps
@@ -91,14 +80,7 @@ class Builder:
         )
 
     def done(self, obstacles: Collection[str]) -> LabModel:
-        """Compile the model.
-
-        Args:
-            obstacles: names in contacts of objects and movers.
-
-        Raises:
-            InputError: MuJoCo cannot build a mesh.
-        """
+        """Compile the model, in which objects and movers of these names are obstacles."""
         try:
             model = self.spec.compile()
         except ValueError as error:
@@ -106,13 +88,11 @@ class Builder:
         ids = np.zeros(model.ngeom, np.uint8)
         for name, class_id in self._classes.items():
             ids[model.geom(name).id] = class_id
+        hull = model.geom("drone").id, model.body("drone").id
+        lab = LabModel(model=model, class_of_geom=ids, hull_geom=hull[0], hull_body=hull[1])
         hit = np.flatnonzero(model.geom_group == HIT_GROUP).tolist()
-        return LabModel(
-            model=model,
-            class_of_geom=ids,
-            hull_geom=model.geom("drone").id,
-            hull_body=model.body("drone").id,
-            obstacle_geoms=tuple(geom for geom in hit if _contact_name(model, geom) in obstacles),
+        return replace(
+            lab, obstacle_geoms=tuple(geom for geom in hit if lab.contact_name(geom) in obstacles)
         )
 
     def light(self, name: str, kind: mujoco.mjtLightType, *, ambient: float, diffuse: float) -> Any:
@@ -147,22 +127,14 @@ class Builder:
         paint: Paint,
         class_id: int,
         *,
-        at: Pose2D = _ORIGIN,
+        at: Pose2D = ORIGIN,
         body: Any = None,
         shared: str | None = None,
         curved: bool = False,
     ) -> None:
-        """Add a visible mesh without contacts.
+        """Add a visible mesh without contacts to a body or to the world.
 
-        Args:
-            name: of the geom.
-            make: returns the mesh for the width and height of a tile.
-            paint: its texture.
-            class_id: its class.
-            at: its place.
-            body: what carries it; default: the world.
-            shared: name of the mesh, if several geoms show it.
-            curved: whether its faces are small already.
+        `make` returns the mesh for the size of a tile. A mesh that several geoms show has a name.
         """
         if not self._drawn:
             return
@@ -209,10 +181,10 @@ class Builder:
         vertices: NDArray[np.float64],
         *,
         shared: str,
-        at: Pose2D = _ORIGIN,
+        at: Pose2D = ORIGIN,
         body: Any = None,
     ) -> None:
-        """Add an invisible geom with contacts: the convex hull of vertices, (N, 3)."""
+        """Add an invisible geom with contacts: the convex hull of vertices, (..., 3)."""
         if self.spec.mesh(shared) is None:
             self.spec.add_mesh(name=shared).uservert = vertices.astype(np.float32).ravel()
         (body or self.spec.worldbody).add_geom(

@@ -59,14 +59,7 @@ def check_movers(
     standing: Mapping[str, Standing],
     take_off_m: Vector2 | None,
 ) -> None:
-    """Refuse a mover whose path leaves the ground or is not free.
-
-    Args:
-        movers: the movers.
-        ground: the ground.
-        standing: what stands on it, by name.
-        take_off_m: take-off point, world x and y; None if it is random or the mark.
-    """
+    """Refuse a mover whose path leaves the ground or is not free."""
     for index, mover in enumerate(movers):
         off = [corner for corner in mover.path_m if not ground.contains(*corner)]
         wrong = f"leaves the ground at {_text(off[0])}" if off else None

@@ -70,26 +70,24 @@ def _cylinder(block: Block, tile_m: Vector2) -> _Made:
     """Return an upright cylinder; the texture wraps around its side and lies flat on its ends."""
     radius, half_z = block.footprint.half_x_m, (block.top_m - block.base_m) / 2
     turns = np.linspace(0.0, 2.0 * np.pi, _ROUND_FACES + 1)  # two columns of vertices at the seam
-    x, y, ones = radius * np.cos(turns), radius * np.sin(turns), np.ones_like(turns)
-    around, up = turns * radius / tile_m[0], half_z / tile_m[1]
-    side = [(np.stack([x, y, end * half_z * ones], axis=1), end) for end in (-1.0, 1.0)]
-    vertices = [ring for ring, _ in side]
-    coordinates = [np.stack([around, (0.5 + end * up) * ones], axis=1) for _, end in side]
-    low = np.arange(_ROUND_FACES)
-    high = low + len(turns)
+    ring, count = radius * np.column_stack([np.cos(turns), np.sin(turns)]), len(turns)
+    low, high = (np.pad(ring, ((0, 0), (0, 1)), constant_values=z) for z in (-half_z, half_z))
+    ends = np.array([[(0.0, 0.0, -half_z)], [(0.0, 0.0, half_z)]])
+    around, up = (turns * radius / tile_m[0])[:, None], half_z / tile_m[1]
+    sides = [np.pad(around, ((0, 0), (0, 1)), constant_values=0.5 + z) for z in (-up, up)]
+    flat = 0.5 + ring / tile_m
+    middle = np.array([(0.5, 0.5)])
+    edge = np.arange(_ROUND_FACES)
+    first, last = 2 * count + edge, 3 * count + 1 + edge  # of the two ends
     triangles = [
-        np.stack([low, low + 1, high + 1], axis=1),
-        np.stack([low, high + 1, high], axis=1),
+        (edge, edge + 1, count + edge + 1),
+        (edge, count + edge + 1, count + edge),
+        (first + 1, first, np.full_like(edge, 3 * count)),
+        (last, last + 1, np.full_like(edge, 4 * count + 1)),
     ]
-    for ring, end in side:
-        first = sum(map(len, vertices))
-        vertices += [ring, np.array([[0.0, 0.0, end * half_z]])]
-        flat = np.vstack([ring[:, :2], (0.0, 0.0)])
-        coordinates.append(0.5 + flat / tile_m)
-        edge, middle = first + low, np.full(_ROUND_FACES, first + len(ring))
-        fan = [edge, edge + 1, middle] if end > 0.0 else [edge + 1, edge, middle]
-        triangles.append(np.stack(fan, axis=1))
-    return np.vstack(vertices), np.vstack(triangles), np.vstack(coordinates)
+    faces = np.hstack([np.stack(corners) for corners in triangles]).T
+    vertices = np.vstack([low, high, low, ends[0], high, ends[1]])
+    return vertices, faces, np.vstack([*sides, flat, middle, flat, middle])
 
 
 def triangle_mesh(triangles: NDArray[np.float64], tile_m: Vector2) -> Mesh:

@@ -17,7 +17,7 @@ from sim_bridge.twin.movers import mover_names
 from sim_bridge.twin.objects import MAT_M, Helipad
 from sim_bridge.twin.room import FLOOR_M, ground_slabs, room_blocks
 from sim_bridge.twin.scene import Lighting, Scene
-from sim_bridge.twin.shapes import Shape, Vector2, block
+from sim_bridge.twin.shapes import ORIGIN, Shape, Vector2, block
 from sim_bridge.twin.surfaces import Paint, paint_of
 from uav_bt.lab.classes import OUTSIDE
 from uav_bt.lab.obj_file import pieces
@@ -30,20 +30,13 @@ from uav_bt.types.ground import Block
 _SHEET_M: Final = 0.001  # thickness of an upper face with another class or look
 _PAINT_M: Final = 0.0001  # height of the H above the pad, enough to be drawn over it
 _CONE_DEG: Final = 85.0  # half the opening of a lamp
-_PLAIN_TILE_M: Final = (5.0, 5.0)
 _STRIPES: Final = Paint(name="stripes", make=partial(textures.paper, "stripes"), tile_m=(0.2, 0.2))
-_CARPET: Final = Surface(generator="carpet")
 
 
 def build_model(scene: Scene, *, drawn: bool = True) -> LabModel:
-    """Compile a scene with the drone.
+    """Compile a scene with the drone, whose free joint is the first seven coordinates.
 
-    Args:
-        scene: the lab.
-        drawn: whether a camera looks at it; if not, textures and visible surfaces are left out.
-
-    Returns:
-        The MuJoCo model; the free joint of the drone is the first seven coordinates.
+    Textures and visible surfaces are left out of a model that is not `drawn`.
     """
     far_m = max(20.0, math.hypot(*scene.room_size_m))
     builder = Builder(drawn=drawn, far_m=far_m, lamps=bool(scene.lighting.lamps))
@@ -51,12 +44,12 @@ def build_model(scene: Scene, *, drawn: bool = True) -> LabModel:
     # Geoms are drawn in this order. Things in front come first, because a software renderer
     # textures every pixel that no nearer surface covers yet.
     for item in scene.placed:
-        _add_shape(builder, scene, item.name, item.shape, item.pose)
+        _add_shape(builder, scene, item.name, item.shape, item.spec.pose)
     names = mover_names(scene.movers)
     for name, mover in zip(names, scene.movers, strict=True):
         x_m, y_m = mover.path_m[0]  # a mocap body of MuJoCo, with its origin on the ground
         body = builder.spec.worldbody.add_body(name=name, mocap=True, pos=(x_m, y_m, 0.0))
-        turned = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=math.radians(mover.yaw_deg))
+        turned = replace(ORIGIN, yaw_rad=math.radians(mover.yaw_deg))
         _add_shape(builder, scene, name, scene.shape_of(mover), turned, body=body)
     if scene.helipad is not None:
         _add_helipad(builder, scene, scene.helipad)
@@ -94,11 +87,12 @@ def _add_shape(
 ) -> None:
     """Add a shape at a place of the world or of a body: a mesh for each look, and its contacts."""
     for look, (surface, class_id, blocks) in _looks(shape).items():
+        make: Callable[[Vector2], Mesh] = partial(block_mesh, blocks)
+        if shape.mesh is not None:
+            make = partial(triangle_mesh, shape.mesh)
         builder.show(
             f"{name}/{look}",
-            partial(block_mesh, blocks)
-            if shape.mesh is None
-            else partial(triangle_mesh, shape.mesh),
+            make,
             paint_of(surface, scene.place.lab.folder),
             class_id,
             at=pose,
@@ -106,18 +100,13 @@ def _add_shape(
             shared=f"{shape.name}/{look}",
             curved=shape.kind.shape in ("cylinder", "mesh"),
         )
-    if shape.mesh is not None:
-        for number, piece in enumerate(pieces(shape.mesh)):
-            builder.hit_hull(
-                f"{name}/{number}",
-                piece.reshape(-1, 3),
-                shared=f"{shape.name}/hull-{number}",
-                at=pose,
-                body=body,
-            )
+    if shape.mesh is None:
+        for number, part in enumerate(shape.parts):
+            builder.hit(name if len(shape.parts) == 1 else f"{name}/{number}", part.at(pose), body)
         return
-    for number, part in enumerate(shape.parts):
-        builder.hit(name if len(shape.parts) == 1 else f"{name}/{number}", part.at(pose), body)
+    for number, piece in enumerate(pieces(shape.mesh)):
+        asset = f"{shape.name}/hull-{number}"
+        builder.hit_hull(f"{name}/{number}", piece, shared=asset, at=pose, body=body)
 
 
 def _looks(shape: Shape) -> dict[str, tuple[Surface, int, list[Block]]]:
@@ -147,11 +136,8 @@ def _add_helipad(builder: Builder, scene: Scene, pad: Helipad) -> None:
     outline, height_m = pad.drawn.footprint, pad.drawn.top_m
     half_m = (pad.panel_share * outline.half_x_m, pad.panel_share * outline.half_y_m)
     panel = block(half_m, height_m - _PAINT_M, height_m + _PAINT_M).at(outline)
-    paint = Paint(
-        name="mark",
-        make=partial(_picture, pad),
-        tile_m=(2.0 * half_m[0], 2.0 * half_m[1]),
-    )
+    tile_m = (2.0 * half_m[0], 2.0 * half_m[1])
+    paint = Paint(name="mark", make=partial(_picture, pad), tile_m=tile_m)
     _show_block(builder, "mark/h", panel, paint, scene.mark_top)
     if pad.size_m[2] >= MAT_M:  # on a flat mat the drone stands on the ground
         builder.hit("mark", pad.drawn)
@@ -164,16 +150,15 @@ def _picture(pad: Helipad) -> Image:
 
 def _add_ground(builder: Builder, scene: Scene) -> None:
     section, ground = scene.room.ground, scene.ground
-    surface = _CARPET if section is None else section.surface
+    surface = Surface(generator="carpet") if section is None else section.surface
     paint = paint_of(surface, scene.place.lab.folder, ground.size_m)
-    whole = block((ground.size_m[0] / 2, ground.size_m[1] / 2), FLOOR_M, 0.0)
-    make: Callable[[Vector2], Mesh] = partial(block_mesh, [whole])
-    if ground.outline_m:
-        make = partial(prism_mesh, ground.outline_m, FLOOR_M, 0.0)
-    builder.show("ground/seen", make, paint, scene.classes.ground)
     if not ground.outline_m:
+        whole = block((ground.size_m[0] / 2, ground.size_m[1] / 2), FLOOR_M, 0.0)
+        _show_block(builder, "ground/seen", whole, paint, scene.classes.ground)
         builder.hit("ground", whole)
         return
+    make = partial(prism_mesh, ground.outline_m, FLOOR_M, 0.0)
+    builder.show("ground/seen", make, paint, scene.classes.ground)
     for number, corners in enumerate(ground_slabs(ground)):
         builder.hit_hull(f"ground/{number}", corners, shared=f"ground/{number}")
 
@@ -195,7 +180,7 @@ def _add_room(builder: Builder, scene: Scene) -> None:
 
 
 def _plain(name: str, value: float, seed: int) -> Paint:
-    return Paint(name=name, make=partial(textures.plain, value, seed), tile_m=_PLAIN_TILE_M)
+    return Paint(name=name, make=partial(textures.plain, value, seed), tile_m=(5.0, 5.0))
 
 
 def _show_block(builder: Builder, name: str, solid: Block, paint: Paint, class_id: int) -> None:

@@ -29,11 +29,7 @@ _Pause = Annotated[float, Field(ge=0.0, le=60.0)]
 
 @dataclass(frozen=True, kw_only=True)
 class MoverSpec:
-    """A cart or a person that follows a path at constant speed.
-
-    Raises:
-        ValueRangeError: its path, outline or pauses are impossible.
-    """
+    """A cart or a person that follows a path at constant speed."""
 
     path_m: tuple[Vector2, ...]  # corners of the path, world x and y; the mover starts at the first
     speed_mps: Annotated[float, Field(ge=0.2, le=1.0)]

@@ -55,15 +55,10 @@ class PlacedObject:
     spec: ObjectSpec
     shape: Shape
 
-    @property
-    def pose(self) -> Pose2D:
-        """Where it stands."""
-        return self.spec.pose
-
     @cached_property
     def standing(self) -> Standing:
         """The object on the ground."""
-        return self.shape.standing(self.pose)
+        return self.shape.standing(self.spec.pose)
 
     @property
     def footprint(self) -> Footprint:
@@ -84,17 +79,12 @@ def object_names(specs: Sequence[ObjectSpec]) -> list[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class Helipad:
-    """The landing box or mat: the mark on top, yellow and red stripes on the sides.
-
-    Raises:
-        InputError: there is no such kind of mark, or it refuses an option.
-    """
+    """The landing box or mat: the mark on top, yellow and red stripes on the sides."""
 
     position_m: Vector2  # centre on the ground, world x and y
     yaw_deg: float = 0.0  # counter-clockwise from +x
-    size_m: Vector3 = field(
-        default_factory=lambda: default_mark().size_m
-    )  # along the pad's x and y, and upwards; a mat has the height 0
+    # Along the pad's x and y, and upwards; a mat has the height 0.
+    size_m: Vector3 = field(default_factory=lambda: default_mark().size_m)
     kind: str = "helipad"  # registered name of the landing mark
     options: Mapping[str, Any] = field(default_factory=dict, hash=False)  # of that kind
 

@@ -15,14 +15,7 @@ from uav_bt.types import MoverState, Pose
 
 
 class Route:
-    """Motion of one mover over time: runs of its path, each after a pause if pauses are given.
-
-    Args:
-        spec: the mover.
-        name: name of the mover in contacts.
-        seed: seed of the flight, for the pauses.
-        number: index of the mover in the scene.
-    """
+    """Motion of one mover over time: runs of its path, each after a pause if pauses are given."""
 
     def __init__(self, spec: MoverSpec, name: str, seed: int, number: int) -> None:
         self._spec = spec
@@ -69,12 +62,7 @@ class Route:
 
 
 class Traffic:
-    """All movers of a scene over time.
-
-    Args:
-        movers: movers of the scene.
-        seed: seed of the flight.
-    """
+    """All movers of a scene over time; their pauses are drawn from the seed of the flight."""
 
     def __init__(self, movers: Sequence[MoverSpec], seed: int) -> None:
         self._routes = [

@@ -95,8 +95,6 @@ class Scene:
         """Refuse movers whose paths are not free in this scene."""
         check_movers(movers, self.ground, self.standing, self.take_off.position_m)
 
-    # --- the lab --------------------------------------------------------------------------------
-
     @cached_property
     def place(self) -> SceneLab:
         """The lab, with the shapes of its kinds."""
@@ -142,8 +140,6 @@ class Scene:
     def mark_top(self) -> int:
         """The class of the middle of the landing box's top."""
         return int(self.classes.top_of[self.mark_class]) or self.mark_class
-
-    # --- what stands and moves in it --------------------------------------------------------------
 
     def shape_of(self, item: ObjectSpec | MoverSpec) -> Shape:
         """Return the shape of an object or mover; refuse a kind that the lab does not have."""
@@ -198,11 +194,7 @@ class Scene:
     ) -> float:
         """Return the height of the surface at a world point: an object, the pad or the ground.
 
-        Args:
-            x_m: world x.
-            y_m: world y.
-            below_m: height of what looks down: a table's top above it does not count.
-            movers: states of the movers; none: they do not count.
+        What lies above `below_m` does not count, such as the top of a table.
         """
         there = [(item, x_m, y_m) for item in self.ground_plan.standing]
         for item, state in zip(self._mover_outlines, movers, strict=False):
@@ -215,8 +207,6 @@ class Scene:
             if block.base_m < below_m and block.footprint.contains(x, y)
         ]
         return max(tops_m, default=0.0)
-
-    # --- mark and take-off ------------------------------------------------------------------------
 
     @property
     def pads(self) -> tuple[Helipad, ...]:

@@ -37,10 +37,7 @@ def scene_names() -> tuple[str, ...]:
 
 
 def load_scene(name_or_path: str | Path) -> Scene:
-    """Read a scene.
-
-    Args:
-        name_or_path: name of a shipped scene, or path of a YAML file.
+    """Read a scene by the name of one that ships, or by the path of a YAML file.
 
     Raises:
         UnknownNameError: the name is neither a shipped scene nor a file.

@@ -26,6 +26,7 @@ from uav_bt.types.ground import Block, Footprint, Standing
 Vector2 = tuple[float, float]
 Vector3 = tuple[float, float, float]
 
+ORIGIN: Final = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 PRINTED: Final = "box-"  # with the number of a pattern the kind of a box in printed paper
 _KEPT: Final = 16  # labs
 _OVERHANG_M: Final = 0.05  # of a table's top over its legs, if it is large enough; chosen
@@ -63,7 +64,7 @@ class Shape:
     @cached_property
     def outline(self) -> Standing:
         """The shape at the origin."""
-        return self.standing(Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0))
+        return self.standing(ORIGIN)
 
     def standing(self, pose: Pose2D) -> Standing:
         """Return the shape at a place on the ground."""
@@ -155,12 +156,7 @@ class SceneLab:
 
 
 def lab_of_scene(name: str) -> SceneLab:
-    """Return a lab by name or path; it is read once while its file stays the same.
-
-    Raises:
-        UnknownNameError: there is no such lab.
-        FileError: the lab file is malformed.
-    """
+    """Return a lab by name or path; it is read once while its file stays the same."""
     places = (shipped_labs().get(name), Path("labs") / name, Path(name))
     files = (place / LAB_FILE for place in places if place is not None)
     file = next((each for each in files if each.is_file()), Path(name))

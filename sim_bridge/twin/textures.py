@@ -37,9 +37,17 @@ def _rgb(colour: Colour) -> tuple[int, int, int]:
     return round(255 * r), round(255 * g), round(255 * b)
 
 
-def _to_bytes(image: NDArray[Any]) -> Image:
-    result: Image = np.clip(image, 0, 255).astype(np.uint8)
-    return result
+def to_bytes(image: NDArray[Any]) -> Image:
+    """Return an image of numbers as one of bytes."""
+    return np.asarray(np.clip(image, 0, 255), np.uint8)
+
+
+def clouds(
+    rng: np.random.Generator, cells: tuple[int, int], size_px: tuple[int, int]
+) -> NDArray[np.float32]:
+    """Return smooth noise of that many rows and columns, as wide and high as asked, (H, W)."""
+    coarse = rng.normal(0.0, 1.0, cells).astype(np.float32)
+    return np.asarray(cv2.resize(coarse, size_px, interpolation=cv2.INTER_CUBIC))
 
 
 def _rows(height_px: int) -> Iterator[slice]:
@@ -60,12 +68,6 @@ def _filled(size_px: int, colour: tuple[int, int, int]) -> Image:
     return image
 
 
-def _touch(polygons: NDArray[np.int32], size_px: int) -> NDArray[np.bool_]:
-    """Return which polygons, (N, points, 2), may have pixels in a square image."""
-    least, most = polygons.min(axis=1), polygons.max(axis=1)
-    return np.asarray(((most >= 0) & (least < size_px)).all(axis=1))
-
-
 class _Tile:
     """A canvas that wraps around at its edges."""
 
@@ -75,15 +77,14 @@ class _Tile:
 
     def polygon(self, points: NDArray[np.float64], colour: Colour) -> None:
         """Fill a polygon given in tile units (0 to 1), repeated beyond every edge."""
-        copies = ((points + _SHIFTS) * self._size).round().astype(np.int32)
-        for copy in copies[_touch(copies, self._size)]:
+        for copy in ((points + _SHIFTS) * self._size).round().astype(np.int32):
             cv2.fillPoly(self._image, [copy], _rgb(colour))
 
     def done(self) -> Image:
         """Return the tile at its final size, with the grain of paper."""
         small = cv2.resize(self._image, (_TILE_PX, _TILE_PX), interpolation=cv2.INTER_AREA)
         noise = np.random.default_rng(self.seed).normal(0.0, 4.0, small.shape[:2])
-        return _to_bytes(small.astype(np.float32) + noise[..., None])
+        return to_bytes(small.astype(np.float32) + noise[..., None])
 
 
 # --- what is printed on a tile --------------------------------------------------------------------
@@ -210,14 +211,8 @@ _PAPERS: Final[dict[str, tuple[Colour, *tuple[Layer, ...]]]] = {
         _bricks(6, 0.0, _star(0.075, 0.022, 4), (250, 0.55, 0.60), (155, 0.65, 0.60)),
     ),
     "spots": ((15, 0.55, 0.26), _bricks(6, 0.1, _disc(0.050), (190, 0.60, 0.90))),
-    "diamonds": (
-        (210, 0.05, 0.72),
-        _bricks(6, 0.0, _star(0.062, 0.044, 2), (20, 0.90, 0.94)),
-    ),
-    "stripes": (
-        (50, 0.92, 0.96),
-        _repeated(_SLANTED, [(0.0, 0.0), (0.5, 0.0)], (2, 0.90, 0.80)),
-    ),
+    "diamonds": ((210, 0.05, 0.72), _bricks(6, 0.0, _star(0.062, 0.044, 2), (20, 0.90, 0.94))),
+    "stripes": ((50, 0.92, 0.96), _repeated(_SLANTED, [(0.0, 0.0), (0.5, 0.0)], (2, 0.90, 0.80))),
 }
 _SEEDS: Final[dict[str, int]] = {
     "stripes": 302,
@@ -247,8 +242,7 @@ def carpet(size_m: tuple[float, float]) -> Image:
     weave: NDArray[np.float32] = np.zeros((height, width), np.float32)
     for cells_a_metre, weight in ((2, 0.5), (8, 0.9), (32, 0.7)):
         columns, rows = (round(cells_a_metre * side) for side in size_m)
-        coarse = rng.normal(0.0, 1.0, (rows, columns)).astype(np.float32)
-        weave += weight * cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
+        weave += weight * clouds(rng, (rows, columns), (width, height))
     light = np.array(_rgb((192, 0.24, 0.68)), np.float32)
     dark = np.array(_rgb((200, 0.42, 0.36)), np.float32)
     share = (1.0 / (1.0 + np.exp(-2.2 * weave)))[..., None]
@@ -264,7 +258,7 @@ def carpet(size_m: tuple[float, float]) -> Image:
         cv2.fillPoly(image, [points.round().astype(np.int32)], colour, cv2.LINE_AA)
     grain = rng.normal(0.0, 5.0, (height, width, 1))
     for band in _rows(height):
-        image[band] = _to_bytes(image[band].astype(np.float32) + grain[band])
+        image[band] = to_bytes(image[band].astype(np.float32) + grain[band])
     return image
 
 
@@ -284,19 +278,14 @@ def helipad_top() -> Image:
         image[round(y0 * size) : round(y1 * size), round(x0 * size) : round(x1 * size)] = white
     small = cv2.resize(image, (512, 512), interpolation=cv2.INTER_AREA).astype(np.float32)
     grain = np.random.default_rng(301).normal(0.0, 3.0, (512, 512, 1))
-    return _to_bytes(small + grain)
+    return to_bytes(small + grain)
 
 
 @cache
 def plain(value: float, seed: int) -> Image:
-    """Return a nearly featureless surface, (256, 256, 3): grey with smooth shading.
-
-    Args:
-        value: brightness, 0 to 1.
-        seed: random seed of the shading.
-    """
+    """Return a nearly featureless surface, (256, 256, 3): grey (0 to 1) with smooth shading."""
     rng = np.random.default_rng(seed)
-    shade = cv2.resize(rng.normal(0.0, 1.0, (4, 4)), (256, 256), interpolation=cv2.INTER_CUBIC)
+    shade = clouds(rng, (4, 4), (256, 256))
     grain = rng.normal(0.0, 0.6, (256, 256))
     grey = 255.0 * value * (1.0 + 0.025 * shade) + grain
-    return _to_bytes(np.stack([grey * 1.004, grey, grey * 0.985], axis=-1))
+    return to_bytes(np.stack([grey * 1.004, grey, grey * 0.985], axis=-1))

@@ -14,8 +14,8 @@ from sim_bridge.twin.movers import MoverSpec
 from sim_bridge.twin.noise import child_seed
 from sim_bridge.twin.objects import ObjectSpec, PlacedObject, object_names
 from sim_bridge.twin.scene import Lighting, Scene
+from sim_bridge.twin.shapes import PRINTED
 from uav_bt.errors import ValueRangeError
-from uav_bt.lab.room import SIDE_PAPERS
 from uav_bt.types import Pose
 
 # Least distance between two objects (most gaps let the drone pass), and to mark and take-off point:
@@ -49,16 +49,9 @@ def _rounded(rng: np.random.Generator, low: float, high: float, digits: int = 2)
 
 
 def varied_scene(scene: Scene, rng: np.random.Generator, *, name: str, layout: bool) -> Scene:
-    """Return a scene with random light and, if asked, random places of its objects.
+    """Return a scene with random light and, with `layout`, random places of its objects.
 
-    Args:
-        scene: the original scene; mark and kinds are kept.
-        rng: source of the random numbers.
-        name: name of the new scene.
-        layout: whether to move the objects, and to resize boxes in printed paper.
-
-    Raises:
-        ValueRangeError: no arrangement of the objects was found.
+    Boxes in printed paper then have other sizes, too.
     """
     objects = _moved(scene, rng) if layout else scene.objects
     return replace(scene, name=name, objects=objects, lighting=_varied_light(scene.lighting, rng))
@@ -146,17 +139,7 @@ def _kept_free_m(scene: Scene) -> list[tuple[float, float]]:
 
 
 def varied(scene: Scene, seed: int, *, room: bool, movers: int) -> Scene:
-    """Return a scene with the variations that a flight asks for.
-
-    Args:
-        scene: the original scene.
-        seed: seed of the flight.
-        room: whether the boxes' places and sizes, and the light, are random.
-        movers: number of random movers to add.
-
-    Raises:
-        ValueRangeError: there is no space for the objects or the movers.
-    """
+    """Return a scene as a flight asks for it: a random room, and a number of random movers."""
     if room:
         rng = np.random.default_rng(child_seed(seed, 16))
         scene = varied_scene(scene, rng, name=scene.name, layout=True)
@@ -166,15 +149,7 @@ def varied(scene: Scene, seed: int, *, room: bool, movers: int) -> Scene:
 def with_movers(scene: Scene, count: int, seed: int) -> Scene:
     """Return a scene with additional random people and carts.
 
-    Their paths are straight, at least 1 m long, and away from boxes, mark and take-off point.
-
-    Args:
-        scene: the lab.
-        count: number of movers to add.
-        seed: seed of the flight.
-
-    Raises:
-        ValueRangeError: the scene has too many movers, or the boxes leave no space for them.
+    Their paths are straight, at least 1 m long, and away from objects, mark and take-off point.
     """
     own = len(scene.movers)
     if own + count > MAX_MOVERS:
@@ -229,7 +204,8 @@ def _drawn_mover(scene: Scene, rng: np.random.Generator) -> MoverSpec | None:
     half_x, half_y = (side / 2 - _MOVER_FROM_EDGE_M for side in scene.ground.size_m)
     ends = [(_rounded(rng, -half_x, half_x), _rounded(rng, -half_y, half_y)) for _ in range(2)]
     person, pauses = rng.random() < 0.6, rng.random() < 0.5
-    height_m, pattern = _rounded(rng, 0.7, 1.6), int(rng.integers(1, len(SIDE_PAPERS) + 1))
+    papers = sum(kind.startswith(PRINTED) for kind in scene.place.shapes)
+    height_m, pattern = _rounded(rng, 0.7, 1.6), int(rng.integers(1, papers + 1))
     speed_mps, yaw_deg = _rounded(rng, 0.2, 0.8), _rounded(rng, -90.0, 90.0)
     if math.dist(*ends) < _PATH_M:
         return None
@@ -245,15 +221,7 @@ def _drawn_mover(scene: Scene, rng: np.random.Generator) -> MoverSpec | None:
 
 
 def start_pose(scene: Scene, seed: int) -> Pose:
-    """Return the pose of the body at its take-off point.
-
-    Args:
-        scene: the lab.
-        seed: seed of the flight, used if the take-off point is random.
-
-    Raises:
-        ValueRangeError: the boxes leave no space for a random take-off point.
-    """
+    """Return the pose of the body at its take-off point, which the seed draws if it is random."""
     if scene.take_off.random:
         return _random_pose(scene, seed)
     return _standing(scene, *scene.start_m, math.radians(scene.take_off.yaw_deg))

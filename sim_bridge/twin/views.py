@@ -56,18 +56,10 @@ def render_views(
         scene: the lab.
         poses: poses of the camera.
         size_px: width and height of the images, pixels, 16:9.
-        truth_size_px: width and height of ids and depth (the same view resized), pixels; None:
-            the size of the images.
+        truth_size_px: width and height of ids and depth; None: those of the images.
         profile: source of blur, exposure error and noise of the images; None: clean images.
         vary_light: change direction, strength and tint of the lamp from image to image.
         seed: seed of noise, exposure and light; the same seed gives the same images on one machine.
-
-    Yields:
-        One view per pose, in order.
-
-    Raises:
-        MissingDependencyError: OpenGL does not work here.
-        ValueRangeError: a size cannot be rendered.
     """
     anafi_camera(*size_px)  # refuses other aspects
     truth_size = truth_size_px or size_px
@@ -118,14 +110,8 @@ def sample_flight_poses(
     Six of seven are anywhere above the ground, mostly at 1.5 m, and look ahead and 25 to 30 degrees
     down. The seventh is near the mark and looks steeply down, as before a landing.
 
-    Args:
-        scene: the lab; the poses keep the hull clear of its boxes.
-        generator: source of the random numbers.
-        count: number of poses.
-        lowered: share of the six with a further lowered camera, as at the ground's edge.
-
-    Raises:
-        ValueRangeError: the boxes leave no space to fly.
+    The share `lowered` of the six has a further lowered camera, as at the ground's edge. The hull
+    keeps clear of the objects.
     """
     has_pad = scene.helipad is not None
     poses = [

@@ -167,7 +167,7 @@ def test_classes_are_exact_with_more_surfaces_than_one_byte_counts(folder: Path)
     scene = scene_of(folder, f"{text}take_off: {{from: [-9.0, -9.0]}}\n")
     lab = build_model(scene)
     assert (lab.model.geom_group == 0).sum() > 256
-    last = scene.placed[-1].pose
+    last = scene.placed[-1].spec.pose
     pose = CameraPose(x_m=last.x_m - 1.0, y_m=last.y_m, z_m=1.6, yaw_rad=0.0, pitch_rad=-0.7)
     with Renderer(lab) as renderer:
         ids = renderer.class_ids(pose, 160, 90)
