@@ -104,7 +104,7 @@ def test_the_renderer_draws_the_same_shapes(tmp_path: Path, kind: str) -> None:
     assert share_off(scene, around(5), off_m=0.01 if kind == "drum" else 1e-3) < 3e-3
 
 
-@pytest.mark.parametrize("name", ["train-b", "val-a", "depot-train-a"])
+@pytest.mark.parametrize("name", ["train-b", "benchmarks/scenes/hall-10m.yaml", "depot-train-a"])
 def test_the_renderer_draws_the_same_scenes(name: str) -> None:
     """They differ on borders only. The depot has a concave mesh, and walls at the ground's edge."""
     scene = load_scene(name)

@@ -14,11 +14,9 @@ from sim_bridge.twin.flying_body import FlyingBody
 from sim_bridge.twin.model import build_model
 from sim_bridge.twin.render import Renderer
 from sim_bridge.twin.scene import Scene
-from sim_bridge.twin.scene_file import load_scene
 from tests.sim_bridge.twin.room_world import LAB, alone, scene_of, write_lab
 from tests.worlds import values
 from uav_bt.errors import FileError, SceneError
-from uav_bt.lab.obj_file import triangulated
 from uav_bt.mission.covered_ground import CoveredGround, GroundCells
 from uav_bt.types import MoverState, Pose
 
@@ -56,17 +54,6 @@ def test_a_picture_that_is_cut_off_is_refused_when_it_is_drawn(folder: Path) -> 
     (folder / "wood.png").write_bytes((folder / "wood.png").read_bytes()[:40])
     with pytest.raises(FileError, match=r"wood.png: is a damaged picture"):
         build_model(alone(folder, "crate"))
-
-
-def test_a_model_without_images_has_the_same_contacts() -> None:
-    scene = load_scene("depot-train-a")
-    drawn, plain = build_model(scene), build_model(scene, drawn=False)
-    names = [
-        [lab.model.geom(k).name for k in range(lab.model.ngeom) if lab.model.geom_group[k] == 3]
-        for lab in (drawn, plain)
-    ]
-    assert names[0] == names[1]
-    assert (plain.model.ntex, plain.model.geom(plain.hull_geom).name) == (0, "drone")
 
 
 # --- ground computations --------------------------------------------------------------------------
@@ -113,17 +100,6 @@ def test_shelves_and_drums_cover_their_outline(
 ) -> None:
     cells = GroundCells(alone(folder, kind, yaw_deg=yaw_deg).ground_plan)
     assert float((~cells.free).sum()) * 0.05**2 == pytest.approx(area_m2, rel=0.1)
-
-
-@pytest.mark.parametrize("turn", [0, 2, 5])
-def test_a_polygon_is_cut_into_triangles_of_its_area(turn: int) -> None:
-    corners = [(-3.0, -2.0), (3.0, -2.0), (3.0, 0.0), (0.0, 0.0), (0.0, 1.0), (0.0, 2.0), (-3, 2.0)]
-    outline = np.array(corners[turn:] + corners[:turn])
-    a, b, c = np.moveaxis(outline[np.array(triangulated(outline.tolist()))], 1, 0)
-    (ux, uy), (vx, vy) = (b - a).T, (c - a).T
-    areas_m2 = (ux * vy - uy * vx) / 2
-    assert areas_m2.min() > 0.0
-    assert areas_m2.sum() == pytest.approx(18.0)
 
 
 @pytest.mark.parametrize("step", [1, -1])

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sim_bridge.plain.caster import Caster
 from sim_bridge.twin.drone import TwinDrone
 from sim_bridge.twin.referee import TwinReferee
-from tests.sim_bridge.twin.lab_world import cast_rays, fly
+from tests.sim_bridge.twin.lab_world import fly
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Command, Hover, Land, MoveBy, TakeOff, Velocity
 
@@ -136,11 +137,9 @@ def test_masks_and_depth_show_the_frame_s_own_view(make_twin: MakeTwin) -> None:
     referee = referee_of(drone)
     ids, depth = referee.class_ids(frame, 320, 180), referee.depth(frame, 320, 180)
     capture = next(c for c in drone.simulation.frames if c.index == frame.index)
-    pixels = np.random.default_rng(0).integers((0, 0), (320, 180), (200, 2))
-    want_ids, want_depth = cast_rays(drone.scene, capture.camera, pixels.astype(float), (320, 180))
-    same = ids[pixels[:, 1], pixels[:, 0]] == want_ids
-    assert same.mean() > 0.98
-    assert np.median(np.abs(depth[pixels[:, 1], pixels[:, 0]] - want_depth)[same]) < 1e-3
+    want_ids, want_depth = Caster(drone.scene, (320, 180)).cast(capture.camera)
+    assert (ids == want_ids).mean() > 0.98
+    assert np.median(np.abs(depth - want_depth)[want_ids != 0]) < 1e-3
 
 
 def test_a_forgotten_or_foreign_frame_is_refused(make_twin: MakeTwin) -> None:

@@ -99,30 +99,26 @@ def test_too_many_movers_are_refused() -> None:
 
 def test_a_drawn_layout_uses_the_whole_ground() -> None:
     """In a large hall, boxes and random starts use more than the area of the paper's carpet."""
-    found = drawn(HALL, 1)
-    assert len(found.objects) == 12
-    assert max(max(map(abs, spec.position_m)) for spec in found.objects) > 3.0
-    anywhere = replace(HALL, take_off=TakeOffSpec(random=True))
-    starts = [start_pose(anywhere, seed) for seed in range(30)]
-    assert max(abs(pose.x_m) for pose in starts) > 3.0
-    assert max(abs(pose.y_m) for pose in starts) > 3.0
+    scene = replace(drawn(HALL, 1), take_off=TakeOffSpec(random=True))
+    starts = [start_pose(scene, seed) for seed in range(30)]
+    for places in ([each.position_m for each in scene.objects], [(p.x_m, p.y_m) for p in starts]):
+        assert np.abs(places).max(axis=0).min() > 3.0
 
 
 # --- take-off poses and views ---------------------------------------------------------------------
 
 
-def test_on_the_landing_mark_the_body_stands_on_its_top() -> None:
-    """The bottom of the hull is at 0.4 m, its centre 5 cm higher."""
-    pose = start_pose(SCENE, 0)
-    assert (pose.x_m, pose.y_m) == SCENE.helipad.position_m
-    assert (pose.z_m, pose.yaw_rad) == pytest.approx((0.45, math.radians(SCENE.take_off.yaw_deg)))
-
-
-def test_a_given_place_is_taken_as_it_is() -> None:
-    spec = TakeOffSpec(position_m=(0.3, -0.4), yaw_deg=90.0)
+@pytest.mark.parametrize(
+    ("take_off_m", "start_m"), [(None, (-1.0, 1.0, 0.45)), ((0.3, -0.4), (0.3, -0.4, 0.05))]
+)
+def test_the_body_stands_on_the_landing_mark_or_at_a_place(
+    take_off_m: tuple[float, float] | None, start_m: tuple[float, float, float]
+) -> None:
+    """Its centre is 5 cm above the mark, which is 0.4 m high, or above the ground."""
+    spec = TakeOffSpec(position_m=take_off_m, yaw_deg=90.0)
     pose = start_pose(Scene(name="x", helipad=Helipad(position_m=(-1, 1)), take_off=spec), 0)
     found = (pose.x_m, pose.y_m, pose.z_m, pose.yaw_rad)
-    assert found == pytest.approx((0.3, -0.4, 0.05, math.pi / 2))
+    assert found == pytest.approx((*start_m, math.pi / 2))
 
 
 @pytest.mark.parametrize("scene", [SCENE, DEPOT, MOVING])
