@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from sim_bridge.twin.movers import MoverSpec
+from sim_bridge.twin.objects import MAT_M
 from sim_bridge.twin.shapes import Vector2
 from uav_bt.errors import ValueRangeError
 from uav_bt.types.ground import Footprint, Ground, Standing
@@ -17,7 +18,6 @@ from uav_bt.types.ground import Footprint, Ground, Standing
 MAX_MOVERS: Final = 8
 MARK_NAME: Final = "the landing mark"
 KEPT_FREE_M: Final = 0.25  # least distance from the take-off point to objects and movers
-_FLAT_M: Final = 0.002  # least height of what is overlapped, such as a mat
 _ROUNDING_M: Final = 1e-9
 
 
@@ -89,8 +89,8 @@ def _text(place: Vector2) -> str:
 def overlaps(one: Standing, other: Standing) -> bool:
     """Return whether a part of an object is inside a part of another one."""
     return one.footprint.overlaps(other.footprint) and any(
-        part.base_m < max(another.top_m, _FLAT_M)
-        and another.base_m < max(part.top_m, _FLAT_M)
+        part.base_m < max(another.top_m, MAT_M)
+        and another.base_m < max(part.top_m, MAT_M)
         and part.footprint.overlaps(another.footprint)
         for part in one.blocks
         for another in other.blocks

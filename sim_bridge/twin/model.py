@@ -166,10 +166,10 @@ def _add_ground(builder: Builder, scene: Scene) -> None:
 def _add_room(builder: Builder, scene: Scene) -> None:
     """Add floor, ceiling and walls."""
     walls, folder = scene.room.walls, scene.place.lab.folder
+    greys = {"floor": (0.50, 310), "wall": (0.84, 311), "ceiling": (0.92, 312)}
     paints = {
-        "floor": _plain("floor", 0.50, 310),
-        "wall": _plain("wall", 0.84, 311),
-        "ceiling": _plain("ceiling", 0.92, 312),
+        name: Paint(name=name, make=partial(textures.plain, *grey), tile_m=(5.0, 5.0))
+        for name, grey in greys.items()
     }
     if walls is not None:
         paints["wall"] = paint_of(walls.surface or Surface(colour="#d6d5d2"), folder)
@@ -177,10 +177,6 @@ def _add_room(builder: Builder, scene: Scene) -> None:
     for name, slab in room_blocks(scene).items():
         _show_block(builder, f"{name}/seen", slab, paints[name.split("-")[0]], OUTSIDE)
         builder.hit(name, slab)
-
-
-def _plain(name: str, value: float, seed: int) -> Paint:
-    return Paint(name=name, make=partial(textures.plain, value, seed), tile_m=(5.0, 5.0))
 
 
 def _show_block(builder: Builder, name: str, solid: Block, paint: Paint, class_id: int) -> None:

@@ -8,7 +8,7 @@ histograms then distinguish the patterns, as they do for printed wrapping paper.
 from __future__ import annotations
 
 import colorsys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final
@@ -27,7 +27,9 @@ PAPER_TILE_M = 0.32  # edge of a tile of printed paper
 _TILE_PX = 256
 # A tile and its eight neighbours, in tile units.
 _SHIFTS = np.array([[(dx, dy)] for dx in (-1, 0, 1) for dy in (-1, 0, 1)])
-_BAND_PX = 32  # rows that are computed together; chosen
+# Rows of a carpet that are computed together: their floats fit into the processor's cache. Those of
+# a whole carpet are 30 MB, whose pages take ten times as long as the computation.
+_BAND_PX = 32
 _SMOOTH = 4  # tiles are drawn larger by this factor and shrunk, which smooths the edges
 
 
@@ -48,16 +50,6 @@ def clouds(
     """Return smooth noise of that many rows and columns, as wide and high as asked, (H, W)."""
     coarse = rng.normal(0.0, 1.0, cells).astype(np.float32)
     return np.asarray(cv2.resize(coarse, size_px, interpolation=cv2.INTER_CUBIC))
-
-
-def _rows(height_px: int) -> Iterator[slice]:
-    """Yield the rows of an image, some at a time.
-
-    The floats of some rows fit into the processor's cache. Those of a whole carpet are 30 MB, whose
-    pages take ten times as long as the computation.
-    """
-    for first in range(0, height_px, _BAND_PX):
-        yield slice(first, first + _BAND_PX)
 
 
 def _filled(size_px: int, colour: tuple[int, int, int]) -> Image:
@@ -247,7 +239,8 @@ def carpet(size_m: tuple[float, float]) -> Image:
     dark = np.array(_rgb((200, 0.42, 0.36)), np.float32)
     share = (1.0 / (1.0 + np.exp(-2.2 * weave)))[..., None]
     image: Image = np.empty((height, width, 3), np.uint8)
-    for band in _rows(height):
+    bands = [slice(first, first + _BAND_PX) for first in range(0, height, _BAND_PX)]
+    for band in bands:
         image[band] = dark + share[band] * (light - dark)
     for _ in range(round(45 * size_m[0] * size_m[1])):
         x, y = int(rng.integers(width)), int(rng.integers(height))
@@ -257,7 +250,7 @@ def carpet(size_m: tuple[float, float]) -> Image:
         points = np.column_stack([x + size * np.cos(corners), y + size * np.sin(corners)])
         cv2.fillPoly(image, [points.round().astype(np.int32)], colour, cv2.LINE_AA)
     grain = rng.normal(0.0, 5.0, (height, width, 1))
-    for band in _rows(height):
+    for band in bands:
         image[band] = to_bytes(image[band].astype(np.float32) + grain[band])
     return image
 

@@ -24,7 +24,7 @@ _BOXES_APART_M: Final = 1.05
 _BOX_FROM_PAD_M: Final = 0.95
 _APART_M: Final = 0.75
 _FROM_PAD_M: Final = 0.6
-_BOX_FROM_EDGE_M: Final = 0.4  # least distance of a box's centre from the ground's edge
+_FROM_EDGE_M: Final = 0.4  # least distance of a box's centre and of a path from the ground's edge
 _SIDES_M: Final = (0.3, 0.5)
 _HEIGHTS_M: Final = (0.6, 2.2)  # range of heights in the shipped scenes
 _HIGH_SHARE: Final = 0.6  # share of boxes that reach the flight height, 1.5 m
@@ -35,12 +35,10 @@ _NARROWED_EVERY: Final = 4000
 _AMBIENTS: Final = (0.2, 0.5)
 _BRIGHTER: Final = (0.6, 1.3)  # range of a lamp's brightness over its own
 _MOVER_TRIES: Final = 4000
-_MOVER_FROM_EDGE_M: Final = 0.4  # least distance of a path from the ground's edge
 _MOVER_FROM_PAD_M: Final = 0.9  # least distance from the mark and take-off point
 _MOVER_GAP_M: Final = 0.2  # free space between boxes beyond a mover's width
 _PATH_M: Final = 1.0  # least length of a path
-_START_FROM_EDGE_M: Final = 0.5
-_START_FROM_OBJECT_M: Final = 0.5  # from the body's centre to the nearest object or pad
+_START_FROM_M: Final = 0.5  # from the body's centre to the edge, the nearest object, or the mark
 _START_TRIES: Final = 10_000
 
 
@@ -96,9 +94,8 @@ def _drawn(scene: Scene, spec: ObjectSpec, rng: np.random.Generator) -> ObjectSp
     """Return an object at a random place; a box in printed paper has another size, too."""
     printed = spec.is_printed
     high = printed and rng.random() < _HIGH_SHARE
-    half_x, half_y = (
-        side / 2 - (_BOX_FROM_EDGE_M if printed else 0.0) for side in scene.ground.size_m
-    )
+    edge_m = _FROM_EDGE_M if printed else 0.0
+    half_x, half_y = (side / 2 - edge_m for side in scene.ground.size_m)
     spec = replace(
         spec,
         position_m=(_rounded(rng, -half_x, half_x), _rounded(rng, -half_y, half_y)),
@@ -201,7 +198,7 @@ def _moving_kinds(scene: Scene) -> list[str]:
 
 
 def _drawn_mover(scene: Scene, rng: np.random.Generator) -> MoverSpec | None:
-    half_x, half_y = (side / 2 - _MOVER_FROM_EDGE_M for side in scene.ground.size_m)
+    half_x, half_y = (side / 2 - _FROM_EDGE_M for side in scene.ground.size_m)
     ends = [(_rounded(rng, -half_x, half_x), _rounded(rng, -half_y, half_y)) for _ in range(2)]
     person, pauses = rng.random() < 0.6, rng.random() < 0.5
     papers = sum(kind.startswith(PRINTED) for kind in scene.place.shapes)
@@ -238,12 +235,12 @@ def _random_pose(scene: Scene, seed: int) -> Pose:
         *(item.footprint.distance_m for item in scene.standing.values()),
         *(mover.distance_m for mover in scene.movers),
     ]
-    half_x, half_y = (side / 2 - _START_FROM_EDGE_M for side in scene.ground.size_m)
+    half_x, half_y = (side / 2 - _START_FROM_M for side in scene.ground.size_m)
     for _ in range(_START_TRIES):
         x, y = float(generator.uniform(-half_x, half_x)), float(generator.uniform(-half_y, half_y))
-        if scene.ground.outline_m and scene.ground.margin_m(x, y) < _START_FROM_EDGE_M:
+        if scene.ground.outline_m and scene.ground.margin_m(x, y) < _START_FROM_M:
             continue
-        if all(each(x, y) >= _START_FROM_OBJECT_M for each in away):
+        if all(each(x, y) >= _START_FROM_M for each in away):
             return _standing(scene, x, y, float(generator.uniform(-math.pi, math.pi)))
     raise ValueRangeError(
         f"scene '{scene.name}': no free ground for a random take-off; remove or move an object"

@@ -162,10 +162,8 @@ def _from_edge_m(scene: Scene) -> float:
 
     The hull may pass over the edge, unless walls stand there.
     """
-    beside_m = min(
-        (wall - side) / 2
-        for wall, side in zip(scene.room_size_m, scene.ground.size_m, strict=False)
-    )
+    (wide_m, deep_m, _), (x_m, y_m) = scene.room_size_m, scene.ground.size_m
+    beside_m = min(wide_m - x_m, deep_m - y_m) / 2
     return max(_MARGIN_M, _HULL_RADIUS_M + _MARGIN_M - beside_m)
 
 
