@@ -84,7 +84,7 @@ def load_scene(name_or_path: str | Path) -> Scene:
 
 
 def _lab_of(file: YamlFile[_SceneFile]) -> str:
-    """Return name or path of a scene's lab: that it states, or in whose folder it lies."""
+    """Return the name or path of the lab that a scene states, or in whose folder it lies."""
     stated, folder = file.value.lab, file.path.parent.parent.resolve()
     inside = file.path.parent.name == SCENES_FOLDER and (folder / LAB_FILE).is_file()
     if not inside or stated not in {None, folder.name}:

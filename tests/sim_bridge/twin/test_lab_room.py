@@ -61,7 +61,7 @@ def test_a_picture_that_is_cut_off_is_refused_when_it_is_drawn(folder: Path) -> 
 
 @pytest.mark.parametrize(
     ("at_m", "below_m", "surface_m"),
-    [((0.1, -0.1), 1.5, 0.8), ((0.1, -0.1), 0.4, 0.0), ((0.7, -0.1), 1.5, 0.0)],
+    [((0.1, 0.3), 1.5, 0.8), ((0.1, 0.3), 0.4, 0.0), ((0.5, -0.1), 1.5, 0.0)],
 )
 @pytest.mark.parametrize("moving", [False, True])
 def test_the_surface_below_a_body_is_a_top_or_the_ground_below_it(
@@ -69,11 +69,11 @@ def test_the_surface_below_a_body_is_a_top_or_the_ground_below_it(
 ) -> None:
     """A table that moves counts by its parts, as one that stands."""
     if not moving:
-        scene, states = alone(folder, "table", yaw_deg=0.0), ()
+        scene, states = alone(folder, "table", yaw_deg=90.0), ()
     else:
         path = "path_m: [[1.0, -1.0], [0.1, -1.0]], speed_mps: 0.4, yaw_deg: 90"
         text = f"movers: [{{kind: table, {path}}}]\ntake_off: {{from: [-2.5, -1.5]}}\n"
-        scene, pose = scene_of(folder, text), Pose(x_m=0.1, y_m=-0.1, z_m=0.4, yaw_rad=0.0)
+        scene, pose = scene_of(folder, text), Pose(x_m=0.1, y_m=-0.1, z_m=0.4, yaw_rad=math.pi / 2)
         states = (MoverState(name="mover-1", pose=pose, vx_mps=0.0, vy_mps=0.0),)
     assert scene.surface_m(*at_m, below_m, states) == pytest.approx(surface_m)
 

@@ -9,6 +9,7 @@ import pytest
 
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
+from sim_bridge.twin.model import build_model
 from sim_bridge.twin.objects import Helipad
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
@@ -37,7 +38,11 @@ def test_each_kind_is_found_where_it_stands(kind: str, height_m: float) -> None:
         for y_m, pitch_rad in ((-0.4, -math.pi / 2), (-1.9, -0.7))
     ]
     finder, camera = make_mark_finder(mark.mark), anafi_camera(640, 360)
-    views = render_views(Scene(name="mark", helipad=mark), poses, truth_size_px=(224, 112))
+    scene = Scene(name="mark", helipad=mark)
+    lab = build_model(scene, drawn=False)
+    touched = {lab.contact_name(geom) for geom in range(lab.model.ngeom)}
+    assert ("mark" in touched) == (height_m > 0.0), "on a mat the drone stands on the ground"
+    views = render_views(scene, poses, truth_size_px=(224, 112))
     for pose, view, ahead_m in zip(poses, views, (0.0, 1.5), strict=True):
         frame = values.frame(view.image, pose.pitch_rad, CAMERA_M)
         class_map = paper_map(ids=view.ids, captured_s=0.0)

@@ -29,13 +29,18 @@ def drawn(scene: Scene, seed: int, *, layout: bool = True) -> Scene:
 
 
 @pytest.mark.parametrize("take_off_m", [None, (-1.5, 1.5)])
+@pytest.mark.parametrize("pad_m", [(0.5, 0.5, 0.4), (1.6, 1.6, 0.0)])
 def test_drawn_boxes_are_apart_from_each_other_and_from_mark_and_take_off(
-    take_off_m: tuple[float, float] | None,
+    take_off_m: tuple[float, float] | None, pad_m: tuple[float, float, float]
 ) -> None:
+    """They do not stand on a large mat, either: else the scene would be refused."""
     original = replace(
-        SCENE, objects=SCENE.objects[::2], take_off=TakeOffSpec(position_m=take_off_m)
+        SCENE,
+        objects=SCENE.objects[::2],
+        helipad=replace(SCENE.helipad, size_m=pad_m),
+        take_off=TakeOffSpec(position_m=take_off_m),
     )
-    for seed in range(8):
+    for seed in range(6):
         scene = drawn(original, seed)
         assert [each.kind for each in scene.objects] == [each.kind for each in original.objects]
         places = [scene.helipad.position_m, scene.start_m]
