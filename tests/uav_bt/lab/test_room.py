@@ -51,7 +51,7 @@ def test_a_link_out_of_the_lab_is_refused(tmp_path: Path) -> None:
     folder = write_lab(tmp_path / "hall")
     (folder / "wood.png").rename(tmp_path / "wood.png")
     (folder / "wood.png").symlink_to(tmp_path / "wood.png")
-    with pytest.raises(FileError, match=r"lab.yaml:17: room.objects.crate.surface.image: exp"):
+    with pytest.raises(FileError, match=r"lab.yaml:18: room.objects.crate.surface.image: exp"):
         read_lab(folder)
 
 
