@@ -96,9 +96,8 @@ def test_a_map_has_everything_where_it_stands() -> None:
     assert len(found.obstacles_m) > 12
     for x_m, y_m in found.obstacles_m:
         assert min(box.footprint.distance_m(x_m, -y_m) for box in SCENE.placed) < 0.08
-    assert [thing.class_id for thing in found.objects] == [
-        box.shape.class_id for box in SCENE.placed
-    ]
+    classes = [box.shape.class_id for box in SCENE.placed]
+    assert [thing.class_id for thing in found.objects] == classes
     for thing, box in zip(found.objects, SCENE.placed, strict=True):
         assert math.dist((thing.x_m, -thing.y_m), box.spec.position_m) < 0.12
     x, y = np.abs(found.edges_m).T

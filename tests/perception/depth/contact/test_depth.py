@@ -49,10 +49,7 @@ def box(
     x_m: float, y_m: float, height_m: float = 2.0, yaw_deg: float = 0.0, pattern: int = 1
 ) -> ObjectSpec:
     return ObjectSpec(
-        kind=f"box-{pattern}",
-        position_m=(x_m, y_m),
-        size_m=(0.4, 0.4, height_m),
-        yaw_deg=yaw_deg,
+        kind=f"box-{pattern}", position_m=(x_m, y_m), size_m=(0.4, 0.4, height_m), yaw_deg=yaw_deg
     )
 
 
