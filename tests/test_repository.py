@@ -67,7 +67,7 @@ def test_every_shipped_scene_loads_under_its_own_name() -> None:
         if name not in of_the_paper:
             assert 12 <= len(scene.objects) <= 20, name
             continue
-        heights = [box.size_m[2] for box in scene.boxes]
+        heights = [box.standing.height_m for box in scene.placed]
         assert len(heights) == 8
         assert (min(heights) >= 0.6, max(heights) <= 2.2) == (True, True), name
         assert sum(height >= 1.5 for height in heights) >= 4, name

@@ -7,8 +7,9 @@ The name of a contact is the part of its geom's name before the slash.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,12 @@ from numpy.typing import NDArray
 
 from sim_bridge.twin.body import CONTROL_STEP_S, HULL_HALF_M
 from sim_bridge.twin.gl import mujoco
-from sim_bridge.twin.solids import Mesh, Solid, yaw_quaternion
+from sim_bridge.twin.meshes import Mesh, finer
+from sim_bridge.twin.shapes import ORIGIN, Vector2
+from sim_bridge.twin.surfaces import Paint
 from uav_bt.errors import InputError
+from uav_bt.types import Pose2D
+from uav_bt.types.ground import Block
 
 HULL_MASS_KG = 0.32  # mass of the ANAFI
 STEPS_PER_CONTROL = 2
@@ -26,6 +31,7 @@ HIT_GROUP = 3  # geom group that MuJoCo does not draw by default
 
 _SEEN_GROUP = 0
 _DRONE_GROUP = 4  # not drawn by default either: the camera never sees the drone
+_LIT_M = 0.5  # longest edge where lamps shine: light is computed at corners; chosen
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,28 +42,19 @@ class LabModel:
     class_of_geom: NDArray[np.uint8]  # (number of geoms,): class id of each geom
     hull_geom: int
     hull_body: int
-    obstacle_geoms: tuple[int, ...]  # contact geoms of obstacles
+    obstacle_geoms: tuple[int, ...] = ()  # contact geoms of obstacles
 
     def contact_name(self, geom: int) -> str:
         """Return the name in contacts of a geom: that of its object."""
-        return _contact_name(self.model, geom)
-
-
-def _contact_name(model: Any, geom: int) -> str:
-    name: str = model.geom(geom).name
-    return name.split("/", maxsplit=1)[0]
+        name: str = self.model.geom(geom).name
+        return name.split("/", maxsplit=1)[0]
 
 
 class Builder:
-    """Builds a model with the drone.
+    """Builds a model with the drone; textures and visible surfaces only where it is `drawn`."""
 
-    Args:
-        drawn: whether a camera looks at it; if not, textures and visible surfaces are left out.
-        far_m: largest distance that the camera sees.
-    """
-
-    def __init__(self, *, drawn: bool, far_m: float) -> None:
-        self.drawn = drawn
+    def __init__(self, *, drawn: bool, far_m: float, lamps: bool) -> None:
+        self._drawn, self._lamps = drawn, lamps
         self.spec = mujoco.MjSpec()
         self.spec.option.timestep = PHYSICS_STEP_S
         self.spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
@@ -70,34 +67,6 @@ class Builder:
         self.spec.visual.quality.shadowsize = 2048
         self.spec.visual.headlight.active = 0
         self._classes: dict[str, int] = {}
-        self._drone()
-
-    def done(self, obstacles: Collection[str]) -> LabModel:
-        """Compile the model.
-
-        Args:
-            obstacles: names in contacts of boxes, objects and movers.
-
-        Raises:
-            InputError: MuJoCo cannot build a mesh.
-        """
-        try:
-            model = self.spec.compile()
-        except ValueError as error:
-            raise InputError(f"MuJoCo cannot build this scene: {error}") from error
-        ids = np.zeros(model.ngeom, np.uint8)
-        for name, class_id in self._classes.items():
-            ids[model.geom(name).id] = class_id
-        hit = np.flatnonzero(model.geom_group == HIT_GROUP).tolist()
-        return LabModel(
-            model=model,
-            class_of_geom=ids,
-            hull_geom=model.geom("drone").id,
-            hull_body=model.body("drone").id,
-            obstacle_geoms=tuple(geom for geom in hit if _contact_name(model, geom) in obstacles),
-        )
-
-    def _drone(self) -> None:
         body = self.spec.worldbody.add_body(name="drone")
         body.add_freejoint(name="drone")
         body.add_geom(
@@ -110,13 +79,37 @@ class Builder:
             friction=(0.8, 0.01, 0.001),
         )
 
-    def texture(self, name: str, make: Callable[[], NDArray[np.uint8]]) -> None:
-        """Add a material with a texture, unless there is one of that name."""
-        if not self.drawn or self.spec.material(name) is not None:
-            return  # another object uses the same texture
-        image = make()
+    def done(self, obstacles: Collection[str]) -> LabModel:
+        """Compile the model, in which objects and movers of these names are obstacles."""
+        try:
+            model = self.spec.compile()
+        except ValueError as error:
+            raise InputError(f"MuJoCo cannot build this scene: {error}") from error
+        ids = np.zeros(model.ngeom, np.uint8)
+        for name, class_id in self._classes.items():
+            ids[model.geom(name).id] = class_id
+        hull = model.geom("drone").id, model.body("drone").id
+        lab = LabModel(model=model, class_of_geom=ids, hull_geom=hull[0], hull_body=hull[1])
+        hit = np.flatnonzero(model.geom_group == HIT_GROUP).tolist()
+        return replace(
+            lab, obstacle_geoms=tuple(geom for geom in hit if lab.contact_name(geom) in obstacles)
+        )
+
+    def light(self, name: str, kind: mujoco.mjtLightType, *, ambient: float, diffuse: float) -> Any:
+        """Add a light without shadows and highlights, and return it."""
+        light = self.spec.worldbody.add_light(name=name)
+        light.type, light.castshadow = kind, False
+        light.ambient, light.diffuse = (ambient,) * 3, (diffuse,) * 3
+        light.specular = (0.0, 0.0, 0.0)
+        return light
+
+    def _texture(self, paint: Paint) -> None:
+        """Add the material of a paint, unless it is there."""
+        if self.spec.material(paint.name) is not None:
+            return
+        image = paint.make()
         texture = self.spec.add_texture(
-            name=name,
+            name=paint.name,
             type=mujoco.mjtTexture.mjTEXTURE_2D,
             width=image.shape[1],
             height=image.shape[0],
@@ -124,87 +117,61 @@ class Builder:
         )
         # MuJoCo's v axis points up in the image, ours points down.
         texture.data = np.ascontiguousarray(image[::-1]).tobytes()
-        material = self.spec.add_material(name=name, specular=0.0, shininess=0.0)
-        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
+        material = self.spec.add_material(name=paint.name, specular=0.0, shininess=0.0)
+        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = paint.name
 
     def show(
         self,
         name: str,
-        solid: Solid,
-        *,
-        material: str,
+        make: Callable[[Vector2], Mesh],
+        paint: Paint,
         class_id: int,
-        tile_m: tuple[float, float],
-        body: Any = None,
-    ) -> None:
-        """Add a visible solid without contacts to a body or to the world."""
-        self.show_mesh(
-            name,
-            lambda: solid.mesh(tile_m),
-            centre_m=solid.centre_m,
-            yaw_rad=solid.yaw_rad,
-            material=material,
-            class_id=class_id,
-            body=body,
-        )
-
-    def show_mesh(
-        self,
-        name: str,
-        make: Callable[[], Mesh],
         *,
-        centre_m: tuple[float, float, float],
-        yaw_rad: float,
-        material: str,
-        class_id: int,
+        at: Pose2D = ORIGIN,
         body: Any = None,
         shared: str | None = None,
+        curved: bool = False,
     ) -> None:
-        """Add a visible mesh without contacts.
+        """Add a visible mesh without contacts to a body or to the world.
 
-        Args:
-            name: of the geom.
-            make: returns the mesh.
-            centre_m: place of its origin.
-            yaw_rad: its yaw, counter-clockwise.
-            material: name of its texture.
-            class_id: its class.
-            body: what carries it; default: the world.
-            shared: name of the mesh, if several geoms show it.
+        `make` returns the mesh for the size of a tile. A mesh that several geoms show has a name.
         """
-        if not self.drawn:
+        if not self._drawn:
             return
+        self._texture(paint)
         asset = shared or name
         if self.spec.mesh(asset) is None:
-            vertices, faces, coordinates = make()
+            made = make(paint.tile_m)
+            vertices, faces, places = finer(made, _LIT_M) if self._lamps and not curved else made
             mesh = self.spec.add_mesh(name=asset)
             mesh.uservert = vertices.ravel()
             mesh.userface = faces.ravel()
-            mesh.usertexcoord = coordinates.ravel()
+            mesh.usertexcoord = places.ravel()
             mesh.userfacetexcoord = faces.ravel()
         (body or self.spec.worldbody).add_geom(
             name=name,
             type=mujoco.mjtGeom.mjGEOM_MESH,
             meshname=asset,
-            pos=centre_m,
-            quat=yaw_quaternion(yaw_rad),
-            material=material,
+            pos=(at.x_m, at.y_m, 0.0),
+            quat=_quaternion(at),
+            material=paint.name,
             group=_SEEN_GROUP,
             contype=0,
             conaffinity=0,
         )
         self._classes[name] = class_id
 
-    def hit(self, name: str, solid: Solid, body: Any = None) -> None:
+    def hit(self, name: str, block: Block, body: Any = None) -> None:
         """Add an invisible geom with contacts to a body or to the world."""
-        radius, _, half_height = solid.half_m
+        outline, half_z_m = block.footprint, (block.top_m - block.base_m) / 2
         kinds = mujoco.mjtGeom
+        size_m = (outline.half_x_m, outline.half_y_m, half_z_m)
         (body or self.spec.worldbody).add_geom(
             name=name,
-            type=kinds.mjGEOM_CYLINDER if solid.round else kinds.mjGEOM_BOX,
-            size=(radius, half_height, 0.0) if solid.round else solid.half_m,
-            pos=solid.centre_m,
-            quat=yaw_quaternion(solid.yaw_rad),
+            type=kinds.mjGEOM_CYLINDER if outline.round else kinds.mjGEOM_BOX,
+            size=(outline.half_x_m, half_z_m, 0.0) if outline.round else size_m,
+            pos=(outline.x_m, outline.y_m, (block.base_m + block.top_m) / 2),
+            quat=_quaternion(outline),
             group=HIT_GROUP,
         )
 
@@ -214,18 +181,22 @@ class Builder:
         vertices: NDArray[np.float64],
         *,
         shared: str,
-        centre_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
-        yaw_rad: float = 0.0,
+        at: Pose2D = ORIGIN,
         body: Any = None,
     ) -> None:
-        """Add an invisible geom with contacts: the convex hull of vertices, (N, 3)."""
+        """Add an invisible geom with contacts: the convex hull of vertices, (..., 3)."""
         if self.spec.mesh(shared) is None:
             self.spec.add_mesh(name=shared).uservert = vertices.astype(np.float32).ravel()
         (body or self.spec.worldbody).add_geom(
             name=name,
             type=mujoco.mjtGeom.mjGEOM_MESH,
             meshname=shared,
-            pos=centre_m,
-            quat=yaw_quaternion(yaw_rad),
+            pos=(at.x_m, at.y_m, 0.0),
+            quat=_quaternion(at),
             group=HIT_GROUP,
         )
+
+
+def _quaternion(pose: Pose2D) -> tuple[float, float, float, float]:
+    """Return the quaternion (w, x, y, z) of a yaw angle."""
+    return math.cos(pose.yaw_rad / 2), 0.0, 0.0, math.sin(pose.yaw_rad / 2)

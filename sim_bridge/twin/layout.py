@@ -1,147 +1,110 @@
-"""The arrangement of a scene on its ground: nothing overlaps or leaves the ground."""
+"""Checks of the arrangement of a scene: nothing overlaps, leaves the ground or stands in a path."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from typing import ClassVar
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Final
 
-from sim_bridge.twin.objects import BoxSpec, Helipad, Vector2, box_names
-from sim_bridge.twin.placed import MAX_OBJECTS, PlacedObject
+import cv2
+import numpy as np
+
+from sim_bridge.twin.movers import MoverSpec
+from sim_bridge.twin.objects import MAT_M
+from sim_bridge.twin.shapes import Vector2
 from uav_bt.errors import ValueRangeError
-from uav_bt.lab.room import GROUND_SIDES_M, GroundSection
 from uav_bt.types.ground import Footprint, Ground, Standing
 
-CARPET_SIZE_M = (5.0, 4.0)  # size in the paper, along x and y, centred on the origin
-MAX_BOXES = 64
-_ROUNDING_M = 1e-9
-
-
-@dataclass(frozen=True, kw_only=True)
-class GroundSpec:
-    """The ground below the flight: a rectangle, in the paper's lab the carpet.
-
-    Raises:
-        ValueRangeError: it is too small or too large.
-    """
-
-    size_m: Vector2 = CARPET_SIZE_M  # along x and y, centred on the origin
-    sides_m: ClassVar[Vector2] = (2.0, 12.0)
-
-    def __post_init__(self) -> None:
-        low, high = self.sides_m
-        if not all(low <= side <= high for side in self.size_m):
-            raise ValueRangeError(
-                f"ground: size_m must be {low:g} to {high:g} m a side, got {list(self.size_m)}"
-            )
-
-    @cached_property
-    def plan(self) -> Ground:
-        """The ground without objects."""
-        return Ground(size_m=self.size_m)
-
-
-@dataclass(frozen=True, kw_only=True)
-class LabGround(GroundSpec):
-    """The ground that a lab states, a rectangle or a polygon."""
-
-    outline_m: tuple[Vector2, ...] = ()
-    sides_m: ClassVar[Vector2] = GROUND_SIDES_M
-
-    @cached_property
-    def plan(self) -> Ground:
-        """The ground without objects."""
-        return Ground(size_m=self.size_m, outline_m=self.outline_m)
-
-
-def ground_of(section: GroundSection | None) -> GroundSpec:
-    """Return the ground of a lab; the paper's carpet if the lab states none."""
-    if section is None:
-        return GroundSpec()
-    return LabGround(size_m=section.extent_m, outline_m=section.outline_m or ())
-
-
-@dataclass(frozen=True, kw_only=True)
-class LayoutProblem:
-    """A mistake in the arrangement of a scene."""
-
-    place: tuple[str | int, ...]  # keys and indices of the faulty item in a scene file
-    message: str
+MAX_MOVERS: Final = 8
+MARK_NAME: Final = "the landing mark"
+KEPT_FREE_M: Final = 0.25  # least distance from the take-off point to objects and movers
+_ROUNDING_M: Final = 1e-9
 
 
 class LayoutError(ValueRangeError):
-    """A scene is arranged impossibly.
+    """A scene is arranged impossibly; `place` is that of the faulty item in a scene file."""
 
-    Attributes:
-        problem: The first mistake.
-    """
-
-    def __init__(self, scene: str, problem: LayoutProblem) -> None:
-        super().__init__(f"scene '{scene}': {problem.message}")
-        self.problem = problem
+    def __init__(self, message: str, *place: str | int) -> None:
+        super().__init__(message)
+        self.place = place
 
 
-def layout_problem(
-    helipad: Helipad | None,
-    boxes: Sequence[BoxSpec],
-    ground: GroundSpec,
-    objects: Sequence[PlacedObject] = (),
-) -> LayoutProblem | None:
-    """Return the first mistake in the arrangement of mark, boxes and objects; None without."""
-    outside = None if helipad is None else _outside(ground, helipad.footprint)
-    if outside is not None:
-        return LayoutProblem(place=("helipad",), message=f"the landing mark {outside}")
-    if len(boxes) > MAX_BOXES:
-        message = f"at most {MAX_BOXES} boxes, got {len(boxes)}"
-        return LayoutProblem(place=("boxes", MAX_BOXES), message=message)
-    names = box_names(boxes)
-    for index, (box, name) in enumerate(zip(boxes, names, strict=True)):
-        wrong = _outside(ground, box.footprint)
-        for other, other_name in zip(boxes[:index], names, strict=False):
-            if wrong is None and box.footprint.overlaps(other.footprint):
+def check_objects(ground: Ground, standing: Mapping[str, Standing]) -> None:
+    """Refuse an object or mark that leaves the ground or overlaps another one before it."""
+    items = list(standing.items())
+    for index, (name, item) in enumerate(items):
+        wrong = outside(ground, item.footprint)
+        for other_name, other in items[:index]:
+            if wrong is None and overlaps(item, other):
                 wrong = f"overlaps {other_name}"
-        if wrong is None and helipad is not None and box.footprint.overlaps(helipad.footprint):
-            wrong = "overlaps the landing mark"
         if wrong is not None:
-            return LayoutProblem(place=("boxes", index), message=f"{name} {wrong}")
-    return _object_problem(helipad, boxes, ground, objects)
+            place = ("helipad",) if name == MARK_NAME else ("objects", index)
+            raise LayoutError(f"{name} {wrong}", *place)
 
 
-def _object_problem(
-    helipad: Helipad | None,
-    boxes: Sequence[BoxSpec],
-    ground: GroundSpec,
-    objects: Sequence[PlacedObject],
-) -> LayoutProblem | None:
-    if len(objects) > MAX_OBJECTS:
-        message = f"at most {MAX_OBJECTS} objects, got {len(objects)}"
-        return LayoutProblem(place=("objects", MAX_OBJECTS), message=message)
-    others = [
-        (name, Standing(footprint=box.footprint, height_m=box.size_m[2]))
-        for name, box in zip(box_names(boxes), boxes, strict=True)
-    ]
-    if helipad is not None:
-        pad = Standing(footprint=helipad.footprint, height_m=helipad.drawn_size_m[2])
-        others.append(("the landing mark", pad))
-    for index, item in enumerate(objects):
-        wrong = _outside(ground, item.footprint)
-        if wrong is None:
-            wrong = next(
-                (f"overlaps {name}" for name, other in others if item.overlaps(other)), None
-            )
+def check_take_off(ground: Ground, standing: Mapping[str, Standing], take_off_m: Vector2) -> None:
+    """Refuse a take-off point off the ground or near an obstacle."""
+    x_m, y_m = take_off_m
+    if not ground.contains(x_m, y_m):
+        size = f"of {ground.size_m[0]:g} x {ground.size_m[1]:g} m"
+        raise LayoutError(f"({x_m}, {y_m}) is outside the ground {size}", "take_off")
+    for name, item in standing.items():
+        if name != MARK_NAME and item.footprint.distance_m(x_m, y_m) < KEPT_FREE_M:
+            raise LayoutError(f"({x_m}, {y_m}) is within {KEPT_FREE_M} m of {name}", "take_off")
+
+
+def check_movers(
+    movers: Sequence[MoverSpec],
+    ground: Ground,
+    standing: Mapping[str, Standing],
+    take_off_m: Vector2 | None,
+) -> None:
+    """Refuse a mover whose path leaves the ground or is not free."""
+    for index, mover in enumerate(movers):
+        off = [corner for corner in mover.path_m if not ground.contains(*corner)]
+        wrong = f"leaves the ground at {_text(off[0])}" if off else None
+        for name, item in standing.items():
+            leg = leg_through(mover, item.footprint)
+            if wrong is None and leg is not None:
+                wrong = f"leads through {name} from {_text(leg[0])} to {_text(leg[1])}"
+        if wrong is None and take_off_m and mover.distance_m(*take_off_m) < KEPT_FREE_M:
+            wrong = f"comes within {KEPT_FREE_M} m of the take-off place {_text(take_off_m)}"
         if wrong is not None:
-            return LayoutProblem(place=("objects", index), message=f"{item.name} {wrong}")
-        others.append((item.name, item.standing))
+            raise LayoutError(f"mover-{index + 1}: its path {wrong}", "movers", index)
+
+
+def leg_through(mover: MoverSpec, footprint: Footprint) -> tuple[Vector2, Vector2] | None:
+    """Return the first leg of a mover's path that leads through an outline; None without one."""
+    corners = np.array(footprint.corners(), dtype=np.float32)
+    for leg, swept in zip(mover.legs(), mover.swept, strict=True):
+        if cv2.intersectConvexConvex(swept, corners)[0] > 1e-6:
+            return leg
     return None
 
 
-def _outside(ground: GroundSpec, footprint: Footprint) -> str | None:
+def _text(place: Vector2) -> str:
+    return f"[{place[0]:g}, {place[1]:g}]"
+
+
+def overlaps(one: Standing, other: Standing) -> bool:
+    """Return whether a part of an object is inside a part of another one."""
+    return one.footprint.overlaps(other.footprint) and any(
+        part.base_m < max(another.top_m, MAT_M)
+        and another.base_m < max(part.top_m, MAT_M)
+        and part.footprint.overlaps(another.footprint)
+        for part in one.blocks
+        for another in other.blocks
+    )
+
+
+def outside(ground: Ground, footprint: Footprint) -> str | None:
+    """Return where an outline leaves the ground; None if it does not."""
     stands = f"at [{footprint.x_m:g}, {footprint.y_m:g}] stands outside the ground"
-    if ground.plan.outline_m:
-        return None if _lies_in(ground.plan, footprint) else stands
+    if ground.outline_m:
+        return None if _lies_in(ground, footprint) else stands
     half_x, half_y = (side / 2 for side in ground.size_m)
-    for x, y in _extremes(footprint):
+    around = replace(footprint, yaw_rad=0.0) if footprint.round else footprint
+    for x, y in around.corners():
         if abs(x) > half_x + _ROUNDING_M or abs(y) > half_y + _ROUNDING_M:
             return (
                 f"{stands}: a corner is at ({x:.2f}, {y:.2f}), the ground ends at "
@@ -150,23 +113,15 @@ def _outside(ground: GroundSpec, footprint: Footprint) -> str | None:
     return None
 
 
-def _extremes(footprint: Footprint) -> list[Vector2]:
-    """Return the corners of a box; of a circle those of the square along the world's axes."""
-    if not footprint.round:
-        return footprint.corners()
-    x_m, y_m, radius_m = footprint.x_m, footprint.y_m, footprint.half_x_m
-    return [(x_m + sx * radius_m, y_m + sy * radius_m) for sx in (-1, 1) for sy in (-1, 1)]
-
-
-def _lies_in(plan: Ground, footprint: Footprint) -> bool:
+def _lies_in(ground: Ground, footprint: Footprint) -> bool:
     """Return whether an outline lies on a polygon: no side of the polygon passes through it."""
     if footprint.round:
-        return plan.margin_m(footprint.x_m, footprint.y_m) >= footprint.half_x_m - _ROUNDING_M
-    corners_in = all(plan.margin_m(x, y) >= -_ROUNDING_M for x, y in footprint.corners())
-    return corners_in and not any(_pierces(edge, footprint) for edge in plan.area.edges[0])
+        return ground.margin_m(footprint.x_m, footprint.y_m) >= footprint.half_x_m - _ROUNDING_M
+    corners_in = all(ground.margin_m(x, y) >= -_ROUNDING_M for x, y in footprint.corners())
+    return corners_in and not any(_pierces(edge, footprint) for edge in ground.area.edges[0])
 
 
-def _pierces(edge: tuple[float, float, float, float], box: Footprint) -> bool:
+def _pierces(edge: Sequence[float], box: Footprint) -> bool:
     """Return whether a side passes through the inside of a box (slab method)."""
     ax, ay, ex, ey = edge
     enters, leaves = 0.0, 1.0

@@ -1,32 +1,117 @@
-"""Meshes of polygons, triangles and composed parts, with texture coordinates in tiles."""
+"""Meshes of boxes, cylinders, polygons and triangles, with texture coordinates in tiles."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.twin.movers import Point
-from sim_bridge.twin.solids import Mesh
+from sim_bridge.twin.shapes import Vector2
+from uav_bt.lab.obj_file import triangulated
+from uav_bt.types.ground import Block
 
+_ROUND_FACES: Final = 32  # faces of a cylinder: an error of half a percent of its radius
 _MOST_TRIANGLES: Final = 20_000  # of a finer mesh
 
+Mesh = tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.float32]]
+"""Vertices (N, 3) in metres, triangles (M, 3), texture coordinates (N, 2) in tiles."""
 
-def merged(meshes: Sequence[Mesh], centres_m: Sequence[tuple[float, float, float]]) -> Mesh:
-    """Return one mesh of several, each moved to its centre."""
-    counts = np.cumsum([0, *(len(vertices) for vertices, _, _ in meshes)])
+
+def block_mesh(blocks: Sequence[Block], tile_m: Vector2) -> Mesh:
+    """Make one mesh of boxes and cylinders that are not turned, in tiles of a width and height."""
+    vertices: list[NDArray[np.float32]] = []
+    triangles: list[NDArray[np.int64]] = []
+    coordinates: list[NDArray[np.float64]] = []
+    first = 0
+    for block in blocks:
+        outline = block.footprint
+        points, faces, places = (_cylinder if outline.round else _box)(block, tile_m)
+        middle_m = (outline.x_m, outline.y_m, (block.base_m + block.top_m) / 2)
+        vertices.append(points.astype(np.float32) + np.array(middle_m, np.float32))
+        triangles.append(faces + first)
+        coordinates.append(places)
+        first += len(points)
     return (
-        np.vstack(
-            [each[0] + np.array(at, np.float32) for each, at in zip(meshes, centres_m, strict=True)]
-        ),
-        np.vstack([each[1] + first for each, first in zip(meshes, counts, strict=False)]).astype(
-            np.int32
-        ),
-        np.vstack([each[2] for each in meshes]),
+        np.vstack(vertices),
+        np.vstack(triangles).astype(np.int32),
+        np.vstack(coordinates).astype(np.float32),
     )
+
+
+_Made = tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]
+
+# Faces of a box: normals, directions of u, directions of v. Textures are upright on the sides.
+_FACES: Final = np.array(
+    [
+        [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)],
+        [(0, 1, 0), (0, -1, 0), (-1, 0, 0), (1, 0, 0), (1, 0, 0), (1, 0, 0)],
+        [(0, 0, 1), (0, 0, 1), (0, 0, 1), (0, 0, 1), (0, 1, 0), (0, -1, 0)],
+    ]
+)
+_CORNERS: Final = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])  # of a face, along u and v
+_HALVES: Final = np.array([(0, 1, 2), (0, 2, 3)])  # triangles of a face
+
+
+def _box(block: Block, tile_m: Vector2) -> _Made:
+    """Return four vertices per face: texture coordinates count from the middle of each face."""
+    outline = block.footprint
+    half = np.array((outline.half_x_m, outline.half_y_m, (block.top_m - block.base_m) / 2))
+    normals, u, v = _FACES[:, :, None]
+    vertices = (normals + _CORNERS[:, :1] * u + _CORNERS[:, 1:] * v) * half  # (6, 4, 3)
+    sides = np.concatenate([np.abs(u) @ half, np.abs(v) @ half], axis=1)
+    coordinates = 0.5 + _CORNERS * (sides / tile_m)[:, None]
+    triangles = 4 * np.arange(6)[:, None, None] + _HALVES
+    return vertices.reshape(-1, 3), triangles.reshape(-1, 3), coordinates.reshape(-1, 2)
+
+
+def _cylinder(block: Block, tile_m: Vector2) -> _Made:
+    """Return an upright cylinder; the texture wraps around its side and lies flat on its ends."""
+    radius, half_z = block.footprint.half_x_m, (block.top_m - block.base_m) / 2
+    turns = np.linspace(0.0, 2.0 * np.pi, _ROUND_FACES + 1)  # two columns of vertices at the seam
+    ring, count = radius * np.column_stack([np.cos(turns), np.sin(turns)]), len(turns)
+    low, high = (np.pad(ring, ((0, 0), (0, 1)), constant_values=z) for z in (-half_z, half_z))
+    ends = np.array([[(0.0, 0.0, -half_z)], [(0.0, 0.0, half_z)]])
+    around, up = (turns * radius / tile_m[0])[:, None], half_z / tile_m[1]
+    sides = [np.pad(around, ((0, 0), (0, 1)), constant_values=0.5 + z) for z in (-up, up)]
+    flat = 0.5 + ring / tile_m
+    middle = np.array([(0.5, 0.5)])
+    edge = np.arange(_ROUND_FACES)
+    first, last = 2 * count + edge, 3 * count + 1 + edge  # of the two ends
+    triangles = [
+        (edge, edge + 1, count + edge + 1),
+        (edge, count + edge + 1, count + edge),
+        (first + 1, first, np.full_like(edge, 3 * count)),
+        (last, last + 1, np.full_like(edge, 4 * count + 1)),
+    ]
+    faces = np.hstack([np.stack(corners) for corners in triangles]).T
+    vertices = np.vstack([low, high, low, ends[0], high, ends[1]])
+    return vertices, faces, np.vstack([*sides, flat, middle, flat, middle])
+
+
+def triangle_mesh(triangles: NDArray[np.float64], tile_m: Vector2) -> Mesh:
+    """Make a mesh of triangles, (N, 3, 3); the texture is projected along the steepest axis."""
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    axis = np.abs(normals).argmax(axis=1)
+    across = np.array(((1, 2), (0, 2), (0, 1)))[axis]  # axes of u and v
+    flat = np.take_along_axis(triangles, across[:, None, :].repeat(3, axis=1), axis=2)
+    return _unshared(triangles, 0.5 + flat / tile_m)
+
+
+def prism_mesh(outline_m: Sequence[Vector2], low_m: float, high_m: float, tile_m: Vector2) -> Mesh:
+    """Make an upright prism over a polygon, counter-clockwise, with the texture on its top."""
+    outline = np.array(outline_m)
+    flat = outline[np.array(triangulated(outline_m))]  # (M, 3, 2)
+
+    def level(z_m: float, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.concatenate([points, np.full((*points.shape[:-1], 1), z_m)], axis=-1)
+
+    low, high = level(low_m, outline), level(high_m, outline)
+    after, above = np.roll(low, -1, axis=0), np.roll(high, -1, axis=0)
+    sides = np.concatenate([np.stack([low, after, above], 1), np.stack([low, above, high], 1)])
+    triangles = np.concatenate([level(high_m, flat), level(low_m, flat)[:, ::-1], sides])
+    return _unshared(triangles, 0.5 + triangles[..., :2] / tile_m)
 
 
 def finer(mesh: Mesh, longest_m: float) -> Mesh:
@@ -38,12 +123,7 @@ def finer(mesh: Mesh, longest_m: float) -> Mesh:
         if edges.max() <= longest_m:
             break
         corners, places = _split(corners), _split(places)
-    count = 3 * len(corners)
-    return (
-        np.ascontiguousarray(corners.reshape(count, 3), np.float32),
-        np.arange(count, dtype=np.int32).reshape(-1, 3),
-        np.ascontiguousarray(places.reshape(count, 2), np.float32),
-    )
+    return _unshared(corners, places)
 
 
 def _split(corners: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -54,78 +134,11 @@ def _split(corners: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.concatenate([np.stack(part, axis=1) for part in parts])
 
 
-def triangle_mesh(triangles: NDArray[np.float64], tile_m: Point) -> Mesh:
-    """Make a mesh of triangles, (N, 3, 3); the texture is projected along the steepest axis."""
-    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    axis = np.abs(normals).argmax(axis=1)
-    across = np.array(((1, 2), (0, 2), (0, 1)))[axis]  # axes of u and v
-    flat = np.take_along_axis(triangles, across[:, None, :].repeat(3, axis=1), axis=2)
+def _unshared(corners: NDArray[np.floating], places: NDArray[np.floating]) -> Mesh:
+    """Return the mesh of triangles, (M, 3, 3), that share no vertices."""
+    count = 3 * len(corners)
     return (
-        triangles.reshape(-1, 3).astype(np.float32),
-        np.arange(3 * len(triangles), dtype=np.int32).reshape(-1, 3),
-        (0.5 + flat.reshape(-1, 2) / tile_m).astype(np.float32),
+        np.ascontiguousarray(corners.reshape(count, 3), np.float32),
+        np.arange(count, dtype=np.int32).reshape(-1, 3),
+        np.ascontiguousarray(places.reshape(count, 2), np.float32),
     )
-
-
-def prism_mesh(outline_m: Sequence[Point], low_m: float, high_m: float, tile_m: Point) -> Mesh:
-    """Make an upright prism over a polygon; the texture lies on its top, middle at the origin."""
-    outline = counter_clockwise(outline_m)
-    flat = np.array(outline)[np.array(triangulated(outline))]  # (M, 3, 2)
-
-    def level(z_m: float) -> NDArray[np.float64]:
-        return np.concatenate([flat, np.full((*flat.shape[:2], 1), z_m)], axis=2)
-
-    sides = []
-    for (ax, ay), (bx, by) in zip(outline, (*outline[1:], outline[0]), strict=True):
-        a, b = (ax, ay, low_m), (bx, by, low_m)
-        c, d = (bx, by, high_m), (ax, ay, high_m)
-        sides += [(a, b, c), (a, c, d)]
-    triangles = np.concatenate([level(high_m), level(low_m)[:, ::-1], np.array(sides)])
-    vertices = triangles.reshape(-1, 3)
-    return (
-        vertices.astype(np.float32),
-        np.arange(len(vertices), dtype=np.int32).reshape(-1, 3),
-        (0.5 + vertices[:, :2] / tile_m).astype(np.float32),
-    )
-
-
-def counter_clockwise(outline_m: Sequence[Point]) -> list[Point]:
-    """Return a polygon's corners counter-clockwise."""
-    around = zip(outline_m, (*outline_m[1:], outline_m[0]), strict=True)
-    area = sum(ax * by - ay * bx for (ax, ay), (bx, by) in around)
-    return list(outline_m) if area > 0.0 else list(reversed(outline_m))
-
-
-def triangulated(outline_m: Sequence[Point]) -> list[tuple[int, int, int]]:
-    """Return the triangles of a polygon without crossing sides, by cutting ears.
-
-    Args:
-        outline_m: corners, counter-clockwise.
-    """
-    left, triangles = list(range(len(outline_m))), []
-    while len(left) > 3:
-        for place, corner in enumerate(left):
-            before, after = left[place - 1], left[(place + 1) % len(left)]
-            ear = [outline_m[each] for each in (before, corner, after)]
-            rest = (outline_m[each] for each in left if each not in (before, corner, after))
-            if _turn(*ear) > 0.0 and not any(_covers(ear, point) for point in rest):
-                triangles.append((before, corner, after))
-                left.pop(place)
-                break
-        else:  # corners in one line are left
-            left.pop(min(range(len(left)), key=lambda at: _flatness(outline_m, left, at)))
-    return [*triangles, (left[0], left[1], left[2])]
-
-
-def _turn(a: Point, b: Point, c: Point) -> float:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-
-
-def _covers(ear: Sequence[Point], point: Point) -> bool:
-    a, b, c = ear
-    return min(_turn(a, b, point), _turn(b, c, point), _turn(c, a, point)) >= 0.0
-
-
-def _flatness(outline_m: Sequence[Point], left: Sequence[int], at: int) -> float:
-    before, corner, after = (outline_m[left[each % len(left)]] for each in (at - 1, at, at + 1))
-    return abs(_turn(before, corner, after)) / max(math.dist(before, after), 1e-9)

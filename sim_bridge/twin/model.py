@@ -1,168 +1,184 @@
-"""MuJoCo model of a scene, with the class of each geom: the paper's lab and what labs add."""
+"""MuJoCo model of a scene, with the class of each geom."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, Final
 
 from sim_bridge.twin import textures
 from sim_bridge.twin.builder import Builder, LabModel
 from sim_bridge.twin.gl import mujoco
-from sim_bridge.twin.model_room import add_ground, add_lamps, add_object, add_shape, add_walls
-from sim_bridge.twin.movers import MoverSpec, mover_names, roof_of
-from sim_bridge.twin.objects import MAT_M, BoxSpec, Helipad, Vector2, Vector3, box_names
-from sim_bridge.twin.scene import FLOOR_M, Lighting, Scene, obstacle_names
-from sim_bridge.twin.solids import Solid, stacked
+from sim_bridge.twin.meshes import Mesh, block_mesh, prism_mesh, triangle_mesh
+from sim_bridge.twin.movers import mover_names
+from sim_bridge.twin.objects import MAT_M, Helipad
+from sim_bridge.twin.room import FLOOR_M, ground_slabs, room_blocks
+from sim_bridge.twin.scene import Lighting, Scene
+from sim_bridge.twin.shapes import ORIGIN, Shape, Vector2, block
+from sim_bridge.twin.surfaces import Paint, paint_of
 from uav_bt.lab.classes import OUTSIDE
-from uav_bt.lab.shipped import DEFAULT_LAB
+from uav_bt.lab.obj_file import pieces
+from uav_bt.lab.room import Surface
 from uav_bt.plugins import make_mark_finder
+from uav_bt.types import Pose2D
+from uav_bt.types.arrays import Image
+from uav_bt.types.ground import Block
 
-_PAINT_M = 0.0001  # height of the H above the pad, enough to be drawn over it
+_SHEET_M: Final = 0.001  # thickness of an upper face with another class or look
+_PAINT_M: Final = 0.0001  # height of the H above the pad, enough to be drawn over it
+_CONE_DEG: Final = 85.0  # half the opening of a lamp
+_STRIPES: Final = Paint(name="stripes", make=partial(textures.paper, "stripes"), tile_m=(0.2, 0.2))
 
 
 def build_model(scene: Scene, *, drawn: bool = True) -> LabModel:
-    """Compile a scene with the drone.
+    """Compile a scene with the drone, whose free joint is the first seven coordinates.
 
-    Args:
-        scene: the lab.
-        drawn: whether a camera looks at it; if not, textures and visible surfaces are left out.
-
-    Returns:
-        The MuJoCo model; the free joint of the drone is the first seven coordinates.
+    Textures and visible surfaces are left out of a model that is not `drawn`.
     """
-    builder = _Builder(scene, drawn=drawn)
-    builder.lights(scene.lighting)
+    far_m = max(20.0, math.hypot(*scene.room_size_m))
+    builder = Builder(drawn=drawn, far_m=far_m, lamps=bool(scene.lighting.lamps))
+    _add_lights(builder, scene.lighting)
     # Geoms are drawn in this order. Things in front come first, because a software renderer
     # textures every pixel that no nearer surface covers yet.
-    for name, box in zip(box_names(scene.boxes), scene.boxes, strict=True):
-        builder.box(name, box)
     for item in scene.placed:
-        add_object(builder, scene, item)
-    for name, mover in zip(mover_names(scene.movers), scene.movers, strict=True):
-        builder.mover(name, mover)
-    for pad in scene.pads:
-        builder.helipad(pad)
-    own = scene.lab != DEFAULT_LAB
-    if own and scene.room.ground is not None:
-        add_ground(builder, scene, scene.room.ground)
-    else:
-        builder.carpet(scene.ground.size_m)
-    if own and scene.room.walls is not None:
-        add_walls(builder, scene, scene.room.walls)
-    else:
-        builder.room(scene.room_size_m)
-    return builder.done(obstacle_names(scene))
+        _add_shape(builder, scene, item.name, item.shape, item.spec.pose)
+    names = mover_names(scene.movers)
+    for name, mover in zip(names, scene.movers, strict=True):
+        x_m, y_m = mover.path_m[0]  # a mocap body of MuJoCo, with its origin on the ground
+        body = builder.spec.worldbody.add_body(name=name, mocap=True, pos=(x_m, y_m, 0.0))
+        turned = replace(ORIGIN, yaw_rad=math.radians(mover.yaw_deg))
+        _add_shape(builder, scene, name, scene.shape_of(mover), turned, body=body)
+    if scene.helipad is not None:
+        _add_helipad(builder, scene, scene.helipad)
+    _add_ground(builder, scene)
+    _add_room(builder, scene)
+    return builder.done({*names, *(item.name for item in scene.placed)})
 
 
-class _Builder(Builder):
-    def __init__(self, scene: Scene, *, drawn: bool) -> None:
-        super().__init__(drawn=drawn, far_m=max(20.0, math.hypot(*scene.room_size_m)))
-        self._scene = scene
-
-    def room(self, size_m: Vector3) -> None:
-        hx, hy, hz = (side / 2 for side in size_m)
-        middle = hz + FLOOR_M
-        slabs = {
-            "floor": ((hx, hy, 0.05), (0.0, 0.0, FLOOR_M - 0.05)),
-            "ceiling": ((hx, hy, 0.05), (0.0, 0.0, FLOOR_M + size_m[2] + 0.05)),
-            "wall-east": ((0.05, hy, hz), (hx + 0.05, 0.0, middle)),
-            "wall-west": ((0.05, hy, hz), (-hx - 0.05, 0.0, middle)),
-            "wall-north": ((hx, 0.05, hz), (0.0, hy + 0.05, middle)),
-            "wall-south": ((hx, 0.05, hz), (0.0, -hy - 0.05, middle)),
-        }
-        greys = {"floor": (0.50, 310), "wall": (0.84, 311), "ceiling": (0.92, 312)}
-        for kind, (value, seed) in greys.items():
-            self.texture(kind, partial(textures.plain, value, seed))
-        for name, (size, position) in slabs.items():
-            slab = Solid(half_m=size, centre_m=position)
-            kind = name.split("-")[0]
-            self.show(f"{name}/seen", slab, material=kind, class_id=OUTSIDE, tile_m=(5.0, 5.0))
-            self.hit(name, slab)
-
-    def carpet(self, size_m: Vector2) -> None:
-        self.texture("carpet", partial(textures.carpet, size_m))
-        ground = Solid(
-            half_m=(size_m[0] / 2, size_m[1] / 2, -FLOOR_M / 2),
-            centre_m=(0.0, 0.0, FLOOR_M / 2),
+def _add_lights(builder: Builder, lighting: Lighting) -> None:
+    """Add the lamps, or one distant lamp and a weak opposite one that shades the sides."""
+    kinds = mujoco.mjtLightType
+    if not lighting.lamps:
+        (x, y, z), share = lighting.direction, 1.0 - lighting.ambient
+        for name, direction, ambient, diffuse in (
+            ("lamp", (x, y, z), lighting.ambient, 0.85 * share),
+            ("fill", (-1.5 * x, -1.5 * y, 0.5 * z), 0.0, 0.50 * share),
+        ):
+            sun = builder.light(name, kinds.mjLIGHT_DIRECTIONAL, ambient=ambient, diffuse=diffuse)
+            sun.dir, sun.pos = direction, [-4.0 * value for value in direction]
+            sun.castshadow = lighting.shadows and name == "lamp"
+        return
+    # The light without a direction, because that of a lamp would fade.
+    builder.light("ambient", kinds.mjLIGHT_DIRECTIONAL, ambient=lighting.ambient, diffuse=0.0)
+    for number, lamp in enumerate(lighting.lamps, start=1):
+        light = builder.light(
+            f"lamp-{number}", kinds.mjLIGHT_SPOT, ambient=0.0, diffuse=lamp.brightness
         )
-        class_id = self._scene.classes.ground
-        self.show("ground/seen", ground, material="carpet", class_id=class_id, tile_m=size_m)
-        self.hit("ground", ground)
+        light.pos, light.dir = lamp.position_m, (0.0, 0.0, -1.0)
+        light.cutoff, light.exponent = _CONE_DEG, 1.0
+        light.attenuation = (1.0, 0.0, 1.0 / lamp.reach_m**2)
 
-    def lights(self, lighting: Lighting) -> None:
-        """Add the lamp, and a weak opposite lamp that shades the sides facing away from it."""
-        if lighting.lamps:
-            add_lamps(self, lighting.ambient, lighting.lamps)
-            return
-        x, y, z = lighting.direction
-        share = 1.0 - lighting.ambient
-        lamps = {
-            "lamp": ((x, y, z), lighting.ambient, 0.85 * share, lighting.shadows),
-            "fill": ((-1.5 * x, -1.5 * y, 0.5 * z), 0.0, 0.50 * share, False),
-        }
-        for name, (direction, ambient, diffuse, shadows) in lamps.items():
-            light = self.spec.worldbody.add_light(name=name)
-            light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
-            light.dir = direction
-            light.pos = [-4.0 * value for value in direction]
-            light.castshadow = shadows
-            light.ambient = (ambient,) * 3
-            light.diffuse = (diffuse,) * 3
-            light.specular = (0.0, 0.0, 0.0)
 
-    def helipad(self, pad: Helipad) -> None:
-        self.texture("stripes", textures.stripes)
-        picture = make_mark_finder(pad.mark).picture() if self.drawn else None
-        self.texture("h", textures.helipad_top if picture is None else lambda: picture)
-        whole, _, _ = stacked(pad.position_m, pad.drawn_size_m, math.radians(pad.yaw_deg))
-        width, depth, height = pad.drawn_size_m
-        panel_m = (pad.panel_share * width, pad.panel_share * depth)
-        half_m, centre_m = (panel_m[0] / 2, panel_m[1] / 2, _PAINT_M), (*pad.position_m, height)
-        panel = replace(whole, half_m=half_m, centre_m=centre_m)
-        parts = (
-            ("mark/sides", whole, "stripes", self._scene.mark_class, (0.2, 0.2)),
-            ("mark/h", panel, "h", self._scene.mark_top, panel_m),
+def _add_shape(
+    builder: Builder, scene: Scene, name: str, shape: Shape, pose: Pose2D, *, body: Any = None
+) -> None:
+    """Add a shape at a place of the world or of a body: a mesh for each look, and its contacts."""
+    for look, (surface, class_id, blocks) in _looks(shape).items():
+        make: Callable[[Vector2], Mesh] = partial(block_mesh, blocks)
+        if shape.mesh is not None:
+            make = partial(triangle_mesh, shape.mesh)
+        builder.show(
+            f"{name}/{look}",
+            make,
+            paint_of(surface, scene.place.lab.folder),
+            class_id,
+            at=pose,
+            body=body,
+            shared=f"{shape.name}/{look}",
+            curved=shape.kind.shape in ("cylinder", "mesh"),
         )
-        for name, solid, material, class_id, tile_m in parts:
-            self.show(name, solid, material=material, class_id=class_id, tile_m=tile_m)
-        if pad.size_m[2] >= MAT_M:  # on a flat mat the drone stands on the ground
-            self.hit("mark", whole)
+    if shape.mesh is None:
+        for number, part in enumerate(shape.parts):
+            builder.hit(name if len(shape.parts) == 1 else f"{name}/{number}", part.at(pose), body)
+        return
+    for number, piece in enumerate(pieces(shape.mesh)):
+        asset = f"{shape.name}/hull-{number}"
+        builder.hit_hull(f"{name}/{number}", piece, shared=asset, at=pose, body=body)
 
-    def box(self, name: str, box: BoxSpec) -> None:
-        self._wrapped(name, stacked(box.position_m, box.size_m, math.radians(box.yaw_deg)), box)
 
-    def mover(self, name: str, mover: MoverSpec) -> None:
-        """Add a mover as a mocap body of MuJoCo, with its origin on the ground."""
-        x, y = mover.path_m[0]
-        body = self.spec.worldbody.add_body(name=name, mocap=True, pos=(x, y, 0.0))
-        if mover.kind is not None:
-            place = (0.0, 0.0, math.radians(mover.yaw_deg))
-            add_shape(self, self._scene, name, self._scene.shape_of(mover.kind), place, body=body)
-            return
-        is_round, yaw_rad = mover.shape == "cylinder", math.radians(mover.yaw_deg)
-        parts = stacked((0.0, 0.0), mover.size_m, yaw_rad, is_round=is_round)
-        self._wrapped(name, parts, mover, body)
+def _looks(shape: Shape) -> dict[str, tuple[Surface, int, list[Block]]]:
+    """Return surface, class and parts of each look of a shape."""
+    kind = shape.kind
+    has_sheet = kind.top is not None or shape.top_class != shape.class_id
+    looks: dict[str, tuple[Surface, int, list[Block]]]
+    looks = {"surface": (kind.surface, shape.class_id, [])}
+    if shape.mesh is not None:
+        return looks
+    if kind.frame is not None:
+        looks["frame"] = (kind.frame, shape.class_id, [])
+    if has_sheet:
+        looks["top"] = (kind.top or kind.surface, shape.top_class, [])
+    for part in shape.parts:
+        look = "frame" if part.frame and kind.frame is not None else "surface"
+        below_m = part.top_m
+        if part.roofed and has_sheet:
+            below_m -= _SHEET_M
+            looks["top"][2].append(replace(part, base_m=below_m))
+        looks[look][2].append(replace(part, top_m=below_m))
+    return looks
 
-    def _wrapped(
-        self,
-        name: str,
-        parts: tuple[Solid, Solid, Solid],
-        item: BoxSpec | MoverSpec,
-        body: Any = None,
-    ) -> None:
-        """Add a body in printed paper: its contact geom, its sides and its roof."""
-        whole, sides, sheet = parts
-        pattern, roof = item.pattern, roof_of(item.pattern)
-        side, top = partial(textures.side, pattern), partial(textures.roof, roof)
-        class_id = self._scene.class_of(item)
-        papers = (
-            (f"{name}/side", sides, f"box-{pattern}", side, class_id),
-            (f"{name}/roof", sheet, f"roof-{roof}", top, int(self._scene.classes.top_of[class_id])),
-        )
-        tile_m = (textures.TILE_M, textures.TILE_M)
-        for part, solid, paper, make, part_class in papers:
-            self.texture(paper, make)
-            self.show(part, solid, material=paper, class_id=part_class, tile_m=tile_m, body=body)
-        self.hit(name, whole, body)
+
+def _add_helipad(builder: Builder, scene: Scene, pad: Helipad) -> None:
+    _show_block(builder, "mark/sides", pad.drawn, _STRIPES, scene.mark_class)
+    outline, height_m = pad.drawn.footprint, pad.drawn.top_m
+    half_m = (pad.panel_share * outline.half_x_m, pad.panel_share * outline.half_y_m)
+    panel = block(half_m, height_m - _PAINT_M, height_m + _PAINT_M).at(outline)
+    tile_m = (2.0 * half_m[0], 2.0 * half_m[1])
+    paint = Paint(name="mark", make=partial(_picture, pad), tile_m=tile_m)
+    _show_block(builder, "mark/h", panel, paint, scene.mark_top)
+    if pad.size_m[2] >= MAT_M:  # on a flat mat the drone stands on the ground
+        builder.hit("mark", pad.drawn)
+
+
+def _picture(pad: Helipad) -> Image:
+    picture = make_mark_finder(pad.mark).picture()
+    return textures.helipad_top() if picture is None else picture
+
+
+def _add_ground(builder: Builder, scene: Scene) -> None:
+    section, ground = scene.room.ground, scene.ground
+    surface = Surface(generator="carpet") if section is None else section.surface
+    paint = paint_of(surface, scene.place.lab.folder, ground.size_m)
+    if not ground.outline_m:
+        whole = block((ground.size_m[0] / 2, ground.size_m[1] / 2), FLOOR_M, 0.0)
+        _show_block(builder, "ground/seen", whole, paint, scene.classes.ground)
+        builder.hit("ground", whole)
+        return
+    make = partial(prism_mesh, ground.outline_m, FLOOR_M, 0.0)
+    builder.show("ground/seen", make, paint, scene.classes.ground)
+    for number, corners in enumerate(ground_slabs(ground)):
+        builder.hit_hull(f"ground/{number}", corners, shared=f"ground/{number}")
+
+
+def _add_room(builder: Builder, scene: Scene) -> None:
+    """Add floor, ceiling and walls."""
+    walls, folder = scene.room.walls, scene.place.lab.folder
+    greys = {"floor": (0.50, 310), "wall": (0.84, 311), "ceiling": (0.92, 312)}
+    paints = {
+        name: Paint(name=name, make=partial(textures.plain, *grey), tile_m=(5.0, 5.0))
+        for name, grey in greys.items()
+    }
+    if walls is not None:
+        paints["wall"] = paint_of(walls.surface or Surface(colour="#d6d5d2"), folder)
+        paints["floor"] = paint_of(walls.floor or Surface(colour="#80807e"), folder)
+    for name, slab in room_blocks(scene).items():
+        _show_block(builder, f"{name}/seen", slab, paints[name.split("-")[0]], OUTSIDE)
+        builder.hit(name, slab)
+
+
+def _show_block(builder: Builder, name: str, solid: Block, paint: Paint, class_id: int) -> None:
+    outline = solid.footprint
+    own = block((outline.half_x_m, outline.half_y_m), solid.base_m, solid.top_m)
+    builder.show(name, partial(block_mesh, [own]), paint, class_id, at=outline)

@@ -15,14 +15,7 @@ from uav_bt.types import MoverState, Pose
 
 
 class Route:
-    """Motion of one mover over time: runs of its path, each after a pause if pauses are given.
-
-    Args:
-        spec: the mover.
-        name: name of the mover in contacts.
-        seed: seed of the flight, for the pauses.
-        number: index of the mover in the scene.
-    """
+    """Motion of one mover over time: runs of its path, each after a pause if pauses are given."""
 
     def __init__(self, spec: MoverSpec, name: str, seed: int, number: int) -> None:
         self._spec = spec
@@ -69,15 +62,9 @@ class Route:
 
 
 class Traffic:
-    """All movers of a scene over time.
-
-    Args:
-        movers: movers of the scene.
-        seed: seed of the flight.
-    """
+    """All movers of a scene over time; their pauses are drawn from the seed of the flight."""
 
     def __init__(self, movers: Sequence[MoverSpec], seed: int) -> None:
-        self._movers = movers
         self._routes = [
             Route(spec, name, seed, number)
             for number, (spec, name) in enumerate(zip(movers, mover_names(movers), strict=True))
@@ -86,16 +73,3 @@ class Traffic:
     def at(self, time_s: float) -> tuple[MoverState, ...]:
         """Return the states of all movers at a time since the start of the simulation, s."""
         return tuple(route.at(time_s) for route in self._routes)
-
-    def top_m(self, states: Sequence[MoverState], x_m: float, y_m: float) -> float:
-        """Return the height of the highest mover at a world point; 0 without one."""
-        if not states:
-            return 0.0  # most scenes have no movers, and this is asked in every control step
-        return max(
-            (
-                mover.size_m[2]
-                for mover, state in zip(self._movers, states, strict=True)
-                if mover.covers((state.pose.x_m, state.pose.y_m), (x_m, y_m))
-            ),
-            default=0.0,
-        )

@@ -6,21 +6,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, TypeAdapter
 
-from sim_bridge.twin.lab_of_scene import SceneLab, lab_of_scene
-from sim_bridge.twin.layout import GroundSpec, LabGround, LayoutError, ground_of
+from sim_bridge.twin.layout import MAX_MOVERS, LayoutError
 from sim_bridge.twin.movers import MoverSpec
-from sim_bridge.twin.objects import BoxSpec, Helipad, Vector2, Vector3
-from sim_bridge.twin.placed import ObjectSpec, of_its_kind
+from sim_bridge.twin.objects import Helipad, ObjectSpec
 from sim_bridge.twin.scene import Lighting, Scene, TakeOffSpec
-from uav_bt.errors import InputError, SceneError, UnknownNameError, ValueRangeError
-from uav_bt.lab.lab import LAB_FILE, SCENES_FOLDER
-from uav_bt.lab.room import RoomSection
+from sim_bridge.twin.shapes import PRINTED, Vector2, lab_of_scene
+from uav_bt.errors import SceneError, UnknownNameError, ValueRangeError
+from uav_bt.lab.lab import LAB_FILE, SCENES_FOLDER, Lab
+from uav_bt.lab.room import SIDE_PAPERS, RoomSection
 from uav_bt.lab.shipped import DEFAULT_LAB, default_mark, shipped_labs
 from uav_bt.yaml_file import YamlFile, read_yaml, yaml_text
+
+MAX_OBJECTS: Final = 200
 
 
 def shipped_scenes() -> dict[str, Path]:
@@ -36,10 +37,7 @@ def scene_names() -> tuple[str, ...]:
 
 
 def load_scene(name_or_path: str | Path) -> Scene:
-    """Read a scene.
-
-    Args:
-        name_or_path: name of a shipped scene, or path of a YAML file.
+    """Read a scene by the name of one that ships, or by the path of a YAML file.
 
     Raises:
         UnknownNameError: the name is neither a shipped scene nor a file.
@@ -56,39 +54,37 @@ def load_scene(name_or_path: str | Path) -> Scene:
         failure=SceneError,
         remedy="`uav-bt lab scenes` lists the shipped scenes",
     )
-    lab = _lab_of(file)
-    try:
-        known = lab_of_scene(lab)
-    except UnknownNameError as error:
-        raise file.error(str(error), "lab") from error
-    found, room = file.value, known.lab.room
-    section = RoomSection() if room is None else room.section
+    found, lab = file.value, _lab_of(file)
+    with file.at("lab"):
+        known = lab_of_scene(lab).lab
+    section = RoomSection() if known.room is None else known.room.section
     if found.ground is not None and section.ground is not None:
         raise file.error(f"the lab '{lab}' states its ground: remove this key", "ground")
-    helipad, movers = _helipad(file, known), _movers(file, known, lab)
+    with file.at("helipad"):
+        helipad = None if found.helipad is None else _helipad(found.helipad, known)
+    light = section.light
+    usual = Lighting() if light is None else Lighting(ambient=light.ambient, lamps=light.lamps)
     try:
         return Scene(
             name=found.name or path.stem,
             helipad=helipad,
-            boxes=found.boxes,
-            ground=found.ground or ground_of(section.ground),
-            movers=movers,
-            lighting=found.lighting or _lighting(section),
+            objects=(*(box.spec() for box in found.boxes), *found.objects),
+            ground_size_m=None if found.ground is None else found.ground.size_m,
+            movers=found.movers,
+            lighting=found.lighting or usual,
             take_off=found.take_off.spec(),
             lab=lab,
-            objects=found.objects,
         )
     except LayoutError as error:
-        raise file.error(error.problem.message, *error.problem.place) from error
-    except ValueRangeError as error:
-        raise file.error(str(error), "take_off") from error
+        place, boxes = error.place, len(found.boxes)
+        if place[0] == "objects":
+            index = int(place[1])
+            place = ("boxes", index) if index < boxes else ("objects", index - boxes)
+        raise file.error(str(error), *place) from error
 
 
 def _lab_of(file: YamlFile[_SceneFile]) -> str:
-    """Return name or path of a scene's lab: the one it states, or the one in whose folder it lies.
-
-    A lab that ships is returned by its name.
-    """
+    """Return the name or path of the lab that a scene states, or in whose folder it lies."""
     stated, folder = file.value.lab, file.path.parent.parent.resolve()
     inside = file.path.parent.name == SCENES_FOLDER and (folder / LAB_FILE).is_file()
     if not inside or stated not in {None, folder.name}:
@@ -97,59 +93,64 @@ def _lab_of(file: YamlFile[_SceneFile]) -> str:
     return folder.name if ours is not None and ours.resolve() == folder else str(folder)
 
 
-def _helipad(file: YamlFile[_SceneFile], known: SceneLab) -> Helipad | None:
+def _helipad(pad: _Pad, lab: Lab) -> Helipad:
     """Return the landing mark; what the scene does not state is as in the lab."""
-    pad, usual = file.value.helipad, known.lab.mark or default_mark()
-    if pad is None:
-        return None
+    usual = lab.mark or default_mark()
     kind = pad.kind or usual.kind
     options = usual.options if kind == usual.kind else {}
-    try:
-        return Helipad(
-            position_m=pad.position_m,
-            yaw_deg=pad.yaw_deg,
-            size_m=pad.size_m or usual.size_m,
-            kind=kind,
-            options=options if pad.options is None else pad.options,
-        )
-    except InputError as error:
-        raise file.error(str(error), "helipad") from error
-
-
-def _movers(file: YamlFile[_SceneFile], known: SceneLab, lab: str) -> tuple[MoverSpec, ...]:
-    movers = []
-    for index, mover in enumerate(file.value.movers):
-        try:
-            movers.append(of_its_kind(mover, known.shapes, lab))
-        except ValueRangeError as error:
-            raise file.error(str(error), "movers", index) from error
-    return tuple(movers)
-
-
-def _lighting(room: RoomSection) -> Lighting:
-    if room.light is None:
-        return Lighting()
-    return Lighting(ambient=room.light.ambient, lamps=room.light.lamps)
+    return Helipad(
+        position_m=pad.position_m,
+        yaw_deg=pad.yaw_deg,
+        size_m=pad.size_m or usual.size_m,
+        kind=kind,
+        options=options if pad.options is None else pad.options,
+    )
 
 
 def scene_text(scene: Scene) -> str:
     """Return a scene as the text of a scene file."""
-    values, start = TypeAdapter(Scene).dump_python(scene, mode="json"), scene.take_off
+    values = TypeAdapter(Scene).dump_python(scene, mode="json", exclude_defaults=True)
+    if scene.helipad is not None:  # in full, as the lab may have another mark
+        values["helipad"] = TypeAdapter(Helipad).dump_python(scene.helipad, mode="json")
+    size_m, start = values.pop("ground_size_m", None), scene.take_off
+    if size_m is not None:
+        values["ground"] = {"size_m": size_m}
     spot = "helipad" if start.position_m is None else list(start.position_m)
     values["take_off"] = (
         {"from": "random"} if start.random else {"from": spot, "yaw_deg": start.yaw_deg}
     )
-    if scene.lab == DEFAULT_LAB:
-        del values["lab"]
-    if isinstance(scene.ground, LabGround):
-        del values["ground"]
-    for mover in values["movers"]:
-        for key in ("shape", "pattern", "size_m") if mover["kind"] else ("kind",):
-            del mover[key]
-    for part, key in ((values, "objects"), (values["lighting"], "lamps")):
-        if not part[key]:
-            del part[key]
+    for mover in values.get("movers", ()):
+        if "kind" in mover:
+            for key in ("shape", "size_m"):
+                mover.pop(key, None)
     return yaml_text(values)
+
+
+# --- the form of a file ---------------------------------------------------------------------------
+
+_Side = Annotated[float, Field(ge=0.05)]
+_GroundSide = Annotated[float, Field(ge=2.0, le=12.0)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Box:
+    pattern: Annotated[int, Field(ge=1, le=len(SIDE_PAPERS))]
+    position_m: Vector2
+    yaw_deg: float = 0.0
+    size_m: tuple[_Side, _Side, Annotated[float, Field(ge=0.05, le=4.0)]]  # below the ceiling
+
+    def spec(self) -> ObjectSpec:
+        return ObjectSpec(
+            kind=f"{PRINTED}{self.pattern}",
+            position_m=self.position_m,
+            yaw_deg=self.yaw_deg,
+            size_m=self.size_m,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Ground:
+    size_m: tuple[_GroundSide, _GroundSide]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,7 +174,7 @@ class _TakeOff:
 class _Pad:
     position_m: Vector2
     yaw_deg: float = 0.0
-    size_m: Vector3 | None = None
+    size_m: tuple[_Side, _Side, Annotated[float, Field(ge=0.0, le=4.0)]] | None = None
     kind: str | None = None
     options: Mapping[str, Any] | None = None
 
@@ -186,9 +187,9 @@ class _SceneFile:
     name: Annotated[str | None, Field(min_length=1, strict=False, coerce_numbers_to_str=True)] = (
         None
     )
-    boxes: tuple[BoxSpec, ...] = ()
-    objects: tuple[ObjectSpec, ...] = ()
-    ground: GroundSpec | None = None
-    movers: tuple[MoverSpec, ...] = ()
+    boxes: Annotated[tuple[_Box, ...], Field(max_length=MAX_OBJECTS)] = ()
+    objects: Annotated[tuple[ObjectSpec, ...], Field(max_length=MAX_OBJECTS)] = ()
+    ground: _Ground | None = None
+    movers: Annotated[tuple[MoverSpec, ...], Field(max_length=MAX_MOVERS)] = ()
     lighting: Lighting | None = None
     take_off: _TakeOff = field(default_factory=_TakeOff)

@@ -159,10 +159,8 @@ class Simulation:
         else:
             self._touched_s.clear()
         self._estimate = self._sensors.estimate(motion, airborne=self._autopilot.lifting)
-        self._surface_m = max(
-            self._scene.surface_m(motion.x_m, motion.y_m, motion.z_m),
-            self._traffic.top_m(self.movers, motion.x_m, motion.y_m),
-        )
+        at_m = motion.x_m, motion.y_m, motion.z_m
+        self._surface_m = self._scene.surface_m(*at_m, self.movers)
         telemetry = self._sensors.telemetry(
             motion,
             self._estimate,

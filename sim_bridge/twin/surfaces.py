@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.twin import textures
-from sim_bridge.twin.movers import Point
+from sim_bridge.twin.textures import clouds, to_bytes
 from uav_bt.errors import FileError
 from uav_bt.files import read_bounded
-from uav_bt.lab.room import MAX_BYTES, PaintedLine, Surface
+from uav_bt.lab.room import MAX_BYTES, Surface
+from uav_bt.types.area import Point
 from uav_bt.types.arrays import Image
 
 _PX_PER_M: Final = 192.0  # of generated surfaces
@@ -31,51 +32,47 @@ _WOOD_TILE_M: Final = (1.2, 0.6)
 
 @dataclass(frozen=True, kw_only=True)
 class Paint:
-    """A texture that is made when it is needed.
+    """A texture that is made when it is needed."""
 
-    Attributes:
-        make: Returns (H, W, 3) uint8 RGB, its first row at the top.
-        tile_m: Width and height of one repetition.
-    """
-
-    make: Callable[[], Image]
-    tile_m: Point
+    name: str
+    make: Callable[[], Image]  # (H, W, 3) uint8 RGB, its first row at the top
+    tile_m: Point  # width and height of one repetition
 
 
 def paint_of(surface: Surface, folder: Path, whole_m: Point | None = None) -> Paint:
-    """Return the texture of a surface.
+    """Return the texture of a surface, whose pictures lie in a folder.
 
-    Args:
-        surface: Its look.
-        folder: Folder of the lab, for pictures.
-        whole_m: Width and height of a ground; carpet, concrete, lines, and a picture without
-            `tile_m` cover it once.
+    Carpet, concrete, lines, and a picture without `tile_m` cover a whole ground once.
     """
+    name = f"{_seed(surface):08x}"
     once = surface.lines or surface.generator in ("carpet", "concrete")
-    if whole_m is None or not (once or (surface.image is not None and surface.tile_m is None)):
-        return _tile_of(surface, folder)
-    return Paint(make=partial(_ground, surface, folder, whole_m), tile_m=whole_m)
+    if whole_m is not None and (once or (surface.image is not None and surface.tile_m is None)):
+        whole = partial(_ground, surface, folder, whole_m)
+        return Paint(name=f"{name}-ground", make=whole, tile_m=whole_m)
+    make, tile_m = _tile_of(surface, folder)
+    return Paint(name=name, make=make, tile_m=tile_m)
 
 
 def _seed(surface: Surface) -> int:
     return zlib.crc32(repr(surface).encode())
 
 
-def _tile_of(surface: Surface, folder: Path) -> Paint:
-    """Return a texture that repeats."""
-    seed = _seed(surface)
+def _tile_of(surface: Surface, folder: Path) -> tuple[Callable[[], Image], Point]:
+    """Return a maker of a texture that repeats, and its width and height."""
+    colour, seed = surface.colour, _seed(surface)
     if surface.image is not None:
-        path = folder / surface.image
-        return Paint(make=partial(_picture, path), tile_m=surface.tile_m or _TILE_M)
-    if surface.generator == "carpet":
-        return Paint(make=partial(textures.carpet, _LARGE_TILE_M), tile_m=_LARGE_TILE_M)
-    if surface.generator == "concrete":
-        make = partial(_concrete_tile, surface.colour or _GREY, seed)
-        return Paint(make=make, tile_m=_LARGE_TILE_M)
-    if surface.generator == "wood":
-        make = partial(_wood, surface.colour or _BROWN, seed)
-        return Paint(make=make, tile_m=_WOOD_TILE_M)
-    return Paint(make=partial(_plain, surface.colour or _GREY, seed), tile_m=_TILE_M)
+        return partial(_picture, folder / surface.image), surface.tile_m or _TILE_M
+    match surface.generator:
+        case None | "paint":
+            return partial(_plain, colour or _GREY, seed), _TILE_M
+        case "carpet":
+            return partial(textures.carpet, _LARGE_TILE_M), _LARGE_TILE_M
+        case "concrete":
+            return partial(_concrete_tile, colour or _GREY, seed), _LARGE_TILE_M
+        case "wood":
+            return partial(_wood, colour or _BROWN, seed), _WOOD_TILE_M
+        case paper:
+            return partial(textures.paper, paper), (textures.PAPER_TILE_M, textures.PAPER_TILE_M)
 
 
 def _ground(surface: Surface, folder: Path, whole_m: Point) -> Image:
@@ -85,18 +82,14 @@ def _ground(surface: Surface, folder: Path, whole_m: Point) -> Image:
     elif surface.generator == "concrete":
         image = _concrete(whole_m, surface.colour or _GREY, _seed(surface))
     else:
-        tile = _tile_of(surface, folder)
+        make, tile_m = _tile_of(surface, folder)
         stretched = surface.image is not None and surface.tile_m is None
-        image = _laid(tile.make(), whole_m if stretched else tile.tile_m, whole_m)
+        image = _laid(make(), whole_m if stretched else tile_m, whole_m)
     return _marked(image, surface, whole_m)
 
 
 def _rgb(text: str) -> NDArray[np.float32]:
     return np.array(list(bytes.fromhex(text.removeprefix("#"))), np.float32)
-
-
-def _bytes(image: NDArray[np.float32]) -> Image:
-    return np.asarray(np.clip(image, 0.0, 255.0), np.uint8)
 
 
 def _pixels(size_m: Point) -> tuple[int, int]:
@@ -115,29 +108,26 @@ def _picture(path: Path) -> Image:
 
 def _laid(tile: Image, tile_m: Point, whole_m: Point) -> Image:
     """Return a ground of repeated tiles, the middle of one in the middle of the ground."""
-    width, height = _pixels(whole_m)
-    columns = ((np.arange(width) + 0.5) / width - 0.5) * whole_m[0] / tile_m[0] + 0.5
-    rows = ((np.arange(height) + 0.5) / height - 0.5) * whole_m[1] / tile_m[1] + 0.5
-    down, right = (
-        np.floor(share % 1.0 * side).astype(int)
-        for share, side in ((rows, tile.shape[0]), (columns, tile.shape[1]))
+    sizes = zip(_pixels(whole_m), whole_m, tile_m, tile.shape[1::-1], strict=True)
+    right, down = (
+        (((np.arange(pixels) + 0.5) / pixels - 0.5) * side_m / each_m + 0.5) % 1.0 * texels
+        for pixels, side_m, each_m, texels in sizes
     )
-    return np.asarray(tile[down[:, None], right[None]], np.uint8)
+    return np.asarray(tile[np.ix_(down.astype(int), right.astype(int))], np.uint8)
 
 
 def _plain(colour: str, seed: int) -> Image:
     """Return paint with faint shading, 256 pixels square; its edges fit together."""
     rng = np.random.default_rng(seed)
-    shade = cv2.resize(rng.normal(0.0, 1.0, (4, 4)), (128, 128), interpolation=cv2.INTER_CUBIC)
-    grain = rng.normal(0.0, 0.012, (256, 256))
-    light = 1.0 + 0.03 * _mirrored(shade) + grain
-    return _bytes((_rgb(colour) * light[..., None]).astype(np.float32))
+    light = 1.0 + 0.03 * _mirrored(clouds(rng, (4, 4), (128, 128)))
+    light += rng.normal(0.0, 0.012, light.shape)
+    return to_bytes(_rgb(colour) * light[..., None])
 
 
 def _concrete_tile(colour: str, seed: int) -> Image:
     """Return concrete whose edges fit together."""
-    half_m = (_LARGE_TILE_M[0] / 2, _LARGE_TILE_M[1] / 2)
-    return np.asarray(_mirrored(_concrete(half_m, colour, seed)), np.uint8)
+    width_m, height_m = _LARGE_TILE_M
+    return _mirrored(_concrete((width_m / 2, height_m / 2), colour, seed))
 
 
 def _mirrored(image: NDArray[Any]) -> NDArray[Any]:
@@ -153,8 +143,7 @@ def _concrete(size_m: Point, colour: str, seed: int) -> Image:
     light = np.ones((height, width), np.float32)
     for cells_a_metre, weight in ((0.7, 0.05), (3.0, 0.06), (12.0, 0.05), (48.0, 0.05)):
         columns, rows = (max(2, round(cells_a_metre * side)) for side in size_m)
-        coarse = rng.normal(0.0, 1.0, (rows, columns)).astype(np.float32)
-        light += weight * cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
+        light += weight * clouds(rng, (rows, columns), (width, height))
     for _ in range(round(60 * size_m[0] * size_m[1])):  # pores and specks of gravel
         centre = int(rng.integers(width)), int(rng.integers(height))
         shade = float(rng.choice((0.62, 0.75, 1.22)))
@@ -164,7 +153,7 @@ def _concrete(size_m: Point, colour: str, seed: int) -> Image:
         way = np.cumsum(step, axis=0) + rng.uniform((0.0, 0.0), (width, height))
         cv2.polylines(light, [way.round().astype(np.int32)], False, 0.7, 1, cv2.LINE_AA)
     light += rng.normal(0.0, 0.02, light.shape).astype(np.float32)
-    return _bytes(light[..., None] * _rgb(colour))
+    return to_bytes(light[..., None] * _rgb(colour))
 
 
 def _wood(colour: str, seed: int) -> Image:
@@ -172,14 +161,12 @@ def _wood(colour: str, seed: int) -> Image:
     rng = np.random.default_rng(seed)
     light = np.ones((256, 512), np.float32)
     for along, across, weight in ((4, 32, 0.10), (16, 128, 0.08)):
-        coarse = rng.normal(0.0, 1.0, (across // 2, along // 2)).astype(np.float32)
-        half = cv2.resize(coarse, (256, 128), interpolation=cv2.INTER_CUBIC)
-        light += weight * _mirrored(half)
+        light += weight * _mirrored(clouds(rng, (across // 2, along // 2), (256, 128)))
     boards = rng.uniform(0.85, 1.12, 4).astype(np.float32)
     light *= boards.repeat(64)[:, None]
     light[::64] *= 0.55  # gaps
     light += rng.normal(0.0, 0.015, light.shape).astype(np.float32)
-    return _bytes(light[..., None] * _rgb(colour))
+    return to_bytes(light[..., None] * _rgb(colour))
 
 
 def _marked(image: Image, surface: Surface, whole_m: Point) -> Image:
@@ -189,21 +176,13 @@ def _marked(image: Image, surface: Surface, whole_m: Point) -> Image:
     height, width = image.shape[:2]
     scale = np.array((width / whole_m[0], height / whole_m[1]))
     rng = np.random.default_rng(len(surface.lines))
-    worn = rng.normal(0.0, 1.0, (height // 24 + 2, width // 24 + 2)).astype(np.float32)
-    cover = 0.88 + 0.06 * cv2.resize(worn, (width, height), interpolation=cv2.INTER_CUBIC)
+    worn = clouds(rng, (height // 24 + 2, width // 24 + 2), (width, height))
     result = image.astype(np.float32)
     for line in surface.lines:
-        mask = _line_mask(line, (width, height), whole_m, scale)
-        share = (mask.astype(np.float32) / 255.0 * cover)[..., None]
-        result += share * (_rgb(line.colour) - result)
-    return _bytes(result)
-
-
-def _line_mask(
-    line: PaintedLine, size_px: tuple[int, int], whole_m: Point, scale: NDArray[np.float64]
-) -> NDArray[np.uint8]:
-    mask = np.zeros(size_px[::-1], np.uint8)
-    points = np.array(line.points_m) * (1.0, -1.0) + (whole_m[0] / 2, whole_m[1] / 2)
-    thick = max(1, round(line.width_m * float(scale.mean())))
-    pixels = (points * scale).round().astype(np.int32)
-    return np.asarray(cv2.polylines(mask, [pixels], False, 255, thick, cv2.LINE_AA))
+        points = np.array(line.points_m) * (1.0, -1.0) + np.array(whole_m) / 2
+        pixels = (points * scale).round().astype(np.int32)
+        mask, thick = np.zeros((height, width), np.uint8), round(line.width_m * scale.mean())
+        cv2.polylines(mask, [pixels], False, 255, max(1, thick), cv2.LINE_AA)
+        cover = (mask / np.float32(255.0) * (0.88 + 0.06 * worn))[..., None]
+        result += cover * (_rgb(line.colour) - result)
+    return to_bytes(result)

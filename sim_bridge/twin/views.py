@@ -52,18 +52,10 @@ def render_views(
         scene: the lab.
         poses: poses of the camera.
         size_px: width and height of the images, pixels, 16:9.
-        truth_size_px: width and height of ids and depth (the same view resized), pixels; None:
-            the size of the images.
+        truth_size_px: width and height of ids and depth; None: those of the images.
         profile: source of blur, exposure error and noise of the images; None: clean images.
         vary_light: change direction, strength and tint of the lamp from image to image.
         seed: seed of noise, exposure and light; the same seed gives the same images on one machine.
-
-    Yields:
-        One view per pose, in order.
-
-    Raises:
-        MissingDependencyError: OpenGL does not work here.
-        ValueRangeError: a size cannot be rendered.
     """
     anafi_camera(*size_px)  # refuses other aspects
     truth_size = truth_size_px or size_px
@@ -114,14 +106,8 @@ def sample_flight_poses(
     Six of seven are anywhere above the ground, mostly at 1.5 m, and look ahead and 25 to 30 degrees
     down. The seventh is near the mark and looks steeply down, as before a landing.
 
-    Args:
-        scene: the lab; the poses keep the hull clear of its boxes.
-        generator: source of the random numbers.
-        count: number of poses.
-        lowered: share of the six with a further lowered camera, as at the ground's edge.
-
-    Raises:
-        ValueRangeError: the boxes leave no space to fly.
+    The share `lowered` of the six has a further lowered camera, as at the ground's edge. The hull
+    keeps clear of the objects.
     """
     has_pad = scene.helipad is not None
     poses = [
@@ -154,8 +140,8 @@ def _sample_pose(scene: Scene, generator: np.random.Generator, *, landing: bool)
         yaw = generator.uniform(-math.pi, math.pi)
         lens = Pose2D(x_m=x, y_m=y, yaw_rad=yaw).to_world(CAMERA_FORWARD_M, 0.0)
         inside = abs(x) <= half_x and abs(y) <= half_y
-        if scene.ground.plan.outline_m:
-            inside = scene.ground.plan.margin_m(x, y) >= edge_m
+        if scene.ground.outline_m:
+            inside = scene.ground.margin_m(x, y) >= edge_m
         if inside and _is_free(scene, ((x, y), lens), z):
             return CameraPose(
                 x_m=float(lens[0]),
@@ -172,26 +158,20 @@ def _from_edge_m(scene: Scene) -> float:
 
     The hull may pass over the edge, unless walls stand there.
     """
-    beside_m = min(
-        (wall - side) / 2
-        for wall, side in zip(scene.room_size_m, scene.ground.size_m, strict=False)
-    )
+    (wide_m, deep_m, _), (x_m, y_m) = scene.room_size_m, scene.ground.size_m
+    beside_m = min(wide_m - x_m, deep_m - y_m) / 2
     return max(_MARGIN_M, _HULL_RADIUS_M + _MARGIN_M - beside_m)
 
 
 def _is_free(scene: Scene, points: Sequence[tuple[float, float]], z_m: float) -> bool:
     reach = _HULL_RADIUS_M + _MARGIN_M
-    things = [(box.footprint, 0.0, box.size_m[2]) for box in scene.boxes]
-    things += [(pad.footprint, 0.0, pad.size_m[2]) for pad in scene.pads]
-    things += [
-        (block.footprint, block.base_m, block.top_m)
-        for item in scene.placed
-        for block in item.standing.blocks
-    ]
     (centre, lens) = points
     return all(
-        z_m > top + reach
-        or z_m < base - reach
-        or (footprint.distance_m(*centre) > reach and footprint.distance_m(*lens) > 0.05)
-        for footprint, base, top in things
+        z_m > block.top_m + reach
+        or z_m < block.base_m - reach
+        or (
+            block.footprint.distance_m(*centre) > reach and block.footprint.distance_m(*lens) > 0.05
+        )
+        for item in scene.standing.values()
+        for block in item.blocks
     )

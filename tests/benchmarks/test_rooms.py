@@ -97,7 +97,7 @@ def test_half_of_the_poses_are_flown_and_a_fifth_are_steep_or_close_above_furnit
 
 def test_no_pose_is_in_a_box_of_the_papers_lab() -> None:
     scene = load_scene("train-a")
-    assert scene.boxes
+    assert scene.objects
     for pose in draw_poses(scene, np.random.default_rng(0), 200):
         assert pose.z_m > scene.surface_m(pose.x_m, pose.y_m) + 0.2
 

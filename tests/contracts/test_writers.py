@@ -150,7 +150,7 @@ def test_every_command_that_writes_is_called() -> None:
 
 
 def write_figure(path: Path) -> None:
-    from uav_bt.app import heading_tuning as tuning  # noqa: PLC0415 - takes a second
+    from uav_bt.app import heading_tuning as tuning
 
     turn = np.linspace([0.0, 0.4, 0.0], [1.0, 0.4, 0.3], 20).T
     response = tuning.YawResponse(delay_s=0.1, lag_s=0.1, gain=1.0)
@@ -158,7 +158,7 @@ def write_figure(path: Path) -> None:
 
 
 def write_network(path: Path) -> None:
-    from perception.control.training.network import STUDENT_FILES  # noqa: PLC0415 - imports torch
+    from perception.control.training.network import STUDENT_FILES
 
     STUDENT_FILES.export(SHIPPED_WEIGHTS / "student.safetensors", path)
 

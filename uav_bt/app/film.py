@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -40,11 +39,11 @@ def map_of_scene(scene: Scene) -> LabMap:
 
     movers = []
     for mover in scene.movers:
-        outline = replace(mover.footprint(*mover.path_m[0]), round=mover.shape == "cylinder")
+        class_id, outline = scene.shape_of(mover).class_id, mover.footprint(*mover.path_m[0])
         path_m = (*mover.path_m, mover.path_m[0]) if mover.loop else mover.path_m
-        movers.append(item(scene.class_of(mover), outline, mover.size_m[2], path_m=path_m))
+        movers.append(item(class_id, outline, mover.size_m[2], path_m=path_m))
     return LabMap(
-        ground=scene.ground.plan,
+        ground=scene.ground,
         boxes=tuple(
             item(one.class_id, one.footprint, one.height_m, parts=one.parts)
             for one in scene.ground_plan.standing

@@ -14,7 +14,7 @@ from annotated_types import Ge, Le
 from pydantic import AfterValidator, ConfigDict, TypeAdapter, ValidationError, model_validator
 from pydantic.dataclasses import dataclass
 
-from sim_bridge.twin.scene import MAX_MOVERS
+from sim_bridge.twin.layout import MAX_MOVERS
 from uav_bt.app import option_values as values
 from uav_bt.app.site import Site, load_site, site_of_lab
 from uav_bt.brief import brief_repr

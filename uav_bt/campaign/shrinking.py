@@ -77,7 +77,7 @@ class FailedFlight:
 
     def things(self) -> dict[str, Sequence[Any]]:
         """Return everything that may be left out, by its kind."""
-        kinds = ("movers", "boxes", "objects")
+        kinds = ("movers", "objects")
         return {"faults": self.options.faults, **{one: getattr(self.scene, one) for one in kinds}}
 
     def parts(self) -> list[Part]:

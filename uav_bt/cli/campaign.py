@@ -225,7 +225,7 @@ def shrink(
     """
     check_empty_folder(out, "shrink")
     flight = _failed(source, tree_name, scene, seed)
-    click.echo(f"{flight.ending}; {len(flight.parts())} parts: boxes, objects, movers and faults")
+    click.echo(f"{flight.ending}; {len(flight.parts())} parts: objects, movers and faults")
     click.echo("  parts  end of the flight")
     small = shrink_flight(flight, lambda count, ending: click.echo(f"  {count:>5}  {ending}"))
     with writing(out):

@@ -101,21 +101,19 @@ def scenes(
 
 
 def _standing(scene: Scene, shown: Sequence[MapItem]) -> Sequence[tuple[str, ...]]:
-    """Return a row for each box, by its pattern, and each object of a scene and its map."""
-    names = [*(str(box.pattern) for box in scene.boxes), *(item.name for item in scene.placed)]
-    what = "object" if scene.placed else "pattern"
-    rows = [(what, "class", "x, m", "y, m", "yaw, deg", "size, m", "height, m")]
-    for name, item in zip(names, shown, strict=True):
+    """Return a row for each object of a scene and its map."""
+    rows = [("object", "class", "x, m", "y, m", "yaw, deg", "size, m", "height, m")]
+    for placed, item in zip(scene.placed, shown, strict=True):
         size = f"{2 * item.half_x_m:.2f} x {2 * item.half_y_m:.2f}"
         where = (f"{item.x_m:.2f}", f"{item.y_m:.2f}", f"{math.degrees(item.yaw_rad):.1f}")
-        rows.append((name, item.name, *where, size, f"{item.height_m:.2f}"))
+        rows.append((placed.name, item.name, *where, size, f"{item.height_m:.2f}"))
     return rows
 
 
 def _summary(scene: Scene) -> str:
     heights = [box.height_m for box in map_of_scene(scene).boxes]
     tall = sum(height_m >= _FLIGHT_HEIGHT_M for height_m in heights)
-    what = "boxes" if scene.boxes or not scene.placed else "objects"
+    what = "boxes" if all(spec.is_printed for spec in scene.objects) else "objects"
     span = f", {min(heights):.2f} to {max(heights):.2f} m high" if heights else ""
     movers = f"{len(scene.movers)} movers, " if scene.movers else ""
     mark = "no landing mark"

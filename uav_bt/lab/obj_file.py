@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -22,6 +23,7 @@ _THINNEST_M: Final = 2e-4  # standard deviation of the corners of a piece across
 _IGNORED: Final = ("", "vn", "vt", "o", "g", "s", "usemtl", "mtllib", "l", "p")
 
 Face = tuple[int, int, int]
+Point = tuple[float, float]
 
 
 def read_obj(path: Path, size_m: tuple[float, float, float]) -> NDArray[np.float64]:
@@ -30,15 +32,13 @@ def read_obj(path: Path, size_m: tuple[float, float, float]) -> NDArray[np.float
     (N, 3, 3) corners of its triangles, metres, counter-clockwise from outside; the origin is the
     middle of the base of the bounding box.
     """
-    vertices, faces = _read(path)
-    _check_closed(path, faces)
-    points = np.array(vertices)
-    low, high = points.min(axis=0), points.max(axis=0)
+    triangles = _read(path)
+    low, high = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
     if not (high - low > 0.0).all():
         raise FileError(path, "the mesh is flat: it needs an extent along x, y and z")
-    points = (points - (low + high) / 2) * (np.array(size_m) / (high - low))
-    points[:, 2] += size_m[2] / 2
-    parts = pieces(points[np.array(faces)])
+    triangles = (triangles - (low + high) / 2) * (np.array(size_m) / (high - low))
+    triangles[..., 2] += size_m[2] / 2
+    parts = pieces(triangles)
     if len(parts) > MAX_PIECES:
         raise FileError(path, f"has {len(parts)} separate pieces: at most {MAX_PIECES}")
     return np.ascontiguousarray(np.concatenate([_outwards(path, part) for part in parts]))
@@ -71,7 +71,8 @@ def pieces(triangles: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     return [triangles[of_face == each] for each in dict.fromkeys(of_face.tolist())]
 
 
-def _read(path: Path) -> tuple[list[list[float]], list[Face]]:
+def _read(path: Path) -> NDArray[np.float64]:
+    """Return the triangles of a closed mesh, (N, 3, 3), in the units of the file."""
     with reading(path):
         text = read_bounded(path, MAX_BYTES, cure="simplify the mesh").decode("utf-8-sig")
     vertices: list[list[float]] = []
@@ -82,7 +83,7 @@ def _read(path: Path) -> tuple[list[list[float]], list[Face]]:
             if key == "v":
                 vertices.append(_vertex(words))
             elif key == "f":
-                faces += _triangles(words, len(vertices))
+                faces += _triangles(words, vertices)
             good = key in ("v", "f", *_IGNORED)
         except ValueError:
             good = False
@@ -93,7 +94,8 @@ def _read(path: Path) -> tuple[list[list[float]], list[Face]]:
             raise FileError(path, f"has more than {MAX_FACES} triangles: simplify the mesh", number)
     if len(faces) < _FEWEST:
         raise FileError(path, f"is no closed mesh: it has {len(faces)} triangles")
-    return vertices, faces
+    _check_closed(path, faces)
+    return np.asarray(np.array(vertices)[np.array(faces)])
 
 
 def _vertex(words: list[str]) -> list[float]:
@@ -103,14 +105,22 @@ def _vertex(words: list[str]) -> list[float]:
     return point
 
 
-def _triangles(words: list[str], count: int) -> list[Face]:
-    """Return a face as triangles; `count` vertices are known, of which negative numbers count."""
+def _triangles(words: list[str], vertices: list[list[float]]) -> list[Face]:
+    """Return a face as triangles; negative numbers count from the last vertex."""
+    count = len(vertices)
     numbers = [int(word.partition("/")[0]) for word in words]
     corners = [number - 1 if number > 0 else count + number for number in numbers]
     known = all(0 <= corner < count for corner in corners)
     if not known or len(corners) < 3 or len(set(corners)) < len(corners):
         raise ValueError
-    return [(corners[0], one, other) for one, other in itertools.pairwise(corners[1:])]
+    points = np.array([vertices[corner] for corner in corners])
+    normal = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
+    axis = int(np.abs(normal).argmax())  # the face is cut as it looks along this axis
+    across = (
+        ((axis + 1) % 3, (axis + 2) % 3) if normal[axis] > 0.0 else ((axis + 2) % 3, (axis + 1) % 3)
+    )
+    cut = triangulated([(float(point[across[0]]), float(point[across[1]])) for point in points])
+    return [(corners[a], corners[b], corners[c]) for a, b, c in cut]
 
 
 def _check_closed(path: Path, faces: list[Face]) -> None:
@@ -121,3 +131,40 @@ def _check_closed(path: Path, faces: list[Face]) -> None:
             edge = f"the edge between the vertices {a + 1} and {b + 1}"
             fault = f"{edge} does not lie between exactly two faces of one orientation"
             raise FileError(path, f"the mesh is not closed: {fault}")
+
+
+def triangulated(outline: Sequence[Point]) -> list[Face]:
+    """Return the triangles of a polygon without crossing sides, counter-clockwise, by corners.
+
+    They are a fan around the first corner if all of it is seen from there; otherwise ears are cut.
+    """
+    left, triangles = list(range(len(outline))), list[Face]()
+    fan = [(0, one, other) for one, other in itertools.pairwise(left[1:])]
+    if all(_turn(*(outline[each] for each in face)) > 0.0 for face in fan):
+        return fan
+    while len(left) > 3:
+        for place, corner in enumerate(left):
+            before, after = left[place - 1], left[(place + 1) % len(left)]
+            ear = [outline[each] for each in (before, corner, after)]
+            rest = (outline[each] for each in left if each not in (before, corner, after))
+            if _turn(*ear) > 0.0 and not any(_covers(ear, point) for point in rest):
+                triangles.append((before, corner, after))
+                left.pop(place)
+                break
+        else:  # corners in one line are left
+            left.pop(min(range(len(left)), key=lambda at: _flatness(outline, left, at)))
+    return [*triangles, (left[0], left[1], left[2])]
+
+
+def _turn(a: Point, b: Point, c: Point) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _covers(ear: Sequence[Point], point: Point) -> bool:
+    a, b, c = ear
+    return min(_turn(a, b, point), _turn(b, c, point), _turn(c, a, point)) >= 0.0
+
+
+def _flatness(outline: Sequence[Point], left: Sequence[int], at: int) -> float:
+    before, corner, after = (outline[left[each % len(left)]] for each in (at - 1, at, at + 1))
+    return abs(_turn(before, corner, after)) / max(math.dist(before, after), 1e-9)

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,10 @@ GROUND_SIDES_M: Final = (2.0, 40.0)
 MAX_CORNERS: Final = 64
 MAX_LAMPS: Final = 7  # OpenGL has eight lights
 ON_LEGS: Final = "table", "rack"  # shapes
+SidePaper = Literal["dots", "leaves", "waves", "zigzag", "stars", "triangles", "checks", "confetti"]
+RoofPaper = Literal["rings", "bars", "crosses", "spots", "diamonds"]
+SIDE_PAPERS: Final[tuple[SidePaper, ...]] = get_args(SidePaper)
+ROOF_PAPERS: Final[tuple[RoofPaper, ...]] = get_args(RoofPaper)
 # Names in contacts and messages that kinds of objects cannot have.
 _TAKEN: Final = {"box", "mover", "mark", "drone", "floor", "ceiling", "wall", "ground", "take_off"}
 
@@ -67,8 +71,10 @@ class PaintedLine:
 class Surface:
     """How a surface looks: a picture, or a generator with a colour."""
 
-    generator: Literal["paint", "concrete", "wood", "carpet"] | None = None
-    """`paint` has one colour, `concrete` and `wood` vary it; `carpet` is the paper's."""
+    generator: Literal["paint", "concrete", "wood", "carpet"] | SidePaper | RoofPaper | None = None
+    """`paint` has one colour, `concrete` and `wood` vary it; `carpet` is the paper's, and the
+    others are its printed papers.
+    """
     colour: ColourText | None = None
     """Colour of the generator; `paint` needs one."""
     image: str | None = None
@@ -87,8 +93,8 @@ class Surface:
             raise ValueRangeError("tile_m is the size of an image, and there is none: add 'image'")
         if self.image is None and self.generator in (None, "paint") and self.colour is None:
             raise ValueRangeError('a painted surface needs a colour, as "#b0b4b8", or an image')
-        if self.generator == "carpet" and self.colour is not None:
-            raise ValueRangeError("the carpet has its own colours: remove 'colour'")
+        if self.colour and self.generator not in (None, "paint", "concrete", "wood"):
+            raise ValueRangeError(f"'{self.generator}' has its own colours: remove 'colour'")
 
 
 _Outline = Annotated[tuple[Vector2, ...], Field(min_length=3, max_length=MAX_CORNERS)]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 from uav_bt.errors import ValueRangeError
 from uav_bt.types.area import Area, Point
@@ -64,6 +65,11 @@ class Block:
     footprint: Footprint
     base_m: float
     top_m: float
+
+    def at(self, pose: Pose2D) -> Self:
+        """Return a part, given in the axes of an object, where the object stands."""
+        placed = pose.pose_to_world(self.footprint)
+        return replace(self, footprint=replace(self.footprint, **vars(placed)))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ from perception.depth.contact.depth import ROOF_TOO_FAR, ContactDepth, ContactEs
 from perception.depth.contact.scan import NOT_IN_IMAGE, Panorama
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.objects import BoxSpec, Helipad
+from sim_bridge.twin.objects import Helipad, ObjectSpec
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import View, render_views
 from tests.paper_lab import (
@@ -33,10 +33,10 @@ PITCH_RAD = math.radians(-28.0)
 PAD = Helipad(position_m=(-2.0, -1.5))
 
 
-def look(*boxes: BoxSpec, pad: Helipad = PAD, pitch_rad: float = PITCH_RAD) -> View:
+def look(*boxes: ObjectSpec, pad: Helipad = PAD, pitch_rad: float = PITCH_RAD) -> View:
     """Draw boxes from 1.5 m above (-1, 0), looking along x."""
     pose = CameraPose(x_m=-1.0, y_m=0.0, z_m=1.5, yaw_rad=0.0, pitch_rad=pitch_rad)
-    scene = Scene(name="few", helipad=pad, boxes=boxes)
+    scene = Scene(name="few", helipad=pad, objects=boxes)
     (drawn,) = render_views(scene, [pose], size_px=(160, 90), truth_size_px=SIZE)
     return drawn
 
@@ -59,9 +59,9 @@ def by_ids(ids: np.ndarray, view: CameraView) -> np.ndarray:
 
 def box(
     x_m: float, y_m: float, height_m: float = 2.0, yaw_deg: float = 0.0, pattern: int = 1
-) -> BoxSpec:
-    return BoxSpec(
-        pattern=pattern, position_m=(x_m, y_m), size_m=(0.4, 0.4, height_m), yaw_deg=yaw_deg
+) -> ObjectSpec:
+    return ObjectSpec(
+        kind=f"box-{pattern}", position_m=(x_m, y_m), size_m=(0.4, 0.4, height_m), yaw_deg=yaw_deg
     )
 
 
@@ -103,7 +103,7 @@ def test_a_standing_box_is_where_the_twin_has_it(yaw_deg: float) -> None:
         pytest.param((box(0.9, 0.5, 0.6), box(1.6, -0.6, 1.1, pattern=6)), id="two of one pattern"),
     ],
 )
-def test_a_roof_lies_level_behind_the_edge(boxes: tuple[BoxSpec, ...]) -> None:
+def test_a_roof_lies_level_behind_the_edge(boxes: tuple[ObjectSpec, ...]) -> None:
     drawn = look(*boxes)
     check(drawn, estimate(drawn), ROOFS[0], median_m=0.03)
 
@@ -137,7 +137,7 @@ def test_a_hidden_base_follows_its_face() -> None:
 @pytest.mark.parametrize("remembers", [False, True])
 def test_a_base_that_is_hidden_entirely_is_unknown(*, remembers: bool) -> None:
     """The near box's outline is remembered on the same azimuths; it is not the other's base."""
-    low = BoxSpec(pattern=1, position_m=(1.1, 0.0), size_m=(0.4, 0.8, 0.6))
+    low = ObjectSpec(kind="box-1", position_m=(1.1, 0.0), size_m=(0.4, 0.8, 0.6))
     drawn = look(box(1.6, 0.0, pattern=2), low)
     found = estimate(drawn, points_m=outline(1.1, 0.0) if remembers else None)
     behind = drawn.ids == BOXES[1]

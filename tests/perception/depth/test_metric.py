@@ -17,7 +17,7 @@ from perception.depth.metric import (
 )
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.objects import BoxSpec, Helipad
+from sim_bridge.twin.objects import Helipad, ObjectSpec
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import View, render_views
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_H, paper_map
@@ -36,9 +36,9 @@ def drawn() -> View:
     scene = Scene(
         name="two",
         helipad=Helipad(position_m=(-2.0, -1.5)),
-        boxes=(
-            BoxSpec(pattern=1, position_m=(1.0, -0.2), size_m=(0.4, 0.4, 2.0)),
-            BoxSpec(pattern=2, position_m=(-0.3, 0.45), size_m=(0.3, 0.3, 2.0)),
+        objects=(
+            ObjectSpec(kind="box-1", position_m=(1.0, -0.2), size_m=(0.4, 0.4, 2.0)),
+            ObjectSpec(kind="box-2", position_m=(-0.3, 0.45), size_m=(0.3, 0.3, 2.0)),
         ),
     )
     pose = CameraPose(x_m=-1.0, y_m=0.0, z_m=1.5, yaw_rad=0.0, pitch_rad=PITCH_RAD)

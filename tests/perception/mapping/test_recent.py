@@ -231,7 +231,7 @@ def test_a_point_goes_after_as_many_views_as_placed_it() -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_clusters_are_those_of_single_linkage_in_the_order_of_first_points(seed: int) -> None:
-    from scipy.cluster.hierarchy import fcluster, linkage  # noqa: PLC0415 - only here
+    from scipy.cluster.hierarchy import fcluster, linkage
 
     xy_m = np.random.default_rng(seed).uniform(0.0, 4.0, (60, 2))
     labels = clusters(xy_m, 0.3)

@@ -15,7 +15,7 @@ from perception.mapping.registration import Contradiction
 from perception.mapping.site_mapper import SiteMapper
 from sim_bridge.anafi import CAMERA_FORWARD_M
 from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.objects import BoxSpec, Helipad
+from sim_bridge.twin.objects import Helipad, ObjectSpec
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
 from tests.paper_lab import BOXES, CARPET, CLASSES
@@ -26,9 +26,9 @@ from uav_bt.types.dead_reckoning import OdometryPose
 from uav_bt.types.site_map import MapMark, SiteMap
 
 PAD = Helipad(position_m=(-1.9, 1.4))
-BOX = BoxSpec(pattern=3, position_m=(1.0, 0.4), yaw_deg=20, size_m=(0.4, 0.4, 1.9))
-LOW = BoxSpec(pattern=5, position_m=(-1.2, -1.0), yaw_deg=60, size_m=(0.5, 0.4, 0.8))
-SCENE = Scene(name="two", helipad=PAD, boxes=(BOX, LOW))
+BOX = ObjectSpec(kind="box-3", position_m=(1.0, 0.4), yaw_deg=20, size_m=(0.4, 0.4, 1.9))
+LOW = ObjectSpec(kind="box-5", position_m=(-1.2, -1.0), yaw_deg=60, size_m=(0.5, 0.4, 0.8))
+SCENE = Scene(name="two", helipad=PAD, objects=(BOX, LOW))
 STEP_S = 0.2
 
 Drift = Callable[[float], tuple[float, float, float]]  # seconds: metres x, y and radians of yaw
@@ -77,12 +77,11 @@ def test_a_map_has_everything_where_it_stands() -> None:
     found = fly(SiteMapper(CLASSES))[-1]
     assert len(found.obstacles_m) > 12
     for x_m, y_m in found.obstacles_m:
-        assert min(box.footprint.distance_m(x_m, -y_m) for box in SCENE.boxes) < 0.08
-    assert [thing.class_id for thing in found.objects] == [
-        SCENE.class_of(box) for box in (BOX, LOW)
-    ]
-    for thing, box in zip(found.objects, SCENE.boxes, strict=True):
-        assert math.dist((thing.x_m, -thing.y_m), box.position_m) < 0.12
+        assert min(box.footprint.distance_m(x_m, -y_m) for box in SCENE.placed) < 0.08
+    classes = [box.shape.class_id for box in SCENE.placed]
+    assert [thing.class_id for thing in found.objects] == classes
+    for thing, box in zip(found.objects, SCENE.placed, strict=True):
+        assert math.dist((thing.x_m, -thing.y_m), box.spec.position_m) < 0.12
     x, y = np.abs(found.edges_m).T
     off_m = np.minimum(np.abs(x - 2.5), np.abs(y - 2.0))
     assert len(off_m) > 50
@@ -239,7 +238,7 @@ def test_an_obstacle_on_free_ground_that_hides_its_base_is_a_mover_that_comes_ne
 def test_a_box_that_is_looked_at_from_far_stays_on_the_map() -> None:
     """From further than bases are placed, the error of the height is as large as the box."""
     mapper, rng = SiteMapper(CLASSES), np.random.default_rng(1)
-    scene = Scene(name="far", helipad=PAD, boxes=(replace(BOX, position_m=(2.0, -0.4)),))
+    scene = Scene(name="far", helipad=PAD, objects=(replace(BOX, position_m=(2.0, -0.4)),))
     maps = []
     for lens_m, pitch_rad, first, views, std_m in (
         (0.4, PITCH_RAD, 0, 15, 0.0),

@@ -19,8 +19,8 @@ SHORT: Final = {"steps": 6, "batch": 2, "checkpoint_every": 3, "warm_up_steps": 
 
 
 def train_student(*, seed: int, **run: Any) -> Any:
-    from perception.control.training import run as training  # noqa: PLC0415 - imports torch
-    from perception.control.training.samples import ControlSamples  # noqa: PLC0415
+    from perception.control.training import run as training
+    from perception.control.training.samples import ControlSamples
 
     views = ControlSamples([made_up_flight(1)], TINY)
     config = training.ControlTrainingConfig(**SHORT, seed=seed)
@@ -29,9 +29,9 @@ def train_student(*, seed: int, **run: Any) -> Any:
 
 def train_depth(*, seed: int, **run: Any) -> Any:
     """With a pose network beside it."""
-    from perception.depth.training import run as training  # noqa: PLC0415 - imports torch
-    from perception.depth.training.clips import ClipSource  # noqa: PLC0415
-    from perception.depth.training.network import DepthNetConfig  # noqa: PLC0415
+    from perception.depth.training import run as training
+    from perception.depth.training.clips import ClipSource
+    from perception.depth.training.network import DepthNetConfig
 
     net = DepthNetConfig(width_px=64, height_px=64, channels=(8, 12, 16))
     config = training.DepthTrainingConfig(**SHORT, seed=seed, pose="network")
@@ -39,8 +39,8 @@ def train_depth(*, seed: int, **run: Any) -> Any:
 
 
 def train_unet(*, seed: int, **run: Any) -> Any:
-    from perception.segmentation.training import run as training  # noqa: PLC0415 - imports torch
-    from perception.segmentation.training.unet import UNetConfig  # noqa: PLC0415
+    from perception.segmentation.training import run as training
+    from perception.segmentation.training.unet import UNetConfig
 
     rgb, ids = zip(*[each[1:] for each in samples(8, seed=0, width=64, height=32)], strict=True)
     images = training.LabelledImages(rgb=np.stack(rgb), ids=np.stack(ids), classes=CLASSES.names)

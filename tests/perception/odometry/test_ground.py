@@ -30,7 +30,7 @@ STEP_S = 0.1
 # --- the motion of the ground between two images --------------------------------------------------
 
 STILL = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
-LAB = Scene(name="empty", helipad=Helipad(position_m=(-2.2, -1.7)), boxes=())
+LAB = Scene(name="empty", helipad=Helipad(position_m=(-2.2, -1.7)), objects=())
 BLACK = np.zeros((9, 16, 3), np.uint8)
 ALL_GROUND = np.full((9, 16), CARPET, np.uint8)
 

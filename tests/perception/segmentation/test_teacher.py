@@ -70,8 +70,8 @@ def test_a_palette_is_a_distribution_over_colours() -> None:
 
 def test_dense_scores_equal_scikit_learns_decision_function() -> None:
     """To 1e-9 relative, at random pixels, the border's among them."""
-    from sklearn.multiclass import OneVsRestClassifier  # noqa: PLC0415 - takes half a second
-    from sklearn.svm import LinearSVC  # noqa: PLC0415
+    from sklearn.multiclass import OneVsRestClassifier
+    from sklearn.svm import LinearSVC
 
     model = OneVsRestClassifier(
         LinearSVC(C=CONFIG.cost, max_iter=CONFIG.max_iterations, random_state=0)

@@ -18,7 +18,7 @@ from sim_bridge.plain.caster import Caster
 from sim_bridge.plain.drone import PlainDrone
 from sim_bridge.plain.sight import MOTION_STD, SIZE_PX, see_mark
 from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.objects import BoxSpec, Helipad
+from sim_bridge.twin.objects import Helipad, ObjectSpec
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import render_views
@@ -142,8 +142,8 @@ TAG = Helipad(
     kind="apriltag",
     options={"id": 7, "size_m": 0.3},
 )
-COVER = BoxSpec(pattern=1, position_m=(0.0, 0.5), size_m=(0.3, 0.4, 1.4))
-ROOM = Scene(name="mark", helipad=TAG, boxes=(COVER,))
+COVER = ObjectSpec(kind="box-1", position_m=(0.0, 0.5), size_m=(0.3, 0.4, 1.4))
+ROOM = Scene(name="mark", helipad=TAG, objects=(COVER,))
 BESIDE = (2.4, -0.6, 1.5, 140.0, -38.0)  # of the lens: x, y, z, yaw and pitch in degrees
 
 

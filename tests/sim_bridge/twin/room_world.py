@@ -19,8 +19,9 @@ classes:
   pad_top: {role: mark, colour: "#ffffff"}
   pad: {role: mark, colour: "#ffaa00", top: pad_top}
   drum: {role: obstacle, colour: "#0000ff", top: lid}
-  table: {role: obstacle, colour: "#00ff00"}
+  table: {role: obstacle, colour: "#00ff00", top: board}
   lid: {role: obstacle, colour: "#000080"}
+  board: {role: obstacle, colour: "#008000"}
 room:
   ground: {size_m: [6, 4], surface: {generator: concrete}}
   walls: {height_m: 4, beside_m: 0, surface: {colour: "#c0c0c0"}}

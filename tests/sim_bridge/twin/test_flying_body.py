@@ -12,20 +12,20 @@ from sim_bridge.twin.body import CONTROL_STEP_S, Motion
 from sim_bridge.twin.flying_body import FlyingBody, Vector
 from sim_bridge.twin.model import build_model
 from sim_bridge.twin.movers import MoverSpec
-from sim_bridge.twin.objects import BoxSpec, Helipad
+from sim_bridge.twin.objects import Helipad, ObjectSpec
 from sim_bridge.twin.routes import Traffic
-from sim_bridge.twin.scene import GroundSpec, Scene, TakeOffSpec
+from sim_bridge.twin.scene import Scene, TakeOffSpec
 from sim_bridge.twin.scene_file import load_scene
 from tests.sim_bridge.twin.room_world import LAB, alone, scene_of, write_lab
 
 OUTLINE = "outline_m: [[-3, -2], [3, -2], [3, 0], [0, 0], [0, 2], [-3, 2]]"
 STANDING_M = 0.05
 AT_REST = TakeOffSpec(position_m=(0.0, 0.0))
-OPEN = Scene(name="open", ground=GroundSpec(size_m=(12.0, 12.0)), take_off=AT_REST)
+OPEN = Scene(name="open", ground_size_m=(12.0, 12.0), take_off=AT_REST)
 PAD = replace(
     OPEN,
-    ground=GroundSpec(size_m=(4.0, 4.0)),
-    boxes=(BoxSpec(pattern=2, position_m=(-1.0, 0.0), size_m=(0.5, 0.5, 0.5)),),
+    ground_size_m=(4.0, 4.0),
+    objects=(ObjectSpec(kind="box-2", position_m=(-1.0, 0.0), size_m=(0.5, 0.5, 0.5)),),
     take_off=TakeOffSpec(),
     helipad=Helipad(position_m=(0.0, 0.0)),
 )

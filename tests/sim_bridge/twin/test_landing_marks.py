@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
+from sim_bridge.twin.model import build_model
 from sim_bridge.twin.objects import Helipad
 from sim_bridge.twin.scene import Scene
-from sim_bridge.twin.scene_file import load_scene, scene_text
 from sim_bridge.twin.views import render_views
 from tests.paper_lab import paper_map
 from tests.worlds import values
-from uav_bt.errors import SceneError, ValueRangeError
 from uav_bt.landing_marks import MarkView
 from uav_bt.plugins import make_mark_finder
 
@@ -29,65 +27,28 @@ KINDS: dict[str, dict[str, Any]] = {
 }
 
 
-def pad(kind: str, height_m: float) -> Helipad:
-    return Helipad(
-        position_m=(0.6, -0.4),
-        yaw_deg=20.0,
-        size_m=(0.5, 0.5, height_m),
-        kind=kind,
-        options=KINDS[kind],
-    )
-
-
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("height_m", [0.0, 0.5])
 def test_each_kind_is_found_where_it_stands(kind: str, height_m: float) -> None:
     """Two views: from straight above, and from 1.5 m to the south with the drone looking north."""
-    mark = pad(kind, height_m)
+    size_m, place_m = (0.5, 0.5, height_m), (0.6, -0.4)
+    mark = Helipad(position_m=place_m, yaw_deg=20.0, size_m=size_m, kind=kind, options=KINDS[kind])
     poses = [
-        CameraPose(x_m=0.6, y_m=-0.4, z_m=CAMERA_M, yaw_rad=math.pi / 2, pitch_rad=-math.pi / 2),
-        CameraPose(x_m=0.6, y_m=-1.9, z_m=CAMERA_M, yaw_rad=math.pi / 2, pitch_rad=-0.7),
+        CameraPose(x_m=0.6, y_m=y_m, z_m=CAMERA_M, yaw_rad=math.pi / 2, pitch_rad=pitch_rad)
+        for y_m, pitch_rad in ((-0.4, -math.pi / 2), (-1.9, -0.7))
     ]
-    finder = make_mark_finder(mark.mark)
-    views = render_views(Scene(name="mark", helipad=mark), poses, truth_size_px=(224, 112))
+    finder, camera = make_mark_finder(mark.mark), anafi_camera(640, 360)
+    scene = Scene(name="mark", helipad=mark)
+    lab = build_model(scene, drawn=False)
+    touched = {lab.contact_name(geom) for geom in range(lab.model.ngeom)}
+    assert ("mark" in touched) == (height_m > 0.0), "on a mat the drone stands on the ground"
+    views = render_views(scene, poses, truth_size_px=(224, 112))
     for pose, view, ahead_m in zip(poses, views, (0.0, 1.5), strict=True):
         frame = values.frame(view.image, pose.pitch_rad, CAMERA_M)
         class_map = paper_map(ids=view.ids, captured_s=0.0)
-        camera = anafi_camera(640, 360)
         seen = finder.find(MarkView(frame=frame, camera=camera, class_map=class_map))
-
         assert seen is not None
         place = (seen.forward_m - CAMERA_FORWARD_M, seen.right_m, seen.height_m)
         assert place == pytest.approx((ahead_m, 0.0, height_m), abs=0.04)
         if finder.shows_heading:  # the upper edge is 20 degrees counter-clockwise from north
             assert seen.heading_deg == pytest.approx(20.0, abs=0.5)
-
-
-def test_a_scene_file_keeps_the_mark(tmp_path: Path) -> None:
-    scene = Scene(name="tagged", helipad=pad("apriltag", 0.0))
-    path = tmp_path / "tagged.yaml"
-    path.write_text(scene_text(scene))
-
-    assert load_scene(path).mark == scene.mark
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ("kind: apriltag, options: {id: 7, size: 0.3}", "2: .*no option 'size'"),
-        ("kind: aprltag", "2: .*unknown landing mark 'aprltag'; did you mean 'apriltag'"),
-        ("options: {id: 7}", "2: .*landing mark 'helipad' has no option 'id'"),
-        ("size_m: [0.5, 0.5, -0.1]", "2: .*the height must be 0 or more, got -0.1 m"),
-    ],
-)
-def test_a_wrong_mark_is_refused_with_its_line(tmp_path: Path, settings: str, message: str) -> None:
-    path = tmp_path / "wrong.yaml"
-    path.write_text(f"name: wrong\nhelipad: {{position_m: [0, 0], {settings}}}\n")
-
-    with pytest.raises(SceneError, match=message):
-        load_scene(path)
-
-
-def test_a_mat_is_not_thinner_than_nothing() -> None:
-    with pytest.raises(ValueRangeError, match="height must be 0 or more"):
-        Helipad(position_m=(0.0, 0.0), size_m=(0.5, 0.5, -0.01))

@@ -12,26 +12,19 @@ from hypothesis import strategies as st
 
 from uav_bt.types.ground import Footprint
 
-PLACES = st.floats(-2.0, 2.0)
-HALVES = st.floats(0.1, 0.8)
-TURNS = st.floats(-4.0, 4.0)
 FOOTPRINTS = st.builds(
-    Footprint, x_m=PLACES, y_m=PLACES, half_x_m=HALVES, half_y_m=HALVES, yaw_rad=TURNS
+    Footprint,
+    **dict.fromkeys(("x_m", "y_m"), st.floats(-2.0, 2.0)),
+    **dict.fromkeys(("half_x_m", "half_y_m"), st.floats(0.1, 0.8)),
+    yaw_rad=st.floats(-4.0, 4.0),
 )
 
 
-def test_known_distances() -> None:
-    """A square rotated by 45 degrees extends by half its diagonal."""
+def test_a_turned_square_extends_by_half_its_diagonal_and_touching_is_no_overlap() -> None:
     turned = Footprint(x_m=0.0, y_m=0.0, half_x_m=0.5, half_y_m=0.5, yaw_rad=math.pi / 4)
     assert turned.distance_m(1.0, 0.0) == pytest.approx(1.0 - math.sqrt(0.5))
-    assert turned.contains(0.7, 0.0)
-    assert not turned.contains(0.5, 0.5)
-
-
-def test_touching_is_no_overlap() -> None:
-    """Two boxes may touch with their faces."""
-    left = Footprint(x_m=0.0, y_m=0.0, half_x_m=0.5, half_y_m=0.5)
-    right = Footprint(x_m=1.0, y_m=0.2, half_x_m=0.5, half_y_m=0.5)
+    assert (turned.contains(0.7, 0.0), turned.contains(0.5, 0.5)) == (True, False)
+    left, right = (Footprint(x_m=x, y_m=0.2 * x, half_x_m=0.5, half_y_m=0.5) for x in (0.0, 1.0))
     assert not left.overlaps(right)
 
 

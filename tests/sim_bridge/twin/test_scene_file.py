@@ -1,24 +1,21 @@
-"""Scene files: shipped scenes are flyable; each mistake is reported with file, line and remedy."""
+"""Scene files: shipped scenes, labs and movers are read; mistakes have file, line and remedy."""
 
 from __future__ import annotations
 
 import itertools
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from sim_bridge.twin.objects import box_names
-from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene, scene_names, scene_text
-from sim_bridge.twin.variation import start_pose, varied
-from sim_bridge.twin.views import sample_flight_poses
+from sim_bridge.twin.variation import start_pose
 from tests.paper_lab import BOXES
-from uav_bt.errors import SceneError, UnknownNameError, ValueRangeError
+from tests.sim_bridge.twin.room_world import write_lab
+from tests.worlds.tables import cases
+from uav_bt.errors import SceneError, UnknownNameError
 from uav_bt.types.ground import Footprint
 
-SCENES = Path(__file__).parents[3] / "benchmarks" / "scenes"
-GOOD = """\
+PAPER = """\
 name: mine
 helipad: {position_m: [-1.9, -1.4], yaw_deg: 0, size_m: [0.5, 0.5, 0.4]}
 boxes:
@@ -27,239 +24,174 @@ boxes:
 lighting: {ambient: 0.35, direction: [0.5, 0.3, -1.0], shadows: false}
 take_off: {from: helipad, yaw_deg: 30}
 """
+LAB = """\
+helipad: {position_m: [2.0, 1.2]}
+objects:
+  - {kind: drum, position_m: [-1.0, 0.5]}
+  - {kind: drum, position_m: [1.0, -1.0]}
+  - {kind: table, position_m: [0.2, 0.6], yaw_deg: 30}
+movers:
+  - {kind: cone, path_m: [[-2.0, -1.4], [0.0, -1.4]], speed_mps: 0.4}
+"""
+MOVERS = """\
+helipad: {position_m: [-2.0, -1.4]}
+boxes:
+  - {pattern: 1, position_m: [1.5, 1.0], size_m: [0.4, 0.4, 1.8]}
+movers:
+  - {path_m: [[0.0, -1.2], [0.0, 1.2]], speed_mps: 0.5, pattern: 3}
+  - {shape: box, path_m: [[1.0, -1.0], [2.0, -1.0]], speed_mps: 0.3, size_m: [0.5, 0.3, 0.9]}
+take_off: {from: [-1.0, 0.0], yaw_deg: 0}
+"""
+TAG = """\
+helipad: {position_m: [0, 1], size_m: [1, 1, 0], kind: apriltag, options: {id: 3, size_m: 0.4}}
+"""
+OPEN = """\
+boxes: [{pattern: 2, position_m: [1.0, -1.0], size_m: [0.4, 0.4, 1.0]}]
+take_off: {from: [-1.5, 0.5], yaw_deg: 30}
+"""
+GOOD = {"paper": PAPER, "lab": LAB, "movers": MOVERS, "tag": TAG, "open": OPEN}
+MISTAKES = [
+    (name, change, line, message)
+    for name, rows in cases("scenes").items()
+    for *change, line, message in rows
+]
 
 
-def written(tmp_path: Path, text: str) -> Path:
-    path = tmp_path / "mine.yaml"
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Return the folder of the scenes of a lab."""
+    return write_lab(tmp_path / "hall") / "scenes"
+
+
+def file_of(folder: Path, name: str, text: str) -> Path:
+    """Write a scene, of the lab or beside it."""
+    path = (folder if name == "lab" else folder.parent) / "mine.yaml"
     path.write_text(text, encoding="utf-8")
     return path
 
 
-def gap_m(a: Footprint, b: Footprint) -> float:
-    """Return the distance of two rectangles, which is at a corner of one of them."""
-    return min(
-        one.distance_m(*place) for one, other in ((a, b), (b, a)) for place in other.corners()
-    )
-
-
-PAPER = ("train-a", "train-b", "train-c", "train-d", "val-a", "val-b", "test-a", "test-b")
-DEPOT = tuple(
-    f"depot-{each}" for each in ("train-a", "train-b", "train-c", "val-a", "test-a", "test-b")
-)
-
-
-def test_eight_scenes_of_the_paper_and_six_of_the_depot_ship() -> None:
-    assert set(scene_names()) == {*PAPER, *DEPOT}
-
-
-@pytest.mark.parametrize("name", PAPER)
-def test_a_shipped_scene_is_a_lab_to_fly_in(name: str) -> None:
-    """Eight boxes, four of them tall with gaps to pass, and free space around the pad."""
-    scene = load_scene(name)
-    assert scene.name == name
-    assert sorted(box.pattern for box in scene.boxes) == list(range(1, 9))
-    heights = [box.size_m[2] for box in scene.boxes]
-    assert min(heights) >= 0.6
-    assert max(heights) <= 2.2
-    assert sum(height >= 1.5 for height in heights) >= 4
-    tall = [box.footprint for box in scene.boxes if box.size_m[2] >= 1.3]
-    assert all(gap_m(a, b) >= 0.9 for a, b in itertools.combinations(tall, 2))
-    assert all(gap_m(box.footprint, scene.helipad.footprint) >= 0.7 for box in scene.boxes)
-    x, y = scene.helipad.position_m
-    assert abs(x) <= 2.5 - 0.6
-    assert abs(y) <= 2.0 - 0.6
-
-
-def test_a_file_of_one_s_own_is_read(tmp_path: Path) -> None:
-    """Each field has the value of the file."""
-    scene = load_scene(written(tmp_path, GOOD))
-    assert scene.name == "mine"
-    assert scene.boxes[0].position_m == (0.4, 0.9)
-    assert scene.boxes[0].yaw_deg == 20.0
-    assert scene.boxes[1].roof == 2
-    assert scene.take_off.yaw_deg == 30.0
-    assert not scene.take_off.random
-    assert scene.surface_m(1.4, 0.9) == 0.8
-    assert scene.surface_m(-1.9, -1.4) == 0.4
-    assert scene.surface_m(0.0, 0.0) == 0.0
-
-
-def test_take_off_is_from_the_helipad_unless_it_says_otherwise(tmp_path: Path) -> None:
-    text = "helipad: {position_m: [1.0, 1.0]}\ntake_off: {yaw_deg: 45}\n"
-    file = tmp_path / "turned.yaml"
-    file.write_text(text, encoding="utf-8")
-    start = load_scene(file).take_off
-    assert (start.position_m, start.random, start.yaw_deg) == (None, False, 45.0)
-
-
-def test_take_off_may_be_random_or_a_place(tmp_path: Path) -> None:
-    """Both other forms of `from` are valid."""
-    random = load_scene(written(tmp_path, GOOD.replace("helipad, yaw_deg: 30", "random")))
-    assert random.take_off.random
-    placed = load_scene(written(tmp_path, GOOD.replace("from: helipad", "from: [0.0, -0.5]")))
-    assert placed.take_off.position_m == (0.0, -0.5)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "line", "message"),
-    [
-        ("boxes:", "boxs:", 3, "boxs: unknown key; did you mean 'boxes'? (known: lab, helipad,"),
-        ("pattern: 1,", "patern: 1,", 4, "did you mean 'pattern'?"),
-        ("pattern: 2", "pattern: 9", 5, "pattern must be 1 to 8, got 9"),
-        ("pattern: 2", "pattern: 1.5", 5, "boxes[1].pattern: expected a whole number, got '1.5'"),
-        ("pattern: 2, ", "", 5, "boxes[1]: lacks the key 'pattern'"),
-        ("[1.4, 0.9]", "[2.4, 0.9]", 5, "outside the ground"),
-        (
-            "[-1.9, -1.4], yaw",
-            "[-2.4, -1.4], yaw",
-            2,
-            "the landing mark at [-2.4, -1.4] stands",
-        ),
-        ("name: mine", "ground: {size_m: [6, 13]}", 1, "must be 2 to 12 m a side, got [6.0, 13.0]"),
-        ("name: mine", "ground: {size_m: [3, 3]}", 2, "the ground ends at x = +-1.5, y = +-1.5"),
-        ("[1.4, 0.9]", "[0.6, 0.9]", 5, "box-2 overlaps box-1"),
-        ("[1.4, 0.9]", "[-1.7, -1.2]", 5, "overlaps the landing mark"),
-        ("[1.4, 0.9]", "[1.4]", 5, "boxes[1].position_m: expected a list of 2, got a list of 1"),
-        ("[1.4, 0.9]", "[1.4, yes]", 5, "boxes[1].position_m[1]: expected a number, got 'yes'"),
-        ("[1.4, 0.9]", "[1.4, !!float x]", 5, "a number below 2**63, true or false, got 'x'"),
-        ("[1.4, 0.9]", "[1.4, .nan]", 5, "expected a number, got '.nan'"),
-        ("0.35, 0.8]", "0.35, 0.0]", 5, "at least 0.05 m"),
-        ("ambient: 0.35", "ambient: 3", 6, "within 0 and 1, got 3.0"),
-        ("-1.0], shadows", "1.0], shadows", 6, "downwards"),
-        (
-            "shadows: false",
-            "shadows: maybe",
-            6,
-            "lighting.shadows: expected true or false, got 'maybe'",
-        ),
-        (
-            "from: helipad",
-            "from: heliport",
-            7,
-            "take_off.from: expected 'helipad' or 'random' or a list, got 'heliport'",
-        ),
-        ("from: helipad", "from: random", 7, "draws the yaw too"),
-        ("from: helipad", "from: [4.0, 0.0]", 7, "outside the ground"),
-        ("from: helipad", "from: [0.4, 0.7]", 7, "within 0.25 m of box-1"),
-        ("name: mine", "name: [mine]", 1, "name: expected a text, got a list of 1"),
-        ("name: mine", "name: mine\nname: yours", 2, "given twice"),
-        ("name: mine", "name: {mine", 2, "not valid YAML"),
-        (
-            "name: mine",
-            "name: !!python/name:os.system mine",
-            1,
-            "'mine' with the tag tag:yaml.org,2002:python/name:os",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("name", "change", "line", "message"), MISTAKES)
 def test_a_mistake_is_reported_with_its_line(
-    tmp_path: Path, old: str, new: str, line: int, message: str
+    folder: Path, name: str, change: list[str], line: int, message: str
 ) -> None:
-    """One message with file, line and mistake."""
-    assert old in GOOD
-    path = written(tmp_path, GOOD.replace(old, new))
+    old, new = change
+    assert old in GOOD[name]
+    path = file_of(folder, name, GOOD[name].replace(old, new, 1))
     with pytest.raises(SceneError) as caught:
         load_scene(path)
-    assert caught.value.line == line
-    assert str(caught.value).startswith(f"{path}:{line}: ")
+    assert any(one.startswith(f"{path}:{line}: ") for one in str(caught.value).splitlines())
     assert message in str(caught.value)
 
 
-def _row(count: int) -> str:
-    return "".join(
-        f"  - {{pattern: {k % 8 + 1}, position_m: [{0.15 * k - 5:.2f}, 1.0], size_m: "
-        "[0.1, 0.2, 1]}\n"
-        for k in range(count)
-    )
-
-
-def test_a_pattern_may_be_used_more_than_once(tmp_path: Path) -> None:
-    """A number after that of the pattern distinguishes boxes."""
-    text = f"ground: {{size_m: [12, 4]}}\nhelipad: {{position_m: [0, -1]}}\nboxes:\n{_row(17)}"
-    names = box_names(load_scene(written(tmp_path, text)).boxes)
-    assert names[:9] == (*(f"box-{k}" for k in range(1, 9)), "box-1-2")
-    assert names[16] == "box-1-3"
-    assert len(set(names)) == 17
-
-
-def test_too_many_boxes_are_refused_at_the_first_of_them(tmp_path: Path) -> None:
-    """The class masks cannot distinguish more objects."""
-    text = f"ground: {{size_m: [12, 4]}}\nhelipad: {{position_m: [0, -1]}}\nboxes:\n{_row(65)}"
-    with pytest.raises(SceneError, match=r":68: boxes\[64\]: at most 64 boxes, got 65"):
-        load_scene(written(tmp_path, text))
-
-
-def test_a_ground_of_another_size_has_room_around_it(tmp_path: Path) -> None:
-    """At least 2.5 m on each side; the room of the paper's carpet has 10 m."""
-    paper = load_scene(written(tmp_path, GOOD))
-    assert paper.ground.size_m == (5.0, 4.0)
-    assert paper.room_size_m == (10.0, 10.0, 5.0)
-    large = load_scene(written(tmp_path, GOOD + "ground: {size_m: [12, 6]}\n"))
-    assert large.ground_plan.size_m == (12.0, 6.0)
-    assert large.room_size_m == (17.0, 11.0, 5.0)
-
-
-@pytest.mark.parametrize("name", ["place-6m", "place-8m", "hall-10m"])
-def test_the_places_of_other_sizes_load(name: str) -> None:
-    scene = load_scene(SCENES / f"{name}.yaml")
-    assert scene.name == name
-    side = float(name.rpartition("-")[2].removesuffix("m"))
-    assert scene.ground.size_m == (side, side)
-
-
-def test_the_place_with_movers_loads() -> None:
-    scene = load_scene(SCENES / "moving.yaml")
-    assert [mover.shape for mover in scene.movers] == ["cylinder", "box"]
-
-
-def test_unknown_and_empty_scenes_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(UnknownNameError, match="did you mean 'val-a'"):
-        load_scene("vall-a")
-    with pytest.raises(SceneError, match="has no landing mark to take off from"):
-        load_scene(written(tmp_path, "# nothing\n"))
-
-
-def test_the_ground_plan_names_the_classes_of_boxes_and_none_of_the_helipad() -> None:
-    scene = load_scene("train-a")
-    classes = [each.class_id for each in scene.ground_plan.standing]
-    assert classes == [*(BOXES[box.pattern - 1] for box in scene.boxes), None]
-
-
-# --- without a helipad ----------------------------------------------------------------------------
-
-OPEN = """\
-take_off: {from: [-1.5, 0.5], yaw_deg: 30}
-boxes:
-  - {pattern: 2, position_m: [1.0, -1.0], size_m: [0.4, 0.4, 1.0]}
-"""
-
-
-def test_a_scene_without_a_helipad_takes_off_from_its_place(tmp_path: Path) -> None:
-    scene = load_scene(written(tmp_path, OPEN))
-    assert (scene.helipad, scene.mark, scene.start_m) == (None, None, (-1.5, 0.5))
-    pose = start_pose(scene, seed=3)
-    assert (pose.x_m, pose.y_m, scene.surface_m(pose.x_m, pose.y_m)) == (-1.5, 0.5, 0.0)
-    assert len(scene.ground_plan.standing) == 1
-    again = tmp_path / "again.yaml"
+@pytest.mark.parametrize("name", GOOD)
+def test_a_scene_is_written_and_read_again(folder: Path, tmp_path: Path, name: str) -> None:
+    scene = load_scene(file_of(folder, name, GOOD[name]))
+    again = tmp_path / "mine.yaml"
     again.write_text(scene_text(scene), encoding="utf-8")
     assert load_scene(again) == scene
 
 
-def test_a_scene_without_a_helipad_is_varied_and_looked_at(tmp_path: Path) -> None:
-    scene = varied(load_scene(written(tmp_path, OPEN)), seed=1, room=True, movers=2)
-    assert len(scene.movers) == 2
-    assert all(mover.distance_m(*scene.start_m) >= 0.9 for mover in scene.movers)
-    poses = sample_flight_poses(scene, np.random.default_rng(0), 14)
-    assert all(pose.pitch_rad > -0.9 for pose in poses), "no pose looks down at a helipad"
+def gap_m(a: Footprint, b: Footprint) -> float:
+    """Return the distance of two rectangles, which is at a corner of one of them."""
+    return min(one.distance_m(*at) for one, other in ((a, b), (b, a)) for at in other.corners())
 
 
-def test_a_random_take_off_needs_no_helipad(tmp_path: Path) -> None:
-    scene = load_scene(written(tmp_path, "take_off: {from: random}"))
-    assert start_pose(scene, seed=1) != start_pose(scene, seed=2)
-    with pytest.raises(SceneError, match="to take off from: give take_off a place"):
-        load_scene(written(tmp_path, "take_off: {from: helipad}"))
+@pytest.mark.parametrize("name", [name for name in scene_names() if "depot" not in name])
+def test_a_shipped_scene_is_a_lab_to_fly_in(name: str) -> None:
+    """Eight boxes, tall ones with gaps to pass, and free space around the pad."""
+    scene = load_scene(name)
+    assert sorted(item.name for item in scene.placed) == [f"box-{k}" for k in range(1, 9)]
+    outlines = [item.footprint for item in scene.placed if item.standing.height_m >= 1.3]
+    assert all(gap_m(a, b) >= 0.9 for a, b in itertools.combinations(outlines, 2))
+    assert all(gap_m(item.footprint, scene.helipad.footprint) >= 0.7 for item in scene.placed)
+    x, y = scene.helipad.position_m
+    assert (abs(x) <= 2.5 - 0.6, abs(y) <= 2.0 - 0.6) == (True, True)
+    classes = [each.class_id for each in scene.ground_plan.standing]
+    assert classes == [*(BOXES[int(item.name[-1]) - 1] for item in scene.placed), None]
 
 
-def test_a_scene_in_python_has_ground_as_well() -> None:
-    with pytest.raises(ValueRangeError, match="scene 'none' has no ground: expected a GroundSpec"):
-        Scene(name="none", ground=None)  # type: ignore[arg-type]
+def test_boxes_and_take_off_are_those_of_the_file(folder: Path) -> None:
+    scene = load_scene(file_of(folder, "paper", PAPER))
+    first, second = scene.placed
+    assert (scene.name, first.spec.position_m, first.spec.yaw_deg) == ("mine", (0.4, 0.9), 20.0)
+    assert second.shape.top_class == load_scene("train-a").classes.id_of("roof_2")
+    assert (scene.take_off.yaw_deg, scene.take_off.random) == (30.0, False)
+    assert [scene.surface_m(*at) for at in ((1.4, 0.9), (-1.9, -1.4), (0, 0))] == [0.8, 0.4, 0.0]
+    random = load_scene(file_of(folder, "paper", PAPER.replace("helipad, yaw_deg: 30", "random")))
+    assert start_pose(random, seed=1) != start_pose(random, seed=2)
+
+
+def test_a_scene_without_a_landing_mark_takes_off_from_its_place(folder: Path) -> None:
+    scene = load_scene(file_of(folder, "open", OPEN))
+    assert (scene.helipad, scene.mark, scene.start_m) == (None, None, (-1.5, 0.5))
+    pose = start_pose(scene, seed=3)
+    assert (pose.x_m, pose.y_m, scene.surface_m(pose.x_m, pose.y_m)) == (-1.5, 0.5, 0.0)
+
+
+def test_a_scene_in_a_lab_s_folder_has_its_ground_mark_light_and_kinds(folder: Path) -> None:
+    scene = load_scene(file_of(folder, "lab", LAB))
+    assert scene.lab == str(folder.parent)
+    assert (scene.ground.size_m, scene.room_size_m) == ((6.0, 4.0), (6.0, 4.0, 4.0))
+    assert (scene.helipad.size_m, len(scene.lighting.lamps)) == ((0.5, 0.5, 0.2), 1)
+    assert [item.name for item in scene.placed] == ["drum-1", "drum-2", "table-1"]
+    assert [each.class_id for each in scene.ground_plan.standing] == [4, 4, 5, None]
+
+
+def test_movers_have_the_size_of_the_file_or_of_their_kind(folder: Path) -> None:
+    first, second = load_scene(file_of(folder, "movers", MOVERS)).movers
+    assert (first.shape, first.size_m, first.pattern) == ("cylinder", (0.4, 0.4, 1.7), 3)
+    assert (second.shape, second.loop, second.pauses_s) == ("box", False, None)
+    (cone,) = load_scene(file_of(folder, "lab", LAB)).movers
+    assert (cone.shape, cone.size_m) == ("box", (0.6, 0.5, 0.7))
+
+
+def test_an_object_may_state_its_own_size(folder: Path) -> None:
+    text = LAB.replace("kind: table,", "kind: table, size_m: [0.8, 0.5, 1.0],")
+    table = load_scene(file_of(folder, "lab", text)).placed[2].standing
+    assert (table.height_m, 2 * table.footprint.half_x_m, len(table.parts)) == (1.0, 0.8, 5)
+    text = LAB.replace("kind: table,", "kind: cone, size_m: [0.3, 0.3, 1.4],")
+    cone = load_scene(file_of(folder, "lab", text)).placed[2].shape
+    assert cone.mesh.max(axis=(0, 1)) == pytest.approx((0.15, 0.15, 1.4))
+
+
+def row(count: int) -> str:
+    lines = (
+        f"  - {{pattern: {k % 8 + 1}, position_m: [{0.15 * k - 5:.2f}, 1], size_m: [0.1, 0.2, 1]}}"
+        for k in range(count)
+    )
+    return "ground: {size_m: [12, 4]}\nhelipad: {position_m: [0, -1]}\nboxes:\n" + "\n".join(lines)
+
+
+def test_a_number_distinguishes_boxes_of_one_pattern(folder: Path) -> None:
+    names = [item.name for item in load_scene(file_of(folder, "many", row(17))).placed]
+    assert names[:9] == [*(f"box-{k}" for k in range(1, 9)), "box-1-2"]
+    assert (names[16], len(set(names))) == ("box-1-3", 17)
+    with pytest.raises(SceneError, match=r"boxes: expected a list of at most 200, got a list"):
+        load_scene(file_of(folder, "many", row(201)))
+
+
+@pytest.mark.parametrize(("size_m", "room_m"), [((5, 4), (10, 10, 5)), ((12, 6), (17, 11, 5))])
+def test_a_ground_has_room_around_it(folder: Path, size_m: object, room_m: object) -> None:
+    """At least 2.5 m on each side, and 10 m in all."""
+    scene = load_scene(file_of(folder, "paper", f"{PAPER}ground: {{size_m: {list(size_m)}}}\n"))
+    assert (scene.ground_plan.size_m, scene.room_size_m) == (size_m, room_m)
+
+
+def test_an_unknown_scene_is_refused_with_a_suggestion() -> None:
+    with pytest.raises(UnknownNameError, match="did you mean 'val-a'"):
+        load_scene("vall-a")
+
+
+def test_corners_of_a_path_may_be_exactly_a_tenth_of_a_metre_apart(folder: Path) -> None:
+    """Between -0.5 and -0.6 the floats are 0.0999... apart."""
+    text = MOVERS.replace("[[0.0, -1.2], [0.0, 1.2]]", "[[-0.5, -1.0], [-0.6, -1.0]]")
+    assert len(load_scene(file_of(folder, "movers", text)).movers) == 2
+
+
+def test_a_round_mover_may_pass_a_corner_that_a_square_one_would_hit(folder: Path) -> None:
+    """Its radius is less than the gap to the box's corner; half a square's diagonal is more."""
+    text = MOVERS.replace("[[0.0, -1.2], [0.0, 1.2]]", "[[0.4, 1.018], [1.4, 0.018]]")
+    text = text.replace("pattern: 3", "size_m: [0.94, 0.94, 1]")  # the gap is 0.48 m
+    load_scene(file_of(folder, "movers", text))
+    with pytest.raises(SceneError, match="through box-1"):
+        load_scene(file_of(folder, "movers", text.replace("- {path_m", "- {shape: box, path_m", 1)))

@@ -34,8 +34,8 @@ DRAWN = {
     "train-a": ("e8f55d6525072af0", 124.1252, 63.7729),
     "benchmarks/scenes/moving.yaml": ("b39062b3a0efdab3", 122.7029, 63.0882),
 }
-# Present names of geoms, and those of release 0.1.0.
-NAMES_BEFORE = {"ground": "carpet", "mark": "helipad"}
+# Present names of geoms and their parts, and those of release 0.1.0.
+NAMES_BEFORE = {"ground": "carpet", "mark": "helipad", "surface": "side", "top": "roof"}
 POSE = CameraPose(x_m=-1.5, y_m=-1.2, z_m=1.5, yaw_rad=0.6, pitch_rad=-0.45)
 COLOURS = [
     *(121, 80, 105, 99, 115, 99, 83, 106, 118, 113, 105, 111),
@@ -47,7 +47,7 @@ COLOURS = [
 def _name_before(name: str) -> str:
     """Return the name of a geom in release 0.1.0."""
     kind, slash, part = name.partition("/")
-    return f"{NAMES_BEFORE.get(kind, kind)}{slash}{part}"
+    return f"{NAMES_BEFORE.get(kind, kind)}{slash}{NAMES_BEFORE.get(part, part)}"
 
 
 def digest(name: str, *, drawn: bool) -> str:

@@ -63,9 +63,9 @@ def test_a_flight_is_reduced_to_its_fault_and_can_be_flown_again(tmp_path: Path)
     plain = tmp_path / "small"
     done = CliRunner().invoke(shrink, [str(source), "--out", str(plain)])
     assert done.exit_code == 0, done.output
-    assert "remaining: faults 1, movers 0, boxes 0" in done.output
+    assert "remaining: faults 1, movers 0, objects 0" in done.output
     assert (plain / "faults.txt").read_text() == "battery-low=0.06@center+0.3\n"
-    assert load_scene(plain / "scene.yaml").boxes == ()
+    assert load_scene(plain / "scene.yaml").objects == ()
     assert "  parts  end of the flight\n" in done.output
     again, twin = re.findall(r"drone (\w+)(.*):\n  uav-bt (fly .*)", done.output)
     assert twin[:2] == ("twin", ", with images")

@@ -106,7 +106,7 @@ def test_scenes_has_a_line_for_each() -> None:
             14,
             "table-1 table 0.40 -1.70 15.0 1.20 x 0.70 0.75",
         ),
-        ("train-a", "8 boxes", "pattern class x,", 8, "4 box_4 -1.50 1.10 5.0 0.50 x 0.40 0.80"),
+        ("train-a", "8 boxes", "object class x,", 8, "box-4 box_4 -1.50 1.10 5.0 0.50 x 0.40 0.80"),
     ],
 )
 def test_a_scene_is_drawn_and_what_stands_in_it_is_listed(

@@ -51,7 +51,7 @@ def test_a_link_out_of_the_lab_is_refused(tmp_path: Path) -> None:
     folder = write_lab(tmp_path / "hall")
     (folder / "wood.png").rename(tmp_path / "wood.png")
     (folder / "wood.png").symlink_to(tmp_path / "wood.png")
-    with pytest.raises(FileError, match=r"lab.yaml:17: room.objects.crate.surface.image: exp"):
+    with pytest.raises(FileError, match=r"lab.yaml:18: room.objects.crate.surface.image: exp"):
         read_lab(folder)
 
 
@@ -77,6 +77,32 @@ def test_a_mesh_is_fitted_to_its_size_and_falls_into_pieces(tmp_path: Path) -> N
     ]
     assert volumes[0] == pytest.approx(volumes[1])
     assert volumes[0] > 0.0
+
+
+def test_a_vertex_that_no_face_uses_does_not_count_for_the_size(tmp_path: Path) -> None:
+    path = tmp_path / "cone.obj"
+    path.write_text(f"{CONE}v 1000 0 0\n", encoding="utf-8")
+    assert read_obj(path, (0.6, 0.5, 0.7)).max(axis=(0, 1)) == pytest.approx((0.3, 0.25, 0.7))
+
+
+@pytest.mark.parametrize("first", range(6))
+@pytest.mark.parametrize("axes", [(0, 1, 2), (1, 2, 0), (2, 0, 1)])
+def test_a_concave_face_is_cut_along_its_outline(
+    tmp_path: Path, first: int, axes: tuple[int, int, int]
+) -> None:
+    """An L of 3 m2, 1 m high, in every direction: its surface is that of an L."""
+    outline = [(2, 0), (2, 1), (1, 1), (1, 2), (0, 2), (0, 0)]
+    outline = outline[first:] + outline[:first]
+    corners = np.array([(x, y, z) for z in (0, 1) for x, y in outline])[:, axes]
+    faces = [[6, 5, 4, 3, 2, 1], [7, 8, 9, 10, 11, 12]]
+    faces += [[k + 1, (k + 1) % 6 + 1, (k + 1) % 6 + 7, k + 7] for k in range(6)]
+    lines = [("v", *corner) for corner in corners] + [("f", *face) for face in faces]
+    path = tmp_path / "l.obj"
+    path.write_text("\n".join(" ".join(map(str, line)) for line in lines), encoding="utf-8")
+    triangles = read_obj(path, tuple(np.array((2.0, 2.0, 1.0))[list(axes)]))
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    assert np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2 == pytest.approx(14.0)
+    assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6 == pytest.approx(3.0)
 
 
 @pytest.mark.parametrize(

@@ -75,14 +75,14 @@ def test_every_flight_but_the_first_has_light_and_boxes_of_its_own(tmp_path: Pat
     scenes = [load_scene(str(task.options.scene)) for task in tasks]
     shipped = load_scene("train-a")
     assert [scene.lighting == shipped.lighting for scene in scenes] == [True, False, False, False]
-    assert [scene.boxes == shipped.boxes for scene in scenes] == [True, False, False, False]
+    assert [scene.objects == shipped.objects for scene in scenes] == [True, False, False, False]
     assert len({scene.name for scene in scenes}) == 4
     assert {scene.helipad for scene in scenes} == {shipped.helipad}
     _, others = collected(tmp_path / "b", flights=4, seed=7, **ONE)
-    assert load_scene(str(others[2].options.scene)).boxes != scenes[2].boxes
+    assert load_scene(str(others[2].options.scene)).objects != scenes[2].objects
     assert (tasks[0].options.seed, others[0].options.seed) == (0, 7)
     _, tasks = collected(tmp_path / "kept", flights=2, layouts=False, **ONE)
-    assert {load_scene(str(task.options.scene)).boxes for task in tasks} == {shipped.boxes}
+    assert {load_scene(str(task.options.scene)).objects for task in tasks} == {shipped.objects}
 
 
 def test_a_collection_goes_on_where_it_was_stopped(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from perception.depth.confidence import COEFFICIENTS
 from perception.segmentation.runtime import shipped_unet
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.objects import BoxSpec, Helipad
+from sim_bridge.twin.objects import Helipad, ObjectSpec
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
 from tests.worlds.footage import camera_file, frame, state, write_record
@@ -45,7 +45,7 @@ def images() -> list[Image]:
     scene = Scene(
         name="small",
         helipad=Helipad(position_m=(0.3, -0.9)),
-        boxes=(BoxSpec(pattern=5, position_m=(1.0, 0.1), size_m=(0.5, 0.5, 1.9)),),
+        objects=(ObjectSpec(kind="box-5", position_m=(1.0, 0.1), size_m=(0.5, 0.5, 1.9)),),
     )
     poses = [
         CameraPose(

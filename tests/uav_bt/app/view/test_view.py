@@ -18,7 +18,7 @@ import pytest
 from rich.console import Console
 
 from sim_bridge.twin.movers import MoverSpec
-from sim_bridge.twin.objects import BoxSpec, Helipad
+from sim_bridge.twin.objects import Helipad, ObjectSpec
 from sim_bridge.twin.scene import Scene, TakeOffSpec
 from sim_bridge.twin.scene_file import load_scene
 from tests.paper_lab import CLASSES, paper_map
@@ -237,7 +237,9 @@ def test_a_flight_is_drawn_while_it_is_flown(tmp_path: Path) -> None:
 SCENE = Scene(
     name="small",
     helipad=Helipad(position_m=(-1.5, -1.0), yaw_deg=90.0),
-    boxes=(BoxSpec(pattern=3, position_m=(1.0, 0.5), size_m=(0.4, 0.3, 1.9), yaw_deg=20.0),),
+    objects=(
+        ObjectSpec(kind="box-3", position_m=(1.0, 0.5), size_m=(0.4, 0.3, 1.9), yaw_deg=20.0),
+    ),
     movers=(MoverSpec(path_m=((0.0, -1.0), (0.0, 1.0), (-1.0, 1.0)), speed_mps=0.5, loop=True),),
 )
 
@@ -254,7 +256,7 @@ def test_a_scene_becomes_a_map_in_the_colours_of_its_classes() -> None:
     assert lab.ground.size_m == (5.0, 4.0)
     (box,), (mover,) = lab.boxes, lab.movers
     assert (box.x_m, box.y_m, box.height_m) == (1.0, 0.5, 1.9)
-    assert np.allclose(box.corners(), SCENE.boxes[0].footprint.corners())
+    assert np.allclose(box.corners(), SCENE.placed[0].footprint.corners())
     assert box.colour == tuple(CLASSES.colours[CLASSES.id_of("box_3")])
     assert (lab.mark.x_m, lab.mark.y_m, lab.mark.height_m) == (-1.5, -1.0, 0.4)
     assert mover.round

@@ -1,0 +1,152 @@
+"""Rays onto ground, boxes and every shape of a lab agree with MuJoCo's rays and the renderer."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from sim_bridge.plain.caster import Caster
+from sim_bridge.twin.builder import HIT_GROUP
+from sim_bridge.twin.camera import CameraPose
+from sim_bridge.twin.model import build_model
+from sim_bridge.twin.render import Renderer
+from sim_bridge.twin.routes import Traffic
+from sim_bridge.twin.scene import Scene, TakeOffSpec
+from sim_bridge.twin.scene_file import load_scene
+from sim_bridge.twin.views import sample_flight_poses
+from tests.paper_lab import CARPET
+from tests.sim_bridge.twin.room_world import LAB, alone, scene_of, write_lab
+from uav_bt.types import MoverState
+
+SIZE = (160, 90)
+OUTLINE = "outline_m: [[-3, -2], [3, -2], [3, 0], [0, 0], [0, 2], [-3, 2]]"
+
+
+def around(count: int) -> list[CameraPose]:
+    """Return poses on a circle that look at the middle, from above and below a table's top."""
+    generator = np.random.default_rng(7)
+    found = []
+    for number in range(count):
+        turn, away = 2.0 * math.pi * number / count, generator.uniform(1.2, 1.8)
+        z_m = float(generator.uniform(0.15, 2.3))
+        found.append(
+            CameraPose(
+                x_m=away * math.cos(turn),
+                y_m=away * math.sin(turn),
+                z_m=z_m,
+                yaw_rad=turn + math.pi + float(generator.normal(0.0, 0.1)),
+                pitch_rad=math.atan2(0.5 - z_m, away),
+            )
+        )
+    return found
+
+
+def share_off(
+    scene: Scene,
+    poses: Sequence[CameraPose],
+    movers: tuple[MoverState, ...] = (),
+    *,
+    off_m: float = 1e-3,
+) -> float:
+    """Return the share of pixels whose class or depth differs from that of the renderer."""
+    caster, wrong = Caster(scene, SIZE), []
+    with Renderer(build_model(scene)) as renderer:
+        for pose in poses:
+            ids, depth_m = caster.cast(pose, movers)
+            drawn, exact_m = renderer.ids_and_depth(pose, *SIZE, movers)
+            known = ids != 0  # the caster has no ceiling, and walls where the lab states them
+            if scene.room.walls is not None:
+                known |= caster.rays[..., 1] > 0
+            wrong.append(np.mean((ids != drawn) | known & (np.abs(depth_m - exact_m) > off_m)))
+    return float(np.mean(wrong))
+
+
+@pytest.mark.parametrize("kind", ["drum", "crate", "table", "rack", "cone"])
+def test_rays_meet_a_shape_where_mujoco_meets_its_contacts(tmp_path: Path, kind: str) -> None:
+    """Random rays of the view, on and beside pixels: the same hits, within a micrometre."""
+    scene = alone(write_lab(tmp_path / "hall"), kind)
+    lab = build_model(scene, drawn=False)
+    data = mujoco.MjData(lab.model)
+    mujoco.mj_forward(lab.model, data)
+    groups = np.zeros(6, np.uint8)
+    groups[HIT_GROUP] = 1
+    caster, generator = Caster(scene, (64, 36)), np.random.default_rng(1)
+    met, geom = 0, np.zeros(1, np.int32)
+    for pose in around(8):
+        rays = caster.rays + generator.uniform(-0.004, 0.004, caster.rays.shape)
+        ids, depth_m = caster.cast(pose, rays=rays)
+        axis, up = (np.array(each) for each in pose.axes())
+        right = np.cross(axis, up)
+        start = np.array((pose.x_m, pose.y_m, pose.z_m))
+        for row, column in generator.integers((0, 0), (36, 64), (60, 2)):
+            ray = axis + rays[row, column, 0] * right - rays[row, column, 1] * up
+            length = np.linalg.norm(ray)
+            far = mujoco.mj_ray(lab.model, data, start, ray / length, groups, 1, -1, geom) / length
+            name = lab.contact_name(int(geom[0]))
+            if name == "ceiling":
+                continue
+            assert depth_m[row, column] == pytest.approx(far, abs=2e-5)
+            assert (ids[row, column] >= 4) == (name == f"{kind}-1")
+            met += name == f"{kind}-1"
+    assert met > 20
+
+
+@pytest.mark.parametrize("kind", ["drum", "table", "rack", "cone"])
+def test_the_renderer_draws_the_same_shapes(tmp_path: Path, kind: str) -> None:
+    """A drawn cylinder has 32 faces; at an edge a ray may meet another part."""
+    scene = alone(write_lab(tmp_path / "hall"), kind)
+    assert share_off(scene, around(5), off_m=0.01 if kind == "drum" else 1e-3) < 3e-3
+
+
+@pytest.mark.parametrize("name", ["train-b", "benchmarks/scenes/hall-10m.yaml", "depot-train-a"])
+def test_the_renderer_draws_the_same_scenes(name: str) -> None:
+    """They differ on borders only. The depot has a concave mesh, and walls at the ground's edge."""
+    scene = load_scene(name)
+    poses = sample_flight_poses(scene, np.random.default_rng(1), 12, lowered=0.5)
+    assert share_off(scene, poses) < (3e-3 if name.startswith("depot") else 6e-4)
+
+
+def test_movers_are_seen_where_they_are(tmp_path: Path) -> None:
+    text = """\
+take_off: {from: [-2.5, -1.5]}
+movers:
+  - {kind: cone, path_m: [[-1.0, 1.0], [1.5, 1.0]], speed_mps: 0.5, yaw_deg: 30}
+  - {kind: table, path_m: [[1.5, -1.0], [0.0, -1.0]], speed_mps: 0.4}
+  - {pattern: 1, path_m: [[0.0, 0.2], [1.5, 0.2]], speed_mps: 0.5}
+  - {pattern: 1, shape: box, size_m: [0.5, 0.3, 1], path_m: [[2, 1], [2, 0]], speed_mps: 0.5}
+"""
+    scene = scene_of(write_lab(tmp_path / "hall"), text)
+    pose = CameraPose(x_m=-2.2, y_m=0.0, z_m=1.4, yaw_rad=0.0, pitch_rad=-0.4)
+    movers = Traffic(scene.movers, 0).at(1.5)
+    ids, _ = Caster(scene, SIZE).cast(pose, movers)
+    assert set(np.unique(ids)) >= {scene.shape_of(mover).class_id for mover in scene.movers}
+    assert share_off(scene, [pose], movers, off_m=0.01) < 4e-3
+
+
+def test_a_ground_of_five_corners_and_its_walls_hide_what_is_behind(tmp_path: Path) -> None:
+    """An L-shaped hall: beyond its inner corner there is a wall, in both views."""
+    text = LAB.replace("size_m: [6, 4], surface", f"{OUTLINE}, surface")
+    scene = scene_of(write_lab(tmp_path / "hall", text), "take_off: {from: [-2.0, -1.0]}\n")
+    assert not scene.ground_plan.contains(1.0, 1.0)
+    assert scene.ground_plan.contains(-1.0, 1.0)
+    poses = [
+        CameraPose(x_m=-2.0, y_m=-1.0, z_m=1.5, yaw_rad=yaw_rad, pitch_rad=-0.4)
+        for yaw_rad in (0.5, 1.2, -0.3)
+    ]
+    assert share_off(scene, poses, off_m=0.01) < 2e-3
+
+
+@pytest.mark.parametrize("scene", ["train-a", Scene(name="x", take_off=TakeOffSpec(random=True))])
+def test_a_view_straight_down_has_the_depth_of_the_lens(scene: str | Scene) -> None:
+    if isinstance(scene, str):
+        scene = replace(load_scene(scene), objects=())
+    pose = CameraPose(x_m=0.4, y_m=0.3, z_m=1.3, yaw_rad=0.0, pitch_rad=-math.pi / 2)
+    ids, depth_m = Caster(scene, SIZE).cast(pose)
+    assert (ids == CARPET).all()
+    assert depth_m == pytest.approx(np.full(depth_m.shape, 1.3), abs=1e-5)
