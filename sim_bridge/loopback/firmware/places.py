@@ -15,6 +15,9 @@ from sim_bridge.loopback.world import WorldState, location, offset_m
 from sim_bridge.twin.reference import Pace
 from uav_bt.types import FlyingState, wrap_angle
 
+UNKNOWN: Final = 500.0  # ARSDK's value of an unknown latitude, longitude or altitude
+
+_CUSTOM: Final = "rth.custom_location"
 _NEAR_M: Final = 0.5  # within this distance of its goal the drone does not turn towards it
 _STATUS: Final = {Outcome.DONE: "DONE", Outcome.INTERRUPTED: "CANCELED"}
 
@@ -104,7 +107,6 @@ class ReturnHome:
         self._flying = False
         self.link_lost_s: float | None = None  # time at which the last client was lost
         self._take_off_m = (0.0, 0.0)  # north, east
-        self._custom_m: tuple[float, float] | None = None
         self.handlers = {
             "rth.return_to_home": lambda _, state: self._start(state, "user_request"),
             "rth.abort": lambda _, __: self._stop(),
@@ -140,7 +142,7 @@ class ReturnHome:
 
     def _legs(self) -> list[Leg]:
         value, ceiling_m = self._flight.states.value, self._flight.world.ceiling_m
-        home_m = self._custom_m or self._take_off_m
+        home_m = self._home_m
 
         def climb(state: WorldState) -> Step:
             near = math.dist(home_m, (state.north_m, state.east_m)) < _NEAR_M
@@ -155,6 +157,12 @@ class ReturnHome:
             return Step(down_m=max(0.0, state.altitude_m - hover_m))
 
         return [climb, cross] if self._lands else [climb, cross, descend]
+
+    @property
+    def _home_m(self) -> tuple[float, float]:
+        """The place to return to, m north and east: the client's, or that of the take-off."""
+        custom = [self._flight.states.value(_CUSTOM, name) for name in ("latitude", "longitude")]
+        return self._take_off_m if UNKNOWN in custom else offset_m(*custom)
 
     @property
     def _lands(self) -> bool:
@@ -179,8 +187,7 @@ class ReturnHome:
 
     def _set_custom_location(self, values: Values, _state: WorldState) -> None:
         if _on_earth(values):
-            self._custom_m = offset_m(values["latitude"], values["longitude"])
-            self._flight.states.refresh("rth.custom_location", **values)
+            self._flight.states.refresh(_CUSTOM, **values)
             self._publish_home()
 
     def _publish(self, state: str, reason: str) -> None:
@@ -195,8 +202,9 @@ class ReturnHome:
         if not self._flight.world.outdoors:
             return
         publish = self._flight.states.set
-        home = location(*(self._custom_m or self._take_off_m)).arguments
-        publish("rth.home_type", type="custom" if self._custom_m else "takeoff")
+        home = location(*self._home_m).arguments
+        custom = self._flight.states.value(_CUSTOM, "latitude") != UNKNOWN
+        publish("rth.home_type", type="custom" if custom else "takeoff")
         publish("rth.takeoff_location", **location(*self._take_off_m).arguments)
         publish("rth.home_location", **home)
         publish("ardrone3.GPSSettingsState.HomeChanged", **home)

@@ -7,10 +7,9 @@ import json
 from collections import deque
 from typing import Any
 
-from sim_bridge.loopback.codec import Received, decode, encode
+from sim_bridge.loopback.codec import Message, decode, encode, message_types
 from sim_bridge.loopback.handshake import Ports
 from sim_bridge.loopback.link import SEQUENCES, FrameType, WireFrame, pack, parse, unpack
-from sim_bridge.loopback.messages import Buffer, message_table
 
 PATIENCE_S = 60.0  # timeout of a wait, also on a busy machine, s
 REPEAT_S = 0.1
@@ -26,7 +25,7 @@ class Client(asyncio.DatagramProtocol):
         self._last: dict[int, int] = {}
         self._acked: asyncio.Queue[int] = asyncio.Queue()
         self._news = asyncio.Event()
-        self.events: deque[Received] = deque()
+        self.events: deque[Message] = deque()
         self.answer: dict[str, Any] = {}
 
     async def connect(self) -> bool:
@@ -55,9 +54,8 @@ class Client(asyncio.DatagramProtocol):
 
     async def send(self, name: str, /, **values: Any) -> None:
         """Send a command; wait for its acknowledgement if it needs one."""
-        message = message_table().named(name)
-        acked = message.buffer is not Buffer.NOACK
-        payload = pack([encode(message, values)])
+        acked = message_types()[name].buffer != "noack"
+        payload = pack([encode(name, values)])
         kind = FrameType.DATA_WITH_ACK if acked else FrameType.DATA
         frame = self._frame(kind, 11 if acked else 10, payload)
         async with asyncio.timeout(PATIENCE_S):
@@ -77,13 +75,13 @@ class Client(asyncio.DatagramProtocol):
         """Send a datagram unchanged."""
         self._udp.sendto(data, ("127.0.0.1", self.answer["c2d_port"]))
 
-    async def wait(self, name: str, /, **values: Any) -> Received:
+    async def wait(self, name: str, /, **values: Any) -> Message:
         """Return the next event with this name and these values; earlier events are skipped."""
         async with asyncio.timeout(PATIENCE_S):
             while True:
                 while self.events:
                     event = self.events.popleft()
-                    if event.type.name == name and values.items() <= dict(event.values).items():
+                    if event.name == name and values.items() <= dict(event.values).items():
                         return event
                 self._news.clear()
                 await self._news.wait()
@@ -105,8 +103,7 @@ class Client(asyncio.DatagramProtocol):
             if self._last.get(frame.buffer) == frame.sequence:
                 return
             self._last[frame.buffer] = frame.sequence
-        table = message_table()
-        self.events += [decode(one, table) for one in unpack(frame.payload)]
+        self.events += [decode(one) for one in unpack(frame.payload)]
         self._news.set()
 
     def _frame(self, kind: FrameType, buffer: int, payload: bytes) -> WireFrame:

@@ -85,7 +85,7 @@ class Bench:
             self.firmware.update()
 
     def run_until(self, flying: FlyingState, limit_s: float = 30.0) -> None:
-        """Let time pass until the drone is in this state and on its way no more."""
+        """Let time pass until the drone is in this state."""
         for _ in range(round(limit_s / STEP_S)):
             if self.state.flying is flying:
                 return
