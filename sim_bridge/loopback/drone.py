@@ -10,16 +10,13 @@ from sim_bridge.loopback.firmware.anafi import Anafi
 from sim_bridge.loopback.firmware.remote_control import RemoteControl
 from sim_bridge.loopback.firmware.telemetry_events import BatteryOptions
 from sim_bridge.loopback.handshake import SKYCONTROLLER, Ports
-from sim_bridge.loopback.media import Card, MediaStore
+from sim_bridge.loopback.media import Card, MediaStore, Photographer
 from sim_bridge.loopback.messages import message_table
-from sim_bridge.loopback.photographer import Photographer
 from sim_bridge.loopback.server import LoopbackServer, ServerOptions
+from sim_bridge.loopback.streamer import VideoStats
 from sim_bridge.loopback.twin_camera import TwinCamera
 from sim_bridge.loopback.twin_world import TwinWorld
-from sim_bridge.loopback.video.dialogue import DIRECT_MEDIUM, REMOTE_MEDIUM
-from sim_bridge.loopback.video.encoder import EncoderConfig
-from sim_bridge.loopback.video.server import VideoServer, serve_video
-from sim_bridge.loopback.video.streamer import VideoStats
+from sim_bridge.loopback.video import DIRECT_MEDIUM, REMOTE_MEDIUM, VideoServer
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import Scene
 from uav_bt.clock import WallClock
@@ -71,8 +68,8 @@ class LoopbackDrone:
             zoom=self._zoom,
             gps=gps,
         )
-        self._camera = make_camera()
-        self._photographer = Photographer(make_camera)
+        self._camera, stills = make_camera(), make_camera()
+        self._photographer = Photographer(stills.newest, stills.close)
         self._anafi = Anafi(
             self.world,
             table,
@@ -97,11 +94,11 @@ class LoopbackDrone:
     def ports(self) -> Ports:
         """The ports that are bound."""
         ports = self._server.ports
-        return ports if self._video is None else replace(ports, rtsp=self._video.address[1])
+        return ports if self._video is None else replace(ports, rtsp=self._video.port)
 
     def video_stats(self) -> VideoStats | None:
         """Return the statistics of the video; None without a video."""
-        return None if self._video is None else self._video.stats()
+        return None if self._video is None else self._video.streamer.stats()
 
     def _charge(self) -> float:
         return self._anafi.battery.charge
@@ -119,17 +116,16 @@ class LoopbackDrone:
         setup = self._setup
         try:
             if setup.video:
-                encoder = EncoderConfig(size_px=setup.image_size_px, rate_hz=setup.video_rate_hz)
-                self._video = await serve_video(
-                    self._camera,
-                    host=setup.server.address,
-                    port=setup.server.ports.rtsp,
-                    encoder=encoder,
+                self._video = VideoServer(
+                    self._camera.newest,
+                    size_px=setup.image_size_px,
+                    rate_hz=setup.video_rate_hz,
                     serial=setup.server.identity.serial,
                     media_name=REMOTE_MEDIUM if setup.skycontroller else DIRECT_MEDIUM,
                     now=self._clock.now,
                     finish=self._camera.close,
                 )
+                await self._video.start(setup.server.address, setup.server.ports.rtsp)
             self.world.start()
             await self._server.start()
         except BaseException:

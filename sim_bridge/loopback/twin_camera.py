@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.anafi import CAMERA_FORWARD_M, FOCAL_SHARE, anafi_camera
+from sim_bridge.loopback.metadata import NorthEastDown, VideoFrame
 from sim_bridge.loopback.twin_world import TwinWorld
-from sim_bridge.loopback.video.frame import NorthEastDown, VideoFrame
 from sim_bridge.loopback.world import GROUND_M, location
 from sim_bridge.twin.camera import Optics
 from sim_bridge.twin.render import Renderer

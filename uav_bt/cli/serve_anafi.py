@@ -116,9 +116,7 @@ def _farewell(drone: LoopbackDrone) -> Iterator[str]:
     if stats is not None:
         yield (
             f"video: {stats.frames_encoded} frames made, {stats.rate_hz:.1f} a second lately, "
-            f"{stats.frames_late} slots missed; drawing and encoding took "
-            "{:.1f} ms a frame (95 %: {:.1f}), and it was sent {:.1f} ms ({:.1f}) after its "
-            "capture".format(*stats.encode_ms, *stats.age_ms)
+            f"{stats.frames_late} slots missed"
         )
     if (lost_s := drone.world.lost_s) > 0.0:
         yield f"the machine was too slow: {lost_s:.1f} s of flight were left out"
