@@ -70,7 +70,7 @@ def timed_metadata(frame: VideoFrame) -> bytes:
     return _message(1, _drone(frame)) + _message(2, _camera(frame)) + _message(3, links)
 
 
-def quaternion(attitude: Attitude) -> tuple[float, float, float, float]:
+def _quaternion(attitude: Attitude) -> tuple[float, float, float, float]:
     """Return the quaternion w, x, y, z from body to north-east-down (order yaw, pitch, roll)."""
     cr, sr = math.cos(attitude.roll_rad / 2), math.sin(attitude.roll_rad / 2)
     cp, sp = math.cos(attitude.pitch_rad / 2), math.sin(attitude.pitch_rad / 2)
@@ -84,7 +84,7 @@ def quaternion(attitude: Attitude) -> tuple[float, float, float, float]:
 
 
 def _drone(frame: VideoFrame) -> Iterator[bytes]:
-    yield _message(1, _floats(quaternion(frame.attitude)))
+    yield _message(1, _floats(_quaternion(frame.attitude)))
     if frame.location is not None:
         yield _message(2, _location(frame.location))
     yield _double(3, frame.height_m)
@@ -102,13 +102,13 @@ def _camera(frame: VideoFrame) -> Iterator[bytes]:
     base = Attitude(yaw_rad=frame.attitude.yaw_rad)
     horizontal_rad, vertical_rad = frame.fov_rad
     yield _unsigned(1, round(1e6 * frame.captured_s))
-    yield _message(2, _floats(quaternion(base)))
-    yield _message(3, _floats(quaternion(frame.camera)))
+    yield _message(2, _floats(_quaternion(base)))
+    yield _message(3, _floats(_quaternion(frame.camera)))
     yield _float(8, horizontal_rad)
     yield _float(9, vertical_rad)
     yield _unsigned(10, round(1e6 * frame.captured_utc_s))
     yield _unsigned(11, _UTC_ACCURACY_US)
-    yield _message(15, _floats(quaternion(frame.camera)))
+    yield _message(15, _floats(_quaternion(frame.camera)))
     yield _float(16, 1.0)
     yield _unsigned(17, _VISIBLE_SPECTRUM)
 

@@ -101,16 +101,12 @@ def refusal(error: RtspError, sequence: str = "") -> bytes:
     return answer(error.status, sequence, {"Content-Type": "text/plain"}, f"{error}\n")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Transport:
-    """Transport that a client offers in SETUP; packets are sent to that client only."""
-
-    tcp: bool  # whether packets go through the RTSP connection
-    pair: tuple[int, int]  # RTP and RTCP: channels of the connection, or UDP ports of the client
-
-
-def choose_transport(header: str) -> Transport:
+def choose_transport(header: str) -> tuple[bool, tuple[int, int]]:
     """Return the first offered transport that is supported.
+
+    Returns:
+        Whether packets go through the RTSP connection; its channels for RTP and RTCP, or otherwise
+        the client's UDP ports for them.
 
     Raises:
         RtspError: no offered transport is supported.
@@ -124,7 +120,7 @@ def choose_transport(header: str) -> Transport:
         for parameter in parameters:
             found = re.fullmatch(rf"{name}=(\d{{1,5}})-(\d{{1,5}})", parameter)
             if found is not None and max(int(found[1]), int(found[2])) <= largest:
-                return Transport(tcp=tcp, pair=(int(found[1]), int(found[2])))
+                return tcp, (int(found[1]), int(found[2]))
     raise RtspError(
         461,
         "expected 'RTP/AVP;unicast;client_port=A-B' or 'RTP/AVP/TCP;unicast;interleaved=A-B'",

@@ -172,11 +172,11 @@ class _Session:
             case "SETUP":
                 return self._set_up(request), ""
             case "PLAY":
-                return self._play(self._playing(request), url[1]), ""
+                return self._play(self._prepared(request), url[1]), ""
             case "PAUSE":
-                self._server.streamer.remove(self._playing(request))
+                self._server.streamer.remove(self._prepared(request))
             case "TEARDOWN":
-                self._playing(request)
+                self._prepared(request)
                 self.tear_down()
             case _:
                 raise RtspError(501, f"expected one of {_METHODS}")
@@ -194,18 +194,17 @@ class _Session:
 
     def _set_up(self, request: Request) -> Mapping[str, str]:
         """Prepare a stream, which replaces an earlier one."""
-        transport = choose_transport(request.headers.get("transport", ""))
+        tcp, pair = choose_transport(request.headers.get("transport", ""))
         self.tear_down()
-        pair = "-".join(map(str, transport.pair))
         sink: Sink
-        if transport.tcp:
-            sink = _TcpSink(self._writer.transport, transport.pair)
-            chosen = f"RTP/AVP/TCP;unicast;interleaved={pair}"
+        if tcp:
+            sink = _TcpSink(self._writer.transport, pair)
+            chosen = f"RTP/AVP/TCP;unicast;interleaved={pair[0]}-{pair[1]}"
         else:
             udp, host = self._server.udp, self._writer.get_extra_info("peername")[0]
-            sink = _UdpSink(udp, host, transport.pair)
+            sink = _UdpSink(udp, host, pair)
             ports = "-".join(str(one.get_extra_info("sockname")[1]) for one in udp)
-            chosen = f"RTP/AVP;unicast;client_port={pair};server_port={ports}"
+            chosen = f"RTP/AVP;unicast;client_port={pair[0]}-{pair[1]};server_port={ports}"
         self._player = Player(self._server.serial, sink)
         return {
             "Transport": f"{chosen};ssrc={self._player.stream.ssrc:08X}",
@@ -220,7 +219,7 @@ class _Session:
         info = f"url={url}/{CONTROL};seq={sequence};rtptime={stamp}"
         return {"Session": self._name, "RTP-Info": info}
 
-    def _playing(self, request: Request) -> Player:
+    def _prepared(self, request: Request) -> Player:
         """Return the stream that was set up, if the request names its session."""
         named = request.headers.get("session", "").partition(";")[0]
         if self._player is None or named != self._name:

@@ -13,8 +13,7 @@ import pytest
 from sim_bridge.loopback import video
 from sim_bridge.loopback.encoder import nal_type
 from sim_bridge.loopback.handshake import PortTakenError
-from sim_bridge.loopback.metadata import VideoFrame
-from sim_bridge.loopback.video import VideoServer
+from sim_bridge.loopback.metadata import VideoFrame, timed_metadata
 from tests.sim_bridge.loopback.video_client import (
     BYE,
     HOST,
@@ -25,7 +24,6 @@ from tests.sim_bridge.loopback.video_client import (
     RtpPacket,
     assert_quadrants,
     asynchronous,
-    fields,
     frame_at,
     metadata_of,
     parse_rtcp,
@@ -35,7 +33,6 @@ from tests.sim_bridge.loopback.video_client import (
     visiting,
 )
 
-UDP = "RTP/AVP;unicast;client_port=5000-5001"
 KEY, OTHER = [7, 8], [1]  # types of the first units of a frame
 
 
@@ -73,20 +70,20 @@ async def test_a_frame_carries_its_metadata_and_a_report_the_drones_time() -> No
         playing = await client.ask("PLAY")
         channel, report = await client.packet()
         packets = await client.picture()
-        info = dict(part.split("=", 1) for part in playing.headers["rtp-info"].split(";"))
-        assert int(info["seq"]) == packets[0].sequence
+        assert f"seq={packets[0].sequence};" in playing.headers["rtp-info"]
         assert set_up.headers["transport"] == f"{TCP};ssrc={packets[0].ssrc:08X}"
         assert set_up.headers["session"].endswith(";timeout=60")
-        captured_us = fields(fields(metadata_of(packets))[2])[1]
-        assert captured_us == round(1e6 * (NOW_S + 1 / 30.0))
+        shown = frame_at(NOW_S + 1 / 30.0)
+        assert metadata_of(packets) == timed_metadata(shown)
         _, seconds, fraction, stamp = struct.unpack_from("!4I", parse_rtcp(report)[200])
         offset = (packets[0].stamp - stamp + 2**31) % 2**32 - 2**31
         reported_s = seconds + fraction / 2**32 + offset / 90_000
-        assert (channel, reported_s) == (1, pytest.approx(captured_us * 1e-6, abs=1e-4))
+        assert (channel, reported_s) == (1, pytest.approx(shown.captured_s, abs=1e-4))
 
 
 @asynchronous
 async def test_udp_packets_come_from_the_ports_that_the_answer_names() -> None:
+    """They go to the client only, whatever destination it asks for."""
     heard: asyncio.Queue[tuple[int, bytes]] = asyncio.Queue()
 
     class Inbox(asyncio.DatagramProtocol):
@@ -94,22 +91,22 @@ async def test_udp_packets_come_from_the_ports_that_the_answer_names() -> None:
             heard.put_nowait((addr[1], data))
 
     endpoint = asyncio.get_running_loop().create_datagram_endpoint
-    inboxes = [(await endpoint(Inbox, local_addr=(HOST, 0)))[0] for _ in range(2)]
-    ports = "-".join(str(one.get_extra_info("sockname")[1]) for one in inboxes)
+    inbox, _ = await endpoint(Inbox, local_addr=(HOST, 0))
+    port = inbox.get_extra_info("sockname")[1]
     async with serving() as server, visiting(server) as client:
-        set_up = await client.play(f"RTP/AVP/UDP;unicast;client_port={ports};destination=192.0.2.1")
-        chosen = dict(part.split("=") for part in set_up.headers["transport"].split(";")[2:])
-        assert chosen["client_port"] == ports
-        data_port, control_port = map(int, chosen["server_port"].split("-"))
+        wish = f"RTP/AVP;multicast,RTP/AVP/UDP;client_port={port}-{port};destination=192.0.2.1"
+        chosen = (await client.play(wish)).headers["transport"].split(";")
+        assert chosen[:3] == ["RTP/AVP", "unicast", f"client_port={port}-{port}"]
+        data_port, control_port = map(int, chosen[3].removeprefix("server_port=").split("-"))
         assert (data_port % 2, control_port) == (0, data_port + 1)
-        assert 200 in parse_rtcp((await heard.get())[1])
-        port, data = await heard.get()
-        assert (port, f"{parse_rtp(data).ssrc:08X}") == (data_port, chosen["ssrc"])
+        source, report = await heard.get()
+        assert (source, 200 in parse_rtcp(report)) == (control_port, True)
+        source, data = await heard.get()
+        assert (source, f"ssrc={parse_rtp(data).ssrc:08X}") == (data_port, chosen[4])
         await client.ask("TEARDOWN")
-        while port != control_port or BYE not in parse_rtcp(data):
-            port, data = await heard.get()
-    for inbox in inboxes:
-        inbox.close()
+        while source != control_port or BYE not in parse_rtcp(data):
+            source, data = await heard.get()
+    inbox.close()
 
 
 async def at_rest(source: Pictures) -> None:
@@ -131,7 +128,7 @@ async def test_frames_are_fetched_only_while_a_client_plays() -> None:
         last = (await client.picture())[-1]
         await client.ask("PAUSE")
         await at_rest(source)
-        for _, data in [one for one in client.waiting if one[0] == 0]:
+        for data in [data for channel, data in client.waiting if channel == 0]:
             last = parse_rtp(data)
         client.waiting.clear()
         again = await client.ask("PLAY")
@@ -179,8 +176,8 @@ async def test_a_wrong_request_gets_one_clear_refusal(
 @asynchronous
 async def test_a_session_is_controlled_by_its_name(method: str) -> None:
     async with serving() as server, visiting(server) as client, visiting(server) as other:
-        await client.ask("SETUP", Transport=f"RTP/AVP;multicast,{UDP}")
-        await other.ask("SETUP", Transport=UDP)
+        await client.ask("SETUP", Transport=TCP)
+        await other.ask("SETUP", Transport=TCP)
         assert (await client.ask(method, Session=other.session)).status == 454
         assert (await client.ask(method)).status == 200
         assert (await client.ask("TEARDOWN")).status == (454 if method == "TEARDOWN" else 200)
@@ -275,11 +272,8 @@ async def test_closing_says_goodbye_frees_the_port_and_finishes_the_source() -> 
         assert await client.goodbye()
         assert len(threads) == source.asked + 1
         assert len({*threads, threading.get_ident()}) == 2
-        again = VideoServer(
-            source.newest, size_px=SIZE_PX, rate_hz=30.0, serial="", now=lambda: 0.0
-        )
-        await again.start(HOST, port)
-        await again.close()
+        async with serving(port=port):
+            pass
 
 
 @pytest.mark.parametrize(
@@ -289,12 +283,9 @@ async def test_closing_says_goodbye_frees_the_port_and_finishes_the_source() -> 
 @asynchronous
 async def test_a_port_that_cannot_be_had_raises(host: str, message: str) -> None:
     async with serving() as server:
-        second = VideoServer(
-            Pictures().newest, size_px=SIZE_PX, rate_hz=30.0, serial="", now=lambda: 0.0
-        )
         with pytest.raises(PortTakenError, match=message):
-            await second.start(host, server.port)
-        await second.close()
+            async with serving(host=host, port=server.port):
+                pass
 
 
 @asynchronous

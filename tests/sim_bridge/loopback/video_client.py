@@ -1,4 +1,4 @@
-"""Test client of the video: pictures, RTSP, RTP, RTCP, protobuf."""
+"""Test client of the video: pictures, RTSP, RTP, RTCP."""
 
 from __future__ import annotations
 
@@ -67,9 +67,13 @@ def frame_at(captured_s: float) -> VideoFrame:
 
 @asynccontextmanager
 async def serving(
-    newest: Callable[[], VideoFrame | None] | None = None, **options: Any
+    newest: Callable[[], VideoFrame | None] | None = None,
+    *,
+    host: str = HOST,
+    port: int = 0,
+    **options: Any,
 ) -> AsyncIterator[VideoServer]:
-    """Yield a server on a free port."""
+    """Yield a server, by default on a free port."""
     server = VideoServer(
         newest or Pictures().newest,
         size_px=SIZE_PX,
@@ -79,7 +83,7 @@ async def serving(
         **options,
     )
     try:
-        await server.start(HOST, 0)
+        await server.start(host, port)
         yield server
     finally:
         await server.close()
@@ -243,29 +247,3 @@ def parse_rtcp(data: bytes) -> dict[int, bytes]:
         parts[kind] = data[4 : 4 + 4 * words]
         data = data[4 + 4 * words :]
     return parts
-
-
-def fields(data: bytes) -> dict[int, Any]:
-    """Return the fields of a protobuf message by number: ints for varints, otherwise bytes."""
-    found: dict[int, Any] = {}
-    at = 0
-    while at < len(data):
-        tag, at = _varint(data, at)
-        size = {1: 8, 5: 4}.get(tag & 7)
-        if tag & 7 == 0:
-            found[tag >> 3], at = _varint(data, at)
-            continue
-        if size is None:
-            size, at = _varint(data, at)
-        found[tag >> 3] = data[at : at + size]
-        at += size
-    assert at == len(data)
-    return found
-
-
-def _varint(data: bytes, at: int) -> tuple[int, int]:
-    value = shift = 0
-    while data[at] & 0x80:
-        value |= (data[at] & 0x7F) << shift
-        at, shift = at + 1, shift + 7
-    return value | data[at] << shift, at + 1
