@@ -1,5 +1,5 @@
 # ruff: noqa: S101 - as a user of the SDK would write it
-"""Take two photographs, list them, download one."""
+"""Take two photographs, list them, and download one with its checksum."""
 
 import os
 import tempfile
@@ -23,7 +23,7 @@ assert len(drone.media.list_media()) == 2
 (resource_id,) = drone.media.list_resources(media_id)
 with tempfile.TemporaryDirectory() as folder:
     drone.media.download_dir = folder
-    fetched = drone.media(download_resource(resource_id)).wait(_timeout=10)
+    fetched = drone.media(download_resource(resource_id, integrity_check=True)).wait(_timeout=10)
     assert fetched.success(), fetched.explain()
     data = (Path(folder) / resource_id).read_bytes()
 assert data.startswith(b"\xff\xd8")

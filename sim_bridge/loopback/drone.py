@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Final
 
 from sim_bridge.loopback.firmware.anafi import Anafi
 from sim_bridge.loopback.firmware.remote_control import RemoteControl
-from sim_bridge.loopback.handshake import Identity, Ports
-from sim_bridge.loopback.media import Card, MediaStore
-from sim_bridge.loopback.photographer import Photographer
+from sim_bridge.loopback.handshake import ANAFI, Ports
+from sim_bridge.loopback.media import Card, MediaStore, Photographer
 from sim_bridge.loopback.server import LoopbackServer
+from sim_bridge.loopback.streamer import VideoStats
 from sim_bridge.loopback.twin_camera import TwinCamera
 from sim_bridge.loopback.twin_world import TwinWorld
-from sim_bridge.loopback.video.dialogue import DIRECT_MEDIUM, REMOTE_MEDIUM
-from sim_bridge.loopback.video.encoder import EncoderConfig
-from sim_bridge.loopback.video.server import VideoServer, serve_video
-from sim_bridge.loopback.video.streamer import VideoStats
+from sim_bridge.loopback.video import DIRECT_MEDIUM, REMOTE_MEDIUM, VideoServer
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import Scene
 from uav_bt.clock import WallClock
@@ -46,71 +42,61 @@ class DroneSetup:
 
 
 class LoopbackDrone:
-    """One drone on the network: `start`, `wait`, `close`. `start` binds the ports.
-
-    Args:
-        setup: world, firmware, server and video.
+    """One drone on the network: `start`, `wait`, `close`.
 
     Raises:
-        MissingDependencyError: MuJoCo or OpenGL does not work here.
+        MissingDependencyError: MuJoCo, OpenGL or the H.264 encoder does not work here.
         ValueRangeError: the video's size is not 16:9.
     """
 
     def __init__(self, setup: DroneSetup) -> None:
         self._setup = setup
-        self._clock = WallClock()
-        self.world = TwinWorld(
-            setup.scene, profile=setup.profile, seed=setup.seed, clock=self._clock
-        )
-        media = MediaStore(card=setup.card)
-        make_camera = partial(
-            TwinCamera,
-            self.world,
-            image_size_px=setup.image_size_px,
-            seed=setup.seed,
-            clock=self._clock,
-            battery=lambda: self._anafi.battery.charge,
-        )
-        self._camera = make_camera()
-        self._photographer = Photographer(make_camera)
-        self._anafi: Anafi = Anafi(
+        clock, media = WallClock(), MediaStore(card=setup.card)
+        self.world = TwinWorld(setup.scene, setup.profile, setup.seed, clock)
+
+        def camera() -> TwinCamera:
+            return TwinCamera(
+                self.world,
+                image_size_px=setup.image_size_px,
+                seed=setup.seed,
+                clock=clock,
+                battery=lambda: anafi.battery.charge,
+            )
+
+        stills, film = camera(), camera()
+        self._photographer = Photographer(stills.newest, stills.close)
+        anafi: Anafi = Anafi(
             self.world, shoot=self._photographer.shoot, media=media, charge=setup.charge
         )
-        firmware = RemoteControl(self._anafi, self.world) if setup.skycontroller else self._anafi
+        firmware = RemoteControl(anafi, self.world) if setup.skycontroller else anafi
         self._server = LoopbackServer(firmware, media, address=setup.address, ports=setup.ports)
         self._video: VideoServer | None = None
+        if setup.video:
+            self._video = VideoServer(
+                film.newest,
+                size_px=setup.image_size_px,
+                rate_hz=setup.video_rate_hz,
+                serial=ANAFI.serial,
+                media_name=REMOTE_MEDIUM if setup.skycontroller else DIRECT_MEDIUM,
+                now=clock.now,
+                finish=film.close,
+            )
 
     @property
     def ports(self) -> Ports:
         """The ports that are bound."""
         ports = self._server.ports
-        return ports if self._video is None else replace(ports, rtsp=self._video.address[1])
+        return ports if self._video is None else replace(ports, rtsp=self._video.port)
 
     def video_stats(self) -> VideoStats | None:
         """Return the statistics of the video; None without a video."""
-        return None if self._video is None else self._video.stats()
+        return None if self._video is None else self._video.streamer.stats()
 
     async def start(self) -> None:
-        """Bind the ports and start the simulation.
-
-        Raises:
-            PortTakenError: a port is taken or may not be used.
-            MissingDependencyError: the H.264 encoder is missing.
-        """
-        setup = self._setup
+        """Bind the ports and start the simulation; PortTakenError if a port cannot be used."""
         try:
-            if setup.video:
-                encoder = EncoderConfig(size_px=setup.image_size_px, rate_hz=setup.video_rate_hz)
-                self._video = await serve_video(
-                    self._camera,
-                    host=setup.address,
-                    port=setup.ports.rtsp,
-                    encoder=encoder,
-                    serial=Identity().serial,
-                    media_name=REMOTE_MEDIUM if setup.skycontroller else DIRECT_MEDIUM,
-                    now=self._clock.now,
-                    finish=self._camera.close,
-                )
+            if self._video is not None:
+                await self._video.start(self._setup.address, self._setup.ports.rtsp)
             self.world.start()
             await self._server.start()
         except BaseException:
@@ -143,6 +129,7 @@ class LoopbackDrone:
         self.world.stop()
 
     async def _land(self) -> bool:
+        """Land; return whether the drone is down in time."""
         self.world.move(Land())
         for _ in range(round(_LANDING_S / 0.1)):
             if self.world.state().flying is FlyingState.LANDED:

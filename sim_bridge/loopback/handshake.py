@@ -49,14 +49,7 @@ class Ports:
 
 
 def port_error(error: OSError, address: str, port: int, service: str) -> PortTakenError:
-    """Return the error for a port that could not be bound.
-
-    Args:
-        error: the error of the system.
-        address: the numeric address.
-        port: the port; 0 selects a free one.
-        service: purpose of the port, for the message.
-    """
+    """Return the error for a port that could not be bound; `service` is its purpose."""
     where = f"the {service} port {port} of {address}"
     if error.errno == errno.EADDRINUSE:
         return PortTakenError(
@@ -73,13 +66,14 @@ def port_error(error: OSError, address: str, port: int, service: str) -> PortTak
 
 @dataclass(frozen=True, kw_only=True)
 class Identity:
-    """Name, serial number and model of the drone, or of its remote control."""
+    """Name, serial number and model of a device; the numbers are not real, but in the format."""
 
-    name: str = "ANAFI-loopback"
-    serial: str = "PI040384AH8L000000"  # not a real one, but in the format of the ANAFI
-    model: int = 0x0914  # the ANAFI 4K
+    name: str
+    serial: str
+    model: int
 
 
+ANAFI: Final = Identity(name="ANAFI-loopback", serial="PI040384AH8L000000", model=0x0914)  # the 4K
 SKYCONTROLLER: Final = Identity(
     name="SkyController3-loopback", serial="PI040401AA0A000000", model=0x0918
 )
@@ -102,22 +96,12 @@ class Request(BaseModel):
 
 def announcement(identity: Identity, control_port: int) -> bytes:
     """Return the message that the drone sends on its discovery port."""
-    return _line(
-        {
-            "model.id": f"0x{identity.model:04x}",
-            "serial": identity.serial,
-            "port": control_port,
-            "name": identity.name,
-        }
-    )
+    model, serial, name = f"0x{identity.model:04x}", identity.serial, identity.name
+    return _line({"model.id": model, "serial": serial, "port": control_port, "name": name})
 
 
 async def read_request(reader: asyncio.StreamReader) -> Request:
-    """Read a request for a link, with or without a NUL at its end.
-
-    Raises:
-        WireError: the data is not a request for a link, is too long, or arrives too slowly.
-    """
+    """Read a request for a link, with or without a NUL at its end; WireError if it is none."""
     data = b""
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(_REQUEST_S):
@@ -132,23 +116,12 @@ async def read_request(reader: asyncio.StreamReader) -> Request:
         raise WireError(f"no request for a link: {data[:80]!r}: {error}") from error
 
 
-def accepted(commands_port: int) -> bytes:
-    """Return the answer that opens a link and names the UDP port for commands."""
-    return _line(
-        {
-            "status": 0,
-            "c2d_port": commands_port,
-            "c2d_update_port": 51,
-            "c2d_user_port": 21,
-            "qos_mode": 0,
-            "proto_v": _FRAMES_VERSION,
-        }
-    )
-
-
-def refused() -> bytes:
-    """Return the answer to a client that connects while another one flies."""
-    return _line({"status": _BUSY})
+def answer(commands_port: int | None) -> bytes:
+    """Return the answer that opens a link and names the UDP port for commands; None refuses it."""
+    if commands_port is None:
+        return _line({"status": _BUSY})
+    ports = {"c2d_port": commands_port, "c2d_update_port": 51, "c2d_user_port": 21}
+    return _line({"status": 0, **ports, "qos_mode": 0, "proto_v": _FRAMES_VERSION})
 
 
 def _line(message: dict[str, object]) -> bytes:

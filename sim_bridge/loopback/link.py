@@ -105,12 +105,7 @@ def _read_varint(data: bytes, offset: int) -> tuple[int, int]:
 
 
 class Link:
-    """Sends events and receives commands; events with acknowledgement keep their order.
-
-    Args:
-        transmit: sends a datagram, which may be lost.
-        now_s: present time.
-    """
+    """Sends events and receives commands; events with acknowledgement keep their order."""
 
     def __init__(self, transmit: Callable[[bytes], None], now_s: float) -> None:
         self._transmit = transmit
@@ -127,13 +122,7 @@ class Link:
         return now_s - self._received_s > SILENCE_S
 
     def send(self, payload: bytes, now_s: float, *, acked: bool) -> None:
-        """Send an event: at once, or after the earlier ones if it must be acknowledged.
-
-        Args:
-            payload: the encoded message.
-            now_s: present time.
-            acked: whether the client must acknowledge it.
-        """
+        """Send an event: at once, or after the earlier ones if it must be acknowledged."""
         if acked:
             self._waiting.append(payload)
             self._launch(now_s)

@@ -14,15 +14,14 @@ from sim_bridge.loopback.codec import WireError, decode
 from sim_bridge.loopback.firmware.anafi import Anafi
 from sim_bridge.loopback.firmware.remote_control import RemoteControl
 from sim_bridge.loopback.handshake import (
+    ANAFI,
     SKYCONTROLLER,
-    Identity,
     Ports,
     Request,
-    accepted,
     announcement,
+    answer,
     port_error,
     read_request,
-    refused,
 )
 from sim_bridge.loopback.link import Link
 from sim_bridge.loopback.media import MediaStore
@@ -37,32 +36,21 @@ _UPDATE_S: Final = 0.02  # time between two updates of the firmware, s
 _PROBE_S: Final = 0.3  # time for the present client to answer when another one connects, s
 
 Service = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
+Address = tuple[str, int]
 
 
 @dataclass(kw_only=True)
 class _Client:
     link: Link
-    address: tuple[str, int]  # the only socket whose commands are executed
+    address: Address  # the only socket whose commands are executed
     name: str
 
 
-class LoopbackServer:
-    """Server of one drone: `start`, `wait`, `close`. `start` binds the ports.
-
-    Args:
-        firmware: of the drone or of its remote control.
-        media: content of the web interface.
-        address: numeric address to listen on.
-        ports: the ports; 0 takes a free one.
-    """
+class LoopbackServer(asyncio.DatagramProtocol):
+    """Serves one client of a drone or of its remote control: `start`, `wait`, `close`."""
 
     def __init__(
-        self,
-        firmware: Anafi | RemoteControl,
-        media: MediaStore,
-        *,
-        address: str = "127.0.0.1",
-        ports: Ports,
+        self, firmware: Anafi | RemoteControl, media: MediaStore, *, address: str, ports: Ports
     ) -> None:
         self._firmware = firmware
         self._media = media
@@ -73,28 +61,31 @@ class LoopbackServer:
         self._admission = asyncio.Lock()
         self._udp: asyncio.DatagramTransport | None = None
         self._servers: list[asyncio.Server] = []
-        self._tasks: set[asyncio.Task[Any]] = set()
+        self._tasks: set[asyncio.Task[None]] = set()
         self._updates: asyncio.Task[None] | None = None
         self._fault: Exception | None = None  # of a command; ends the updates
 
     async def start(self) -> None:
-        """Bind all ports; `close` is needed even if this fails.
-
-        Raises:
-            PortTakenError: a port is taken, or may not be used.
-        """
-        wanted = self.ports
-        web = partial(serve_web, self._media)
+        """Bind all ports; PortTakenError if one cannot be used, and then `close` is needed."""
+        wanted, web = self.ports, partial(serve_web, self._media)
         control = await self._listen(wanted.control, "control", self._serve_control)
         discovery = await self._listen(wanted.discovery, "discovery", self._serve_discovery)
         http = await self._listen(wanted.http, "http", web)
         if isinstance(self._firmware, RemoteControl) and wanted.http:
             await self._listen(wanted.http + _DRONE_BEHIND, "http", web)
-        commands = await self._listen_udp(wanted.commands)
+        loop = asyncio.get_running_loop()
+        try:
+            self._udp, _ = await loop.create_datagram_endpoint(
+                lambda: self, local_addr=(self._address, wanted.commands)
+            )
+        except OSError as error:
+            raise port_error(error, self._address, wanted.commands, "command") from error
+        commands = self._udp.get_extra_info("sockname")[1]
         self.ports = replace(
             wanted, discovery=discovery, control=control, commands=commands, http=http
         )
         self._updates = asyncio.create_task(self._update())
+        self._tasks.add(self._updates)
 
     async def wait(self) -> None:
         """Serve until the firmware or the simulation fails, with its error."""
@@ -107,12 +98,10 @@ class LoopbackServer:
             server.close()
         if self._udp is not None:
             self._udp.close()
-        tasks = [*self._tasks] if self._updates is None else [*self._tasks, self._updates]
+        tasks = tuple(self._tasks)
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
-
-    # --- ports ------------------------------------------------------------------------------------
 
     async def _listen(self, port: int, what: str, service: Service) -> int:
         """Serve the connections of a TCP port; return its number."""
@@ -129,24 +118,11 @@ class LoopbackServer:
         self._servers.append(server)
         return int(server.sockets[0].getsockname()[1])
 
-    async def _listen_udp(self, port: int) -> int:
-        loop = asyncio.get_running_loop()
-        try:
-            self._udp, _ = await loop.create_datagram_endpoint(
-                lambda: _Datagrams(self._datagram), local_addr=(self._address, port)
-            )
-        except OSError as error:
-            raise port_error(error, self._address, port, "command") from error
-        return int(self._udp.get_extra_info("sockname")[1])
-
-    # --- admission --------------------------------------------------------------------------------
-
     async def _serve_discovery(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
     ) -> None:
-        identity = SKYCONTROLLER if isinstance(self._firmware, RemoteControl) else Identity()
+        identity = SKYCONTROLLER if isinstance(self._firmware, RemoteControl) else ANAFI
         writer.write(announcement(identity, self.ports.control))
-        await writer.drain()
         while await reader.read(MAX_HEAD_BYTES):
             pass  # clients send nothing here; only the connection counts
         # A client has left. If it is the one that flies, it does not answer the probe.
@@ -162,23 +138,22 @@ class LoopbackServer:
             await self._probe()
             if self._client is None:
                 self._admit(host, request)
-                writer.write(accepted(self.ports.commands))
+                writer.write(answer(self.ports.commands))
             else:
                 _LOG.warning("%s is refused: %s flies", host, self._client.name)
-                writer.write(refused())
+                writer.write(answer(None))
             await writer.drain()
 
     async def _probe(self) -> None:
         """Drop the client unless it answers a ping in time."""
-        if self._client is None:
-            return
-        self._heard.clear()
-        self._client.link.ping(_now())
-        try:
-            async with asyncio.timeout(_PROBE_S):
-                await self._heard.wait()
-        except TimeoutError:
-            self._drop_client("it is gone")
+        if self._client is not None:
+            self._heard.clear()
+            self._client.link.ping(_now())
+            try:
+                async with asyncio.timeout(_PROBE_S):
+                    await self._heard.wait()
+            except TimeoutError:
+                self._drop_client("it is gone")
 
     def _admit(self, host: str, request: Request) -> None:
         address = (host, request.d2c_port)
@@ -199,12 +174,11 @@ class LoopbackServer:
             self._client = None
             self._firmware.disconnected()
 
-    # --- traffic ----------------------------------------------------------------------------------
-
-    def _datagram(self, data: bytes, address: tuple[Any, ...]) -> None:
+    def datagram_received(self, data: bytes, addr: tuple[Any, ...]) -> None:
+        """Execute the commands of a datagram of the client."""
         client = self._client
         failed = self._updates is None or self._updates.done()
-        if failed or client is None or address[:2] != client.address:
+        if failed or client is None or addr[:2] != client.address:
             return
         self._heard.set()
         try:
@@ -240,16 +214,3 @@ async def _converse(
 
 def _now() -> float:
     return asyncio.get_running_loop().time()
-
-
-class _Datagrams(asyncio.DatagramProtocol):
-    def __init__(self, receive: Callable[[bytes, tuple[Any, ...]], None]) -> None:
-        self._receive = receive
-
-    def datagram_received(self, data: bytes, addr: tuple[Any, ...]) -> None:
-        """Forward the datagram."""
-        self._receive(data, addr)
-
-    def error_received(self, exc: Exception) -> None:
-        """Log an undelivered datagram; only the timeout of the link ends it."""
-        _LOG.debug("a datagram did not arrive: %s", exc)

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from typing import Final
 
 from sim_bridge.anafi import CAMERA_FORWARD_M, FOCAL_SHARE, anafi_camera
+from sim_bridge.loopback.metadata import NorthEastDown, VideoFrame
 from sim_bridge.loopback.twin_world import TwinWorld
-from sim_bridge.loopback.video.frame import NorthEastDown, VideoFrame
 from sim_bridge.loopback.world import GROUND_M, location
 from sim_bridge.twin.camera import Optics
 from sim_bridge.twin.render import Renderer
@@ -29,13 +29,10 @@ class TwinCamera:
 
     Args:
         world: the simulated world.
-        image_size_px: width and height, pixels, 16:9.
+        image_size_px: width and height, pixels, 16:9; ValueRangeError otherwise.
         seed: random seed of the image noise.
         clock: clock of the world; maps its time to UTC.
         battery: returns the charge, 0 to 1.
-
-    Raises:
-        ValueRangeError: the size is not 16:9.
     """
 
     def __init__(
@@ -57,11 +54,7 @@ class TwinCamera:
         self._newest: VideoFrame | None = None
 
     def newest(self) -> VideoFrame | None:
-        """Return the newest frame, rendered now if it is new; None before the first.
-
-        Raises:
-            MissingDependencyError: OpenGL does not work here.
-        """
+        """Return the newest frame, rendered now if it is new; None before the first."""
         found = self._world.newest_capture(self._age_s)
         if found is None:
             return self._newest

@@ -25,7 +25,7 @@ from sim_bridge.twin.scene import Scene, TakeOffSpec
 from sim_bridge.twin.variation import start_pose
 from uav_bt.errors import DroneError
 from uav_bt.protocols import Clock
-from uav_bt.types import Command, FlyingState, GimbalTo, Hover, Movement, Pose
+from uav_bt.types import Command, FlyingState, GimbalTo, Hover, Movement, Pose, wrap_angle
 
 load_mujoco()  # before the modules below: MuJoCo selects its OpenGL backend when imported
 
@@ -51,19 +51,9 @@ _HIDDEN_GROUP: Final = 5  # not drawn by default
 
 
 class TwinWorld:
-    """The drone's body in MuJoCo, in real time from `start` on.
+    """The drone's body in a lab (None: in the open field), in real time from `start` on."""
 
-    Args:
-        scene: the lab; None selects the open field.
-        profile: limits and imperfections; the field has wider limits.
-        seed: random seed of the flight.
-        clock: clock of the physics.
-
-    Raises:
-        MissingDependencyError: MuJoCo or OpenGL does not work here.
-    """
-
-    def __init__(self, scene: Scene | None, *, profile: Profile, seed: int, clock: Clock) -> None:
+    def __init__(self, scene: Scene | None, profile: Profile, seed: int, clock: Clock) -> None:
         # Computing takes real time here, and the firmware sets the rate of telemetry. The
         # simulation adds no delay for either.
         profile = replace(profile.with_instant_telemetry(), compute_latency_s=0.0)
@@ -87,6 +77,7 @@ class TwinWorld:
         self._movement: Movement = Hover()
         self._ground_z_m = self.start_pose.z_m  # true height of the last position on the ground
         self._ground_altitude_m = 0.0  # altitude that the sensors measured there
+        self._turned_rad = 0.0  # yaw without wrapping
         self._offset_s = 0.0  # time of the clock minus time of the simulation
         self.lost_s = 0.0  # time skipped because the machine was too slow
         self._failure: Exception | None = None
@@ -108,22 +99,13 @@ class TwinWorld:
             self._thread.join()
 
     def state(self) -> WorldState:
-        """Return the newest state.
-
-        Raises:
-            DroneError: the simulation failed.
-        """
+        """Return the newest state; DroneError if the simulation failed."""
         if self._failure is not None:
             raise DroneError(f"the simulation failed: {self._failure}") from self._failure
         return self._state
 
     def move(self, movement: Movement, pace: Pace | None = None) -> None:
-        """Command a movement.
-
-        Args:
-            movement: the movement.
-            pace: speed limits of a `MoveBy`; None uses the limits of the profile.
-        """
+        """Command a movement, a `MoveBy` at a pace (None: at the greatest)."""
         if movement != self._movement:
             self._movement = movement
             self._inbox.append((Command(movement=movement), pace))
@@ -135,12 +117,8 @@ class TwinWorld:
         self._inbox.append((command, None))
 
     def newest_capture(self, age_s: float) -> tuple[Capture, float] | None:
-        """Return the newest camera frame of a minimum age, and its capture time by the clock.
-
-        Args:
-            age_s: minimum age, s: the latency of a real camera.
-        """
-        limit = self._state.time_s - age_s
+        """Return the newest camera frame of a minimum age, and its capture time by the clock."""
+        limit = self._state.captured_s - age_s
         for capture in reversed(self._simulation.frames.copy()):
             if capture.time_s <= limit:
                 return capture, capture.time_s + self._offset_s
@@ -174,22 +152,17 @@ class TwinWorld:
         if measured.flying is FlyingState.LANDED:
             # The altitude is zero at each position on the ground before take-off.
             self._ground_z_m, self._ground_altitude_m = motion.z_m, measured.altitude_m
-        taking_off = measured.flying is FlyingState.TAKING_OFF
-        grounded = measured.flying is FlyingState.LANDED or (
-            taking_off and motion.z_m - self._ground_z_m < _LIFTED_M
-        )
+        grounded = measured.flying is FlyingState.LANDED
+        if measured.flying is FlyingState.TAKING_OFF:
+            grounded = motion.z_m - self._ground_z_m < _LIFTED_M
+        altitude_m = measured.altitude_m - self._ground_altitude_m
+        self._turned_rad += wrap_angle(measured.attitude.yaw_rad - self._turned_rad)
         return WorldState(
-            time_s=measured.captured_s,
-            flying=measured.flying,
+            **(vars(measured) | {"measured": None, "altitude_m": altitude_m}),
             lifting=not grounded,
-            attitude=measured.attitude,
-            velocity=measured.velocity,
             north_m=motion.x_m - start.x_m,
             east_m=start.y_m - motion.y_m,
-            altitude_m=measured.altitude_m - self._ground_altitude_m,
-            height_m=measured.height_m,
-            gimbal_pitch_rad=measured.gimbal_pitch_rad,
-            movement=measured.movement,
+            turned_rad=self._turned_rad,
         )
 
 

@@ -5,10 +5,10 @@ Positions are metres north and east of the world's origin, whose geographic posi
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
-from uav_bt.types import Attitude, BodyVelocity, FlyingState, MovementStatus
+from uav_bt.types import DroneState
 
 SATELLITES: Final = 14  # number of satellites that clients are shown
 LINK_QUALITY: Final = 5  # best value of 1 to 5: a loopback loses no packets
@@ -16,20 +16,13 @@ RSSI_DBM: Final = -35
 
 
 @dataclass(frozen=True, kw_only=True)
-class WorldState:
-    """Measurements of the drone's sensors."""
+class WorldState(DroneState):
+    """Telemetry of the body (yaw clockwise from north), and its position."""
 
-    time_s: float = 0.0
-    flying: FlyingState = FlyingState.LANDED
     lifting: bool = False  # whether the drone has left the ground; false during the spin-up
-    attitude: Attitude = field(default_factory=Attitude)  # yaw clockwise from north
-    velocity: BodyVelocity = field(default_factory=BodyVelocity)
     north_m: float = 0.0  # north of the world's origin
     east_m: float = 0.0
-    altitude_m: float = 0.0  # above the take-off point
-    height_m: float = 0.0  # above the surface below
-    gimbal_pitch_rad: float = 0.0
-    movement: MovementStatus | None = None
+    turned_rad: float = 0.0  # yaw without wrapping
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,13 +52,7 @@ _LONGITUDE_M: Final = 73_349.025
 
 
 def location(north_m: float, east_m: float, altitude_m: float = 0.0) -> Location:
-    """Return the geographic position at an offset from home, for offsets of some kilometres.
-
-    Args:
-        north_m: m north of home.
-        east_m: m east of home.
-        altitude_m: m above the take-off point.
-    """
+    """Return the geographic position at an offset from home, for offsets of some kilometres."""
     return Location(
         latitude_deg=HOME.latitude_deg + north_m / _LATITUDE_M,
         longitude_deg=HOME.longitude_deg + east_m / _LONGITUDE_M,

@@ -12,7 +12,7 @@ import click
 from annotated_types import Ge, Le
 
 from sim_bridge.loopback.drone import DroneSetup, LoopbackDrone
-from sim_bridge.loopback.handshake import Identity, Ports
+from sim_bridge.loopback.handshake import ANAFI, Ports
 from sim_bridge.loopback.media import Card
 from sim_bridge.twin.profile import Profile as TwinProfile
 from sim_bridge.twin.scene_file import load_scene
@@ -101,7 +101,7 @@ def _greeting(setup: DroneSetup, drone: LoopbackDrone) -> str:
         video = f"video {width}x{height} at rtsp://{address}:{ports.rtsp}/live"
     how = " behind a SkyController 3" if setup.skycontroller else ""
     return (
-        f"'{Identity().name}' stands in {lab}{how}, at {address}: discovery "
+        f"'{ANAFI.name}' stands in {lab}{how}, at {address}: discovery "
         f"{ports.discovery}, control {ports.control}, commands {ports.commands}, "
         f"http {ports.http}; {video}. Ctrl-C ends it."
     )
@@ -112,9 +112,7 @@ def _farewell(drone: LoopbackDrone) -> Iterator[str]:
     if stats is not None:
         yield (
             f"video: {stats.frames_encoded} frames made, {stats.rate_hz:.1f} a second lately, "
-            f"{stats.frames_late} slots missed; drawing and encoding took "
-            "{:.1f} ms a frame (95 %: {:.1f}), and it was sent {:.1f} ms ({:.1f}) after its "
-            "capture".format(*stats.encode_ms, *stats.age_ms)
+            f"{stats.frames_late} slots missed"
         )
     if (lost_s := drone.world.lost_s) > 0.0:
         yield f"the machine was too slow: {lost_s:.1f} s of flight were left out"

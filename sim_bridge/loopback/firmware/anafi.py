@@ -13,7 +13,7 @@ from sim_bridge.loopback.firmware.moves import MoveBy
 from sim_bridge.loopback.firmware.places import MoveTo, ReturnHome
 from sim_bridge.loopback.firmware.states import DEVICES, Sink, States
 from sim_bridge.loopback.firmware.telemetry import Battery, Telemetry
-from sim_bridge.loopback.handshake import Identity
+from sim_bridge.loopback.handshake import ANAFI
 from sim_bridge.loopback.media import MediaStore
 from sim_bridge.loopback.twin_world import TwinWorld
 from sim_bridge.loopback.world import WorldState
@@ -30,14 +30,7 @@ _OF_THE_SDK: Final = frozenset(
 
 
 class Anafi:
-    """Handles commands and publishes events for one client at a time.
-
-    Args:
-        world: the simulated body.
-        shoot: takes a photograph.
-        media: stores photographs.
-        charge: of the battery, 0 to 1.
-    """
+    """Handles commands and publishes events for one client at a time."""
 
     def __init__(
         self, world: TwinWorld, *, shoot: Shutter, media: MediaStore, charge: float = 1.0
@@ -45,11 +38,10 @@ class Anafi:
         self._world = world
         self._states = states = States("drone", "common")
         self._unanswered: set[str] = set()
-        identity = Identity()
-        half = len(identity.serial) // 2
-        states.begin("common.SettingsState.ProductNameChanged", name=identity.name)
-        states.begin("common.SettingsState.ProductSerialHighChanged", high=identity.serial[:half])
-        states.begin("common.SettingsState.ProductSerialLowChanged", low=identity.serial[half:])
+        half = len(ANAFI.serial) // 2
+        states.begin("common.SettingsState.ProductNameChanged", name=ANAFI.name)
+        states.begin("common.SettingsState.ProductSerialHighChanged", high=ANAFI.serial[:half])
+        states.begin("common.SettingsState.ProductSerialLowChanged", low=ANAFI.serial[half:])
         flight = Flight(world, states)
         self.battery = Battery(flight, charge)
         self._return_home = ReturnHome(flight)
@@ -84,7 +76,7 @@ class Anafi:
         state = self._world.state()
         if state.flying is FlyingState.LANDED:
             self.battery.exchange()
-        self._return_home.link_lost_s = state.time_s
+        self._return_home.link_lost_s = state.captured_s
 
     def handle(self, command: Message) -> None:
         """Execute a command; one that is not answered has no effect."""

@@ -24,14 +24,7 @@ _PHOTO_S: Final = 0.5  # least duration of a photograph, s
 class Camera:
     """Points the camera, takes photographs, and reports what the card holds.
 
-    The camera's yaw is that of the body, and its roll is 0.
-
-    Args:
-        world: turns the camera.
-        states: publishes the events.
-        shoot: takes a photograph.
-        media: stores the photographs.
-        unanswered: takes the name of a command that is not answered.
+    `unanswered` takes the name of a command that is not answered.
     """
 
     def __init__(
@@ -63,7 +56,7 @@ class Camera:
     def update(self, state: WorldState) -> None:
         """Finish the photograph in progress."""
         photo = self._photo
-        if photo is None or not photo.done() or state.time_s - self._started_s < _PHOTO_S:
+        if photo is None or not photo.done() or state.captured_s - self._started_s < _PHOTO_S:
             return
         self._photo = None
         if (fault := photo.exception()) is None:
@@ -96,7 +89,7 @@ class Camera:
         elif self._media.full:
             self._progress("error_no_storage_space")
         else:
-            self._photo, self._started_s = self._shoot(), state.time_s
+            self._photo, self._started_s = self._shoot(), state.captured_s
             self._states.set("camera.photo_state", state="active")
             self._progress("taking_photo")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -20,20 +21,10 @@ EXPIRY_S: Final = 0.5  # s after which old stick positions count as centred; cli
 
 # Steady speed at a tilt of 45 degrees, m/s; a tilt of 40 degrees gives the ANAFI's 15 m/s.
 _SPEED_PER_TILT_MPS: Final = 15.0 / math.tan(math.radians(40.0))
-# Drag: share of the speed lost per second. A tilt causes an acceleration until drag balances it
-# at `_SPEED_PER_TILT_MPS` times the tangent of the tilt.
-_DRAG_PER_S: Final = 9.81 / _SPEED_PER_TILT_MPS
+_DRAG_PER_S: Final = 9.81 / _SPEED_PER_TILT_MPS  # share of the speed lost per second
 # Time for which an emergency stop is published even on the ground, because clients wait for it, s.
 _EMERGENCY_S: Final = 0.5
 _EVENT: Final = "ardrone3.PilotingState.FlyingStateChanged"
-_NAMES: Final = {
-    FlyingState.LANDED: "landed",
-    FlyingState.TAKING_OFF: "takingoff",
-    FlyingState.HOVERING: "hovering",
-    FlyingState.FLYING: "flying",
-    FlyingState.LANDING: "landing",
-    FlyingState.EMERGENCY: "emergency",
-}
 
 
 class Flight:
@@ -66,13 +57,11 @@ class Flight:
 
     @property
     def pace(self) -> Pace:
-        """The speed limits: the client's, within those of the world."""
-        value, limits = self.states.value, self.world.pace
-        tilt_rad = math.radians(value("ardrone3.PilotingSettingsState.MaxTiltChanged"))
-        climb_mps = value("ardrone3.SpeedSettingsState.MaxVerticalSpeedChanged")
-        turn_radps = math.radians(value("ardrone3.SpeedSettingsState.MaxRotationSpeedChanged"))
+        """The speed limits: the client's, within those of the body."""
+        tilt_rad, climb_mps, turn_radps = self._settings()
+        limits = self.world.pace
         return Pace(
-            speed_mps=min(_SPEED_PER_TILT_MPS * math.tan(tilt_rad), limits.speed_mps),
+            speed_mps=min(_steady_mps(tilt_rad), limits.speed_mps),
             climb_mps=min(climb_mps, limits.climb_mps),
             yaw_rate_radps=min(turn_radps, limits.yaw_rate_radps),
         )
@@ -93,16 +82,9 @@ class Flight:
         self.travel.interrupt()
 
     def travel_on(
-        self, legs: list[Leg], pace: Pace, ending: Ending, *, ignores_sticks: bool = False
+        self, legs: Sequence[Leg], pace: Pace, ending: Ending, *, ignores_sticks: bool = False
     ) -> None:
-        """Start a trip in place of the present movement.
-
-        Args:
-            legs: the movements of the trip.
-            pace: speed limits.
-            ending: called once, at the end of the trip.
-            ignores_sticks: whether deflected sticks do not interrupt it.
-        """
+        """Start a trip in place of the present movement, which the sticks may interrupt or not."""
         self.interrupt()
         self._ignores_sticks = ignores_sticks
         self.travel.start(legs, pace, ending)
@@ -112,13 +94,14 @@ class Flight:
         if self._sticks is not None:
             if state.flying not in AIRBORNE:
                 self._sticks = None
-            elif state.time_s - self._sticks_s > EXPIRY_S:
+            elif state.captured_s - self._sticks_s > EXPIRY_S:
                 self.hover()
             else:
                 self._steer(self._sticks, state)
-        if state.time_s >= self._emergency_until_s:
+        if state.captured_s >= self._emergency_until_s:
+            name = state.flying.value.replace("_", "")
             ramping = state.flying is FlyingState.TAKING_OFF and not state.lifting
-            self.states.set(_EVENT, state="motor_ramping" if ramping else _NAMES[state.flying])
+            self.states.set(_EVENT, state="motor_ramping" if ramping else name)
 
     def _take_off(self, _values: Values, state: WorldState) -> None:
         if state.flying is FlyingState.LANDING or (
@@ -141,7 +124,7 @@ class Flight:
         self.interrupt()
         self.world.move(CutMotors())
         self.states.set(_EVENT, state="emergency")
-        self._emergency_until_s = state.time_s + _EMERGENCY_S
+        self._emergency_until_s = state.captured_s + _EMERGENCY_S
 
     def _pcmd(self, values: Values, state: WorldState) -> None:
         if state.flying not in AIRBORNE:
@@ -156,38 +139,40 @@ class Flight:
                 return
             self.interrupt()
             self._speed_mps = (state.velocity.forward_mps, state.velocity.right_mps)
-            self._steered_s = state.time_s
-        self._sticks, self._sticks_s = velocity, state.time_s
+            self._steered_s = state.captured_s
+        self._sticks, self._sticks_s = velocity, state.captured_s
         self._steer(velocity, state)
 
+    def _settings(self) -> tuple[float, float, float]:
+        """Return the client's limits: tilt, rad; climb, m/s; rotation, rad/s."""
+        value = self.states.value
+        return (
+            math.radians(value("ardrone3.PilotingSettingsState.MaxTiltChanged")),
+            value("ardrone3.SpeedSettingsState.MaxVerticalSpeedChanged"),
+            math.radians(value("ardrone3.SpeedSettingsState.MaxRotationSpeedChanged")),
+        )
+
     def _velocity(self, values: Values) -> Velocity:
-        """Return the steady velocity of stick positions, which are per cent of the limits."""
-
-        def share(name: str) -> float:
-            return clamp(values[name] / 100.0, 1.0)
-
-        value, limits = self.states.value, self.world.pace
-        forward_mps = right_mps = 0.0
-        if values["flag"]:
-            tilt_rad = math.radians(value("ardrone3.PilotingSettingsState.MaxTiltChanged"))
-            forward_mps, right_mps = limit_length(
-                _SPEED_PER_TILT_MPS * math.tan(share("pitch") * tilt_rad),
-                _SPEED_PER_TILT_MPS * math.tan(share("roll") * tilt_rad),
-                limits.speed_mps,
-            )
-        climb_mps = share("gaz") * value("ardrone3.SpeedSettingsState.MaxVerticalSpeedChanged")
-        turn_degps = share("yaw") * value("ardrone3.SpeedSettingsState.MaxRotationSpeedChanged")
+        """Return the steady velocity of stick positions, which are per cent of the settings."""
+        tilt_rad, climb_mps, turn_radps = self._settings()
+        limits, names = self.world.pace, ("roll", "pitch", "yaw", "gaz")
+        roll, pitch, yaw, gaz = (clamp(values[name] / 100.0, 1.0) for name in names)
+        if not values["flag"]:
+            roll = pitch = 0.0
+        forward_mps, right_mps = limit_length(
+            _steady_mps(pitch * tilt_rad), _steady_mps(roll * tilt_rad), limits.speed_mps
+        )
         return Velocity(
             forward_mps=forward_mps,
             right_mps=right_mps,
-            down_mps=-clamp(climb_mps, limits.climb_mps),
-            yaw_rate_radps=clamp(math.radians(turn_degps), limits.yaw_rate_radps),
+            down_mps=-clamp(gaz * climb_mps, limits.climb_mps),
+            yaw_rate_radps=clamp(yaw * turn_radps, limits.yaw_rate_radps),
         )
 
     def _steer(self, velocity: Velocity, state: WorldState) -> None:
         """Approach the steady velocity of the sticks as drag allows, below the ceiling."""
-        gained = 1.0 - math.exp(-_DRAG_PER_S * (state.time_s - self._steered_s))
-        self._steered_s = state.time_s
+        gained = 1.0 - math.exp(-_DRAG_PER_S * (state.captured_s - self._steered_s))
+        self._steered_s = state.captured_s
         forward_mps, right_mps = self._speed_mps
         forward_mps += gained * (velocity.forward_mps - forward_mps)
         right_mps += gained * (velocity.right_mps - right_mps)
@@ -198,3 +183,8 @@ class Flight:
         self.world.move(
             replace(velocity, forward_mps=forward_mps, right_mps=right_mps, down_mps=down_mps)
         )
+
+
+def _steady_mps(tilt_rad: float) -> float:
+    """Return the speed at which drag balances a tilt."""
+    return _SPEED_PER_TILT_MPS * math.tan(tilt_rad)

@@ -75,13 +75,8 @@ class MoveBy:
 def slowed(pace: Pace, values: Values, needed: Sequence[bool]) -> Pace | None:
     """Return a pace within the speeds of an extended movement.
 
-    Args:
-        pace: speed limits of all movements.
-        values: arguments of the command.
-        needed: whether the movement has a horizontal part, a vertical part and a turn.
-
-    Returns:
-        None if a needed speed, or each speed, is not a positive number.
+    `needed` tells whether the movement has a horizontal part, a vertical part and a turn. None is
+    returned if a needed speed, or each speed, is not a positive number.
     """
     speeds = [values[f"max_{name}_speed"] for name in ("horizontal", "vertical", "yaw_rotation")]
     speeds[2] = math.radians(speeds[2])

@@ -8,7 +8,7 @@ from typing import Final
 from sim_bridge.loopback.codec import Message
 from sim_bridge.loopback.firmware.anafi import Anafi
 from sim_bridge.loopback.firmware.states import Sink, States
-from sim_bridge.loopback.handshake import SKYCONTROLLER, Identity
+from sim_bridge.loopback.handshake import ANAFI, SKYCONTROLLER
 from sim_bridge.loopback.twin_world import TwinWorld
 
 _PERIOD_S: Final = 0.05  # time between two attitudes of the remote control; measured by others
@@ -20,10 +20,6 @@ class RemoteControl:
     """Firmware of the remote control; the server drives it instead of the drone's firmware.
 
     The pilot has control until a client requests it, and again after the client leaves.
-
-    Args:
-        anafi: firmware of the drone.
-        world: source of the time.
     """
 
     def __init__(self, anafi: Anafi, world: TwinWorld) -> None:
@@ -31,16 +27,15 @@ class RemoteControl:
         self._world = world
         self._states = States("remote_control", "skyctrl")
         self._attitude_s = -math.inf
-        drone = Identity()
         self._states.begin(
             "skyctrl.SettingsState.ProductSerialChanged", serialNumber=SKYCONTROLLER.serial
         )
         self._states.begin(
             "drone_manager.connection_state",
             state="connected",
-            serial=drone.serial,
-            model=drone.model,
-            name=drone.name,
+            serial=ANAFI.serial,
+            model=ANAFI.model,
+            name=ANAFI.name,
         )
 
     def connected(self, sink: Sink) -> None:
@@ -65,7 +60,7 @@ class RemoteControl:
     def update(self) -> None:
         """Update the drone; publish the attitude of the remote control when due."""
         self._anafi.update()
-        now_s = self._world.state().time_s
+        now_s = self._world.state().captured_s
         if now_s - self._attitude_s >= _PERIOD_S:
             self._attitude_s = now_s
             self._states.refresh(_ATTITUDE)

@@ -27,14 +27,10 @@ _FLAGS: Final = "list_flags"
 
 
 class States:
-    """Keeps the values of all events, and sends them to the client when they change.
-
-    Args:
-        device: section of the file: `drone` or `remote_control`.
-        project: project of the commands that ask for all states: `common` or `skyctrl`.
-    """
+    """Keeps the values of all events, and sends them to the client when they change."""
 
     def __init__(self, device: str, project: str) -> None:
+        """Read a section of the file; commands of `project` ask for all states of the device."""
         self._first: dict[str, list[dict[str, Any]]] = {
             event: values if isinstance(values, list) else [values]
             for event, values in deepcopy(_content()[device]).items()

@@ -17,28 +17,23 @@ _EMPTY_MV, _FULL_MV = 6600, 8700
 
 
 class Battery:
-    """Battery that drains in the air; a critical charge makes the drone land.
-
-    Args:
-        flight: lands the drone.
-        charge: 0 to 1, at the start and after each change of battery.
-    """
+    """Battery that drains in the air; a critical charge makes the drone land."""
 
     def __init__(self, flight: Flight, charge: float) -> None:
         self._flight = flight
-        self._full = charge
+        self._first = charge  # 0 to 1, at the start and after each change of battery
         self.charge = charge
         self._updated_s = 0.0
         self._publish()
 
     def exchange(self) -> None:
         """Restore the charge of the start."""
-        self.charge = self._full
+        self.charge = self._first
         self._publish()
 
     def update(self, state: WorldState) -> None:
         """Drain while the motors turn; land at a critical charge."""
-        elapsed_s, self._updated_s = state.time_s - self._updated_s, state.time_s
+        elapsed_s, self._updated_s = state.captured_s - self._updated_s, state.captured_s
         if state.flying in (*AIRBORNE, FlyingState.TAKING_OFF, FlyingState.LANDING):
             self.charge = max(0.0, self.charge - elapsed_s / _LIFE_S)
             self._publish()
@@ -79,11 +74,11 @@ class Telemetry:
 
     def update(self, state: WorldState) -> None:
         """Publish the telemetry that is due."""
-        elapsed_s = state.time_s - self._published_s
+        elapsed_s = state.captured_s - self._published_s
         if elapsed_s >= _PERIOD_S:
             # A small delay must not lengthen the period.
             late = elapsed_s < 2 * _PERIOD_S
-            self._published_s = self._published_s + _PERIOD_S if late else state.time_s
+            self._published_s = self._published_s + _PERIOD_S if late else state.captured_s
             self._publish_motion(state)
             self._publish_gimbal(state)
 

@@ -14,9 +14,7 @@ from sim_bridge.twin.reference import Pace
 from uav_bt.types import Hover, MoveBy, MovementState, rotate, wrap_angle
 
 _STUCK_S: Final = 3.0  # a movement without progress for this time is blocked, s
-_PROGRESS_M: Final = 0.05
-_PROGRESS_RAD: Final = 0.05
-_UNANSWERED_S: Final = 1.0  # a command without an answer for this time is lost, s
+_PROGRESS: Final = 0.05  # m, or rad
 
 
 class Outcome(enum.Enum):
@@ -45,15 +43,7 @@ Ending = Callable[[Outcome, Step], None]  # takes the displacement in the frame 
 def step_to(
     state: WorldState, north_m: float, east_m: float, altitude_m: float, yaw_rad: float
 ) -> Step:
-    """Return the relative movement to a point.
-
-    Args:
-        state: present state of the drone.
-        north_m: position of the point north of the world's origin.
-        east_m: position of the point east of the world's origin.
-        altitude_m: altitude of the point above the take-off point.
-        yaw_rad: heading at the end, clockwise from north.
-    """
+    """Return the relative movement to a point, with the heading at the end."""
     heading = state.attitude.yaw_rad
     forward, right = rotate(north_m - state.north_m, east_m - state.east_m, -heading)
     return Step(
@@ -73,8 +63,7 @@ class Travel:
         self._pace: Pace = world.pace
         self._ending: Ending | None = None  # None: no trip
         self._leg = 0  # number of the leg, over all trips
-        self._start = self._leg_start = self._progress = WorldState()
-        self._yaw_rad = self._turned_rad = self._progress_rad = 0.0
+        self._start = self._progress = world.state()
 
     @property
     def running(self) -> bool:
@@ -82,18 +71,10 @@ class Travel:
         return self._ending is not None
 
     def start(self, legs: Iterable[Leg], pace: Pace, ending: Ending) -> None:
-        """Start a trip, after the end of the last one.
-
-        Args:
-            legs: the movements.
-            pace: speed limits of the movements.
-            ending: called once, at the end of the trip.
-        """
-        state = self._world.state()
+        """Start a trip, after the end of the last one; `ending` is called once, at its end."""
         self._legs, self._pace, self._ending = iter(legs), pace, ending
-        self._start = state
-        self._yaw_rad, self._turned_rad = state.attitude.yaw_rad, 0.0
-        self._next_leg(state)
+        self._start = self._world.state()
+        self._next_leg(self._start)
 
     def interrupt(self) -> None:
         """End a running trip; another command moves the drone on, or stops it."""
@@ -103,13 +84,10 @@ class Travel:
         """Watch the movement; begin the next leg after its end."""
         if self._ending is None:
             return
-        self._turned_rad += wrap_angle(state.attitude.yaw_rad - self._yaw_rad)
-        self._yaw_rad = state.attitude.yaw_rad
         status = state.movement
         if status is None or status.id != self._leg:
-            if state.time_s - self._leg_start.time_s > _UNANSWERED_S:
-                self._close(Outcome.REFUSED, state)
-        elif status.state is MovementState.RUNNING:
+            return  # the drone has not yet received the command
+        if status.state is MovementState.RUNNING:
             self._watch_progress(state)
         elif status.state is MovementState.DONE:
             self._next_leg(state)
@@ -122,16 +100,13 @@ class Travel:
             self._close(Outcome.DONE, state)
             return
         self._leg += 1
-        self._leg_start = self._progress = state
-        self._progress_rad = self._turned_rad
+        self._progress = state
         self._world.move(MoveBy(id=self._leg, **asdict(leg(state))), self._pace)
 
     def _watch_progress(self, state: WorldState) -> None:
-        moved_m = math.dist(_position(state), _position(self._progress))
-        turned_rad = abs(self._turned_rad - self._progress_rad)
-        if moved_m > _PROGRESS_M or turned_rad > _PROGRESS_RAD:
-            self._progress, self._progress_rad = state, self._turned_rad
-        elif state.time_s - self._progress.time_s > _STUCK_S:
+        if math.dist(_pose(state), _pose(self._progress)) > _PROGRESS:
+            self._progress = state
+        elif state.captured_s - self._progress.captured_s > _STUCK_S:
             self._world.move(Hover())
             self._close(Outcome.STUCK, state)
 
@@ -141,8 +116,8 @@ class Travel:
         ending, self._ending = self._ending, None
         start = self._start
         done = step_to(start, state.north_m, state.east_m, state.altitude_m, start.attitude.yaw_rad)
-        ending(outcome, replace(done, yaw_rad=self._turned_rad))
+        ending(outcome, replace(done, yaw_rad=state.turned_rad - start.turned_rad))
 
 
-def _position(state: WorldState) -> tuple[float, float, float]:
-    return state.north_m, state.east_m, state.altitude_m
+def _pose(state: WorldState) -> tuple[float, float, float, float]:
+    return state.north_m, state.east_m, state.altitude_m, state.turned_rad

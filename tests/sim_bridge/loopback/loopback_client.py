@@ -46,7 +46,7 @@ class Client(asyncio.DatagramProtocol):
         writer.write(json.dumps(request).encode() + b"\0")
         self.answer = json.loads((await reader.readuntil(b"\0"))[:-1])
         writer.close()
-        return self.answer["status"] == 0
+        return bool(self.answer["status"] == 0)
 
     def close(self) -> None:
         self._keep.close()

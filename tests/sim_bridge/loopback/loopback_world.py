@@ -46,7 +46,7 @@ def twin_world(scene: str | None = None) -> tuple[TwinWorld, ManualClock]:
     """Return the body in a shipped scene or the open field, and the clock of its physics."""
     clock = ManualClock()
     lab = None if scene is None else load_scene(scene)
-    return TwinWorld(lab, profile=Profile.named("ideal"), seed=1, clock=clock), clock
+    return TwinWorld(lab, Profile.named("ideal"), 1, clock), clock
 
 
 class Bench:

@@ -68,7 +68,7 @@ def test_a_photograph_is_taken_saved_and_counted(bench: Bench) -> None:
     ]
     assert bench.values("camera.photo_state", "state") == ["active", "inactive"]
     assert bench.values("mediastore.counters", "photo_media_count") == [1]
-    assert bench.values("camera.photo_progress", "media_id")[-1] in bench.media.media()[0].values()
+    assert bench.values("camera.photo_progress", "media_id")[-1] in bench.media.media
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from sim_bridge.loopback.codec import message_types
-from sim_bridge.loopback.handshake import Identity
+from sim_bridge.loopback.handshake import ANAFI
 from tests.sim_bridge.loopback.loopback_world import STEP_S, Bench
 
 SOURCE = "skyctrl.CoPilotingState.pilotingSource"
@@ -52,7 +52,7 @@ def test_a_newcomer_gets_all_states_then_all_settings(bench: Bench) -> None:
         bench.values(f"common.SettingsState.ProductSerial{half}Changed", half.lower())[0]
         for half in ("High", "Low")
     )
-    assert serial == Identity().serial
+    assert serial == ANAFI.serial
 
 
 def test_the_ends_of_a_list_are_flagged(bench: Bench) -> None:
@@ -129,7 +129,7 @@ def test_a_reset_brings_the_first_settings_back(bench: Bench) -> None:
     bench.send("common.Settings.Reset")
     assert bench.values(TILT, "current") == [12.0, 20.0]
     names = bench.values("common.SettingsState.ProductNameChanged", "name")
-    assert names == ["mine", Identity().name]
+    assert names == ["mine", ANAFI.name]
     assert bench.values("common.SettingsState.ResetChanged") == [{}]
 
 
@@ -180,7 +180,7 @@ def test_a_remote_control_says_that_it_has_a_drone_and_forwards_the_rest(remote:
     remote.send("skyctrl.Settings.AllSettings")
     assert remote.names()[-1] == "skyctrl.SettingsState.AllSettingsChanged"
     (link,) = remote.values("drone_manager.connection_state")
-    assert (link["state"], link["serial"]) == ("connected", Identity().serial)
+    assert (link["state"], link["serial"]) == ("connected", ANAFI.serial)
     assert remote.values(SOURCE) == [{"source": "SkyController"}]
     assert not [name for name in remote.names() if name.startswith(("ardrone3", "common"))]
     remote.send("common.Common.AllStates")

@@ -74,8 +74,8 @@ def test_time_that_the_machine_had_not_is_left_out(field: Stepped) -> None:
     field.clock.advance(3.0)
     field.world.catch_up()
     assert field.world.lost_s == pytest.approx(3.0)
-    assert field.world.state().time_s == pytest.approx(0.0, abs=0.03)
-    field.until(lambda state: state.time_s >= 0.1, limit_s=0.2)
+    assert field.world.state().captured_s == pytest.approx(0.0, abs=0.03)
+    field.until(lambda state: state.captured_s >= 0.1, limit_s=0.2)
 
 
 def test_a_simulation_that_failed_raises_in_the_callers_thread() -> None:
@@ -88,7 +88,7 @@ def test_a_simulation_that_failed_raises_in_the_callers_thread() -> None:
             failed.set()
             raise RuntimeError("out of memory")
 
-    world = TwinWorld(None, profile=Profile.named("ideal"), seed=1, clock=Broken())
+    world = TwinWorld(None, Profile.named("ideal"), 1, Broken())
     world.start()
     assert failed.wait(60.0)
     world.stop()
@@ -109,7 +109,7 @@ def test_the_camera_draws_each_picture_once(field: Stepped) -> None:
         assert first.image.std() > 1.0
         assert first.location is not None
         assert camera.newest() is first
-        field.until(lambda state: state.time_s > first.captured_s + 0.2)
+        field.until(lambda state: state.captured_s > first.captured_s + 0.2)
         second = camera.newest()
         assert second is not None
         assert second.captured_s > first.captured_s
